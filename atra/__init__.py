@@ -1,0 +1,38 @@
+"""Affine-transformed ray alignment on Embree: exact primary visibility from fewer rays.
+
+    with atra.AlignedTracer(mesh, camera, split=(128, 1)) as tracer:
+        hits = tracer.trace()
+
+Source: Y. Nishidate, I. Fujishiro, "Affine-transformed ray alignment for accelerating primary ray traversal -
+Implementation with Embree".
+"""
+
+from atra.alignment import Alignment, Split
+from atra.camera import Camera
+from atra.compare import Agreement, Verdict, compare
+from atra.errors import AtraError, EmbreeError, InputError, MemoryBudgetError
+from atra.hits import MISS, Hits
+from atra.mesh import Mesh, load_mesh
+from atra.tracers import AlignedTracer, PixelTracer, Tracer
+
+__version__ = "0.1.0"
+
+__all__ = [
+    "MISS",
+    "Agreement",
+    "AlignedTracer",
+    "Alignment",
+    "AtraError",
+    "Camera",
+    "EmbreeError",
+    "Hits",
+    "InputError",
+    "MemoryBudgetError",
+    "Mesh",
+    "PixelTracer",
+    "Split",
+    "Tracer",
+    "Verdict",
+    "compare",
+    "load_mesh",
+]

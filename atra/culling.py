@@ -1,0 +1,108 @@
+"""Plan an aligned scene: which triangles each cell keeps, sheared onto the reference rays (paper §3.4)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from atra.alignment import Alignment
+from atra.camera import Camera
+from atra.embree.scene import padded_vertices
+from atra.errors import InputError, MemoryBudgetError
+from atra.kernels.planning import count_copies, fill_copies
+from atra.mesh import Mesh
+from atra.parallel import WorkerPool
+
+PLAN_BYTES_PER_COPY = 3 * 12 + 12 + 8
+"""Vertices, indices, record."""
+
+EMBREE_BYTES_PER_COPY = {"low": 110, "medium": 110, "high": 160}
+"""Growth of the process per triangle at the peak of a build, rounded up (docs/departures.md has the measurements)."""
+
+
+@dataclass(frozen=True, eq=False)
+class AlignedGeometry:
+    """Sheared copies of a mesh's triangles, ready for Embree.
+
+    vertices: (3 N, 3) float32, three of its own per copy. faces: (N, 3) uint32.
+    records: (N,) int64, what the filter needs of a copy: its prim_id in the mesh (low 32 bits) and the distance in
+    pixels from the reference cell's pixel to its cell's (high 32 bits, rows `row_stride` pixels apart).
+    """
+
+    vertices: NDArray[np.float32]
+    faces: NDArray[np.uint32]
+    records: NDArray[np.int64]
+
+    @property
+    def copy_count(self) -> int:
+        return len(self.records)
+
+
+def plan_aligned_geometry(
+    mesh: Mesh,
+    camera: Camera,
+    alignment: Alignment,
+    *,
+    culling: bool,
+    row_stride: int,
+    pool: WorkerPool,
+    memory_budget_bytes: int | None = None,
+    build_quality: str = "medium",
+) -> AlignedGeometry:
+    """Shear a copy of every triangle for every cell, or with `culling` only for the cells whose frustum it meets.
+
+    A triangle is left out of a cell only if its part in front of the eye lies outside the cell's frustum by more than
+    a margin that absorbs rounding, so no hit is lost. One counting and one filling pass over the triangles, whatever
+    the number of cells.
+
+    row_stride: pixels from one image row to the next. Raises MemoryBudgetError before allocating the copies.
+    """
+    split = alignment.split
+    if camera.height * row_stride >= 2**31:
+        raise InputError(f"image {camera.width} x {camera.height} is too large, expected below 2^31 pixels")
+    points_camera = camera.to_camera_space(mesh.vertices)
+    points_pixels = _homogeneous_pixels(points_camera, camera)
+    cell = (split.nx, split.ny, split.cell_width, split.cell_height)
+
+    counts = np.full(mesh.triangle_count, split.cell_count, np.int64)
+    if culling:
+        pool.run(lambda _, counter: count_copies(counter, points_pixels, mesh.faces, *cell, counts))
+    starts = np.zeros(mesh.triangle_count + 1, np.int64)
+    np.cumsum(counts, out=starts[1:])
+    copies = int(starts[-1])
+    check_memory_budget(copies, build_quality, memory_budget_bytes, split.cell_count)
+
+    vertices = padded_vertices(3 * copies)
+    records = np.empty(copies, np.int64)
+
+    def fill(_: int, counter: int) -> None:
+        shifts = (alignment.shift_x, alignment.shift_y)
+        rest = (row_stride, starts, vertices, records)
+        fill_copies(counter, points_pixels, points_camera, mesh.faces, culling, *cell, *shifts, *rest)
+
+    pool.run(fill)
+    faces = np.arange(3 * copies, dtype=np.uint32).reshape(copies, 3)
+    return AlignedGeometry(vertices, faces, records)
+
+
+def check_memory_budget(copies: int, build_quality: str, budget_bytes: int | None, cell_count: int) -> None:
+    """Raise MemoryBudgetError if so many copies would exceed the budget (or the 2^32 vertices Embree can number)."""
+    if 3 * copies >= 2**32:
+        raise MemoryBudgetError(f"{copies:,} triangle copies over {cell_count:,} cells are more than Embree can index")
+    needed = copies * (PLAN_BYTES_PER_COPY + EMBREE_BYTES_PER_COPY[build_quality])
+    if budget_bytes is not None and needed > budget_bytes:
+        raise MemoryBudgetError(
+            f"{copies:,} triangle copies over {cell_count:,} cells need about {needed / 2**30:.1f} GiB, "
+            f"the budget is {budget_bytes / 2**30:.1f} GiB; use fewer cells, culling, or a larger memory budget"
+        )
+
+
+def _homogeneous_pixels(points_camera: NDArray[np.float64], camera: Camera) -> NDArray[np.float64]:
+    """Camera space (X, Y, Z) -> (a, b, c) with pixel position (a / c, b / c) and depth c."""
+    pixels = points_camera.copy()
+    pixels[:, :2] /= camera.pixel_pitch
+    pixels[:, 0] += camera.width / 2 * pixels[:, 2]
+    pixels[:, 1] += camera.height / 2 * pixels[:, 2]
+    return pixels

@@ -1,0 +1,79 @@
+"""Layouts of the Embree structs that compiled code reads and writes (Embree 4 API manual, `rtcore_ray.h`).
+
+A packet RTCRayHitK is a structure of arrays: field after field, K 32-bit values each; a single ray is the case K = 1.
+So a field of lane `k` sits at word `FIELD * K + k` of the packet (the one exception, K = 1, pads the ray to 48 bytes,
+which these numbers already agree with: 12 words).
+"""
+
+from __future__ import annotations
+
+import ctypes
+
+# Word index of each field: RTCRayK, then RTCHitK directly behind it.
+RAY_ORG_X, RAY_ORG_Y, RAY_ORG_Z, RAY_TNEAR = 0, 1, 2, 3
+RAY_DIR_X, RAY_DIR_Y, RAY_DIR_Z, RAY_TIME = 4, 5, 6, 7
+RAY_TFAR, RAY_MASK, RAY_ID, RAY_FLAGS = 8, 9, 10, 11
+RAY_WORDS = 12
+HIT_PRIM_ID, HIT_GEOM_ID, HIT_INST_ID, HIT_INST_PRIM_ID = 5, 6, 7, 8  # after Ng_x, Ng_y, Ng_z, u, v
+HIT_WORDS = 9
+
+PACKET_ALIGNMENT_BYTES = 64
+INVALID_ID = 0xFFFFFFFF
+
+FLAG_COHERENT = 1 << 16
+FEATURE_ALL = 0xFFFFFFFF
+
+ERROR_NAMES = {
+    1: "unknown error",
+    2: "invalid argument",
+    3: "invalid operation",
+    4: "out of memory",
+    5: "unsupported CPU",
+    6: "cancelled",
+}
+
+DEVICE_VERSION = 0
+DEVICE_NATIVE_RAY = {4: 32, 8: 33, 16: 34}
+DEVICE_FILTER_FUNCTION = 66
+
+FORMAT_UINT3 = 0x5003
+FORMAT_FLOAT3 = 0x9003
+BUFFER_INDEX, BUFFER_VERTEX = 0, 1
+GEOMETRY_TRIANGLE = 0
+BUILD_QUALITY = {"low": 0, "medium": 1, "high": 2}
+
+
+def packet_words(width: int) -> int:
+    """32-bit words of RTCRayHitK for K = `width`, its tail padding included."""
+    words = (RAY_WORDS + HIT_WORDS) * width
+    alignment_words = {1: 4, 4: 4, 8: 8, 16: 16}[width]
+    return -(-words // alignment_words) * alignment_words
+
+
+class RayQueryContext(ctypes.Structure):
+    """RTCRayQueryContext, extended with what our filters need; Embree hands it back to the filter untouched."""
+
+    _fields_ = (
+        ("inst_id", ctypes.c_uint32),
+        ("inst_prim_id", ctypes.c_uint32),
+        ("depth_address", ctypes.c_void_p),  # where lane 0's depth of the reference cell goes
+        ("prim_id_address", ctypes.c_void_p),  # and its prim_id
+        ("row_bytes", ctypes.c_int64),  # distance between image rows
+        ("wrong_width", ctypes.c_int64),  # the filter writes N here if Embree ever hands it another packet width
+    )
+
+
+class IntersectArguments(ctypes.Structure):
+    """RTCIntersectArguments (min-width is off in the official build)."""
+
+    _fields_ = (
+        ("flags", ctypes.c_uint32),
+        ("feature_mask", ctypes.c_uint32),
+        ("context", ctypes.c_void_p),
+        ("filter", ctypes.c_void_p),
+        ("intersect", ctypes.c_void_p),
+    )
+
+
+CONTEXT_BYTES = ctypes.sizeof(RayQueryContext)
+ARGUMENTS_BYTES = ctypes.sizeof(IntersectArguments)

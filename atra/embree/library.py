@@ -1,0 +1,134 @@
+"""Find and load libembree4, once per process.
+
+The `embreex` wheel carries the official library beside the package; `ATRA_EMBREE` names another file instead.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import importlib.util
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+import llvmlite.binding
+
+from atra.embree import layout
+from atra.errors import EmbreeError
+
+OVERRIDE_VARIABLE = "ATRA_EMBREE"
+SUPPORTED_VERSIONS = ((4, 4, 0), (5, 0, 0))
+"""From the first (included) to the second (excluded): the struct layouts in `layout` are those of Embree 4.4."""
+
+_HINT = f"install it with `pip install 'embreex>=4.4,<5'`, or set {OVERRIDE_VARIABLE} to a libembree4 of version 4.4"
+
+# name: (result, arguments). Handles travel as void pointers.
+_P, _U, _I, _S = ctypes.c_void_p, ctypes.c_uint, ctypes.c_int, ctypes.c_size_t
+_SIGNATURES = {
+    "rtcNewDevice": (_P, (ctypes.c_char_p,)),
+    "rtcReleaseDevice": (None, (_P,)),
+    "rtcGetDeviceError": (_I, (_P,)),
+    "rtcGetDeviceProperty": (ctypes.c_ssize_t, (_P, _I)),
+    "rtcSetDeviceMemoryMonitorFunction": (None, (_P, _P, _P)),
+    "rtcNewScene": (_P, (_P,)),
+    "rtcReleaseScene": (None, (_P,)),
+    "rtcSetSceneBuildQuality": (None, (_P, _I)),
+    "rtcCommitScene": (None, (_P,)),
+    "rtcNewGeometry": (_P, (_P, _I)),
+    "rtcReleaseGeometry": (None, (_P,)),
+    "rtcSetGeometryBuildQuality": (None, (_P, _I)),
+    "rtcSetSharedGeometryBuffer": (None, (_P, _I, _U, _I, _P, _S, _S, _S)),
+    "rtcSetGeometryUserData": (None, (_P, _P)),
+    "rtcSetGeometryIntersectFilterFunction": (None, (_P, _P)),
+    "rtcCommitGeometry": (None, (_P,)),
+    "rtcAttachGeometry": (_U, (_P, _P)),
+}
+
+
+@dataclass(frozen=True)
+class Library:
+    """The loaded library: `functions` for ctypes; its symbols are known to Numba by name."""
+
+    path: Path
+    version: tuple[int, int, int]
+    native_packet_widths: tuple[int, ...]
+    functions: ctypes.CDLL
+
+
+@cache
+def load_library() -> Library:
+    """Load libembree4 and check what it can do.
+
+    Raises EmbreeError when no library is found, it cannot be loaded, its version is not supported, it was built
+    without filter functions, or its device cannot be created.
+    """
+    path = _locate()
+    try:
+        functions = ctypes.CDLL(str(path))
+        for name, (result, arguments) in _SIGNATURES.items():
+            function = getattr(functions, name)
+            function.restype, function.argtypes = result, arguments
+    except (OSError, AttributeError) as error:
+        raise EmbreeError(f"{path} is not a usable libembree4 ({error}); {_HINT}") from error
+    device = functions.rtcNewDevice(b"threads=1")
+    if not device:
+        code = functions.rtcGetDeviceError(None)
+        raise EmbreeError(f"{path} cannot create a device: {layout.ERROR_NAMES.get(code, code)}")
+    try:
+
+        def read(number: int) -> int:
+            return int(functions.rtcGetDeviceProperty(device, number))
+
+        version = _check_version(path, read(layout.DEVICE_VERSION))
+        if not read(layout.DEVICE_FILTER_FUNCTION):
+            raise EmbreeError(f"{path} was built without filter functions, which atra needs; {_HINT}")
+        native = tuple(width for width, number in layout.DEVICE_NATIVE_RAY.items() if read(number))
+    finally:
+        functions.rtcReleaseDevice(device)
+    llvmlite.binding.load_library_permanently(str(path))
+    return Library(path, version, (1, *native), functions)
+
+
+def embree_version() -> str:
+    """Version of the loaded library, such as "4.4.0"."""
+    return ".".join(map(str, load_library().version))
+
+
+def _check_version(path: Path, number: int) -> tuple[int, int, int]:
+    version = (number // 10000, number // 100 % 100, number % 100)
+    first, end = SUPPORTED_VERSIONS
+    if not first <= version < end:
+        found, low, high = (".".join(map(str, v)) for v in (version, first, end))
+        raise EmbreeError(f"{path} is Embree {found}, expected at least {low} and below {high}; {_HINT}")
+    return version
+
+
+def _locate() -> Path:
+    override = os.environ.get(OVERRIDE_VARIABLE)
+    if override:
+        path = Path(override).expanduser()
+        if not path.is_file():
+            raise EmbreeError(f"{OVERRIDE_VARIABLE} is {override!r}, expected the file of a libembree4")
+        return path
+    spec = importlib.util.find_spec("embreex")
+    if spec is None or not spec.submodule_search_locations:
+        raise EmbreeError(f"the package embreex, which carries libembree4, is not installed; {_HINT}")
+    package = Path(next(iter(spec.submodule_search_locations)))
+    found = next(_candidates(package), None)
+    if found is None:
+        raise EmbreeError(f"no libembree4 beside {package}; {_HINT}")
+    return found
+
+
+def _candidates(package: Path) -> Iterator[Path]:
+    """Where the wheel's repair tools put the library: Linux, macOS, Windows."""
+    places = (
+        (package.parent / "embreex.libs", ("libembree4*.so*", "embree4*.dll")),
+        (package / ".dylibs", ("libembree4*.dylib",)),
+        (package, ("embree4*.dll", "libembree4*.so*", "libembree4*.dylib")),
+    )
+    for folder, patterns in places:
+        for pattern in patterns:
+            yield from sorted(folder.glob(pattern))

@@ -1,0 +1,70 @@
+"""The memory one thread needs to query Embree: a packet, its lane mask, the arguments and the context."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from atra.embree import layout
+from atra.embree.layout import IntersectArguments, RayQueryContext
+
+_CONSTANT_RAY_FIELDS = (layout.RAY_ORG_X, layout.RAY_ORG_Y, layout.RAY_ORG_Z, layout.RAY_TNEAR, layout.RAY_TIME)
+
+
+class Workspace:
+    """One thread's query memory for packets of `width` rays that start at the eye.
+
+    packet, packet_ids: the same RTCRayHitK as float32 and uint32 words; the constant fields are set here, once.
+    all_lanes, valid: (K,) int32 lane masks, the first with every lane active.
+    context: int64 words of `RayQueryContext`. arguments_address: RTCIntersectArguments.
+    """
+
+    def __init__(self, width: int, *, coherent: bool) -> None:
+        packet_bytes = layout.packet_words(width) * 4
+        sizes = (packet_bytes, width * 4, width * 4, layout.CONTEXT_BYTES, layout.ARGUMENTS_BYTES)
+        packet, all_lanes, valid, context, arguments = (_aligned_bytes(size) for size in sizes)
+        self.packet = packet.view(np.float32)
+        self.packet_ids = packet.view(np.uint32)
+        self.all_lanes = all_lanes.view(np.int32)
+        self.valid = valid.view(np.int32)
+        self.context = context.view(np.int64)
+        self._arguments = arguments  # kept alive: its address is what travels
+        self.arguments_address = arguments.ctypes.data
+
+        for field in _CONSTANT_RAY_FIELDS:
+            self._lanes(self.packet, field, width)[:] = 0.0
+        self._lanes(self.packet, layout.RAY_DIR_Z, width)[:] = 1.0
+        self._lanes(self.packet_ids, layout.RAY_MASK, width)[:] = layout.INVALID_ID
+        self._lanes(self.packet_ids, layout.RAY_ID, width)[:] = 0
+        self._lanes(self.packet_ids, layout.RAY_FLAGS, width)[:] = 0
+        self.packet_ids[layout.RAY_WORDS * width :] = layout.INVALID_ID
+        self.all_lanes[:] = -1
+        self.valid[:] = -1
+
+        query_context = RayQueryContext.from_buffer(context.data)
+        query_context.inst_id = query_context.inst_prim_id = layout.INVALID_ID
+        query = IntersectArguments.from_buffer(arguments.data)
+        query.flags = layout.FLAG_COHERENT if coherent else 0
+        query.feature_mask = layout.FEATURE_ALL
+        query.context = context.ctypes.data
+
+    @staticmethod
+    def _lanes(words: np.ndarray, field: int, width: int) -> np.ndarray:
+        return words[field * width : (field + 1) * width]
+
+    @property
+    def wrong_width(self) -> int:
+        """The packet width Embree handed to the filter when it was not the one sent; 0 as long as all was well."""
+        return int(self.context[RayQueryContext.wrong_width.offset // 8])
+
+    def set_row_bytes(self, row_bytes: int) -> None:
+        """Distance in bytes between the image rows the filter writes to."""
+        self.context[RayQueryContext.row_bytes.offset // 8] = row_bytes
+
+
+def _aligned_bytes(size: int) -> np.ndarray:
+    """Zeroed bytes, their address a multiple of the widest packet's alignment."""
+    alignment = layout.PACKET_ALIGNMENT_BYTES
+    size = -(-size // alignment) * alignment  # whole lines, so that two threads never share one
+    memory = np.zeros(size + alignment, np.uint8)
+    start = -memory.ctypes.data % alignment
+    return memory[start : start + size]

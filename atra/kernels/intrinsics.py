@@ -1,0 +1,121 @@
+"""The machine-level operations Numba has no words for: an atomic counter and the filter's vector code (LLVM IR)."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from llvmlite import ir
+from numba import types
+from numba.core.errors import TypingError
+from numba.extending import intrinsic
+
+from atra.embree import layout
+from atra.embree.layout import RayQueryContext
+
+_I8, _I32, _I64, _F32 = ir.IntType(8), ir.IntType(32), ir.IntType(64), ir.FloatType()
+
+# RTCFilterFunctionNArguments: five pointers, then N.
+_ARGUMENT_VALID, _ARGUMENT_USER, _ARGUMENT_CONTEXT, _ARGUMENT_RAY, _ARGUMENT_HIT, _ARGUMENT_N = 0, 8, 16, 24, 32, 40
+
+
+@intrinsic
+def fetch_add(typingctx: Any, address: Any, value: Any) -> Any:
+    """Add `value` to the int64 at `address`, atomically; returns what was there before."""
+
+    def codegen(context: Any, builder: ir.IRBuilder, signature: Any, arguments: list[ir.Value]) -> ir.Value:
+        pointer = builder.inttoptr(arguments[0], _I64.as_pointer())
+        return builder.atomic_rmw("add", pointer, arguments[1], "monotonic")
+
+    return types.int64(types.int64, types.int64), codegen
+
+
+@intrinsic(prefer_literal=True)
+def keep_nearest(typingctx: Any, arguments_address: Any, shape_x: Any, shape_y: Any) -> Any:
+    """The filter: one triangle and K = shape_x * shape_y rays; keep the hit where it is nearer than the cell's so far.
+
+    Lane k is pixel (k % shape_x, k // shape_x) of the packet. Every hit is then rejected, so that Embree goes on to
+    the next triangle. Written as vector operations because the auto-vectoriser leaves a branch per lane.
+    """
+    if not isinstance(shape_x, types.IntegerLiteral) or not isinstance(shape_y, types.IntegerLiteral):
+        raise TypingError("the packet's shape must be known when the filter is compiled")
+    nx, ny = shape_x.literal_value, shape_y.literal_value
+
+    def codegen(context: Any, builder: ir.IRBuilder, signature: Any, arguments: list[ir.Value]) -> ir.Value:
+        _emit_keep_nearest(builder, arguments[0], nx, ny)
+        return context.get_dummy_value()
+
+    return types.void(types.int64, shape_x, shape_y), codegen
+
+
+def _emit_keep_nearest(builder: ir.IRBuilder, arguments: ir.Value, nx: int, ny: int) -> None:
+    width = nx * ny
+
+    def load(kind: ir.Type, address: ir.Value, align: int = 4) -> ir.Value:
+        value = builder.load(builder.inttoptr(address, kind.as_pointer()))
+        value.align = align
+        return value
+
+    def store(value: ir.Value, address: ir.Value, align: int = 4) -> None:
+        builder.store(value, builder.inttoptr(address, value.type.as_pointer())).align = align
+
+    def at(address: ir.Value, offset: int) -> ir.Value:
+        return builder.add(address, _I64(offset))
+
+    def vector(kind: ir.Type) -> ir.VectorType:
+        return ir.VectorType(kind, width)
+
+    def splat(value: ir.Value) -> ir.Value:
+        one = builder.insert_element(ir.Constant(vector(value.type), ir.Undefined), value, _I32(0))
+        return builder.shuffle_vector(one, one, ir.Constant(ir.VectorType(_I32, width), [0] * width))
+
+    def load_rows(kind: ir.Type, base: ir.Value, row_bytes: ir.Value) -> ir.Value:
+        """ny rows of nx neighbouring pixels -> one vector of all lanes."""
+        rows = [
+            load(ir.VectorType(kind, nx), builder.add(base, builder.mul(row_bytes, _I64(row)))) for row in range(ny)
+        ]
+        while len(rows) > 1:
+            lanes = 2 * rows[0].type.count
+            order = ir.Constant(ir.VectorType(_I32, lanes), list(range(lanes)))
+            rows = [builder.shuffle_vector(a, b, order) for a, b in zip(rows[::2], rows[1::2], strict=True)]
+        return rows[0]
+
+    def store_rows(value: ir.Value, base: ir.Value, row_bytes: ir.Value) -> None:
+        for row in range(ny):
+            lanes = ir.Constant(ir.VectorType(_I32, nx), list(range(row * nx, (row + 1) * nx)))
+            part = builder.shuffle_vector(value, value, lanes)
+            store(part, builder.add(base, builder.mul(row_bytes, _I64(row))))
+
+    valid_address = load(_I64, at(arguments, _ARGUMENT_VALID), 8)
+    context = load(_I64, at(arguments, _ARGUMENT_CONTEXT), 8)
+    lane_count = load(_I32, at(arguments, _ARGUMENT_N))
+    with builder.if_else(builder.icmp_unsigned("==", lane_count, _I32(width)), likely=True) as (expected, surprise):
+        with expected:
+            records = load(_I64, at(arguments, _ARGUMENT_USER), 8)
+            ray = load(_I64, at(arguments, _ARGUMENT_RAY), 8)
+            hit = load(_I64, at(arguments, _ARGUMENT_HIT), 8)
+            valid = load(vector(_I32), valid_address)
+            depth = load(vector(_F32), at(ray, layout.RAY_TFAR * width * 4))
+            # One triangle per call: every lane carries the same prim_id.
+            copy_id = builder.zext(load(_I32, at(hit, layout.HIT_PRIM_ID * width * 4)), _I64)
+            record = load(_I64, builder.add(records, builder.shl(copy_id, _I64(3))), 8)
+            prim_id = builder.trunc(record, _I32)
+            cell_bytes = builder.shl(builder.ashr(record, _I64(32)), _I64(2))
+            row_bytes = load(_I64, at(context, RayQueryContext.row_bytes.offset), 8)
+            depth_base = builder.add(load(_I64, at(context, RayQueryContext.depth_address.offset), 8), cell_bytes)
+            old_depth = load_rows(_F32, depth_base, row_bytes)
+            nearer = builder.and_(
+                builder.icmp_signed("!=", valid, ir.Constant(vector(_I32), [0] * width)),
+                builder.fcmp_ordered("<", depth, old_depth),
+            )
+            any_nearer = builder.icmp_unsigned(
+                "!=", builder.bitcast(nearer, ir.IntType(width)), ir.Constant(ir.IntType(width), 0)
+            )
+            with builder.if_then(any_nearer):
+                prim_base = builder.add(load(_I64, at(context, RayQueryContext.prim_id_address.offset), 8), cell_bytes)
+                old_prim_id = load_rows(_I32, prim_base, row_bytes)
+                store_rows(builder.select(nearer, depth, old_depth), depth_base, row_bytes)
+                store_rows(builder.select(nearer, splat(prim_id), old_prim_id), prim_base, row_bytes)
+            store(ir.Constant(vector(_I32), [0] * width), valid_address)
+        with surprise:
+            store(builder.zext(lane_count, _I64), at(context, RayQueryContext.wrong_width.offset), 8)
+            store(_I32(0), valid_address)

@@ -1,0 +1,155 @@
+"""The loops over rays: one ray or packet per pixel, and aligned."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+
+import numpy as np
+from numba import njit, types
+
+from atra.embree import layout
+from atra.embree.layout import (
+    HIT_GEOM_ID,
+    HIT_PRIM_ID,
+    RAY_DIR_X,
+    RAY_DIR_Y,
+    RAY_TFAR,
+    RAY_WORDS,
+    RayQueryContext,
+)
+from atra.kernels.intrinsics import fetch_add
+
+_address = types.intp
+_intersect1 = types.ExternalFunction("rtcIntersect1", types.void(_address, _address, _address))
+_packet_signature = types.void(_address, _address, _address, _address)
+_intersect4 = types.ExternalFunction("rtcIntersect4", _packet_signature)
+_intersect8 = types.ExternalFunction("rtcIntersect8", _packet_signature)
+_intersect16 = types.ExternalFunction("rtcIntersect16", _packet_signature)
+
+_CONTEXT_DEPTH = RayQueryContext.depth_address.offset // 8
+_CONTEXT_PRIM_ID = RayQueryContext.prim_id_address.offset // 8
+_MISS = np.uint32(layout.INVALID_ID)
+_INFINITY = np.float32(np.inf)
+
+TILE_WIDTH, TILE_HEIGHT = 32, 16
+"""Pixels of a tile of the per-pixel loop: small enough to share out evenly, large enough to stay in cache."""
+
+
+@njit(inline="always")
+def _intersect(width, valid_address, scene, packet_address, arguments_address):  # type: ignore[no-untyped-def]
+    if width == 8:
+        _intersect8(valid_address, scene, packet_address, arguments_address)
+    elif width == 1:
+        _intersect1(scene, packet_address, arguments_address)
+    elif width == 4:
+        _intersect4(valid_address, scene, packet_address, arguments_address)
+    else:
+        _intersect16(valid_address, scene, packet_address, arguments_address)
+
+
+@cache
+def pixel_kernel(shape_x: int, shape_y: int) -> Callable[..., None]:
+    """The per-pixel loop for packets of shape_x x shape_y pixels; the shape is a constant of the compiled code."""
+    width = shape_x * shape_y
+    dir_x, dir_y, tfar = RAY_DIR_X * width, RAY_DIR_Y * width, RAY_TFAR * width
+    hit_prim_id, hit_geom_id = (RAY_WORDS + HIT_PRIM_ID) * width, (RAY_WORDS + HIT_GEOM_ID) * width
+
+    @njit(nogil=True, cache=True)
+    def trace_pixels(  # type: ignore[no-untyped-def]
+        counter_address, scene, packet, packet_ids, all_lanes, valid, arguments_address, x_directions, y_directions,
+        image_width, height, depth, prim_id,
+    ):  # fmt: skip
+        """Trace every pixel of an image, tile by tile, until the shared counter runs past the last tile.
+
+        packet, packet_ids: one RTCRayHitK as (words,) float32 and uint32 views of the same memory, its constant fields
+        (origin, tnear, mask, flags, inst_id) already set; all_lanes, valid: (K,) int32 masks, all_lanes all active.
+        x_directions: (>= W,) and y_directions: (>= H,) float32, filled up to whole packets.
+        depth, prim_id: (H, >= W) outputs, written completely.
+        """
+        packet_address = packet.ctypes.data
+        tiles_x = (image_width + TILE_WIDTH - 1) // TILE_WIDTH
+        tiles_y = (height + TILE_HEIGHT - 1) // TILE_HEIGHT
+        while True:
+            tile = fetch_add(counter_address, 1)
+            if tile >= tiles_x * tiles_y:
+                return
+            tile_x, tile_y = tile % tiles_x * TILE_WIDTH, tile // tiles_x * TILE_HEIGHT
+            for y0 in range(tile_y, min(tile_y + TILE_HEIGHT, height), shape_y):
+                for x0 in range(tile_x, min(tile_x + TILE_WIDTH, image_width), shape_x):
+                    columns, rows = min(shape_x, image_width - x0), min(shape_y, height - y0)
+                    whole = columns == shape_x and rows == shape_y
+                    for row in range(shape_y):
+                        for column in range(shape_x):
+                            lane = row * shape_x + column
+                            packet[dir_x + lane] = x_directions[x0 + column]
+                            packet[dir_y + lane] = y_directions[y0 + row]
+                    for lane in range(width):
+                        packet[tfar + lane] = _INFINITY
+                        packet_ids[hit_prim_id + lane] = _MISS
+                        packet_ids[hit_geom_id + lane] = _MISS
+                    if whole:
+                        _intersect(width, all_lanes.ctypes.data, scene, packet_address, arguments_address)
+                        for row in range(shape_y):
+                            for column in range(shape_x):
+                                lane = row * shape_x + column
+                                depth[y0 + row, x0 + column] = packet[tfar + lane]
+                                prim_id[y0 + row, x0 + column] = packet_ids[hit_prim_id + lane]
+                    else:
+                        for lane in range(width):
+                            valid[lane] = -1 if lane % shape_x < columns and lane // shape_x < rows else 0
+                        _intersect(width, valid.ctypes.data, scene, packet_address, arguments_address)
+                        for row in range(rows):
+                            for column in range(columns):
+                                lane = row * shape_x + column
+                                depth[y0 + row, x0 + column] = packet[tfar + lane]
+                                prim_id[y0 + row, x0 + column] = packet_ids[hit_prim_id + lane]
+
+    return trace_pixels
+
+
+@cache
+def aligned_kernel(shape_x: int, shape_y: int) -> Callable[..., None]:
+    """The aligned loop for packets of shape_x x shape_y pixels; the shape is a constant of the compiled code."""
+    width = shape_x * shape_y
+    dir_x, dir_y, tfar = RAY_DIR_X * width, RAY_DIR_Y * width, RAY_TFAR * width
+
+    @njit(nogil=True, cache=True)
+    def trace_aligned(  # type: ignore[no-untyped-def]
+        counter_address, scene, packet, valid, context, arguments_address, x_directions, y_directions, cell_rows,
+        depth, prim_id,
+    ):  # fmt: skip
+        """Trace the reference cell; the filter writes the pixels of all cells straight into the image.
+
+        Packet and outputs as in `trace_pixels`; context: (words,) int64 view of the extended RTCRayQueryContext.
+        x_directions: (cell width,) and y_directions: (cell height,) float32, the reference rays.
+        A task is `shape_y` rows of the reference cell, and with them the same rows of every row of cells: no two tasks
+        write to the same image row. A packet may reach past the right border of its cell (its spare lanes are inactive
+        and rewrite what is there), never past its rows; the rows of depth and prim_id are long enough for that.
+        """
+        cell_height, cell_width = len(y_directions), len(x_directions)
+        packet_address, valid_address = packet.ctypes.data, valid.ctypes.data
+        row_bytes = depth.strides[0]
+        while True:
+            y0 = fetch_add(counter_address, 1) * shape_y
+            if y0 >= cell_height:
+                return
+            for j in range(cell_rows):
+                for row in range(shape_y):
+                    depth[j * cell_height + y0 + row, :] = _INFINITY
+                    prim_id[j * cell_height + y0 + row, :] = _MISS
+            for x0 in range(0, cell_width, shape_x):
+                columns = min(shape_x, cell_width - x0)
+                for row in range(shape_y):
+                    for column in range(shape_x):
+                        lane = row * shape_x + column
+                        packet[dir_x + lane] = x_directions[x0 + min(column, columns - 1)]
+                        packet[dir_y + lane] = y_directions[y0 + row]
+                        valid[lane] = -1 if column < columns else 0
+                for lane in range(width):
+                    packet[tfar + lane] = _INFINITY
+                context[_CONTEXT_DEPTH] = depth.ctypes.data + y0 * row_bytes + x0 * 4
+                context[_CONTEXT_PRIM_ID] = prim_id.ctypes.data + y0 * row_bytes + x0 * 4
+                _intersect(width, valid_address, scene, packet_address, arguments_address)
+
+    return trace_aligned

@@ -1,0 +1,337 @@
+"""Tracers: mesh and camera in, hits out. One protocol, so that harness and comparison know only `Tracer`."""
+
+from __future__ import annotations
+
+import threading
+from abc import ABC, abstractmethod
+from time import perf_counter
+from types import TracebackType
+from typing import Protocol, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from atra.alignment import Alignment, Split
+from atra.camera import Camera, check_offset
+from atra.culling import AlignedGeometry, check_memory_budget, plan_aligned_geometry
+from atra.embree.scene import EmbreeScene, check_build_quality, padded_vertices, resolve_packet_width
+from atra.embree.workspace import Workspace
+from atra.errors import EmbreeError, InputError
+from atra.hits import Hits
+from atra.kernels.callbacks import memory_monitor, nearest_hit_filter
+from atra.kernels.tracing import aligned_kernel, pixel_kernel
+from atra.mesh import Mesh
+from atra.parallel import WorkerPool, resolve_threads
+
+
+class Tracer(Protocol):
+    """What every method of tracing offers.
+
+    `plan` and `build` are called once, in this order, by `with` or by hand; `trace` any number of times after them.
+    plan_time_s, build_time_s: seconds each took. embree_bytes: what Embree holds by its own account, bytes.
+    triangle_count: triangles in the Embree scene, copies included.
+    """
+
+    mesh: Mesh
+    camera: Camera
+    packet_width: int
+    threads: int
+    plan_time_s: float
+    build_time_s: float
+
+    @property
+    def triangle_count(self) -> int: ...
+
+    @property
+    def embree_bytes(self) -> int: ...
+
+    def plan(self) -> None: ...
+
+    def build(self) -> None: ...
+
+    def trace(self, offset: tuple[float, float] = (0.5, 0.5), out: Hits | None = None) -> Hits: ...
+
+    def close(self) -> None: ...
+
+    def __enter__(self) -> Self: ...
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None: ...
+
+
+class _EmbreeTracer(ABC):
+    """Lifetime, timing and buffers that the tracers share."""
+
+    def __init__(
+        self, mesh: Mesh, camera: Camera, packet_width: int | None, threads: int | None, build_quality: str
+    ) -> None:
+        check_build_quality(build_quality)
+        self.mesh = mesh
+        self.camera = camera
+        self.build_quality = build_quality
+        self.packet_width = resolve_packet_width(packet_width)
+        self.threads = resolve_threads(threads)
+        self.plan_time_s = 0.0
+        self.build_time_s = 0.0
+        self._pool = WorkerPool(self.threads)
+        self._workspaces = [Workspace(self.packet_width, coherent=True) for _ in range(self.threads)]
+        self._lock = threading.Lock()  # one frame at a time: frames share the workspaces
+        self._geometry: AlignedGeometry | None = None
+        self._scene: EmbreeScene | None = None
+        self._closed = False
+
+    @abstractmethod
+    def _plan_geometry(self) -> AlignedGeometry: ...
+
+    @abstractmethod
+    def _filter_address(self) -> int: ...
+
+    @abstractmethod
+    def _run(self, scene: int, offset: tuple[float, float], depth: NDArray, prim_id: NDArray) -> None: ...
+
+    @property
+    def _row_stride(self) -> int:
+        """Pixels from one row of the output to the next."""
+        return self.camera.width
+
+    def plan(self) -> None:
+        """Prepare the geometry on the CPU: camera space, and for alignment culling and shear."""
+        self._check_open()
+        start = perf_counter()
+        self._geometry = self._plan_geometry()
+        self.plan_time_s = perf_counter() - start
+
+    def build(self) -> None:
+        """Build the BVH over what `plan` prepared (planning first if that was not done)."""
+        self._check_open()
+        if self._geometry is None:
+            self.plan()
+        geometry = self._geometry
+        assert geometry is not None
+        filter_address, monitor_address = self._filter_address(), memory_monitor()
+        start = perf_counter()
+        scene = EmbreeScene(
+            geometry.vertices,
+            geometry.faces,
+            build_quality=self.build_quality,
+            threads=self.threads,
+            filter_address=filter_address,
+            user_data=geometry.records,
+            monitor_address=monitor_address,
+        )
+        self.build_time_s = perf_counter() - start
+        if self._scene is not None:
+            self._scene.close()
+        self._scene = scene
+
+    def trace(self, offset: tuple[float, float] = (0.5, 0.5), out: Hits | None = None) -> Hits:
+        """Trace one frame; all rays go through sub-pixel position `offset` of their pixels, in [0, 1) x [0, 1).
+
+        out: an earlier result of this tracer whose arrays are to be overwritten, which saves allocating an image; it
+        must not be read any more.
+        Raises InputError for an offset outside the pixel or an `out` that does not fit, EmbreeError when the tracer is
+        not built or already closed.
+        """
+        check_offset(offset)
+        with self._lock:
+            if self._closed:
+                raise EmbreeError("this tracer is closed and cannot trace any more; make a new one")
+            if self._scene is None:
+                raise EmbreeError("this tracer is not built yet; use it in a `with` block or call build() first")
+            depth, prim_id = self._outputs(out)
+            for workspace in self._workspaces:
+                workspace.set_row_bytes(depth.strides[0])
+            self._run(self._scene.address, offset, depth, prim_id)
+            wrong = next((w.wrong_width for w in self._workspaces if w.wrong_width), 0)
+        if wrong:
+            raise EmbreeError(f"Embree handed the filter {wrong} rays instead of {self.packet_width}; hits were lost")
+        width = self.camera.width
+        return Hits(depth[:, :width], prim_id[:, :width], offset, self.mesh, self.camera)
+
+    def _outputs(self, out: Hits | None) -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
+        shape = (self.camera.height, self._row_stride)
+        if out is None:
+            return np.empty(shape, np.float32), np.empty(shape, np.uint32)
+        # The image is a view of rows that may be longer than it: find the rows again.
+        depth = out.depth if out.depth.base is None else out.depth.base
+        prim_id = out.prim_id if out.prim_id.base is None else out.prim_id.base
+        if depth.shape != shape or prim_id.shape != shape:
+            raise InputError(f"out has rows of shape {depth.shape}, expected {shape}: pass a result of this tracer")
+        return depth, prim_id
+
+    @property
+    def triangle_count(self) -> int:
+        """Triangles in the Embree scene, copies included; 0 before `plan`."""
+        return 0 if self._geometry is None else self._geometry.copy_count
+
+    @property
+    def embree_bytes(self) -> int:
+        """Bytes Embree holds for this tracer by its own account; 0 before `build`."""
+        return 0 if self._scene is None else self._scene.embree_bytes
+
+    def _check_open(self) -> None:
+        if self._closed:
+            raise EmbreeError("this tracer is closed; make a new one")
+
+    def close(self) -> None:
+        """Release the Embree scene and the geometry; waits for a frame in progress. Closing twice is harmless."""
+        with self._lock:
+            if self._closed:
+                return
+            self._closed = True
+            if self._scene is not None:
+                self._scene.close()
+            self._geometry = None
+            self._pool.close()
+
+    def __enter__(self) -> Self:
+        try:
+            self.plan()
+            self.build()
+        except BaseException:
+            self.close()
+            raise
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+class PixelTracer(_EmbreeTracer):
+    """One ray per pixel through `rtcIntersect1` (packet_width 1, the paper's baseline) or packets (4, 8, 16).
+
+    packet_width: None takes the widest the machine supports natively. threads: None takes every core it may use.
+    Raises InputError for widths that are not native, threads below 1, unknown build qualities.
+    """
+
+    def __init__(
+        self,
+        mesh: Mesh,
+        camera: Camera,
+        packet_width: int | None = None,
+        threads: int | None = None,
+        build_quality: str = "medium",
+    ) -> None:
+        super().__init__(mesh, camera, packet_width, threads, build_quality)
+
+    def _plan_geometry(self) -> AlignedGeometry:
+        vertices = padded_vertices(len(self.mesh.vertices))
+        vertices[:] = self.camera.to_camera_space(self.mesh.vertices)
+        return AlignedGeometry(vertices, self.mesh.faces, np.empty(self.mesh.triangle_count, np.int64))
+
+    def _filter_address(self) -> int:
+        return 0
+
+    def _run(self, scene: int, offset: tuple[float, float], depth: NDArray, prim_id: NDArray) -> None:
+        shape = _SQUAREST_SHAPE[self.packet_width]
+        x_directions, y_directions = _pixel_directions(self.camera, offset, shape)
+        kernel = pixel_kernel(*shape)
+
+        def work(worker: int, counter: int) -> None:
+            own = self._workspaces[worker]
+            kernel(
+                counter, scene, own.packet, own.packet_ids, own.all_lanes, own.valid, own.arguments_address,
+                x_directions, y_directions, self.camera.width, self.camera.height, depth, prim_id,
+            )  # fmt: skip
+
+        self._pool.run(work)
+
+
+class AlignedTracer(_EmbreeTracer):
+    """Affine-transformed ray alignment: shoot the reference cell's rays, read the nearest hit of every cell.
+
+    split: (nx, ny) cells; nx must divide the width, ny the height. culling: keep of each cell's copy only what its
+    frustum meets. packet_width: 1 is the paper's way, None takes the widest native packets. memory_budget_bytes: refuse
+    plans that need more (None: no limit). Other arguments as for `PixelTracer`.
+    Raises InputError for a split that does not divide the image, MemoryBudgetError before allocating.
+    Source: paper §3.1, §3.4.
+    """
+
+    def __init__(
+        self,
+        mesh: Mesh,
+        camera: Camera,
+        split: tuple[int, int],
+        culling: bool = True,
+        packet_width: int | None = None,
+        threads: int | None = None,
+        build_quality: str = "medium",
+        memory_budget_bytes: int | None = None,
+    ) -> None:
+        self.split = Split(*split, width=camera.width, height=camera.height)
+        self.culling = culling
+        self.memory_budget_bytes = memory_budget_bytes
+        super().__init__(mesh, camera, packet_width, threads, build_quality)
+        self.alignment = Alignment.at_axis(camera, self.split)
+        self.packet_shape = choose_packet_shape(self.packet_width, self.split)
+        if not culling:
+            copies = mesh.triangle_count * self.split.cell_count
+            check_memory_budget(copies, build_quality, memory_budget_bytes, self.split.cell_count)
+
+    @property
+    def _row_stride(self) -> int:
+        spare = -self.split.cell_width % self.packet_shape[0]  # lanes the last packet of a row reaches past the image
+        return self.camera.width + spare
+
+    def _plan_geometry(self) -> AlignedGeometry:
+        return plan_aligned_geometry(
+            self.mesh,
+            self.camera,
+            self.alignment,
+            culling=self.culling,
+            row_stride=self._row_stride,
+            pool=self._pool,
+            memory_budget_bytes=self.memory_budget_bytes,
+            build_quality=self.build_quality,
+        )
+
+    def _filter_address(self) -> int:
+        return nearest_hit_filter(*self.packet_shape)
+
+    def _run(self, scene: int, offset: tuple[float, float], depth: NDArray, prim_id: NDArray) -> None:
+        alignment, split = self.alignment, self.split
+        pitch = alignment.pixel_pitch
+        x_directions = (alignment.first_x + (np.arange(split.cell_width) + offset[0]) * pitch).astype(np.float32)
+        y_directions = (alignment.first_y + (np.arange(split.cell_height) + offset[1]) * pitch).astype(np.float32)
+
+        kernel = aligned_kernel(*self.packet_shape)
+
+        def work(worker: int, counter: int) -> None:
+            own = self._workspaces[worker]
+            kernel(
+                counter, scene, own.packet, own.valid, own.context, own.arguments_address,
+                x_directions, y_directions, split.ny, depth, prim_id,
+            )  # fmt: skip
+
+        self._pool.run(work)
+
+
+_SQUAREST_SHAPE = {1: (1, 1), 4: (2, 2), 8: (4, 2), 16: (4, 4)}
+"""Pixels of a packet when nothing else decides: the narrower the bundle, the more of the traversal its rays share."""
+
+
+def choose_packet_shape(packet_width: int, split: Split) -> tuple[int, int]:
+    """(columns, rows) of a packet for cells of this size: the fewest idle lanes, then the widest rows.
+
+    A shape of several rows is taken only where the rows divide the cell, because tasks share out the image by rows.
+    """
+    shapes = [(packet_width >> k, 1 << k) for k in range(packet_width.bit_length())]
+    fitting = [(x, y) for x, y in shapes if split.cell_height % y == 0]
+    return max(fitting, key=lambda shape: (split.cell_width / (-(-split.cell_width // shape[0]) * shape[0]), shape[0]))
+
+
+def _pixel_directions(
+    camera: Camera, offset: tuple[float, float], shape: tuple[int, int]
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """X of every column and Y of every row, float32, filled up to whole packets."""
+    columns = np.arange(camera.width + -camera.width % shape[0])
+    rows = np.arange(camera.height + -camera.height % shape[1])
+    x_directions = camera.directions(columns, np.array(0), offset)[:, 0]
+    y_directions = camera.directions(np.array(0), rows, offset)[:, 1]
+    return x_directions.astype(np.float32), y_directions.astype(np.float32)
+
+
+__all__ = ["AlignedTracer", "PixelTracer", "Tracer", "choose_packet_shape"]

@@ -1,0 +1,288 @@
+"""The promise of the paper: aligned tracing returns the image that per-pixel tracing returns."""
+
+import threading
+
+import numpy as np
+import pytest
+
+import atra
+from atra.embree.library import load_library
+from atra.reference import brute_force
+from atra.tracers import choose_packet_shape
+from tests.meshes import EYE_AT_ORIGIN, cornell_box, cornell_camera, quads, random_triangles
+
+WIDTHS = load_library().native_packet_widths
+OFFSETS = [(0.5, 0.5), (0.0, 0.0), (0.999999, 0.999999), (0.0, 0.7)]
+
+
+def divisors(number):
+    return [n for n in range(1, number + 1) if number % n == 0]
+
+
+def assert_equal_images(mesh, camera, hits, reference):
+    agreement = atra.compare(mesh, camera, hits, reference)
+    assert agreement.pixels_wrong == 0, str(agreement)
+    # Excuses are for single pixels, not for half an image.
+    assert agreement.pixels_equal >= 0.98 * agreement.pixels, str(agreement)
+
+
+def trace_pixels(mesh, camera, offset=(0.5, 0.5), **options):
+    with atra.PixelTracer(mesh, camera, **{"packet_width": 1, "threads": 1, **options}) as tracer:
+        return tracer.trace(offset)
+
+
+def trace_aligned(mesh, camera, split, offset=(0.5, 0.5), **options):
+    with atra.AlignedTracer(mesh, camera, split, **{"threads": 1, **options}) as tracer:
+        return tracer.trace(offset)
+
+
+def tilted_plane():
+    """World plane z = 4 + 0.5 x - 0.25 y, far larger than any view used here."""
+    xy = [(-50, -50), (50, -50), (50, 50), (-50, 50)]
+    return quads([[(x, y, 4 + 0.5 * x - 0.25 * y) for x, y in xy]], "tilted plane")
+
+
+def tilted_plane_depth(camera, offset):
+    x, y = np.meshgrid(np.arange(camera.width), np.arange(camera.height))
+    direction = camera.directions(x, y, offset)
+    world_x, world_y = -direction[..., 0], -direction[..., 1]
+    return 4 / (1 - 0.5 * world_x + 0.25 * world_y)
+
+
+@pytest.mark.parametrize("width", WIDTHS)
+@pytest.mark.parametrize("offset", OFFSETS)
+def test_a_tilted_plane_has_the_depth_of_its_equation(width, offset):
+    camera = atra.Camera(**EYE_AT_ORIGIN, width=48, height=30, fov_y_degrees=50)
+    expected = tilted_plane_depth(camera, offset)
+    for hits in (
+        trace_pixels(tilted_plane(), camera, offset, packet_width=width),
+        trace_aligned(tilted_plane(), camera, (6, 1), offset, packet_width=width),
+        trace_aligned(tilted_plane(), camera, (3, 5), offset, packet_width=width, culling=False),
+    ):
+        np.testing.assert_allclose(hits.depth, expected, rtol=2e-6)
+
+
+def test_each_column_of_a_staircase_has_the_depth_of_its_step():
+    camera = atra.Camera(**EYE_AT_ORIGIN, width=64, height=32, fov_y_degrees=40)
+    # Step s covers pixel columns 8 s to 8 s + 8 at depth 2 + s; camera X is world -x.
+    edges = (np.arange(0, 65, 8) - 32) * camera.pixel_pitch
+    steps = [
+        [(-left * z, -9, z), (-right * z, -9, z), (-right * z, 9, z), (-left * z, 9, z)]
+        for z, left, right in zip(range(2, 10), edges[:-1], edges[1:], strict=True)
+    ]
+    hits = trace_aligned(quads(steps), camera, (16, 2))
+    np.testing.assert_allclose(hits.depth, np.broadcast_to(np.repeat(np.arange(2.0, 10.0), 8), (32, 64)), rtol=1e-6)
+    np.testing.assert_array_equal(hits.prim_id // 2, np.broadcast_to(np.repeat(np.arange(8), 8), (32, 64)))
+
+
+def test_the_row_at_the_top_of_the_image_sees_what_is_above():
+    above = quads([[(-9, 1, 5), (9, 1, 5), (9, 9, 5), (-9, 9, 5)]])
+    camera = atra.Camera(**EYE_AT_ORIGIN, width=16, height=16, fov_y_degrees=60)
+    hits = trace_aligned(above, camera, (4, 4))
+    assert hits.hit[0].all()
+    assert not hits.hit[-1].any()
+
+
+@pytest.mark.parametrize("width", WIDTHS)
+@pytest.mark.parametrize("culling", [True, False])
+def test_every_split_of_a_small_image_gives_the_float64_image(width, culling):
+    camera = cornell_camera(24, 12)
+    mesh = cornell_box()
+    reference = brute_force(mesh, camera)
+    for nx in divisors(24):
+        for ny in divisors(12):
+            hits = trace_aligned(mesh, camera, (nx, ny), culling=culling, packet_width=width)
+            assert_equal_images(mesh, camera, hits, reference)
+
+
+@pytest.mark.parametrize("width", WIDTHS)
+@pytest.mark.parametrize(("size", "split"), [
+    ((96, 60), (3, 5)), ((35, 21), (5, 7)), ((35, 21), (7, 1)), ((33, 7), (1, 7)), ((13, 11), (13, 11)),
+    ((1, 1), (1, 1)), ((7, 1), (7, 1)),
+])  # fmt: skip
+def test_odd_sizes_and_splits_give_the_per_pixel_image(size, split, width):
+    camera = cornell_camera(*size)
+    mesh = cornell_box()
+    reference = trace_pixels(mesh, camera)
+    assert_equal_images(mesh, camera, trace_pixels(mesh, camera, packet_width=width), reference)
+    assert_equal_images(mesh, camera, trace_aligned(mesh, camera, split, packet_width=width), reference)
+
+
+@pytest.mark.parametrize("offset", OFFSETS)
+@pytest.mark.parametrize("culling", [True, False])
+def test_any_offset_gives_the_float64_image(offset, culling):
+    camera = cornell_camera(48, 36)
+    mesh = cornell_box()
+    assert_equal_images(
+        mesh, camera, trace_aligned(mesh, camera, (12, 3), offset, culling=culling), brute_force(mesh, camera, offset)
+    )
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_triangles_behind_around_and_through_the_eye_give_the_float64_image(seed):
+    mesh = random_triangles(60, seed)
+    camera = atra.Camera(**EYE_AT_ORIGIN, width=40, height=24, fov_y_degrees=[20, 90, 150, 170, 60, 120][seed])
+    reference = brute_force(mesh, camera)
+    for split in ((1, 1), (8, 1), (40, 1), (1, 24), (5, 4), (40, 24)):
+        culled = trace_aligned(mesh, camera, split)
+        whole = trace_aligned(mesh, camera, split, culling=False)
+        assert_equal_images(mesh, camera, culled, reference)
+        np.testing.assert_array_equal(culled.prim_id, whole.prim_id)
+        np.testing.assert_array_equal(culled.depth, whole.depth)
+
+
+def test_a_triangle_with_a_corner_in_the_eye_is_never_lost_by_culling():
+    mesh = atra.Mesh([[0, 0, 0], [0.5, -3, 5], [-0.5, 3, 5.5]], [[0, 1, 2]])
+    camera = atra.Camera(**EYE_AT_ORIGIN, width=32, height=32, fov_y_degrees=80)
+    culled, whole = (trace_aligned(mesh, camera, (16, 4), culling=culling) for culling in (True, False))
+    np.testing.assert_array_equal(culled.prim_id, whole.prim_id)
+
+
+@pytest.mark.parametrize("threads", [1, 2, 3])
+def test_the_number_of_threads_does_not_change_the_image(threads):
+    camera = cornell_camera(96, 60)
+    mesh = cornell_box()
+    one = trace_aligned(mesh, camera, (12, 2))
+    many = trace_aligned(mesh, camera, (12, 2), threads=threads)
+    np.testing.assert_array_equal(one.prim_id, many.prim_id)
+    np.testing.assert_array_equal(one.depth, many.depth)
+    pixels_one, pixels_many = trace_pixels(mesh, camera), trace_pixels(mesh, camera, threads=threads)
+    np.testing.assert_array_equal(pixels_one.prim_id, pixels_many.prim_id)
+
+
+@pytest.mark.parametrize("build_quality", ["low", "medium", "high"])
+def test_every_build_quality_gives_the_per_pixel_image(build_quality):
+    camera = cornell_camera(64, 48)
+    mesh = cornell_box()
+    hits = trace_aligned(mesh, camera, (16, 1), build_quality=build_quality)
+    assert_equal_images(mesh, camera, hits, trace_pixels(mesh, camera))
+
+
+def test_an_empty_view_is_all_misses():
+    camera = atra.Camera((0, 0, 0), (0, 0, -1), width=16, height=8)
+    mesh = tilted_plane()
+    hits = trace_aligned(mesh, camera, (4, 1))
+    assert not hits.hit.any()
+    assert np.isinf(hits.depth).all()
+    assert np.isnan(hits.u).all()
+
+
+def test_degenerate_triangles_are_kept_and_never_hit():
+    plane = tilted_plane()
+    point, line = [[0, 0, 1]] * 3, [[-1, 0, 1], [0, 0, 1], [1, 0, 1]]
+    vertices = np.concatenate([point, line, plane.vertices])
+    mesh = atra.Mesh(vertices, np.concatenate([[[0, 1, 2], [3, 4, 5]], plane.faces.astype(int) + 6]))
+    camera = atra.Camera(**EYE_AT_ORIGIN, width=31, height=31)
+    with atra.AlignedTracer(mesh, camera, (31, 1), culling=False) as tracer:
+        assert tracer.triangle_count == 31 * 4
+        assert set(np.unique(tracer.trace().prim_id)) == {2, 3}
+
+
+def test_a_second_frame_forgets_the_first_and_may_reuse_its_memory():
+    camera = cornell_camera(33, 20)
+    mesh = cornell_box()
+    with atra.AlignedTracer(mesh, camera, (11, 4), threads=1) as tracer:
+        first = tracer.trace((0.5, 0.5))
+        expected = first.prim_id.copy()
+        other = tracer.trace((0.1, 0.9), out=first)
+        assert np.shares_memory(other.prim_id, first.prim_id)
+        again = tracer.trace((0.5, 0.5), out=other)
+        np.testing.assert_array_equal(again.prim_id, expected)
+
+
+def test_u_and_v_point_at_the_place_that_was_hit():
+    camera = cornell_camera(32, 24)
+    mesh = cornell_box()
+    hits = trace_aligned(mesh, camera, (8, 2))
+    y, x = np.nonzero(hits.hit)
+    corners = mesh.triangles(hits.prim_id[y, x])
+    u, v = hits.u[y, x][:, None], hits.v[y, x][:, None]
+    points = camera.to_camera_space((1 - u - v) * corners[:, 0] + u * corners[:, 1] + v * corners[:, 2])
+    np.testing.assert_allclose(points[:, 2], hits.depth[y, x], rtol=1e-5)
+    np.testing.assert_allclose(points / points[:, 2:], camera.directions(x, y), atol=1e-6)
+
+
+def test_culling_keeps_fewer_triangles_and_reports_them_all():
+    camera = cornell_camera(64, 64)
+    mesh = cornell_box()
+    with atra.AlignedTracer(mesh, camera, (16, 1), culling=False) as whole:
+        assert whole.triangle_count == 16 * mesh.triangle_count
+    with atra.AlignedTracer(mesh, camera, (16, 1)) as culled:
+        assert 0 < culled.triangle_count < 4 * mesh.triangle_count
+        assert culled.embree_bytes > 0
+        assert culled.plan_time_s > 0
+        assert culled.build_time_s > 0
+
+
+def test_two_tracers_work_side_by_side_in_two_python_threads():
+    camera = cornell_camera(64, 64)
+    mesh = cornell_box()
+    expected = trace_aligned(mesh, camera, (8, 1)).prim_id
+    seen = []
+
+    def work():
+        with atra.AlignedTracer(mesh, camera, (8, 1), threads=2) as tracer:
+            seen.extend(tracer.trace().prim_id for _ in range(5))
+
+    threads = [threading.Thread(target=work) for _ in range(2)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert len(seen) == 10
+    for prim_id in seen:
+        np.testing.assert_array_equal(prim_id, expected)
+
+
+def test_tracing_before_build_or_after_close_is_an_error_and_closing_twice_is_not():
+    tracer = atra.AlignedTracer(cornell_box(), cornell_camera(16, 16), (4, 1))
+    with pytest.raises(atra.EmbreeError, match="not built"):
+        tracer.trace()
+    with tracer:
+        tracer.trace()
+    tracer.close()
+    with pytest.raises(atra.EmbreeError, match="closed"):
+        tracer.trace()
+    with pytest.raises(atra.EmbreeError, match="closed"):
+        tracer.plan()
+
+
+def test_an_out_of_another_size_is_refused():
+    with atra.PixelTracer(cornell_box(), cornell_camera(16, 16)) as tracer:
+        other = trace_pixels(cornell_box(), cornell_camera(8, 16))
+        with pytest.raises(atra.InputError, match="expected"):
+            tracer.trace(out=other)
+
+
+@pytest.mark.parametrize(("options", "message"), [
+    ({"packet_width": 3}, "packet_width is 3, this machine supports"),
+    ({"threads": 0}, "threads is 0"),
+    ({"build_quality": "best"}, "build_quality is 'best', expected one of low, medium, high"),
+    ({"split": (5, 1)}, r"split \(5, 1\) does not divide image 16 x 16"),
+])  # fmt: skip
+def test_a_bad_option_is_refused_with_its_value(options, message):
+    with pytest.raises(atra.InputError, match=message):
+        atra.AlignedTracer(cornell_box(), cornell_camera(16, 16), **{"split": (4, 1), **options})
+
+
+@pytest.mark.parametrize("offset", [(1.0, 0.5), (-0.1, 0.5), (float("nan"), 0.5)])
+def test_an_offset_outside_the_pixel_is_refused(offset):
+    with atra.AlignedTracer(cornell_box(), cornell_camera(16, 16), (4, 1)) as tracer, pytest.raises(atra.InputError):
+        tracer.trace(offset)
+
+
+def test_a_plan_over_its_memory_budget_is_refused_before_allocating():
+    camera = cornell_camera(64, 64)
+    with pytest.raises(atra.MemoryBudgetError, match="GiB"):
+        atra.AlignedTracer(cornell_box(), camera, (64, 64), culling=False, memory_budget_bytes=1 << 20)
+    tracer = atra.AlignedTracer(cornell_box(), camera, (64, 64), memory_budget_bytes=1 << 16)
+    with pytest.raises(atra.MemoryBudgetError, match="GiB"):
+        tracer.plan()
+
+
+@pytest.mark.parametrize(("width", "counts", "shape"), [
+    (8, (1, 1), (8, 1)), (8, (128, 1), (8, 1)), (8, (256, 1), (4, 2)), (8, (1024, 1), (1, 8)),
+    (8, (256, 1024), (8, 1)), (4, (512, 1), (2, 2)), (16, (128, 1), (8, 2)), (1, (1024, 1), (1, 1)),
+])  # fmt: skip
+def test_the_packet_shape_wastes_as_few_lanes_as_the_cell_allows(width, counts, shape):
+    assert choose_packet_shape(width, atra.Split(*counts, 1024, 1024)) == shape
