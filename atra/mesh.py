@@ -1,0 +1,211 @@
+"""Triangles: what is traced, and how a file becomes it."""
+
+from __future__ import annotations
+
+import io
+import re
+import warnings
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from atra.errors import InputError
+
+# The triangle test multiplies three lengths in float32; beyond this their product leaves float32 and a triangle would
+# vanish from the image without a word. Embree also drops triangles with coordinates above 1.8e18 silently.
+_LARGEST_COORDINATE = 1e12
+
+# OBJ statements that group faces or name other files. Geometry does not need them, and grouping reorders the faces.
+_OBJ_NOT_GEOMETRY = re.compile(rb"(?m)^[ \t]*(?:usemtl|mtllib|o|g|s)\b[^\r\n]*")
+_OBJ_RELATIVE_FACE = re.compile(rb"(?m)^[ \t]*f\b[^\r\n]*[ \t]-\d[^\r\n]*")
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """Indexed triangles in world space.
+
+    vertices: (V, 3) float32, scene units; any real array-like is copied and converted.
+    faces: (F, 3) uint32, three vertex indices each; row i is the triangle with `prim_id` i. Any integer array-like.
+    name: what messages and records call it.
+
+    Both arrays are C-contiguous, private copies and read-only. Zero-area triangles are kept, so that `prim_id` is the
+    row of the source. Raises InputError for a wrong shape or dtype, no triangle, a coordinate that is not finite or
+    beyond 1e12 in size (first one named), or an index outside the vertices (first face named).
+    """
+
+    vertices: NDArray[np.float32]
+    faces: NDArray[np.uint32]
+    name: str = "mesh"
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "vertices", _checked_vertices(self.vertices))
+        object.__setattr__(self, "faces", _checked_faces(self.faces, len(self.vertices)))
+
+    @property
+    def triangle_count(self) -> int:
+        """F, degenerate triangles included."""
+        return len(self.faces)
+
+    @cached_property
+    def bounds(self) -> NDArray[np.float64]:
+        """(2, 3) float64, lowest and highest corner of the box around all vertices that a face uses."""
+        used = self.vertices[self.faces.reshape(-1)]
+        return np.stack([used.min(axis=0), used.max(axis=0)]).astype(np.float64)
+
+    def triangles(self, prim_id: NDArray[np.integer]) -> NDArray[np.float64]:
+        """Corners (N, 3, 3) float64 of the faces `prim_id` (N,): face, corner, axis.
+
+        Raises InputError naming the first `prim_id` this mesh does not have.
+        """
+        prim_id = np.asarray(prim_id)
+        absent = (prim_id < 0) | (prim_id >= self.triangle_count)
+        if absent.any():
+            raise InputError(
+                f"prim_id {prim_id[absent].flat[0]} is not in {self.name!r}, which has {self.triangle_count} triangles"
+            )
+        return self.vertices[self.faces[prim_id]].astype(np.float64)
+
+
+def _checked_vertices(given: ArrayLike) -> NDArray[np.float32]:
+    vertices = _as_array("vertices", given)
+    if vertices.ndim != 2 or vertices.shape[1] != 3:
+        if vertices.size == 0:
+            raise InputError("the mesh has no vertices, expected at least one triangle")
+        raise InputError(f"vertices have shape {vertices.shape}, expected (V, 3)")
+    if len(vertices) == 0:
+        raise InputError("the mesh has no vertices, expected at least one triangle")
+    if vertices.dtype.kind not in "iuf":
+        raise InputError(f"vertices have dtype {vertices.dtype}, expected real numbers")
+    good = np.abs(vertices.astype(np.float64)) <= _LARGEST_COORDINATE  # False for NaN and inf, too
+    if not good.all():
+        index = int(np.nonzero(~good.all(axis=1))[0][0])
+        value = tuple(float(c) for c in vertices[index])
+        raise InputError(
+            f"vertex {index} is {value}, expected finite numbers of at most {_LARGEST_COORDINATE:g} in size"
+        )
+    copied = np.array(vertices, dtype=np.float32, order="C")
+    copied.setflags(write=False)
+    return copied
+
+
+def _checked_faces(given: ArrayLike, vertex_count: int) -> NDArray[np.uint32]:
+    faces = _as_array("faces", given)
+    if faces.size == 0:
+        raise InputError("the mesh has no faces, expected at least one triangle")
+    if faces.ndim != 2 or faces.shape[1] != 3:
+        raise InputError(f"faces have shape {faces.shape}, expected (F, 3): triangles")
+    if faces.dtype.kind not in "iu":
+        raise InputError(f"faces have dtype {faces.dtype}, expected whole numbers")
+    bad = (faces < 0) | (faces >= vertex_count)
+    if bad.any():
+        face, corner = (int(i) for i in np.argwhere(bad)[0])
+        raise InputError(f"face {face} names vertex {faces[face, corner]}, but the mesh has {vertex_count} vertices")
+    copied = np.array(faces, dtype=np.uint32, order="C")
+    copied.setflags(write=False)
+    return copied
+
+
+def _as_array(name: str, given: ArrayLike) -> NDArray[Any]:
+    try:
+        return np.asarray(given)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{name} cannot be read as an array: {error}") from None
+
+
+def load_mesh(path: str | Path) -> Mesh:
+    """Read the triangles of a file, in file order: nothing merged, reordered or dropped.
+
+    path: a mesh file of a format trimesh reads (PLY, OBJ, STL, OFF, glTF, …); `~` is expanded. Polygons are cut into
+    triangles; where PLY or OFF mix them with triangles, their pieces come last. A scene graph is flattened, each
+    instance moved by its transform. Materials and textures are not read; a glTF may name buffers in its own folder
+    only. STL has no shared vertices, so its mesh has none.
+
+    Raises InputError naming the path: missing, a folder, an unknown format, unreadable, cut short, without triangles,
+    or with values that `Mesh` refuses. An OBJ with relative (negative) indices is refused, since trimesh misreads it,
+    and so is an archive, since trimesh skips the members it cannot read.
+    """
+    path = Path(path).expanduser()
+    if path.is_dir():
+        raise InputError(f"{path} is a folder, expected a mesh file")
+    if not path.is_file():
+        raise InputError(f"{path} does not exist, expected a mesh file")
+    parts = list(_flattened(_read(path), path))
+    if not parts:
+        raise InputError(f"{path} holds no triangles (a point cloud or a path has none), expected a triangle mesh")
+    first_vertex = np.cumsum([0] + [len(vertices) for vertices, _ in parts[:-1]])
+    vertices = np.concatenate([vertices for vertices, _ in parts])
+    faces = np.concatenate([faces + start for (_, faces), start in zip(parts, first_vertex, strict=True)])
+    promised = _promised_faces(path)
+    if len(faces) < promised:
+        raise InputError(f"{path} holds {len(faces)} faces, but its header promises {promised}: it seems cut short")
+    try:
+        return Mesh(vertices, faces, name=path.stem)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
+
+
+def _read(path: Path) -> Any:
+    """The file as a `trimesh.Scene`."""
+    import trimesh  # slow to import, and needed only where a file is read
+    from trimesh.exchange.load import mesh_formats
+
+    suffix = path.suffix.lower().lstrip(".")
+    formats = mesh_formats()
+    if suffix not in formats:
+        known = ", ".join(sorted(formats))
+        raise InputError(f"{path} has the unknown format {suffix!r}, expected one of {known} (unpack an archive first)")
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            if suffix == "obj":
+                return trimesh.load_scene(_obj_geometry(path), file_type="obj", process=False, maintain_order=True)
+            return trimesh.load_scene(path, process=False, skip_materials=True)
+    except InputError:
+        raise
+    except Exception as error:  # a reader of foreign bytes may raise anything
+        reason = str(error).strip() or type(error).__name__
+        raise InputError(f"{path} cannot be read as {suffix}: {reason}") from None
+
+
+def _obj_geometry(path: Path) -> io.BytesIO:
+    text = path.read_bytes().replace(b"\\\r\n", b" ").replace(b"\\\n", b" ")
+    relative = _OBJ_RELATIVE_FACE.search(text)
+    if relative:
+        line = relative.group().decode(errors="replace").strip()
+        raise InputError(f"{path} counts vertices backwards in {line!r}, expected indices from 1 up; export it anew")
+    return io.BytesIO(_OBJ_NOT_GEOMETRY.sub(b"", text))
+
+
+def _promised_faces(path: Path) -> int:
+    """The face count in a PLY header, else 0; trimesh reads a shortened ASCII file without complaint."""
+    if path.suffix.lower() != ".ply":
+        return 0
+    with path.open("rb") as file:
+        found = re.search(rb"(?m)^element\s+face\s+(\d+)", file.read(65536).partition(b"end_header")[0])
+    return int(found.group(1)) if found else 0
+
+
+def _flattened(scene: Any, path: Path) -> Iterator[tuple[NDArray[np.float64], NDArray[np.int64]]]:
+    """Vertices in world space and faces of every mesh instance, in the order of the scene graph."""
+    import trimesh
+
+    for node in scene.graph.nodes_geometry:
+        transform, name = scene.graph[node]
+        geometry = scene.geometry[name]
+        if not isinstance(geometry, trimesh.Trimesh) or len(geometry.faces) == 0:
+            continue
+        vertices = np.asarray(geometry.vertices, np.float64)
+        if not np.array_equal(transform, np.eye(4)):  # identity keeps the file's bits
+            vertices = vertices @ transform[:3, :3].T + transform[:3, 3]
+        faces = np.asarray(geometry.faces, np.int64)
+        if faces.min() < 0 or faces.max() >= len(vertices):  # before instances are joined and hide it
+            face = int(np.nonzero(((faces < 0) | (faces >= len(vertices))).any(axis=1))[0][0])
+            raise InputError(
+                f"{path}: face {face} names {faces[face].tolist()}, but there are {len(vertices)} vertices"
+            )
+        yield vertices, faces

@@ -1,0 +1,119 @@
+"""The float64 judge: one ray against one plane, and the slow nearest hit that everything else is held against."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from atra.camera import Camera, check_offset
+from atra.hits import MISS, Hits
+from atra.mesh import Mesh
+
+# |d . (e1 x e2)| / (|d| |e1| |e2|) below which the determinant is rounding noise: some fifty units of float64 rounding.
+_PARALLEL = 1e-14
+
+# Slack in float64 for `inside` and for `equally deep`. A ray through a shared edge must not slip between two triangles
+# because their barycentrics round apart, and must find them equally deep. A million times finer than float32.
+_ROUNDING = 1e-12
+
+
+@dataclass(frozen=True, eq=False)
+class Intersections:
+    """Ray i met with the plane of triangle i, unclipped.
+
+    depth: (N,) float64, along the view axis, scene units, >= 0; inf = never hit.
+    u, v: (N,) float64 barycentric weights of the second and third corner; outside [0, 1] beside the triangle; NaN =
+        never hit.
+    edge_distance: (N,) float64, min(u, v, 1 - u - v): negative beside the triangle; -inf = never hit.
+
+    A ray *never hits* a triangle whose plane is behind the eye or parallel to the ray, nor a triangle without area.
+    """
+
+    depth: NDArray[np.float64]
+    u: NDArray[np.float64]
+    v: NDArray[np.float64]
+    edge_distance: NDArray[np.float64]
+
+
+def intersect_pixels(
+    mesh: Mesh,
+    camera: Camera,
+    x: NDArray[np.integer],
+    y: NDArray[np.integer],
+    prim_id: NDArray[np.integer],
+    offset: tuple[float, float] = (0.5, 0.5),
+) -> Intersections:
+    """Meet the ray of each pixel (x, y) with the plane of its own triangle `prim_id`, in float64.
+
+    x, y, prim_id: (N,) integers. Raises InputError for a bad offset or a `prim_id` the mesh does not have.
+    Source: T. Möller, B. Trumbore, "Fast, minimum storage ray/triangle intersection", J. Graphics Tools 2(1), 1997.
+    """
+    corner, edge_1, edge_2 = _in_camera_space(mesh, camera, prim_id)
+    return _intersect(camera.directions(x, y, offset), corner, edge_1, edge_2)
+
+
+def brute_force(mesh: Mesh, camera: Camera, offset: tuple[float, float] = (0.5, 0.5)) -> Hits:
+    """The nearest hit of every pixel by testing every triangle with every ray, in float64: slow and obvious.
+
+    Edges belong to the triangle; of equally deep triangles the lowest `prim_id` wins; a hit has depth > 0. Both rules
+    have a slack of 1e-12, so that rounding opens no gap along a shared edge.
+    """
+    check_offset(offset)
+    y, x = np.divmod(np.arange(camera.width * camera.height), camera.width)
+    directions = camera.directions(x, y, offset)
+    corner, edge_1, edge_2 = _in_camera_space(mesh, camera, np.arange(mesh.triangle_count))
+    depth = np.full(len(x), np.inf)
+    prim_id = np.full(len(x), MISS, np.uint32)
+    for i in range(mesh.triangle_count):
+        found = _intersect(directions, corner[i], edge_1[i], edge_2[i])
+        inside = (found.edge_distance >= -_ROUNDING) & (found.depth > 0.0)
+        nearer = inside & (found.depth < depth * (1.0 - _ROUNDING))
+        depth[nearer] = found.depth[nearer]
+        prim_id[nearer] = i
+    shape = (camera.height, camera.width)
+    return Hits(depth.astype(np.float32).reshape(shape), prim_id.reshape(shape), offset, mesh, camera)
+
+
+def _in_camera_space(
+    mesh: Mesh, camera: Camera, prim_id: NDArray[np.integer]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """First corner and the two edges leaving it, (N, 3) float64 each.
+
+    The edges are subtracted before the rotation, where float32 vertices differ exactly in float64: a triangle without
+    area stays one, and coplanar triangles stay so.
+    """
+    corners = mesh.triangles(prim_id)
+    first = corners[:, 0]
+    return (
+        camera.to_camera_space(first),
+        (corners[:, 1] - first) @ camera.axes.T,
+        (corners[:, 2] - first) @ camera.axes.T,
+    )
+
+
+def _intersect(
+    directions: NDArray[np.float64],
+    corner: NDArray[np.float64],
+    edge_1: NDArray[np.float64],
+    edge_2: NDArray[np.float64],
+) -> Intersections:
+    """Möller–Trumbore from the origin: `directions` (N, 3) against triangles of shape (N, 3), or one of (3,)."""
+    p = np.cross(directions, edge_2)
+    determinant = _dot(p, edge_1)
+    q = np.cross(-corner, edge_1)
+    size = np.sqrt(_dot(directions, directions) * _dot(edge_1, edge_1) * _dot(edge_2, edge_2))
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        u = _dot(p, -corner) / determinant
+        v = _dot(directions, q) / determinant
+        depth = _dot(edge_2, q) / determinant
+    never = (np.abs(determinant) <= _PARALLEL * size) | ~(depth >= 0.0)
+    u = np.where(never, np.nan, u)
+    v = np.where(never, np.nan, v)
+    edge_distance = np.where(never, -np.inf, np.minimum(np.minimum(u, v), 1.0 - u - v))
+    return Intersections(np.where(never, np.inf, depth), u, v, edge_distance)
+
+
+def _dot(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+    return a[..., 0] * b[..., 0] + a[..., 1] * b[..., 1] + a[..., 2] * b[..., 2]

@@ -1,0 +1,106 @@
+"""Culling may only leave out what no ray of the cell can hit (paper §3.4)."""
+
+import numpy as np
+import pytest
+
+import atra
+from atra.culling import EMBREE_BYTES_PER_COPY, PLAN_BYTES_PER_COPY, plan_aligned_geometry
+from atra.parallel import WorkerPool
+from atra.reference import intersect_pixels
+from tests.meshes import EYE_AT_ORIGIN, quads, random_triangles
+
+HIGH = np.int64(32)
+
+
+def plan(mesh, camera, counts, culling=True, threads=1, **options):
+    alignment = atra.Alignment.at_axis(camera, atra.Split(*counts, camera.width, camera.height))
+    pool = WorkerPool(threads)
+    geometry = plan_aligned_geometry(
+        mesh, camera, alignment, culling=culling, row_stride=camera.width, pool=pool, **options
+    )
+    pool.close()
+    return alignment, geometry
+
+
+def kept_pairs(geometry, alignment, row_stride):
+    """{(prim_id, i, j)} of a plan."""
+    split = alignment.split
+    prim_id, pixels = geometry.records & 0xFFFFFFFF, geometry.records >> HIGH
+    i, j = pixels % row_stride // split.cell_width, pixels // row_stride // split.cell_height
+    return set(zip(prim_id.tolist(), i.tolist(), j.tolist(), strict=True))
+
+
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("counts", [(12, 1), (1, 9), (4, 3)])
+@pytest.mark.parametrize("fov", [30, 100, 175])
+def test_culling_keeps_every_triangle_that_a_ray_of_the_cell_hits(seed, counts, fov):
+    mesh = random_triangles(40, seed, size=1.5)
+    camera = atra.Camera(**EYE_AT_ORIGIN, width=24, height=18, fov_y_degrees=fov)
+    alignment, geometry = plan(mesh, camera, counts)
+    kept = kept_pairs(geometry, alignment, camera.width)
+    y, x = (grid.ravel() for grid in np.mgrid[:18, :24])
+    for prim_id in range(mesh.triangle_count):
+        for offset in ((0.0, 0.0), (0.5, 0.5), (0.999, 0.999)):
+            found = intersect_pixels(mesh, camera, x, y, np.full(x.size, prim_id), offset)
+            hit = (found.edge_distance >= 0) & np.isfinite(found.depth)
+            split = alignment.split
+            needed = {
+                (prim_id, i, j) for i, j in zip(x[hit] // split.cell_width, y[hit] // split.cell_height, strict=True)
+            }
+            assert needed <= kept
+
+
+def test_culling_drops_what_lies_beside_behind_or_in_other_cells():
+    wall = quads([[(-0.9, -0.1, 5), (-0.7, -0.1, 5), (-0.7, 0.1, 5), (-0.9, 0.1, 5)],  # right of the axis: world -x
+                  [(-1, -1, -5), (1, -1, -5), (1, 1, -5), (-1, 1, -5)],  # behind
+                  [(-1, 90, 5), (1, 90, 5), (1, 91, 5), (-1, 91, 5)]])  # fmt: skip  # far above the view
+    camera = atra.Camera(**EYE_AT_ORIGIN, width=64, height=64, fov_y_degrees=60)
+    alignment, geometry = plan(wall, camera, (8, 8))
+    assert kept_pairs(geometry, alignment, 64) <= {(p, i, j) for p in (0, 1) for i in (4, 5) for j in (3, 4)}
+    assert geometry.copy_count > 0
+
+
+def test_a_slanted_triangle_is_kept_only_in_cells_along_it():
+    # A thin sliver across the diagonal of the view: its bounding box covers all cells, the triangle few.
+    sliver = atra.Mesh([[2, 2, 5], [-2, -2, 5], [-2.02, -2, 5]], [[0, 1, 2]])
+    camera = atra.Camera(**EYE_AT_ORIGIN, width=64, height=64, fov_y_degrees=45)
+    _, geometry = plan(sliver, camera, (16, 16))
+    assert geometry.copy_count < 64
+
+
+def test_copies_are_the_sheared_triangles():
+    mesh = random_triangles(30, seed=3)
+    camera = atra.Camera(**EYE_AT_ORIGIN, width=24, height=18)
+    for culling in (True, False):
+        alignment, geometry = plan(mesh, camera, (6, 3), culling)
+        split = alignment.split
+        for copy in range(0, geometry.copy_count, 7):
+            prim_id, pixels = geometry.records[copy] & 0xFFFFFFFF, geometry.records[copy] >> HIGH
+            i, j = pixels % 24 // split.cell_width, pixels // 24 // split.cell_height
+            corners = camera.to_camera_space(mesh.vertices[mesh.faces[prim_id]])
+            expected = alignment.shear_points(corners, i, j)
+            np.testing.assert_allclose(geometry.vertices[geometry.faces[copy]], expected, rtol=1e-6, atol=1e-6)
+
+
+def test_without_culling_every_cell_has_every_triangle():
+    mesh = random_triangles(10, seed=1)
+    camera = atra.Camera(**EYE_AT_ORIGIN, width=24, height=18)
+    alignment, geometry = plan(mesh, camera, (4, 3), culling=False)
+    assert len(kept_pairs(geometry, alignment, 24)) == geometry.copy_count == 10 * 12
+
+
+def test_the_plan_does_not_depend_on_the_number_of_threads():
+    mesh = random_triangles(9000, seed=2, size=0.2)
+    camera = atra.Camera(**EYE_AT_ORIGIN, width=32, height=32)
+    one, three = (plan(mesh, camera, (8, 2), threads=threads)[1] for threads in (1, 3))
+    np.testing.assert_array_equal(one.records, three.records)
+    np.testing.assert_array_equal(one.vertices, three.vertices)
+
+
+def test_the_budget_counts_plan_and_bvh():
+    mesh = random_triangles(100, seed=2)
+    camera = atra.Camera(**EYE_AT_ORIGIN, width=32, height=32)
+    needed = 100 * 16 * (PLAN_BYTES_PER_COPY + EMBREE_BYTES_PER_COPY["medium"])
+    plan(mesh, camera, (16, 1), culling=False, memory_budget_bytes=needed)
+    with pytest.raises(atra.MemoryBudgetError, match="1,600 triangle copies over 16 cells"):
+        plan(mesh, camera, (16, 1), culling=False, memory_budget_bytes=needed - 1)

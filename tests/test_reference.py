@@ -1,0 +1,159 @@
+"""The float64 judge against closed forms: it must be right on its own, since everything else is held against it."""
+
+import numpy as np
+import pytest
+
+from atra.camera import Camera
+from atra.errors import InputError
+from atra.hits import MISS
+from atra.mesh import Mesh
+from atra.reference import brute_force, intersect_pixels
+from scenes.cornell_box import cornell_box
+
+# Looks along -z from the origin: camera (X, Y, Z) = world (x, -y, -z).
+FORWARD = {"eye": (0.0, 0.0, 0.0), "target": (0.0, 0.0, -1.0), "fov_y_degrees": 90.0}
+
+
+def forward_camera(width=16, height=16):
+    return Camera(**FORWARD, width=width, height=height)
+
+
+def quad(depths, half=100.0):
+    """A square seen face-on whose left and right edges lie at the two given depths."""
+    left, right = depths
+    corners = [(-half, -half, -left), (half, -half, -right), (half, half, -right), (-half, half, -left)]
+    return np.array(corners), np.array([[0, 1, 2], [0, 2, 3]])
+
+
+def test_depth_of_a_tilted_plane_is_its_closed_form():
+    camera = forward_camera(24, 16)
+    hits = brute_force(Mesh(*quad((2.0, 6.0), half=4.0)), camera)
+    # The plane is Z = 4 + X / 2, and X = Z dx.
+    y, x = np.mgrid[0:16, 0:24]
+    direction = camera.directions(x, y)
+    expected = 4.0 / (1.0 - direction[..., 0] / 2.0)
+    inside = (np.abs(expected * direction[..., 0]) < 4.0) & (np.abs(expected * direction[..., 1]) < 4.0)
+    assert inside.any()
+    assert not inside.all()
+    assert np.array_equal(hits.hit, inside)
+    assert np.allclose(hits.depth[inside], expected[inside], rtol=1e-6)
+    assert (hits.depth[~inside] == np.inf).all()
+    assert (hits.prim_id[~inside] == MISS).all()
+
+
+def test_a_staircase_shows_the_nearest_step_of_each_column():
+    steps = 8
+    vertices, faces = [], []
+    for i in range(steps):  # step i covers the columns from i on, each nearer than the last; listed far to near
+        depth = 10.0 - i
+        x0 = (-1.0 + 2.0 * i / steps) * depth
+        vertices += [(x0, -20, -depth), (20, -20, -depth), (20, 20, -depth), (x0, 20, -depth)]
+        faces += [(4 * i, 4 * i + 1, 4 * i + 2), (4 * i, 4 * i + 2, 4 * i + 3)]
+    for order in (slice(None), slice(None, None, -1)):
+        hits = brute_force(Mesh(vertices, np.array(faces)[order]), forward_camera(2 * steps, 2 * steps))
+        assert np.array_equal(hits.depth, np.tile(10.0 - np.arange(2 * steps) // 2, (2 * steps, 1)))
+
+
+def test_a_finely_cut_sphere_approaches_the_depth_of_the_sphere():
+    box = cornell_box()
+    sphere = Mesh(box.vertices[32:], box.faces[24:].astype(np.int64) - 32)
+    centre, radius = sphere.bounds.mean(axis=0), 0.4
+    camera = Camera(eye=tuple(np.add(centre, (0, 0, 2))), target=tuple(centre), fov_y_degrees=30.0, width=32, height=32)
+    hits = brute_force(sphere, camera)
+    y, x = np.mgrid[0:32, 0:32]
+    d = camera.directions(x, y)
+    a, b, c = (d**2).sum(axis=-1), -2.0 * d[..., 2] * 2.0, 4.0 - radius**2
+    root = b**2 - 4 * a * c
+    well_inside = root > 0.2
+    assert well_inside.sum() > 100
+    depth = (-b - np.sqrt(np.maximum(root, 0))) / (2 * a)
+    assert np.abs(hits.depth - depth)[well_inside].max() < 0.02 * radius
+    assert (hits.prim_id[root < 0] == MISS).all()
+
+
+def test_rays_through_shared_edges_and_vertices_are_not_lost():
+    # Odd image: the centre ray meets the vertex of the fan, its row, column and diagonals meet the edges.
+    rim = [(np.cos(t), np.sin(t), -1.0) for t in np.arange(8) * np.pi / 4]
+    fan = Mesh([(0, 0, -1.0), *[tuple(40 * c if i < 2 else c for i, c in enumerate(p)) for p in rim]],
+               [(0, 1 + i, 1 + (i + 1) % 8) for i in range(8)])  # fmt: skip
+    assert brute_force(fan, forward_camera(33, 33)).hit.all()
+
+
+def test_of_equally_deep_triangles_the_lowest_prim_id_wins():
+    vertices, faces = quad((3.0, 3.0))
+    twice = Mesh(np.concatenate([vertices, vertices]), np.concatenate([faces + 4, faces]))
+    hits = brute_force(twice, forward_camera())
+    assert set(hits.prim_id.flat) == {0, 1}
+
+
+def test_triangles_behind_the_eye_are_not_hit():
+    mesh, one = Mesh(*quad((-2.0, -2.0))), np.array([7])
+    assert not brute_force(mesh, forward_camera()).hit.any()
+    found = intersect_pixels(mesh, forward_camera(), one, one, np.array([0]))
+    assert (found.depth[0], found.edge_distance[0]) == (np.inf, -np.inf)
+    assert np.isnan(found.u[0])
+
+
+def test_degenerate_and_edge_on_triangles_are_never_hit_and_leave_no_nan_depth():
+    vertices = [(-9, 0, -3), (9, 0, -3), (0, 0, -3), (0, 0, -1), (5, 0, -9)]
+    mesh = Mesh(vertices, [(0, 1, 2), (0, 0, 1), (0, 3, 4)])  # collinear, collapsed, and in the plane y = 0
+    camera = forward_camera(5, 5)
+    x = np.array([2, 2, 2])
+    found = intersect_pixels(mesh, camera, x, x, np.arange(3), (0.5, 0.5))
+    assert (found.depth == np.inf).all()
+    assert (found.edge_distance == -np.inf).all()
+    assert not brute_force(mesh, camera).hit.any()
+
+
+def test_a_triangle_flattened_by_rounding_only_is_never_hit_from_a_tilted_camera():
+    mesh = Mesh([(0.1, 0.1, 0.1), (0.2, 0.2, 0.2), (0.4, 0.4, 0.4)], [(0, 1, 2)])
+    camera = Camera(eye=(1.3, 0.7, 2.9), target=(0.2, 0.2, 0.2), width=9, height=9)
+    y, x = np.divmod(np.arange(81), 9)
+    assert (intersect_pixels(mesh, camera, x, y, np.zeros(81, int)).depth == np.inf).all()
+
+
+def test_barycentrics_reproduce_the_point_on_the_ray():
+    rng = np.random.default_rng(7)
+    mesh = Mesh(rng.uniform(-1, 1, (30, 3)) - (0, 0, 4), np.arange(30).reshape(10, 3))
+    camera = Camera(eye=(0.3, -0.2, 1.0), target=(0, 0, -4), width=40, height=30)
+    x, y, prim_id = rng.integers(0, 40, 200), rng.integers(0, 30, 200), rng.integers(0, 10, 200)
+    found = intersect_pixels(mesh, camera, x, y, prim_id, (0.25, 0.75))
+    ok = np.isfinite(found.depth)
+    assert ok.sum() > 100
+    a, b, c = (camera.to_camera_space(mesh.triangles(prim_id)[:, i]) for i in range(3))
+    u, v = found.u[:, None], found.v[:, None]
+    point = found.depth[:, None] * camera.directions(x, y, (0.25, 0.75))
+    assert np.allclose(
+        point[ok], ((1 - u - v) * a + u * b + v * c)[ok], rtol=1e-9, atol=1e-9 * np.abs(found.depth[ok]).max()
+    )
+    assert np.array_equal(found.edge_distance[ok], np.minimum(np.minimum(found.u, found.v), 1 - found.u - found.v)[ok])
+
+
+def test_edge_distance_is_negative_beside_the_triangle_and_positive_inside():
+    mesh = Mesh([(-1, -1, -1), (1, -1, -1), (-1, 1, -1)], [(0, 1, 2)])
+    found = intersect_pixels(mesh, forward_camera(8, 8), np.array([1, 6]), np.array([6, 1]), np.array([0, 0]))
+    assert found.edge_distance[0] == pytest.approx(0.1875)
+    assert found.edge_distance[1] == pytest.approx(-0.625)
+    assert found.depth.tolist() == [1.0, 1.0]
+
+
+def test_the_offset_moves_the_sampled_point():
+    mesh = Mesh(*quad((2.0, 6.0), half=4.0))
+    left, right = (brute_force(mesh, forward_camera(2, 2), (ox, 0.5)).depth[0, 0] for ox in (0.5, 0.75))
+    assert left == pytest.approx(4 / 1.25)
+    assert right == pytest.approx(4 / 1.125)
+
+
+def test_a_prim_id_or_offset_that_does_not_exist_is_refused():
+    mesh, zero = Mesh(*quad((2.0, 2.0))), np.array([0])
+    with pytest.raises(InputError, match="prim_id 4294967295"):
+        intersect_pixels(mesh, forward_camera(), zero, zero, np.array([MISS]))
+    with pytest.raises(InputError, match="offset is"):
+        brute_force(mesh, forward_camera(), (1.5, 0.5))
+
+
+def test_hits_compute_u_and_v_from_the_judge():
+    hits = brute_force(Mesh([(-1, -1, -1), (1, -1, -1), (-1, 1, -1)], [(0, 1, 2)]), forward_camera(8, 8))
+    assert hits.u[6, 1] == pytest.approx(0.1875)
+    assert hits.v[6, 1] == pytest.approx(0.1875)
+    assert np.isnan(hits.u[1, 6])

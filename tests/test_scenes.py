@@ -1,0 +1,167 @@
+"""The procedural scene, and scenes from a folder."""
+
+import json
+import os
+
+import numpy as np
+import pytest
+
+from atra.camera import Camera
+from atra.errors import InputError
+from atra.hits import MISS
+from atra.reference import brute_force
+from scenes.cornell_box import CORNELL_BOX_CAMERA, cornell_box
+from scenes.directory import default_camera_fields, load_scene_from_directory
+
+PLY = (
+    "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
+    "element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n"
+)
+CAMERA = {"eye": [0, 0, 5], "target": [0, 0, 0]}
+
+
+@pytest.fixture
+def folder(tmp_path):
+    (tmp_path / "cameras.json").write_text(json.dumps({"tri": CAMERA, "absent": CAMERA}))
+    (tmp_path / "tri.ply").write_text(PLY)
+    return tmp_path
+
+
+def test_the_cornell_box_has_the_papers_triangle_count_and_none_is_degenerate():
+    mesh = cornell_box()
+    assert mesh.triangle_count == 1112
+    corners = mesh.triangles(np.arange(1112))
+    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1) / 2
+    assert area.min() > 1e-5
+    assert np.allclose(mesh.bounds, [[-1, 0, -1], [1, 1.59, 1]])
+
+
+def test_the_cornell_box_is_the_same_every_time():
+    assert np.array_equal(cornell_box().vertices, cornell_box().vertices)
+    assert np.array_equal(cornell_box().faces, cornell_box().faces)
+
+
+def test_the_box_and_the_sphere_stand_on_the_floor_inside_the_room_and_apart():
+    mesh = cornell_box()
+    box, sphere = (mesh.triangles(np.arange(*part)).reshape(-1, 3) for part in ((12, 24), (24, 1112)))
+    for part in (box, sphere):
+        assert part[:, 1].min() == pytest.approx(0.0, abs=1e-6)
+        assert np.abs(part[:, [0, 2]]).max() < 1.0
+        assert part[:, 1].max() < 1.5
+    centre = sphere.min(axis=0) / 2 + sphere.max(axis=0) / 2
+    assert np.allclose(np.linalg.norm(sphere - centre, axis=1), 0.4, atol=1e-6)
+    footprint = box[:, [0, 2]]
+    assert np.linalg.norm(footprint[:, None] - centre[[0, 2]], axis=-1).min() > 0.4
+
+
+def test_the_box_and_the_sphere_are_closed_and_their_normals_point_outwards():
+    mesh = cornell_box()
+    for part, volume in (((12, 24), 0.56 * 0.6 * 0.56), ((24, 1112), 4 / 3 * np.pi * 0.4**3)):
+        faces = mesh.faces[slice(*part)].astype(np.int64)
+        edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+        assert {tuple(e) for e in edges} == {tuple(e[::-1]) for e in edges}
+        a, b, c = np.moveaxis(mesh.triangles(np.arange(*part)), 1, 0)
+        assert (a * np.cross(b, c)).sum() / 6 == pytest.approx(volume, rel=0.02)
+
+
+def test_the_walls_face_into_the_room():
+    corners = cornell_box().triangles(np.arange(12))
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    assert ((np.array([0, 0.8, 0]) - corners[:, 0]) * normal).sum(axis=1).min() > 0
+
+
+def test_the_default_camera_sees_walls_light_box_and_sphere():
+    hits = brute_force(cornell_box(), Camera(**CORNELL_BOX_CAMERA, width=48, height=48))
+    assert (hits.prim_id != MISS).mean() > 0.9
+    seen = np.unique(hits.prim_id)
+    for part in ((0, 2), (2, 4), (4, 6), (6, 8), (8, 10), (10, 12), (12, 24), (24, 1112)):
+        assert ((seen >= part[0]) & (seen < part[1])).any(), part
+
+
+def test_a_folder_gives_the_mesh_under_its_name_and_fields_a_camera_takes(folder):
+    mesh, fields = load_scene_from_directory("tri", folder)
+    assert (mesh.name, mesh.triangle_count) == ("tri", 1)
+    assert Camera(**fields).eye == (0, 0, 5)
+
+
+def test_the_folder_comes_from_the_environment_relative_to_the_working_directory_or_home(folder, monkeypatch):
+    monkeypatch.chdir(folder.parent)
+    monkeypatch.setenv("HOME", str(folder.parent))
+    monkeypatch.setenv("USERPROFILE", str(folder.parent))
+    for value in (str(folder), folder.name, f"~/{folder.name}"):
+        monkeypatch.setenv("ATRA_SCENES", value)
+        assert load_scene_from_directory("tri")[0].triangle_count == 1
+
+
+@pytest.mark.parametrize("value", [None, ""])
+def test_an_unset_variable_is_refused_saying_what_to_set(monkeypatch, value):
+    if value is None:
+        monkeypatch.delenv("ATRA_SCENES", raising=False)
+    else:
+        monkeypatch.setenv("ATRA_SCENES", value)
+    with pytest.raises(InputError, match=r"ATRA_SCENES is not set; set it to the folder that holds cameras\.json"):
+        load_scene_from_directory("tri")
+
+
+def test_a_folder_that_is_none_is_refused_with_its_name(folder, monkeypatch):
+    with pytest.raises(InputError, match=r"tri\.ply', which is not a folder"):
+        load_scene_from_directory("tri", folder / "tri.ply")
+    monkeypatch.setenv("ATRA_SCENES", "no/such/folder")
+    with pytest.raises(InputError, match="ATRA_SCENES is 'no/such/folder', which is not a folder"):
+        load_scene_from_directory("tri")
+
+
+def test_missing_or_broken_cameras_are_refused_naming_the_file(folder):
+    path = folder / "cameras.json"
+    for content, message in (
+        (b"{", "cannot be read as JSON"),
+        (b"\xff\xfe", "cannot be read as JSON"),
+        (b"[1]", "holds a list"),
+        (b'{"tri": 3}', "is 3, expected an object"),
+        (b'{"tri": {"eye": [0, 0, 1]}}', "has the fields eye; expected eye and target"),
+        (b'{"tri": {"eye": [0, 0, 1], "target": [0, 0, 0], "fov": 3}}', "has the fields eye, fov, target"),
+    ):
+        path.write_bytes(content)
+        with pytest.raises(InputError, match=message) as caught:
+            load_scene_from_directory("tri", folder)
+        assert str(path) in str(caught.value)
+    path.unlink()
+    with pytest.raises(InputError, match=r"cameras\.json does not exist"):
+        load_scene_from_directory("tri", folder)
+
+
+def test_an_unknown_scene_or_missing_mesh_is_refused_listing_what_there_is(folder):
+    with pytest.raises(InputError, match="no camera for scene 'dragon'; it has absent, tri"):
+        load_scene_from_directory("dragon", folder)
+    with pytest.raises(InputError, match=r"absent\.ply does not exist; .* holds tri\.ply"):
+        load_scene_from_directory("absent", folder)
+
+
+@pytest.mark.parametrize("scale", [1e-3, 1.0, 1e4])
+def test_the_default_camera_frames_the_whole_mesh(scale):
+    from atra.mesh import Mesh
+
+    box = cornell_box()
+    mesh = Mesh(box.vertices * np.float32(scale) + np.float32(scale), box.faces)
+    camera = Camera(**default_camera_fields(mesh), width=100, height=100)
+    points = camera.to_camera_space(mesh.vertices)
+    on_image = points[:, :2] / points[:, 2:] / camera.pixel_pitch
+    assert (points[:, 2] > 0).all()
+    assert np.abs(on_image).max() < 50
+    assert np.abs(on_image).max() > 25
+    assert camera.axes[2][2] < 0  # looks from the +z side
+
+
+@pytest.mark.parametrize(
+    "vertices", [[(0, 0, 0), (1, 0, 0), (0, 1, 0)], [(1, 0, 0), (0, 0, 1), (0, 0, 0)], [(2, 2, 2)] * 3]
+)
+def test_the_default_camera_exists_for_flat_and_collapsed_meshes(vertices):
+    from atra.mesh import Mesh
+
+    Camera(**default_camera_fields(Mesh(vertices, [(0, 1, 2)])))
+
+
+@pytest.mark.skipif(not os.environ.get("ATRA_SCENES"), reason="ATRA_SCENES is not set")
+def test_the_users_cornell_box_can_be_loaded_and_seen():
+    mesh, fields = load_scene_from_directory("cornell_box")
+    assert brute_force(mesh, Camera(**fields, width=16, height=16)).hit.any()
