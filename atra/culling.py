@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import psutil
 from numpy.typing import NDArray
 
 from atra.alignment import Alignment
@@ -88,15 +89,18 @@ def plan_aligned_geometry(
 
 
 def check_memory_budget(copies: int, build_quality: str, budget_bytes: int | None, cell_count: int) -> None:
-    """Raise MemoryBudgetError if so many copies would exceed the budget (or the 2^32 vertices Embree can number)."""
+    """Raise MemoryBudgetError if so many copies would exceed the budget, the memory that is free now, or the 2^32
+    vertices Embree can number. budget_bytes: None leaves the free memory as the only bound."""
     if 3 * copies >= 2**32:
         raise MemoryBudgetError(f"{copies:,} triangle copies over {cell_count:,} cells are more than Embree can index")
     needed = copies * (PLAN_BYTES_PER_COPY + EMBREE_BYTES_PER_COPY[build_quality])
-    if budget_bytes is not None and needed > budget_bytes:
-        raise MemoryBudgetError(
-            f"{copies:,} triangle copies over {cell_count:,} cells need about {needed / 2**30:.1f} GiB, "
-            f"the budget is {budget_bytes / 2**30:.1f} GiB; use fewer cells, culling, or a larger memory budget"
-        )
+    free = psutil.virtual_memory().available
+    for what, limit in (("the memory budget is", budget_bytes), ("the machine has free only", free)):
+        if limit is not None and needed > limit:
+            raise MemoryBudgetError(
+                f"{copies:,} triangle copies over {cell_count:,} cells need about {needed / 2**30:.1f} GiB, "
+                f"{what} {limit / 2**30:.1f} GiB; use fewer cells, culling, or more memory"
+            )
 
 
 def _homogeneous_pixels(points_camera: NDArray[np.float64], camera: Camera) -> NDArray[np.float64]:

@@ -245,7 +245,7 @@ class AlignedTracer(_EmbreeTracer):
 
     split: (nx, ny) cells; nx must divide the width, ny the height. culling: keep of each cell's copy only what its
     frustum meets. packet_width: 1 is the paper's way, None takes the widest native packets. memory_budget_bytes: refuse
-    plans that need more (None: no limit). Other arguments as for `PixelTracer`.
+    plans that need more (None: the memory that is free). Other arguments as for `PixelTracer`.
     Raises InputError for a split that does not divide the image, MemoryBudgetError before allocating.
     Source: paper §3.1, §3.4.
     """

@@ -275,6 +275,8 @@ def test_a_plan_over_its_memory_budget_is_refused_before_allocating():
     camera = cornell_camera(64, 64)
     with pytest.raises(atra.MemoryBudgetError, match="GiB"):
         atra.AlignedTracer(cornell_box(), camera, (64, 64), culling=False, memory_budget_bytes=1 << 20)
+    with pytest.raises(atra.MemoryBudgetError, match="free"):
+        atra.AlignedTracer(random_triangles(300_000, 0), cornell_camera(1024, 1024), (4096 // 4, 4), culling=False)
     tracer = atra.AlignedTracer(cornell_box(), camera, (64, 64), memory_budget_bytes=1 << 16)
     with pytest.raises(atra.MemoryBudgetError, match="GiB"):
         tracer.plan()

@@ -1,0 +1,83 @@
+"""Interleaved timing: every method once a round, so that drift cancels in the ratio of a round."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from math import inf
+
+from atra.errors import InputError
+
+MINIMUM_ROUNDS = 3
+"""A time budget never cuts below this many rounds: a median of fewer has no spread to show."""
+
+
+@dataclass(frozen=True)
+class RoundSamples:
+    """Raw samples in seconds, by method; sample r of every method belongs to the same round.
+
+    warmup: the rounds that ran before, apart from the samples.
+    samples: the rounds that count, as many as `rounds`.
+    """
+
+    warmup: dict[str, tuple[float, ...]]
+    samples: dict[str, tuple[float, ...]]
+
+    @property
+    def rounds(self) -> int:
+        return min((len(values) for values in self.samples.values()), default=0)
+
+
+def measure_rounds(
+    methods: Mapping[str, Callable[[], object]],
+    *,
+    rounds: int,
+    warmup: int,
+    budget_s: float = inf,
+    clock: Callable[[], float] = time.perf_counter,
+) -> RoundSamples:
+    """Call every method once a round, `warmup` + `rounds` times, and time each call.
+
+    The order rotates by one each round (A B C, B C A, ...), so no method always runs behind the same other.
+    Once the rounds that count have spent `budget_s` seconds inside methods, no further round starts, though at least
+    `MINIMUM_ROUNDS` (or `rounds`, if fewer) always run.
+
+    Raises InputError for no methods, rounds < 1 or warmup < 0.
+    """
+    if not methods or rounds < 1 or warmup < 0:
+        raise InputError(
+            f"{len(methods)} methods, {rounds} rounds, {warmup} warm-up rounds; expected at least 1, 1 and 0"
+        )
+    warmup_samples: dict[str, list[float]] = {name: [] for name in methods}
+    samples: dict[str, list[float]] = {name: [] for name in methods}
+    for number in range(warmup):
+        _run_round(methods, number, warmup_samples, clock)
+    spent_s = 0.0
+    for number in range(rounds):
+        if number >= MINIMUM_ROUNDS and spent_s >= budget_s:
+            break
+        spent_s += _run_round(methods, number, samples, clock)
+    return RoundSamples(
+        {name: tuple(values) for name, values in warmup_samples.items()},
+        {name: tuple(values) for name, values in samples.items()},
+    )
+
+
+def _run_round(
+    methods: Mapping[str, Callable[[], object]],
+    number: int,
+    samples: dict[str, list[float]],
+    clock: Callable[[], float],
+) -> float:
+    names = list(methods)
+    first = number % len(names)
+    total_s = 0.0
+    for name in names[first:] + names[:first]:
+        method = methods[name]
+        start = clock()
+        method()
+        elapsed_s = clock() - start
+        samples[name].append(elapsed_s)
+        total_s += elapsed_s
+    return total_s

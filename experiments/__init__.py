@@ -1,0 +1,1 @@
+"""The experiments: configuration, points and their workers, tables and figures."""

@@ -1,0 +1,177 @@
+"""Typed configuration: the one place that states every field, its type and its default."""
+
+from __future__ import annotations
+
+import tempfile
+from dataclasses import dataclass, field
+from enum import Enum
+from math import isfinite
+from pathlib import Path
+from typing import Any
+
+from hydra.core.config_store import ConfigStore
+from omegaconf import MISSING, DictConfig, OmegaConf
+
+from atra.errors import InputError
+
+PACKET_WIDTHS = (1, 4, 8, 16)
+
+
+class Method(Enum):
+    """aligned = the paper's; pixel = one ray per pixel, single or in packets."""
+
+    aligned = "aligned"
+    pixel = "pixel"
+
+
+class SceneSource(Enum):
+    """procedural = made by code; directory = the one named by ATRA_SCENES; file = the user's own."""
+
+    procedural = "procedural"
+    directory = "directory"
+    file = "file"
+
+
+class BuildQuality(Enum):
+    """Embree's, for its BVH."""
+
+    low = "low"
+    medium = "medium"
+    high = "high"
+
+
+class Figure(Enum):
+    """What a sweep draws at its end."""
+
+    none = "none"
+    horizontal = "horizontal"
+
+
+@dataclass
+class SceneConfiguration:
+    """What is looked at; eye, target, up and fov_y_degrees override the scene's own camera one by one."""
+
+    name: str | None = None
+    source: SceneSource = MISSING
+    path: str | None = None
+    eye: list[float] | None = None
+    target: list[float] | None = None
+    up: list[float] | None = None
+    fov_y_degrees: float | None = None
+
+
+@dataclass
+class SweepConfiguration:
+    """name = folder below results_dir. Points run in an order shuffled by the seed, so that drift is no trend."""
+
+    name: str = "point"
+    figure: Figure = Figure.none
+    shuffle_seed: int = 1
+
+
+@dataclass
+class MeasureConfiguration:
+    """How a point is measured.
+
+    rounds, warmup: rounds that count and rounds before them.
+    frame_budget_s: no further round starts past this many seconds of tracing, but three always run.
+    time_limit_s: a worker still running after this long is stopped and its point fails.
+    memory_budget_gib: a point that would need more is skipped.
+    """
+
+    rounds: int = 9
+    warmup: int = 2
+    frame_budget_s: float = 20.0
+    time_limit_s: float = 1200.0
+    memory_budget_gib: float = 4.0
+
+
+@dataclass
+class Configuration:
+    """One point.
+
+    split_x: columns of cells; null = 128, or the largest power of two below that divides the width (aligned).
+    packet_width: null = the widest the machine supports natively. threads: null = every core.
+    """
+
+    scene: SceneConfiguration = field(default_factory=SceneConfiguration)
+    sweep: SweepConfiguration = field(default_factory=SweepConfiguration)
+    measure: MeasureConfiguration = field(default_factory=MeasureConfiguration)
+    method: Method = Method.aligned
+    split_x: int | None = None
+    split_y: int = 1
+    culling: bool = True
+    packet_width: int | None = 8
+    threads: int | None = 1
+    width: int = 1024
+    height: int = 1024
+    build_quality: BuildQuality = BuildQuality.medium
+    results_dir: str = "results"
+    debug: bool = False
+
+
+def register_schema() -> None:
+    """Make the types known to Hydra as `schema`; conf/config.yaml builds on it, so unknown keys are errors."""
+    ConfigStore.instance().store(name="schema", node=Configuration, provider="atra")
+
+
+def read_configuration(composed: DictConfig) -> Configuration:
+    """The composed configuration as typed values.
+
+    Raises InputError for a value no point could use; what depends on the scene or the machine is checked later.
+    """
+    own = {key: composed[key] for key in Configuration.__dataclass_fields__}
+    configuration = OmegaConf.to_object(OmegaConf.merge(OmegaConf.structured(Configuration), own))
+    assert isinstance(configuration, Configuration)
+    check_configuration(configuration)
+    return configuration
+
+
+def check_configuration(configuration: Configuration) -> None:
+    """Raise InputError naming the first field whose value lies outside its range."""
+    measure, scene, sweep = configuration.measure, configuration.scene, configuration.sweep
+    _at_least("width", configuration.width, 1)
+    _at_least("height", configuration.height, 1)
+    _at_least("split_x", configuration.split_x, 1)
+    _at_least("split_y", configuration.split_y, 1)
+    _at_least("threads", configuration.threads, 1)
+    _at_least("measure.rounds", measure.rounds, 1)
+    _at_least("measure.warmup", measure.warmup, 0)
+    if configuration.packet_width is not None and configuration.packet_width not in PACKET_WIDTHS:
+        widths = ", ".join(str(width) for width in PACKET_WIDTHS)
+        raise InputError(f"packet_width is {configuration.packet_width}, expected one of {widths} or null")
+    for name in ("frame_budget_s", "time_limit_s", "memory_budget_gib"):
+        value = getattr(measure, name)
+        if not (isfinite(value) and value > 0):
+            raise InputError(f"measure.{name} is {value}, expected a positive number")
+    for name in ("eye", "target", "up"):
+        vector = getattr(scene, name)
+        if vector is not None and (len(vector) != 3 or not all(isfinite(value) for value in vector)):
+            raise InputError(f"scene.{name} is {vector}, expected three finite numbers such as [0,1,0]")
+    if scene.source is SceneSource.file and not scene.path:
+        raise InputError("scene=file needs scene.path, for example scene.path=model.ply")
+    if scene.source is not SceneSource.file and scene.path is not None:
+        raise InputError(f"scene.path is {scene.path!r}, but scene {scene.name} takes none; add scene=file")
+    if not sweep.name or any(sign in sweep.name for sign in "/\\") or sweep.name in (".", ".."):
+        raise InputError(f"sweep.name is {sweep.name!r}, expected the name of a folder")
+    if not configuration.results_dir:
+        raise InputError("results_dir is empty, expected a folder")
+
+
+def make_results_folder(configuration: Configuration) -> Path:
+    """`<results_dir>/<sweep.name>`, made if missing; raises InputError if nothing can be written there."""
+    folder = Path(configuration.results_dir) / configuration.sweep.name
+    try:
+        (folder / "records").mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder / "records"):
+            pass
+    except OSError as error:
+        raise InputError(
+            f"results cannot be written to {folder}: {error.strerror}; choose another results_dir"
+        ) from None
+    return folder
+
+
+def _at_least(name: str, value: Any, least: int) -> None:
+    if value is not None and value < least:
+        raise InputError(f"{name} is {value}, expected a whole number of at least {least}")

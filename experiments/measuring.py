@@ -1,0 +1,48 @@
+"""One planned point -> its record."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import asdict
+from typing import Any
+
+from atra.embree.library import embree_version
+from atra.measure.environment import Environment, read_environment
+from atra.records import Record, point_id
+from experiments.launch import run_worker
+from experiments.points import PlannedPoint, Point
+from experiments.worker import Outcome
+
+Runner = Callable[[Point], Outcome]
+
+
+def current_environment() -> Environment:
+    """This machine now, with the version Embree reports; raises EmbreeError if there is no usable Embree."""
+    return read_environment(embree_version())
+
+
+def identity(point: Point, environment: Environment) -> str:
+    return point_id(point.configuration(), environment.stable())
+
+
+def measure(planned: PlannedPoint, run: Runner = run_worker) -> Record:
+    """Measure a point in a fresh process; one with a problem is skipped, and its record says why."""
+    environment = current_environment()
+    if planned.problem is not None:
+        outcome = Outcome("skipped", str(planned.problem), on_purpose=True)
+    else:
+        outcome = run(planned.point)
+    return Record(
+        point_id=identity(planned.point, environment),
+        status=outcome.status,
+        error=outcome.error,
+        configuration=planned.point.configuration(),
+        environment=_plain(asdict(environment)),
+        warmup_samples=outcome.warmup_samples,
+        samples=outcome.samples,
+        results={**outcome.results, "on_purpose": outcome.on_purpose},
+    )
+
+
+def _plain(fields: dict[str, Any]) -> dict[str, Any]:
+    return {name: list(value) if isinstance(value, tuple) else value for name, value in fields.items()}

@@ -1,0 +1,42 @@
+"""`python run.py`: measure one point and print it."""
+
+from __future__ import annotations
+
+import sys
+
+from rich.console import Console
+
+from atra.errors import InputError
+from atra.records import Record, write_record
+from experiments.configuration import Configuration, make_results_folder
+from experiments.measuring import measure
+from experiments.points import plan_points
+from experiments.progress import SweepProgress
+from experiments.summary import print_point, results_console, say_outcome
+from experiments.table import make_table
+
+
+def run_single_point(configuration: Configuration) -> Record:
+    """Measure the point (always anew), write its record, print its table.
+
+    Raises InputError, MemoryBudgetError or EmbreeError for what cannot be measured, and SystemExit(1), with what the
+    worker printed on stderr, when measuring itself went wrong.
+    """
+    (planned,) = plan_points([configuration])
+    if planned.problem is not None:
+        raise planned.problem
+    folder = make_results_folder(configuration)
+    with SweepProgress(1, Console(stderr=True)) as progress:
+        progress.begin(planned.point.label())
+        record = measure(planned)
+        progress.end(planned.point.label(), say_outcome(record))
+    path = write_record(folder / "records", record)
+    if record.status == "ok":
+        print_point(make_table([record]).iloc[0], results_console())
+        print(f"record: {path}")
+        return record
+    if record.results.get("on_purpose"):
+        raise InputError(str(record.error))
+    print(record.results.get("worker_output", ""), file=sys.stderr)
+    print(f"run.py: {record.error}; record: {path}", file=sys.stderr)
+    raise SystemExit(1)

@@ -1,0 +1,134 @@
+"""run.py as a user meets it: bad input, a toy sweep, the same sweep again."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+TOY = ["width=64", "height=64", "measure.rounds=3", "measure.warmup=1"]
+TOY_SWEEP = ["sweep=horizontal", "split_x=1,2,3", *TOY]
+
+
+def run(folder: Path, *arguments: str, scenes: str | None = None) -> subprocess.CompletedProcess[str]:
+    environment = {name: value for name, value in os.environ.items() if name != "ATRA_SCENES"}
+    if scenes is not None:
+        environment["ATRA_SCENES"] = scenes
+    command = [sys.executable, str(ROOT / "run.py"), *arguments]
+    return subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, timeout=120)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["width=10", "split_x=3"], "split (3, 1) does not divide image 10 x 1024"),
+        (["sweep=horizontal", "split_x=3,5"], "split (3, 1) does not divide image 1024 x 1024"),
+        (["width=0"], "width is 0"),
+        (["scene.fov_y_degrees=180"], "fov_y_degrees is 180.0"),
+        (["nonsense=1"], "Key 'nonsense' not in 'Configuration'"),
+        (["scene=nowhere"], "unknown scene 'nowhere', expected one of cornell_box, file, fireplace_room, mitsuba"),
+        (["sweep=horizontal", "scene=cornell_box,nowhere"], "unknown scene 'nowhere', expected one of cornell_box"),
+        (["sweep=horizontal", "scene=cornell_box,sponza"], "ATRA_SCENES is not set"),
+        (["scene=file", "scene.path=nothing.ply"], "nothing.ply does not exist"),
+        (["split_x=1,2"], "several values make a sweep"),
+        (["split_x=1024", "culling=false", "measure.memory_budget_gib=0.01"], "memory"),
+    ],
+    ids=lambda value: " ".join(value) if isinstance(value, list) else "",
+)
+def test_bad_input_gets_one_line_and_exit_code_2_before_any_work(
+    tmp_path: Path, arguments: list[str], message: str
+) -> None:
+    done = run(tmp_path, *arguments)
+    assert done.returncode == 2, done.stderr
+    assert message in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_debug_switch_shows_the_traceback(tmp_path: Path) -> None:
+    done = run(tmp_path, "width=10", "split_x=3", "debug=true")
+    assert done.returncode == 2
+    assert "Traceback" in done.stderr
+
+
+def test_a_lone_point_prints_its_table_and_writes_its_record(tmp_path: Path) -> None:
+    done = run(tmp_path, *TOY, "method=pixel", "packet_width=1")
+    assert done.returncode == 0, done.stderr
+    assert "speed-up over rtcIntersect1" in done.stdout
+    (path,) = (tmp_path / "results" / "point" / "records").glob("*.json")
+    record = json.loads(path.read_text())
+    assert record["status"] == "ok"
+    assert {name: len(values) for name, values in record["samples"].items()} == {
+        "own": 3, "rtcIntersect1": 3, "packets": 3,
+    }  # fmt: skip
+    assert record["results"]["pixels_equal"] == 64 * 64
+    assert record["environment"]["embree_version"]
+    assert [entry.name for entry in tmp_path.iterdir()] == ["results"]
+
+
+def test_a_sweep_leaves_records_table_and_figure_and_goes_on_where_it_stopped(tmp_path: Path) -> None:
+    done = run(tmp_path, *TOY_SWEEP)
+    assert done.returncode == 0, done.stderr
+    folder = tmp_path / "results" / "horizontal"
+    assert sorted(path.name for path in folder.iterdir()) == [
+        "figure5.png", "figure5.svg", "records", "table.csv", "table.parquet",
+    ]  # fmt: skip
+    assert [entry.name for entry in tmp_path.iterdir()] == ["results"]
+    table = pd.read_csv(folder / "table.csv")
+    assert list(zip(table["split_x"], table["culling"], table["status"], strict=True)) == [
+        (1, False, "ok"), (2, False, "ok"), (3, False, "skipped"),
+        (1, True, "ok"), (2, True, "ok"), (3, True, "skipped"),
+    ]  # fmt: skip
+    assert table["error"][2] == table["error"][5]
+    assert "does not divide" in table["error"][2]
+    assert (table["pixels_wrong"].dropna() == 0).all()
+    assert "does not divide" in done.stdout
+
+    # One record lost, one spoilt: these two are measured again, the others are not.
+    by_split = {path: json.loads(path.read_text()) for path in (folder / "records").glob("*.json")}
+    lost, spoilt, *kept = [path for path, record in by_split.items() if record["status"] == "ok"]
+    lost.unlink()
+    spoilt.write_text("{")
+    before = [path.read_bytes() for path in kept]
+    again = run(tmp_path, *TOY_SWEEP)
+    assert again.returncode == 0, again.stderr
+    assert "6 points: 4 finished before, 0 cannot be measured, 2 to do" in again.stderr
+    assert [path.read_bytes() for path in kept] == before
+    assert "warning: record" in again.stderr
+    assert spoilt.with_name(spoilt.name + ".corrupt").exists()
+    assert len(pd.read_csv(folder / "table.csv")) == 6
+
+
+def test_results_that_cannot_be_written_are_refused_before_measuring(tmp_path: Path) -> None:
+    (tmp_path / "taken").write_text("a file, not a folder")
+    done = run(tmp_path, *TOY, "results_dir=taken")
+    assert done.returncode == 2, done.stderr
+    assert "results cannot be written to" in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows sends no SIGINT to one process")
+def test_an_interrupt_keeps_what_is_done_and_exits_with_130(tmp_path: Path) -> None:
+    command = [sys.executable, str(ROOT / "run.py"), "sweep=horizontal", *TOY]
+    with subprocess.Popen(
+        command, cwd=tmp_path, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True
+    ) as running:
+        assert running.stderr is not None
+        for line in running.stderr:
+            if " ms, " in line:  # the first point is done
+                running.send_signal(signal.SIGINT)
+                break
+        rest = running.stderr.read()
+        assert running.wait(timeout=60) == 130, rest
+    assert "interrupted" in rest
+    assert "Traceback" not in rest
+    table = pd.read_csv(tmp_path / "results" / "horizontal" / "table.csv")
+    assert (table["status"] == "ok").sum() >= 1
+    assert (tmp_path / "results" / "horizontal" / "figure5.png").exists()
