@@ -58,28 +58,38 @@ class Alignment:
 
     It is linear, fixes the eye, maps the rays of the cell one-to-one onto the reference rays and keeps the ray
     parameter, which is the depth. The paper takes cell (0, 0)'s own rays as the reference (`shift = i w`, paper §3.1).
-    Any other translate of them satisfies the condition of paper §3.3 just as well; ours begins at the view axis,
-    because axis-aligned boxes fit a frustum along the axis better than the slanted one at the image's corner, and
-    because Embree splits a packet whose directions differ in sign (docs/departures.md has the figures).
+    Any other translate of them satisfies the condition of paper §3.3 just as well; where the reference lies changes
+    how well boxes along the world's axes fit its rays (`at_quarter`; docs/departures.md has the figures).
 
     shift_x: (nx,) float64, shift_y: (ny,) float64: shifts on the image plane Z = 1.
-    first_x, first_y: image-plane position of the reference cell's left and top border.
+    first_x_pixels, first_y_pixels: left and top border of the reference cell on the image plane, in pixels from the
+    view axis.
     """
 
     split: Split
-    pixel_pitch: float
-    first_x: float
-    first_y: float
+    first_x_pixels: float
+    first_y_pixels: float
     shift_x: NDArray[np.float64]
     shift_y: NDArray[np.float64]
 
     @classmethod
-    def at_axis(cls, camera: Camera, split: Split) -> Alignment:
-        """Reference rays start at the view axis, so that the directions of all have one sign; an axis that is not
-        split stays as it is."""
-        first_x = 0.0 if split.nx > 1 else -camera.width / 2
-        first_y = 0.0 if split.ny > 1 else -camera.height / 2
-        return cls._at(camera, split, first_x, first_y)
+    def at_quarter(cls, camera: Camera, split: Split) -> Alignment:
+        """Reference rays start a quarter of the image from its centre, away from the world axis nearest the view.
+
+        Nearer the border the frustum is more slanted, and boxes fit it less well. Nearer to where a component of the
+        direction vanishes, the reciprocals in a packet, which Embree tests boxes with, lie far apart. An image axis
+        that is not split stays as it is.
+        """
+        right, down, forward = camera.axes
+        nearest = np.argmax(np.abs(forward))
+        first_x_pixels, first_y_pixels = -camera.width / 2, -camera.height / 2
+        if split.nx > 1:
+            side = -1 if right[nearest] * forward[nearest] >= 0 else 1
+            first_x_pixels = side * camera.width / 4
+        if split.ny > 1:
+            side = -1 if down[nearest] * forward[nearest] >= 0 else 1
+            first_y_pixels = side * camera.height / 4
+        return cls._at(camera, split, first_x_pixels, first_y_pixels)
 
     @classmethod
     def at_first_cell(cls, camera: Camera, split: Split) -> Alignment:
@@ -92,7 +102,7 @@ class Alignment:
         shift_x = np.arange(split.nx) * split.cell_width - camera.width / 2 - first_x_pixels
         shift_y = np.arange(split.ny) * split.cell_height - camera.height / 2 - first_y_pixels
         shifts = ((shift * pitch).astype(np.float64) for shift in (shift_x, shift_y))
-        return cls(split, pitch, first_x_pixels * pitch, first_y_pixels * pitch, *shifts)
+        return cls(split, first_x_pixels, first_y_pixels, *shifts)
 
     def shear_points(self, points_camera: NDArray[np.floating], i: int, j: int) -> NDArray[np.float64]:
         """Camera-space points (N, 3) -> the same points in the reference rays' space of cell (i, j), float64."""

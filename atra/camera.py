@@ -83,9 +83,13 @@ class Camera:
         """Distance between neighbouring pixels on the image plane Z = 1."""
         return 2.0 * tan(radians(self.fov_y_degrees) / 2.0) / self.height
 
+    def to_eye_space(self, points: NDArray[np.floating]) -> NDArray[np.float64]:
+        """World points (N, 3) -> eye space (N, 3) float64: the world's axes, the eye at the origin."""
+        return np.asarray(points, np.float64) - self.eye
+
     def to_camera_space(self, points: NDArray[np.floating]) -> NDArray[np.float64]:
         """World points (N, 3) -> camera space (N, 3) float64, subtracting the eye before rotating to keep digits."""
-        return (np.asarray(points, np.float64) - self.eye) @ self.axes.T
+        return self.to_eye_space(points) @ self.axes.T
 
     def directions(
         self, x: NDArray[np.integer], y: NDArray[np.integer], offset: tuple[float, float] = (0.5, 0.5)

@@ -63,8 +63,8 @@ def plan_aligned_geometry(
     split = alignment.split
     if camera.height * row_stride >= 2**31:
         raise InputError(f"image {camera.width} x {camera.height} is too large, expected below 2^31 pixels")
-    points_camera = camera.to_camera_space(mesh.vertices)
-    points_pixels = _homogeneous_pixels(points_camera, camera)
+    points_pixels = _homogeneous_pixels(mesh, camera)
+    points_eye = camera.to_eye_space(mesh.vertices)
     cell = (split.nx, split.ny, split.cell_width, split.cell_height)
 
     counts = np.full(mesh.triangle_count, split.cell_count, np.int64)
@@ -79,9 +79,9 @@ def plan_aligned_geometry(
     records = np.empty(copies, np.int64)
 
     def fill(_: int, counter: int) -> None:
-        shifts = (alignment.shift_x, alignment.shift_y)
+        shears = (np.outer(alignment.shift_x, camera.axes[0]), np.outer(alignment.shift_y, camera.axes[1]))
         rest = (row_stride, starts, vertices, records)
-        fill_copies(counter, points_pixels, points_camera, mesh.faces, culling, *cell, *shifts, *rest)
+        fill_copies(counter, points_pixels, points_eye, mesh.faces, culling, *cell, *shears, *rest)
 
     pool.run(fill)
     faces = np.arange(3 * copies, dtype=np.uint32).reshape(copies, 3)
@@ -103,9 +103,9 @@ def check_memory_budget(copies: int, build_quality: str, budget_bytes: int | Non
             )
 
 
-def _homogeneous_pixels(points_camera: NDArray[np.float64], camera: Camera) -> NDArray[np.float64]:
-    """Camera space (X, Y, Z) -> (a, b, c) with pixel position (a / c, b / c) and depth c."""
-    pixels = points_camera.copy()
+def _homogeneous_pixels(mesh: Mesh, camera: Camera) -> NDArray[np.float64]:
+    """Vertices -> (V, 3) float64 (a, b, c) with pixel position (a / c, b / c) and depth c."""
+    pixels = camera.to_camera_space(mesh.vertices)
     pixels[:, :2] /= camera.pixel_pitch
     pixels[:, 0] += camera.width / 2 * pixels[:, 2]
     pixels[:, 1] += camera.height / 2 * pixels[:, 2]

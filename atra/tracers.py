@@ -146,19 +146,20 @@ class _EmbreeTracer(ABC):
             wrong = next((w.wrong_width for w in self._workspaces if w.wrong_width), 0)
         if wrong:
             raise EmbreeError(f"Embree handed the filter {wrong} rays instead of {self.packet_width}; hits were lost")
-        width = self.camera.width
-        return Hits(depth[:, :width], prim_id[:, :width], offset, self.mesh, self.camera)
+        return Hits(depth, prim_id, offset, self.mesh, self.camera)
 
     def _outputs(self, out: Hits | None) -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
-        shape = (self.camera.height, self._row_stride)
+        shape, row_bytes = (self.camera.height, self.camera.width), 4 * self._row_stride
         if out is None:
-            return np.empty(shape, np.float32), np.empty(shape, np.uint32)
-        # The image is a view of rows that may be longer than it: find the rows again.
-        depth = out.depth if out.depth.base is None else out.depth.base
-        prim_id = out.prim_id if out.prim_id.base is None else out.prim_id.base
-        if depth.shape != shape or prim_id.shape != shape:
-            raise InputError(f"out has rows of shape {depth.shape}, expected {shape}: pass a result of this tracer")
-        return depth, prim_id
+            return _new_images(*shape, self._row_stride)
+        # Rows of the right length in memory, not only in shape: packets may reach past the right border.
+        for image in (out.depth, out.prim_id):
+            if image.shape != shape or image.strides != (row_bytes, 4):
+                raise InputError(
+                    f"out has images of {image.shape} with rows {image.strides[0]} bytes apart, expected {shape} with "
+                    f"rows {row_bytes} bytes apart: pass a result of this tracer"
+                )
+        return out.depth, out.prim_id
 
     @property
     def triangle_count(self) -> int:
@@ -219,7 +220,7 @@ class PixelTracer(_EmbreeTracer):
 
     def _plan_geometry(self) -> AlignedGeometry:
         vertices = padded_vertices(len(self.mesh.vertices))
-        vertices[:] = self.camera.to_camera_space(self.mesh.vertices)
+        vertices[:] = self.camera.to_eye_space(self.mesh.vertices)
         return AlignedGeometry(vertices, self.mesh.faces, np.empty(self.mesh.triangle_count, np.int64))
 
     def _filter_address(self) -> int:
@@ -227,14 +228,18 @@ class PixelTracer(_EmbreeTracer):
 
     def _run(self, scene: int, offset: tuple[float, float], depth: NDArray, prim_id: NDArray) -> None:
         shape = _SQUAREST_SHAPE[self.packet_width]
-        x_directions, y_directions = _pixel_directions(self.camera, offset, shape)
+        camera = self.camera
+        # Filled up to whole packets.
+        columns = np.arange(camera.width + -camera.width % shape[0]) - camera.width / 2
+        rows = np.arange(camera.height + -camera.height % shape[1]) - camera.height / 2
+        column_directions, row_directions = _directions(camera, columns + offset[0], rows + offset[1])
         kernel = pixel_kernel(*shape)
 
         def work(worker: int, counter: int) -> None:
             own = self._workspaces[worker]
             kernel(
                 counter, scene, own.packet, own.packet_ids, own.all_lanes, own.valid, own.arguments_address,
-                x_directions, y_directions, self.camera.width, self.camera.height, depth, prim_id,
+                column_directions, row_directions, camera.width, camera.height, depth, prim_id,
             )  # fmt: skip
 
         self._pool.run(work)
@@ -265,7 +270,7 @@ class AlignedTracer(_EmbreeTracer):
         self.culling = culling
         self.memory_budget_bytes = memory_budget_bytes
         super().__init__(mesh, camera, packet_width, threads, build_quality)
-        self.alignment = Alignment.at_axis(camera, self.split)
+        self.alignment = Alignment.at_quarter(camera, self.split)
         self.packet_shape = choose_packet_shape(self.packet_width, self.split)
         if not culling:
             copies = mesh.triangle_count * self.split.cell_count
@@ -292,18 +297,17 @@ class AlignedTracer(_EmbreeTracer):
         return nearest_hit_filter(*self.packet_shape)
 
     def _run(self, scene: int, offset: tuple[float, float], depth: NDArray, prim_id: NDArray) -> None:
-        alignment, split = self.alignment, self.split
-        pitch = alignment.pixel_pitch
-        x_directions = (alignment.first_x + (np.arange(split.cell_width) + offset[0]) * pitch).astype(np.float32)
-        y_directions = (alignment.first_y + (np.arange(split.cell_height) + offset[1]) * pitch).astype(np.float32)
-
+        split = self.split
+        columns = self.alignment.first_x_pixels + np.arange(split.cell_width)
+        rows = self.alignment.first_y_pixels + np.arange(split.cell_height)
+        column_directions, row_directions = _directions(self.camera, columns + offset[0], rows + offset[1])
         kernel = aligned_kernel(*self.packet_shape)
 
         def work(worker: int, counter: int) -> None:
             own = self._workspaces[worker]
             kernel(
                 counter, scene, own.packet, own.valid, own.context, own.arguments_address,
-                x_directions, y_directions, split.ny, depth, prim_id,
+                column_directions, row_directions, split.ny, depth, prim_id,
             )  # fmt: skip
 
         self._pool.run(work)
@@ -323,15 +327,23 @@ def choose_packet_shape(packet_width: int, split: Split) -> tuple[int, int]:
     return max(fitting, key=lambda shape: (split.cell_width / (-(-split.cell_width // shape[0]) * shape[0]), shape[0]))
 
 
-def _pixel_directions(
-    camera: Camera, offset: tuple[float, float], shape: tuple[int, int]
+def _new_images(height: int, width: int, row_stride: int) -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
+    """Uninitialised depth and prim_id, (height, width) each, their rows `row_stride` pixels apart in memory."""
+    shape = (height, row_stride)
+    return np.empty(shape, np.float32)[:, :width], np.empty(shape, np.uint32)[:, :width]
+
+
+def _directions(
+    camera: Camera, columns: NDArray[np.float64], rows: NDArray[np.float64]
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """X of every column and Y of every row, float32, filled up to whole packets."""
-    columns = np.arange(camera.width + -camera.width % shape[0])
-    rows = np.arange(camera.height + -camera.height % shape[1])
-    x_directions = camera.directions(columns, np.array(0), offset)[:, 0]
-    y_directions = camera.directions(np.array(0), rows, offset)[:, 1]
-    return x_directions.astype(np.float32), y_directions.astype(np.float32)
+    """The two summands of ray directions in eye space, (3, columns) and (3, rows) float32.
+
+    columns, rows: positions on the image plane in pixels, measured from the view axis.
+    """
+    right, down, forward = camera.axes[:, :, None]
+    column_directions = right * (columns * camera.pixel_pitch)
+    row_directions = down * (rows * camera.pixel_pitch) + forward
+    return column_directions.astype(np.float32), row_directions.astype(np.float32)
 
 
 __all__ = ["AlignedTracer", "PixelTracer", "Tracer", "choose_packet_shape"]

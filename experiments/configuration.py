@@ -45,6 +45,8 @@ class Figure(Enum):
 
     none = "none"
     horizontal = "horizontal"
+    vertical = "vertical"
+    grid = "grid"
 
 
 @dataclass

@@ -12,8 +12,8 @@ import pandas as pd
 from rich.console import Console
 
 from atra.records import Record, read_record, write_record
-from experiments.configuration import Configuration, Figure, make_results_folder
-from experiments.horizontal import write_figure5
+from experiments.configuration import Configuration, make_results_folder
+from experiments.figures import write_figure
 from experiments.launch import run_worker
 from experiments.measuring import Runner, current_environment, identity, measure
 from experiments.points import PlannedPoint, plan_points
@@ -71,8 +71,7 @@ def run_sweep(configurations: Sequence[Configuration], run: Runner = run_worker)
 
     table = make_table(_in_order(planned, records))
     write_table(folder, table)
-    if first.sweep.figure is Figure.horizontal:
-        write_figure5(folder, table)
+    write_figure(folder, first.sweep.figure, table)
     print_sweep(table, folder, results_console())
     if interrupted:
         left = len(planned) - len(records)

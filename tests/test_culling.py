@@ -13,7 +13,7 @@ HIGH = np.int64(32)
 
 
 def plan(mesh, camera, counts, culling=True, threads=1, **options):
-    alignment = atra.Alignment.at_axis(camera, atra.Split(*counts, camera.width, camera.height))
+    alignment = atra.Alignment.at_quarter(camera, atra.Split(*counts, camera.width, camera.height))
     pool = WorkerPool(threads)
     geometry = plan_aligned_geometry(
         mesh, camera, alignment, culling=culling, row_stride=camera.width, pool=pool, **options
@@ -78,7 +78,7 @@ def test_copies_are_the_sheared_triangles():
             prim_id, pixels = geometry.records[copy] & 0xFFFFFFFF, geometry.records[copy] >> HIGH
             i, j = pixels % 24 // split.cell_width, pixels // 24 // split.cell_height
             corners = camera.to_camera_space(mesh.vertices[mesh.faces[prim_id]])
-            expected = alignment.shear_points(corners, i, j)
+            expected = alignment.shear_points(corners, i, j) @ camera.axes  # back to the world's axes
             np.testing.assert_allclose(geometry.vertices[geometry.faces[copy]], expected, rtol=1e-6, atol=1e-6)
 
 

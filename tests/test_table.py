@@ -9,7 +9,8 @@ import pandas as pd
 import pytest
 
 from atra.records import Record
-from experiments.horizontal import write_figure5
+from experiments.configuration import Figure
+from experiments.figures import write_figure
 from experiments.table import make_table, write_table
 
 ASKED_FOR = [
@@ -92,14 +93,14 @@ def test_both_files_hold_the_same_rows(tmp_path: Path) -> None:
 def test_nothing_measured_gives_a_table_and_no_figure(tmp_path: Path, records: list[Record]) -> None:
     table = make_table(records)
     write_table(tmp_path, table)
-    write_figure5(tmp_path, table)
+    write_figure(tmp_path, Figure.horizontal, table)
     assert len(pd.read_csv(tmp_path / "table.csv")) == len(records)
     assert not (tmp_path / "figure5.png").exists()
 
 
 def test_the_figure_says_what_is_missing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from experiments.horizontal import draw_figure5
+    from experiments.split_figure import draw_split_figure
 
-    figure = draw_figure5(make_table([MEASURED, SKIPPED]))
+    figure = draw_split_figure(make_table([MEASURED, SKIPPED]))
     texts = [text.get_text() for axis in figure.axes for text in axis.texts]
     assert any("culling off, 2: skipped, needs 9 GiB" in text for text in texts)

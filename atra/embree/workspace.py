@@ -32,7 +32,6 @@ class Workspace:
 
         for field in _CONSTANT_RAY_FIELDS:
             self._lanes(self.packet, field, width)[:] = 0.0
-        self._lanes(self.packet, layout.RAY_DIR_Z, width)[:] = 1.0
         self._lanes(self.packet_ids, layout.RAY_MASK, width)[:] = layout.INVALID_ID
         self._lanes(self.packet_ids, layout.RAY_ID, width)[:] = 0
         self._lanes(self.packet_ids, layout.RAY_FLAGS, width)[:] = 0

@@ -143,11 +143,13 @@ def count_copies(counter_address, points_pixels, faces, nx, ny, cell_width, cell
 
 @njit(nogil=True, cache=True)
 def fill_copies(  # type: ignore[no-untyped-def]
-    counter_address, points_pixels, points_camera, faces, culling, nx, ny, cell_width, cell_height,
-    shift_x, shift_y, row_stride, starts, vertices, records,
+    counter_address, points_pixels, points_eye, faces, culling, nx, ny, cell_width, cell_height,
+    shears_x, shears_y, row_stride, starts, vertices, records,
 ):  # fmt: skip
     """Write the sheared copies of each triangle from starts[t] on.
 
+    points_eye: (V, 3) float64. shears_x: (nx, 3), shears_y: (ny, 3) float64, what a column or row of cells takes off a
+    point per unit of depth.
     vertices: (3 N, 3) float32; records: (N,) int64, the copy's prim_id in the low half and the distance in pixels from
     the reference cell's pixel to the cell's in the high half.
     """
@@ -180,10 +182,10 @@ def fill_copies(  # type: ignore[no-untyped-def]
                 for i in range(left, right + 1):
                     for corner in range(3):
                         vertex = faces[triangle, corner]
-                        depth = points_camera[vertex, 2]
-                        vertices[3 * copy + corner, 0] = points_camera[vertex, 0] - shift_x[i] * depth
-                        vertices[3 * copy + corner, 1] = points_camera[vertex, 1] - shift_y[j] * depth
-                        vertices[3 * copy + corner, 2] = depth
+                        depth = points_pixels[vertex, 2]
+                        for axis in range(3):
+                            shear = (shears_x[i, axis] + shears_y[j, axis]) * depth
+                            vertices[3 * copy + corner, axis] = points_eye[vertex, axis] - shear
                     pixel_offset = j * cell_height * row_stride + i * cell_width
                     records[copy] = triangle | (pixel_offset << 32)
                     copy += 1

@@ -14,6 +14,7 @@ from atra.embree.layout import (
     HIT_PRIM_ID,
     RAY_DIR_X,
     RAY_DIR_Y,
+    RAY_DIR_Z,
     RAY_TFAR,
     RAY_WORDS,
     RayQueryContext,
@@ -52,20 +53,21 @@ def _intersect(width, valid_address, scene, packet_address, arguments_address): 
 def pixel_kernel(shape_x: int, shape_y: int) -> Callable[..., None]:
     """The per-pixel loop for packets of shape_x x shape_y pixels; the shape is a constant of the compiled code."""
     width = shape_x * shape_y
-    dir_x, dir_y, tfar = RAY_DIR_X * width, RAY_DIR_Y * width, RAY_TFAR * width
+    dir_x, dir_y, dir_z, tfar = RAY_DIR_X * width, RAY_DIR_Y * width, RAY_DIR_Z * width, RAY_TFAR * width
     hit_prim_id, hit_geom_id = (RAY_WORDS + HIT_PRIM_ID) * width, (RAY_WORDS + HIT_GEOM_ID) * width
 
     @njit(nogil=True, cache=True)
     def trace_pixels(  # type: ignore[no-untyped-def]
-        counter_address, scene, packet, packet_ids, all_lanes, valid, arguments_address, x_directions, y_directions,
+        counter_address, scene, packet, packet_ids, all_lanes, valid, arguments_address, column_directions, row_directions,
         image_width, height, depth, prim_id,
     ):  # fmt: skip
         """Trace every pixel of an image, tile by tile, until the shared counter runs past the last tile.
 
         packet, packet_ids: one RTCRayHitK as (words,) float32 and uint32 views of the same memory, its constant fields
         (origin, tnear, mask, flags, inst_id) already set; all_lanes, valid: (K,) int32 masks, all_lanes all active.
-        x_directions: (>= W,) and y_directions: (>= H,) float32, filled up to whole packets.
-        depth, prim_id: (H, >= W) outputs, written completely.
+        column_directions: (3, >= W) and row_directions: (3, >= H) float32, filled up to whole packets; a pixel's
+        direction is the sum of its column's and its row's.
+        depth, prim_id: (H, W) outputs, written completely.
         """
         packet_address = packet.ctypes.data
         tiles_x = (image_width + TILE_WIDTH - 1) // TILE_WIDTH
@@ -82,8 +84,9 @@ def pixel_kernel(shape_x: int, shape_y: int) -> Callable[..., None]:
                     for row in range(shape_y):
                         for column in range(shape_x):
                             lane = row * shape_x + column
-                            packet[dir_x + lane] = x_directions[x0 + column]
-                            packet[dir_y + lane] = y_directions[y0 + row]
+                            packet[dir_x + lane] = column_directions[0, x0 + column] + row_directions[0, y0 + row]
+                            packet[dir_y + lane] = column_directions[1, x0 + column] + row_directions[1, y0 + row]
+                            packet[dir_z + lane] = column_directions[2, x0 + column] + row_directions[2, y0 + row]
                     for lane in range(width):
                         packet[tfar + lane] = _INFINITY
                         packet_ids[hit_prim_id + lane] = _MISS
@@ -112,22 +115,22 @@ def pixel_kernel(shape_x: int, shape_y: int) -> Callable[..., None]:
 def aligned_kernel(shape_x: int, shape_y: int) -> Callable[..., None]:
     """The aligned loop for packets of shape_x x shape_y pixels; the shape is a constant of the compiled code."""
     width = shape_x * shape_y
-    dir_x, dir_y, tfar = RAY_DIR_X * width, RAY_DIR_Y * width, RAY_TFAR * width
+    dir_x, dir_y, dir_z, tfar = RAY_DIR_X * width, RAY_DIR_Y * width, RAY_DIR_Z * width, RAY_TFAR * width
 
     @njit(nogil=True, cache=True)
     def trace_aligned(  # type: ignore[no-untyped-def]
-        counter_address, scene, packet, valid, context, arguments_address, x_directions, y_directions, cell_rows,
-        depth, prim_id,
+        counter_address, scene, packet, valid, context, arguments_address, column_directions, row_directions,
+        cell_rows, depth, prim_id,
     ):  # fmt: skip
         """Trace the reference cell; the filter writes the pixels of all cells straight into the image.
 
         Packet and outputs as in `trace_pixels`; context: (words,) int64 view of the extended RTCRayQueryContext.
-        x_directions: (cell width,) and y_directions: (cell height,) float32, the reference rays.
+        column_directions: (3, cell width) and row_directions: (3, cell height) float32, the reference rays.
         A task is `shape_y` rows of the reference cell, and with them the same rows of every row of cells: no two tasks
         write to the same image row. A packet may reach past the right border of its cell (its spare lanes are inactive
-        and rewrite what is there), never past its rows; the rows of depth and prim_id are long enough for that.
+        and rewrite what is there), never past its rows; memory has room for that between the rows of depth and prim_id.
         """
-        cell_height, cell_width = len(y_directions), len(x_directions)
+        cell_height, cell_width = row_directions.shape[1], column_directions.shape[1]
         packet_address, valid_address = packet.ctypes.data, valid.ctypes.data
         row_bytes = depth.strides[0]
         while True:
@@ -143,8 +146,10 @@ def aligned_kernel(shape_x: int, shape_y: int) -> Callable[..., None]:
                 for row in range(shape_y):
                     for column in range(shape_x):
                         lane = row * shape_x + column
-                        packet[dir_x + lane] = x_directions[x0 + min(column, columns - 1)]
-                        packet[dir_y + lane] = y_directions[y0 + row]
+                        x = x0 + min(column, columns - 1)
+                        packet[dir_x + lane] = column_directions[0, x] + row_directions[0, y0 + row]
+                        packet[dir_y + lane] = column_directions[1, x] + row_directions[1, y0 + row]
+                        packet[dir_z + lane] = column_directions[2, x] + row_directions[2, y0 + row]
                         valid[lane] = -1 if column < columns else 0
                 for lane in range(width):
                     packet[tfar + lane] = _INFINITY

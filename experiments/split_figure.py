@@ -1,20 +1,15 @@
-"""Figure 5 of the paper: render time over horizontal splits, culling off and on, against both baselines."""
+"""Figure 5 of the paper: render time over the splits of one axis, culling off and on, against both baselines."""
 
 from __future__ import annotations
 
-import io
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
-import matplotlib
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, NullFormatter
-
-from atra.records import write_atomically
 
 # Okabe and Ito's palette, told apart by the colour-blind too; shapes and dashes say the same again.
 _SERIES: dict[bool, dict[str, Any]] = {
@@ -25,38 +20,26 @@ _BASELINES: tuple[tuple[str, dict[str, Any]], ...] = (
     ("baseline_render_time_s", {"color": "#333333", "linestyle": (0, (6, 2)), "label": "rtcIntersect1 per pixel"}),
     ("packets_render_time_s", {"color": "#009E73", "linestyle": (0, (1, 1.2)), "label": "packets per pixel"}),
 )
-_PANEL_FIELDS = ("width", "height", "split_y", "packet_width", "threads", "build_quality")
+_PANEL_FIELDS = ("width", "height", "packet_width", "threads", "build_quality")
 _MILLISECONDS = 1e3
 _TIMES = "\N{MULTIPLICATION SIGN}"
 
 
-def write_figure5(folder: Path, table: pd.DataFrame) -> None:
-    """Draw the table's points into `figure5.png` and `figure5.svg`; writes nothing if no point was measured."""
-    if not (table["status"] == "ok").any():
-        return
-    figure = draw_figure5(table)
-    for kind in ("png", "svg"):
-        buffer = io.BytesIO()
-        # A fixed salt and no date keep the SVG of equal tables equal.
-        with matplotlib.rc_context({"svg.hashsalt": "atra", "svg.fonttype": "path"}):
-            figure.savefig(buffer, format=kind, dpi=150, metadata={"Date": None} if kind == "svg" else None)
-        write_atomically(folder / f"figure5.{kind}", buffer.getvalue())
-
-
-def draw_figure5(table: pd.DataFrame) -> Figure:
+def draw_split_figure(table: pd.DataFrame, axis_name: str = "split_x") -> Figure:
     """One panel a scene (and a value of any other field that varies); milliseconds over splits, both logarithmic.
 
+    axis_name: the column on the abscissa, `split_x` (horizontal splits, the paper's figure 5) or `split_y` (vertical).
     Points are medians with bars from the lower to the upper quartile over rounds. A baseline is measured again with
     every point: its line is the median over all of them, its band reaches from lower to upper quartile.
     """
-    panels = _panels(table)
+    panels = _panels(table, axis_name)
     columns = 1 if len(panels) == 1 else 2
     rows = -(-len(panels) // columns)
     figure = Figure(figsize=(7.2 if columns == 1 else 11.5, 4.1 * rows + 1.1), layout="constrained")
     FigureCanvasAgg(figure)
     axes = figure.subplots(rows, columns, squeeze=False).ravel()
     for axis, (title, rows_of_panel) in zip(axes, panels, strict=False):
-        _draw_panel(axis, title, rows_of_panel)
+        _draw_panel(axis, title, rows_of_panel, axis_name)
     for axis in axes[len(panels) :]:
         axis.set_visible(False)
     handles: dict[str, Any] = {}
@@ -67,14 +50,15 @@ def draw_figure5(table: pd.DataFrame) -> Figure:
     legend_columns = len(labels) if columns > 1 else 2
     shown = [handles[label] for label in labels]
     figure.legend(shown, labels, loc="outside upper center", ncols=legend_columns, frameon=False)
-    figure.supxlabel(_footer(table), fontsize=8, color="#555555")
+    figure.supxlabel(describe_measurement(table), fontsize=8, color="#555555")
     return figure
 
 
-def _panels(table: pd.DataFrame) -> list[tuple[str, pd.DataFrame]]:
+def _panels(table: pd.DataFrame, axis_name: str) -> list[tuple[str, pd.DataFrame]]:
     aligned = table[table["method"] == "aligned"]
     aligned = aligned if len(aligned) else table
-    varying = [name for name in _PANEL_FIELDS if _varies(aligned, name)]
+    fields = (*_PANEL_FIELDS, "split_y" if axis_name == "split_x" else "split_x")
+    varying = [name for name in fields if _varies(aligned, name)]
     panels = []
     for key, rows in aligned.groupby(["scene", *varying], sort=False, dropna=False):
         scene, *values = key if isinstance(key, tuple) else (key,)
@@ -88,13 +72,13 @@ def _varies(table: pd.DataFrame, name: str) -> bool:
     return bool(table[name].nunique() > 1)
 
 
-def _draw_panel(axis: Axes, title: str, rows: pd.DataFrame) -> None:
+def _draw_panel(axis: Axes, title: str, rows: pd.DataFrame, axis_name: str) -> None:
     axis.set_title(title, fontsize=11, loc="left")
     axis.set_xscale("log", base=2)
     axis.set_yscale("log")
     measured = rows[rows["status"] == "ok"]
     for culling, style in _SERIES.items():
-        series = measured[measured["culling"] == culling].sort_values("split_x")
+        series = measured[measured["culling"] == culling].sort_values(axis_name)
         if len(series) == 0:
             continue
         time_ms, low_ms, high_ms = (
@@ -102,14 +86,14 @@ def _draw_panel(axis: Axes, title: str, rows: pd.DataFrame) -> None:
             for name in ("render_time_s", "render_time_q1_s", "render_time_q3_s")
         )
         axis.errorbar(
-            series["split_x"].to_numpy(float), time_ms, yerr=[time_ms - low_ms, high_ms - time_ms],
+            series[axis_name].to_numpy(float), time_ms, yerr=[time_ms - low_ms, high_ms - time_ms],
             linewidth=1.6, markersize=5, capsize=2.5, elinewidth=1.1, zorder=3, **style,
         )  # fmt: skip
-        _mark_best(axis, series, str(style["color"]))
+        _mark_best(axis, series, str(style["color"]), axis_name)
     for column, style in _BASELINES:
         _draw_baseline(axis, measured[column].astype(float) * _MILLISECONDS, style)
-    splits = sorted(int(split) for split in rows["split_x"].unique())
-    _mark_missing(axis, rows[rows["status"] != "ok"])
+    splits = sorted(int(split) for split in rows[axis_name].unique())
+    _mark_missing(axis, rows[rows["status"] != "ok"], axis_name)
     axis.set_xticks(splits, [str(split) for split in splits])
     axis.xaxis.set_minor_formatter(NullFormatter())
     axis.minorticks_off()
@@ -118,7 +102,7 @@ def _draw_panel(axis: Axes, title: str, rows: pd.DataFrame) -> None:
     axis.set_ylim(low / 1.25, high * 1.1)
     axis.set_yticks(_ticks(*axis.get_ylim()))
     axis.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    axis.set_xlabel("horizontal splits")
+    axis.set_xlabel("horizontal splits" if axis_name == "split_x" else "vertical splits")
     axis.set_ylabel("time per frame in ms")
     axis.grid(True, which="major", color="#DDDDDD", linewidth=0.6)
     axis.set_axisbelow(True)
@@ -134,23 +118,23 @@ def _draw_baseline(axis: Axes, times_ms: pd.Series, style: dict[str, Any]) -> No
     axis.axhline(median, linewidth=1.5, zorder=2, **style)
 
 
-def _mark_best(axis: Axes, series: pd.DataFrame, color: str) -> None:
+def _mark_best(axis: Axes, series: pd.DataFrame, color: str, axis_name: str) -> None:
     best = series.loc[series["render_time_s"].astype(float).idxmin()]
     offset = (0, -13) if best["culling"] else (0, 8)
     axis.annotate(
         f"{best['speedup']:.2f}{_TIMES}",
-        (float(best["split_x"]), float(best["render_time_s"]) * _MILLISECONDS),
+        (float(best[axis_name]), float(best["render_time_s"]) * _MILLISECONDS),
         xytext=offset, textcoords="offset points", ha="center", fontsize=8.5, color=color, fontweight="bold",
         bbox={"boxstyle": "round,pad=0.1", "facecolor": "white", "edgecolor": "none", "alpha": 0.75}, zorder=4,
     )  # fmt: skip
 
 
-def _mark_missing(axis: Axes, missing: pd.DataFrame) -> None:
+def _mark_missing(axis: Axes, missing: pd.DataFrame, axis_name: str) -> None:
     """A cross on the upper edge for each point without a time, and the reason in words."""
     notes = []
     for (culling, status), rows in missing.groupby(["culling", "status"], sort=False):
         style = _SERIES[bool(culling)]
-        splits = sorted(int(split) for split in rows["split_x"])
+        splits = sorted(int(split) for split in rows[axis_name])
         # Off and on apart, so that one cross does not hide the other.
         height = 0.985 if culling else 0.945
         axis.plot(
@@ -185,7 +169,8 @@ def _ticks(low: float, high: float) -> list[float]:
     return ticks
 
 
-def _footer(table: pd.DataFrame) -> str:
+def describe_measurement(table: pd.DataFrame) -> str:
+    """Two lines for the foot of a figure: what is common to its points, the machine, the day, the doubts."""
     measured = table[table["status"] == "ok"]
     size = _common(measured, ("width", "height"), f"{{}} {_TIMES} {{}} pixels")
     threads = _common(measured, ("threads",), "threads {}")

@@ -1,0 +1,74 @@
+"""What `manifest.toml` says of the paper's scenes, as typed values."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from atra.errors import InputError
+
+MANIFEST_FILE = Path(__file__).with_name("manifest.toml")
+
+
+@dataclass(frozen=True)
+class SceneSource:
+    """Where one scene of the paper comes from and how to know that it is the right one.
+
+    archive: path of the zip below the manifest's base_url; archive_bytes: its size, None = unknown.
+    sha256: of the zip, lower case, None = unknown.
+    member: the mesh file inside. triangles: what it must hold.
+    camera: fields of `atra.camera.Camera`; camera_source: whose they are.
+    notice: a restriction of the author's to be shown whenever the scene is fetched, None = none beyond the licence.
+    Raises InputError for a field that cannot be meant.
+    """
+
+    name: str
+    title: str
+    author: str
+    licence: str
+    archive: str
+    member: str
+    triangles: int
+    camera: dict[str, Any]
+    camera_source: str
+    sha256: str | None = None
+    archive_bytes: int | None = None
+    notice: str | None = None
+
+    def __post_init__(self) -> None:
+        if self.triangles < 1:
+            raise InputError(f"scene {self.name!r} promises {self.triangles} triangles, expected at least 1")
+        if self.sha256 is not None and not re.fullmatch(r"[0-9a-f]{64}", self.sha256):
+            raise InputError(f"scene {self.name!r} has the sha256 {self.sha256!r}, expected 64 lower-case hex digits")
+        if not {"eye", "target"} <= self.camera.keys() <= {"eye", "target", "up", "fov_y_degrees"}:
+            raise InputError(f"the camera of scene {self.name!r} has the fields {', '.join(sorted(self.camera))}")
+
+
+@dataclass(frozen=True)
+class Manifest:
+    """home: page for people. base_url: start of every archive's address. scenes: by name."""
+
+    home: str
+    base_url: str
+    scenes: dict[str, SceneSource]
+
+    def scene(self, name: str) -> SceneSource:
+        """The scene called `name`; InputError with the known names if there is none."""
+        if name not in self.scenes:
+            raise InputError(f"no scene {name!r} can be fetched, expected one of {', '.join(sorted(self.scenes))}")
+        return self.scenes[name]
+
+
+def read_manifest(path: Path = MANIFEST_FILE) -> Manifest:
+    """Read a manifest. Raises InputError naming the file when a field is missing, unknown or cannot be meant."""
+    try:
+        told = tomllib.loads(path.read_text(encoding="utf-8"))
+        scenes = {name: SceneSource(name=name, **fields) for name, fields in told["scenes"].items()}
+        return Manifest(home=told["home"], base_url=told["base_url"], scenes=scenes)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+        raise InputError(f"{path} cannot be read as a scene manifest: {error}") from None

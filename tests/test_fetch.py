@@ -1,0 +1,277 @@
+"""Fetching the paper's scenes: from a server on this machine, with archives made here."""
+
+import hashlib
+import io
+import json
+import stat
+import sys
+import threading
+import zipfile
+from dataclasses import replace
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+
+import numpy as np
+import pytest
+
+from atra.camera import Camera
+from atra.errors import InputError
+from scenes import archive, fetch, manifest
+from scenes.directory import load_scene_from_directory
+from scenes.fetch import fetch_scene
+
+OBJ = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3\nf 1 3 4\n"
+
+
+def zipped(*members):
+    packed = io.BytesIO()
+    with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as file:
+        for name, content in members:
+            file.writestr(name, content)
+    return packed.getvalue()
+
+
+@pytest.fixture
+def server(monkeypatch):
+    """Serves `files` (path -> bytes) on 127.0.0.1, counts requests, and has no other network."""
+    pytest.importorskip("pooch", reason="fetching needs pooch: pip install 'atra[fetch]'")
+    monkeypatch.setenv("NO_PROXY", "127.0.0.1")
+    monkeypatch.setenv("no_proxy", "127.0.0.1")
+
+    class Handler(BaseHTTPRequestHandler):
+        def do_GET(self):
+            self.server.asked.append((self.path, self.headers["User-Agent"]))
+            content = self.server.files.get(self.path)
+            self.send_response(404 if content is None else 200)
+            self.send_header("Content-Length", str(len(content or b"")))
+            self.end_headers()
+            self.wfile.write(content or b"")
+
+        def log_message(self, *_):
+            pass
+
+    with ThreadingHTTPServer(("127.0.0.1", 0), Handler) as running:
+        running.files, running.asked = {}, []
+        running.url = f"http://127.0.0.1:{running.server_port}/g3d/"
+        thread = threading.Thread(target=running.serve_forever, kwargs={"poll_interval": 0.02})
+        thread.start()
+        yield running
+        running.shutdown()
+        thread.join()
+
+
+@pytest.fixture
+def describe(monkeypatch):
+    """Makes the manifest hold one tiny scene called sponza, with the fields given."""
+    real = manifest.read_manifest()
+
+    def describe_scene(**fields):
+        fields = {"archive": "a/tiny.zip", "sha256": None, "triangles": 2, **fields}
+        tiny = replace(real.scene("sponza"), **fields)
+        monkeypatch.setattr(fetch, "read_manifest", lambda: replace(real, scenes={"sponza": tiny}))
+
+    return describe_scene
+
+
+@pytest.fixture
+def by_hand(tmp_path, describe):
+    """Puts an archive where a download would have put it, so that no network is needed."""
+
+    def put(content, **fields):
+        describe(**fields)
+        folder = tmp_path / fetch.ARCHIVES_FOLDER
+        folder.mkdir()
+        (folder / "sponza.zip").write_bytes(content)
+        return tmp_path
+
+    return put
+
+
+def test_a_fetched_scene_can_be_read_as_one_of_the_scene_folder(server, describe, tmp_path, capsys):
+    describe()
+    server.files["/g3d/a/tiny.zip"] = zipped(("copyright.txt", "mine"), ("sponza.obj", OBJ))
+    path = fetch_scene("sponza", tmp_path / "new" / "cache", server.url)
+    assert path == tmp_path / "new" / "cache" / "sponza.ply"
+    mesh, camera = load_scene_from_directory("sponza", path.parent)
+    assert np.array_equal(mesh.vertices, [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)])
+    assert np.array_equal(mesh.faces, [(0, 1, 2), (0, 2, 3)])
+    assert camera["eye"] == (-1150.0, 250.0, -40.0)
+    told = capsys.readouterr().out
+    assert "Frank Meinl" in told
+    assert "CC BY 3.0" in told
+    assert [agent for _, agent in server.asked] == [fetch._USER_AGENT]
+
+
+def test_a_scene_in_the_cache_needs_neither_network_nor_pooch(server, describe, tmp_path, monkeypatch):
+    describe()
+    server.files["/g3d/a/tiny.zip"] = zipped(("sponza.obj", OBJ))
+    first = fetch_scene("sponza", tmp_path, server.url).read_bytes()
+    monkeypatch.setitem(sys.modules, "pooch", None)
+    assert fetch_scene("sponza", tmp_path, "http://127.0.0.1:9/").read_bytes() == first
+    assert len(server.asked) == 1
+
+
+def test_a_missing_pooch_is_answered_with_the_command_that_installs_it(describe, tmp_path, monkeypatch):
+    describe()
+    monkeypatch.setitem(sys.modules, "pooch", None)
+    with pytest.raises(InputError, match=r"pip install 'atra\[fetch\]'"):
+        fetch_scene("sponza", tmp_path, "http://127.0.0.1:9/")
+
+
+@pytest.mark.parametrize("base", ["http://127.0.0.1:9/", "SERVER"])
+def test_a_failed_download_says_which_file_to_put_where_by_hand(base, server, describe, tmp_path):
+    describe()
+    url = server.url if base == "SERVER" else base
+    with pytest.raises(InputError) as refused:
+        fetch_scene("sponza", tmp_path, url)
+    assert f"{url}a/tiny.zip cannot be downloaded" in str(refused.value)
+    assert str(tmp_path / "archives" / "sponza.zip") in str(refused.value)
+    assert list((tmp_path / "archives").iterdir()) == []
+
+
+def test_a_pinned_hash_admits_its_archive_and_no_other(server, describe, tmp_path):
+    good = zipped(("sponza.obj", OBJ))
+    pinned = hashlib.sha256(good).hexdigest()
+    describe(sha256=pinned)
+    server.files["/g3d/a/tiny.zip"] = zipped(("sponza.obj", OBJ + "# changed\n"))
+    with pytest.raises(InputError, match=f"expected {pinned}"):
+        fetch_scene("sponza", tmp_path, server.url)
+    assert list((tmp_path / "archives").iterdir()) == []
+    server.files["/g3d/a/tiny.zip"] = good
+    assert fetch_scene("sponza", tmp_path, server.url).is_file()
+
+
+def test_an_archive_put_there_by_hand_is_used_and_its_hash_is_checked(by_hand, describe):
+    folder = by_hand(zipped(("sponza.obj", OBJ)), sha256="0" * 64)
+    with pytest.raises(InputError, match="expected 0000"):
+        fetch_scene("sponza", folder)
+    describe()
+    assert fetch_scene("sponza", folder).is_file()
+
+
+def test_a_wrong_triangle_count_is_refused_with_both_numbers_and_nothing_is_kept(by_hand):
+    folder = by_hand(zipped(("sponza.obj", OBJ + "f 1 2 4\n")))
+    with pytest.raises(InputError, match="has 3 triangles, expected 2"):
+        fetch_scene("sponza", folder)
+    assert not list(folder.glob("*.ply"))
+    assert not (folder / "cameras.json").exists()
+
+
+def test_the_triangle_count_of_a_scene_in_the_cache_is_checked_too(by_hand, describe):
+    folder = by_hand(zipped(("sponza.obj", OBJ)))
+    path = fetch_scene("sponza", folder)
+    describe(triangles=5)
+    with pytest.raises(InputError, match=f"has 2 triangles, expected 5: delete {path}"):
+        fetch_scene("sponza", folder)
+
+
+def linked():
+    entry = zipfile.ZipInfo("textures")
+    entry.create_system, entry.external_attr = 3, (stat.S_IFLNK | 0o777) << 16
+    return entry
+
+
+@pytest.mark.parametrize(
+    ("member", "reason"),
+    [
+        ("../evil.txt", "leads out"),
+        ("a/../../evil.txt", "leads out"),
+        ("a\\..\\..\\evil.txt", "leads out"),
+        ("/tmp/evil.txt", "absolute"),
+        ("C:\\evil.txt", "absolute"),
+        ("\\\\host\\evil.txt", "absolute"),
+        (linked(), "symbolic link"),
+    ],
+)
+def test_an_archive_with_a_hostile_member_is_refused_whole(member, reason, by_hand):
+    folder = by_hand(zipped(("sponza.obj", OBJ), (member, "/etc/passwd")))
+    with pytest.raises(InputError, match=f"{reason}.*; nothing was unpacked"):
+        fetch_scene("sponza", folder)
+    assert sorted(path.name for path in folder.rglob("*")) == ["archives", "sponza.zip"]
+    assert not (folder.parent / "evil.txt").exists()
+
+
+def test_an_archive_that_would_unpack_to_too_much_is_refused(by_hand, monkeypatch):
+    monkeypatch.setattr(archive, "LARGEST_UNPACKED_BYTES", 1_000_000)
+    folder = by_hand(zipped(("sponza.obj", OBJ), ("zeros", bytes(1_000_001))))
+    with pytest.raises(InputError, match=r"would unpack to 10000.. bytes, expected at most 1000000"):
+        fetch_scene("sponza", folder)
+
+
+@pytest.mark.parametrize(
+    ("content", "reason"),
+    [
+        (b"<html>moved</html>", "not a whole zip"),
+        (b"", "not a whole zip"),
+        (zipped(("sponza.obj", OBJ))[:-30], "not a whole zip"),
+        (zipped(("sponza.obj", OBJ)).replace(b"sponza.obj", b"sponza.txt"), "holds no sponza.obj"),
+        (zipped(("a/sponza.obj", OBJ), ("b/sponza.obj", OBJ)), "2 files called sponza.obj"),
+    ],
+)
+def test_an_archive_that_is_not_the_scene_is_refused(content, reason, by_hand):
+    with pytest.raises(InputError, match=reason):
+        fetch_scene("sponza", by_hand(content))
+
+
+def test_a_damaged_member_is_refused(by_hand):
+    content = bytearray(zipped(("sponza.obj", OBJ * 50)))
+    content[60] ^= 0xFF
+    with pytest.raises(InputError, match="not a whole zip"):
+        fetch_scene("sponza", by_hand(bytes(content)))
+
+
+def test_the_member_is_found_in_a_folder_of_the_archive(by_hand):
+    assert fetch_scene("sponza", by_hand(zipped(("crytek/sponza.obj", OBJ)))).is_file()
+
+
+def test_a_camera_of_the_users_own_is_kept_and_other_scenes_stay(by_hand):
+    folder = by_hand(zipped(("sponza.obj", OBJ)))
+    mine = {"sponza": {"eye": [1, 2, 3], "target": [0, 0, 0]}, "other": {"eye": [0, 0, 1], "target": [0, 0, 0]}}
+    (folder / "cameras.json").write_text(json.dumps(mine))
+    fetch_scene("sponza", folder)
+    assert json.loads((folder / "cameras.json").read_text()) == mine
+    (folder / "cameras.json").write_text("{")
+    with pytest.raises(InputError, match="cannot be read as JSON"):
+        fetch_scene("sponza", folder)
+
+
+def test_an_unknown_scene_is_answered_with_those_there_are(tmp_path):
+    with pytest.raises(InputError, match=r"'bunny'.*cornell_box, fireplace_room, mitsuba, sponza"):
+        fetch_scene("bunny", tmp_path)
+
+
+def test_a_cache_that_is_a_file_is_refused_by_name(tmp_path):
+    (tmp_path / "cache").write_text("")
+    with pytest.raises(InputError, match=r"cache .*cache cannot be used"):
+        fetch_scene("sponza", tmp_path / "cache")
+
+
+def test_the_manifest_names_the_papers_counts_and_usable_cameras_and_one_restriction():
+    scenes = manifest.read_manifest().scenes
+    counts = {"cornell_box": 1112, "mitsuba": 61600, "fireplace_room": 143173, "sponza": 262267}
+    assert {name: scene.triangles for name, scene in scenes.items()} == counts
+    for scene in scenes.values():
+        Camera(**scene.camera, width=8, height=8)
+        assert scene.author
+        assert scene.licence
+    assert [name for name, scene in scenes.items() if scene.notice] == ["mitsuba"]
+
+
+def test_fetching_mitsuba_shows_its_restriction_before_anything_is_downloaded(tmp_path, capsys, monkeypatch):
+    monkeypatch.setitem(sys.modules, "pooch", None)
+    with pytest.raises(InputError, match="pooch"):
+        fetch_scene("mitsuba", tmp_path)
+    assert "direct comparisons between the Mitsuba renderer and others" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("home = ", "cannot be read"),
+        ('home = "h"\nbase_url = "b"\n[scenes.x]\ntitle = "x"', "missing"),
+        ("[scenes]", "home"),
+    ],
+)
+def test_a_broken_manifest_is_refused_by_name(text, reason, tmp_path):
+    (tmp_path / "m.toml").write_text(text)
+    with pytest.raises(InputError, match=rf"m\.toml.*{reason}"):
+        manifest.read_manifest(tmp_path / "m.toml")

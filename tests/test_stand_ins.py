@@ -1,0 +1,115 @@
+"""The procedural stand-ins for the paper's larger scenes, and the shapes they are made of."""
+
+import numpy as np
+import pytest
+
+from atra.camera import Camera
+from atra.errors import InputError
+from atra.tracers import PixelTracer
+from scenes import shapes
+from scenes.manifest import read_manifest
+from scenes.stand_ins import STAND_INS
+
+NAMES = sorted(STAND_INS)
+COUNTS = {"material_ball": 61_600, "living_room": 143_173, "atrium": 262_267}
+
+
+@pytest.fixture(scope="module")
+def meshes():
+    return {name: STAND_INS[name].make() for name in NAMES}
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_stand_in_has_the_triangle_count_of_the_scene_it_stands_for(name, meshes):
+    assert meshes[name].triangle_count == COUNTS[name]
+    assert read_manifest().scene(STAND_INS[name].stands_for).triangles == COUNTS[name]
+    assert meshes[name].name == name
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_stand_in_is_the_same_every_time(name, meshes):
+    again = STAND_INS[name].make()
+    assert np.array_equal(again.vertices, meshes[name].vertices)
+    assert np.array_equal(again.faces, meshes[name].faces)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_no_triangle_of_a_stand_in_is_degenerate(name, meshes):
+    corners = meshes[name].triangles(np.arange(meshes[name].triangle_count))
+    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1) / 2
+    assert area.min() > 1e-6
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_no_ray_of_a_stand_ins_camera_leaves_through_a_hole_and_detail_fills_part_of_the_image(name, meshes):
+    camera = Camera(**STAND_INS[name].camera, width=128, height=128)
+    with PixelTracer(meshes[name], camera, packet_width=1, threads=1) as tracer:
+        hits = tracer.trace()
+    assert hits.hit.all()
+    assert len(np.unique(hits.prim_id)) > 1000
+
+
+@pytest.mark.parametrize(("name", "stated"), [("material_ball", 2.5), ("living_room", 2.9), ("atrium", 6.4)])
+def test_the_depth_complexity_is_the_one_the_docstring_states(name, stated, meshes):
+    assert f"crosses {stated} triangles" in STAND_INS[name].make.__doc__
+    camera = Camera(**STAND_INS[name].camera, width=32, height=32)
+    assert crossings(meshes[name], camera).mean() == pytest.approx(stated, abs=0.05)
+
+
+def crossings(mesh, camera):
+    """How many triangles each ray crosses: signs of its products with the planes through the eye and the edges."""
+    a, b, c = np.moveaxis(camera.to_camera_space(mesh.vertices)[mesh.faces], 1, 0)
+    seen = (a[:, 2] > 0) | (b[:, 2] > 0) | (c[:, 2] > 0)
+    a, b, c = a[seen], b[seen], c[seen]
+    planes = np.concatenate([np.cross(a, b), np.cross(b, c), np.cross(c, a)])
+    volume = np.einsum("ij,ij->i", a, np.cross(b, c))
+    x, y = np.meshgrid(np.arange(camera.width), np.arange(camera.height))
+    counts = []
+    for direction in camera.directions(x.ravel(), y.ravel()):
+        sides = (planes @ direction).reshape(3, -1)
+        inside = (sides > 0).all(axis=0) | (sides < 0).all(axis=0)
+        counts.append(np.count_nonzero(volume[inside] * sides[0, inside] > 0))
+    return np.array(counts)
+
+
+@pytest.mark.parametrize(
+    ("part", "triangles", "volume"),
+    [
+        (shapes.ball(2.0, 64, 48), 64 * 94, 4 / 3 * np.pi * 8),
+        (shapes.box(1.0, 2.0, 3.0), 12, 6.0),
+        (shapes.ring(2.0, 0.5, 64, 48), 2 * 64 * 48, 2 * np.pi**2 * 2.0 * 0.25),
+        (shapes.lathe([(0, 0), (1, 0), (1, 2), (0, 2)], 90), 90 * 4, 2 * np.pi),
+        (shapes.cushion(1.0, 1.0, 1.0, 4, 0.0), 12 * 16, 1.0),
+    ],
+)
+def test_a_closed_shape_has_its_triangle_count_and_volume(part, triangles, volume):
+    assert part.triangle_count == triangles
+    corners = part.vertices[part.faces]
+    signed = np.einsum("ij,ij->i", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])).sum() / 6
+    assert abs(signed) == pytest.approx(volume, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("part", "triangles"),
+    [
+        (shapes.cloth(1, 1, 7, 5, 2, 0.1), 70),
+        (shapes.leaf(1, 0.2, 8, 0.7), 28),
+        (shapes.tube([(0, 0, 0), (1, 0, 0), (2, 1, 0)], 0.1, 6, (0, 0, 1)), 24),
+        (shapes.blades(np.zeros((9, 3)), 0.1, 1.0), 9),
+    ],
+)
+def test_an_open_shape_has_the_count_its_docstring_gives(part, triangles):
+    assert part.triangle_count == triangles
+
+
+def test_copies_are_leant_then_turned_then_moved():
+    arrow = shapes.Part(np.array([[0.0, 0, 0], [0, 1, 0], [0, 0, 1]]), np.array([[0, 1, 2]]))
+    placed = shapes.copies(arrow, [(5, 0, 0), (0, 7, 0)], shapes.frames([90, 0], [0, 90], [1, 2]))
+    assert np.allclose(placed.vertices[:3], [(5, 0, 0), (5, 1, 0), (6, 0, 0)])
+    assert np.allclose(placed.vertices[3:], [(0, 7, 0), (0, 7, 2), (0, 5, 0)])
+    assert placed.faces.tolist() == [[0, 1, 2], [3, 4, 5]]
+
+
+def test_a_part_whose_face_names_no_vertex_is_refused():
+    with pytest.raises(InputError, match="outside its 3"):
+        shapes.Part(np.zeros((3, 3)), np.array([[0, 1, 3]]))
