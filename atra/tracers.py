@@ -334,7 +334,7 @@ def _new_images(height: int, width: int, row_stride: int) -> tuple[NDArray[np.fl
 
 
 def _directions(
-    camera: Camera, columns: NDArray[np.float64], rows: NDArray[np.float64]
+    camera: Camera, columns: NDArray[np.floating], rows: NDArray[np.floating]
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """The two summands of ray directions in eye space, (3, columns) and (3, rows) float32.
 

@@ -12,8 +12,12 @@ from atra.mesh import Mesh, load_mesh
 from experiments.configuration import SceneSource
 from scenes.cornell_box import CORNELL_BOX_CAMERA, cornell_box
 from scenes.directory import default_camera_fields, load_scene_from_directory
+from scenes.stand_ins import STAND_INS
 
-_PROCEDURAL = {"cornell_box": (cornell_box, CORNELL_BOX_CAMERA)}
+_PROCEDURAL = {
+    "cornell_box": (cornell_box, CORNELL_BOX_CAMERA),
+    **{name: (stand_in.make, stand_in.camera) for name, stand_in in STAND_INS.items()},
+}
 
 
 def load_scene(source: SceneSource, name: str | None, path: str | None) -> tuple[Mesh, dict[str, Any]]:

@@ -58,8 +58,8 @@ def pixel_kernel(shape_x: int, shape_y: int) -> Callable[..., None]:
 
     @njit(nogil=True, cache=True)
     def trace_pixels(  # type: ignore[no-untyped-def]
-        counter_address, scene, packet, packet_ids, all_lanes, valid, arguments_address, column_directions, row_directions,
-        image_width, height, depth, prim_id,
+        counter_address, scene, packet, packet_ids, all_lanes, valid, arguments_address,
+        column_directions, row_directions, image_width, height, depth, prim_id,
     ):  # fmt: skip
         """Trace every pixel of an image, tile by tile, until the shared counter runs past the last tile.
 
