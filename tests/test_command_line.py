@@ -34,7 +34,10 @@ def run(folder: Path, *arguments: str, scenes: str | None = None) -> subprocess.
         (["scene.fov_y_degrees=180"], "fov_y_degrees is 180.0"),
         (["nonsense=1"], "Key 'nonsense' not in 'Configuration'"),
         (["scene=nowhere"], "unknown scene 'nowhere', expected one of atrium, cornell_box, file, fireplace_room"),
-        (["sweep=horizontal", "scene=cornell_box,nowhere"], "unknown scene 'nowhere', expected one of atrium, cornell_box, file"),
+        (
+            ["sweep=horizontal", "scene=cornell_box,nowhere"],
+            "unknown scene 'nowhere', expected one of atrium, cornell_box, file",
+        ),
         (["sweep=horizontal", "scene=cornell_box,sponza"], "ATRA_SCENES is not set"),
         (["scene=file", "scene.path=nothing.ply"], "nothing.ply does not exist"),
         (["split_x=1,2"], "several values make a sweep"),
