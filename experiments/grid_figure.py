@@ -21,10 +21,12 @@ def draw_grid_figure(table: pd.DataFrame) -> Figure:
     A split without a time stays empty, marked with its status. Colours are per scene: compare within a panel.
     """
     keys = ["scene"] + [name for name in ("culling", "packet_width", "threads") if table[name].nunique() > 1]
-    panels = list(table.groupby(keys, sort=False, dropna=False))
+    # A panel without any time would be empty; its points are in the table with their reasons.
+    with_times = table.groupby(keys, sort=False, dropna=False).filter(lambda points: (points["status"] == "ok").any())
+    panels = list(with_times.groupby(keys, sort=False, dropna=False))
     columns = min(2, len(panels))
     rows = -(-len(panels) // columns)
-    figure = Figure(figsize=(5.8 * columns, 4.9 * rows + 0.6), layout="constrained")
+    figure = Figure(figsize=(max(6.6, 5.8 * columns), 4.9 * rows + 0.6), layout="constrained")
     FigureCanvasAgg(figure)
     axes = figure.subplots(rows, columns, squeeze=False).ravel()
     for axis, (key, points) in zip(axes, panels, strict=False):
@@ -33,7 +35,7 @@ def draw_grid_figure(table: pd.DataFrame) -> Figure:
         _draw_panel(figure, axis, ", ".join([f"{scene} ({points['triangles'].iloc[0]:,} triangles)", *details]), points)
     for axis in axes[len(panels) :]:
         axis.set_visible(False)
-    figure.supxlabel(describe_measurement(table), fontsize=8, color="#555555")
+    figure.supxlabel(describe_measurement(table, "shortest time framed"), fontsize=8, color="#555555")
     return figure
 
 
@@ -53,7 +55,7 @@ def _draw_panel(figure: Figure, axis: Axes, title: str, points: pd.DataFrame) ->
     for row, column in np.argwhere(np.isfinite(time_ms)):
         value = time_ms[row, column]
         color = "white" if value > middle else "black"
-        axis.text(column, row, f"{value:.3g}", ha="center", va="center", fontsize=9, color=color)
+        axis.text(column, row, _short(value), ha="center", va="center", fontsize=9, color=color)
     best_row, best_column = np.unravel_index(np.nanargmin(time_ms), time_ms.shape)
     corner = (float(best_column) - 0.5, float(best_row) - 0.5)
     axis.add_patch(Rectangle(corner, 1, 1, fill=False, edgecolor="#D55E00", linewidth=2.5))
@@ -64,5 +66,9 @@ def _draw_panel(figure: Figure, axis: Axes, title: str, points: pd.DataFrame) ->
     axis.set_ylabel("vertical splits")
     ticks = np.geomspace(low, max(high, low * 1.01), 4)
     bar = figure.colorbar(picture, ax=axis, shrink=0.85, label="time per frame in ms")
-    bar.set_ticks(ticks.tolist(), labels=[f"{tick:.3g}" for tick in ticks])
+    bar.set_ticks(ticks.tolist(), labels=[_short(tick) for tick in ticks])
     bar.minorticks_off()
+
+
+def _short(time_ms: float) -> str:
+    return f"{time_ms:.0f}" if time_ms >= 100 else f"{time_ms:.3g}"

@@ -50,7 +50,9 @@ def draw_split_figure(table: pd.DataFrame, axis_name: str = "split_x") -> Figure
     legend_columns = len(labels) if columns > 1 else 2
     shown = [handles[label] for label in labels]
     figure.legend(shown, labels, loc="outside upper center", ncols=legend_columns, frameon=False)
-    figure.supxlabel(describe_measurement(table), fontsize=8, color="#555555")
+    figure.supxlabel(
+        describe_measurement(table, "best speed-up over rtcIntersect1 in bold"), fontsize=8, color="#555555"
+    )
     return figure
 
 
@@ -169,8 +171,11 @@ def _ticks(low: float, high: float) -> list[float]:
     return ticks
 
 
-def describe_measurement(table: pd.DataFrame) -> str:
-    """Two lines for the foot of a figure: what is common to its points, the machine, the day, the doubts."""
+def describe_measurement(table: pd.DataFrame, mark: str) -> str:
+    """Two lines for the foot of a figure: what is common to its points, the machine, the day, the doubts.
+
+    mark: what the figure sets apart, in words.
+    """
     measured = table[table["status"] == "ok"]
     size = _common(measured, ("width", "height"), f"{{}} {_TIMES} {{}} pixels")
     threads = _common(measured, ("threads",), "threads {}")
@@ -184,7 +189,7 @@ def describe_measurement(table: pd.DataFrame) -> str:
     doubtful = int(measured["doubts"].notna().sum())
     doubts = f"{doubtful} of {len(measured)} points carry doubts (see table)" if doubtful else ""
     first = ", ".join(filter(None, [size, threads, packets, rounds]))
-    second = ", ".join(filter(None, [cpus, date, "best speed-up over rtcIntersect1 in bold", doubts]))
+    second = ", ".join(filter(None, [cpus, date, mark, doubts]))
     return f"{first}\n{second}"
 
 

@@ -104,3 +104,11 @@ def test_the_figure_says_what_is_missing(tmp_path: Path, monkeypatch: pytest.Mon
     figure = draw_split_figure(make_table([MEASURED, SKIPPED]))
     texts = [text.get_text() for axis in figure.axes for text in axis.texts]
     assert any("culling off, 2: skipped, needs 9 GiB" in text for text in texts)
+
+
+def test_the_grid_figure_writes_each_time_into_its_cell_and_the_status_where_there_is_none() -> None:
+    from experiments.grid_figure import draw_grid_figure
+
+    beside = Record("c", "skipped", "does not divide", {**MEASURED.configuration, "split_x": 3}, MEASURED.environment)
+    panel = draw_grid_figure(make_table([MEASURED, beside, SKIPPED])).axes[0]
+    assert {text.get_text() for text in panel.texts} == {"2000", "skipped"}
