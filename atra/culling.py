@@ -29,7 +29,8 @@ class AlignedGeometry:
 
     vertices: (3 N, 3) float32, three of its own per copy. faces: (N, 3) uint32.
     records: (N,) int64, what the filter needs of a copy: its prim_id in the mesh (low 32 bits) and the distance in
-    pixels from the reference cell's pixel to its cell's (high 32 bits, rows `row_stride` pixels apart).
+    pixels from the reference cell's pixel to its cell's (high 32 bits, rows `row_stride` pixels apart);
+    empty where no filter reads them.
     """
 
     vertices: NDArray[np.float32]
@@ -38,7 +39,7 @@ class AlignedGeometry:
 
     @property
     def copy_count(self) -> int:
-        return len(self.records)
+        return len(self.faces)
 
 
 def plan_aligned_geometry(
@@ -78,9 +79,10 @@ def plan_aligned_geometry(
     vertices = padded_vertices(3 * copies)
     records = np.empty(copies, np.int64)
 
+    shears = (np.outer(alignment.shift_x, camera.axes[0]), np.outer(alignment.shift_y, camera.axes[1]))
+    rest = (row_stride, starts, vertices, records)
+
     def fill(_: int, counter: int) -> None:
-        shears = (np.outer(alignment.shift_x, camera.axes[0]), np.outer(alignment.shift_y, camera.axes[1]))
-        rest = (row_stride, starts, vertices, records)
         fill_copies(counter, points_pixels, points_eye, mesh.faces, culling, *cell, *shears, *rest)
 
     pool.run(fill)

@@ -221,7 +221,7 @@ class PixelTracer(_EmbreeTracer):
     def _plan_geometry(self) -> AlignedGeometry:
         vertices = padded_vertices(len(self.mesh.vertices))
         vertices[:] = self.camera.to_eye_space(self.mesh.vertices)
-        return AlignedGeometry(vertices, self.mesh.faces, np.empty(self.mesh.triangle_count, np.int64))
+        return AlignedGeometry(vertices, self.mesh.faces, np.empty(0, np.int64))
 
     def _filter_address(self) -> int:
         return 0

@@ -19,6 +19,7 @@ import numpy as np
 
 from atra.errors import InputError
 from atra.mesh import Mesh, load_mesh
+from atra.records import write_atomically
 from scenes.archive import extract_member
 from scenes.directory import CAMERAS_FILE
 from scenes.manifest import SceneSource, read_manifest
@@ -131,7 +132,7 @@ def _write_ply(path: Path, mesh: Mesh) -> None:
     faces = np.empty(mesh.triangle_count, dtype=[("count", "u1"), ("corners", "<i4", 3)])
     faces["count"] = 3
     faces["corners"] = mesh.faces
-    _replace(path, header.encode("ascii") + mesh.vertices.astype("<f4").tobytes() + faces.tobytes())
+    write_atomically(path, header.encode("ascii") + mesh.vertices.astype("<f4").tobytes() + faces.tobytes())
 
 
 def _add_camera(path: Path, source: SceneSource) -> None:
@@ -145,17 +146,4 @@ def _add_camera(path: Path, source: SceneSource) -> None:
         raise InputError(f"{path} holds a {type(cameras).__name__}, expected an object: scene name -> camera fields")
     if source.name not in cameras:
         cameras[source.name] = source.camera
-        _replace(path, (json.dumps(cameras, indent=2) + "\n").encode())
-
-
-def _replace(path: Path, content: bytes) -> None:
-    descriptor, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-    try:
-        with os.fdopen(descriptor, "wb") as file:
-            file.write(content)
-        # mkstemp allows the owner alone to read; a shared cache should follow the folder instead.
-        os.chmod(temporary, 0o644)
-        os.replace(temporary, path)
-    except BaseException:
-        Path(temporary).unlink(missing_ok=True)
-        raise
+        write_atomically(path, (json.dumps(cameras, indent=2) + "\n").encode())
