@@ -1,4 +1,4 @@
-"""Tracers: mesh and camera in, hits out. One protocol, so that harness and comparison know only `Tracer`."""
+"""What all tracers share: their protocol, lifetime, timing and buffers."""
 
 from __future__ import annotations
 
@@ -11,15 +11,13 @@ from typing import Protocol, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.alignment import Alignment, Split
 from atra.camera import Camera, check_offset
-from atra.culling import AlignedGeometry, check_memory_budget, plan_aligned_geometry
-from atra.embree.scene import EmbreeScene, check_build_quality, padded_vertices, resolve_packet_width
+from atra.culling import AlignedGeometry
+from atra.embree.scene import EmbreeScene, check_build_quality, resolve_packet_width
 from atra.embree.workspace import Workspace
 from atra.errors import EmbreeError, InputError
 from atra.hits import Hits
-from atra.kernels.callbacks import memory_monitor, nearest_hit_filter
-from atra.kernels.tracing import aligned_kernel, pixel_kernel
+from atra.kernels.callbacks import memory_monitor
 from atra.mesh import Mesh
 from atra.parallel import WorkerPool, resolve_threads
 
@@ -60,7 +58,7 @@ class Tracer(Protocol):
     ) -> None: ...
 
 
-class _EmbreeTracer(ABC):
+class EmbreeTracer(ABC):
     """Lifetime, timing and buffers that the tracers share."""
 
     def __init__(
@@ -151,7 +149,7 @@ class _EmbreeTracer(ABC):
     def _outputs(self, out: Hits | None) -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
         shape, row_bytes = (self.camera.height, self.camera.width), 4 * self._row_stride
         if out is None:
-            return _new_images(*shape, self._row_stride)
+            return new_images(*shape, self._row_stride)
         # Rows of the right length in memory, not only in shape: packets may reach past the right border.
         for image in (out.depth, out.prim_id):
             if image.shape != shape or image.strides != (row_bytes, 4):
@@ -201,139 +199,13 @@ class _EmbreeTracer(ABC):
         self.close()
 
 
-class PixelTracer(_EmbreeTracer):
-    """One ray per pixel through `rtcIntersect1` (packet_width 1, the paper's baseline) or packets (4, 8, 16).
-
-    packet_width: None takes the widest the machine supports natively. threads: None takes every core it may use.
-    Raises InputError for widths that are not native, threads below 1, unknown build qualities.
-    """
-
-    def __init__(
-        self,
-        mesh: Mesh,
-        camera: Camera,
-        packet_width: int | None = None,
-        threads: int | None = None,
-        build_quality: str = "medium",
-    ) -> None:
-        super().__init__(mesh, camera, packet_width, threads, build_quality)
-
-    def _plan_geometry(self) -> AlignedGeometry:
-        vertices = padded_vertices(len(self.mesh.vertices))
-        vertices[:] = self.camera.to_eye_space(self.mesh.vertices)
-        return AlignedGeometry(vertices, self.mesh.faces, np.empty(0, np.int64))
-
-    def _filter_address(self) -> int:
-        return 0
-
-    def _run(self, scene: int, offset: tuple[float, float], depth: NDArray, prim_id: NDArray) -> None:
-        shape = _SQUAREST_SHAPE[self.packet_width]
-        camera = self.camera
-        # Filled up to whole packets.
-        columns = np.arange(camera.width + -camera.width % shape[0]) - camera.width / 2
-        rows = np.arange(camera.height + -camera.height % shape[1]) - camera.height / 2
-        column_directions, row_directions = _directions(camera, columns + offset[0], rows + offset[1])
-        kernel = pixel_kernel(*shape)
-
-        def work(worker: int, counter: int) -> None:
-            own = self._workspaces[worker]
-            kernel(
-                counter, scene, own.packet, own.packet_ids, own.all_lanes, own.valid, own.arguments_address,
-                column_directions, row_directions, camera.width, camera.height, depth, prim_id,
-            )  # fmt: skip
-
-        self._pool.run(work)
-
-
-class AlignedTracer(_EmbreeTracer):
-    """Affine-transformed ray alignment: shoot the reference cell's rays, read the nearest hit of every cell.
-
-    split: (nx, ny) cells; nx must divide the width, ny the height. culling: keep of each cell's copy only what its
-    frustum meets. packet_width: 1 is the paper's way, None takes the widest native packets. memory_budget_bytes: refuse
-    plans that need more (None: the memory that is free). Other arguments as for `PixelTracer`.
-    Raises InputError for a split that does not divide the image, MemoryBudgetError before allocating.
-    Source: paper §3.1, §3.4.
-    """
-
-    def __init__(
-        self,
-        mesh: Mesh,
-        camera: Camera,
-        split: tuple[int, int],
-        culling: bool = True,
-        packet_width: int | None = None,
-        threads: int | None = None,
-        build_quality: str = "medium",
-        memory_budget_bytes: int | None = None,
-    ) -> None:
-        self.split = Split(*split, width=camera.width, height=camera.height)
-        self.culling = culling
-        self.memory_budget_bytes = memory_budget_bytes
-        super().__init__(mesh, camera, packet_width, threads, build_quality)
-        self.alignment = Alignment.at_quarter(camera, self.split)
-        self.packet_shape = choose_packet_shape(self.packet_width, self.split)
-        if not culling:
-            copies = mesh.triangle_count * self.split.cell_count
-            check_memory_budget(copies, build_quality, memory_budget_bytes, self.split.cell_count)
-
-    @property
-    def _row_stride(self) -> int:
-        spare = -self.split.cell_width % self.packet_shape[0]  # lanes the last packet of a row reaches past the image
-        return self.camera.width + spare
-
-    def _plan_geometry(self) -> AlignedGeometry:
-        return plan_aligned_geometry(
-            self.mesh,
-            self.camera,
-            self.alignment,
-            culling=self.culling,
-            row_stride=self._row_stride,
-            pool=self._pool,
-            memory_budget_bytes=self.memory_budget_bytes,
-            build_quality=self.build_quality,
-        )
-
-    def _filter_address(self) -> int:
-        return nearest_hit_filter(*self.packet_shape)
-
-    def _run(self, scene: int, offset: tuple[float, float], depth: NDArray, prim_id: NDArray) -> None:
-        split = self.split
-        columns = self.alignment.first_x_pixels + np.arange(split.cell_width)
-        rows = self.alignment.first_y_pixels + np.arange(split.cell_height)
-        column_directions, row_directions = _directions(self.camera, columns + offset[0], rows + offset[1])
-        kernel = aligned_kernel(*self.packet_shape)
-
-        def work(worker: int, counter: int) -> None:
-            own = self._workspaces[worker]
-            kernel(
-                counter, scene, own.packet, own.valid, own.context, own.arguments_address,
-                column_directions, row_directions, split.ny, depth, prim_id,
-            )  # fmt: skip
-
-        self._pool.run(work)
-
-
-_SQUAREST_SHAPE = {1: (1, 1), 4: (2, 2), 8: (4, 2), 16: (4, 4)}
-"""Pixels of a packet when nothing else decides: the narrower the bundle, the more of the traversal its rays share."""
-
-
-def choose_packet_shape(packet_width: int, split: Split) -> tuple[int, int]:
-    """(columns, rows) of a packet for cells of this size: the fewest idle lanes, then the widest rows.
-
-    A shape of several rows is taken only where the rows divide the cell, because tasks share out the image by rows.
-    """
-    shapes = [(packet_width >> k, 1 << k) for k in range(packet_width.bit_length())]
-    fitting = [(x, y) for x, y in shapes if split.cell_height % y == 0]
-    return max(fitting, key=lambda shape: (split.cell_width / (-(-split.cell_width // shape[0]) * shape[0]), shape[0]))
-
-
-def _new_images(height: int, width: int, row_stride: int) -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
+def new_images(height: int, width: int, row_stride: int) -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
     """Uninitialised depth and prim_id, (height, width) each, their rows `row_stride` pixels apart in memory."""
     shape = (height, row_stride)
     return np.empty(shape, np.float32)[:, :width], np.empty(shape, np.uint32)[:, :width]
 
 
-def _directions(
+def ray_directions(
     camera: Camera, columns: NDArray[np.floating], rows: NDArray[np.floating]
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """The two summands of ray directions in eye space, (3, columns) and (3, rows) float32.
@@ -344,6 +216,3 @@ def _directions(
     column_directions = right * (columns * camera.pixel_pitch)
     row_directions = down * (rows * camera.pixel_pitch) + forward
     return column_directions.astype(np.float32), row_directions.astype(np.float32)
-
-
-__all__ = ["AlignedTracer", "PixelTracer", "Tracer", "choose_packet_shape"]

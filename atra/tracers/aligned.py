@@ -1,0 +1,92 @@
+"""The paper's method: the reference cell's rays against the sheared copies of all cells."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from atra.alignment import Alignment, Split
+from atra.camera import Camera
+from atra.culling import AlignedGeometry, check_memory_budget, plan_aligned_geometry
+from atra.kernels.callbacks import nearest_hit_filter
+from atra.kernels.tracing import aligned_kernel
+from atra.mesh import Mesh
+from atra.tracers.base import EmbreeTracer, ray_directions
+
+
+class AlignedTracer(EmbreeTracer):
+    """Affine-transformed ray alignment: shoot the reference cell's rays, read the nearest hit of every cell.
+
+    split: (nx, ny) cells; nx must divide the width, ny the height. culling: keep of each cell's copy only what its
+    frustum meets. packet_width: 1 is the paper's way, None takes the widest native packets. memory_budget_bytes: refuse
+    plans that need more (None: the memory that is free). Other arguments as for `PixelTracer`.
+    Raises InputError for a split that does not divide the image, MemoryBudgetError before allocating.
+    Source: paper §3.1, §3.4.
+    """
+
+    def __init__(
+        self,
+        mesh: Mesh,
+        camera: Camera,
+        split: tuple[int, int],
+        culling: bool = True,
+        packet_width: int | None = None,
+        threads: int | None = None,
+        build_quality: str = "medium",
+        memory_budget_bytes: int | None = None,
+    ) -> None:
+        self.split = Split(*split, width=camera.width, height=camera.height)
+        self.culling = culling
+        self.memory_budget_bytes = memory_budget_bytes
+        super().__init__(mesh, camera, packet_width, threads, build_quality)
+        self.alignment = Alignment.at_quarter(camera, self.split)
+        self.packet_shape = choose_packet_shape(self.packet_width, self.split)
+        if not culling:
+            copies = mesh.triangle_count * self.split.cell_count
+            check_memory_budget(copies, build_quality, memory_budget_bytes, self.split.cell_count)
+
+    @property
+    def _row_stride(self) -> int:
+        spare = -self.split.cell_width % self.packet_shape[0]  # lanes the last packet of a row reaches past the image
+        return self.camera.width + spare
+
+    def _plan_geometry(self) -> AlignedGeometry:
+        return plan_aligned_geometry(
+            self.mesh,
+            self.camera,
+            self.alignment,
+            culling=self.culling,
+            row_stride=self._row_stride,
+            pool=self._pool,
+            memory_budget_bytes=self.memory_budget_bytes,
+            build_quality=self.build_quality,
+        )
+
+    def _filter_address(self) -> int:
+        return nearest_hit_filter(*self.packet_shape)
+
+    def _run(self, scene: int, offset: tuple[float, float], depth: NDArray, prim_id: NDArray) -> None:
+        split = self.split
+        columns = self.alignment.first_x_pixels + np.arange(split.cell_width)
+        rows = self.alignment.first_y_pixels + np.arange(split.cell_height)
+        column_directions, row_directions = ray_directions(self.camera, columns + offset[0], rows + offset[1])
+        kernel = aligned_kernel(*self.packet_shape)
+
+        def work(worker: int, counter: int) -> None:
+            own = self._workspaces[worker]
+            kernel(
+                counter, scene, own.packet, own.valid, own.context, own.arguments_address,
+                column_directions, row_directions, split.ny, depth, prim_id,
+            )  # fmt: skip
+
+        self._pool.run(work)
+
+
+def choose_packet_shape(packet_width: int, split: Split) -> tuple[int, int]:
+    """(columns, rows) of a packet for cells of this size: the fewest idle lanes, then the widest rows.
+
+    A shape of several rows is taken only where the rows divide the cell, because tasks share out the image by rows.
+    """
+    shapes = [(packet_width >> k, 1 << k) for k in range(packet_width.bit_length())]
+    fitting = [(x, y) for x, y in shapes if split.cell_height % y == 0]
+    return max(fitting, key=lambda shape: (split.cell_width / (-(-split.cell_width // shape[0]) * shape[0]), shape[0]))

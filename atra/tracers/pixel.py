@@ -1,0 +1,60 @@
+"""One ray per pixel: the paper's baseline, and the expert's in packets."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from atra.camera import Camera
+from atra.culling import AlignedGeometry
+from atra.embree.scene import padded_vertices
+from atra.kernels.tracing import pixel_kernel
+from atra.mesh import Mesh
+from atra.tracers.base import EmbreeTracer, ray_directions
+
+SQUAREST_SHAPE = {1: (1, 1), 4: (2, 2), 8: (4, 2), 16: (4, 4)}
+"""Pixels of a packet when nothing else decides: the narrower the bundle, the more of the traversal its rays share."""
+
+
+class PixelTracer(EmbreeTracer):
+    """One ray per pixel through `rtcIntersect1` (packet_width 1, the paper's baseline) or packets (4, 8, 16).
+
+    packet_width: None takes the widest the machine supports natively. threads: None takes every core it may use.
+    Raises InputError for widths that are not native, threads below 1, unknown build qualities.
+    """
+
+    def __init__(
+        self,
+        mesh: Mesh,
+        camera: Camera,
+        packet_width: int | None = None,
+        threads: int | None = None,
+        build_quality: str = "medium",
+    ) -> None:
+        super().__init__(mesh, camera, packet_width, threads, build_quality)
+
+    def _plan_geometry(self) -> AlignedGeometry:
+        vertices = padded_vertices(len(self.mesh.vertices))
+        vertices[:] = self.camera.to_eye_space(self.mesh.vertices)
+        return AlignedGeometry(vertices, self.mesh.faces, np.empty(0, np.int64))
+
+    def _filter_address(self) -> int:
+        return 0
+
+    def _run(self, scene: int, offset: tuple[float, float], depth: NDArray, prim_id: NDArray) -> None:
+        shape = SQUAREST_SHAPE[self.packet_width]
+        camera = self.camera
+        # Filled up to whole packets.
+        columns = np.arange(camera.width + -camera.width % shape[0]) - camera.width / 2
+        rows = np.arange(camera.height + -camera.height % shape[1]) - camera.height / 2
+        column_directions, row_directions = ray_directions(camera, columns + offset[0], rows + offset[1])
+        kernel = pixel_kernel(*shape)
+
+        def work(worker: int, counter: int) -> None:
+            own = self._workspaces[worker]
+            kernel(
+                counter, scene, own.packet, own.packet_ids, own.all_lanes, own.valid, own.arguments_address,
+                column_directions, row_directions, camera.width, camera.height, depth, prim_id,
+            )  # fmt: skip
+
+        self._pool.run(work)
