@@ -25,20 +25,24 @@ EMBREE_BYTES_PER_COPY = {"low": 110, "medium": 110, "high": 160}
 
 @dataclass(frozen=True, eq=False)
 class AlignedGeometry:
-    """Sheared copies of a mesh's triangles, ready for Embree.
+    """Sheared copies of a mesh's triangles, or the mesh and a shear per cell, ready for Embree.
 
     vertices: (3 N, 3) float32, three of its own per copy. faces: (N, 3) uint32.
     records: (N,) int64, what the filter needs of a copy: its prim_id in the mesh (low 32 bits) and the distance in
     pixels from the reference cell's pixel to its cell's (high 32 bits, rows `row_stride` pixels apart);
     empty where no filter reads them.
+    transforms: (I, 3, 4) float32, a row-major shear per instance, or None. With them the triangles are the mesh's own
+    (`vertices` (V, 3), `faces` (F, 3)), and `records` is (I,), of which only the high halves are read.
     """
 
     vertices: NDArray[np.float32]
     faces: NDArray[np.uint32]
     records: NDArray[np.int64]
+    transforms: NDArray[np.float32] | None = None
 
     @property
     def copy_count(self) -> int:
+        """Triangles that Embree is given."""
         return len(self.faces)
 
 
@@ -62,8 +66,7 @@ def plan_aligned_geometry(
     row_stride: pixels from one image row to the next. Raises MemoryBudgetError before allocating the copies.
     """
     split = alignment.split
-    if camera.height * row_stride >= 2**31:
-        raise InputError(f"image {camera.width} x {camera.height} is too large, expected below 2^31 pixels")
+    check_image_size(camera, row_stride)
     points_pixels = _homogeneous_pixels(mesh, camera)
     points_eye = camera.to_eye_space(mesh.vertices)
     cell = (split.nx, split.ny, split.cell_width, split.cell_height)
@@ -96,13 +99,27 @@ def check_memory_budget(copies: int, build_quality: str, budget_bytes: int | Non
     if 3 * copies >= 2**32:
         raise MemoryBudgetError(f"{copies:,} triangle copies over {cell_count:,} cells are more than Embree can index")
     needed = copies * (PLAN_BYTES_PER_COPY + EMBREE_BYTES_PER_COPY[build_quality])
+    what = f"{copies:,} triangle copies over {cell_count:,} cells"
+    check_needed_bytes(needed, budget_bytes, what, "use fewer cells, culling, or more memory")
+
+
+def check_needed_bytes(needed: int, budget_bytes: int | None, what: str, cure: str) -> None:
+    """Raise MemoryBudgetError if `needed` bytes exceed the budget or the memory that is free now.
+
+    what: the thing that needs them, in the plural; cure: what to do. budget_bytes: None for no budget.
+    """
     free = psutil.virtual_memory().available
-    for what, limit in (("the memory budget is", budget_bytes), ("the machine has free only", free)):
+    for which, limit in (("the memory budget is", budget_bytes), ("the machine has free only", free)):
         if limit is not None and needed > limit:
             raise MemoryBudgetError(
-                f"{copies:,} triangle copies over {cell_count:,} cells need about {needed / 2**30:.1f} GiB, "
-                f"{what} {limit / 2**30:.1f} GiB; use fewer cells, culling, or more memory"
+                f"{what} need about {needed / 2**30:.1f} GiB, {which} {limit / 2**30:.1f} GiB; {cure}"
             )
+
+
+def check_image_size(camera: Camera, row_stride: int) -> None:
+    """Raise InputError if the image has more pixels, rows `row_stride` apart, than a record can count."""
+    if camera.height * row_stride >= 2**31:
+        raise InputError(f"image {camera.width} x {camera.height} is too large, expected below 2^31 pixels")
 
 
 def _homogeneous_pixels(mesh: Mesh, camera: Camera) -> NDArray[np.float64]:

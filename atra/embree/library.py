@@ -42,8 +42,11 @@ _SIGNATURES = {
     "rtcSetSharedGeometryBuffer": (None, (_P, _I, _U, _I, _P, _S, _S, _S)),
     "rtcSetGeometryUserData": (None, (_P, _P)),
     "rtcSetGeometryIntersectFilterFunction": (None, (_P, _P)),
+    "rtcSetGeometryInstancedScene": (None, (_P, _P)),
+    "rtcSetGeometryTransform": (None, (_P, _U, _I, _P)),
     "rtcCommitGeometry": (None, (_P,)),
     "rtcAttachGeometry": (_U, (_P, _P)),
+    "rtcAttachGeometryByID": (None, (_P, _P, _U)),
 }
 
 

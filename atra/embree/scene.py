@@ -1,4 +1,4 @@
-"""Device, scene and triangle geometry with one lifetime: an `EmbreeScene` is built once, traced, closed once."""
+"""Device, scenes and geometries with one lifetime: an `EmbreeScene` is built once, traced, closed once."""
 
 from __future__ import annotations
 
@@ -14,11 +14,14 @@ from atra.errors import EmbreeError, InputError
 
 
 class EmbreeScene:
-    """A committed Embree scene of triangles, and the device it lives on.
+    """A committed Embree scene of triangles, or of instances of them, and the device it lives on.
 
     vertices: (V, 3) float32 C-contiguous with at least 16 readable bytes after the last vertex (`padded_vertices`).
     faces: (F, 3) uint32 C-contiguous.
     filter_address: compiled RTCFilterFunctionN, or 0 for none; `user_data` is handed to it.
+    transforms: (I, 3, 4) float32 C-contiguous: the triangles are put once into an inner scene, and the scene holds one
+    instance of it per row-major affine transform, with `inst_id` 0 ... I - 1. The filter and `user_data` stay with the
+    triangles; rays reach the filter transformed back into the triangles' space, with the ray parameter they have.
     threads: build threads. monitor_address: compiled RTCMemoryMonitorFunction counting into `embree_bytes`, or 0.
 
     The arrays are shared with Embree, not copied; the scene keeps them alive. Closing twice is harmless; a scene that
@@ -35,6 +38,7 @@ class EmbreeScene:
         filter_address: int = 0,
         user_data: NDArray | None = None,
         monitor_address: int = 0,
+        transforms: NDArray[np.float32] | None = None,
     ) -> None:
         self._library = load_library()
         self._byte_count = np.zeros(1, np.int64)
@@ -51,17 +55,26 @@ class EmbreeScene:
             if monitor_address:
                 counter = self._byte_count.ctypes.data
                 self._call("rtcSetDeviceMemoryMonitorFunction", device, device, monitor_address, counter)
-            scene = self._call("rtcNewScene", device, device)
-            handles.append(scene)
             quality = layout.BUILD_QUALITY[build_quality]
-            self._call("rtcSetSceneBuildQuality", device, scene, quality)
+            scene = self._new_scene(device, handles, quality)
             if len(faces):
                 self._add_triangles(device, scene, quality, filter_address)
             self._call("rtcCommitScene", device, scene)
+            if transforms is not None:
+                triangles, scene = scene, self._new_scene(device, handles, quality)
+                for inst_id, transform in enumerate(transforms):
+                    self._add_instance(device, scene, triangles, transform, inst_id)
+                self._call("rtcCommitScene", device, scene)
         except BaseException:
             self.close()
             raise
         self._scene = scene
+
+    def _new_scene(self, device: int, handles: list[int], quality: int) -> int:
+        scene = self._call("rtcNewScene", device, device)
+        handles.append(scene)
+        self._call("rtcSetSceneBuildQuality", device, scene, quality)
+        return scene
 
     def _add_triangles(self, device: int, scene: int, quality: int, filter_address: int) -> None:
         vertices, faces, user_data = self._shared
@@ -80,6 +93,19 @@ class EmbreeScene:
                 self._call("rtcSetGeometryUserData", device, geometry, user_data.ctypes.data)
             self._call("rtcCommitGeometry", device, geometry)
             self._call("rtcAttachGeometry", device, scene, geometry)
+        finally:
+            self._library.functions.rtcReleaseGeometry(geometry)
+
+    def _add_instance(
+        self, device: int, scene: int, instanced_scene: int, transform: NDArray[np.float32], inst_id: int
+    ) -> None:
+        geometry = self._call("rtcNewGeometry", device, device, layout.GEOMETRY_INSTANCE)
+        try:
+            self._call("rtcSetGeometryInstancedScene", device, geometry, instanced_scene)
+            matrix = (geometry, 0, layout.FORMAT_FLOAT3X4_ROW_MAJOR, transform.ctypes.data)  # copied by Embree
+            self._call("rtcSetGeometryTransform", device, *matrix)
+            self._call("rtcCommitGeometry", device, geometry)
+            self._call("rtcAttachGeometryByID", device, scene, geometry, inst_id)
         finally:
             self._library.functions.rtcReleaseGeometry(geometry)
 
@@ -120,9 +146,11 @@ class EmbreeScene:
 
 
 def _release(library: Library, handles: list[int], _alive: object) -> None:
-    if len(handles) > 1:
-        library.functions.rtcReleaseScene(handles[1])
-    library.functions.rtcReleaseDevice(handles[0])
+    """Newest first: the scene of instances before the scene they show, the device last."""
+    device, *scenes = handles
+    for scene in reversed(scenes):
+        library.functions.rtcReleaseScene(scene)
+    library.functions.rtcReleaseDevice(device)
 
 
 def padded_vertices(count: int) -> NDArray[np.float32]:

@@ -6,16 +6,22 @@ from functools import cache
 
 from numba import cfunc, types
 
-from atra.kernels.intrinsics import fetch_add, keep_nearest
+from atra.kernels.intrinsics import SOURCE_STAMP, fetch_add, keep_nearest
 
 
 @cache
-def nearest_hit_filter(shape_x: int, shape_y: int) -> int:
-    """Address of the filter for packets of shape_x x shape_y pixels; compiled once per process, cached on disk."""
+def nearest_hit_filter(shape_x: int, shape_y: int, instanced: bool = False) -> int:
+    """Address of the filter for packets of shape_x x shape_y pixels; compiled once per process, cached on disk.
+
+    instanced: the scene holds an instance per cell, and the user data a record per instance (`keep_nearest`).
+    """
+
+    stamp = SOURCE_STAMP
 
     @cfunc(types.void(types.int64), cache=True)
     def keep_nearest_hit(arguments_address):  # type: ignore[no-untyped-def]
-        keep_nearest(arguments_address, shape_x, shape_y)
+        stamp  # noqa: B018, in the closure, so that the cache knows of it
+        keep_nearest(arguments_address, shape_x, shape_y, instanced)
 
     _keep_alive.append(keep_nearest_hit)
     return keep_nearest_hit.address

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import zlib
+from pathlib import Path
 from typing import Any
 
 from llvmlite import ir
@@ -17,6 +19,10 @@ _I8, _I32, _I64, _F32 = ir.IntType(8), ir.IntType(32), ir.IntType(64), ir.FloatT
 # RTCFilterFunctionNArguments: five pointers, then N.
 _ARGUMENT_VALID, _ARGUMENT_USER, _ARGUMENT_CONTEXT, _ARGUMENT_RAY, _ARGUMENT_HIT, _ARGUMENT_N = 0, 8, 16, 24, 32, 40
 
+SOURCE_STAMP = zlib.crc32(b"".join(Path(str(source)).read_bytes() for source in (__file__, layout.__file__)))
+"""Changes with this file and the struct layouts. Numba's cache on disk looks only at the file of the function it keeps,
+so a function that is made of what stands here must carry the stamp in its closure, or an older one would be run."""
+
 
 @intrinsic
 def fetch_add(typingctx: Any, address: Any, value: Any) -> Any:
@@ -30,24 +36,27 @@ def fetch_add(typingctx: Any, address: Any, value: Any) -> Any:
 
 
 @intrinsic(prefer_literal=True)
-def keep_nearest(typingctx: Any, arguments_address: Any, shape_x: Any, shape_y: Any) -> Any:
+def keep_nearest(typingctx: Any, arguments_address: Any, shape_x: Any, shape_y: Any, instanced: Any) -> Any:
     """The filter: one triangle and K = shape_x * shape_y rays; keep the hit where it is nearer than the cell's so far.
 
-    Lane k is pixel (k % shape_x, k // shape_x) of the packet. Every hit is then rejected, so that Embree goes on to
-    the next triangle. Written as vector operations because the auto-vectoriser leaves a branch per lane.
+    Lane k is pixel (k % shape_x, k // shape_x) of the packet. The user data is one int64 record per triangle, or
+    `instanced` per instance: its high half is the distance in pixels from the reference cell's pixels to those of the
+    cell that was hit, its low half the triangle's prim_id in the mesh (not read where the hit itself has that).
+    Every hit is then rejected, so that Embree goes on to the next triangle. Written as vector operations because the
+    auto-vectoriser leaves a branch per lane.
     """
-    if not isinstance(shape_x, types.IntegerLiteral) or not isinstance(shape_y, types.IntegerLiteral):
-        raise TypingError("the packet's shape must be known when the filter is compiled")
-    nx, ny = shape_x.literal_value, shape_y.literal_value
+    if not all(isinstance(constant, types.Literal) for constant in (shape_x, shape_y, instanced)):
+        raise TypingError("the packet's shape and `instanced` must be known when the filter is compiled")
+    nx, ny, by_instance = shape_x.literal_value, shape_y.literal_value, instanced.literal_value
 
     def codegen(context: Any, builder: ir.IRBuilder, signature: Any, arguments: list[ir.Value]) -> ir.Value:
-        _emit_keep_nearest(builder, arguments[0], nx, ny)
+        _emit_keep_nearest(builder, arguments[0], nx, ny, by_instance)
         return context.get_dummy_value()
 
-    return types.void(types.int64, shape_x, shape_y), codegen
+    return types.void(types.int64, shape_x, shape_y, instanced), codegen
 
 
-def _emit_keep_nearest(builder: ir.IRBuilder, arguments: ir.Value, nx: int, ny: int) -> None:
+def _emit_keep_nearest(builder: ir.IRBuilder, arguments: ir.Value, nx: int, ny: int, by_instance: bool) -> None:
     width = nx * ny
 
     def load(kind: ir.Type, address: ir.Value, align: int = 4) -> ir.Value:
@@ -95,10 +104,11 @@ def _emit_keep_nearest(builder: ir.IRBuilder, arguments: ir.Value, nx: int, ny: 
             hit = load(_I64, at(arguments, _ARGUMENT_HIT), 8)
             valid = load(vector(_I32), valid_address)
             depth = load(vector(_F32), at(ray, layout.RAY_TFAR * width * 4))
-            # One triangle per call: every lane carries the same prim_id.
-            copy_id = builder.zext(load(_I32, at(hit, layout.HIT_PRIM_ID * width * 4)), _I64)
-            record = load(_I64, builder.add(records, builder.shl(copy_id, _I64(3))), 8)
-            prim_id = builder.trunc(record, _I32)
+            # One triangle of one instance per call: every lane, active or not, carries the same prim_id and inst_id.
+            hit_prim_id = load(_I32, at(hit, layout.HIT_PRIM_ID * width * 4))
+            record_id = load(_I32, at(hit, layout.HIT_INST_ID * width * 4)) if by_instance else hit_prim_id
+            record = load(_I64, builder.add(records, builder.shl(builder.zext(record_id, _I64), _I64(3))), 8)
+            prim_id = hit_prim_id if by_instance else builder.trunc(record, _I32)
             cell_bytes = builder.shl(builder.ashr(record, _I64(32)), _I64(2))
             row_bytes = load(_I64, at(context, RayQueryContext.row_bytes.offset), 8)
             depth_base = builder.add(load(_I64, at(context, RayQueryContext.depth_address.offset), 8), cell_bytes)

@@ -19,7 +19,7 @@ from atra.embree.layout import (
     RAY_WORDS,
     RayQueryContext,
 )
-from atra.kernels.intrinsics import fetch_add
+from atra.kernels.intrinsics import SOURCE_STAMP, fetch_add
 
 _address = types.intp
 _intersect1 = types.ExternalFunction("rtcIntersect1", types.void(_address, _address, _address))
@@ -55,6 +55,7 @@ def pixel_kernel(shape_x: int, shape_y: int) -> Callable[..., None]:
     width = shape_x * shape_y
     dir_x, dir_y, dir_z, tfar = RAY_DIR_X * width, RAY_DIR_Y * width, RAY_DIR_Z * width, RAY_TFAR * width
     hit_prim_id, hit_geom_id = (RAY_WORDS + HIT_PRIM_ID) * width, (RAY_WORDS + HIT_GEOM_ID) * width
+    stamp = SOURCE_STAMP
 
     @njit(nogil=True, cache=True)
     def trace_pixels(  # type: ignore[no-untyped-def]
@@ -69,6 +70,7 @@ def pixel_kernel(shape_x: int, shape_y: int) -> Callable[..., None]:
         direction is the sum of its column's and its row's.
         depth, prim_id: (H, W) outputs, written completely.
         """
+        stamp  # noqa: B018, in the closure, so that the cache knows of it
         packet_address = packet.ctypes.data
         tiles_x = (image_width + TILE_WIDTH - 1) // TILE_WIDTH
         tiles_y = (height + TILE_HEIGHT - 1) // TILE_HEIGHT
@@ -116,6 +118,7 @@ def aligned_kernel(shape_x: int, shape_y: int) -> Callable[..., None]:
     """The aligned loop for packets of shape_x x shape_y pixels; the shape is a constant of the compiled code."""
     width = shape_x * shape_y
     dir_x, dir_y, dir_z, tfar = RAY_DIR_X * width, RAY_DIR_Y * width, RAY_DIR_Z * width, RAY_TFAR * width
+    stamp = SOURCE_STAMP
 
     @njit(nogil=True, cache=True)
     def trace_aligned(  # type: ignore[no-untyped-def]
@@ -130,6 +133,7 @@ def aligned_kernel(shape_x: int, shape_y: int) -> Callable[..., None]:
         write to the same image row. A packet may reach past the right border of its cell (its spare lanes are inactive
         and rewrite what is there), never past its rows; memory has room for that between the rows of depth and prim_id.
         """
+        stamp  # noqa: B018, in the closure, so that the cache knows of it
         cell_height, cell_width = row_directions.shape[1], column_directions.shape[1]
         packet_address, valid_address = packet.ctypes.data, valid.ctypes.data
         row_bytes = depth.strides[0]

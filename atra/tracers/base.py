@@ -117,6 +117,7 @@ class EmbreeTracer(ABC):
             filter_address=filter_address,
             user_data=geometry.records,
             monitor_address=monitor_address,
+            transforms=geometry.transforms,
         )
         self.build_time_s = perf_counter() - start
         if self._scene is not None:
