@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
 
 from atra.errors import InputError
 from atra.mesh import Mesh, load_mesh
-from experiments.configuration import SceneSource
+from experiments.configuration import SceneConfiguration, SceneSource
 from scenes.cornell_box import CORNELL_BOX_CAMERA, cornell_box
-from scenes.directory import default_camera_fields, load_scene_from_directory
-from scenes.stand_ins import STAND_INS
+from scenes.directory import default_camera_fields, find_scene_folder, load_scene_from_directory
+from scenes.stand_ins import STAND_INS, stand_in_for
 
 _PROCEDURAL = {
     "cornell_box": (cornell_box, CORNELL_BOX_CAMERA),
@@ -23,7 +24,8 @@ _PROCEDURAL = {
 def load_scene(source: SceneSource, name: str | None, path: str | None) -> tuple[Mesh, dict[str, Any]]:
     """Returns the mesh and its camera's eye, target, up and fov_y_degrees.
 
-    Raises InputError for an unknown name, an unset or wrong ATRA_SCENES, a file that cannot be used.
+    Raises InputError for an unknown name, a scene that is in no folder, a wrong ATRA_SCENES, a file that cannot be
+    used.
     """
     if source is SceneSource.file:
         if path is None:
@@ -39,6 +41,33 @@ def load_scene(source: SceneSource, name: str | None, path: str | None) -> tuple
         return make_mesh(), dict(camera)
     mesh, fields = load_scene_from_directory(name)
     return mesh, dict(fields)
+
+
+def scene_is_available(source: SceneSource, name: str | None) -> bool:
+    """Whether `load_scene` would find this scene; nothing is loaded, so its file may still prove unusable.
+
+    True for every scene=file: its path is the user's word, and loading says what is wrong with it.
+    Raises InputError when ATRA_SCENES names no folder: that is a mistake to mend, not a scene to do without.
+    """
+    if source is SceneSource.file:
+        return True
+    if name is None:
+        return False
+    return name in _PROCEDURAL if source is SceneSource.procedural else find_scene_folder(name) is not None
+
+
+def replace_missing_scenes(scenes: Iterable[SceneConfiguration]) -> list[str]:
+    """Put its stand-in in place of each of the paper's scenes that is not on this machine; other scenes stay.
+
+    Changes the configurations given, where a scene may come many times. Returns one note for people per scene replaced.
+    """
+    notes: dict[str, str] = {}
+    for scene in scenes:
+        stand_in = stand_in_for(scene.name or "")
+        if stand_in is not None and not scene_is_available(scene.source, scene.name):
+            notes[str(scene.name)] = f"{scene.name} is not on this machine; {stand_in}, its stand-in, is not that scene"
+            scene.name, scene.source = stand_in, SceneSource.procedural
+    return list(notes.values())
 
 
 def mesh_sha256(mesh: Mesh) -> str:

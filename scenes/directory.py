@@ -1,9 +1,10 @@
-"""Scenes from the user's disk: a folder of PLY files with their cameras, or any one mesh file."""
+"""Scenes from the user's disk: folders of PLY files with their cameras, and a view of any one mesh."""
 
 from __future__ import annotations
 
 import json
 import os
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -11,32 +12,56 @@ import numpy as np
 
 from atra.errors import InputError
 from atra.mesh import Mesh, load_mesh
+from scenes.camera_fields import camera_fields_problem
+from scenes.manifest import read_manifest
+from scenes.stand_ins import stand_in_for
 
 SCENES_VARIABLE = "ATRA_SCENES"
 CAMERAS_FILE = "cameras.json"
-
-_CAMERA_FIELDS = {"eye", "target", "up", "fov_y_degrees"}
 
 # From the front, a little right and above: shows three sides of a box and looks along no coordinate plane.
 _DEFAULT_DIRECTION = (0.5, 0.4, 1.0)
 _DEFAULT_FOV_Y_DEGREES = 45.0
 
 
+def default_cache() -> Path:
+    """The folder scenes are fetched into: `atra/scenes` in the user's cache folder of this operating system."""
+    if sys.platform == "win32":
+        base = os.environ.get("LOCALAPPDATA") or "~/AppData/Local"
+    elif sys.platform == "darwin":
+        base = "~/Library/Caches"
+    else:
+        base = os.environ.get("XDG_CACHE_HOME") or "~/.cache"
+    return Path(base).expanduser() / "atra" / "scenes"
+
+
 def load_scene_from_directory(name: str, directory: str | Path | None = None) -> tuple[Mesh, dict[str, Any]]:
     """Read `<directory>/<name>.ply` and the camera called `name` in `<directory>/cameras.json`.
 
-    directory: the folder; None = the environment variable ATRA_SCENES. `~` is expanded, a relative path starts at the
-    current working directory. cameras.json maps each scene name to eye, target and optionally up and fov_y_degrees.
+    directory: the folder; None = `find_scene_folder`. `~` is expanded, a relative path starts at the current working
+    directory. cameras.json maps each scene name to eye, target and optionally up and fov_y_degrees.
     Returns the mesh, named `name`, and those fields of `atra.camera.Camera`.
-    Raises InputError when the folder, the camera or the mesh is not there or cannot be read, naming what is.
+    Raises InputError when the folder, the camera or the mesh is not there or cannot be read, naming what is; if the
+    scene is in no folder, how to get it or do without.
     """
-    folder = _folder(directory)
+    folder = find_scene_folder(name) if directory is None else _checked_folder("the scene folder", directory)
+    if folder is None:
+        raise InputError(_absence(name))
     fields = _camera_fields(folder / CAMERAS_FILE, name)
     path = folder / f"{name}.ply"
     if not path.is_file():
-        raise InputError(f"{path} does not exist; {folder} holds {_listed(p.name for p in folder.glob('*.ply'))}")
+        raise InputError(f"{path} does not exist; {folder} holds {_meshes_of(folder)}")
     mesh = load_mesh(path)
     return Mesh(mesh.vertices, mesh.faces, name=name), fields
+
+
+def find_scene_folder(name: str) -> Path | None:
+    """The folder that holds `<name>.ply`: the one ATRA_SCENES names, else `default_cache()`; None = neither.
+
+    Nothing is read: the mesh may prove unusable, its camera missing.
+    Raises InputError if ATRA_SCENES is set and names no folder: a mistyped path must not lead to another file.
+    """
+    return next((folder for folder in _folders() if (folder / f"{name}.ply").is_file()), None)
 
 
 def default_camera_fields(mesh: Mesh) -> dict[str, Any]:
@@ -57,18 +82,35 @@ def default_camera_fields(mesh: Mesh) -> dict[str, Any]:
     }
 
 
-def _folder(directory: str | Path | None) -> Path:
-    what = "the folder that holds cameras.json and the .ply files"
-    source = "the scene folder"
-    if directory is None:
-        directory = os.environ.get(SCENES_VARIABLE, "")
-        source = SCENES_VARIABLE
-        if not directory:
-            raise InputError(f"the environment variable {SCENES_VARIABLE} is not set; set it to {what}")
+def _folders() -> list[Path]:
+    named = os.environ.get(SCENES_VARIABLE)
+    return [*([_checked_folder(SCENES_VARIABLE, named)] if named else []), default_cache()]
+
+
+def _checked_folder(source: str, directory: str | Path) -> Path:
     folder = Path(directory).expanduser()
     if not folder.is_dir():
-        raise InputError(f"{source} is {str(directory)!r}, which is not a folder; expected {what}")
+        raise InputError(
+            f"{source} is {str(directory)!r}, which is not a folder; "
+            "expected the folder that holds cameras.json and the .ply files"
+        )
     return folder
+
+
+def _absence(name: str) -> str:
+    """In which folders the scene is not, and the ways out there are for it."""
+    *named, cache = _folders()
+    looked = f"the environment variable {SCENES_VARIABLE} is not set"
+    if named:
+        looked = f"{SCENES_VARIABLE} is {named[0]}, which holds {_meshes_of(named[0])}"
+    ways = [f"set {SCENES_VARIABLE} to the folder that holds {name}.ply and {CAMERAS_FILE}"]
+    if name in read_manifest().scenes:
+        ways.append(f"run: python run.py fetch scene={name} (needs the extra: pip install 'atra[fetch]')")
+    stand_in = stand_in_for(name)
+    if stand_in is not None:
+        ways.append(f"use the built-in stand-in scene={stand_in}, which has as many triangles but is not that scene")
+    held = f"the cache {cache} holds {_meshes_of(cache)}"
+    return f"scene {name!r} was not found: {looked}, and {held}. Ways out: {'; or '.join(ways)}"
 
 
 def _camera_fields(path: Path, name: str) -> dict[str, Any]:
@@ -85,12 +127,14 @@ def _camera_fields(path: Path, name: str) -> dict[str, Any]:
     fields = cameras[name]
     if not isinstance(fields, dict):
         raise InputError(f"{path}: the camera of {name!r} is {fields!r}, expected an object with eye and target")
-    if not {"eye", "target"} <= fields.keys() <= _CAMERA_FIELDS:
-        raise InputError(
-            f"{path}: the camera of {name!r} has the fields {_listed(fields)}; "
-            "expected eye and target, and optionally up and fov_y_degrees"
-        )
+    problem = camera_fields_problem(fields)
+    if problem is not None:
+        raise InputError(f"{path}: the camera of {name!r} {problem}")
     return {key: tuple(value) if isinstance(value, list) else value for key, value in fields.items()}
+
+
+def _meshes_of(folder: Path) -> str:
+    return ", ".join(sorted(path.name for path in folder.glob("*.ply"))) or "no .ply file"
 
 
 def _listed(names: Any) -> str:

@@ -1,4 +1,4 @@
-"""The paper's scenes from their public home, once; afterwards from a folder that ATRA_SCENES can name.
+"""The paper's scenes from their public home into a folder, the cache, where `scenes.directory` finds them.
 
 The folder holds `<name>.ply` and cameras.json as `scenes.directory` reads them, and the downloaded zips in `archives/`,
 which may be deleted.
@@ -10,7 +10,6 @@ import hashlib
 import importlib
 import json
 import os
-import sys
 import tempfile
 from pathlib import Path
 from typing import Any
@@ -21,24 +20,13 @@ from atra.errors import InputError
 from atra.mesh import Mesh, load_mesh
 from atra.records import write_atomically
 from scenes.archive import extract_member
-from scenes.directory import CAMERAS_FILE
+from scenes.directory import CAMERAS_FILE, default_cache
 from scenes.manifest import SceneSource, read_manifest
 
 ARCHIVES_FOLDER = "archives"
 
 _TIMEOUT_S = 60.0
 _USER_AGENT = "atra scene fetch (research; one file at a time)"  # the archive refuses some clients' default names
-
-
-def default_cache() -> Path:
-    """The folder scenes are fetched into: `atra/scenes` in the user's cache folder of this operating system."""
-    if sys.platform == "win32":
-        base = os.environ.get("LOCALAPPDATA") or "~/AppData/Local"
-    elif sys.platform == "darwin":
-        base = "~/Library/Caches"
-    else:
-        base = os.environ.get("XDG_CACHE_HOME") or "~/.cache"
-    return Path(base).expanduser() / "atra" / "scenes"
 
 
 def fetch_scene(name: str, cache: str | Path | None = None, base_url: str | None = None) -> Path:

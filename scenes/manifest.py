@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from atra.errors import InputError
+from scenes.camera_fields import camera_fields_problem
 
 MANIFEST_FILE = Path(__file__).with_name("manifest.toml")
 
@@ -22,6 +23,7 @@ class SceneSource:
     member: the mesh file inside. triangles: what it must hold.
     camera: fields of `atra.camera.Camera`; camera_source: whose they are.
     notice: a restriction of the author's to be shown whenever the scene is fetched, None = none beyond the licence.
+    pictures_may_be_passed_on: false = pictures of the scene stay with whoever made them, as the notice asks.
     Raises InputError for a field that cannot be meant.
     """
 
@@ -37,14 +39,21 @@ class SceneSource:
     sha256: str | None = None
     archive_bytes: int | None = None
     notice: str | None = None
+    pictures_may_be_passed_on: bool = True
 
     def __post_init__(self) -> None:
         if self.triangles < 1:
             raise InputError(f"scene {self.name!r} promises {self.triangles} triangles, expected at least 1")
         if self.sha256 is not None and not re.fullmatch(r"[0-9a-f]{64}", self.sha256):
             raise InputError(f"scene {self.name!r} has the sha256 {self.sha256!r}, expected 64 lower-case hex digits")
-        if not {"eye", "target"} <= self.camera.keys() <= {"eye", "target", "up", "fov_y_degrees"}:
-            raise InputError(f"the camera of scene {self.name!r} has the fields {', '.join(sorted(self.camera))}")
+        problem = camera_fields_problem(self.camera)
+        if problem is not None:
+            raise InputError(f"the camera of scene {self.name!r} {problem}")
+        allowed = self.pictures_may_be_passed_on
+        if not isinstance(allowed, bool):  # the words "false" and "no" would both count as true
+            raise InputError(f"scene {self.name!r} has pictures_may_be_passed_on = {allowed!r}, expected true or false")
+        if not allowed and self.notice is None:
+            raise InputError(f"pictures of scene {self.name!r} may not be passed on, but no notice says why")
 
 
 @dataclass(frozen=True)
@@ -72,3 +81,14 @@ def read_manifest(path: Path = MANIFEST_FILE) -> Manifest:
         raise InputError(f"{path}: {error}") from None
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise InputError(f"{path} cannot be read as a scene manifest: {error}") from None
+
+
+def picture_restriction(name: str) -> str | None:
+    """Why no picture of the scene called `name` may be published, as one sentence; None = nothing known against it.
+
+    A scene that is not in the manifest, such as a file of the user's own, is theirs to judge.
+    """
+    source = read_manifest().scenes.get(name)
+    if source is None or source.pictures_may_be_passed_on:
+        return None
+    return f"The copyright note of {source.title} ({name}) does not allow pictures of it to be passed on."

@@ -24,6 +24,7 @@ __all__ = [
     "atrium",
     "living_room",
     "material_ball",
+    "stand_in_for",
 ]
 
 
@@ -45,3 +46,8 @@ STAND_INS = {
     "atrium": StandIn(atrium, ATRIUM_CAMERA, "sponza"),
 }
 """By the name of the scene."""
+
+
+def stand_in_for(name: str) -> str | None:
+    """The name of the stand-in for the paper's scene `name`; None if it has none."""
+    return next((stand_in for stand_in, made in STAND_INS.items() if made.stands_for == name), None)

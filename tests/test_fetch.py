@@ -15,9 +15,13 @@ import pytest
 
 from atra.camera import Camera
 from atra.errors import InputError
+from experiments import fetching
+from experiments.configuration import Configuration, SceneConfiguration, SceneSource
+from experiments.fetching import run_fetch
 from scenes import archive, fetch, manifest
-from scenes.directory import load_scene_from_directory
+from scenes.directory import default_cache, load_scene_from_directory
 from scenes.fetch import fetch_scene
+from tests.folders import empty_cache
 
 OBJ = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3\nf 1 3 4\n"
 
@@ -254,6 +258,7 @@ def test_the_manifest_names_the_papers_counts_and_usable_cameras_and_one_restric
         assert scene.author
         assert scene.licence
     assert [name for name, scene in scenes.items() if scene.notice] == ["mitsuba"]
+    assert [name for name, scene in scenes.items() if not scene.pictures_may_be_passed_on] == ["mitsuba"]
 
 
 def test_fetching_mitsuba_shows_its_restriction_before_anything_is_downloaded(tmp_path, capsys, monkeypatch):
@@ -261,6 +266,21 @@ def test_fetching_mitsuba_shows_its_restriction_before_anything_is_downloaded(tm
     with pytest.raises(InputError, match="pooch"):
         fetch_scene("mitsuba", tmp_path)
     assert "direct comparisons between the Mitsuba renderer and others" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("fields", "reason"),
+    [
+        ({"pictures_may_be_passed_on": "false"}, "= 'false', expected true or false"),
+        ({"pictures_may_be_passed_on": False}, "no notice says why"),
+        ({"camera": {"eye": (0, 0, 1)}}, "has the fields eye; expected eye and target"),
+        ({"triangles": 0}, "promises 0 triangles"),
+        ({"sha256": "ABC"}, "'ABC', expected 64"),
+    ],
+)
+def test_a_manifest_entry_that_cannot_be_meant_is_refused(fields, reason):
+    with pytest.raises(InputError, match=reason):
+        replace(manifest.read_manifest().scene("sponza"), **fields)
 
 
 @pytest.mark.parametrize(
@@ -275,3 +295,61 @@ def test_a_broken_manifest_is_refused_by_name(text, reason, tmp_path):
     (tmp_path / "m.toml").write_text(text)
     with pytest.raises(InputError, match=rf"m\.toml.*{reason}"):
         manifest.read_manifest(tmp_path / "m.toml")
+
+
+@pytest.fixture
+def home(tmp_path, monkeypatch):
+    """No ATRA_SCENES, and an empty cache wherever this system keeps caches."""
+    empty_cache(tmp_path / "home", monkeypatch)
+    return tmp_path
+
+
+def asked_for(name, source=SceneSource.directory):
+    return Configuration(scene=SceneConfiguration(name=name, source=source))
+
+
+def test_the_fetch_command_leaves_a_scene_every_run_finds_and_says_what_to_run(home, describe, capsys):
+    describe()
+    archives = default_cache() / fetch.ARCHIVES_FOLDER
+    archives.mkdir(parents=True)
+    (archives / "sponza.zip").write_bytes(zipped(("sponza.obj", OBJ)))
+    path = run_fetch(asked_for("sponza"))
+    assert path == default_cache() / "sponza.ply"
+    assert load_scene_from_directory("sponza")[0].triangle_count == 2
+    told = capsys.readouterr().out
+    for said in ("Frank Meinl", "CC BY 3.0", str(path), "python run.py scene=sponza"):
+        assert said in told
+    assert run_fetch(asked_for("sponza")) == path  # again: the archive is not asked for
+
+
+def test_a_scene_the_users_folder_holds_is_not_fetched_because_that_one_would_win(home, monkeypatch, capsys):
+    monkeypatch.setenv("ATRA_SCENES", str(home))
+    (home / "sponza.ply").write_text("mine")
+    monkeypatch.setattr(fetching, "fetch_scene", lambda name: pytest.fail("fetched"))
+    assert run_fetch(asked_for("sponza")) == home / "sponza.ply"
+    assert "nothing was fetched" in capsys.readouterr().out
+    assert not default_cache().exists()
+
+
+@pytest.mark.parametrize("name", ["cornell_box", "atrium"])
+def test_a_built_in_scene_needs_no_fetching(name, home, capsys):
+    assert run_fetch(asked_for(name, SceneSource.procedural)) is None
+    told = capsys.readouterr().out
+    assert "nothing needs fetching" in told
+    assert ("fetch scene=sponza" in told) == (name == "atrium")
+    assert not default_cache().exists()
+
+
+@pytest.mark.parametrize(
+    ("name", "source", "reason"),
+    [
+        (None, SceneSource.file, "scene=file is read from scene.path"),
+        (None, SceneSource.directory, "needs scene.name"),
+        ("dragon", SceneSource.directory, "no scene 'dragon' can be fetched, expected one of cornell_box"),
+        ("dragon", SceneSource.procedural, "unknown procedural scene 'dragon'"),
+    ],
+)
+def test_what_cannot_be_fetched_is_refused_and_leaves_nothing(name, source, reason, home):
+    with pytest.raises(InputError, match=reason):
+        run_fetch(asked_for(name, source))
+    assert not default_cache().exists()

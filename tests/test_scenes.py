@@ -10,8 +10,10 @@ from atra.camera import Camera
 from atra.errors import InputError
 from atra.hits import MISS
 from atra.reference import brute_force
+from scenes.camera_fields import camera_fields_problem
 from scenes.cornell_box import CORNELL_BOX_CAMERA, cornell_box
-from scenes.directory import default_camera_fields, load_scene_from_directory
+from scenes.directory import default_camera_fields, find_scene_folder, load_scene_from_directory
+from tests.folders import empty_cache
 
 PLY = (
     "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
@@ -25,6 +27,14 @@ def folder(tmp_path):
     (tmp_path / "cameras.json").write_text(json.dumps({"tri": CAMERA, "absent": CAMERA}))
     (tmp_path / "tri.ply").write_text(PLY)
     return tmp_path
+
+
+@pytest.fixture
+def cache(tmp_path, monkeypatch):
+    """An empty cache of fetched scenes, wherever this system keeps caches, and no ATRA_SCENES."""
+    made = empty_cache(tmp_path / "home", monkeypatch)
+    made.mkdir(parents=True)
+    return made
 
 
 def test_the_cornell_box_has_the_papers_triangle_count_and_none_is_degenerate():
@@ -94,21 +104,56 @@ def test_the_folder_comes_from_the_environment_relative_to_the_working_directory
 
 
 @pytest.mark.parametrize("value", [None, ""])
-def test_an_unset_variable_is_refused_saying_what_to_set(monkeypatch, value):
-    if value is None:
-        monkeypatch.delenv("ATRA_SCENES", raising=False)
-    else:
+def test_a_scene_that_is_nowhere_is_refused_with_every_way_out(cache, monkeypatch, value):
+    if value is not None:
         monkeypatch.setenv("ATRA_SCENES", value)
-    with pytest.raises(InputError, match=r"ATRA_SCENES is not set; set it to the folder that holds cameras\.json"):
-        load_scene_from_directory("tri")
+    with pytest.raises(InputError) as refused:
+        load_scene_from_directory("sponza")
+    message = str(refused.value)
+    assert f"ATRA_SCENES is not set, and the cache {cache} holds no .ply file" in message
+    assert "set ATRA_SCENES to the folder that holds sponza.ply and cameras.json" in message
+    assert "python run.py fetch scene=sponza (needs the extra: pip install 'atra[fetch]')" in message
+    assert "stand-in scene=atrium" in message
+    assert "\n" not in message
+
+
+def test_a_scene_nobody_offers_is_not_said_to_be_fetchable(cache):
+    with pytest.raises(InputError, match="ATRA_SCENES is not set") as refused:
+        load_scene_from_directory("dragon")
+    assert "fetch" not in str(refused.value)
+    assert "stand-in" not in str(refused.value)
+
+
+def test_a_scene_that_neither_folder_has_is_refused_with_what_both_have(folder, cache, monkeypatch):
+    monkeypatch.setenv("ATRA_SCENES", str(folder))
+    (cache / "other.ply").write_text(PLY)
+    with pytest.raises(InputError, match=r"holds tri\.ply, and the cache .* holds other\.ply") as refused:
+        load_scene_from_directory("fireplace_room")
+    assert f"ATRA_SCENES is {folder}," in str(refused.value)
+    assert "scene=living_room" in str(refused.value)
+
+
+def test_the_users_folder_comes_before_the_cache_and_the_cache_fills_its_gaps(folder, cache, monkeypatch):
+    far = {"eye": [0, 0, 9], "target": [0, 0, 0]}
+    (cache / "cameras.json").write_text(json.dumps({"tri": far, "other": far}))
+    for name in ("tri", "other"):
+        (cache / f"{name}.ply").write_text(PLY)
+    assert load_scene_from_directory("tri")[1]["eye"] == (0, 0, 9)
+    monkeypatch.setenv("ATRA_SCENES", str(folder))
+    assert load_scene_from_directory("tri")[1]["eye"] == (0, 0, 5)
+    assert load_scene_from_directory("other")[1]["eye"] == (0, 0, 9)
+    assert find_scene_folder("tri") == folder
+    assert find_scene_folder("other") == cache
+    assert find_scene_folder("absent") is None  # a camera without a mesh is no scene
 
 
 def test_a_folder_that_is_none_is_refused_with_its_name(folder, monkeypatch):
     with pytest.raises(InputError, match=r"tri\.ply', which is not a folder"):
         load_scene_from_directory("tri", folder / "tri.ply")
     monkeypatch.setenv("ATRA_SCENES", "no/such/folder")
-    with pytest.raises(InputError, match="ATRA_SCENES is 'no/such/folder', which is not a folder"):
-        load_scene_from_directory("tri")
+    for look in (load_scene_from_directory, find_scene_folder):
+        with pytest.raises(InputError, match="ATRA_SCENES is 'no/such/folder', which is not a folder"):
+            look("tri")
 
 
 def test_missing_or_broken_cameras_are_refused_naming_the_file(folder):
@@ -135,6 +180,20 @@ def test_an_unknown_scene_or_missing_mesh_is_refused_listing_what_there_is(folde
         load_scene_from_directory("dragon", folder)
     with pytest.raises(InputError, match=r"absent\.ply does not exist; .* holds tri\.ply"):
         load_scene_from_directory("absent", folder)
+
+
+@pytest.mark.parametrize(
+    ("given", "usable"),
+    [
+        (["eye", "target"], True),
+        (["up", "target", "fov_y_degrees", "eye"], True),
+        (["eye", "up"], False),
+        (["eye", "target", "fov"], False),
+        ([], False),
+    ],
+)
+def test_a_camera_needs_eye_and_target_and_knows_no_other_fields(given, usable):
+    assert (camera_fields_problem(given) is None) == usable
 
 
 @pytest.mark.parametrize("scale", [1e-3, 1.0, 1e4])

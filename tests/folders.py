@@ -1,0 +1,15 @@
+"""A cache of fetched scenes for one test, whatever the person running it has in theirs."""
+
+from scenes.directory import SCENES_VARIABLE, default_cache
+
+HOME_VARIABLES = ("HOME", "XDG_CACHE_HOME", "LOCALAPPDATA")
+"""What decides where the cache is, on one system or another."""
+
+
+def empty_cache(home, monkeypatch):
+    """Move the cache below the folder `home` and unset ATRA_SCENES. Returns the cache's path; it does not exist."""
+    for variable in HOME_VARIABLES:
+        monkeypatch.setenv(variable, str(home))
+    monkeypatch.delenv(SCENES_VARIABLE, raising=False)
+    assert default_cache().is_relative_to(home)
+    return default_cache()
