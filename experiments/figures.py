@@ -1,9 +1,10 @@
-"""Which figure a sweep draws, and writing it to files."""
+"""Which figures a table gives, each from the grids it is made of, and writing them to files."""
 
 from __future__ import annotations
 
 import io
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
@@ -12,27 +13,116 @@ import pandas as pd
 from matplotlib import figure as mpl
 
 from atra.records import write_atomically
-from experiments.configuration import Figure
+from experiments.build_figure import draw_build_figure
 from experiments.grid_figure import draw_grid_figure
+from experiments.instancing_figure import draw_instancing_figure
+from experiments.memory_figure import draw_memory_figure
+from experiments.pictures import ScenePictures
+from experiments.scenes_figure import draw_scenes_figure
 from experiments.split_figure import draw_split_figure
+from experiments.table import rows_of
 
-# The file's name and the drawing of each; the paper's numbers where it has the figure.
-_FIGURES: dict[Figure, tuple[str, Callable[[pd.DataFrame], mpl.Figure]]] = {
-    Figure.horizontal: ("figure5", draw_split_figure),
-    Figure.vertical: ("figure5_vertical", partial(draw_split_figure, axis_name="split_y")),
-    Figure.grid: ("figure4", draw_grid_figure),
-}
+Draw = Callable[[pd.DataFrame], mpl.Figure]
 
 
-def write_figure(folder: Path, kind: Figure, table: pd.DataFrame) -> None:
-    """Draw the table's points into a PNG and an SVG; writes nothing for `Figure.none` or if no point was measured."""
-    if kind is Figure.none or not (table["status"] == "ok").any():
+@dataclass(frozen=True)
+class FigureKind:
+    """name: of the files. caption: what it shows, the paper's number first where it has the figure.
+
+    grids: whose points it draws. per_packet_width: packets of another width are another figure.
+    """
+
+    name: str
+    caption: str
+    grids: tuple[str, ...]
+    draw: Draw
+    per_packet_width: bool = False
+
+
+@dataclass(frozen=True)
+class DrawnFigure:
+    """A figure as the contents of its files.
+
+    grids: whose points it shows. packet_width: only those of this width, None = all.
+    """
+
+    name: str
+    caption: str
+    png: bytes
+    svg: bytes
+    grids: tuple[str, ...]
+    packet_width: int | None = None
+
+
+FIGURES = (
+    FigureKind(
+        "figure4", "Figure 4: time per frame over the splits of both axes, culling on", ("grid",), draw_grid_figure,
+        True,
+    ),
+    FigureKind(
+        "figure5", "Figure 5: time per frame over horizontal splits, culling off and on", ("horizontal",),
+        draw_split_figure, True,
+    ),
+    FigureKind(
+        "figure5_vertical", "As figure 5, over vertical splits", ("vertical",),
+        partial(draw_split_figure, axis_name="split_y"), True,
+    ),
+    FigureKind(
+        "figure6", "Figure 6: plan and BVH build over horizontal splits, culling on", ("build",), draw_build_figure
+    ),
+    FigureKind(
+        "figure7", "Figure 7: memory over horizontal splits, culling on", ("memory", "memory_pixel"), draw_memory_figure
+    ),
+    FigureKind(
+        "figure7_instancing", "Beside figure 7: instances instead of copies, in memory and in time",
+        ("memory", "memory_instanced", "memory_pixel", "instanced", "copied"), draw_instancing_figure,
+    ),
+)  # fmt: skip
+
+
+def draw_figures(table: pd.DataFrame, pictures: Sequence[ScenePictures]) -> Iterator[DrawnFigure]:
+    """Every figure that the table's grids and the pictures allow, in the paper's order.
+
+    A figure none of whose points was measured is left out: its points are in the table with their reasons.
+    """
+    if pictures:
+        caption = "Figure 3: the scenes, shaded from aligned hits and from single rays per pixel, and their difference"
+        yield _as_files("figure3", caption, draw_scenes_figure(pictures), ("scenes",))
+    for kind in FIGURES:
+        rows = rows_of(table, *kind.grids)
+        for name, caption, width, part in _parts(kind, rows):
+            if (part["status"] == "ok").any():
+                yield _as_files(name, caption, kind.draw(part), kind.grids, width)
+
+
+def _parts(kind: FigureKind, rows: pd.DataFrame) -> Iterator[tuple[str, str, int | None, pd.DataFrame]]:
+    widths = sorted(int(width) for width in rows["packet_width"].dropna().unique())
+    if not kind.per_packet_width or len(widths) < 2:
+        yield kind.name, kind.caption, None, rows
         return
-    name, draw = _FIGURES[kind]
-    figure = draw(table)
+    for width in widths:
+        rays = "single rays" if width == 1 else f"packets of {width}"
+        name, caption = f"{kind.name}_{rays.replace(' ', '_')}", f"{kind.caption}; {rays}"
+        yield name, caption, width, rows[rows["packet_width"] == width]
+
+
+def _as_files(
+    name: str, caption: str, figure: mpl.Figure, grids: tuple[str, ...], packet_width: int | None = None
+) -> DrawnFigure:
+    files = {}
     for suffix in ("png", "svg"):
         buffer = io.BytesIO()
         # A fixed salt and no date keep the SVG of equal tables equal.
         with matplotlib.rc_context({"svg.hashsalt": "atra", "svg.fonttype": "path"}):
-            figure.savefig(buffer, format=suffix, dpi=150, metadata={"Date": None} if suffix == "svg" else None)
-        write_atomically(folder / f"{name}.{suffix}", buffer.getvalue())
+            if suffix == "svg":  # its dots are those of the pictures in figure 3 alone
+                figure.savefig(buffer, format="svg", dpi=72, metadata={"Date": None})
+            else:
+                figure.savefig(buffer, format="png", dpi=150)
+        files[suffix] = buffer.getvalue()
+    return DrawnFigure(name, caption, files["png"], files["svg"], grids, packet_width)
+
+
+def write_figure(folder: Path, figure: DrawnFigure) -> None:
+    """`<name>.png` and `<name>.svg` in `folder`."""
+    write_atomically(folder / f"{figure.name}.png", figure.png)
+    write_atomically(folder / f"{figure.name}.svg", figure.svg)

@@ -5,50 +5,59 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from experiments.split_figure import describe_measurement
+from experiments.figure_parts import (
+    GREY,
+    MILLISECONDS,
+    VERMILLION,
+    add_foot,
+    drawable,
+    make_figure,
+    make_panels,
+    numbers,
+    set_panel_title,
+)
 
-_MILLISECONDS = 1e3
+_PANEL_FIELDS = ("width", "height", "geometry", "culling", "packet_width", "threads", "build_quality")
 
 
-def draw_grid_figure(table: pd.DataFrame) -> Figure:
-    """One panel a scene (and a value of culling, if both were measured): milliseconds in each cell, the best framed.
+def draw_grid_figure(table: pd.DataFrame, heading: str = "") -> Figure:
+    """One panel a scene (and a value of any other field that varies): milliseconds in each cell, the best framed.
 
+    heading: stands above the figure, for one that belongs to a row of figures.
     A split without a time stays empty, marked with its status. Colours are per scene: compare within a panel.
     """
-    keys = ["scene"] + [name for name in ("culling", "packet_width", "threads") if table[name].nunique() > 1]
+    aligned = table[table["method"] == "aligned"]
     # A panel without any time would be empty; its points are in the table with their reasons.
-    with_times = table.groupby(keys, sort=False, dropna=False).filter(lambda points: (points["status"] == "ok").any())
-    panels = list(with_times.groupby(keys, sort=False, dropna=False))
-    columns = min(2, len(panels))
-    rows = -(-len(panels) // columns)
-    figure = Figure(figsize=(max(6.6, 5.8 * columns), 4.9 * rows + 0.6), layout="constrained")
-    FigureCanvasAgg(figure)
-    axes = figure.subplots(rows, columns, squeeze=False).ravel()
-    for axis, (key, points) in zip(axes, panels, strict=False):
-        scene, *values = key if isinstance(key, tuple) else (key,)
-        details = [f"{name} {value}" for name, value in zip(keys[1:], values, strict=True)]
-        _draw_panel(figure, axis, ", ".join([f"{scene} ({points['triangles'].iloc[0]:,} triangles)", *details]), points)
-    for axis in axes[len(panels) :]:
-        axis.set_visible(False)
-    figure.supxlabel(describe_measurement(table, "shortest time framed"), fontsize=8, color="#555555")
+    panels = [panel for panel in make_panels(aligned, _PANEL_FIELDS) if drawable(_times(panel.rows)).any()]
+    figure, axes = make_figure(len(panels), panel_height=4.7)
+    for axis, panel in zip(axes, panels, strict=True):
+        set_panel_title(axis, panel.title, panel.stands_for)
+        _draw_panel(figure, axis, panel.rows)
+    figure.suptitle(heading, fontsize=12)
+    add_foot(figure, table, "shortest time framed")
     return figure
 
 
-def _draw_panel(figure: Figure, axis: Axes, title: str, points: pd.DataFrame) -> None:
+def _times(rows: pd.DataFrame) -> np.ndarray:
+    """(N,) float64 ms."""
+    return numbers(rows, "render_time_s") * MILLISECONDS
+
+
+def _draw_panel(figure: Figure, axis: Axes, points: pd.DataFrame) -> None:
     splits_x = sorted(int(split) for split in points["split_x"].unique())
     splits_y = sorted(int(split) for split in points["split_y"].unique())
     time_ms = np.full((len(splits_y), len(splits_x)), np.nan)
-    for _, point in points.iterrows():
+    for (_, point), value in zip(points.iterrows(), _times(points), strict=True):
         row, column = splits_y.index(int(point["split_y"])), splits_x.index(int(point["split_x"]))
-        if point["status"] == "ok":
-            time_ms[row, column] = float(point["render_time_s"]) * _MILLISECONDS
+        if drawable(value):
+            time_ms[row, column] = value
         else:
-            axis.text(column, row, point["status"], ha="center", va="center", fontsize=7, color="#555555")
+            status = "no time" if point["status"] == "ok" else point["status"]
+            axis.text(column, row, status, ha="center", va="center", fontsize=7, color=GREY)
     low, high = np.nanmin(time_ms), np.nanmax(time_ms)
     picture = axis.imshow(time_ms, origin="lower", cmap="cividis_r", norm=LogNorm(low, max(high, low * 1.01)))
     middle = np.sqrt(low * high)
@@ -58,16 +67,17 @@ def _draw_panel(figure: Figure, axis: Axes, title: str, points: pd.DataFrame) ->
         axis.text(column, row, _short(value), ha="center", va="center", fontsize=9, color=color)
     best_row, best_column = np.unravel_index(np.nanargmin(time_ms), time_ms.shape)
     corner = (float(best_column) - 0.5, float(best_row) - 0.5)
-    axis.add_patch(Rectangle(corner, 1, 1, fill=False, edgecolor="#D55E00", linewidth=2.5))
-    axis.set_title(title, fontsize=11, loc="left")
+    axis.add_patch(Rectangle(corner, 1, 1, fill=False, edgecolor=VERMILLION, linewidth=2.5))
     axis.set_xticks(range(len(splits_x)), [str(split) for split in splits_x])
     axis.set_yticks(range(len(splits_y)), [str(split) for split in splits_y])
     axis.set_xlabel("horizontal splits")
     axis.set_ylabel("vertical splits")
-    ticks = np.geomspace(low, max(high, low * 1.01), 4)
-    bar = figure.colorbar(picture, ax=axis, shrink=0.85, label="time per frame in ms")
-    bar.set_ticks(ticks.tolist(), labels=[_short(tick) for tick in ticks])
-    bar.minorticks_off()
+    # One value alone has no scale.
+    if high > low * 1.01:
+        ticks = np.geomspace(low, high, 4)
+        bar = figure.colorbar(picture, ax=axis, shrink=0.85, label="time per frame in ms")
+        bar.set_ticks(ticks.tolist(), labels=[_short(tick) for tick in ticks])
+        bar.minorticks_off()
 
 
 def _short(time_ms: float) -> str:
