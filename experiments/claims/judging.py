@@ -1,0 +1,157 @@
+"""What single scenes say -> what becomes of a claim."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import pandas as pd
+
+from experiments.claims.estimates import Estimate
+from experiments.claims.evidence import PAPER_SCENES, PAPER_SIZE, NotMeasuredError, SceneRows, collect_scenes
+
+HOLDS, DOES_NOT_HOLD, NOT_MEASURED = "holds", "does not hold", "not measured"
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """verdict: one of the three above. value, interval: ours, as text; "" and None where there is none.
+    why: one line where the verdict is not `holds`. stand_ins: "atrium for sponza" for each stand-in that was judged.
+    """
+
+    verdict: str
+    value: str = ""
+    interval: str | None = None
+    why: str | None = None
+    stand_ins: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What one scene says: holds None = the measurement leaves it open. why: for every outcome that is not True."""
+
+    holds: bool | None
+    value: str = ""
+    estimate: Estimate | None = None
+    why: str | None = None
+
+
+Judge = Callable[[pd.DataFrame | None], Judgement]
+SceneJudge = Callable[[SceneRows], Outcome]
+
+
+def on_every_scene(judge_scene: SceneJudge) -> Judge:
+    """A claim about all four scenes, or their stand-ins: holds when it holds on every one, fails when it fails on one,
+    and is otherwise not measured."""
+    return _refusing(lambda table: _combine(_outcomes(collect_scenes(table), judge_scene), every=True))
+
+
+def on_some_scene(judge_scene: SceneJudge) -> Judge:
+    """A claim that something happens on some scene: holds when it does on one, fails when it does on none of the four
+    (or their stand-ins), and is otherwise not measured."""
+    return _refusing(lambda table: _combine(_outcomes(collect_scenes(table), judge_scene), every=False))
+
+
+def on_paper_scene(name: str, judge_scene: SceneJudge) -> Judge:
+    """A claim that compares a number of scene `name` with the paper's: no stand-in, and the paper's image size."""
+
+    def judge(table: pd.DataFrame | None) -> Judgement:
+        outcome = judge_scene(paper_scene(collect_scenes(table), name))
+        interval = None if outcome.estimate is None else outcome.estimate.interval()
+        return Judgement(_verdict(outcome.holds), outcome.value, interval, outcome.why)
+
+    return _refusing(judge)
+
+
+def on_paper_scenes(judge_scenes: Callable[[Mapping[str, SceneRows]], Judgement]) -> Judge:
+    """A claim that compares all four scenes with each other: no stand-ins, and the paper's image size."""
+
+    def judge(table: pd.DataFrame | None) -> Judgement:
+        scenes = collect_scenes(table)
+        return judge_scenes({name: paper_scene(scenes, name) for name in PAPER_SCENES})
+
+    return _refusing(judge)
+
+
+def paper_scene(scenes: Mapping[str, SceneRows], name: str) -> SceneRows:
+    """The scene itself, measured at the paper's image size. Raises NotMeasuredError for anything else."""
+    if name not in scenes:
+        raise NotMeasuredError(f"{name}: {_absent(name)}")
+    scene = scenes[name]
+    if scene.stand_in:
+        raise NotMeasuredError(f"stand-ins only: {scene.scene} for {name}")
+    for row in scene.rows:
+        measured_time = row["quantity"] == "time" and row["status"] == "ok"
+        if measured_time and (row["width"], row["height"]) != PAPER_SIZE:
+            width, height = PAPER_SIZE
+            raise NotMeasuredError(
+                f"images of {row['width']} x {row['height']}, the paper's are {width:,} x {height:,}"
+            )
+    return scene
+
+
+def _refusing(judge: Judge) -> Judge:
+    """`judge`, with what the table cannot answer as a verdict."""
+
+    def judge_or_refuse(table: pd.DataFrame | None) -> Judgement:
+        try:
+            return judge(table)
+        except NotMeasuredError as error:
+            return Judgement(NOT_MEASURED, why=str(error))
+
+    return judge_or_refuse
+
+
+def _outcomes(scenes: Mapping[str, SceneRows], judge_scene: SceneJudge) -> list[tuple[str, SceneRows | None, Outcome]]:
+    outcomes: list[tuple[str, SceneRows | None, Outcome]] = []
+    for name in PAPER_SCENES:
+        scene = scenes.get(name)
+        if scene is None:
+            outcomes.append((name, scene, Outcome(None, why=_absent(name))))
+            continue
+        try:
+            outcome = judge_scene(scene)
+        except NotMeasuredError as error:
+            outcome = Outcome(None, why=str(error))
+        outcomes.append((scene.scene, scene, outcome))
+    return outcomes
+
+
+def _combine(outcomes: Sequence[tuple[str, SceneRows | None, Outcome]], every: bool) -> Judgement:
+    states = [outcome.holds for _, _, outcome in outcomes]
+    decisive = not every  # one scene that says so settles the claim
+    if decisive in states:
+        holds: bool | None = decisive
+    else:
+        holds = None if None in states else not decisive
+    values, intervals, stand_ins = [], [], []
+    scenes_by_reason: dict[str, list[str]] = {}
+    for name, scene, outcome in outcomes:
+        undecided = outcome.holds is None and outcome.value
+        state = "undecided" if undecided else _verdict(outcome.holds)
+        values.append(f"{name}: {outcome.value or '-'} ({state})")
+        if outcome.estimate is not None:
+            intervals.append(f"{name} {outcome.estimate.interval()}")
+        # A claim that fails is explained by what fails; what else is missing does not matter any more.
+        if outcome.why is not None and outcome.holds is not True and (holds is None or outcome.holds is holds):
+            scenes_by_reason.setdefault(outcome.why, []).append(name)
+        if scene is not None and scene.stand_in and outcome.value:
+            stand_ins.append(f"{scene.scene} for {scene.paper_scene}")
+    reasons = "; ".join(f"{', '.join(names)}: {why}" for why, names in scenes_by_reason.items())
+    return Judgement(
+        _verdict(holds),
+        "; ".join(values) if any(outcome.value for _, _, outcome in outcomes) else "",
+        "; ".join(intervals) or None,
+        None if holds else reasons,
+        tuple(stand_ins),
+    )
+
+
+def _verdict(holds: bool | None) -> str:
+    if holds is None:
+        return NOT_MEASURED
+    return HOLDS if holds else DOES_NOT_HOLD
+
+
+def _absent(name: str) -> str:
+    return f"neither the scene with its {PAPER_SCENES[name]:,} triangles nor a stand-in was measured"
