@@ -1,0 +1,255 @@
+"""The table in short: best speed-ups, doubts, missing points, wrong pixels, and the machine in words."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import pandas as pd
+
+from atra.errors import InputError
+from experiments.report.contents import VERDICTS, JudgedClaim
+
+_NUMBER = re.compile(r"\d+(?:[.,]\d+)*")
+_TIMES, _TO = "\N{MULTIPLICATION SIGN}", "\N{EN DASH}"
+
+# Label and unit of an environment's fields; a field that is not here is shown under its own name.
+_ENVIRONMENT_LABELS = {
+    "cpu": "processor",
+    "cpu_extensions": "vector extensions",
+    "physical_cores": "cores",
+    "logical_cores": "hardware threads",
+    "affinity": "may run on",
+    "machine": "architecture",
+    "system": "system",
+    "system_release": "kernel",
+    "memory_total_bytes": "memory",
+    "memory_available_bytes": "memory free at the time",
+    "governor": "frequency governor",
+    "load_average": "load (1, 5, 15 min)",
+    "atra_version": "atra",
+    "git_commit": "commit",
+    "git_dirty": "tree differs from commit",
+    "code_sha256": "hash of the library's source",
+    "embree_version": "Embree",
+    "embreex_version": "embreex",
+    "python_version": "Python",
+    "numpy_version": "NumPy",
+    "numba_version": "Numba",
+    "taken_at": "described at",
+}
+
+
+@dataclass(frozen=True)
+class Best:
+    """The best speed-up of some points: the ratio with its confidence interval, and the point it belongs to."""
+
+    ratio: float
+    low: float | None
+    high: float | None
+    point: str
+
+
+@dataclass(frozen=True)
+class SceneInShort:
+    """What a reader wants first of a scene; a speed-up is None where no such point was measured.
+
+    single: single rays, aligned against rtcIntersect1 per pixel, as in the paper. packets_vs_single: aligned packets
+    against rtcIntersect1. packets: aligned packets against packets per pixel.
+    images, pixels_wrong: compared images, and the wrong pixels of all of them.
+    """
+
+    scene: str
+    stands_for: str | None
+    triangles: int | None
+    single: Best | None
+    packets_vs_single: Best | None
+    packets: Best | None
+    images: int
+    pixels_wrong: int
+
+
+@dataclass(frozen=True)
+class Doubt:
+    """A kind of doubt, its numbers as ranges, and how many points carry it."""
+
+    text: str
+    points: int
+
+
+@dataclass(frozen=True)
+class Doubts:
+    """Of a figure's points: how many there are, how many were measured, how many carry any doubt, and which."""
+
+    points: int
+    measured: int
+    doubtful: int
+    kinds: tuple[Doubt, ...]
+
+
+@dataclass(frozen=True)
+class MissingPoints:
+    """Points of a scene without a measurement, for one reason."""
+
+    status: str
+    scene: str
+    stands_for: str | None
+    reason: str
+    points: tuple[str, ...]
+
+
+def scenes_in_short(table: pd.DataFrame) -> tuple[SceneInShort, ...]:
+    """One entry a scene, in the order of the table."""
+    return tuple(_scene_in_short(str(scene), rows) for scene, rows in table.groupby("scene", sort=False))
+
+
+def _scene_in_short(scene: str, rows: pd.DataFrame) -> SceneInShort:
+    measured = rows[rows["status"] == "ok"]
+    timed = measured[measured["render_time_s"].notna() & (measured["method"] == "aligned")]
+    packets = timed[timed["packet_width"] > 1]
+    compared = measured["pixels_wrong"].dropna()
+    return SceneInShort(
+        scene=scene,
+        stands_for=_first(rows["stands_for"]),
+        triangles=_first(rows["triangles"]),
+        single=_best(timed[timed["packet_width"] == 1], "speedup"),
+        packets_vs_single=_best(packets, "speedup"),
+        packets=_best(packets, "speedup_vs_packets"),
+        images=len(compared),
+        pixels_wrong=int(compared.sum()),
+    )
+
+
+def _best(rows: pd.DataFrame, name: str) -> Best | None:
+    ratios = rows[name].dropna().astype(float)
+    if len(ratios) == 0:
+        return None
+    row = rows.loc[ratios.idxmax()]
+    low, high = (None if pd.isna(row[f"{name}_{end}"]) else float(row[f"{name}_{end}"]) for end in ("low", "high"))
+    return Best(float(row[name]), low, high, describe_point(row))
+
+
+def _first(values: pd.Series) -> Any:
+    present = values.dropna()
+    return present.iloc[0] if len(present) else None
+
+
+def describe_point(row: pd.Series) -> str:
+    """A point among those of its scene, in few words: "128 × 1, culling on, instanced"."""
+    if row["method"] == "pixel":
+        return f"per pixel{_packets(row)}"
+    parts = [f"{row['split_x']} {_TIMES} {row['split_y']}{_packets(row)}"]
+    if not pd.isna(row["culling"]):
+        parts.append(f"culling {'on' if row['culling'] else 'off'}")
+    if row["geometry"] == "instanced":
+        parts.append("instanced")
+    return ", ".join(parts)
+
+
+def _packets(row: pd.Series) -> str:
+    width = row["packet_width"]
+    if pd.isna(width):
+        return ""
+    return ", single rays" if width == 1 else f", packets of {width}"
+
+
+def count_doubts(rows: pd.DataFrame) -> Doubts:
+    """Doubts that differ only in their numbers are one kind; the numbers become ranges."""
+    texts = [text for doubts in rows["doubts"].dropna() for text in str(doubts).split("; ")]
+    numbers: dict[str, list[list[str]]] = {}
+    for text in texts:
+        numbers.setdefault(_NUMBER.sub("#", text), []).append(_NUMBER.findall(text))
+    kinds = [Doubt(_with_ranges(kind, found), len(found)) for kind, found in numbers.items()]
+    return Doubts(
+        points=len(rows),
+        measured=int((rows["status"] == "ok").sum()),
+        doubtful=int(rows["doubts"].notna().sum()),
+        kinds=tuple(sorted(kinds, key=lambda doubt: -doubt.points)),
+    )
+
+
+def _with_ranges(kind: str, found: list[list[str]]) -> str:
+    for column in zip(*found, strict=True):
+        ordered = sorted(set(column), key=lambda text: float(text.replace(",", "")))
+        kind = kind.replace("#", ordered[0] if len(ordered) == 1 else f"{ordered[0]}{_TO}{ordered[-1]}", 1)
+    return kind
+
+
+def missing_points(table: pd.DataFrame) -> tuple[MissingPoints, ...]:
+    """Points that were skipped or failed, those of a scene together whose reasons differ only in their numbers."""
+    missing = table[table["status"] != "ok"]
+    kind = missing["error"].fillna("no reason was recorded").map(lambda text: _NUMBER.sub("#", text))
+    groups = missing.groupby(["status", "scene", kind], sort=False)
+    return tuple(
+        MissingPoints(
+            str(status),
+            str(scene),
+            _first(rows["stands_for"]),
+            _first(rows["error"]) or "no reason was recorded",
+            tuple(f"{row['quantity']}: {describe_point(row)}" for _, row in rows.iterrows()),
+        )
+        for (status, scene, _), rows in groups
+    )
+
+
+def count_verdicts(claims: Sequence[JudgedClaim]) -> dict[str, int]:
+    """Number of claims by verdict. Raises InputError for a verdict that is none."""
+    counts = Counter(claim.verdict for claim in claims)
+    for claim in claims:
+        if claim.verdict not in VERDICTS:
+            raise InputError(f"claim {claim.id}: verdict {claim.verdict!r}, expected one of {', '.join(VERDICTS)}")
+    return {verdict: counts[verdict] for verdict in VERDICTS}
+
+
+def measured_between(table: pd.DataFrame) -> str | None:
+    """When the points were measured, to the minute; None if nobody knows."""
+    moments = sorted(str(moment) for moment in table["measured_at"].dropna())
+    if not moments:
+        return None
+    first, last = (_minute(moment) for moment in (moments[0], moments[-1]))
+    return first if first == last else f"{first} to {last}"
+
+
+def _minute(moment: str) -> str:
+    """ "2026-11-21T15:44:25+00:00" -> "2026-11-21 15:44 UTC"; anything else stays as it is."""
+    found = re.fullmatch(r"(\d{4}-\d\d-\d\d)T(\d\d:\d\d):\d\d\+00:00", moment)
+    return f"{found[1]} {found[2]} UTC" if found else moment
+
+
+def environment_lines(environment: dict[str, Any]) -> tuple[tuple[str, str], ...]:
+    """Label and text of every field, the known ones first; a field without a value could not be read."""
+    names = [name for name in _ENVIRONMENT_LABELS if name in environment]
+    names += [name for name in environment if name not in _ENVIRONMENT_LABELS]
+    return tuple((_ENVIRONMENT_LABELS.get(name, name), _in_words(name, environment[name])) for name in names)
+
+
+def machine_in_short(environment: dict[str, Any]) -> str:
+    """Processor, cores and system in one line."""
+    cores = environment.get("logical_cores")
+    parts = [environment.get("cpu"), f"{cores} hardware threads" if cores else None, environment.get("system")]
+    return ", ".join(str(part) for part in parts if part) or "an unknown machine"
+
+
+def software_in_short(environment: dict[str, Any]) -> str:
+    """Versions and the commit in one line."""
+    named = {"atra": "atra_version", "Embree": "embree_version", "Numba": "numba_version", "Python": "python_version"}
+    parts = [f"{label} {environment[name]}" for label, name in named.items() if environment.get(name)]
+    commit = environment.get("git_commit")
+    if commit:
+        parts.append(f"commit {str(commit)[:12]}{' with changes' if environment.get('git_dirty') else ''}")
+    return ", ".join(parts) or "unknown versions"
+
+
+def _in_words(name: str, value: Any) -> str:
+    if value is None:
+        return "unknown"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if name.endswith("_bytes"):
+        return f"{value / 2**30:,.1f} GiB"
+    if isinstance(value, (list, tuple)):
+        return ", ".join(f"{item:.2f}" if isinstance(item, float) else str(item) for item in value) or "none"
+    return str(value)
