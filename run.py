@@ -1,4 +1,5 @@
-"""Command line: `python run.py` measures one point, `python run.py sweep=horizontal` sweeps.
+"""Command line: `python run.py` measures one point, `python run.py sweep=horizontal` sweeps, `python run.py fetch
+scene=sponza` downloads a scene, `python run.py report sweep=paper` writes a sweep's figures and page anew.
 
 Exit codes: 0 done, 1 something failed, 2 the input cannot be used, 130 interrupted.
 """
@@ -14,24 +15,46 @@ import traceback
 os.environ["HYDRA_FULL_ERROR"] = "1"
 
 import hydra
+from hydra.core.hydra_config import HydraConfig
 from hydra.errors import HydraException
+from hydra.types import RunMode
 from omegaconf import DictConfig
 from omegaconf.errors import OmegaConfBaseException
 
 from atra.errors import AtraError
-from experiments.configuration import read_configuration, register_schema
+from experiments.configuration import Action, Configuration, read_configuration, register_schema
 from experiments.messages import shorten_configuration_error
+
+_VERBS = ("fetch", "report")
 
 
 @hydra.main(config_path="conf", config_name="config", version_base="1.3")
-def measure_one_point(composed: DictConfig) -> None:
+def run(composed: DictConfig) -> None:
     # SystemExit passes through Hydra silently; any other exception is announced by Hydra first.
     try:
-        from experiments.single import run_single_point
-
-        run_single_point(read_configuration(composed))
+        _act(read_configuration(composed))
     except (AtraError, OmegaConfBaseException) as error:
         raise SystemExit(_refuse(error)) from error
+
+
+def _act(configuration: Configuration) -> None:
+    """What a run does; the rooms are imported here, so that a refusal does not wait for them."""
+    if configuration.action is Action.fetch:
+        from experiments.fetching import run_fetch
+
+        run_fetch(configuration)
+    elif configuration.action is Action.report:
+        from experiments.results import rewrite_report
+
+        print(f"report: {rewrite_report(configuration)}")
+    elif HydraConfig.get().mode is RunMode.MULTIRUN:  # a job that a launcher runs for a sweep
+        from experiments.sweep import measure_launched
+
+        measure_launched(configuration)
+    else:
+        from experiments.single import run_single_point
+
+        run_single_point(configuration)
 
 
 def _refuse(error: Exception) -> int:
@@ -43,10 +66,13 @@ def _refuse(error: Exception) -> int:
 
 
 def main() -> int:
+    if len(sys.argv) > 1 and sys.argv[1] in _VERBS:
+        # hydra.mode: a sweep's file asks for many runs, but there is one thing to do.
+        sys.argv[1:2] = [f"action={sys.argv[1]}", "hydra.mode=RUN"]
     register_schema()
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
-        measure_one_point()
+        run()
     except (AtraError, HydraException, OmegaConfBaseException) as error:
         return _refuse(error)
     except KeyboardInterrupt:

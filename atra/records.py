@@ -118,10 +118,19 @@ def _set_aside(path: Path, reason: Exception) -> None:
     warnings.warn(f"record {path.name} is unreadable ({reason}); kept as {aside.name}, measuring again", stacklevel=3)
 
 
+_UNFINISHED = ".unfinished"
+
+
+def remove_abandoned_files(folder: Path) -> None:
+    """Remove what killed writers left in `folder`; nobody may be writing there."""
+    for path in folder.glob(f".*{_UNFINISHED}"):
+        path.unlink(missing_ok=True)
+
+
 def write_atomically(path: Path, content: bytes) -> None:
     """Write `content` to a temporary name beside `path`, flush it to the disk, then rename it onto `path`."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=_UNFINISHED)
     try:
         with os.fdopen(handle, "wb") as file:
             file.write(content)

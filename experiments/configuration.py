@@ -17,11 +17,42 @@ from atra.errors import InputError
 PACKET_WIDTHS = (1, 4, 8, 16)
 
 
+class Action(Enum):
+    """What a run does; `python run.py fetch ...` is short for action=fetch, and so on.
+
+    measure = points and sweeps; fetch = download a scene; report = write figures, claims and page of a sweep anew.
+    """
+
+    measure = "measure"
+    fetch = "fetch"
+    report = "report"
+
+
 class Method(Enum):
     """aligned = the paper's; pixel = one ray per pixel, single or in packets."""
 
     aligned = "aligned"
     pixel = "pixel"
+
+
+class Geometry(Enum):
+    """copied = a sheared copy of the triangles per cell; instanced = an Embree instance per cell, which cannot cull."""
+
+    copied = "copied"
+    instanced = "instanced"
+
+
+class Quantity(Enum):
+    """What is measured at a point, in a process of its own each.
+
+    time = frames, against both baselines; build = plan and BVH build, again and again; memory = only the one method is
+    ever built; picture = shaded pictures of the method's hits and of rtcIntersect1's, and their difference.
+    """
+
+    time = "time"
+    build = "build"
+    memory = "memory"
+    picture = "picture"
 
 
 class SceneSource(Enum):
@@ -40,15 +71,6 @@ class BuildQuality(Enum):
     high = "high"
 
 
-class Figure(Enum):
-    """What a sweep draws at its end."""
-
-    none = "none"
-    horizontal = "horizontal"
-    vertical = "vertical"
-    grid = "grid"
-
-
 @dataclass
 class SceneConfiguration:
     """What is looked at; eye, target, up and fov_y_degrees override the scene's own camera one by one."""
@@ -64,10 +86,20 @@ class SceneConfiguration:
 
 @dataclass
 class SweepConfiguration:
-    """name = folder below results_dir. Points run in an order shuffled by the seed, so that drift is no trend."""
+    """What a sweep measures and what it makes of it.
+
+    name: folder below results_dir for table, figures and report.
+    grids: by name, the values to sweep, written as on the command line; every grid is crossed out in full, and a point
+    of several grids is measured once. The figures are drawn of the grids whose names they know.
+    stand_ins: a scene that is not on this machine is replaced by its procedural stand-in.
+    report: end with the claims and the HTML page.
+    shuffle_seed: points run in an order shuffled by it, so that drift is no trend.
+    """
 
     name: str = "point"
-    figure: Figure = Figure.none
+    grids: dict[str, dict[str, Any]] = field(default_factory=dict)
+    stand_ins: bool = False
+    report: bool = False
     shuffle_seed: int = 1
 
 
@@ -75,12 +107,13 @@ class SweepConfiguration:
 class MeasureConfiguration:
     """How a point is measured.
 
-    rounds, warmup: rounds that count and rounds before them.
-    frame_budget_s: no further round starts past this many seconds of tracing, but three always run.
+    quantity: what is measured. rounds, warmup: rounds that count and rounds before them.
+    frame_budget_s: no further round starts past this many seconds of work, but three always run.
     time_limit_s: a worker still running after this long is stopped and its point fails.
     memory_budget_gib: a point that would need more is skipped.
     """
 
+    quantity: Quantity = Quantity.time
     rounds: int = 9
     warmup: int = 2
     frame_budget_s: float = 20.0
@@ -99,7 +132,9 @@ class Configuration:
     scene: SceneConfiguration = field(default_factory=SceneConfiguration)
     sweep: SweepConfiguration = field(default_factory=SweepConfiguration)
     measure: MeasureConfiguration = field(default_factory=MeasureConfiguration)
+    action: Action = Action.measure
     method: Method = Method.aligned
+    geometry: Geometry = Geometry.copied
     split_x: int | None = None
     split_y: int = 1
     culling: bool = True
@@ -122,11 +157,19 @@ def read_configuration(composed: DictConfig) -> Configuration:
 
     Raises InputError for a value no point could use; what depends on the scene or the machine is checked later.
     """
-    own = {key: composed[key] for key in Configuration.__dataclass_fields__}
-    configuration = OmegaConf.to_object(OmegaConf.merge(OmegaConf.structured(Configuration), own))
+    typed = OmegaConf.get_type(composed) is Configuration
+    configuration = OmegaConf.to_object(composed if typed else type_configuration(composed))
     assert isinstance(configuration, Configuration)
     check_configuration(configuration)
     return configuration
+
+
+def type_configuration(composed: DictConfig) -> DictConfig:
+    """Our own part of what Hydra composed: setting a field of another type, or an unknown one, is an error."""
+    own = {key: composed[key] for key in Configuration.__dataclass_fields__}
+    typed = OmegaConf.merge(OmegaConf.structured(Configuration), own)
+    assert isinstance(typed, DictConfig)
+    return typed
 
 
 def check_configuration(configuration: Configuration) -> None:
@@ -154,24 +197,32 @@ def check_configuration(configuration: Configuration) -> None:
         raise InputError("scene=file needs scene.path, for example scene.path=model.ply")
     if scene.source is not SceneSource.file and scene.path is not None:
         raise InputError(f"scene.path is {scene.path!r}, but scene {scene.name} takes none; add scene=file")
-    if not sweep.name or any(sign in sweep.name for sign in "/\\") or sweep.name in (".", ".."):
+    if not sweep.name or any(sign in sweep.name for sign in "/\\") or sweep.name in (".", "..", "records"):
         raise InputError(f"sweep.name is {sweep.name!r}, expected the name of a folder")
     if not configuration.results_dir:
         raise InputError("results_dir is empty, expected a folder")
 
 
-def make_results_folder(configuration: Configuration) -> Path:
-    """`<results_dir>/<sweep.name>`, made if missing; raises InputError if nothing can be written there."""
-    folder = Path(configuration.results_dir) / configuration.sweep.name
+def results_folder(configuration: Configuration) -> Path:
+    """`<results_dir>/<sweep.name>`: table, figures, report."""
+    return Path(configuration.results_dir) / configuration.sweep.name
+
+
+def records_folder(configuration: Configuration) -> Path:
+    """`<results_dir>/records`, shared by all sweeps: what one has measured, no other measures again."""
+    return Path(configuration.results_dir) / "records"
+
+
+def check_writable(folder: Path) -> None:
+    """Make `folder` if it is missing; raises InputError if nothing can be written there."""
     try:
-        (folder / "records").mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=folder / "records"):
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
             pass
     except OSError as error:
         raise InputError(
             f"results cannot be written to {folder}: {error.strerror}; choose another results_dir"
         ) from None
-    return folder
 
 
 def _at_least(name: str, value: Any, least: int) -> None:

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable
 from dataclasses import asdict
+from functools import cache
+from pathlib import Path
 from typing import Any
 
 from atra.embree.library import embree_version
 from atra.measure.environment import Environment, read_environment
 from atra.records import Record, point_id
+from experiments import quantities, worker
 from experiments.launch import run_worker
 from experiments.points import PlannedPoint, Point
 from experiments.worker import Outcome
@@ -22,7 +26,17 @@ def current_environment() -> Environment:
 
 
 def identity(point: Point, environment: Environment) -> str:
-    return point_id(point.configuration(), environment.stable())
+    """The point's identity: its configuration, the machine, and the code that measures it."""
+    return point_id({**point.configuration(), "measuring_code_sha256": _measuring_code_sha256()}, environment.stable())
+
+
+@cache
+def _measuring_code_sha256() -> str:
+    """The library's own source is part of the environment; this is what runs it in the worker."""
+    digest = hashlib.sha256()
+    for path in (quantities.__file__, worker.__file__):
+        digest.update(Path(str(path)).read_bytes())
+    return digest.hexdigest()
 
 
 def measure(planned: PlannedPoint, run: Runner = run_worker) -> Record:

@@ -11,7 +11,7 @@ from atra.camera import Camera, Vector
 from atra.errors import AtraError, InputError, MemoryBudgetError
 from atra.mesh import Mesh
 from atra.tracers import AlignedTracer, PixelTracer
-from experiments.configuration import Configuration, Method, SceneConfiguration, SceneSource
+from experiments.configuration import Configuration, Geometry, Method, Quantity, SceneConfiguration, SceneSource
 from experiments.scene_loading import load_scene, mesh_sha256
 
 _LARGEST_DEFAULT_SPLIT = 128
@@ -36,12 +36,14 @@ class Point:
     width: int
     height: int
     method: str
+    geometry: str
     split_x: int
     split_y: int
     culling: bool
     packet_width: int | None
     threads: int | None
     build_quality: str
+    quantity: str
     rounds: int
     warmup: int
     frame_budget_s: float
@@ -69,9 +71,20 @@ class Point:
 
     def label(self) -> str:
         """Short text for progress and messages."""
-        if self.method == Method.pixel.value:
-            return f"{self.scene}, one ray per pixel, packets of {self.packet_width or 'native width'}"
-        return f"{self.scene}, split {self.split_x}x{self.split_y}, culling {'on' if self.culling else 'off'}"
+        width = self.packet_width or "native width"
+        details = [self.scene, "single rays" if width == 1 else f"packets of {width}"]
+        if self.method == Method.aligned.value:
+            kind = "instanced" if self.geometry == Geometry.instanced.value else f"culling {_on_off(self.culling)}"
+            details += [f"split {self.split_x}x{self.split_y}", kind]
+        else:
+            details.append("one ray per pixel")
+        if self.quantity != Quantity.time.value:
+            details.append(self.quantity)
+        return ", ".join(details)
+
+
+def _on_off(value: bool) -> str:
+    return "on" if value else "off"
 
 
 @dataclass(frozen=True)
@@ -139,12 +152,14 @@ def _resolve(configuration: Configuration, scene: _Scene) -> Point:
         width=configuration.width,
         height=configuration.height,
         method=configuration.method.value,
+        geometry=configuration.geometry.value if aligned else Geometry.copied.value,
         split_x=split_x,
         split_y=configuration.split_y,
-        culling=configuration.culling and aligned,
+        culling=configuration.culling and aligned and configuration.geometry is Geometry.copied,
         packet_width=configuration.packet_width,
         threads=configuration.threads,
         build_quality=configuration.build_quality.value,
+        quantity=measure.quantity.value,
         rounds=measure.rounds,
         warmup=measure.warmup,
         frame_budget_s=measure.frame_budget_s,
@@ -181,6 +196,7 @@ def _problem(point: Point, mesh: Mesh) -> AtraError | None:
             point.camera,
             split=(point.split_x, point.split_y),
             culling=point.culling,
+            geometry=point.geometry,
             packet_width=point.packet_width,
             threads=point.threads,
             build_quality=point.build_quality,

@@ -8,7 +8,8 @@ from rich.console import Console
 
 from atra.errors import InputError
 from atra.records import Record, write_record
-from experiments.configuration import Configuration, make_results_folder
+from experiments.configuration import Configuration, check_writable, records_folder
+from experiments.lock import exclusive
 from experiments.measuring import measure
 from experiments.points import plan_points
 from experiments.progress import SweepProgress
@@ -25,12 +26,13 @@ def run_single_point(configuration: Configuration) -> Record:
     (planned,) = plan_points([configuration])
     if planned.problem is not None:
         raise planned.problem
-    folder = make_results_folder(configuration)
-    with SweepProgress(1, Console(stderr=True)) as progress:
+    folder = records_folder(configuration)
+    check_writable(folder)
+    with exclusive(folder.parent, folder), SweepProgress(1, Console(stderr=True)) as progress:
         progress.begin(planned.point.label())
         record = measure(planned)
         progress.end(planned.point.label(), say_outcome(record))
-    path = write_record(folder / "records", record)
+        path = write_record(folder, record)
     if record.status == "ok":
         print_point(make_table([record]).iloc[0], results_console())
         print(f"record: {path}")

@@ -13,15 +13,24 @@ from rich.markup import escape
 from rich.table import Table
 
 from atra.records import Record
-from experiments.worker import OWN, SINGLE
+from experiments.configuration import Geometry, Method, Quantity
+from experiments.quantities import BUILD, OWN, PLAN, SINGLE
 
 
 def say_outcome(record: Record) -> str:
     """One line on a record, for the progress display."""
     if record.status != "ok":
         return f"{record.status}: {record.error}"
-    own, single = np.asarray(record.samples[OWN]), np.asarray(record.samples[SINGLE])
-    return f"{np.median(own) * 1e3:.1f} ms, {np.median(single / own):.2f}x rtcIntersect1"
+    if OWN in record.samples:
+        own, single = np.asarray(record.samples[OWN]), np.asarray(record.samples[SINGLE])
+        return f"{np.median(own) * 1e3:.1f} ms, {np.median(single / own):.2f}x rtcIntersect1"
+    if BUILD in record.samples:
+        plan, build = (np.median(record.samples[name]) for name in (PLAN, BUILD))
+        return f"plan {_ms(plan)}, build {_ms(build)}"
+    wrong = record.results.get("pixels_wrong")
+    return _mib(record.results["embree_bytes"]) + (
+        " in Embree" if wrong is None else f" in Embree, {wrong} pixels wrong"
+    )
 
 
 def print_point(row: pd.Series, console: Console) -> None:
@@ -29,26 +38,27 @@ def print_point(row: pd.Series, console: Console) -> None:
     shown = Table(title=f"{row['scene']}, {row['width']} x {row['height']}", show_header=False, title_justify="left")
     shown.add_column(style="bold")
     shown.add_column()
-    split = f", split {row['split_x']} x {row['split_y']}, culling {'on' if row['culling'] else 'off'}"
-    method = f"{row['method']}{split if row['method'] == 'aligned' else ''}, packets of {row['packet_width']}"
+    method = f"{_describe(row)}, packets of {row['packet_width']}"
     threads = "every core" if pd.isna(row["threads"]) else str(row["threads"])
     lines = [
         ("method", f"{method}, threads {threads}, build quality {row['build_quality']}"),
         ("triangles", f"{row['triangles']:,}, traced {row['triangles_traced']:,}"),
-        ("plan, build", f"{_ms(row['plan_time_s'])}, {_ms(row['build_time_s'])}"),
-        ("frame", f"{_time(row, 'render_time')}  ({row['rounds']} rounds)"),
-        ("rtcIntersect1 per pixel", _time(row, "baseline_render_time")),
-        (f"packets of {row['packets_width']} per pixel", _time(row, "packets_render_time")),
-        ("speed-up over rtcIntersect1", f"{row['speedup']:.2f}x"),
-        ("speed-up over packets", f"{row['speedup_vs_packets']:.2f}x"),
-        ("memory", f"{_mib(row['rss_bytes'])}, peak {_mib(row['peak_rss_bytes'])}, Embree {_mib(row['embree_bytes'])}"),
-        (
-            "pixels",
-            f"equal {row['pixels_equal']:,}, tied {row['pixels_tied']:,}, edge {row['pixels_edge']:,}, "
-            f"wrong {row['pixels_wrong']:,}",
-        ),
-        ("machine", str(row["cpu"])),
     ]
+    if not pd.isna(row["plan_time_s"]):
+        lines.append(("plan, build", f"{_ms(row['plan_time_s'])}, {_ms(row['build_time_s'])}"))
+    if not pd.isna(row["render_time_s"]):
+        lines += [
+            ("frame", f"{_time(row, 'render_time')}  ({row['rounds']} rounds)"),
+            ("rtcIntersect1 per pixel", _time(row, "baseline_render_time")),
+            (f"packets of {row['packets_width']} per pixel", _time(row, "packets_render_time")),
+            ("speed-up over rtcIntersect1", f"{row['speedup']:.2f}x"),
+            ("speed-up over packets", f"{row['speedup_vs_packets']:.2f}x"),
+        ]
+    if not pd.isna(row["pixels_wrong"]):
+        counts = ", ".join(f"{kind} {row[f'pixels_{kind}']:,}" for kind in ("equal", "tied", "edge", "wrong"))
+        lines.append(("pixels", counts))
+    memory = f"{_mib(row['rss_bytes'])}, peak {_mib(row['peak_rss_bytes'])}, Embree {_mib(row['embree_bytes'])}"
+    lines += [("memory", memory), ("machine", str(row["cpu"]))]
     if not pd.isna(row["doubts"]):
         lines.append(("doubts", str(row["doubts"])))
     for name, text in lines:
@@ -56,17 +66,33 @@ def print_point(row: pd.Series, console: Console) -> None:
     console.print(shown)
 
 
+def _kind(row: pd.Series) -> str:
+    """A method with what distinguishes it but the split."""
+    if row["method"] != Method.aligned.value:
+        return str(row["method"])
+    if row["geometry"] == Geometry.instanced.value:
+        return "aligned, instanced"
+    return f"aligned, culling {'on' if row['culling'] else 'off'}"
+
+
+def _describe(row: pd.Series) -> str:
+    split = f", split {row['split_x']} x {row['split_y']}" if row["method"] == Method.aligned.value else ""
+    return _kind(row) + split
+
+
 def print_sweep(table: pd.DataFrame, folder: Path, console: Console) -> None:
     """The best split of each scene with culling off and on, wrong pixels, and every row that is missing."""
-    measured = table[table["status"] == "ok"]
+    measured = table[(table["status"] == "ok") & (table["quantity"] == Quantity.time.value)]
     best = Table(title="best split of each scene", title_justify="left")
-    for name in ("scene", "culling", "split", "frame", "vs rtcIntersect1", "vs packets", "pixels wrong"):
-        best.add_column(name, justify="left" if name in ("scene", "culling") else "right")
-    for (scene, culling), rows in measured.groupby(["scene", "culling"], sort=False):
+    for name in ("scene", "method", "packets of", "split", "frame", "vs rtcIntersect1", "vs packets", "pixels wrong"):
+        best.add_column(name, justify="left" if name in ("scene", "method") else "right")
+    kinds = measured.apply(_kind, axis=1) if len(measured) else []
+    for (scene, kind, width), rows in measured.groupby(["scene", kinds, "packet_width"], sort=False):
         row = rows.loc[rows["render_time_s"].astype(float).idxmin()]
         best.add_row(
             escape(str(scene)),
-            "on" if culling else "off",
+            kind,
+            str(width),
             f"{row['split_x']} x {row['split_y']}",
             _ms(row["render_time_s"]),
             f"{row['speedup']:.2f}x",
@@ -76,13 +102,12 @@ def print_sweep(table: pd.DataFrame, folder: Path, console: Console) -> None:
     if len(measured):
         console.print(best)
     missing = table[table["status"] != "ok"]
-    for (scene, status, _), rows in missing.groupby(
-        ["scene", "status", missing["error"].map(_kind_of_error)], sort=False
-    ):
+    reasons = missing["error"].map(_kind_of_error)
+    for (scene, status, _), rows in missing.groupby(["scene", "status", reasons], sort=False):
         points = "; ".join(
-            f"culling {'on' if culling else 'off'} "
-            + ", ".join(f"{x}x{y}" for x, y in zip(some["split_x"], some["split_y"], strict=True))
-            for culling, some in rows.groupby("culling")
+            f"{kind} "
+            + ", ".join(dict.fromkeys(f"{x}x{y}" for x, y in zip(some["split_x"], some["split_y"], strict=True)))
+            for kind, some in rows.groupby(rows.apply(_kind, axis=1), sort=False)
         )
         console.print(f"{status}: {scene}, {points}", markup=False, highlight=False, soft_wrap=True)
         console.print(f"    {rows['error'].iloc[0]}", markup=False, highlight=False, soft_wrap=True)

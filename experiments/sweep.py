@@ -1,87 +1,186 @@
-"""A sweep: every point not finished yet, then table, figure and summary of all."""
+"""A sweep: every point not finished yet, then table, figures and summary of all."""
 
 from __future__ import annotations
 
 import random
 import sys
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import pandas as pd
 from rich.console import Console
 
 from atra.records import Record, read_record, write_record
-from experiments.configuration import Configuration, make_results_folder
-from experiments.figures import write_figure
+from experiments.configuration import Configuration, check_writable, records_folder, results_folder
 from experiments.launch import run_worker
+from experiments.lock import exclusive
 from experiments.measuring import Runner, current_environment, identity, measure
-from experiments.points import PlannedPoint, plan_points
+from experiments.points import PlannedPoint, Point, plan_points
 from experiments.progress import SweepProgress
+from experiments.results import write_results
+from experiments.scene_loading import replace_missing_scenes
 from experiments.summary import print_sweep, results_console, say_outcome
-from experiments.table import make_table, write_table
+from experiments.table import make_table
 
 
-def run_sweep(configurations: Sequence[Configuration], run: Runner = run_worker) -> pd.DataFrame:
+@dataclass(frozen=True)
+class GridPoint:
+    """configuration: one point of the grid called `grid`. overrides: what composes it, as on the command line."""
+
+    grid: str
+    configuration: Configuration
+    overrides: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class SweepPoint:
+    """A point of a sweep, the grids it is part of, and what composes it."""
+
+    planned: PlannedPoint
+    grids: tuple[str, ...]
+    overrides: tuple[str, ...]
+
+
+Launch = Callable[[Sequence[Sequence[str]]], object]
+"""Measures points elsewhere, each given by its overrides; their records are in the records folder when it returns."""
+
+
+def run_sweep(
+    grid_points: Sequence[GridPoint],
+    *,
+    command: str = "",
+    run: Runner = run_worker,
+    launch: Launch | None = None,
+) -> pd.DataFrame:
     """Measure the points of a sweep and write everything below `<results_dir>/<sweep.name>/`.
 
-    Finished points (measured before, on a machine and software like this) are taken from their records; the order of
-    the others is shuffled by `sweep.shuffle_seed`. The table has one row a point, scene by scene, and holds this
-    sweep's points only. An interrupt stops the running worker, and table and figure are made of what is done.
+    Finished points (measured before, by this or another sweep, on a machine and software like this) are taken from
+    their records; the order of the others is shuffled by `sweep.shuffle_seed`. The table has one row a point, scene by
+    scene, and holds this sweep's points only. An interrupt stops the running worker, and table and figures are made of
+    what is done.
+    command: what the user ran, for the report. launch: where the points are measured, None = here, one by one.
     Returns the table. Raises InputError before any work; SystemExit(130) after an interrupt, SystemExit(1) if points
     failed.
     """
-    first = configurations[0]
-    environment = current_environment()
-    planned = {identity(one.point, environment): one for one in plan_points(configurations)}
-    folder = make_results_folder(first)
-    records_folder = folder / "records"
     console = Console(stderr=True)
-    records: dict[str, Record] = {}
+    first = grid_points[0].configuration
+    points = _plan(grid_points, console)
+    folder, records = results_folder(first), records_folder(first)
+    check_writable(folder)
+    check_writable(records)
+    with exclusive(Path(first.results_dir), records, folder):
+        return _run(points, first, folder, records, command=command, run=run, launch=launch, console=console)
+
+
+def _run(
+    points: dict[str, SweepPoint],
+    first: Configuration,
+    folder: Path,
+    records: Path,
+    *,
+    command: str,
+    run: Runner,
+    launch: Launch | None,
+    console: Console,
+) -> pd.DataFrame:
+    done: dict[str, Record] = {}
     finished = impossible = 0
-    for point_identity, one in planned.items():
-        earlier = _read_earlier(records_folder, point_identity, console)
+    for point_identity, one in points.items():
+        earlier = _read_earlier(records, point_identity, console)
         if earlier is not None and earlier.finished:
-            records[point_identity] = earlier
+            done[point_identity] = earlier
             finished += 1
-        elif one.problem is not None:
-            records[point_identity] = measure(one)
-            write_record(records_folder, records[point_identity])
+        elif one.planned.problem is not None:
+            done[point_identity] = measure(one.planned)
+            write_record(records, done[point_identity])
             impossible += 1
-    to_do = [point_identity for point_identity in planned if point_identity not in records]
+    to_do = [point_identity for point_identity in points if point_identity not in done]
     random.Random(first.sweep.shuffle_seed).shuffle(to_do)
 
-    console.print(
-        f"{len(planned)} points: {finished} finished before, {impossible} cannot be measured, {len(to_do)} to do; "
+    _say(
+        console,
+        f"{len(points)} points: {finished} finished before, {impossible} cannot be measured, {len(to_do)} to do; "
         f"results in {folder}",
-        markup=False, highlight=False, soft_wrap=True,
-    )  # fmt: skip
+    )
     interrupted = False
     try:
-        with SweepProgress(len(to_do), console) as progress:
-            for point_identity in to_do:
-                one = planned[point_identity]
-                progress.begin(one.point.label())
-                record = measure(one, run)
-                write_record(records_folder, record)
-                records[point_identity] = record
-                progress.end(one.point.label(), say_outcome(record))
+        if launch is None:
+            _measure_here({name: points[name].planned for name in to_do}, records, done, run, console)
+        elif to_do:
+            launch([points[name].overrides for name in to_do])
+            done |= _launched_records({name: points[name].planned.point for name in to_do}, records, console)
     except KeyboardInterrupt:
         interrupted = True
 
-    table = make_table(_in_order(planned, records))
-    write_table(folder, table)
-    write_figure(folder, first.sweep.figure, table)
+    names = _in_order(points, done)
+    table = make_table([done[name] for name in names], {done[name].point_id: points[name].grids for name in names})
+    write_results(folder, records, table, command=command, report=first.sweep.report)
     print_sweep(table, folder, results_console())
+    left = len(points) - len(done)
     if interrupted:
-        left = len(planned) - len(records)
         print(f"run.py: interrupted; {left} points left, the same command goes on from here", file=sys.stderr)
         raise SystemExit(130)
     failed = int((table["status"] == "failed").sum())
-    if failed:
-        print(f"run.py: {failed} points failed; the same command tries them again", file=sys.stderr)
+    if failed or left:
+        what = ", ".join([f"{failed} points failed"] * bool(failed) + [f"{left} points have no record"] * bool(left))
+        print(f"run.py: {what}; the same command tries them again", file=sys.stderr)
         raise SystemExit(1)
     return table
+
+
+def measure_launched(configuration: Configuration) -> None:
+    """Measure one point of a launched sweep and leave its record in the records folder, unless it is there already."""
+    (planned,) = plan_points([configuration])
+    folder = records_folder(configuration)
+    check_writable(folder)
+    earlier = read_record(folder, identity(planned.point, current_environment()))
+    if earlier is None or not earlier.finished:
+        write_record(folder, measure(planned))
+
+
+def _plan(grid_points: Sequence[GridPoint], console: Console) -> dict[str, SweepPoint]:
+    """Points by identity, each once."""
+    configurations = [one.configuration for one in grid_points]
+    if configurations[0].sweep.stand_ins:
+        for note in replace_missing_scenes([configuration.scene for configuration in configurations]):
+            _say(console, note)
+    environment = current_environment()
+    points: dict[str, SweepPoint] = {}
+    for grid_point, planned in zip(grid_points, plan_points(configurations), strict=True):
+        point_identity = identity(planned.point, environment)
+        before = points[point_identity].grids if point_identity in points else ()
+        grids = tuple(dict.fromkeys([*before, grid_point.grid]))
+        points[point_identity] = SweepPoint(planned, grids, grid_point.overrides)
+    return points
+
+
+def _measure_here(
+    to_do: dict[str, PlannedPoint], folder: Path, done: dict[str, Record], run: Runner, console: Console
+) -> None:
+    with SweepProgress(len(to_do), console) as progress:
+        for point_identity, planned in to_do.items():
+            progress.begin(planned.point.label())
+            record = measure(planned, run)
+            write_record(folder, record)
+            done[point_identity] = record
+            progress.end(planned.point.label(), say_outcome(record))
+
+
+def _launched_records(to_do: dict[str, Point], folder: Path, console: Console) -> dict[str, Record]:
+    """The records of launched points, by this machine's identity of the point.
+
+    Another machine wrote them under an identity of its own, so they are known by their configuration. make_table
+    refuses if they are of several machines.
+    """
+    by_configuration: dict[str, Record] = {}
+    for path in sorted(folder.glob("*.json"), key=lambda path: path.stat().st_mtime):
+        record = _read_earlier(folder, path.stem, console)
+        if record is not None:
+            by_configuration[repr(sorted(record.configuration.items()))] = record
+    found = {name: by_configuration.get(repr(sorted(point.configuration().items()))) for name, point in to_do.items()}
+    return {name: record for name, record in found.items() if record is not None}
 
 
 def _read_earlier(folder: Path, point_identity: str, console: Console) -> Record | None:
@@ -89,17 +188,23 @@ def _read_earlier(folder: Path, point_identity: str, console: Console) -> Record
         warnings.simplefilter("always")
         earlier = read_record(folder, point_identity)
     for warning in caught:
-        console.print(f"warning: {warning.message}", markup=False, highlight=False, soft_wrap=True)
+        _say(console, f"warning: {warning.message}")
     return earlier
 
 
-def _in_order(planned: dict[str, PlannedPoint], records: dict[str, Record]) -> list[Record]:
-    """Scenes in the order given, each with rising splits."""
-    scenes = list(dict.fromkeys(one.point.scene for one in planned.values()))
-    done = [name for name in planned if name in records]
+def _say(console: Console, text: str) -> None:
+    console.print(text, markup=False, highlight=False, soft_wrap=True)
 
-    def rank(name: str) -> tuple[int, bool, int, int]:
-        point = planned[name].point
-        return scenes.index(point.scene), point.culling, point.split_y, point.split_x
 
-    return [records[name] for name in sorted(done, key=rank)]
+def _in_order(points: dict[str, SweepPoint], done: dict[str, Record]) -> list[str]:
+    """Identities of the points done: scenes in the order given, each by what was measured, with rising splits."""
+    scenes = list(dict.fromkeys(one.planned.point.scene for one in points.values()))
+    quantities = list(dict.fromkeys(one.planned.point.quantity for one in points.values()))
+
+    def rank(name: str) -> tuple[int, int, str, str, int, bool, int, int]:
+        point = points[name].planned.point
+        width = point.packet_width or 0
+        where = scenes.index(point.scene), quantities.index(point.quantity)
+        return *where, point.method, point.geometry, width, point.culling, point.split_y, point.split_x
+
+    return sorted((name for name in points if name in done), key=rank)

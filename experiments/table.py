@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from math import comb
 from pathlib import Path
 from typing import Any
 
@@ -11,8 +12,11 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from atra.errors import InputError
+from atra.measure.environment import describe_difference
 from atra.records import Record, write_atomically
-from experiments.worker import OWN, PACKETS, SINGLE
+from experiments.quantities import BASELINE_BUILD, BUILD, OWN, PACKETS, PLAN, SINGLE
+from scenes.stand_ins import STAND_INS
 
 _TEXT, _WHOLE, _REAL, _TRUTH = "string", "Int64", "Float64", "boolean"
 
@@ -45,36 +49,82 @@ COLUMNS = {
     "pixels_wrong": _WHOLE,
     "status": _TEXT,
     "error": _TEXT,
-    # From here on beyond what was asked for.
+    "quantity": _TEXT,
+    "geometry": _TEXT,
+    "grids": _TEXT,
+    "stands_for": _TEXT,
     "rounds": _WHOLE,
     "render_time_q1_s": _REAL,
     "render_time_q3_s": _REAL,
     "render_time_spread_s": _REAL,
+    "render_time_low_s": _REAL,
+    "render_time_high_s": _REAL,
     "baseline_render_time_q1_s": _REAL,
     "baseline_render_time_q3_s": _REAL,
+    "baseline_render_time_low_s": _REAL,
+    "baseline_render_time_high_s": _REAL,
     "packets_render_time_q1_s": _REAL,
     "packets_render_time_q3_s": _REAL,
+    "packets_render_time_low_s": _REAL,
+    "packets_render_time_high_s": _REAL,
     "speedup_q1": _REAL,
     "speedup_q3": _REAL,
+    "speedup_low": _REAL,
+    "speedup_high": _REAL,
     "speedup_vs_packets_q1": _REAL,
     "speedup_vs_packets_q3": _REAL,
+    "speedup_vs_packets_low": _REAL,
+    "speedup_vs_packets_high": _REAL,
     "packets_width": _WHOLE,
+    "plan_time_q1_s": _REAL,
+    "plan_time_q3_s": _REAL,
+    "plan_time_low_s": _REAL,
+    "plan_time_high_s": _REAL,
+    "build_time_q1_s": _REAL,
+    "build_time_q3_s": _REAL,
+    "build_time_low_s": _REAL,
+    "build_time_high_s": _REAL,
     "baseline_build_time_s": _REAL,
+    "baseline_build_time_q1_s": _REAL,
+    "baseline_build_time_q3_s": _REAL,
+    "baseline_build_time_low_s": _REAL,
+    "baseline_build_time_high_s": _REAL,
     "rss_start_bytes": _WHOLE,
     "rss_mesh_bytes": _WHOLE,
+    "load_average": _REAL,
     "doubts": _TEXT,
     "cpu": _TEXT,
     "measured_at": _TEXT,
     "point_id": _TEXT,
 }
-"""Columns in order, with their pandas types. Times are seconds and medians over rounds; `_q1`, `_q3` are quartiles and
-`_spread` the distance between them. `speedup` is rtcIntersect1 / this and `speedup_vs_packets` packets / this, each the
-median of the ratios of single rounds. What was not measured is missing, never zero."""
+"""Columns in order, with their pandas types. Times are seconds and medians over rounds; `_q1`, `_q3` are quartiles,
+`_low`, `_high` the 95 % confidence interval of the median, `_spread` the distance between the quartiles. `speedup` is
+rtcIntersect1 / this and `speedup_vs_packets` packets / this, each the median of the ratios of single rounds. `quantity`
+says what was measured at the point (`experiments.configuration.Quantity`), `grids` of which grids of the sweep it is
+part, `stands_for` which scene of the paper a procedural stand-in replaces without being it. What was not measured is
+missing, never zero."""
+
+CONFIDENCE = 0.95
+
+_BUSY_LOAD = 0.7
+"""Load above the point's own threads from which on a time is doubted."""
 
 
-def make_table(records: Sequence[Record]) -> pd.DataFrame:
-    """One row a record, in the order given."""
-    rows = [_row(record) for record in records]
+def make_table(records: Sequence[Record], grids: Mapping[str, Sequence[str]] | None = None) -> pd.DataFrame:
+    """One row a record, in the order given.
+
+    grids: names of the grids each `point_id` is part of.
+    Raises InputError when two records come from different machines or software, naming the field: their ratio would
+    mean nothing.
+    """
+    for record in records[1:]:
+        difference = describe_difference(records[0].environment, record.environment)
+        if difference is not None:
+            raise InputError(
+                f"records {records[0].point_id} and {record.point_id} are from two environments: {difference}; "
+                "measure both on one machine with one version, or keep them in two results_dir"
+            )
+    rows = [_row(record) | {"grids": ",".join((grids or {}).get(record.point_id, ())) or None} for record in records]
     return pd.DataFrame({name: pd.array([row.get(name) for row in rows], dtype=kind) for name, kind in COLUMNS.items()})
 
 
@@ -86,34 +136,83 @@ def write_table(folder: Path, table: pd.DataFrame) -> None:
     write_atomically(folder / "table.parquet", buffer.getvalue())
 
 
+def read_table(folder: Path) -> pd.DataFrame | None:
+    """The table in `folder`, or None if there is none. Raises InputError for a file that is not one of ours."""
+    path = folder / "table.parquet"
+    if not path.exists():
+        return None
+    try:
+        table = pd.read_parquet(path)
+        return table[list(COLUMNS)].astype(COLUMNS)
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise InputError(f"{path} cannot be read as a table of this version ({error}); run the sweep again") from None
+
+
+def rows_of(table: pd.DataFrame, *grids: str) -> pd.DataFrame:
+    """The rows of points that are part of any of the named grids."""
+    of_points = table["grids"].fillna("").str.split(",")
+    return table[of_points.map(lambda names: not set(grids).isdisjoint(names)).astype(bool)]
+
+
 def _row(record: Record) -> dict[str, Any]:
     row: dict[str, Any] = {name: record.configuration.get(name) for name in COLUMNS}
     # The number of rounds asked for is configuration; the column holds how many ran.
     row["rounds"] = None
     # Results come second: the packet width and threads that ran, where the configuration leaves them to the machine.
     row |= {name: value for name, value in record.results.items() if name in COLUMNS}
+    stand_in = STAND_INS.get(str(row["scene"])) if record.configuration.get("scene_source") == "procedural" else None
+    load = record.environment.get("load_average")
     row |= {
+        "stands_for": stand_in.stands_for if stand_in else None,
         "status": record.status,
         "error": record.error,
         "point_id": record.point_id,
         "cpu": record.environment.get("cpu"),
         "measured_at": record.environment.get("taken_at"),
+        "load_average": load[0] if load else None,
     }
-    if record.status == "ok":
-        own, single, packets = (np.asarray(record.samples[name], np.float64) for name in (OWN, SINGLE, PACKETS))
-        row |= _quartiles("render_time{}_s", own)
-        row["render_time_spread_s"] = row["render_time_q3_s"] - row["render_time_q1_s"]
-        row |= _quartiles("baseline_render_time{}_s", single)
-        row |= _quartiles("packets_render_time{}_s", packets)
-        row |= _quartiles("speedup{}", single / own)
-        row |= _quartiles("speedup_vs_packets{}", packets / own)
-        row["doubts"] = "; ".join(_doubts(record, own)) or None
+    if record.status == "ok" and record.samples:
+        samples = {name: np.asarray(values, np.float64) for name, values in record.samples.items()}
+        if OWN in samples:
+            own, single, packets = samples[OWN], samples[SINGLE], samples[PACKETS]
+            row |= _statistics("render_time{}_s", own)
+            row["render_time_spread_s"] = row["render_time_q3_s"] - row["render_time_q1_s"]
+            row |= _statistics("baseline_render_time{}_s", single)
+            row |= _statistics("packets_render_time{}_s", packets)
+            row |= _statistics("speedup{}", single / own)
+            row |= _statistics("speedup_vs_packets{}", packets / own)
+            judged = own
+        else:
+            row |= _statistics("plan_time{}_s", samples[PLAN])
+            row |= _statistics("build_time{}_s", samples[BUILD])
+            row |= _statistics("baseline_build_time{}_s", samples[BASELINE_BUILD])
+            judged = samples[BUILD]
+        row["doubts"] = "; ".join(_doubts(record, judged)) or None
     return row
 
 
-def _quartiles(name: str, values: NDArray[np.float64]) -> dict[str, float]:
+def _statistics(name: str, values: NDArray[np.float64]) -> dict[str, float]:
     q1, median, q3 = np.quantile(values, [0.25, 0.5, 0.75])
-    return {name.format(""): float(median), name.format("_q1"): float(q1), name.format("_q3"): float(q3)}
+    low, high = median_interval(values)
+    named = {"": median, "_q1": q1, "_q3": q3, "_low": low, "_high": high}
+    return {name.format(suffix): float(value) for suffix, value in named.items()}
+
+
+def median_interval(values: NDArray[np.float64], confidence: float = CONFIDENCE) -> tuple[float, float]:
+    """Confidence interval of the median from order statistics, which assumes no distribution.
+
+    The k-th smallest and k-th largest value enclose the median unless fewer than k samples fall on one side of it,
+    which is binomial; k is the largest that keeps the confidence. Below 6 samples even k = 1 does not reach 95 %: the
+    interval is then their whole range.
+    """
+    ordered = np.sort(values)
+    count, miss, k = len(ordered), 0.0, 1
+    for fewer in range(count // 2):
+        miss += 2 * comb(count, fewer) / 2**count
+        if miss > 1 - confidence:
+            break
+        k = fewer + 1
+    return float(ordered[k - 1]), float(ordered[-k])
 
 
 def _doubts(record: Record, own: NDArray[np.float64]) -> list[str]:
@@ -127,4 +226,8 @@ def _doubts(record: Record, own: NDArray[np.float64]) -> list[str]:
     asked = record.configuration.get("rounds")
     if asked is not None and len(own) < asked:
         doubts.append(f"{len(own)} of {asked} rounds")
+    load, threads = record.environment.get("load_average"), record.results.get("threads")
+    # The point measured just before leaves a load of its own threads.
+    if load and threads and load[0] > threads + _BUSY_LOAD:
+        doubts.append(f"the machine was busy (load {load[0]:.1f})")
     return doubts

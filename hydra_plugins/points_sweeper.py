@@ -4,12 +4,17 @@ Hydra's own sweeper starts job after job and knows of no whole: no count, no res
 """
 
 # No postponed annotations: Hydra runs this module before listing it in sys.modules, where dataclass would look them up.
+from collections.abc import Sequence
+from copy import deepcopy
 from dataclasses import dataclass, field
 from typing import Any
 
 from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
 from hydra.core.config_store import ConfigStore
 from hydra.core.override_parser.overrides_parser import OverridesParser
+from omegaconf import DictConfig, OmegaConf
+
+_LAUNCHER_HERE = "hydra._internal.core_plugins.basic_launcher.BasicLauncher"
 
 
 @dataclass
@@ -23,21 +28,60 @@ ConfigStore.instance().store(group="hydra/sweeper", name="points", node=PointsSw
 
 
 class PointsSweeper(BasicSweeper):
-    """The grid of the sweep's parameters; those of the command line replace those of the sweep's file."""
+    """The grids of a sweep, each crossed with `hydra.sweeper.params`; what the command line gives replaces both."""
 
     def sweep(self, arguments: list[str]) -> Any:
-        """Compose every point of the grid, then measure them one after another.
+        """Compose every point of every grid, then have them measured.
 
-        No launcher is asked: two points at once would spoil each other's times.
+        Hydra's default launcher is not asked: points run one by one here, as two at once would spoil each other's
+        times. Any other launcher gets one job a point.
         """
-        from experiments.configuration import read_configuration
-        from experiments.sweep import run_sweep
+        from experiments.sweep import GridPoint, run_sweep
 
         assert self.config is not None
+        parser = OverridesParser.create(config_loader=self._loader)
+        compose = _Composer(self.config, self._loader, parser)
+        points = []
+        for grid, values in (self.config.sweep.grids or {"points": {}}).items():
+            # The later of two overrides of one key wins.
+            given = [*self._parse_config(), *(f"{key}={value}" for key, value in values.items()), *arguments]
+            (jobs,) = self.split_arguments(parser.parse_overrides(given), max_batch_size=None)
+            points += [GridPoint(grid, compose(job), tuple(job)) for job in jobs]
+        command = " ".join(["python run.py", *self.config.hydra.overrides.task, *self.config.hydra.overrides.hydra])
+        here = self.config.hydra.launcher._target_ == _LAUNCHER_HERE
+        return run_sweep(points, command=command, launch=None if here else self._launch)
+
+    @property
+    def _loader(self) -> Any:
         assert self.hydra_context is not None
-        loader = self.hydra_context.config_loader
-        # The later of two overrides of one key wins, hence the sweep's file first.
-        overrides = OverridesParser.create(config_loader=loader).parse_overrides([*self._parse_config(), *arguments])
-        (grid,) = self.split_arguments(overrides, max_batch_size=None)
-        configurations = [read_configuration(loader.load_sweep_config(self.config, list(point))) for point in grid]
-        return run_sweep(configurations)
+        return self.hydra_context.config_loader
+
+    def _launch(self, jobs: Sequence[Sequence[str]]) -> Any:
+        assert self.launcher is not None
+        return self.launcher.launch([list(job) for job in jobs], initial_job_idx=0)
+
+
+class _Composer:
+    """Overrides of a point -> its configuration; Hydra composes each choice of groups once, as it takes a tenth of a
+    second."""
+
+    def __init__(self, config: DictConfig, loader: Any, parser: OverridesParser) -> None:
+        self._config, self._loader, self._parser = config, loader, parser
+        self._groups = set(loader.list_groups(""))
+        self._composed: dict[tuple[str, ...], DictConfig] = {}
+
+    def __call__(self, overrides: Sequence[str]) -> Any:
+        from experiments.configuration import read_configuration, type_configuration
+
+        chosen = tuple(override for override in overrides if override.partition("=")[0] in self._groups)
+        fields = [override for override in overrides if override not in chosen]
+        if any(not override[0].isalpha() for override in fields):  # +field, ~field: only Hydra knows what they mean
+            return read_configuration(self._loader.load_sweep_config(self._config, list(overrides)))
+        if chosen not in self._composed:
+            composed = type_configuration(self._loader.load_sweep_config(self._config, list(chosen)))
+            composed.sweep.grids = {}  # of the sweep, not of a point; copying them takes time
+            self._composed[chosen] = composed
+        composed = deepcopy(self._composed[chosen])
+        for override in self._parser.parse_overrides(fields):
+            OmegaConf.update(composed, override.get_key_element(), override.value())
+        return read_configuration(composed)

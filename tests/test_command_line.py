@@ -65,7 +65,7 @@ def test_a_lone_point_prints_its_table_and_writes_its_record(tmp_path: Path) -> 
     done = run(tmp_path, *TOY, "method=pixel", "packet_width=1")
     assert done.returncode == 0, done.stderr
     assert "speed-up over rtcIntersect1" in done.stdout
-    (path,) = (tmp_path / "results" / "point" / "records").glob("*.json")
+    (path,) = (tmp_path / "results" / "records").glob("*.json")
     record = json.loads(path.read_text())
     assert record["status"] == "ok"
     assert {name: len(values) for name, values in record["samples"].items()} == {
@@ -81,7 +81,7 @@ def test_a_sweep_leaves_records_table_and_figure_and_goes_on_where_it_stopped(tm
     assert done.returncode == 0, done.stderr
     folder = tmp_path / "results" / "horizontal"
     assert sorted(path.name for path in folder.iterdir()) == [
-        "figure5.png", "figure5.svg", "records", "table.csv", "table.parquet",
+        "command.txt", "figure5.png", "figure5.svg", "table.csv", "table.parquet",
     ]  # fmt: skip
     assert [entry.name for entry in tmp_path.iterdir()] == ["results"]
     table = pd.read_csv(folder / "table.csv")
@@ -95,7 +95,8 @@ def test_a_sweep_leaves_records_table_and_figure_and_goes_on_where_it_stopped(tm
     assert "does not divide" in done.stdout
 
     # One record lost, one spoilt: these two are measured again, the others are not.
-    by_split = {path: json.loads(path.read_text()) for path in (folder / "records").glob("*.json")}
+    records = tmp_path / "results" / "records"
+    by_split = {path: json.loads(path.read_text()) for path in records.glob("*.json")}
     lost, spoilt, *kept = [path for path, record in by_split.items() if record["status"] == "ok"]
     lost.unlink()
     spoilt.write_text("{")

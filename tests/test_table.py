@@ -5,13 +5,14 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pytest
 
+from atra.errors import InputError
 from atra.records import Record
-from experiments.configuration import Figure
-from experiments.figures import write_figure
-from experiments.table import make_table, write_table
+from experiments.figures import draw_figures
+from experiments.table import make_table, median_interval, read_table, rows_of, write_table
 
 ASKED_FOR = [
     "scene", "triangles", "triangles_traced", "width", "height", "split_x", "split_y", "culling", "method",
@@ -28,7 +29,8 @@ MEASURED = Record(
     error=None,
     configuration={
         "scene": "box", "triangles": 10, "width": 8, "height": 4, "split_x": 2, "split_y": 1, "culling": True,
-        "method": "aligned", "packet_width": None, "threads": 1, "build_quality": "medium", "rounds": 3,
+        "method": "aligned", "geometry": "copied", "quantity": "time",
+        "packet_width": None, "threads": 1, "build_quality": "medium", "rounds": 3,
     },
     environment={"cpu": "some cpu", "taken_at": "2000-01-01T00:00:00+00:00"},
     samples={"own": [1.0, 2.0, 4.0], "rtcIntersect1": [10.0, 4.0, 12.0], "packets": [2.0, 4.0, 4.0]},
@@ -89,13 +91,83 @@ def test_both_files_hold_the_same_rows(tmp_path: Path) -> None:
         assert pd.isna(from_parquet[name][1])
 
 
+def test_a_table_comes_back_from_its_file_as_it_was(tmp_path: Path) -> None:
+    table = make_table([MEASURED, SKIPPED], {"a": ("horizontal", "grid")})
+    assert read_table(tmp_path) is None
+    write_table(tmp_path, table)
+    pd.testing.assert_frame_equal(read_table(tmp_path), table)
+    (tmp_path / "table.parquet").write_bytes(b"PAR1")
+    with pytest.raises(InputError, match="cannot be read as a table"):
+        read_table(tmp_path)
+
+
+def test_a_point_of_two_grids_is_a_row_of_each() -> None:
+    table = make_table([MEASURED, SKIPPED], {"a": ("horizontal", "grid"), "b": ("grid",)})
+    assert list(rows_of(table, "horizontal")["point_id"]) == ["a"]
+    assert list(rows_of(table, "grid")["point_id"]) == ["a", "b"]
+    assert len(rows_of(table, "hor")) == 0
+
+
+@pytest.mark.parametrize(("field", "value"), [("cpu", "another cpu"), ("embree_version", "4.4.1")])
+def test_two_environments_never_share_a_table_and_the_field_is_named(field: str, value: str) -> None:
+    other = replace(MEASURED, point_id="c", environment={**MEASURED.environment, field: value})
+    with pytest.raises(InputError, match=rf"two environments: {field} is .*{value}"):
+        make_table([MEASURED, SKIPPED, other])
+
+
+def test_the_moment_is_no_part_of_the_environment() -> None:
+    other = replace(MEASURED, point_id="c", environment={**MEASURED.environment, "taken_at": "2001-01-01"})
+    assert len(make_table([MEASURED, other])) == 2
+
+
+def test_the_interval_of_a_median_follows_the_binomial_table() -> None:
+    assert median_interval(np.arange(1.0, 10.0)) == (2.0, 8.0)  # of 9: 96.1 %, where (3, 7) has 82 %
+    assert median_interval(np.arange(1.0, 8.0)) == (1.0, 7.0)  # of 7: 98.4 %, where (2, 6) has 87.5 %
+    assert median_interval(np.arange(1.0, 4.0)) == (1.0, 3.0)
+    assert median_interval(np.array([5.0])) == (5.0, 5.0)
+
+
+def test_builds_have_times_of_plan_and_build_and_none_of_frames() -> None:
+    built = replace(
+        MEASURED,
+        configuration={**MEASURED.configuration, "quantity": "build"},
+        samples={"plan": [1.0, 2.0, 4.0], "build": [3.0, 3.0, 6.0], "baseline_build": [1.0, 1.5, 1.0]},
+    )
+    row = make_table([built]).iloc[0]
+    assert (row["plan_time_s"], row["build_time_s"], row["baseline_build_time_s"]) == (2.0, 3.0, 1.0)
+    assert pd.isna(row["render_time_s"])
+
+
+def test_a_stand_in_says_whose_place_it_takes() -> None:
+    def row(scene: str, source: str) -> pd.Series:
+        configuration = {**MEASURED.configuration, "scene": scene, "scene_source": source}
+        return make_table([replace(MEASURED, configuration=configuration)]).iloc[0]
+
+    assert row("atrium", "procedural")["stands_for"] == "sponza"
+    assert pd.isna(row("atrium", "file")["stands_for"])  # a user's own file of that name
+    assert pd.isna(row("cornell_box", "procedural")["stands_for"])
+
+
+def test_a_busy_machine_is_a_doubt() -> None:
+    def doubts(load: float) -> object:
+        busy = replace(
+            MEASURED,
+            samples={name: [1.0, 1.0, 1.0] for name in MEASURED.samples},
+            environment={**MEASURED.environment, "load_average": [load, 0.0, 0.0]},
+            results={**MEASURED.results, "threads": 1},
+        )
+        return make_table([busy]).iloc[0]["doubts"]
+
+    assert doubts(2.4) == "the machine was busy (load 2.4)"
+    assert pd.isna(doubts(1.2))
+
+
 @pytest.mark.parametrize("records", [[], [SKIPPED]])
 def test_nothing_measured_gives_a_table_and_no_figure(tmp_path: Path, records: list[Record]) -> None:
     table = make_table(records)
     write_table(tmp_path, table)
-    write_figure(tmp_path, Figure.horizontal, table)
     assert len(pd.read_csv(tmp_path / "table.csv")) == len(records)
-    assert not (tmp_path / "figure5.png").exists()
+    assert list(draw_figures(table, [])) == []
 
 
 def test_the_figure_says_what_is_missing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -7,7 +7,8 @@ import os
 import platform
 import subprocess
 import sys
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
 from datetime import UTC, datetime
 from functools import cache
 from importlib import metadata
@@ -54,9 +55,24 @@ class Environment:
 
     def stable(self) -> dict[str, Any]:
         """The fields that must agree before two records may share a ratio or a file."""
-        fields = asdict(self)
-        names = list(fields)
-        return {name: fields[name] for name in names[: names.index("code_sha256") + 1]}
+        return {name: getattr(self, name) for name in STABLE_FIELDS}
+
+
+_NAMES = [one.name for one in fields(Environment)]
+STABLE_FIELDS = tuple(_NAMES[: _NAMES.index("code_sha256") + 1])
+
+
+def describe_difference(first: Mapping[str, Any], second: Mapping[str, Any]) -> str | None:
+    """The first stable field in which two environments (as plain values) differ, with both values; None if none does."""
+    for name in STABLE_FIELDS:
+        one, other = (_comparable(environment.get(name)) for environment in (first, second))
+        if one != other:
+            return f"{name} is {one!r} in one and {other!r} in the other"
+    return None
+
+
+def _comparable(value: Any) -> Any:
+    return list(value) if isinstance(value, tuple) else value
 
 
 def read_environment(embree_version: str | None = None) -> Environment:

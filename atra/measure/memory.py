@@ -14,7 +14,7 @@ def rss_bytes() -> int:
 
 
 def peak_rss_bytes() -> int:
-    """The most bytes of this process that were ever in physical memory at once; never below `rss_bytes` of before."""
+    """The most bytes of this process that were in physical memory at once since `reset_peak_rss`, or ever."""
     if sys.platform.startswith("linux"):
         # getrusage would do, but Linux lets a child inherit the peak of the process that started it.
         for line in Path("/proc/self/status").read_text().splitlines():
@@ -26,3 +26,12 @@ def peak_rss_bytes() -> int:
 
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     return int(peak) if sys.platform == "darwin" else int(peak) * 1024
+
+
+def reset_peak_rss() -> bool:
+    """Let `peak_rss_bytes` count from now on; False where the system offers no such thing (it counts from the start)."""
+    try:
+        Path("/proc/self/clear_refs").write_text("5")
+    except OSError:
+        return False
+    return True

@@ -1,0 +1,52 @@
+"""One run at a time in one results folder: two would spoil each other's times and records."""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from datetime import UTC, datetime
+from pathlib import Path
+
+from filelock import FileLock, Timeout
+
+from atra.errors import InputError
+from atra.records import remove_abandoned_files
+
+
+@contextmanager
+def exclusive(results: Path, *folders: Path) -> Iterator[None]:
+    """Hold the results folder for this run; the system lets go of it when the process ends, however it ends.
+
+    What a killed run left half-written in `folders` is removed. Raises InputError naming who holds the folder.
+    """
+    lock, holder = FileLock(results / ".lock"), results / ".lock.holder"
+    try:
+        lock.acquire(timeout=0)
+    except Timeout:
+        raise InputError(
+            f"{results} is in use by {_describe(holder)}; wait for it to end or choose another results_dir"
+        ) from None
+    try:
+        started = datetime.now(UTC).isoformat(timespec="seconds")
+        words = " ".join(["python", *sys.argv])
+        holder.write_text(
+            json.dumps({"process": os.getpid(), "machine": platform.node(), "since": started, "command": words})
+        )
+        for folder in folders:
+            remove_abandoned_files(folder)
+        yield
+    finally:
+        holder.unlink(missing_ok=True)
+        lock.release()
+
+
+def _describe(holder: Path) -> str:
+    try:
+        told = json.loads(holder.read_text())
+        return f"process {told['process']} on {told['machine']} since {told['since']} ({told['command']})"
+    except (OSError, ValueError, KeyError, TypeError):
+        return "another run"

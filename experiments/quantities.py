@@ -1,0 +1,215 @@
+"""What is measured at a point: its frames, its builds, its memory, its pictures. Runs in the point's own process."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from atra.camera import Camera
+from atra.compare import compare
+from atra.errors import InputError
+from atra.hits import Hits
+from atra.measure.memory import peak_rss_bytes, reset_peak_rss, rss_bytes
+from atra.measure.rounds import RoundSamples, measure_rounds
+from atra.mesh import Mesh
+from atra.tracers import AlignedTracer, PixelTracer, Tracer
+from experiments.configuration import Method, Quantity, SceneSource
+from experiments.points import Point
+from experiments.scene_loading import load_scene, mesh_sha256
+
+OWN, SINGLE, PACKETS = "own", "rtcIntersect1", "packets"
+"""Names of the three methods in the samples of a time: the point's own, the paper's baseline, the expert's baseline."""
+
+PLAN, BUILD, BASELINE_BUILD = "plan", "build", "baseline_build"
+"""Names in the samples of a build: the point's plan, its BVH build, the BVH build of the plain mesh."""
+
+_EXPERT_WIDTH = 8
+_AGREEMENT = ("equal", "tied", "edge", "wrong")
+
+
+@dataclass(frozen=True)
+class Measured:
+    """What came of a point; the fields are those of `atra.records.Record`."""
+
+    results: dict[str, Any]
+    warmup_samples: dict[str, list[float]] = field(default_factory=dict)
+    samples: dict[str, list[float]] = field(default_factory=dict)
+
+
+def measure_point(point: Point) -> Measured:
+    """Measure the point's quantity. Raises InputError and MemoryBudgetError as the tracers do."""
+    return _MEASURES[Quantity(point.quantity)](point)
+
+
+def _measure_time(point: Point) -> Measured:
+    """Build and trace the point's own method, read the memory, then time it against both baselines round by round."""
+    _warm_up(point)
+    with ExitStack() as stack:
+        own, results = _build_own(point, stack)
+        mesh, camera = own.mesh, own.camera
+        single = stack.enter_context(_pixel_tracer(point, mesh, camera, 1))
+        packets = stack.enter_context(_packet_tracer(point, mesh, camera))
+        results |= {
+            "plan_time_s": float(own.plan_time_s),
+            "build_time_s": float(own.build_time_s),
+            "baseline_build_time_s": float(single.build_time_s),
+            "packets_width": int(packets.packet_width),
+        }
+        own_frames, single_frames = _Frames(own), _Frames(single)
+        timed = _rounds(point, {OWN: own_frames.trace, SINGLE: single_frames.trace, PACKETS: _Frames(packets).trace})
+        results |= _agreement(own_frames.latest(), single_frames.latest())
+    return _measured(results, timed)
+
+
+def _measure_build(point: Point) -> Measured:
+    """Plan and build again and again, and the BVH of the plain mesh beside it."""
+    _warm_up(point)
+    with ExitStack() as stack:
+        own, results = _build_own(point, stack)
+        baseline = stack.enter_context(_pixel_tracer(point, own.mesh, own.camera, 1))
+        timed = _rounds(point, {PLAN: own.plan, BUILD: own.build, BASELINE_BUILD: baseline.build})
+    return _measured(results, timed)
+
+
+def _measure_memory(point: Point) -> Measured:
+    """Build the one method and nothing else."""
+    _warm_up(point, baselines=False)
+    with ExitStack() as stack:
+        _, results = _build_own(point, stack)
+    return _measured(results, None)
+
+
+def _make_pictures(point: Point) -> Measured:
+    """Shade the hits of the point's method and of rtcIntersect1, and mark where they differ."""
+    from experiments.shading import difference_picture, encode_png, shade  # with Pillow, which nothing else needs here
+
+    with ExitStack() as stack:
+        own, results = _build_own(point, stack)
+        single = stack.enter_context(_pixel_tracer(point, own.mesh, own.camera, 1))
+        hits, reference = own.trace(), single.trace()
+        agreement = compare(own.mesh, own.camera, hits, reference)
+    images = {
+        "aligned": shade(hits),
+        "pixel": shade(reference),
+        "difference": difference_picture(hits, reference, agreement.verdict),
+    }
+    results["pictures"] = {name: base64.b64encode(encode_png(image)).decode() for name, image in images.items()}
+    results |= {f"pixels_{kind}": int(getattr(agreement, f"pixels_{kind}")) for kind in _AGREEMENT}
+    return _measured(results, None)
+
+
+_MEASURES: dict[Quantity, Callable[[Point], Measured]] = {
+    Quantity.time: _measure_time,
+    Quantity.build: _measure_build,
+    Quantity.memory: _measure_memory,
+    Quantity.picture: _make_pictures,
+}
+
+
+def _measured(results: dict[str, Any], timed: RoundSamples | None) -> Measured:
+    if timed is None:
+        return Measured(results)
+    return Measured(
+        results | {"rounds": timed.rounds},
+        {name: list(values) for name, values in timed.warmup.items()},
+        {name: list(values) for name, values in timed.samples.items()},
+    )
+
+
+def _rounds(point: Point, methods: dict[str, Callable[[], object]]) -> RoundSamples:
+    return measure_rounds(methods, rounds=point.rounds, warmup=point.warmup, budget_s=point.frame_budget_s)
+
+
+class _Frames:
+    """Traces frame after frame into one image, as a renderer would: no sample pays for fresh pages."""
+
+    def __init__(self, tracer: Tracer) -> None:
+        self._tracer = tracer
+        self._hits: Hits | None = None
+
+    def trace(self) -> None:
+        self._hits = self._tracer.trace(out=self._hits)
+
+    def latest(self) -> Hits:
+        if self._hits is None:
+            self.trace()
+        assert self._hits is not None
+        return self._hits
+
+
+def _agreement(hits: Hits, reference: Hits) -> dict[str, int]:
+    agreement = compare(hits.mesh, hits.camera, hits, reference)
+    return {f"pixels_{kind}": int(getattr(agreement, f"pixels_{kind}")) for kind in _AGREEMENT}
+
+
+def _build_own(point: Point, stack: ExitStack) -> tuple[Tracer, dict[str, Any]]:
+    """Load the scene and build the point's own method, while nothing else is in the process, reading the memory on
+    the way."""
+    results: dict[str, Any] = {"rss_start_bytes": rss_bytes()}
+    mesh, _ = load_scene(SceneSource(point.scene_source), point.scene, point.scene_path)
+    if mesh_sha256(mesh) != point.mesh_sha256:
+        raise InputError(f"scene {point.scene} changed since this run began; start it again")
+    reset_peak_rss()  # reading a file may take more than tracing it
+    results["rss_mesh_bytes"] = rss_bytes()
+    own = stack.enter_context(_own_tracer(point, mesh, point.camera))
+    results |= {
+        "rss_bytes": rss_bytes(),
+        "peak_rss_bytes": peak_rss_bytes(),
+        "embree_bytes": int(own.embree_bytes),
+        "triangles_traced": int(own.triangle_count),
+        "packet_width": int(own.packet_width),
+        "threads": int(own.threads),
+    }
+    return own, results
+
+
+def _own_tracer(point: Point, mesh: Mesh, camera: Camera, split: tuple[int, int] | None = None) -> Tracer:
+    if point.method == Method.pixel.value:
+        return _pixel_tracer(point, mesh, camera, point.packet_width)
+    return AlignedTracer(
+        mesh,
+        camera,
+        split=split or (point.split_x, point.split_y),
+        culling=point.culling,
+        geometry=point.geometry,
+        packet_width=point.packet_width,
+        threads=point.threads,
+        build_quality=point.build_quality,
+        memory_budget_bytes=point.memory_budget_bytes,
+    )
+
+
+def _pixel_tracer(point: Point, mesh: Mesh, camera: Camera, packet_width: int | None) -> PixelTracer:
+    return PixelTracer(
+        mesh, camera, packet_width=packet_width, threads=point.threads, build_quality=point.build_quality
+    )
+
+
+def _packet_tracer(point: Point, mesh: Mesh, camera: Camera) -> PixelTracer:
+    try:
+        return _pixel_tracer(point, mesh, camera, _EXPERT_WIDTH)
+    except InputError:  # not native here; the record tells the width that was
+        return _pixel_tracer(point, mesh, camera, None)
+
+
+def _warm_up(point: Point, *, baselines: bool = True) -> None:
+    """Trace two triangles with every kernel the point uses: compiles them and starts Embree's threads, so that
+    neither falls into a build time, a memory reading or a sample."""
+    vertices = np.array([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)], np.float32)
+    mesh = Mesh(vertices, np.array([(0, 1, 2), (0, 2, 3)], np.uint32))
+    # Two cells of the point's own size: how packets fit into a cell decides which kernel is compiled.
+    split = (min(point.split_x, 2), min(point.split_y, 2))
+    width = split[0] * (point.width // point.split_x)
+    height = split[1] * (point.height // point.split_y)
+    camera = Camera((0.0, 0.0, 2.0), (0.0, 0.0, 0.0), (0.0, 1.0, 0.0), 60.0, width, height)
+    tracers = [_own_tracer(point, mesh, camera, split)]
+    if baselines:
+        tracers += [_pixel_tracer(point, mesh, camera, 1), _packet_tracer(point, mesh, camera)]
+    for tracer in tracers:
+        with tracer:
+            tracer.trace()

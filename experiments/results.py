@@ -1,0 +1,99 @@
+"""What a sweep leaves in its folder: table, figures and, if asked for, claims and the HTML report."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from atra.errors import InputError
+from atra.records import read_record, write_atomically
+from experiments.claims import judge_claims, write_claims
+from experiments.configuration import Configuration, records_folder, results_folder
+from experiments.figures import draw_figures, write_figure
+from experiments.pictures import ScenePictures, read_pictures
+from experiments.report import ReportContents, ReportFigure, write_report
+from experiments.report import ScenePictures as ReportPictures
+from experiments.table import make_table, read_table, write_table
+from scenes.manifest import picture_restriction
+
+_COMMAND_FILE = "command.txt"
+"""Keeps what the user ran, for a report written later."""
+
+
+def write_results(folder: Path, records: Path, table: pd.DataFrame, *, command: str, report: bool) -> None:
+    """Write table, figures and, for `report`, claims and page into `folder`. records: the folder of the records."""
+    write_table(folder, table)
+    write_atomically(folder / _COMMAND_FILE, f"{command}\n".encode())
+    _write_what_follows(folder, records, table, command=command, report=report)
+
+
+def rewrite_report(configuration: Configuration) -> Path:
+    """`python run.py report`: figures, claims and page of a sweep anew, from its table and records; measures nothing.
+
+    Without a table every claim is "not measured". Returns the page. Raises InputError if no such sweep was run.
+    """
+    folder = results_folder(configuration)
+    if not folder.is_dir():
+        name = configuration.sweep.name
+        raise InputError(f"{folder} does not exist, so there is nothing to report; run sweep={name} first")
+    table = read_table(folder)
+    command_file = folder / _COMMAND_FILE
+    command = command_file.read_text(encoding="utf-8").strip() if command_file.exists() else ""
+    table = make_table([]) if table is None else table
+    return _write_what_follows(folder, records_folder(configuration), table, command=command, report=True)
+
+
+def _write_what_follows(folder: Path, records: Path, table: pd.DataFrame, *, command: str, report: bool) -> Path:
+    """Figures, claims and page, all from the table and the records."""
+    pictures = read_pictures(table, records)
+    figures = list(draw_figures(table, pictures))
+    for figure in figures:
+        write_figure(folder, figure)
+    page = folder / "report.html"
+    if report:
+        claims = judge_claims(table)
+        write_claims(folder, claims)
+        contents = ReportContents(
+            title=f"atra: {folder.name}",
+            command=command,
+            table=table,
+            # The pictures have a section of their own, and some must not be passed on.
+            figures=tuple(
+                ReportFigure(figure.name, figure.caption, figure.svg, figure.grids, figure.packet_width)
+                for figure in figures
+                if figure.name != "figure3"
+            ),
+            pictures=tuple(_for_report(one) for one in pictures),
+            claims=claims,
+            environment=_environment(table, records),
+        )
+        write_report(folder, contents)
+    return page
+
+
+def _for_report(pictures: ScenePictures) -> ReportPictures:
+    """A report is made to be passed on; a picture whose licence forbids that stays out of it."""
+    return ReportPictures(
+        scene=pictures.scene,
+        title=f"{pictures.scene} ({pictures.triangles:,} triangles)",
+        aligned=pictures.aligned,
+        pixel=pictures.pixel,
+        difference=pictures.difference,
+        pixels_equal=pictures.pixels_equal,
+        pixels_tied=pictures.pixels_tied,
+        pixels_edge=pictures.pixels_edge,
+        pixels_wrong=pictures.pixels_wrong,
+        withheld=picture_restriction(pictures.scene),
+        stands_for=pictures.stands_for,
+    )
+
+
+def _environment(table: pd.DataFrame, records: Path) -> dict[str, Any]:
+    """Of the table's first point; all share one machine and software."""
+    for point_id in table["point_id"]:
+        record = read_record(records, point_id)
+        if record is not None:
+            return record.environment
+    return {}

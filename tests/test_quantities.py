@@ -1,0 +1,91 @@
+"""Each quantity of a point, measured for real at toy size."""
+
+from __future__ import annotations
+
+import base64
+import io
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from experiments.configuration import (
+    Configuration,
+    Geometry,
+    MeasureConfiguration,
+    Method,
+    Quantity,
+    SceneConfiguration,
+)
+from experiments.configuration import SceneSource as Source
+from experiments.points import Point, plan_points
+from experiments.quantities import Measured, measure_point
+
+
+def point(quantity: Quantity, **fields: object) -> Point:
+    configuration = Configuration(
+        scene=SceneConfiguration(name="cornell_box", source=Source.procedural),
+        measure=MeasureConfiguration(quantity=quantity, rounds=3, warmup=1),
+        **{"width": 48, "height": 32, "split_x": 4, **fields},  # type: ignore[arg-type]
+    )
+    (planned,) = plan_points([configuration])
+    assert planned.problem is None
+    return planned.point
+
+
+def measured(quantity: Quantity, **fields: object) -> Measured:
+    return measure_point(point(quantity, **fields))
+
+
+def test_a_time_has_samples_of_all_three_methods_and_judges_every_pixel() -> None:
+    outcome = measured(Quantity.time)
+    assert {name: len(values) for name, values in outcome.samples.items()} == {
+        "own": 3, "rtcIntersect1": 3, "packets": 3,
+    }  # fmt: skip
+    assert {name: len(values) for name, values in outcome.warmup_samples.items()} == {
+        "own": 1, "rtcIntersect1": 1, "packets": 1,
+    }  # fmt: skip
+    assert sum(outcome.results[f"pixels_{kind}"] for kind in ("equal", "tied", "edge", "wrong")) == 48 * 32
+    assert outcome.results["pixels_wrong"] == 0
+
+
+@pytest.mark.parametrize("geometry", list(Geometry))
+def test_a_build_has_samples_of_plan_and_build_and_of_the_plain_mesh(geometry: Geometry) -> None:
+    outcome = measured(Quantity.build, geometry=geometry)
+    assert set(outcome.samples) == {"plan", "build", "baseline_build"}
+    assert all(len(values) == 3 for values in outcome.samples.values())
+    assert "plan_time_s" not in outcome.results
+
+
+@pytest.mark.parametrize("fields", [{}, {"geometry": Geometry.instanced}, {"method": Method.pixel, "split_x": 1}])
+def test_a_memory_has_the_bytes_of_each_step_and_no_times(fields: dict[str, object]) -> None:
+    outcome = measured(Quantity.memory, **fields)
+    results = outcome.results
+    assert outcome.samples == {}
+    assert results["rss_start_bytes"] > 0
+    assert results["rss_mesh_bytes"] > 0
+    assert results["rss_bytes"] <= results["peak_rss_bytes"]
+    assert results["embree_bytes"] > 0
+    assert not [name for name in results if name.endswith("_s")]
+
+
+def test_instances_hold_fewer_triangles_than_copies_without_culling() -> None:
+    copied = measured(Quantity.memory, culling=False).results
+    instanced = measured(Quantity.memory, geometry=Geometry.instanced).results
+    assert copied["triangles_traced"] == 4 * instanced["triangles_traced"]
+
+
+def test_the_pictures_have_the_image_s_size_and_the_difference_marks_what_the_counts_tell() -> None:
+    results = measured(Quantity.picture).results
+    images = {
+        name: np.asarray(Image.open(io.BytesIO(base64.b64decode(text))).convert("RGB"))
+        for name, text in results["pictures"].items()
+    }
+    assert {name: image.shape for name, image in images.items()} == {
+        "aligned": (32, 48, 3), "pixel": (32, 48, 3), "difference": (32, 48, 3),
+    }  # fmt: skip
+    assert results["pixels_wrong"] == 0
+    assert len(np.unique(images["aligned"].reshape(-1, 3), axis=0)) > 5  # a shaded scene, no blank
+    if results["pixels_equal"] == 48 * 32:
+        assert (images["aligned"] == images["pixel"]).all()
+        assert (images["difference"] == 255).all()

@@ -1,0 +1,157 @@
+"""Sweeps as a whole, with a runner that measures nothing: what is measured, what is shared, what is refused."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from atra.errors import InputError
+from atra.records import read_record, record_path, write_record
+from experiments.configuration import (
+    Configuration,
+    MeasureConfiguration,
+    Quantity,
+    SceneConfiguration,
+    SceneSource,
+    SweepConfiguration,
+)
+from experiments.measuring import measure
+from experiments.points import Point, plan_points
+from experiments.sweep import GridPoint, run_sweep
+from experiments.worker import Outcome
+
+
+class Runner:
+    """Stands in for the worker: remembers the points it was given."""
+
+    def __init__(self, status: str = "ok") -> None:
+        self.status = status
+        self.points: list[Point] = []
+
+    def __call__(self, point: Point) -> Outcome:
+        self.points.append(point)
+        if self.status != "ok":
+            return Outcome(self.status, "on purpose")
+        results = {
+            "triangles_traced": 10, "packet_width": 8, "packets_width": 8, "threads": 1, "plan_time_s": 0.1,
+            "build_time_s": 0.1, "rss_bytes": 9, "peak_rss_bytes": 9, "embree_bytes": 9, "rounds": 3,
+            "pixels_equal": 64, "pixels_tied": 0, "pixels_edge": 0, "pixels_wrong": 0,
+        }  # fmt: skip
+        names = ("own", "rtcIntersect1", "packets")
+        return Outcome("ok", samples={name: [0.1, 0.1, 0.1] for name in names}, results=results)
+
+
+def configuration(folder: Path, sweep: str = "one", split_x: int = 1, **fields: object) -> Configuration:
+    return Configuration(
+        scene=SceneConfiguration(name="cornell_box", source=SceneSource.procedural),
+        sweep=SweepConfiguration(name=sweep),
+        **{"split_x": split_x, "width": 64, "height": 64, "results_dir": str(folder), **fields},  # type: ignore[arg-type]
+    )
+
+
+def test_a_point_of_two_grids_is_measured_once_and_belongs_to_both(tmp_path: Path) -> None:
+    runner = Runner()
+    points = [
+        GridPoint("horizontal", configuration(tmp_path, split_x=1)),
+        GridPoint("horizontal", configuration(tmp_path, split_x=2)),
+        GridPoint("grid", configuration(tmp_path, split_x=2)),
+    ]
+    table = run_sweep(points, run=runner)
+    assert sorted(point.split_x for point in runner.points) == [1, 2]
+    assert list(table["grids"]) == ["horizontal", "horizontal,grid"]
+
+
+def test_what_one_sweep_measured_another_does_not_measure_again(tmp_path: Path) -> None:
+    run_sweep([GridPoint("a", configuration(tmp_path, "first"))], run=Runner())
+    runner = Runner()
+    both = [GridPoint("b", configuration(tmp_path, "second", split_x=split)) for split in (1, 4)]
+    table = run_sweep(both, run=runner)
+    assert [point.split_x for point in runner.points] == [4]
+    assert len(table) == 2
+    assert (tmp_path / "second" / "table.csv").exists()
+
+
+@pytest.mark.parametrize(
+    "changed", [{"culling": False}, {"packet_width": 1}, {"measure": MeasureConfiguration(quantity=Quantity.memory)}]
+)
+def test_a_point_that_differs_in_any_field_is_another_point(tmp_path: Path, changed: dict[str, object]) -> None:
+    run_sweep([GridPoint("a", configuration(tmp_path))], run=Runner())
+    runner = Runner(status="skipped")
+    run_sweep([GridPoint("a", configuration(tmp_path, **changed))], run=runner)
+    assert len(runner.points) == 1
+
+
+def test_a_failed_point_is_tried_again_and_the_exit_code_tells(tmp_path: Path) -> None:
+    points = [GridPoint("a", configuration(tmp_path))]
+    with pytest.raises(SystemExit) as failed:
+        run_sweep(points, run=Runner(status="failed"))
+    assert failed.value.code == 1
+    again = Runner()
+    run_sweep(points, run=again)
+    assert len(again.points) == 1
+
+
+def test_a_scene_that_is_not_here_is_replaced_by_its_stand_in_only_where_allowed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("ATRA_SCENES", str(tmp_path))
+    missing = configuration(tmp_path)
+    missing.scene = SceneConfiguration(name="sponza", source=SceneSource.directory)
+    with pytest.raises(InputError, match="sponza"):
+        run_sweep([GridPoint("a", missing)], run=Runner())
+    missing.sweep.stand_ins = True
+    table = run_sweep([GridPoint("a", missing)], run=Runner())
+    assert (table["scene"][0], table["stands_for"][0]) == ("atrium", "sponza")
+    assert "sponza is not on this machine; atrium, its stand-in, is not that scene" in capsys.readouterr().err
+
+
+def test_launched_points_are_found_by_their_configuration(tmp_path: Path) -> None:
+    configurations = [configuration(tmp_path, split_x=split) for split in (1, 2)]
+    points = [GridPoint("a", one, (f"split_x={one.split_x}",)) for one in configurations]
+
+    def launch(jobs: object) -> None:
+        assert sorted(jobs) == [("split_x=1",), ("split_x=2",)]  # type: ignore[call-overload]
+        for planned in plan_points(configurations):
+            record = measure(planned, Runner())
+            # Another machine knows the point by another identity.
+            elsewhere = {**record.environment, "cpu": "another cpu"}
+            write_record(
+                tmp_path / "records", replace(record, point_id=f"f00{planned.point.split_x}", environment=elsewhere)
+            )
+
+    table = run_sweep(points, launch=launch)
+    assert list(table["point_id"]) == ["f001", "f002"]
+    assert list(table["grids"]) == ["a", "a"]
+
+
+def test_launched_points_of_two_machines_are_not_put_into_one_table(tmp_path: Path) -> None:
+    configurations = [configuration(tmp_path, split_x=split) for split in (1, 2)]
+
+    def launch(_: object) -> None:
+        for planned in plan_points(configurations):
+            record = measure(planned, Runner())
+            machine = {**record.environment, "cpu": f"cpu {planned.point.split_x}"}
+            write_record(tmp_path / "records", replace(record, environment=machine))
+
+    with pytest.raises(InputError, match="cpu is 'cpu 1' in one and 'cpu 2' in the other"):
+        run_sweep([GridPoint("a", one) for one in configurations], launch=launch)
+
+
+def test_a_launched_point_without_a_record_is_missed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        run_sweep([GridPoint("a", configuration(tmp_path))], launch=lambda jobs: None)
+    assert "1 points have no record" in capsys.readouterr().err
+
+
+def test_a_record_that_lies_about_its_name_is_set_aside_and_measured_again(tmp_path: Path) -> None:
+    points = [GridPoint("a", configuration(tmp_path))]
+    table = run_sweep(points, run=Runner())
+    identity = table["point_id"][0]
+    record = read_record(tmp_path / "records", identity)
+    assert record is not None
+    record_path(tmp_path / "records", identity).write_text('{"format": 1, "status": "ok"}')
+    runner = Runner()
+    run_sweep(points, run=runner)
+    assert len(runner.points) == 1
