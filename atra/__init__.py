@@ -13,7 +13,7 @@ from atra.compare import Agreement, Verdict, compare
 from atra.errors import AtraError, EmbreeError, InputError, MemoryBudgetError
 from atra.hits import MISS, Hits
 from atra.mesh import Mesh, load_mesh
-from atra.tracers import AlignedTracer, PixelTracer, Tracer
+from atra.tracers import AlignedTracer, PixelTracer, TiledTracer, Tracer, VisibleFirstTracer
 
 __version__ = "0.1.0"
 
@@ -31,8 +31,10 @@ __all__ = [
     "Mesh",
     "PixelTracer",
     "Split",
+    "TiledTracer",
     "Tracer",
     "Verdict",
+    "VisibleFirstTracer",
     "compare",
     "load_mesh",
 ]

@@ -3,5 +3,7 @@
 from atra.tracers.aligned import AlignedTracer, choose_packet_shape
 from atra.tracers.base import Tracer
 from atra.tracers.pixel import PixelTracer
+from atra.tracers.tiles import TiledTracer
+from atra.tracers.visible_first import VisibleFirstTracer
 
-__all__ = ["AlignedTracer", "PixelTracer", "Tracer", "choose_packet_shape"]
+__all__ = ["AlignedTracer", "PixelTracer", "TiledTracer", "Tracer", "VisibleFirstTracer", "choose_packet_shape"]

@@ -1,0 +1,345 @@
+"""Which copies may be seen, judged against a depth per tile of pixels, and the loop that verifies it while tracing.
+
+A triangle is rasterised onto tiles of pixels, conservatively: every tile that a ray through it may lie in, and for each
+a bound from below on the depth of the hit. Coordinates are homogeneous pixels (a, b, c) as in `planning`. In
+them the ray of position (x, y) hits the plane of corners p0, p1, p2, with normal n = (p1 - p0) x (p2 - p0), at
+
+    1 / depth = n . (x, y, 1) / n . p0
+
+which is linear in x and y and also holds for triangles that reach behind the eye; so are the three edges.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+
+import numpy as np
+from numba import njit
+
+from atra.embree.layout import (
+    HIT_GEOM_ID,
+    HIT_PRIM_ID,
+    RAY_DIR_X,
+    RAY_DIR_Y,
+    RAY_DIR_Z,
+    RAY_TFAR,
+    RAY_TNEAR,
+    RAY_WORDS,
+)
+from atra.kernels.intrinsics import fetch_add
+from atra.kernels.planning import MARGIN_PIXELS
+from atra.kernels.tracing import _MISS, _intersect
+
+CHUNK = 1024
+"""Triangles a thread takes at a time."""
+
+LINES = 4
+"""Rows of the array that holds a triangle's linear functions: three edges, then the inverse depth."""
+
+_RELIABLE = 1e-9
+"""Below this share of its summands, a float64 difference says nothing and the bounding box is used instead."""
+
+
+@njit(nogil=True, cache=True)
+def project_points(counter_address, vertices, eye, to_pixels, points_pixels, points_eye):  # type: ignore[no-untyped-def]
+    """World points (V, 3) float32 -> eye space and, by the (3, 3) matrix, homogeneous pixels, both (V, 3) float64."""
+    while True:
+        start = fetch_add(counter_address, 1) * CHUNK
+        if start >= len(vertices):
+            return
+        for point in range(start, min(start + CHUNK, len(vertices))):
+            x, y, z = vertices[point, 0] - eye[0], vertices[point, 1] - eye[1], vertices[point, 2] - eye[2]
+            points_eye[point, 0], points_eye[point, 1], points_eye[point, 2] = x, y, z
+            for axis in range(3):
+                points_pixels[point, axis] = to_pixels[axis, 0] * x + to_pixels[axis, 1] * y + to_pixels[axis, 2] * z
+
+
+@njit(inline="always")
+def _set_up(points_pixels, faces, triangle, tile_w, tile_h, width, height, lines):  # type: ignore[no-untyped-def]
+    """The triangle's linear functions into `lines` (LINES, 3).
+
+    Returns (left, right, top, bottom, inverse depth of the nearest corner in front, number of lines that can be relied
+    on: 0 or LINES); left > right where nothing is in the image.
+    """
+    v0, v1, v2 = faces[triangle, 0], faces[triangle, 1], faces[triangle, 2]
+    a0, b0, c0 = points_pixels[v0, 0], points_pixels[v0, 1], points_pixels[v0, 2]
+    a1, b1, c1 = points_pixels[v1, 0], points_pixels[v1, 1], points_pixels[v1, 2]
+    a2, b2, c2 = points_pixels[v2, 0], points_pixels[v2, 1], points_pixels[v2, 2]
+    left, right, top, bottom, nearest = 0.0, float(width), 0.0, float(height), np.inf
+    if c0 < 0.0 and c1 < 0.0 and c2 < 0.0:
+        return 1.0, 0.0, 1.0, 0.0, 0.0, 0
+    closest = min(c0, c1, c2)
+    largest_a, largest_b = max(abs(a0), abs(a1), abs(a2)), max(abs(b0), abs(b1), abs(b2))
+    if closest > 1e-12 * max(largest_a, largest_b, c0, c1, c2):
+        x0, x1, x2 = a0 / c0, a1 / c1, a2 / c2
+        y0, y1, y2 = b0 / c0, b1 / c1, b2 / c2
+        left, right = max(left, min(x0, x1, x2) - MARGIN_PIXELS), min(right, max(x0, x1, x2) + MARGIN_PIXELS)
+        top, bottom = max(top, min(y0, y1, y2) - MARGIN_PIXELS), min(bottom, max(y0, y1, y2) + MARGIN_PIXELS)
+        nearest = 1.0 / closest
+        if left > right or top > bottom:
+            return 1.0, 0.0, 1.0, 0.0, 0.0, 0
+        if int(left / tile_w) == int(right / tile_w) and int(top / tile_h) == int(bottom / tile_h):
+            return left, right, top, bottom, nearest, 0  # nothing to be gained in a single tile
+    ua, ub, uc = a1 - a0, b1 - b0, c1 - c0
+    wa, wb, wc = a2 - a0, b2 - b0, c2 - c0
+    na, nb, nc = ub * wc - uc * wb, uc * wa - ua * wc, ua * wb - ub * wa
+    volume = na * a0 + nb * b0 + nc * c0
+    rounding = 1e-10 * largest_a * largest_b * max(abs(c0), abs(c1), abs(c2))
+    if not abs(volume) > _RELIABLE * (abs(na * a0) + abs(nb * b0) + abs(nc * c0)) + rounding:
+        return left, right, top, bottom, nearest, 0
+    inverse = 1.0 / volume
+    lines[3, 0], lines[3, 1], lines[3, 2] = na * inverse, nb * inverse, nc * inverse
+    sign = 1.0 if volume > 0.0 else -1.0
+    for edge in range(3):
+        if edge == 0:
+            pa, pb, pc, qa, qb, qc = a1, b1, c1, a2, b2, c2
+        elif edge == 1:
+            pa, pb, pc, qa, qb, qc = a2, b2, c2, a0, b0, c0
+        else:
+            pa, pb, pc, qa, qb, qc = a0, b0, c0, a1, b1, c1
+        ea, eb, ec = pb * qc - pc * qb, pc * qa - pa * qc, pa * qb - pb * qa
+        noise = 1e-14 * ((abs(pb * qc) + abs(pa * qc)) * max(width, height) + abs(pa * qb))
+        if abs(ea) + abs(eb) > noise:
+            lines[edge, 0], lines[edge, 1], lines[edge, 2] = sign * ea, sign * eb, sign * ec
+        else:  # an edge too short to have a direction excludes nothing
+            lines[edge, 0], lines[edge, 1], lines[edge, 2] = 0.0, 0.0, 0.0
+    return left, right, top, bottom, nearest, LINES
+
+
+@njit(inline="always")
+def _columns(lines, count, left, right, top, bottom):  # type: ignore[no-untyped-def]
+    """Pixel range (low, high) of the triangle between two image rows; low > high where it is not there."""
+    for k in range(count):
+        slope = lines[k, 0]
+        constant = lines[k, 2] + max(lines[k, 1] * top, lines[k, 1] * bottom)
+        if slope > 0.0:
+            left = max(left, -constant / slope - MARGIN_PIXELS)
+        elif slope < 0.0:
+            right = min(right, -constant / slope + MARGIN_PIXELS)
+        elif constant < 0.0:
+            return 1.0, 0.0
+    return left, right
+
+
+@njit(inline="always")
+def _cells(left, right, tile_w, first_cell, last_cell):  # type: ignore[no-untyped-def]
+    """First and last column of cells that the tiles between two pixel positions meet."""
+    last_tile = len(first_cell) - 1
+    return first_cell[min(int(left / tile_w), last_tile)], last_cell[min(int(right / tile_w), last_tile)]
+
+
+@njit(inline="always")
+def _inverse_depth(lines, count, nearest, tx, top, bottom, tile_w):  # type: ignore[no-untyped-def]
+    """Bound from above on 1 / depth in one tile."""
+    if count == 0:
+        return nearest
+    x0, x1 = tx * tile_w - MARGIN_PIXELS, (tx + 1) * tile_w + MARGIN_PIXELS
+    slope_x, slope_y = lines[3, 0], lines[3, 1]
+    found = lines[3, 2] + max(slope_x * x0, slope_x * x1) + max(slope_y * top, slope_y * bottom)
+    return min(found, nearest)
+
+
+@njit(inline="always")
+def _mark_cells(  # type: ignore[no-untyped-def]
+    lines, count, left, right, top, bottom, nearest, j, cell_height, tile_w, tile_h, first_cell, last_cell, wanted,
+    seen, near, tiles,
+):  # fmt: skip
+    """Set `near` for the columns of cells in row j where the triangle may be seen.
+
+    Returns the first and last row of tiles the triangle meets there; tiles[ty] are its first and last tile in each.
+    """
+    ty_first = max(int(top / tile_h), j * cell_height // tile_h)
+    ty_last = min(int(bottom / tile_h), ((j + 1) * cell_height - 1) // tile_h)
+    for ty in range(ty_first, ty_last + 1):
+        y0, y1 = ty * tile_h - MARGIN_PIXELS, (ty + 1) * tile_h + MARGIN_PIXELS
+        low, high = _columns(lines, count, left, right, y0, y1)
+        if low > high:
+            tiles[ty, 0], tiles[ty, 1] = 1, 0
+            continue
+        first, last = int(low / tile_w), min(int(high / tile_w), len(first_cell) - 1)
+        tiles[ty, 0], tiles[ty, 1] = first, last
+        for tx in range(first, last + 1):
+            if seen or _inverse_depth(lines, count, nearest, tx, y0, y1, tile_w) >= wanted[ty, tx]:
+                for i in range(first_cell[tx], last_cell[tx] + 1):
+                    near[i] = 1
+    return ty_first, ty_last
+
+
+@njit(nogil=True, cache=True)
+def count_visible(  # type: ignore[no-untyped-def]
+    counter_address, points_pixels, faces, seen, wanted, tile_w, tile_h, width, height, cell_height, first_cell,
+    last_cell, hidden, counts,
+):  # fmt: skip
+    """counts[t] = number of cells in which triangle t may be seen; hidden[tile] = nearest of those left out.
+
+    points_pixels: (V, 3) float64 homogeneous pixels. seen: (F,) uint8, triangles to keep wherever they are.
+    wanted: (tiles y, tiles x) float64, the inverse depth from which on a triangle is kept: 0 keeps all, inf none.
+    first_cell, last_cell: (tiles x,) the columns of cells that a column of tiles meets.
+    hidden: (tiles y, tiles x) float64, largest inverse depth in a tile of what was left out in a cell there; this
+    thread's own.
+    """
+    lines = np.empty((LINES, 3))
+    near = np.zeros(last_cell[-1] + 1, np.uint8)
+    tiles = np.empty((wanted.shape[0], 2), np.int64)
+    while True:
+        start = fetch_add(counter_address, 1) * CHUNK
+        if start >= len(faces):
+            return
+        for triangle in range(start, min(start + CHUNK, len(faces))):
+            counts[triangle] = 0
+            left, right, top, bottom, nearest, count = _set_up(
+                points_pixels, faces, triangle, tile_w, tile_h, width, height, lines
+            )
+            if left > right:
+                continue
+            first, last = _cells(left, right, tile_w, first_cell, last_cell)
+            row_first, row_last = int(top / cell_height), min(int(bottom / cell_height), height // cell_height - 1)
+            tx, ty = int(left / tile_w), int(top / tile_h)
+            if (
+                first == last and row_first == row_last and tx == int(right / tile_w) and ty == int(bottom / tile_h)
+                and ty < wanted.shape[0] and tx < wanted.shape[1]
+            ):  # fmt: skip  # most triangles of a fine mesh
+                if seen[triangle] or nearest >= wanted[ty, tx]:
+                    counts[triangle] = 1
+                elif nearest > hidden[ty, tx]:
+                    hidden[ty, tx] = nearest
+                continue
+            total = 0
+            for j in range(row_first, row_last + 1):
+                ty_first, ty_last = _mark_cells(
+                    lines, count, left, right, top, bottom, nearest, j, cell_height, tile_w, tile_h, first_cell,
+                    last_cell, wanted, seen[triangle], near, tiles,
+                )  # fmt: skip
+                kept = 0
+                for i in range(first, last + 1):
+                    kept += near[i]
+                total += kept
+                if kept <= last - first:
+                    for ty in range(ty_first, ty_last + 1):
+                        y0, y1 = ty * tile_h - MARGIN_PIXELS, (ty + 1) * tile_h + MARGIN_PIXELS
+                        for tx in range(tiles[ty, 0], tiles[ty, 1] + 1):
+                            left_out = False
+                            for i in range(first_cell[tx], last_cell[tx] + 1):
+                                left_out = left_out or near[i] == 0
+                            if left_out:
+                                found = _inverse_depth(lines, count, nearest, tx, y0, y1, tile_w)
+                                if found > hidden[ty, tx]:
+                                    hidden[ty, tx] = found
+                if kept:
+                    for i in range(first, last + 1):
+                        near[i] = 0
+            counts[triangle] = total
+
+
+@njit(nogil=True, cache=True)
+def fill_visible(  # type: ignore[no-untyped-def]
+    counter_address, points_pixels, points_eye, faces, seen, wanted, tile_w, tile_h, width, height, cell_width,
+    cell_height, first_cell, last_cell, shears_x, shears_y, row_stride, starts, vertices, records,
+):  # fmt: skip
+    """Write the sheared copies that `count_visible` counted, from starts[t] on; outputs as in `fill_copies`."""
+    lines = np.empty((LINES, 3))
+    near = np.zeros(last_cell[-1] + 1, np.uint8)
+    tiles = np.empty((wanted.shape[0], 2), np.int64)
+    while True:
+        start = fetch_add(counter_address, 1) * CHUNK
+        if start >= len(faces):
+            return
+        for triangle in range(start, min(start + CHUNK, len(faces))):
+            copy = starts[triangle]
+            if copy == starts[triangle + 1]:
+                continue
+            left, right, top, bottom, nearest, count = _set_up(
+                points_pixels, faces, triangle, tile_w, tile_h, width, height, lines
+            )
+            first, last = _cells(left, right, tile_w, first_cell, last_cell)
+            row_first, row_last = int(top / cell_height), min(int(bottom / cell_height), height // cell_height - 1)
+            everywhere = starts[triangle + 1] - copy == (last - first + 1) * (row_last - row_first + 1)
+            for j in range(row_first, row_last + 1):
+                if not everywhere:
+                    _mark_cells(
+                        lines, count, left, right, top, bottom, nearest, j, cell_height, tile_w, tile_h, first_cell,
+                        last_cell, wanted, seen[triangle], near, tiles,
+                    )  # fmt: skip
+                for i in range(first, last + 1):
+                    if near[i] == 0 and not everywhere:
+                        continue
+                    near[i] = 0
+                    for corner in range(3):
+                        vertex = faces[triangle, corner]
+                        depth = points_pixels[vertex, 2]
+                        for axis in range(3):
+                            shear = (shears_x[i, axis] + shears_y[j, axis]) * depth
+                            vertices[3 * copy + corner, axis] = points_eye[vertex, axis] - shear
+                    records[copy] = triangle | ((j * cell_height * row_stride + i * cell_width) << 32)
+                    copy += 1
+
+
+@cache
+def verify_kernel(shape_x: int, shape_y: int) -> Callable[..., None]:
+    """The second pass for packets of shape_x x shape_y pixels; the shape is a constant of the compiled code."""
+    width = shape_x * shape_y
+    dir_x, dir_y, dir_z, tfar = RAY_DIR_X * width, RAY_DIR_Y * width, RAY_DIR_Z * width, RAY_TFAR * width
+    hit_prim_id, hit_geom_id = (RAY_WORDS + HIT_PRIM_ID) * width, (RAY_WORDS + HIT_GEOM_ID) * width
+    tnear = RAY_TNEAR * width
+
+    @njit(nogil=True, cache=True)
+    def verify_pixels(  # type: ignore[no-untyped-def]
+        counter_address, scene, packet, packet_ids, valid, arguments_address, column_directions, row_directions,
+        nearest_hidden, tile_w, tile_h, image_width, height, depth, prim_id, traced,
+    ):  # fmt: skip
+        """Trace again, up to the depth already found, where something left out of the first pass may lie in front.
+
+        Rays start at the depth before which nothing was left out, so that they pass through a short stretch only.
+
+        Packet, directions and outputs as in `trace_pixels`; depth and prim_id hold the first pass's image, nearer hits
+        replace it. nearest_hidden: (tiles y, tiles x) float32, no ray of the tile meets what was left out before this
+        depth; tiles are whole packets. traced: (1,) int64, counts the packets traced, this thread's own.
+        """
+        packet_address, valid_address = packet.ctypes.data, valid.ctypes.data
+        while True:
+            ty = fetch_add(counter_address, 1)
+            if ty >= nearest_hidden.shape[0]:
+                for lane in range(width):
+                    packet[tnear + lane] = np.float32(0.0)  # as the other loops expect it
+                return
+            for y0 in range(ty * tile_h, min((ty + 1) * tile_h, height), shape_y):
+                rows = min(shape_y, height - y0)
+                for tx in range(nearest_hidden.shape[1]):
+                    limit = nearest_hidden[ty, tx]
+                    if limit == np.inf:
+                        continue
+                    for x0 in range(tx * tile_w, min((tx + 1) * tile_w, image_width), shape_x):
+                        columns = min(shape_x, image_width - x0)
+                        farthest = np.float32(0.0)
+                        if columns == shape_x and rows == shape_y:
+                            for row in range(shape_y):
+                                for column in range(shape_x):
+                                    farthest = max(farthest, depth[y0 + row, x0 + column])
+                        else:
+                            for row in range(rows):
+                                for column in range(columns):
+                                    farthest = max(farthest, depth[y0 + row, x0 + column])
+                        if farthest < limit:
+                            continue
+                        traced[0] += 1
+                        for row in range(shape_y):
+                            for column in range(shape_x):
+                                lane = row * shape_x + column
+                                x, y = x0 + min(column, columns - 1), y0 + min(row, rows - 1)
+                                packet[dir_x + lane] = column_directions[0, x] + row_directions[0, y]
+                                packet[dir_y + lane] = column_directions[1, x] + row_directions[1, y]
+                                packet[dir_z + lane] = column_directions[2, x] + row_directions[2, y]
+                                packet[tnear + lane] = limit
+                                packet[tfar + lane] = depth[y, x]
+                                packet_ids[hit_prim_id + lane] = prim_id[y, x]
+                                packet_ids[hit_geom_id + lane] = _MISS
+                                valid[lane] = -1 if row < rows and column < columns and depth[y, x] >= limit else 0
+                        _intersect(width, valid_address, scene, packet_address, arguments_address)
+                        for row in range(rows):
+                            for column in range(columns):
+                                lane = row * shape_x + column
+                                depth[y0 + row, x0 + column] = packet[tfar + lane]
+                                prim_id[y0 + row, x0 + column] = packet_ids[hit_prim_id + lane]
+
+    return verify_pixels

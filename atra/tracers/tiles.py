@@ -1,0 +1,106 @@
+"""Ablation: the cells' culling without the alignment. Each cell is a small scene of its own, traced per pixel."""
+
+from __future__ import annotations
+
+from time import perf_counter
+
+import numpy as np
+from numpy.typing import NDArray
+
+from atra.alignment import Split
+from atra.camera import Camera
+from atra.culling import AlignedGeometry, _homogeneous_pixels, check_memory_budget
+from atra.embree.scene import padded_vertices
+from atra.embree.scenes import EmbreeScenes
+from atra.kernels.callbacks import memory_monitor
+from atra.kernels.planning import count_copies
+from atra.kernels.tiles import list_cells, sort_by_cell, tile_kernel
+from atra.mesh import Mesh
+from atra.tracers.base import EmbreeTracer, ray_directions
+from atra.tracers.pixel import SQUAREST_SHAPE
+
+
+class TiledTracer(EmbreeTracer):
+    """Every cell's frustum-culled triangles in an Embree scene of their own; one ray per pixel, in packets.
+
+    The same culling as `AlignedTracer` and no shear, so that what culling buys and what alignment buys are seen apart.
+    split: (nx, ny) cells; nx must divide the width, ny the height. Other arguments as for `AlignedTracer`.
+    Raises InputError for a split that does not divide the image, MemoryBudgetError before allocating.
+    """
+
+    def __init__(
+        self,
+        mesh: Mesh,
+        camera: Camera,
+        split: tuple[int, int],
+        packet_width: int | None = None,
+        threads: int | None = None,
+        build_quality: str = "medium",
+        memory_budget_bytes: int | None = None,
+    ) -> None:
+        self.split = Split(*split, width=camera.width, height=camera.height)
+        self.memory_budget_bytes = memory_budget_bytes
+        super().__init__(mesh, camera, packet_width, threads, build_quality)
+        self._cell_starts = np.zeros(self.split.cell_count + 1, np.int64)
+
+    def _plan_geometry(self) -> AlignedGeometry:
+        mesh, split = self.mesh, self.split
+        vertices = padded_vertices(len(mesh.vertices))
+        vertices[:] = self.camera.to_eye_space(mesh.vertices)
+        points_pixels = _homogeneous_pixels(mesh, self.camera)
+        cell = (split.nx, split.ny, split.cell_width, split.cell_height)
+        counts = np.empty(mesh.triangle_count, np.int64)
+        self._pool.run(lambda _, counter: count_copies(counter, points_pixels, mesh.faces, *cell, counts))
+        starts = np.zeros(mesh.triangle_count + 1, np.int64)
+        np.cumsum(counts, out=starts[1:])
+        copies = int(starts[-1])
+        check_memory_budget(copies, self.build_quality, self.memory_budget_bytes, split.cell_count)
+        cells = np.empty(copies, np.int64)
+        self._pool.run(lambda _, counter: list_cells(counter, points_pixels, mesh.faces, *cell, starts, cells))
+        faces, prim_ids = np.empty((copies, 3), np.uint32), np.empty(copies, np.int64)
+        sort_by_cell(starts, cells, mesh.faces, self._cell_starts, faces, prim_ids)
+        return AlignedGeometry(vertices, faces, prim_ids)
+
+    def build(self) -> None:
+        """Build a BVH per cell (planning first if that was not done)."""
+        self._check_open()
+        if self._geometry is None:
+            self.plan()
+        assert self._geometry is not None
+        monitor_address = memory_monitor()
+        start = perf_counter()
+        scenes = EmbreeScenes(
+            self._geometry.vertices,
+            self._geometry.faces,
+            self._cell_starts,
+            build_quality=self.build_quality,
+            threads=self.threads,
+            monitor_address=monitor_address,
+        )
+        self.build_time_s = perf_counter() - start
+        if self._scene is not None:
+            self._scene.close()
+        self._scene = scenes  # type: ignore[assignment]  # the same lifetime, many handles
+
+    def _filter_address(self) -> int:
+        return 0
+
+    def _run(self, scene: int, offset: tuple[float, float], depth: NDArray, prim_id: NDArray) -> None:
+        assert self._geometry is not None
+        scenes: EmbreeScenes = self._scene  # type: ignore[assignment]
+        camera, split, prim_ids = self.camera, self.split, self._geometry.records
+        directions = ray_directions(
+            camera,
+            np.arange(camera.width) - camera.width / 2 + offset[0],
+            np.arange(camera.height) - camera.height / 2 + offset[1],
+        )
+        kernel = tile_kernel(*SQUAREST_SHAPE[self.packet_width])
+
+        def work(worker: int, counter: int) -> None:
+            own = self._workspaces[worker]
+            kernel(
+                counter, scenes.handles, self._cell_starts, prim_ids, own.packet, own.packet_ids, own.valid,
+                own.arguments_address, *directions, split.nx, split.cell_width, split.cell_height, depth, prim_id,
+            )  # fmt: skip
+
+        self._pool.run(work)

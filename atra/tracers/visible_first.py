@@ -1,0 +1,261 @@
+"""Visible-first: align what is likely to be seen, then verify what was left out, only where it could matter."""
+
+from __future__ import annotations
+
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from atra.alignment import Alignment, Split
+from atra.camera import Camera
+from atra.culling import AlignedGeometry
+from atra.embree.scene import EmbreeScene, padded_vertices
+from atra.errors import InputError
+from atra.hits import Hits
+from atra.kernels.callbacks import memory_monitor, nearest_hit_filter
+from atra.kernels.tracing import aligned_kernel, pixel_kernel
+from atra.kernels.visible import verify_kernel
+from atra.mesh import Mesh
+from atra.tracers.aligned import choose_packet_shape
+from atra.tracers.base import EmbreeTracer, new_images, ray_directions
+from atra.tracers.pixel import SQUAREST_SHAPE
+from atra.visibility import Tiles, VisiblePlan, plan_visible_geometry
+
+PROBE_STEP = 4
+"""The default probe shoots a ray every PROBE_STEP pixels, across and down, along the borders of the tiles."""
+
+TILE_WIDTHS, TILE_HEIGHT = (4, 8), 4
+"""Pixels of a tile: the granularity at which visibility is guessed when planning and proven when tracing.
+
+Whole packets, and no wider than narrow cells, because a copy is kept in every cell that its tile meets."""
+
+
+class VisibleFirstTracer(EmbreeTracer):
+    """Alignment without overdraw: the copies a probe takes for hidden are left out, and verified per pixel.
+
+    Pass 1 traces, aligned, the copies of triangles that may be seen according to the probe. Pass 2 goes over the image
+    in packets of pixels: where the hits found so far are nearer than anything that was left out can be in that tile,
+    the packet is done; elsewhere it is traced through the whole mesh, up to the depth found, and nearer hits win. The
+    image is exact for any probe; a bad one costs time.
+
+    split: (nx, ny) cells; nx must divide the width, ny the height. probe: None shoots a few rays when planning;
+    `Hits` of an image of the same size, such as an earlier frame or another camera near by, are taken as they are; an
+    integer array of prim_ids, which may be empty, names the triangles for pass 1. Other arguments as for
+    `AlignedTracer`. Raises InputError for a split that does not divide the image, a probe of another size, and a
+    prim_id that the mesh does not have.
+
+    plan_time_s counts the probe, too (`probe_time_s`); build_time_s counts both BVHs. Lifts the limit of paper §5.
+    """
+
+    def __init__(
+        self,
+        mesh: Mesh,
+        camera: Camera,
+        split: tuple[int, int],
+        packet_width: int | None = None,
+        threads: int | None = None,
+        build_quality: str = "medium",
+        memory_budget_bytes: int | None = None,
+        probe: Hits | ArrayLike | None = None,
+    ) -> None:
+        self.split = Split(*split, width=camera.width, height=camera.height)
+        self.memory_budget_bytes = memory_budget_bytes
+        self.probe = probe if probe is None or isinstance(probe, Hits) else _checked_prim_ids(mesh, probe)
+        if isinstance(probe, Hits) and probe.depth.shape != (camera.height, camera.width):
+            raise InputError(
+                f"the probe is an image of {probe.depth.shape}, "
+                f"expected {(camera.height, camera.width)} (height, width)"
+            )
+        super().__init__(mesh, camera, packet_width, threads, build_quality)
+        self.alignment = Alignment.at_quarter(camera, self.split)
+        self.packet_shape = choose_packet_shape(self.packet_width, self.split)
+        self.probe_time_s = 0.0
+        tile_width = TILE_WIDTHS[0] if self.split.cell_width <= TILE_WIDTHS[0] else TILE_WIDTHS[1]
+        self.tiles = Tiles(tile_width, TILE_HEIGHT, camera.width, camera.height)
+        self._whole_build_time_s = 0.0
+        self._whole: EmbreeScene | None = None
+        self._plan: VisiblePlan | None = None
+        self._packets_verified = np.zeros((self.threads, 16), np.int64)  # a cache line or two for each thread
+
+    @property
+    def _row_stride(self) -> int:
+        return self.camera.width + -self.split.cell_width % self.packet_shape[0]
+
+    def plan(self) -> None:
+        """Build the BVH of the whole mesh, probe through it, and pick the copies for pass 1."""
+        self._check_open()
+        start = perf_counter()
+        vertices = padded_vertices(len(self.mesh.vertices))
+        vertices[:] = self.camera.to_eye_space(self.mesh.vertices)
+        monitor_address = memory_monitor()
+        build_start = perf_counter()
+        whole = EmbreeScene(
+            vertices,
+            self.mesh.faces,
+            build_quality=self.build_quality,
+            threads=self.threads,
+            monitor_address=monitor_address,
+        )
+        self._whole_build_time_s = perf_counter() - build_start
+        if self._whole is not None:
+            self._whole.close()
+        self._whole = whole
+        self._geometry = self._plan_geometry()
+        self.plan_time_s = perf_counter() - start - self._whole_build_time_s
+
+    def _plan_geometry(self) -> AlignedGeometry:
+        start = perf_counter()
+        seen = np.zeros(self.mesh.triangle_count, np.uint8)
+        if self.probe is None:
+            seen_depth = self._probe_depth()
+        elif isinstance(self.probe, Hits):
+            seen_depth = self._farthest_in_tiles(self.probe.depth)
+        else:
+            seen[self.probe] = 1
+            seen_depth = np.zeros(self.tiles.shape)
+        self.probe_time_s = perf_counter() - start
+        self._plan = plan_visible_geometry(
+            self.mesh,
+            self.camera,
+            self.alignment,
+            self.tiles,
+            seen=seen,
+            seen_depth=seen_depth,
+            row_stride=self._row_stride,
+            pool=self._pool,
+            memory_budget_bytes=self.memory_budget_bytes,
+            build_quality=self.build_quality,
+        )
+        return self._plan.geometry
+
+    def _probe_depth(self) -> NDArray[np.float64]:
+        """Shoot the default probe: how far one sees in each tile, by rays on its border.
+
+        Neighbouring tiles share the rays, and an outline that crosses a tile is likely to separate two of its corners.
+        A single far corner does not count: keeping all that lies before it costs more than to verify a few packets.
+        """
+        camera = self.camera
+        assert self._whole is not None
+        scene = self._whole.address
+        shape = SQUAREST_SHAPE[self.packet_width]
+        tile_rows, tile_columns = self.tiles.shape
+        steps_x, steps_y = self.tiles.tile_width // PROBE_STEP, self.tiles.tile_height // PROBE_STEP
+        width, height = tile_columns * steps_x + 1, tile_rows * steps_y + 1
+
+        def positions(count: int, packet: int, pixels: int) -> NDArray[np.float64]:
+            return np.minimum(np.arange(count + -count % packet) * PROBE_STEP, pixels) - pixels / 2
+
+        directions = ray_directions(
+            camera, positions(width, shape[0], camera.width), positions(height, shape[1], camera.height)
+        )
+        depth, prim_id = new_images(height, width, width)
+        kernel = pixel_kernel(*shape)
+
+        def work(worker: int, counter: int) -> None:
+            own = self._workspaces[worker]
+            kernel(
+                counter, scene, own.packet, own.packet_ids, own.all_lanes, own.valid, own.arguments_address,
+                *directions, width, height, depth, prim_id,
+            )  # fmt: skip
+
+        self._pool.run(work)
+        upper, lower = np.maximum(depth[:-1], depth[1:]), np.minimum(depth[:-1], depth[1:])
+        depth = np.maximum(
+            np.minimum(upper[:, :-1], upper[:, 1:]),
+            np.maximum(lower[:, :-1], lower[:, 1:]),
+        )  # the second farthest of four corners
+        return depth.reshape(tile_rows, steps_y, tile_columns, steps_x).max(axis=(1, 3)).astype(np.float64)
+
+    def _farthest_in_tiles(self, depth: NDArray[np.float32]) -> NDArray[np.float64]:
+        """The farthest depth in each tile of an image."""
+        rows, columns = self.tiles.shape
+        farthest = np.maximum.reduceat(depth, np.arange(rows) * self.tiles.tile_height, axis=0)
+        farthest = np.maximum.reduceat(farthest, np.arange(columns) * self.tiles.tile_width, axis=1)
+        return farthest.astype(np.float64)
+
+    def build(self) -> None:
+        """Build the BVH of pass 1 (planning first if that was not done)."""
+        super().build()
+        self.build_time_s += self._whole_build_time_s
+
+    def _filter_address(self) -> int:
+        return nearest_hit_filter(*self.packet_shape)
+
+    def _run(self, scene: int, offset: tuple[float, float], depth: NDArray, prim_id: NDArray) -> None:
+        self._trace_aligned(scene, offset, depth, prim_id)
+        self._verify(offset, depth, prim_id)
+
+    def _trace_aligned(self, scene: int, offset: tuple[float, float], depth: NDArray, prim_id: NDArray) -> None:
+        split = self.split
+        columns = self.alignment.first_x_pixels + np.arange(split.cell_width)
+        rows = self.alignment.first_y_pixels + np.arange(split.cell_height)
+        directions = ray_directions(self.camera, columns + offset[0], rows + offset[1])
+        kernel = aligned_kernel(*self.packet_shape)
+
+        def work(worker: int, counter: int) -> None:
+            own = self._workspaces[worker]
+            kernel(
+                counter, scene, own.packet, own.valid, own.context, own.arguments_address,
+                *directions, split.ny, depth, prim_id,
+            )  # fmt: skip
+
+        self._pool.run(work)
+
+    def _verify(self, offset: tuple[float, float], depth: NDArray, prim_id: NDArray) -> None:
+        assert self._whole is not None
+        assert self._plan is not None
+        camera, scene, nearest_hidden = self.camera, self._whole.address, self._plan.nearest_hidden
+        columns = np.arange(camera.width) - camera.width / 2
+        rows = np.arange(camera.height) - camera.height / 2
+        directions = ray_directions(camera, columns + offset[0], rows + offset[1])
+        kernel = verify_kernel(*SQUAREST_SHAPE[self.packet_width])
+        self._packets_verified[:] = 0
+
+        def work(worker: int, counter: int) -> None:
+            own = self._workspaces[worker]
+            kernel(
+                counter, scene, own.packet, own.packet_ids, own.valid, own.arguments_address, *directions,
+                nearest_hidden, self.tiles.tile_width, self.tiles.tile_height, camera.width, camera.height,
+                depth, prim_id, self._packets_verified[worker],
+            )  # fmt: skip
+
+        self._pool.run(work)
+
+    @property
+    def packets_verified(self) -> int:
+        """Packets that pass 2 of the last frame had to trace."""
+        return int(self._packets_verified[:, 0].sum())
+
+    @property
+    def triangle_count(self) -> int:
+        """Triangles in both Embree scenes, copies included; 0 before `plan`."""
+        return 0 if self._geometry is None else self._geometry.copy_count + self.mesh.triangle_count
+
+    @property
+    def embree_bytes(self) -> int:
+        """Bytes Embree holds for both scenes by its own account; 0 before `plan`."""
+        return super().embree_bytes + (0 if self._whole is None else self._whole.embree_bytes)
+
+    def close(self) -> None:
+        """Release both Embree scenes and the geometry; waits for a frame in progress. Closing twice is harmless."""
+        super().close()
+        if self._whole is not None:
+            self._whole.close()
+        self._plan = None
+
+
+def _checked_prim_ids(mesh: Mesh, probe: Any) -> NDArray[np.int64]:
+    """The triangles a probe names, as int64; misses (`MISS`) are left out."""
+    prim_ids = np.asarray(probe)
+    if prim_ids.size and prim_ids.dtype.kind not in "iu":
+        raise InputError(f"the probe has dtype {prim_ids.dtype}, expected whole numbers: prim_ids of triangles seen")
+    prim_ids = np.unique(prim_ids.astype(np.int64))
+    prim_ids = prim_ids[prim_ids != 0xFFFFFFFF]
+    absent = (prim_ids < 0) | (prim_ids >= mesh.triangle_count)
+    if absent.any():
+        raise InputError(
+            f"the probe names prim_id {prim_ids[absent][0]}, but {mesh.name!r} has {mesh.triangle_count} triangles"
+        )
+    return prim_ids

@@ -1,0 +1,138 @@
+"""Plan what the first pass of visible-first tracing gets, and what the second must be able to rule out.
+
+The image is divided into small tiles. A probe says how far one sees in each of them, roughly; a copy of a triangle goes
+into the first pass where it may lie nearer than that in some tile of its cell. What is left out is remembered as one
+number per tile: the depth before which no ray of the tile, at whatever sub-pixel position, can meet it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from atra.alignment import Alignment
+from atra.camera import Camera
+from atra.culling import AlignedGeometry, check_image_size, check_memory_budget
+from atra.embree.scene import padded_vertices
+from atra.kernels.visible import count_visible, fill_visible, project_points
+from atra.mesh import Mesh
+from atra.parallel import WorkerPool
+
+DEPTH_SLACK = 1e-4
+"""Relative margin on the depth of what is left out: float32 hits and float64 bounds differ by less."""
+
+SEEN_SLACK = 1e-3
+"""Relative margin behind the probe's depth within which copies are kept; more than DEPTH_SLACK, or the surfaces the
+probe saw would fail their own test."""
+
+
+@dataclass(frozen=True)
+class Tiles:
+    """The grid of tiles over an image, tile_width x tile_height pixels each; the last of a row or column may be cut."""
+
+    tile_width: int
+    tile_height: int
+    width: int
+    height: int
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(rows, columns) of tiles."""
+        return -(-self.height // self.tile_height), -(-self.width // self.tile_width)
+
+
+@dataclass(frozen=True, eq=False)
+class VisiblePlan:
+    """Geometry of the first pass, and the bound on everything else.
+
+    nearest_hidden: (tile rows, tile columns) float32: before this depth, no ray of a tile meets a triangle that its
+    cell's copies lack; inf where they lack none.
+    """
+
+    geometry: AlignedGeometry
+    nearest_hidden: NDArray[np.float32]
+
+
+def plan_visible_geometry(
+    mesh: Mesh,
+    camera: Camera,
+    alignment: Alignment,
+    tiles: Tiles,
+    *,
+    seen: NDArray[np.uint8],
+    seen_depth: NDArray[np.float64],
+    row_stride: int,
+    pool: WorkerPool,
+    memory_budget_bytes: int | None = None,
+    build_quality: str = "medium",
+) -> VisiblePlan:
+    """Shear a copy of every triangle for the cells in which a probe says it may be seen.
+
+    seen: (F,) uint8, non-zero: keep the triangle in every cell it meets. seen_depth: shape of `tiles`, keep what may be
+    nearer than this in a tile (inf: everything, 0: nothing). Both are guesses and cost time when wrong, never a hit.
+    row_stride: pixels from one image row to the next. Raises MemoryBudgetError before allocating the copies.
+    """
+    split = alignment.split
+    check_image_size(camera, row_stride)
+    points_pixels, points_eye = _project(mesh, camera, pool)
+    with np.errstate(divide="ignore"):
+        wanted = (1.0 - SEEN_SLACK) / seen_depth
+    columns = np.arange(tiles.shape[1]) * tiles.tile_width
+    first_cell = columns // split.cell_width
+    last_cell = np.minimum(columns + tiles.tile_width, camera.width) - 1
+    last_cell //= split.cell_width
+    raster = (seen, wanted, tiles.tile_width, tiles.tile_height, camera.width, camera.height)
+
+    counts = np.empty(mesh.triangle_count, np.int64)
+    hidden = np.zeros((pool.threads, *tiles.shape))
+
+    def count(worker: int, counter: int) -> None:
+        count_visible(
+            counter,
+            points_pixels,
+            mesh.faces,
+            *raster,
+            split.cell_height,
+            first_cell,
+            last_cell,
+            hidden[worker],
+            counts,
+        )
+
+    pool.run(count)
+    with np.errstate(divide="ignore"):
+        nearest_hidden = ((1.0 - DEPTH_SLACK) / hidden.max(axis=0)).astype(np.float32)
+
+    starts = np.zeros(mesh.triangle_count + 1, np.int64)
+    np.cumsum(counts, out=starts[1:])
+    copies = int(starts[-1])
+    check_memory_budget(copies, build_quality, memory_budget_bytes, split.cell_count)
+    vertices = padded_vertices(3 * copies)
+    records = np.empty(copies, np.int64)
+    shears = (np.outer(alignment.shift_x, camera.axes[0]), np.outer(alignment.shift_y, camera.axes[1]))
+
+    def fill(_: int, counter: int) -> None:
+        fill_visible(
+            counter, points_pixels, points_eye, mesh.faces, *raster, split.cell_width, split.cell_height,
+            first_cell, last_cell, *shears, row_stride, starts, vertices, records,
+        )  # fmt: skip
+
+    pool.run(fill)
+    faces = np.arange(3 * copies, dtype=np.uint32).reshape(copies, 3)
+    return VisiblePlan(AlignedGeometry(vertices, faces, records), nearest_hidden)
+
+
+def _project(mesh: Mesh, camera: Camera, pool: WorkerPool) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Vertices -> (V, 3) float64 (a, b, c) with pixel position (a / c, b / c) and depth c; and in eye space."""
+    right, down, forward = camera.axes
+    pitch = camera.pixel_pitch
+    to_pixels = np.stack(
+        [right / pitch + camera.width / 2 * forward, down / pitch + camera.height / 2 * forward, forward]
+    )
+    shape = mesh.vertices.shape
+    points_pixels, points_eye = np.empty(shape), np.empty(shape)
+    eye = np.array(camera.eye)
+    pool.run(lambda _, counter: project_points(counter, mesh.vertices, eye, to_pixels, points_pixels, points_eye))
+    return points_pixels, points_eye
