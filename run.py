@@ -30,6 +30,11 @@ _VERBS = ("fetch", "report")
 
 @hydra.main(config_path="conf", config_name="config", version_base="1.3")
 def run(composed: DictConfig) -> None:
+    if HydraConfig.get().mode is RunMode.MULTIRUN:  # a job that a launcher runs for a sweep, which reports its errors
+        from experiments.sweep import measure_launched
+
+        measure_launched(read_configuration(composed))
+        return
     # SystemExit passes through Hydra silently; any other exception is announced by Hydra first.
     try:
         _act(read_configuration(composed))
@@ -47,10 +52,6 @@ def _act(configuration: Configuration) -> None:
         from experiments.results import rewrite_report
 
         print(f"report: {rewrite_report(configuration)}")
-    elif HydraConfig.get().mode is RunMode.MULTIRUN:  # a job that a launcher runs for a sweep
-        from experiments.sweep import measure_launched
-
-        measure_launched(configuration)
     else:
         from experiments.single import run_single_point
 

@@ -29,10 +29,13 @@ class Action(Enum):
 
 
 class Method(Enum):
-    """aligned = the paper's; pixel = one ray per pixel, single or in packets."""
+    """aligned = the paper's; pixel = one ray per pixel, single or in packets; visible_first = aligned without what is
+    hidden, verified per pixel; tiles = the cells' culling without alignment."""
 
     aligned = "aligned"
     pixel = "pixel"
+    visible_first = "visible_first"
+    tiles = "tiles"
 
 
 class Geometry(Enum):
@@ -56,7 +59,8 @@ class Quantity(Enum):
 
 
 class SceneSource(Enum):
-    """procedural = made by code; directory = the one named by ATRA_SCENES; file = the user's own."""
+    """procedural = made by code; directory = the one named by ATRA_SCENES, or the cache of fetched
+    scenes; file = the user's own."""
 
     procedural = "procedural"
     directory = "directory"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import signal
@@ -11,7 +12,9 @@ import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
-from experiments.points import Point
+import psutil
+
+from experiments.point import Point
 from experiments.worker import Job, Outcome
 
 _ROOT = Path(__file__).resolve().parents[1]
@@ -32,7 +35,7 @@ def run_worker(point: Point, command: Sequence[str] = WORKER_COMMAND) -> Outcome
         output_path = Path(folder) / "output.txt"
         with output_path.open("wb") as output:
             process = subprocess.Popen(
-                list(command), stdin=subprocess.PIPE, stdout=output, stderr=subprocess.STDOUT, env=_environment()
+                list(command), stdin=subprocess.PIPE, stdout=output, stderr=subprocess.STDOUT, env=project_environment()
             )
             try:
                 process.communicate(job.to_json().encode(), timeout=point.time_limit_s)
@@ -61,6 +64,15 @@ def run_worker(point: Point, command: Sequence[str] = WORKER_COMMAND) -> Outcome
         )
 
 
+def stop_children() -> None:
+    """Kill the jobs a launcher has started, which would go on without the sweep; no record is ever half written."""
+    for child in psutil.Process().children(recursive=True):
+        with contextlib.suppress(psutil.NoSuchProcess):
+            # joblib's tracker tidies up after the others and ends with this process; killed, it would complain.
+            if "resource_tracker" not in " ".join(child.cmdline()):
+                child.kill()
+
+
 def _death(code: int) -> str | None:
     if code == 0:
         return None
@@ -74,7 +86,8 @@ def _death(code: int) -> str | None:
     return f"the worker was killed by {name}{hint}"
 
 
-def _environment() -> dict[str, str]:
+def project_environment() -> dict[str, str]:
+    """The environment of a process that is to import this project wherever it is started from."""
     # The user may have started run.py from elsewhere; relative paths stay theirs, imports are ours.
     paths = [str(_ROOT), *filter(None, [os.environ.get("PYTHONPATH")])]
     return {**os.environ, "PYTHONPATH": os.pathsep.join(paths)}

@@ -3,88 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from atra.camera import Camera, Vector
 from atra.errors import AtraError, InputError, MemoryBudgetError
 from atra.mesh import Mesh
-from atra.tracers import AlignedTracer, PixelTracer
-from experiments.configuration import Configuration, Geometry, Method, Quantity, SceneConfiguration, SceneSource
+from atra.tracers import PixelTracer
+from experiments.configuration import Configuration, Geometry, Method, SceneConfiguration, SceneSource
+from experiments.point import Point
 from experiments.scene_loading import load_scene, mesh_sha256
+from experiments.tracing import make_tracer
 
 _LARGEST_DEFAULT_SPLIT = 128
-
-
-@dataclass(frozen=True)
-class Point:
-    """One point to measure, complete: the worker needs nothing else, and the record's identity is a hash of it.
-
-    Plain JSON values only. `triangles` and `mesh_sha256` describe the mesh as loaded.
-    """
-
-    scene: str
-    scene_source: str
-    scene_path: str | None
-    mesh_sha256: str
-    triangles: int
-    eye: Vector
-    target: Vector
-    up: Vector
-    fov_y_degrees: float
-    width: int
-    height: int
-    method: str
-    geometry: str
-    split_x: int
-    split_y: int
-    culling: bool
-    packet_width: int | None
-    threads: int | None
-    build_quality: str
-    quantity: str
-    rounds: int
-    warmup: int
-    frame_budget_s: float
-    time_limit_s: float
-    memory_budget_gib: float
-
-    @classmethod
-    def from_fields(cls, fields: dict[str, Any]) -> Point:
-        """The reverse of `configuration` (JSON turns tuples into lists)."""
-        vectors = {name: tuple(fields[name]) for name in ("eye", "target", "up")}
-        return cls(**{**fields, **vectors})
-
-    def configuration(self) -> dict[str, Any]:
-        """All fields as plain values."""
-        fields = asdict(self)
-        return {name: list(value) if isinstance(value, tuple) else value for name, value in fields.items()}
-
-    @property
-    def camera(self) -> Camera:
-        return Camera(self.eye, self.target, self.up, self.fov_y_degrees, self.width, self.height)
-
-    @property
-    def memory_budget_bytes(self) -> int:
-        return int(self.memory_budget_gib * 2**30)
-
-    def label(self) -> str:
-        """Short text for progress and messages."""
-        width = self.packet_width or "native width"
-        details = [self.scene, "single rays" if width == 1 else f"packets of {width}"]
-        if self.method == Method.aligned.value:
-            kind = "instanced" if self.geometry == Geometry.instanced.value else f"culling {_on_off(self.culling)}"
-            details += [f"split {self.split_x}x{self.split_y}", kind]
-        else:
-            details.append("one ray per pixel")
-        if self.quantity != Quantity.time.value:
-            details.append(self.quantity)
-        return ", ".join(details)
-
-
-def _on_off(value: bool) -> str:
-    return "on" if value else "off"
 
 
 @dataclass(frozen=True)
@@ -137,10 +68,11 @@ def plan_points(configurations: Sequence[Configuration]) -> list[PlannedPoint]:
 
 def _resolve(configuration: Configuration, scene: _Scene) -> Point:
     given, measure = configuration.scene, configuration.measure
-    aligned = configuration.method is Method.aligned
+    method = configuration.method
+    geometry = configuration.geometry if method is Method.aligned else Geometry.copied
     split_x = configuration.split_x
     if split_x is None:
-        split_x = default_split_x(configuration.width) if aligned else 1
+        split_x = 1 if method is Method.pixel else default_split_x(configuration.width)
     path = None if given.path is None else str(Path(given.path).resolve())
     return Point(
         scene=given.name or Path(given.path or "scene").stem,
@@ -151,11 +83,11 @@ def _resolve(configuration: Configuration, scene: _Scene) -> Point:
         **_camera_fields(given, scene.camera),
         width=configuration.width,
         height=configuration.height,
-        method=configuration.method.value,
-        geometry=configuration.geometry.value if aligned else Geometry.copied.value,
+        method=method.value,
+        geometry=geometry.value,
         split_x=split_x,
         split_y=configuration.split_y,
-        culling=configuration.culling and aligned and configuration.geometry is Geometry.copied,
+        culling=_culls(configuration),
         packet_width=configuration.packet_width,
         threads=configuration.threads,
         build_quality=configuration.build_quality.value,
@@ -184,24 +116,19 @@ def default_split_x(width: int) -> int:
     return min(_LARGEST_DEFAULT_SPLIT, width & -width)
 
 
+def _culls(configuration: Configuration) -> bool:
+    """Whether the copies are culled: asked for, or part of the method."""
+    if configuration.method is Method.aligned:
+        return configuration.culling and configuration.geometry is Geometry.copied
+    return configuration.method is not Method.pixel
+
+
 def _problem(point: Point, mesh: Mesh) -> AtraError | None:
-    if point.method == Method.pixel.value:
-        if (point.split_x, point.split_y) == (1, 1):
-            return None
+    if point.method == Method.pixel.value and (point.split_x, point.split_y) != (1, 1):
         split = f"split ({point.split_x}, {point.split_y})"
         return InputError(f"{split} with method=pixel, which has no cells; use method=aligned or a split of 1")
     try:
-        AlignedTracer(
-            mesh,
-            point.camera,
-            split=(point.split_x, point.split_y),
-            culling=point.culling,
-            geometry=point.geometry,
-            packet_width=point.packet_width,
-            threads=point.threads,
-            build_quality=point.build_quality,
-            memory_budget_bytes=point.memory_budget_bytes,
-        ).close()
+        make_tracer(point, mesh, point.camera).close()  # the constructor checks everything; nothing is built
     except (InputError, MemoryBudgetError) as error:
         return error
     return None

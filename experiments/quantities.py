@@ -17,10 +17,11 @@ from atra.hits import Hits
 from atra.measure.memory import peak_rss_bytes, reset_peak_rss, rss_bytes
 from atra.measure.rounds import RoundSamples, measure_rounds
 from atra.mesh import Mesh
-from atra.tracers import AlignedTracer, PixelTracer, Tracer
-from experiments.configuration import Method, Quantity, SceneSource
-from experiments.points import Point
+from atra.tracers import Tracer
+from experiments.configuration import Quantity, SceneSource
+from experiments.point import Point
 from experiments.scene_loading import load_scene, mesh_sha256
+from experiments.tracing import make_packet_tracer, make_pixel_tracer, make_tracer
 
 OWN, SINGLE, PACKETS = "own", "rtcIntersect1", "packets"
 """Names of the three methods in the samples of a time: the point's own, the paper's baseline, the expert's baseline."""
@@ -28,7 +29,6 @@ OWN, SINGLE, PACKETS = "own", "rtcIntersect1", "packets"
 PLAN, BUILD, BASELINE_BUILD = "plan", "build", "baseline_build"
 """Names in the samples of a build: the point's plan, its BVH build, the BVH build of the plain mesh."""
 
-_EXPERT_WIDTH = 8
 _AGREEMENT = ("equal", "tied", "edge", "wrong")
 
 
@@ -52,8 +52,8 @@ def _measure_time(point: Point) -> Measured:
     with ExitStack() as stack:
         own, results = _build_own(point, stack)
         mesh, camera = own.mesh, own.camera
-        single = stack.enter_context(_pixel_tracer(point, mesh, camera, 1))
-        packets = stack.enter_context(_packet_tracer(point, mesh, camera))
+        single = stack.enter_context(make_pixel_tracer(point, mesh, camera, 1))
+        packets = stack.enter_context(make_packet_tracer(point, mesh, camera))
         results |= {
             "plan_time_s": float(own.plan_time_s),
             "build_time_s": float(own.build_time_s),
@@ -71,7 +71,7 @@ def _measure_build(point: Point) -> Measured:
     _warm_up(point)
     with ExitStack() as stack:
         own, results = _build_own(point, stack)
-        baseline = stack.enter_context(_pixel_tracer(point, own.mesh, own.camera, 1))
+        baseline = stack.enter_context(make_pixel_tracer(point, own.mesh, own.camera, 1))
         timed = _rounds(point, {PLAN: own.plan, BUILD: own.build, BASELINE_BUILD: baseline.build})
     return _measured(results, timed)
 
@@ -90,7 +90,7 @@ def _make_pictures(point: Point) -> Measured:
 
     with ExitStack() as stack:
         own, results = _build_own(point, stack)
-        single = stack.enter_context(_pixel_tracer(point, own.mesh, own.camera, 1))
+        single = stack.enter_context(make_pixel_tracer(point, own.mesh, own.camera, 1))
         hits, reference = own.trace(), single.trace()
         agreement = compare(own.mesh, own.camera, hits, reference)
     images = {
@@ -156,7 +156,7 @@ def _build_own(point: Point, stack: ExitStack) -> tuple[Tracer, dict[str, Any]]:
         raise InputError(f"scene {point.scene} changed since this run began; start it again")
     reset_peak_rss()  # reading a file may take more than tracing it
     results["rss_mesh_bytes"] = rss_bytes()
-    own = stack.enter_context(_own_tracer(point, mesh, point.camera))
+    own = stack.enter_context(make_tracer(point, mesh, point.camera))
     results |= {
         "rss_bytes": rss_bytes(),
         "peak_rss_bytes": peak_rss_bytes(),
@@ -166,35 +166,6 @@ def _build_own(point: Point, stack: ExitStack) -> tuple[Tracer, dict[str, Any]]:
         "threads": int(own.threads),
     }
     return own, results
-
-
-def _own_tracer(point: Point, mesh: Mesh, camera: Camera, split: tuple[int, int] | None = None) -> Tracer:
-    if point.method == Method.pixel.value:
-        return _pixel_tracer(point, mesh, camera, point.packet_width)
-    return AlignedTracer(
-        mesh,
-        camera,
-        split=split or (point.split_x, point.split_y),
-        culling=point.culling,
-        geometry=point.geometry,
-        packet_width=point.packet_width,
-        threads=point.threads,
-        build_quality=point.build_quality,
-        memory_budget_bytes=point.memory_budget_bytes,
-    )
-
-
-def _pixel_tracer(point: Point, mesh: Mesh, camera: Camera, packet_width: int | None) -> PixelTracer:
-    return PixelTracer(
-        mesh, camera, packet_width=packet_width, threads=point.threads, build_quality=point.build_quality
-    )
-
-
-def _packet_tracer(point: Point, mesh: Mesh, camera: Camera) -> PixelTracer:
-    try:
-        return _pixel_tracer(point, mesh, camera, _EXPERT_WIDTH)
-    except InputError:  # not native here; the record tells the width that was
-        return _pixel_tracer(point, mesh, camera, None)
 
 
 def _warm_up(point: Point, *, baselines: bool = True) -> None:
@@ -207,9 +178,9 @@ def _warm_up(point: Point, *, baselines: bool = True) -> None:
     width = split[0] * (point.width // point.split_x)
     height = split[1] * (point.height // point.split_y)
     camera = Camera((0.0, 0.0, 2.0), (0.0, 0.0, 0.0), (0.0, 1.0, 0.0), 60.0, width, height)
-    tracers = [_own_tracer(point, mesh, camera, split)]
+    tracers = [make_tracer(point, mesh, camera, split)]
     if baselines:
-        tracers += [_pixel_tracer(point, mesh, camera, 1), _packet_tracer(point, mesh, camera)]
+        tracers += [make_pixel_tracer(point, mesh, camera, 1), make_packet_tracer(point, mesh, camera)]
     for tracer in tracers:
         with tracer:
             tracer.trace()

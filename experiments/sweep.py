@@ -17,7 +17,8 @@ from experiments.configuration import Configuration, check_writable, records_fol
 from experiments.launch import run_worker
 from experiments.lock import exclusive
 from experiments.measuring import Runner, current_environment, identity, measure
-from experiments.points import PlannedPoint, Point, plan_points
+from experiments.point import Point
+from experiments.points import PlannedPoint, plan_points
 from experiments.progress import SweepProgress
 from experiments.results import write_results
 from experiments.scene_loading import replace_missing_scenes
@@ -43,8 +44,9 @@ class SweepPoint:
     overrides: tuple[str, ...]
 
 
-Launch = Callable[[Sequence[Sequence[str]]], object]
-"""Measures points elsewhere, each given by its overrides; their records are in the records folder when it returns."""
+Launch = Callable[[Sequence[Sequence[str]]], Sequence[str | None]]
+"""Measures points elsewhere, each given by its overrides. When it returns, their records are in the records folder; it
+returns for each point why its job failed, None = it did not."""
 
 
 def run_sweep(
@@ -53,6 +55,7 @@ def run_sweep(
     command: str = "",
     run: Runner = run_worker,
     launch: Launch | None = None,
+    at_once: int = 1,
 ) -> pd.DataFrame:
     """Measure the points of a sweep and write everything below `<results_dir>/<sweep.name>/`.
 
@@ -60,7 +63,8 @@ def run_sweep(
     their records; the order of the others is shuffled by `sweep.shuffle_seed`. The table has one row a point, scene by
     scene, and holds this sweep's points only. An interrupt stops the running worker, and table and figures are made of
     what is done.
-    command: what the user ran, for the report. launch: where the points are measured, None = here, one by one.
+    command: what the user ran, for the report. launch: where the points are measured, None = here, one by one;
+    at_once: how many it is given at a time.
     Returns the table. Raises InputError before any work; SystemExit(130) after an interrupt, SystemExit(1) if points
     failed.
     """
@@ -71,7 +75,9 @@ def run_sweep(
     check_writable(folder)
     check_writable(records)
     with exclusive(Path(first.results_dir), records, folder):
-        return _run(points, first, folder, records, command=command, run=run, launch=launch, console=console)
+        return _run(
+            points, first, folder, records, command=command, run=run, launch=launch, at_once=at_once, console=console
+        )
 
 
 def _run(
@@ -83,6 +89,7 @@ def _run(
     command: str,
     run: Runner,
     launch: Launch | None,
+    at_once: int,
     console: Console,
 ) -> pd.DataFrame:
     done: dict[str, Record] = {}
@@ -108,9 +115,8 @@ def _run(
     try:
         if launch is None:
             _measure_here({name: points[name].planned for name in to_do}, records, done, run, console)
-        elif to_do:
-            launch([points[name].overrides for name in to_do])
-            done |= _launched_records({name: points[name].planned.point for name in to_do}, records, console)
+        else:
+            _measure_elsewhere({name: points[name] for name in to_do}, records, done, launch, at_once, console)
     except KeyboardInterrupt:
         interrupted = True
 
@@ -132,6 +138,8 @@ def _run(
 
 def measure_launched(configuration: Configuration) -> None:
     """Measure one point of a launched sweep and leave its record in the records folder, unless it is there already."""
+    if configuration.sweep.stand_ins:
+        replace_missing_scenes([configuration.scene])
     (planned,) = plan_points([configuration])
     folder = records_folder(configuration)
     check_writable(folder)
@@ -168,12 +176,40 @@ def _measure_here(
             progress.end(planned.point.label(), say_outcome(record))
 
 
+def _measure_elsewhere(
+    to_do: dict[str, SweepPoint],
+    folder: Path,
+    done: dict[str, Record],
+    launch: Launch,
+    at_once: int,
+    console: Console,
+) -> None:
+    names = list(to_do)
+    with SweepProgress(len(names), console) as progress:
+        for start in range(0, len(names), at_once):
+            batch = names[start : start + at_once]
+            labels = [to_do[name].planned.point.label() for name in batch]
+            progress.begin(labels[0] if len(batch) == 1 else f"{labels[0]} and {len(batch) - 1} more")
+            try:
+                problems = launch([to_do[name].overrides for name in batch])
+            finally:  # an interrupt, too, leaves records of the batch
+                found = _launched_records({name: to_do[name].planned.point for name in batch}, folder, console)
+                done |= found
+            for name, label, problem in zip(batch, labels, problems, strict=True):
+                told = say_outcome(found[name]) if name in found else f"no record: {problem or 'its job left none'}"
+                progress.end(label, told)
+
+
 def _launched_records(to_do: dict[str, Point], folder: Path, console: Console) -> dict[str, Record]:
     """The records of launched points, by this machine's identity of the point.
 
     Another machine wrote them under an identity of its own, so they are known by their configuration. make_table
     refuses if they are of several machines.
     """
+    environment = current_environment()
+    own = {name: _read_earlier(folder, identity(point, environment), console) for name, point in to_do.items()}
+    if all(record is not None for record in own.values()):
+        return {name: record for name, record in own.items() if record is not None}
     by_configuration: dict[str, Record] = {}
     for path in sorted(folder.glob("*.json"), key=lambda path: path.stat().st_mtime):
         record = _read_earlier(folder, path.stem, console)

@@ -56,6 +56,7 @@ COLUMNS = {
     "rounds": _WHOLE,
     "render_time_q1_s": _REAL,
     "render_time_q3_s": _REAL,
+    "first_frame_time_s": _REAL,
     "render_time_spread_s": _REAL,
     "render_time_low_s": _REAL,
     "render_time_high_s": _REAL,
@@ -176,6 +177,7 @@ def _row(record: Record) -> dict[str, Any]:
         if OWN in samples:
             own, single, packets = samples[OWN], samples[SINGLE], samples[PACKETS]
             row |= _statistics("render_time{}_s", own)
+            row["first_frame_time_s"] = float([*record.warmup_samples.get(OWN, []), *own][0])
             row["render_time_spread_s"] = row["render_time_q3_s"] - row["render_time_q1_s"]
             row |= _statistics("baseline_render_time{}_s", single)
             row |= _statistics("packets_render_time{}_s", packets)

@@ -16,7 +16,7 @@ from typing import Any
 
 from atra.errors import AtraError, MemoryBudgetError
 from atra.records import write_atomically
-from experiments.points import Point
+from experiments.point import Point
 from experiments.quantities import measure_point
 
 

@@ -4,6 +4,7 @@ Hydra's own sweeper starts job after job and knows of no whole: no count, no res
 """
 
 # No postponed annotations: Hydra runs this module before listing it in sys.modules, where dataclass would look them up.
+import os
 from collections.abc import Sequence
 from copy import deepcopy
 from dataclasses import dataclass, field
@@ -12,13 +13,17 @@ from typing import Any
 from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
 from hydra.core.config_store import ConfigStore
 from hydra.core.override_parser.overrides_parser import OverridesParser
+from hydra.core.utils import JobStatus
 from omegaconf import DictConfig, OmegaConf
 
 _LAUNCHER_HERE = "hydra._internal.core_plugins.basic_launcher.BasicLauncher"
+_LAUNCHER_WITH_A_QUEUE = "hydra_plugins.hydra_submitit_launcher.submitit_launcher.SlurmLauncher"
 
 
 @dataclass
 class PointsSweeperConfig:
+    """max_batch_size: points a launcher is given at once; null = one, for submitit_slurm, which queues them, all."""
+
     _target_: str = "hydra_plugins.points_sweeper.PointsSweeper"
     max_batch_size: int | None = None
     params: dict[str, str] | None = field(default_factory=dict)
@@ -34,7 +39,7 @@ class PointsSweeper(BasicSweeper):
         """Compose every point of every grid, then have them measured.
 
         Hydra's default launcher is not asked: points run one by one here, as two at once would spoil each other's
-        times. Any other launcher gets one job a point.
+        times. Any other launcher gets one job a point, `max_batch_size` of them at once.
         """
         from experiments.sweep import GridPoint, run_sweep
 
@@ -48,17 +53,33 @@ class PointsSweeper(BasicSweeper):
             (jobs,) = self.split_arguments(parser.parse_overrides(given), max_batch_size=None)
             points += [GridPoint(grid, compose(job), tuple(job)) for job in jobs]
         command = " ".join(["python run.py", *self.config.hydra.overrides.task, *self.config.hydra.overrides.hydra])
-        here = self.config.hydra.launcher._target_ == _LAUNCHER_HERE
-        return run_sweep(points, command=command, launch=None if here else self._launch)
+        launcher = self.config.hydra.launcher._target_
+        if launcher == _LAUNCHER_HERE:
+            return run_sweep(points, command=command)
+        at_once = self.max_batch_size or (len(points) if launcher == _LAUNCHER_WITH_A_QUEUE else 1)
+        return run_sweep(points, command=command, launch=self._launch, at_once=at_once)
 
     @property
     def _loader(self) -> Any:
         assert self.hydra_context is not None
         return self.hydra_context.config_loader
 
-    def _launch(self, jobs: Sequence[Sequence[str]]) -> Any:
+    def _launch(self, jobs: Sequence[Sequence[str]]) -> list[str | None]:
+        """One Hydra job a point. Returns for each why its job failed; None = it did not."""
+        from experiments.launch import project_environment, stop_children
+
         assert self.launcher is not None
-        return self.launcher.launch([list(job) for job in jobs], initial_job_idx=0)
+        # A job is unpickled by an interpreter that was not started as run.py.
+        os.environ["PYTHONPATH"] = project_environment()["PYTHONPATH"]
+        try:
+            returns = self.launcher.launch([list(job) for job in jobs], initial_job_idx=0)
+        except KeyboardInterrupt:
+            stop_children()
+            raise
+        except Exception as error:  # a launcher's own: a worker that was killed, a queue that refused
+            first_line = str(error).strip().partition("\n")[0]
+            return [f"{type(error).__name__}: {first_line}"] * len(jobs)
+        return [str(one._return_value) if one.status is JobStatus.FAILED else None for one in returns]
 
 
 class _Composer:

@@ -7,6 +7,7 @@ import os
 import signal
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 
 import pandas as pd
@@ -14,11 +15,14 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 TOY = ["width=64", "height=64", "measure.rounds=3", "measure.warmup=1"]
+# In place of the cache of the person who runs the tests, where scenes may have been fetched to.
+NO_SCENES = tempfile.TemporaryDirectory(prefix="atra-tests-")
 TOY_SWEEP = ["sweep=horizontal", "split_x=1,2,3", *TOY]
 
 
 def run(folder: Path, *arguments: str, scenes: str | None = None) -> subprocess.CompletedProcess[str]:
     environment = {name: value for name, value in os.environ.items() if name != "ATRA_SCENES"}
+    environment |= {"XDG_CACHE_HOME": NO_SCENES.name, "LOCALAPPDATA": NO_SCENES.name}
     if scenes is not None:
         environment["ATRA_SCENES"] = scenes
     command = [sys.executable, str(ROOT / "run.py"), *arguments]
@@ -136,3 +140,35 @@ def test_an_interrupt_keeps_what_is_done_and_exits_with_130(tmp_path: Path) -> N
     table = pd.read_csv(tmp_path / "results" / "horizontal" / "table.csv")
     assert (table["status"] == "ok").sum() >= 1
     assert (tmp_path / "results" / "horizontal" / "figure5.png").exists()
+
+
+def test_a_report_is_written_from_the_table_and_without_one_no_claim_holds(tmp_path: Path) -> None:
+    done = run(tmp_path, *TOY_SWEEP)
+    assert done.returncode == 0, done.stderr
+    folder = tmp_path / "results" / "horizontal"
+    done = run(tmp_path, "report", "sweep=horizontal")
+    assert done.returncode == 0, done.stderr
+    assert done.stdout == "report: results/horizontal/report.html\n"
+    assert "cornell_box" in (folder / "report.html").read_text()
+    claims = json.loads((folder / "claims.json").read_text())
+    assert claims
+    for name in ("table.parquet", "table.csv"):
+        (folder / name).unlink()
+    done = run(tmp_path, "report", "sweep=horizontal")
+    assert done.returncode == 0, done.stderr
+    text = (folder / "claims.json").read_text()
+    assert '"not measured"' in text
+    assert '"holds"' not in text
+
+
+def test_a_report_of_no_sweep_says_what_to_run(tmp_path: Path) -> None:
+    done = run(tmp_path, "report", "sweep=paper")
+    assert done.returncode == 2
+    assert "run sweep=paper first" in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1
+
+
+def test_fetching_a_built_in_scene_says_that_it_is_here(tmp_path: Path) -> None:
+    done = run(tmp_path, "fetch", "scene=atrium")
+    assert done.returncode == 0, done.stderr
+    assert "nothing needs fetching" in done.stdout

@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 
 from experiments.launch import run_worker
-from experiments.points import Point
+from experiments.point import Point
 
 POINT = Point(
     scene="box", scene_source="procedural", scene_path=None, mesh_sha256="0", triangles=1, eye=(0.0, 0.0, 1.0),

@@ -18,7 +18,8 @@ from experiments.configuration import (
     SceneConfiguration,
 )
 from experiments.configuration import SceneSource as Source
-from experiments.points import Point, plan_points
+from experiments.point import Point
+from experiments.points import plan_points
 from experiments.quantities import Measured, measure_point
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,7 +19,8 @@ from experiments.configuration import (
     SweepConfiguration,
 )
 from experiments.measuring import measure
-from experiments.points import Point, plan_points
+from experiments.point import Point
+from experiments.points import plan_points
 from experiments.sweep import GridPoint, run_sweep
 from experiments.worker import Outcome
 
@@ -111,8 +113,8 @@ def test_launched_points_are_found_by_their_configuration(tmp_path: Path) -> Non
     configurations = [configuration(tmp_path, split_x=split) for split in (1, 2)]
     points = [GridPoint("a", one, (f"split_x={one.split_x}",)) for one in configurations]
 
-    def launch(jobs: object) -> None:
-        assert sorted(jobs) == [("split_x=1",), ("split_x=2",)]  # type: ignore[call-overload]
+    def launch(jobs: Sequence[Sequence[str]]) -> list[str | None]:
+        assert sorted(jobs) == [("split_x=1",), ("split_x=2",)]
         for planned in plan_points(configurations):
             record = measure(planned, Runner())
             # Another machine knows the point by another identity.
@@ -120,8 +122,9 @@ def test_launched_points_are_found_by_their_configuration(tmp_path: Path) -> Non
             write_record(
                 tmp_path / "records", replace(record, point_id=f"f00{planned.point.split_x}", environment=elsewhere)
             )
+        return [None] * len(jobs)
 
-    table = run_sweep(points, launch=launch)
+    table = run_sweep(points, launch=launch, at_once=2)
     assert list(table["point_id"]) == ["f001", "f002"]
     assert list(table["grids"]) == ["a", "a"]
 
@@ -129,19 +132,20 @@ def test_launched_points_are_found_by_their_configuration(tmp_path: Path) -> Non
 def test_launched_points_of_two_machines_are_not_put_into_one_table(tmp_path: Path) -> None:
     configurations = [configuration(tmp_path, split_x=split) for split in (1, 2)]
 
-    def launch(_: object) -> None:
+    def launch(jobs: Sequence[Sequence[str]]) -> list[str | None]:
         for planned in plan_points(configurations):
             record = measure(planned, Runner())
             machine = {**record.environment, "cpu": f"cpu {planned.point.split_x}"}
             write_record(tmp_path / "records", replace(record, environment=machine))
+        return [None] * len(jobs)
 
     with pytest.raises(InputError, match="cpu is 'cpu 1' in one and 'cpu 2' in the other"):
-        run_sweep([GridPoint("a", one) for one in configurations], launch=launch)
+        run_sweep([GridPoint("a", one) for one in configurations], launch=launch, at_once=2)
 
 
 def test_a_launched_point_without_a_record_is_missed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit):
-        run_sweep([GridPoint("a", configuration(tmp_path))], launch=lambda jobs: None)
+        run_sweep([GridPoint("a", configuration(tmp_path))], launch=lambda jobs: [None])
     assert "1 points have no record" in capsys.readouterr().err
 
 

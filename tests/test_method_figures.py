@@ -1,0 +1,227 @@
+"""The figures that compare methods draw what the table says, on tables small enough to read."""
+
+from __future__ import annotations
+
+import io
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from experiments.figure_parts import TIMES
+from experiments.method_parts import say_number, spread
+from experiments.methods_figure import draw_methods_figure
+from experiments.peers_figure import draw_peers_figure
+from experiments.price_figure import draw_price_figure
+from experiments.table import COLUMNS
+from experiments.threads_figure import draw_threads_figure
+
+KINDS = COLUMNS | {"first_frame_time_s": "Float64"}
+COMMON = {
+    "scene": "box", "triangles": 10, "width": 1000, "height": 1000, "split_y": 1, "culling": True,
+    "geometry": "copied", "packet_width": 8, "threads": 1, "build_quality": "medium", "status": "ok",
+    "quantity": "time", "rounds": 9, "pixels_wrong": 0,
+}  # fmt: skip
+
+
+def make_rows(*rows: dict[str, Any]) -> pd.DataFrame:
+    return pd.DataFrame({name: pd.array([row.get(name) for row in rows], dtype=kind) for name, kind in KINDS.items()})
+
+
+def method_row(method: str, split_x: int = 1, time_s: float = 0.02, ratio: Any = 2.0, **fields: Any) -> dict[str, Any]:
+    return COMMON | {
+        "method": method, "split_x": split_x, "render_time_s": time_s, "render_time_q1_s": 0.5 * time_s,
+        "render_time_q3_s": 2 * time_s, "baseline_render_time_s": 0.1, "packets_render_time_s": 0.05,
+        "speedup": 0.1 / time_s, "speedup_vs_packets": ratio, "speedup_vs_packets_low": 1.75,
+        "speedup_vs_packets_high": 2.25, "plan_time_s": 0.001, "build_time_s": 0.002, "first_frame_time_s": 0.03,
+        "embree_bytes": 3000,
+    } | fields  # fmt: skip
+
+
+def skipped(row: dict[str, Any], error: str = "needs 9 GiB, more than the memory budget of 4 GiB") -> dict[str, Any]:
+    """The row as it is when its point could not be measured."""
+    kept = {name: value for name, value in row.items() if not name.endswith(("_s", "_bytes", "_wrong"))}
+    return {name: value for name, value in kept.items() if not name.startswith("speedup")} | {
+        "status": "skipped", "error": error,
+    }  # fmt: skip
+
+
+PIXEL = method_row("pixel", 1, 0.05, 1.0, plan_time_s=0.0, embree_bytes=2000, first_frame_time_s=0.06)
+
+
+def bars(axis: Axes) -> dict[str, float]:
+    """Label -> length of each bar, in units of the axis, from the top down."""
+    labels = [tick.get_text() for tick in axis.get_yticklabels()]
+    return {labels[round(bar.get_y() + bar.get_height() / 2)]: pytest.approx(bar.get_width()) for bar in axis.patches
+            if bar.get_height() == pytest.approx(0.62)}  # fmt: skip
+
+
+def whiskers(axis: Axes) -> list[list[float]]:
+    return [list(line.get_xdata()) for line in axis.get_lines() if line.get_label() == "_bars"]
+
+
+def line(axis: Axes, label: str) -> dict[float, float]:
+    """Abscissa -> ordinate of the line with this label."""
+    (one,) = [one for one in axis.get_lines() if one.get_label() == label]
+    return {float(x): pytest.approx(float(y)) for x, y in zip(*one.get_data(), strict=True)}
+
+
+def words(figure: Figure) -> str:
+    texts = [text.get_text() for axis in figure.axes for text in (*axis.texts, axis.title, axis._left_title)]
+    ticks = [tick.get_text() for axis in figure.axes for tick in axis.get_yticklabels()]
+    return "\n".join([*texts, *ticks, figure.get_supxlabel()])
+
+
+def save(figure: Figure) -> None:
+    figure.savefig(io.BytesIO(), format="png", dpi=30)
+
+
+def test_the_methods_figure_draws_the_best_split_in_milliseconds_with_quartiles_ratio_and_both_baselines() -> None:
+    table = make_rows(
+        method_row("tiles", 4, 0.04, 1.25, split_y=4),
+        method_row("aligned", 64, 0.01, 1.5),
+        method_row("aligned", 128, 0.02, 2.5),
+        method_row("aligned", 128, 0.08, 0.5, packet_width=1),
+        PIXEL,
+    )
+    figure = draw_methods_figure(table)
+    (axis,) = figure.axes
+    assert bars(axis) == {
+        f"aligned\n128 {TIMES} 1": 20, f"aligned, single rays\n128 {TIMES} 1": 80, f"culled tiles\n4 {TIMES} 4": 40,
+    }  # fmt: skip
+    assert whiskers(axis) == [pytest.approx([10, 40]), pytest.approx([40, 160]), pytest.approx([20, 80])]
+    assert f"20.0 ms,  2.50{TIMES} [1.75, 2.25]" in words(figure)
+    assert set(line(axis, "rtcIntersect1 per pixel")) == {100}
+    assert set(line(axis, "packets per pixel")) == {50}
+
+
+def test_a_method_without_a_time_keeps_its_place_and_its_reason() -> None:
+    table = make_rows(skipped(method_row("tiles", 4, split_y=4)), method_row("aligned", 2))
+    figure = draw_methods_figure(table)
+    assert list(bars(figure.axes[0])) == [f"aligned\n2 {TIMES} 1"]
+    assert "culled tiles" in [tick.get_text() for tick in figure.axes[0].get_yticklabels()]
+    assert f"{TIMES} culled tiles, 4 {TIMES} 4: skipped, needs more memory than its budget" in words(figure)
+
+
+def test_wrong_pixels_are_told_beside_the_ratio() -> None:
+    for draw in (draw_methods_figure, draw_peers_figure):
+        assert "1,234 pixels wrong" in words(draw(make_rows(method_row("aligned", 2, pixels_wrong=1234))))
+        assert "wrong" not in words(draw(make_rows(method_row("aligned", 2))))
+
+
+def test_the_price_figure_draws_cumulative_seconds_marks_the_break_even_and_lists_the_parts() -> None:
+    aligned = method_row("aligned", 128, 0.02, 2.5, plan_time_s=0.03, build_time_s=0.1, first_frame_time_s=0.05)
+    figure = draw_price_figure(make_rows(aligned, method_row("aligned", 64, 0.001, 1.0), PIXEL))
+    (axis,) = figure.axes
+    drawn, packets = line(axis, "aligned"), line(axis, "packets of 8 per pixel")
+    assert (drawn[1], drawn[2], drawn[1000]) == (0.18, 0.2, 0.18 + 999 * 0.02)
+    assert (packets[1], packets[1000]) == (0.062, 0.062 + 999 * 0.05)
+    # 118 ms behind after the first frame, 30 ms gained with each further one: four of them are enough.
+    assert line(axis, "_ring") == {5: 0.18 + 4 * 0.02}
+    said = [text.get_text() for text in axis.texts]
+    assert said.count("frame 5") == 2
+    for cell in (f"aligned, 128 {TIMES} 1", "30.0", "100", "50.0", "20.0", f"1.50{TIMES}", f"1.00{TIMES}"):
+        assert cell in said
+
+
+def test_the_price_figure_says_never_and_marks_nothing_for_a_method_that_stays_behind() -> None:
+    figure = draw_price_figure(make_rows(method_row("tiles", 4, 0.06, 0.8), PIXEL))
+    assert "never" in words(figure)
+    assert "_ring" not in [line.get_label() for line in figure.axes[0].get_lines()]
+
+
+def test_the_price_figure_without_a_baseline_draws_the_methods_and_says_what_is_missing() -> None:
+    figure = draw_price_figure(make_rows(method_row("aligned", 2), method_row("tiles", 2, first_frame_time_s=None)))
+    assert line(figure.axes[0], "aligned")[1] == 0.033
+    said = words(figure)
+    assert f"{TIMES} culled tiles: plan, build or first frame not measured" in said
+    assert f"{TIMES} packets of 8 per pixel: plan, build or first frame not measured, so no break-even" in said
+
+
+def test_the_threads_figure_divides_the_time_on_one_thread_and_combines_the_quartiles_conservatively() -> None:
+    table = make_rows(
+        method_row("aligned", 128, 0.08, 2.0),
+        method_row("aligned", 64, 0.01, 1.0),
+        method_row("aligned", 64, 0.001, 9.0, threads=2),  # another split than the best on one thread
+        method_row("aligned", 128, 0.05, 2.0, threads=2),
+        method_row("aligned", 128, 0.02, 2.0, threads=4),
+        skipped(method_row("aligned", 128, threads=8)),
+    )
+    figure = draw_threads_figure(table)
+    (axis,) = figure.axes
+    assert line(axis, "aligned") == {1: 1, 2: 1.6, 4: 4}
+    assert line(axis, "ideal") == {1: 1, 4: 4}
+    drawn = np.array(axis.collections[0].get_segments())
+    # Quartiles are half and twice the median: 1 / 4 and 4 times the ratio.
+    np.testing.assert_allclose(drawn[..., 1], [[1, 1], [0.4, 6.4], [1, 16]])
+    assert f"4.00{TIMES} [1.00, 16.00]  128 {TIMES} 1" in words(figure)
+    assert "aligned, threads 8, 128 \N{MULTIPLICATION SIGN} 1: skipped, needs more memory" in words(figure)
+
+
+def test_a_series_without_a_time_on_one_thread_is_named_and_not_drawn() -> None:
+    figure = draw_threads_figure(make_rows(method_row("tiles", 2, threads=2), method_row("aligned", 2)))
+    assert f"{TIMES} culled tiles: nothing to compare with on one thread" in words(figure)
+    assert [one.get_label() for one in figure.axes[0].get_lines()].count("culled tiles") == 0
+
+
+def test_the_peers_figure_sorts_by_rays_a_second_and_lists_who_is_missing_once() -> None:
+    rows = [
+        method_row("embreex", 1, 0.2, 0.25, packet_width=None),
+        method_row("aligned", 128, 0.02, 2.5),
+        method_row("aligned", 64, 0.01, 2.0),
+        PIXEL,
+        skipped(method_row("open3d"), "open3d is not installed; pip install open3d, and Debian's libusb-1.0-0, libgl1"),
+    ]
+    both = [row | {"scene": scene} for scene in ("box", "ball") for row in rows]
+    figure = draw_peers_figure(make_rows(*both, skipped(method_row("tiles", 4, split_y=4, scene="ball"))))
+    for axis in figure.axes:
+        assert list(bars(axis).items()) == [
+            (f"aligned, 128 {TIMES} 1", 50), ("packets of 8 per pixel", 20), ("embreex", 5),
+        ]  # fmt: skip
+        assert whiskers(axis)[0] == pytest.approx([25, 100])
+    foot = figure.get_supxlabel()
+    reason = "skipped, open3d is not installed; pip install open3d, and Debian's libusb-1.0-0, libgl1"
+    assert foot.count(f"{TIMES} Open3D: {reason}") == 1
+    needs = "needs 9 GiB, more than the memory budget of 4 GiB"
+    assert f"{TIMES} culled tiles, 4 {TIMES} 4: skipped, {needs} (ball)" in foot
+
+
+DRAW = {
+    "methods": draw_methods_figure, "price": draw_price_figure, "threads": draw_threads_figure,
+    "peers": draw_peers_figure,
+}  # fmt: skip
+LEFT = ["scene", "status", "method", "split_x", "split_y", "culling", "quantity", "width", "height", "triangles"]
+
+
+@pytest.mark.parametrize("name", DRAW)
+def test_every_figure_of_methods_copes_with_one_row_with_none_and_with_a_row_of_missing_values(name: str) -> None:
+    row = method_row("visible_first", 4)
+    one = make_rows(row)
+    missing = one.copy()
+    missing[[column for column in KINDS if column not in LEFT]] = pd.NA
+    without = make_rows(skipped(row), skipped(row | {"threads": None, "packet_width": None}))
+    of_older_table = make_rows(row, PIXEL).drop(columns=["first_frame_time_s", "geometry", "stands_for", "grids"])
+    for table in (one, one.iloc[:0], missing, without, of_older_table, pd.concat([one, missing, without])):
+        save(DRAW[name](table))
+
+
+@pytest.mark.parametrize("name", DRAW)
+def test_a_stand_in_is_named_as_one_in_every_figure_of_methods(name: str) -> None:
+    row = method_row("aligned", 4)
+    assert "stand-in for sponza, not that scene" in words(DRAW[name](make_rows(row | {"stands_for": "sponza"})))
+    assert "stand-in" not in words(DRAW[name](make_rows(row)))
+
+
+def test_labels_are_moved_apart_as_little_as_possible_and_keep_their_order() -> None:
+    np.testing.assert_allclose(spread(np.array([0.5, 0.0, 0.5]), 0.1), [0.45, 0.0 - 0.0, 0.55], atol=0.04)
+    placed = spread(np.array([0.3, 0.3, 0.3]), 0.1)
+    np.testing.assert_allclose(placed, [0.2, 0.3, 0.4])
+    assert len(spread(np.array([]), 0.1)) == 0
+
+
+def test_numbers_are_said_with_three_digits() -> None:
+    said = [say_number(value) for value in (0, 0.0123, 9.999, 34, 99.96, 1234.5)]
+    assert said == ["0", "0.0123", "10.0", "34.0", "100", "1,234"]

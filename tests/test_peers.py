@@ -1,0 +1,176 @@
+"""Other ray tracers behind the protocol: the same rays, the same hits, and a reason where one cannot be used."""
+
+import sys
+
+import numpy as np
+import pytest
+
+import atra
+from atra.reference import brute_force
+from experiments.peers import PEERS, make_peer, peer_problem
+from tests.meshes import EYE_AT_ORIGIN, cornell_box, cornell_camera, quads, random_triangles
+
+LOADER = "cannot open shared object file: No such file or directory"
+
+
+@pytest.fixture(params=PEERS)
+def peer(request):
+    problem = peer_problem(request.param)
+    if problem is not None:
+        pytest.skip(problem)
+    return request.param
+
+
+def trace_peer(peer, mesh, camera, offset=(0.5, 0.5), threads=1):
+    with make_peer(peer, mesh, camera, threads) as tracer:
+        return tracer.trace(offset)
+
+
+def trace_pixels(mesh, camera, offset=(0.5, 0.5)):
+    with atra.PixelTracer(mesh, camera, packet_width=1, threads=1) as tracer:
+        return tracer.trace(offset)
+
+
+def assert_equal_images(hits, reference):
+    agreement = atra.compare(hits.mesh, hits.camera, hits, reference)
+    assert agreement.pixels_wrong == 0, str(agreement)
+    assert agreement.pixels_equal >= 0.98 * agreement.pixels, str(agreement)
+    assert hits.depth.dtype == np.float32
+    assert hits.prim_id.dtype == np.uint32
+
+
+@pytest.mark.parametrize("name", ["embreex", "trimesh"])
+def test_what_atra_itself_needs_can_always_be_used_as_a_peer(name):
+    assert peer_problem(name) is None
+
+
+def test_a_peer_returns_the_image_of_single_rays(peer):
+    mesh, camera = cornell_box(), cornell_camera(256, 256)
+    assert_equal_images(trace_peer(peer, mesh, camera), trace_pixels(mesh, camera))
+
+
+@pytest.mark.parametrize("offset", [(0.0, 0.0), (0.1, 0.9)])
+def test_a_peer_traces_the_rays_of_any_offset_in_any_order(peer, offset):
+    mesh, camera = cornell_box(), cornell_camera(48, 31)
+    with make_peer(peer, mesh, camera, 1) as tracer:
+        first = tracer.trace()
+        kept = first.prim_id.copy()
+        moved = tracer.trace(offset, out=first)
+        again = tracer.trace(out=moved)
+    assert_equal_images(moved, trace_pixels(mesh, camera, offset))
+    np.testing.assert_array_equal(again.prim_id, kept)
+
+
+def test_a_ray_that_hits_nothing_is_a_miss_of_infinite_depth(peer):
+    camera = atra.Camera(**EYE_AT_ORIGIN, width=24, height=16, fov_y_degrees=60)
+    hits = trace_peer(peer, quads([[(-9, 1, 5), (9, 1, 5), (9, 9, 5), (-9, 9, 5)]]), camera)
+    assert hits.hit[0].all()
+    assert (hits.prim_id[-1] == atra.MISS).all()
+    assert np.isinf(hits.depth[-1]).all()
+
+
+def test_depth_is_measured_along_the_view_axis_not_along_the_ray(peer):
+    camera = atra.Camera(**EYE_AT_ORIGIN, width=24, height=16, fov_y_degrees=120)
+    wall = quads([[(-90, -90, 5), (90, -90, 5), (90, 90, 5), (-90, 90, 5)]])
+    np.testing.assert_allclose(trace_peer(peer, wall, camera).depth, 5.0, rtol=1e-6)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_triangles_behind_around_and_through_the_eye_give_the_float64_image(peer, seed):
+    mesh = random_triangles(60, seed)
+    camera = atra.Camera(**EYE_AT_ORIGIN, width=40, height=24, fov_y_degrees=[60, 120, 165][seed])
+    assert_equal_images(trace_peer(peer, mesh, camera), brute_force(mesh, camera))
+
+
+@pytest.mark.parametrize("threads", [2, 3])
+def test_the_number_of_threads_does_not_change_the_image(peer, threads):
+    mesh, camera = cornell_box(), cornell_camera(61, 7)
+    one, many = trace_peer(peer, mesh, camera), trace_peer(peer, mesh, camera, threads=threads)
+    np.testing.assert_array_equal(many.prim_id, one.prim_id)
+    np.testing.assert_array_equal(many.depth, one.depth)
+
+
+def test_a_peer_has_the_account_of_a_tracer(peer):
+    mesh, camera = cornell_box(), cornell_camera(16, 16)
+    with make_peer(peer, mesh, camera, 2) as tracer:
+        assert tracer.mesh is mesh
+        assert tracer.camera is camera
+        assert tracer.threads == 2
+        assert tracer.triangle_count == mesh.triangle_count
+        assert tracer.embree_bytes == 0
+        assert tracer.plan_time_s > 0
+        assert tracer.build_time_s > 0
+
+
+def test_tracing_before_build_or_after_close_is_an_error_and_closing_twice_is_not(peer):
+    tracer = make_peer(peer, cornell_box(), cornell_camera(16, 16), 1)
+    with pytest.raises(atra.EmbreeError, match="not built"):
+        tracer.trace()
+    with tracer:
+        with pytest.raises(atra.InputError, match="offset"):
+            tracer.trace((1.0, 0.5))
+        hits = tracer.trace()
+    tracer.close()
+    assert hits.hit.any()
+    with pytest.raises(atra.EmbreeError, match="closed"):
+        tracer.trace()
+    with pytest.raises(atra.EmbreeError, match="closed"):
+        tracer.build()
+
+
+@pytest.mark.parametrize(("name", "module"), [
+    ("embreex", "embreex.rtcore_scene"), ("trimesh", "trimesh"), ("mitsuba3", "mitsuba"), ("open3d", "open3d"),
+])  # fmt: skip
+def test_a_missing_package_is_a_reason_not_a_crash(monkeypatch, name, module):
+    monkeypatch.setitem(sys.modules, module, None)  # as if it were not installed
+    monkeypatch.setattr(sys, "version_info", (3, 11, 0))
+    problem = peer_problem(name)
+    assert "atra[peers]" in problem
+    assert "\n" not in problem
+    with pytest.raises(atra.InputError, match="peers"):
+        make_peer(name, cornell_box(), cornell_camera(16, 16), 1)
+
+
+def test_a_python_without_a_wheel_is_named(monkeypatch):
+    monkeypatch.setitem(sys.modules, "open3d", None)
+    monkeypatch.setattr(sys, "version_info", (3, 15, 0))
+    assert peer_problem("open3d") == (
+        "open3d is not installed and has no wheel for Python 3.15; use Python 3.14 or older"
+    )
+
+
+@pytest.mark.parametrize(("name", "module", "source", "expected"), [
+    ("open3d", "open3d", f"raise OSError('libusb-1.0.so.0: {LOADER}')", "libusb-1.0.so.0; install Debian's libusb-1.0-0"),
+    ("open3d", "open3d", f"raise ImportError('libGL.so.1: {LOADER}')", "libGL.so.1; install Debian's libgl1"),
+    ("open3d", "open3d", f"raise ImportError('libnew.so.7: {LOADER}')", "cannot load libnew.so.7"),
+    ("open3d", "open3d", "import a_module_nobody_has", "No module named 'a_module_nobody_has'"),
+    ("open3d", "open3d", "raise AttributeError('_ARRAY_API\\nnot found')", "AttributeError: _ARRAY_API not found"),
+    ("open3d", "open3d", "raise KeyError", "KeyError"),
+    ("mitsuba3", "mitsuba", "variants = lambda: ['scalar_rgb']", "without the variant llvm_ad_mono"),
+    (
+        "mitsuba3",
+        "mitsuba",
+        "variants = lambda: ['llvm_ad_mono']\ndef set_variant(name): raise ImportError('no shared library libLLVM.so')",
+        "let DRJIT_LIBLLVM_PATH name a libLLVM.so",
+    ),
+])  # fmt: skip
+def test_a_broken_package_is_a_reason_of_one_line_not_a_crash(monkeypatch, tmp_path, name, module, source, expected):
+    (tmp_path / f"{module}.py").write_text(source)
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.delitem(sys.modules, module, raising=False)
+    problem = peer_problem(name)
+    monkeypatch.delitem(sys.modules, module, raising=False)
+    assert expected in problem
+    assert "\n" not in problem
+
+
+def test_an_unknown_peer_is_refused_with_its_name():
+    with pytest.raises(atra.InputError, match="unknown peer 'optix', expected one of embreex, trimesh"):
+        peer_problem("optix")
+    with pytest.raises(atra.InputError, match="unknown peer 'optix'"):
+        make_peer("optix", cornell_box(), cornell_camera(16, 16), 1)
+
+
+def test_threads_below_one_are_refused(peer):
+    with pytest.raises(atra.InputError, match="threads is 0"):
+        make_peer(peer, cornell_box(), cornell_camera(16, 16), 0)

@@ -1,0 +1,129 @@
+"""What methods cost over many frames, by hand; times are powers of two, so that float64 holds them exactly."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from atra.errors import InputError
+from experiments.price import (
+    Price,
+    baseline_price,
+    best_rows,
+    break_even_frames,
+    cumulative_time_s,
+    price_of,
+    time_rows,
+)
+from tests.test_method_figures import make_rows, method_row, skipped
+
+BASELINE = Price("pixel", (1, 1), 0.0, 1.0, 4.0, 4.0)
+
+
+def price(once_s: float, first_s: float, frame_s: float) -> Price:
+    return Price("aligned", (128, 1), once_s / 2, once_s / 2, first_s, frame_s)
+
+
+def test_cumulative_time_is_plan_build_first_frame_and_then_the_further_frames() -> None:
+    total_s = cumulative_time_s(Price("tiles", (4, 4), 1.0, 2.0, 8.0, 0.5), np.array([1, 2, 3, 1000]))
+    np.testing.assert_array_equal(total_s, [11, 11.5, 12, 510.5])
+
+
+@pytest.mark.parametrize(
+    ("once_s", "first_s", "frame_s", "expected"),
+    [
+        (0.5, 4.0, 4.0, 1),  # cheaper to set up, never overtaken
+        (0.5, 4.0, 2.0, 1),
+        (1.0, 4.0, 2.0, 2),  # level after the first frame, ahead after the second
+        (2.0, 4.0, 2.0, 2),  # 1 s behind, gains 2 s a frame
+        (3.0, 4.0, 2.0, 3),  # level after the second frame
+        (4.0, 4.0, 2.0, 3),
+        (1.0, 11.0, 2.0, 5),  # a slow first frame counts as well: 7 s behind
+        (1.0, 4.0, 4.0, None),  # as dear to the last frame
+        (9.0, 4.0, 4.0, None),
+        (1.0, 4.0, 8.0, None),
+        (0.5, 1.0, 4.5, None),  # leads for a while, and then no more
+    ],
+)
+def test_break_even_is_the_first_frame_from_which_on_the_time_in_all_is_less(
+    once_s: float, first_s: float, frame_s: float, expected: int | None
+) -> None:
+    candidate = price(once_s, first_s, frame_s)
+    assert break_even_frames(candidate, BASELINE) == expected
+    frames = np.arange(1, 200)
+    ahead = cumulative_time_s(candidate, frames) < cumulative_time_s(BASELINE, frames)
+    if expected is None:
+        assert not ahead[-1]
+    else:
+        np.testing.assert_array_equal(ahead, frames >= expected)
+
+
+@pytest.mark.parametrize(
+    ("field", "value"), [("plan_time_s", -1.0), ("build_time_s", float("nan")), ("frame_time_s", 0.0)]
+)
+def test_a_price_no_method_can_have_is_refused_by_name(field: str, value: float) -> None:
+    with pytest.raises(InputError, match=f"{field} of pixel is {value:g}"):
+        dataclasses.replace(BASELINE, **{field: value})
+
+
+def test_no_frames_have_no_price() -> None:
+    with pytest.raises(InputError, match="at least 1"):
+        cumulative_time_s(BASELINE, np.array([1, 0]))
+
+
+def test_the_best_row_has_the_largest_ratio_to_packets_not_the_shortest_time() -> None:
+    table = make_rows(
+        method_row("aligned", 64, time_s=0.01, ratio=1.5),
+        method_row("aligned", 128, time_s=0.02, ratio=2.5),
+        method_row("aligned", 256, time_s=0.03, ratio=2.0),
+    )
+    assert best_rows(table)["split_x"].tolist() == [128]
+
+
+@pytest.mark.parametrize(
+    "other",
+    [{"scene": "b"}, {"method": "tiles"}, {"packet_width": 1}, {"threads": 2}, {"width": 16},
+     {"build_quality": "high"}],
+)  # fmt: skip
+def test_another_scene_method_width_or_thread_count_has_its_own_best_row(other: dict[str, Any]) -> None:
+    rows = [method_row("aligned", 64, ratio=2.0), method_row("aligned", 32, ratio=3.0)]
+    table = make_rows(*rows, *(row | other for row in rows))
+    assert best_rows(table)["split_x"].tolist() == [32, 32]
+
+
+def test_points_without_a_time_or_of_another_quantity_are_no_best_row() -> None:
+    good = method_row("aligned", 64, ratio=2.0)
+    table = make_rows(
+        skipped(method_row("aligned", 128, ratio=9.0)),
+        method_row("aligned", 128, ratio=9.0, quantity="memory"),
+        method_row("aligned", 256, ratio=pd.NA),
+        good,
+    )
+    assert best_rows(table)["split_x"].tolist() == [64]
+    assert len(time_rows(table)) == 3
+    assert len(best_rows(table.iloc[:0])) == 0
+
+
+def test_the_first_of_equals_is_best_whatever_the_index_of_the_table() -> None:
+    table = make_rows(method_row("aligned", 64, ratio=2.0), method_row("aligned", 32, ratio=2.0))
+    twice = pd.concat([table, table])
+    assert best_rows(twice)["split_x"].tolist() == [64]
+
+
+def test_the_price_of_a_row_is_its_columns_and_missing_ones_leave_no_price() -> None:
+    row = method_row("visible_first", 64, time_s=0.5, plan_time_s=0.25, build_time_s=0.125, first_frame_time_s=2.0)
+    table = make_rows(row, row | {"first_frame_time_s": None}, row | {"plan_time_s": None, "embree_bytes": None})
+    expected = Price("visible_first", (64, 1), 0.25, 0.125, 2.0, 0.5, 3000)
+    assert [price_of(one) for _, one in table.iterrows()] == [expected, None, None]
+
+
+def test_the_baseline_is_the_row_of_8_wide_packets_per_pixel_which_plans_nothing() -> None:
+    single = method_row("pixel", 1, time_s=0.5, packet_width=1, plan_time_s=None)
+    packets = method_row("pixel", 1, time_s=0.25, plan_time_s=None, build_time_s=0.5, first_frame_time_s=1.0)
+    table = make_rows(method_row("aligned", 64), single, packets)
+    assert baseline_price(table) == Price("pixel", (1, 1), 0.0, 0.5, 1.0, 0.25, 3000)
+    assert baseline_price(make_rows(method_row("aligned", 64), single)) is None
