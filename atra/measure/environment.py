@@ -63,7 +63,7 @@ STABLE_FIELDS = tuple(_NAMES[: _NAMES.index("code_sha256") + 1])
 
 
 def describe_difference(first: Mapping[str, Any], second: Mapping[str, Any]) -> str | None:
-    """The first stable field in which two environments (as plain values) differ, with both values; None if none does."""
+    """The first stable field in which two environments (as plain values) differ, with both values; None if none."""
     for name in STABLE_FIELDS:
         one, other = (_comparable(environment.get(name)) for environment in (first, second))
         if one != other:

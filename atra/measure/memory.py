@@ -29,7 +29,8 @@ def peak_rss_bytes() -> int:
 
 
 def reset_peak_rss() -> bool:
-    """Let `peak_rss_bytes` count from now on; False where the system offers no such thing (it counts from the start)."""
+    """Let `peak_rss_bytes` count from now on; False where the system offers no such thing, and it counts from the
+    start."""
     try:
         Path("/proc/self/clear_refs").write_text("5")
     except OSError:

@@ -1,0 +1,120 @@
+"""What a method costs over many frames of one view: plan and build once, a first frame, then frame after frame."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import floor, isfinite
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from atra.errors import InputError
+
+BASELINE_METHOD, BASELINE_PACKET_WIDTH = "pixel", 8
+"""What a price is compared with: packets per pixel, which an expert would use anyway."""
+
+_CHOICE = ("scene", "width", "height", "method", "packet_width", "threads", "build_quality")
+
+
+@dataclass(frozen=True)
+class Price:
+    """Seconds a method takes on one scene, and the bytes of its Embree scenes.
+
+    split: (split_x, split_y). first_frame_time_s: the very first frame after the build; it finds caches cold.
+    frame_time_s: every further frame. embree_bytes: Embree's own account, None where it was not taken.
+    Raises InputError for a time that is negative or not finite, and for a frame that takes no time.
+    """
+
+    method: str
+    split: tuple[int, int]
+    plan_time_s: float
+    build_time_s: float
+    first_frame_time_s: float
+    frame_time_s: float
+    embree_bytes: int | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("plan_time_s", "build_time_s", "first_frame_time_s", "frame_time_s"):
+            value = getattr(self, name)
+            if not isfinite(value) or value < 0:
+                raise InputError(f"{name} of {self.method} is {value}; expected a finite time of at least 0 s")
+        if self.frame_time_s == 0:
+            raise InputError(f"frame_time_s of {self.method} is 0; expected a time above 0 s")
+
+    @property
+    def once_s(self) -> float:
+        """What is paid before the first frame: plan and build."""
+        return self.plan_time_s + self.build_time_s
+
+
+def time_rows(table: pd.DataFrame) -> pd.DataFrame:
+    """The rows of timed frames, measured or not; a row that does not say what it measured counts as one."""
+    if "quantity" not in table:
+        return table
+    return table[table["quantity"].fillna("time").eq("time").astype(bool)]
+
+
+def best_rows(table: pd.DataFrame) -> pd.DataFrame:
+    """The best split of every scene, method, packet width and thread count (and image size and build quality).
+
+    Best is the largest `speedup_vs_packets`, a paired ratio: the shortest time may be a quiet moment's.
+    Points without a ratio are left out. Rows keep the table's order; among equals the first is taken.
+    """
+    rows = time_rows(table)
+    measured = rows[(rows["status"].eq("ok") & rows["speedup_vs_packets"].notna()).astype(bool)]
+    ordered = np.argsort(-measured["speedup_vs_packets"].to_numpy(np.float64), kind="stable")
+    keys = [name for name in _CHOICE if name in measured]
+    first = ~measured.iloc[ordered].duplicated(keys).to_numpy(bool)
+    return measured.iloc[np.sort(ordered[first])]
+
+
+def price_of(row: pd.Series) -> Price | None:
+    """The price of one row of the table, or None where one of its times was not measured.
+
+    One ray per pixel has no plan: a missing plan time of method=pixel is 0.
+    """
+    names = ("plan_time_s", "build_time_s", "first_frame_time_s", "render_time_s")
+    times = {name: row.get(name) for name in names}
+    if row["method"] == BASELINE_METHOD and pd.isna(times["plan_time_s"]):
+        times["plan_time_s"] = 0.0
+    if any(pd.isna(value) for value in times.values()):
+        return None
+    stored = row.get("embree_bytes")
+    plan_s, build_s, first_s, frame_s = (float(times[name]) for name in names)
+    split, embree_bytes = (int(row["split_x"]), int(row["split_y"])), None if pd.isna(stored) else int(stored)
+    return Price(str(row["method"]), split, plan_s, build_s, first_s, frame_s, embree_bytes)
+
+
+def baseline_price(rows: pd.DataFrame) -> Price | None:
+    """The price of packets per pixel among the rows of one scene, or None if it was not measured there."""
+    best = best_rows(rows)
+    chosen = best["method"].eq(BASELINE_METHOD) & best["packet_width"].eq(BASELINE_PACKET_WIDTH)
+    prices = [price_of(row) for _, row in best[chosen.fillna(False).astype(bool)].iterrows()]
+    return next((price for price in prices if price is not None), None)
+
+
+def cumulative_time_s(price: Price, frames: NDArray[np.integer]) -> NDArray[np.float64]:
+    """Seconds from the start of the plan to the end of the n-th frame.
+
+    frames: (N,) whole numbers from 1. Returns (N,) float64. Raises InputError for a number of frames below 1.
+    """
+    counts = np.asarray(frames, np.float64)
+    if counts.size and counts.min() < 1:
+        raise InputError(f"frames has {counts.min():g}; expected at least 1")
+    return price.once_s + price.first_frame_time_s + (counts - 1) * price.frame_time_s
+
+
+def break_even_frames(price: Price, baseline: Price) -> int | None:
+    """The smallest number of frames from which on `price` has taken less time in all than `baseline`.
+
+    1 = ahead from the first frame on; None = never, which includes a lead that further frames use up.
+    """
+    # After n frames it is behind by `behind_s` - (n - 1) * `gain_s`.
+    behind_s = price.once_s + price.first_frame_time_s - baseline.once_s - baseline.first_frame_time_s
+    gain_s = baseline.frame_time_s - price.frame_time_s
+    if gain_s < 0 or (gain_s == 0 and behind_s >= 0):
+        return None
+    if behind_s < 0:
+        return 1
+    return floor(behind_s / gain_s) + 2
