@@ -30,12 +30,22 @@ class Action(Enum):
 
 class Method(Enum):
     """aligned = the paper's; pixel = one ray per pixel, single or in packets; visible_first = aligned without what is
-    hidden, verified per pixel; tiles = the cells' culling without alignment."""
+    hidden, verified per pixel; tiles = the cells' culling without alignment; the rest are other people's ray tracers
+    (`experiments.peers`), one ray per pixel."""
 
     aligned = "aligned"
     pixel = "pixel"
     visible_first = "visible_first"
     tiles = "tiles"
+    embreex = "embreex"
+    trimesh = "trimesh"
+    mitsuba3 = "mitsuba3"
+    open3d = "open3d"
+
+    @property
+    def has_cells(self) -> bool:
+        """Whether the image is split for this method."""
+        return self in (Method.aligned, Method.visible_first, Method.tiles)
 
 
 class Geometry(Enum):
@@ -130,7 +140,8 @@ class Configuration:
     """One point.
 
     split_x: columns of cells; null = 128, or the largest power of two below that divides the width (aligned).
-    packet_width: null = the widest the machine supports natively. threads: null = every core.
+    packet_width: null = the widest the machine supports natively. packet_rows: rows of pixels in a packet, for methods
+    with aligned rays; null = what suits the cell. threads: null = every core.
     """
 
     scene: SceneConfiguration = field(default_factory=SceneConfiguration)
@@ -143,6 +154,7 @@ class Configuration:
     split_y: int = 1
     culling: bool = True
     packet_width: int | None = 8
+    packet_rows: int | None = None
     threads: int | None = 1
     width: int = 1024
     height: int = 1024

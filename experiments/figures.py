@@ -17,10 +17,14 @@ from experiments.build_figure import draw_build_figure
 from experiments.grid_figure import draw_grid_figure
 from experiments.instancing_figure import draw_instancing_figure
 from experiments.memory_figure import draw_memory_figure
+from experiments.methods_figure import draw_methods_figure
+from experiments.peers_figure import draw_peers_figure
 from experiments.pictures import ScenePictures
+from experiments.price_figure import draw_price_figure
 from experiments.scenes_figure import draw_scenes_figure
 from experiments.split_figure import draw_split_figure
 from experiments.table import rows_of
+from experiments.threads_figure import draw_threads_figure
 
 Draw = Callable[[pd.DataFrame], mpl.Figure]
 
@@ -54,6 +58,8 @@ class DrawnFigure:
     packet_width: int | None = None
 
 
+_METHODS = ("methods_pixel", "methods_aligned", "methods_visible_first", "methods_tiles")
+
 FIGURES = (
     FigureKind(
         "figure4", "Figure 4: time per frame over the splits of both axes, culling on", ("grid",), draw_grid_figure,
@@ -77,6 +83,13 @@ FIGURES = (
         "figure7_instancing", "Beside figure 7: instances instead of copies, in memory and in time",
         ("memory", "memory_instanced", "memory_pixel", "instanced", "copied"), draw_instancing_figure,
     ),
+    FigureKind("methods", "Time per frame of every method at its fastest split", _METHODS, draw_methods_figure),
+    FigureKind("price", "What a view costs in all, from frame 1 to frame 1,000", _METHODS, draw_price_figure),
+    FigureKind(
+        "threads", "Speed-up over one thread", ("threads_pixel", "threads_aligned", "threads_visible_first"),
+        draw_threads_figure,
+    ),
+    FigureKind("peers", "Rays per second beside other ray tracers", ("peers_own", "peers_others"), draw_peers_figure),
 )  # fmt: skip
 
 

@@ -35,8 +35,9 @@ def run_worker(point: Point, command: Sequence[str] = WORKER_COMMAND) -> Outcome
         output_path = Path(folder) / "output.txt"
         with output_path.open("wb") as output:
             process = subprocess.Popen(
-                list(command), stdin=subprocess.PIPE, stdout=output, stderr=subprocess.STDOUT, env=project_environment()
-            )
+                list(command), stdin=subprocess.PIPE, stdout=output, stderr=subprocess.STDOUT,
+                env=project_environment() | _thread_limits(point),
+            )  # fmt: skip
             try:
                 process.communicate(job.to_json().encode(), timeout=point.time_limit_s)
                 reason = _death(process.returncode)
@@ -62,6 +63,13 @@ def run_worker(point: Point, command: Sequence[str] = WORKER_COMMAND) -> Outcome
         return Outcome(
             "failed", f"{reason}; it said: {last_line}" if last_line else reason, results={"worker_output": printed}
         )
+
+
+def _thread_limits(point: Point) -> dict[str, str]:
+    """NumPy's matrix library would take every core whatever the point asks for."""
+    if point.threads is None:
+        return {}
+    return {f"{name}_NUM_THREADS": str(point.threads) for name in ("OPENBLAS", "MKL", "OMP")}
 
 
 def stop_children() -> None:

@@ -33,6 +33,7 @@ class Point:
     split_y: int
     culling: bool
     packet_width: int | None
+    packet_rows: int | None
     threads: int | None
     build_quality: str
     quantity: str
@@ -63,19 +64,22 @@ class Point:
 
     def label(self) -> str:
         """Short text for progress and messages."""
-        width = self.packet_width or "native width"
-        details = [self.scene, "single rays" if width == 1 else f"packets of {width}"]
-        if self.method == Method.pixel.value:
+        method = Method(self.method)
+        details = [self.scene]
+        if method in (Method.pixel, Method.aligned, Method.visible_first, Method.tiles):
+            width = self.packet_width or "native width"
+            details.append("single rays" if width == 1 else f"packets of {width}")
+        if method is Method.pixel:
             details.append("one ray per pixel")
-        elif self.method != Method.aligned.value:
-            details += [self.method, f"split {self.split_x}x{self.split_y}"]
-        else:
-            kind = "instanced" if self.geometry == Geometry.instanced.value else f"culling {_on_off(self.culling)}"
-            details += [f"split {self.split_x}x{self.split_y}", kind]
+        elif method is not Method.aligned:
+            details.append(self.method)
+        if method.has_cells:
+            details.append(f"split {self.split_x}x{self.split_y}")
+        if method is Method.aligned:
+            instanced = self.geometry == Geometry.instanced.value
+            details.append("instanced" if instanced else f"culling {'on' if self.culling else 'off'}")
+        if self.threads != 1:
+            details.append("every core" if self.threads is None else f"{self.threads} threads")
         if self.quantity != Quantity.time.value:
             details.append(self.quantity)
         return ", ".join(details)
-
-
-def _on_off(value: bool) -> str:
-    return "on" if value else "off"

@@ -72,7 +72,7 @@ def _resolve(configuration: Configuration, scene: _Scene) -> Point:
     geometry = configuration.geometry if method is Method.aligned else Geometry.copied
     split_x = configuration.split_x
     if split_x is None:
-        split_x = 1 if method is Method.pixel else default_split_x(configuration.width)
+        split_x = default_split_x(configuration.width) if method.has_cells else 1
     path = None if given.path is None else str(Path(given.path).resolve())
     return Point(
         scene=given.name or Path(given.path or "scene").stem,
@@ -89,6 +89,7 @@ def _resolve(configuration: Configuration, scene: _Scene) -> Point:
         split_y=configuration.split_y,
         culling=_culls(configuration),
         packet_width=configuration.packet_width,
+        packet_rows=configuration.packet_rows,
         threads=configuration.threads,
         build_quality=configuration.build_quality.value,
         quantity=measure.quantity.value,
@@ -120,13 +121,13 @@ def _culls(configuration: Configuration) -> bool:
     """Whether the copies are culled: asked for, or part of the method."""
     if configuration.method is Method.aligned:
         return configuration.culling and configuration.geometry is Geometry.copied
-    return configuration.method is not Method.pixel
+    return configuration.method.has_cells
 
 
 def _problem(point: Point, mesh: Mesh) -> AtraError | None:
-    if point.method == Method.pixel.value and (point.split_x, point.split_y) != (1, 1):
+    if not Method(point.method).has_cells and (point.split_x, point.split_y) != (1, 1):
         split = f"split ({point.split_x}, {point.split_y})"
-        return InputError(f"{split} with method=pixel, which has no cells; use method=aligned or a split of 1")
+        return InputError(f"{split} with method={point.method}, which has no cells; use method=aligned or a split of 1")
     try:
         make_tracer(point, mesh, point.camera).close()  # the constructor checks everything; nothing is built
     except (InputError, MemoryBudgetError) as error:

@@ -160,11 +160,12 @@ def _build_own(point: Point, stack: ExitStack) -> tuple[Tracer, dict[str, Any]]:
     results |= {
         "rss_bytes": rss_bytes(),
         "peak_rss_bytes": peak_rss_bytes(),
-        "embree_bytes": int(own.embree_bytes),
         "triangles_traced": int(own.triangle_count),
         "packet_width": int(own.packet_width),
         "threads": int(own.threads),
     }
+    if own.embree_bytes:  # a peer does not tell
+        results["embree_bytes"] = int(own.embree_bytes)
     return own, results
 
 

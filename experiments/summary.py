@@ -57,7 +57,9 @@ def print_point(row: pd.Series, console: Console) -> None:
     if not pd.isna(row["pixels_wrong"]):
         counts = ", ".join(f"{kind} {row[f'pixels_{kind}']:,}" for kind in ("equal", "tied", "edge", "wrong"))
         lines.append(("pixels", counts))
-    memory = f"{_mib(row['rss_bytes'])}, peak {_mib(row['peak_rss_bytes'])}, Embree {_mib(row['embree_bytes'])}"
+    memory = f"{_mib(row['rss_bytes'])}, peak {_mib(row['peak_rss_bytes'])}"
+    if not pd.isna(row["embree_bytes"]):
+        memory += f", Embree {_mib(row['embree_bytes'])}"
     lines += [("memory", memory), ("machine", str(row["cpu"]))]
     if not pd.isna(row["doubts"]):
         lines.append(("doubts", str(row["doubts"])))
@@ -68,15 +70,20 @@ def print_point(row: pd.Series, console: Console) -> None:
 
 def _kind(row: pd.Series) -> str:
     """A method with what distinguishes it but the split."""
-    if row["method"] != Method.aligned.value:
-        return str(row["method"])
-    if row["geometry"] == Geometry.instanced.value:
-        return "aligned, instanced"
-    return f"aligned, culling {'on' if row['culling'] else 'off'}"
+    kind = str(row["method"])
+    if row["method"] == Method.aligned.value:
+        instanced = row["geometry"] == Geometry.instanced.value
+        kind += ", instanced" if instanced else f", culling {'on' if row['culling'] else 'off'}"
+    return kind
+
+
+def _kind_and_threads(row: pd.Series) -> str:
+    one = pd.isna(row["threads"]) or row["threads"] == 1
+    return _kind(row) if one else f"{_kind(row)}, {row['threads']} threads"
 
 
 def _describe(row: pd.Series) -> str:
-    split = f", split {row['split_x']} x {row['split_y']}" if row["method"] == Method.aligned.value else ""
+    split = f", split {row['split_x']} x {row['split_y']}" if Method(row["method"]).has_cells else ""
     return _kind(row) + split
 
 
@@ -86,7 +93,7 @@ def print_sweep(table: pd.DataFrame, folder: Path, console: Console) -> None:
     best = Table(title="best split of each scene", title_justify="left")
     for name in ("scene", "method", "packets of", "split", "frame", "vs rtcIntersect1", "vs packets", "pixels wrong"):
         best.add_column(name, justify="left" if name in ("scene", "method") else "right")
-    kinds = measured.apply(_kind, axis=1) if len(measured) else []
+    kinds = measured.apply(_kind_and_threads, axis=1) if len(measured) else []
     for (scene, kind, width), rows in measured.groupby(["scene", kinds, "packet_width"], sort=False):
         row = rows.loc[rows["render_time_s"].astype(float).idxmin()]
         best.add_row(
@@ -107,7 +114,7 @@ def print_sweep(table: pd.DataFrame, folder: Path, console: Console) -> None:
         points = "; ".join(
             f"{kind} "
             + ", ".join(dict.fromkeys(f"{x}x{y}" for x, y in zip(some["split_x"], some["split_y"], strict=True)))
-            for kind, some in rows.groupby(rows.apply(_kind, axis=1), sort=False)
+            for kind, some in rows.groupby(rows.apply(_kind_and_threads, axis=1), sort=False)
         )
         console.print(f"{status}: {scene}, {points}", markup=False, highlight=False, soft_wrap=True)
         console.print(f"    {rows['error'].iloc[0]}", markup=False, highlight=False, soft_wrap=True)

@@ -1,4 +1,4 @@
-"""Point -> tracer: its own method, and the two baselines it is measured against."""
+"""Point -> tracer: its own method, which may be a peer, and the two baselines it is measured against."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from atra.errors import InputError
 from atra.mesh import Mesh
 from atra.tracers import AlignedTracer, PixelTracer, TiledTracer, Tracer, VisibleFirstTracer
 from experiments.configuration import Method
+from experiments.peers import PEERS, make_peer
 from experiments.point import Point
 
 _EXPERT_WIDTH = 8
@@ -19,6 +20,8 @@ def make_tracer(point: Point, mesh: Mesh, camera: Camera, split: tuple[int, int]
     """
     split = split or (point.split_x, point.split_y)
     method = Method(point.method)
+    if method.value in PEERS:
+        return make_peer(method.value, mesh, camera, point.threads)
     if method is Method.pixel:
         return make_pixel_tracer(point, mesh, camera, point.packet_width)
     if method is Method.aligned:
@@ -29,12 +32,23 @@ def make_tracer(point: Point, mesh: Mesh, camera: Camera, split: tuple[int, int]
             culling=point.culling,
             geometry=point.geometry,
             packet_width=point.packet_width,
+            packet_rows=point.packet_rows,
             threads=point.threads,
             build_quality=point.build_quality,
             memory_budget_bytes=point.memory_budget_bytes,
         )
-    kind = VisibleFirstTracer if method is Method.visible_first else TiledTracer
-    return kind(
+    if method is Method.visible_first:
+        return VisibleFirstTracer(
+            mesh,
+            camera,
+            split=split,
+            packet_width=point.packet_width,
+            packet_rows=point.packet_rows,
+            threads=point.threads,
+            build_quality=point.build_quality,
+            memory_budget_bytes=point.memory_budget_bytes,
+        )
+    return TiledTracer(
         mesh,
         camera,
         split=split,

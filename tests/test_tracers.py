@@ -288,3 +288,19 @@ def test_a_plan_over_its_memory_budget_is_refused_before_allocating():
 ])  # fmt: skip
 def test_the_packet_shape_wastes_as_few_lanes_as_the_cell_allows(width, counts, shape):
     assert choose_packet_shape(width, atra.Split(*counts, 1024, 1024)) == shape
+
+
+@pytest.mark.skipif(8 not in WIDTHS, reason="packets of 8 are not native here")
+@pytest.mark.parametrize("rows", [1, 2, 4, 8])
+@pytest.mark.parametrize("kind", [atra.AlignedTracer, atra.VisibleFirstTracer])
+def test_a_forced_packet_shape_gives_the_same_image(kind, rows):
+    mesh, camera = cornell_box(), cornell_camera(64, 32)
+    with kind(mesh, camera, (4, 2), packet_width=8, packet_rows=rows, threads=1) as tracer:
+        assert tracer.packet_shape == (8 // rows, rows)
+        assert_equal_images(mesh, camera, tracer.trace(), trace_pixels(mesh, camera))
+
+
+@pytest.mark.parametrize("rows", [3, 16, 0])
+def test_a_packet_shape_that_cannot_be_is_refused(rows):
+    with pytest.raises(atra.InputError, match=f"packet_rows is {rows}, expected one of 1, 2, 4, 8"):
+        choose_packet_shape(8, atra.Split(4, 1, 64, 64), rows)

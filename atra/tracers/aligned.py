@@ -26,8 +26,9 @@ class AlignedTracer(EmbreeTracer):
     frustum meets. geometry: "copied" shears a copy of the triangles for every cell; "instanced" gives the triangles to
     Embree once and an instance of them per cell, with the shear as its transform. An instance is always the whole mesh,
     so it needs `culling=False`, and `triangle_count` is the mesh's own.
-    packet_width: 1 is the paper's way, None takes the widest native packets. memory_budget_bytes: refuse plans that
-    need more (None: the memory that is free). Other arguments as for `PixelTracer`.
+    packet_width: 1 is the paper's way, None takes the widest native packets. packet_rows: rows of pixels in a packet,
+    so that packets of 8 are 8 x 1, 4 x 2, 2 x 4 or 1 x 8 pixels (None: what suits the cell). memory_budget_bytes:
+    refuse plans that need more (None: the memory that is free). Other arguments as for `PixelTracer`.
     Raises InputError for a split that does not divide the image, an unknown geometry, and instances with culling;
     MemoryBudgetError before allocating.
     Source: paper §3.1, §3.4; instances §4.4.
@@ -44,6 +45,7 @@ class AlignedTracer(EmbreeTracer):
         threads: int | None = None,
         build_quality: str = "medium",
         memory_budget_bytes: int | None = None,
+        packet_rows: int | None = None,
     ) -> None:
         self.split = Split(*split, width=camera.width, height=camera.height)
         if geometry not in GEOMETRIES:
@@ -58,7 +60,7 @@ class AlignedTracer(EmbreeTracer):
         self.memory_budget_bytes = memory_budget_bytes
         super().__init__(mesh, camera, packet_width, threads, build_quality)
         self.alignment = Alignment.at_quarter(camera, self.split)
-        self.packet_shape = choose_packet_shape(self.packet_width, self.split)
+        self.packet_shape = choose_packet_shape(self.packet_width, self.split, packet_rows)
         if geometry == "instanced":
             check_instancing_budget(mesh, self.split.cell_count, build_quality, memory_budget_bytes)
         elif not culling:
@@ -111,11 +113,24 @@ class AlignedTracer(EmbreeTracer):
         self._pool.run(work)
 
 
-def choose_packet_shape(packet_width: int, split: Split) -> tuple[int, int]:
+def choose_packet_shape(packet_width: int, split: Split, packet_rows: int | None = None) -> tuple[int, int]:
     """(columns, rows) of a packet for cells of this size: the fewest idle lanes, then the widest rows.
 
     A shape of several rows is taken only where the rows divide the cell, because tasks share out the image by rows.
+    packet_rows: take this many rows instead. Raises InputError if a packet or a cell has no such rows.
     """
     shapes = [(packet_width >> k, 1 << k) for k in range(packet_width.bit_length())]
-    fitting = [(x, y) for x, y in shapes if split.cell_height % y == 0]
-    return max(fitting, key=lambda shape: (split.cell_width / (-(-split.cell_width // shape[0]) * shape[0]), shape[0]))
+    fitting = {y: (x, y) for x, y in shapes if split.cell_height % y == 0}
+    if packet_rows is not None:
+        if packet_rows not in fitting:
+            raise InputError(
+                f"packet_rows is {packet_rows!r}, expected one of {', '.join(map(str, fitting))} for packets of "
+                f"{packet_width} in cells {split.cell_height} pixels high, or None to let the cell decide"
+            )
+        return fitting[packet_rows]
+
+    def merit(shape: tuple[int, int]) -> tuple[float, int]:
+        lanes = -(-split.cell_width // shape[0]) * shape[0]
+        return split.cell_width / lanes, shape[0]
+
+    return max(fitting.values(), key=merit)

@@ -59,6 +59,7 @@ class VisibleFirstTracer(EmbreeTracer):
         build_quality: str = "medium",
         memory_budget_bytes: int | None = None,
         probe: Hits | ArrayLike | None = None,
+        packet_rows: int | None = None,
     ) -> None:
         self.split = Split(*split, width=camera.width, height=camera.height)
         self.memory_budget_bytes = memory_budget_bytes
@@ -70,7 +71,7 @@ class VisibleFirstTracer(EmbreeTracer):
             )
         super().__init__(mesh, camera, packet_width, threads, build_quality)
         self.alignment = Alignment.at_quarter(camera, self.split)
-        self.packet_shape = choose_packet_shape(self.packet_width, self.split)
+        self.packet_shape = choose_packet_shape(self.packet_width, self.split, packet_rows)
         self.probe_time_s = 0.0
         tile_width = TILE_WIDTHS[0] if self.split.cell_width <= TILE_WIDTHS[0] else TILE_WIDTHS[1]
         self.tiles = Tiles(tile_width, TILE_HEIGHT, camera.width, camera.height)
