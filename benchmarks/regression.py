@@ -15,6 +15,7 @@ import sys
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from rich.console import Console
@@ -81,7 +82,7 @@ def main() -> int:
     parser.add_argument("--rounds", type=int, default=15)
     arguments = parser.parse_args()
     cpu = read_environment().cpu
-    stored = json.loads(BASELINE_FILE.read_text()) if BASELINE_FILE.exists() else {"cpu": None}
+    stored: dict[str, Any] = json.loads(BASELINE_FILE.read_text()) if BASELINE_FILE.exists() else {"cpu": None}
     if not arguments.store and stored["cpu"] != cpu:
         had = f"it is of {stored['cpu']}, this is {cpu}" if stored["cpu"] else "there is none"
         print(f"no baseline to compare with ({had}); make one with --store", file=sys.stderr)
