@@ -117,7 +117,7 @@ def test_the_first_of_equals_is_best_whatever_the_index_of_the_table() -> None:
 def test_the_price_of_a_row_is_its_columns_and_missing_ones_leave_no_price() -> None:
     row = method_row("visible_first", 64, time_s=0.5, plan_time_s=0.25, build_time_s=0.125, first_frame_time_s=2.0)
     table = make_rows(row, row | {"first_frame_time_s": None}, row | {"plan_time_s": None, "embree_bytes": None})
-    expected = Price("visible_first", (64, 1), 0.25, 0.125, 2.0, 0.5, 3000)
+    expected = Price("visible_first", (64, 1), 0.25, 0.125, 2.0, 0.5, 3000, 0.05)
     assert [price_of(one) for _, one in table.iterrows()] == [expected, None, None]
 
 
@@ -125,5 +125,10 @@ def test_the_baseline_is_the_row_of_8_wide_packets_per_pixel_which_plans_nothing
     single = method_row("pixel", 1, time_s=0.5, packet_width=1, plan_time_s=None)
     packets = method_row("pixel", 1, time_s=0.25, plan_time_s=None, build_time_s=0.5, first_frame_time_s=1.0)
     table = make_rows(method_row("aligned", 64), single, packets)
-    assert baseline_price(table) == Price("pixel", (1, 1), 0.0, 0.5, 1.0, 0.25, 3000)
+    assert baseline_price(table) == Price("pixel", (1, 1), 0.0, 0.5, 1.0, 0.25, 3000, 0.05)
     assert baseline_price(make_rows(method_row("aligned", 64), single)) is None
+
+
+def test_a_baseline_frame_from_the_same_rounds_is_preferred_over_one_from_another_process() -> None:
+    slow_moment = Price("aligned", (128, 1), 4.0, 4.0, 4.0, 3.0, None, packets_frame_time_s=8.0)
+    assert break_even_frames(slow_moment, BASELINE) == 3  # 7 s behind, 5 s gained a frame; 1 s a frame would need 9

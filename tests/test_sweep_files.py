@@ -1,0 +1,45 @@
+"""Every sweep of conf/sweep runs at toy size and leaves its figures."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+TOY = ["scene=cornell_box", "width=32", "height=32", "measure.rounds=3", "measure.warmup=1"]
+# A lone ray per pixel takes no split of 4: that point is skipped.
+SWEEPS = {
+    "smoke": (
+        ["split_x=1,4", "split_y=1", "packet_width=1"],
+        {"figure3", "figure4", "figure5", "figure5_vertical", "figure6", "figure7", "figure7_instancing"},
+    ),
+    "methods": (["split_x=1,4", "split_y=1"], {"methods", "price"}),
+    "threads": ([], {"threads"}),
+    "peers": (["method=pixel,embreex"], {"peers"}),
+}
+PARTS_OF_SMOKE = {"horizontal", "vertical", "grid", "build", "memory", "scenes", "paper"}
+
+
+def test_no_sweep_is_left_out_here() -> None:
+    names = {path.stem for path in (ROOT / "conf" / "sweep").glob("*.yaml")}
+    assert names - {"point"} == set(SWEEPS) | PARTS_OF_SMOKE
+
+
+@pytest.mark.parametrize("name", SWEEPS)
+def test_a_sweep_runs_and_leaves_its_figures(name: str, tmp_path: Path) -> None:
+    overrides, figures = SWEEPS[name]
+    environment = {key: value for key, value in os.environ.items() if key != "ATRA_SCENES"}
+    command = [sys.executable, str(ROOT / "run.py"), f"sweep={name}", *TOY, *overrides]
+    done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=600)
+    assert done.returncode == 0, done.stderr
+    folder = tmp_path / "results" / name
+    assert {path.stem for path in folder.glob("*.png")} == figures
+    table = pd.read_parquet(folder / "table.parquet")
+    assert (table["status"] != "failed").all()
+    assert (table["pixels_wrong"].dropna() == 0).all()
+    assert (folder / "report.html").exists() == (name == "smoke")
