@@ -12,7 +12,7 @@ from atra.alignment import Alignment
 from atra.camera import Camera
 from atra.embree.scene import padded_vertices
 from atra.errors import InputError, MemoryBudgetError
-from atra.kernels.planning import count_copies, fill_copies
+from atra.kernels.planning import count_copies, fill_copies, project_points
 from atra.mesh import Mesh
 from atra.parallel import WorkerPool
 
@@ -67,8 +67,7 @@ def plan_aligned_geometry(
     """
     split = alignment.split
     check_image_size(camera, row_stride)
-    points_pixels = _homogeneous_pixels(mesh, camera)
-    points_eye = camera.to_eye_space(mesh.vertices)
+    points_pixels, points_eye = project_vertices(mesh, camera, pool)
     cell = (split.nx, split.ny, split.cell_width, split.cell_height)
 
     counts = np.full(mesh.triangle_count, split.cell_count, np.int64)
@@ -122,10 +121,15 @@ def check_image_size(camera: Camera, row_stride: int) -> None:
         raise InputError(f"image {camera.width} x {camera.height} is too large, expected below 2^31 pixels")
 
 
-def _homogeneous_pixels(mesh: Mesh, camera: Camera) -> NDArray[np.float64]:
-    """Vertices -> (V, 3) float64 (a, b, c) with pixel position (a / c, b / c) and depth c."""
-    pixels = camera.to_camera_space(mesh.vertices)
-    pixels[:, :2] /= camera.pixel_pitch
-    pixels[:, 0] += camera.width / 2 * pixels[:, 2]
-    pixels[:, 1] += camera.height / 2 * pixels[:, 2]
-    return pixels
+def project_vertices(mesh: Mesh, camera: Camera, pool: WorkerPool) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Vertices -> (V, 3) float64 (a, b, c) with pixel position (a / c, b / c) and depth c, and their eye space."""
+    right, down, forward = camera.axes
+    pitch = camera.pixel_pitch
+    to_pixels = np.stack(
+        [right / pitch + camera.width / 2 * forward, down / pitch + camera.height / 2 * forward, forward]
+    )
+    shape = mesh.vertices.shape
+    points_pixels, points_eye = np.empty(shape), np.empty(shape)
+    eye = np.array(camera.eye)
+    pool.run(lambda _, counter: project_points(counter, mesh.vertices, eye, to_pixels, points_pixels, points_eye))
+    return points_pixels, points_eye

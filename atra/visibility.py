@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from atra.alignment import Alignment
 from atra.camera import Camera
-from atra.culling import AlignedGeometry, check_image_size, check_memory_budget
+from atra.culling import AlignedGeometry, check_image_size, check_memory_budget, project_vertices
 from atra.embree.scene import padded_vertices
-from atra.kernels.visible import count_visible, fill_visible, project_points
+from atra.kernels.visible import count_visible, fill_visible
 from atra.mesh import Mesh
 from atra.parallel import WorkerPool
 
@@ -76,7 +76,7 @@ def plan_visible_geometry(
     """
     split = alignment.split
     check_image_size(camera, row_stride)
-    points_pixels, points_eye = _project(mesh, camera, pool)
+    points_pixels, points_eye = project_vertices(mesh, camera, pool)
     with np.errstate(divide="ignore"):
         wanted = (1.0 - SEEN_SLACK) / seen_depth
     columns = np.arange(tiles.shape[1]) * tiles.tile_width
@@ -122,17 +122,3 @@ def plan_visible_geometry(
     pool.run(fill)
     faces = np.arange(3 * copies, dtype=np.uint32).reshape(copies, 3)
     return VisiblePlan(AlignedGeometry(vertices, faces, records), nearest_hidden)
-
-
-def _project(mesh: Mesh, camera: Camera, pool: WorkerPool) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Vertices -> (V, 3) float64 (a, b, c) with pixel position (a / c, b / c) and depth c; and in eye space."""
-    right, down, forward = camera.axes
-    pitch = camera.pixel_pitch
-    to_pixels = np.stack(
-        [right / pitch + camera.width / 2 * forward, down / pitch + camera.height / 2 * forward, forward]
-    )
-    shape = mesh.vertices.shape
-    points_pixels, points_eye = np.empty(shape), np.empty(shape)
-    eye = np.array(camera.eye)
-    pool.run(lambda _, counter: project_points(counter, mesh.vertices, eye, to_pixels, points_pixels, points_eye))
-    return points_pixels, points_eye

@@ -25,6 +25,20 @@ CHUNK = 4096
 _POLYGON = 8  # a triangle clipped by three planes has at most six corners
 
 
+@njit(nogil=True, cache=True)
+def project_points(counter_address, vertices, eye, to_pixels, points_pixels, points_eye):  # type: ignore[no-untyped-def]
+    """World points (V, 3) float32 -> eye space and, by the (3, 3) matrix, homogeneous pixels, both (V, 3) float64."""
+    while True:
+        start = fetch_add(counter_address, 1) * CHUNK
+        if start >= len(vertices):
+            return
+        for point in range(start, min(start + CHUNK, len(vertices))):
+            x, y, z = vertices[point, 0] - eye[0], vertices[point, 1] - eye[1], vertices[point, 2] - eye[2]
+            points_eye[point, 0], points_eye[point, 1], points_eye[point, 2] = x, y, z
+            for axis in range(3):
+                points_pixels[point, axis] = to_pixels[axis, 0] * x + to_pixels[axis, 1] * y + to_pixels[axis, 2] * z
+
+
 @njit(inline="always")
 def _clip(source, count, target, plane_a, plane_b, plane_c):  # type: ignore[no-untyped-def]
     """Keep the part of a convex polygon where plane_a a + plane_b b + plane_c c >= 0; returns its corner count."""
@@ -141,6 +155,17 @@ def count_copies(counter_address, points_pixels, faces, nx, ny, cell_width, cell
             counts[triangle] = total
 
 
+@njit(inline="always")
+def write_copy(points_pixels, points_eye, faces, triangle, shears_x, shears_y, i, j, copy, vertices):  # type: ignore[no-untyped-def]
+    """The three corners of a triangle, sheared for cell (i, j), into `vertices` (3 N, 3) at place `copy`."""
+    for corner in range(3):
+        vertex = faces[triangle, corner]
+        depth = points_pixels[vertex, 2]
+        for axis in range(3):
+            shear = (shears_x[i, axis] + shears_y[j, axis]) * depth
+            vertices[3 * copy + corner, axis] = points_eye[vertex, axis] - shear
+
+
 @njit(nogil=True, cache=True)
 def fill_copies(  # type: ignore[no-untyped-def]
     counter_address, points_pixels, points_eye, faces, culling, nx, ny, cell_width, cell_height,
@@ -180,12 +205,6 @@ def fill_copies(  # type: ignore[no-untyped-def]
                         polygon, corners, j, cell_width, cell_height, nx, y_low, y_high, tiny, first, second
                     )
                 for i in range(left, right + 1):
-                    for corner in range(3):
-                        vertex = faces[triangle, corner]
-                        depth = points_pixels[vertex, 2]
-                        for axis in range(3):
-                            shear = (shears_x[i, axis] + shears_y[j, axis]) * depth
-                            vertices[3 * copy + corner, axis] = points_eye[vertex, axis] - shear
-                    pixel_offset = j * cell_height * row_stride + i * cell_width
-                    records[copy] = triangle | (pixel_offset << 32)
+                    write_copy(points_pixels, points_eye, faces, triangle, shears_x, shears_y, i, j, copy, vertices)
+                    records[copy] = triangle | ((j * cell_height * row_stride + i * cell_width) << 32)
                     copy += 1

@@ -28,7 +28,7 @@ from atra.embree.layout import (
     RAY_WORDS,
 )
 from atra.kernels.intrinsics import fetch_add
-from atra.kernels.planning import MARGIN_PIXELS
+from atra.kernels.planning import MARGIN_PIXELS, write_copy
 from atra.kernels.tracing import _MISS, _intersect
 
 CHUNK = 1024
@@ -39,20 +39,6 @@ LINES = 4
 
 _RELIABLE = 1e-9
 """Below this share of its summands, a float64 difference says nothing and the bounding box is used instead."""
-
-
-@njit(nogil=True, cache=True)
-def project_points(counter_address, vertices, eye, to_pixels, points_pixels, points_eye):  # type: ignore[no-untyped-def]
-    """World points (V, 3) float32 -> eye space and, by the (3, 3) matrix, homogeneous pixels, both (V, 3) float64."""
-    while True:
-        start = fetch_add(counter_address, 1) * CHUNK
-        if start >= len(vertices):
-            return
-        for point in range(start, min(start + CHUNK, len(vertices))):
-            x, y, z = vertices[point, 0] - eye[0], vertices[point, 1] - eye[1], vertices[point, 2] - eye[2]
-            points_eye[point, 0], points_eye[point, 1], points_eye[point, 2] = x, y, z
-            for axis in range(3):
-                points_pixels[point, axis] = to_pixels[axis, 0] * x + to_pixels[axis, 1] * y + to_pixels[axis, 2] * z
 
 
 @njit(inline="always")
@@ -265,12 +251,7 @@ def fill_visible(  # type: ignore[no-untyped-def]
                     if near[i] == 0 and not everywhere:
                         continue
                     near[i] = 0
-                    for corner in range(3):
-                        vertex = faces[triangle, corner]
-                        depth = points_pixels[vertex, 2]
-                        for axis in range(3):
-                            shear = (shears_x[i, axis] + shears_y[j, axis]) * depth
-                            vertices[3 * copy + corner, axis] = points_eye[vertex, axis] - shear
+                    write_copy(points_pixels, points_eye, faces, triangle, shears_x, shears_y, i, j, copy, vertices)
                     records[copy] = triangle | ((j * cell_height * row_stride + i * cell_width) << 32)
                     copy += 1
 

@@ -96,12 +96,14 @@ class AlignedTracer(EmbreeTracer):
     def _filter_address(self) -> int:
         return nearest_hit_filter(*self.packet_shape, self.geometry == "instanced")
 
-    def _run(self, scene: int, offset: tuple[float, float], depth: NDArray, prim_id: NDArray) -> None:
+    def _run(self, offset: tuple[float, float], depth: NDArray, prim_id: NDArray) -> None:
         split = self.split
         columns = self.alignment.first_x_pixels + np.arange(split.cell_width)
         rows = self.alignment.first_y_pixels + np.arange(split.cell_height)
         column_directions, row_directions = ray_directions(self.camera, columns + offset[0], rows + offset[1])
         kernel = aligned_kernel(*self.packet_shape)
+
+        scene = self._scene_address
 
         def work(worker: int, counter: int) -> None:
             own = self._workspaces[worker]

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from atra.camera import Camera, check_offset
 from atra.culling import AlignedGeometry
+from atra.embree.device import EmbreeDevice
 from atra.embree.scene import EmbreeScene, check_build_quality, resolve_packet_width
 from atra.embree.workspace import Workspace
 from atra.errors import EmbreeError, InputError
@@ -76,7 +77,7 @@ class EmbreeTracer(ABC):
         self._workspaces = [Workspace(self.packet_width, coherent=True) for _ in range(self.threads)]
         self._lock = threading.Lock()  # one frame at a time: frames share the workspaces
         self._geometry: AlignedGeometry | None = None
-        self._scene: EmbreeScene | None = None
+        self._scene: EmbreeDevice | None = None
         self._closed = False
 
     @abstractmethod
@@ -86,7 +87,7 @@ class EmbreeTracer(ABC):
     def _filter_address(self) -> int: ...
 
     @abstractmethod
-    def _run(self, scene: int, offset: tuple[float, float], depth: NDArray, prim_id: NDArray) -> None: ...
+    def _run(self, offset: tuple[float, float], depth: NDArray, prim_id: NDArray) -> None: ...
 
     @property
     def _row_stride(self) -> int:
@@ -107,22 +108,31 @@ class EmbreeTracer(ABC):
             self.plan()
         geometry = self._geometry
         assert geometry is not None
-        filter_address, monitor_address = self._filter_address(), memory_monitor()
+        self._filter_address(), memory_monitor()  # compiled before the clock starts
         start = perf_counter()
-        scene = EmbreeScene(
-            geometry.vertices,
-            geometry.faces,
-            build_quality=self.build_quality,
-            threads=self.threads,
-            filter_address=filter_address,
-            user_data=geometry.records,
-            monitor_address=monitor_address,
-            transforms=geometry.transforms,
-        )
+        scene = self._build_scene(geometry)
         self.build_time_s = perf_counter() - start
         if self._scene is not None:
             self._scene.close()
         self._scene = scene
+
+    def _build_scene(self, geometry: AlignedGeometry) -> EmbreeDevice:
+        return EmbreeScene(
+            geometry.vertices,
+            geometry.faces,
+            build_quality=self.build_quality,
+            threads=self.threads,
+            filter_address=self._filter_address(),
+            user_data=geometry.records,
+            monitor_address=memory_monitor(),
+            transforms=geometry.transforms,
+        )
+
+    @property
+    def _scene_address(self) -> int:
+        """The one Embree scene, for kernels."""
+        assert isinstance(self._scene, EmbreeScene)
+        return self._scene.address
 
     def trace(self, offset: tuple[float, float] = (0.5, 0.5), out: Hits | None = None) -> Hits:
         """Trace one frame; all rays go through sub-pixel position `offset` of their pixels, in [0, 1) x [0, 1).
@@ -141,7 +151,7 @@ class EmbreeTracer(ABC):
             depth, prim_id = self._outputs(out)
             for workspace in self._workspaces:
                 workspace.set_row_bytes(depth.strides[0])
-            self._run(self._scene.address, offset, depth, prim_id)
+            self._run(offset, depth, prim_id)
             wrong = next((w.wrong_width for w in self._workspaces if w.wrong_width), 0)
         if wrong:
             raise EmbreeError(f"Embree handed the filter {wrong} rays instead of {self.packet_width}; hits were lost")

@@ -41,7 +41,7 @@ class PixelTracer(EmbreeTracer):
     def _filter_address(self) -> int:
         return 0
 
-    def _run(self, scene: int, offset: tuple[float, float], depth: NDArray, prim_id: NDArray) -> None:
+    def _run(self, offset: tuple[float, float], depth: NDArray, prim_id: NDArray) -> None:
         shape = SQUAREST_SHAPE[self.packet_width]
         camera = self.camera
         # Filled up to whole packets.
@@ -49,6 +49,8 @@ class PixelTracer(EmbreeTracer):
         rows = np.arange(camera.height + -camera.height % shape[1]) - camera.height / 2
         column_directions, row_directions = ray_directions(camera, columns + offset[0], rows + offset[1])
         kernel = pixel_kernel(*shape)
+
+        scene = self._scene_address
 
         def work(worker: int, counter: int) -> None:
             own = self._workspaces[worker]

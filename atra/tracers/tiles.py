@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from time import perf_counter
-
 import numpy as np
 from numpy.typing import NDArray
 
 from atra.alignment import Split
 from atra.camera import Camera
-from atra.culling import AlignedGeometry, _homogeneous_pixels, check_memory_budget
+from atra.culling import AlignedGeometry, check_memory_budget, project_vertices
 from atra.embree.scene import padded_vertices
 from atra.embree.scenes import EmbreeScenes
 from atra.kernels.callbacks import memory_monitor
@@ -46,8 +44,7 @@ class TiledTracer(EmbreeTracer):
     def _plan_geometry(self) -> AlignedGeometry:
         mesh, split = self.mesh, self.split
         vertices = padded_vertices(len(mesh.vertices))
-        vertices[:] = self.camera.to_eye_space(mesh.vertices)
-        points_pixels = _homogeneous_pixels(mesh, self.camera)
+        points_pixels, vertices[:] = project_vertices(mesh, self.camera, self._pool)
         cell = (split.nx, split.ny, split.cell_width, split.cell_height)
         counts = np.empty(mesh.triangle_count, np.int64)
         self._pool.run(lambda _, counter: count_copies(counter, points_pixels, mesh.faces, *cell, counts))
@@ -61,33 +58,23 @@ class TiledTracer(EmbreeTracer):
         sort_by_cell(starts, cells, mesh.faces, self._cell_starts, faces, prim_ids)
         return AlignedGeometry(vertices, faces, prim_ids)
 
-    def build(self) -> None:
-        """Build a BVH per cell (planning first if that was not done)."""
-        self._check_open()
-        if self._geometry is None:
-            self.plan()
-        assert self._geometry is not None
-        monitor_address = memory_monitor()
-        start = perf_counter()
-        scenes = EmbreeScenes(
-            self._geometry.vertices,
-            self._geometry.faces,
+    def _build_scene(self, geometry: AlignedGeometry) -> EmbreeScenes:
+        return EmbreeScenes(
+            geometry.vertices,
+            geometry.faces,
             self._cell_starts,
             build_quality=self.build_quality,
             threads=self.threads,
-            monitor_address=monitor_address,
+            monitor_address=memory_monitor(),
         )
-        self.build_time_s = perf_counter() - start
-        if self._scene is not None:
-            self._scene.close()
-        self._scene = scenes  # type: ignore[assignment]  # the same lifetime, many handles
 
     def _filter_address(self) -> int:
         return 0
 
-    def _run(self, scene: int, offset: tuple[float, float], depth: NDArray, prim_id: NDArray) -> None:
+    def _run(self, offset: tuple[float, float], depth: NDArray, prim_id: NDArray) -> None:
         assert self._geometry is not None
-        scenes: EmbreeScenes = self._scene  # type: ignore[assignment]
+        assert isinstance(self._scene, EmbreeScenes)
+        handles = self._scene.handles
         camera, split, prim_ids = self.camera, self.split, self._geometry.records
         directions = ray_directions(
             camera,
@@ -99,7 +86,7 @@ class TiledTracer(EmbreeTracer):
         def work(worker: int, counter: int) -> None:
             own = self._workspaces[worker]
             kernel(
-                counter, scenes.handles, self._cell_starts, prim_ids, own.packet, own.packet_ids, own.valid,
+                counter, handles, self._cell_starts, prim_ids, own.packet, own.packet_ids, own.valid,
                 own.arguments_address, *directions, split.nx, split.cell_width, split.cell_height, depth, prim_id,
             )  # fmt: skip
 

@@ -184,8 +184,8 @@ class VisibleFirstTracer(EmbreeTracer):
     def _filter_address(self) -> int:
         return nearest_hit_filter(*self.packet_shape)
 
-    def _run(self, scene: int, offset: tuple[float, float], depth: NDArray, prim_id: NDArray) -> None:
-        self._trace_aligned(scene, offset, depth, prim_id)
+    def _run(self, offset: tuple[float, float], depth: NDArray, prim_id: NDArray) -> None:
+        self._trace_aligned(self._scene_address, offset, depth, prim_id)
         self._verify(offset, depth, prim_id)
 
     def _trace_aligned(self, scene: int, offset: tuple[float, float], depth: NDArray, prim_id: NDArray) -> None:

@@ -1,0 +1,128 @@
+"""An Embree device and the scenes on it, with one lifetime: made together, released together."""
+
+from __future__ import annotations
+
+import weakref
+from types import TracebackType
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from atra.embree import layout
+from atra.embree.library import Library, load_library
+from atra.errors import EmbreeError
+
+
+class EmbreeDevice:
+    """A device of its own and whatever scenes are made on it.
+
+    build_quality: of every scene and geometry. threads: build threads. monitor_address: compiled
+    RTCMemoryMonitorFunction counting into `embree_bytes`, or 0.
+
+    Arrays given to Embree are shared, not copied; the device keeps them alive. Closing twice is harmless; a device that
+    is dropped without closing is released by the garbage collector. Raises EmbreeError naming the call that failed.
+    """
+
+    def __init__(self, *, build_quality: str, threads: int, monitor_address: int) -> None:
+        self._library = load_library()
+        self._quality = layout.BUILD_QUALITY[build_quality]
+        self._byte_count = np.zeros(1, np.int64)
+        api = self._library.functions
+        self._device = api.rtcNewDevice(f"threads={threads}".encode())
+        if not self._device:
+            code = api.rtcGetDeviceError(None)
+            raise EmbreeError(f"rtcNewDevice failed: {layout.ERROR_NAMES.get(code, code)}")
+        self._scenes: list[int] = []
+        # What Embree reads and writes rides along with the finalizer, so that it outlives every Embree call.
+        self._kept: list[object] = [self._byte_count]
+        self._finalizer = weakref.finalize(self, _release, self._library, self._device, self._scenes, self._kept)
+        if monitor_address:
+            counter = self._byte_count.ctypes.data
+            self._call("rtcSetDeviceMemoryMonitorFunction", self._device, monitor_address, counter)
+
+    def _new_scene(self) -> int:
+        scene = self._call("rtcNewScene", self._device)
+        self._scenes.append(scene)
+        self._call("rtcSetSceneBuildQuality", scene, self._quality)
+        return scene
+
+    def _add_triangles(
+        self,
+        scene: int,
+        vertices: NDArray[np.float32],
+        faces: NDArray[np.uint32],
+        *,
+        filter_address: int = 0,
+        user_data: NDArray | None = None,
+    ) -> None:
+        """vertices: (V, 3) float32 with at least 16 readable bytes after the last one. faces: (F, 3) uint32. Both
+        C-contiguous."""
+        self._kept.append((vertices, faces, user_data))
+        geometry = self._call("rtcNewGeometry", self._device, layout.GEOMETRY_TRIANGLE)
+        try:
+            for buffer, kind, array in (
+                (layout.BUFFER_VERTEX, layout.FORMAT_FLOAT3, vertices),
+                (layout.BUFFER_INDEX, layout.FORMAT_UINT3, faces),
+            ):
+                shared = (geometry, buffer, 0, kind, array.ctypes.data, 0, 12, len(array))
+                self._call("rtcSetSharedGeometryBuffer", *shared)
+            self._call("rtcSetGeometryBuildQuality", geometry, self._quality)
+            if filter_address:
+                self._call("rtcSetGeometryIntersectFilterFunction", geometry, filter_address)
+            if user_data is not None:
+                self._call("rtcSetGeometryUserData", geometry, user_data.ctypes.data)
+            self._call("rtcCommitGeometry", geometry)
+            self._call("rtcAttachGeometry", scene, geometry)
+        finally:
+            self._library.functions.rtcReleaseGeometry(geometry)
+
+    def _add_instance(self, scene: int, instanced_scene: int, transform: NDArray[np.float32], inst_id: int) -> None:
+        """transform: (3, 4) float32 C-contiguous, row-major; Embree copies it."""
+        geometry = self._call("rtcNewGeometry", self._device, layout.GEOMETRY_INSTANCE)
+        try:
+            self._call("rtcSetGeometryInstancedScene", geometry, instanced_scene)
+            matrix = (geometry, 0, layout.FORMAT_FLOAT3X4_ROW_MAJOR, transform.ctypes.data)
+            self._call("rtcSetGeometryTransform", *matrix)
+            self._call("rtcCommitGeometry", geometry)
+            self._call("rtcAttachGeometryByID", scene, geometry, inst_id)
+        finally:
+            self._library.functions.rtcReleaseGeometry(geometry)
+
+    def _commit(self, scene: int) -> None:
+        self._call("rtcCommitScene", scene)
+
+    def _call(self, name: str, *arguments: object) -> int:
+        result = getattr(self._library.functions, name)(*arguments)
+        code = self._library.functions.rtcGetDeviceError(self._device)
+        if code:
+            raise EmbreeError(f"{name} failed: {layout.ERROR_NAMES.get(code, code)}")
+        return result
+
+    @property
+    def embree_bytes(self) -> int:
+        """Bytes Embree holds for this device by its own account."""
+        return int(self._byte_count[0])
+
+    @property
+    def closed(self) -> bool:
+        return not self._finalizer.alive
+
+    def close(self) -> None:
+        """Release scenes and device; nothing may be tracing. Harmless when already closed."""
+        self._finalizer()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+def _release(library: Library, device: int, scenes: list[int], _kept: object) -> None:
+    """Newest first: a scene of instances goes before the scene they show, the device last."""
+    for scene in reversed(scenes):
+        library.functions.rtcReleaseScene(scene)
+    library.functions.rtcReleaseDevice(device)
