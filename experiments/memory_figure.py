@@ -37,7 +37,7 @@ from experiments.figure_parts import (
 # Label -> the column, and whether the process's size with only the mesh loaded is taken off it.
 _SERIES: dict[str, tuple[str, bool, dict[str, Any]]] = {
     "peak of RSS over the mesh": ("peak_rss_bytes", True, {"color": ORANGE, "marker": "v"}),
-    "RSS over the mesh, after one frame": ("rss_bytes", True, {"color": BLUE, "marker": "o"}),
+    "RSS over the mesh, after the build": ("rss_bytes", True, {"color": BLUE, "marker": "o"}),
     "Embree's own account": ("embree_bytes", False, {"color": GREEN, "marker": "D"}),
 }
 _BASELINE = "one ray per pixel (same colours)"

@@ -150,7 +150,7 @@ def test_the_memory_figure_takes_the_mesh_off_and_draws_the_pixel_rows_as_baseli
     )
     figure = draw_memory_figure(table)
     (axis,) = figure.axes
-    assert drawn(axis, "RSS over the mesh, after one frame") == {1: 10, 2: 20}
+    assert drawn(axis, "RSS over the mesh, after the build") == {1: 10, 2: 20}
     assert drawn(axis, "peak of RSS over the mesh") == {1: 30, 2: 40}
     assert drawn(axis, "Embree's own account") == {1: 3, 2: 6}
     dashed = {float(line.get_ydata()[0]) for line in axis.get_lines() if line.get_transform() != axis.transData}
@@ -161,9 +161,9 @@ def test_the_memory_figure_takes_the_mesh_off_and_draws_the_pixel_rows_as_baseli
 def test_a_point_whose_memory_did_not_grow_is_marked_and_not_dropped_in_silence() -> None:
     figure = draw_memory_figure(make_rows(memory_row(1, 100, 100, 130), memory_row(2, 100, 110, 130)))
     (axis,) = figure.axes
-    assert drawn(axis, "RSS over the mesh, after one frame") == {2: 10}
+    assert drawn(axis, "RSS over the mesh, after the build") == {2: 10}
     assert crosses(axis) == {1}
-    assert "RSS over the mesh, after one frame, 1: not above zero" in words(figure)
+    assert "RSS over the mesh, after the build, 1: not above zero" in words(figure)
 
 
 def test_a_failure_is_told_in_its_own_words_and_a_long_list_of_points_by_its_ends() -> None:

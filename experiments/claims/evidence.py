@@ -89,7 +89,8 @@ class SceneRows:
         if len(measured) > 1:
             raise NotMeasuredError(f"{name}: {len(measured)} rows, expected one")
         if rows:
-            raise NotMeasuredError(f"{name}: {rows[0]['status']}, {rows[0]['error']}")
+            reason = str(rows[0]["error"]).partition(";")[0]  # what follows is advice
+            raise NotMeasuredError(f"{name}: {rows[0]['status']}, {reason}")
         raise NotMeasuredError(f"{name}: not in the table")
 
     def speedup(
