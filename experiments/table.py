@@ -107,7 +107,7 @@ missing, never zero."""
 
 CONFIDENCE = 0.95
 
-_BUSY_LOAD = 0.7
+_BUSY_LOAD = 1.0
 """Load above the point's own threads from which on a time is doubted."""
 
 
