@@ -34,7 +34,7 @@ SCENES = ("cornell_box", "material_ball", "living_room", "atrium")
 SIZE_PIXELS = 512
 
 NOISE = 0.15
-"""Runs of one and the same code were up to 12 % apart, all rounds of a process alike: where its memory lies, perhaps."""
+"""Runs of one and the same code were up to 12 % apart, all rounds of a process alike: where memory lies, perhaps."""
 
 
 @dataclass(frozen=True)
