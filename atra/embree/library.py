@@ -35,6 +35,7 @@ _SIGNATURES = {
     "rtcNewScene": (_P, (_P,)),
     "rtcReleaseScene": (None, (_P,)),
     "rtcSetSceneBuildQuality": (None, (_P, _I)),
+    "rtcSetSceneFlags": (None, (_P, _I)),
     "rtcCommitScene": (None, (_P,)),
     "rtcNewGeometry": (_P, (_P, _I)),
     "rtcReleaseGeometry": (None, (_P,)),

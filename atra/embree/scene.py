@@ -36,8 +36,9 @@ class EmbreeScene(EmbreeDevice):
         user_data: NDArray | None = None,
         monitor_address: int = 0,
         transforms: NDArray[np.float32] | None = None,
+        compact: bool = False,
     ) -> None:
-        super().__init__(build_quality=build_quality, threads=threads, monitor_address=monitor_address)
+        super().__init__(build_quality=build_quality, threads=threads, monitor_address=monitor_address, compact=compact)
         try:
             scene = self._new_scene()
             if len(faces):

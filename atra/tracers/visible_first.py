@@ -26,6 +26,10 @@ from atra.visibility import Tiles, VisiblePlan, plan_visible_geometry
 PROBE_STEP = 4
 """The default probe shoots a ray every PROBE_STEP pixels, across and down, along the borders of the tiles."""
 
+WHOLE_BUILD_QUALITY = "low"
+"""Of the BVH of the whole mesh, which is also compact. It serves the probe and the few packets that are verified, so a
+quick build and a small size matter more than its tracing speed."""
+
 TILE_WIDTHS, TILE_HEIGHT = (4, 8), 4
 """Pixels of a tile: the granularity at which visibility is guessed when planning and proven when tracing.
 
@@ -42,9 +46,10 @@ class VisibleFirstTracer(EmbreeTracer):
 
     split: (nx, ny) cells; nx must divide the width, ny the height. probe: None shoots a few rays when planning;
     `Hits` of an image of the same size, such as an earlier frame or another camera near by, are taken as they are; an
-    integer array of prim_ids, which may be empty, names the triangles for pass 1. Other arguments as for
-    `AlignedTracer`. Raises InputError for a split that does not divide the image, a probe of another size, and a
-    prim_id that the mesh does not have.
+    integer array of prim_ids, which may be empty, names the triangles for pass 1. build_quality: of the copies in
+    pass 1. Other arguments as for `AlignedTracer`.
+    Raises InputError for a split that does not divide the image, a probe of another size, and a prim_id that the mesh
+    does not have.
 
     plan_time_s counts the probe, too (`probe_time_s`); build_time_s counts both BVHs. Lifts the limit of paper §5.
     """
@@ -95,9 +100,10 @@ class VisibleFirstTracer(EmbreeTracer):
         whole = EmbreeScene(
             vertices,
             self.mesh.faces,
-            build_quality=self.build_quality,
+            build_quality=WHOLE_BUILD_QUALITY,
             threads=self.threads,
             monitor_address=monitor_address,
+            compact=True,
         )
         self._whole_build_time_s = perf_counter() - build_start
         if self._whole is not None:
