@@ -31,13 +31,11 @@ from experiments.figure_parts import (
     missing_points,
     numbers,
 )
+from experiments.peers import PEERS
 from experiments.price import BASELINE_METHOD, BASELINE_PACKET_WIDTH
 
 OWN_METHODS = ("visible_first", "aligned", "tiles")
 """The methods other than one ray per pixel, in the order of panels and legends."""
-
-PEERS = ("embreex", "trimesh", "mitsuba3", "open3d")
-"""Other people's ray tracers."""
 
 PANEL_FIELDS = ("width", "height", "threads", "build_quality")
 

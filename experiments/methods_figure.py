@@ -19,7 +19,6 @@ from experiments.figure_parts import (
 )
 from experiments.method_parts import (
     PANEL_FIELDS,
-    PEERS,
     Bar,
     draw_bars,
     draw_upright_baselines,
@@ -34,6 +33,7 @@ from experiments.method_parts import (
     write_foot,
     write_notes,
 )
+from experiments.peers import PEERS
 from experiments.price import BASELINE_METHOD, BASELINE_PACKET_WIDTH, best_rows, time_rows
 
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from atra.camera import Camera
-from atra.compare import compare
+from atra.compare import Agreement, compare
 from atra.errors import InputError
 from atra.hits import Hits
 from atra.measure.memory import peak_rss_bytes, reset_peak_rss, rss_bytes
@@ -62,7 +62,7 @@ def _measure_time(point: Point) -> Measured:
         }
         own_frames, single_frames = _Frames(own), _Frames(single)
         timed = _rounds(point, {OWN: own_frames.trace, SINGLE: single_frames.trace, PACKETS: _Frames(packets).trace})
-        results |= _agreement(own_frames.latest(), single_frames.latest())
+        results |= _counts(compare(mesh, camera, own_frames.latest(), single_frames.latest()))
     return _measured(results, timed)
 
 
@@ -99,7 +99,7 @@ def _make_pictures(point: Point) -> Measured:
         "difference": difference_picture(hits, reference, agreement.verdict),
     }
     results["pictures"] = {name: base64.b64encode(encode_png(image)).decode() for name, image in images.items()}
-    results |= {f"pixels_{kind}": int(getattr(agreement, f"pixels_{kind}")) for kind in _AGREEMENT}
+    results |= _counts(agreement)
     return _measured(results, None)
 
 
@@ -142,8 +142,7 @@ class _Frames:
         return self._hits
 
 
-def _agreement(hits: Hits, reference: Hits) -> dict[str, int]:
-    agreement = compare(hits.mesh, hits.camera, hits, reference)
+def _counts(agreement: Agreement) -> dict[str, int]:
     return {f"pixels_{kind}": int(getattr(agreement, f"pixels_{kind}")) for kind in _AGREEMENT}
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 from collections.abc import Iterator
-from dataclasses import dataclass
 from itertools import product
 from typing import Any
 
@@ -12,6 +11,7 @@ import numpy as np
 import pandas as pd
 from PIL import Image
 
+from experiments.claims import Finding
 from experiments.report import ReportContents, ReportFigure, ScenePictures
 from experiments.table import COLUMNS
 
@@ -28,28 +28,13 @@ ENVIRONMENT: dict[str, Any] = {
 }  # fmt: skip
 
 
-@dataclass(frozen=True)
-class Claim:
-    """A judged claim, as the report expects it."""
-
-    id: str
-    section: str
-    text: str
-    paper_value: str
-    how: str
-    verdict: str
-    value: str
-    interval: str | None
-    why: str | None
-
-
 CLAIMS = (
-    Claim("one_axis", "§4.1", "Splitting one axis beats splitting both.", "one axis", "ratio of the best times",
+    Finding("one_axis", "§4.1", "Splitting one axis beats splitting both.", "one axis", "ratio of the best times",
           "holds", "1.31", "[1.25, 1.36]", None),
-    Claim("best", "§4.2", "The best speed-up on the Cornell box is 7.50.", "7.50", "largest speed-up of single rays",
+    Finding("best", "§4.2", "The best speed-up on the Cornell box is 7.50.", "7.50", "largest speed-up of single rays",
           "does not hold", "1.52", "[1.50, 1.55]", "single rays spend their time in the filter, which packets share"),
-    Claim("memory", "§4.4", "Memory is little affected up to 16 to 64 splits.", "16 to 64", "bytes at 16 splits over 1",
-          "not measured", "-", None, "no memory rows"),
+    Finding("memory", "§4.4", "Memory is little affected up to 16 to 64 splits.", "16 to 64",
+            "bytes at 16 splits over 1", "not measured", "-", None, "no memory rows"),
 )  # fmt: skip
 
 

@@ -2,24 +2,21 @@
 
 from __future__ import annotations
 
-import numpy as np
 from numpy.typing import NDArray
 
-from atra.alignment import Alignment, Split
 from atra.camera import Camera
 from atra.culling import AlignedGeometry, check_memory_budget, plan_aligned_geometry
 from atra.errors import InputError
 from atra.instancing import check_instancing_budget, plan_instanced_geometry
 from atra.kernels.callbacks import nearest_hit_filter
-from atra.kernels.tracing import aligned_kernel
 from atra.mesh import Mesh
-from atra.tracers.base import EmbreeTracer, ray_directions
+from atra.tracers.reference_rays import ReferenceRayTracer
 
 GEOMETRIES = ("copied", "instanced")
 """How the cells' sheared geometry comes into the scene."""
 
 
-class AlignedTracer(EmbreeTracer):
+class AlignedTracer(ReferenceRayTracer):
     """Affine-transformed ray alignment: shoot the reference cell's rays, read the nearest hit of every cell.
 
     split: (nx, ny) cells; nx must divide the width, ny the height. culling: keep of each cell's copy only what its
@@ -47,7 +44,6 @@ class AlignedTracer(EmbreeTracer):
         memory_budget_bytes: int | None = None,
         packet_rows: int | None = None,
     ) -> None:
-        self.split = Split(*split, width=camera.width, height=camera.height)
         if geometry not in GEOMETRIES:
             raise InputError(f"geometry is {geometry!r}, expected one of {', '.join(GEOMETRIES)}")
         if geometry == "instanced" and culling:
@@ -58,19 +54,12 @@ class AlignedTracer(EmbreeTracer):
         self.culling = culling
         self.geometry = geometry
         self.memory_budget_bytes = memory_budget_bytes
-        super().__init__(mesh, camera, packet_width, threads, build_quality)
-        self.alignment = Alignment.at_quarter(camera, self.split)
-        self.packet_shape = choose_packet_shape(self.packet_width, self.split, packet_rows)
+        super().__init__(mesh, camera, split, packet_width, packet_rows, threads, build_quality)
         if geometry == "instanced":
             check_instancing_budget(mesh, self.split.cell_count, build_quality, memory_budget_bytes)
         elif not culling:
             copies = mesh.triangle_count * self.split.cell_count
             check_memory_budget(copies, build_quality, memory_budget_bytes, self.split.cell_count)
-
-    @property
-    def _row_stride(self) -> int:
-        spare = -self.split.cell_width % self.packet_shape[0]  # lanes the last packet of a row reaches past the image
-        return self.camera.width + spare
 
     def _plan_geometry(self) -> AlignedGeometry:
         if self.geometry == "instanced":
@@ -97,42 +86,4 @@ class AlignedTracer(EmbreeTracer):
         return nearest_hit_filter(*self.packet_shape, self.geometry == "instanced")
 
     def _run(self, offset: tuple[float, float], depth: NDArray, prim_id: NDArray) -> None:
-        split = self.split
-        columns = self.alignment.first_x_pixels + np.arange(split.cell_width)
-        rows = self.alignment.first_y_pixels + np.arange(split.cell_height)
-        column_directions, row_directions = ray_directions(self.camera, columns + offset[0], rows + offset[1])
-        kernel = aligned_kernel(*self.packet_shape)
-
-        scene = self._scene_address
-
-        def work(worker: int, counter: int) -> None:
-            own = self._workspaces[worker]
-            kernel(
-                counter, scene, own.packet, own.valid, own.context, own.arguments_address,
-                column_directions, row_directions, split.ny, depth, prim_id,
-            )  # fmt: skip
-
-        self._pool.run(work)
-
-
-def choose_packet_shape(packet_width: int, split: Split, packet_rows: int | None = None) -> tuple[int, int]:
-    """(columns, rows) of a packet for cells of this size: the fewest idle lanes, then the widest rows.
-
-    A shape of several rows is taken only where the rows divide the cell, because tasks share out the image by rows.
-    packet_rows: take this many rows instead. Raises InputError if a packet or a cell has no such rows.
-    """
-    shapes = [(packet_width >> k, 1 << k) for k in range(packet_width.bit_length())]
-    fitting = {y: (x, y) for x, y in shapes if split.cell_height % y == 0}
-    if packet_rows is not None:
-        if packet_rows not in fitting:
-            raise InputError(
-                f"packet_rows is {packet_rows!r}, expected one of {', '.join(map(str, fitting))} for packets of "
-                f"{packet_width} in cells {split.cell_height} pixels high, or None to let the cell decide"
-            )
-        return fitting[packet_rows]
-
-    def merit(shape: tuple[int, int]) -> tuple[float, int]:
-        lanes = -(-split.cell_width // shape[0]) * shape[0]
-        return split.cell_width / lanes, shape[0]
-
-    return max(fitting.values(), key=merit)
+        self._trace_reference_rays(offset, depth, prim_id)

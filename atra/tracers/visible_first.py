@@ -8,19 +8,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from atra.alignment import Alignment, Split
 from atra.camera import Camera
 from atra.culling import AlignedGeometry
 from atra.embree.scene import EmbreeScene, padded_vertices
 from atra.errors import InputError
 from atra.hits import Hits
 from atra.kernels.callbacks import memory_monitor, nearest_hit_filter
-from atra.kernels.tracing import aligned_kernel, pixel_kernel
+from atra.kernels.tracing import pixel_kernel
 from atra.kernels.visible import verify_kernel
 from atra.mesh import Mesh
-from atra.tracers.aligned import choose_packet_shape
-from atra.tracers.base import EmbreeTracer, new_images, ray_directions
+from atra.tracers.base import new_images, ray_directions
 from atra.tracers.pixel import SQUAREST_SHAPE
+from atra.tracers.reference_rays import ReferenceRayTracer
 from atra.visibility import Tiles, VisiblePlan, plan_visible_geometry
 
 PROBE_STEP = 4
@@ -36,7 +35,7 @@ TILE_WIDTHS, TILE_HEIGHT = (4, 8), 4
 Whole packets, and no wider than narrow cells, because a copy is kept in every cell that its tile meets."""
 
 
-class VisibleFirstTracer(EmbreeTracer):
+class VisibleFirstTracer(ReferenceRayTracer):
     """Alignment without overdraw: the copies a probe takes for hidden are left out, and verified per pixel.
 
     Pass 1 traces, aligned, the copies of triangles that may be seen according to the probe. Pass 2 goes over the image
@@ -66,7 +65,6 @@ class VisibleFirstTracer(EmbreeTracer):
         probe: Hits | ArrayLike | None = None,
         packet_rows: int | None = None,
     ) -> None:
-        self.split = Split(*split, width=camera.width, height=camera.height)
         self.memory_budget_bytes = memory_budget_bytes
         self.probe = probe if probe is None or isinstance(probe, Hits) else _checked_prim_ids(mesh, probe)
         if isinstance(probe, Hits) and probe.depth.shape != (camera.height, camera.width):
@@ -74,9 +72,7 @@ class VisibleFirstTracer(EmbreeTracer):
                 f"the probe is an image of {probe.depth.shape}, "
                 f"expected {(camera.height, camera.width)} (height, width)"
             )
-        super().__init__(mesh, camera, packet_width, threads, build_quality)
-        self.alignment = Alignment.at_quarter(camera, self.split)
-        self.packet_shape = choose_packet_shape(self.packet_width, self.split, packet_rows)
+        super().__init__(mesh, camera, split, packet_width, packet_rows, threads, build_quality)
         self.probe_time_s = 0.0
         tile_width = TILE_WIDTHS[0] if self.split.cell_width <= TILE_WIDTHS[0] else TILE_WIDTHS[1]
         self.tiles = Tiles(tile_width, TILE_HEIGHT, camera.width, camera.height)
@@ -84,10 +80,6 @@ class VisibleFirstTracer(EmbreeTracer):
         self._whole: EmbreeScene | None = None
         self._plan: VisiblePlan | None = None
         self._packets_verified = np.zeros((self.threads, 16), np.int64)  # a cache line or two for each thread
-
-    @property
-    def _row_stride(self) -> int:
-        return self.camera.width + -self.split.cell_width % self.packet_shape[0]
 
     def plan(self) -> None:
         """Build the BVH of the whole mesh, probe through it, and pick the copies for pass 1."""
@@ -191,24 +183,8 @@ class VisibleFirstTracer(EmbreeTracer):
         return nearest_hit_filter(*self.packet_shape)
 
     def _run(self, offset: tuple[float, float], depth: NDArray, prim_id: NDArray) -> None:
-        self._trace_aligned(self._scene_address, offset, depth, prim_id)
+        self._trace_reference_rays(offset, depth, prim_id)
         self._verify(offset, depth, prim_id)
-
-    def _trace_aligned(self, scene: int, offset: tuple[float, float], depth: NDArray, prim_id: NDArray) -> None:
-        split = self.split
-        columns = self.alignment.first_x_pixels + np.arange(split.cell_width)
-        rows = self.alignment.first_y_pixels + np.arange(split.cell_height)
-        directions = ray_directions(self.camera, columns + offset[0], rows + offset[1])
-        kernel = aligned_kernel(*self.packet_shape)
-
-        def work(worker: int, counter: int) -> None:
-            own = self._workspaces[worker]
-            kernel(
-                counter, scene, own.packet, own.valid, own.context, own.arguments_address,
-                *directions, split.ny, depth, prim_id,
-            )  # fmt: skip
-
-        self._pool.run(work)
 
     def _verify(self, offset: tuple[float, float], depth: NDArray, prim_id: NDArray) -> None:
         assert self._whole is not None

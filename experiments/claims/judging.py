@@ -10,7 +10,7 @@ import pandas as pd
 from experiments.claims.estimates import Estimate
 from experiments.claims.evidence import PAPER_SCENES, PAPER_SIZE, NotMeasuredError, SceneRows, collect_scenes
 
-HOLDS, DOES_NOT_HOLD, NOT_MEASURED = "holds", "does not hold", "not measured"
+HOLDS, DOES_NOT_HOLD, NOT_MEASURED = VERDICTS = "holds", "does not hold", "not measured"
 
 
 @dataclass(frozen=True)

@@ -4,34 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import pandas as pd
 
-VERDICTS = ("holds", "does not hold", "not measured")
-
-
-class JudgedClaim(Protocol):
-    """A sentence of the paper and what the table says to it; see `experiments.claims`."""
-
-    @property
-    def id(self) -> str: ...
-    @property
-    def section(self) -> str: ...
-    @property
-    def text(self) -> str: ...
-    @property
-    def paper_value(self) -> str: ...
-    @property
-    def how(self) -> str: ...
-    @property
-    def verdict(self) -> str: ...
-    @property
-    def value(self) -> str: ...
-    @property
-    def interval(self) -> str | None: ...
-    @property
-    def why(self) -> str | None: ...
+from experiments.claims import Finding
 
 
 @dataclass(frozen=True)
@@ -88,5 +65,5 @@ class ReportContents:
     table: pd.DataFrame
     figures: tuple[ReportFigure, ...]
     pictures: tuple[ScenePictures, ...]
-    claims: Sequence[JudgedClaim]
+    claims: Sequence[Finding]
     environment: dict[str, Any]

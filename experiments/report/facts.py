@@ -11,7 +11,7 @@ from typing import Any
 import pandas as pd
 
 from atra.errors import InputError
-from experiments.report.contents import VERDICTS, JudgedClaim
+from experiments.claims import VERDICTS, Finding
 
 _NUMBER = re.compile(r"\d+(?:[.,]\d+)*")
 _TIMES, _TO = "\N{MULTIPLICATION SIGN}", "\N{EN DASH}"
@@ -195,7 +195,7 @@ def missing_points(table: pd.DataFrame) -> tuple[MissingPoints, ...]:
     )
 
 
-def count_verdicts(claims: Sequence[JudgedClaim]) -> dict[str, int]:
+def count_verdicts(claims: Sequence[Finding]) -> dict[str, int]:
     """Number of claims by verdict. Raises InputError for a verdict that is none."""
     counts = Counter(claim.verdict for claim in claims)
     for claim in claims:

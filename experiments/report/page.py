@@ -12,8 +12,9 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
 from atra.records import write_atomically
+from experiments.claims import VERDICTS
 from experiments.report.columns import describe_columns, views_of
-from experiments.report.contents import VERDICTS, ReportContents, ReportFigure
+from experiments.report.contents import ReportContents, ReportFigure
 from experiments.report.embedding import csv_bytes, embed_figure, pack, parquet_bytes
 from experiments.report.facts import (
     Doubts,

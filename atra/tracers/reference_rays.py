@@ -1,0 +1,80 @@
+"""What the methods with aligned rays share: cells, the reference rays, and the loop that shoots them."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from atra.alignment import Alignment, Split
+from atra.camera import Camera
+from atra.errors import InputError
+from atra.kernels.tracing import aligned_kernel
+from atra.mesh import Mesh
+from atra.tracers.base import EmbreeTracer, ray_directions
+
+
+class ReferenceRayTracer(EmbreeTracer):
+    """Shoots the rays of one reference cell; what they hit, and how the hits are kept, is the subclass's.
+
+    Raises InputError for a split that does not divide the image and for packet rows that a packet or a cell lacks.
+    """
+
+    def __init__(
+        self,
+        mesh: Mesh,
+        camera: Camera,
+        split: tuple[int, int],
+        packet_width: int | None,
+        packet_rows: int | None,
+        threads: int | None,
+        build_quality: str,
+    ) -> None:
+        self.split = Split(*split, width=camera.width, height=camera.height)
+        super().__init__(mesh, camera, packet_width, threads, build_quality)
+        self.alignment = Alignment.at_quarter(camera, self.split)
+        self.packet_shape = choose_packet_shape(self.packet_width, self.split, packet_rows)
+
+    @property
+    def _row_stride(self) -> int:
+        spare = -self.split.cell_width % self.packet_shape[0]  # lanes the last packet of a row reaches past the image
+        return self.camera.width + spare
+
+    def _trace_reference_rays(self, offset: tuple[float, float], depth: NDArray, prim_id: NDArray) -> None:
+        split = self.split
+        columns = self.alignment.first_x_pixels + np.arange(split.cell_width)
+        rows = self.alignment.first_y_pixels + np.arange(split.cell_height)
+        directions = ray_directions(self.camera, columns + offset[0], rows + offset[1])
+        kernel = aligned_kernel(*self.packet_shape)
+        scene = self._scene_address
+
+        def work(worker: int, counter: int) -> None:
+            own = self._workspaces[worker]
+            kernel(
+                counter, scene, own.packet, own.valid, own.context, own.arguments_address,
+                *directions, split.ny, depth, prim_id,
+            )  # fmt: skip
+
+        self._pool.run(work)
+
+
+def choose_packet_shape(packet_width: int, split: Split, packet_rows: int | None = None) -> tuple[int, int]:
+    """(columns, rows) of a packet for cells of this size: the fewest idle lanes, then the widest rows.
+
+    A shape of several rows is taken only where the rows divide the cell, because tasks share out the image by rows.
+    packet_rows: take this many rows instead. Raises InputError if a packet or a cell has no such rows.
+    """
+    shapes = [(packet_width >> k, 1 << k) for k in range(packet_width.bit_length())]
+    fitting = {y: (x, y) for x, y in shapes if split.cell_height % y == 0}
+    if packet_rows is not None:
+        if packet_rows not in fitting:
+            raise InputError(
+                f"packet_rows is {packet_rows!r}, expected one of {', '.join(map(str, fitting))} for packets of "
+                f"{packet_width} in cells {split.cell_height} pixels high, or None to let the cell decide"
+            )
+        return fitting[packet_rows]
+
+    def merit(shape: tuple[int, int]) -> tuple[float, int]:
+        lanes = -(-split.cell_width // shape[0]) * shape[0]
+        return split.cell_width / lanes, shape[0]
+
+    return max(fitting.values(), key=merit)
