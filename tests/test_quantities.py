@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+import experiments.quantities as quantities
 from experiments.configuration import (
     Configuration,
     Geometry,
@@ -48,6 +49,19 @@ def test_a_time_has_samples_of_all_three_methods_and_judges_every_pixel() -> Non
     }  # fmt: skip
     assert sum(outcome.results[f"pixels_{kind}"] for kind in ("equal", "tied", "edge", "wrong")) == 48 * 32
     assert outcome.results["pixels_wrong"] == 0
+
+
+def test_a_timed_point_plans_and_builds_five_times_and_tells_the_medians() -> None:
+    results = measured(Quantity.time).results
+    assert len(results["plan_samples_s"]) == len(results["build_samples_s"]) == 5
+    assert results["plan_time_s"] == sorted(results["plan_samples_s"])[2]
+    assert results["build_time_s"] == sorted(results["build_samples_s"])[2]
+
+
+def test_a_timed_point_does_not_plan_and_build_again_what_takes_long(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(quantities, "BUILDS_BUDGET_S", 0.0)
+    results = measured(Quantity.time).results
+    assert len(results["plan_samples_s"]) == len(results["build_samples_s"]) == 1
 
 
 @pytest.mark.parametrize("geometry", list(Geometry))
