@@ -89,7 +89,10 @@ FIGURES = (
         "threads", "Speed-up over one thread", ("threads_pixel", "threads_aligned", "threads_visible_first"),
         draw_threads_figure,
     ),
-    FigureKind("peers", "Rays per second beside other ray tracers", ("peers_own", "peers_others"), draw_peers_figure),
+    FigureKind(
+        "peers", "Rays per second beside other ray tracers", ("peers_pixel", "peers_own", "peers_others"),
+        draw_peers_figure,
+    ),
 )  # fmt: skip
 
 
