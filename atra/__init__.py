@@ -13,6 +13,7 @@ from atra.compare import Agreement, Verdict, compare
 from atra.errors import AtraError, EmbreeError, InputError, MemoryBudgetError
 from atra.hits import MISS, Hits
 from atra.mesh import Mesh, load_mesh
+from atra.orthographic import OrthographicCamera
 from atra.tracers import AlignedTracer, PixelTracer, TiledTracer, Tracer, VisibleFirstTracer
 
 __version__ = "0.1.0"
@@ -29,6 +30,7 @@ __all__ = [
     "InputError",
     "MemoryBudgetError",
     "Mesh",
+    "OrthographicCamera",
     "PixelTracer",
     "Split",
     "TiledTracer",

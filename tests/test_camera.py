@@ -1,4 +1,4 @@
-"""The camera's axes, its pixel rays, and what it refuses."""
+"""The cameras' axes, their pixel rays, and what they refuse."""
 
 from math import radians, tan
 
@@ -7,8 +7,15 @@ import pytest
 
 from atra.camera import Camera, check_offset
 from atra.errors import InputError
+from atra.orthographic import OrthographicCamera
 
 TILTED = {"eye": (1.0, 2.0, 5.0), "target": (-0.5, 0.25, -3.0), "up": (0.2, 1.0, 0.1)}
+
+
+CAMERAS = [
+    Camera(**TILTED, fov_y_degrees=50.0, width=12, height=8),
+    OrthographicCamera(**TILTED, view_height=3.0, width=12, height=8),
+]
 
 
 def test_axes_are_orthonormal_and_right_handed():
@@ -61,6 +68,92 @@ def test_camera_space_keeps_small_detail_far_from_the_origin():
     assert camera.to_camera_space(np.array([[1e6 + 2**-10, 0, -2.0]])).tolist() == [[2**-10, 0.0, 2.0]]
 
 
+def test_the_positional_order_equality_and_repr_of_a_camera():
+    camera = Camera((1, 2, 5), (0, 0, 0), (0, 1, 0), 50, 12, 8)
+    assert camera == Camera(eye=(1, 2, 5), target=(0, 0, 0), up=(0, 1, 0), fov_y_degrees=50, width=12, height=8)
+    assert hash(camera) == hash(Camera((1, 2, 5), (0, 0, 0), (0, 1, 0), 50, 12, 8))
+    assert camera != Camera((1, 2, 5), (0, 0, 0), (0, 1, 0), 51, 12, 8)
+    assert repr(camera) == (
+        "Camera(eye=(1.0, 2.0, 5.0), target=(0.0, 0.0, 0.0), up=(0.0, 1.0, 0.0), "
+        "fov_y_degrees=50.0, width=12, height=8)"
+    )
+
+
+def test_pinhole_rays_share_their_origin_and_parallel_rays_their_direction():
+    y, x = np.mgrid[0:8, 0:12]
+    pinhole, parallel = CAMERAS
+    origins, directions = pinhole.rays(x, y, (0.25, 0.5))
+    assert (origins == 0.0).all()
+    assert np.array_equal(directions, pinhole.directions(x, y, (0.25, 0.5)))
+    assert not pinhole.is_parallel
+    origins, directions = parallel.rays(x, y, (0.25, 0.5))
+    assert origins.shape == directions.shape == (8, 12, 3)
+    assert (directions == (0.0, 0.0, 1.0)).all()
+    assert np.allclose(origins[0, 0], ((0.25 - 6) * 3 / 8, (0.5 - 4) * 3 / 8, 0.0), atol=1e-15)
+    assert np.allclose(origins[-1, -1], ((11.25 - 6) * 3 / 8, (7.5 - 4) * 3 / 8, 0.0), atol=1e-15)
+    assert parallel.is_parallel
+
+
+@pytest.mark.parametrize("camera", CAMERAS)
+def test_to_pixels_maps_every_point_of_a_ray_to_its_pixel(camera):
+    y, x = np.mgrid[0:8, 0:12]
+    origins, directions = camera.rays(x, y, (0.75, 0.25))
+    for depth in (0.5, 7.0):
+        point_eye = (origins + depth * directions) @ camera.axes
+        a, b, c = np.moveaxis(point_eye @ camera.to_pixels[:, :3].T + camera.to_pixels[:, 3], -1, 0)
+        assert np.allclose(a / c, x + 0.75, atol=1e-12)
+        assert np.allclose(b / c, y + 0.25, atol=1e-12)
+        assert np.allclose(c, 1.0 if camera.is_parallel else depth, atol=1e-14)
+
+
+@pytest.mark.parametrize("direction", [(0, -1, 0), (0, 0, 5), (-1e-3, 0, 0), (1, -2, 0.5), (1, 1, 1)])
+@pytest.mark.parametrize("size", [(64, 64), (100, 30), (30, 100)])
+@pytest.mark.parametrize("centre", [(0, 0, 0), (1e6, -3e6, 2e5)])
+def test_the_view_of_a_light_covers_the_box_and_no_more(direction, size, centre):
+    bounds = np.add([(-1, -2, -0.5), (3, 2, 0.25)], centre)
+    camera = OrthographicCamera.of_light(direction, bounds, *size)
+    forward = np.divide(direction, np.linalg.norm(direction))
+    assert np.allclose(camera.axes[2], forward, atol=1e-9)
+    corners = np.array([[bounds[i][0], bounds[j][1], bounds[k][2]] for i in (0, 1) for j in (0, 1) for k in (0, 1)])
+    in_camera = camera.to_camera_space(corners)
+    assert (in_camera[:, 2] > 0.0).all()
+    half = np.array(size) * camera.pixel_pitch / 2
+    reach = np.abs(in_camera[:, :2]).max(axis=0) / half
+    assert (reach <= 1.0).all()
+    assert reach.max() == pytest.approx(1.0, abs=1e-8)
+    position = camera.to_eye_space(corners) @ camera.to_pixels[:, :3].T + camera.to_pixels[:, 3]
+    assert ((position[:, :2] >= 0.0) & (position[:, :2] <= size)).all()
+
+
+def test_the_view_of_a_light_takes_the_up_it_is_given():
+    camera = OrthographicCamera.of_light((0, -1, 0), [(0, 0, 0), (4, 1, 2)], 40, 20, up=(0, 0, 2))
+    assert camera.axes[1] @ (0, 0, 1) == pytest.approx(-1.0)
+    assert camera.view_height == pytest.approx(2.0)
+
+
+@pytest.mark.parametrize(
+    ("direction", "bounds", "message"),
+    [
+        ((0, 0, 0), [(0, 0, 0), (1, 1, 1)], r"direction is \(0.0, 0.0, 0.0\)"),
+        ((0, 1), [(0, 0, 0), (1, 1, 1)], r"direction is \(0, 1\)"),
+        ((0, 1, 0), [0, 0, 0, 1, 1, 1], r"bounds have shape \(6,\)"),
+        ((0, 1, 0), [(0, 0, 0), (1, -1, 1)], r"bounds are .*-1.0.*lowest first"),
+        ((0, 1, 0), [(0, 0, 0), (1, np.inf, 1)], "bounds are .*inf"),
+        ((0, 1, 0), [(2, 0, 3), (2, 1, 3)], "no extent across the light"),
+        ((0, 1, 0), [(2, 0, 3), (2, 0, 3)], "no extent across the light"),
+    ],
+)
+def test_a_light_or_a_box_without_a_view_is_refused_with_the_value(direction, bounds, message):
+    with pytest.raises(InputError, match=message):
+        OrthographicCamera.of_light(direction, bounds, 8, 8)
+
+
+@pytest.mark.parametrize("view_height", [0.0, -1.0, float("nan"), float("inf")])
+def test_a_bad_view_height_is_refused_with_the_value(view_height):
+    with pytest.raises(InputError, match=f"view_height is {view_height}"):
+        OrthographicCamera(**TILTED, view_height=view_height)
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [
@@ -83,6 +176,9 @@ def test_camera_space_keeps_small_detail_far_from_the_origin():
 def test_a_bad_camera_is_refused_with_the_value(change, message):
     with pytest.raises(InputError, match=message):
         Camera(**{**TILTED, **change})
+    if "fov_y_degrees" not in change:
+        with pytest.raises(InputError, match=message):
+            OrthographicCamera(**{**TILTED, **change})
 
 
 @pytest.mark.parametrize("offset", [(1.0, 0.5), (-0.1, 0.5), (0.5, float("nan")), (0.5,)])
@@ -91,3 +187,6 @@ def test_an_offset_outside_the_pixel_is_refused_with_the_value(offset):
         check_offset(offset)
     with pytest.raises(InputError, match="offset is"):
         Camera(**TILTED).directions(np.array(0), np.array(0), offset)
+    for camera in CAMERAS:
+        with pytest.raises(InputError, match="offset is"):
+            camera.rays(np.array(0), np.array(0), offset)

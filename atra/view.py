@@ -1,0 +1,125 @@
+"""What every camera has: where it stands, where it looks, and its pixel grid."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from functools import cached_property
+from math import isfinite
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from atra.errors import InputError
+
+Vector = tuple[float, float, float]
+
+# sin of the angle below which `up` counts as parallel to the view direction; float64 leaves ten digits above it.
+_PARALLEL_SINE = 1e-6
+
+
+class View(ABC):
+    """The base of `Camera` and `OrthographicCamera`, which are frozen dataclasses with these fields and a scale.
+
+    Camera space has the eye at the origin, X to the right (forward x up), Y down (down = forward x right) and Z along
+    the view axis. Rays have a direction of unit Z and start at Z = 0, so a ray parameter *is* a depth.
+
+    eye, target, up: three finite floats each, scene units.
+    width, height: image size in pixels, at least 1.
+
+    Raises InputError for a size below 1, eye = target, or up parallel to the view.
+    """
+
+    eye: Vector
+    target: Vector
+    up: Vector
+    width: int
+    height: int
+
+    is_parallel: ClassVar[bool]
+    """Rays share their direction (True) or their origin (False)."""
+
+    def __post_init__(self) -> None:
+        for name in ("eye", "target", "up"):
+            object.__setattr__(self, name, checked_vector(name, getattr(self, name)))
+        for name in ("width", "height"):
+            value = getattr(self, name)
+            if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < 1:
+                raise InputError(f"{name} is {value!r}, expected a whole number of pixels of at least 1")
+            object.__setattr__(self, name, int(value))
+        _ = self.axes  # refused here, not when first asked for
+
+    @cached_property
+    def axes(self) -> NDArray[np.float64]:
+        """(3, 3) float64, rows right, down, forward in world space; orthonormal."""
+        view = np.subtract(self.target, self.eye)
+        distance = np.linalg.norm(view)
+        if not (np.isfinite(distance) and distance > 0.0):
+            raise InputError(f"eye and target are both {self.eye}, expected two different points")
+        forward = view / distance
+        up_length = np.linalg.norm(self.up)
+        if not up_length > 0.0:
+            raise InputError(f"up is {self.up}, expected a direction of non-zero length")
+        right = np.cross(forward, np.asarray(self.up) / up_length)
+        sine = np.linalg.norm(right)
+        if sine < _PARALLEL_SINE:
+            raise InputError(f"up {self.up} is parallel to the view direction {tuple(forward.tolist())}; tilt it")
+        right /= sine
+        return np.stack([right, np.cross(forward, right), forward])
+
+    @property
+    @abstractmethod
+    def pixel_pitch(self) -> float:
+        """Distance between neighbouring pixels on the image plane."""
+
+    @property
+    @abstractmethod
+    def to_pixels(self) -> NDArray[np.float64]:
+        """(3, 4) float64: eye-space point (X, Y, Z, 1) -> (a, b, c) with pixel position (a / c, b / c).
+
+        The ray of pixel (x, y) at offset (ox, oy) passes through the points with position (x + ox, y + oy).
+        """
+
+    @abstractmethod
+    def rays(
+        self, x: NDArray[np.integer], y: NDArray[np.integer], offset: tuple[float, float] = (0.5, 0.5)
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Camera-space origins and directions, (..., 3) float64 each, of pixels (x, y) at sub-pixel `offset`.
+
+        Raises InputError for an offset outside the pixel.
+        """
+
+    def to_eye_space(self, points: NDArray[np.floating]) -> NDArray[np.float64]:
+        """World points (N, 3) -> eye space (N, 3) float64: the world's axes, the eye at the origin."""
+        return np.asarray(points, np.float64) - self.eye
+
+    def to_camera_space(self, points: NDArray[np.floating]) -> NDArray[np.float64]:
+        """World points (N, 3) -> camera space (N, 3) float64, subtracting the eye before rotating to keep digits."""
+        return self.to_eye_space(points) @ self.axes.T
+
+    def _on_image_plane(
+        self, x: NDArray[np.integer], y: NDArray[np.integer], offset: tuple[float, float], z: float
+    ) -> NDArray[np.float64]:
+        """(..., 3) float64: where the image plane, put at depth `z`, has the pixels (x, y) at sub-pixel `offset`."""
+        check_offset(offset)
+        plane_x = (np.asarray(x) + (offset[0] - self.width / 2)) * self.pixel_pitch
+        plane_y = (np.asarray(y) + (offset[1] - self.height / 2)) * self.pixel_pitch
+        return np.stack(np.broadcast_arrays(plane_x, plane_y, z), axis=-1)
+
+
+def check_offset(offset: tuple[float, float]) -> None:
+    """Raise InputError unless `offset` is a sub-pixel position in [0, 1) x [0, 1)."""
+    ok = len(offset) == 2 and all(isfinite(o) and 0.0 <= o < 1.0 for o in offset)
+    if not ok:
+        raise InputError(f"offset is {offset!r}, expected two numbers in [0, 1), such as (0.5, 0.5) for pixel centres")
+
+
+def checked_vector(name: str, value: object) -> Vector:
+    """`value` as three finite floats; raises InputError naming it otherwise."""
+    try:
+        x, y, z = (float(v) for v in value)  # type: ignore[attr-defined]
+    except (TypeError, ValueError):
+        raise InputError(f"{name} is {value!r}, expected three numbers") from None
+    if not (isfinite(x) and isfinite(y) and isfinite(z)):
+        raise InputError(f"{name} is {(x, y, z)}, expected finite numbers")
+    return x, y, z
