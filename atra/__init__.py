@@ -11,10 +11,11 @@ from atra.alignment import Alignment, Split
 from atra.camera import Camera
 from atra.compare import Agreement, Verdict, compare
 from atra.errors import AtraError, EmbreeError, InputError, MemoryBudgetError
+from atra.frames import Frames
 from atra.hits import MISS, Hits
 from atra.mesh import Mesh, load_mesh
 from atra.orthographic import OrthographicCamera
-from atra.tracers import AlignedTracer, PixelTracer, TiledTracer, Tracer, VisibleFirstTracer
+from atra.tracers import AlignedTracer, FramesTracer, PixelTracer, TiledTracer, Tracer, VisibleFirstTracer
 
 __version__ = "0.1.0"
 
@@ -26,6 +27,8 @@ __all__ = [
     "AtraError",
     "Camera",
     "EmbreeError",
+    "Frames",
+    "FramesTracer",
     "Hits",
     "InputError",
     "MemoryBudgetError",

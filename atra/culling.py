@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,12 +10,12 @@ import psutil
 from numpy.typing import NDArray
 
 from atra.alignment import Alignment
-from atra.camera import Camera
 from atra.embree.scene import padded_vertices
 from atra.errors import InputError, MemoryBudgetError
 from atra.kernels.planning import count_copies, fill_copies, project_points
 from atra.mesh import Mesh
 from atra.parallel import WorkerPool
+from atra.view import View
 
 PLAN_BYTES_PER_COPY = 3 * 12 + 12 + 8
 """Vertices, indices, record."""
@@ -29,8 +30,8 @@ class AlignedGeometry:
 
     vertices: (3 N, 3) float32, three of its own per copy. faces: (N, 3) uint32.
     records: (N,) int64, what the filter needs of a copy: its prim_id in the mesh (low 32 bits) and the distance in
-    pixels from the reference cell's pixel to its cell's (high 32 bits, rows `row_stride` pixels apart);
-    empty where no filter reads them.
+    pixels from the reference cell's pixel to its cell's (high 32 bits, rows `row_stride` pixels apart, image below
+    image); empty where no filter reads them.
     transforms: (I, 3, 4) float32, a row-major shear per instance, or None. With them the triangles are the mesh's own
     (`vertices` (V, 3), `faces` (F, 3)), and `records` is (I,), of which only the high halves are read.
     """
@@ -47,8 +48,7 @@ class AlignedGeometry:
 
 
 def plan_aligned_geometry(
-    mesh: Mesh,
-    camera: Camera,
+    meshes: Sequence[Mesh],
     alignment: Alignment,
     *,
     culling: bool,
@@ -59,6 +59,7 @@ def plan_aligned_geometry(
 ) -> AlignedGeometry:
     """Shear a copy of every triangle for every cell, or with `culling` only for the cells whose frustum it meets.
 
+    meshes: what each image of the alignment sees; the same one may stand there several times.
     A triangle is left out of a cell only if its part in front of the eye lies outside the cell's frustum by more than
     a margin that absorbs rounding, so no hit is lost. One counting and one filling pass over the triangles, whatever
     the number of cells.
@@ -66,30 +67,58 @@ def plan_aligned_geometry(
     row_stride: pixels from one image row to the next. Raises MemoryBudgetError before allocating the copies.
     """
     split = alignment.split
-    check_image_size(camera, row_stride)
-    points_pixels, points_eye = project_vertices(mesh, camera, pool)
+    check_image_size(split.height * alignment.image_count, row_stride)
     cell = (split.nx, split.ny, split.cell_width, split.cell_height)
-
-    counts = np.full(mesh.triangle_count, split.cell_count, np.int64)
+    projected = [
+        project_vertices(mesh, camera, pool, linear)
+        for mesh, camera, linear in zip(meshes, alignment.cameras, alignment.linear, strict=True)
+    ]
+    counts = [np.full(mesh.triangle_count, split.cell_count, np.int64) for mesh in meshes]
     if culling:
-        pool.run(lambda _, counter: count_copies(counter, points_pixels, mesh.faces, *cell, counts))
-    starts = np.zeros(mesh.triangle_count + 1, np.int64)
-    np.cumsum(counts, out=starts[1:])
+        for mesh, (points_pixels, _), of_mesh in zip(meshes, projected, counts, strict=True):
+            _count(pool, points_pixels, mesh, cell, of_mesh)
+    # One after the other: the copies of triangle t of image k start at its place in this list.
+    starts = np.concatenate([[0], np.cumsum(np.concatenate(counts))])
     copies = int(starts[-1])
-    check_memory_budget(copies, build_quality, memory_budget_bytes, split.cell_count)
+    check_memory_budget(copies, build_quality, memory_budget_bytes, split.cell_count * alignment.image_count)
 
     vertices = padded_vertices(3 * copies)
     records = np.empty(copies, np.int64)
-
-    shears = (np.outer(alignment.shift_x, camera.axes[0]), np.outer(alignment.shift_y, camera.axes[1]))
-    rest = (row_stride, starts, vertices, records)
-
-    def fill(_: int, counter: int) -> None:
-        fill_copies(counter, points_pixels, points_eye, mesh.faces, culling, *cell, *shears, *rest)
-
-    pool.run(fill)
+    first_triangle = 0
+    for image, (mesh, points) in enumerate(zip(meshes, projected, strict=True)):
+        own_starts = starts[first_triangle : first_triangle + mesh.triangle_count + 1]
+        first_triangle += mesh.triangle_count
+        place = image * split.height * row_stride, row_stride
+        _fill(pool, points, mesh, culling, cell, alignment.shears, place, own_starts, vertices, records)
     faces = np.arange(3 * copies, dtype=np.uint32).reshape(copies, 3)
     return AlignedGeometry(vertices, faces, records)
+
+
+def _count(
+    pool: WorkerPool,
+    points_pixels: NDArray[np.float64],
+    mesh: Mesh,
+    cell: tuple[int, int, int, int],
+    counts: NDArray[np.int64],
+) -> None:
+    pool.run(lambda _, counter: count_copies(counter, points_pixels, mesh.faces, *cell, counts))
+
+
+def _fill(
+    pool: WorkerPool,
+    points: tuple[NDArray[np.float64], NDArray[np.float64]],
+    mesh: Mesh,
+    culling: bool,
+    cell: tuple[int, int, int, int],
+    shears: tuple[NDArray[np.float64], NDArray[np.float64]],
+    place: tuple[int, int],
+    starts: NDArray[np.int64],
+    vertices: NDArray[np.float32],
+    records: NDArray[np.int64],
+) -> None:
+    """place: first pixel of the image in the output, and pixels from one row to the next."""
+    rest = (*cell, *shears, *place, starts, vertices, records)
+    pool.run(lambda _, counter: fill_copies(counter, *points, mesh.faces, culling, *rest))
 
 
 def check_memory_budget(copies: int, build_quality: str, budget_bytes: int | None, cell_count: int) -> None:
@@ -115,21 +144,22 @@ def check_needed_bytes(needed: int, budget_bytes: int | None, what: str, cure: s
             )
 
 
-def check_image_size(camera: Camera, row_stride: int) -> None:
-    """Raise InputError if the image has more pixels, rows `row_stride` apart, than a record can count."""
-    if camera.height * row_stride >= 2**31:
-        raise InputError(f"image {camera.width} x {camera.height} is too large, expected below 2^31 pixels")
+def check_image_size(rows: int, row_stride: int) -> None:
+    """Raise InputError if the output has more pixels, rows `row_stride` apart, than a record can count."""
+    if rows * row_stride >= 2**31:
+        raise InputError(f"an output of {rows} rows of {row_stride} pixels is too large, expected below 2^31 pixels")
 
 
-def project_vertices(mesh: Mesh, camera: Camera, pool: WorkerPool) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Vertices -> (V, 3) float64 (a, b, c) with pixel position (a / c, b / c) and depth c, and their eye space."""
-    right, down, forward = camera.axes
-    pitch = camera.pixel_pitch
-    to_pixels = np.stack(
-        [right / pitch + camera.width / 2 * forward, down / pitch + camera.height / 2 * forward, forward]
-    )
+def project_vertices(
+    mesh: Mesh, camera: View, pool: WorkerPool, linear: NDArray[np.float64] | None = None
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Vertices -> (V, 3) float64 (a, b, c) with pixel position (a / c, b / c), and their eye space, (V, 3) float64.
+
+    c is the depth, or 1 where rays are parallel. linear: (3, 3) float64, applied to the eye space (None: nothing).
+    """
+    linear = np.eye(3) if linear is None else linear
     shape = mesh.vertices.shape
-    points_pixels, points_eye = np.empty(shape), np.empty(shape)
-    eye = np.array(camera.eye)
-    pool.run(lambda _, counter: project_points(counter, mesh.vertices, eye, to_pixels, points_pixels, points_eye))
-    return points_pixels, points_eye
+    points_pixels, points_reference = np.empty(shape), np.empty(shape)
+    constants = np.array(camera.eye), camera.to_pixels, linear
+    pool.run(lambda _, counter: project_points(counter, mesh.vertices, *constants, points_pixels, points_reference))
+    return points_pixels, points_reference

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
-    from atra.camera import Camera
     from atra.mesh import Mesh
+    from atra.view import View
 
 MISS = np.uint32(0xFFFFFFFF)
 """`prim_id` of a ray that hits nothing."""
@@ -31,7 +31,7 @@ class Hits:
     prim_id: NDArray[np.uint32]
     offset: tuple[float, float]
     mesh: Mesh = field(repr=False)
-    camera: Camera = field(repr=False)
+    camera: View = field(repr=False)
 
     @property
     def hit(self) -> NDArray[np.bool_]:

@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.alignment import Alignment
-from atra.camera import Camera
 from atra.culling import EMBREE_BYTES_PER_COPY, AlignedGeometry, check_image_size, check_needed_bytes
 from atra.embree.scene import padded_vertices
 from atra.mesh import Mesh
@@ -21,39 +20,34 @@ quality. After it Embree reports 312 to 323."""
 
 def plan_instanced_geometry(
     mesh: Mesh,
-    camera: Camera,
     alignment: Alignment,
     *,
     row_stride: int,
     memory_budget_bytes: int | None = None,
     build_quality: str = "medium",
 ) -> AlignedGeometry:
-    """The mesh itself in eye space, and for every cell the shear onto the reference rays: nothing is left out.
+    """The mesh itself in the first camera's eye space, and for every part of the alignment a transform onto the
+    reference rays: nothing is left out.
 
-    Instance j nx + i is cell (i, j). row_stride: pixels from one image row to the next. Raises MemoryBudgetError before
-    allocating, InputError for an image with too many pixels.
+    Instances are in the order of `Alignment.parts`. row_stride: pixels from one image row to the next. Raises
+    MemoryBudgetError before allocating, InputError for an output with too many pixels.
     """
     split = alignment.split
-    check_image_size(camera, row_stride)
-    check_instancing_budget(mesh, split.cell_count, build_quality, memory_budget_bytes)
+    rows = split.height * alignment.image_count
+    check_image_size(rows, row_stride)
+    check_instancing_budget(mesh, split.cell_count * alignment.image_count, build_quality, memory_budget_bytes)
     vertices = padded_vertices(len(mesh.vertices))
-    vertices[:] = camera.to_eye_space(mesh.vertices)
-    pixels_y = np.arange(split.ny, dtype=np.int64) * split.cell_height * row_stride
+    vertices[:] = alignment.cameras[0].to_eye_space(mesh.vertices)
+    pixels_y = np.arange(0, rows, split.cell_height, dtype=np.int64) * row_stride
     pixels_x = np.arange(split.nx, dtype=np.int64) * split.cell_width
     records = (pixels_y[:, None] + pixels_x).reshape(-1) << 32
-    return AlignedGeometry(vertices, mesh.faces, records, shear_transforms(camera, alignment))
+    return AlignedGeometry(vertices, mesh.faces, records, instance_transforms(alignment))
 
 
-def shear_transforms(camera: Camera, alignment: Alignment) -> NDArray[np.float32]:
-    """(ny nx, 3, 4) float32, row-major affine transforms: the shear of cell (i, j) in eye space, at j nx + i.
-
-    x' = x - (shift_x[i] right + shift_y[j] down) (forward . x), which is `Alignment.shear_points` in the world's axes.
-    """
-    right, down, forward = camera.axes
-    shifts = np.outer(alignment.shift_y, down)[:, None] + np.outer(alignment.shift_x, right)
-    transforms = np.zeros((alignment.split.cell_count, 3, 4), np.float32)
-    transforms[:, :, :3] = np.eye(3) - shifts.reshape(-1, 3, 1) * forward
-    return transforms
+def instance_transforms(alignment: Alignment) -> NDArray[np.float32]:
+    """(parts, 3, 4) float32, row-major affine transforms: first camera's eye space -> the reference rays' space of each
+    part, in the order of `Alignment.parts`."""
+    return alignment.transforms_from(alignment.cameras[0].eye).reshape(-1, 3, 4).astype(np.float32)
 
 
 def check_instancing_budget(mesh: Mesh, instance_count: int, build_quality: str, budget_bytes: int | None) -> None:

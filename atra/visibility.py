@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.alignment import Alignment
-from atra.camera import Camera
 from atra.culling import AlignedGeometry, check_image_size, check_memory_budget, project_vertices
 from atra.embree.scene import padded_vertices
 from atra.kernels.visible import count_visible, fill_visible
@@ -57,7 +56,6 @@ class VisiblePlan:
 
 def plan_visible_geometry(
     mesh: Mesh,
-    camera: Camera,
     alignment: Alignment,
     tiles: Tiles,
     *,
@@ -70,12 +68,13 @@ def plan_visible_geometry(
 ) -> VisiblePlan:
     """Shear a copy of every triangle for the cells in which a probe says it may be seen.
 
+    alignment: of the cells of one image.
     seen: (F,) uint8, non-zero: keep the triangle in every cell it meets. seen_depth: shape of `tiles`, keep what may be
     nearer than this in a tile (inf: everything, 0: nothing). Both are guesses and cost time when wrong, never a hit.
     row_stride: pixels from one image row to the next. Raises MemoryBudgetError before allocating the copies.
     """
-    split = alignment.split
-    check_image_size(camera, row_stride)
+    split, (camera,) = alignment.split, alignment.cameras
+    check_image_size(split.height, row_stride)
     points_pixels, points_eye = project_vertices(mesh, camera, pool)
     with np.errstate(divide="ignore"):
         wanted = (1.0 - SEEN_SLACK) / seen_depth
@@ -111,12 +110,11 @@ def plan_visible_geometry(
     check_memory_budget(copies, build_quality, memory_budget_bytes, split.cell_count)
     vertices = padded_vertices(3 * copies)
     records = np.empty(copies, np.int64)
-    shears = (np.outer(alignment.shift_x, camera.axes[0]), np.outer(alignment.shift_y, camera.axes[1]))
 
     def fill(_: int, counter: int) -> None:
         fill_visible(
             counter, points_pixels, points_eye, mesh.faces, *raster, split.cell_width, split.cell_height,
-            first_cell, last_cell, *shears, row_stride, starts, vertices, records,
+            first_cell, last_cell, *alignment.shears, row_stride, starts, vertices, records,
         )  # fmt: skip
 
     pool.run(fill)

@@ -5,7 +5,7 @@ import atra
 from tests.meshes import EYE_AT_ORIGIN
 
 
-@pytest.mark.parametrize("place", [atra.Alignment.at_quarter, atra.Alignment.at_first_cell])
+@pytest.mark.parametrize("place", [atra.Alignment.of_cells, atra.Alignment.at_first_cell])
 @pytest.mark.parametrize("counts", [(1, 1), (4, 1), (1, 5), (3, 2), (12, 10)])
 def test_the_shear_maps_each_ray_of_a_cell_onto_a_reference_ray_and_keeps_its_depth(place, counts):
     camera = atra.Camera(**EYE_AT_ORIGIN, width=12, height=10, fov_y_degrees=70)
@@ -36,7 +36,7 @@ def test_the_papers_reference_leaves_the_first_cell_unsheared():
 def test_reference_rays_lie_a_quarter_from_the_centre_away_from_the_world_axis(turn, sign):
     # Turned to the right (towards +x) from -z: the axis -z is then left of the centre.
     camera = atra.Camera((0, 0, 0), (np.tan(np.radians(turn)), 0, -1), fov_y_degrees=60, width=120, height=100)
-    alignment = atra.Alignment.at_quarter(camera, atra.Split(10, 1, 120, 100))
+    alignment = atra.Alignment.of_cells(camera, atra.Split(10, 1, 120, 100))
     assert alignment.first_x_pixels == sign * 30
     assert alignment.first_y_pixels == -50
 
@@ -50,3 +50,98 @@ def test_reference_rays_lie_a_quarter_from_the_centre_away_from_the_world_axis(t
 def test_a_split_that_does_not_divide_the_image_is_refused_with_both_values(counts, message):
     with pytest.raises(atra.InputError, match=message):
         atra.Split(*counts, width=1920, height=1080)
+
+
+SIZE = {"width": 12, "height": 10}
+TURNED = atra.Camera((0.3, 0.2, -0.4), (1.0, 2.0, 3.0), (0.2, 1.0, 0.1), fov_y_degrees=50, **SIZE)
+MOVED = atra.Camera((3.3, -0.2, 1.4), (1.0, 2.5, -3.0), (0.1, 1.0, 0.4), fov_y_degrees=95, **SIZE)
+LEFT, RIGHT = (atra.Camera((x, 0, 0), (x, 0.5, 1), fov_y_degrees=70, **SIZE) for x in (0.0, 0.06))
+FLAT = atra.OrthographicCamera((0.3, 0.2, -0.4), (1.0, 2.0, 3.0), (0.2, 1.0, 0.1), 7.0, **SIZE)
+FLAT_MOVED = atra.OrthographicCamera((5.3, 1.2, 0.4), (1.0, -2.0, 3.0), (0.2, 1.0, 0.1), 2.0, **SIZE)
+ALIGNMENTS = {
+    "cells": lambda split: atra.Alignment.of_cells(TURNED, split),
+    "eyes": lambda split: atra.Alignment.of_eyes(LEFT, RIGHT, split),
+    "frames": lambda split: atra.Alignment.of_frames([TURNED, MOVED, LEFT], split),
+    "parallel rays": lambda split: atra.Alignment.of_parallel_rays(FLAT, split),
+    "frames of parallel rays": lambda split: atra.Alignment.of_frames([FLAT, FLAT_MOVED], split),
+}
+
+
+@pytest.mark.parametrize("counts", [(1, 1), (4, 1), (3, 2), (12, 10)])
+@pytest.mark.parametrize("kind", ALIGNMENTS)
+def test_every_part_carries_its_rays_one_to_one_onto_the_reference_rays_and_keeps_their_parameter(kind, counts):
+    split = atra.Split(*counts, **SIZE)
+    alignment = ALIGNMENTS[kind](split)
+    columns, rows = (grid.ravel() for grid in np.meshgrid(np.arange(split.cell_width), np.arange(split.cell_height)))
+    reference = None
+    parts = list(alignment.parts())
+    assert len(parts) == alignment.image_count * split.cell_count
+    for part in parts:
+        camera = alignment.cameras[part.image]
+        t = np.linspace(0.1, 100, columns.size)[:, None]
+        origins, directions = camera.rays(columns + part.first_x, rows + part.first_y, (0.3, 0.8))
+        points = (origins + t * directions) @ camera.axes + camera.eye
+        carried = points @ part.transform[:, :3].T + part.transform[:, 3]
+        reference = carried if reference is None else reference
+        np.testing.assert_allclose(carried, reference, rtol=0, atol=1e-10)
+    first = alignment.cameras[0]
+    reference_x = (reference @ first.axes.T)[:, 0] / (1 if first.is_parallel else t[:, 0]) / first.pixel_pitch
+    np.testing.assert_allclose(reference_x, alignment.first_x_pixels + columns + 0.3, atol=1e-9)
+
+
+@pytest.mark.parametrize("image", [0, 1])
+def test_a_map_that_does_not_carry_the_rays_onto_each_other_is_refused_naming_a_ray(image):
+    good = atra.Alignment.of_frames([TURNED, MOVED], atra.Split(4, 1, **SIZE))
+    linear = good.linear.copy()
+    linear[image, 0, 1] += 1e-4
+    place = good.first_x_pixels, good.first_y_pixels, good.shift_x, good.shift_y
+    with pytest.raises(atra.InputError, match=rf"image {image}: .* ray of pixel \(0, 0\) .* §3.3"):
+        atra.Alignment(good.cameras, good.split, linear, *place)
+    atra.Alignment(good.cameras, good.split, good.linear, *place)
+
+
+def test_a_map_that_changes_the_ray_parameter_is_refused():
+    good = atra.Alignment.of_cells(TURNED, atra.Split(4, 1, **SIZE))
+    place = good.first_x_pixels, good.first_y_pixels, good.shift_x, good.shift_y
+    with pytest.raises(atra.InputError, match="parameter kept"):
+        atra.Alignment(good.cameras, good.split, 2 * good.linear, *place)
+
+
+@pytest.mark.parametrize("axis", ["x", "y"])
+def test_a_shift_that_misses_the_reference_rays_is_refused_naming_the_pixels(axis):
+    good = atra.Alignment.of_cells(TURNED, atra.Split(4, 5, **SIZE))
+    shifts = {"x": good.shift_x.copy(), "y": good.shift_y.copy()}
+    shifts[axis][2] *= 1.01
+    first = {"x": 6, "y": 4}[axis]
+    with pytest.raises(atra.InputError, match=rf"shift_{axis}\[2\].*pixels with {axis} = {first} "):
+        atra.Alignment(
+            good.cameras, good.split, good.linear, good.first_x_pixels, good.first_y_pixels, shifts["x"], shifts["y"]
+        )
+
+
+def test_frames_with_another_number_of_pixels_are_refused_with_the_reason():
+    wide = atra.Camera((0, 0, 0), (0, 0, 1), width=13, height=10)
+    with pytest.raises(atra.InputError, match=r"frame 1 has 13 x 10 pixels, frame 0 has 12 x 10; .* no affine map"):
+        atra.Alignment.of_frames([TURNED, wide], atra.Split(4, 1, **SIZE))
+
+
+def test_frames_of_both_kinds_of_camera_are_refused_with_the_reason():
+    with pytest.raises(atra.InputError, match="frame 1 is a OrthographicCamera, frame 0 a Camera; no affine map"):
+        atra.Alignment.of_frames([TURNED, FLAT], atra.Split(4, 1, **SIZE))
+
+
+def test_eyes_that_look_in_different_directions_are_refused():
+    with pytest.raises(atra.InputError, match=r"use Alignment\.of_frames"):
+        atra.Alignment.of_eyes(LEFT, TURNED, atra.Split(4, 1, **SIZE))
+
+
+def test_the_second_eye_is_a_translation():
+    alignment = atra.Alignment.of_eyes(LEFT, RIGHT, atra.Split(1, 1, **SIZE))
+    np.testing.assert_array_equal(alignment.linear, [np.eye(3)] * 2)
+    left, right = alignment.parts()
+    np.testing.assert_allclose(left.transform - right.transform, [[0, 0, 0, 0.06], [0] * 4, [0] * 4], atol=1e-15)
+
+
+def test_parallel_rays_are_asked_for_by_name():
+    with pytest.raises(atra.InputError, match="not parallel"):
+        atra.Alignment.of_parallel_rays(TURNED, atra.Split(1, 1, **SIZE))

@@ -13,11 +13,9 @@ HIGH = np.int64(32)
 
 
 def plan(mesh, camera, counts, culling=True, threads=1, **options):
-    alignment = atra.Alignment.at_quarter(camera, atra.Split(*counts, camera.width, camera.height))
+    alignment = atra.Alignment.of_cells(camera, atra.Split(*counts, camera.width, camera.height))
     pool = WorkerPool(threads)
-    geometry = plan_aligned_geometry(
-        mesh, camera, alignment, culling=culling, row_stride=camera.width, pool=pool, **options
-    )
+    geometry = plan_aligned_geometry([mesh], alignment, culling=culling, row_stride=camera.width, pool=pool, **options)
     pool.close()
     return alignment, geometry
 

@@ -7,7 +7,7 @@ import atra
 from atra.alignment import Alignment
 from atra.embree.library import load_library
 from atra.embree.scene import EmbreeScene
-from atra.instancing import shear_transforms
+from atra.instancing import instance_transforms
 from atra.kernels.callbacks import memory_monitor
 from atra.reference import brute_force
 from tests.meshes import EYE_AT_ORIGIN, cornell_box, cornell_camera, quads, random_triangles
@@ -47,9 +47,9 @@ def instanced_tracer(**options):
 def test_the_transform_of_an_instance_is_the_shear_of_its_cell():
     camera = atra.Camera(**SLANTED, width=24, height=12)
     split = atra.Split(4, 3, 24, 12)
-    alignment = Alignment.at_quarter(camera, split)
+    alignment = Alignment.of_cells(camera, split)
     points = np.random.default_rng(0).normal(size=(5, 3))
-    transforms = shear_transforms(camera, alignment)
+    transforms = instance_transforms(alignment)
     assert np.all(transforms[:, :, 3] == 0.0)
     for j in range(3):
         for i in range(4):

@@ -113,7 +113,7 @@ def test_no_ray_meets_a_copy_left_out_before_the_depth_of_its_tile(seed, counts,
     split = atra.Split(*counts, camera.width, camera.height)
     tiles, pool = Tiles(4, 4, camera.width, camera.height), WorkerPool(1)
     plan = plan_visible_geometry(
-        mesh, camera, atra.Alignment.at_quarter(camera, split), tiles, seen=np.zeros(40, np.uint8),
+        mesh, atra.Alignment.of_cells(camera, split), tiles, seen=np.zeros(40, np.uint8),
         seen_depth=np.random.default_rng(seed).choice([0.0, 0.0, 0.0, 1.0], tiles.shape), row_stride=24, pool=pool,
     )  # fmt: skip
     assert np.isfinite(plan.nearest_hidden).any()

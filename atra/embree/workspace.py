@@ -2,23 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from atra.embree import layout
 from atra.embree.layout import IntersectArguments, RayQueryContext
 
-_CONSTANT_RAY_FIELDS = (layout.RAY_ORG_X, layout.RAY_ORG_Y, layout.RAY_ORG_Z, layout.RAY_TNEAR, layout.RAY_TIME)
+_ZERO_RAY_FIELDS = (layout.RAY_ORG_X, layout.RAY_ORG_Y, layout.RAY_ORG_Z, layout.RAY_TNEAR, layout.RAY_TIME)
+_DIRECTION_FIELDS = (layout.RAY_DIR_X, layout.RAY_DIR_Y, layout.RAY_DIR_Z)
 
 
 class Workspace:
-    """One thread's query memory for packets of `width` rays that start at the eye.
+    """One thread's query memory for packets of `width` rays that start at the eye, or share a direction.
 
+    direction: three numbers, the direction that rays share; None: they share their origin, which is zero.
     packet, packet_ids: the same RTCRayHitK as float32 and uint32 words; the constant fields are set here, once.
     all_lanes, valid: (K,) int32 lane masks, the first with every lane active.
     context: int64 words of `RayQueryContext`. arguments_address: RTCIntersectArguments.
     """
 
-    def __init__(self, width: int, *, coherent: bool) -> None:
+    def __init__(self, width: int, *, coherent: bool, direction: Sequence[float] | None = None) -> None:
         packet_bytes = layout.packet_words(width) * 4
         sizes = (packet_bytes, width * 4, width * 4, layout.CONTEXT_BYTES, layout.ARGUMENTS_BYTES)
         packet, all_lanes, valid, context, arguments = (_aligned_bytes(size) for size in sizes)
@@ -30,8 +34,10 @@ class Workspace:
         self._arguments = arguments  # kept alive: its address is what travels
         self.arguments_address = arguments.ctypes.data
 
-        for field in _CONSTANT_RAY_FIELDS:
+        for field in _ZERO_RAY_FIELDS:
             self._lanes(self.packet, field, width)[:] = 0.0
+        for field, value in zip(_DIRECTION_FIELDS, direction or (), strict=False):
+            self._lanes(self.packet, field, width)[:] = value
         self._lanes(self.packet_ids, layout.RAY_MASK, width)[:] = layout.INVALID_ID
         self._lanes(self.packet_ids, layout.RAY_ID, width)[:] = 0
         self._lanes(self.packet_ids, layout.RAY_FLAGS, width)[:] = 0

@@ -26,17 +26,21 @@ _POLYGON = 8  # a triangle clipped by three planes has at most six corners
 
 
 @njit(nogil=True, cache=True)
-def project_points(counter_address, vertices, eye, to_pixels, points_pixels, points_eye):  # type: ignore[no-untyped-def]
-    """World points (V, 3) float32 -> eye space and, by the (3, 3) matrix, homogeneous pixels, both (V, 3) float64."""
+def project_points(counter_address, vertices, eye, to_pixels, linear, points_pixels, points_reference):  # type: ignore[no-untyped-def]
+    """World points (V, 3) float32 -> homogeneous pixels and reference space, both (V, 3) float64.
+
+    to_pixels: (3, 4) float64, of homogeneous eye space. linear: (3, 3) float64, eye space -> reference space.
+    """
     while True:
         start = fetch_add(counter_address, 1) * CHUNK
         if start >= len(vertices):
             return
         for point in range(start, min(start + CHUNK, len(vertices))):
             x, y, z = vertices[point, 0] - eye[0], vertices[point, 1] - eye[1], vertices[point, 2] - eye[2]
-            points_eye[point, 0], points_eye[point, 1], points_eye[point, 2] = x, y, z
             for axis in range(3):
-                points_pixels[point, axis] = to_pixels[axis, 0] * x + to_pixels[axis, 1] * y + to_pixels[axis, 2] * z
+                projected = to_pixels[axis, 0] * x + to_pixels[axis, 1] * y + to_pixels[axis, 2] * z
+                points_pixels[point, axis] = projected + to_pixels[axis, 3]
+                points_reference[point, axis] = linear[axis, 0] * x + linear[axis, 1] * y + linear[axis, 2] * z
 
 
 @njit(inline="always")
@@ -156,25 +160,26 @@ def count_copies(counter_address, points_pixels, faces, nx, ny, cell_width, cell
 
 
 @njit(inline="always")
-def write_copy(points_pixels, points_eye, faces, triangle, shears_x, shears_y, i, j, copy, vertices):  # type: ignore[no-untyped-def]
+def write_copy(points_pixels, points_reference, faces, triangle, shears_x, shears_y, i, j, copy, vertices):  # type: ignore[no-untyped-def]
     """The three corners of a triangle, sheared for cell (i, j), into `vertices` (3 N, 3) at place `copy`."""
     for corner in range(3):
         vertex = faces[triangle, corner]
         depth = points_pixels[vertex, 2]
         for axis in range(3):
             shear = (shears_x[i, axis] + shears_y[j, axis]) * depth
-            vertices[3 * copy + corner, axis] = points_eye[vertex, axis] - shear
+            vertices[3 * copy + corner, axis] = points_reference[vertex, axis] - shear
 
 
 @njit(nogil=True, cache=True)
 def fill_copies(  # type: ignore[no-untyped-def]
-    counter_address, points_pixels, points_eye, faces, culling, nx, ny, cell_width, cell_height,
-    shears_x, shears_y, row_stride, starts, vertices, records,
+    counter_address, points_pixels, points_reference, faces, culling, nx, ny, cell_width, cell_height,
+    shears_x, shears_y, first_pixel, row_stride, starts, vertices, records,
 ):  # fmt: skip
     """Write the sheared copies of each triangle from starts[t] on.
 
-    points_eye: (V, 3) float64. shears_x: (nx, 3), shears_y: (ny, 3) float64, what a column or row of cells takes off a
-    point per unit of depth.
+    points_reference: (V, 3) float64. shears_x: (nx, 3), shears_y: (ny, 3) float64, what a column or row of cells takes
+    off a point per unit of c, which is the depth, or 1 where rays are parallel. first_pixel: of the image, from the
+    start of the output.
     vertices: (3 N, 3) float32; records: (N,) int64, the copy's prim_id in the low half and the distance in pixels from
     the reference cell's pixel to the cell's in the high half.
     """
@@ -205,6 +210,9 @@ def fill_copies(  # type: ignore[no-untyped-def]
                         polygon, corners, j, cell_width, cell_height, nx, y_low, y_high, tiny, first, second
                     )
                 for i in range(left, right + 1):
-                    write_copy(points_pixels, points_eye, faces, triangle, shears_x, shears_y, i, j, copy, vertices)
-                    records[copy] = triangle | ((j * cell_height * row_stride + i * cell_width) << 32)
+                    write_copy(
+                        points_pixels, points_reference, faces, triangle, shears_x, shears_y, i, j, copy, vertices
+                    )
+                    pixels = first_pixel + j * cell_height * row_stride + i * cell_width
+                    records[copy] = triangle | (pixels << 32)
                     copy += 1

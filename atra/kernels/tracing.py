@@ -13,8 +13,7 @@ from atra.embree.layout import (
     HIT_GEOM_ID,
     HIT_PRIM_ID,
     RAY_DIR_X,
-    RAY_DIR_Y,
-    RAY_DIR_Z,
+    RAY_ORG_X,
     RAY_TFAR,
     RAY_WORDS,
     RayQueryContext,
@@ -49,25 +48,35 @@ def _intersect(width, valid_address, scene, packet_address, arguments_address): 
         _intersect16(valid_address, scene, packet_address, arguments_address)
 
 
+def _varying_fields(width: int, parallel: bool) -> tuple[int, int, int]:
+    """Words of a packet from which on stand the x, y and z that differ from ray to ray: direction, or origin."""
+    first = RAY_ORG_X if parallel else RAY_DIR_X
+    return first * width, (first + 1) * width, (first + 2) * width
+
+
 @cache
-def pixel_kernel(shape_x: int, shape_y: int) -> Callable[..., None]:
-    """The per-pixel loop for packets of shape_x x shape_y pixels; the shape is a constant of the compiled code."""
+def pixel_kernel(shape_x: int, shape_y: int, parallel: bool = False) -> Callable[..., None]:
+    """The per-pixel loop for packets of shape_x x shape_y pixels; the shape is a constant of the compiled code.
+
+    parallel: rays differ in their origin, and share the direction that stands in the packet, instead of the reverse.
+    """
     width = shape_x * shape_y
-    dir_x, dir_y, dir_z, tfar = RAY_DIR_X * width, RAY_DIR_Y * width, RAY_DIR_Z * width, RAY_TFAR * width
+    ray_x, ray_y, ray_z = _varying_fields(width, parallel)
+    tfar = RAY_TFAR * width
     hit_prim_id, hit_geom_id = (RAY_WORDS + HIT_PRIM_ID) * width, (RAY_WORDS + HIT_GEOM_ID) * width
     stamp = SOURCE_STAMP
 
     @njit(nogil=True, cache=True)
     def trace_pixels(  # type: ignore[no-untyped-def]
         counter_address, scene, packet, packet_ids, all_lanes, valid, arguments_address,
-        column_directions, row_directions, image_width, height, depth, prim_id,
+        column_rays, row_rays, image_width, height, depth, prim_id,
     ):  # fmt: skip
         """Trace every pixel of an image, tile by tile, until the shared counter runs past the last tile.
 
         packet, packet_ids: one RTCRayHitK as (words,) float32 and uint32 views of the same memory, its constant fields
-        (origin, tnear, mask, flags, inst_id) already set; all_lanes, valid: (K,) int32 masks, all_lanes all active.
-        column_directions: (3, >= W) and row_directions: (3, >= H) float32, filled up to whole packets; a pixel's
-        direction is the sum of its column's and its row's.
+        (origin or direction, tnear, mask, flags, inst_id) already set; all_lanes, valid: (K,) int32 masks, all_lanes
+        all active. column_rays: (3, >= W) and row_rays: (3, >= H) float32, filled up to whole packets; a pixel's
+        direction (or origin) is the sum of its column's and its row's.
         depth, prim_id: (H, W) outputs, written completely.
         """
         stamp  # noqa: B018, in the closure, so that the cache knows of it
@@ -86,9 +95,9 @@ def pixel_kernel(shape_x: int, shape_y: int) -> Callable[..., None]:
                     for row in range(shape_y):
                         for column in range(shape_x):
                             lane = row * shape_x + column
-                            packet[dir_x + lane] = column_directions[0, x0 + column] + row_directions[0, y0 + row]
-                            packet[dir_y + lane] = column_directions[1, x0 + column] + row_directions[1, y0 + row]
-                            packet[dir_z + lane] = column_directions[2, x0 + column] + row_directions[2, y0 + row]
+                            packet[ray_x + lane] = column_rays[0, x0 + column] + row_rays[0, y0 + row]
+                            packet[ray_y + lane] = column_rays[1, x0 + column] + row_rays[1, y0 + row]
+                            packet[ray_z + lane] = column_rays[2, x0 + column] + row_rays[2, y0 + row]
                     for lane in range(width):
                         packet[tfar + lane] = _INFINITY
                         packet_ids[hit_prim_id + lane] = _MISS
@@ -114,27 +123,32 @@ def pixel_kernel(shape_x: int, shape_y: int) -> Callable[..., None]:
 
 
 @cache
-def aligned_kernel(shape_x: int, shape_y: int) -> Callable[..., None]:
-    """The aligned loop for packets of shape_x x shape_y pixels; the shape is a constant of the compiled code."""
+def aligned_kernel(shape_x: int, shape_y: int, parallel: bool = False) -> Callable[..., None]:
+    """The aligned loop for packets of shape_x x shape_y pixels; the shape is a constant of the compiled code.
+
+    parallel: as for `pixel_kernel`.
+    """
     width = shape_x * shape_y
-    dir_x, dir_y, dir_z, tfar = RAY_DIR_X * width, RAY_DIR_Y * width, RAY_DIR_Z * width, RAY_TFAR * width
+    ray_x, ray_y, ray_z = _varying_fields(width, parallel)
+    tfar = RAY_TFAR * width
     stamp = SOURCE_STAMP
 
     @njit(nogil=True, cache=True)
     def trace_aligned(  # type: ignore[no-untyped-def]
-        counter_address, scene, packet, valid, context, arguments_address, column_directions, row_directions,
-        cell_rows, depth, prim_id,
+        counter_address, scene, packet, valid, context, arguments_address, column_rays, row_rays, cell_rows, depth,
+        prim_id,
     ):  # fmt: skip
         """Trace the reference cell; the filter writes the pixels of all cells straight into the image.
 
         Packet and outputs as in `trace_pixels`; context: (words,) int64 view of the extended RTCRayQueryContext.
-        column_directions: (3, cell width) and row_directions: (3, cell height) float32, the reference rays.
+        column_rays: (3, cell width) and row_rays: (3, cell height) float32, the reference rays. cell_rows: rows of
+        cells, those of all images.
         A task is `shape_y` rows of the reference cell, and with them the same rows of every row of cells: no two tasks
         write to the same image row. A packet may reach past the right border of its cell (its spare lanes are inactive
         and rewrite what is there), never past its rows; memory has room for that between the rows of depth and prim_id.
         """
         stamp  # noqa: B018, in the closure, so that the cache knows of it
-        cell_height, cell_width = row_directions.shape[1], column_directions.shape[1]
+        cell_height, cell_width = row_rays.shape[1], column_rays.shape[1]
         packet_address, valid_address = packet.ctypes.data, valid.ctypes.data
         row_bytes = depth.strides[0]
         while True:
@@ -151,9 +165,9 @@ def aligned_kernel(shape_x: int, shape_y: int) -> Callable[..., None]:
                     for column in range(shape_x):
                         lane = row * shape_x + column
                         x = x0 + min(column, columns - 1)
-                        packet[dir_x + lane] = column_directions[0, x] + row_directions[0, y0 + row]
-                        packet[dir_y + lane] = column_directions[1, x] + row_directions[1, y0 + row]
-                        packet[dir_z + lane] = column_directions[2, x] + row_directions[2, y0 + row]
+                        packet[ray_x + lane] = column_rays[0, x] + row_rays[0, y0 + row]
+                        packet[ray_y + lane] = column_rays[1, x] + row_rays[1, y0 + row]
+                        packet[ray_z + lane] = column_rays[2, x] + row_rays[2, y0 + row]
                         valid[lane] = -1 if column < columns else 0
                 for lane in range(width):
                     packet[tfar + lane] = _INFINITY

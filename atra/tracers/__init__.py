@@ -1,10 +1,18 @@
 """Tracers: mesh and camera in, hits out. One protocol, so that harness and comparison know only `Tracer`."""
 
-from atra.tracers.aligned import AlignedTracer
+from atra.tracers.aligned import AlignedTracer, FramesTracer
 from atra.tracers.base import Tracer
 from atra.tracers.pixel import PixelTracer
 from atra.tracers.reference_rays import choose_packet_shape
 from atra.tracers.tiles import TiledTracer
 from atra.tracers.visible_first import VisibleFirstTracer
 
-__all__ = ["AlignedTracer", "PixelTracer", "TiledTracer", "Tracer", "VisibleFirstTracer", "choose_packet_shape"]
+__all__ = [
+    "AlignedTracer",
+    "FramesTracer",
+    "PixelTracer",
+    "TiledTracer",
+    "Tracer",
+    "VisibleFirstTracer",
+    "choose_packet_shape",
+]

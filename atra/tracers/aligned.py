@@ -2,21 +2,82 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
+import numpy as np
 from numpy.typing import NDArray
 
-from atra.camera import Camera
+from atra.alignment import Alignment, Split
 from atra.culling import AlignedGeometry, check_memory_budget, plan_aligned_geometry
 from atra.errors import InputError
+from atra.frames import Frames
 from atra.instancing import check_instancing_budget, plan_instanced_geometry
 from atra.kernels.callbacks import nearest_hit_filter
 from atra.mesh import Mesh
+from atra.tracers.base import ImageTracer
 from atra.tracers.reference_rays import ReferenceRayTracer
+from atra.view import View
 
 GEOMETRIES = ("copied", "instanced")
 """How the cells' sheared geometry comes into the scene."""
 
 
-class AlignedTracer(ReferenceRayTracer):
+class _AlignedImages(ReferenceRayTracer):
+    """All images of an alignment at once; `AlignedTracer` and `FramesTracer` are its two faces."""
+
+    def __init__(
+        self,
+        meshes: tuple[Mesh, ...],
+        alignment: Alignment,
+        *,
+        culling: bool,
+        geometry: str,
+        packet_width: int | None,
+        packet_rows: int | None,
+        threads: int | None,
+        build_quality: str,
+        memory_budget_bytes: int | None,
+    ) -> None:
+        _check_geometry(geometry, culling, meshes)
+        self.meshes = meshes
+        self.culling = culling
+        self.geometry = geometry
+        self.memory_budget_bytes = memory_budget_bytes
+        super().__init__(meshes[0], alignment, packet_width, packet_rows, threads, build_quality)
+        cells = self.split.cell_count
+        if geometry == "instanced":
+            check_instancing_budget(meshes[0], cells * len(meshes), build_quality, memory_budget_bytes)
+        elif not culling:
+            copies = sum(mesh.triangle_count for mesh in meshes) * cells
+            check_memory_budget(copies, build_quality, memory_budget_bytes, cells * len(meshes))
+
+    def _plan_geometry(self) -> AlignedGeometry:
+        if self.geometry == "instanced":
+            return plan_instanced_geometry(
+                self.mesh,
+                self.alignment,
+                row_stride=self._row_stride,
+                memory_budget_bytes=self.memory_budget_bytes,
+                build_quality=self.build_quality,
+            )
+        return plan_aligned_geometry(
+            self.meshes,
+            self.alignment,
+            culling=self.culling,
+            row_stride=self._row_stride,
+            pool=self._pool,
+            memory_budget_bytes=self.memory_budget_bytes,
+            build_quality=self.build_quality,
+        )
+
+    def _filter_address(self) -> int:
+        return nearest_hit_filter(*self.packet_shape, self.geometry == "instanced")
+
+    def _run(self, offset: tuple[float, float], depth: NDArray, prim_id: NDArray) -> None:
+        self._trace_reference_rays(offset, depth, prim_id)
+
+
+class AlignedTracer(_AlignedImages, ImageTracer):
     """Affine-transformed ray alignment: shoot the reference cell's rays, read the nearest hit of every cell.
 
     split: (nx, ny) cells; nx must divide the width, ny the height. culling: keep of each cell's copy only what its
@@ -34,7 +95,7 @@ class AlignedTracer(ReferenceRayTracer):
     def __init__(
         self,
         mesh: Mesh,
-        camera: Camera,
+        camera: View,
         split: tuple[int, int],
         culling: bool = True,
         geometry: str = "copied",
@@ -44,46 +105,96 @@ class AlignedTracer(ReferenceRayTracer):
         memory_budget_bytes: int | None = None,
         packet_rows: int | None = None,
     ) -> None:
-        if geometry not in GEOMETRIES:
-            raise InputError(f"geometry is {geometry!r}, expected one of {', '.join(GEOMETRIES)}")
-        if geometry == "instanced" and culling:
-            raise InputError(
-                "geometry is 'instanced' and culling is on, but an instance is all of the mesh or nothing; "
-                "set culling=False"
-            )
-        self.culling = culling
-        self.geometry = geometry
-        self.memory_budget_bytes = memory_budget_bytes
-        super().__init__(mesh, camera, split, packet_width, packet_rows, threads, build_quality)
-        if geometry == "instanced":
-            check_instancing_budget(mesh, self.split.cell_count, build_quality, memory_budget_bytes)
-        elif not culling:
-            copies = mesh.triangle_count * self.split.cell_count
-            check_memory_budget(copies, build_quality, memory_budget_bytes, self.split.cell_count)
-
-    def _plan_geometry(self) -> AlignedGeometry:
-        if self.geometry == "instanced":
-            return plan_instanced_geometry(
-                self.mesh,
-                self.camera,
-                self.alignment,
-                row_stride=self._row_stride,
-                memory_budget_bytes=self.memory_budget_bytes,
-                build_quality=self.build_quality,
-            )
-        return plan_aligned_geometry(
-            self.mesh,
-            self.camera,
-            self.alignment,
-            culling=self.culling,
-            row_stride=self._row_stride,
-            pool=self._pool,
-            memory_budget_bytes=self.memory_budget_bytes,
-            build_quality=self.build_quality,
+        super().__init__(
+            (mesh,),
+            Alignment.of_cells(camera, Split(*split, width=camera.width, height=camera.height)),
+            culling=culling,
+            geometry=geometry,
+            packet_width=packet_width,
+            packet_rows=packet_rows,
+            threads=threads,
+            build_quality=build_quality,
+            memory_budget_bytes=memory_budget_bytes,
         )
 
-    def _filter_address(self) -> int:
-        return nearest_hit_filter(*self.packet_shape, self.geometry == "instanced")
 
-    def _run(self, offset: tuple[float, float], depth: NDArray, prim_id: NDArray) -> None:
-        self._trace_reference_rays(offset, depth, prim_id)
+class FramesTracer(_AlignedImages):
+    """Several images from one set of rays: two eyes, or frames of a moving camera, each with its own cells.
+
+    meshes: one for all frames, or one per frame, so that geometry may move, too. alignment: `Alignment.of_eyes`,
+    `Alignment.of_frames`, or any other. Other arguments as for `AlignedTracer`; instances need one mesh for all frames.
+    Raises InputError for another number of meshes than frames, and as `AlignedTracer` does.
+    Source: paper §6, Fig. 8.
+    """
+
+    def __init__(
+        self,
+        meshes: Mesh | Sequence[Mesh],
+        alignment: Alignment,
+        culling: bool = True,
+        geometry: str = "copied",
+        packet_width: int | None = None,
+        threads: int | None = None,
+        build_quality: str = "medium",
+        memory_budget_bytes: int | None = None,
+        packet_rows: int | None = None,
+    ) -> None:
+        of_frames = (meshes,) * alignment.image_count if isinstance(meshes, Mesh) else tuple(meshes)
+        if len(of_frames) != alignment.image_count:
+            raise InputError(
+                f"{len(of_frames)} meshes for {alignment.image_count} frames; expected one for each, or one for all"
+            )
+        super().__init__(
+            of_frames,
+            alignment,
+            culling=culling,
+            geometry=geometry,
+            packet_width=packet_width,
+            packet_rows=packet_rows,
+            threads=threads,
+            build_quality=build_quality,
+            memory_budget_bytes=memory_budget_bytes,
+        )
+
+    def trace(self, offset: tuple[float, float] = (0.5, 0.5), out: Frames | None = None) -> Frames:
+        """Trace all frames; all rays go through sub-pixel position `offset` of their pixels, in [0, 1) x [0, 1).
+
+        out: an earlier result of this tracer whose arrays are to be overwritten.
+        Raises InputError and EmbreeError as `AlignedTracer.trace` does.
+        """
+        cameras, height, width = self.alignment.cameras, self.camera.height, self.camera.width
+        rows = len(cameras) * height
+        images = None if out is None else (_stacked(out.depth), _stacked(out.prim_id))
+        depth, prim_id = self._trace_rows(offset, rows, images)
+        shape = (len(cameras), height, width)
+        return Frames(_unstacked(depth, shape), _unstacked(prim_id, shape), offset, self.meshes, cameras)
+
+
+def _check_geometry(geometry: str, culling: bool, meshes: tuple[Mesh, ...]) -> None:
+    if geometry not in GEOMETRIES:
+        raise InputError(f"geometry is {geometry!r}, expected one of {', '.join(GEOMETRIES)}")
+    if geometry == "instanced" and culling:
+        raise InputError(
+            "geometry is 'instanced' and culling is on, but an instance is all of the mesh or nothing; "
+            "set culling=False"
+        )
+    if geometry == "instanced" and any(mesh is not meshes[0] for mesh in meshes):
+        raise InputError(
+            "geometry is 'instanced' and the frames have meshes of their own, but instances show one mesh; "
+            "use geometry='copied'"
+        )
+
+
+def _unstacked(images: NDArray, shape: tuple[int, int, int]) -> NDArray:
+    """(K H, W), one image below the other -> (K, H, W), the same memory."""
+    row_bytes, pixel_bytes = images.strides
+    return np.lib.stride_tricks.as_strided(images, shape, (shape[1] * row_bytes, row_bytes, pixel_bytes))
+
+
+def _stacked(images: NDArray) -> NDArray:
+    """The reverse of `_unstacked`; arrays that are not its result come back with strides that do not fit."""
+    count, height, width = images.shape
+    image_bytes, row_bytes, pixel_bytes = images.strides
+    if image_bytes != height * row_bytes:
+        raise InputError("out has images that do not follow each other in memory: pass a result of this tracer")
+    return np.lib.stride_tricks.as_strided(images, (count * height, width), (row_bytes, pixel_bytes))

@@ -11,7 +11,6 @@ from typing import Protocol, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.camera import Camera, check_offset
 from atra.culling import AlignedGeometry
 from atra.embree.device import EmbreeDevice
 from atra.embree.scene import EmbreeScene, check_build_quality, resolve_packet_width
@@ -21,6 +20,7 @@ from atra.hits import Hits
 from atra.kernels.callbacks import memory_monitor
 from atra.mesh import Mesh
 from atra.parallel import WorkerPool, resolve_threads
+from atra.view import View, check_offset
 
 
 class Tracer(Protocol):
@@ -32,7 +32,7 @@ class Tracer(Protocol):
     """
 
     mesh: Mesh
-    camera: Camera
+    camera: View
     packet_width: int
     threads: int
     plan_time_s: float
@@ -60,10 +60,10 @@ class Tracer(Protocol):
 
 
 class EmbreeTracer(ABC):
-    """Lifetime, timing and buffers that the tracers share."""
+    """Lifetime, timing and buffers that the tracers share; `camera` is that of the rays shot."""
 
     def __init__(
-        self, mesh: Mesh, camera: Camera, packet_width: int | None, threads: int | None, build_quality: str
+        self, mesh: Mesh, camera: View, packet_width: int | None, threads: int | None, build_quality: str
     ) -> None:
         check_build_quality(build_quality)
         self.mesh = mesh
@@ -74,7 +74,10 @@ class EmbreeTracer(ABC):
         self.plan_time_s = 0.0
         self.build_time_s = 0.0
         self._pool = WorkerPool(self.threads)
-        self._workspaces = [Workspace(self.packet_width, coherent=True) for _ in range(self.threads)]
+        direction = camera.axes[2].tolist() if camera.is_parallel else None
+        self._workspaces = [
+            Workspace(self.packet_width, coherent=True, direction=direction) for _ in range(self.threads)
+        ]
         self._lock = threading.Lock()  # one frame at a time: frames share the workspaces
         self._geometry: AlignedGeometry | None = None
         self._scene: EmbreeDevice | None = None
@@ -134,11 +137,11 @@ class EmbreeTracer(ABC):
         assert isinstance(self._scene, EmbreeScene)
         return self._scene.address
 
-    def trace(self, offset: tuple[float, float] = (0.5, 0.5), out: Hits | None = None) -> Hits:
-        """Trace one frame; all rays go through sub-pixel position `offset` of their pixels, in [0, 1) x [0, 1).
+    def _trace_rows(
+        self, offset: tuple[float, float], rows: int, out: tuple[NDArray[np.float32], NDArray[np.uint32]] | None
+    ) -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
+        """Trace images of so many rows in all, one below the other; returns depth and prim_id, (rows, W) each.
 
-        out: an earlier result of this tracer whose arrays are to be overwritten, which saves allocating an image; it
-        must not be read any more.
         Raises InputError for an offset outside the pixel or an `out` that does not fit, EmbreeError when the tracer is
         not built or already closed.
         """
@@ -148,27 +151,29 @@ class EmbreeTracer(ABC):
                 raise EmbreeError("this tracer is closed and cannot trace any more; make a new one")
             if self._scene is None:
                 raise EmbreeError("this tracer is not built yet; use it in a `with` block or call build() first")
-            depth, prim_id = self._outputs(out)
+            depth, prim_id = self._outputs(rows, out)
             for workspace in self._workspaces:
                 workspace.set_row_bytes(depth.strides[0])
             self._run(offset, depth, prim_id)
             wrong = next((w.wrong_width for w in self._workspaces if w.wrong_width), 0)
         if wrong:
             raise EmbreeError(f"Embree handed the filter {wrong} rays instead of {self.packet_width}; hits were lost")
-        return Hits(depth, prim_id, offset, self.mesh, self.camera)
+        return depth, prim_id
 
-    def _outputs(self, out: Hits | None) -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
-        shape, row_bytes = (self.camera.height, self.camera.width), 4 * self._row_stride
+    def _outputs(
+        self, rows: int, out: tuple[NDArray[np.float32], NDArray[np.uint32]] | None
+    ) -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
+        shape, row_bytes = (rows, self.camera.width), 4 * self._row_stride
         if out is None:
             return new_images(*shape, self._row_stride)
         # Rows of the right length in memory, not only in shape: packets may reach past the right border.
-        for image in (out.depth, out.prim_id):
+        for image in out:
             if image.shape != shape or image.strides != (row_bytes, 4):
                 raise InputError(
                     f"out has images of {image.shape} with rows {image.strides[0]} bytes apart, expected {shape} with "
                     f"rows {row_bytes} bytes apart: pass a result of this tracer"
                 )
-        return out.depth, out.prim_id
+        return out
 
     @property
     def triangle_count(self) -> int:
@@ -210,20 +215,48 @@ class EmbreeTracer(ABC):
         self.close()
 
 
+class ImageTracer(EmbreeTracer):
+    """A tracer of one image."""
+
+    def trace(self, offset: tuple[float, float] = (0.5, 0.5), out: Hits | None = None) -> Hits:
+        """Trace one frame; all rays go through sub-pixel position `offset` of their pixels, in [0, 1) x [0, 1).
+
+        out: an earlier result of this tracer whose arrays are to be overwritten, which saves allocating an image; it
+        must not be read any more.
+        Raises InputError for an offset outside the pixel or an `out` that does not fit, EmbreeError when the tracer is
+        not built or already closed.
+        """
+        images = None if out is None else (out.depth, out.prim_id)
+        depth, prim_id = self._trace_rows(offset, self.camera.height, images)
+        return Hits(depth, prim_id, offset, self.mesh, self.camera)
+
+
 def new_images(height: int, width: int, row_stride: int) -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
     """Uninitialised depth and prim_id, (height, width) each, their rows `row_stride` pixels apart in memory."""
     shape = (height, row_stride)
     return np.empty(shape, np.float32)[:, :width], np.empty(shape, np.uint32)[:, :width]
 
 
-def ray_directions(
-    camera: Camera, columns: NDArray[np.floating], rows: NDArray[np.floating]
+def ray_grid(
+    camera: View, columns: NDArray[np.floating], rows: NDArray[np.floating]
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """The two summands of ray directions in eye space, (3, columns) and (3, rows) float32.
+    """The two summands of ray directions in eye space, (3, columns) and (3, rows) float32; of origins where rays are
+    parallel.
 
     columns, rows: positions on the image plane in pixels, measured from the view axis.
     """
     right, down, forward = camera.axes[:, :, None]
-    column_directions = right * (columns * camera.pixel_pitch)
-    row_directions = down * (rows * camera.pixel_pitch) + forward
-    return column_directions.astype(np.float32), row_directions.astype(np.float32)
+    column_rays = right * (columns * camera.pixel_pitch)
+    row_rays = down * (rows * camera.pixel_pitch)
+    if not camera.is_parallel:
+        row_rays = row_rays + forward
+    return column_rays.astype(np.float32), row_rays.astype(np.float32)
+
+
+def check_pinhole(camera: View, method: str) -> None:
+    """Raise InputError for a camera with parallel rays, which `method` cannot trace."""
+    if camera.is_parallel:
+        raise InputError(
+            f"{method} needs rays through one point, but those of {type(camera).__name__} are parallel; "
+            "use AlignedTracer or PixelTracer"
+        )

@@ -5,18 +5,18 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.camera import Camera
 from atra.culling import AlignedGeometry
 from atra.embree.scene import padded_vertices
 from atra.kernels.tracing import pixel_kernel
 from atra.mesh import Mesh
-from atra.tracers.base import EmbreeTracer, ray_directions
+from atra.tracers.base import ImageTracer, ray_grid
+from atra.view import View
 
 SQUAREST_SHAPE = {1: (1, 1), 4: (2, 2), 8: (4, 2), 16: (4, 4)}
 """Pixels of a packet when nothing else decides: the narrower the bundle, the more of the traversal its rays share."""
 
 
-class PixelTracer(EmbreeTracer):
+class PixelTracer(ImageTracer):
     """One ray per pixel through `rtcIntersect1` (packet_width 1, the paper's baseline) or packets (4, 8, 16).
 
     packet_width: None takes the widest the machine supports natively. threads: None takes every core it may use.
@@ -26,7 +26,7 @@ class PixelTracer(EmbreeTracer):
     def __init__(
         self,
         mesh: Mesh,
-        camera: Camera,
+        camera: View,
         packet_width: int | None = None,
         threads: int | None = None,
         build_quality: str = "medium",
@@ -47,8 +47,8 @@ class PixelTracer(EmbreeTracer):
         # Filled up to whole packets.
         columns = np.arange(camera.width + -camera.width % shape[0]) - camera.width / 2
         rows = np.arange(camera.height + -camera.height % shape[1]) - camera.height / 2
-        column_directions, row_directions = ray_directions(camera, columns + offset[0], rows + offset[1])
-        kernel = pixel_kernel(*shape)
+        column_rays, row_rays = ray_grid(camera, columns + offset[0], rows + offset[1])
+        kernel = pixel_kernel(*shape, camera.is_parallel)
 
         scene = self._scene_address
 
@@ -56,7 +56,7 @@ class PixelTracer(EmbreeTracer):
             own = self._workspaces[worker]
             kernel(
                 counter, scene, own.packet, own.packet_ids, own.all_lanes, own.valid, own.arguments_address,
-                column_directions, row_directions, camera.width, camera.height, depth, prim_id,
+                column_rays, row_rays, camera.width, camera.height, depth, prim_id,
             )  # fmt: skip
 
         self._pool.run(work)

@@ -6,32 +6,30 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.alignment import Alignment, Split
-from atra.camera import Camera
 from atra.errors import InputError
 from atra.kernels.tracing import aligned_kernel
 from atra.mesh import Mesh
-from atra.tracers.base import EmbreeTracer, ray_directions
+from atra.tracers.base import EmbreeTracer, ray_grid
 
 
 class ReferenceRayTracer(EmbreeTracer):
     """Shoots the rays of one reference cell; what they hit, and how the hits are kept, is the subclass's.
 
-    Raises InputError for a split that does not divide the image and for packet rows that a packet or a cell lacks.
+    Raises InputError for packet rows that a packet or a cell lacks.
     """
 
     def __init__(
         self,
         mesh: Mesh,
-        camera: Camera,
-        split: tuple[int, int],
+        alignment: Alignment,
         packet_width: int | None,
         packet_rows: int | None,
         threads: int | None,
         build_quality: str,
     ) -> None:
-        self.split = Split(*split, width=camera.width, height=camera.height)
-        super().__init__(mesh, camera, packet_width, threads, build_quality)
-        self.alignment = Alignment.at_quarter(camera, self.split)
+        self.alignment = alignment
+        self.split = alignment.split
+        super().__init__(mesh, alignment.cameras[0], packet_width, threads, build_quality)
         self.packet_shape = choose_packet_shape(self.packet_width, self.split, packet_rows)
 
     @property
@@ -43,15 +41,15 @@ class ReferenceRayTracer(EmbreeTracer):
         split = self.split
         columns = self.alignment.first_x_pixels + np.arange(split.cell_width)
         rows = self.alignment.first_y_pixels + np.arange(split.cell_height)
-        directions = ray_directions(self.camera, columns + offset[0], rows + offset[1])
-        kernel = aligned_kernel(*self.packet_shape)
+        rays = ray_grid(self.camera, columns + offset[0], rows + offset[1])
+        kernel = aligned_kernel(*self.packet_shape, self.camera.is_parallel)
         scene = self._scene_address
 
         def work(worker: int, counter: int) -> None:
             own = self._workspaces[worker]
             kernel(
                 counter, scene, own.packet, own.valid, own.context, own.arguments_address,
-                *directions, split.ny, depth, prim_id,
+                *rays, self.alignment.image_count * split.ny, depth, prim_id,
             )  # fmt: skip
 
         self._pool.run(work)

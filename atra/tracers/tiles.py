@@ -14,11 +14,11 @@ from atra.kernels.callbacks import memory_monitor
 from atra.kernels.planning import count_copies
 from atra.kernels.tiles import list_cells, sort_by_cell, tile_kernel
 from atra.mesh import Mesh
-from atra.tracers.base import EmbreeTracer, ray_directions
+from atra.tracers.base import ImageTracer, check_pinhole, ray_grid
 from atra.tracers.pixel import SQUAREST_SHAPE
 
 
-class TiledTracer(EmbreeTracer):
+class TiledTracer(ImageTracer):
     """Every cell's frustum-culled triangles in an Embree scene of their own; one ray per pixel, in packets.
 
     The same culling as `AlignedTracer` and no shear, so that what culling buys and what alignment buys are seen apart.
@@ -36,6 +36,7 @@ class TiledTracer(EmbreeTracer):
         build_quality: str = "medium",
         memory_budget_bytes: int | None = None,
     ) -> None:
+        check_pinhole(camera, "TiledTracer")
         self.split = Split(*split, width=camera.width, height=camera.height)
         self.memory_budget_bytes = memory_budget_bytes
         super().__init__(mesh, camera, packet_width, threads, build_quality)
@@ -76,7 +77,7 @@ class TiledTracer(EmbreeTracer):
         assert isinstance(self._scene, EmbreeScenes)
         handles = self._scene.handles
         camera, split, prim_ids = self.camera, self.split, self._geometry.records
-        directions = ray_directions(
+        directions = ray_grid(
             camera,
             np.arange(camera.width) - camera.width / 2 + offset[0],
             np.arange(camera.height) - camera.height / 2 + offset[1],

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from atra.alignment import Alignment, Split
 from atra.camera import Camera
 from atra.culling import AlignedGeometry
 from atra.embree.scene import EmbreeScene, padded_vertices
@@ -17,7 +18,7 @@ from atra.kernels.callbacks import memory_monitor, nearest_hit_filter
 from atra.kernels.tracing import pixel_kernel
 from atra.kernels.visible import verify_kernel
 from atra.mesh import Mesh
-from atra.tracers.base import new_images, ray_directions
+from atra.tracers.base import ImageTracer, check_pinhole, new_images, ray_grid
 from atra.tracers.pixel import SQUAREST_SHAPE
 from atra.tracers.reference_rays import ReferenceRayTracer
 from atra.visibility import Tiles, VisiblePlan, plan_visible_geometry
@@ -35,7 +36,7 @@ TILE_WIDTHS, TILE_HEIGHT = (4, 8), 4
 Whole packets, and no wider than narrow cells, because a copy is kept in every cell that its tile meets."""
 
 
-class VisibleFirstTracer(ReferenceRayTracer):
+class VisibleFirstTracer(ReferenceRayTracer, ImageTracer):
     """Alignment without overdraw: the copies a probe takes for hidden are left out, and verified per pixel.
 
     Pass 1 traces, aligned, the copies of triangles that may be seen according to the probe. Pass 2 goes over the image
@@ -65,6 +66,7 @@ class VisibleFirstTracer(ReferenceRayTracer):
         probe: Hits | ArrayLike | None = None,
         packet_rows: int | None = None,
     ) -> None:
+        check_pinhole(camera, "VisibleFirstTracer")
         self.memory_budget_bytes = memory_budget_bytes
         self.probe = probe if probe is None or isinstance(probe, Hits) else _checked_prim_ids(mesh, probe)
         if isinstance(probe, Hits) and probe.depth.shape != (camera.height, camera.width):
@@ -72,7 +74,8 @@ class VisibleFirstTracer(ReferenceRayTracer):
                 f"the probe is an image of {probe.depth.shape}, "
                 f"expected {(camera.height, camera.width)} (height, width)"
             )
-        super().__init__(mesh, camera, split, packet_width, packet_rows, threads, build_quality)
+        alignment = Alignment.of_cells(camera, Split(*split, width=camera.width, height=camera.height))
+        super().__init__(mesh, alignment, packet_width, packet_rows, threads, build_quality)
         self.probe_time_s = 0.0
         tile_width = TILE_WIDTHS[0] if self.split.cell_width <= TILE_WIDTHS[0] else TILE_WIDTHS[1]
         self.tiles = Tiles(tile_width, TILE_HEIGHT, camera.width, camera.height)
@@ -117,7 +120,6 @@ class VisibleFirstTracer(ReferenceRayTracer):
         self.probe_time_s = perf_counter() - start
         self._plan = plan_visible_geometry(
             self.mesh,
-            self.camera,
             self.alignment,
             self.tiles,
             seen=seen,
@@ -146,7 +148,7 @@ class VisibleFirstTracer(ReferenceRayTracer):
         def positions(count: int, packet: int, pixels: int) -> NDArray[np.float64]:
             return np.minimum(np.arange(count + -count % packet) * PROBE_STEP, pixels) - pixels / 2
 
-        directions = ray_directions(
+        directions = ray_grid(
             camera, positions(width, shape[0], camera.width), positions(height, shape[1], camera.height)
         )
         depth, prim_id = new_images(height, width, width)
@@ -192,7 +194,7 @@ class VisibleFirstTracer(ReferenceRayTracer):
         camera, scene, nearest_hidden = self.camera, self._whole.address, self._plan.nearest_hidden
         columns = np.arange(camera.width) - camera.width / 2
         rows = np.arange(camera.height) - camera.height / 2
-        directions = ray_directions(camera, columns + offset[0], rows + offset[1])
+        directions = ray_grid(camera, columns + offset[0], rows + offset[1])
         kernel = verify_kernel(*SQUAREST_SHAPE[self.packet_width])
         self._packets_verified[:] = 0
 

@@ -16,7 +16,7 @@ from atra.errors import EmbreeError
 from atra.hits import Hits
 from atra.mesh import Mesh
 from atra.parallel import resolve_threads
-from atra.tracers.base import ray_directions
+from atra.tracers.base import ray_grid
 
 _PIXEL_CENTRE = (0.5, 0.5)
 
@@ -110,8 +110,8 @@ class PeerTracer(ABC):
         columns = np.arange(camera.width) + (offset[0] - camera.width / 2)
         rows = np.arange(camera.height) + (offset[1] - camera.height / 2)
         # Summed in float32 as the kernels of atra do, so that the rays are the same bit by bit.
-        column_directions, row_directions = ray_directions(camera, columns, rows)
-        self._rays = self._make_rays(column_directions[:, None, :] + row_directions[:, :, None])
+        column_rays, row_rays = ray_grid(camera, columns, rows)
+        self._rays = self._make_rays(column_rays[:, None, :] + row_rays[:, :, None])
         self._rays_offset = (float(offset[0]), float(offset[1]))
 
     def _check_open(self) -> None:

@@ -1,0 +1,150 @@
+"""Several images from one set of rays: each is the image that tracing its own camera and mesh gives (paper §6)."""
+
+import numpy as np
+import pytest
+
+import atra
+from atra.embree.library import load_library
+from atra.reference import brute_force
+from tests.meshes import EYE_AT_ORIGIN, cornell_box, cornell_camera, random_triangles
+
+WIDTHS = load_library().native_packet_widths
+SIZE = {"width": 48, "height": 36}
+
+
+def moving_cameras(count, **size):
+    """The Cornell box, walked into: every frame moves, turns and zooms."""
+    start = cornell_camera(**size)
+    eyes = np.array(start.eye) + np.linspace(0, 1, count)[:, None] * (0.25, 0.1, -0.6)
+    targets = np.array(start.target) + np.linspace(0, 1, count)[:, None] * (-0.2, 0.05, 0.0)
+    zooms = np.linspace(start.fov_y_degrees, start.fov_y_degrees * 1.5, count)
+    return [
+        atra.Camera(tuple(eye), tuple(target), start.up, zoom, **size)
+        for eye, target, zoom in zip(eyes, targets, zooms, strict=True)
+    ]
+
+
+def eyes(distance, **size):
+    left = cornell_camera(**size)
+    step = distance * left.axes[0]
+    return left, atra.Camera(tuple(left.eye + step), tuple(left.target + step), left.up, left.fov_y_degrees, **size)
+
+
+def alignment_of(cameras, split):
+    return atra.Alignment.of_frames(cameras, atra.Split(*split, cameras[0].width, cameras[0].height))
+
+
+def trace_frames(meshes, alignment, offset=(0.5, 0.5), **options):
+    with atra.FramesTracer(meshes, alignment, **{"threads": 1, **options}) as tracer:
+        return tracer.trace(offset)
+
+
+def trace_pixels(mesh, camera, offset=(0.5, 0.5)):
+    with atra.PixelTracer(mesh, camera, packet_width=1, threads=1) as tracer:
+        return tracer.trace(offset)
+
+
+def assert_equal_images(hits, reference):
+    agreement = atra.compare(hits.mesh, hits.camera, hits, reference)
+    assert agreement.pixels_wrong == 0, str(agreement)
+    assert agreement.pixels_equal >= 0.98 * agreement.pixels, str(agreement)
+
+
+GEOMETRIES = [{}, {"culling": False}, {"culling": False, "geometry": "instanced"}]
+
+
+@pytest.mark.parametrize("options", GEOMETRIES)
+@pytest.mark.parametrize("split", [(1, 1), (12, 1), (1, 9), (4, 3)])
+def test_both_eyes_see_what_each_alone_sees(split, options):
+    left, right = eyes(0.065, **SIZE)
+    alignment = atra.Alignment.of_eyes(left, right, atra.Split(*split, **SIZE))
+    frames = trace_frames(cornell_box(), alignment, **options)
+    assert [hits.camera for hits in frames] == [left, right]
+    for hits in frames:
+        assert_equal_images(hits, trace_pixels(cornell_box(), hits.camera))
+    assert (frames.prim_id[0] != frames.prim_id[1]).any()
+
+
+@pytest.mark.parametrize("options", GEOMETRIES)
+@pytest.mark.parametrize("split", [(1, 1), (12, 1), (4, 3)])
+@pytest.mark.parametrize("count", [2, 4])
+def test_frames_of_a_camera_that_moves_turns_and_zooms_are_those_traced_alone(count, split, options):
+    cameras = moving_cameras(count, **SIZE)
+    frames = trace_frames(cornell_box(), alignment_of(cameras, split), (0.25, 0.75), **options)
+    assert len(frames) == count
+    for hits in frames:
+        assert_equal_images(hits, trace_pixels(cornell_box(), hits.camera, (0.25, 0.75)))
+
+
+@pytest.mark.parametrize("width", WIDTHS)
+def test_every_packet_width_gives_the_same_frames(width):
+    cameras = moving_cameras(3, width=35, height=21)
+    for split in ((7, 1), (5, 3)):
+        for hits in trace_frames(cornell_box(), alignment_of(cameras, split), packet_width=width, threads=2):
+            assert_equal_images(hits, trace_pixels(cornell_box(), hits.camera))
+
+
+def test_each_frame_may_bring_vertices_and_triangles_of_its_own():
+    meshes = [random_triangles(30 + 10 * seed, seed) for seed in range(3)]
+    cameras = [atra.Camera(**EYE_AT_ORIGIN, **SIZE, fov_y_degrees=fov) for fov in (60, 90, 120)]
+    for options in GEOMETRIES[:2]:
+        frames = trace_frames(meshes, alignment_of(cameras, (8, 1)), **options)
+        for hits, mesh in zip(frames, meshes, strict=True):
+            assert hits.mesh is mesh
+            assert_equal_images(hits, brute_force(mesh, hits.camera))
+
+
+def test_triangles_behind_around_and_through_the_eyes_give_the_float64_frames():
+    mesh = random_triangles(60, 4)
+    cameras = [
+        atra.Camera(**EYE_AT_ORIGIN, **SIZE, fov_y_degrees=70),
+        atra.Camera((0.3, 0.2, -0.4), (1.0, 2.0, 3.0), (0.2, 1.0, 0.1), **SIZE, fov_y_degrees=100),
+        atra.Camera((0.3, 0.2, -0.4), (-1.0, 2.0, -3.0), (0.2, 1.0, 0.1), **SIZE, fov_y_degrees=40),
+    ]
+    for options in GEOMETRIES:
+        for hits in trace_frames(mesh, alignment_of(cameras, (4, 2)), **options):
+            assert_equal_images(hits, brute_force(mesh, hits.camera))
+
+
+def test_a_later_trace_may_write_into_frames_no_longer_needed():
+    with atra.FramesTracer(cornell_box(), alignment_of(moving_cameras(3, **SIZE), (12, 1)), threads=1) as tracer:
+        first = tracer.trace()
+        kept = first.prim_id.copy()
+        other = tracer.trace((0.1, 0.2))
+        assert (other.prim_id != kept).any()
+        again = tracer.trace(out=other)
+        assert again.prim_id.ctypes.data == other.prim_id.ctypes.data
+        np.testing.assert_array_equal(again.prim_id, kept)
+
+
+def test_frames_of_another_tracer_are_refused_as_output():
+    cameras = moving_cameras(3, **SIZE)
+    with (
+        atra.FramesTracer(cornell_box(), alignment_of(cameras[:2], (12, 1)), threads=1) as two,
+        atra.FramesTracer(cornell_box(), alignment_of(cameras, (12, 1)), threads=1) as three,
+    ):
+        with pytest.raises(atra.InputError, match="pass a result of this tracer"):
+            three.trace(out=two.trace())
+        frames = three.trace()
+        apart = atra.Frames(frames.depth[::2], frames.prim_id[::2], (0.5, 0.5), frames.meshes[::2], frames.cameras[::2])
+        with pytest.raises(atra.InputError, match="pass a result of this tracer"):
+            two.trace(out=apart)
+
+
+def test_another_number_of_meshes_than_frames_is_refused():
+    with pytest.raises(atra.InputError, match="2 meshes for 3 frames"):
+        atra.FramesTracer([cornell_box()] * 2, alignment_of(moving_cameras(3, **SIZE), (4, 1)))
+
+
+def test_instances_of_meshes_that_differ_are_refused():
+    with pytest.raises(atra.InputError, match="instances show one mesh"):
+        atra.FramesTracer(
+            [cornell_box(), cornell_box()], alignment_of(moving_cameras(2, **SIZE), (4, 1)),
+            culling=False, geometry="instanced",
+        )  # fmt: skip
+
+
+def test_the_memory_budget_counts_every_frame():
+    alignment = alignment_of(moving_cameras(4, **SIZE), (12, 1))
+    with pytest.raises(atra.MemoryBudgetError, match="53,376 triangle copies over 48 cells"):
+        atra.FramesTracer(cornell_box(), alignment, culling=False, memory_budget_bytes=1 << 20)
