@@ -15,6 +15,7 @@ from atra.frames import Frames
 from atra.hits import MISS, Hits
 from atra.mesh import Mesh, load_mesh
 from atra.orthographic import OrthographicCamera
+from atra.sampling import sub_pixel_offsets
 from atra.tracers import AlignedTracer, FramesTracer, PixelTracer, TiledTracer, Tracer, VisibleFirstTracer
 
 __version__ = "0.1.0"
@@ -42,4 +43,5 @@ __all__ = [
     "VisibleFirstTracer",
     "compare",
     "load_mesh",
+    "sub_pixel_offsets",
 ]

@@ -290,7 +290,7 @@ def _check_ray(
 ) -> None:
     for name, mapped, expected in zip(("origin", "direction"), found, wanted, strict=True):
         beside = np.linalg.norm(mapped[corner] - expected[corner]) / pixel_pitch
-        if not beside <= TOLERANCE_PIXELS * max(1.0, np.linalg.norm(expected[corner])):
+        if not beside <= TOLERANCE_PIXELS * max(1.0, float(np.linalg.norm(expected[corner]))):
             raise InputError(
                 f"image {image}: its map carries the {name} of the ray of pixel {pixel} to {mapped[corner].tolist()}, "
                 f"expected {expected[corner].tolist()} as in image 0: affine maps must carry each ray onto its "

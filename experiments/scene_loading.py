@@ -15,10 +15,11 @@ from scenes.cornell_box import CORNELL_BOX_CAMERA, cornell_box
 from scenes.directory import default_camera_fields, find_scene_folder, load_scene_from_directory
 from scenes.stand_ins import STAND_INS, stand_in_for
 
-_PROCEDURAL = {
+PROCEDURAL_SCENES = {
     "cornell_box": (cornell_box, CORNELL_BOX_CAMERA),
     **{name: (stand_in.make, stand_in.camera) for name, stand_in in STAND_INS.items()},
 }
+"""What makes each built-in scene, and the fields of its camera."""
 
 
 def load_scene(source: SceneSource, name: str | None, path: str | None) -> tuple[Mesh, dict[str, Any]]:
@@ -35,9 +36,10 @@ def load_scene(source: SceneSource, name: str | None, path: str | None) -> tuple
     if name is None:
         raise InputError(f"a {source.value} scene needs scene.name")
     if source is SceneSource.procedural:
-        if name not in _PROCEDURAL:
-            raise InputError(f"unknown procedural scene {name!r}, expected one of {', '.join(sorted(_PROCEDURAL))}")
-        make_mesh, camera = _PROCEDURAL[name]
+        if name not in PROCEDURAL_SCENES:
+            known = ", ".join(sorted(PROCEDURAL_SCENES))
+            raise InputError(f"unknown procedural scene {name!r}, expected one of {known}")
+        make_mesh, camera = PROCEDURAL_SCENES[name]
         return make_mesh(), dict(camera)
     mesh, fields = load_scene_from_directory(name)
     return mesh, dict(fields)
@@ -53,7 +55,7 @@ def scene_is_available(source: SceneSource, name: str | None) -> bool:
         return True
     if name is None:
         return False
-    return name in _PROCEDURAL if source is SceneSource.procedural else find_scene_folder(name) is not None
+    return name in PROCEDURAL_SCENES if source is SceneSource.procedural else find_scene_folder(name) is not None
 
 
 def replace_missing_scenes(scenes: Iterable[SceneConfiguration]) -> list[str]:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from atra.camera import Camera
 from atra.errors import InputError
 from atra.mesh import Mesh
 from atra.tracers import AlignedTracer, PixelTracer, TiledTracer, Tracer, VisibleFirstTracer
+from atra.view import View
 from experiments.configuration import Method
 from experiments.peers import PEERS, make_peer
 from experiments.point import Point
@@ -13,7 +13,7 @@ from experiments.point import Point
 _EXPERT_WIDTH = 8
 
 
-def make_tracer(point: Point, mesh: Mesh, camera: Camera, split: tuple[int, int] | None = None) -> Tracer:
+def make_tracer(point: Point, mesh: Mesh, camera: View, split: tuple[int, int] | None = None) -> Tracer:
     """The point's own method; nothing is planned or built yet. split: in place of the point's.
 
     Raises InputError and MemoryBudgetError as the tracers do.
@@ -59,14 +59,14 @@ def make_tracer(point: Point, mesh: Mesh, camera: Camera, split: tuple[int, int]
     )
 
 
-def make_pixel_tracer(point: Point, mesh: Mesh, camera: Camera, packet_width: int | None) -> PixelTracer:
+def make_pixel_tracer(point: Point, mesh: Mesh, camera: View, packet_width: int | None) -> PixelTracer:
     """One ray per pixel, with the point's threads and build quality. packet_width 1 is the paper's baseline."""
     return PixelTracer(
         mesh, camera, packet_width=packet_width, threads=point.threads, build_quality=point.build_quality
     )
 
 
-def make_packet_tracer(point: Point, mesh: Mesh, camera: Camera) -> PixelTracer:
+def make_packet_tracer(point: Point, mesh: Mesh, camera: View) -> PixelTracer:
     """The expert's baseline: packets of 8, or where those are not native the widest that are."""
     try:
         return make_pixel_tracer(point, mesh, camera, _EXPERT_WIDTH)

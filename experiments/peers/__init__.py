@@ -6,16 +6,16 @@ copies in their wheels. They get the rays of `PixelTracer` ready made, in the or
 
 from __future__ import annotations
 
-from atra.camera import Camera
 from atra.errors import InputError
 from atra.mesh import Mesh
+from atra.view import View
 from experiments.peers.availability import PEERS, peer_problem
 from experiments.peers.base import PeerTracer
 
 __all__ = ["PEERS", "PeerTracer", "make_peer", "peer_problem"]
 
 
-def make_peer(name: str, mesh: Mesh, camera: Camera, threads: int | None = None) -> PeerTracer:
+def make_peer(name: str, mesh: Mesh, camera: View, threads: int | None = None) -> PeerTracer:
     """The tracer of the peer `name`, one of `PEERS`; its package is imported here.
 
     threads: how many trace; None takes every core.

@@ -11,12 +11,12 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.camera import Camera, check_offset
 from atra.errors import EmbreeError
 from atra.hits import Hits
 from atra.mesh import Mesh
 from atra.parallel import resolve_threads
 from atra.tracers.base import ray_grid
+from atra.view import View, check_offset
 
 _PIXEL_CENTRE = (0.5, 0.5)
 
@@ -36,7 +36,7 @@ class PeerTracer(ABC):
 
     packet_width = 1
 
-    def __init__(self, mesh: Mesh, camera: Camera, threads: int | None = None) -> None:
+    def __init__(self, mesh: Mesh, camera: View, threads: int | None = None) -> None:
         self.mesh = mesh
         self.camera = camera
         self.threads = resolve_threads(threads)

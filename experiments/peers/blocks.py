@@ -10,8 +10,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.camera import Camera
 from atra.mesh import Mesh
+from atra.view import View
 from experiments.peers.base import PeerTracer, interleaved
 
 _BLOCKS_PER_THREAD = 8  # rows differ in cost; few enough that a call's own price does not show
@@ -32,7 +32,7 @@ class BlockwiseTracer(PeerTracer):
     with a call of its own, and the threads share the blocks: the peer has no threads, but releases Python's lock while
     it traverses."""
 
-    def __init__(self, mesh: Mesh, camera: Camera, threads: int | None = None) -> None:
+    def __init__(self, mesh: Mesh, camera: View, threads: int | None = None) -> None:
         super().__init__(mesh, camera, threads)
         self._executor = ThreadPoolExecutor(self.threads, "peer") if self.threads > 1 else None
 

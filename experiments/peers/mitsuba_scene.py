@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.camera import Camera
 from atra.hits import MISS
 from atra.mesh import Mesh
+from atra.view import View
 from experiments.peers.availability import MITSUBA_VARIANT
 from experiments.peers.base import PeerTracer
 
@@ -26,7 +26,7 @@ class MitsubaTracer(PeerTracer):
 
     packet_width = 0
 
-    def __init__(self, mesh: Mesh, camera: Camera, threads: int | None = None) -> None:
+    def __init__(self, mesh: Mesh, camera: View, threads: int | None = None) -> None:
         super().__init__(mesh, camera, threads)
         self._mitsuba = import_module("mitsuba")
         self._mitsuba.set_variant(MITSUBA_VARIANT)

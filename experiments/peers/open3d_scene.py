@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.camera import Camera
 from atra.mesh import Mesh
+from atra.view import View
 from experiments.peers.base import PeerTracer, interleaved
 
 
@@ -20,7 +20,7 @@ class Open3DTracer(PeerTracer):
     and triangle. What it returns needs no conversion: its miss has depth inf and the id 0xFFFFFFFF.
     """
 
-    def __init__(self, mesh: Mesh, camera: Camera, threads: int | None = None) -> None:
+    def __init__(self, mesh: Mesh, camera: View, threads: int | None = None) -> None:
         super().__init__(mesh, camera, threads)
         self._open3d = import_module("open3d")
 
