@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
-    from atra.camera import Camera
     from atra.mesh import Mesh
+    from atra.view import View
 
 MISS = np.uint32(0xFFFFFFFF)
 """`prim_id` of a ray that hits nothing."""
@@ -24,14 +24,14 @@ class Hits:
     depth: (H, W) float32, distance along the view axis in scene units, inf = miss.
     prim_id: (H, W) uint32 in the mesh's own numbering, `MISS` (0xFFFFFFFF) = miss.
     offset: the sub-pixel position of the rays.
-    mesh, camera: what was traced; `u` and `v` are computed from them when first asked for.
+    mesh, camera: what was traced, by a camera of either kind; `u` and `v` are computed from them when first asked for.
     """
 
     depth: NDArray[np.float32]
     prim_id: NDArray[np.uint32]
     offset: tuple[float, float]
     mesh: Mesh = field(repr=False)
-    camera: Camera = field(repr=False)
+    camera: View = field(repr=False)
 
     @property
     def hit(self) -> NDArray[np.bool_]:
