@@ -24,7 +24,7 @@ class Hits:
     depth: (H, W) float32, distance along the view axis in scene units, inf = miss.
     prim_id: (H, W) uint32 in the mesh's own numbering, `MISS` (0xFFFFFFFF) = miss.
     offset: the sub-pixel position of the rays.
-    mesh, camera: what was traced; `u` and `v` are computed from them when first asked for.
+    mesh, camera: what was traced, by a camera of either kind; `u` and `v` are computed from them when first asked for.
     """
 
     depth: NDArray[np.float32]

@@ -8,17 +8,29 @@ from atra.compare import Agreement, Verdict, compare
 from atra.errors import InputError
 from atra.hits import MISS, Hits
 from atra.mesh import Mesh
+from atra.orthographic import OrthographicCamera
 from atra.reference import brute_force
 from scenes.cornell_box import CORNELL_BOX_CAMERA, cornell_box
+from tests.meshes import random_triangles
 
+# Both look along -z from the origin: camera (X, Y, Z) = world (x, -y, -z).
 CAMERA = Camera(eye=(0, 0, 0), target=(0, 0, -1), fov_y_degrees=90.0, width=8, height=8)
-CENTRE = (4, 4)  # row, column: direction (1/8, 1/8, 1)
+PARALLEL = OrthographicCamera(eye=(0, 0, 0), target=(0, 0, -1), view_height=2.0, width=8, height=8)
+CENTRE = (4, 4)  # row, column: the ray through (1/8, 1/8) on the image plane
+
+both_cameras = pytest.mark.parametrize("camera", [CAMERA, PARALLEL], ids=["pinhole", "parallel"])
 
 
-def triangle(depth, shift=0.0):
-    """A large triangle facing the eye; all rays hit it well inside. `shift` moves its left edge to X = shift * Z."""
-    left = -20.0 * depth if not shift else shift * depth
-    return [(left, -60.0 * depth, -depth), (60.0 * depth, 0.0, -depth), (left, 60.0 * depth, -depth)]
+def seen_at(camera, x, y, depth):
+    """The world point of this depth on the ray through (x, y) on the image plane."""
+    reach = 1.0 if camera.is_parallel else depth
+    return x * reach, -y * reach, -depth
+
+
+def triangle(depth, shift=None, camera=CAMERA):
+    """A large triangle facing the eye; all rays hit it well inside. `shift` puts its left edge there on the image."""
+    left = -20.0 if shift is None else shift
+    return [seen_at(camera, x, y, depth) for x, y in ((left, 60.0), (60.0, 0.0), (left, -60.0))]
 
 
 def scene(*triangles):
@@ -52,76 +64,101 @@ def test_an_image_equals_itself():
     assert str(found) == "1536 of 1536 pixels equal, 0 tied, 0 edge, 0 wrong"
 
 
-def test_two_misses_are_equal():
-    assert verdict_at_centre(scene(triangle(2.0)), NOTHING, NOTHING) == Verdict.EQUAL
+@both_cameras
+def test_two_misses_are_equal(camera):
+    assert verdict_at_centre(scene(triangle(2.0, camera=camera)), NOTHING, NOTHING, camera) == Verdict.EQUAL
 
 
-def test_equally_deep_triangles_are_tied():
-    mesh = scene(triangle(2.0), triangle(2.0))
-    assert verdict_at_centre(mesh, (0, 2.0), (1, 2.0)) == Verdict.TIED
+@both_cameras
+def test_equally_deep_triangles_are_tied(camera):
+    mesh = scene(triangle(2.0, camera=camera), triangle(2.0, camera=camera))
+    assert verdict_at_centre(mesh, (0, 2.0), (1, 2.0), camera) == Verdict.TIED
 
 
-def test_triangles_a_millionth_apart_are_not_tied():
-    mesh = scene(triangle(2.0), triangle(2.0 * (1 + 1e-6)))
-    assert verdict_at_centre(mesh, (0, 2.0), (1, 2.0)) == Verdict.WRONG
+def small(depth, size=2.0):
+    """A triangle facing the eye, about as large as it is far away."""
+    return [(-size, -size, -depth), (size, -size, -depth), (0.25, size, -depth)]
 
 
-def test_a_hidden_triangle_in_place_of_the_visible_one_is_wrong():
-    mesh = scene(triangle(2.0), triangle(3.0))
-    assert verdict_at_centre(mesh, (0, 2.0), (1, 3.0)) == Verdict.WRONG
+def test_triangles_too_close_for_float32_to_order_are_edge_and_clearly_apart_wrong():
+    for apart, expected in ((3e-7, Verdict.EDGE), (3e-5, Verdict.WRONG)):
+        mesh = scene(small(2.0), small(2.0 * (1 + apart)))
+        assert verdict_at_centre(mesh, (0, 2.0), (1, 2.0)) == expected
 
 
-def test_a_hole_in_a_triangle_is_wrong():
-    assert verdict_at_centre(scene(triangle(2.0)), (0, 2.0), NOTHING) == Verdict.WRONG
+def test_the_closer_the_eye_is_to_a_plane_the_less_float32_can_order():
+    # Planes at a distance of 1e-3 whose corners are two thousand times as far away.
+    for apart, expected in ((1e-4, Verdict.EDGE), (2e-2, Verdict.WRONG)):
+        mesh = scene(small(1e-3), small(1e-3 * (1 + apart)))
+        assert verdict_at_centre(mesh, (0, 1e-3), (1, 1e-3 * (1 + apart))) == expected
 
 
+@both_cameras
+def test_a_hidden_triangle_in_place_of_the_visible_one_is_wrong(camera):
+    mesh = scene(triangle(2.0, camera=camera), triangle(3.0, camera=camera))
+    assert verdict_at_centre(mesh, (0, 2.0), (1, 3.0), camera) == Verdict.WRONG
+
+
+@both_cameras
+def test_a_hole_in_a_triangle_is_wrong(camera):
+    assert verdict_at_centre(scene(triangle(2.0, camera=camera)), (0, 2.0), NOTHING, camera) == Verdict.WRONG
+
+
+@both_cameras
 @pytest.mark.parametrize("beside", [1e-7, -1e-7, 3e-3, -3e-3])  # 3e-3 is 5e-5 barycentric but a hundredth of a pixel
-def test_hit_and_miss_at_the_rim_is_edge(beside):
-    mesh = scene(triangle(2.0, shift=0.125 + beside))
-    assert verdict_at_centre(mesh, (0, 2.0), NOTHING) == Verdict.EDGE
+def test_hit_and_miss_at_the_rim_is_edge(camera, beside):
+    mesh = scene(triangle(2.0, shift=0.125 + beside, camera=camera))
+    assert verdict_at_centre(mesh, (0, 2.0), NOTHING, camera) == Verdict.EDGE
 
 
+@both_cameras
 @pytest.mark.parametrize("beside", [0.1, -0.1])
-def test_hit_and_miss_away_from_the_rim_is_wrong(beside):
-    mesh = scene(triangle(2.0, shift=0.125 + beside))
-    assert verdict_at_centre(mesh, (0, 2.0), NOTHING) == Verdict.WRONG
+def test_hit_and_miss_away_from_the_rim_is_wrong(camera, beside):
+    mesh = scene(triangle(2.0, shift=0.125 + beside, camera=camera))
+    assert verdict_at_centre(mesh, (0, 2.0), NOTHING, camera) == Verdict.WRONG
 
 
-def test_a_rim_in_front_excuses_seeing_what_is_behind():
-    mesh = scene(triangle(2.0, shift=0.125 + 1e-7), triangle(3.0))
-    assert verdict_at_centre(mesh, (0, 2.0), (1, 3.0)) == Verdict.EDGE
+@both_cameras
+def test_a_rim_in_front_excuses_seeing_what_is_behind(camera):
+    mesh = scene(triangle(2.0, shift=0.125 + 1e-7, camera=camera), triangle(3.0, camera=camera))
+    assert verdict_at_centre(mesh, (0, 2.0), (1, 3.0), camera) == Verdict.EDGE
 
 
-def test_a_rim_behind_does_not_excuse_losing_what_is_in_front():
-    mesh = scene(triangle(2.0), triangle(3.0, shift=0.125 + 1e-7))
-    assert verdict_at_centre(mesh, (0, 2.0), (1, 3.0)) == Verdict.WRONG
+@both_cameras
+def test_a_rim_behind_does_not_excuse_losing_what_is_in_front(camera):
+    mesh = scene(triangle(2.0, camera=camera), triangle(3.0, shift=0.125 + 1e-7, camera=camera))
+    assert verdict_at_centre(mesh, (0, 2.0), (1, 3.0), camera) == Verdict.WRONG
 
 
+@both_cameras
 @pytest.mark.parametrize("depth", [1.0, 3.0])
-def test_a_triangle_the_ray_surely_misses_is_not_excused_by_a_rim(depth):
-    mesh = scene(triangle(2.0, shift=0.125 + 1e-7), triangle(depth, shift=0.5))
-    assert verdict_at_centre(mesh, (0, 2.0), (1, depth)) == Verdict.WRONG
+def test_a_triangle_the_ray_surely_misses_is_not_excused_by_a_rim(camera, depth):
+    mesh = scene(triangle(2.0, shift=0.125 + 1e-7, camera=camera), triangle(depth, shift=0.5, camera=camera))
+    assert verdict_at_centre(mesh, (0, 2.0), (1, depth), camera) == Verdict.WRONG
 
 
-def test_a_triangle_behind_the_eye_is_wrong():
-    mesh = scene(triangle(2.0), triangle(-2.0))
-    assert verdict_at_centre(mesh, (0, 2.0), (1, 2.0)) == Verdict.WRONG
+@both_cameras
+def test_a_triangle_behind_the_eye_is_wrong(camera):
+    mesh = scene(triangle(2.0, camera=camera), triangle(-2.0, camera=camera))
+    assert verdict_at_centre(mesh, (0, 2.0), (1, 2.0), camera) == Verdict.WRONG
 
 
-def edge_on(direction_y):
-    """A triangle in the plane Y = direction_y * Z, from depth 1 to 3: a line on the image at that height."""
-    return [(x * z, -direction_y * z, -z) for x, z in ((-5.0, 1.0), (5.0, 1.0), (0.0, 3.0))]
+def edge_on(y, camera):
+    """A triangle from depth 1 to 3 that is a line on the image, at the height `y` of the image plane."""
+    return [seen_at(camera, x, y, depth) for x, depth in ((-5.0, 1.0), (5.0, 1.0), (0.0, 3.0))]
 
 
-def test_an_edge_on_triangle_is_edge_on_its_line_and_wrong_elsewhere():
-    mesh = scene(triangle(4.0), edge_on(0.125), edge_on(0.3))
-    assert verdict_at_centre(mesh, (0, 4.0), (1, 2.0)) == Verdict.EDGE
-    assert verdict_at_centre(mesh, (0, 4.0), (2, 2.0)) == Verdict.WRONG
+@both_cameras
+def test_an_edge_on_triangle_is_edge_on_its_line_and_wrong_elsewhere(camera):
+    mesh = scene(triangle(4.0, camera=camera), edge_on(0.125, camera), edge_on(0.3, camera))
+    assert verdict_at_centre(mesh, (0, 4.0), (1, 2.0), camera) == Verdict.EDGE
+    assert verdict_at_centre(mesh, (0, 4.0), (2, 2.0), camera) == Verdict.WRONG
 
 
-def test_an_edge_on_triangle_with_a_depth_beyond_its_corners_is_wrong():
-    mesh = scene(triangle(9.0), edge_on(0.125))
-    assert verdict_at_centre(mesh, (0, 9.0), (1, 7.0)) == Verdict.WRONG
+@both_cameras
+def test_an_edge_on_triangle_with_a_depth_beyond_its_corners_is_wrong(camera):
+    mesh = scene(triangle(9.0, camera=camera), edge_on(0.125, camera))
+    assert verdict_at_centre(mesh, (0, 9.0), (1, 7.0), camera) == Verdict.WRONG
 
 
 def test_a_triangle_without_area_is_edge_on_its_line_and_wrong_elsewhere():
@@ -142,43 +179,123 @@ def test_a_rim_is_found_on_triangles_much_smaller_than_a_pixel():
     assert verdict_at_centre(scene(triangle(4.0), tiny), (0, 4.0), (1, 1.0), camera) == Verdict.EDGE
 
 
-def test_an_edge_that_passes_behind_the_eye_still_has_an_outline():
+@both_cameras
+def test_an_edge_that_passes_behind_the_eye_still_has_an_outline(camera):
     # A needle from Z = 6 to Z = -2 in camera space, through the ray at Z = 2; without area, so only its outline counts.
-    on_ray = CAMERA.directions(np.array(4), np.array(4)) * 2.0
+    origin, direction = camera.rays(np.array(4), np.array(4))
+    on_ray = origin + 2.0 * direction
     needle = on_ray + np.array([(0.0, 1.0, 4.0), (0.0, 0.5, 2.0), (0.0, -1.0, -4.0)])
     for aside, expected in ((0.0, Verdict.EDGE), (0.1, Verdict.WRONG)):
-        mesh = scene(triangle(9.0), np.subtract(needle, (aside, 0.0, 0.0)) * (1, -1, -1))
-        assert verdict_at_centre(mesh, (0, 9.0), (1, 2.0)) == expected
+        mesh = scene(triangle(9.0, camera=camera), np.subtract(needle, (aside, 0.0, 0.0)) * (1, -1, -1))
+        assert verdict_at_centre(mesh, (0, 9.0), (1, 2.0), camera) == expected
 
 
-def test_a_wrong_depth_is_wrong_though_the_triangles_agree():
-    mesh = scene(triangle(2.0))
-    assert verdict_at_centre(mesh, (0, 2.0), (0, 2.0)) == Verdict.EQUAL
-    assert verdict_at_centre(mesh, (0, 2.0), (0, 2.0 * (1 + 5e-4))) == Verdict.EQUAL
-    assert verdict_at_centre(mesh, (0, 2.0), (0, 2.01)) == Verdict.WRONG
-    assert verdict_at_centre(mesh, (0, 2.01), (0, 2.01)) == Verdict.WRONG
-    assert verdict_at_centre(mesh, (0, 2.0), (0, np.nan)) == Verdict.WRONG
-    assert verdict_at_centre(mesh, (0, 2.0), (0, np.inf)) == Verdict.WRONG
+@both_cameras
+def test_a_wrong_depth_is_wrong_though_the_triangles_agree(camera):
+    mesh = scene(triangle(2.0, camera=camera))
+    assert verdict_at_centre(mesh, (0, 2.0), (0, 2.0), camera) == Verdict.EQUAL
+    assert verdict_at_centre(mesh, (0, 2.0), (0, 2.0 * (1 + 5e-4)), camera) == Verdict.EQUAL
+    assert verdict_at_centre(mesh, (0, 2.0), (0, 2.01), camera) == Verdict.WRONG
+    assert verdict_at_centre(mesh, (0, 2.01), (0, 2.01), camera) == Verdict.WRONG
+    assert verdict_at_centre(mesh, (0, 2.0), (0, np.nan), camera) == Verdict.WRONG
+    assert verdict_at_centre(mesh, (0, 2.0), (0, np.inf), camera) == Verdict.WRONG
 
 
-def test_a_wrong_depth_is_wrong_though_the_triangles_tie():
-    mesh = scene(triangle(2.0), triangle(2.0))
-    assert verdict_at_centre(mesh, (0, 2.0), (1, 2.1)) == Verdict.WRONG
+@both_cameras
+def test_a_wrong_depth_is_wrong_though_the_triangles_tie(camera):
+    mesh = scene(triangle(2.0, camera=camera), triangle(2.0, camera=camera))
+    assert verdict_at_centre(mesh, (0, 2.0), (1, 2.1), camera) == Verdict.WRONG
 
 
-def test_a_miss_with_a_depth_is_wrong():
-    assert verdict_at_centre(scene(triangle(2.0)), NOTHING, (MISS, 5.0)) == Verdict.WRONG
+@both_cameras
+def test_a_miss_with_a_depth_is_wrong(camera):
+    assert verdict_at_centre(scene(triangle(2.0, camera=camera)), NOTHING, (MISS, 5.0), camera) == Verdict.WRONG
 
 
 def test_a_grazing_plane_may_be_as_deep_as_within_a_hundredth_of_a_pixel():
     # The plane Y = rise + (0.125 - rise) Z meets the ray Y = 0.125 Z at Z = 1, sinking away from it slowly.
     rise = 0.1
-    plane = [(x, -(rise + z * (0.125 - rise)), -z) for x, z in ((-900, 0), (900, 0), (0, 900))]
+    plane = [(x, -(rise + z * (0.125 - rise)), -z) for x, z in ((-9, 0), (9, 0), (0, 9))]
     depth_per_shift = 0.01 * CAMERA.pixel_pitch / rise
     assert 0.02 < depth_per_shift < 0.03
     mesh = scene(plane)
     assert verdict_at_centre(mesh, (0, 1.0), (0, 1.0 + 0.9 * depth_per_shift)) == Verdict.EQUAL
     assert verdict_at_centre(mesh, (0, 1.0), (0, 1.0 + 1.2 * depth_per_shift)) == Verdict.WRONG
+
+
+def test_a_steep_plane_under_parallel_rays_may_be_as_deep_as_within_a_hundredth_of_a_pixel():
+    rise = 40.0  # the plane Z = 3 + rise (Y - 0.125), well inside a triangle that reaches behind the image plane
+    plane = [(x, -(0.125 + y), -(3.0 + rise * y)) for x, y in ((-9.0, -0.5), (9.0, -0.5), (0.0, 0.5))]
+    depth_per_shift = 0.01 * PARALLEL.pixel_pitch * rise
+    assert depth_per_shift == pytest.approx(0.1)
+    mesh = scene(plane)
+    assert verdict_at_centre(mesh, (0, 3.0), (0, 3.0 + 0.9 * depth_per_shift), PARALLEL) == Verdict.EQUAL
+    assert verdict_at_centre(mesh, (0, 3.0), (0, 3.0 - 0.9 * depth_per_shift), PARALLEL) == Verdict.EQUAL
+    assert verdict_at_centre(mesh, (0, 3.0), (0, 3.0 + 1.2 * depth_per_shift), PARALLEL) == Verdict.WRONG
+
+
+def test_float32_cannot_say_whether_a_plane_through_the_eye_is_in_front_of_it():
+    # 1e-9 before or behind an eye whose triangle is a few units large; a thousandth is another matter.
+    for depth, expected in ((1e-9, Verdict.EDGE), (-1e-9, Verdict.EDGE), (1e-3, Verdict.WRONG)):
+        assert verdict_at_centre(scene(small(depth)), (0, abs(depth)), NOTHING) == expected
+    assert verdict_at_centre(scene(small(-1e-3)), (0, 1e-3), NOTHING) == Verdict.WRONG
+
+
+def planes_past_the_eye(distance, seed):
+    """Large triangles whose planes all pass the origin at this distance."""
+    random = np.random.default_rng(seed)
+    normals = random.normal(size=(40, 1, 3))
+    normals /= np.linalg.norm(normals, axis=2, keepdims=True)
+    corners = random.normal(0, 5, (40, 3, 3))
+    corners -= ((corners * normals).sum(axis=2, keepdims=True) - distance) * normals
+    return Mesh(corners.reshape(-1, 3), np.arange(120).reshape(-1, 3))
+
+
+def float32_image(mesh, camera, vertex_bits=24):
+    """The nearest hits by Möller and Trumbore's test in float32, as plain as a tracer can be.
+
+    vertex_bits: significant bits that the vertices keep when the eye has been subtracted.
+    """
+    mantissa, exponent = np.frexp(camera.to_camera_space(mesh.vertices))
+    vertices = np.ldexp(np.round(np.ldexp(mantissa, vertex_bits)), exponent - vertex_bits).astype(np.float32)
+    y, x = np.divmod(np.arange(camera.width * camera.height), camera.width)
+    origins, directions = (part.astype(np.float32) for part in camera.rays(x, y))
+    depth, prim_id = np.full(len(x), np.inf, np.float32), np.full(len(x), MISS, np.uint32)
+    for i, (a, b, c) in enumerate(vertices[mesh.faces]):
+        normal, to_origin = np.cross(b - a, c - a), origins - a
+        with np.errstate(divide="ignore", invalid="ignore"):
+            facing = directions @ normal
+            u = -(np.cross(directions, c - a) * to_origin).sum(axis=1) / facing
+            v = (np.cross(directions, b - a) * to_origin).sum(axis=1) / facing
+            t = -(to_origin @ normal) / facing
+        nearer = (u >= 0) & (v >= 0) & (u + v <= 1) & (t > 0) & (t < depth)
+        depth[nearer], prim_id[nearer] = t[nearer], i
+    shape = (camera.height, camera.width)
+    return Hits(depth.reshape(shape), prim_id.reshape(shape), (0.5, 0.5), mesh, camera)
+
+
+HARD_SCENES = {
+    "around the eye": random_triangles(60, 3),
+    "a hundredth from the eye": planes_past_the_eye(1e-2, 5),
+    "a ten thousandth from the eye": planes_past_the_eye(1e-4, 5),
+}
+ASLANT = {"eye": (0, 0, 0), "target": (1, 2, 3), "width": 64, "height": 64}
+HARD_CAMERAS = {
+    "60 degrees": Camera(**ASLANT, fov_y_degrees=60.0),
+    "170 degrees": Camera(**ASLANT, fov_y_degrees=170.0),
+    "parallel": OrthographicCamera(**ASLANT, view_height=6.0),
+}
+
+
+@pytest.mark.parametrize("camera", HARD_CAMERAS.values(), ids=HARD_CAMERAS)
+@pytest.mark.parametrize("mesh", HARD_SCENES.values(), ids=HARD_SCENES)
+def test_a_plain_float32_tracer_is_never_wrong_and_a_coarser_one_is(mesh, camera):
+    reference, traced = brute_force(mesh, camera), float32_image(mesh, camera)
+    found = compare(mesh, camera, traced, reference)
+    assert traced.hit.any()
+    assert found.pixels_wrong == 0
+    assert found.pixels_edge < 0.02 * found.pixels
+    assert compare(mesh, camera, float32_image(mesh, camera, vertex_bits=10), reference).pixels_wrong > 0
 
 
 def test_images_of_another_size_or_offset_are_refused_with_both_values():

@@ -7,6 +7,7 @@ from atra.camera import Camera
 from atra.errors import InputError
 from atra.hits import MISS
 from atra.mesh import Mesh
+from atra.orthographic import OrthographicCamera
 from atra.reference import brute_force, intersect_pixels
 from scenes.cornell_box import cornell_box
 
@@ -16,6 +17,10 @@ FORWARD = {"eye": (0.0, 0.0, 0.0), "target": (0.0, 0.0, -1.0), "fov_y_degrees": 
 
 def forward_camera(width=16, height=16):
     return Camera(**FORWARD, width=width, height=height)
+
+
+def forward_parallel(width=16, height=16):
+    return OrthographicCamera(FORWARD["eye"], FORWARD["target"], view_height=2.0, width=width, height=height)
 
 
 def quad(depths, half=100.0):
@@ -39,6 +44,22 @@ def test_depth_of_a_tilted_plane_is_its_closed_form():
     assert np.allclose(hits.depth[inside], expected[inside], rtol=1e-6)
     assert (hits.depth[~inside] == np.inf).all()
     assert (hits.prim_id[~inside] == MISS).all()
+
+
+def test_depth_of_a_tilted_plane_under_parallel_rays_is_linear_and_its_sides_stay_parallel():
+    camera = forward_parallel(24, 16)
+    hits = brute_force(Mesh(*quad((2.0, 6.0), half=0.9)), camera, (0.25, 0.5))
+    origins, _ = camera.rays(*np.meshgrid(np.arange(24), np.arange(16)), (0.25, 0.5))
+    inside = (np.abs(origins[..., :2]) < 0.9).all(axis=-1)
+    assert np.array_equal(hits.hit, inside)
+    assert np.allclose(hits.depth[inside], (4.0 + origins[..., 0] * 2.0 / 0.9)[inside], rtol=1e-6)
+    assert (hits.depth[~inside] == np.inf).all()
+
+
+def test_parallel_rays_start_at_the_image_plane():
+    # From depth -3 on the left (X = -2) to 5 on the right (X = 2): in front where X > -0.5, from column 4 on.
+    hits = brute_force(Mesh(*quad((-3.0, 5.0), half=2.0)), forward_parallel(16, 16))
+    assert np.array_equal(hits.hit, np.tile(np.arange(16) >= 4, (16, 1)))
 
 
 def test_a_staircase_shows_the_nearest_step_of_each_column():
@@ -88,10 +109,11 @@ def test_of_equally_deep_triangles_the_lowest_prim_id_wins():
 
 def test_triangles_behind_the_eye_are_not_hit():
     mesh, one = Mesh(*quad((-2.0, -2.0))), np.array([7])
-    assert not brute_force(mesh, forward_camera()).hit.any()
-    found = intersect_pixels(mesh, forward_camera(), one, one, np.array([0]))
-    assert (found.depth[0], found.edge_distance[0]) == (np.inf, -np.inf)
-    assert np.isnan(found.u[0])
+    for camera in (forward_camera(), forward_parallel()):
+        assert not brute_force(mesh, camera).hit.any()
+        found = intersect_pixels(mesh, camera, one, one, np.array([0]))
+        assert (found.depth[0], found.edge_distance[0]) == (np.inf, -np.inf)
+        assert np.isnan(found.u[0])
 
 
 def test_degenerate_and_edge_on_triangles_are_never_hit_and_leave_no_nan_depth():
@@ -112,17 +134,19 @@ def test_a_triangle_flattened_by_rounding_only_is_never_hit_from_a_tilted_camera
     assert (intersect_pixels(mesh, camera, x, y, np.zeros(81, int)).depth == np.inf).all()
 
 
-def test_barycentrics_reproduce_the_point_on_the_ray():
+@pytest.mark.parametrize("kind", [Camera, OrthographicCamera])
+def test_barycentrics_reproduce_the_point_on_the_ray(kind):
     rng = np.random.default_rng(7)
     mesh = Mesh(rng.uniform(-1, 1, (30, 3)) - (0, 0, 4), np.arange(30).reshape(10, 3))
-    camera = Camera(eye=(0.3, -0.2, 1.0), target=(0, 0, -4), width=40, height=30)
+    camera = kind(eye=(0.3, -0.2, 1.0), target=(0, 0, -4), width=40, height=30)
     x, y, prim_id = rng.integers(0, 40, 200), rng.integers(0, 30, 200), rng.integers(0, 10, 200)
     found = intersect_pixels(mesh, camera, x, y, prim_id, (0.25, 0.75))
     ok = np.isfinite(found.depth)
     assert ok.sum() > 100
     a, b, c = (camera.to_camera_space(mesh.triangles(prim_id)[:, i]) for i in range(3))
     u, v = found.u[:, None], found.v[:, None]
-    point = found.depth[:, None] * camera.directions(x, y, (0.25, 0.75))
+    origins, directions = camera.rays(x, y, (0.25, 0.75))
+    point = origins + found.depth[:, None] * directions
     assert np.allclose(
         point[ok], ((1 - u - v) * a + u * b + v * c)[ok], rtol=1e-9, atol=1e-9 * np.abs(found.depth[ok]).max()
     )
