@@ -26,9 +26,7 @@ COUNTS = (1, 4, 16, 64)
 _DETAIL = 6  # the detail is a sixth of the picture, enlarged as much
 
 
-def methods(
-    mesh: atra.Mesh, camera: atra.Camera, threads: int
-) -> dict[str, Callable[[], atra.PixelTracer | atra.AlignedTracer | atra.VisibleFirstTracer]]:
+def methods(mesh: atra.Mesh, camera: atra.Camera, threads: int) -> dict[str, Callable[[], atra.Tracer]]:
     """How each method's tracer is made, by the name printed."""
     narrow, wide = parts.largest_split(camera.width, 256), parts.largest_split(camera.width, 128)
     return {
@@ -39,7 +37,7 @@ def methods(
 
 
 def accumulate(
-    tracers: dict[str, atra.PixelTracer | atra.AlignedTracer | atra.VisibleFirstTracer], seconds: dict[str, float]
+    tracers: dict[str, atra.Tracer], seconds: dict[str, float]
 ) -> tuple[dict[int, NDArray[np.uint8]], dict[int, dict[str, float]]]:
     """Trace the samples with every tracer in turn and average the last one's pictures.
 

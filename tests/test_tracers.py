@@ -304,3 +304,58 @@ def test_a_forced_packet_shape_gives_the_same_image(kind, rows):
 def test_a_packet_shape_that_cannot_be_is_refused(rows):
     with pytest.raises(atra.InputError, match=f"packet_rows is {rows}, expected one of 1, 2, 4, 8"):
         choose_packet_shape(8, atra.Split(4, 1, 64, 64), rows)
+
+
+# Parallel rays: the same tests with an orthographic camera, whose cells are translated instead of sheared.
+
+PARALLEL = atra.OrthographicCamera((0, 0, 0), (0, 0, 1), view_height=4.0, width=48, height=30)
+
+
+@pytest.mark.parametrize("width", WIDTHS)
+@pytest.mark.parametrize("offset", OFFSETS)
+def test_parallel_rays_give_a_tilted_plane_the_depth_of_its_equation(width, offset):
+    origins, _ = PARALLEL.rays(*np.meshgrid(np.arange(48), np.arange(30)), offset)
+    expected = 4 - 0.5 * origins[..., 0] + 0.25 * origins[..., 1]  # camera X and Y are the world's -x and -y
+    for hits in (
+        trace_pixels(tilted_plane(), PARALLEL, offset, packet_width=width),
+        trace_aligned(tilted_plane(), PARALLEL, (6, 1), offset, packet_width=width),
+        trace_aligned(tilted_plane(), PARALLEL, (3, 5), offset, packet_width=width, culling=False),
+        trace_aligned(
+            tilted_plane(), PARALLEL, (3, 5), offset, packet_width=width, culling=False, geometry="instanced"
+        ),
+    ):
+        np.testing.assert_allclose(hits.depth, expected, rtol=2e-6)
+
+
+@pytest.mark.parametrize("options", [{}, {"culling": False}, {"culling": False, "geometry": "instanced"}])
+@pytest.mark.parametrize("seed", range(4))
+def test_parallel_rays_give_the_float64_image_of_triangles_all_around(seed, options):
+    mesh = random_triangles(60, seed)
+    pose = [{"eye": (0, 0, 0), "target": (0, 0, 1)}, {"eye": (0.3, 0.2, -0.4), "target": (1, 2, 3)}][seed % 2]
+    camera = atra.OrthographicCamera(**pose, view_height=[1.0, 5.0, 12.0, 0.1][seed], width=40, height=24)
+    reference = brute_force(mesh, camera)
+    assert_equal_images(mesh, camera, trace_pixels(mesh, camera), reference)
+    for split in ((1, 1), (8, 1), (40, 1), (1, 24), (5, 4), (40, 24)):
+        assert_equal_images(mesh, camera, trace_aligned(mesh, camera, split, **options), reference)
+
+
+def test_culling_keeps_no_copy_that_parallel_rays_of_its_cell_cannot_meet():
+    mesh = random_triangles(400, 1, size=0.1)
+    with atra.AlignedTracer(mesh, PARALLEL, (12, 1), threads=1) as tracer:
+        # The view is a 4 units high and 6.4 wide part of 6 x 6 and more; a triangle meets about one cell of 0.5 units.
+        assert tracer.triangle_count < 2 * mesh.triangle_count
+
+
+def test_a_directional_lights_shadow_map_is_that_of_single_rays():
+    mesh = cornell_box()
+    light = atra.OrthographicCamera.of_light((0.3, -1.0, 0.2), mesh.bounds, 96, 64)
+    reference = trace_pixels(mesh, light)
+    assert reference.hit.mean() > 0.2
+    for split in ((1, 1), (24, 1), (4, 8)):
+        assert_equal_images(mesh, light, trace_aligned(mesh, light, split), reference)
+
+
+def test_methods_that_need_rays_through_one_point_refuse_parallel_ones():
+    for tracer in (atra.VisibleFirstTracer, atra.TiledTracer):
+        with pytest.raises(atra.InputError, match=f"{tracer.__name__} needs rays through one point.*use AlignedTracer"):
+            tracer(cornell_box(), PARALLEL, (4, 1))

@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.alignment import Split
-from atra.camera import Camera
 from atra.culling import AlignedGeometry, check_memory_budget, project_vertices
 from atra.embree.scene import padded_vertices
 from atra.embree.scenes import EmbreeScenes
@@ -16,6 +15,7 @@ from atra.kernels.tiles import list_cells, sort_by_cell, tile_kernel
 from atra.mesh import Mesh
 from atra.tracers.base import ImageTracer, check_pinhole, ray_grid
 from atra.tracers.pixel import SQUAREST_SHAPE
+from atra.view import View
 
 
 class TiledTracer(ImageTracer):
@@ -29,7 +29,7 @@ class TiledTracer(ImageTracer):
     def __init__(
         self,
         mesh: Mesh,
-        camera: Camera,
+        camera: View,
         split: tuple[int, int],
         packet_width: int | None = None,
         threads: int | None = None,

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from atra.alignment import Alignment, Split
-from atra.camera import Camera
 from atra.culling import AlignedGeometry
 from atra.embree.scene import EmbreeScene, padded_vertices
 from atra.errors import InputError
@@ -21,6 +20,7 @@ from atra.mesh import Mesh
 from atra.tracers.base import ImageTracer, check_pinhole, new_images, ray_grid
 from atra.tracers.pixel import SQUAREST_SHAPE
 from atra.tracers.reference_rays import ReferenceRayTracer
+from atra.view import View
 from atra.visibility import Tiles, VisiblePlan, plan_visible_geometry
 
 PROBE_STEP = 4
@@ -57,7 +57,7 @@ class VisibleFirstTracer(ReferenceRayTracer, ImageTracer):
     def __init__(
         self,
         mesh: Mesh,
-        camera: Camera,
+        camera: View,
         split: tuple[int, int],
         packet_width: int | None = None,
         threads: int | None = None,
