@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import threading
 from abc import ABC, abstractmethod
+from collections.abc import Callable
+from functools import wraps
 from time import perf_counter
 from types import TracebackType
-from typing import Protocol, Self
+from typing import Any, Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,6 +61,17 @@ class Tracer(Protocol):
     ) -> None: ...
 
 
+def one_at_a_time(method: Callable[..., None]) -> Callable[..., None]:
+    """A method of `EmbreeTracer` that waits for a plan, build or frame in progress in another thread."""
+
+    @wraps(method)
+    def locked(self: EmbreeTracer, *arguments: Any) -> None:
+        with self._lock:
+            method(self, *arguments)
+
+    return locked
+
+
 class EmbreeTracer(ABC):
     """Lifetime, timing and buffers that the tracers share."""
 
@@ -75,7 +88,8 @@ class EmbreeTracer(ABC):
         self.build_time_s = 0.0
         self._pool = WorkerPool(self.threads)
         self._workspaces = [Workspace(self.packet_width, coherent=True) for _ in range(self.threads)]
-        self._lock = threading.Lock()  # one frame at a time: frames share the workspaces
+        # Frames share the workspaces, and a scene must stay while it is traced.
+        self._lock = threading.RLock()
         self._geometry: AlignedGeometry | None = None
         self._scene: EmbreeDevice | None = None
         self._closed = False
@@ -94,6 +108,7 @@ class EmbreeTracer(ABC):
         """Pixels from one row of the output to the next."""
         return self.camera.width
 
+    @one_at_a_time
     def plan(self) -> None:
         """Prepare the geometry on the CPU: camera space, and for alignment culling and shear."""
         self._check_open()
@@ -101,6 +116,7 @@ class EmbreeTracer(ABC):
         self._geometry = self._plan_geometry()
         self.plan_time_s = perf_counter() - start
 
+    @one_at_a_time
     def build(self) -> None:
         """Build the BVH over what `plan` prepared (planning first if that was not done)."""
         self._check_open()
@@ -190,10 +206,10 @@ class EmbreeTracer(ABC):
             if self._closed:
                 return
             self._closed = True
+            self._pool.close()  # first, so that none of its threads is in a scene that goes
             if self._scene is not None:
                 self._scene.close()
             self._geometry = None
-            self._pool.close()
 
     def __enter__(self) -> Self:
         try:
