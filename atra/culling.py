@@ -15,6 +15,7 @@ from atra.errors import InputError, MemoryBudgetError
 from atra.kernels.planning import count_copies, fill_copies, project_points
 from atra.mesh import Mesh
 from atra.parallel import WorkerPool
+from atra.ray_space import from_eye_space, ray_axes
 
 PLAN_BYTES_PER_COPY = 3 * 12 + 12 + 8
 """Vertices, indices, record."""
@@ -67,7 +68,7 @@ def plan_aligned_geometry(
     """
     split = alignment.split
     check_image_size(camera, row_stride)
-    points_pixels, points_eye = project_vertices(mesh, camera, pool)
+    points_pixels, points_ray = project_vertices(mesh, camera, pool)
     cell = (split.nx, split.ny, split.cell_width, split.cell_height)
 
     counts = np.full(mesh.triangle_count, split.cell_count, np.int64)
@@ -81,11 +82,12 @@ def plan_aligned_geometry(
     vertices = padded_vertices(3 * copies)
     records = np.empty(copies, np.int64)
 
-    shears = (np.outer(alignment.shift_x, camera.axes[0]), np.outer(alignment.shift_y, camera.axes[1]))
+    right, down, _ = ray_axes(camera)
+    shears = (np.outer(alignment.shift_x, right), np.outer(alignment.shift_y, down))
     rest = (row_stride, starts, vertices, records)
 
     def fill(_: int, counter: int) -> None:
-        fill_copies(counter, points_pixels, points_eye, mesh.faces, culling, *cell, *shears, *rest)
+        fill_copies(counter, points_pixels, points_ray, mesh.faces, culling, *cell, *shears, *rest)
 
     pool.run(fill)
     faces = np.arange(3 * copies, dtype=np.uint32).reshape(copies, 3)
@@ -122,7 +124,7 @@ def check_image_size(camera: Camera, row_stride: int) -> None:
 
 
 def project_vertices(mesh: Mesh, camera: Camera, pool: WorkerPool) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Vertices -> (V, 3) float64 (a, b, c) with pixel position (a / c, b / c) and depth c, and their eye space."""
+    """Vertices -> (V, 3) float64 (a, b, c) with pixel position (a / c, b / c) and depth c, and their ray space."""
     right, down, forward = camera.axes
     pitch = camera.pixel_pitch
     to_pixels = np.stack(
@@ -132,4 +134,4 @@ def project_vertices(mesh: Mesh, camera: Camera, pool: WorkerPool) -> tuple[NDAr
     points_pixels, points_eye = np.empty(shape), np.empty(shape)
     eye = np.array(camera.eye)
     pool.run(lambda _, counter: project_points(counter, mesh.vertices, eye, to_pixels, points_pixels, points_eye))
-    return points_pixels, points_eye
+    return points_pixels, from_eye_space(camera, points_eye)

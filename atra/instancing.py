@@ -10,6 +10,7 @@ from atra.camera import Camera
 from atra.culling import EMBREE_BYTES_PER_COPY, AlignedGeometry, check_image_size, check_needed_bytes
 from atra.embree.scene import padded_vertices
 from atra.mesh import Mesh
+from atra.ray_space import ray_axes, to_ray_space
 
 PLAN_BYTES_PER_INSTANCE = 48 + 8
 """Transform, record."""
@@ -28,7 +29,7 @@ def plan_instanced_geometry(
     memory_budget_bytes: int | None = None,
     build_quality: str = "medium",
 ) -> AlignedGeometry:
-    """The mesh itself in eye space, and for every cell the shear onto the reference rays: nothing is left out.
+    """The mesh itself in ray space, and for every cell the shear onto the reference rays: nothing is left out.
 
     Instance j nx + i is cell (i, j). row_stride: pixels from one image row to the next. Raises MemoryBudgetError before
     allocating, InputError for an image with too many pixels.
@@ -37,7 +38,7 @@ def plan_instanced_geometry(
     check_image_size(camera, row_stride)
     check_instancing_budget(mesh, split.cell_count, build_quality, memory_budget_bytes)
     vertices = padded_vertices(len(mesh.vertices))
-    vertices[:] = camera.to_eye_space(mesh.vertices)
+    vertices[:] = to_ray_space(camera, mesh.vertices)
     pixels_y = np.arange(split.ny, dtype=np.int64) * split.cell_height * row_stride
     pixels_x = np.arange(split.nx, dtype=np.int64) * split.cell_width
     records = (pixels_y[:, None] + pixels_x).reshape(-1) << 32
@@ -45,11 +46,11 @@ def plan_instanced_geometry(
 
 
 def shear_transforms(camera: Camera, alignment: Alignment) -> NDArray[np.float32]:
-    """(ny nx, 3, 4) float32, row-major affine transforms: the shear of cell (i, j) in eye space, at j nx + i.
+    """(ny nx, 3, 4) float32, row-major affine transforms: the shear of cell (i, j) in ray space, at j nx + i.
 
-    x' = x - (shift_x[i] right + shift_y[j] down) (forward . x), which is `Alignment.shear_points` in the world's axes.
+    x' = x - (shift_x[i] right + shift_y[j] down) (forward . x), which is `Alignment.shear_points` in ray space's axes.
     """
-    right, down, forward = camera.axes
+    right, down, forward = ray_axes(camera)
     shifts = np.outer(alignment.shift_y, down)[:, None] + np.outer(alignment.shift_x, right)
     transforms = np.zeros((alignment.split.cell_count, 3, 4), np.float32)
     transforms[:, :, :3] = np.eye(3) - shifts.reshape(-1, 3, 1) * forward

@@ -19,6 +19,7 @@ from atra.embree.scene import padded_vertices
 from atra.kernels.visible import count_visible, fill_visible
 from atra.mesh import Mesh
 from atra.parallel import WorkerPool
+from atra.ray_space import ray_axes
 
 DEPTH_SLACK = 1e-4
 """Relative margin on the depth of what is left out: float32 hits and float64 bounds differ by less."""
@@ -76,7 +77,7 @@ def plan_visible_geometry(
     """
     split = alignment.split
     check_image_size(camera, row_stride)
-    points_pixels, points_eye = project_vertices(mesh, camera, pool)
+    points_pixels, points_ray = project_vertices(mesh, camera, pool)
     with np.errstate(divide="ignore"):
         wanted = (1.0 - SEEN_SLACK) / seen_depth
     columns = np.arange(tiles.shape[1]) * tiles.tile_width
@@ -111,11 +112,12 @@ def plan_visible_geometry(
     check_memory_budget(copies, build_quality, memory_budget_bytes, split.cell_count)
     vertices = padded_vertices(3 * copies)
     records = np.empty(copies, np.int64)
-    shears = (np.outer(alignment.shift_x, camera.axes[0]), np.outer(alignment.shift_y, camera.axes[1]))
+    right, down, _ = ray_axes(camera)
+    shears = (np.outer(alignment.shift_x, right), np.outer(alignment.shift_y, down))
 
     def fill(_: int, counter: int) -> None:
         fill_visible(
-            counter, points_pixels, points_eye, mesh.faces, *raster, split.cell_width, split.cell_height,
+            counter, points_pixels, points_ray, mesh.faces, *raster, split.cell_width, split.cell_height,
             first_cell, last_cell, *shears, row_stride, starts, vertices, records,
         )  # fmt: skip
 

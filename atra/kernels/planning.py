@@ -156,24 +156,24 @@ def count_copies(counter_address, points_pixels, faces, nx, ny, cell_width, cell
 
 
 @njit(inline="always")
-def write_copy(points_pixels, points_eye, faces, triangle, shears_x, shears_y, i, j, copy, vertices):  # type: ignore[no-untyped-def]
+def write_copy(points_pixels, points_ray, faces, triangle, shears_x, shears_y, i, j, copy, vertices):  # type: ignore[no-untyped-def]
     """The three corners of a triangle, sheared for cell (i, j), into `vertices` (3 N, 3) at place `copy`."""
     for corner in range(3):
         vertex = faces[triangle, corner]
         depth = points_pixels[vertex, 2]
         for axis in range(3):
             shear = (shears_x[i, axis] + shears_y[j, axis]) * depth
-            vertices[3 * copy + corner, axis] = points_eye[vertex, axis] - shear
+            vertices[3 * copy + corner, axis] = points_ray[vertex, axis] - shear
 
 
 @njit(nogil=True, cache=True)
 def fill_copies(  # type: ignore[no-untyped-def]
-    counter_address, points_pixels, points_eye, faces, culling, nx, ny, cell_width, cell_height,
+    counter_address, points_pixels, points_ray, faces, culling, nx, ny, cell_width, cell_height,
     shears_x, shears_y, row_stride, starts, vertices, records,
 ):  # fmt: skip
     """Write the sheared copies of each triangle from starts[t] on.
 
-    points_eye: (V, 3) float64. shears_x: (nx, 3), shears_y: (ny, 3) float64, what a column or row of cells takes off a
+    points_ray: (V, 3) float64. shears_x: (nx, 3), shears_y: (ny, 3) float64, what a column or row of cells takes off a
     point per unit of depth.
     vertices: (3 N, 3) float32; records: (N,) int64, the copy's prim_id in the low half and the distance in pixels from
     the reference cell's pixel to the cell's in the high half.
@@ -205,6 +205,6 @@ def fill_copies(  # type: ignore[no-untyped-def]
                         polygon, corners, j, cell_width, cell_height, nx, y_low, y_high, tiny, first, second
                     )
                 for i in range(left, right + 1):
-                    write_copy(points_pixels, points_eye, faces, triangle, shears_x, shears_y, i, j, copy, vertices)
+                    write_copy(points_pixels, points_ray, faces, triangle, shears_x, shears_y, i, j, copy, vertices)
                     records[copy] = triangle | ((j * cell_height * row_stride + i * cell_width) << 32)
                     copy += 1

@@ -23,6 +23,7 @@ from atra.hits import Hits
 from atra.kernels.callbacks import memory_monitor
 from atra.mesh import Mesh
 from atra.parallel import WorkerPool, resolve_threads
+from atra.ray_space import ray_axes
 
 
 class Tracer(Protocol):
@@ -235,11 +236,11 @@ def new_images(height: int, width: int, row_stride: int) -> tuple[NDArray[np.flo
 def ray_directions(
     camera: Camera, columns: NDArray[np.floating], rows: NDArray[np.floating]
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """The two summands of ray directions in eye space, (3, columns) and (3, rows) float32.
+    """The two summands of ray directions in ray space, (3, columns) and (3, rows) float32.
 
     columns, rows: positions on the image plane in pixels, measured from the view axis.
     """
-    right, down, forward = camera.axes[:, :, None]
+    right, down, forward = ray_axes(camera)[:, :, None]
     column_directions = right * (columns * camera.pixel_pitch)
     row_directions = down * (rows * camera.pixel_pitch) + forward
     return column_directions.astype(np.float32), row_directions.astype(np.float32)

@@ -17,6 +17,7 @@ from atra.kernels.callbacks import memory_monitor, nearest_hit_filter
 from atra.kernels.tracing import pixel_kernel
 from atra.kernels.visible import verify_kernel
 from atra.mesh import Mesh
+from atra.ray_space import to_ray_space
 from atra.tracers.base import new_images, one_at_a_time, ray_directions
 from atra.tracers.pixel import SQUAREST_SHAPE
 from atra.tracers.reference_rays import ReferenceRayTracer
@@ -87,7 +88,7 @@ class VisibleFirstTracer(ReferenceRayTracer):
         self._check_open()
         start = perf_counter()
         vertices = padded_vertices(len(self.mesh.vertices))
-        vertices[:] = self.camera.to_eye_space(self.mesh.vertices)
+        vertices[:] = to_ray_space(self.camera, self.mesh.vertices)
         monitor_address = memory_monitor()
         build_start = perf_counter()
         whole = EmbreeScene(
