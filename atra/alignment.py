@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from atra.camera import Camera
 from atra.errors import InputError
 from atra.orthographic import OrthographicCamera
+from atra.ray_space import from_eye_space, ray_axes
 from atra.view import Vector, View
 
 TOLERANCE_PIXELS = 1e-6
@@ -62,7 +63,7 @@ class Part:
 
     image, i, j: image and cell. first_x, first_y: its upper left pixel; the pixel (first_x + c, first_y + r) is the
     business of reference ray (c, r).
-    transform: (3, 4) float64, world points -> reference space (the world's axes around the first camera's eye).
+    transform: (3, 4) float64, world points -> ray space of the first camera.
     """
 
     image: int
@@ -78,7 +79,7 @@ class Alignment:
     """Images whose rays, cell by cell, one set of reference rays stands for.
 
     Every image has a camera, and a linear map of its own that carries what its camera sees into the first camera's
-    eye space, so that all images then have the same rays. Of these, all cells of an image are laid onto one reference
+    ray space, so that all images then have the same rays. Of these, all cells of an image are laid onto one reference
     cell: in camera space, for pinhole cameras,
 
         X' = X - shift_x[i] Z,    Y' = Y - shift_y[j] Z,    Z' = Z
@@ -186,9 +187,9 @@ class Alignment:
 
     @property
     def shears(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """(nx, 3), (ny, 3) float64, in reference space: what a column and a row of cells take off a point, per unit of
-        depth, or as it is where rays are parallel."""
-        right, down, _ = self.cameras[0].axes
+        """(nx, 3), (ny, 3) float64, in ray space: what a column and a row of cells take off a point, per unit of depth,
+        or as it is where rays are parallel."""
+        right, down, _ = ray_axes(self.cameras[0])
         return np.outer(self.shift_x, right), np.outer(self.shift_y, down)
 
     def parts(self) -> Iterator[Part]:
@@ -199,7 +200,7 @@ class Alignment:
             yield Part(image, i, j, *first, transforms[image, j, i])
 
     def transforms_from(self, origin: Vector) -> NDArray[np.float64]:
-        """(K, ny, nx, 3, 4) float64: points measured from `origin`, along the world's axes -> reference space."""
+        """(K, ny, nx, 3, 4) float64: points measured from `origin`, along the world's axes -> ray space."""
         shears_x, shears_y = self.shears
         shifts = shears_y[:, None] + shears_x
         first, split = self.cameras[0], self.split
@@ -208,8 +209,8 @@ class Alignment:
             transforms[..., :3] = self.linear[:, None, None]
             transforms[..., 3] = -shifts
         else:
-            per_depth = np.eye(3) - shifts[..., None] * first.axes[2]
-            transforms[..., :3] = per_depth @ self.linear[:, None, None]
+            shears = np.eye(3) - shifts[..., None] * ray_axes(first)[2]
+            transforms[..., :3] = shears @ self.linear[:, None, None]
         from_eyes = np.array([np.subtract(origin, camera.eye) for camera in self.cameras])
         transforms[..., 3] += (transforms[..., :3] @ from_eyes[:, None, None, :, None])[..., 0]
         return transforms
@@ -242,15 +243,15 @@ def check_same_grid(cameras: Sequence[View]) -> None:
 
 
 def _onto(first: View, camera: View) -> NDArray[np.float64]:
-    """(3, 3): eye space of `camera` -> eye space of `first`, so that pixel (x, y) has the same ray in both.
+    """(3, 3): eye space of `camera` -> ray space of `first`, so that pixel (x, y) has the same ray in both.
 
     In camera space rays of equal pixels differ by the ratio of the pixel pitches, across the view only.
     """
     same_pitch = camera.pixel_pitch == first.pixel_pitch
     if same_pitch and np.array_equal(camera.axes, first.axes):
-        return np.eye(3)  # exactly, so that walls along the world's axes stay flat
+        return from_eye_space(first)  # exactly, so that walls along the world's axes stay flat
     ratio = first.pixel_pitch / camera.pixel_pitch
-    return first.axes.T @ np.diag([ratio, ratio, 1.0]) @ camera.axes
+    return ray_axes(first).T @ np.diag([ratio, ratio, 1.0]) @ camera.axes
 
 
 def _check_shapes(alignment: Alignment) -> None:
@@ -273,7 +274,7 @@ def _check_images(alignment: Alignment) -> None:
     """The rays of every image must be those of the first. Both are linear in the pixel, so the corners tell."""
     first = alignment.cameras[0]
     x, y = np.array([0, first.width, 0, first.width]), np.array([0, 0, first.height, first.height])
-    wanted = [side @ first.axes for side in first.rays(x, y, (0.0, 0.0))]
+    wanted = [side @ ray_axes(first) for side in first.rays(x, y, (0.0, 0.0))]
     for image, camera in enumerate(alignment.cameras):
         found = [side @ camera.axes @ alignment.linear[image].T for side in camera.rays(x, y, (0.0, 0.0))]
         for corner in range(4):

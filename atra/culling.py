@@ -15,6 +15,7 @@ from atra.errors import InputError, MemoryBudgetError
 from atra.kernels.planning import count_copies, fill_copies, project_points
 from atra.mesh import Mesh
 from atra.parallel import WorkerPool
+from atra.ray_space import from_eye_space
 from atra.view import View
 
 PLAN_BYTES_PER_COPY = 3 * 12 + 12 + 8
@@ -153,13 +154,13 @@ def check_image_size(rows: int, row_stride: int) -> None:
 def project_vertices(
     mesh: Mesh, camera: View, pool: WorkerPool, linear: NDArray[np.float64] | None = None
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Vertices -> (V, 3) float64 (a, b, c) with pixel position (a / c, b / c), and their eye space, (V, 3) float64.
+    """Vertices -> (V, 3) float64 (a, b, c) with pixel position (a / c, b / c), and their ray space, (V, 3) float64.
 
-    c is the depth, or 1 where rays are parallel. linear: (3, 3) float64, applied to the eye space (None: nothing).
+    c is the depth, or 1 where rays are parallel. linear: (3, 3) float64, eye space -> ray space (None: the camera's).
     """
-    linear = np.eye(3) if linear is None else linear
+    linear = from_eye_space(camera) if linear is None else linear
     shape = mesh.vertices.shape
-    points_pixels, points_reference = np.empty(shape), np.empty(shape)
+    points_pixels, points_ray = np.empty(shape), np.empty(shape)
     constants = np.array(camera.eye), camera.to_pixels, linear
-    pool.run(lambda _, counter: project_points(counter, mesh.vertices, *constants, points_pixels, points_reference))
-    return points_pixels, points_reference
+    pool.run(lambda _, counter: project_points(counter, mesh.vertices, *constants, points_pixels, points_ray))
+    return points_pixels, points_ray

@@ -9,6 +9,7 @@ from atra.alignment import Alignment
 from atra.culling import EMBREE_BYTES_PER_COPY, AlignedGeometry, check_image_size, check_needed_bytes
 from atra.embree.scene import padded_vertices
 from atra.mesh import Mesh
+from atra.ray_space import from_eye_space, to_ray_space
 
 PLAN_BYTES_PER_INSTANCE = 48 + 8
 """Transform, record."""
@@ -26,7 +27,7 @@ def plan_instanced_geometry(
     memory_budget_bytes: int | None = None,
     build_quality: str = "medium",
 ) -> AlignedGeometry:
-    """The mesh itself in the first camera's eye space, and for every part of the alignment a transform onto the
+    """The mesh itself in the first camera's ray space, and for every part of the alignment a transform onto the
     reference rays: nothing is left out.
 
     Instances are in the order of `Alignment.parts`. row_stride: pixels from one image row to the next. Raises
@@ -37,7 +38,7 @@ def plan_instanced_geometry(
     check_image_size(rows, row_stride)
     check_instancing_budget(mesh, split.cell_count * alignment.image_count, build_quality, memory_budget_bytes)
     vertices = padded_vertices(len(mesh.vertices))
-    vertices[:] = alignment.cameras[0].to_eye_space(mesh.vertices)
+    vertices[:] = to_ray_space(alignment.cameras[0], mesh.vertices)
     pixels_y = np.arange(0, rows, split.cell_height, dtype=np.int64) * row_stride
     pixels_x = np.arange(split.nx, dtype=np.int64) * split.cell_width
     records = (pixels_y[:, None] + pixels_x).reshape(-1) << 32
@@ -45,9 +46,12 @@ def plan_instanced_geometry(
 
 
 def instance_transforms(alignment: Alignment) -> NDArray[np.float32]:
-    """(parts, 3, 4) float32, row-major affine transforms: first camera's eye space -> the reference rays' space of each
+    """(parts, 3, 4) float32, row-major affine transforms: first camera's ray space -> the reference rays' of each
     part, in the order of `Alignment.parts`."""
-    return alignment.transforms_from(alignment.cameras[0].eye).reshape(-1, 3, 4).astype(np.float32)
+    first = alignment.cameras[0]
+    transforms = alignment.transforms_from(first.eye).reshape(-1, 3, 4)
+    transforms[:, :, :3] = transforms[:, :, :3] @ from_eye_space(first).T
+    return transforms.astype(np.float32)
 
 
 def check_instancing_budget(mesh: Mesh, instance_count: int, build_quality: str, budget_bytes: int | None) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor, wait
 from typing import Any
 
 import numpy as np
@@ -29,18 +29,37 @@ class WorkerPool:
         self._executor = ThreadPoolExecutor(threads - 1, "atra") if threads > 1 else None
 
     def run(self, kernel: Callable[[int, int], Any]) -> None:
-        """Call kernel(worker, counter_address) once per thread; the counter at the address starts at zero."""
+        """Call kernel(worker, counter_address) once per thread; the counter at the address starts at zero.
+
+        Returns, or raises what one of them raised, when all are done: until then they write to the caller's memory.
+        """
         counter = np.zeros(1, np.int64)
         address = counter.ctypes.data
-        others = []
-        if self._executor:
-            others = [self._executor.submit(kernel, worker, address) for worker in range(1, self.threads)]
+        others: list[Future[Any]] = []
         try:
+            if self._executor:
+                for worker in range(1, self.threads):
+                    others.append(self._executor.submit(kernel, worker, address))
             kernel(0, address)
         finally:
-            for other in others:
-                other.result()
+            _wait_whatever_happens(others)
+        for other in others:
+            other.result()
 
     def close(self) -> None:
         if self._executor:
             self._executor.shutdown()
+
+
+def _wait_whatever_happens(others: list[Future[Any]]) -> None:
+    """Wait even when Ctrl-C interrupts the waiting; it is passed on afterwards."""
+    interruption: BaseException | None = None
+    while True:
+        try:
+            wait(others)
+        except BaseException as error:
+            interruption = error
+        else:
+            break
+    if interruption is not None:
+        raise interruption

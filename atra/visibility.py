@@ -75,7 +75,7 @@ def plan_visible_geometry(
     """
     split, (camera,) = alignment.split, alignment.cameras
     check_image_size(split.height, row_stride)
-    points_pixels, points_eye = project_vertices(mesh, camera, pool)
+    points_pixels, points_ray = project_vertices(mesh, camera, pool)
     with np.errstate(divide="ignore"):
         wanted = (1.0 - SEEN_SLACK) / seen_depth
     columns = np.arange(tiles.shape[1]) * tiles.tile_width
@@ -113,7 +113,7 @@ def plan_visible_geometry(
 
     def fill(_: int, counter: int) -> None:
         fill_visible(
-            counter, points_pixels, points_eye, mesh.faces, *raster, split.cell_width, split.cell_height,
+            counter, points_pixels, points_ray, mesh.faces, *raster, split.cell_width, split.cell_height,
             first_cell, last_cell, *alignment.shears, row_stride, starts, vertices, records,
         )  # fmt: skip
 

@@ -1,5 +1,6 @@
 """The Embree room: finding the library, struct layouts, lifetimes."""
 
+import ctypes
 import os
 import subprocess
 import sys
@@ -10,6 +11,7 @@ import pytest
 import atra
 from atra.embree import layout, library
 from atra.embree.scene import EmbreeScene, padded_vertices
+from atra.embree.self_check import FILTER_FUNCTION
 from atra.embree.workspace import Workspace
 from atra.kernels.callbacks import memory_monitor
 from tests.meshes import cornell_box
@@ -98,3 +100,165 @@ def test_a_closed_scene_has_no_address_and_closing_twice_is_harmless():
     assert scene.embree_bytes == 0
     with pytest.raises(atra.EmbreeError, match="closed"):
         _ = scene.address
+
+
+REAL = ctypes.CDLL(str(library._locate()))
+
+
+class FakeLibrary:
+    """The real library, but for the functions given; `open` counts devices and scenes made and not yet released."""
+
+    def __init__(self, **replaced):
+        self.open = 0
+        for name, (result, arguments) in library._SIGNATURES.items():
+            function = getattr(REAL, name)
+            function.restype, function.argtypes = result, arguments
+            setattr(self, name, replaced.get(name) or self._counted(name, function))
+
+    def _counted(self, name, function):
+        step = {"rtcNew": 1, "rtcRel": -1}.get(name[:6], 0)
+
+        def call(*arguments):
+            self.open += step
+            return function(*arguments)
+
+        return call
+
+
+def load(fake, monkeypatch):
+    """`load_library` with `fake` in place of the library, not cached."""
+    monkeypatch.setattr(library.ctypes, "CDLL", lambda path: fake)
+    return library.load_library.__wrapped__()
+
+
+def with_version(number):
+    def device_property(device, which):
+        return number if which == layout.DEVICE_VERSION else REAL.rtcGetDeviceProperty(device, which)
+
+    return FakeLibrary(rtcGetDeviceProperty=device_property)
+
+
+def with_words(width, *, swapped=(), changed=()):
+    """A library that returns rays of `width` with two words of every lane swapped, or one changed."""
+
+    def intersect(*arguments):
+        getattr(REAL, f"rtcIntersect{width}")(*arguments)
+        words = np.ctypeslib.as_array((ctypes.c_uint32 * (21 * width)).from_address(arguments[-2])).reshape(21, width)
+        if swapped:
+            words[list(swapped)] = words[list(swapped[::-1])]
+        for word in changed:
+            words[word, -1] ^= 0x00400000
+
+    return FakeLibrary(**{f"rtcIntersect{width}": intersect})
+
+
+def with_filter_arguments(**changes):
+    """A library that gives filters other arguments: each of `changes` makes one of the real ones."""
+    kept = []
+
+    def set_filter(geometry, address):
+        original = FILTER_FUNCTION(address)
+
+        def call(arguments_address):
+            arguments = layout.FilterArguments.from_buffer_copy(
+                ctypes.string_at(arguments_address, ctypes.sizeof(layout.FilterArguments))
+            )
+            for name, change in changes.items():
+                setattr(arguments, name, change(arguments))
+            original(ctypes.addressof(arguments))
+
+        kept.append(FILTER_FUNCTION(call))
+        REAL.rtcSetGeometryIntersectFilterFunction(geometry, ctypes.cast(kept[-1], ctypes.c_void_p).value)
+
+    return FakeLibrary(rtcSetGeometryIntersectFilterFunction=set_filter)
+
+
+def test_a_library_that_answers_as_expected_is_taken_and_nothing_of_the_check_remains(monkeypatch):
+    fake = FakeLibrary()
+    assert load(fake, monkeypatch).native_packet_widths == library.load_library().native_packet_widths
+    assert fake.open == 0
+
+
+def test_a_later_embree_4_is_taken_if_its_structs_are_the_same(monkeypatch):
+    assert load(with_version(40501), monkeypatch).version == (4, 5, 1)
+
+
+@pytest.mark.parametrize(("number", "name"), [(30000, "3.0.0"), (40399, "4.3.99"), (50000, "5.0.0")])
+def test_a_library_of_another_version_is_refused_before_it_is_used_and_let_go(number, name, monkeypatch):
+    fake = with_version(number)
+    used = []
+    for function in ("rtcNewScene", "rtcNewGeometry", "rtcIntersect1"):
+        setattr(fake, function, lambda *arguments: used.append(arguments))
+    with pytest.raises(atra.EmbreeError, match=f"is Embree {name}, expected at least 4.4.0 and below 5.0.0; install"):
+        load(fake, monkeypatch)
+    assert fake.open == 0
+    assert not used
+
+
+def test_a_library_without_filters_is_refused(monkeypatch):
+    def device_property(device, which):
+        return 0 if which == layout.DEVICE_FILTER_FUNCTION else REAL.rtcGetDeviceProperty(device, which)
+
+    with pytest.raises(atra.EmbreeError, match="built without filter functions"):
+        load(FakeLibrary(rtcGetDeviceProperty=device_property), monkeypatch)
+
+
+def test_a_library_that_lacks_a_function_is_refused_naming_it(monkeypatch):
+    fake = FakeLibrary()
+    del fake.rtcAttachGeometryByID
+    with pytest.raises(atra.EmbreeError, match="rtcAttachGeometryByID"):
+        load(fake, monkeypatch)
+
+
+def test_a_library_that_cannot_create_a_device_is_refused_with_its_reason(monkeypatch):
+    fake = FakeLibrary(rtcNewDevice=lambda configuration: None, rtcGetDeviceError=lambda device: 5)
+    with pytest.raises(atra.EmbreeError, match="cannot create a device: unsupported CPU"):
+        load(fake, monkeypatch)
+
+
+RAY_FIELDS = ["org_x", "org_y", "org_z", "tnear", "dir_x", "dir_y", "dir_z", "time", "tfar", "mask", "id", "flags"]
+HIT_FIELDS = ["Ng_x", "Ng_y", "Ng_z", "u", "v", "prim_id", "geom_id", "inst_id"]
+
+
+@pytest.mark.parametrize("width", library.load_library().native_packet_widths)
+@pytest.mark.parametrize(("word", "field"), list(enumerate(RAY_FIELDS + HIT_FIELDS)))
+def test_a_field_that_reads_back_wrong_is_named(width, word, field, monkeypatch):
+    # The last lane of a packet is switched off: its ray must not have changed, its hit is not looked at.
+    if width > 1 and field in HIT_FIELDS and field not in ("prim_id", "geom_id"):
+        fake = with_words(width, swapped=(word, 8))  # with tfar, which is then the first to be found wrong
+        field = "tfar"
+    else:
+        fake = with_words(width, changed=(word,))
+    with pytest.raises(atra.EmbreeError, match=rf"cannot be used: {field} of the (ray|packet) .* for {width} rays"):
+        load(fake, monkeypatch)
+
+
+@pytest.mark.parametrize(("words", "field"), [
+    ((12, 13), "Ng_x"), ((13, 14), "Ng_y"), ((15, 16), "u"), ((14, 16), "Ng_z"), ((17, 18), "prim_id"),
+    ((18, 19), "geom_id"), ((19, 20), "inst_id"), ((3, 8), "tnear"), ((0, 4), "org_x"),
+])  # fmt: skip
+def test_two_fields_that_changed_places_are_found_out(words, field, monkeypatch):
+    for width in library.load_library().native_packet_widths:
+        with pytest.raises(atra.EmbreeError, match=rf"cannot be used: {field} of the (ray|packet) .* for {width} rays"):
+            load(with_words(width, swapped=words), monkeypatch)
+
+
+@pytest.mark.parametrize(("changes", "message"), [
+    ({"ray_count": lambda given: 0}, "N of what the filter is given"),
+    ({"ray_count": lambda given: given.ray_count + 16}, "N of what the filter is given"),
+    ({"user_data": lambda given: given.valid}, "geometryUserPtr of what the filter is given"),
+    ({"context": lambda given: given.ray}, "context of what the filter is given"),
+    ({"valid": lambda given: given.ray}, "valid of what the filter is given"),
+    ({"ray": lambda given: given.ray + 4}, "dir_x of what the filter is given"),
+    ({"hit": lambda given: given.hit - 4}, "Ng_x of what the filter is given"),
+])  # fmt: skip
+def test_a_filter_that_is_given_something_else_is_found_out(changes, message, monkeypatch):
+    fake = with_filter_arguments(**changes)
+    with pytest.raises(atra.EmbreeError, match=message):
+        load(fake, monkeypatch)
+    assert fake.open == 0
+
+
+def test_a_filter_that_is_not_called_is_found_out(monkeypatch):
+    with pytest.raises(atra.EmbreeError, match="calls of the filter"):
+        load(FakeLibrary(rtcSetGeometryIntersectFilterFunction=lambda *_: None), monkeypatch)

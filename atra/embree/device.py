@@ -38,6 +38,7 @@ class EmbreeDevice:
         # What Embree reads and writes rides along with the finalizer, so that it outlives every Embree call.
         self._kept: list[object] = [self._byte_count]
         self._finalizer = weakref.finalize(self, _release, self._library, self._device, self._scenes, self._kept)
+        self._finalizer.atexit = False  # a daemon thread may still be tracing then; the system takes the memory back
         if monitor_address:
             counter = self._byte_count.ctypes.data
             self._call("rtcSetDeviceMemoryMonitorFunction", self._device, monitor_address, counter)
@@ -124,8 +125,9 @@ class EmbreeDevice:
         self.close()
 
 
-def _release(library: Library, device: int, scenes: list[int], _kept: object) -> None:
-    """Newest first: a scene of instances goes before the scene they show, the device last."""
+def _release(library: Library, device: int, scenes: list[int], kept: list[object]) -> None:
+    """Newest first: a scene of instances goes before the scene they show, the device last, then what it was reading."""
     for scene in reversed(scenes):
         library.functions.rtcReleaseScene(scene)
     library.functions.rtcReleaseDevice(device)
+    kept.clear()

@@ -14,7 +14,8 @@ RAY_ORG_X, RAY_ORG_Y, RAY_ORG_Z, RAY_TNEAR = 0, 1, 2, 3
 RAY_DIR_X, RAY_DIR_Y, RAY_DIR_Z, RAY_TIME = 4, 5, 6, 7
 RAY_TFAR, RAY_MASK, RAY_ID, RAY_FLAGS = 8, 9, 10, 11
 RAY_WORDS = 12
-HIT_PRIM_ID, HIT_GEOM_ID, HIT_INST_ID, HIT_INST_PRIM_ID = 5, 6, 7, 8  # after Ng_x, Ng_y, Ng_z, u, v
+HIT_NG_X, HIT_NG_Y, HIT_NG_Z, HIT_U, HIT_V = 0, 1, 2, 3, 4
+HIT_PRIM_ID, HIT_GEOM_ID, HIT_INST_ID, HIT_INST_PRIM_ID = 5, 6, 7, 8
 HIT_WORDS = 9
 
 PACKET_ALIGNMENT_BYTES = 64
@@ -74,6 +75,19 @@ class IntersectArguments(ctypes.Structure):
         ("context", ctypes.c_void_p),
         ("filter", ctypes.c_void_p),
         ("intersect", ctypes.c_void_p),
+    )
+
+
+class FilterArguments(ctypes.Structure):
+    """RTCFilterFunctionNArguments: what a filter is given."""
+
+    _fields_ = (
+        ("valid", ctypes.c_void_p),
+        ("user_data", ctypes.c_void_p),  # geometryUserPtr
+        ("context", ctypes.c_void_p),
+        ("ray", ctypes.c_void_p),
+        ("hit", ctypes.c_void_p),
+        ("ray_count", ctypes.c_uint32),  # N
     )
 
 

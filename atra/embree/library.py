@@ -16,6 +16,7 @@ from pathlib import Path
 import llvmlite.binding
 
 from atra.embree import layout
+from atra.embree.self_check import check_layouts
 from atra.errors import EmbreeError
 
 OVERRIDE_VARIABLE = "ATRA_EMBREE"
@@ -48,6 +49,10 @@ _SIGNATURES = {
     "rtcCommitGeometry": (None, (_P,)),
     "rtcAttachGeometry": (_U, (_P, _P)),
     "rtcAttachGeometryByID": (None, (_P, _P, _U)),
+    "rtcIntersect1": (None, (_P, _P, _P)),
+    "rtcIntersect4": (None, (_P, _P, _P, _P)),
+    "rtcIntersect8": (None, (_P, _P, _P, _P)),
+    "rtcIntersect16": (None, (_P, _P, _P, _P)),
 }
 
 
@@ -66,7 +71,7 @@ def load_library() -> Library:
     """Load libembree4 and check what it can do.
 
     Raises EmbreeError when no library is found, it cannot be loaded, its version is not supported, it was built
-    without filter functions, or its device cannot be created.
+    without filter functions, its device cannot be created, or its structs are not laid out as `layout` says.
     """
     path = _locate()
     try:
@@ -88,11 +93,15 @@ def load_library() -> Library:
         version = _check_version(path, read(layout.DEVICE_VERSION))
         if not read(layout.DEVICE_FILTER_FUNCTION):
             raise EmbreeError(f"{path} was built without filter functions, which atra needs; {_HINT}")
-        native = tuple(width for width, number in layout.DEVICE_NATIVE_RAY.items() if read(number))
+        widths = (1, *(width for width, number in layout.DEVICE_NATIVE_RAY.items() if read(number)))
+        try:
+            check_layouts(functions, device, widths)
+        except EmbreeError as error:
+            raise EmbreeError(f"{path} cannot be used: {error}; {_HINT}") from None
     finally:
         functions.rtcReleaseDevice(device)
     llvmlite.binding.load_library_permanently(str(path))
-    return Library(path, version, (1, *native), functions)
+    return Library(path, version, widths, functions)
 
 
 def embree_version() -> str:

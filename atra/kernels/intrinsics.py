@@ -12,12 +12,9 @@ from numba.core.errors import TypingError
 from numba.extending import intrinsic
 
 from atra.embree import layout
-from atra.embree.layout import RayQueryContext
+from atra.embree.layout import FilterArguments, RayQueryContext
 
 _I8, _I32, _I64, _F32 = ir.IntType(8), ir.IntType(32), ir.IntType(64), ir.FloatType()
-
-# RTCFilterFunctionNArguments: five pointers, then N.
-_ARGUMENT_VALID, _ARGUMENT_USER, _ARGUMENT_CONTEXT, _ARGUMENT_RAY, _ARGUMENT_HIT, _ARGUMENT_N = 0, 8, 16, 24, 32, 40
 
 SOURCE_STAMP = zlib.crc32(b"".join(Path(str(source)).read_bytes() for source in (__file__, layout.__file__)))
 """Changes with this file and the struct layouts. Numba's cache on disk looks only at the file of the function it keeps,
@@ -94,14 +91,14 @@ def _emit_keep_nearest(builder: ir.IRBuilder, arguments: ir.Value, nx: int, ny: 
             part = builder.shuffle_vector(value, value, lanes)
             store(part, builder.add(base, builder.mul(row_bytes, _I64(row))))
 
-    valid_address = load(_I64, at(arguments, _ARGUMENT_VALID), 8)
-    context = load(_I64, at(arguments, _ARGUMENT_CONTEXT), 8)
-    lane_count = load(_I32, at(arguments, _ARGUMENT_N))
+    valid_address = load(_I64, at(arguments, FilterArguments.valid.offset), 8)
+    context = load(_I64, at(arguments, FilterArguments.context.offset), 8)
+    lane_count = load(_I32, at(arguments, FilterArguments.ray_count.offset))
     with builder.if_else(builder.icmp_unsigned("==", lane_count, _I32(width)), likely=True) as (expected, surprise):
         with expected:
-            records = load(_I64, at(arguments, _ARGUMENT_USER), 8)
-            ray = load(_I64, at(arguments, _ARGUMENT_RAY), 8)
-            hit = load(_I64, at(arguments, _ARGUMENT_HIT), 8)
+            records = load(_I64, at(arguments, FilterArguments.user_data.offset), 8)
+            ray = load(_I64, at(arguments, FilterArguments.ray.offset), 8)
+            hit = load(_I64, at(arguments, FilterArguments.hit.offset), 8)
             valid = load(vector(_I32), valid_address)
             depth = load(vector(_F32), at(ray, layout.RAY_TFAR * width * 4))
             # One triangle of one instance per call: every lane, active or not, carries the same prim_id and inst_id.

@@ -26,10 +26,10 @@ _POLYGON = 8  # a triangle clipped by three planes has at most six corners
 
 
 @njit(nogil=True, cache=True)
-def project_points(counter_address, vertices, eye, to_pixels, linear, points_pixels, points_reference):  # type: ignore[no-untyped-def]
-    """World points (V, 3) float32 -> homogeneous pixels and reference space, both (V, 3) float64.
+def project_points(counter_address, vertices, eye, to_pixels, linear, points_pixels, points_ray):  # type: ignore[no-untyped-def]
+    """World points (V, 3) float32 -> homogeneous pixels and ray space, both (V, 3) float64.
 
-    to_pixels: (3, 4) float64, of homogeneous eye space. linear: (3, 3) float64, eye space -> reference space.
+    to_pixels: (3, 4) float64, of homogeneous eye space. linear: (3, 3) float64, eye space -> ray space.
     """
     while True:
         start = fetch_add(counter_address, 1) * CHUNK
@@ -40,7 +40,7 @@ def project_points(counter_address, vertices, eye, to_pixels, linear, points_pix
             for axis in range(3):
                 projected = to_pixels[axis, 0] * x + to_pixels[axis, 1] * y + to_pixels[axis, 2] * z
                 points_pixels[point, axis] = projected + to_pixels[axis, 3]
-                points_reference[point, axis] = linear[axis, 0] * x + linear[axis, 1] * y + linear[axis, 2] * z
+                points_ray[point, axis] = linear[axis, 0] * x + linear[axis, 1] * y + linear[axis, 2] * z
 
 
 @njit(inline="always")
@@ -160,24 +160,24 @@ def count_copies(counter_address, points_pixels, faces, nx, ny, cell_width, cell
 
 
 @njit(inline="always")
-def write_copy(points_pixels, points_reference, faces, triangle, shears_x, shears_y, i, j, copy, vertices):  # type: ignore[no-untyped-def]
+def write_copy(points_pixels, points_ray, faces, triangle, shears_x, shears_y, i, j, copy, vertices):  # type: ignore[no-untyped-def]
     """The three corners of a triangle, sheared for cell (i, j), into `vertices` (3 N, 3) at place `copy`."""
     for corner in range(3):
         vertex = faces[triangle, corner]
         depth = points_pixels[vertex, 2]
         for axis in range(3):
             shear = (shears_x[i, axis] + shears_y[j, axis]) * depth
-            vertices[3 * copy + corner, axis] = points_reference[vertex, axis] - shear
+            vertices[3 * copy + corner, axis] = points_ray[vertex, axis] - shear
 
 
 @njit(nogil=True, cache=True)
 def fill_copies(  # type: ignore[no-untyped-def]
-    counter_address, points_pixels, points_reference, faces, culling, nx, ny, cell_width, cell_height,
+    counter_address, points_pixels, points_ray, faces, culling, nx, ny, cell_width, cell_height,
     shears_x, shears_y, first_pixel, row_stride, starts, vertices, records,
 ):  # fmt: skip
     """Write the sheared copies of each triangle from starts[t] on.
 
-    points_reference: (V, 3) float64. shears_x: (nx, 3), shears_y: (ny, 3) float64, what a column or row of cells takes
+    points_ray: (V, 3) float64. shears_x: (nx, 3), shears_y: (ny, 3) float64, what a column or row of cells takes
     off a point per unit of c, which is the depth, or 1 where rays are parallel. first_pixel: of the image, from the
     start of the output.
     vertices: (3 N, 3) float32; records: (N,) int64, the copy's prim_id in the low half and the distance in pixels from
@@ -210,9 +210,7 @@ def fill_copies(  # type: ignore[no-untyped-def]
                         polygon, corners, j, cell_width, cell_height, nx, y_low, y_high, tiny, first, second
                     )
                 for i in range(left, right + 1):
-                    write_copy(
-                        points_pixels, points_reference, faces, triangle, shears_x, shears_y, i, j, copy, vertices
-                    )
+                    write_copy(points_pixels, points_ray, faces, triangle, shears_x, shears_y, i, j, copy, vertices)
                     pixels = first_pixel + j * cell_height * row_stride + i * cell_width
                     records[copy] = triangle | (pixels << 32)
                     copy += 1

@@ -220,7 +220,7 @@ def count_visible(  # type: ignore[no-untyped-def]
 
 @njit(nogil=True, cache=True)
 def fill_visible(  # type: ignore[no-untyped-def]
-    counter_address, points_pixels, points_eye, faces, seen, wanted, tile_w, tile_h, width, height, cell_width,
+    counter_address, points_pixels, points_ray, faces, seen, wanted, tile_w, tile_h, width, height, cell_width,
     cell_height, first_cell, last_cell, shears_x, shears_y, row_stride, starts, vertices, records,
 ):  # fmt: skip
     """Write the sheared copies that `count_visible` counted, from starts[t] on; outputs as in `fill_copies`."""
@@ -251,7 +251,7 @@ def fill_visible(  # type: ignore[no-untyped-def]
                     if near[i] == 0 and not everywhere:
                         continue
                     near[i] = 0
-                    write_copy(points_pixels, points_eye, faces, triangle, shears_x, shears_y, i, j, copy, vertices)
+                    write_copy(points_pixels, points_ray, faces, triangle, shears_x, shears_y, i, j, copy, vertices)
                     records[copy] = triangle | ((j * cell_height * row_stride + i * cell_width) << 32)
                     copy += 1
 

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import threading
 from abc import ABC, abstractmethod
+from collections.abc import Callable
+from functools import wraps
 from time import perf_counter
 from types import TracebackType
-from typing import Protocol, Self
+from typing import Any, Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +22,7 @@ from atra.hits import Hits
 from atra.kernels.callbacks import memory_monitor
 from atra.mesh import Mesh
 from atra.parallel import WorkerPool, resolve_threads
+from atra.ray_space import ray_axes
 from atra.view import View, check_offset
 
 
@@ -59,6 +62,17 @@ class Tracer(Protocol):
     ) -> None: ...
 
 
+def one_at_a_time(method: Callable[..., None]) -> Callable[..., None]:
+    """A method of `EmbreeTracer` that waits for a plan, build or frame in progress in another thread."""
+
+    @wraps(method)
+    def locked(self: EmbreeTracer, *arguments: Any) -> None:
+        with self._lock:
+            method(self, *arguments)
+
+    return locked
+
+
 class EmbreeTracer(ABC):
     """Lifetime, timing and buffers that the tracers share; `camera` is that of the rays shot."""
 
@@ -74,11 +88,12 @@ class EmbreeTracer(ABC):
         self.plan_time_s = 0.0
         self.build_time_s = 0.0
         self._pool = WorkerPool(self.threads)
-        direction = camera.axes[2].tolist() if camera.is_parallel else None
+        direction = ray_axes(camera)[2].tolist() if camera.is_parallel else None
         self._workspaces = [
             Workspace(self.packet_width, coherent=True, direction=direction) for _ in range(self.threads)
         ]
-        self._lock = threading.Lock()  # one frame at a time: frames share the workspaces
+        # Frames share the workspaces, and a scene must stay while it is traced.
+        self._lock = threading.RLock()
         self._geometry: AlignedGeometry | None = None
         self._scene: EmbreeDevice | None = None
         self._closed = False
@@ -97,6 +112,7 @@ class EmbreeTracer(ABC):
         """Pixels from one row of the output to the next."""
         return self.camera.width
 
+    @one_at_a_time
     def plan(self) -> None:
         """Prepare the geometry on the CPU: camera space, and for alignment culling and shear."""
         self._check_open()
@@ -104,6 +120,7 @@ class EmbreeTracer(ABC):
         self._geometry = self._plan_geometry()
         self.plan_time_s = perf_counter() - start
 
+    @one_at_a_time
     def build(self) -> None:
         """Build the BVH over what `plan` prepared (planning first if that was not done)."""
         self._check_open()
@@ -195,10 +212,10 @@ class EmbreeTracer(ABC):
             if self._closed:
                 return
             self._closed = True
+            self._pool.close()  # first, so that none of its threads is in a scene that goes
             if self._scene is not None:
                 self._scene.close()
             self._geometry = None
-            self._pool.close()
 
     def __enter__(self) -> Self:
         try:
@@ -240,12 +257,12 @@ def new_images(height: int, width: int, row_stride: int) -> tuple[NDArray[np.flo
 def ray_grid(
     camera: View, columns: NDArray[np.floating], rows: NDArray[np.floating]
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """The two summands of ray directions in eye space, (3, columns) and (3, rows) float32; of origins where rays are
+    """The two summands of ray directions in ray space, (3, columns) and (3, rows) float32; of origins where rays are
     parallel.
 
     columns, rows: positions on the image plane in pixels, measured from the view axis.
     """
-    right, down, forward = camera.axes[:, :, None]
+    right, down, forward = ray_axes(camera)[:, :, None]
     column_rays = right * (columns * camera.pixel_pitch)
     row_rays = down * (rows * camera.pixel_pitch)
     if not camera.is_parallel:

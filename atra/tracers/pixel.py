@@ -9,6 +9,7 @@ from atra.culling import AlignedGeometry
 from atra.embree.scene import padded_vertices
 from atra.kernels.tracing import pixel_kernel
 from atra.mesh import Mesh
+from atra.ray_space import to_ray_space
 from atra.tracers.base import ImageTracer, ray_grid
 from atra.view import View
 
@@ -35,7 +36,7 @@ class PixelTracer(ImageTracer):
 
     def _plan_geometry(self) -> AlignedGeometry:
         vertices = padded_vertices(len(self.mesh.vertices))
-        vertices[:] = self.camera.to_eye_space(self.mesh.vertices)
+        vertices[:] = to_ray_space(self.camera, self.mesh.vertices)
         return AlignedGeometry(vertices, self.mesh.faces, np.empty(0, np.int64))
 
     def _filter_address(self) -> int:

@@ -17,7 +17,8 @@ from atra.kernels.callbacks import memory_monitor, nearest_hit_filter
 from atra.kernels.tracing import pixel_kernel
 from atra.kernels.visible import verify_kernel
 from atra.mesh import Mesh
-from atra.tracers.base import ImageTracer, check_pinhole, new_images, ray_grid
+from atra.ray_space import to_ray_space
+from atra.tracers.base import ImageTracer, check_pinhole, new_images, one_at_a_time, ray_grid
 from atra.tracers.pixel import SQUAREST_SHAPE
 from atra.tracers.reference_rays import ReferenceRayTracer
 from atra.view import View
@@ -84,12 +85,13 @@ class VisibleFirstTracer(ReferenceRayTracer, ImageTracer):
         self._plan: VisiblePlan | None = None
         self._packets_verified = np.zeros((self.threads, 16), np.int64)  # a cache line or two for each thread
 
+    @one_at_a_time
     def plan(self) -> None:
         """Build the BVH of the whole mesh, probe through it, and pick the copies for pass 1."""
         self._check_open()
         start = perf_counter()
         vertices = padded_vertices(len(self.mesh.vertices))
-        vertices[:] = self.camera.to_eye_space(self.mesh.vertices)
+        vertices[:] = to_ray_space(self.camera, self.mesh.vertices)
         monitor_address = memory_monitor()
         build_start = perf_counter()
         whole = EmbreeScene(
@@ -176,6 +178,7 @@ class VisibleFirstTracer(ReferenceRayTracer, ImageTracer):
         farthest = np.maximum.reduceat(farthest, np.arange(columns) * self.tiles.tile_width, axis=1)
         return farthest.astype(np.float64)
 
+    @one_at_a_time
     def build(self) -> None:
         """Build the BVH of pass 1 (planning first if that was not done)."""
         super().build()
@@ -223,6 +226,7 @@ class VisibleFirstTracer(ReferenceRayTracer, ImageTracer):
         """Bytes Embree holds for both scenes by its own account; 0 before `plan`."""
         return super().embree_bytes + (0 if self._whole is None else self._whole.embree_bytes)
 
+    @one_at_a_time
     def close(self) -> None:
         """Release both Embree scenes and the geometry; waits for a frame in progress. Closing twice is harmless."""
         super().close()

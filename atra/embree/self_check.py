@@ -1,0 +1,179 @@
+"""Trace one known triangle and read every field back: is the library laid out as `layout` says?
+
+Compiled code reads and writes Embree's structs by number of word. A library with another layout would not fail, it
+would return wrong images; so it is asked, once per process, before anything relies on it.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from math import isclose
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from atra.embree import layout
+from atra.embree.layout import FilterArguments, RayQueryContext
+from atra.embree.workspace import Workspace
+from atra.errors import EmbreeError
+
+# The corners and four floats more, because vertices are read as 16 bytes. The triangle fills the view along +z from the
+# origin, and is slanted so that no two fields of a hit are alike. Primitive 0 has no area.
+_VERTICES = np.array([-6, -7, 4, 9, -5, 5, -2, 8, 7, 0, 0, 0, 0], np.float32)
+_FACES = np.array([[0, 0, 0], [0, 1, 2]], np.uint32)
+_PRIM_ID, _GEOM_ID, _INST_ID = 1, 3, 5
+_USER_DATA = 0x1234560
+
+_TOLERANCE = 1e-5
+
+_RAY_FIELDS = {
+    "org_x": layout.RAY_ORG_X, "org_y": layout.RAY_ORG_Y, "org_z": layout.RAY_ORG_Z, "tnear": layout.RAY_TNEAR,
+    "dir_x": layout.RAY_DIR_X, "dir_y": layout.RAY_DIR_Y, "dir_z": layout.RAY_DIR_Z, "time": layout.RAY_TIME,
+    "tfar": layout.RAY_TFAR, "mask": layout.RAY_MASK, "id": layout.RAY_ID, "flags": layout.RAY_FLAGS,
+}  # fmt: skip
+_HIT_FIELDS = {
+    "Ng_x": layout.HIT_NG_X, "Ng_y": layout.HIT_NG_Y, "Ng_z": layout.HIT_NG_Z, "u": layout.HIT_U, "v": layout.HIT_V,
+    "prim_id": layout.HIT_PRIM_ID, "geom_id": layout.HIT_GEOM_ID, "inst_id": layout.HIT_INST_ID,
+}  # fmt: skip
+_WORDS = _RAY_FIELDS | {field: layout.RAY_WORDS + word for field, word in _HIT_FIELDS.items()}
+_WHOLE_NUMBERS = ("mask", "id", "flags", "prim_id", "geom_id", "inst_id")
+
+FILTER_FUNCTION = ctypes.CFUNCTYPE(None, ctypes.c_void_p)
+
+
+def check_layouts(functions: Any, device: int, widths: tuple[int, ...]) -> None:
+    """Trace the known triangle with packets of each of `widths` (1: `rtcIntersect1`) and compare all that comes back.
+
+    functions: the library, its signatures declared. Raises EmbreeError naming the first field that is not where
+    `layout` has it: in the rays and hits, in what the filter is given, or in the query context.
+    """
+    given: list[dict[str, Any]] = []
+    filter_function = FILTER_FUNCTION(lambda address: given.append(_read_filter_arguments(address, max(widths))))
+    scene = _new_scene(functions, device, filter_function)
+    try:
+        for width in widths:
+            given.clear()
+            _check_width(functions, scene, width, given)
+    finally:
+        functions.rtcReleaseScene(scene)
+
+
+def _new_scene(functions: Any, device: int, filter_function: Any) -> int:
+    """The triangles as geometry _GEOM_ID of the scene that is shown by instance _INST_ID."""
+    inner, outer = functions.rtcNewScene(device), functions.rtcNewScene(device)
+    triangles = functions.rtcNewGeometry(device, layout.GEOMETRY_TRIANGLE)
+    for buffer, kind, array, count in (
+        (layout.BUFFER_VERTEX, layout.FORMAT_FLOAT3, _VERTICES, 3),
+        (layout.BUFFER_INDEX, layout.FORMAT_UINT3, _FACES, len(_FACES)),
+    ):
+        functions.rtcSetSharedGeometryBuffer(triangles, buffer, 0, kind, array.ctypes.data, 0, 12, count)
+    functions.rtcSetGeometryIntersectFilterFunction(triangles, ctypes.cast(filter_function, ctypes.c_void_p).value)
+    functions.rtcSetGeometryUserData(triangles, _USER_DATA)
+    instance = functions.rtcNewGeometry(device, layout.GEOMETRY_INSTANCE)
+    functions.rtcSetGeometryInstancedScene(instance, inner)
+    for scene, geometry, geom_id in ((inner, triangles, _GEOM_ID), (outer, instance, _INST_ID)):
+        functions.rtcCommitGeometry(geometry)
+        functions.rtcAttachGeometryByID(scene, geometry, geom_id)
+        functions.rtcReleaseGeometry(geometry)
+        functions.rtcCommitScene(scene)
+    functions.rtcReleaseScene(inner)  # the instance holds it
+    code = functions.rtcGetDeviceError(device)
+    if code:
+        functions.rtcReleaseScene(outer)
+        raise EmbreeError(f"a scene of one triangle cannot be built: {layout.ERROR_NAMES.get(code, code)}")
+    return outer
+
+
+def _check_width(functions: Any, scene: int, width: int, given: list[dict[str, Any]]) -> None:
+    own = Workspace(width, coherent=True)
+    lanes = np.arange(width)
+    # Lanes of three kinds: most hit, the second passes by, the last of a packet is switched off.
+    inactive, passing = (lanes == width - 1) & (width > 1), lanes == 1
+    own.valid[:width][inactive] = 0
+    sent = {
+        "org_x": 0.11, "org_y": 0.13 + 0.01 * lanes, "org_z": -0.17, "tnear": 0.19,
+        "dir_x": 0.1 + 0.02 * lanes + 9.0 * passing, "dir_y": -0.2 + 0.03 * lanes, "dir_z": 1.0 - 0.01 * lanes,
+        "time": 0.23, "tfar": np.inf, "mask": layout.INVALID_ID, "id": 7 + lanes, "flags": 0,
+    }  # fmt: skip
+    sent = {field: np.broadcast_to(values, width) for field, values in sent.items()}
+    for field, values in sent.items():
+        _field(own.packet, field, width)[:] = values
+
+    intersect = getattr(functions, f"rtcIntersect{width}")
+    addresses = (scene, own.packet.ctypes.data, own.arguments_address)
+    intersect(*addresses) if width == 1 else intersect(own.valid.ctypes.data, *addresses)
+
+    hit = _known_hit(sent) | {"prim_id": _PRIM_ID, "geom_id": _GEOM_ID, "inst_id": _INST_ID}
+    hits = ~inactive & ~passing
+    where = "the packet" if width > 1 else "the ray"
+    for field in _RAY_FIELDS:
+        # Only tfar changes, and only where something is hit.
+        expected = np.where(hits, hit["tfar"], np.inf) if field == "tfar" else sent[field]
+        _check(where, width, field, _field(own.packet, field, width), expected)
+    for field in _HIT_FIELDS:
+        _check(where, width, field, _field(own.packet, field, width)[hits], np.broadcast_to(hit[field], width)[hits])
+    for field in ("prim_id", "geom_id"):
+        _check(where, width, field, _field(own.packet, field, width)[~hits], layout.INVALID_ID)
+
+    _check("calls of the filter", width, "the number", len(given), 1)
+    seen = given[0]
+    where = "what the filter is given"
+    _check(where, width, "N", seen["N"], width)
+    _check(where, width, "geometryUserPtr", seen["user_data"], _USER_DATA)
+    _check(where, width, "context", seen["context"], own.context.ctypes.data)
+    _check(where, width, "context.instID", seen["context_inst_id"], _INST_ID)
+    _check(where, width, "valid", seen["valid"] != 0, hits)
+    words = np.concatenate([seen["ray"], seen["hit"]])
+    for field in ("dir_x", "dir_y", "dir_z", "tfar", *_HIT_FIELDS):
+        expected = np.broadcast_to(hit[field] if field in hit else sent[field], width)
+        _check(where, width, field, _field(words, field, width)[hits], expected[hits])
+    _check("the query context", width, "instID", own.context.view(np.uint32)[0], layout.INVALID_ID)
+
+
+def _known_hit(sent: dict[str, NDArray]) -> dict[str, Any]:
+    """Where the rays meet the triangle's plane, by the definition of t, u and v: tfar and fields of a hit, float64."""
+    first, second, third = _VERTICES[:9].reshape(3, 3).astype(np.float64)
+    along_u, along_v = second - first, third - first
+    origins, directions = (np.stack([sent[f"{name}_{axis}"] for axis in "xyz"], axis=1) for name in ("org", "dir"))
+    edges = np.broadcast_to([-along_u, -along_v], (len(directions), 2, 3))
+    # origin + t direction = first + u along_u + v along_v
+    unknowns = np.linalg.solve(
+        np.concatenate([directions[:, None], edges], axis=1).transpose(0, 2, 1), (first - origins)[:, :, None]
+    )
+    t, u, v = unknowns[..., 0].T
+    normal = np.cross(along_u, along_v)
+    return {"tfar": t, "u": u, "v": v, "Ng_x": normal[0], "Ng_y": normal[1], "Ng_z": normal[2]}
+
+
+def _read_filter_arguments(address: int, largest_width: int) -> dict[str, Any]:
+    """A copy of all that a filter is given; what it points to is gone when the filter returns."""
+    arguments = FilterArguments.from_address(address)
+    width = arguments.ray_count
+    seen: dict[str, Any] = {"N": width, "user_data": arguments.user_data, "context": arguments.context}
+    if 1 <= width <= largest_width:
+        for name, kind, count in (
+            ("valid", ctypes.c_int32, width),
+            ("ray", ctypes.c_float, layout.RAY_WORDS * width),
+            ("hit", ctypes.c_float, layout.HIT_WORDS * width),
+        ):
+            seen[name] = np.array((kind * count).from_address(getattr(arguments, name)))
+        seen["context_inst_id"] = RayQueryContext.from_address(arguments.context).inst_id
+    return seen
+
+
+def _field(words: NDArray[np.float32], field: str, width: int) -> NDArray:
+    """All lanes of a field of the ray or the hit, a view."""
+    first = _WORDS[field] * width
+    lanes = words[first : first + width]
+    return lanes.view(np.uint32) if field in _WHOLE_NUMBERS else lanes
+
+
+def _check(where: str, width: int, field: str, found: Any, expected: Any) -> None:
+    lanes, wanted = (np.ravel(values).tolist() for values in np.broadcast_arrays(found, expected))
+    tolerance = _TOLERANCE if np.asarray(found).dtype.kind == "f" else 0.0
+    if not all(isclose(a, b, rel_tol=tolerance, abs_tol=tolerance) for a, b in zip(lanes, wanted, strict=True)):
+        raise EmbreeError(
+            f"{field} of {where} is {lanes} for {width} rays, expected {wanted}: "
+            "its structs are laid out otherwise than Embree 4.4's"
+        )

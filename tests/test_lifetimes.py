@@ -1,0 +1,351 @@
+"""Tracers from making to closing: nothing leaks, nothing is used after it is gone, every order of calls is defined."""
+
+import gc
+import os
+import subprocess
+import sys
+import threading
+import weakref
+
+import numpy as np
+import psutil
+import pytest
+
+import atra
+from atra.embree.device import EmbreeDevice
+from atra.parallel import WorkerPool
+from tests.meshes import cornell_box, cornell_camera
+
+CYCLES = 1000 if os.environ.get("ATRA_HYPOTHESIS") == "nightly" else 100
+"""As the property tests do, these take longer where nobody waits for them."""
+
+MESH, CAMERA = cornell_box(), cornell_camera(64, 48)
+TRACERS = {
+    "pixel": (atra.PixelTracer, {"packet_width": 1}),
+    "packets": (atra.PixelTracer, {}),
+    "aligned": (atra.AlignedTracer, {"split": (16, 1)}),
+    "instanced": (atra.AlignedTracer, {"split": (16, 1), "culling": False, "geometry": "instanced"}),
+    "visible_first": (atra.VisibleFirstTracer, {"split": (16, 1)}),
+    "tiles": (atra.TiledTracer, {"split": (4, 4)}),
+}
+every_tracer = pytest.mark.parametrize("name", TRACERS)
+
+
+def tracer(name, threads=1):
+    kind, options = TRACERS[name]
+    return kind(MESH, CAMERA, **options, threads=threads)
+
+
+def image(name):
+    with tracer(name) as one:
+        return one.trace().prim_id
+
+
+def devices(one):
+    """Every Embree device a tracer holds."""
+    return [value for value in vars(one).values() if isinstance(value, EmbreeDevice)]
+
+
+def in_threads(*works):
+    """Run side by side; the first exception of any comes out."""
+    errors = []
+
+    def guarded(work):
+        try:
+            work()
+        except BaseException as error:
+            errors.append(error)
+
+    threads = [threading.Thread(target=guarded, args=(work,)) for work in works]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join(60)
+        assert not thread.is_alive(), "a thread hangs"
+    if errors:
+        raise errors[0]
+
+
+@every_tracer
+@pytest.mark.parametrize("threads", [1, 2])
+def test_making_tracing_and_closing_again_and_again_keeps_the_memory(name, threads):
+    def cycle():
+        with tracer(name, threads) as one:
+            one.trace()
+
+    for _ in range(20):
+        cycle()
+    before = psutil.Process().memory_info().rss
+    for _ in range(CYCLES):
+        cycle()
+    growth = psutil.Process().memory_info().rss / before - 1.0
+    assert growth < 0.01, f"{CYCLES} cycles grew the process by {growth:.2%}"
+
+
+@every_tracer
+def test_closing_gives_back_every_byte_that_embree_reported(name):
+    # The monitor has then seen the last allocation go: there is nothing left that could call it.
+    one = tracer(name)
+    with one:
+        held = devices(one)
+        assert all(device.embree_bytes > 0 for device in held)
+        assert held
+    assert [device.embree_bytes for device in held] == [0] * len(held)
+    assert all(device.closed for device in held)
+
+
+@every_tracer
+def test_a_tracer_dropped_without_closing_is_released_with_what_embree_was_reading(name):
+    one = tracer(name)
+    one.plan()
+    one.build()
+    one.trace()
+    counters = [device._byte_count for device in devices(one)]
+    vertices = weakref.ref(one._geometry.vertices)
+    del one
+    gc.collect()
+    assert [int(counter[0]) for counter in counters] == [0] * len(counters)
+    assert vertices() is None
+
+
+def test_what_embree_reads_lives_as_long_as_the_scene():
+    # The tracer forgets its plan; the scene must not.
+    with tracer("aligned") as one:
+        expected = one.trace().prim_id
+        vertices, records = (weakref.ref(array) for array in (one._geometry.vertices, one._geometry.records))
+        one._geometry = None
+        gc.collect()
+        assert vertices() is not None
+        assert records() is not None
+        np.testing.assert_array_equal(one.trace().prim_id, expected)
+    gc.collect()
+    assert vertices() is None
+    assert records() is None
+
+
+@every_tracer
+def test_closing_twice_is_harmless_and_nothing_works_after_it(name):
+    one = tracer(name)
+    with one:
+        one.trace()
+    one.close()
+    for call in (one.trace, one.plan, one.build):
+        with pytest.raises(atra.EmbreeError, match="closed"):
+            call()
+
+
+@every_tracer
+def test_planning_and_building_again_gives_the_same_image_and_leaves_one_scene(name):
+    with tracer(name) as one:
+        expected = one.trace().prim_id.copy()
+        replaced, held = devices(one), one.embree_bytes
+        one.plan()
+        one.build()
+        assert all(device.closed for device in replaced)
+        # Embree allocates in blocks of its own choosing.
+        assert one.embree_bytes == pytest.approx(held, rel=0.2)
+        np.testing.assert_array_equal(one.trace().prim_id, expected)
+
+
+@pytest.mark.parametrize("first", TRACERS)
+def test_frames_of_two_tracers_may_alternate(first):
+    expected, expected_other = image(first), image("aligned")
+    with tracer(first, 2) as one, tracer("aligned", 2) as other:
+        for _ in range(3):
+            np.testing.assert_array_equal(one.trace().prim_id, expected)
+            np.testing.assert_array_equal(other.trace().prim_id, expected_other)
+    with tracer("aligned") as other:
+        with tracer(first) as one:
+            one.trace()
+        np.testing.assert_array_equal(other.trace().prim_id, expected_other)
+
+
+@every_tracer
+def test_python_threads_may_share_a_tracer_and_even_build_it_anew_meanwhile(name):
+    expected = image(name)
+    with tracer(name, 2) as one:
+
+        def trace():
+            for _ in range(20):
+                np.testing.assert_array_equal(one.trace().prim_id, expected)
+
+        def build():
+            for _ in range(5):
+                one.plan()
+                one.build()
+
+        in_threads(trace, trace, build)
+
+
+@every_tracer
+def test_each_python_thread_may_have_its_own_tracer(name):
+    expected = image(name)
+
+    def work():
+        for _ in range(5):
+            with tracer(name, 2) as one:
+                np.testing.assert_array_equal(one.trace().prim_id, expected)
+
+    in_threads(work, work)
+
+
+@every_tracer
+def test_closing_waits_for_the_frame_in_progress(name, monkeypatch):
+    with tracer(name) as one:
+        begun, may_go_on, traced = threading.Event(), threading.Event(), []
+        run = one._run
+
+        def slow_run(*arguments):
+            begun.set()
+            assert may_go_on.wait(30)
+            assert not any(device.closed for device in devices(one))
+            run(*arguments)
+
+        monkeypatch.setattr(one, "_run", slow_run)
+
+        def close():
+            assert begun.wait(30)
+            closing = threading.Thread(target=one.close)
+            closing.start()
+            closing.join(0.05)
+            assert closing.is_alive()
+            may_go_on.set()
+            closing.join(30)
+            assert not closing.is_alive()
+
+        in_threads(lambda: traced.append(one.trace()), close)
+        assert traced
+        assert all(device.closed for device in devices(one))
+
+
+class Injected(Exception):
+    """What the tests below make go wrong."""
+
+
+def failing_once(function):
+    """`function`, but its first call raises after all of its work is done."""
+    calls = []
+
+    def wrapper(*arguments, **options):
+        result = function(*arguments, **options)
+        calls.append(None)
+        if len(calls) == 1:
+            raise Injected
+        return result
+
+    return wrapper
+
+
+@every_tracer
+@pytest.mark.parametrize("step", ["_plan_geometry", "_build_scene", "_run"])
+def test_an_exception_in_the_middle_comes_out_and_the_next_attempt_succeeds(name, step, monkeypatch):
+    expected = image(name)
+    one = tracer(name, 2)
+    monkeypatch.setattr(one, step, failing_once(getattr(one, step)))
+
+    def attempt():
+        one.plan()
+        one.build()
+        return one.trace().prim_id
+
+    with pytest.raises(Injected):
+        attempt()
+    np.testing.assert_array_equal(attempt(), expected)
+    one.close()
+
+
+@every_tracer
+@pytest.mark.parametrize("step", ["_plan_geometry", "_build_scene"])
+def test_a_with_block_that_cannot_be_entered_leaves_no_scene(name, step, monkeypatch):
+    one = tracer(name, 2)
+    monkeypatch.setattr(one, step, failing_once(getattr(one, step)))
+    with pytest.raises(Injected), one:
+        pass
+    assert all(device.closed for device in devices(one))
+    with pytest.raises(atra.EmbreeError, match="closed"):
+        one.trace()
+
+
+@pytest.mark.parametrize("call", ["rtcCommitScene", "rtcAttachGeometry", "rtcSetGeometryUserData"])
+def test_an_embree_call_that_fails_is_named_and_its_device_released(call, monkeypatch):
+    made = []
+    real_call = EmbreeDevice._call
+
+    def call_or_fail(self, name, *arguments):
+        made.append((self, self._byte_count))
+        if name == call:
+            raise atra.EmbreeError(f"{name} failed: injected")
+        return real_call(self, name, *arguments)
+
+    monkeypatch.setattr(EmbreeDevice, "_call", call_or_fail)
+    one = tracer("aligned")
+    with pytest.raises(atra.EmbreeError, match=f"{call} failed"), one:
+        pass
+    assert made
+    assert all(device.closed and counter[0] == 0 for device, counter in made)
+
+
+@pytest.mark.parametrize("faulty", [0, 1, 2])
+def test_the_pool_raises_what_a_thread_raised_only_when_all_are_done(faulty):
+    pool = WorkerPool(3)
+    others_may_go_on = threading.Event()
+    finished = []
+
+    def kernel(worker, counter):
+        if worker == faulty:
+            others_may_go_on.set()
+            raise Injected
+        assert others_may_go_on.wait(30)
+        threading.Event().wait(0.02)
+        finished.append(worker)
+
+    with pytest.raises(Injected):
+        pool.run(kernel)
+    assert sorted(finished) == sorted({0, 1, 2} - {faulty})
+    pool.close()
+
+
+def test_the_pool_waits_for_its_threads_even_when_the_waiting_is_interrupted(monkeypatch):
+    # Ctrl-C comes to the waiting thread, while others still write to memory that it is about to free.
+    pool = WorkerPool(2)
+    may_finish, finished = threading.Event(), []
+    real_wait = atra.parallel.wait
+
+    def interrupted_wait(futures):
+        if not may_finish.is_set():
+            may_finish.set()
+            raise KeyboardInterrupt
+        return real_wait(futures)
+
+    monkeypatch.setattr(atra.parallel, "wait", interrupted_wait)
+
+    def kernel(worker, counter):
+        if worker == 1:
+            assert may_finish.wait(30)
+            threading.Event().wait(0.02)
+        finished.append(worker)
+
+    with pytest.raises(KeyboardInterrupt):
+        pool.run(kernel)
+    assert sorted(finished) == [0, 1]
+    pool.close()
+
+
+@pytest.mark.parametrize("ending", ["", "import sys; sys.exit()", "one.close(); one.close()"])
+def test_a_process_may_end_with_tracers_open_and_a_thread_still_tracing(ending):
+    script = (
+        "import threading, time, atra\n"
+        "from tests.meshes import cornell_box, cornell_camera\n"
+        "one = atra.AlignedTracer(cornell_box(), cornell_camera(256, 256), (16, 1), threads=1)\n"
+        "one.__enter__(); one.trace()\n"
+        "other = atra.AlignedTracer(cornell_box(), cornell_camera(256, 256), (16, 1), threads=1)\n"
+        "other.__enter__()\n"
+        "def work():\n"
+        "    while True: other.trace()\n"
+        "threading.Thread(target=work, daemon=True).start()\n"
+        "time.sleep(0.05)\n"
+        f"{ending}\n"
+    )
+    ended = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=60)
+    assert ended.returncode == 0, ended.stderr
+    assert ended.stderr == ""
