@@ -4,12 +4,13 @@ import numpy as np
 import pytest
 
 from atra.camera import Camera
-from atra.compare import Agreement, Verdict, compare
+from atra.compare import Agreement, Verdict, _Rounding, compare
 from atra.errors import InputError
 from atra.hits import MISS, Hits
 from atra.mesh import Mesh
 from atra.orthographic import OrthographicCamera
-from atra.reference import brute_force
+from atra.reference import Pairs, brute_force
+from atra.tracers import AlignedTracer
 from scenes.cornell_box import CORNELL_BOX_CAMERA, cornell_box
 from tests.meshes import random_triangles
 
@@ -296,6 +297,23 @@ def test_a_plain_float32_tracer_is_never_wrong_and_a_coarser_one_is(mesh, camera
     assert found.pixels_wrong == 0
     assert found.pixels_edge < 0.02 * found.pixels
     assert compare(mesh, camera, float32_image(mesh, camera, vertex_bits=10), reference).pixels_wrong > 0
+
+
+@pytest.mark.parametrize("split", [(1, 1), (16, 1), (16, 16)])
+def test_sheared_copies_err_by_the_rounding_of_the_sheared_triangles(split):
+    # At 170 degrees shears are so strong that the depth is off by a thousand times what one ray per pixel errs.
+    mesh, camera = HARD_SCENES["around the eye"], HARD_CAMERAS["170 degrees"]
+    with AlignedTracer(mesh, camera, split, culling=False, threads=1) as tracer:
+        hits, alignment = tracer.trace(), tracer.alignment
+    y, x = np.nonzero(hits.hit)
+    pairs = Pairs(mesh, camera, x, y, hits.prim_id[y, x], hits.offset)
+    sheared = pairs.corners.copy()
+    sheared[..., 0] -= alignment.shift_x[x // alignment.split.cell_width][:, None] * sheared[..., 2]
+    sheared[..., 1] -= alignment.shift_y[y // alignment.split.cell_height][:, None] * sheared[..., 2]
+    error = np.abs(hits.depth[y, x] * pairs.volumes.facing - pairs.volumes.ahead)
+    assert (error <= _Rounding.of(sheared).plane).all()
+    own = _Rounding.of(pairs.corners).plane
+    assert (error <= own).all() == (split == (1, 1))
 
 
 def test_images_of_another_size_or_offset_are_refused_with_both_values():
