@@ -43,6 +43,7 @@ class AlignedTracer(ReferenceRayTracer):
         build_quality: str = "medium",
         memory_budget_bytes: int | None = None,
         packet_rows: int | None = None,
+        ties: str = "lowest",
     ) -> None:
         if geometry not in GEOMETRIES:
             raise InputError(f"geometry is {geometry!r}, expected one of {', '.join(GEOMETRIES)}")
@@ -54,7 +55,7 @@ class AlignedTracer(ReferenceRayTracer):
         self.culling = culling
         self.geometry = geometry
         self.memory_budget_bytes = memory_budget_bytes
-        super().__init__(mesh, camera, split, packet_width, packet_rows, threads, build_quality)
+        super().__init__(mesh, camera, split, packet_width, packet_rows, threads, build_quality, ties)
         if geometry == "instanced":
             check_instancing_budget(mesh, self.split.cell_count, build_quality, memory_budget_bytes)
         elif not culling:

@@ -21,6 +21,7 @@ from atra.hits import Hits
 from atra.kernels.callbacks import memory_monitor
 from atra.mesh import Mesh
 from atra.parallel import WorkerPool, resolve_threads
+from atra.ties import check_ties, lowest_of_ties, tie_tiles
 
 
 class Tracer(Protocol):
@@ -63,12 +64,20 @@ class EmbreeTracer(ABC):
     """Lifetime, timing and buffers that the tracers share."""
 
     def __init__(
-        self, mesh: Mesh, camera: Camera, packet_width: int | None, threads: int | None, build_quality: str
+        self,
+        mesh: Mesh,
+        camera: Camera,
+        packet_width: int | None,
+        threads: int | None,
+        build_quality: str,
+        ties: str,
     ) -> None:
         check_build_quality(build_quality)
+        check_ties(ties)
         self.mesh = mesh
         self.camera = camera
         self.build_quality = build_quality
+        self.ties = ties
         self.packet_width = resolve_packet_width(packet_width)
         self.threads = resolve_threads(threads)
         self.plan_time_s = 0.0
@@ -78,6 +87,7 @@ class EmbreeTracer(ABC):
         self._lock = threading.Lock()  # one frame at a time: frames share the workspaces
         self._geometry: AlignedGeometry | None = None
         self._scene: EmbreeDevice | None = None
+        self._tie_tiles: NDArray[np.bool_] | None = None  # where to look for ties, if anywhere
         self._closed = False
 
     @abstractmethod
@@ -97,9 +107,21 @@ class EmbreeTracer(ABC):
     def plan(self) -> None:
         """Prepare the geometry on the CPU: camera space, and for alignment culling and shear."""
         self._check_open()
+        self._find_ties()
         start = perf_counter()
+        self._plan_ties()
         self._geometry = self._plan_geometry()
         self.plan_time_s = perf_counter() - start
+
+    def _find_ties(self) -> None:
+        """Once per mesh, like reading it, and so outside the clock of a plan."""
+        if self.ties == "lowest":
+            self.mesh.coplanar_overlaps  # noqa: B018, kept by the mesh
+
+    def _plan_ties(self) -> None:
+        if self.ties == "lowest":
+            tiles = tie_tiles(self.mesh, self.camera)
+            self._tie_tiles = tiles if tiles.any() else None
 
     def build(self) -> None:
         """Build the BVH over what `plan` prepared (planning first if that was not done)."""
@@ -152,6 +174,8 @@ class EmbreeTracer(ABC):
             for workspace in self._workspaces:
                 workspace.set_row_bytes(depth.strides[0])
             self._run(offset, depth, prim_id)
+            if self._tie_tiles is not None:
+                lowest_of_ties(self.mesh, self.camera, self._tie_tiles, offset, prim_id, self._pool)
             wrong = next((w.wrong_width for w in self._workspaces if w.wrong_width), 0)
         if wrong:
             raise EmbreeError(f"Embree handed the filter {wrong} rays instead of {self.packet_width}; hits were lost")

@@ -28,9 +28,10 @@ class ReferenceRayTracer(EmbreeTracer):
         packet_rows: int | None,
         threads: int | None,
         build_quality: str,
+        ties: str,
     ) -> None:
         self.split = Split(*split, width=camera.width, height=camera.height)
-        super().__init__(mesh, camera, packet_width, threads, build_quality)
+        super().__init__(mesh, camera, packet_width, threads, build_quality, ties)
         self.alignment = Alignment.at_quarter(camera, self.split)
         self.packet_shape = choose_packet_shape(self.packet_width, self.split, packet_rows)
 

@@ -64,6 +64,7 @@ class VisibleFirstTracer(ReferenceRayTracer):
         memory_budget_bytes: int | None = None,
         probe: Hits | ArrayLike | None = None,
         packet_rows: int | None = None,
+        ties: str = "lowest",
     ) -> None:
         self.memory_budget_bytes = memory_budget_bytes
         self.probe = probe if probe is None or isinstance(probe, Hits) else _checked_prim_ids(mesh, probe)
@@ -72,7 +73,7 @@ class VisibleFirstTracer(ReferenceRayTracer):
                 f"the probe is an image of {probe.depth.shape}, "
                 f"expected {(camera.height, camera.width)} (height, width)"
             )
-        super().__init__(mesh, camera, split, packet_width, packet_rows, threads, build_quality)
+        super().__init__(mesh, camera, split, packet_width, packet_rows, threads, build_quality, ties)
         self.probe_time_s = 0.0
         tile_width = TILE_WIDTHS[0] if self.split.cell_width <= TILE_WIDTHS[0] else TILE_WIDTHS[1]
         self.tiles = Tiles(tile_width, TILE_HEIGHT, camera.width, camera.height)
@@ -84,7 +85,9 @@ class VisibleFirstTracer(ReferenceRayTracer):
     def plan(self) -> None:
         """Build the BVH of the whole mesh, probe through it, and pick the copies for pass 1."""
         self._check_open()
+        self._find_ties()
         start = perf_counter()
+        self._plan_ties()
         vertices = padded_vertices(len(self.mesh.vertices))
         vertices[:] = self.camera.to_eye_space(self.mesh.vertices)
         monitor_address = memory_monitor()
