@@ -24,6 +24,7 @@ from atra.kernels.ties import (
     TILE,
     find_overlaps,
     mark_ties,
+    number_places,
     number_planes,
     settle_ties,
 )
@@ -37,9 +38,6 @@ TIES = ("lowest", "any")
 
 MOST_PAIRS = 1 << 24
 """Overlapping pairs that a mesh may have, equal triangles not counted: more would take long to find and to decide."""
-
-# Triangles of one plane are swept along a direction in which no wall, floor or ramp of a model is likely to be flat.
-_SWEEP = np.array([0.8018, 0.4927, 0.3380])
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,18 +71,22 @@ def coplanar_overlaps(mesh: Mesh) -> CoplanarOverlaps:
     """
     prim_ids, runs = _plane_runs(mesh)
     corners = mesh.triangles(prim_ids)
-    boxes = np.stack([corners.min(axis=1), corners.max(axis=1)], axis=1)
-    slack = PLANE_TOLERANCE * (boxes[:, 1] - boxes[:, 0]).max(axis=1)
-    boxes += slack[:, None, None] * [[-1.0], [1.0]]
-    heights = (corners * _SWEEP).sum(axis=2)  # not a matrix product: equal corners must get equal heights
-    spans = np.stack([heights.min(axis=1) - slack, heights.max(axis=1) + slack], axis=1)
+    places = np.empty(len(prim_ids), np.int64)
+    number_places(corners.mean(axis=1), mesh.bounds[0], mesh.bounds[1] - mesh.bounds[0], places)
+    order = np.lexsort((prim_ids, places, runs))
+    prim_ids, runs, corners = prim_ids[order].astype(np.uint32), runs[order], corners[order]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    order = np.lexsort((prim_ids, spans[:, 0], runs))
-    runs, prim_ids = runs[order], prim_ids[order].astype(np.uint32)
-    corners, normals, boxes, spans = corners[order], normals[order], boxes[order], spans[order]
+    low, high = corners.min(axis=1), corners.max(axis=1)
+    sizes = (high - low).max(axis=1)
+    slack = PLANE_TOLERANCE * sizes[:, None]
+    leaves = 1 << max(len(prim_ids) - 1, 0).bit_length()
+    boxes = np.empty((2 * leaves, 2, 4))
+    boxes[:, 0], boxes[:, 1] = np.inf, -np.inf
+    boxes[leaves : leaves + len(prim_ids), 0] = np.column_stack([low - slack, runs])
+    boxes[leaves : leaves + len(prim_ids), 1] = np.column_stack([high + slack, runs])
     twins = np.arange(mesh.triangle_count, dtype=np.uint32)
-    pairs = find_overlaps(runs, prim_ids, corners, normals, boxes, spans, twins, MOST_PAIRS)
+    pairs = find_overlaps(prim_ids, corners, normals, sizes, boxes, twins, MOST_PAIRS)
     if len(pairs) > MOST_PAIRS:
         raise MemoryBudgetError(
             f"{mesh.name!r} has more than {MOST_PAIRS} pairs of triangles that overlap in one plane, too many to say "

@@ -51,15 +51,24 @@ def number_planes(vertices, faces, centre, extent, numbers):  # type: ignore[no-
 
 @njit(inline="always")
 def _boxes_meet(boxes, a, b):  # type: ignore[no-untyped-def]
-    for axis in range(3):
+    for axis in range(4):
         if boxes[a, 0, axis] > boxes[b, 1, axis] or boxes[b, 0, axis] > boxes[a, 1, axis]:
             return False
     return True
 
 
-@njit(inline="always")
-def _size(boxes, a):  # type: ignore[no-untyped-def]
-    return max(boxes[a, 1, 0] - boxes[a, 0, 0], boxes[a, 1, 1] - boxes[a, 0, 1], boxes[a, 1, 2] - boxes[a, 0, 2])
+@njit(cache=True)
+def number_places(points, lowest, extent, numbers):  # type: ignore[no-untyped-def]
+    """numbers[i] = the Morton code of a point (N, 3) in the box from `lowest` on, 21 bits an axis: sorted by it, points
+    that are near each other tend to be neighbours."""
+    steps = 2097151.0 / max(extent[0], extent[1], extent[2])
+    for i in range(len(points)):
+        number = 0
+        for axis in range(3):
+            place = int((points[i, axis] - lowest[axis]) * steps)
+            for bit in range(21):
+                number |= ((place >> bit) & 1) << (3 * bit + axis)
+        numbers[i] = number
 
 
 @njit(inline="always")
@@ -118,13 +127,10 @@ def _edge_separates(corners, a, b, first, second):  # type: ignore[no-untyped-de
 
 
 @njit(inline="always")
-def _overlap(corners, normals, boxes, a, b):  # type: ignore[no-untyped-def]
+def _overlap(corners, normals, sizes, a, b):  # type: ignore[no-untyped-def]
     """Whether two triangles lie in one plane and share an area there."""
-    if not _boxes_meet(boxes, a, b):
-        return False
-    size_a, size_b = _size(boxes, a), _size(boxes, b)
-    large, small = (a, b) if size_a >= size_b else (b, a)  # the larger one knows the plane better
-    if not _in_plane(corners, normals, large, small, PLANE_TOLERANCE * (size_a + size_b)):
+    large, small = (a, b) if sizes[a] >= sizes[b] else (b, a)  # the larger one knows the plane better
+    if not _in_plane(corners, normals, large, small, PLANE_TOLERANCE * (sizes[a] + sizes[b])):
         return False
     x, y, z = abs(normals[large, 0]), abs(normals[large, 1]), abs(normals[large, 2])
     first, second = 0, 1
@@ -135,29 +141,44 @@ def _overlap(corners, normals, boxes, a, b):  # type: ignore[no-untyped-def]
     return not (_edge_separates(corners, a, b, first, second) or _edge_separates(corners, b, a, first, second))
 
 
-@njit(nogil=True, cache=True)
-def find_overlaps(runs, prim_ids, corners, normals, boxes, spans, twins, most_pairs):  # type: ignore[no-untyped-def]
-    """Sort-and-sweep within each run of triangles that may be in one plane.
+@njit(cache=True)
+def find_overlaps(prim_ids, corners, normals, sizes, boxes, twins, most_pairs):  # type: ignore[no-untyped-def]
+    """Pairs of triangles that overlap in one plane, by a binary tree of boxes over triangles in a good order.
 
-    runs: (N,) int64, equal for triangles of one run, which are neighbours; within a run, triangles are sorted by where
-    their spans begin, equal ones by prim_id. prim_ids: (N,) uint32. corners: (N, 3, 3), unit normals: (N, 3), boxes:
-    (N, 2, 3) lowest and highest corner, spans: (N, 2) lowest and highest along some line, all float64; boxes and spans
-    widened by PLANE_TOLERANCE.
+    prim_ids: (N,) uint32, in an order where neighbours are near each other, equal triangles by prim_id. corners:
+    (N, 3, 3), unit normals: (N, 3), sizes: (N,) longest side of the box, all float64.
+    boxes: (2 L, 2, 4) float64, lowest and highest of x, y, z and of a number that triangles of one plane have in
+    common; those of the triangles stand from L on, a power of two, and an empty box where there is no triangle. The
+    boxes before L are filled here: node i holds nodes 2 i and 2 i + 1.
     twins: (F,) uint32, each triangle itself on entry; on return the lowest triangle with the same corners.
 
-    Returns the pairs that overlap, (P, 2) uint32: the triangle, its partner with a lower prim_id. A triangle that has a
-    lower twin is left out as soon as that is known, so a stack of equal triangles does not yield all pairs; P is
-    most_pairs + 1 if there are more than most_pairs.
+    Returns the pairs (P, 2) uint32: the triangle, its partner with a lower prim_id. A triangle that has a lower twin is
+    left out as soon as that is known, so a stack of equal triangles does not yield all pairs; P is most_pairs + 1 if
+    there are more than most_pairs.
     """
+    leaves = len(boxes) // 2
+    for node in range(leaves - 1, 0, -1):
+        for axis in range(4):
+            boxes[node, 0, axis] = min(boxes[2 * node, 0, axis], boxes[2 * node + 1, 0, axis])
+            boxes[node, 1, axis] = max(boxes[2 * node, 1, axis], boxes[2 * node + 1, 1, axis])
     pairs = np.empty((64, 2), np.uint32)
     count = 0
-    for a in range(len(runs)):
+    for a in range(len(prim_ids)):
         if twins[prim_ids[a]] != prim_ids[a]:
             continue
-        for b in range(a + 1, len(runs)):
-            if runs[b] != runs[a] or spans[b, 0] > spans[a, 1]:
+        node = leaves + a
+        while True:
+            while node & 1:  # nothing further below this node: on to the next one on the right
+                node >>= 1
+            if node == 0:
                 break
-            if twins[prim_ids[b]] != prim_ids[b] or not _overlap(corners, normals, boxes, a, b):
+            node += 1
+            while node < leaves and _boxes_meet(boxes, leaves + a, node):
+                node *= 2
+            b = node - leaves
+            if b < 0 or not _boxes_meet(boxes, leaves + a, node):
+                continue
+            if twins[prim_ids[b]] != prim_ids[b] or not _overlap(corners, normals, sizes, a, b):
                 continue
             if _same_corners(corners, a, b):
                 twins[prim_ids[b]] = prim_ids[a]
