@@ -9,12 +9,15 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from atra.errors import InputError
+
+if TYPE_CHECKING:
+    from atra.ties import CoplanarOverlaps
 
 # The triangle test multiplies three lengths in float32; beyond this their product leaves float32 and a triangle would
 # vanish from the image without a word. Embree also drops triangles with coordinates above 1.8e18 silently.
@@ -56,6 +59,13 @@ class Mesh:
         """(2, 3) float64, lowest and highest corner of the box around all vertices that a face uses."""
         used = self.vertices[self.faces.reshape(-1)]
         return np.stack([used.min(axis=0), used.max(axis=0)]).astype(np.float64)
+
+    @cached_property
+    def coplanar_overlaps(self) -> CoplanarOverlaps:
+        """Which triangles can be hit at the same depth as others, found when first asked for (`atra.ties`)."""
+        from atra.ties import coplanar_overlaps  # downstream room; needed only here, on demand
+
+        return coplanar_overlaps(self)
 
     def triangles(self, prim_id: NDArray[np.integer]) -> NDArray[np.float64]:
         """Corners (N, 3, 3) float64 of the faces `prim_id` (N,): face, corner, axis.

@@ -55,6 +55,14 @@ class Geometry(Enum):
     instanced = "instanced"
 
 
+class Ties(Enum):
+    """Where triangles of one plane overlap: lowest = the lowest prim_id of them wins; any = whichever float32 puts in
+    front. For our own tracers; a peer knows no such rule."""
+
+    lowest = "lowest"
+    any = "any"
+
+
 class Quantity(Enum):
     """What is measured at a point, in a process of its own each.
 
@@ -159,6 +167,7 @@ class Configuration:
     width: int = 1024
     height: int = 1024
     build_quality: BuildQuality = BuildQuality.medium
+    ties: Ties = Ties.lowest
     results_dir: str = "results"
     debug: bool = False
 

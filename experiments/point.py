@@ -6,7 +6,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from atra.camera import Camera, Vector
-from experiments.configuration import Geometry, Method, Quantity
+from experiments.configuration import Geometry, Method, Quantity, Ties
 
 
 @dataclass(frozen=True)
@@ -36,6 +36,7 @@ class Point:
     packet_rows: int | None
     threads: int | None
     build_quality: str
+    ties: str
     quantity: str
     rounds: int
     warmup: int
@@ -80,6 +81,8 @@ class Point:
             details.append("instanced" if instanced else f"culling {'on' if self.culling else 'off'}")
         if self.threads != 1:
             details.append("every core" if self.threads is None else f"{self.threads} threads")
+        if self.ties != Ties.lowest.value:
+            details.append(f"ties {self.ties}")
         if self.quantity != Quantity.time.value:
             details.append(self.quantity)
         return ", ".join(details)

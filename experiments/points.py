@@ -92,6 +92,7 @@ def _resolve(configuration: Configuration, scene: _Scene) -> Point:
         packet_rows=configuration.packet_rows,
         threads=configuration.threads,
         build_quality=configuration.build_quality.value,
+        ties=configuration.ties.value,
         quantity=measure.quantity.value,
         rounds=measure.rounds,
         warmup=measure.warmup,

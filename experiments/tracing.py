@@ -35,6 +35,7 @@ def make_tracer(point: Point, mesh: Mesh, camera: View, split: tuple[int, int] |
             packet_rows=point.packet_rows,
             threads=point.threads,
             build_quality=point.build_quality,
+            ties=point.ties,
             memory_budget_bytes=point.memory_budget_bytes,
         )
     if method is Method.visible_first:
@@ -46,6 +47,7 @@ def make_tracer(point: Point, mesh: Mesh, camera: View, split: tuple[int, int] |
             packet_rows=point.packet_rows,
             threads=point.threads,
             build_quality=point.build_quality,
+            ties=point.ties,
             memory_budget_bytes=point.memory_budget_bytes,
         )
     return TiledTracer(
@@ -55,6 +57,7 @@ def make_tracer(point: Point, mesh: Mesh, camera: View, split: tuple[int, int] |
         packet_width=point.packet_width,
         threads=point.threads,
         build_quality=point.build_quality,
+        ties=point.ties,
         memory_budget_bytes=point.memory_budget_bytes,
     )
 
@@ -62,7 +65,12 @@ def make_tracer(point: Point, mesh: Mesh, camera: View, split: tuple[int, int] |
 def make_pixel_tracer(point: Point, mesh: Mesh, camera: View, packet_width: int | None) -> PixelTracer:
     """One ray per pixel, with the point's threads and build quality. packet_width 1 is the paper's baseline."""
     return PixelTracer(
-        mesh, camera, packet_width=packet_width, threads=point.threads, build_quality=point.build_quality
+        mesh,
+        camera,
+        packet_width=packet_width,
+        threads=point.threads,
+        build_quality=point.build_quality,
+        ties=point.ties,
     )
 
 

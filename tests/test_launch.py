@@ -13,7 +13,7 @@ from experiments.point import Point
 POINT = Point(
     scene="box", scene_source="procedural", scene_path=None, mesh_sha256="0", triangles=1, eye=(0.0, 0.0, 1.0),
     target=(0.0, 0.0, 0.0), up=(0.0, 1.0, 0.0), fov_y_degrees=60.0, width=8, height=8, method="aligned",
-    geometry="copied", split_x=1, split_y=1, culling=True, packet_width=1, packet_rows=None, threads=1,
+    geometry="copied", split_x=1, split_y=1, culling=True, packet_width=1, packet_rows=None, threads=1, ties="lowest",
     build_quality="medium", quantity="time", rounds=3, warmup=0, frame_budget_s=1.0, time_limit_s=30.0,
     memory_budget_gib=1.0,
 )  # fmt: skip

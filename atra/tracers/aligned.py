@@ -37,13 +37,14 @@ class _AlignedImages(ReferenceRayTracer):
         threads: int | None,
         build_quality: str,
         memory_budget_bytes: int | None,
+        ties: str,
     ) -> None:
         _check_geometry(geometry, culling, meshes)
         self.meshes = meshes
         self.culling = culling
         self.geometry = geometry
         self.memory_budget_bytes = memory_budget_bytes
-        super().__init__(meshes[0], alignment, packet_width, packet_rows, threads, build_quality)
+        super().__init__(meshes[0], alignment, packet_width, packet_rows, threads, build_quality, ties)
         cells = self.split.cell_count
         if geometry == "instanced":
             check_instancing_budget(meshes[0], cells * len(meshes), build_quality, memory_budget_bytes)
@@ -69,6 +70,10 @@ class _AlignedImages(ReferenceRayTracer):
             memory_budget_bytes=self.memory_budget_bytes,
             build_quality=self.build_quality,
         )
+
+    @property
+    def _views(self) -> tuple[tuple[Mesh, View], ...]:
+        return tuple(zip(self.meshes, self.alignment.cameras, strict=True))
 
     def _filter_address(self) -> int:
         return nearest_hit_filter(*self.packet_shape, self.geometry == "instanced")
@@ -104,6 +109,7 @@ class AlignedTracer(_AlignedImages, ImageTracer):
         build_quality: str = "medium",
         memory_budget_bytes: int | None = None,
         packet_rows: int | None = None,
+        ties: str = "lowest",
     ) -> None:
         super().__init__(
             (mesh,),
@@ -115,6 +121,7 @@ class AlignedTracer(_AlignedImages, ImageTracer):
             threads=threads,
             build_quality=build_quality,
             memory_budget_bytes=memory_budget_bytes,
+            ties=ties,
         )
 
 
@@ -138,6 +145,7 @@ class FramesTracer(_AlignedImages):
         build_quality: str = "medium",
         memory_budget_bytes: int | None = None,
         packet_rows: int | None = None,
+        ties: str = "lowest",
     ) -> None:
         of_frames = (meshes,) * alignment.image_count if isinstance(meshes, Mesh) else tuple(meshes)
         if len(of_frames) != alignment.image_count:
@@ -154,6 +162,7 @@ class FramesTracer(_AlignedImages):
             threads=threads,
             build_quality=build_quality,
             memory_budget_bytes=memory_budget_bytes,
+            ties=ties,
         )
 
     def trace(self, offset: tuple[float, float] = (0.5, 0.5), out: Frames | None = None) -> Frames:

@@ -23,6 +23,7 @@ from atra.kernels.callbacks import memory_monitor
 from atra.mesh import Mesh
 from atra.parallel import WorkerPool, resolve_threads
 from atra.ray_space import ray_axes
+from atra.ties import check_ties, lowest_of_ties, tie_tiles
 from atra.view import View, check_offset
 
 
@@ -77,12 +78,20 @@ class EmbreeTracer(ABC):
     """Lifetime, timing and buffers that the tracers share; `camera` is that of the rays shot."""
 
     def __init__(
-        self, mesh: Mesh, camera: View, packet_width: int | None, threads: int | None, build_quality: str
+        self,
+        mesh: Mesh,
+        camera: View,
+        packet_width: int | None,
+        threads: int | None,
+        build_quality: str,
+        ties: str,
     ) -> None:
         check_build_quality(build_quality)
+        check_ties(ties)
         self.mesh = mesh
         self.camera = camera
         self.build_quality = build_quality
+        self.ties = ties
         self.packet_width = resolve_packet_width(packet_width)
         self.threads = resolve_threads(threads)
         self.plan_time_s = 0.0
@@ -96,6 +105,7 @@ class EmbreeTracer(ABC):
         self._lock = threading.RLock()
         self._geometry: AlignedGeometry | None = None
         self._scene: EmbreeDevice | None = None
+        self._tie_tiles: list[NDArray[np.bool_] | None] = []  # of each image: where to look for ties, if anywhere
         self._closed = False
 
     @abstractmethod
@@ -116,9 +126,35 @@ class EmbreeTracer(ABC):
     def plan(self) -> None:
         """Prepare the geometry on the CPU: camera space, and for alignment culling and shear."""
         self._check_open()
+        self._find_ties()
         start = perf_counter()
+        self._plan_ties()
         self._geometry = self._plan_geometry()
         self.plan_time_s = perf_counter() - start
+
+    @property
+    def _views(self) -> tuple[tuple[Mesh, View], ...]:
+        """What each image shows, and its camera."""
+        return ((self.mesh, self.camera),)
+
+    def _find_ties(self) -> None:
+        """Once per mesh, like reading it, and so outside the clock of a plan."""
+        if self.ties == "lowest":
+            for mesh, _ in self._views:
+                mesh.coplanar_overlaps  # noqa: B018, kept by the mesh
+
+    def _plan_ties(self) -> None:
+        if self.ties == "lowest":
+            tiles = [tie_tiles(mesh, camera) for mesh, camera in self._views]
+            self._tie_tiles = [of_image if of_image.any() else None for of_image in tiles]
+
+    def _settle_ties(self, offset: tuple[float, float], prim_id: NDArray[np.uint32]) -> None:
+        """prim_id: (rows, W), image below image."""
+        for image, tiles in enumerate(self._tie_tiles):
+            if tiles is not None:
+                mesh, camera = self._views[image]
+                own_rows = prim_id[image * camera.height : (image + 1) * camera.height]
+                lowest_of_ties(mesh, camera, tiles, offset, own_rows, self._pool)
 
     @one_at_a_time
     def build(self) -> None:
@@ -172,6 +208,7 @@ class EmbreeTracer(ABC):
             for workspace in self._workspaces:
                 workspace.set_row_bytes(depth.strides[0])
             self._run(offset, depth, prim_id)
+            self._settle_ties(offset, prim_id)
             wrong = next((w.wrong_width for w in self._workspaces if w.wrong_width), 0)
         if wrong:
             raise EmbreeError(f"Embree handed the filter {wrong} rays instead of {self.packet_width}; hits were lost")

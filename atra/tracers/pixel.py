@@ -21,7 +21,10 @@ class PixelTracer(ImageTracer):
     """One ray per pixel through `rtcIntersect1` (packet_width 1, the paper's baseline) or packets (4, 8, 16).
 
     packet_width: None takes the widest the machine supports natively. threads: None takes every core it may use.
-    Raises InputError for widths that are not native, threads below 1, unknown build qualities.
+    ties: where triangles of one plane overlap, "lowest" stores the lowest prim_id of them (`atra.ties`), "any" what
+    float32 put in front.
+    Raises InputError for widths that are not native, threads below 1, unknown build qualities and ties, and
+    MemoryBudgetError, when planning, for more overlaps than can be kept.
     """
 
     def __init__(
@@ -31,8 +34,9 @@ class PixelTracer(ImageTracer):
         packet_width: int | None = None,
         threads: int | None = None,
         build_quality: str = "medium",
+        ties: str = "lowest",
     ) -> None:
-        super().__init__(mesh, camera, packet_width, threads, build_quality)
+        super().__init__(mesh, camera, packet_width, threads, build_quality, ties)
 
     def _plan_geometry(self) -> AlignedGeometry:
         vertices = padded_vertices(len(self.mesh.vertices))

@@ -26,10 +26,11 @@ class ReferenceRayTracer(EmbreeTracer):
         packet_rows: int | None,
         threads: int | None,
         build_quality: str,
+        ties: str,
     ) -> None:
         self.alignment = alignment
         self.split = alignment.split
-        super().__init__(mesh, alignment.cameras[0], packet_width, threads, build_quality)
+        super().__init__(mesh, alignment.cameras[0], packet_width, threads, build_quality, ties)
         self.packet_shape = choose_packet_shape(self.packet_width, self.split, packet_rows)
 
     @property

@@ -35,11 +35,12 @@ class TiledTracer(ImageTracer):
         threads: int | None = None,
         build_quality: str = "medium",
         memory_budget_bytes: int | None = None,
+        ties: str = "lowest",
     ) -> None:
         check_pinhole(camera, "TiledTracer")
         self.split = Split(*split, width=camera.width, height=camera.height)
         self.memory_budget_bytes = memory_budget_bytes
-        super().__init__(mesh, camera, packet_width, threads, build_quality)
+        super().__init__(mesh, camera, packet_width, threads, build_quality, ties)
         self._cell_starts = np.zeros(self.split.cell_count + 1, np.int64)
 
     def _plan_geometry(self) -> AlignedGeometry:

@@ -66,6 +66,7 @@ class VisibleFirstTracer(ReferenceRayTracer, ImageTracer):
         memory_budget_bytes: int | None = None,
         probe: Hits | ArrayLike | None = None,
         packet_rows: int | None = None,
+        ties: str = "lowest",
     ) -> None:
         check_pinhole(camera, "VisibleFirstTracer")
         self.memory_budget_bytes = memory_budget_bytes
@@ -76,7 +77,7 @@ class VisibleFirstTracer(ReferenceRayTracer, ImageTracer):
                 f"expected {(camera.height, camera.width)} (height, width)"
             )
         alignment = Alignment.of_cells(camera, Split(*split, width=camera.width, height=camera.height))
-        super().__init__(mesh, alignment, packet_width, packet_rows, threads, build_quality)
+        super().__init__(mesh, alignment, packet_width, packet_rows, threads, build_quality, ties)
         self.probe_time_s = 0.0
         tile_width = TILE_WIDTHS[0] if self.split.cell_width <= TILE_WIDTHS[0] else TILE_WIDTHS[1]
         self.tiles = Tiles(tile_width, TILE_HEIGHT, camera.width, camera.height)
@@ -89,7 +90,9 @@ class VisibleFirstTracer(ReferenceRayTracer, ImageTracer):
     def plan(self) -> None:
         """Build the BVH of the whole mesh, probe through it, and pick the copies for pass 1."""
         self._check_open()
+        self._find_ties()
         start = perf_counter()
+        self._plan_ties()
         vertices = padded_vertices(len(self.mesh.vertices))
         vertices[:] = to_ray_space(self.camera, self.mesh.vertices)
         monitor_address = memory_monitor()

@@ -1,0 +1,290 @@
+"""Triangles that can tie, found once per mesh, and the loop over an image that gives a tie to the lowest of them."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from atra.kernels.intrinsics import fetch_add
+
+TILE = 16
+"""Pixels along the sides of the squares in which an image is looked at, or left out."""
+
+PLANE_TOLERANCE = 1e-9
+"""How far two triangles may lie apart, relative to their size, and still be in one plane. Vertices are float32, so such
+triangles are meant to be in one plane; the tolerance absorbs what float64 makes of it."""
+
+PLANE_NUMBER_ROUNDING = 1e-8
+"""How far the numbers of one and the same plane may lie apart, for triangles that just are no needles."""
+
+# |e1 x e2| / (|e1| |e2|) below which a triangle is a needle, too thin to cover a pixel or to know its plane in float64.
+_NEEDLE = 1e-7
+
+# As in `atra.reference`: what counts as parallel to a plane, and as inside in spite of rounding.
+_PARALLEL = 1e-14
+_ROUNDING = 1e-12
+
+
+@njit(cache=True)
+def number_planes(vertices, faces, centre, extent, numbers):  # type: ignore[no-untyped-def]
+    """numbers[t] = a number of the plane of triangle t; NaN for a needle.
+
+    It depends continuously on the plane and not on which side is its front, so that the triangles of one plane are
+    neighbours when sorted by it, and no bucket has a border that they could lie across.
+    centre, extent: (3,) float64 of the box around the mesh.
+    """
+    scale = max(extent[0], extent[1], extent[2])
+    for triangle in range(len(faces)):
+        v0, v1, v2 = faces[triangle, 0], faces[triangle, 1], faces[triangle, 2]
+        x, y, z = np.float64(vertices[v0, 0]), np.float64(vertices[v0, 1]), np.float64(vertices[v0, 2])
+        ax, ay, az = vertices[v1, 0] - x, vertices[v1, 1] - y, vertices[v1, 2] - z
+        bx, by, bz = vertices[v2, 0] - x, vertices[v2, 1] - y, vertices[v2, 2] - z
+        nx, ny, nz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+        length = np.sqrt(nx * nx + ny * ny + nz * nz)
+        if not length > _NEEDLE * np.sqrt((ax * ax + ay * ay + az * az) * (bx * bx + by * by + bz * bz)):
+            numbers[triangle] = np.nan
+            continue
+        distance = nx * (x - centre[0]) + ny * (y - centre[1]) + nz * (z - centre[2])
+        # Weights that no model is likely to fit: planes with the same number would only cost time.
+        numbers[triangle] = abs(0.6137 * nx + 0.3511 * ny + 0.7071 * nz + 0.4243 * distance / scale) / length
+
+
+@njit(inline="always")
+def _boxes_meet(boxes, a, b):  # type: ignore[no-untyped-def]
+    for axis in range(4):
+        if boxes[a, 0, axis] > boxes[b, 1, axis] or boxes[b, 0, axis] > boxes[a, 1, axis]:
+            return False
+    return True
+
+
+@njit(cache=True)
+def number_places(points, lowest, extent, numbers):  # type: ignore[no-untyped-def]
+    """numbers[i] = the Morton code of a point (N, 3) in the box from `lowest` on, 21 bits an axis: sorted by it, points
+    that are near each other tend to be neighbours."""
+    steps = 2097151.0 / max(extent[0], extent[1], extent[2])
+    for i in range(len(points)):
+        number = 0
+        for axis in range(3):
+            place = int((points[i, axis] - lowest[axis]) * steps)
+            for bit in range(21):
+                number |= ((place >> bit) & 1) << (3 * bit + axis)
+        numbers[i] = number
+
+
+@njit(inline="always")
+def _same_corners(corners, a, b):  # type: ignore[no-untyped-def]
+    """Whether each corner of one triangle is a corner of the other, in whatever order. Both have an area."""
+    for i in range(3):
+        found = False
+        for j in range(3):
+            if (
+                corners[a, i, 0] == corners[b, j, 0]
+                and corners[a, i, 1] == corners[b, j, 1]
+                and corners[a, i, 2] == corners[b, j, 2]
+            ):
+                found = True
+        if not found:
+            return False
+    return True
+
+
+@njit(inline="always")
+def _in_plane(corners, normals, a, b, tolerance):  # type: ignore[no-untyped-def]
+    """Whether all corners of b lie within `tolerance` of the plane of a."""
+    for corner in range(3):
+        distance = 0.0
+        for axis in range(3):
+            distance += normals[a, axis] * (corners[b, corner, axis] - corners[a, 0, axis])
+        if abs(distance) > tolerance:
+            return False
+    return True
+
+
+@njit(inline="always")
+def _edge_separates(corners, a, b, first, second):  # type: ignore[no-untyped-def]
+    """Whether b lies beside, or touches from outside, one of the lines along a's edges.
+
+    Seen along a world axis: first and second are the other two. Differences and products of float32 values are exact in
+    float64, or nearly so; two triangles that share an edge or a corner find zero there, not a little more.
+    """
+    area = (corners[a, 1, first] - corners[a, 0, first]) * (corners[a, 2, second] - corners[a, 0, second]) - (
+        corners[a, 1, second] - corners[a, 0, second]
+    ) * (corners[a, 2, first] - corners[a, 0, first])
+    for edge in range(3):
+        following = (edge + 1) % 3
+        along_first = corners[a, following, first] - corners[a, edge, first]
+        along_second = corners[a, following, second] - corners[a, edge, second]
+        beside = True
+        for corner in range(3):
+            side = along_first * (corners[b, corner, second] - corners[a, edge, second]) - along_second * (
+                corners[b, corner, first] - corners[a, edge, first]
+            )
+            if side * area > 0.0:
+                beside = False
+        if beside:
+            return True
+    return False
+
+
+@njit(inline="always")
+def _overlap(corners, normals, sizes, a, b):  # type: ignore[no-untyped-def]
+    """Whether two triangles lie in one plane and share an area there."""
+    large, small = (a, b) if sizes[a] >= sizes[b] else (b, a)  # the larger one knows the plane better
+    if not _in_plane(corners, normals, large, small, PLANE_TOLERANCE * (sizes[a] + sizes[b])):
+        return False
+    x, y, z = abs(normals[large, 0]), abs(normals[large, 1]), abs(normals[large, 2])
+    first, second = 0, 1
+    if x >= y and x >= z:
+        first = 2
+    elif y >= z:
+        second = 2
+    return not (_edge_separates(corners, a, b, first, second) or _edge_separates(corners, b, a, first, second))
+
+
+@njit(cache=True)
+def find_overlaps(prim_ids, corners, normals, sizes, boxes, twins, most_pairs):  # type: ignore[no-untyped-def]
+    """Pairs of triangles that overlap in one plane, by a binary tree of boxes over triangles in a good order.
+
+    prim_ids: (N,) uint32, in an order where neighbours are near each other, equal triangles by prim_id. corners:
+    (N, 3, 3), unit normals: (N, 3), sizes: (N,) longest side of the box, all float64.
+    boxes: (2 L, 2, 4) float64, lowest and highest of x, y, z and of a number that triangles of one plane have in
+    common; those of the triangles stand from L on, a power of two, and an empty box where there is no triangle. The
+    boxes before L are filled here: node i holds nodes 2 i and 2 i + 1.
+    twins: (F,) uint32, each triangle itself on entry; on return the lowest triangle with the same corners.
+
+    Returns the pairs (P, 2) uint32: the triangle, its partner with a lower prim_id. A triangle that has a lower twin is
+    left out as soon as that is known, so a stack of equal triangles does not yield all pairs; P is most_pairs + 1 if
+    there are more than most_pairs.
+    """
+    leaves = len(boxes) // 2
+    for node in range(leaves - 1, 0, -1):
+        for axis in range(4):
+            boxes[node, 0, axis] = min(boxes[2 * node, 0, axis], boxes[2 * node + 1, 0, axis])
+            boxes[node, 1, axis] = max(boxes[2 * node, 1, axis], boxes[2 * node + 1, 1, axis])
+    pairs = np.empty((64, 2), np.uint32)
+    count = 0
+    for a in range(len(prim_ids)):
+        if twins[prim_ids[a]] != prim_ids[a]:
+            continue
+        node = leaves + a
+        while True:
+            while node & 1:  # nothing further below this node: on to the next one on the right
+                node >>= 1
+            if node == 0:
+                break
+            node += 1
+            while node < leaves and _boxes_meet(boxes, leaves + a, node):
+                node *= 2
+            b = node - leaves
+            if b < 0 or not _boxes_meet(boxes, leaves + a, node):
+                continue
+            if twins[prim_ids[b]] != prim_ids[b] or not _overlap(corners, normals, sizes, a, b):
+                continue
+            if _same_corners(corners, a, b):
+                twins[prim_ids[b]] = prim_ids[a]
+                continue
+            if count == len(pairs):
+                longer = np.empty((2 * count, 2), np.uint32)
+                longer[:count] = pairs
+                pairs = longer
+            pairs[count, 0], pairs[count, 1] = max(prim_ids[a], prim_ids[b]), min(prim_ids[a], prim_ids[b])
+            count += 1
+            if count > most_pairs:
+                return pairs[:count]
+    return pairs[:count]
+
+
+@njit(inline="always")
+def _intersect(vertices, faces, triangle, ox, oy, oz, dx, dy, dz):  # type: ignore[no-untyped-def]
+    """(ray parameter, whether it is inside, edges included) of a ray and a plane; inf where they are parallel.
+
+    Möller–Trumbore in float64, as `atra.reference` has it.
+    """
+    v0, v1, v2 = faces[triangle, 0], faces[triangle, 1], faces[triangle, 2]
+    x, y, z = np.float64(vertices[v0, 0]), np.float64(vertices[v0, 1]), np.float64(vertices[v0, 2])
+    ax, ay, az = vertices[v1, 0] - x, vertices[v1, 1] - y, vertices[v1, 2] - z
+    bx, by, bz = vertices[v2, 0] - x, vertices[v2, 1] - y, vertices[v2, 2] - z
+    px, py, pz = dy * bz - dz * by, dz * bx - dx * bz, dx * by - dy * bx
+    determinant = px * ax + py * ay + pz * az
+    size = (dx * dx + dy * dy + dz * dz) * (ax * ax + ay * ay + az * az) * (bx * bx + by * by + bz * bz)
+    if determinant * determinant <= _PARALLEL * _PARALLEL * size:
+        return np.inf, False
+    sx, sy, sz = ox - x, oy - y, oz - z
+    qx, qy, qz = sy * az - sz * ay, sz * ax - sx * az, sx * ay - sy * ax
+    u = (px * sx + py * sy + pz * sz) / determinant
+    v = (dx * qx + dy * qy + dz * qz) / determinant
+    depth = (bx * qx + by * qy + bz * qz) / determinant
+    return depth, min(u, v, 1.0 - u - v) >= -_ROUNDING
+
+
+@njit(cache=True)
+def mark_ties(may_tie, twins, starts, partners, boxes, marks):  # type: ignore[no-untyped-def]
+    """Add 1 to every tile in which a triangle may tie, as differences: marks is summed up along both axes afterwards.
+
+    may_tie, twins, starts, partners: of `atra.ties.CoplanarOverlaps`. boxes: (F, 4) int32, for triangles that may tie
+    and their partners the first and the last column and row of tiles that they may be seen in; none if last < first.
+    marks: (tile rows + 1, tile columns + 1) int64.
+    """
+    for triangle in range(len(twins)):
+        if not may_tie[triangle]:
+            continue
+        own = twins[triangle]
+        for place in range(starts[own], starts[own + 1] + 1):
+            if place < starts[own + 1]:
+                other = partners[place]  # a tie can only be seen where both are
+            elif own != triangle:
+                other = own
+            else:
+                continue
+            left, right = max(boxes[triangle, 0], boxes[other, 0]), min(boxes[triangle, 1], boxes[other, 1])
+            top, bottom = max(boxes[triangle, 2], boxes[other, 2]), min(boxes[triangle, 3], boxes[other, 3])
+            if left <= right and top <= bottom:
+                marks[top, left] += 1
+                marks[top, right + 1] -= 1
+                marks[bottom + 1, left] -= 1
+                marks[bottom + 1, right + 1] += 1
+
+
+@njit(nogil=True, cache=True)
+def settle_ties(  # type: ignore[no-untyped-def]
+    counter_address, tiles, may_tie, twins, starts, partners, vertices, faces,
+    column_origins, row_origins, column_directions, row_directions, tie_tolerance, prim_id,
+):  # fmt: skip
+    """Store the lowest of the tied triangles in every pixel, until the shared counter runs past the last row of tiles.
+
+    tiles: (tile rows, tile columns) bool, those to look at. may_tie, twins, starts, partners: as in `mark_ties`.
+    vertices: (V, 3) float32, faces: (F, 3) uint32.
+    column_origins, column_directions: (3, W), row_origins, row_directions: (3, H) float64; a pixel's ray is the sum of
+    its column's and its row's, in the space of the vertices.
+    tie_tolerance: relative difference of equal depths. prim_id: (H, W) uint32, changed in place.
+    """
+    height, width = prim_id.shape
+    miss = np.uint32(len(may_tie) - 1)
+    while True:
+        row = fetch_add(counter_address, 1)
+        if row >= tiles.shape[0]:
+            return
+        for column in range(tiles.shape[1]):
+            if not tiles[row, column]:
+                continue
+            for y in range(row * TILE, min((row + 1) * TILE, height)):
+                for x in range(column * TILE, min((column + 1) * TILE, width)):
+                    hit = min(prim_id[y, x], miss)
+                    if not may_tie[hit]:
+                        continue
+                    lowest = twins[hit]
+                    if starts[lowest] < starts[lowest + 1]:
+                        ox = column_origins[0, x] + row_origins[0, y]
+                        oy = column_origins[1, x] + row_origins[1, y]
+                        oz = column_origins[2, x] + row_origins[2, y]
+                        dx = column_directions[0, x] + row_directions[0, y]
+                        dy = column_directions[1, x] + row_directions[1, y]
+                        dz = column_directions[2, x] + row_directions[2, y]
+                        depth, _ = _intersect(vertices, faces, lowest, ox, oy, oz, dx, dy, dz)
+                        for place in range(starts[lowest], starts[lowest + 1]):
+                            partner = partners[place]
+                            other, inside = _intersect(vertices, faces, partner, ox, oy, oz, dx, dy, dz)
+                            if inside and abs(other - depth) <= tie_tolerance * depth:
+                                lowest = partner
+                                break
+                    prim_id[y, x] = lowest
