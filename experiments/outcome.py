@@ -69,6 +69,10 @@ class Outcome:
             raise ValueError(f"expected a JSON object with {', '.join(sorted(expected))}")
         if told.pop("point") != point.configuration():
             raise ValueError("it is the result of another point")
+        if isinstance(
+            told["error"], str
+        ):  # it may quote a path that is no text, which a table could not be written with
+            told["error"] = told["error"].encode(errors="replace").decode()
         outcome = cls(**told)
         if not isinstance(outcome.on_purpose, bool):
             raise ValueError(f"on_purpose is {outcome.on_purpose!r:.40}, expected true or false")

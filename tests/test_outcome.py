@@ -167,3 +167,8 @@ def test_a_worker_cannot_write_a_number_that_is_none() -> None:
 def test_what_was_not_measured_needs_a_reason_and_nothing_else(status: str) -> None:
     outcome = Outcome(status, "the reason")
     assert Outcome.from_json(json.dumps({"point": POINT.configuration(), **asdict(outcome)}).encode(), POINT) == outcome
+
+
+def test_an_error_that_quotes_a_path_that_is_no_text_can_be_written() -> None:
+    outcome = Outcome.from_json(Outcome("failed", "no file \udcff.ply").to_json(POINT), POINT)
+    assert outcome.error == "no file ?.ply"

@@ -171,3 +171,12 @@ def test_a_launched_point_without_a_record_is_missed(tmp_path: Path, capsys: pyt
     with pytest.raises(SystemExit):
         run_sweep([GridPoint("a", configuration(tmp_path))], launch=lambda jobs: [None])
     assert "1 points have no record" in capsys.readouterr().err
+
+
+def test_a_peer_that_does_not_tell_its_memory_is_no_reason_to_stop(tmp_path: Path) -> None:
+    def run(point: Point) -> Outcome:
+        results = Runner()(point).results
+        return Outcome("ok", results={"rss_bytes": results["rss_bytes"], "peak_rss_bytes": 9})
+
+    memory = configuration(tmp_path, measure=MeasureConfiguration(quantity=Quantity.memory))
+    assert list(run_sweep([GridPoint("a", memory)], run=run)["rss_bytes"]) == [9]
