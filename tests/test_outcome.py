@@ -86,6 +86,13 @@ def test_a_sample_that_is_no_time_is_refused(value: object) -> None:
         Outcome.from_json(edited(lambda told: told["warmup_samples"]["own"].__setitem__(0, value)), POINT)
 
 
+@pytest.mark.parametrize("constant", [b"NaN", b"Infinity", b"-Infinity"])
+def test_what_json_has_no_number_for_is_refused_wherever_it_stands(constant: bytes) -> None:
+    content = edited(lambda told: told["results"].update(anything=[{"deep": 12345}])).replace(b"12345", constant)
+    with pytest.raises(ValueError, match=f"it holds {constant.decode()}"):
+        Outcome.from_json(content, POINT)
+
+
 def test_a_number_too_large_for_a_float_is_refused() -> None:
     content = GOOD.to_json(POINT).replace(b'"build_time_s": 0.1', b'"build_time_s": 1e999')
     with pytest.raises(ValueError, match="build_time_s is inf"):

@@ -164,6 +164,15 @@ def test_a_file_that_is_no_record_is_set_aside(tmp_path: Path, content: bytes) -
         assert read_record(tmp_path, RECORD.point_id) is None
 
 
+def test_nesting_is_refused_at_every_depth(tmp_path: Path) -> None:
+    # Somewhere here reading still works and the digest no longer does.
+    for depth in range(sys.getrecursionlimit() - 200, sys.getrecursionlimit() + 10):
+        nested = f'{{"format": 2, "sha256": "0", "a": {"[" * depth}{"]" * depth}}}'
+        record_path(tmp_path, RECORD.point_id).write_text(nested)
+        with pytest.raises(RecordError, match="start its sweep again"):
+            load_record(tmp_path, RECORD.point_id)
+
+
 def test_a_folder_in_the_place_of_a_record_is_set_aside(tmp_path: Path) -> None:
     record_path(tmp_path, RECORD.point_id).mkdir()
     with pytest.warns(UserWarning, match="cannot be read"):
