@@ -71,7 +71,7 @@ def _run_in(folder: Path, point: Point, command: Sequence[str]) -> Outcome:
             outcome = Outcome.from_json(_read_result(Path(job.result_path)), point)
         except FileNotFoundError:
             reason = "the worker ended without a result"
-        except (OSError, ValueError) as error:
+        except (OSError, ValueError, RecursionError) as error:
             reason = f"the worker's result is not to be believed ({error})"
         else:
             if outcome.status == "failed" and not outcome.on_purpose:

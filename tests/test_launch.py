@@ -77,9 +77,9 @@ def test_a_worker_without_a_result_fails_with_the_reason(code: str, reason: str)
     "content",
     [
         b"", b"[1, 2]", GOOD.to_json(POINT)[:300], GOOD.to_json(POINT).replace(b"0.25", b"-0.25"),
-        GOOD.to_json(replace(POINT, width=16)),
+        GOOD.to_json(replace(POINT, width=16)), b"[" * 50_000,
     ],
-    ids=["nothing", "another shape", "half a file", "a negative time", "another point"],
+    ids=["nothing", "another shape", "half a file", "a negative time", "another point", "too deep"],
 )  # fmt: skip
 def test_garbage_from_a_worker_is_a_failed_point_without_samples(content: bytes) -> None:
     outcome = run_worker(POINT, leaving(content))
