@@ -77,7 +77,7 @@ def main() -> None:
     except StorageError as error:
         with suppress(OSError):
             print(error, flush=True)
-        os._exit(CANNOT_WRITE)  # the interpreter would end with a code of its own for words it could not write
+        raise SystemExit(CANNOT_WRITE) from None
 
 
 if __name__ == "__main__":
