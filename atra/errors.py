@@ -19,3 +19,15 @@ class EmbreeError(AtraError, RuntimeError):
 
 class MemoryBudgetError(AtraError, MemoryError):
     """The work would need more memory than its budget; raised before anything is allocated."""
+
+
+class StorageError(AtraError, OSError):
+    """A file could not be written: disk full, read-only folder, a limit of the system. Nothing half-written stays."""
+
+
+class RecordError(AtraError, ValueError):
+    """A record's file is there but cannot be used: damaged, changed after it was written, of another version."""
+
+
+class ClockError(AtraError, RuntimeError):
+    """The clock did not move forward while something was timed, so there is no time to keep."""

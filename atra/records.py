@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import json
-import math
 import os
+import sys
 import tempfile
 import warnings
 from collections.abc import Mapping
@@ -13,8 +14,10 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-FORMAT = 1
-"""Version of the file's layout; a file of another version counts as unreadable."""
+from atra.errors import RecordError, StorageError
+
+FORMAT = 2
+"""Version of the file's layout; 2 added the digest. A file of another version is not used."""
 
 STATUSES = ("ok", "skipped", "failed")
 
@@ -30,7 +33,8 @@ class Record:
     warmup_samples, samples: seconds by method name; sample r of every method belongs to one round.
     results: everything else that was measured, by name with its unit.
 
-    Raises ValueError for an unknown status, a missing error, or samples of unequal counts.
+    Raises ValueError for an unknown status, a missing error, a field of another type, and samples as `check_samples`
+    does.
     """
 
     point_id: str
@@ -43,15 +47,12 @@ class Record:
     results: dict[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        if self.status not in STATUSES:
-            raise ValueError(f"status is {self.status!r}, expected one of {', '.join(STATUSES)}")
-        if (self.error is None) != (self.status == "ok"):
-            raise ValueError(f"status {self.status} with error {self.error!r}: exactly the records not ok carry one")
-        counts = {name: len(values) for name, values in self.samples.items()}
-        if len(set(counts.values())) > 1:
-            raise ValueError(f"samples per method are {counts}, expected one count for all: they form rounds")
-        if any(not (math.isfinite(value) and value > 0) for values in self.samples.values() for value in values):
-            raise ValueError("a sample is not a positive, finite number of seconds")
+        for name in ("configuration", "environment", "results"):
+            if not isinstance(getattr(self, name), dict):
+                raise ValueError(f"{name} is {getattr(self, name)!r:.40}, expected values by name")
+        check_status(self.status, self.error)
+        check_samples(self.warmup_samples)
+        check_samples(self.samples)
 
     @property
     def finished(self) -> bool:
@@ -59,18 +60,40 @@ class Record:
         return self.status in ("ok", "skipped")
 
 
+def check_status(status: object, error: object) -> None:
+    """Raise ValueError for an unknown status, and unless exactly what is not ok carries an error."""
+    if status not in STATUSES:
+        raise ValueError(f"status is {status!r:.40}, expected one of {', '.join(STATUSES)}")
+    if not isinstance(error, str | None) or (error is None) != (status == "ok"):
+        raise ValueError(f"status {status} with error {error!r:.40}: exactly the records not ok carry one, a text")
+
+
+def check_samples(samples: object) -> None:
+    """Raise ValueError unless `samples` are seconds by method name, positive and finite, equally many of each."""
+    if not isinstance(samples, dict) or not all(isinstance(values, list | tuple) for values in samples.values()):
+        raise ValueError(f"samples are {samples!r:.40}, expected lists of seconds by method name")
+    for name, values in samples.items():
+        for value in values:
+            number = isinstance(value, int | float) and not isinstance(value, bool)
+            if not number or not 0 < value <= sys.float_info.max:
+                raise ValueError(f"a sample of {name} is {value!r:.40}, expected a positive, finite number of seconds")
+    counts = {name: len(values) for name, values in samples.items()}
+    if len(set(counts.values())) > 1:
+        raise ValueError(f"samples per method are {counts}, expected one count for all: they form rounds")
+
+
 def point_id(configuration: Mapping[str, Any], stable_environment: Mapping[str, Any]) -> str:
     """Identity of a point: 20 hex digits of the SHA-256 of its whole configuration and its machine.
 
     The order of keys does not matter. Raises ValueError for a NaN or infinity and TypeError for a value JSON lacks.
     """
-    canonical = json.dumps(
-        {"configuration": configuration, "environment": stable_environment},
-        sort_keys=True,
-        allow_nan=False,
-        separators=(",", ":"),
-    )
-    return hashlib.sha256(canonical.encode()).hexdigest()[:20]
+    return _sha256({"configuration": configuration, "environment": stable_environment})[:20]
+
+
+def _sha256(value: Mapping[str, Any]) -> str:
+    """Of the value itself: neither the order of keys nor how a file lays them out matters."""
+    canonical = json.dumps(value, sort_keys=True, allow_nan=False, separators=(",", ":"))
+    return hashlib.sha256(canonical.encode()).hexdigest()
 
 
 def record_path(folder: Path, identity: str) -> Path:
@@ -78,44 +101,73 @@ def record_path(folder: Path, identity: str) -> Path:
 
 
 def write_record(folder: Path, record: Record) -> Path:
-    """Write `record` into `folder` (made if missing) so that a reader sees all of it or none; returns the path."""
+    """Write `record` into `folder` (made if missing) so that a reader sees all of it or none; returns the path.
+
+    A digest of its content goes with it: `load_record` knows by it what was changed since. Raises StorageError.
+    """
     path = record_path(folder, record.point_id)
-    text = json.dumps({"format": FORMAT, **asdict(record)}, indent=1, allow_nan=False) + "\n"
+    fields = asdict(record)
+    text = json.dumps({"format": FORMAT, "sha256": _sha256(fields), **fields}, indent=1, allow_nan=False) + "\n"
     write_atomically(path, text.encode())
     return path
 
 
-def read_record(folder: Path, identity: str) -> Record | None:
+def load_record(folder: Path, identity: str) -> Record | None:
     """The record of point `identity`, or None if there is none.
 
-    A file that cannot be understood (half-written, edited, of another version) is renamed to `*.corrupt`, with a
-    warning, and counts as none: nothing is lost and the point is measured again.
+    Raises RecordError, naming the file and what to do, for one that cannot be used: half-written, changed after it was
+    written, of another version or another point.
     """
     path = record_path(folder, identity)
     try:
-        text = path.read_text(encoding="utf-8")
+        return _parse(path.read_bytes(), identity)
     except FileNotFoundError:
         return None
-    except UnicodeDecodeError as error:
-        _set_aside(path, error)
-        return None
+    except OSError as error:
+        reason = f"cannot be read: {error.strerror or error}"
+    except (ValueError, TypeError, RecursionError) as error:
+        reason = str(error)
+    raise RecordError(f"record {path} {reason}; start its sweep again, which measures the point anew")
+
+
+def _parse(content: bytes, identity: str) -> Record:
+    """Raises ValueError, TypeError or RecursionError for content that is no record of this point."""
     try:
-        fields = json.loads(text)
-        if not isinstance(fields, dict) or fields.pop("format", None) != FORMAT:
-            raise ValueError(f"not a record of format {FORMAT}")
+        fields = json.loads(content)
+    except (ValueError, RecursionError) as error:
+        raise ValueError(f"is damaged ({error})") from None
+    version = fields.pop("format", None) if isinstance(fields, dict) else None
+    if version != FORMAT:
+        raise ValueError(f"is of format {version!r:.40}, this version of atra reads format {FORMAT}")
+    if fields.pop("sha256", None) != _sha256(fields):
+        raise ValueError("was changed after it was written: its content does not match its sha256")
+    try:
         record = Record(**fields)
-        if record.point_id != identity:
-            raise ValueError(f"holds point {record.point_id}")
-    except (ValueError, TypeError, AttributeError) as error:
-        _set_aside(path, error)
-        return None
+    except (ValueError, TypeError) as error:
+        raise ValueError(f"makes no sense ({error})") from None
+    if record.point_id != identity:
+        raise ValueError(f"holds point {record.point_id}")
     return record
 
 
-def _set_aside(path: Path, reason: Exception) -> None:
-    aside = path.with_name(path.name + ".corrupt")
-    os.replace(path, aside)
-    warnings.warn(f"record {path.name} is unreadable ({reason}); kept as {aside.name}, measuring again", stacklevel=3)
+def read_record(folder: Path, identity: str) -> Record | None:
+    """The record of point `identity`, or None if there is none that can be used, so that the point is to be measured.
+
+    A file that `load_record` refuses is renamed to `*.corrupt`, with a warning: its numbers are nobody's measurement,
+    but it may be all that is left of one.
+    """
+    try:
+        return load_record(folder, identity)
+    except RecordError as error:
+        path = record_path(folder, identity)
+        aside = path.with_name(path.name + ".corrupt")
+        try:
+            os.replace(path, aside)
+        except OSError as obstacle:
+            raise StorageError(f"{error}. It cannot be set aside: {obstacle.strerror}; remove it") from None
+        reason = str(error).partition("; start its sweep")[0]
+        warnings.warn(f"{reason}; kept as {aside.name}, measuring the point again", stacklevel=2)
+        return None
 
 
 _UNFINISHED = ".unfinished"
@@ -128,10 +180,14 @@ def remove_abandoned_files(folder: Path) -> None:
 
 
 def write_atomically(path: Path, content: bytes) -> None:
-    """Write `content` to a temporary name beside `path`, flush it to the disk, then rename it onto `path`."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=_UNFINISHED)
+    """Write `content` to a temporary name beside `path`, flush it to the disk, then rename it onto `path`.
+
+    Raises StorageError, naming file and reason, when that fails; what `path` held before is still there then.
+    """
+    temporary = None
     try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=_UNFINISHED)
         with os.fdopen(handle, "wb") as file:
             file.write(content)
             file.flush()
@@ -139,6 +195,13 @@ def write_atomically(path: Path, content: bytes) -> None:
         # mkstemp files are private; results are for everyone the folder lets in.
         os.chmod(temporary, 0o644)
         os.replace(temporary, path)
-    except BaseException:
-        Path(temporary).unlink(missing_ok=True)
+    except BaseException as error:
+        if temporary is not None:
+            with contextlib.suppress(OSError):
+                Path(temporary).unlink(missing_ok=True)
+        if isinstance(error, OSError):
+            raise StorageError(
+                f"{path} cannot be written: {error.strerror or error}; what was there before is untouched. "
+                f"{path.parent} needs free space and the right to write; then start again"
+            ) from error
         raise

@@ -3,22 +3,29 @@
 from __future__ import annotations
 
 import contextlib
-import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
 import tempfile
+import time
 from collections.abc import Sequence
 from pathlib import Path
 
 import psutil
 
+from experiments.outcome import Outcome
 from experiments.point import Point
-from experiments.worker import Job, Outcome
+from experiments.worker import CANNOT_WRITE, Job
 
 _ROOT = Path(__file__).resolve().parents[1]
-_OUTPUT_KEPT = 4000
+_OUTPUT_KEPT_BYTES = 4000
+_RESULT_LIMIT_BYTES = 2**28
+"""Pictures of a large image take some 2**25; what is far larger is no result and is not read into memory."""
+
+_FOLDER_PREFIX = "atra-"
+_ABANDONED_AFTER_S = 86_400.0
 
 WORKER_COMMAND = (sys.executable, "-m", "experiments.worker")
 
@@ -26,43 +33,101 @@ WORKER_COMMAND = (sys.executable, "-m", "experiments.worker")
 def run_worker(point: Point, command: Sequence[str] = WORKER_COMMAND) -> Outcome:
     """Measure `point` in a fresh process; never raises for what happens there.
 
-    A worker that dies, exceeds `point.time_limit_s` or leaves no readable result gives a failed outcome with the
-    reason; the end of all it printed is kept in `results["worker_output"]` then. KeyboardInterrupt stops the worker
-    and passes on.
+    A worker that dies, exceeds `point.time_limit_s` or leaves no believable result gives a failed outcome with the
+    reason; the end of all it printed is kept in `results["worker_output"]` then. When it ends, or KeyboardInterrupt
+    passes through here, the worker and every process it has started are killed.
     """
-    with tempfile.TemporaryDirectory(prefix="atra-") as folder:
-        job = Job(point, str(Path(folder) / "outcome.json"))
-        output_path = Path(folder) / "output.txt"
-        with output_path.open("wb") as output:
-            process = subprocess.Popen(
-                list(command), stdin=subprocess.PIPE, stdout=output, stderr=subprocess.STDOUT,
-                env=project_environment() | _thread_limits(point),
-            )  # fmt: skip
-            try:
-                process.communicate(job.to_json().encode(), timeout=point.time_limit_s)
-                reason = _death(process.returncode)
-            except subprocess.TimeoutExpired:
-                reason = f"stopped after the time limit of {point.time_limit_s:g} s (measure.time_limit_s)"
-            finally:
-                if process.poll() is None:
-                    process.kill()
-                    process.wait()
-        printed = output_path.read_bytes()[-_OUTPUT_KEPT:].decode(errors="replace").strip()
-        if reason is None:
-            try:
-                outcome = Outcome(**json.loads(Path(job.result_path).read_bytes()))
-            except FileNotFoundError:
-                reason = "the worker ended without a result"
-            except (ValueError, TypeError) as error:
-                reason = f"the worker's result is unreadable ({error})"
-            else:
-                if outcome.status == "failed" and not outcome.on_purpose:
-                    outcome.results["worker_output"] = printed
-                return outcome
-        last_line = printed.rpartition("\n")[2]
-        return Outcome(
-            "failed", f"{reason}; it said: {last_line}" if last_line else reason, results={"worker_output": printed}
-        )
+    try:
+        remove_abandoned_folders()
+        with tempfile.TemporaryDirectory(
+            prefix=f"{_FOLDER_PREFIX}{os.getpid()}-", ignore_cleanup_errors=True
+        ) as folder:
+            return _run_in(Path(folder), point, command)
+    except OSError as error:
+        return Outcome("failed", f"no worker could be started: {error}", on_purpose=True)
+
+
+def _run_in(folder: Path, point: Point, command: Sequence[str]) -> Outcome:
+    job = Job(point, str(folder / "outcome.json"))
+    output_path = folder / "output.txt"
+    with output_path.open("wb") as output:
+        process = subprocess.Popen(
+            list(command), stdin=subprocess.PIPE, stdout=output, stderr=subprocess.STDOUT,
+            env=project_environment() | _thread_limits(point), process_group=0,
+        )  # fmt: skip
+        try:
+            assert process.stdin is not None
+            with contextlib.suppress(OSError):  # it may have died without listening; its exit code tells
+                process.stdin.write(job.to_json().encode() + b"\n")
+                process.stdin.flush()
+            reason = _death(process.wait(point.time_limit_s), folder)
+        except subprocess.TimeoutExpired:
+            reason = f"stopped after the time limit of {point.time_limit_s:g} s (measure.time_limit_s)"
+        finally:
+            _end(process)
+    printed = _end_of(output_path)
+    if reason is None:
+        try:
+            outcome = Outcome.from_json(_read_result(Path(job.result_path)), point)
+        except FileNotFoundError:
+            reason = "the worker ended without a result"
+        except (OSError, ValueError, RecursionError) as error:
+            reason = f"the worker's result is not to be believed ({error})"
+        else:
+            if outcome.status == "failed" and not outcome.on_purpose:
+                outcome.results["worker_output"] = printed
+            return outcome
+    last_line = printed.rpartition("\n")[2]
+    return Outcome(
+        "failed", f"{reason}; it said: {last_line}" if last_line else reason, results={"worker_output": printed}
+    )
+
+
+def _end(process: subprocess.Popen[bytes]) -> None:
+    """Kill the worker, if it still runs, and what it has started and left behind, which would spoil later times."""
+    if hasattr(os, "killpg"):
+        # Whoever outlives the worker is still in its group. macOS forbids signals to one that only waits to be reaped.
+        with contextlib.suppress(ProcessLookupError, PermissionError):
+            os.killpg(process.pid, signal.SIGKILL)
+    elif process.poll() is None:
+        for child in psutil.Process(process.pid).children(recursive=True):
+            with contextlib.suppress(psutil.NoSuchProcess):
+                child.kill()
+        process.kill()
+    process.wait()
+    with contextlib.suppress(OSError):  # what it never read is still in the buffer
+        assert process.stdin is not None
+        process.stdin.close()
+
+
+def _end_of(output: Path) -> str:
+    with output.open("rb") as printed:
+        printed.seek(max(0, output.stat().st_size - _OUTPUT_KEPT_BYTES))
+        return printed.read().decode(errors="replace").strip()
+
+
+def _read_result(path: Path) -> bytes:
+    size = path.stat().st_size
+    if size > _RESULT_LIMIT_BYTES:
+        raise ValueError(f"it has {size:,} bytes")
+    return path.read_bytes()
+
+
+def remove_abandoned_folders() -> None:
+    """Remove what killed runs left in the system's folder for temporary files.
+
+    Only folders of this user, named after a process that is gone, and more than a day old: where several machines or
+    containers share that folder, a process unknown here may live elsewhere.
+    """
+    for path in Path(tempfile.gettempdir()).glob(f"{_FOLDER_PREFIX}*-*"):
+        owner = path.name.removeprefix(_FOLDER_PREFIX).partition("-")[0]
+        if not owner.isdecimal() or len(owner) > 9 or psutil.pid_exists(int(owner)):
+            continue
+        with contextlib.suppress(OSError):
+            status = path.lstat()
+            ours = not hasattr(os, "getuid") or status.st_uid == os.getuid()
+            if ours and time.time() - status.st_mtime > _ABANDONED_AFTER_S:
+                shutil.rmtree(path)  # refuses a symbolic link
 
 
 def _thread_limits(point: Point) -> dict[str, str]:
@@ -81,9 +146,11 @@ def stop_children() -> None:
                 child.kill()
 
 
-def _death(code: int) -> str | None:
+def _death(code: int, folder: Path) -> str | None:
     if code == 0:
         return None
+    if code == CANNOT_WRITE:
+        return f"the worker could not write its result to {folder.parent} (no room?); TMPDIR names another folder"
     if code > 0:
         return f"the worker ended with exit code {code}"
     try:

@@ -7,21 +7,22 @@ import os
 import platform
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from datetime import UTC, datetime
 from pathlib import Path
 
 from filelock import FileLock, Timeout
 
-from atra.errors import InputError
-from atra.records import remove_abandoned_files
+from atra.errors import InputError, StorageError
+from atra.records import remove_abandoned_files, write_atomically
 
 
 @contextmanager
 def exclusive(results: Path, *folders: Path) -> Iterator[None]:
     """Hold the results folder for this run; the system lets go of it when the process ends, however it ends.
 
-    What a killed run left half-written in `folders` is removed. Raises InputError naming who holds the folder.
+    What a killed run left half-written there and in `folders` is removed. Raises InputError naming who holds the
+    folder, and StorageError if it cannot be locked.
     """
     lock, holder = FileLock(results / ".lock"), results / ".lock.holder"
     try:
@@ -30,17 +31,21 @@ def exclusive(results: Path, *folders: Path) -> Iterator[None]:
         raise InputError(
             f"{results} is in use by {_describe(holder)}; wait for it to end or choose another results_dir"
         ) from None
+    except OSError as error:
+        raise StorageError(
+            f"{results} cannot be locked: {error.strerror or error}; choose another results_dir"
+        ) from None
     try:
         started = datetime.now(UTC).isoformat(timespec="seconds")
         words = " ".join(["python", *sys.argv])
-        holder.write_text(
-            json.dumps({"process": os.getpid(), "machine": platform.node(), "since": started, "command": words})
-        )
-        for folder in folders:
+        told = {"process": os.getpid(), "machine": platform.node(), "since": started, "command": words}
+        write_atomically(holder, json.dumps(told).encode())
+        for folder in (results, *folders):
             remove_abandoned_files(folder)
         yield
     finally:
-        holder.unlink(missing_ok=True)
+        with suppress(OSError):
+            holder.unlink(missing_ok=True)
         lock.release()
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import time
 from collections.abc import Callable
 from dataclasses import asdict
 from functools import cache
@@ -10,13 +11,13 @@ from pathlib import Path
 from typing import Any
 
 from atra.embree.library import embree_version
-from atra.measure.environment import Environment, read_environment
+from atra.measure.environment import STABLE_FIELDS, Environment, read_environment
 from atra.records import Record, point_id
 from experiments import launch, quantities, tracing, worker
 from experiments.launch import run_worker
+from experiments.outcome import Outcome
 from experiments.point import Point
 from experiments.points import PlannedPoint
-from experiments.worker import Outcome
 
 Runner = Callable[[Point], Outcome]
 
@@ -28,7 +29,17 @@ def current_environment() -> Environment:
 
 def identity(point: Point, environment: Environment) -> str:
     """The point's identity: its configuration, the machine, and the code that measures it."""
-    return point_id({**point.configuration(), "measuring_code_sha256": _measuring_code_sha256()}, environment.stable())
+    return _identity(point.configuration(), environment.stable())
+
+
+def identity_of(record: Record) -> str:
+    """The identity `record` has if this very code has measured it, wherever that was and whatever its name says."""
+    stable = {name: record.environment.get(name) for name in STABLE_FIELDS}
+    return _identity(record.configuration, stable)
+
+
+def _identity(configuration: dict[str, Any], stable_environment: dict[str, Any]) -> str:
+    return point_id({**configuration, "measuring_code_sha256": _measuring_code_sha256()}, stable_environment)
 
 
 @cache
@@ -41,8 +52,12 @@ def _measuring_code_sha256() -> str:
 
 
 def measure(planned: PlannedPoint, run: Runner = run_worker) -> Record:
-    """Measure a point in a fresh process; one with a problem is skipped, and its record says why."""
+    """Measure a point in a fresh process; one with a problem is skipped, and its record says why.
+
+    The results tell by how much the wall clock moved apart from the steady one meanwhile (`clock_jump_s`).
+    """
     environment = current_environment()
+    apart_s = _clocks_apart_s()
     if planned.problem is not None:
         outcome = Outcome("skipped", str(planned.problem), on_purpose=True)
     else:
@@ -55,8 +70,17 @@ def measure(planned: PlannedPoint, run: Runner = run_worker) -> Record:
         environment=_plain(asdict(environment)),
         warmup_samples=outcome.warmup_samples,
         samples=outcome.samples,
-        results={**outcome.results, "on_purpose": outcome.on_purpose},
+        results={
+            **outcome.results,
+            "on_purpose": outcome.on_purpose,
+            "clock_jump_s": _clocks_apart_s() - apart_s,
+        },
     )
+
+
+def _clocks_apart_s() -> float:
+    """The steady clock, which all times are taken with, is never set; on most systems it stands while they sleep."""
+    return time.time() - time.monotonic()
 
 
 def _plain(fields: dict[str, Any]) -> dict[str, Any]:

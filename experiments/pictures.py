@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from atra.records import read_record
+from atra.records import load_record
 from experiments.configuration import Quantity
 
 
@@ -38,7 +38,7 @@ def read_pictures(table: pd.DataFrame, records: Path) -> list[ScenePictures]:
     """The pictures of the table's rows that have some, in its order. records: the folder of the records."""
     found = []
     for _, row in table[(table["quantity"] == Quantity.picture.value) & (table["status"] == "ok")].iterrows():
-        record = read_record(records, row["point_id"])
+        record = load_record(records, row["point_id"])
         if record is None:
             continue
         images = {name: base64.b64decode(text) for name, text in record.results["pictures"].items()}

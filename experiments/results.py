@@ -8,14 +8,15 @@ from typing import Any
 import pandas as pd
 
 from atra.errors import InputError
-from atra.records import read_record, write_atomically
+from atra.records import load_record, write_atomically
 from experiments.claims import judge_claims, write_claims
 from experiments.configuration import Configuration, records_folder, results_folder
 from experiments.figures import draw_figures, write_figure
+from experiments.lock import exclusive
 from experiments.pictures import ScenePictures, read_pictures
 from experiments.report import ReportContents, ReportFigure, write_report
 from experiments.report import ScenePictures as ReportPictures
-from experiments.table import make_table, read_table, write_table
+from experiments.table import check_one_environment, make_table, read_table, write_table
 from scenes.manifest import picture_restriction
 
 _COMMAND_FILE = "command.txt"
@@ -32,21 +33,25 @@ def write_results(folder: Path, records: Path, table: pd.DataFrame, *, command: 
 def rewrite_report(configuration: Configuration) -> Path:
     """`python run.py report`: figures, claims and page of a sweep anew, from its table and records; measures nothing.
 
-    Without a table every claim is "not measured". Returns the page. Raises InputError if no such sweep was run.
+    Without a table every claim is "not measured". Returns the page. Raises InputError if no such sweep was run, if the
+    folder is in use, or if its points are of two machines or versions, and RecordError if one of its records cannot be
+    used: nothing can be measured again here.
     """
     folder = results_folder(configuration)
     if not folder.is_dir():
         name = configuration.sweep.name
         raise InputError(f"{folder} does not exist, so there is nothing to report; run sweep={name} first")
-    table = read_table(folder)
-    command_file = folder / _COMMAND_FILE
-    command = command_file.read_text(encoding="utf-8").strip() if command_file.exists() else ""
-    table = make_table([]) if table is None else table
-    return _write_what_follows(folder, records_folder(configuration), table, command=command, report=True)
+    with exclusive(folder.parent, folder):
+        table = read_table(folder)
+        command_file = folder / _COMMAND_FILE
+        command = command_file.read_text(encoding="utf-8").strip() if command_file.exists() else ""
+        table = make_table([]) if table is None else table
+        return _write_what_follows(folder, records_folder(configuration), table, command=command, report=True)
 
 
 def _write_what_follows(folder: Path, records: Path, table: pd.DataFrame, *, command: str, report: bool) -> Path:
     """Figures, claims and page, all from the table and the records."""
+    environment = _environment(table, records)
     pictures = read_pictures(table, records)
     figures = list(draw_figures(table, pictures))
     for figure in figures:
@@ -67,7 +72,7 @@ def _write_what_follows(folder: Path, records: Path, table: pd.DataFrame, *, com
             ),
             pictures=tuple(_for_report(one) for one in pictures),
             claims=claims,
-            environment=_environment(table, records),
+            environment=environment,
         )
         write_report(folder, contents)
     return page
@@ -91,9 +96,13 @@ def _for_report(pictures: ScenePictures) -> ReportPictures:
 
 
 def _environment(table: pd.DataFrame, records: Path) -> dict[str, Any]:
-    """Of the table's first point; all share one machine and software."""
-    for point_id in table["point_id"]:
-        record = read_record(records, point_id)
-        if record is not None:
-            return record.environment
-    return {}
+    """The one machine and software of all points of the table; empty without records.
+
+    Raises InputError if there are two, and RecordError for a record that cannot be used.
+    """
+    cpus = sorted(set(table["cpu"].dropna()))
+    if len(cpus) > 1:
+        raise InputError(f"the table holds points of {' and of '.join(cpus)}; run the sweep again on one machine")
+    found = [record for name in table["point_id"] if (record := load_record(records, name)) is not None]
+    check_one_environment(found)
+    return found[0].environment if found else {}

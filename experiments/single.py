@@ -31,8 +31,8 @@ def run_single_point(configuration: Configuration) -> Record:
     with exclusive(folder.parent, folder), SweepProgress(1, Console(stderr=True)) as progress:
         progress.begin(planned.point.label())
         record = measure(planned)
-        progress.end(planned.point.label(), say_outcome(record))
         path = write_record(folder, record)
+        progress.end(planned.point.label(), say_outcome(record))
     if record.status == "ok":
         print_point(make_table([record]).iloc[0], results_console())
         print(f"record: {path}")

@@ -27,10 +27,10 @@ def say_outcome(record: Record) -> str:
     if BUILD in record.samples:
         plan, build = (np.median(record.samples[name]) for name in (PLAN, BUILD))
         return f"plan {_ms(plan)}, build {_ms(build)}"
-    wrong = record.results.get("pixels_wrong")
-    return _mib(record.results["embree_bytes"]) + (
-        " in Embree" if wrong is None else f" in Embree, {wrong} pixels wrong"
-    )
+    told = [f"{_mib(record.results['embree_bytes'])} in Embree"] if "embree_bytes" in record.results else []
+    if "pixels_wrong" in record.results:
+        told.append(f"{record.results['pixels_wrong']} pixels wrong")
+    return ", ".join(told) or f"{_mib(record.results['rss_bytes'])} resident"  # a peer does not tell what is Embree's
 
 
 def print_point(row: pd.Series, console: Console) -> None:

@@ -6,24 +6,26 @@ import random
 import sys
 import warnings
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import pandas as pd
 from rich.console import Console
 
-from atra.records import Record, read_record, write_record
+from atra.errors import InputError, RecordError
+from atra.measure.environment import describe_difference
+from atra.records import Record, load_record, read_record, write_record
 from experiments.configuration import Configuration, check_writable, records_folder, results_folder
 from experiments.launch import run_worker
 from experiments.lock import exclusive
-from experiments.measuring import Runner, current_environment, identity, measure
+from experiments.measuring import Runner, current_environment, identity, identity_of, measure
 from experiments.point import Point
 from experiments.points import PlannedPoint, plan_points
 from experiments.progress import SweepProgress
 from experiments.results import write_results
 from experiments.scene_loading import replace_missing_scenes
 from experiments.summary import print_sweep, results_console, say_outcome
-from experiments.table import make_table
+from experiments.table import make_table, read_table
 
 
 @dataclass(frozen=True)
@@ -111,6 +113,8 @@ def _run(
         f"{len(points)} points: {finished} finished before, {impossible} cannot be measured, {len(to_do)} to do; "
         f"results in {folder}",
     )
+    if to_do:
+        _tell_whose_table_is_replaced(folder, records, console)
     interrupted = False
     try:
         if launch is None:
@@ -134,6 +138,29 @@ def _run(
         print(f"run.py: {what}; the same command tries them again", file=sys.stderr)
         raise SystemExit(1)
     return table
+
+
+def _tell_whose_table_is_replaced(folder: Path, records: Path, console: Console) -> None:
+    """Say so if the sweep's earlier table is of another machine or version, which is why points are measured anew."""
+    try:
+        table = read_table(folder)
+    except InputError as error:
+        _say(console, f"warning: {error}")
+        return
+    for point_identity in [] if table is None else table["point_id"]:
+        try:
+            record = load_record(records, point_identity)
+        except RecordError:
+            continue
+        if record is not None:
+            difference = describe_difference(record.environment, asdict(current_environment()))
+            if difference is not None:
+                _say(
+                    console,
+                    f"the table in {folder} is of another machine or version ({difference}, which is this one); its "
+                    f"points are measured anew and it is replaced, but its records stay in {records}",
+                )
+            return
 
 
 def measure_launched(configuration: Configuration) -> None:
@@ -196,15 +223,17 @@ def _measure_elsewhere(
                 found = _launched_records({name: to_do[name].planned.point for name in batch}, folder, console)
                 done |= found
             for name, label, problem in zip(batch, labels, problems, strict=True):
-                told = say_outcome(found[name]) if name in found else f"no record: {problem or 'its job left none'}"
+                told = (
+                    say_outcome(found[name]) if name in found else f"no record: {problem or 'its job left none to use'}"
+                )
                 progress.end(label, told)
 
 
 def _launched_records(to_do: dict[str, Point], folder: Path, console: Console) -> dict[str, Record]:
     """The records of launched points, by this machine's identity of the point.
 
-    Another machine wrote them under an identity of its own, so they are known by their configuration. make_table
-    refuses if they are of several machines.
+    Another machine wrote them under an identity of its own, so they are known by their configuration; those of other
+    code, whose numbers are no longer true, are not. make_table refuses if they are of several machines.
     """
     environment = current_environment()
     own = {name: _read_earlier(folder, identity(point, environment), console) for name, point in to_do.items()}
@@ -212,8 +241,13 @@ def _launched_records(to_do: dict[str, Point], folder: Path, console: Console) -
         return {name: record for name, record in own.items() if record is not None}
     by_configuration: dict[str, Record] = {}
     for path in sorted(folder.glob("*.json"), key=lambda path: path.stat().st_mtime):
-        record = _read_earlier(folder, path.stem, console)
-        if record is not None:
+        try:
+            record = load_record(folder, path.stem)
+        except RecordError:  # perhaps of another sweep or version, and not ours to set aside
+            continue
+        if record is None or record.point_id != identity_of(record):
+            continue
+        if record.environment.get("code_sha256") == environment.code_sha256:
             by_configuration[repr(sorted(record.configuration.items()))] = record
     found = {name: by_configuration.get(repr(sorted(point.configuration().items()))) for name, point in to_do.items()}
     return {name: record for name, record in found.items() if record is not None}

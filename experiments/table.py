@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from math import comb
 from pathlib import Path
 from typing import Any
@@ -110,23 +110,36 @@ CONFIDENCE = 0.95
 _BUSY_LOAD = 1.0
 """Load above the point's own threads from which on a time is doubted."""
 
+_OUT_OF_PROPORTION = 10.0
+"""A sample so many times longer or shorter than the median of its method is doubted."""
+
+_CLOCK_JUMP_S = 2.0
+"""What the wall clock may move apart from the steady one during a point before it is a doubt; slewing does less."""
+
 
 def make_table(records: Sequence[Record], grids: Mapping[str, Sequence[str]] | None = None) -> pd.DataFrame:
     """One row a record, in the order given.
 
     grids: names of the grids each `point_id` is part of.
-    Raises InputError when two records come from different machines or software, naming the field: their ratio would
-    mean nothing.
+    Raises InputError as `check_one_environment`.
     """
-    for record in records[1:]:
-        difference = describe_difference(records[0].environment, record.environment)
-        if difference is not None:
-            raise InputError(
-                f"records {records[0].point_id} and {record.point_id} are from two environments: {difference}; "
-                "measure both on one machine with one version, or keep them in two results_dir"
-            )
+    check_one_environment(records)
     rows = [_row(record) | {"grids": ",".join((grids or {}).get(record.point_id, ())) or None} for record in records]
     return pd.DataFrame({name: pd.array([row.get(name) for row in rows], dtype=kind) for name, kind in COLUMNS.items()})
+
+
+def check_one_environment(records: Iterable[Record]) -> None:
+    """Raise InputError when two records come from different machines or software, naming the field: their ratio would
+    mean nothing."""
+    first: Record | None = None
+    for record in records:
+        first = first or record
+        difference = describe_difference(first.environment, record.environment)
+        if difference is not None:
+            raise InputError(
+                f"records {first.point_id} and {record.point_id} are from two environments: {difference}; "
+                "measure both on one machine with one version, or keep them in two results_dir"
+            )
 
 
 def write_table(folder: Path, table: pd.DataFrame) -> None:
@@ -225,6 +238,15 @@ def _doubts(record: Record, own: NDArray[np.float64]) -> list[str]:
         doubts.append(f"spread is {(q3 - q1) / median:.0%} of the median")
     if own.min() < 1e-3:
         doubts.append("shortest sample is below 1 ms")
+    longest = max(max(values) / np.median(values) for values in record.samples.values())
+    if longest > _OUT_OF_PROPORTION:
+        doubts.append(f"longest sample is {longest:,.0f} times the median")
+    shortest = max(np.median(values) / min(values) for values in record.samples.values())
+    if shortest > _OUT_OF_PROPORTION:
+        doubts.append(f"median is {shortest:,.0f} times the shortest sample")
+    jump_s = record.results.get("clock_jump_s", 0.0)
+    if abs(jump_s) > _CLOCK_JUMP_S:
+        doubts.append(f"the wall clock jumped by {abs(jump_s):,.0f} s (set, or the machine slept)")
     asked = record.configuration.get("rounds")
     if asked is not None and len(own) < asked:
         doubts.append(f"{len(own)} of {asked} rounds")

@@ -1,23 +1,29 @@
-"""Measures one point in a process of its own: `python -m experiments.worker`, a JSON job on standard input.
+"""Measures one point in a process of its own: `python -m experiments.worker`, a JSON job as a line on standard input.
 
-Of whatever it prints nothing is read as a result: the result goes to the path named in the job.
+Of whatever it prints nothing is read as a result: the result goes to the path named in the job. It ends when its
+standard input does.
 """
 
 from __future__ import annotations
 
 import json
+import os
 import sys
+import threading
 import traceback
 from collections.abc import Iterator
-from contextlib import contextmanager
-from dataclasses import asdict, dataclass, field
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
-from atra.errors import AtraError, MemoryBudgetError
+from atra.errors import AtraError, MemoryBudgetError, StorageError
 from atra.records import write_atomically
+from experiments.outcome import Outcome
 from experiments.point import Point
 from experiments.quantities import measure_point
+
+CANNOT_WRITE = 74
+"""Exit code of a worker that has no room for its result, and perhaps none for words either; EX_IOERR of sysexits."""
 
 
 @dataclass(frozen=True)
@@ -36,25 +42,9 @@ class Job:
         return cls(Point.from_fields(fields["point"]), fields["result_path"])
 
 
-@dataclass(frozen=True)
-class Outcome:
-    """What became of a job.
-
-    status, error, samples, results: as in `atra.records.Record`.
-    on_purpose: the error is one of `atra`'s own, meant for the person at the keyboard; otherwise it is a bug.
-    """
-
-    status: str
-    error: str | None = None
-    on_purpose: bool = False
-    warmup_samples: dict[str, list[float]] = field(default_factory=dict)
-    samples: dict[str, list[float]] = field(default_factory=dict)
-    results: dict[str, Any] = field(default_factory=dict)
-
-
 @contextmanager
-def _reporting(result_path: Path) -> Iterator[list[Outcome]]:
-    """Whatever happens inside becomes an outcome in `result_path`."""
+def _reporting(job: Job) -> Iterator[list[Outcome]]:
+    """Whatever happens inside becomes an outcome in the job's result path."""
     outcomes: list[Outcome] = []
     try:
         yield outcomes
@@ -63,16 +53,31 @@ def _reporting(result_path: Path) -> Iterator[list[Outcome]]:
     except AtraError as error:
         outcomes.append(Outcome("failed", str(error), on_purpose=True))
     except Exception as error:
-        traceback.print_exc()
+        with suppress(OSError):  # where there is no room for words, the outcome says the most of it
+            traceback.print_exc()
         outcomes.append(Outcome("failed", f"{type(error).__name__}: {error}"))
-    write_atomically(result_path, json.dumps(asdict(outcomes[-1]), allow_nan=False).encode())
+    write_atomically(Path(job.result_path), outcomes[-1].to_json(job.point))
+
+
+def _end_with_the_run() -> None:
+    """Wait until the other end of standard input is closed, which the system does when the run that started this
+    process is gone: a killed run leaves no worker behind that would spoil the times of the next one."""
+    while os.read(0, 4096):  # not sys.stdin, whose lock a waiting thread would hold when the interpreter ends
+        pass
+    os._exit(1)
 
 
 def main() -> None:
-    job = Job.from_json(sys.stdin.read())
-    with _reporting(Path(job.result_path)) as outcomes:
-        measured = measure_point(job.point)
-        outcomes.append(Outcome("ok", None, True, measured.warmup_samples, measured.samples, measured.results))
+    job = Job.from_json(sys.stdin.readline())
+    threading.Thread(target=_end_with_the_run, daemon=True).start()
+    try:
+        with _reporting(job) as outcomes:
+            measured = measure_point(job.point)
+            outcomes.append(Outcome("ok", None, True, measured.warmup_samples, measured.samples, measured.results))
+    except StorageError as error:
+        with suppress(OSError):
+            print(error, flush=True)
+        raise SystemExit(CANNOT_WRITE) from None
 
 
 if __name__ == "__main__":

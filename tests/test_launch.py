@@ -2,33 +2,59 @@
 
 from __future__ import annotations
 
+import errno
+import os
+import re
+import subprocess
 import sys
+import tempfile
+import time
+from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
+import psutil
 import pytest
 
-from experiments.launch import run_worker
-from experiments.point import Point
+from atra.records import write_atomically
+from experiments.launch import remove_abandoned_folders, run_worker
+from experiments.worker import CANNOT_WRITE, Job
+from tests.test_outcome import GOOD, POINT
 
-POINT = Point(
-    scene="box", scene_source="procedural", scene_path=None, mesh_sha256="0", triangles=1, eye=(0.0, 0.0, 1.0),
-    target=(0.0, 0.0, 0.0), up=(0.0, 1.0, 0.0), fov_y_degrees=60.0, width=8, height=8, method="aligned",
-    geometry="copied", split_x=1, split_y=1, culling=True, packet_width=1, packet_rows=None, threads=1, ties="lowest",
-    build_quality="medium", quantity="time", rounds=3, warmup=0, frame_budget_s=1.0, time_limit_s=30.0,
-    memory_budget_gib=1.0,
-)  # fmt: skip
+ROOT = Path(__file__).resolve().parents[1]
+POSIX_ONLY = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no signals, groups or limits of this kind")
 
 
 def worker(code: str) -> list[str]:
     """A worker that runs `code`; `job` is what it was given."""
-    return [sys.executable, "-c", f"import json, os, sys, time; job = json.load(sys.stdin)\n{code}"]
+    start = "import json, os, signal, subprocess, sys, time; job = json.loads(sys.stdin.readline())"
+    return [sys.executable, "-c", f"{start}\n{code}"]
+
+
+def leaving(content: bytes) -> list[str]:
+    """A worker whose result is `content`."""
+    return worker(f"open(job['result_path'], 'wb').write({content!r})")
+
+
+def wait_until(true: Callable[[], bool]) -> None:
+    for _ in range(1200):
+        if true():
+            return
+        time.sleep(0.05)
+    pytest.fail("waited a minute in vain")
+
+
+def ended(pid: int) -> bool:
+    try:
+        return psutil.Process(pid).status() == psutil.STATUS_ZOMBIE
+    except psutil.NoSuchProcess:
+        return True
 
 
 def test_the_point_reaches_the_worker_and_the_outcome_comes_back() -> None:
-    code = "json.dump({'status': 'ok', 'results': job['point']}, open(job['result_path'], 'w')); print('noise')"
-    outcome = run_worker(POINT, worker(code))
-    assert outcome.status == "ok"
-    assert Point.from_fields(outcome.results) == POINT
+    told = f"told = json.loads({GOOD.to_json(POINT)!r}) | {{'point': job['point']}}\n"
+    outcome = run_worker(POINT, worker(told + "json.dump(told, open(job['result_path'], 'w')); print('noise')"))
+    assert outcome == GOOD
 
 
 @pytest.mark.parametrize(
@@ -36,25 +62,41 @@ def test_the_point_reaches_the_worker_and_the_outcome_comes_back() -> None:
     [
         ("print('the last words'); sys.exit(3)", "exit code 3; it said: the last words"),
         ("pass", "without a result"),
-        ("open(job['result_path'], 'w').write('{\"status\": ')", "unreadable"),
-        ("open(job['result_path'], 'w').write('[1, 2]')", "unreadable"),
-        ("open(job['result_path'], 'w').write('{\"nonsense\": 1}')", "unreadable"),
+        (f"sys.exit({CANNOT_WRITE})", "could not write its result to .*TMPDIR"),
+        ("os.mkdir(job['result_path'])", "not to be believed"),
+        ("open(job['result_path'], 'wb').truncate(2**40)", "not to be believed .it has 1,099,511,627,776 bytes"),
     ],
 )
-def test_a_worker_without_a_good_result_fails_with_the_reason(code: str, reason: str) -> None:
+def test_a_worker_without_a_result_fails_with_the_reason(code: str, reason: str) -> None:
     outcome = run_worker(POINT, worker(code))
     assert outcome.status == "failed"
-    assert reason in str(outcome.error)
+    assert re.search(reason, str(outcome.error))
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no signals of this kind")
-def test_a_killed_worker_fails_with_the_signal() -> None:
-    outcome = run_worker(POINT, worker("os.kill(os.getpid(), 9)"))
+@pytest.mark.parametrize(
+    "content",
+    [
+        b"", b"[1, 2]", GOOD.to_json(POINT)[:300], GOOD.to_json(POINT).replace(b"0.25", b"-0.25"),
+        GOOD.to_json(replace(POINT, width=16)), b"[" * 50_000,
+    ],
+    ids=["nothing", "another shape", "half a file", "a negative time", "another point", "too deep"],
+)  # fmt: skip
+def test_garbage_from_a_worker_is_a_failed_point_without_samples(content: bytes) -> None:
+    outcome = run_worker(POINT, leaving(content))
+    assert (outcome.status, outcome.samples) == ("failed", {})
+    assert "the worker's result is not to be believed" in str(outcome.error)
+
+
+@POSIX_ONLY
+def test_a_killed_worker_fails_with_the_signal_even_if_its_result_is_there() -> None:
+    code = f"open(job['result_path'], 'wb').write({GOOD.to_json(POINT)!r}); os.kill(os.getpid(), 9)"
+    outcome = run_worker(POINT, worker(code))
     assert (outcome.status, outcome.error) == ("failed", "the worker was killed by SIGKILL (out of memory?)")
 
 
-def test_a_worker_past_its_time_limit_is_stopped() -> None:
-    outcome = run_worker(replace(POINT, time_limit_s=1.0), worker("time.sleep(60)"))
+@pytest.mark.parametrize("code", ["time.sleep(60)", "signal.signal(signal.SIGTERM, signal.SIG_IGN)\nwhile True: pass"])
+def test_a_worker_past_its_time_limit_is_stopped_whatever_it_ignores(code: str) -> None:
+    outcome = run_worker(replace(POINT, time_limit_s=1.0), worker(code))
     assert outcome.status == "failed"
     assert "time limit of 1 s" in str(outcome.error)
 
@@ -63,3 +105,116 @@ def test_a_worker_that_does_not_listen_fails() -> None:
     outcome = run_worker(POINT, [sys.executable, "-c", "raise SystemExit(4)"])
     assert outcome.status == "failed"
     assert "exit code 4" in str(outcome.error)
+
+
+@POSIX_ONLY
+@pytest.mark.parametrize("end", ["", "time.sleep(60)"], ids=["ends", "hangs"])
+def test_processes_a_worker_leaves_behind_are_killed_and_not_waited_for(end: str) -> None:
+    # The child holds the worker's output open, and lives on when the worker ends.
+    code = f"child = subprocess.Popen([sys.executable, '-c', 'import time; time.sleep(600)']); print(child.pid)\n{end}"
+    outcome = run_worker(replace(POINT, time_limit_s=5.0), [*worker(code)[:1], "-u", *worker(code)[1:]])
+    child = int(outcome.results["worker_output"])
+    wait_until(lambda: ended(child))
+    assert outcome.status == "failed"
+
+
+@POSIX_ONLY
+def test_the_worker_of_a_killed_run_does_not_outlive_it() -> None:
+    sleeping = "import experiments.worker as w, time; w.measure_point = lambda _: time.sleep(600); w.main()"
+    run = (
+        "import sys; from experiments.launch import run_worker; from tests.test_outcome import POINT; "
+        f"run_worker(POINT, [sys.executable, '-c', {sleeping!r}])"
+    )
+    with subprocess.Popen([sys.executable, "-c", run], cwd=ROOT) as killed:
+        wait_until(lambda: bool(psutil.Process(killed.pid).children()))
+        (left,) = psutil.Process(killed.pid).children()
+        wait_until(lambda: left.num_threads() > 1 or ended(left.pid))
+        assert not ended(left.pid)
+        killed.kill()
+        killed.wait()
+    wait_until(lambda: ended(left.pid))
+
+
+def test_a_command_that_cannot_be_started_is_a_failed_point(tmp_path: Path) -> None:
+    outcome = run_worker(POINT, [str(tmp_path / "no such program")])
+    assert outcome.status == "failed"
+    assert "no worker could be started" in str(outcome.error)
+
+
+def test_no_room_for_temporary_files_is_a_failed_point(monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(*_: object, **__: object) -> str:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(tempfile, "mkdtemp", full)
+    outcome = run_worker(POINT, leaving(GOOD.to_json(POINT)))
+    assert outcome.status == "failed"
+    assert "No space left on device" in str(outcome.error)
+
+
+@POSIX_ONLY
+def test_a_worker_that_may_write_nothing_more_says_so(tmp_path: Path) -> None:
+    # Past this limit the system refuses to write, as a full disk does, for the result and for words alike.
+    limited = (
+        "import resource, experiments.worker as w; from experiments.quantities import Measured; "
+        "w.measure_point = lambda _: resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0)) or Measured({'a': 1}); w.main()"
+    )
+    outcome = run_worker(POINT, [sys.executable, "-c", limited])
+    assert outcome.status == "failed"
+    assert "could not write its result" in str(outcome.error)
+
+
+def abandoned(name: str, age_s: float) -> Path:
+    folder = Path(tempfile.gettempdir()) / name
+    write_atomically(folder / "output.txt", b"")
+    then = time.time() - age_s
+    os.utime(folder, (then, then))
+    return folder
+
+
+@pytest.fixture
+def temporary(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    return tmp_path
+
+
+def test_old_folders_of_runs_that_are_gone_are_removed_and_nothing_else(temporary: Path) -> None:
+    with subprocess.Popen([sys.executable, "-c", ""]) as gone:
+        gone.wait()
+    stale = abandoned(f"atra-{gone.pid}-x", age_s=100_000)
+    kept = {
+        abandoned(f"atra-{gone.pid}-young", age_s=1_000),
+        abandoned(f"atra-{os.getpid()}-living", age_s=100_000),
+        abandoned("atra-another-x", age_s=100_000),
+        abandoned("atra-99999999999999999999-x", age_s=100_000),
+        abandoned(f"other-{gone.pid}-x", age_s=100_000),
+    }
+    remove_abandoned_folders()
+    assert not stale.exists()
+    assert set(temporary.iterdir()) == kept
+
+
+@POSIX_ONLY
+def test_folders_of_other_people_and_links_are_left_alone(temporary: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with subprocess.Popen([sys.executable, "-c", ""]) as gone:
+        gone.wait()
+    target = abandoned("target", age_s=100_000)
+    link = temporary / f"atra-{gone.pid}-link"
+    link.symlink_to(target)
+    os.utime(link, (0, 0), follow_symlinks=False)
+    remove_abandoned_folders()
+    assert (target / "output.txt").exists()
+    theirs = abandoned(f"atra-{gone.pid}-x", age_s=100_000)
+    monkeypatch.setattr(os, "getuid", lambda: theirs.stat().st_uid + 1)
+    remove_abandoned_folders()
+    assert theirs.exists()
+
+
+def test_a_run_leaves_nothing_in_the_folder_for_temporary_files(temporary: Path) -> None:
+    run_worker(POINT, leaving(b""))
+    assert list(temporary.iterdir()) == []
+
+
+def test_a_job_survives_its_line(tmp_path: Path) -> None:
+    job = Job(replace(POINT, scene="two\nlines"), str(tmp_path))
+    assert "\n" not in job.to_json()
+    assert Job.from_json(job.to_json()) == job

@@ -18,9 +18,9 @@ import pytest
 from atra.records import write_record
 from experiments.configuration import Configuration, SceneConfiguration, SceneSource, SweepConfiguration
 from experiments.measuring import measure
+from experiments.outcome import Outcome
 from experiments.points import plan_points
 from experiments.sweep import GridPoint, run_sweep
-from experiments.worker import Outcome
 
 ROOT = Path(__file__).resolve().parents[1]
 TOY = [

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import errno
+import os
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
-from atra.errors import InputError
+from atra.errors import InputError, StorageError
 from experiments.lock import exclusive
+from experiments.results import rewrite_report
+from tests.test_sweep import configuration
 
 HOLD = """
 import sys
@@ -32,6 +36,41 @@ def test_a_second_run_is_told_who_holds_the_folder_and_may_go_on_when_that_one_i
         other.kill()
         other.wait()
     with exclusive(tmp_path, tmp_path):
+        pass
+
+
+def test_a_report_is_refused_while_a_run_holds_the_folder(tmp_path: Path) -> None:
+    (tmp_path / "one").mkdir()
+    with (
+        exclusive(tmp_path),
+        pytest.raises(InputError, match=rf"in use by process {os.getpid()} on .*choose another results_dir"),
+    ):
+        rewrite_report(configuration(tmp_path))
+
+
+@pytest.mark.parametrize("content", ["", "{", "[1]", '{"process": 1}', "\0"])
+def test_a_holder_that_left_no_name_is_another_run(tmp_path: Path, content: str) -> None:
+    with exclusive(tmp_path):
+        (tmp_path / ".lock.holder").write_text(content)
+        with pytest.raises(InputError, match="in use by another run"):
+            exclusive(tmp_path).__enter__()
+
+
+def test_a_folder_that_cannot_be_locked_is_refused(tmp_path: Path) -> None:
+    (tmp_path / ".lock").mkdir()
+    with pytest.raises(StorageError, match=r"cannot be locked: .*choose another results_dir"):
+        exclusive(tmp_path).__enter__()
+
+
+def test_no_room_for_the_holder_s_name_lets_go_of_the_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(*_: object) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    with monkeypatch.context() as broken:
+        broken.setattr(os, "fsync", full)
+        with pytest.raises(StorageError, match=r"lock\.holder cannot be written: No space left on device"):
+            exclusive(tmp_path).__enter__()
+    with exclusive(tmp_path):
         pass
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from atra.errors import InputError
-from atra.records import read_record, record_path, write_record
+from atra.records import Record, write_record
 from experiments.configuration import (
     Configuration,
     MeasureConfiguration,
@@ -18,11 +18,11 @@ from experiments.configuration import (
     SceneSource,
     SweepConfiguration,
 )
-from experiments.measuring import measure
+from experiments.measuring import identity_of, measure
+from experiments.outcome import Outcome
 from experiments.point import Point
-from experiments.points import plan_points
+from experiments.points import PlannedPoint, plan_points
 from experiments.sweep import GridPoint, run_sweep
-from experiments.worker import Outcome
 
 
 class Runner:
@@ -109,24 +109,49 @@ def test_a_scene_that_is_not_here_is_replaced_by_its_stand_in_only_where_allowed
     assert "sponza is not on this machine; atrium, its stand-in, is not that scene" in capsys.readouterr().err
 
 
+def measured_elsewhere(planned: PlannedPoint, **environment: object) -> Record:
+    """The record another machine would have written; `environment` is what differs there."""
+    record = measure(planned, Runner())
+    record = replace(record, environment={**record.environment, **environment})
+    return replace(record, point_id=identity_of(record))
+
+
 def test_launched_points_are_found_by_their_configuration(tmp_path: Path) -> None:
     configurations = [configuration(tmp_path, split_x=split) for split in (1, 2)]
     points = [GridPoint("a", one, (f"split_x={one.split_x}",)) for one in configurations]
+    written = []
 
     def launch(jobs: Sequence[Sequence[str]]) -> list[str | None]:
         assert sorted(jobs) == [("split_x=1",), ("split_x=2",)]
         for planned in plan_points(configurations):
-            record = measure(planned, Runner())
-            # Another machine knows the point by another identity.
-            elsewhere = {**record.environment, "cpu": "another cpu"}
-            write_record(
-                tmp_path / "records", replace(record, point_id=f"f00{planned.point.split_x}", environment=elsewhere)
-            )
+            record = measured_elsewhere(planned, cpu="another cpu")
+            write_record(tmp_path / "records", record)
+            written.append(record.point_id)
         return [None] * len(jobs)
 
     table = run_sweep(points, launch=launch, at_once=2)
-    assert list(table["point_id"]) == ["f001", "f002"]
+    assert list(table["point_id"]) == written
     assert list(table["grids"]) == ["a", "a"]
+    assert set(table["cpu"]) == {"another cpu"}
+
+
+@pytest.mark.parametrize("faults", ["other code", "another name", "no record"])
+def test_a_job_s_record_that_this_code_did_not_write_is_not_taken(
+    tmp_path: Path, faults: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (planned,) = plan_points([configuration(tmp_path)])
+    record = measured_elsewhere(planned, cpu="another cpu")
+    if faults == "other code":
+        record = measured_elsewhere(planned, cpu="another cpu", code_sha256="0")
+    elif faults == "another name":
+        record = replace(record, point_id="f00")
+    path = write_record(tmp_path / "records", record)
+    if faults == "no record":
+        path.write_text("{}")
+    with pytest.raises(SystemExit):
+        run_sweep([GridPoint("a", configuration(tmp_path))], launch=lambda jobs: [None])
+    assert "no record: its job left none to use" in capsys.readouterr().err
+    assert path.exists()  # it may be of another version, which can still read it
 
 
 def test_launched_points_of_two_machines_are_not_put_into_one_table(tmp_path: Path) -> None:
@@ -134,9 +159,8 @@ def test_launched_points_of_two_machines_are_not_put_into_one_table(tmp_path: Pa
 
     def launch(jobs: Sequence[Sequence[str]]) -> list[str | None]:
         for planned in plan_points(configurations):
-            record = measure(planned, Runner())
-            machine = {**record.environment, "cpu": f"cpu {planned.point.split_x}"}
-            write_record(tmp_path / "records", replace(record, environment=machine))
+            record = measured_elsewhere(planned, cpu=f"cpu {planned.point.split_x}")
+            write_record(tmp_path / "records", record)
         return [None] * len(jobs)
 
     with pytest.raises(InputError, match="cpu is 'cpu 1' in one and 'cpu 2' in the other"):
@@ -149,13 +173,10 @@ def test_a_launched_point_without_a_record_is_missed(tmp_path: Path, capsys: pyt
     assert "1 points have no record" in capsys.readouterr().err
 
 
-def test_a_record_that_lies_about_its_name_is_set_aside_and_measured_again(tmp_path: Path) -> None:
-    points = [GridPoint("a", configuration(tmp_path))]
-    table = run_sweep(points, run=Runner())
-    identity = table["point_id"][0]
-    record = read_record(tmp_path / "records", identity)
-    assert record is not None
-    record_path(tmp_path / "records", identity).write_text('{"format": 1, "status": "ok"}')
-    runner = Runner()
-    run_sweep(points, run=runner)
-    assert len(runner.points) == 1
+def test_a_peer_that_does_not_tell_its_memory_is_no_reason_to_stop(tmp_path: Path) -> None:
+    def run(point: Point) -> Outcome:
+        results = Runner()(point).results
+        return Outcome("ok", results={"rss_bytes": results["rss_bytes"], "peak_rss_bytes": 9})
+
+    memory = configuration(tmp_path, measure=MeasureConfiguration(quantity=Quantity.memory))
+    assert list(run_sweep([GridPoint("a", memory)], run=run)["rss_bytes"]) == [9]

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from math import inf
 
-from atra.errors import InputError
+from atra.errors import ClockError, InputError
 
 MINIMUM_ROUNDS = 3
 """A time budget never cuts below this many rounds: a median of fewer has no spread to show."""
@@ -43,7 +43,7 @@ def measure_rounds(
     Once the rounds that count have spent `budget_s` seconds inside methods, no further round starts, though at least
     `MINIMUM_ROUNDS` (or `rounds`, if fewer) always run.
 
-    Raises InputError for no methods, rounds < 1 or warmup < 0.
+    Raises InputError for no methods, rounds < 1 or warmup < 0, and ClockError for a call that took no time or less.
     """
     if not methods or rounds < 1 or warmup < 0:
         raise InputError(
@@ -78,6 +78,11 @@ def _run_round(
         start = clock()
         method()
         elapsed_s = clock() - start
+        if not elapsed_s > 0:
+            raise ClockError(
+                f"{name} took {elapsed_s:g} s by this machine's clock, expected a positive time: the clock stood still "
+                "or was set back; measure again"
+            )
         samples[name].append(elapsed_s)
         total_s += elapsed_s
     return total_s
