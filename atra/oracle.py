@@ -22,10 +22,9 @@ from atra.mesh import Mesh
 from atra.parallel import WorkerPool, resolve_threads
 from atra.reference import intersect_pixels
 
-
 EXHAUSTIVE_TESTS = 2e10
-"""Rays times triangles that `examine` tests at most, a minute's work. Images that disagree at more pixels are broken, not
-rounded differently, and the nearer of their two answers then passes for the truth."""
+"""Rays times triangles up to which `examine` tests all, a minute's work. Images that disagree at more pixels are
+broken, not rounded differently, and there the nearer of their two answers passes for the truth."""
 
 
 class Standing(IntEnum):
@@ -160,8 +159,9 @@ def examine(
     """Decide for every pixel where two images disagree which of them is wrong, and look at a sample of the others.
 
     agreement: what `compare` says of the two. sample: pixels y * width + x that are looked at in any case, since two
-    images may be wrong alike. The truth is that of `nearest_hits`, or beyond EXHAUSTIVE_TESTS, outside the sample, the
-    nearest that either image names and float64 confirms. Raises InputError where `compare` does, and if `agreement` is of another size.
+    images may be wrong alike. The truth is that of `nearest_hits`; beyond EXHAUSTIVE_TESTS, outside the sample, it is
+    the nearest that either image names and float64 confirms.
+    Raises InputError where `compare` does, and if `agreement` is of another size.
     """
     shape = (camera.height, camera.width)
     if agreement.verdict.shape != shape:
