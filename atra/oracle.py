@@ -228,7 +228,8 @@ def _testify(
         np.uint8(Standing.WRONG_TRIANGLE),
     )
     beside = (prim_id != MISS) & ~is_met
-    off_by = np.where(right | tied, 0.0, np.where(beside, -edge_distance, truth.edge_distance))
+    # The slack may make a hit of a ray that passes a trace outside.
+    off_by = np.where(right | tied, 0.0, np.where(beside, -edge_distance, np.maximum(truth.edge_distance, 0.0)))
     return Testimony(prim_id, image.depth[y, x], depth, edge_distance, standing, off_by)
 
 
