@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -23,6 +23,8 @@ TARGET = 2
 _POINT = (
     "scene", "stands_for", "width", "height", "method", "geometry", "culling", "split_x", "split_y", "packet_width",
 )  # fmt: skip
+_IMAGE = ("scene", "width", "height")
+_CODES = {kind.name.lower(): kind.value for kind in Verdict}
 _PRIM_IDS = ("truth_prim_id", "method_prim_id", "baseline_prim_id")
 _COUNTS = (
     *(f"pixels_{kind.name.lower()}" for kind in Verdict), "images", "method_wrong", "baseline_wrong", "rays_sampled",
@@ -39,13 +41,14 @@ def agreement_rows(table: pd.DataFrame) -> pd.DataFrame:
 
 def kind_of(row: pd.Series) -> str:
     """The method of a row with what distinguishes it but split and size: "aligned, culling on"."""
-    method, width = Method(row["method"]), row["packet_width"]
+    known = row.dropna()
+    method, width = Method(known["method"]), known.get("packet_width")
     if method is Method.pixel:
-        return "rtcIntersect1 per pixel" if width == 1 else f"packets of {width} per pixel"
+        return "rtcIntersect1 per pixel" if width == 1 else f"packets of {width or 'native width'} per pixel"
     kind = method.value.replace("_", "-")
     if method is Method.aligned:
-        instanced = row["geometry"] == Geometry.instanced.value
-        kind += ", instanced" if instanced else f", culling {'on' if row['culling'] else 'off'}"
+        instanced = known.get("geometry") == Geometry.instanced.value
+        kind += ", instanced" if instanced else f", culling {'on' if known.get('culling') else 'off'}"
     return f"{kind}, single rays" if width == 1 else kind
 
 
@@ -99,25 +102,28 @@ def read_disagreements(table: pd.DataFrame, records: Path) -> pd.DataFrame:
         for place, name in enumerate(_POINT):
             listed.insert(place, name, row[name])
         parts.append(listed)
-    return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame(columns=[*_POINT])
+    return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame(columns=[*_POINT, "x", "y", "verdict"])
 
 
 def write_agreement(folder: Path, records: Path, table: pd.DataFrame) -> None:
     """The list, and for each scene and size of image a picture of where the images of any point differ; nothing for a
     table without agreement."""
-    if len(agreement_rows(table)) == 0:
+    rows = agreement_rows(table)
+    if len(rows) == 0:
         return
     listed = read_disagreements(table, records)
     write_atomically(folder / LIST_FILE, listed.to_csv(index=False).encode())
-    for (scene, width, height), rows in listed.groupby(["scene", "width", "height"], sort=False):
-        picture = encode_png(mark_verdicts(_gravest(rows, int(width), int(height))))
-        write_atomically(folder / f"disagreements_{scene}_{width}x{height}.png", picture)
+    for scene, width, height in rows[list(_IMAGE)].drop_duplicates().itertuples(index=False):
+        of_image = listed[listed["scene"].eq(scene) & listed["width"].eq(width) & listed["height"].eq(height)]
+        picture = encode_png(mark_verdicts(_gravest(of_image, int(width), int(height))))
+        # A scene of the user's own may have any name.
+        name = re.sub(r"[^\w.-]", "_", str(scene))
+        write_atomically(folder / f"disagreements_{name}_{width}x{height}.png", picture)
 
 
 def _gravest(rows: pd.DataFrame, width: int, height: int) -> NDArray[np.uint8]:
     """(H, W) uint8, of each pixel the gravest verdict of any point and offset."""
-    codes: dict[str, Any] = {kind.name.lower(): kind.value for kind in Verdict}
     verdict = np.zeros((height, width), np.uint8)
     place = rows["y"].to_numpy(np.intp), rows["x"].to_numpy(np.intp)
-    np.maximum.at(verdict, place, rows["verdict"].map(codes).to_numpy(np.uint8))
+    np.maximum.at(verdict, place, rows["verdict"].map(_CODES).to_numpy(np.uint8))
     return verdict
