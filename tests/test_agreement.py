@@ -17,7 +17,9 @@ from PIL import Image
 import atra
 import experiments.quantities as quantities
 from atra.hits import MISS, Hits
+from atra.oracle import examine
 from atra.records import Record, write_record
+from atra.reference import brute_force
 from experiments.agreement import agreement_lines, errs_too_often, read_disagreements, write_agreement
 from experiments.agreement_figure import draw_agreement_figure
 from experiments.configuration import (
@@ -34,6 +36,7 @@ from experiments.points import plan_points
 from experiments.quantities import Measured, measure_point
 from experiments.table import make_table
 from experiments.worker import Job
+from tests.meshes import EYE_AT_ORIGIN, quads
 
 OFFSETS = [[0.5, 0.5], [0.25, 0.75]]
 WIDTH, HEIGHT = 48, 32
@@ -149,6 +152,23 @@ def test_the_sample_counts_what_both_get_wrong_alike(sound: Measured, monkeypatc
     assert rows["sampled"].all()
     assert (found.results["sampled_method_wrong"], found.results["sampled_baseline_wrong"]) >= (2, 2)
     assert found.results["method_wrong"] == sound.results["method_wrong"]
+
+
+def test_a_tie_is_listed_though_nobody_is_wrong_and_a_miss_is_an_empty_field() -> None:
+    square = [(-4.0, -4.0, 2.0), (4.0, -4.0, 2.0), (4.0, 4.0, 2.0), (-4.0, 4.0, 2.0)]
+    mesh = quads([square, square])
+    camera = atra.Camera(**EYE_AT_ORIGIN, fov_y_degrees=60.0, width=4, height=4)
+    reference = brute_force(mesh, camera)
+    prim_id, depth = reference.prim_id.copy(), reference.depth.copy()
+    prim_id[1, 2] += 2  # its twin
+    prim_id[3, 0], depth[3, 0] = MISS, np.inf
+    hits = replace(reference, prim_id=prim_id, depth=depth)
+    found = examine(mesh, camera, hits, reference, atra.compare(mesh, camera, hits, reference))
+    listed = quantities._disagreements(found, (0.5, 0.5))
+    assert list(zip(listed["x"], listed["y"], listed["verdict"], strict=True)) == [(2, 1, "tied"), (0, 3, "wrong")]
+    assert listed["method_standing"] == ["tied", "wrong triangle"]
+    assert listed["method_prim_id"] == [int(prim_id[1, 2]), None]
+    assert listed["method_stored_depth"] == listed["method_depth"] == [2.0, None]
 
 
 def test_offsets_and_sample_are_part_of_a_point_of_agreement_and_of_no_other() -> None:
