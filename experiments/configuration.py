@@ -12,6 +12,7 @@ from typing import Any
 from hydra.core.config_store import ConfigStore
 from omegaconf import MISSING, DictConfig, OmegaConf
 
+from atra.camera import check_offset
 from atra.errors import InputError
 
 PACKET_WIDTHS = (1, 4, 8, 16)
@@ -67,13 +68,15 @@ class Quantity(Enum):
     """What is measured at a point, in a process of its own each.
 
     time = frames, against both baselines; build = plan and BVH build, again and again; memory = only the one method is
-    ever built; picture = shaded pictures of the method's hits and of rtcIntersect1's, and their difference.
+    ever built; picture = shaded pictures of the method's hits and of rtcIntersect1's, and their difference;
+    agreement = where the method's hits and rtcIntersect1's differ, and which of them is wrong by the float64 oracle.
     """
 
     time = "time"
     build = "build"
     memory = "memory"
     picture = "picture"
+    agreement = "agreement"
 
 
 class SceneSource(Enum):
@@ -133,6 +136,8 @@ class MeasureConfiguration:
     frame_budget_s: no further round starts past this many seconds of work, but three always run.
     time_limit_s: a worker still running after this long is stopped and its point fails.
     memory_budget_gib: a point that would need more is skipped.
+    offsets: sub-pixel positions (x, y) of the images that are compared; sample_rays: rays of each that all triangles
+    are tested with, whether the images differ there or not. Both only for quantity=agreement.
     """
 
     quantity: Quantity = Quantity.time
@@ -141,6 +146,8 @@ class MeasureConfiguration:
     frame_budget_s: float = 20.0
     time_limit_s: float = 1200.0
     memory_budget_gib: float = 4.0
+    offsets: list[list[float]] = field(default_factory=lambda: [[0.5, 0.5]])
+    sample_rays: int = 1000
 
 
 @dataclass
@@ -207,6 +214,11 @@ def check_configuration(configuration: Configuration) -> None:
     _at_least("threads", configuration.threads, 1)
     _at_least("measure.rounds", measure.rounds, 1)
     _at_least("measure.warmup", measure.warmup, 0)
+    _at_least("measure.sample_rays", measure.sample_rays, 0)
+    if not measure.offsets:
+        raise InputError("measure.offsets is empty, expected at least one sub-pixel position such as [0.5,0.5]")
+    for offset in measure.offsets:
+        check_offset(offset)  # type: ignore[arg-type]
     if configuration.packet_width is not None and configuration.packet_width not in PACKET_WIDTHS:
         widths = ", ".join(str(width) for width in PACKET_WIDTHS)
         raise InputError(f"packet_width is {configuration.packet_width}, expected one of {widths} or null")

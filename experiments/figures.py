@@ -13,6 +13,7 @@ import pandas as pd
 from matplotlib import figure as mpl
 
 from atra.records import write_atomically
+from experiments.agreement_figure import draw_agreement_figure
 from experiments.build_figure import draw_build_figure
 from experiments.grid_figure import draw_grid_figure
 from experiments.instancing_figure import draw_instancing_figure
@@ -59,6 +60,11 @@ class DrawnFigure:
 
 
 _METHODS = ("methods_pixel", "methods_aligned", "methods_visible_first", "methods_tiles")
+_AGREEMENT = tuple(
+    f"agreement_{size}{method}"
+    for size in ("", "odd_")
+    for method in ("aligned", "culling_off", "instanced", "visible_first", "tiles", "pixel")
+)
 
 FIGURES = (
     FigureKind(
@@ -88,6 +94,10 @@ FIGURES = (
     FigureKind(
         "threads", "Speed-up over one thread", ("threads_pixel", "threads_aligned", "threads_visible_first"),
         draw_threads_figure,
+    ),
+    FigureKind(
+        "agreement", "Who is wrong, by float64, where a method and single rays per pixel differ", _AGREEMENT,
+        draw_agreement_figure,
     ),
     FigureKind(
         "peers", "Rays per second beside other ray tracers", ("peers_pixel", "peers_own", "peers_others"),

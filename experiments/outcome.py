@@ -18,6 +18,7 @@ _SAMPLES = {
     Quantity.build: {PLAN, BUILD, BASELINE_BUILD},
     Quantity.memory: set(),
     Quantity.picture: set(),
+    Quantity.agreement: set(),
 }
 """The methods that have samples, by what was measured; a quantity that is not listed may have any."""
 
@@ -28,6 +29,7 @@ _RESULTS = {
     Quantity.build: _ALWAYS,
     Quantity.memory: _ALWAYS,
     Quantity.picture: (*_ALWAYS, *_COUNTS, "pictures"),
+    Quantity.agreement: (*_ALWAYS, *_COUNTS, "images", "disagreements", "method_wrong", "baseline_wrong"),
 }
 """What the results hold at least, by what was measured."""
 
@@ -115,9 +117,10 @@ def _check_measured(outcome: Outcome, point: Point) -> None:
     if missing or not results:
         raise ValueError(f"status ok without {', '.join(missing) or 'results'}")
     if "pixels_equal" in _RESULTS.get(quantity, ()):
-        pixels, counted = point.width * point.height, sum(results[name] for name in _COUNTS)
+        images = len(point.offsets) if quantity is Quantity.agreement else 1
+        pixels, counted = images * point.width * point.height, sum(results[name] for name in _COUNTS)
         if counted != pixels:
-            raise ValueError(f"equal, tied, edge and wrong pixels are {counted} together, the image has {pixels}")
+            raise ValueError(f"equal, tied, edge and wrong pixels are {counted} together, of {pixels} that were traced")
     if quantity not in _SAMPLES:
         return
     if set(samples) != _SAMPLES[quantity] or set(outcome.warmup_samples) != set(samples):

@@ -8,6 +8,10 @@ from typing import Any
 from atra.camera import Camera, Vector
 from experiments.configuration import Geometry, Method, Quantity, Ties
 
+Offset = tuple[float, float]
+
+PIXEL_CENTRE: Offset = (0.5, 0.5)
+
 
 @dataclass(frozen=True)
 class Point:
@@ -43,17 +47,17 @@ class Point:
     frame_budget_s: float
     time_limit_s: float
     memory_budget_gib: float
+    offsets: tuple[Offset, ...] = (PIXEL_CENTRE,)
+    sample_rays: int = 0
 
     @classmethod
     def from_fields(cls, fields: dict[str, Any]) -> Point:
         """The reverse of `configuration` (JSON turns tuples into lists)."""
-        vectors = {name: tuple(fields[name]) for name in ("eye", "target", "up")}
-        return cls(**{**fields, **vectors})
+        return cls(**{name: _frozen(value) for name, value in fields.items()})
 
     def configuration(self) -> dict[str, Any]:
         """All fields as plain values."""
-        fields = asdict(self)
-        return {name: list(value) if isinstance(value, tuple) else value for name, value in fields.items()}
+        return {name: _plain(value) for name, value in asdict(self).items()}
 
     @property
     def camera(self) -> Camera:
@@ -86,3 +90,11 @@ class Point:
         if self.quantity != Quantity.time.value:
             details.append(self.quantity)
         return ", ".join(details)
+
+
+def _frozen(value: Any) -> Any:
+    return tuple(map(_frozen, value)) if isinstance(value, list) else value
+
+
+def _plain(value: Any) -> Any:
+    return list(map(_plain, value)) if isinstance(value, tuple) else value

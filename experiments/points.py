@@ -10,7 +10,15 @@ from typing import Any
 from atra.errors import AtraError, InputError, MemoryBudgetError
 from atra.mesh import Mesh
 from atra.tracers import PixelTracer
-from experiments.configuration import Configuration, Geometry, Method, SceneConfiguration, SceneSource
+from experiments.configuration import (
+    Configuration,
+    Geometry,
+    MeasureConfiguration,
+    Method,
+    Quantity,
+    SceneConfiguration,
+    SceneSource,
+)
 from experiments.point import Point
 from experiments.scene_loading import load_scene, mesh_sha256
 from experiments.tracing import make_tracer
@@ -99,7 +107,16 @@ def _resolve(configuration: Configuration, scene: _Scene) -> Point:
         frame_budget_s=measure.frame_budget_s,
         time_limit_s=measure.time_limit_s,
         memory_budget_gib=measure.memory_budget_gib,
+        **_compared_rays(measure),
     )
+
+
+def _compared_rays(measure: MeasureConfiguration) -> dict[str, Any]:
+    """What only a point of agreement is about; any other keeps the fields' defaults, and with them its identity."""
+    if measure.quantity is not Quantity.agreement:
+        return {}
+    offsets = tuple((float(x), float(y)) for x, y in measure.offsets)
+    return {"offsets": offsets, "sample_rays": measure.sample_rays}
 
 
 def _camera_fields(given: SceneConfiguration, scene_camera: dict[str, Any]) -> dict[str, Any]:

@@ -1,26 +1,32 @@
-"""What is measured at a point: its frames, its builds, its memory, its pictures. Runs in the point's own process."""
+"""What is measured at a point: frames, builds, memory, pictures, errors. Runs in the point's own process."""
 
 from __future__ import annotations
 
 import base64
+from collections import Counter
 from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass, field
+from enum import IntEnum
+from math import isfinite
 from statistics import median
 from typing import Any
+from zlib import crc32
 
 import numpy as np
+from numpy.typing import NDArray
 
 from atra.camera import Camera
-from atra.compare import Agreement, compare
+from atra.compare import Agreement, Verdict, compare
 from atra.errors import InputError
-from atra.hits import Hits
+from atra.hits import MISS, Hits
 from atra.measure.memory import peak_rss_bytes, reset_peak_rss, rss_bytes
 from atra.measure.rounds import RoundSamples, measure_rounds
 from atra.mesh import Mesh
+from atra.oracle import Examination, Standing, examine, sample_pixels
 from atra.tracers import Tracer
 from experiments.configuration import Quantity, SceneSource, Ties
-from experiments.point import Point
+from experiments.point import Offset, Point
 from experiments.scene_loading import load_scene, mesh_sha256
 from experiments.tracing import make_packet_tracer, make_pixel_tracer, make_tracer
 
@@ -124,11 +130,86 @@ def _make_pictures(point: Point) -> Measured:
     return _measured(results, None)
 
 
+def _judge_agreement(point: Point) -> Measured:
+    """Trace every offset with the point's method and with rtcIntersect1, and let the oracle decide who is wrong where
+    they disagree, and at a sample of all pixels."""
+    with ExitStack() as stack:
+        own, results = _build_own(point, stack)
+        mesh, camera = own.mesh, own.camera
+        single = stack.enter_context(make_pixel_tracer(point, mesh, camera, 1))
+        totals: Counter[str] = Counter()
+        listed: dict[str, list[Any]] = {}
+        for number, offset in enumerate(point.offsets):
+            hits, reference = own.trace(offset), single.trace(offset)
+            agreement = compare(mesh, camera, hits, reference)
+            # Every image of every point draws a sample of its own, so that a scene's samples add up.
+            sample = sample_pixels(camera, point.sample_rays, [_seed(point), number])
+            found = examine(mesh, camera, hits, reference, agreement, sample, point.threads)
+            totals.update(_counts(agreement) | _errors(found))
+            for name, values in _disagreements(found, offset).items():
+                listed.setdefault(name, []).extend(values)
+    return _measured(results | totals | {"images": len(point.offsets), "disagreements": listed}, None)
+
+
+def _seed(point: Point) -> int:
+    return crc32(repr(sorted(point.configuration().items())).encode())
+
+
+def _errors(found: Examination) -> dict[str, int]:
+    """Counts of what the oracle says, by column of the table."""
+    disputed, sampled = found.disputed, found.sampled
+    return {
+        "method_wrong": int((disputed & found.hits.wrong).sum()),
+        "baseline_wrong": int((disputed & found.reference.wrong).sum()),
+        "rays_sampled": int(sampled.sum()),
+        "sampled_method_wrong": int((sampled & found.hits.wrong).sum()),
+        "sampled_baseline_wrong": int((sampled & found.reference.wrong).sum()),
+    }
+
+
+def _disagreements(found: Examination, offset: Offset) -> dict[str, list[Any]]:
+    """Columns of a list of every pixel where the images differ or one was found wrong; None = nothing, JSON has no
+    infinity."""
+    rows = np.flatnonzero(found.disputed | found.hits.wrong | found.reference.wrong)
+    columns: dict[str, NDArray[Any]] = {
+        "offset_x": np.full(len(found.x), offset[0]),
+        "offset_y": np.full(len(found.x), offset[1]),
+        "x": found.x,
+        "y": found.y,
+        "verdict": _named(Verdict, found.verdict),
+        "sampled": found.sampled,
+        "truth_prim_id": found.truth.prim_id,
+        "truth_depth": found.truth.depth,
+        "truth_edge_distance": found.truth.edge_distance,
+        "truth_exhaustive": found.truth.exhaustive,
+    }
+    for name, testimony in (("method", found.hits), ("baseline", found.reference)):
+        columns |= {
+            f"{name}_prim_id": testimony.prim_id,
+            f"{name}_stored_depth": testimony.stored_depth,
+            f"{name}_depth": testimony.depth,
+            f"{name}_edge_distance": testimony.edge_distance,
+            f"{name}_standing": _named(Standing, testimony.standing),
+            f"{name}_off_by": testimony.off_by,
+        }
+    return {name: [_json_value(value) for value in values[rows].tolist()] for name, values in columns.items()}
+
+
+def _named(kind: type[IntEnum], codes: NDArray[np.uint8]) -> NDArray[np.str_]:
+    return np.array([one.name.lower().replace("_", " ") for one in kind])[codes]
+
+
+def _json_value(value: Any) -> Any:
+    nothing = value == int(MISS) or (isinstance(value, float) and not isfinite(value))
+    return None if nothing else value
+
+
 _MEASURES: dict[Quantity, Callable[[Point], Measured]] = {
     Quantity.time: _measure_time,
     Quantity.build: _measure_build,
     Quantity.memory: _measure_memory,
     Quantity.picture: _make_pictures,
+    Quantity.agreement: _judge_agreement,
 }
 
 

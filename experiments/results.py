@@ -9,6 +9,7 @@ import pandas as pd
 
 from atra.errors import InputError
 from atra.records import load_record, write_atomically
+from experiments.agreement import write_agreement
 from experiments.claims import judge_claims, write_claims
 from experiments.configuration import Configuration, records_folder, results_folder
 from experiments.figures import draw_figures, write_figure
@@ -56,6 +57,7 @@ def _write_what_follows(folder: Path, records: Path, table: pd.DataFrame, *, com
     figures = list(draw_figures(table, pictures))
     for figure in figures:
         write_figure(folder, figure)
+    write_agreement(folder, records, table)
     page = folder / "report.html"
     if report:
         claims = judge_claims(table)

@@ -126,6 +126,12 @@ def difference_picture(
         verdict = np.where(_differs(aligned, pixel), np.uint8(Verdict.WRONG), np.uint8(Verdict.EQUAL))
     if verdict.shape != shape:
         raise InputError(f"verdict has shape {verdict.shape}, expected that of the images, {shape}")
+    return mark_verdicts(verdict, reach_pixels)
+
+
+def mark_verdicts(verdict: NDArray[np.uint8], reach_pixels: int | None = None) -> NDArray[np.uint8]:
+    """The difference picture of an image whose verdicts are known: (H, W, 3) uint8 RGB; see `difference_picture`."""
+    shape = verdict.shape
     reach = max(1, round(max(shape) / 150)) if reach_pixels is None else reach_pixels
     picture = np.full((*shape, 3), 255, np.uint8)
     for kind, colour in DIFFERENCE_COLOURS.items():

@@ -13,6 +13,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from atra.records import Record
+from experiments.agreement import agreement_lines
 from experiments.configuration import Geometry, Method, Quantity
 from experiments.quantities import BUILD, OWN, PLAN, SINGLE
 
@@ -27,6 +28,8 @@ def say_outcome(record: Record) -> str:
     if BUILD in record.samples:
         plan, build = (np.median(record.samples[name]) for name in (PLAN, BUILD))
         return f"plan {_ms(plan)}, build {_ms(build)}"
+    if "disagreements" in record.results:
+        return "{pixels_wrong} pixels wrong; by float64 {method_wrong} to {baseline_wrong}".format(**record.results)
     told = [f"{_mib(record.results['embree_bytes'])} in Embree"] if "embree_bytes" in record.results else []
     if "pixels_wrong" in record.results:
         told.append(f"{record.results['pixels_wrong']} pixels wrong")
@@ -57,6 +60,10 @@ def print_point(row: pd.Series, console: Console) -> None:
     if not pd.isna(row["pixels_wrong"]):
         counts = ", ".join(f"{kind} {row[f'pixels_{kind}']:,}" for kind in ("equal", "tied", "edge", "wrong"))
         lines.append(("pixels", counts))
+    if not pd.isna(row["method_wrong"]):
+        errors = f"{row['method_wrong']:,} where they differ, rtcIntersect1 {row['baseline_wrong']:,}"
+        sampled = f"{row['sampled_method_wrong']:,} and {row['sampled_baseline_wrong']:,}"
+        lines.append(("wrong by float64", f"{errors}; of {row['rays_sampled']:,} sampled rays {sampled}"))
     memory = f"{_mib(row['rss_bytes'])}, peak {_mib(row['peak_rss_bytes'])}"
     if not pd.isna(row["embree_bytes"]):
         memory += f", Embree {_mib(row['embree_bytes'])}"
@@ -108,6 +115,8 @@ def print_sweep(table: pd.DataFrame, folder: Path, console: Console) -> None:
         )
     if len(measured):
         console.print(best)
+    for line in agreement_lines(table):
+        console.print(line, markup=False, highlight=False, soft_wrap=True)
     missing = table[table["status"] != "ok"]
     reasons = missing["error"].map(_kind_of_error)
     for (scene, status, _), rows in missing.groupby(["scene", "status", reasons], sort=False):

@@ -92,6 +92,12 @@ COLUMNS = {
     "baseline_build_time_high_s": _REAL,
     "rss_start_bytes": _WHOLE,
     "rss_mesh_bytes": _WHOLE,
+    "images": _WHOLE,
+    "method_wrong": _WHOLE,
+    "baseline_wrong": _WHOLE,
+    "rays_sampled": _WHOLE,
+    "sampled_method_wrong": _WHOLE,
+    "sampled_baseline_wrong": _WHOLE,
     "load_average": _REAL,
     "doubts": _TEXT,
     "cpu": _TEXT,
@@ -102,8 +108,10 @@ COLUMNS = {
 `_low`, `_high` the 95 % confidence interval of the median, `_spread` the distance between the quartiles. `speedup` is
 rtcIntersect1 / this and `speedup_vs_packets` packets / this, each the median of the ratios of single rounds. `quantity`
 says what was measured at the point (`experiments.configuration.Quantity`), `grids` of which grids of the sweep it is
-part, `stands_for` which scene of the paper a procedural stand-in replaces without being it. What was not measured is
-missing, never zero."""
+part, `stands_for` which scene of the paper a procedural stand-in replaces without being it. `pixels_*` are sums over
+`images`, one an offset; of the pixels that are not equal the oracle finds the point's method wrong at `method_wrong`
+and rtcIntersect1 at `baseline_wrong`; `sampled_*_wrong` are the same of `rays_sampled`, drawn from all pixels. What was
+not measured is missing, never zero."""
 
 CONFIDENCE = 0.95
 

@@ -125,8 +125,8 @@ def test_samples_that_are_not_rounds_of_every_method_are_refused(
 @pytest.mark.parametrize(
     ("results", "reason"),
     [
-        ({"pixels_equal": 61}, "65 together, the image has 64"),
-        ({"pixels_equal": 0}, "4 together, the image has 64"),
+        ({"pixels_equal": 61}, "65 together, of 64"),
+        ({"pixels_equal": 0}, "4 together, of 64"),
         ({"pixels_wrong": -1, "pixels_equal": 62}, "pixels_wrong is -1"),
         ({"pixels_tied": 2.0}, "pixels_tied is 2.0, expected a whole number"),
         ({"pixels_edge": True}, "pixels_edge is True"),

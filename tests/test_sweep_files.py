@@ -21,6 +21,7 @@ SWEEPS = {
     "methods": (["split_x=1,4", "split_y=1"], {"methods", "price"}),
     "threads": ([], {"threads"}),
     "peers": (["method=pixel,embreex"], {"peers"}),
+    "agreement": (["method=aligned", "split_x=4", "split_y=1"], {"agreement", "disagreements_cornell_box_32x32"}),
 }
 PARTS_OF_SMOKE = {"horizontal", "vertical", "grid", "build", "memory", "scenes", "paper"}
 

@@ -22,7 +22,10 @@ VIEWS: dict[str, tuple[str, ...]] = {
     "memory": (
         "triangles_traced", "rss_start_bytes", "rss_mesh_bytes", "rss_bytes", "peak_rss_bytes", "embree_bytes",
     ),
-    "pixels": ("width", "height", "pixels_equal", "pixels_tied", "pixels_edge", "pixels_wrong"),
+    "pixels": (
+        "width", "height", "pixels_equal", "pixels_tied", "pixels_edge", "pixels_wrong", "images", "method_wrong",
+        "baseline_wrong", "rays_sampled", "sampled_method_wrong", "sampled_baseline_wrong",
+    ),
     "trust": ("status", "error", "rounds", "render_time_spread_s", "load_average", "doubts", "cpu", "measured_at"),
 }  # fmt: skip
 """Columns beside `IDENTITY`, by name of the view. `everything` is added to them by the page."""

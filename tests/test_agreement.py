@@ -1,0 +1,332 @@
+"""From disagreement to list, line and figure: a fault put into one pixel comes out with the right name on it."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+from PIL import Image
+
+import atra
+import experiments.quantities as quantities
+from atra.hits import MISS, Hits
+from atra.oracle import examine
+from atra.records import Record, write_record
+from atra.reference import brute_force
+from experiments.agreement import agreement_lines, errs_too_often, read_disagreements, write_agreement
+from experiments.agreement_figure import draw_agreement_figure
+from experiments.configuration import (
+    Configuration,
+    MeasureConfiguration,
+    Method,
+    Quantity,
+    SceneConfiguration,
+    SceneSource,
+    check_configuration,
+)
+from experiments.point import Point
+from experiments.points import plan_points
+from experiments.quantities import Measured, measure_point
+from experiments.table import make_table
+from experiments.worker import Job
+from tests.meshes import EYE_AT_ORIGIN, quads
+
+OFFSETS = [[0.5, 0.5], [0.25, 0.75]]
+WIDTH, HEIGHT = 48, 32
+FAULT = (20, 10)  # x, y of the pixel that is spoilt
+
+
+def make_point(quantity: Quantity = Quantity.agreement, **measure: Any) -> Point:
+    configuration = Configuration(
+        scene=SceneConfiguration(name="cornell_box", source=SceneSource.procedural),
+        measure=MeasureConfiguration(quantity=quantity, **{"offsets": OFFSETS, "sample_rays": 50, **measure}),
+        width=WIDTH, height=HEIGHT, split_x=4,
+    )  # fmt: skip
+    (planned,) = plan_points([configuration])
+    return planned.point
+
+
+class Spoilt:
+    """A tracer whose image has one answer changed at FAULT, at every offset."""
+
+    def __init__(self, tracer: atra.Tracer, change: Callable[[Hits, tuple[int, int]], None]) -> None:
+        self._tracer, self._change = tracer, change
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._tracer, name)
+
+    def __enter__(self) -> Spoilt:
+        self._tracer.__enter__()
+        return self
+
+    def __exit__(self, *error: Any) -> None:
+        self._tracer.close()
+
+    def trace(self, offset: tuple[float, float]) -> Hits:
+        hits = self._tracer.trace(offset)
+        self._change(hits, (FAULT[1], FAULT[0]))
+        return hits
+
+
+def name_another_triangle(hits: Hits, place: tuple[int, int]) -> None:
+    hits.prim_id[place] = (hits.prim_id[place] + 500) % hits.mesh.triangle_count
+
+
+def store_another_depth(hits: Hits, place: tuple[int, int]) -> None:
+    hits.depth[place] *= 1.01
+
+
+def see_nothing(hits: Hits, place: tuple[int, int]) -> None:
+    hits.prim_id[place], hits.depth[place] = MISS, np.inf
+
+
+def measured(monkeypatch: pytest.MonkeyPatch, spoil: str | None = None, change: Any = None, **measure: Any) -> Measured:
+    """A point of agreement with a fault in the tracer that `spoil` makes: make_tracer or make_pixel_tracer."""
+    if spoil is not None:
+        make = getattr(quantities, spoil)
+        monkeypatch.setattr(quantities, spoil, lambda *arguments: Spoilt(make(*arguments), change))
+    return measure_point(make_point(**measure))
+
+
+def at_fault(found: Measured) -> pd.DataFrame:
+    listed = pd.DataFrame(found.results["disagreements"])
+    return listed[(listed["x"] == FAULT[0]) & (listed["y"] == FAULT[1])]
+
+
+@pytest.fixture(scope="module")
+def sound() -> Measured:
+    return measure_point(make_point())
+
+
+def test_every_offset_is_an_image_every_disagreement_a_row(sound: Measured) -> None:
+    results = sound.results
+    assert results["images"] == len(OFFSETS)
+    kinds = ("equal", "tied", "edge", "wrong")
+    assert sum(results[f"pixels_{kind}"] for kind in kinds) == len(OFFSETS) * WIDTH * HEIGHT
+    assert results["pixels_wrong"] == 0
+    assert results["rays_sampled"] == len(OFFSETS) * 50
+    listed = pd.DataFrame(results["disagreements"])
+    for kind in kinds[1:]:
+        assert (listed["verdict"] == kind).sum() == results[f"pixels_{kind}"]
+
+
+@pytest.mark.parametrize(
+    ("spoil", "who", "other"), [("make_tracer", "method", "baseline"), ("make_pixel_tracer", "baseline", "method")]
+)
+@pytest.mark.parametrize(
+    ("change", "standing"),
+    [
+        (name_another_triangle, "wrong triangle"),
+        (see_nothing, "wrong triangle"),
+        (store_another_depth, "wrong depth"),
+    ],
+)
+def test_a_fault_in_one_pixel_is_listed_and_counted_against_who_made_it(
+    sound: Measured, monkeypatch: pytest.MonkeyPatch, spoil: str, who: str, other: str, change: Any, standing: str
+) -> None:
+    found = measured(monkeypatch, spoil, change)
+    rows = at_fault(found)
+    assert list(zip(rows["offset_x"], rows["offset_y"], strict=True)) == [tuple(offset) for offset in OFFSETS]
+    assert set(rows["verdict"]) == {"wrong"}
+    assert set(rows[f"{who}_standing"]) == {standing}
+    assert set(rows[f"{other}_standing"]) == {"right"}
+    assert (rows[f"{other}_prim_id"] == rows["truth_prim_id"]).all()
+    assert found.results[f"{who}_wrong"] == sound.results[f"{who}_wrong"] + len(OFFSETS)
+    assert found.results[f"{other}_wrong"] == sound.results[f"{other}_wrong"]
+    assert found.results["pixels_wrong"] == len(OFFSETS)
+
+
+def test_the_sample_counts_what_both_get_wrong_alike(sound: Measured, monkeypatch: pytest.MonkeyPatch) -> None:
+    make = quantities.make_pixel_tracer
+    monkeypatch.setattr(quantities, "make_pixel_tracer", lambda *given: Spoilt(make(*given), see_nothing))
+    found = measured(monkeypatch, "make_tracer", see_nothing, sample_rays=WIDTH * HEIGHT)
+    rows = at_fault(found)
+    assert set(rows["verdict"]) == {"equal"}
+    assert rows["sampled"].all()
+    assert (found.results["sampled_method_wrong"], found.results["sampled_baseline_wrong"]) >= (2, 2)
+    assert found.results["method_wrong"] == sound.results["method_wrong"]
+
+
+def test_a_tie_is_listed_though_nobody_is_wrong_and_a_miss_is_an_empty_field() -> None:
+    square = [(-4.0, -4.0, 2.0), (4.0, -4.0, 2.0), (4.0, 4.0, 2.0), (-4.0, 4.0, 2.0)]
+    mesh = quads([square, square])
+    camera = atra.Camera(**EYE_AT_ORIGIN, fov_y_degrees=60.0, width=4, height=4)
+    reference = brute_force(mesh, camera)
+    prim_id, depth = reference.prim_id.copy(), reference.depth.copy()
+    prim_id[1, 2] += 2  # its twin
+    prim_id[3, 0], depth[3, 0] = MISS, np.inf
+    hits = replace(reference, prim_id=prim_id, depth=depth)
+    found = examine(mesh, camera, hits, reference, atra.compare(mesh, camera, hits, reference))
+    listed = quantities._disagreements(found, (0.5, 0.5))
+    assert list(zip(listed["x"], listed["y"], listed["verdict"], strict=True)) == [(2, 1, "tied"), (0, 3, "wrong")]
+    assert listed["method_standing"] == ["tied", "wrong triangle"]
+    assert listed["method_prim_id"] == [int(prim_id[1, 2]), None]
+    assert listed["method_stored_depth"] == listed["method_depth"] == [2.0, None]
+
+
+def test_offsets_and_sample_are_part_of_a_point_of_agreement_and_of_no_other() -> None:
+    assert make_point(offsets=[[0.0, 0.0]]) != make_point()
+    assert make_point(sample_rays=7) != make_point()
+    assert make_point(Quantity.time, offsets=[[0.0, 0.0]], sample_rays=7) == make_point(Quantity.time)
+    assert Job.from_json(Job(make_point(), "path").to_json()).point == make_point()
+
+
+@pytest.mark.parametrize(
+    ("measure", "message"),
+    [
+        ({"offsets": [[0.5, 1.0]]}, r"offset is \[0.5, 1.0\], expected two numbers in \[0, 1\)"),
+        ({"offsets": [[0.5]]}, r"offset is \[0.5\]"),
+        ({"offsets": []}, "measure.offsets is empty"),
+        ({"sample_rays": -1}, "measure.sample_rays is -1"),
+    ],
+)
+def test_offsets_outside_the_pixel_and_negative_samples_are_refused(measure: dict[str, Any], message: str) -> None:
+    with pytest.raises(atra.InputError, match=message):
+        check_configuration(Configuration(measure=MeasureConfiguration(**measure)))
+
+
+COUNTS = {
+    "pixels_equal": 95, "pixels_tied": 2, "pixels_edge": 3, "pixels_wrong": 0, "images": 2, "method_wrong": 2,
+    "baseline_wrong": 1, "rays_sampled": 10, "sampled_method_wrong": 1, "sampled_baseline_wrong": 0,
+    "packet_width": 8,
+}  # fmt: skip
+
+
+def make_record(name: str, listed: dict[str, list[Any]] | None = None, **fields: Any) -> Record:
+    configuration = {
+        "scene": "box", "triangles": 10, "width": 8, "height": 6, "split_x": 2, "split_y": 1, "culling": True,
+        "method": "aligned", "geometry": "copied", "packet_width": 8, "threads": 1, "quantity": "agreement",
+    }  # fmt: skip
+    counts = {key: fields.pop(key) for key in list(fields) if key in COUNTS}
+    results = COUNTS | counts | {"disagreements": listed or {"x": []}}
+    return Record(name, "ok", None, configuration | fields, {"cpu": "some cpu"}, results=results)
+
+
+def rows_of_three() -> dict[str, list[Any]]:
+    """A tie, a wrong method beside the triangle, and a pixel of the sample where both see nothing."""
+    columns: dict[str, list[Any]] = {
+        "offset_x": [0.5, 0.5, 0.25], "offset_y": [0.5, 0.5, 0.75], "x": [1, 7, 3], "y": [2, 5, 0],
+        "verdict": ["tied", "edge", "equal"], "sampled": [False, False, True],
+        "truth_prim_id": [4, 5, 6], "truth_depth": [1.0, 2.0, 3.0], "truth_edge_distance": [0.1, 0.2, 0.3],
+        "truth_exhaustive": [True, True, True],
+    }  # fmt: skip
+    for who, standings in (
+        ("method", ["tied", "wrong triangle", "wrong triangle"]),
+        ("baseline", ["right", "right", "wrong triangle"]),
+    ):
+        columns |= {
+            f"{who}_prim_id": [4, 7, None], f"{who}_stored_depth": [1.0, 2.5, None], f"{who}_depth": [1.0, 2.5, None],
+            f"{who}_edge_distance": [0.1, -1e-5, None], f"{who}_standing": standings, f"{who}_off_by": [0.0, 1e-5, 0.3],
+        }  # fmt: skip
+    return columns
+
+
+def written(folder: Path, *records: Record) -> pd.DataFrame:
+    for record in records:
+        write_record(folder, record)
+    return make_table(records)
+
+
+def test_the_list_says_of_every_row_which_point_it_is_from_and_who_was_wrong(tmp_path: Path) -> None:
+    table = written(tmp_path, make_record("a", rows_of_three()), make_record("b"), make_record("c", rows_of_three(), split_x=4))  # fmt: skip  # noqa: E501
+    write_agreement(tmp_path, tmp_path, table)
+    rows = list(csv.DictReader(io.StringIO((tmp_path / "disagreements.csv").read_text())))
+    assert [(row["scene"], row["split_x"], row["x"], row["y"], row["wrong"]) for row in rows] == [
+        ("box", split, *place)
+        for split in "24"
+        for place in (("1", "2", "neither"), ("7", "5", "method"), ("3", "0", "both"))
+    ]  # fmt: skip
+    assert (rows[1]["method_prim_id"], rows[1]["method_edge_distance"], rows[2]["method_prim_id"]) == (
+        "7",
+        "-1e-05",
+        "",
+    )
+
+
+def test_the_list_blames_the_baseline_where_it_alone_is_wrong(tmp_path: Path) -> None:
+    columns = rows_of_three() | {"method_standing": ["right"] * 3, "baseline_standing": ["wrong depth"] * 3}
+    table = written(tmp_path, make_record("a", columns))
+    assert list(read_disagreements(table, tmp_path)["wrong"]) == ["baseline"] * 3
+
+
+def test_the_picture_marks_the_pixels_that_differ(tmp_path: Path) -> None:
+    table = written(tmp_path, make_record("a", rows_of_three()), make_record("b", scene="../none"))
+    write_agreement(tmp_path, tmp_path, table)
+    pictures = {path.name: np.asarray(Image.open(path).convert("RGB")) for path in tmp_path.glob("*.png")}
+    assert set(pictures) == {"disagreements_box_8x6.png", "disagreements_.._none_8x6.png"}
+    marked = pictures["disagreements_box_8x6.png"]
+    assert marked.shape == (6, 8, 3)
+    assert (tuple(marked[2, 1]), tuple(marked[5, 7]), tuple(marked[0, 7])) == ((0, 114, 178), (230, 159, 0), (255,) * 3)
+    assert (pictures["disagreements_.._none_8x6.png"] == 255).all()
+
+
+def test_a_table_without_agreement_leaves_no_list(tmp_path: Path) -> None:
+    write_agreement(tmp_path, tmp_path, make_table([]))
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_line_of_a_scene_sums_its_points_and_names_who_errs_too_often() -> None:
+    fine, beyond = make_record("a"), make_record("b", method="tiles", method_wrong=3)
+    (line,) = agreement_lines(make_table([fine, beyond]))
+    assert line == (
+        "box: 200 pixels in 4 images, 0 wrong, 6 edge, 4 tied; by float64 methods err at 5 of these, rtcIntersect1 at "
+        "2, more than 2 times as often: tiles 3 against 1; of 20 sampled rays at 2 and 0"
+    )
+    other = make_record("c", scene="ball")
+    assert [one.partition(":")[0] for one in agreement_lines(make_table([fine, other]))] == ["box", "ball"]
+    assert "no method over 2 times" in next(agreement_lines(make_table([fine])))
+
+
+@pytest.mark.parametrize(
+    ("method", "baseline", "too_often"), [(0, 0, False), (2, 1, False), (3, 1, True), (1, 0, True)]
+)
+def test_twice_the_baseline_s_errors_are_allowed_and_no_more(method: int, baseline: int, too_often: bool) -> None:
+    table = make_table([make_record("a", method_wrong=method, baseline_wrong=baseline)])
+    assert errs_too_often(table) is too_often
+
+
+def words(table: pd.DataFrame) -> str:
+    figure = draw_agreement_figure(table)
+    figure.savefig(io.BytesIO(), format="png", dpi=30)
+    texts = [text.get_text() for axis in figure.axes for text in (*axis.texts, *axis.get_yticklabels())]
+    return "\n".join([*texts, figure.get_supxlabel()])
+
+
+def test_the_figure_draws_method_beside_baseline_and_writes_the_counts() -> None:
+    table = make_table(
+        [make_record("a"), make_record("b", split_x=4), make_record("c", method="tiles", method_wrong=9)]
+    )
+    (axis,) = draw_agreement_figure(table).axes
+    assert [bar.get_width() for bar in axis.patches] == [4, 2, 9, 1]
+    said = words(table)
+    assert "4 : 2   of 0.0002 M pixels; 0 wrong, 6 edge, 4 tied" in said
+    assert "9 : 1, over 2\N{MULTIPLICATION SIGN}" in said
+    assert "of 30 rays drawn from all pixels" in said.replace("\n   ", " ")
+    assert "6 images" in said
+
+
+def test_the_figure_copes_with_no_rows_with_points_not_measured_and_with_missing_values() -> None:
+    skipped = replace(make_record("s", method="tiles"), status="skipped", error="needs 9 GiB of memory", results={})
+    table = make_table([make_record("a"), skipped])
+    assert "tiles, 2 \N{MULTIPLICATION SIGN} 1: skipped, needs more memory than its budget" in words(table)
+    missing = table.copy()
+    kept = ["scene", "status", "method", "geometry", "split_x", "split_y", "quantity"]
+    missing[[name for name in table.columns if name not in kept]] = pd.NA
+    for part in (table.iloc[:0], missing, table.iloc[1:]):
+        words(part)
+    assert "not measured" in words(missing)
+
+
+def test_every_method_has_a_name_in_the_figure() -> None:
+    rows = [make_record(method.value, method=method.value) for method in Method]
+    rows += [make_record("i", geometry="instanced", culling=False), make_record("s", packet_width=1)]
+    said = words(make_table(rows))
+    for name in ("aligned, culling on", "aligned, instanced", "packets of 8 per pixel", "visible-first", "embreex"):
+        assert name in said
