@@ -2,6 +2,7 @@
 
 import json
 import os
+from dataclasses import replace
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
@@ -14,7 +15,9 @@ from atra import ties
 from atra.embree.library import load_library
 from atra.parallel import WorkerPool
 from atra.reference import brute_force
+from experiments.tracing import make_packet_tracer, make_tracer
 from tests.meshes import EYE_AT_ORIGIN, cornell_box, quads, random_triangles
+from tests.test_launch import POINT
 
 WIDTHS = load_library().native_packet_widths
 
@@ -289,6 +292,16 @@ def test_another_rule_is_refused(kind):
     split = {} if kind is atra.PixelTracer else {"split": (1, 1)}
     with pytest.raises(atra.InputError, match="ties is 'first', expected one of lowest, any"):
         kind(cornell_box(), atra.Camera(**EYE_AT_ORIGIN, width=8, height=8), ties="first", **split)
+
+
+@pytest.mark.parametrize("rule", ["lowest", "any"])
+@pytest.mark.parametrize("method", ["pixel", "aligned", "visible_first", "tiles"])
+def test_a_point_is_traced_by_the_rule_it_names(method, rule):
+    point = replace(POINT, method=method, ties=rule)
+    for make in (make_tracer, make_packet_tracer):
+        with make(point, cornell_box(), point.camera) as tracer:
+            assert tracer.ties == rule
+    assert ("ties any" in point.label()) == (rule == "any")
 
 
 @pytest.mark.skipif("ATRA_SCENES" not in os.environ, reason="needs the scene sponza")
