@@ -106,7 +106,7 @@ def read_record(folder: Path, identity: str) -> Record | None:
         record = Record(**fields)
         if record.point_id != identity:
             raise ValueError(f"holds point {record.point_id}")
-    except (ValueError, TypeError, AttributeError) as error:
+    except (ValueError, TypeError, AttributeError, RecursionError) as error:
         _set_aside(path, error)
         return None
     return record
