@@ -41,4 +41,6 @@ def printable(text: str) -> str:
     Control characters move a terminal's cursor, change its colours and title; marks of direction reverse what is read.
     Line breaks are escaped, too: what comes back is one line.
     """
+    if text.isprintable():
+        return text
     return "".join(sign if sign.isprintable() else sign.encode("unicode_escape").decode("ascii") for sign in text)

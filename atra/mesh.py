@@ -135,8 +135,8 @@ def load_mesh(path: str | Path) -> Mesh:
 
     The file need not be trusted (docs/untrusted.md). Raises InputError naming the path: missing, a folder, an unknown
     format, unreadable, cut short, without triangles, with instances that the free memory cannot hold, or with values
-    that `Mesh` refuses. An OBJ with relative (negative) indices and a glTF with compressed or sparse geometry are refused,
-    since trimesh misreads them, and so is an archive, since trimesh skips the members it cannot read.
+    that `Mesh` refuses. An OBJ with relative (negative) indices and a glTF with compressed or sparse geometry are
+    refused, since trimesh misreads them, and so is an archive, since trimesh skips the members it cannot read.
     """
     path = Path(path).expanduser()
     if path.is_dir():

@@ -13,6 +13,8 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
+from atra.errors import printable
+
 FORMAT = 1
 """Version of the file's layout; a file of another version counts as unreadable."""
 
@@ -115,7 +117,8 @@ def read_record(folder: Path, identity: str) -> Record | None:
 def _set_aside(path: Path, reason: Exception) -> None:
     aside = path.with_name(path.name + ".corrupt")
     os.replace(path, aside)
-    warnings.warn(f"record {path.name} is unreadable ({reason}); kept as {aside.name}, measuring again", stacklevel=3)
+    what = printable(str(reason))
+    warnings.warn(f"record {path.name} is unreadable ({what}); kept as {aside.name}, measuring again", stacklevel=3)
 
 
 _UNFINISHED = ".unfinished"

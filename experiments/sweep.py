@@ -17,6 +17,7 @@ from experiments.configuration import Configuration, check_writable, records_fol
 from experiments.launch import run_worker
 from experiments.lock import exclusive
 from experiments.measuring import Runner, current_environment, identity, measure
+from experiments.messages import say
 from experiments.point import Point
 from experiments.points import PlannedPoint, plan_points
 from experiments.progress import SweepProgress
@@ -106,7 +107,7 @@ def _run(
     to_do = [point_identity for point_identity in points if point_identity not in done]
     random.Random(first.sweep.shuffle_seed).shuffle(to_do)
 
-    _say(
+    say(
         console,
         f"{len(points)} points: {finished} finished before, {impossible} cannot be measured, {len(to_do)} to do; "
         f"results in {folder}",
@@ -153,7 +154,7 @@ def _plan(grid_points: Sequence[GridPoint], console: Console) -> dict[str, Sweep
     configurations = [one.configuration for one in grid_points]
     if configurations[0].sweep.stand_ins:
         for note in replace_missing_scenes([configuration.scene for configuration in configurations]):
-            _say(console, note)
+            say(console, note)
     environment = current_environment()
     points: dict[str, SweepPoint] = {}
     for grid_point, planned in zip(grid_points, plan_points(configurations), strict=True):
@@ -224,12 +225,8 @@ def _read_earlier(folder: Path, point_identity: str, console: Console) -> Record
         warnings.simplefilter("always")
         earlier = read_record(folder, point_identity)
     for warning in caught:
-        _say(console, f"warning: {warning.message}")
+        say(console, f"warning: {warning.message}")
     return earlier
-
-
-def _say(console: Console, text: str) -> None:
-    console.print(text, markup=False, highlight=False, soft_wrap=True)
 
 
 def _in_order(points: dict[str, SweepPoint], done: dict[str, Record]) -> list[str]:

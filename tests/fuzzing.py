@@ -133,7 +133,8 @@ def _mesh_samples() -> dict[str, tuple[bytes, ...]]:
     quads = b"OFF\n4 1 0\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n4 0 1 2 3\n"
     mixed = (
         b"ply\nformat ascii 1.0\nelement vertex 5\nproperty float x\nproperty float y\nproperty float z\n"
-        b"element face 2\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n0 0 1\n4 0 1 2 3\n3 0 1 4\n"
+        b"element face 2\nproperty list uchar int vertex_indices\nend_header\n"
+        b"0 0 0\n1 0 0\n1 1 0\n0 1 0\n0 0 1\n4 0 1 2 3\n3 0 1 4\n"
     )
     return {
         "mesh.ply": (*exported(file_type="ply", encoding="ascii"), mixed),
