@@ -21,7 +21,8 @@ from hydra.types import RunMode
 from omegaconf import DictConfig
 from omegaconf.errors import OmegaConfBaseException
 
-from atra.errors import AtraError
+from atra.errors import AtraError, printable
+from experiments.command_line import check_command_line
 from experiments.configuration import Action, Configuration, read_configuration, register_schema
 from experiments.messages import shorten_configuration_error
 
@@ -62,7 +63,7 @@ def _refuse(error: Exception) -> int:
     if "debug=true" in (argument.lower() for argument in sys.argv):
         traceback.print_exception(error)
     message = str(error) if isinstance(error, AtraError) else shorten_configuration_error(error)
-    print(f"run.py: {message}", file=sys.stderr)
+    print(f"run.py: {printable(message)}", file=sys.stderr)
     return 2
 
 
@@ -73,6 +74,7 @@ def main() -> int:
     register_schema()
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
+        check_command_line(sys.argv[1:])
         run()
     except (AtraError, HydraException, OmegaConfBaseException) as error:
         return _refuse(error)

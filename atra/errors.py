@@ -4,9 +4,23 @@ Each message carries the offending value, what was expected and, where it is not
 else that escapes the library is a bug.
 """
 
+from __future__ import annotations
+
+_LONGEST_MESSAGE = 2000
+
 
 class AtraError(Exception):
-    """Base of every error raised on purpose; its text is meant for the person at the keyboard."""
+    """Base of every error raised on purpose; its text is meant for the person at the keyboard.
+
+    It may quote a file or its name, so it is made `printable` and, beyond 2,000 characters, cut in the middle: whoever
+    shows it need not think of that again.
+    """
+
+    def __init__(self, message: str) -> None:
+        shown = printable(message)
+        if len(shown) > _LONGEST_MESSAGE:
+            shown = f"{shown[: _LONGEST_MESSAGE // 2]} … {shown[-_LONGEST_MESSAGE // 2 + 3 :]}"
+        super().__init__(shown)
 
 
 class InputError(AtraError, ValueError):
@@ -31,3 +45,14 @@ class RecordError(AtraError, ValueError):
 
 class ClockError(AtraError, RuntimeError):
     """The clock did not move forward while something was timed, so there is no time to keep."""
+
+
+def printable(text: str) -> str:
+    """`text` with every character that has no picture of its own as a Python escape.
+
+    Control characters move a terminal's cursor, change its colours and title; marks of direction reverse what is read.
+    Line breaks are escaped, too: what comes back is one line.
+    """
+    if text.isprintable():
+        return text
+    return "".join(sign if sign.isprintable() else sign.encode("unicode_escape").decode("ascii") for sign in text)

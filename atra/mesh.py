@@ -12,9 +12,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import psutil
 from numpy.typing import ArrayLike, NDArray
 
-from atra.errors import InputError
+from atra.errors import InputError, printable
+from atra.mesh_claims import check_claims
 
 if TYPE_CHECKING:
     from atra.ties import CoplanarOverlaps
@@ -26,6 +28,12 @@ _LARGEST_COORDINATE = 1e12
 # OBJ statements that group faces or name other files. Geometry does not need them, and grouping reorders the faces.
 _OBJ_NOT_GEOMETRY = re.compile(rb"(?m)^[ \t]*(?:usemtl|mtllib|o|g|s)\b[^\r\n]*")
 _OBJ_RELATIVE_FACE = re.compile(rb"(?m)^[ \t]*f\b[^\r\n]*[ \t]-\d[^\r\n]*")
+
+# Warnings of NumPy's by which text that is no number, or no index, goes on as another value.
+_DAMAGE = ("string or file could not be read to its end", "invalid value encountered in cast")
+
+_BYTES_PER_ROW = 3 * (2 * 8 + 8 + 4)
+"""Three numbers of a face or a vertex: joined from parts in 64 bits, checked in 64, kept in 32."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,32 +143,33 @@ def load_mesh(path: str | Path) -> Mesh:
     instance moved by its transform. Materials and textures are not read; a glTF may name buffers in its own folder
     only. STL has no shared vertices, so its mesh has none.
 
-    Raises InputError naming the path: missing, a folder, an unknown format, unreadable, cut short, without triangles,
-    or with values that `Mesh` refuses. An OBJ with relative (negative) indices is refused, since trimesh misreads it,
-    and so is an archive, since trimesh skips the members it cannot read.
+    The file need not be trusted (docs/untrusted.md). Raises InputError naming the path: missing, a folder, an unknown
+    format, unreadable, cut short, without triangles, with instances that the free memory cannot hold, or with values
+    that `Mesh` refuses. An OBJ with relative (negative) indices and a glTF with compressed or sparse geometry are
+    refused, since trimesh misreads them, and so is an archive, since trimesh skips the members it cannot read.
     """
     path = Path(path).expanduser()
     if path.is_dir():
         raise InputError(f"{path} is a folder, expected a mesh file")
     if not path.is_file():
         raise InputError(f"{path} does not exist, expected a mesh file")
-    parts = list(_flattened(_read(path), path))
+    scene, promised = _read(path)
+    parts = list(_flattened(scene, path))
     if not parts:
         raise InputError(f"{path} holds no triangles (a point cloud or a path has none), expected a triangle mesh")
     first_vertex = np.cumsum([0] + [len(vertices) for vertices, _ in parts[:-1]])
     vertices = np.concatenate([vertices for vertices, _ in parts])
     faces = np.concatenate([faces + start for (_, faces), start in zip(parts, first_vertex, strict=True)])
-    promised = _promised_faces(path)
     if len(faces) < promised:
-        raise InputError(f"{path} holds {len(faces)} faces, but its header promises {promised}: it seems cut short")
+        raise InputError(f"{path} gives {len(faces)} faces, but promises {promised}: it seems cut short or damaged")
     try:
-        return Mesh(vertices, faces, name=path.stem)
+        return Mesh(vertices, faces, name=printable(path.stem))
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
 
 
-def _read(path: Path) -> Any:
-    """The file as a `trimesh.Scene`."""
+def _read(path: Path) -> tuple[Any, int]:
+    """The file as a `trimesh.Scene`, and how many faces it promises."""
     import trimesh  # slow to import, and needed only where a file is read
     from trimesh.exchange.load import mesh_formats
 
@@ -170,45 +179,45 @@ def _read(path: Path) -> Any:
         known = ", ".join(sorted(formats))
         raise InputError(f"{path} has the unknown format {suffix!r}, expected one of {known} (unpack an archive first)")
     try:
+        content = path.read_bytes()
+        promised = check_claims(content, suffix)
+        options = {"skip_materials": True}
+        if suffix == "obj":
+            content, options = _obj_geometry(content), {"maintain_order": True}
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            if suffix == "obj":
-                return trimesh.load_scene(_obj_geometry(path), file_type="obj", process=False, maintain_order=True)
-            return trimesh.load_scene(path, process=False, skip_materials=True)
-    except InputError:
-        raise
+            for damage in _DAMAGE:
+                warnings.filterwarnings("error", message=damage)
+            scene = trimesh.load_scene(
+                io.BytesIO(content),
+                file_type=suffix,
+                resolver=trimesh.resolvers.FilePathResolver(str(path)),
+                process=False,
+                **options,
+            )
+        return scene, promised
     except Exception as error:  # a reader of foreign bytes may raise anything
         reason = str(error).strip() or type(error).__name__
         raise InputError(f"{path} cannot be read as {suffix}: {reason}") from None
 
 
-def _obj_geometry(path: Path) -> io.BytesIO:
-    text = path.read_bytes().replace(b"\\\r\n", b" ").replace(b"\\\n", b" ")
+def _obj_geometry(text: bytes) -> bytes:
+    text = text.replace(b"\\\r\n", b" ").replace(b"\\\n", b" ")
     relative = _OBJ_RELATIVE_FACE.search(text)
     if relative:
         line = relative.group().decode(errors="replace").strip()
-        raise InputError(f"{path} counts vertices backwards in {line!r}, expected indices from 1 up; export it anew")
-    return io.BytesIO(_OBJ_NOT_GEOMETRY.sub(b"", text))
-
-
-def _promised_faces(path: Path) -> int:
-    """The face count in a PLY header, else 0; trimesh reads a shortened ASCII file without complaint."""
-    if path.suffix.lower() != ".ply":
-        return 0
-    with path.open("rb") as file:
-        found = re.search(rb"(?m)^element\s+face\s+(\d+)", file.read(65536).partition(b"end_header")[0])
-    return int(found.group(1)) if found else 0
+        raise InputError(f"it counts vertices backwards in {line!r}, expected indices from 1 up; export it anew")
+    return _OBJ_NOT_GEOMETRY.sub(b"", text)
 
 
 def _flattened(scene: Any, path: Path) -> Iterator[tuple[NDArray[np.float64], NDArray[np.int64]]]:
     """Vertices in world space and faces of every mesh instance, in the order of the scene graph."""
     import trimesh
 
-    for node in scene.graph.nodes_geometry:
-        transform, name = scene.graph[node]
-        geometry = scene.geometry[name]
-        if not isinstance(geometry, trimesh.Trimesh) or len(geometry.faces) == 0:
-            continue
+    placed = [(transform, scene.geometry[name]) for transform, name in map(scene.graph.get, scene.graph.nodes_geometry)]
+    placed = [(to, part) for to, part in placed if isinstance(part, trimesh.Trimesh) and len(part.faces)]
+    _check_memory(sum(len(part.faces) + len(part.vertices) for _, part in placed), path)
+    for transform, geometry in placed:
         vertices = np.asarray(geometry.vertices, np.float64)
         if not np.array_equal(transform, np.eye(4)):  # identity keeps the file's bits
             vertices = vertices @ transform[:3, :3].T + transform[:3, 3]
@@ -219,3 +228,13 @@ def _flattened(scene: Any, path: Path) -> Iterator[tuple[NDArray[np.float64], ND
                 f"{path}: face {face} names {faces[face].tolist()}, but there are {len(vertices)} vertices"
             )
         yield vertices, faces
+
+
+def _check_memory(rows: int, path: Path) -> None:
+    """Raise InputError if so many faces and vertices do not fit: a few bytes can place a mesh a million times."""
+    needed, free = rows * _BYTES_PER_ROW, psutil.virtual_memory().available
+    if needed > free:
+        raise InputError(
+            f"{path} unfolds to {rows:,} faces and vertices, which need about {needed / 2**30:.1f} GiB, but the "
+            f"machine has only {free / 2**30:.1f} GiB free"
+        )

@@ -14,7 +14,7 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-from atra.errors import RecordError, StorageError
+from atra.errors import RecordError, StorageError, printable
 
 FORMAT = 2
 """Version of the file's layout; 2 added the digest. A file of another version is not used."""
@@ -126,7 +126,7 @@ def load_record(folder: Path, identity: str) -> Record | None:
     except OSError as error:
         reason = f"cannot be read: {error.strerror or error}"
     except (ValueError, TypeError, RecursionError) as error:
-        reason = str(error)
+        reason = printable(str(error))
     raise RecordError(f"record {path} {reason}; start its sweep again, which measures the point anew")
 
 

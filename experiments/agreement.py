@@ -14,6 +14,7 @@ from atra.compare import Verdict
 from atra.records import load_record, write_atomically
 from experiments.configuration import Geometry, Method, Quantity
 from experiments.shading import encode_png, mark_verdicts
+from experiments.table import csv_bytes
 
 LIST_FILE = "disagreements.csv"
 
@@ -112,7 +113,7 @@ def write_agreement(folder: Path, records: Path, table: pd.DataFrame) -> None:
     if len(rows) == 0:
         return
     listed = read_disagreements(table, records)
-    write_atomically(folder / LIST_FILE, listed.to_csv(index=False).encode())
+    write_atomically(folder / LIST_FILE, csv_bytes(listed))
     for scene, width, height in rows[list(_IMAGE)].drop_duplicates().itertuples(index=False):
         of_image = listed[listed["scene"].eq(scene) & listed["width"].eq(width) & listed["height"].eq(height)]
         picture = encode_png(mark_verdicts(_gravest(of_image, int(width), int(height))))

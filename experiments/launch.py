@@ -15,6 +15,7 @@ from pathlib import Path
 
 import psutil
 
+from atra.errors import printable
 from experiments.outcome import Outcome
 from experiments.point import Point
 from experiments.worker import CANNOT_WRITE, Job
@@ -77,7 +78,7 @@ def _run_in(folder: Path, point: Point, command: Sequence[str]) -> Outcome:
             if outcome.status == "failed" and not outcome.on_purpose:
                 outcome.results["worker_output"] = printed
             return outcome
-    last_line = printed.rpartition("\n")[2]
+    last_line = printable(printed.rpartition("\n")[2])
     return Outcome(
         "failed", f"{reason}; it said: {last_line}" if last_line else reason, results={"worker_output": printed}
     )
@@ -165,4 +166,5 @@ def project_environment() -> dict[str, str]:
     """The environment of a process that is to import this project wherever it is started from."""
     # The user may have started run.py from elsewhere; relative paths stay theirs, imports are ours.
     paths = [str(_ROOT), *filter(None, [os.environ.get("PYTHONPATH")])]
-    return {**os.environ, "PYTHONPATH": os.pathsep.join(paths)}
+    # Without the second, modules in the working folder, such as a numpy.py among downloaded models, would win over all.
+    return {**os.environ, "PYTHONPATH": os.pathsep.join(paths), "PYTHONSAFEPATH": "1"}

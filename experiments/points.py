@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from atra.errors import AtraError, InputError, MemoryBudgetError
+from atra.errors import AtraError, InputError, MemoryBudgetError, printable
 from atra.mesh import Mesh
 from atra.tracers import PixelTracer
 from experiments.configuration import (
@@ -83,7 +83,7 @@ def _resolve(configuration: Configuration, scene: _Scene) -> Point:
         split_x = default_split_x(configuration.width) if method.has_cells else 1
     path = None if given.path is None else str(Path(given.path).resolve())
     return Point(
-        scene=given.name or Path(given.path or "scene").stem,
+        scene=given.name or printable(Path(given.path or "scene").stem),
         scene_source=given.source.value,
         scene_path=path,
         mesh_sha256=scene.sha256,

@@ -10,6 +10,9 @@ from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
+from atra.errors import printable
+from experiments.messages import say
+
 
 class SweepProgress:
     """Progress over `total` points; a context manager.
@@ -47,7 +50,7 @@ class SweepProgress:
 
     def begin(self, label: str) -> None:
         """A point starts."""
-        self._bar.update(self._task, description=escape(label), left=self._left())
+        self._bar.update(self._task, description=escape(printable(label)), left=self._left())
 
     def end(self, label: str, outcome: str) -> None:
         """The point begun last is done."""
@@ -55,7 +58,7 @@ class SweepProgress:
         self._bar.update(self._task, completed=self._done, left=self._left())
         count = f"[{self._done:>{len(str(self._total))}}/{self._total}]"
         left = "" if self._console.is_terminal else f" ({self._left()})"
-        self._console.print(f"{count} {label}: {outcome}{left}", markup=False, highlight=False, soft_wrap=True)
+        say(self._console, f"{count} {label}: {outcome}{left}")
 
     def _left(self) -> str:
         remaining = self._total - self._done

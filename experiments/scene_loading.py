@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from atra.camera import Camera
 from atra.errors import InputError
 from atra.mesh import Mesh, load_mesh
 from experiments.configuration import SceneConfiguration, SceneSource
@@ -42,7 +43,7 @@ def load_scene(source: SceneSource, name: str | None, path: str | None) -> tuple
         make_mesh, camera = PROCEDURAL_SCENES[name]
         return make_mesh(), dict(camera)
     mesh, fields = load_scene_from_directory(name)
-    return mesh, dict(fields)
+    return mesh, {"up": Camera.up, "fov_y_degrees": Camera.fov_y_degrees, **fields}
 
 
 def scene_is_available(source: SceneSource, name: str | None) -> bool:

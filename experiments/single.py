@@ -6,7 +6,7 @@ import sys
 
 from rich.console import Console
 
-from atra.errors import InputError
+from atra.errors import InputError, printable
 from atra.records import Record, write_record
 from experiments.configuration import Configuration, check_writable, records_folder
 from experiments.lock import exclusive
@@ -39,6 +39,7 @@ def run_single_point(configuration: Configuration) -> Record:
         return record
     if record.results.get("on_purpose"):
         raise InputError(str(record.error))
-    print(record.results.get("worker_output", ""), file=sys.stderr)
-    print(f"run.py: {record.error}; record: {path}", file=sys.stderr)
+    for line in str(record.results.get("worker_output", "")).splitlines():
+        print(printable(line), file=sys.stderr)
+    print(f"run.py: {printable(str(record.error))}; record: {path}", file=sys.stderr)
     raise SystemExit(1)

@@ -12,9 +12,11 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from atra.errors import printable
 from atra.records import Record
 from experiments.agreement import agreement_lines
 from experiments.configuration import Geometry, Method, Quantity
+from experiments.messages import say
 from experiments.quantities import BUILD, OWN, PLAN, SINGLE
 
 
@@ -38,7 +40,8 @@ def say_outcome(record: Record) -> str:
 
 def print_point(row: pd.Series, console: Console) -> None:
     """A measured row of the table, in groups a reader wants together."""
-    shown = Table(title=f"{row['scene']}, {row['width']} x {row['height']}", show_header=False, title_justify="left")
+    title = escape(printable(f"{row['scene']}, {row['width']} x {row['height']}"))
+    shown = Table(title=title, show_header=False, title_justify="left")
     shown.add_column(style="bold")
     shown.add_column()
     method = f"{_describe(row)}, packets of {row['packet_width']}"
@@ -71,7 +74,7 @@ def print_point(row: pd.Series, console: Console) -> None:
     if not pd.isna(row["doubts"]):
         lines.append(("doubts", str(row["doubts"])))
     for name, text in lines:
-        shown.add_row(name, escape(text))
+        shown.add_row(name, escape(printable(text)))
     console.print(shown)
 
 
@@ -104,7 +107,7 @@ def print_sweep(table: pd.DataFrame, folder: Path, console: Console) -> None:
     for (scene, kind, width), rows in measured.groupby(["scene", kinds, "packet_width"], sort=False):
         row = rows.loc[rows["render_time_s"].astype(float).idxmin()]
         best.add_row(
-            escape(str(scene)),
+            escape(printable(str(scene))),
             kind,
             str(width),
             f"{row['split_x']} x {row['split_y']}",
@@ -125,13 +128,11 @@ def print_sweep(table: pd.DataFrame, folder: Path, console: Console) -> None:
             + ", ".join(dict.fromkeys(f"{x}x{y}" for x, y in zip(some["split_x"], some["split_y"], strict=True)))
             for kind, some in rows.groupby(rows.apply(_kind_and_threads, axis=1), sort=False)
         )
-        console.print(f"{status}: {scene}, {points}", markup=False, highlight=False, soft_wrap=True)
-        console.print(f"    {rows['error'].iloc[0]}", markup=False, highlight=False, soft_wrap=True)
+        say(console, f"{status}: {scene}, {points}")
+        say(console, f"    {rows['error'].iloc[0]}")
     counts = ", ".join(f"{count} {status}" for status, count in table["status"].value_counts().items())
     files = ", ".join(path.name for path in sorted(folder.iterdir()) if path.is_file() and path.name[0] != ".")
-    console.print(
-        f"{counts or 'nothing measured'}; in {folder}: {files}", markup=False, highlight=False, soft_wrap=True
-    )
+    say(console, f"{counts or 'nothing measured'}; in {folder}: {files}")
 
 
 def _kind_of_error(error: str) -> str:

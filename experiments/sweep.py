@@ -19,6 +19,7 @@ from experiments.configuration import Configuration, check_writable, records_fol
 from experiments.launch import run_worker
 from experiments.lock import exclusive
 from experiments.measuring import Runner, current_environment, identity, identity_of, measure
+from experiments.messages import say
 from experiments.point import Point
 from experiments.points import PlannedPoint, plan_points
 from experiments.progress import SweepProgress
@@ -108,7 +109,7 @@ def _run(
     to_do = [point_identity for point_identity in points if point_identity not in done]
     random.Random(first.sweep.shuffle_seed).shuffle(to_do)
 
-    _say(
+    say(
         console,
         f"{len(points)} points: {finished} finished before, {impossible} cannot be measured, {len(to_do)} to do; "
         f"results in {folder}",
@@ -145,7 +146,7 @@ def _tell_whose_table_is_replaced(folder: Path, records: Path, console: Console)
     try:
         table = read_table(folder)
     except InputError as error:
-        _say(console, f"warning: {error}")
+        say(console, f"warning: {error}")
         return
     for point_identity in [] if table is None else table["point_id"]:
         try:
@@ -155,7 +156,7 @@ def _tell_whose_table_is_replaced(folder: Path, records: Path, console: Console)
         if record is not None:
             difference = describe_difference(record.environment, asdict(current_environment()))
             if difference is not None:
-                _say(
+                say(
                     console,
                     f"the table in {folder} is of another machine or version ({difference}, which is this one); its "
                     f"points are measured anew and it is replaced, but its records stay in {records}",
@@ -180,7 +181,7 @@ def _plan(grid_points: Sequence[GridPoint], console: Console) -> dict[str, Sweep
     configurations = [one.configuration for one in grid_points]
     if configurations[0].sweep.stand_ins:
         for note in replace_missing_scenes([configuration.scene for configuration in configurations]):
-            _say(console, note)
+            say(console, note)
     environment = current_environment()
     points: dict[str, SweepPoint] = {}
     for grid_point, planned in zip(grid_points, plan_points(configurations), strict=True):
@@ -258,12 +259,8 @@ def _read_earlier(folder: Path, point_identity: str, console: Console) -> Record
         warnings.simplefilter("always")
         earlier = read_record(folder, point_identity)
     for warning in caught:
-        _say(console, f"warning: {warning.message}")
+        say(console, f"warning: {warning.message}")
     return earlier
-
-
-def _say(console: Console, text: str) -> None:
-    console.print(text, markup=False, highlight=False, soft_wrap=True)
 
 
 def _in_order(points: dict[str, SweepPoint], done: dict[str, Record]) -> list[str]:

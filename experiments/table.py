@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from math import comb
 from pathlib import Path
@@ -150,9 +151,27 @@ def check_one_environment(records: Iterable[Record]) -> None:
             )
 
 
+def csv_bytes(table: pd.DataFrame) -> bytes:
+    """The content of `table.csv`.
+
+    A spreadsheet runs a text that starts like a formula, and a scene is called what its file is called: such a text
+    gets an apostrophe in front, which spreadsheets take for "text follows". A lone carriage return, which would break a
+    row in two, is escaped. Parquet keeps every text as it is.
+    """
+    shown = table.copy()
+    for name in shown.columns:
+        if pd.api.types.is_string_dtype(shown[name].dtype):
+            shown[name] = shown[name].map(_csv_text, na_action="ignore").astype(shown[name].dtype)
+    return shown.to_csv(index=False).encode()
+
+
+def _csv_text(text: str) -> str:
+    return re.sub(r"\r(?!\n)", r"\\r", f"'{text}" if text.startswith(("=", "+", "-", "@")) else text)
+
+
 def write_table(folder: Path, table: pd.DataFrame) -> None:
     """Write `table.csv` and `table.parquet` into `folder`."""
-    write_atomically(folder / "table.csv", table.to_csv(index=False).encode())
+    write_atomically(folder / "table.csv", csv_bytes(table))
     buffer = io.BytesIO()
     table.to_parquet(buffer, index=False)
     write_atomically(folder / "table.parquet", buffer.getvalue())

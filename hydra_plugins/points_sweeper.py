@@ -70,7 +70,7 @@ class PointsSweeper(BasicSweeper):
 
         assert self.launcher is not None
         # A job is unpickled by an interpreter that was not started as run.py.
-        os.environ["PYTHONPATH"] = project_environment()["PYTHONPATH"]
+        os.environ.update(project_environment())
         try:
             returns = self.launcher.launch([list(job) for job in jobs], initial_job_idx=0)
         except KeyboardInterrupt:

@@ -118,7 +118,7 @@ def _camera_fields(path: Path, name: str) -> dict[str, Any]:
         cameras = json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
         raise InputError(f"{path} does not exist, expected the cameras of the scenes in that folder") from None
-    except (OSError, ValueError) as error:  # ValueError: broken JSON or bytes that are not UTF-8
+    except (OSError, ValueError, RecursionError) as error:  # broken JSON, bytes that are not UTF-8, nested too deep
         raise InputError(f"{path} cannot be read as JSON: {error}") from None
     if not isinstance(cameras, dict):
         raise InputError(f"{path} holds a {type(cameras).__name__}, expected an object: scene name -> camera fields")
@@ -126,7 +126,9 @@ def _camera_fields(path: Path, name: str) -> dict[str, Any]:
         raise InputError(f"{path} has no camera for scene {name!r}; it has {_listed(cameras)}")
     fields = cameras[name]
     if not isinstance(fields, dict):
-        raise InputError(f"{path}: the camera of {name!r} is {fields!r}, expected an object with eye and target")
+        raise InputError(
+            f"{path}: the camera of {name!r} is {str(fields)[:100]}, expected an object with eye and target"
+        )
     problem = camera_fields_problem(fields)
     if problem is not None:
         raise InputError(f"{path}: the camera of {name!r} {problem}")

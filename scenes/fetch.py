@@ -128,7 +128,7 @@ def _add_camera(path: Path, source: SceneSource) -> None:
         cameras = json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
         cameras = {}
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise InputError(f"{path} cannot be read as JSON: {error}; mend or delete it") from None
     if not isinstance(cameras, dict):
         raise InputError(f"{path} holds a {type(cameras).__name__}, expected an object: scene name -> camera fields")

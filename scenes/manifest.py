@@ -79,7 +79,7 @@ def read_manifest(path: Path = MANIFEST_FILE) -> Manifest:
         return Manifest(home=told["home"], base_url=told["base_url"], scenes=scenes)
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
-    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
         raise InputError(f"{path} cannot be read as a scene manifest: {error}") from None
 
 

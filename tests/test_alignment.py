@@ -1,3 +1,7 @@
+"""The shear of each cell, and where its reference rays lie."""
+
+from dataclasses import FrozenInstanceError
+
 import numpy as np
 import pytest
 
@@ -6,10 +10,10 @@ from tests.meshes import EYE_AT_ORIGIN
 
 
 @pytest.mark.parametrize("place", [atra.Alignment.of_cells, atra.Alignment.at_first_cell])
-@pytest.mark.parametrize("counts", [(1, 1), (4, 1), (1, 5), (3, 2), (12, 10)])
+@pytest.mark.parametrize("counts", [(1, 1), (5, 1), (1, 3), (3, 9), (15, 9)])
 def test_the_shear_maps_each_ray_of_a_cell_onto_a_reference_ray_and_keeps_its_depth(place, counts):
-    camera = atra.Camera(**EYE_AT_ORIGIN, width=12, height=10, fov_y_degrees=70)
-    split = atra.Split(*counts, width=12, height=10)
+    camera = atra.Camera(**EYE_AT_ORIGIN, width=15, height=9, fov_y_degrees=70)
+    split = atra.Split(*counts, width=15, height=9)
     alignment = place(camera, split)
     columns, rows = np.meshgrid(np.arange(split.cell_width), np.arange(split.cell_height))
     reference_x = (alignment.first_x_pixels + columns.ravel() + 0.5) * camera.pixel_pitch
@@ -26,19 +30,40 @@ def test_the_shear_maps_each_ray_of_a_cell_onto_a_reference_ray_and_keeps_its_de
 
 
 def test_the_papers_reference_leaves_the_first_cell_unsheared():
-    camera = atra.Camera(**EYE_AT_ORIGIN, width=12, height=10)
-    alignment = atra.Alignment.at_first_cell(camera, atra.Split(4, 2, 12, 10))
+    camera = atra.Camera(**EYE_AT_ORIGIN, width=15, height=9)
+    alignment = atra.Alignment.at_first_cell(camera, atra.Split(5, 3, 15, 9))
+    assert (alignment.first_x_pixels, alignment.first_y_pixels) == (-7.5, -4.5)
     assert alignment.shift_x[0] == 0.0
     assert alignment.shift_y[0] == 0.0
 
 
-@pytest.mark.parametrize(("turn", "sign"), [(10, 1), (-10, -1)])
-def test_reference_rays_lie_a_quarter_from_the_centre_away_from_the_world_axis(turn, sign):
-    # Turned to the right (towards +x) from -z: the axis -z is then left of the centre.
-    camera = atra.Camera((0, 0, 0), (np.tan(np.radians(turn)), 0, -1), fov_y_degrees=60, width=120, height=100)
-    alignment = atra.Alignment.of_cells(camera, atra.Split(10, 1, 120, 100))
-    assert alignment.first_x_pixels == sign * 30
-    assert alignment.first_y_pixels == -50
+@pytest.mark.parametrize("view", [(0, 0, 1), (0, 0, -1), (1, 0, 0), (-1, 0, 0)])
+@pytest.mark.parametrize("turn", [(0.2, 0.1), (-0.2, 0.1), (0.1, -0.2), (-0.1, -0.1)])
+@pytest.mark.parametrize("counts", [(1, 1), (2, 1), (1, 2), (50, 34)])
+def test_reference_rays_lie_a_quarter_from_the_centre_away_from_the_world_axis_on_axes_that_are_split(
+    view, turn, counts
+):
+    side = np.cross(view, (0, 1, 0))
+    target = np.array(view) + turn[0] * side + np.array((0, turn[1], 0))
+    camera = atra.Camera((0, 0, 0), target, fov_y_degrees=60, width=150, height=102)
+    alignment = atra.Alignment.of_cells(camera, atra.Split(*counts, 150, 102))
+    x, y, z = camera.to_camera_space(np.array([view], float))[0]  # where the axis is in the image
+    assert alignment.first_x_pixels == (-75.0 if counts[0] == 1 else -37.5 * np.sign(x / z))
+    assert alignment.first_y_pixels == (-51.0 if counts[1] == 1 else -25.5 * np.sign(y / z))
+
+
+def test_reference_rays_lie_left_and_above_where_the_world_axis_is_the_view():
+    camera = atra.Camera(**EYE_AT_ORIGIN, width=150, height=102)
+    alignment = atra.Alignment.of_cells(camera, atra.Split(50, 34, 150, 102))
+    assert (alignment.first_x_pixels, alignment.first_y_pixels) == (-37.5, -25.5)
+
+
+def test_splits_and_alignments_cannot_be_changed_under_a_plan():
+    camera = atra.Camera(**EYE_AT_ORIGIN, width=15, height=9)
+    alignment = atra.Alignment.at_first_cell(camera, atra.Split(5, 3, 15, 9))
+    for value, name in ((alignment, "shift_x"), (alignment.split, "nx")):
+        with pytest.raises(FrozenInstanceError):
+            setattr(value, name, 1)
 
 
 @pytest.mark.parametrize(("counts", "message"), [

@@ -1,10 +1,21 @@
 """Culling may only leave out what no ray of the cell can hit (paper §3.4)."""
 
+from dataclasses import FrozenInstanceError
+
 import numpy as np
 import pytest
 
 import atra
-from atra.culling import EMBREE_BYTES_PER_COPY, PLAN_BYTES_PER_COPY, plan_aligned_geometry
+from atra import culling as culling_module
+from atra.culling import (
+    EMBREE_BYTES_PER_COPY,
+    PLAN_BYTES_PER_COPY,
+    check_image_size,
+    check_memory_budget,
+    check_needed_bytes,
+    plan_aligned_geometry,
+    project_vertices,
+)
 from atra.parallel import WorkerPool
 from atra.reference import intersect_pixels
 from tests.meshes import EYE_AT_ORIGIN, quads, random_triangles
@@ -102,3 +113,55 @@ def test_the_budget_counts_plan_and_bvh():
     plan(mesh, camera, (16, 1), culling=False, memory_budget_bytes=needed)
     with pytest.raises(atra.MemoryBudgetError, match="1,600 triangle copies over 16 cells"):
         plan(mesh, camera, (16, 1), culling=False, memory_budget_bytes=needed - 1)
+
+
+def test_a_plan_holds_as_many_bytes_a_copy_as_its_budget_counts_and_cannot_be_changed():
+    mesh = random_triangles(50, seed=4)
+    camera = atra.Camera(**EYE_AT_ORIGIN, width=32, height=32)
+    _, geometry = plan(mesh, camera, (8, 4), culling=False)
+    copies = geometry.copy_count
+    held = 3 * copies * geometry.vertices[0].nbytes + geometry.faces.nbytes + geometry.records.nbytes
+    assert held == copies * PLAN_BYTES_PER_COPY
+    with pytest.raises(FrozenInstanceError):
+        geometry.records = None
+
+
+def test_copies_that_embree_cannot_number_are_refused_and_one_less_is_not(monkeypatch):
+    monkeypatch.setattr(culling_module, "check_needed_bytes", lambda *_: None)
+    most = (2**32 - 1) // 3
+    check_memory_budget(most, "medium", None, 1)
+    with pytest.raises(
+        atra.MemoryBudgetError, match=r"1,431,655,766 triangle copies over 7 cells are more than Embree"
+    ):
+        check_memory_budget(most + 1, "medium", None, 7)
+
+
+def test_what_exceeds_the_budget_or_the_free_memory_is_refused_with_both_sizes(monkeypatch):
+    monkeypatch.setattr(culling_module.psutil, "virtual_memory", lambda: type("", (), {"available": 3 * 2**30})())
+    check_needed_bytes(2 * 2**30, 2 * 2**30, "copies", "use less")
+    check_needed_bytes(3 * 2**30, None, "copies", "use less")
+    with pytest.raises(
+        atra.MemoryBudgetError, match=r"copies need about 2\.0 GiB, the memory budget is 1\.5 GiB; use less"
+    ):
+        check_needed_bytes(2 * 2**30, 3 * 2**29, "copies", "use less")
+    with pytest.raises(atra.MemoryBudgetError, match=r"about 4\.0 GiB, the machine has free only 3\.0 GiB"):
+        check_needed_bytes(4 * 2**30, 5 * 2**30, "copies", "use less")
+
+
+def test_an_image_whose_pixels_a_record_cannot_count_is_refused():
+    check_image_size(2**16, 2**15 - 1)
+    with pytest.raises(atra.InputError, match="65536 rows of 32768 pixels is too large"):
+        check_image_size(2**16, 2**15)
+
+
+def test_vertices_are_projected_to_their_pixels_and_to_the_eye():
+    camera = atra.Camera((1, 2, 3), (2, 1, -4), fov_y_degrees=50, width=31, height=17)
+    x, y, depth = np.array([0, 30, 7]), np.array([16, 0, 5]), np.array([0.5, 3.0, 40.0])
+    points_eye = camera.directions(x, y) * depth[:, None] @ camera.axes
+    mesh = atra.Mesh(points_eye + camera.eye, [[0, 1, 2]])
+    pool = WorkerPool(1)
+    pixels, eye = project_vertices(mesh, camera, pool)
+    pool.close()
+    np.testing.assert_allclose(eye, points_eye, atol=1e-5)
+    np.testing.assert_allclose(pixels[:, 2], depth, rtol=1e-5)
+    np.testing.assert_allclose(pixels[:, :2] / pixels[:, 2:], np.stack([x, y], 1) + 0.5, atol=1e-3)

@@ -168,9 +168,9 @@ def test_the_triangle_count_of_a_scene_in_the_cache_is_checked_too(by_hand, desc
         fetch_scene("sponza", folder)
 
 
-def linked():
+def special(kind):
     entry = zipfile.ZipInfo("textures")
-    entry.create_system, entry.external_attr = 3, (stat.S_IFLNK | 0o777) << 16
+    entry.create_system, entry.external_attr = 3, (kind | 0o777) << 16
     return entry
 
 
@@ -183,7 +183,9 @@ def linked():
         ("/tmp/evil.txt", "absolute"),
         ("C:\\evil.txt", "absolute"),
         ("\\\\host\\evil.txt", "absolute"),
-        (linked(), "symbolic link"),
+        (special(stat.S_IFLNK), "symbolic link"),
+        (special(stat.S_IFCHR), "neither file nor folder"),
+        (special(stat.S_IFIFO), "neither file nor folder"),
     ],
 )
 def test_an_archive_with_a_hostile_member_is_refused_whole(member, reason, by_hand):
@@ -214,6 +216,22 @@ def test_an_archive_that_would_unpack_to_too_much_is_refused(by_hand, monkeypatc
 def test_an_archive_that_is_not_the_scene_is_refused(content, reason, by_hand):
     with pytest.raises(InputError, match=reason):
         fetch_scene("sponza", by_hand(content))
+
+
+@pytest.mark.parametrize("method", [zipfile.ZIP_LZMA, zipfile.ZIP_BZIP2])
+def test_a_member_that_says_itself_how_much_memory_unpacking_takes_is_refused(method, by_hand):
+    content = io.BytesIO()
+    with zipfile.ZipFile(content, "w", method) as opened:
+        opened.writestr("sponza.obj", OBJ)
+    with pytest.raises(InputError, match=f"compressed by method {method}"):
+        fetch_scene("sponza", by_hand(content.getvalue()))
+
+
+def test_a_member_before_the_start_of_the_archive_is_refused(by_hand):
+    content = bytearray(zipped(("sponza.obj", OBJ)))
+    del content[: len(content) // 3]  # the directory at the end still counts from the old start
+    with pytest.raises(InputError, match="not a whole zip"):
+        fetch_scene("sponza", by_hand(bytes(content)))
 
 
 def test_a_damaged_member_is_refused(by_hand):

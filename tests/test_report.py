@@ -19,12 +19,12 @@ from PIL import Image
 
 from atra.errors import InputError
 from experiments.report import ReportContents, ReportFigure, write_report
-from experiments.report.embedding import csv_bytes, parquet_bytes
+from experiments.report.embedding import parquet_bytes
 from experiments.report.facts import count_doubts, missing_points, scenes_in_short
 from experiments.report.page import render_report
 from experiments.report.pictures import EDGE_PIXELS, embed_pictures
 from experiments.split_figure import draw_split_figure
-from experiments.table import rows_of, write_table
+from experiments.table import csv_bytes, rows_of, write_table
 from tests.report_samples import (
     CLAIMS,
     HOSTILE,

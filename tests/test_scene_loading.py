@@ -29,6 +29,19 @@ def test_a_scene_is_available_once_its_file_is_there_even_if_it_cannot_be_read(f
         load_scene(SceneSource.directory, "sponza", None)
 
 
+def test_a_camera_file_may_leave_out_what_is_optional(folder):
+    with_mesh(folder / "sponza.ply")
+    _, fields = load_scene(SceneSource.directory, "sponza", None)
+    assert fields == {"eye": (0, 0, 5), "target": (0, 0, 0), "up": (0.0, 1.0, 0.0), "fov_y_degrees": 60.0}
+
+
+def with_mesh(path):
+    path.write_text(
+        "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
+        "element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n"
+    )
+
+
 def test_every_built_in_scene_is_available_and_no_other_name_is():
     for name in ("cornell_box", *STAND_INS):
         assert scene_is_available(SceneSource.procedural, name)

@@ -193,7 +193,29 @@ def test_an_unknown_scene_or_missing_mesh_is_refused_listing_what_there_is(folde
     ],
 )
 def test_a_camera_needs_eye_and_target_and_knows_no_other_fields(given, usable):
-    assert (camera_fields_problem(given) is None) == usable
+    fields = {name: 45.0 if name.startswith("fov") else (0, 1.5, 2) for name in given}
+    assert (camera_fields_problem(fields) is None) == usable
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        ("eye", "abc"),
+        ("eye", [0, 1]),
+        ("target", [0, 1, "2"]),
+        ("target", [0, 1, None]),
+        ("up", [0, 1, float("nan")]),
+        ("up", {"x": 0, "y": 1, "z": 0}),
+        ("fov_y_degrees", [45]),
+        ("fov_y_degrees", True),
+        ("fov_y_degrees", 10**400),
+    ],
+)
+def test_a_camera_field_that_is_no_number_or_vector_is_refused_naming_it(field, value, folder):
+    cameras = {"tri": {"eye": [0, 0, 5], "target": [0, 0, 0], field: value}}
+    (folder / "cameras.json").write_text(json.dumps(cameras))
+    with pytest.raises(InputError, match=rf"the camera of 'tri' has {field} = "):
+        load_scene_from_directory("tri", folder)
 
 
 @pytest.mark.parametrize("scale", [1e-3, 1.0, 1e4])

@@ -67,11 +67,6 @@ def png_size(content: bytes, name: str) -> tuple[int, int]:
         raise InputError(f"picture {name} cannot be read as an image: {error}") from None
 
 
-def csv_bytes(table: pd.DataFrame) -> bytes:
-    """The content of `table.csv`, as `experiments.table.write_table` writes it."""
-    return table.to_csv(index=False).encode()
-
-
 def parquet_bytes(table: pd.DataFrame) -> bytes:
     """The content of `table.parquet`, as `experiments.table.write_table` writes it."""
     buffer = io.BytesIO()

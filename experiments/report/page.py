@@ -11,11 +11,12 @@ import pandas as pd
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
+from atra.errors import printable
 from atra.records import write_atomically
 from experiments.claims import VERDICTS
 from experiments.report.columns import describe_columns, views_of
 from experiments.report.contents import ReportContents, ReportFigure
-from experiments.report.embedding import csv_bytes, embed_figure, pack, parquet_bytes
+from experiments.report.embedding import embed_figure, pack, parquet_bytes
 from experiments.report.facts import (
     Doubts,
     count_doubts,
@@ -28,7 +29,7 @@ from experiments.report.facts import (
     software_in_short,
 )
 from experiments.report.pictures import embed_pictures
-from experiments.table import rows_of
+from experiments.table import csv_bytes, rows_of
 
 _TEMPLATES = Path(__file__).resolve().parents[2] / "reports"
 
@@ -54,6 +55,7 @@ def render_report(contents: ReportContents) -> str:
         loader=FileSystemLoader(_TEMPLATES),
         autoescape=True,
         undefined=StrictUndefined,
+        finalize=_without_controls,
         trim_blocks=True,
         lstrip_blocks=True,
     )
@@ -69,6 +71,11 @@ def render_report(contents: ReportContents) -> str:
         marks=_MARKS,
         **_facts(contents),
     )
+
+
+def _without_controls(value: Any) -> Any:
+    """Autoescaping leaves control characters and marks of direction as they are."""
+    return printable(value) if isinstance(value, str) and not isinstance(value, Markup) else value
 
 
 def _facts(contents: ReportContents) -> dict[str, Any]:

@@ -1,0 +1,374 @@
+"""Mutated files for every reader, worked through in a process whose memory and time are bounded.
+
+`python -m tests.fuzzing COUNT` works through COUNT inputs in the working folder, which should be empty, and prints what
+became of them as JSON. An input is a kind of file and a seed: `python -m tests.fuzzing 1 KIND SEED` reads one again and
+shows the traceback of what went wrong.
+"""
+
+from __future__ import annotations
+
+import base64
+import io
+import json
+import random
+import re
+import resource
+import signal
+import stat
+import struct
+import sys
+import tempfile
+import traceback
+import warnings
+import zipfile
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import trimesh
+
+from atra.camera import Camera
+from atra.errors import InputError
+from atra.mesh import load_mesh
+from atra.records import Record, read_record, write_record
+from experiments.table import make_table, read_table, write_table
+from scenes.archive import extract_member
+from scenes.camera_fields import OPTIONAL_CAMERA_FIELDS, REQUIRED_CAMERA_FIELDS
+from scenes.directory import CAMERAS_FILE, load_scene_from_directory
+from scenes.manifest import MANIFEST_FILE, read_manifest
+from tests.report_samples import small_table
+
+MEMORY_BYTES = 512 * 2**20
+"""What reading one input may add to the process; the largest input has 2 MB."""
+
+TIME_S = 20
+"""What reading one input may take."""
+
+_LARGEST_INPUT_BYTES = 2_000_000
+
+NEVER_USED = {"mesh.xyz"}
+"""A point cloud: read, and refused for having no triangles."""
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of file: healthy samples of it, and how it is read from `path`.
+
+    read: returns whether the file was used; raises InputError where it is refused, AssertionError where what it gave
+    is not what it promises.
+    """
+
+    path: str
+    samples: tuple[bytes, ...]
+    read: Callable[[Path], bool]
+
+
+def _read_mesh(path: Path) -> bool:
+    mesh = load_mesh(path)
+    assert mesh.vertices.ndim == mesh.faces.ndim == 2
+    assert np.isfinite(mesh.vertices).all()
+    assert mesh.faces.max() < len(mesh.vertices)
+    assert mesh.name.isprintable()
+    return True
+
+
+def _read_record(path: Path) -> bool:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        record = read_record(path.parent, path.stem)
+    assert record is not None or path.with_name(path.name + ".corrupt").exists()
+    return record is not None
+
+
+def _read_table(path: Path) -> bool:
+    table = read_table(path.parent)
+    assert table is not None
+    assert list(table.columns) == list(make_table([]).columns)
+    return True
+
+
+def _read_cameras(path: Path) -> bool:
+    (path.parent / "box.ply").write_bytes(_mesh_samples()["mesh.ply"][0])
+    _, fields = load_scene_from_directory("box", path.parent)
+    assert REQUIRED_CAMERA_FIELDS <= set(fields) <= REQUIRED_CAMERA_FIELDS | OPTIONAL_CAMERA_FIELDS
+    Camera(**fields, width=8, height=8)
+    return True
+
+
+def _read_manifest(path: Path) -> bool:
+    for source in read_manifest(path).scenes.values():
+        Camera(**source.camera, width=8, height=8)
+    return True
+
+
+def _read_archive(path: Path) -> bool:
+    target = path.parent / "unpacked"
+    target.mkdir()
+    unpacked = extract_member(path, "scene.obj", target)
+    assert list(target.iterdir()) == [unpacked]
+    assert unpacked.is_file()
+    assert not unpacked.is_symlink()
+    return True
+
+
+def _mesh_samples() -> dict[str, tuple[bytes, ...]]:
+    box = trimesh.creation.box()
+    ball = trimesh.creation.icosphere(subdivisions=1)
+    scene = trimesh.Scene([box])
+    scene.add_geometry(ball, transform=trimesh.transformations.translation_matrix((3, 0, 0)))
+    meshes = (box, ball)
+
+    def exported(**options: Any) -> tuple[bytes, ...]:
+        texts = (mesh.export(**options) for mesh in meshes)
+        return tuple(text.encode() if isinstance(text, str) else text for text in texts)
+
+    little = exported(file_type="ply", encoding="binary_little_endian")
+    embedded = scene.export(file_type="gltf")
+    tree = json.loads(embedded["model.gltf"])
+    for buffer in tree["buffers"]:
+        content = embedded[buffer["uri"]]
+        buffer["uri"] = "data:application/octet-stream;base64," + base64.b64encode(content).decode()
+    quads = b"OFF\n4 1 0\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n4 0 1 2 3\n"
+    mixed = (
+        b"ply\nformat ascii 1.0\nelement vertex 5\nproperty float x\nproperty float y\nproperty float z\n"
+        b"element face 2\nproperty list uchar int vertex_indices\nend_header\n"
+        b"0 0 0\n1 0 0\n1 1 0\n0 1 0\n0 0 1\n4 0 1 2 3\n3 0 1 4\n"
+    )
+    return {
+        "mesh.ply": (*exported(file_type="ply", encoding="ascii"), mixed),
+        "little.ply": little,
+        "big.ply": tuple(_big_endian(content) for content in little),
+        "mesh.obj": exported(file_type="obj"),
+        "text.stl": exported(file_type="stl_ascii"),
+        "mesh.stl": exported(file_type="stl"),
+        "mesh.off": (*exported(file_type="off"), quads),
+        "mesh.gltf": (json.dumps(tree, indent=1).encode(),),
+        "mesh.glb": (scene.export(file_type="glb"), box.export(file_type="glb")),
+        "mesh.xyz": (b"0 0 0\n1 0 0\n1 1 0\n",),
+    }
+
+
+def _big_endian(little: bytes) -> bytes:
+    """A binary PLY as trimesh writes it, in the other order of bytes."""
+    head, end, body = little.partition(b"end_header\n")
+    vertices, faces = (int(count) for count in re.findall(rb"element \w+ (\d+)", head))
+    words = np.frombuffer(body[: 12 * vertices], "<f4").astype(">f4").tobytes()
+    rows = np.frombuffer(body[12 * vertices :], [("count", "u1"), ("corners", "<i4", 3)], faces)
+    swapped = rows.astype([("count", "u1"), ("corners", ">i4", 3)]).tobytes()
+    return head.replace(b"little", b"big") + end + words + swapped
+
+
+def _archive_samples() -> tuple[bytes, ...]:
+    harmless, hostile = zipfile.ZipInfo("a/scene.obj"), []
+    for name, mode in (
+        ("../evil", 0), ("/tmp/atra-evil", 0), ("a\\..\\..\\evil", 0), ("C:\\evil", 0), ("link", stat.S_IFLNK),
+        ("scene.obj", stat.S_IFLNK), ("a/scene.obj", stat.S_IFCHR), ("scene.obj", stat.S_IFIFO), ("a\x1b[31m", 0),
+    ):  # fmt: skip
+        entry = zipfile.ZipInfo(name)
+        entry.create_system, entry.external_attr = 3, (mode | 0o777) << 16
+        hostile.append(entry)
+    samples = []
+    for entries, compression in (
+        ([harmless], zipfile.ZIP_STORED), ([harmless], zipfile.ZIP_LZMA), ([harmless], zipfile.ZIP_BZIP2),
+        *(([harmless, entry], zipfile.ZIP_DEFLATED) for entry in hostile),
+    ):  # fmt: skip
+        content = io.BytesIO()
+        with zipfile.ZipFile(content, "w", compression) as opened, warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # two entries of one name
+            for entry in entries:
+                opened.writestr(entry, b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n" * 40, compression)
+        samples.append(content.getvalue())
+    return tuple(samples)
+
+
+def _record_sample(folder: Path) -> bytes:
+    record = Record(
+        "mutated", "ok", None, {"scene": "box", "split_x": 4, "eye": [0.0, 1.0, 2.0]}, {"cpu": "a cpu", "load": [0.5]},
+        {"own": [2.0]}, {"own": [1.0, 1.5], "rtcIntersect1": [3.0, 3.5]}, {"rss_bytes": 123},
+    )  # fmt: skip
+    return write_record(folder, record).read_bytes()
+
+
+def kinds() -> dict[str, Kind]:
+    """Every kind of file that is read, by name."""
+    found = {path: Kind(path, samples, _read_mesh) for path, samples in _mesh_samples().items()}
+    # The file's name is its author's, too.
+    named = "\x1b[31mred\N{RIGHT-TO-LEFT OVERRIDE}\a.off"
+    found["hostile name"] = replace(found["mesh.off"], path=named)
+    with tempfile.TemporaryDirectory() as folder:
+        write_table(Path(folder), small_table())
+        table = (Path(folder) / "table.parquet").read_bytes()
+        record = _record_sample(Path(folder))
+    camera = {"eye": [0, 0, 5], "target": [0, 0, 0], "up": [0, 1, 0], "fov_y_degrees": 40.5}
+    cameras = json.dumps({"box": camera, "other": {"eye": [1, 2, 3], "target": [0.5, 0, 0]}}).encode()
+    found |= {
+        "record": Kind("mutated.json", (record,), _read_record),
+        "table": Kind("table.parquet", (table,), _read_table),
+        "cameras": Kind(CAMERAS_FILE, (cameras,), _read_cameras),
+        "manifest": Kind("manifest.toml", (MANIFEST_FILE.read_bytes(),), _read_manifest),
+        "archive": Kind("archive.zip", _archive_samples(), _read_archive),
+    }
+    return found
+
+
+_NUMBERS = (
+    b"-1", b"0", b"-0.0", b"1", b"2.5", b"7", b"255", b"65536", b"4294967295", b"4294967296", b"999999999999",
+    b"18446744073709551616", b"-9223372036854775809", b"1e5", b"1e12", b"1e39", b"1e308", b"1e400", b"nan", b"inf",
+    b"-inf", b"NaN", b"Infinity", b"0x10", b"1_0", b"1,5", b"9" * 5000, b"", b"null", b"true", b'"text"', b"[]", b"{}",
+)  # fmt: skip
+_WORDS = tuple(struct.pack("<I", word) for word in (0, 1, 0x7FFFFFFF, 0x80000000, 0xFFFFFFFF, 0x7FC00000, 0x7F800000))
+_INTRUDERS = (
+    b"\xff\xfe\x80", b"\0", b"\0" * 64, b"\x1b[31m\x1b]0;title\x07", b"\xe2\x80\xae", b"\r", b"\n\n", b"\t \t", b"#",
+    b"[" * 100_000, b'{"a":' * 50_000, b"(" * 10_000, b"../../", b"/dev/zero", b"end_header\n", b"element vertex 99\n",
+    b"property list uchar int x\n", b"<script>", b"-" * 3000, b" " * 200_000,
+)  # fmt: skip
+
+
+def mutate(content: bytes, other: bytes, choose: random.Random) -> bytes:
+    """One to four changes to `content`; `other` is a healthy file of the same kind to take pieces from."""
+    for _ in range(choose.choice((1, 1, 1, 1, 2, 4))):
+        content = choose.choice(_CHANGES)(content, other, choose)[:_LARGEST_INPUT_BYTES]
+    return content
+
+
+def _place(content: bytes, choose: random.Random) -> int:
+    # Headers are short but decide most.
+    return choose.randrange(min(len(content), choose.choice((200, len(content)))) + 1) if content else 0
+
+
+def _piece(content: bytes, choose: random.Random) -> tuple[int, int]:
+    start = _place(content, choose)
+    return start, start + choose.choice((1, 2, 4, 16, 100, 1000))
+
+
+def _flip(content: bytes, _: bytes, choose: random.Random) -> bytes:
+    changed = bytearray(content)
+    for _i in range(choose.choice((1, 1, 3, 20))):
+        if changed:
+            changed[min(_place(content, choose), len(changed) - 1)] ^= 1 << choose.randrange(8)
+    return bytes(changed)
+
+
+def _truncate(content: bytes, _: bytes, choose: random.Random) -> bytes:
+    return content[: choose.randrange(len(content) + 1)]
+
+
+def _delete(content: bytes, _: bytes, choose: random.Random) -> bytes:
+    start, end = _piece(content, choose)
+    return content[:start] + content[end:]
+
+
+def _duplicate(content: bytes, _: bytes, choose: random.Random) -> bytes:
+    start, end = _piece(content, choose)
+    return content[:end] + content[start:end] * choose.choice((1, 2, 1000)) + content[end:]
+
+
+def _splice(content: bytes, other: bytes, choose: random.Random) -> bytes:
+    at, (start, end) = _place(content, choose), _piece(other, choose)
+    return content[:at] + other[start:end] + content[at:]
+
+
+def _insert(content: bytes, _: bytes, choose: random.Random) -> bytes:
+    at = _place(content, choose)
+    return content[:at] + choose.choice(_INTRUDERS) + content[at:]
+
+
+def _renumber(content: bytes, _: bytes, choose: random.Random) -> bytes:
+    found = [match.span() for match in re.finditer(rb"-?\d+(?:\.\d+)?(?:e[-+]?\d+)?", content[:200_000])]
+    if not found:
+        return content
+    start, end = choose.choice(found[:20] if choose.random() < 0.5 else found)
+    return content[:start] + choose.choice(_NUMBERS) + content[end:]
+
+
+def _reword(content: bytes, _: bytes, choose: random.Random) -> bytes:
+    words = [match.span() for match in re.finditer(rb"[A-Za-z_]{2,}", content[:200_000])]
+    if len(words) < 2:
+        return content
+    (start, end), (first, last) = choose.sample(words, 2)
+    return content[:start] + content[first:last] + content[end:]
+
+
+def _overwrite(content: bytes, _: bytes, choose: random.Random) -> bytes:
+    at = _place(content, choose) // choose.choice((1, 4)) * 4
+    return content[:at] + choose.choice(_WORDS) + content[at + 4 :]
+
+
+_CHANGES = (_flip, _truncate, _delete, _duplicate, _splice, _insert, _renumber, _renumber, _reword, _overwrite)
+
+
+def make_input(kind: Kind, name: str, seed: int) -> bytes:
+    """The mutated file of that seed; the same every time."""
+    choose = random.Random(f"{name} {seed}")
+    return mutate(choose.choice(kind.samples), choose.choice(kind.samples), choose)
+
+
+def work(count: int, folder: Path, only: tuple[str, int] | None = None) -> dict[str, Any]:
+    """Work through `count` inputs, all kinds in turn.
+
+    folder: empty. `now.txt` in it names the input being read, for whoever finds this process dead.
+    Returns which kinds were used unchanged, for each kind how many inputs were used and refused, and what went wrong,
+    by input.
+    """
+    every = kinds()
+    # Before the memory is bounded: imports and tables made on first use are not the inputs'.
+    healthy = [name for name, kind in every.items() if _try(kind, kind.samples[0], folder)]
+    tally = {name: {"used": 0, "refused": 0} for name in every}
+    wrong: list[str] = []
+    names = list(every)
+    todo = [only] if only else [(names[number % len(names)], number // len(names)) for number in range(count)]
+    _bound_memory()
+    for name, seed in todo:
+        (folder / "now.txt").write_text(f"{name} {seed}")
+        signal.alarm(TIME_S)  # its default ends the process, wherever it is
+        try:
+            used = _try(every[name], make_input(every[name], name, seed), folder)
+            tally[name]["used" if used else "refused"] += 1
+        except Exception as error:
+            wrong.append(f"{name} {seed}: {type(error).__name__}: {str(error)[:300]}")
+            if only:
+                traceback.print_exception(error)
+        signal.alarm(0)
+    return {"healthy": healthy, "tally": tally, "wrong": wrong}
+
+
+def _try(kind: Kind, content: bytes, folder: Path) -> bool:
+    """Whether the input was used; raises for whatever must not happen."""
+    before = _names(folder)
+    with tempfile.TemporaryDirectory(dir=folder) as inside:
+        path = Path(inside) / kind.path
+        path.write_bytes(content)
+        try:
+            used = kind.read(path)
+        except InputError as error:
+            _check_refusal(error)
+            used = False
+        assert _names(folder) - {Path(inside).name} == before, "something was written outside the folder"
+    return used
+
+
+def _check_refusal(error: BaseException) -> None:
+    """A refusal is one printable line, and came before the memory ran out."""
+    assert str(error).isprintable(), f"raw control characters in {str(error)!r}"
+    assert len(str(error)) <= 2000, f"a message of {len(str(error))} characters"
+    cause: BaseException | None = error
+    while cause is not None:
+        assert not isinstance(cause, MemoryError), f"memory was asked for in vain: {error}"
+        cause = cause.__cause__ or cause.__context__
+
+
+def _names(folder: Path) -> set[str]:
+    return {path.name for path in folder.iterdir()}
+
+
+def _bound_memory() -> None:
+    pages = int(Path("/proc/self/statm").read_text().split()[0])
+    limit = pages * resource.getpagesize() + MEMORY_BYTES
+    resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
+
+
+if __name__ == "__main__":
+    asked = (sys.argv[2], int(sys.argv[3])) if len(sys.argv) > 2 else None
+    print(json.dumps(work(int(sys.argv[1]), Path.cwd(), asked)))

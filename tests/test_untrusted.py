@@ -1,0 +1,173 @@
+"""Names, folders and command lines nobody vouches for: nothing they hold is run, or reaches a terminal as it is."""
+
+from __future__ import annotations
+
+import io
+import json
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import pandas as pd
+import pytest
+from rich.console import Console
+
+from atra import records
+from atra.errors import InputError, printable
+from atra.records import FORMAT, Record, read_record, record_path
+from experiments.command_line import check_command_line
+from experiments.launch import WORKER_COMMAND, project_environment
+from experiments.messages import say
+from experiments.progress import SweepProgress
+from experiments.report import ReportFigure
+from experiments.report.page import render_report
+from experiments.summary import print_point, print_sweep
+from experiments.table import COLUMNS, read_table, write_table
+from tests.report_samples import CLAIMS, SVG, scene_pictures, small_contents, small_table
+
+ROOT = Path(__file__).resolve().parents[1]
+CONTROLS = "\x1b]0;title\x07\x1b[2J\x9b31m\u202edesrever\u2028\x00"
+
+
+def hostile_table() -> pd.DataFrame:
+    """Every text of every row is hostile, but for those a row is told apart by."""
+    table = small_table()
+    for name in ("scene", "error", "doubts", "cpu", "stands_for", "measured_at"):
+        table[name] = table[name].fillna("").map(lambda text: text + CONTROLS).astype(COLUMNS[name])
+    return table
+
+
+def controls_in(text: str) -> set[str]:
+    return {sign for sign in text if not sign.isprintable() and sign not in "\n"}
+
+
+def test_printable_keeps_every_letter_and_escapes_what_has_no_picture() -> None:
+    assert printable("Größe “2 μ” 模型") == "Größe “2 μ” 模型"
+    assert printable("a\x1b[31m\n\u202e\x9b") == r"a\x1b[31m\n\u202e\x9b"
+
+
+def test_a_long_message_keeps_its_ends() -> None:
+    text = str(InputError("start" + "x" * 100_000 + "end"))
+    assert text.startswith("start")
+    assert text.endswith("end")
+    assert len(text) <= 2000
+
+
+def test_no_control_character_of_a_name_or_an_error_reaches_the_page() -> None:
+    claim = replace(CLAIMS[0], **dict.fromkeys(("text", "paper_value", "how", "value", "interval", "why"), CONTROLS))
+    page = render_report(
+        small_contents(
+            title=CONTROLS,
+            command=CONTROLS,
+            table=hostile_table(),
+            claims=(claim,),
+            figures=(ReportFigure(CONTROLS, CONTROLS, SVG),),
+            pictures=(scene_pictures(CONTROLS, edge=8, title=CONTROLS, stands_for=CONTROLS, withheld=CONTROLS),),
+            environment={"cpu": CONTROLS, CONTROLS: CONTROLS},
+        )
+    )
+    assert controls_in(page) == set()
+    assert r"\x1b[2J" in page
+
+
+def test_no_control_character_reaches_the_terminal(tmp_path: Path) -> None:
+    written = io.StringIO()
+    console = Console(file=written, width=200)
+    table = hostile_table()
+    print_sweep(table, tmp_path, console)
+    for _, row in table[table["status"] == "ok"].iterrows():
+        print_point(row, console)
+    with SweepProgress(1, console) as progress:
+        progress.begin(CONTROLS)
+        progress.end(CONTROLS, CONTROLS)
+    say(console, CONTROLS)
+    assert controls_in(written.getvalue()) == set()
+    assert written.getvalue().count(r"\x1b[2J") > 5
+
+
+def test_a_record_with_hostile_keys_is_set_aside_with_a_printable_warning(tmp_path: Path) -> None:
+    fields = {**vars(Record("x", "ok", None, {}, {})), CONTROLS: 1}
+    text = json.dumps({"format": FORMAT, "sha256": records._sha256(fields), **fields})
+    record_path(tmp_path, "x").write_text(text)
+    with pytest.warns(UserWarning, match="makes no sense") as caught:
+        assert read_record(tmp_path, "x") is None
+    assert str(caught[0].message).isprintable()
+
+
+@pytest.mark.parametrize("start", ["=cmd()", "+1", "-1", "@x"])
+def test_a_spreadsheet_takes_no_scene_for_a_formula(tmp_path: Path, start: str) -> None:
+    table = small_table()
+    table.loc[0, "scene"] = start
+    write_table(tmp_path, table)
+    read = pd.read_csv(tmp_path / "table.csv", dtype=str, keep_default_na=False)
+    assert read["scene"][0] == "'" + start
+    assert list(read["scene"][1:]) == list(table["scene"][1:])
+    assert list(read["speedup"].replace("", "nan").astype(float)) == pytest.approx(
+        list(table["speedup"].to_numpy(float, na_value=float("nan"))), nan_ok=True
+    )
+    kept = read_table(tmp_path)
+    assert kept is not None
+    assert kept["scene"][0] == start
+
+
+def test_a_text_with_line_breaks_stays_in_its_row_of_the_csv(tmp_path: Path) -> None:
+    table = small_table()
+    table["error"] = pd.array(["a\rb\nc\r\nd"] * len(table), dtype="string")
+    write_table(tmp_path, table)
+    assert list(pd.read_csv(tmp_path / "table.csv")["error"]) == ["a\\rb\nc\r\nd"] * len(table)
+
+
+@pytest.mark.parametrize(
+    "argument",
+    [
+        "hydra.launcher._target_=os.system",
+        "+hydra.launcher.x={_target_: os.system}",
+        "hydra.sweeper._target_=os.system",
+        "+hydra.callbacks.x._target_=os.system",
+        "++hydra.callbacks={x: {y: z}}",
+        "+hydra.job_logging.handlers.x={(): os.system}",
+        "hydra/job_logging=default",
+        "hydra/callbacks=x",
+        "hydra={launcher: x}",
+        "hydra.searchpath=[file:///tmp]",
+        "hydra.job.env_set.LD_PRELOAD=x.so",
+        "~hydra.launcher",
+        "+hydra/env@hydra.launcher=x",
+        "sweep.grids={a: {+hydra.callbacks.x: y}}",
+        "sweep.grids.a={scene: {_target_: os.system}}",
+        "--config-dir=/tmp",
+        "--config-path",
+        "-cd",
+        "--config-name=x",
+        "--experimental-rerun=job.pickle",
+    ],
+)
+def test_a_command_line_that_names_code_or_other_configuration_is_refused(argument: str) -> None:
+    with pytest.raises(InputError):
+        check_command_line(["width=8", argument])
+
+
+def test_a_command_line_of_ours_is_not_refused() -> None:
+    check_command_line(
+        ["report", "sweep=paper", "scene=cornell_box,sponza", "scene.path=~/hydra/model.ply", "split_x=1,2", "-m",
+         "hydra/launcher=submitit_slurm", "hydra.launcher.exclusive=true", "hydra.launcher.ray.init.num_cpus=2",
+         "hydra.sweeper.max_batch_size=2", "hydra.mode=RUN", "+measure.rounds=3", "--cfg", "job", "results_dir=/a=b"]
+    )  # fmt: skip
+
+
+def test_a_refused_command_line_runs_nothing(tmp_path: Path) -> None:
+    command = [sys.executable, str(ROOT / "run.py"), "+hydra.callbacks.x={_target_: os.mkdir, path: made}"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 2
+    assert "hydra.callbacks.x cannot be set" in done.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_worker_imports_nothing_from_the_folder_it_is_started_in(tmp_path: Path) -> None:
+    for name in ("numpy", "json", "experiments", "atra"):
+        (tmp_path / f"{name}.py").write_text(f"open({str(tmp_path / 'imported')!r}, 'a').write({name!r})")
+    subprocess.run(
+        list(WORKER_COMMAND), cwd=tmp_path, env=project_environment(), input=b"", capture_output=True, timeout=120
+    )
+    assert not (tmp_path / "imported").exists()
