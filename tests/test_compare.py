@@ -242,6 +242,16 @@ def test_float32_cannot_say_whether_a_plane_through_the_eye_is_in_front_of_it():
     assert verdict_at_centre(scene(small(-1e-3)), (0, 1e-3), NOTHING) == Verdict.WRONG
 
 
+def test_in_a_very_narrow_view_float32_is_coarser_than_pixels():
+    # 1e-7 of the distance is a twentieth of a pixel here; the triangle is some forty pixels large.
+    camera = Camera(eye=(0, 0, 0), target=(0, 0, -1), fov_y_degrees=0.01, width=64, height=64)
+    pixel = camera.pixel_pitch
+    for beside, expected in ((0.03, Verdict.EDGE), (1.0, Verdict.WRONG)):
+        left = (0.5 - beside) * pixel
+        mesh = scene([(left, -20 * pixel, -1.0), (left + 40 * pixel, 0.0, -1.0), (left, 20 * pixel, -1.0)])
+        assert verdict_at_centre(mesh, (0, 1.0), NOTHING, camera) == expected
+
+
 def planes_past_the_eye(distance, seed):
     """Large triangles whose planes all pass the origin at this distance."""
     random = np.random.default_rng(seed)
