@@ -97,8 +97,8 @@ def _finish(axis: Axes, highest: int) -> None:
     axis.set_xticks(ticks)
     axis.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:,.0f}"))
     axis.xaxis.set_minor_locator(NullLocator())
-    # Room for the text: as much again as the longest bar and three more decades.
-    axis.set_xlim(0, highest**2 * 1000)
+    # Room for the text: as much again as the longest bar and four more decades.
+    axis.set_xlim(0, highest**2 * 30_000)
     axis.set_xlabel("pixels")
     axis.grid(True, axis="x", color="#DDDDDD", linewidth=0.6)
     axis.set_axisbelow(True)
