@@ -39,23 +39,24 @@ def test_the_papers_reference_leaves_the_first_cell_unsheared():
 
 @pytest.mark.parametrize("view", [(0, 0, 1), (0, 0, -1), (1, 0, 0), (-1, 0, 0)])
 @pytest.mark.parametrize("turn", [(0.2, 0.1), (-0.2, 0.1), (0.1, -0.2), (-0.1, -0.1)])
-@pytest.mark.parametrize("counts", [(1, 1), (2, 1), (1, 2), (50, 34)])
+@pytest.mark.parametrize("counts", [(1, 1), (3, 1), (1, 3), (25, 17)])
 def test_reference_rays_lie_a_quarter_from_the_centre_away_from_the_world_axis_on_axes_that_are_split(
     view, turn, counts
 ):
     side = np.cross(view, (0, 1, 0))
     target = np.array(view) + turn[0] * side + np.array((0, turn[1], 0))
-    camera = atra.Camera((0, 0, 0), target, fov_y_degrees=60, width=150, height=102)
-    alignment = atra.Alignment.of_cells(camera, atra.Split(*counts, 150, 102))
+    camera = atra.Camera((0, 0, 0), target, fov_y_degrees=60, width=75, height=51)
+    alignment = atra.Alignment.of_cells(camera, atra.Split(*counts, 75, 51))
     x, y, z = camera.to_camera_space(np.array([view], float))[0]  # where the axis is in the image
-    assert alignment.first_x_pixels == (-75.0 if counts[0] == 1 else -37.5 * np.sign(x / z))
-    assert alignment.first_y_pixels == (-51.0 if counts[1] == 1 else -25.5 * np.sign(y / z))
+    assert alignment.first_x_pixels == (-37.5 if counts[0] == 1 else -18.75 * np.sign(x / z))
+    assert alignment.first_y_pixels == (-25.5 if counts[1] == 1 else -12.75 * np.sign(y / z))
 
 
-def test_reference_rays_lie_left_and_above_where_the_world_axis_is_the_view():
-    camera = atra.Camera(**EYE_AT_ORIGIN, width=150, height=102)
-    alignment = atra.Alignment.of_cells(camera, atra.Split(50, 34, 150, 102))
-    assert (alignment.first_x_pixels, alignment.first_y_pixels) == (-37.5, -25.5)
+@pytest.mark.parametrize(("counts", "width", "height"), [((25, 17), 75, 51), ((2, 2), 74, 50)])
+def test_reference_rays_lie_left_and_above_where_the_world_axis_is_the_view(counts, width, height):
+    camera = atra.Camera(**EYE_AT_ORIGIN, width=width, height=height)
+    alignment = atra.Alignment.of_cells(camera, atra.Split(*counts, width, height))
+    assert (alignment.first_x_pixels, alignment.first_y_pixels) == (-width / 4, -height / 4)
 
 
 def test_splits_and_alignments_cannot_be_changed_under_a_plan():
