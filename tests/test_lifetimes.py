@@ -1,7 +1,6 @@
 """Tracers from making to closing: nothing leaks, nothing is used after it is gone, every order of calls is defined."""
 
 import gc
-import os
 import subprocess
 import sys
 import threading
@@ -15,9 +14,9 @@ import atra
 from atra.embree.device import EmbreeDevice
 from atra.parallel import WorkerPool
 from tests.meshes import cornell_box, cornell_camera
+from tests.strategies import NIGHTLY
 
-CYCLES = 1000 if os.environ.get("ATRA_HYPOTHESIS") == "nightly" else 100
-"""As the property tests do, these take longer where nobody waits for them."""
+CYCLES = 1000 if NIGHTLY else 100
 
 MESH, CAMERA = cornell_box(), cornell_camera(64, 48)
 TRACERS = {
