@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -23,6 +24,10 @@ PLAN_BYTES_PER_COPY = 3 * 12 + 12 + 8
 
 EMBREE_BYTES_PER_COPY = {"low": 110, "medium": 110, "high": 160}
 """Growth of the process per triangle at the peak of a build, rounded up (docs/departures.md has the measurements)."""
+
+
+WIDEST_SHEAR = 8.0
+"""Shift on the image plane beyond which sheared copies of triangles close to the eye were seen to lose their depth."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,6 +74,7 @@ def plan_aligned_geometry(
     """
     split = alignment.split
     check_image_size(split.height * alignment.image_count, row_stride)
+    warn_of_wide_shears(alignment)
     cell = (split.nx, split.ny, split.cell_width, split.cell_height)
     projected = [
         project_vertices(mesh, camera, pool, linear)
@@ -93,6 +99,17 @@ def plan_aligned_geometry(
         _fill(pool, points, mesh, culling, cell, alignment.shears, place, own_starts, vertices, records)
     faces = np.arange(3 * copies, dtype=np.uint32).reshape(copies, 3)
     return AlignedGeometry(vertices, faces, records)
+
+
+def warn_of_wide_shears(alignment: Alignment) -> None:
+    """Warn where float32 may not hold the copies: docs/departures.md, "Wide views", has the measurements."""
+    shear = float(np.hypot(np.abs(alignment.shift_x).max(), np.abs(alignment.shift_y).max()))
+    if shear > WIDEST_SHEAR and not alignment.cameras[0].is_parallel:
+        warnings.warn(
+            f"a very wide view: cells are sheared by up to {shear:.1f}, and beyond {WIDEST_SHEAR:g} float32 copies of "
+            "triangles close to the eye may lose their depth; geometry='instanced' or PixelTracer keep it",
+            stacklevel=2,
+        )
 
 
 def _count(

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.alignment import Alignment
-from atra.culling import AlignedGeometry, check_image_size, check_memory_budget, project_vertices
+from atra.culling import AlignedGeometry, check_image_size, check_memory_budget, project_vertices, warn_of_wide_shears
 from atra.embree.scene import padded_vertices
 from atra.kernels.visible import count_visible, fill_visible
 from atra.mesh import Mesh
@@ -75,6 +75,7 @@ def plan_visible_geometry(
     """
     split, (camera,) = alignment.split, alignment.cameras
     check_image_size(split.height, row_stride)
+    warn_of_wide_shears(alignment)
     points_pixels, points_ray = project_vertices(mesh, camera, pool)
     with np.errstate(divide="ignore"):
         wanted = (1.0 - SEEN_SLACK) / seen_depth

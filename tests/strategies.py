@@ -117,7 +117,7 @@ def faces_at_the_eye(view: View) -> np.ndarray:
     the largest shift of a cell (docs/departures.md, "Wide views"); these may be off by more than DEPTH_TOLERANCE.
     """
     mesh, camera = view.mesh, view.camera
-    alignment = Alignment.at_quarter(camera, atra.Split(*view.split, camera.width, camera.height))
+    alignment = Alignment.of_cells(camera, atra.Split(*view.split, camera.width, camera.height))
     shift = np.hypot(np.abs(alignment.shift_x).max(), np.abs(alignment.shift_y).max())
     corners = camera.to_eye_space(mesh.triangles(np.arange(mesh.triangle_count)).reshape(-1, 3)).reshape(-1, 3, 3)
     size = np.linalg.norm(corners, axis=2).max(axis=1)[:, None]

@@ -165,3 +165,16 @@ def test_vertices_are_projected_to_their_pixels_and_to_the_eye():
     np.testing.assert_allclose(eye, points_eye, atol=1e-5)
     np.testing.assert_allclose(pixels[:, 2], depth, rtol=1e-5)
     np.testing.assert_allclose(pixels[:, :2] / pixels[:, 2:], np.stack([x, y], 1) + 0.5, atol=1e-3)
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_view_so_wide_that_copies_may_lose_their_depth_warns_and_others_do_not():
+    mesh = random_triangles(10, seed=1)
+    wide, usual = (atra.Camera(**EYE_AT_ORIGIN, width=16, height=16, fov_y_degrees=fov) for fov in (170, 120))
+    plan(mesh, usual, (16, 16))
+    plan(mesh, wide, (1, 1))  # nothing is sheared
+    for tracer in (atra.AlignedTracer(mesh, wide, (16, 16)), atra.VisibleFirstTracer(mesh, wide, (16, 16))):
+        with pytest.raises(UserWarning, match=r"sheared by up to 2\d\.\d, and beyond 8"), tracer:
+            pass
+    with atra.AlignedTracer(mesh, wide, (16, 16), culling=False, geometry="instanced"):
+        pass

@@ -58,7 +58,9 @@ def standings(found: Examination) -> tuple[list[int], list[int]]:
 @pytest.mark.parametrize("threads", [1, 2])
 def test_the_oracle_finds_exactly_the_hits_of_brute_force(offset: tuple[float, float], threads: int) -> None:
     around = atra.Camera(**EYE_AT_ORIGIN, fov_y_degrees=130.0, width=37, height=23)
-    for mesh, camera in ((cornell_box(), cornell_camera(37, 23)), (random_triangles(150, 3), around)):
+    parallel = atra.OrthographicCamera(**EYE_AT_ORIGIN, view_height=4.0, width=37, height=23)
+    triangles = random_triangles(150, 3)
+    for mesh, camera in ((cornell_box(), cornell_camera(37, 23)), (triangles, around), (triangles, parallel)):
         expected = brute_force(mesh, camera, offset)
         y, x = np.divmod(np.arange(37 * 23), 37)
         found = nearest_hits(mesh, camera, x, y, offset, threads)

@@ -81,9 +81,9 @@ def test_culling_and_instancing_change_nothing(view, packet_width):
 @given(views(widest_degrees=179.0))
 def test_culling_keeps_every_triangle_in_every_cell_where_a_float64_ray_hits_it(view):
     mesh, camera = view.mesh, view.camera
-    alignment = Alignment.at_quarter(camera, atra.Split(*view.split, camera.width, camera.height))
+    alignment = Alignment.of_cells(camera, atra.Split(*view.split, camera.width, camera.height))
     pool = WorkerPool(1)
-    geometry = plan_aligned_geometry(mesh, camera, alignment, culling=True, row_stride=camera.width, pool=pool)
+    geometry = plan_aligned_geometry([mesh], alignment, culling=True, row_stride=camera.width, pool=pool)
     pool.close()
     kept = set(zip(geometry.records & 0xFFFFFFFF, geometry.records >> 32, strict=True))  # prim_id, first pixel of cell
     y, x = (grid.ravel() for grid in np.mgrid[: camera.height, : camera.width])
@@ -95,7 +95,7 @@ def test_culling_keeps_every_triangle_in_every_cell_where_a_float64_ray_hits_it(
         assert {(prim_id, pixel) for pixel in first_pixel[hit]} <= kept
 
 
-@pytest.mark.parametrize("place", [Alignment.at_quarter, Alignment.at_first_cell])
+@pytest.mark.parametrize("place", [Alignment.of_cells, Alignment.at_first_cell])
 @EXAMPLES
 @given(views(max_triangles=1))
 def test_the_shear_maps_the_rays_of_each_cell_one_to_one_onto_the_reference_rays_and_keeps_t(place, view):

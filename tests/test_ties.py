@@ -198,6 +198,7 @@ def test_neighbours_that_share_an_edge_or_a_corner_do_not_overlap(mesh):
 def test_triangles_without_area_overlap_nothing_and_a_mesh_may_hold_nothing_else():
     needles = atra.Mesh([(0, 0, 4), (1, 0, 4), (2, 0, 4)], [[0, 1, 2], [2, 1, 0], [0, 0, 0]])
     assert not pairs_of(needles)
+    assert not pairs_of(atra.Mesh([(1, 2, 3)], [[0, 0, 0]]))
     assert pairs_of(joined(needles, quads([FACING_WALL]), quads([FACING_WALL]))) == {(5, 3), (6, 4)}
 
 

@@ -61,6 +61,8 @@ def _boxes_meet(boxes, a, b):  # type: ignore[no-untyped-def]
 def number_places(points, lowest, extent, numbers):  # type: ignore[no-untyped-def]
     """numbers[i] = the Morton code of a point (N, 3) in the box from `lowest` on, 21 bits an axis: sorted by it, points
     that are near each other tend to be neighbours."""
+    if len(points) == 0:
+        return  # the box may be a point then
     steps = 2097151.0 / max(extent[0], extent[1], extent[2])
     for i in range(len(points)):
         number = 0
