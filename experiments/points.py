@@ -11,9 +11,9 @@ from atra.errors import AtraError, InputError, MemoryBudgetError
 from atra.mesh import Mesh
 from atra.tracers import PixelTracer
 from experiments.configuration import Configuration, Geometry, Method, SceneConfiguration, SceneSource
+from experiments.frame_tracing import check_frames, make_own_tracer
 from experiments.point import Point
 from experiments.scene_loading import load_scene, mesh_sha256
-from experiments.tracing import make_tracer
 
 _LARGEST_DEFAULT_SPLIT = 128
 
@@ -98,6 +98,8 @@ def _resolve(configuration: Configuration, scene: _Scene) -> Point:
         frame_budget_s=measure.frame_budget_s,
         time_limit_s=measure.time_limit_s,
         memory_budget_gib=measure.memory_budget_gib,
+        frames=configuration.frames,
+        motion=configuration.motion.value if configuration.motion else None,
     )
 
 
@@ -129,7 +131,8 @@ def _problem(point: Point, mesh: Mesh) -> AtraError | None:
         split = f"split ({point.split_x}, {point.split_y})"
         return InputError(f"{split} with method={point.method}, which has no cells; use method=aligned or a split of 1")
     try:
-        make_tracer(point, mesh, point.camera).close()  # the constructor checks everything; nothing is built
+        check_frames(point)
+        make_own_tracer(point, mesh, point.camera).close()  # the constructor checks everything; nothing is built
     except (InputError, MemoryBudgetError) as error:
         return error
     return None

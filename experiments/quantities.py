@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
+from functools import partial
 from statistics import median
 from typing import Any
 
@@ -18,11 +19,20 @@ from atra.hits import Hits
 from atra.measure.memory import peak_rss_bytes, reset_peak_rss, rss_bytes
 from atra.measure.rounds import RoundSamples, measure_rounds
 from atra.mesh import Mesh
-from atra.tracers import Tracer
+from atra.tracers import FramesTracer, Tracer
 from experiments.configuration import Quantity, SceneSource
+from experiments.frame_tracing import (
+    SEPARATE,
+    Images,
+    SeparateFrames,
+    compare_images,
+    make_for_each_frame,
+    make_own_tracer,
+    separate_methods,
+)
 from experiments.point import Point
 from experiments.scene_loading import load_scene, mesh_sha256
-from experiments.tracing import make_packet_tracer, make_pixel_tracer, make_tracer
+from experiments.tracing import make_packet_tracer, make_pixel_tracer
 
 OWN, SINGLE, PACKETS = "own", "rtcIntersect1", "packets"
 """Names of the three methods in the samples of a time: the point's own, the paper's baseline, the expert's baseline."""
@@ -57,21 +67,26 @@ def _measure_time(point: Point) -> Measured:
     _warm_up(point)
     with ExitStack() as stack:
         own, results = _build_own(point, stack)
-        mesh, camera = own.mesh, own.camera
-        single = stack.enter_context(make_pixel_tracer(point, mesh, camera, 1))
-        packets = stack.enter_context(make_packet_tracer(point, mesh, camera))
+        single = stack.enter_context(make_for_each_frame(own, partial(make_pixel_tracer, point, packet_width=1)))
+        packets = stack.enter_context(make_for_each_frame(own, partial(make_packet_tracer, point)))
+        separate = {
+            name: stack.enter_context(make_for_each_frame(own, make)) for name, make in separate_methods(point).items()
+        }
         results |= {
             "baseline_build_time_s": float(single.build_time_s),
             "packets_width": int(packets.packet_width),
         }
-        own_frames, single_frames = _Frames(own), _Frames(single)
-        timed = _rounds(point, {OWN: own_frames.trace, SINGLE: single_frames.trace, PACKETS: _Frames(packets).trace})
-        results |= _counts(compare(mesh, camera, own_frames.latest(), single_frames.latest()))
+        if SEPARATE in separate:
+            results["separate_embree_bytes"] = int(separate[SEPARATE].embree_bytes)
+        methods: dict[str, Tracer | FramesTracer | SeparateFrames] = {OWN: own, SINGLE: single, PACKETS: packets}
+        images = {name: _Frames(tracer) for name, tracer in (methods | separate).items()}
+        timed = _rounds(point, {name: one.trace for name, one in images.items()})
+        results |= _counts(compare_images(images[OWN].latest(), images[SINGLE].latest()))
         results |= _plan_and_build_again(own)
     return _measured(results, timed)
 
 
-def _plan_and_build_again(own: Tracer) -> dict[str, Any]:
+def _plan_and_build_again(own: Tracer | FramesTracer) -> dict[str, Any]:
     """Medians and samples of plan and build, the first sample of each the one that has been."""
     plans, builds = [own.plan_time_s], [own.build_time_s]
     while len(builds) < BUILDS and sum(plans) + sum(builds) + plans[0] + builds[0] <= BUILDS_BUDGET_S:
@@ -113,6 +128,7 @@ def _make_pictures(point: Point) -> Measured:
         own, results = _build_own(point, stack)
         single = stack.enter_context(make_pixel_tracer(point, own.mesh, own.camera, 1))
         hits, reference = own.trace(), single.trace()
+        assert isinstance(hits, Hits)  # several frames have no pictures
         agreement = compare(own.mesh, own.camera, hits, reference)
     images = {
         "aligned": shade(hits),
@@ -120,7 +136,7 @@ def _make_pictures(point: Point) -> Measured:
         "difference": difference_picture(hits, reference, agreement.verdict),
     }
     results["pictures"] = {name: base64.b64encode(encode_png(image)).decode() for name, image in images.items()}
-    results |= _counts(agreement)
+    results |= _counts([agreement])
     return _measured(results, None)
 
 
@@ -149,25 +165,28 @@ def _rounds(point: Point, methods: dict[str, Callable[[], object]]) -> RoundSamp
 class _Frames:
     """Traces frame after frame into one image, as a renderer would: no sample pays for fresh pages."""
 
-    def __init__(self, tracer: Tracer) -> None:
+    def __init__(self, tracer: Tracer | FramesTracer | SeparateFrames) -> None:
         self._tracer = tracer
-        self._hits: Hits | None = None
+        self._hits: Any = None
 
     def trace(self) -> None:
         self._hits = self._tracer.trace(out=self._hits)
 
-    def latest(self) -> Hits:
+    def latest(self) -> Images:
         if self._hits is None:
             self.trace()
-        assert self._hits is not None
         return self._hits
 
 
-def _counts(agreement: Agreement) -> dict[str, int]:
-    return {f"pixels_{kind}": int(getattr(agreement, f"pixels_{kind}")) for kind in _AGREEMENT}
+def _counts(agreements: Sequence[Agreement]) -> dict[str, int]:
+    """Pixels of all frames."""
+    return {
+        f"pixels_{kind}": sum(int(getattr(agreement, f"pixels_{kind}")) for agreement in agreements)
+        for kind in _AGREEMENT
+    }
 
 
-def _build_own(point: Point, stack: ExitStack) -> tuple[Tracer, dict[str, Any]]:
+def _build_own(point: Point, stack: ExitStack) -> tuple[Tracer | FramesTracer, dict[str, Any]]:
     """Load the scene and build the point's own method, while nothing else is in the process, reading the memory on
     the way."""
     results: dict[str, Any] = {"rss_start_bytes": rss_bytes()}
@@ -176,7 +195,8 @@ def _build_own(point: Point, stack: ExitStack) -> tuple[Tracer, dict[str, Any]]:
         raise InputError(f"scene {point.scene} changed since this run began; start it again")
     reset_peak_rss()  # reading a file may take more than tracing it
     results["rss_mesh_bytes"] = rss_bytes()
-    own = stack.enter_context(make_tracer(point, mesh, point.camera))
+    own = make_own_tracer(point, mesh, point.camera)
+    stack.enter_context(own)
     results |= {
         "rss_bytes": rss_bytes(),
         "peak_rss_bytes": peak_rss_bytes(),
@@ -199,9 +219,10 @@ def _warm_up(point: Point, *, baselines: bool = True) -> None:
     width = split[0] * (point.width // point.split_x)
     height = split[1] * (point.height // point.split_y)
     camera = Camera((0.0, 0.0, 2.0), (0.0, 0.0, 0.0), (0.0, 1.0, 0.0), 60.0, width, height)
-    tracers = [make_tracer(point, mesh, camera, split)]
+    tracers = [make_own_tracer(point, mesh, camera, split)]
     if baselines:
         tracers += [make_pixel_tracer(point, mesh, camera, 1), make_packet_tracer(point, mesh, camera)]
+        tracers += [make(mesh, camera, split) for make in separate_methods(point).values()]
     for tracer in tracers:
         with tracer:
             tracer.trace()

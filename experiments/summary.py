@@ -14,6 +14,7 @@ from rich.table import Table
 
 from atra.records import Record
 from experiments.configuration import Geometry, Method, Quantity
+from experiments.frame_tracing import SEPARATE, SEPARATE_VISIBLE
 from experiments.quantities import BUILD, OWN, PLAN, SINGLE
 
 
@@ -23,7 +24,9 @@ def say_outcome(record: Record) -> str:
         return f"{record.status}: {record.error}"
     if OWN in record.samples:
         own, single = np.asarray(record.samples[OWN]), np.asarray(record.samples[SINGLE])
-        return f"{np.median(own) * 1e3:.1f} ms, {np.median(single / own):.2f}x rtcIntersect1"
+        told = f"{np.median(own) * 1e3:.1f} ms, {np.median(single / own):.2f}x rtcIntersect1"
+        separate = record.samples.get(SEPARATE)
+        return told if separate is None else f"{told}, {np.median(np.asarray(separate) / own):.2f}x separate frames"
     if BUILD in record.samples:
         plan, build = (np.median(record.samples[name]) for name in (PLAN, BUILD))
         return f"plan {_ms(plan)}, build {_ms(build)}"
@@ -48,12 +51,22 @@ def print_point(row: pd.Series, console: Console) -> None:
         lines.append(("plan, build", f"{_ms(row['plan_time_s'])}, {_ms(row['build_time_s'])}"))
     if not pd.isna(row["render_time_s"]):
         lines += [
-            ("frame", f"{_time(row, 'render_time')}  ({row['rounds']} rounds)"),
+            (
+                "frame" if pd.isna(row["motion"]) else f"all {row['frames']} frames",
+                f"{_time(row, 'render_time')}  ({row['rounds']} rounds)",
+            ),
             ("rtcIntersect1 per pixel", _time(row, "baseline_render_time")),
             (f"packets of {row['packets_width']} per pixel", _time(row, "packets_render_time")),
             ("speed-up over rtcIntersect1", f"{row['speedup']:.2f}x"),
             ("speed-up over packets", f"{row['speedup_vs_packets']:.2f}x"),
         ]
+        if not pd.isna(row["separate_render_time_s"]):
+            lines += [
+                ("one tracer a frame", _time(row, "separate_render_time")),
+                ("visible-first, one a frame", _time(row, "visible_first_render_time")),
+                ("speed-up over one a frame", f"{row['speedup_vs_separate']:.2f}x"),
+                ("speed-up over visible-first", f"{row['speedup_vs_visible_first']:.2f}x"),
+            ]
     if not pd.isna(row["pixels_wrong"]):
         counts = ", ".join(f"{kind} {row[f'pixels_{kind}']:,}" for kind in ("equal", "tied", "edge", "wrong"))
         lines.append(("pixels", counts))
@@ -74,7 +87,8 @@ def _kind(row: pd.Series) -> str:
     if row["method"] == Method.aligned.value:
         instanced = row["geometry"] == Geometry.instanced.value
         kind += ", instanced" if instanced else f", culling {'on' if row['culling'] else 'off'}"
-    return kind
+    several = not pd.isna(row["motion"])
+    return f"{kind}, {row['frames']} frames, {row['motion']}" if several else kind
 
 
 def _kind_and_threads(row: pd.Series) -> str:
@@ -91,7 +105,18 @@ def print_sweep(table: pd.DataFrame, folder: Path, console: Console) -> None:
     """The best split of each scene with culling off and on, wrong pixels, and every row that is missing."""
     measured = table[(table["status"] == "ok") & (table["quantity"] == Quantity.time.value)]
     best = Table(title="best split of each scene", title_justify="left")
-    for name in ("scene", "method", "packets of", "split", "frame", "vs rtcIntersect1", "vs packets", "pixels wrong"):
+    columns = ["scene", "method", "packets of", "split", "frame", "vs rtcIntersect1", "vs packets", "pixels wrong"]
+    several = bool(measured["motion"].notna().any())
+    if several:
+        columns[4:] = [
+            "all frames",
+            "vs rtcIntersect1",
+            "vs packets",
+            "vs separate",
+            "vs visible-first",
+            "pixels wrong",
+        ]
+    for name in columns:
         best.add_column(name, justify="left" if name in ("scene", "method") else "right")
     kinds = measured.apply(_kind_and_threads, axis=1) if len(measured) else []
     for (scene, kind, width), rows in measured.groupby(["scene", kinds, "packet_width"], sort=False):
@@ -104,6 +129,7 @@ def print_sweep(table: pd.DataFrame, folder: Path, console: Console) -> None:
             _ms(row["render_time_s"]),
             f"{row['speedup']:.2f}x",
             f"{row['speedup_vs_packets']:.2f}x",
+            *(_ratio(row[f"speedup_vs_{name}"]) for name in (SEPARATE, SEPARATE_VISIBLE) if several),
             str(rows["pixels_wrong"].sum()),
         )
     if len(measured):
@@ -144,6 +170,10 @@ def _time(row: pd.Series, name: str) -> str:
     """Median and quartiles of a time."""
     low, high = row[f"{name}_q1_s"] * 1e3, row[f"{name}_q3_s"] * 1e3
     return f"{_ms(row[f'{name}_s'])}  quartiles {low:,.1f} to {high:,.1f}"
+
+
+def _ratio(value: Any) -> str:
+    return "" if pd.isna(value) else f"{value:.2f}x"
 
 
 def _mib(count: Any) -> str:
