@@ -19,8 +19,8 @@ scenes' pictures 5 to 100 pixels apart."""
 STEP, STEP_TURN_DEGREES, STEP_ZOOM = 1 / 400, 0.5, 1.005
 """What a frame of a walk adds: a step as a share of the scene's diagonal, a turn, and a factor of the field of view."""
 
-MESH_TURN_DEGREES = 0.5
-"""What a frame adds to the turn of the mesh."""
+MESH_TURN_DEGREES = -0.5
+"""What a frame adds to the turn of the mesh; clockwise seen from above."""
 
 
 def frames_of(camera: Camera, mesh: Mesh, frames: int, motion: Motion) -> tuple[tuple[Camera, ...], tuple[Mesh, ...]]:
@@ -28,8 +28,9 @@ def frames_of(camera: Camera, mesh: Mesh, frames: int, motion: Motion) -> tuple[
 
     eyes: two cameras side by side that look the same way, half of EYE_DISTANCE to the left and to the right of
     `camera`. walk: the camera steps forward, turns to its left about its up direction and widens its field of view.
-    turn: the camera stands still and every frame has vertices of its own, turned about the line through the middle of
-    the scene's bounds along `camera.up`. Frame 0 of a walk and of a turn is the view as given. Where the mesh stands
+    turn: the camera stands still and every frame has vertices of its own, turned about the line through
+    `camera.target` along `camera.up`: about the middle of the scene it would carry walls through an eye in a corner.
+    Frame 0 of a walk and of a turn is the view as given. Where the mesh stands
     still, all frames share one.
     Raises InputError for fewer than one frame, another number of eyes than two, and a field of view that grows to 180
     degrees.
@@ -37,7 +38,7 @@ def frames_of(camera: Camera, mesh: Mesh, frames: int, motion: Motion) -> tuple[
     if frames < 1:
         raise InputError(f"frames is {frames}, expected at least 1")
     if motion is Motion.turn:
-        return (camera,) * frames, tuple(_turned(mesh, camera.up, frame) for frame in range(frames))
+        return (camera,) * frames, tuple(_turned(mesh, camera, frame) for frame in range(frames))
     size = float(np.linalg.norm(mesh.bounds[1] - mesh.bounds[0]))
     if motion is Motion.walk:
         return tuple(_walked(camera, size * STEP, frame) for frame in range(frames)), (mesh,) * frames
@@ -61,12 +62,11 @@ def _walked(camera: Camera, step: float, frame: int) -> Camera:
     return _with_view(camera, eye, target, camera.fov_y_degrees * STEP_ZOOM**frame)
 
 
-def _turned(mesh: Mesh, up: Vector, frame: int) -> Mesh:
+def _turned(mesh: Mesh, camera: Camera, frame: int) -> Mesh:
     if frame == 0:
         return mesh
-    middle = mesh.bounds.mean(axis=0)
-    vertices = (mesh.vertices - middle) @ _rotation(up, frame * MESH_TURN_DEGREES).T + middle
-    return Mesh(vertices, mesh.faces, name=f"{mesh.name}, frame {frame}")
+    vertices = (mesh.vertices - np.array(camera.target)) @ _rotation(camera.up, frame * MESH_TURN_DEGREES).T
+    return Mesh(vertices + camera.target, mesh.faces, name=f"{mesh.name}, frame {frame}")
 
 
 def _rotation(axis: Vector, degrees: float) -> NDArray[np.float64]:
