@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -144,8 +145,7 @@ def _finish(axis: Axes, rows: pd.DataFrame, quantity: str) -> None:
     axis.xaxis.set_minor_formatter(NullFormatter())
     axis.minorticks_off()
     axis.set_xlim(counts[0] / 1.25, counts[-1] * 1.25)
-    drawn = [line for line in axis.get_lines() if drawable(line.get_ydata(orig=False)).any()]
-    if drawn:
+    if any(drawable(np.asarray(line.get_ydata(), np.float64)).any() for line in axis.get_lines()):
         axis.set_ylim(0, 1.08 * axis.dataLim.y1)
     else:
         axis.set_yticks([])

@@ -34,7 +34,7 @@ from experiments.method_parts import (
 from experiments.price import time_rows
 
 _LABELS = {
-    TOGETHER: "both eyes together", SEPARATE_FRAMES: "aligned, eye by eye", VISIBLE_FRAMES: "visible-first, eye by eye",
+    TOGETHER: "both together", SEPARATE_FRAMES: "aligned\neye by eye", VISIBLE_FRAMES: "visible-first\neye by eye",
 }  # fmt: skip
 
 
@@ -76,5 +76,5 @@ def _make_bar(rows: pd.DataFrame, way: Way, label: str) -> Bar:
         return Bar(label, nan, nan, nan, way.style["color"], "not measured")
     value, low, high = (float(row[f"{way.time}{end}_s"]) * MILLISECONDS for end in ("", "_q1", "_q3"))
     ratio = f"{say_ratio(row)} packets" if way is TOGETHER else f"together {say_speedup(row, way)}"
-    name = "\n".join(filter(None, [label, say_split(row)]))
+    name = ", ".join(filter(None, [label, say_split(row)]))
     return Bar(name, value, low, high, way.style["color"], f"{say_number(value)} ms,  {ratio}")

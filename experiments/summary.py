@@ -14,7 +14,7 @@ from rich.table import Table
 
 from atra.records import Record
 from experiments.configuration import Geometry, Method, Quantity
-from experiments.frame_tracing import SEPARATE, SEPARATE_VISIBLE
+from experiments.frame_tracing import SEPARATE
 from experiments.quantities import BUILD, OWN, PLAN, SINGLE
 
 
@@ -103,20 +103,10 @@ def _describe(row: pd.Series) -> str:
 
 def print_sweep(table: pd.DataFrame, folder: Path, console: Console) -> None:
     """The best split of each scene with culling off and on, wrong pixels, and every row that is missing."""
-    measured = table[(table["status"] == "ok") & (table["quantity"] == Quantity.time.value)]
+    timed = table[(table["status"] == "ok") & (table["quantity"] == Quantity.time.value)]
+    measured = timed[timed["motion"].isna()]
     best = Table(title="best split of each scene", title_justify="left")
-    columns = ["scene", "method", "packets of", "split", "frame", "vs rtcIntersect1", "vs packets", "pixels wrong"]
-    several = bool(measured["motion"].notna().any())
-    if several:
-        columns[4:] = [
-            "all frames",
-            "vs rtcIntersect1",
-            "vs packets",
-            "vs separate",
-            "vs visible-first",
-            "pixels wrong",
-        ]
-    for name in columns:
+    for name in ("scene", "method", "packets of", "split", "frame", "vs rtcIntersect1", "vs packets", "pixels wrong"):
         best.add_column(name, justify="left" if name in ("scene", "method") else "right")
     kinds = measured.apply(_kind_and_threads, axis=1) if len(measured) else []
     for (scene, kind, width), rows in measured.groupby(["scene", kinds, "packet_width"], sort=False):
@@ -129,11 +119,12 @@ def print_sweep(table: pd.DataFrame, folder: Path, console: Console) -> None:
             _ms(row["render_time_s"]),
             f"{row['speedup']:.2f}x",
             f"{row['speedup_vs_packets']:.2f}x",
-            *(_ratio(row[f"speedup_vs_{name}"]) for name in (SEPARATE, SEPARATE_VISIBLE) if several),
             str(rows["pixels_wrong"].sum()),
         )
     if len(measured):
         console.print(best)
+    if len(measured) < len(timed):
+        console.print(_best_of_frames(timed[timed["motion"].notna()]))
     missing = table[table["status"] != "ok"]
     reasons = missing["error"].map(_kind_of_error)
     for (scene, status, _), rows in missing.groupby(["scene", "status", reasons], sort=False):
@@ -149,6 +140,27 @@ def print_sweep(table: pd.DataFrame, folder: Path, console: Console) -> None:
     console.print(
         f"{counts or 'nothing measured'}; in {folder}: {files}", markup=False, highlight=False, soft_wrap=True
     )
+
+
+def _best_of_frames(timed: pd.DataFrame) -> Table:
+    """The split at which all frames together gain most over packets, and how many times as fast they are there."""
+    best = Table(title="best split of all frames together, and speed-up over", title_justify="left")
+    left, ratios = ("scene", "motion"), ("separate", "visible-first", "packets", "rtcIntersect1")
+    for name in (*left, "frames", "split", "all frames", *ratios, "pixels wrong"):
+        best.add_column(name, justify="left" if name in left else "right")
+    others = ("speedup_vs_separate", "speedup_vs_visible_first", "speedup_vs_packets", "speedup")
+    for (scene, motion, frames), rows in timed.groupby(["scene", "motion", "frames"], sort=False):
+        row = rows.loc[rows["speedup_vs_packets"].astype(float).idxmax()]
+        best.add_row(
+            escape(str(scene)),
+            motion,
+            str(frames),
+            f"{row['split_x']} x {row['split_y']}",
+            _ms(row["render_time_s"]),
+            *(f"{row[name]:.2f}x" for name in others),
+            str(rows["pixels_wrong"].sum()),
+        )
+    return best
 
 
 def _kind_of_error(error: str) -> str:
@@ -170,10 +182,6 @@ def _time(row: pd.Series, name: str) -> str:
     """Median and quartiles of a time."""
     low, high = row[f"{name}_q1_s"] * 1e3, row[f"{name}_q3_s"] * 1e3
     return f"{_ms(row[f'{name}_s'])}  quartiles {low:,.1f} to {high:,.1f}"
-
-
-def _ratio(value: Any) -> str:
-    return "" if pd.isna(value) else f"{value:.2f}x"
 
 
 def _mib(count: Any) -> str:

@@ -21,6 +21,8 @@ SWEEPS = {
     "methods": (["split_x=1,4", "split_y=1"], {"methods", "price"}),
     "threads": ([], {"threads"}),
     "peers": (["method=pixel,embreex"], {"peers"}),
+    "stereo": (["split_x=1,4"], {"stereo"}),
+    "multiframe": (["frames=2", "split_x=4"], {"multiframe"}),
 }
 PARTS_OF_SMOKE = {"horizontal", "vertical", "grid", "build", "memory", "scenes", "paper"}
 
