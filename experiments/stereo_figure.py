@@ -54,8 +54,8 @@ def draw_stereo_figure(table: pd.DataFrame, heading: str = "") -> Figure:
     add_legend(figure, axes, list(TIME_BASELINES), heading)
     write_foot(
         figure, rows,
-        "behind a bar: how many times as fast both eyes together are at that split, [95 % interval of the median]; "
-        "plan and build are not in these times",
+        "behind a bar: packets / both together, below it eye by eye / both together at that split, "
+        "[95 % interval of the median]; without plan and build",
     )  # fmt: skip
     return figure
 
@@ -75,6 +75,6 @@ def _make_bar(rows: pd.DataFrame, way: Way, label: str) -> Bar:
     if row is None:
         return Bar(label, nan, nan, nan, way.style["color"], "not measured")
     value, low, high = (float(row[f"{way.time}{end}_s"]) * MILLISECONDS for end in ("", "_q1", "_q3"))
-    ratio = f"{say_ratio(row)} packets" if way is TOGETHER else f"together {say_speedup(row, way)}"
+    ratio = say_ratio(row) if way is TOGETHER else say_speedup(row, way)
     name = ", ".join(filter(None, [label, say_split(row)]))
     return Bar(name, value, low, high, way.style["color"], f"{say_number(value)} ms,  {ratio}")

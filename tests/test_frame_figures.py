@@ -57,9 +57,9 @@ def test_the_stereo_figure_draws_every_way_at_its_best_split_in_milliseconds_wit
         f"visible-first\neye by eye, 128 {TIMES} 1": 10,
     }  # fmt: skip
     assert whiskers(axis) == [pytest.approx([10, 40]), pytest.approx([10, 40]), pytest.approx([5, 20])]
-    assert f"20.0 ms,  2.50{TIMES} [1.75, 2.25] packets" in words(figure)
-    assert f"20.0 ms,  together 0.50{TIMES} [0.75, 1.25]" in words(figure)
-    assert f"10.0 ms,  together 0.25{TIMES} [0.75, 1.25]" in words(figure)
+    assert f"20.0 ms,  2.50{TIMES} [1.75, 2.25]" in words(figure)
+    assert f"20.0 ms,  0.50{TIMES} [0.75, 1.25]" in words(figure)
+    assert f"10.0 ms,  0.25{TIMES} [0.75, 1.25]" in words(figure)
     assert set(line(axis, "rtcIntersect1 per pixel")) == {100}
     assert set(line(axis, "packets per pixel")) == {50}
 
