@@ -64,6 +64,15 @@ class Ties(Enum):
     any = "any"
 
 
+class Motion(Enum):
+    """How the frames of a point differ: eyes = two eyes side by side; walk = the camera moves, turns and zooms a
+    little every frame; turn = the camera stands still and the mesh turns (`experiments.motion`)."""
+
+    eyes = "eyes"
+    walk = "walk"
+    turn = "turn"
+
+
 class Quantity(Enum):
     """What is measured at a point, in a process of its own each.
 
@@ -156,7 +165,8 @@ class Configuration:
 
     split_x: columns of cells; null = 128, or the largest power of two below that divides the width (aligned).
     packet_width: null = the widest the machine supports natively. packet_rows: rows of pixels in a packet, for methods
-    with aligned rays; null = what suits the cell. threads: null = every core.
+    with aligned rays; null = what suits the cell. threads: null = every core. frames: traced together in one pass;
+    motion: what makes several frames of one view.
     """
 
     scene: SceneConfiguration = field(default_factory=SceneConfiguration)
@@ -168,6 +178,8 @@ class Configuration:
     split_x: int | None = None
     split_y: int = 1
     culling: bool = True
+    frames: int = 1
+    motion: Motion | None = None
     packet_width: int | None = 8
     packet_rows: int | None = None
     threads: int | None = 1
@@ -212,6 +224,14 @@ def check_configuration(configuration: Configuration) -> None:
     _at_least("split_x", configuration.split_x, 1)
     _at_least("split_y", configuration.split_y, 1)
     _at_least("threads", configuration.threads, 1)
+    _at_least("frames", configuration.frames, 1)
+    if (configuration.frames > 1) != (configuration.motion is not None):
+        motion = configuration.motion.value if configuration.motion else "null"
+        kinds = ", ".join(one.value for one in Motion)
+        raise InputError(
+            f"frames is {configuration.frames} with motion={motion}; several frames need a motion ({kinds}), and a "
+            "motion needs several frames, for example frames=2 motion=eyes"
+        )
     _at_least("measure.rounds", measure.rounds, 1)
     _at_least("measure.warmup", measure.warmup, 0)
     _at_least("measure.sample_rays", measure.sample_rays, 0)

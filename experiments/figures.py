@@ -19,11 +19,13 @@ from experiments.grid_figure import draw_grid_figure
 from experiments.instancing_figure import draw_instancing_figure
 from experiments.memory_figure import draw_memory_figure
 from experiments.methods_figure import draw_methods_figure
+from experiments.multiframe_figure import draw_multiframe_figure
 from experiments.peers_figure import draw_peers_figure
 from experiments.pictures import ScenePictures
 from experiments.price_figure import draw_price_figure
 from experiments.scenes_figure import draw_scenes_figure
 from experiments.split_figure import draw_split_figure
+from experiments.stereo_figure import draw_stereo_figure
 from experiments.table import rows_of
 from experiments.threads_figure import draw_threads_figure
 
@@ -102,6 +104,11 @@ FIGURES = (
     FigureKind(
         "peers", "Rays per second beside other ray tracers", ("peers_pixel", "peers_own", "peers_others"),
         draw_peers_figure,
+    ),
+    FigureKind("stereo", "Time of the images of both eyes, together and eye by eye", ("stereo",), draw_stereo_figure),
+    FigureKind(
+        "multiframe", "Time per frame and memory over the number of frames, together and frame by frame",
+        ("multiframe", "multiframe_turn", "multiframe_memory"), draw_multiframe_figure,
     ),
 )  # fmt: skip
 

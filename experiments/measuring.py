@@ -13,7 +13,7 @@ from typing import Any
 from atra.embree.library import embree_version
 from atra.measure.environment import STABLE_FIELDS, Environment, read_environment
 from atra.records import Record, point_id
-from experiments import launch, quantities, tracing, worker
+from experiments import frame_tracing, launch, motion, quantities, tracing, worker
 from experiments.launch import run_worker
 from experiments.outcome import Outcome
 from experiments.point import Point
@@ -46,7 +46,8 @@ def _identity(configuration: dict[str, Any], stable_environment: dict[str, Any])
 def _measuring_code_sha256() -> str:
     """The library's own source is part of the environment; this is what runs it in the worker."""
     digest = hashlib.sha256()
-    for path in (launch.__file__, quantities.__file__, tracing.__file__, worker.__file__):
+    for module in (launch, quantities, tracing, frame_tracing, motion, worker):
+        path = module.__file__
         digest.update(Path(str(path)).read_bytes())
     return digest.hexdigest()
 

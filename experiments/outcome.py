@@ -10,6 +10,7 @@ from typing import Any
 from atra.measure.rounds import MINIMUM_ROUNDS
 from atra.records import check_samples, check_status
 from experiments.configuration import Quantity
+from experiments.frame_tracing import separate_methods
 from experiments.point import Point
 from experiments.quantities import BASELINE_BUILD, BUILD, OWN, PACKETS, PLAN, SINGLE
 
@@ -117,14 +118,15 @@ def _check_measured(outcome: Outcome, point: Point) -> None:
     if missing or not results:
         raise ValueError(f"status ok without {', '.join(missing) or 'results'}")
     if "pixels_equal" in _RESULTS.get(quantity, ()):
-        images = len(point.offsets) if quantity is Quantity.agreement else 1
+        images = len(point.offsets) if quantity is Quantity.agreement else point.frames
         pixels, counted = images * point.width * point.height, sum(results[name] for name in _COUNTS)
         if counted != pixels:
             raise ValueError(f"equal, tied, edge and wrong pixels are {counted} together, of {pixels} that were traced")
     if quantity not in _SAMPLES:
         return
-    if set(samples) != _SAMPLES[quantity] or set(outcome.warmup_samples) != set(samples):
-        raise ValueError(f"samples of {sorted(samples)}, expected {sorted(_SAMPLES[quantity])}, and as many warm-ups")
+    expected = _SAMPLES[quantity] | (set(separate_methods(point)) if quantity is Quantity.time else set())
+    if set(samples) != expected or set(outcome.warmup_samples) != set(samples):
+        raise ValueError(f"samples of {sorted(samples)}, expected {sorted(expected)}, and as many warm-ups")
     for values in samples.values():
         if not min(point.rounds, MINIMUM_ROUNDS) <= len(values) <= point.rounds or len(values) != results.get("rounds"):
             raise ValueError(f"{len(values)} rounds of samples, {results.get('rounds')} by its account")

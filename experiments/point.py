@@ -17,7 +17,8 @@ PIXEL_CENTRE: Offset = (0.5, 0.5)
 class Point:
     """One point to measure, complete: the worker needs nothing else, and the record's identity is a hash of it.
 
-    Plain JSON values only. `triangles` and `mesh_sha256` describe the mesh as loaded.
+    Plain JSON values only. `triangles` and `mesh_sha256` describe the mesh as loaded. Of several frames, eye, target,
+    up and fov_y_degrees are the view that `motion` makes them of.
     """
 
     scene: str
@@ -49,6 +50,8 @@ class Point:
     memory_budget_gib: float
     offsets: tuple[Offset, ...] = (PIXEL_CENTRE,)
     sample_rays: int = 0
+    frames: int = 1
+    motion: str | None = None
 
     @classmethod
     def from_fields(cls, fields: dict[str, Any]) -> Point:
@@ -83,6 +86,8 @@ class Point:
         if method is Method.aligned:
             instanced = self.geometry == Geometry.instanced.value
             details.append("instanced" if instanced else f"culling {'on' if self.culling else 'off'}")
+        if self.frames > 1:
+            details.append(f"{self.frames} frames, {self.motion}")
         if self.threads != 1:
             details.append("every core" if self.threads is None else f"{self.threads} threads")
         if self.ties != Ties.lowest.value:

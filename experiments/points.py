@@ -19,9 +19,9 @@ from experiments.configuration import (
     SceneConfiguration,
     SceneSource,
 )
+from experiments.frame_tracing import check_frames, make_own_tracer
 from experiments.point import Point
 from experiments.scene_loading import load_scene, mesh_sha256
-from experiments.tracing import make_tracer
 
 _LARGEST_DEFAULT_SPLIT = 128
 
@@ -108,6 +108,8 @@ def _resolve(configuration: Configuration, scene: _Scene) -> Point:
         time_limit_s=measure.time_limit_s,
         memory_budget_gib=measure.memory_budget_gib,
         **_compared_rays(measure),
+        frames=configuration.frames,
+        motion=configuration.motion.value if configuration.motion else None,
     )
 
 
@@ -147,7 +149,8 @@ def _problem(point: Point, mesh: Mesh) -> AtraError | None:
         split = f"split ({point.split_x}, {point.split_y})"
         return InputError(f"{split} with method={point.method}, which has no cells; use method=aligned or a split of 1")
     try:
-        make_tracer(point, mesh, point.camera).close()  # the constructor checks everything; nothing is built
+        check_frames(point)
+        make_own_tracer(point, mesh, point.camera).close()  # the constructor checks everything; nothing is built
     except (InputError, MemoryBudgetError) as error:
         return error
     return None

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import base64
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from enum import IntEnum
+from functools import partial
 from math import isfinite
 from statistics import median
 from typing import Any
@@ -24,11 +25,20 @@ from atra.measure.memory import peak_rss_bytes, reset_peak_rss, rss_bytes
 from atra.measure.rounds import RoundSamples, measure_rounds
 from atra.mesh import Mesh
 from atra.oracle import Examination, Standing, examine, sample_pixels
-from atra.tracers import Tracer
+from atra.tracers import FramesTracer, Tracer
 from experiments.configuration import Quantity, SceneSource, Ties
+from experiments.frame_tracing import (
+    SEPARATE,
+    Images,
+    SeparateFrames,
+    compare_images,
+    make_for_each_frame,
+    make_own_tracer,
+    separate_methods,
+)
 from experiments.point import Offset, Point
 from experiments.scene_loading import load_scene, mesh_sha256
-from experiments.tracing import make_packet_tracer, make_pixel_tracer, make_tracer
+from experiments.tracing import make_packet_tracer, make_pixel_tracer
 
 OWN, SINGLE, PACKETS = "own", "rtcIntersect1", "packets"
 """Names of the three methods in the samples of a time: the point's own, the paper's baseline, the expert's baseline."""
@@ -63,21 +73,26 @@ def _measure_time(point: Point) -> Measured:
     _warm_up(point)
     with ExitStack() as stack:
         own, results = _build_own(point, stack)
-        mesh, camera = own.mesh, own.camera
-        single = stack.enter_context(make_pixel_tracer(point, mesh, camera, 1))
-        packets = stack.enter_context(make_packet_tracer(point, mesh, camera))
+        single = stack.enter_context(make_for_each_frame(own, partial(make_pixel_tracer, point, packet_width=1)))
+        packets = stack.enter_context(make_for_each_frame(own, partial(make_packet_tracer, point)))
+        separate = {
+            name: stack.enter_context(make_for_each_frame(own, make)) for name, make in separate_methods(point).items()
+        }
         results |= {
             "baseline_build_time_s": float(single.build_time_s),
             "packets_width": int(packets.packet_width),
         }
-        own_frames, single_frames = _Frames(own), _Frames(single)
-        timed = _rounds(point, {OWN: own_frames.trace, SINGLE: single_frames.trace, PACKETS: _Frames(packets).trace})
-        results |= _counts(compare(mesh, camera, own_frames.latest(), single_frames.latest()))
+        if SEPARATE in separate:
+            results["separate_embree_bytes"] = int(separate[SEPARATE].embree_bytes)
+        methods: dict[str, Tracer | FramesTracer | SeparateFrames] = {OWN: own, SINGLE: single, PACKETS: packets}
+        images = {name: _Frames(tracer) for name, tracer in (methods | separate).items()}
+        timed = _rounds(point, {name: one.trace for name, one in images.items()})
+        results |= _counts(compare_images(images[OWN].latest(), images[SINGLE].latest()))
         results |= _plan_and_build_again(own)
     return _measured(results, timed)
 
 
-def _plan_and_build_again(own: Tracer) -> dict[str, Any]:
+def _plan_and_build_again(own: Tracer | FramesTracer) -> dict[str, Any]:
     """Medians and samples of plan and build, the first sample of each the one that has been."""
     plans, builds = [own.plan_time_s], [own.build_time_s]
     while len(builds) < BUILDS and sum(plans) + sum(builds) + plans[0] + builds[0] <= BUILDS_BUDGET_S:
@@ -119,6 +134,7 @@ def _make_pictures(point: Point) -> Measured:
         own, results = _build_own(point, stack)
         single = stack.enter_context(make_pixel_tracer(point, own.mesh, own.camera, 1))
         hits, reference = own.trace(), single.trace()
+        assert isinstance(hits, Hits)  # several frames have no pictures
         agreement = compare(own.mesh, own.camera, hits, reference)
     images = {
         "aligned": shade(hits),
@@ -126,7 +142,7 @@ def _make_pictures(point: Point) -> Measured:
         "difference": difference_picture(hits, reference, agreement.verdict),
     }
     results["pictures"] = {name: base64.b64encode(encode_png(image)).decode() for name, image in images.items()}
-    results |= _counts(agreement)
+    results |= _counts([agreement])
     return _measured(results, None)
 
 
@@ -141,11 +157,12 @@ def _judge_agreement(point: Point) -> Measured:
         listed: dict[str, list[Any]] = {}
         for number, offset in enumerate(point.offsets):
             hits, reference = own.trace(offset), single.trace(offset)
+            assert isinstance(hits, Hits)  # agreement is of one frame
             agreement = compare(mesh, camera, hits, reference)
             # Every image of every point draws a sample of its own, so that a scene's samples add up.
             sample = sample_pixels(camera, point.sample_rays, [_seed(point), number])
             found = examine(mesh, camera, hits, reference, agreement, sample, point.threads)
-            totals.update(_counts(agreement) | _errors(found))
+            totals.update(_counts([agreement]) | _errors(found))
             for name, values in _disagreements(found, offset).items():
                 listed.setdefault(name, []).extend(values)
     return _measured(results | totals | {"images": len(point.offsets), "disagreements": listed}, None)
@@ -230,25 +247,28 @@ def _rounds(point: Point, methods: dict[str, Callable[[], object]]) -> RoundSamp
 class _Frames:
     """Traces frame after frame into one image, as a renderer would: no sample pays for fresh pages."""
 
-    def __init__(self, tracer: Tracer) -> None:
+    def __init__(self, tracer: Tracer | FramesTracer | SeparateFrames) -> None:
         self._tracer = tracer
-        self._hits: Hits | None = None
+        self._hits: Any = None
 
     def trace(self) -> None:
         self._hits = self._tracer.trace(out=self._hits)
 
-    def latest(self) -> Hits:
+    def latest(self) -> Images:
         if self._hits is None:
             self.trace()
-        assert self._hits is not None
         return self._hits
 
 
-def _counts(agreement: Agreement) -> dict[str, int]:
-    return {f"pixels_{kind}": int(getattr(agreement, f"pixels_{kind}")) for kind in _AGREEMENT}
+def _counts(agreements: Sequence[Agreement]) -> dict[str, int]:
+    """Pixels of all frames."""
+    return {
+        f"pixels_{kind}": sum(int(getattr(agreement, f"pixels_{kind}")) for agreement in agreements)
+        for kind in _AGREEMENT
+    }
 
 
-def _build_own(point: Point, stack: ExitStack) -> tuple[Tracer, dict[str, Any]]:
+def _build_own(point: Point, stack: ExitStack) -> tuple[Tracer | FramesTracer, dict[str, Any]]:
     """Load the scene and build the point's own method, while nothing else is in the process, reading the memory on
     the way."""
     results: dict[str, Any] = {"rss_start_bytes": rss_bytes()}
@@ -259,7 +279,8 @@ def _build_own(point: Point, stack: ExitStack) -> tuple[Tracer, dict[str, Any]]:
         mesh.coplanar_overlaps  # noqa: B018, kept by the mesh; like reading it, no part of the method's memory
     reset_peak_rss()  # reading a file may take more than tracing it
     results["rss_mesh_bytes"] = rss_bytes()
-    own = stack.enter_context(make_tracer(point, mesh, point.camera))
+    own = make_own_tracer(point, mesh, point.camera)
+    stack.enter_context(own)
     results |= {
         "rss_bytes": rss_bytes(),
         "peak_rss_bytes": peak_rss_bytes(),
@@ -282,9 +303,10 @@ def _warm_up(point: Point, *, baselines: bool = True) -> None:
     width = split[0] * (point.width // point.split_x)
     height = split[1] * (point.height // point.split_y)
     camera = Camera((0.0, 0.0, 2.0), (0.0, 0.0, 0.0), (0.0, 1.0, 0.0), 60.0, width, height)
-    tracers = [make_tracer(point, mesh, camera, split)]
+    tracers = [make_own_tracer(point, mesh, camera, split)]
     if baselines:
         tracers += [make_pixel_tracer(point, mesh, camera, 1), make_packet_tracer(point, mesh, camera)]
+        tracers += [make(mesh, camera, split) for make in separate_methods(point).values()]
     for tracer in tracers:
         with tracer:
             tracer.trace()

@@ -16,6 +16,7 @@ from atra.errors import printable
 from atra.records import Record
 from experiments.agreement import agreement_lines
 from experiments.configuration import Geometry, Method, Quantity
+from experiments.frame_tracing import SEPARATE
 from experiments.messages import say
 from experiments.quantities import BUILD, OWN, PLAN, SINGLE
 
@@ -26,16 +27,18 @@ def say_outcome(record: Record) -> str:
         return f"{record.status}: {record.error}"
     if OWN in record.samples:
         own, single = np.asarray(record.samples[OWN]), np.asarray(record.samples[SINGLE])
-        return f"{np.median(own) * 1e3:.1f} ms, {np.median(single / own):.2f}x rtcIntersect1"
+        told = f"{np.median(own) * 1e3:.1f} ms, {np.median(single / own):.2f}x rtcIntersect1"
+        separate = record.samples.get(SEPARATE)
+        return told if separate is None else f"{told}, {np.median(np.asarray(separate) / own):.2f}x separate frames"
     if BUILD in record.samples:
         plan, build = (np.median(record.samples[name]) for name in (PLAN, BUILD))
         return f"plan {_ms(plan)}, build {_ms(build)}"
     if "disagreements" in record.results:
         return "{pixels_wrong} pixels wrong; by float64 {method_wrong} to {baseline_wrong}".format(**record.results)
-    told = [f"{_mib(record.results['embree_bytes'])} in Embree"] if "embree_bytes" in record.results else []
+    parts = [f"{_mib(record.results['embree_bytes'])} in Embree"] if "embree_bytes" in record.results else []
     if "pixels_wrong" in record.results:
-        told.append(f"{record.results['pixels_wrong']} pixels wrong")
-    return ", ".join(told) or f"{_mib(record.results['rss_bytes'])} resident"  # a peer does not tell what is Embree's
+        parts.append(f"{record.results['pixels_wrong']} pixels wrong")
+    return ", ".join(parts) or f"{_mib(record.results['rss_bytes'])} resident"  # a peer does not tell what is Embree's
 
 
 def print_point(row: pd.Series, console: Console) -> None:
@@ -54,12 +57,22 @@ def print_point(row: pd.Series, console: Console) -> None:
         lines.append(("plan, build", f"{_ms(row['plan_time_s'])}, {_ms(row['build_time_s'])}"))
     if not pd.isna(row["render_time_s"]):
         lines += [
-            ("frame", f"{_time(row, 'render_time')}  ({row['rounds']} rounds)"),
+            (
+                "frame" if pd.isna(row["motion"]) else f"all {row['frames']} frames",
+                f"{_time(row, 'render_time')}  ({row['rounds']} rounds)",
+            ),
             ("rtcIntersect1 per pixel", _time(row, "baseline_render_time")),
             (f"packets of {row['packets_width']} per pixel", _time(row, "packets_render_time")),
             ("speed-up over rtcIntersect1", f"{row['speedup']:.2f}x"),
             ("speed-up over packets", f"{row['speedup_vs_packets']:.2f}x"),
         ]
+        if not pd.isna(row["separate_render_time_s"]):
+            lines += [
+                ("one tracer a frame", _time(row, "separate_render_time")),
+                ("visible-first, one a frame", _time(row, "visible_first_render_time")),
+                ("speed-up over one a frame", f"{row['speedup_vs_separate']:.2f}x"),
+                ("speed-up over visible-first", f"{row['speedup_vs_visible_first']:.2f}x"),
+            ]
     if not pd.isna(row["pixels_wrong"]):
         counts = ", ".join(f"{kind} {row[f'pixels_{kind}']:,}" for kind in ("equal", "tied", "edge", "wrong"))
         lines.append(("pixels", counts))
@@ -84,7 +97,8 @@ def _kind(row: pd.Series) -> str:
     if row["method"] == Method.aligned.value:
         instanced = row["geometry"] == Geometry.instanced.value
         kind += ", instanced" if instanced else f", culling {'on' if row['culling'] else 'off'}"
-    return kind
+    several = not pd.isna(row["motion"])
+    return f"{kind}, {row['frames']} frames, {row['motion']}" if several else kind
 
 
 def _kind_and_threads(row: pd.Series) -> str:
@@ -99,7 +113,8 @@ def _describe(row: pd.Series) -> str:
 
 def print_sweep(table: pd.DataFrame, folder: Path, console: Console) -> None:
     """The best split of each scene with culling off and on, wrong pixels, and every row that is missing."""
-    measured = table[(table["status"] == "ok") & (table["quantity"] == Quantity.time.value)]
+    timed = table[(table["status"] == "ok") & (table["quantity"] == Quantity.time.value)]
+    measured = timed[timed["motion"].isna()]
     best = Table(title="best split of each scene", title_justify="left")
     for name in ("scene", "method", "packets of", "split", "frame", "vs rtcIntersect1", "vs packets", "pixels wrong"):
         best.add_column(name, justify="left" if name in ("scene", "method") else "right")
@@ -118,6 +133,8 @@ def print_sweep(table: pd.DataFrame, folder: Path, console: Console) -> None:
         )
     if len(measured):
         console.print(best)
+    if len(measured) < len(timed):
+        console.print(_best_of_frames(timed[timed["motion"].notna()]))
     for line in agreement_lines(table):
         console.print(line, markup=False, highlight=False, soft_wrap=True)
     missing = table[table["status"] != "ok"]
@@ -133,6 +150,27 @@ def print_sweep(table: pd.DataFrame, folder: Path, console: Console) -> None:
     counts = ", ".join(f"{count} {status}" for status, count in table["status"].value_counts().items())
     files = ", ".join(path.name for path in sorted(folder.iterdir()) if path.is_file() and path.name[0] != ".")
     say(console, f"{counts or 'nothing measured'}; in {folder}: {files}")
+
+
+def _best_of_frames(timed: pd.DataFrame) -> Table:
+    """The split at which all frames together gain most over packets, and how many times as fast they are there."""
+    best = Table(title="best split of all frames together, and speed-up over", title_justify="left")
+    left, ratios = ("scene", "motion"), ("separate", "visible-first", "packets", "rtcIntersect1")
+    for name in (*left, "frames", "split", "all frames", *ratios, "pixels wrong"):
+        best.add_column(name, justify="left" if name in left else "right")
+    others = ("speedup_vs_separate", "speedup_vs_visible_first", "speedup_vs_packets", "speedup")
+    for (scene, motion, frames), rows in timed.groupby(["scene", "motion", "frames"], sort=False):
+        row = rows.loc[rows["speedup_vs_packets"].astype(float).idxmax()]
+        best.add_row(
+            escape(str(scene)),
+            motion,
+            str(frames),
+            f"{row['split_x']} x {row['split_y']}",
+            _ms(row["render_time_s"]),
+            *(f"{row[name]:.2f}x" for name in others),
+            str(rows["pixels_wrong"].sum()),
+        )
+    return best
 
 
 def _kind_of_error(error: str) -> str:

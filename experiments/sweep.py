@@ -264,14 +264,16 @@ def _read_earlier(folder: Path, point_identity: str, console: Console) -> Record
 
 
 def _in_order(points: dict[str, SweepPoint], done: dict[str, Record]) -> list[str]:
-    """Identities of the points done: scenes in the order given, each by what was measured, with rising splits."""
+    """Identities of the points done: scenes in the order given, each by what was measured, with rising frames and
+    splits."""
     scenes = list(dict.fromkeys(one.planned.point.scene for one in points.values()))
     quantities = list(dict.fromkeys(one.planned.point.quantity for one in points.values()))
 
-    def rank(name: str) -> tuple[int, int, str, str, int, bool, int, int]:
+    def rank(name: str) -> tuple[int, int, str, str, int, bool, str, int, int, int]:
         point = points[name].planned.point
         width = point.packet_width or 0
         where = scenes.index(point.scene), quantities.index(point.quantity)
-        return *where, point.method, point.geometry, width, point.culling, point.split_y, point.split_x
+        frames = point.motion or "", point.frames
+        return *where, point.method, point.geometry, width, point.culling, *frames, point.split_y, point.split_x
 
     return sorted((name for name in points if name in done), key=rank)

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from atra.errors import InputError
 from atra.measure.environment import describe_difference
 from atra.records import Record, write_atomically
+from experiments.frame_tracing import SEPARATE, SEPARATE_VISIBLE
 from experiments.quantities import BASELINE_BUILD, BUILD, OWN, PACKETS, PLAN, SINGLE
 from scenes.stand_ins import STAND_INS
 
@@ -78,6 +79,29 @@ COLUMNS = {
     "speedup_vs_packets_low": _REAL,
     "speedup_vs_packets_high": _REAL,
     "packets_width": _WHOLE,
+    "frames": _WHOLE,
+    "motion": _TEXT,
+    "separate_render_time_s": _REAL,
+    "separate_render_time_q1_s": _REAL,
+    "separate_render_time_q3_s": _REAL,
+    "separate_render_time_low_s": _REAL,
+    "separate_render_time_high_s": _REAL,
+    "visible_first_render_time_s": _REAL,
+    "visible_first_render_time_q1_s": _REAL,
+    "visible_first_render_time_q3_s": _REAL,
+    "visible_first_render_time_low_s": _REAL,
+    "visible_first_render_time_high_s": _REAL,
+    "speedup_vs_separate": _REAL,
+    "speedup_vs_separate_q1": _REAL,
+    "speedup_vs_separate_q3": _REAL,
+    "speedup_vs_separate_low": _REAL,
+    "speedup_vs_separate_high": _REAL,
+    "speedup_vs_visible_first": _REAL,
+    "speedup_vs_visible_first_q1": _REAL,
+    "speedup_vs_visible_first_q3": _REAL,
+    "speedup_vs_visible_first_low": _REAL,
+    "speedup_vs_visible_first_high": _REAL,
+    "separate_embree_bytes": _WHOLE,
     "plan_time_q1_s": _REAL,
     "plan_time_q3_s": _REAL,
     "plan_time_low_s": _REAL,
@@ -111,8 +135,10 @@ rtcIntersect1 / this and `speedup_vs_packets` packets / this, each the median of
 says what was measured at the point (`experiments.configuration.Quantity`), `grids` of which grids of the sweep it is
 part, `stands_for` which scene of the paper a procedural stand-in replaces without being it. `pixels_*` are sums over
 `images`, one an offset; of the pixels that are not equal the oracle finds the point's method wrong at `method_wrong`
-and rtcIntersect1 at `baseline_wrong`; `sampled_*_wrong` are the same of `rays_sampled`, drawn from all pixels. What was
-not measured is missing, never zero."""
+and rtcIntersect1 at `baseline_wrong`; `sampled_*_wrong` are the same of `rays_sampled`, drawn from all pixels. At a
+point of several `frames` times, bytes and pixels are of all frames together; `separate_*` and `visible_first_*` are of
+one aligned and one visible-first tracer a frame with the same split, one frame after the other, and the speed-ups over
+them are paired, too. What was not measured is missing, never zero."""
 
 CONFIDENCE = 0.95
 
@@ -223,6 +249,10 @@ def _row(record: Record) -> dict[str, Any]:
             row |= _statistics("packets_render_time{}_s", packets)
             row |= _statistics("speedup{}", single / own)
             row |= _statistics("speedup_vs_packets{}", packets / own)
+            for name in (SEPARATE, SEPARATE_VISIBLE):
+                if name in samples:
+                    row |= _statistics(name + "_render_time{}_s", samples[name])
+                    row |= _statistics("speedup_vs_" + name + "{}", samples[name] / own)
             judged = own
         else:
             row |= _statistics("plan_time{}_s", samples[PLAN])

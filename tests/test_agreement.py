@@ -88,7 +88,7 @@ def see_nothing(hits: Hits, place: tuple[int, int]) -> None:
 
 
 def measured(monkeypatch: pytest.MonkeyPatch, spoil: str | None = None, change: Any = None, **measure: Any) -> Measured:
-    """A point of agreement with a fault in the tracer that `spoil` makes: make_tracer or make_pixel_tracer."""
+    """A point of agreement with a fault in the tracer that `spoil` makes: make_own_tracer or make_pixel_tracer."""
     if spoil is not None:
         make = getattr(quantities, spoil)
         monkeypatch.setattr(quantities, spoil, lambda *arguments: Spoilt(make(*arguments), change))
@@ -118,7 +118,7 @@ def test_every_offset_is_an_image_every_disagreement_a_row(sound: Measured) -> N
 
 
 @pytest.mark.parametrize(
-    ("spoil", "who", "other"), [("make_tracer", "method", "baseline"), ("make_pixel_tracer", "baseline", "method")]
+    ("spoil", "who", "other"), [("make_own_tracer", "method", "baseline"), ("make_pixel_tracer", "baseline", "method")]
 )
 @pytest.mark.parametrize(
     ("change", "standing"),
@@ -146,7 +146,7 @@ def test_a_fault_in_one_pixel_is_listed_and_counted_against_who_made_it(
 def test_the_sample_counts_what_both_get_wrong_alike(sound: Measured, monkeypatch: pytest.MonkeyPatch) -> None:
     make = quantities.make_pixel_tracer
     monkeypatch.setattr(quantities, "make_pixel_tracer", lambda *given: Spoilt(make(*given), see_nothing))
-    found = measured(monkeypatch, "make_tracer", see_nothing, sample_rays=WIDTH * HEIGHT)
+    found = measured(monkeypatch, "make_own_tracer", see_nothing, sample_rays=WIDTH * HEIGHT)
     rows = at_fault(found)
     assert set(rows["verdict"]) == {"equal"}
     assert rows["sampled"].all()

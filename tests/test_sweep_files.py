@@ -22,6 +22,8 @@ SWEEPS = {
     "threads": ([], {"threads"}),
     "peers": (["method=pixel,embreex"], {"peers"}),
     "agreement": (["method=aligned", "split_x=4", "split_y=1"], {"agreement", "disagreements_cornell_box_32x32"}),
+    "stereo": (["split_x=1,4"], {"stereo"}),
+    "multiframe": (["frames=2", "split_x=4"], {"multiframe"}),
 }
 PARTS_OF_SMOKE = {"horizontal", "vertical", "grid", "build", "memory", "scenes", "paper"}
 

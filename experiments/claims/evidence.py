@@ -37,7 +37,7 @@ USED_COLUMNS: tuple[str, ...] = (
     + ("split_x", "split_y", *_SETTINGS, "status", "error", "cpu", "speedup", "speedup_low", "speedup_high")
     + ("speedup_vs_packets", "speedup_vs_packets_low", "speedup_vs_packets_high", "plan_time_s")
     + ("build_time_s", "build_time_low_s", "build_time_high_s", "embree_bytes", "rss_mesh_bytes", "rss_bytes")
-    + ("pixels_tied", "pixels_edge", "pixels_wrong")
+    + ("pixels_tied", "pixels_edge", "pixels_wrong", "frames")
 )
 
 
@@ -133,7 +133,7 @@ def collect_scenes(table: pd.DataFrame | None) -> dict[str, SceneRows]:
     """
     if table is None or table.empty:
         raise NotMeasuredError("the table is empty")
-    rows = _rows(table)
+    rows = [row for row in _rows(table) if row["frames"] in (None, 1)]  # the paper's figures are of single frames
     measured = [row for row in rows if row["status"] == "ok"]
     if not measured:
         raise NotMeasuredError("no row of the table was measured")

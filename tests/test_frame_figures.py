@@ -1,0 +1,119 @@
+"""The figures of several frames draw what the table says, on tables small enough to read."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from matplotlib.axes import Axes
+
+from experiments.figure_parts import TIMES
+from experiments.frame_parts import PACKETS, SEPARATE_FRAMES, TOGETHER, VISIBLE_FRAMES, best_row
+from experiments.multiframe_figure import draw_multiframe_figure
+from experiments.stereo_figure import draw_stereo_figure
+from tests.test_method_figures import bars, line, make_rows, method_row, save, skipped, whiskers, words
+
+NAMES = ("separate", "visible_first")
+
+
+def frames_row(split_x: int, together_s: float, separate_s: float, visible_s: float, **fields: Any) -> dict[str, Any]:
+    """A row of several frames; packets take 0.05 s. Quartiles are half and double."""
+    row = method_row("aligned", split_x, together_s, 0.05 / together_s, frames=2, motion="eyes")
+    for name, time_s in zip(NAMES, (separate_s, visible_s), strict=True):
+        row |= {f"{name}_render_time_s": time_s, f"{name}_render_time_q1_s": 0.5 * time_s}
+        row |= {f"{name}_render_time_q3_s": 2 * time_s, f"speedup_vs_{name}": time_s / together_s}
+        row |= {f"speedup_vs_{name}_low": 0.75, f"speedup_vs_{name}_high": 1.25}
+    return row | {"separate_embree_bytes": 5 * 2**20, "embree_bytes": 4 * 2**20} | fields
+
+
+def memory_row(split_x: int, peak_mib: float, **fields: Any) -> dict[str, Any]:
+    row = method_row("aligned", split_x, quantity="memory", frames=2, motion="walk", rss_mesh_bytes=2**20)
+    times = {name: None for name in row if name.endswith("_s") or name.startswith("speedup")}
+    return row | times | {"peak_rss_bytes": int((peak_mib + 1) * 2**20)} | fields
+
+
+def test_each_way_has_the_split_at_which_packets_lose_most_to_it() -> None:
+    rows = make_rows(
+        frames_row(1, 0.1, 0.01, 0.02),
+        frames_row(64, 0.02, 0.05, 0.04),
+        frames_row(128, 0.04, 0.02, 0.01),
+        skipped(frames_row(256, 0.001, 0.001, 0.001)),
+    )
+    chosen = {}
+    for way in (TOGETHER, SEPARATE_FRAMES, VISIBLE_FRAMES):
+        row = best_row(rows, way)
+        assert row is not None
+        chosen[way.label] = row["split_x"]
+    assert list(chosen.values()) == [64, 1, 128]
+    assert best_row(rows.iloc[3:], PACKETS) is None
+
+
+def test_the_stereo_figure_draws_every_way_at_its_best_split_in_milliseconds_with_quartiles_and_paired_ratios() -> None:
+    figure = draw_stereo_figure(make_rows(frames_row(64, 0.02, 0.05, 0.04), frames_row(128, 0.04, 0.02, 0.01)))
+    (axis,) = figure.axes
+    assert bars(axis) == {
+        f"both together, 64 {TIMES} 1": 20, f"aligned\neye by eye, 128 {TIMES} 1": 20,
+        f"visible-first\neye by eye, 128 {TIMES} 1": 10,
+    }  # fmt: skip
+    assert whiskers(axis) == [pytest.approx([10, 40]), pytest.approx([10, 40]), pytest.approx([5, 20])]
+    assert f"20.0 ms,  2.50{TIMES} [1.75, 2.25]" in words(figure)
+    assert f"20.0 ms,  0.50{TIMES} [0.75, 1.25]" in words(figure)
+    assert f"10.0 ms,  0.25{TIMES} [0.75, 1.25]" in words(figure)
+    assert set(line(axis, "rtcIntersect1 per pixel")) == {100}
+    assert set(line(axis, "packets per pixel")) == {50}
+
+
+def test_the_stereo_figure_says_what_was_skipped_and_which_pixels_are_wrong() -> None:
+    table = make_rows(frames_row(64, 0.02, 0.05, 0.04, pixels_wrong=7), skipped(frames_row(128, 0.04, 0.02, 0.01)))
+    figure = draw_stereo_figure(table)
+    assert "7 pixels wrong" in words(figure)
+    assert f"all frames together, 128 {TIMES} 1: skipped, needs more memory than its budget" in words(figure)
+
+
+def walk(frames: int, together_s: float, **fields: Any) -> dict[str, Any]:
+    return frames_row(64, together_s, 2 * together_s, 0.5 * together_s, frames=frames, motion="walk", **fields)
+
+
+def lines_of(axis: Axes, color: str) -> list[tuple[list[float], list[float]]]:
+    """Abscissae and ordinates of the lines of a colour, quartiles left out."""
+    drawn = [one for one in axis.get_lines() if one.get_color() == color and one.get_label() != "_bars"]
+    return [(list(one.get_xdata()), list(one.get_ydata())) for one in drawn]
+
+
+def test_the_multiframe_figure_draws_the_time_of_one_frame_of_each_way_and_motion() -> None:
+    table = make_rows(walk(2, 0.02), walk(4, 0.02), frames_row(64, 0.02, 0.05, 0.04, motion="turn"))
+    figure = draw_multiframe_figure(table)
+    walked, turned, _ = figure.axes
+    assert line(walked, "all frames together") == {2.0: 10, 4.0: 5}
+    assert line(walked, "aligned, frame by frame") == {2.0: 20, 4.0: 10}
+    assert line(walked, "visible-first, frame by frame") == {2.0: 5, 4.0: 2.5}
+    assert line(walked, "packets per pixel, frame by frame") == {2.0: 25, 4.0: 12.5}
+    assert line(turned, "all frames together") == {2.0: 10}
+    low, high = 5, 20  # quartiles of the first point of the first line
+    bar = next(one for one in walked.get_lines() if one.get_label() == "_bars")
+    ordinates = bar.get_ydata()
+    assert (np.nanmin(ordinates[:9]), np.nanmax(ordinates[:9])) == (pytest.approx(low), pytest.approx(high))
+    assert "the camera walks" in words(figure)
+    assert "the mesh turns" in words(figure)
+    assert f"4 frames, 64 {TIMES} 1" in words(figure)
+    assert f"2.00{TIMES} [0.75, 1.25]" in words(figure)
+    save(figure)
+
+
+def test_the_multiframe_figure_draws_embree_s_bytes_and_the_peak_at_the_split_of_the_times() -> None:
+    table = make_rows(walk(2, 0.02), memory_row(64, 3.0), memory_row(128, 9.0))
+    figure = draw_multiframe_figure(table)
+    memory = figure.axes[-1]
+    assert lines_of(memory, TOGETHER.style["color"]) == [([2], [4])]
+    assert lines_of(memory, SEPARATE_FRAMES.style["color"]) == [([2], [5])]
+    assert line(memory, "peak of RSS over the mesh") == {2.0: 3.0}
+
+
+def test_the_multiframe_figure_says_what_was_skipped() -> None:
+    table = make_rows(walk(2, 0.02), skipped(walk(8, 0.02)), skipped(memory_row(64, 3.0)))
+    figure = draw_multiframe_figure(table)
+    assert f"all frames together, 64 {TIMES} 1: skipped, needs more memory than its budget" in words(figure)
+    assert f"the camera walks, memory, 64 {TIMES} 1: skipped" in words(figure)
+    assert "nothing measured" in words(draw_multiframe_figure(make_rows(skipped(walk(8, 0.02)))))
+    save(figure)

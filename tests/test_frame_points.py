@@ -1,0 +1,181 @@
+"""Points of several frames: what is refused, what is measured, and what of it the table and the terminal show."""
+
+from __future__ import annotations
+
+import io
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+from rich.console import Console
+
+from atra.errors import InputError
+from atra.frames import Frames
+from atra.hits import Hits
+from atra.records import Record
+from experiments.claims.evidence import NotMeasuredError, collect_scenes
+from experiments.configuration import (
+    Configuration,
+    MeasureConfiguration,
+    Method,
+    Motion,
+    Quantity,
+    SceneConfiguration,
+    SceneSource,
+    check_configuration,
+)
+from experiments.frame_tracing import compare_images, make_for_each_frame, make_own_tracer
+from experiments.point import Point
+from experiments.points import PlannedPoint, plan_points
+from experiments.quantities import measure_point
+from experiments.scene_loading import load_scene
+from experiments.summary import print_sweep, say_outcome
+from experiments.table import make_table
+from experiments.tracing import make_packet_tracer
+from tests.test_table import MEASURED
+
+SAMPLES = {
+    "own": [2.0, 4.0, 4.0], "rtcIntersect1": [8.0, 8.0, 8.0], "packets": [4.0, 4.0, 4.0],
+    "separate": [2.0, 8.0, 6.0], "visible_first": [1.0, 1.0, 1.0],
+}  # fmt: skip
+
+
+def configuration(frames: int = 2, motion: Motion | None = Motion.walk, **fields: Any) -> Configuration:
+    measure = MeasureConfiguration(quantity=fields.pop("quantity", Quantity.time), rounds=3, warmup=1)
+    return Configuration(
+        scene=SceneConfiguration(name="cornell_box", source=SceneSource.procedural),
+        measure=measure,
+        frames=frames,
+        motion=motion,
+        **{"width": 48, "height": 32, "split_x": 4, **fields},
+    )
+
+
+def planned(**fields: Any) -> PlannedPoint:
+    """Beside a point that can be measured: alone, a point with a problem is an error at once."""
+    one, _ = plan_points([configuration(**fields), configuration()])
+    return one
+
+
+def point(**fields: Any) -> Point:
+    one = planned(**fields)
+    assert one.problem is None
+    return one.point
+
+
+def frames_record(**fields: Any) -> Record:
+    own = {"frames": 2, "motion": "eyes"}
+    results = MEASURED.results | {"separate_embree_bytes": 40}
+    given = {"point_id": "f", "configuration": MEASURED.configuration | own, "samples": SAMPLES, "results": results}
+    return Record(**{**vars(MEASURED), **given, **fields})
+
+
+@pytest.mark.parametrize(("frames", "motion"), [(2, None), (1, Motion.eyes)])
+def test_several_frames_need_a_motion_and_a_motion_several_frames(frames: int, motion: Motion | None) -> None:
+    with pytest.raises(InputError, match=f"frames is {frames} with motion="):
+        check_configuration(configuration(frames, motion))
+
+
+@pytest.mark.parametrize(
+    ("fields", "reason"),
+    [
+        ({"method": Method.visible_first}, "frames is 2 with method=visible_first"),
+        ({"method": Method.pixel, "split_x": 1}, "frames is 2 with method=pixel"),
+        ({"quantity": Quantity.build}, "measure.quantity=build, expected time or memory"),
+        ({"frames": 3, "motion": Motion.eyes}, "frames is 3 with motion=eyes"),
+    ],
+)
+def test_what_knows_one_frame_only_is_a_problem_of_that_point(fields: dict[str, Any], reason: str) -> None:
+    assert reason in str(planned(**fields).problem)
+
+
+def test_the_memory_budget_counts_the_copies_of_every_frame() -> None:
+    def copied(frames: int, motion: Motion | None, budget_gib: float) -> PlannedPoint:
+        one = configuration(frames, motion, culling=False)
+        one.measure.memory_budget_gib = budget_gib
+        planned_point, _ = plan_points([one, configuration()])
+        return planned_point
+
+    assert copied(1, None, 0.001).problem is None
+    assert "17,792 triangle copies over 16 cells" in str(copied(4, Motion.turn, 0.001).problem)
+
+
+@pytest.mark.parametrize(("frames", "motion"), [(2, Motion.eyes), (3, Motion.walk), (3, Motion.turn)])
+def test_a_time_has_samples_of_all_five_ways_and_judges_every_pixel_of_every_frame(frames: int, motion: Motion) -> None:
+    outcome = measure_point(point(frames=frames, motion=motion))
+    assert {name: len(values) for name, values in outcome.samples.items()} == dict.fromkeys(SAMPLES, 3)
+    assert sum(outcome.results[f"pixels_{kind}"] for kind in ("equal", "tied", "edge", "wrong")) == frames * 48 * 32
+    assert outcome.results["pixels_wrong"] == 0
+    assert outcome.results["separate_embree_bytes"] > 0
+
+
+def test_one_frame_is_measured_as_before() -> None:
+    outcome = measure_point(point(frames=1, motion=None))
+    assert set(outcome.samples) == {"own", "rtcIntersect1", "packets"}
+    assert "separate_embree_bytes" not in outcome.results
+
+
+def test_a_memory_is_of_all_frames() -> None:
+    two, four = (measure_point(point(frames=frames, quantity=Quantity.memory)) for frames in (2, 4))
+    assert two.samples == {}
+    assert four.results["triangles_traced"] > 1.5 * two.results["triangles_traced"]
+
+
+@pytest.mark.parametrize("motion", list(Motion))
+def test_frame_by_frame_is_traced_with_each_frame_s_own_camera_and_mesh(motion: Motion) -> None:
+    one = point(motion=motion)
+    mesh, _ = load_scene(SceneSource.procedural, "cornell_box", None)
+    own = make_own_tracer(one, mesh, one.camera)
+    separate = make_for_each_frame(own, lambda mesh, camera: make_packet_tracer(one, mesh, camera))
+    with own, separate:
+        together, alone = own.trace(), separate.trace()
+    assert isinstance(together, Frames)
+    assert [agreement.pixels_wrong for agreement in compare_images(together, alone)] == [0, 0]
+    assert (alone[0].prim_id != alone[1].prim_id).any()
+    crossed = compare_images(alone, [_with_image(alone[0], alone[1]), _with_image(alone[1], alone[0])])
+    assert all(agreement.pixels_wrong > 0 for agreement in crossed)
+
+
+def _with_image(frame: Hits, other: Hits) -> Hits:
+    return Hits(other.depth, other.prim_id, other.offset, frame.mesh, frame.camera)
+
+
+def test_the_table_has_paired_speed_ups_over_frames_traced_separately() -> None:
+    row = make_table([frames_record(), MEASURED]).iloc[0]
+    assert (row["frames"], row["motion"], row["separate_embree_bytes"]) == (2, "eyes", 40)
+    assert (row["separate_render_time_s"], row["visible_first_render_time_s"]) == (6.0, 1.0)
+    assert row["speedup_vs_separate"] == 1.5  # of 1, 2, 1.5
+    assert (row["speedup_vs_separate_low"], row["speedup_vs_separate_high"]) == (1.0, 2.0)
+    assert row["speedup_vs_visible_first"] == 0.25  # of 0.5, 0.25, 0.25
+    alone = make_table([MEASURED]).iloc[0]
+    assert alone[["frames", "separate_render_time_s", "speedup_vs_separate", "separate_embree_bytes"]].isna().all()
+
+
+def test_the_terminal_tells_the_speed_up_over_separate_frames(tmp_path: Any) -> None:
+    assert say_outcome(frames_record()) == "4000.0 ms, 2.00x rtcIntersect1, 1.50x separate frames"
+    assert "separate" not in say_outcome(MEASURED)
+    skipped = frames_record(point_id="s", status="skipped", error="needs 9 GiB", samples={}, results={})
+    shown = io.StringIO()
+    print_sweep(make_table([frames_record(), skipped, MEASURED]), tmp_path, Console(file=shown, width=150))
+    lines = [line.split() for line in shown.getvalue().splitlines()]
+    expected = "│ box │ eyes │ 2 │ 2 x 1 │ 4,000.0 ms │ 1.50x │ 0.25x │ 1.00x │ 2.00x │ 0 │"
+    assert expected.split() in lines
+    assert "aligned, culling on, 2 frames, eyes 2x1" in shown.getvalue()  # what was skipped
+
+
+def test_frames_are_no_evidence_for_the_paper_s_claims_about_one_image() -> None:
+    triangles = {"scene": "cornell_box", "triangles": 1112}
+    several = make_table([frames_record(configuration=frames_record().configuration | triangles)])
+    with pytest.raises(NotMeasuredError):
+        collect_scenes(several)
+    one = Record(**{**vars(MEASURED), "configuration": MEASURED.configuration | triangles | {"frames": 1}})
+    both = pd.concat([several, make_table([one])])
+    assert len(collect_scenes(both)["cornell_box"].rows) == 1
+
+
+def test_a_point_of_several_frames_says_so_and_comes_back_from_plain_values() -> None:
+    one = point(frames=3)
+    assert "3 frames, walk" in one.label()
+    assert Point.from_fields(one.configuration()) == one
+    assert np.isfinite(one.eye).all()
