@@ -110,25 +110,33 @@ def views(
     return View(moved, camera, split, draw(offsets()))
 
 
-def faces_at_the_eye(view: View) -> np.ndarray:
-    """(F,) bool: the eye is so nearly in the triangle that a sheared copy cannot tell how far from it.
+def faces_at_the_eye(view: View, *, sheared: bool) -> np.ndarray:
+    """(F,) bool: the eye is so nearly in the triangle that float32 cannot tell how far from it, or on which side.
 
-    A depth is off by FLOAT32_UNIT (1 + s)^3 times the triangle's size over the plane's distance from the eye, s being
-    the largest shift of a cell (docs/departures.md, "Wide views"); these may be off by more than DEPTH_TOLERANCE.
+    Float32 errs in the distance of the triangle's plane from the eye by FLOAT32_UNIT times its size, and for a needle
+    by the tilt of a normal that is a difference of long products; a shear by s makes that (1 + s)^3 times as much
+    (docs/departures.md, "Wide views"). Nearer than this over DEPTH_TOLERANCE, a depth may be off by more than that.
     """
     mesh, camera = view.mesh, view.camera
-    alignment = Alignment.of_cells(camera, atra.Split(*view.split, camera.width, camera.height))
-    shift = np.hypot(np.abs(alignment.shift_x).max(), np.abs(alignment.shift_y).max())
+    shift = 0.0
+    if sheared:
+        alignment = Alignment.of_cells(camera, atra.Split(*view.split, camera.width, camera.height))
+        shift = np.hypot(np.abs(alignment.shift_x).max(), np.abs(alignment.shift_y).max())
     corners = camera.to_eye_space(mesh.triangles(np.arange(mesh.triangle_count)).reshape(-1, 3)).reshape(-1, 3, 3)
-    size = np.linalg.norm(corners, axis=2).max(axis=1)[:, None]
-    normals = np.cross(np.roll(corners, -1, axis=1), np.roll(corners, -2, axis=1))  # of eye, corner, corner
+    edges = np.roll(corners, -1, axis=1) - corners
+    normals = np.cross(corners, edges)  # of eye, corner, corner; their sum is the triangle's
     normal = normals.sum(axis=1)
-    length = np.linalg.norm(normal, axis=1)[:, None]
+    twice_area = np.linalg.norm(normal, axis=1)
+    _, middle, longest = np.sort(np.linalg.norm(edges, axis=2), axis=1).T
+    size = np.linalg.norm(corners, axis=2).max(axis=1)
     with np.errstate(divide="ignore", invalid="ignore"):
-        distance = np.abs((normal * corners[:, 0]).sum(axis=1))[:, None] / length
-        weights = (normals @ normal[:, :, None])[..., 0] / length**2
-    nearest = FLOAT32_UNIT * (1.0 + shift) ** 3 / DEPTH_TOLERANCE * size
-    return ((distance < nearest) & (weights > -0.1)).all(axis=1)
+        error = FLOAT32_UNIT * (1.0 + shift) ** 3 * (4.0 * size + longest**2 * middle / twice_area)
+        from_plane = np.abs((normal * corners[:, 0]).sum(axis=1)) / twice_area
+        along = np.clip(-(corners * edges).sum(axis=2) / (edges**2).sum(axis=2), 0.0, 1.0)
+        over_it = ((normals @ normal[:, :, None])[..., 0] >= 0.0).all(axis=1)
+    from_edges = np.linalg.norm(corners + np.nan_to_num(along)[..., None] * edges, axis=2).min(axis=1)
+    nearest = np.minimum(error / DEPTH_TOLERANCE, 0.05 * size)  # near the eye in any case, whatever the needle
+    return np.where(over_it, from_plane, from_edges) < nearest
 
 
 def offsets() -> st.SearchStrategy[tuple[float, float]]:
