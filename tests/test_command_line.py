@@ -10,6 +10,7 @@ import sys
 import tempfile
 from pathlib import Path
 
+import matplotlib
 import pandas as pd
 import pytest
 
@@ -23,6 +24,8 @@ TOY_SWEEP = ["sweep=horizontal", "split_x=1,2,3", *TOY]
 def run(folder: Path, *arguments: str, scenes: str | None = None) -> subprocess.CompletedProcess[str]:
     environment = {name: value for name, value in os.environ.items() if name != "ATRA_SCENES"}
     environment |= {"XDG_CACHE_HOME": NO_SCENES.name, "LOCALAPPDATA": NO_SCENES.name}
+    # Matplotlib would build its font cache in that new folder and, on a busy machine, say so.
+    environment["MPLCONFIGDIR"] = matplotlib.get_cachedir()
     if scenes is not None:
         environment["ATRA_SCENES"] = scenes
     command = [sys.executable, str(ROOT / "run.py"), *arguments]
