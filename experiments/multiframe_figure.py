@@ -35,7 +35,7 @@ MOTIONS = {"eyes": "two eyes", "walk": "the camera walks", "turn": "the mesh tur
 _PEAK = "peak of RSS over the mesh"
 _LATER = "the mesh turns (same colours)"
 # Where the columns of the table below a panel start, as fractions of the panel's width.
-_COLUMNS = {"together over": 0.0, "separate": 0.27, "visible-first": 0.52, "packets": 0.77}
+_COLUMNS = {"together over": 0.0, "aligned": 0.27, "visible-first": 0.52, "packets": 0.77}
 _LINE_POINTS = 10.5
 
 
@@ -91,7 +91,15 @@ def _draw_times(axis: Axes, rows: pd.DataFrame) -> None:
         draw_series(axis, frames, middle, way.style, (low, high), way.label)
     _finish(axis, timed, "time per frame in ms")
     lines = _write_speedups(axis, _best_rows(timed, TOGETHER))
-    write_notes(axis, say_unmeasured(timed, TOGETHER.label), drop=38 + _LINE_POINTS * lines)
+    write_notes(axis, [*_say_wrong(timed), *say_unmeasured(timed, TOGETHER.label)], drop=38 + _LINE_POINTS * lines)
+
+
+def _say_wrong(timed: pd.DataFrame) -> list[str]:
+    """A line for each point with pixels that are wrong."""
+    wrong = timed[timed["pixels_wrong"].gt(0).fillna(False).astype(bool)]
+    return [
+        f"{row['frames']} frames, {say_split(row)}: {row['pixels_wrong']:,} pixels wrong" for _, row in wrong.iterrows()
+    ]
 
 
 def _write_speedups(axis: Axes, best: pd.DataFrame) -> int:
@@ -100,9 +108,6 @@ def _write_speedups(axis: Axes, best: pd.DataFrame) -> int:
     for _, row in best.iterrows():
         cells = [f"{row['frames']} frames, {say_split(row)}"]
         cells += [say_speedup(row, way) or "-" for way in (SEPARATE_FRAMES, VISIBLE_FRAMES, PACKETS)]
-        wrong = row.get("pixels_wrong")
-        if not pd.isna(wrong) and wrong:
-            cells[0] += f", {wrong:,} pixels wrong"
         lines.append(dict(zip(_COLUMNS, cells, strict=True)))
     for place, words in enumerate(lines):
         for name, text in words.items():

@@ -82,7 +82,8 @@ def lines_of(axis: Axes, color: str) -> list[tuple[list[float], list[float]]]:
 
 
 def test_the_multiframe_figure_draws_the_time_of_one_frame_of_each_way_and_motion() -> None:
-    table = make_rows(walk(2, 0.02), walk(4, 0.02), frames_row(64, 0.02, 0.05, 0.04, motion="turn"))
+    turned_row = frames_row(64, 0.02, 0.05, 0.04, motion="turn", pixels_wrong=7)
+    table = make_rows(walk(2, 0.02), walk(4, 0.02), turned_row)
     figure = draw_multiframe_figure(table)
     walked, turned, _ = figure.axes
     assert line(walked, "all frames together") == {2.0: 10, 4.0: 5}
@@ -98,6 +99,7 @@ def test_the_multiframe_figure_draws_the_time_of_one_frame_of_each_way_and_motio
     assert "the mesh turns" in words(figure)
     assert f"4 frames, 64 {TIMES} 1" in words(figure)
     assert f"2.00{TIMES} [0.75, 1.25]" in words(figure)
+    assert f"2 frames, 64 {TIMES} 1: 7 pixels wrong" in words(figure)
     save(figure)
 
 
