@@ -15,6 +15,8 @@ from atra.frames import Frames
 from atra.hits import MISS, Hits
 from atra.mesh import Mesh, load_mesh
 from atra.orthographic import OrthographicCamera
+from atra.planner.plan import Plan
+from atra.planner.planning import plan
 from atra.tracers import AlignedTracer, FramesTracer, PixelTracer, TiledTracer, Tracer, VisibleFirstTracer
 
 __version__ = "0.1.0"
@@ -35,6 +37,7 @@ __all__ = [
     "Mesh",
     "OrthographicCamera",
     "PixelTracer",
+    "Plan",
     "Split",
     "TiledTracer",
     "Tracer",
@@ -42,4 +45,5 @@ __all__ = [
     "VisibleFirstTracer",
     "compare",
     "load_mesh",
+    "plan",
 ]

@@ -59,13 +59,15 @@ class Quantity(Enum):
     """What is measured at a point, in a process of its own each.
 
     time = frames, against both baselines; build = plan and BVH build, again and again; memory = only the one method is
-    ever built; picture = shaded pictures of the method's hits and of rtcIntersect1's, and their difference.
+    ever built; picture = shaded pictures of the method's hits and of rtcIntersect1's, and their difference; planner =
+    plans, and all that they choose from.
     """
 
     time = "time"
     build = "build"
     memory = "memory"
     picture = "picture"
+    planner = "planner"
 
 
 class SceneSource(Enum):
@@ -87,11 +89,13 @@ class BuildQuality(Enum):
 
 @dataclass
 class SceneConfiguration:
-    """What is looked at; eye, target, up and fov_y_degrees override the scene's own camera one by one."""
+    """What is looked at. view: the scene's own, or another made from it (`experiments.views`); eye, target, up and
+    fov_y_degrees override its camera one by one."""
 
     name: str | None = None
     source: SceneSource = MISSING
     path: str | None = None
+    view: str = "own"
     eye: list[float] | None = None
     target: list[float] | None = None
     up: list[float] | None = None

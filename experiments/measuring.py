@@ -11,8 +11,9 @@ from typing import Any
 
 from atra.embree.library import embree_version
 from atra.measure.environment import Environment, read_environment
+from atra.planner.estimate import MODEL_FILE
 from atra.records import Record, point_id
-from experiments import launch, quantities, tracing, worker
+from experiments import launch, planner, quantities, tracing, worker
 from experiments.launch import run_worker
 from experiments.point import Point
 from experiments.points import PlannedPoint
@@ -35,7 +36,7 @@ def identity(point: Point, environment: Environment) -> str:
 def _measuring_code_sha256() -> str:
     """The library's own source is part of the environment; this is what runs it in the worker."""
     digest = hashlib.sha256()
-    for path in (launch.__file__, quantities.__file__, tracing.__file__, worker.__file__):
+    for path in (launch.__file__, quantities.__file__, tracing.__file__, worker.__file__, planner.__file__, MODEL_FILE):
         digest.update(Path(str(path)).read_bytes())
     return digest.hexdigest()
 

@@ -21,6 +21,7 @@ class Point:
     scene_path: str | None
     mesh_sha256: str
     triangles: int
+    view: str
     eye: Vector
     target: Vector
     up: Vector
@@ -66,6 +67,8 @@ class Point:
         """Short text for progress and messages."""
         method = Method(self.method)
         details = [self.scene]
+        if self.view != "own":
+            details.append(f"view {self.view}")
         if method in (Method.pixel, Method.aligned, Method.visible_first, Method.tiles):
             width = self.packet_width or "native width"
             details.append("single rays" if width == 1 else f"packets of {width}")

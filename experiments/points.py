@@ -14,6 +14,7 @@ from experiments.configuration import Configuration, Geometry, Method, SceneConf
 from experiments.point import Point
 from experiments.scene_loading import load_scene, mesh_sha256
 from experiments.tracing import make_tracer
+from experiments.views import view_fields
 
 _LARGEST_DEFAULT_SPLIT = 128
 
@@ -80,7 +81,8 @@ def _resolve(configuration: Configuration, scene: _Scene) -> Point:
         scene_path=path,
         mesh_sha256=scene.sha256,
         triangles=int(scene.mesh.triangle_count),
-        **_camera_fields(given, scene.camera),
+        view=given.view,
+        **_camera_fields(given, view_fields(scene.mesh, scene.camera, given.view)),
         width=configuration.width,
         height=configuration.height,
         method=method.value,

@@ -124,11 +124,20 @@ def _make_pictures(point: Point) -> Measured:
     return _measured(results, None)
 
 
+def _measure_planner(point: Point) -> Measured:
+    """Plans, and every candidate beside them."""
+    from experiments.planner import measure_planner  # nothing else needs the planner here
+
+    results, timed = measure_planner(point, _load_mesh(point))
+    return _measured(results, timed)
+
+
 _MEASURES: dict[Quantity, Callable[[Point], Measured]] = {
     Quantity.time: _measure_time,
     Quantity.build: _measure_build,
     Quantity.memory: _measure_memory,
     Quantity.picture: _make_pictures,
+    Quantity.planner: _measure_planner,
 }
 
 
@@ -167,13 +176,18 @@ def _counts(agreement: Agreement) -> dict[str, int]:
     return {f"pixels_{kind}": int(getattr(agreement, f"pixels_{kind}")) for kind in _AGREEMENT}
 
 
+def _load_mesh(point: Point) -> Mesh:
+    mesh, _ = load_scene(SceneSource(point.scene_source), point.scene, point.scene_path)
+    if mesh_sha256(mesh) != point.mesh_sha256:
+        raise InputError(f"scene {point.scene} changed since this run began; start it again")
+    return mesh
+
+
 def _build_own(point: Point, stack: ExitStack) -> tuple[Tracer, dict[str, Any]]:
     """Load the scene and build the point's own method, while nothing else is in the process, reading the memory on
     the way."""
     results: dict[str, Any] = {"rss_start_bytes": rss_bytes()}
-    mesh, _ = load_scene(SceneSource(point.scene_source), point.scene, point.scene_path)
-    if mesh_sha256(mesh) != point.mesh_sha256:
-        raise InputError(f"scene {point.scene} changed since this run began; start it again")
+    mesh = _load_mesh(point)
     reset_peak_rss()  # reading a file may take more than tracing it
     results["rss_mesh_bytes"] = rss_bytes()
     own = stack.enter_context(make_tracer(point, mesh, point.camera))

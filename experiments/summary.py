@@ -14,6 +14,7 @@ from rich.table import Table
 
 from atra.records import Record
 from experiments.configuration import Geometry, Method, Quantity
+from experiments.planner import say_regrets
 from experiments.quantities import BUILD, OWN, PLAN, SINGLE
 
 
@@ -27,6 +28,9 @@ def say_outcome(record: Record) -> str:
     if BUILD in record.samples:
         plan, build = (np.median(record.samples[name]) for name in (PLAN, BUILD))
         return f"plan {_ms(plan)}, build {_ms(build)}"
+    if "measure_regret" in record.results:
+        measured, estimated = (f"{record.results[f'{effort}_regret']:.2f}" for effort in ("measure", "estimate"))
+        return f"{record.results['measure_plan']}, regret {measured}; estimated {estimated}"
     wrong = record.results.get("pixels_wrong")
     return _mib(record.results["embree_bytes"]) + (
         " in Embree" if wrong is None else f" in Embree, {wrong} pixels wrong"
@@ -108,6 +112,8 @@ def print_sweep(table: pd.DataFrame, folder: Path, console: Console) -> None:
         )
     if len(measured):
         console.print(best)
+    for line in say_regrets(table):
+        console.print(line, markup=False, highlight=False, soft_wrap=True)
     missing = table[table["status"] != "ok"]
     reasons = missing["error"].map(_kind_of_error)
     for (scene, status, _), rows in missing.groupby(["scene", "status", reasons], sort=False):

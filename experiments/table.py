@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from atra.errors import InputError
 from atra.measure.environment import describe_difference
 from atra.records import Record, write_atomically
+from experiments.configuration import Quantity
 from experiments.quantities import BASELINE_BUILD, BUILD, OWN, PACKETS, PLAN, SINGLE
 from scenes.stand_ins import STAND_INS
 
@@ -92,6 +93,22 @@ COLUMNS = {
     "baseline_build_time_high_s": _REAL,
     "rss_start_bytes": _WHOLE,
     "rss_mesh_bytes": _WHOLE,
+    "view": _TEXT,
+    "best_plan": _TEXT,
+    "best_frame_plan": _TEXT,
+    "packets_regret": _REAL,
+    "estimate_plan": _TEXT,
+    "estimate_regret": _REAL,
+    "estimate_frame_regret": _REAL,
+    "estimate_vs_packets": _REAL,
+    "estimate_predicted_time_s": _REAL,
+    "estimate_planning_time_s": _REAL,
+    "measure_plan": _TEXT,
+    "measure_regret": _REAL,
+    "measure_frame_regret": _REAL,
+    "measure_vs_packets": _REAL,
+    "measure_predicted_time_s": _REAL,
+    "measure_planning_time_s": _REAL,
     "load_average": _REAL,
     "doubts": _TEXT,
     "cpu": _TEXT,
@@ -184,6 +201,8 @@ def _row(record: Record) -> dict[str, Any]:
             row |= _statistics("speedup{}", single / own)
             row |= _statistics("speedup_vs_packets{}", packets / own)
             judged = own
+        elif record.configuration.get("quantity") == Quantity.planner.value:  # its ratios are among the results
+            judged = samples[PACKETS]
         else:
             row |= _statistics("plan_time{}_s", samples[PLAN])
             row |= _statistics("build_time{}_s", samples[BUILD])

@@ -21,6 +21,8 @@ SWEEPS = {
     "methods": (["split_x=1,4", "split_y=1"], {"methods", "price"}),
     "threads": ([], {"threads"}),
     "peers": (["method=pixel,embreex"], {"peers"}),
+    "planner": (["scene.view=aside,wide"], {"planner"}),
+    "planner_fit": (["scene.view=own", "build_quality=low"], {"planner_fit"}),
 }
 PARTS_OF_SMOKE = {"horizontal", "vertical", "grid", "build", "memory", "scenes", "paper"}
 

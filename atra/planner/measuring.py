@@ -1,0 +1,138 @@
+"""Try the promising choices within a budget of time: built in full, timed for a few frames, the slower ones dropped."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack, suppress
+from dataclasses import dataclass, field
+from math import exp
+
+from atra.errors import MemoryBudgetError
+from atra.hits import Hits
+from atra.planner.choice import Choice
+from atra.planner.plan import Forecast
+from atra.tracers import Tracer
+
+Clock = Callable[[], float]
+
+FIRST_FRAMES = 2
+"""Frames of a trial before it is compared: the first, which finds caches cold, and another."""
+
+LEAST_GAIN = 0.02
+"""What another method must gain over packets by measurement; frames of one and the same tracer differ by as much."""
+
+DROPPED_BEYOND = (0.3, 0.2, 0.1, 0.05, 0.03, 0.02)
+"""Round by round, how much slower than the best a trial may be to stay; those left after the last are as good."""
+
+
+@dataclass
+class Trial:
+    """A choice under measurement. frames_s: all frames but the first, which went into once_s."""
+
+    choice: Choice
+    tracer: Tracer
+    once_s: float = 0.0
+    frames_s: list[float] = field(default_factory=list)
+    _image: Hits | None = None
+
+    def start(self, clock: Clock) -> None:
+        """Plan, build and trace the first frames. Raises MemoryBudgetError as the tracer does."""
+        begin = clock()
+        self.tracer.plan()
+        self.tracer.build()
+        self._image = self.tracer.trace()
+        self.once_s = clock() - begin
+        for _ in range(FIRST_FRAMES - 1):
+            self.trace(clock)
+
+    def trace(self, clock: Clock) -> float:
+        begin = clock()
+        self._image = self.tracer.trace(out=self._image)
+        self.frames_s.append(clock() - begin)
+        return self.frames_s[-1]
+
+    def close(self) -> None:
+        self.tracer.close()
+        self._image = None
+
+    @property
+    def forecast(self) -> Forecast:
+        # Whatever disturbs a frame makes it longer, so the shortest is the best guess.
+        frame_time_s = min(self.frames_s)
+        return Forecast(self.choice, max(self.once_s - frame_time_s, 0.0), frame_time_s, 0.0, measured=True)
+
+
+def measure(
+    estimates: Sequence[Forecast],
+    packets: Choice,
+    make: Callable[[Choice], Tracer],
+    *,
+    frames: int,
+    budget_s: float,
+    clock: Clock,
+) -> list[Forecast]:
+    """Forecasts by measurement, the one to take first, then the others by their totals; what was not tried is left out.
+
+    estimates: of all choices. packets: the choice that others must beat, which is timed first and whatever the budget.
+    make: a choice -> its tracer, neither planned nor built, with its kernels compiled.
+
+    Others follow as their estimates rank them, as long as the budget is likely to suffice for plan, build and first
+    frames: estimates are scaled by how long packets took here. Then frames of all that come near the best take turns,
+    the bound drawn tighter each round, until one is left or the budget is spent.
+    """
+    spent_s = 0.0
+    alive: list[Trial] = []
+    done: dict[Choice, Forecast] = {}
+    with ExitStack() as stack:
+
+        def best_s() -> float:
+            return min(one.total_s(frames) for one in done.values())
+
+        def drop_slower(beyond: float) -> None:
+            bound_s = (1.0 + beyond) * best_s()
+            for trial in [one for one in alive if one.forecast.total_s(frames) > bound_s]:
+                alive.remove(trial)
+                trial.close()
+
+        def try_out(choice: Choice) -> float:
+            trial = Trial(choice, make(choice))
+            stack.callback(trial.close)
+            begin = clock()
+            trial.start(clock)
+            taken_s = clock() - begin
+            alive.append(trial)
+            done[choice] = trial.forecast
+            drop_slower(DROPPED_BEYOND[0])
+            return taken_s
+
+        spent_s += try_out(packets)
+        scale = _scale(next(one for one in estimates if one.choice == packets), done[packets])
+        for one in sorted(estimates, key=lambda one: one.total_s(frames)):
+            if one.choice == packets or _hopeless(one, scale, frames, best_s()):
+                continue
+            needed_s = scale * one.total_s(FIRST_FRAMES)
+            if spent_s + needed_s <= budget_s:
+                with suppress(MemoryBudgetError):  # which comes before anything was allocated
+                    spent_s += try_out(one.choice)
+        for beyond in DROPPED_BEYOND:
+            if len(alive) == 1:
+                break
+            for trial in alive:
+                if spent_s + trial.forecast.frame_time_s <= budget_s:
+                    spent_s += trial.trace(clock)
+                    done[trial.choice] = trial.forecast
+            drop_slower(beyond)
+    ordered = sorted(done.values(), key=lambda one: one.total_s(frames))
+    enough_s = (1.0 - LEAST_GAIN) * done[packets].total_s(frames)
+    best = ordered[0] if ordered[0].total_s(frames) <= enough_s else done[packets]
+    return [best, *(one for one in ordered if one is not best)]
+
+
+def _scale(estimate: Forecast, measured: Forecast) -> float:
+    """How much longer this machine takes than the model's."""
+    return measured.total_s(FIRST_FRAMES) / estimate.total_s(FIRST_FRAMES)
+
+
+def _hopeless(estimate: Forecast, scale: float, frames: int, best_s: float) -> bool:
+    """Whether even an estimate that errs by two standard deviations leaves the choice behind the best."""
+    return scale * estimate.total_s(frames) * exp(-2.0 * estimate.error) > best_s

@@ -1,0 +1,148 @@
+"""The sweep of plans: views, what is compared, regret by hand, the figure, and the fit of the model."""
+
+from __future__ import annotations
+
+from math import exp
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import atra
+from atra.errors import InputError
+from atra.planner.choice import ALIGNED, PACKETS, VISIBLE_FIRST, Choice
+from atra.planner.features import scene_statistics
+from benchmarks.fit_planner import LAWS, Sample, fit_model
+from experiments.planner import FRAMES, regrets, say_regrets
+from experiments.planner_figure import SERIES, draw_planner_figure
+from experiments.table import COLUMNS
+from experiments.views import FITTING_VIEWS, HELD_OUT_VIEWS, VIEWS, view_fields
+from scenes.cornell_box import CORNELL_BOX_CAMERA
+from tests.meshes import cornell_box, cornell_camera
+
+# Views
+
+
+def test_no_view_is_both_fitted_on_and_judged_on() -> None:
+    assert not set(FITTING_VIEWS) & set(HELD_OUT_VIEWS)
+    assert "own" in FITTING_VIEWS
+
+
+@pytest.mark.parametrize("view", VIEWS)
+def test_every_view_shows_the_scene_from_a_place_of_its_own(view: str) -> None:
+    mesh = cornell_box()
+    fields = view_fields(mesh, CORNELL_BOX_CAMERA, view)
+    camera = atra.Camera(**fields, width=16, height=16)
+    assert fields == view_fields(mesh, CORNELL_BOX_CAMERA, view)
+    with atra.PixelTracer(mesh, camera, 1) as tracer:
+        assert np.isfinite(tracer.trace().depth).mean() > 0.2
+    others = [view_fields(mesh, CORNELL_BOX_CAMERA, other) for other in VIEWS if other != view]
+    assert fields not in others
+
+
+def test_a_view_moved_in_stands_nearer_by_four_tenths_of_what_it_looked_at() -> None:
+    eye = np.asarray(CORNELL_BOX_CAMERA["eye"])
+    moved = np.asarray(view_fields(cornell_box(), CORNELL_BOX_CAMERA, "near")["eye"])
+    with atra.PixelTracer(cornell_box(), cornell_camera(1, 1), 1) as tracer:
+        assert np.linalg.norm(moved - eye) == pytest.approx(0.4 * float(tracer.trace().depth[0, 0]))
+
+
+def test_an_unknown_view_is_refused() -> None:
+    with pytest.raises(InputError, match=r"scene\.view is 'behind'"):
+        view_fields(cornell_box(), CORNELL_BOX_CAMERA, "behind")
+
+
+# Regret
+
+
+def test_regret_is_the_choice_over_the_best_in_frames_and_in_all() -> None:
+    once_s = {"packets": 0.0, "a": 64.0, "b": 16.0}
+    frame_s = {"packets": 4.0, "a": 1.0, "b": 2.0}
+    assert FRAMES == 64
+    found = regrets(once_s, frame_s, "packets", {"estimate": "b", "measure": "a"})
+    assert (found["best_plan"], found["best_frame_plan"]) == ("a", "a")
+    assert found["packets_regret"] == 256 / 128
+    assert (found["estimate_regret"], found["measure_regret"]) == (144 / 128, 1.0)
+    assert (found["estimate_frame_regret"], found["measure_frame_regret"]) == (2.0, 1.0)
+    assert (found["estimate_vs_packets"], found["measure_vs_packets"]) == (144 / 256, 128 / 256)
+
+
+def planner_table(rows: list[dict[str, object]]) -> pd.DataFrame:
+    common = {"scene": "cornell_box", "triangles": 1112, "width": 64, "height": 64, "status": "ok", "threads": 1}
+    common |= {"quantity": "planner", "grids": "planner", "packet_width": 8, "build_quality": "medium"}
+    filled = [common | row for row in rows]
+    return pd.DataFrame(
+        {name: pd.array([row.get(name) for row in filled], dtype=kind) for name, kind in COLUMNS.items()}
+    )
+
+
+ROWS: list[dict[str, object]] = [
+    {
+        "view": view, "packets_regret": 2.0, "estimate_regret": 1.1 + 0.2 * k, "measure_regret": 1.0 + 0.1 * k,
+        "estimate_frame_regret": 1.2, "measure_frame_regret": 1.0, "estimate_vs_packets": 0.6,
+        "measure_vs_packets": 0.5,
+    }
+    for k, view in enumerate(("aside", "around", "wide"))
+]  # fmt: skip
+
+
+def test_the_terminal_says_median_and_worst_of_each_effort() -> None:
+    estimated, measured = say_regrets(planner_table(ROWS))
+    assert estimated.startswith("estimate: regret 1.30, at worst 1.50;")
+    assert measured.startswith("measure: regret 1.10, at worst 1.20;")
+    assert "over packets at worst 0.60" in estimated
+    assert say_regrets(planner_table([])) == []
+
+
+def test_the_figure_shows_every_view_of_both_efforts_where_it_belongs() -> None:
+    figure = draw_planner_figure(planner_table(ROWS))
+    (axis,) = [axis for axis in figure.axes if axis.get_visible()]
+    drawn = {line.get_label(): list(line.get_xdata()) for line in axis.lines}
+    for label, (name, _) in SERIES.items():
+        expected = {row["view"]: row[name] for row in ROWS}
+        ticks = [text.get_text().partition(",")[0] for text in axis.get_yticklabels()]
+        assert drawn[label] == pytest.approx([expected[view] for view in ticks])
+
+
+# The fit
+
+
+def made_up_samples(scenes: int = 6) -> list[Sample]:
+    """Times that follow laws of the very form that is fitted."""
+    samples = []
+    for scene in range(scenes):
+        mesh = cornell_box()
+        camera = cornell_camera(64 << (scene % 3), 64 << (scene // 3))
+        statistics = scene_statistics(mesh, camera, (8, 16, 32))
+        frame_s = camera.width * camera.height * 1e-6
+        samples.append(Sample(str(scene), statistics, Choice(PACKETS, (1, 1), 8, 2), 0.5, frame_s, frame_s))
+        low = Choice(PACKETS, (1, 1), 8, 2, "low")
+        samples.append(Sample(str(scene), statistics, low, 0.25, 1.2 * frame_s, frame_s))
+        for method in (ALIGNED, VISIBLE_FIRST):
+            for nx in (8, 16, 32):
+                ratio = 0.5 * (camera.width / nx) ** 0.25
+                choice = Choice(method, (nx, 1), 8, 1)
+                samples.append(Sample(str(scene), statistics, choice, 0.1, ratio * frame_s, frame_s))
+    return samples
+
+
+def test_the_fit_finds_the_laws_behind_the_times_and_what_build_quality_changes() -> None:
+    samples = made_up_samples()
+    model = fit_model(samples, {})
+    assert {f"once {name}" for name in model.once} | {f"frame {name}" for name in model.frame} == set(LAWS)
+    assert model.quality[PACKETS]["low"] == pytest.approx((0.5, 1.2))
+    for sample in samples:
+        found = model.forecast(sample.statistics, sample.choice, FRAMES)
+        # A ridge keeps slopes a little below what the data say.
+        assert found.frame_time_s == pytest.approx(sample.frame_time_s, rel=0.1)
+        assert found.once_s == pytest.approx(sample.once_s, rel=0.1)
+
+
+def test_the_error_of_a_law_is_that_on_scenes_left_out() -> None:
+    odd = made_up_samples()
+    noise = {str(scene): exp(0.5 * (-1) ** scene) for scene in range(6)}
+    odd = [
+        Sample(s.scene, s.statistics, s.choice, s.once_s * noise[s.scene], s.frame_time_s, s.packets_frame_time_s)
+        for s in odd
+    ]
+    assert fit_model(odd, {}).once[PACKETS].error > 0.5 > fit_model(made_up_samples(), {}).once[PACKETS].error
