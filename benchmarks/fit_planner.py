@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from math import exp, log
@@ -32,36 +32,36 @@ from experiments.point import Point
 from experiments.scene_loading import load_scene
 from experiments.views import FITTING_SCENES, FITTING_VIEWS
 
-_CELLS = ("log cell width", "log cell width squared")
 LAWS = {
-    "once packets": ("one", "log pixels", "log triangles"),
-    "once aligned": ("one", "log pixels", "log triangles", "log copies"),
-    "once visible_first": ("one", "log pixels", "log triangles", "log visible copies"),
-    "frame packets": ("one", "log pixels", "log triangles", "log triangles visible", "log hits per ray", "hit share"),
+    "first packets": ("view", "pixels", "triangles", "hits"),
+    "first aligned": ("view", "pixels", "triangles", "copies", "hits", "copies' outlines"),
+    "first visible_first": (
+        "view", "pixels", "triangles", "triangles in view", "visible copies", "hits", "visible copies' outlines",
+    ),
+    "frame packets": (
+        "pixels", "first hits", "first hits x levels", "hidden hits", "outlines", "hidden outlines",
+    ),
     "frame aligned": (
-        "one", "log pixels", "log triangles visible", "log copies", "log hits per ray", "hit share", *_CELLS,
+        "pixels", "hits", "copies", "copies x cell width", "copies' outlines", "boxes",
+        "reference rays x levels",
     ),
     "frame visible_first": (
-        "one", "log pixels", "log triangles visible", "log visible copies", "log hits per ray", "hit share", *_CELLS,
+        "pixels", "first hits", "hidden hits", "visible copies", "visible copies x cell width",
+        "visible copies' outlines", "outlines", "visible boxes", "reference rays x levels",
     ),
 }  # fmt: skip
-"""The features of each law. A frame of other methods than packets is a ratio to that of packets."""
-
-RIDGE = 0.3
-"""Penalty on the squares of coefficients of standardised features, in squared residuals: a few scenes must not be
-followed into every corner."""
+"""What each law may put a price on."""
 
 
 @dataclass(frozen=True)
 class Sample:
-    """A choice timed on a view; packets_frame_time_s is from the same rounds."""
+    """A choice timed on a view; samples of one view share its statistics."""
 
     scene: str
     statistics: SceneStatistics
     choice: Choice
-    once_s: float
+    first_s: float
     frame_time_s: float
-    packets_frame_time_s: float
 
 
 def read_samples(folder: Path) -> tuple[list[Sample], list[Record]]:
@@ -79,11 +79,9 @@ def read_samples(folder: Path) -> tuple[list[Sample], list[Record]]:
         choices = [_choice(fields) for fields in record.results["candidates"]]
         statistics = scene_statistics(_mesh(point), point.camera, {choice.split[0] for choice in choices})
         frame = {name: median(values) for name, values in record.samples.items()}
-        once = {fields["name"]: median(fields["once_s"]) for fields in record.results["candidates"]}
-        packets_s = frame[str(choices[0])]
+        first = {fields["name"]: median(fields["first_s"]) for fields in record.results["candidates"]}
         samples += [
-            Sample(point.scene, statistics, choice, once[str(choice)], frame[str(choice)], packets_s)
-            for choice in choices
+            Sample(point.scene, statistics, choice, first[str(choice)], frame[str(choice)]) for choice in choices
         ]
     return samples, used
 
@@ -113,54 +111,70 @@ def _choice(fields: dict[str, Any]) -> Choice:
 
 
 def fit_model(samples: Sequence[Sample], fitted_on: dict[str, Any]) -> Model:
-    """Laws by ridge regression on the logarithms; their errors from leaving out one scene at a time."""
+    """Laws by least squares on relative errors; their own errors by leaving out one scene at a time."""
     medium = [sample for sample in samples if sample.choice.build_quality == "medium"]
-    once: dict[str, Law] = {}
-    frame: dict[str, Law] = {}
+    laws: dict[str, dict[str, Law]] = {"first": {}, "frame": {}}
     for name, names in LAWS.items():
         what, method = name.split(" ")
-        of_method = [sample for sample in medium if sample.choice.method == method]
-        law = _fit_law(of_method, names, _log_once if what == "once" else _log_frame)
-        (once if what == "once" else frame)[method] = law
-    return Model(once, frame, _quality_factors(samples), fitted_on)
+        prices = _fit([one for one in medium if one.choice.method == method], names, what)
+        priced = {name: float(f"{price_s:.4g}") for name, price_s in zip(names, prices, strict=True) if price_s > 0}
+        laws[what][method] = Law(priced, round(_left_out_error(medium, what, method), 4))
+    return Model(laws["first"], laws["frame"], _quality_factors(samples), fitted_on)
 
 
-def _log_once(sample: Sample) -> float:
-    return log(sample.once_s)
+def _left_out_error(samples: Sequence[Sample], what: str, method: str) -> float:
+    """Root mean square of log(forecast / measured) over all scenes, each forecast from the others; for frames of other
+    methods than packets, what is left of it beside the same error of packets on the same view."""
+    unexplained: list[float] = []
+    scenes = {sample.scene for sample in samples}
+    for scene in scenes if len(scenes) > 1 else ():
+        log_ratio: dict[int, float] = {}
+        for one in (PACKETS, method) if what == "frame" else (method,):
+            of_method = [sample for sample in samples if sample.choice.method == one]
+            names = LAWS[f"{what} {one}"]
+            prices = _fit([sample for sample in of_method if sample.scene != scene], names, what)
+            for sample in [sample for sample in of_method if sample.scene == scene]:
+                forecast_s = float(_counts(sample, names) @ prices)
+                error = log(max(forecast_s, 1e-9) / _measured_s(sample, what))
+                if one == PACKETS:
+                    log_ratio[id(sample.statistics)] = error
+                if one == method:
+                    beside = log_ratio.get(id(sample.statistics), 0.0) if method != PACKETS else 0.0
+                    unexplained.append(error - beside)
+    return float(np.sqrt(np.mean(np.square(unexplained)))) if unexplained else 1.0
 
 
-def _log_frame(sample: Sample) -> float:
-    own = log(sample.frame_time_s)
-    return own if sample.choice.method == PACKETS else own - log(sample.packets_frame_time_s)
+def _measured_s(sample: Sample, what: str) -> float:
+    return sample.first_s if what == "first" else sample.frame_time_s
 
 
-def _fit_law(samples: Sequence[Sample], names: Sequence[str], target: Callable[[Sample], float]) -> Law:
-    named = [features(sample.statistics, sample.choice) for sample in samples]
-    x = np.array([[of_sample[name] for name in names] for of_sample in named])
-    y = np.array([target(sample) for sample in samples])
-    scenes = np.array([sample.scene for sample in samples])
-    unexplained = []
-    for scene in np.unique(scenes):
-        left_out = scenes == scene
-        if left_out.all():
-            continue
-        unexplained.append(y[left_out] - x[left_out] @ _ridge(x[~left_out], y[~left_out]))
-    error = float(np.sqrt(np.mean(np.concatenate(unexplained) ** 2))) if unexplained else float(y.std())
-    coefficients = _ridge(x, y)
-    return Law({name: float(f"{value:.5g}") for name, value in zip(names, coefficients, strict=True)}, round(error, 4))
+def _counts(sample: Sample, names: Sequence[str]) -> NDArray[np.float64]:
+    named = features(sample.statistics, sample.choice)
+    return np.array([named[name] for name in names])
 
 
-def _ridge(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Coefficients of the columns of x, the first of which is constant and not penalised."""
-    mean, scale = x[:, 1:].mean(axis=0), x[:, 1:].std(axis=0)
+def _fit(samples: Sequence[Sample], names: Sequence[str], what: str) -> NDArray[np.float64]:
+    """Prices at which forecast / measured is nearest to 1; what would have a negative price is left out, worst first.
+
+    Work cannot take less than no time, and without this bound the laws would be of no use beyond what they were
+    fitted on.
+    """
+    shares = np.array([_counts(sample, names) / max(_measured_s(sample, what), 1e-6) for sample in samples])
+    scale = np.linalg.norm(shares, axis=0)
     scale[scale == 0.0] = 1.0
-    standard = (x[:, 1:] - mean) / scale
-    slopes = np.linalg.solve(standard.T @ standard + RIDGE * np.eye(len(mean)), standard.T @ (y - y.mean())) / scale
-    return np.concatenate([[y.mean() - mean @ slopes], slopes])
+    prices = np.zeros(len(names))
+    kept = list(range(len(names)))
+    while kept:
+        found = np.linalg.lstsq(shares[:, kept] / scale[kept], np.ones(len(samples)), rcond=None)[0]
+        if (found >= 0.0).all():
+            prices[kept] = found / scale[kept]
+            break
+        kept.pop(int(np.argmin(found)))
+    return prices
 
 
 def _quality_factors(samples: Sequence[Sample]) -> dict[str, dict[str, tuple[float, float]]]:
-    """Geometric means of (once, frame) over those with medium quality, of the same choice on the same view."""
+    """Geometric means of (first, frame) over those with medium quality, of the same choice on the same view."""
 
     def key(sample: Sample) -> tuple[Any, ...]:
         return id(sample.statistics), sample.choice.method, sample.choice.split
@@ -171,11 +185,11 @@ def _quality_factors(samples: Sequence[Sample]) -> dict[str, dict[str, tuple[flo
         for quality in ("low", "high"):
             of_quality = [one for one in samples if (one.choice.method, one.choice.build_quality) == (method, quality)]
             if of_quality:
-                once, frame = (
+                first, frame = (
                     exp(np.mean([log(getattr(one, name) / getattr(medium[key(one)], name)) for one in of_quality]))
-                    for name in ("once_s", "frame_time_s")
+                    for name in ("first_s", "frame_time_s")
                 )
-                factors[method][quality] = (round(once, 3), round(frame, 3))
+                factors[method][quality] = (round(first, 3), round(frame, 3))
     return factors
 
 
@@ -209,7 +223,7 @@ def main() -> int:
     model = fit_model(samples, summarise(records, samples))
     write_atomically(arguments.output, model.to_json().encode())
     print(f"{len(samples)} samples of {len(records)} points; error of each law on a scene left out:")
-    for what, laws in (("once", model.once), ("frame", model.frame)):
+    for what, laws in (("first", model.first), ("frame", model.frame)):
         for method, law in laws.items():
             print(f"  {what} {method}: {law.error:.3f}")
     print(f"wrote {arguments.output}")

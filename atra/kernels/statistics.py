@@ -9,10 +9,10 @@ from atra.kernels.planning import _POLYGON, _front_part, _load_triangle, _pixel_
 
 
 @njit(inline="always")
-def _sample_range(low, high, step, samples, slack):  # type: ignore[no-untyped-def]
-    """First sample and the one behind the last in a pixel range; sample k is at (k + 1/2) step. slack: in samples."""
-    first = np.ceil(min(max(low / step - 0.5 - slack, 0.0), float(samples)))
-    last = np.floor(max(min(high / step - 0.5 + slack, samples - 1.0), -1.0))
+def _sample_range(low, high, step, samples):  # type: ignore[no-untyped-def]
+    """First sample and the one behind the last in a pixel range; sample k is at (k + 1/2) step."""
+    first = np.ceil(min(max(low / step - 0.5, 0.0), float(samples)))
+    last = np.floor(max(min(high / step - 0.5, samples - 1.0), -1.0))
     return int(first), int(last) + 1
 
 
@@ -22,15 +22,17 @@ def _cross(p, q):  # type: ignore[no-untyped-def]
 
 
 @njit(nogil=True, cache=True)
-def probe_triangles(points_pixels, depths, faces, step, hit_count, nearest):  # type: ignore[no-untyped-def]
+def probe_triangles(points_pixels, depths, faces, step, hit_count, nearest, box_pixels):  # type: ignore[no-untyped-def]
     """Shoot a ray every `step` pixels, across and down, at all triangles.
 
     points_pixels: (V, 3) float64 homogeneous pixels. depths: (V,) float64. hit_count: (rows, columns) int64, how many
     triangles each ray meets, added to what is there. nearest: (rows, columns) float64, lowered to the nearest depth.
+    box_pixels: (F,) float64, set to the area of each triangle's bounding rectangle within the image.
     """
     polygon, scratch = np.empty((_POLYGON, 3)), np.empty((_POLYGON, 3))
     rows, columns = nearest.shape
     for triangle in range(len(faces)):
+        box_pixels[triangle] = 0.0
         front, back, largest = _load_triangle(points_pixels, faces, triangle, polygon)
         corners = _front_part(polygon, front, back, scratch)
         if corners == 0:
@@ -38,8 +40,13 @@ def probe_triangles(points_pixels, depths, faces, step, hit_count, nearest):  # 
         tiny = 1e-12 * largest
         y_low, y_high = _pixel_range(polygon, corners, 1, tiny)
         x_low, x_high = _pixel_range(polygon, corners, 0, tiny)
-        top, bottom = _sample_range(y_low, y_high, step, rows, 0.0)
-        left, right = _sample_range(x_low, x_high, step, columns, 0.0)
+        inside_x = min(x_high, float(columns * step)) - max(x_low, 0.0)
+        inside_y = min(y_high, float(rows * step)) - max(y_low, 0.0)
+        if not (inside_x > 0.0 and inside_y > 0.0):
+            continue
+        box_pixels[triangle] = inside_x * inside_y
+        top, bottom = _sample_range(y_low, y_high, step, rows)
+        left, right = _sample_range(x_low, x_high, step, columns)
         if top >= bottom or left >= right:
             continue
         a, b, c = faces[triangle, 0], faces[triangle, 1], faces[triangle, 2]
@@ -61,34 +68,3 @@ def probe_triangles(points_pixels, depths, faces, step, hit_count, nearest):  # 
                     if depth > 0.0:
                         hit_count[row, column] += 1
                         nearest[row, column] = min(nearest[row, column], depth)
-
-
-@njit(nogil=True, cache=True)
-def mark_visible(points_pixels, depths, faces, step, nearest, visible):  # type: ignore[no-untyped-def]
-    """visible[t] = 1 where triangle t has a corner nearer than what one of the rays around it met, else 0.
-
-    nearest: as `probe_triangles` leaves it. A triangle between rays is judged by the four around it.
-    """
-    polygon, scratch = np.empty((_POLYGON, 3)), np.empty((_POLYGON, 3))
-    rows, columns = nearest.shape
-    for triangle in range(len(faces)):
-        visible[triangle] = 0
-        front, back, largest = _load_triangle(points_pixels, faces, triangle, polygon)
-        corners = _front_part(polygon, front, back, scratch)
-        if corners == 0:
-            continue
-        tiny = 1e-12 * largest
-        y_low, y_high = _pixel_range(polygon, corners, 1, tiny)
-        x_low, x_high = _pixel_range(polygon, corners, 0, tiny)
-        if y_high < 0.0 or x_high < 0.0 or y_low > rows * step or x_low > columns * step:
-            continue
-        top, bottom = _sample_range(y_low, y_high, step, rows, 1.0)
-        left, right = _sample_range(x_low, x_high, step, columns, 1.0)
-        depth = min(depths[faces[triangle, 0]], depths[faces[triangle, 1]], depths[faces[triangle, 2]])
-        for row in range(top, bottom):
-            for column in range(left, right):
-                if depth <= nearest[row, column]:
-                    visible[triangle] = 1
-                    break
-            if visible[triangle]:
-                break

@@ -1,6 +1,6 @@
-"""Times from scene statistics: a law per method that is linear in a few logarithms, fitted on recorded points.
+"""Times from scene statistics: for each method a sum of counts times prices, fitted on recorded points.
 
-`model.json` holds the coefficients and says what they were fitted on; `python -m benchmarks.fit_planner` makes it.
+`model.json` holds the prices and says what they were fitted on; `python -m benchmarks.fit_planner` makes it.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from math import exp
 from pathlib import Path
 from typing import Any
 
-from atra.planner.choice import PACKETS, Choice
+from atra.planner.choice import Choice
 from atra.planner.features import SceneStatistics, features
 from atra.planner.plan import Forecast
 
@@ -25,47 +25,46 @@ CAUTION = 1.0
 
 @dataclass(frozen=True)
 class Law:
-    """log(seconds) = sum of coefficients x features, or the logarithm of a ratio to packets.
+    """Seconds = sum of prices x counts (`atra.planner.features.features`), all prices at least 0.
 
-    error: standard deviation of what the law leaves unexplained on scenes it was not fitted on.
+    error: standard deviation of the logarithm of what the law says over what was measured, on scenes it was not fitted
+    on; for frames of other methods than packets, of the ratio to packets.
     """
 
-    coefficients: dict[str, float]
+    prices_s: dict[str, float]
     error: float
 
-    def __call__(self, named: Mapping[str, float]) -> float:
-        return exp(sum(value * named[name] for name, value in self.coefficients.items()))
+    def __call__(self, counts: Mapping[str, float]) -> float:
+        return sum(price_s * counts[name] for name, price_s in self.prices_s.items())
 
 
 @dataclass(frozen=True)
 class Model:
-    """once, frame: laws by method; a frame of methods other than packets is a ratio to that of packets.
+    """first, frame: laws by method: from nothing to the first frame, and every further frame.
 
-    quality: by method and build quality, factors (once, frame) on the times with medium quality.
+    quality: by method and build quality, factors (first, frame) on the times with medium quality.
     fitted_on: machine, scenes, views and date, for people.
     """
 
-    once: dict[str, Law]
+    first: dict[str, Law]
     frame: dict[str, Law]
     quality: dict[str, dict[str, tuple[float, float]]]
     fitted_on: dict[str, Any]
 
     def forecast(self, statistics: SceneStatistics, choice: Choice, frames: int) -> Forecast:
         """What a choice is expected to take; its error is that of the total for so many frames."""
-        named = features(statistics, choice)
-        once_s, frame_time_s = self.once[choice.method](named), self.frame[choice.method](named)
-        error = self.once[choice.method].error * once_s
-        if choice.method != PACKETS:
-            frame_time_s *= self.frame[PACKETS](named)
-            error += self.frame[choice.method].error * frames * frame_time_s
-        error /= once_s + frames * frame_time_s
-        of_once, of_frame = self.quality[choice.method].get(choice.build_quality, (1.0, 1.0))
-        return Forecast(choice, once_s * of_once, frame_time_s * of_frame, error, measured=False)
+        counts = features(statistics, choice)
+        first, frame = self.first[choice.method], self.frame[choice.method]
+        of_first, of_frame = self.quality[choice.method].get(choice.build_quality, (1.0, 1.0))
+        first_s, frame_time_s = first(counts) * of_first, frame(counts) * of_frame
+        later_s = (frames - 1) * frame_time_s
+        error = (first.error * first_s + frame.error * later_s) / (first_s + later_s)
+        return Forecast(choice, first_s, frame_time_s, error, measured=False)
 
     def to_json(self) -> str:
         laws = {
-            f"{what} {method}": {"error": law.error, "coefficients": law.coefficients}
-            for what, of_what in (("once", self.once), ("frame", self.frame))
+            f"{what} {method}": {"error": law.error, "prices_s": law.prices_s}
+            for what, of_what in (("first", self.first), ("frame", self.frame))
             for method, law in of_what.items()
         }
         fields = {"fitted_on": self.fitted_on, "laws": laws, "quality": self.quality}
@@ -74,15 +73,15 @@ class Model:
     @classmethod
     def from_json(cls, text: str) -> Model:
         fields = json.loads(text)
-        laws: dict[str, dict[str, Law]] = {"once": {}, "frame": {}}
+        laws: dict[str, dict[str, Law]] = {"first": {}, "frame": {}}
         for name, law in fields["laws"].items():
             what, method = name.split(" ")
-            laws[what][method] = Law(law["coefficients"], law["error"])
+            laws[what][method] = Law(law["prices_s"], law["error"])
         quality = {
             method: {name: (factors[0], factors[1]) for name, factors in of_method.items()}
             for method, of_method in fields["quality"].items()
         }
-        return cls(laws["once"], laws["frame"], quality, fields["fitted_on"])
+        return cls(laws["first"], laws["frame"], quality, fields["fitted_on"])
 
 
 @cache

@@ -27,11 +27,11 @@ DROPPED_BEYOND = (0.3, 0.2, 0.1, 0.05, 0.03, 0.02)
 
 @dataclass
 class Trial:
-    """A choice under measurement. frames_s: all frames but the first, which went into once_s."""
+    """A choice under measurement. frames_s: all frames but the first, which went into first_s."""
 
     choice: Choice
     tracer: Tracer
-    once_s: float = 0.0
+    first_s: float = 0.0
     frames_s: list[float] = field(default_factory=list)
     _image: Hits | None = None
 
@@ -41,7 +41,7 @@ class Trial:
         self.tracer.plan()
         self.tracer.build()
         self._image = self.tracer.trace()
-        self.once_s = clock() - begin
+        self.first_s = clock() - begin
         for _ in range(FIRST_FRAMES - 1):
             self.trace(clock)
 
@@ -58,8 +58,7 @@ class Trial:
     @property
     def forecast(self) -> Forecast:
         # Whatever disturbs a frame makes it longer, so the shortest is the best guess.
-        frame_time_s = min(self.frames_s)
-        return Forecast(self.choice, max(self.once_s - frame_time_s, 0.0), frame_time_s, 0.0, measured=True)
+        return Forecast(self.choice, self.first_s, min(self.frames_s), 0.0, measured=True)
 
 
 def measure(

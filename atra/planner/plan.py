@@ -27,25 +27,25 @@ EFFORTS = ("estimate", "measure")
 class Forecast:
     """What a choice is expected to take.
 
-    once_s: what is paid once a view: plan, build, and what the first frame takes beyond any other. frame_time_s: each
-    frame. error: standard deviation of the logarithm of their sum, relative to packets; 0 where it was measured.
+    first_s: from nothing to the first frame: plan, build and that frame. frame_time_s: every further frame.
+    error: standard deviation of the logarithm of what they come to, relative to packets; 0 where it was measured.
     """
 
     choice: Choice
-    once_s: float
+    first_s: float
     frame_time_s: float
     error: float
     measured: bool
 
     def __post_init__(self) -> None:
-        for name in ("once_s", "frame_time_s", "error"):
+        for name in ("first_s", "frame_time_s", "error"):
             value = getattr(self, name)
             if not (isinstance(value, (int, float)) and isfinite(value) and value >= 0):
                 raise InputError(f"{name} of {self.choice} is {value!r}, expected a finite number of at least 0")
 
     def total_s(self, frames: int) -> float:
         """Seconds from nothing to the last of so many frames."""
-        return self.once_s + frames * self.frame_time_s
+        return self.first_s + (frames - 1) * self.frame_time_s
 
 
 @dataclass(frozen=True)
