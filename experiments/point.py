@@ -21,7 +21,6 @@ class Point:
     scene_path: str | None
     mesh_sha256: str
     triangles: int
-    view: str
     eye: Vector
     target: Vector
     up: Vector
@@ -43,6 +42,7 @@ class Point:
     frame_budget_s: float
     time_limit_s: float
     memory_budget_gib: float
+    view: str = "own"
 
     @classmethod
     def from_fields(cls, fields: dict[str, Any]) -> Point:

@@ -5,11 +5,14 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
+import psutil
 import pytest
 
 import atra
+from atra.culling import EMBREE_BYTES_PER_COPY, PLAN_BYTES_PER_COPY
 from atra.embree.scene import EmbreeScene
 from atra.errors import InputError, MemoryBudgetError
 from atra.planner import estimate as estimating
@@ -165,6 +168,16 @@ def test_the_shipped_model_knows_all_methods_and_says_what_it_was_fitted_on() ->
         price_s > 0 for laws in (model.first, model.frame) for law in laws.values() for price_s in law.prices_s.values()
     )
     assert Model.from_json(model.to_json()) == model
+
+
+def test_copies_that_do_not_fit_into_memory_are_not_considered(monkeypatch: pytest.MonkeyPatch) -> None:
+    camera = cornell_camera(256, 256)
+    copies = scene_statistics(cornell_box(), camera, (128,)).copies[128]
+    free_bytes = copies * (PLAN_BYTES_PER_COPY + EMBREE_BYTES_PER_COPY["medium"]) - 1
+    monkeypatch.setattr(psutil, "virtual_memory", lambda: SimpleNamespace(available=free_bytes))
+    considered = {(one.choice.method, one.choice.split[0]) for one in atra.plan(cornell_box(), camera).considered}
+    assert (ALIGNED, 128) not in considered
+    assert {(PACKETS, 1), (ALIGNED, 64)} <= considered
 
 
 # Candidates

@@ -8,13 +8,14 @@ from math import isfinite
 import numpy as np
 
 from atra.camera import Camera
-from atra.errors import InputError
+from atra.culling import check_memory_budget
+from atra.errors import InputError, MemoryBudgetError
 from atra.mesh import Mesh
 from atra.orthographic import OrthographicCamera
 from atra.parallel import resolve_threads
-from atra.planner.choice import Choice, candidates
+from atra.planner.choice import ALIGNED, PACKETS, Choice, candidates
 from atra.planner.estimate import estimate
-from atra.planner.features import scene_statistics
+from atra.planner.features import SceneStatistics, scene_statistics
 from atra.planner.measuring import Clock, measure
 from atra.planner.plan import EFFORTS, Plan
 from atra.tracers import Tracer
@@ -52,6 +53,7 @@ def plan(
     threads = resolve_threads(threads)
     choices = candidates(camera, frames)
     statistics = scene_statistics(mesh, camera, {choice.split[0] for choice in choices}, threads)
+    choices = tuple(choice for choice in choices if _fits_into_memory(statistics, choice))
     forecasts = estimate(statistics, choices, frames)
     if effort == "measure":
         clock = clock or (time.thread_time if threads == 1 else time.perf_counter)
@@ -62,6 +64,19 @@ def plan(
 
         forecasts = measure(forecasts, choices[0], make, frames=frames, budget_s=budget_s, clock=clock)
     return Plan(frames, effort, threads, camera.width, camera.height, tuple(forecasts))
+
+
+def _fits_into_memory(statistics: SceneStatistics, choice: Choice) -> bool:
+    """Whether the copies that a choice is likely to need fit into the memory that is free; packets always count."""
+    if choice.method == PACKETS:
+        return True
+    nx, ny = choice.split
+    copies = (statistics.copies if choice.method == ALIGNED else statistics.visible_copies)[nx]
+    try:
+        check_memory_budget(copies, choice.build_quality, None, nx * ny)
+    except MemoryBudgetError:
+        return False
+    return True
 
 
 def warm_up(choice: Choice, camera: View, threads: int) -> None:
