@@ -295,6 +295,15 @@ def test_a_hopeless_estimate_is_not_tried() -> None:
     assert aligned(64) not in tried
 
 
+def test_an_estimate_is_judged_by_how_the_last_of_its_method_did() -> None:
+    """Aligned tracing takes a tenth of what was estimated, packets what was: by those, 256 would have been hopeless."""
+    guessed = {choice: TRUE[choice] for choice in (PACKETS_CHOICE, aligned(128), aligned(256))}
+    true = {**TRUE, aligned(128): (0.02, 0.005), aligned(256): (0.02, 0.004)}
+    found, tried, _, _ = measured(true, guessed, budget_s=10.0, error=0.1)
+    assert tried == [PACKETS_CHOICE, aligned(128), aligned(256)]
+    assert found[0].choice == aligned(256)
+
+
 def test_packets_are_kept_where_the_gain_is_within_the_noise() -> None:
     true = {PACKETS_CHOICE: (0.1, 0.1), aligned(128): (0.1, 0.099)}
     found, tried, _, _ = measured(true, true, budget_s=10.0, error=1.0)

@@ -9,7 +9,7 @@ from math import exp
 
 from atra.errors import MemoryBudgetError
 from atra.hits import Hits
-from atra.planner.choice import Choice
+from atra.planner.choice import METHODS, Choice
 from atra.planner.plan import Forecast
 from atra.tracers import Tracer
 
@@ -20,6 +20,9 @@ FIRST_FRAMES = 2
 
 LEAST_GAIN = 0.02
 """What another method must gain over packets by measurement; frames of one and the same tracer differ by as much."""
+
+MOST_DEVIATIONS = 2.0
+"""How many standard deviations an estimate is expected to err by at most."""
 
 DROPPED_BEYOND = (0.3, 0.2, 0.1, 0.05, 0.03, 0.02)
 """Round by round, how much slower than the best a trial may be to stay; those left after the last are as good."""
@@ -76,8 +79,8 @@ def measure(
     make: a choice -> its tracer, neither planned nor built, with its kernels compiled.
 
     Others follow as their estimates rank them, as long as the budget is likely to suffice for plan, build and first
-    frames: estimates are scaled by how long packets took here. Then frames of all that come near the best take turns,
-    the bound drawn tighter each round, until one is left or the budget is spent.
+    frames: estimates are scaled by how long the last of the same method took here, or else packets. Then frames of all
+    that come near the best take turns, the bound drawn tighter each round, until one is left or the budget is spent.
     """
     spent_s = 0.0
     alive: list[Trial] = []
@@ -105,14 +108,22 @@ def measure(
             return taken_s
 
         spent_s += try_out(packets)
-        scale = _scale(next(one for one in estimates if one.choice == packets), done[packets])
+        # By method, the estimate that was last put to the test: it errs on others of its kind much as on itself.
+        tested = dict.fromkeys(METHODS, next(one for one in estimates if one.choice == packets))
+
+        def scaled_s(one: Forecast, frames: int) -> float:
+            """An estimate in the seconds of this machine."""
+            before = tested[one.choice.method]
+            return one.total_s(frames) * done[before.choice].total_s(frames) / before.total_s(frames)
+
         for one in sorted(estimates, key=lambda one: one.total_s(frames)):
-            if one.choice == packets or _hopeless(one, scale, frames, best_s()):
+            # Behind the best even if the estimate errs by so much.
+            hopeless = scaled_s(one, frames) * exp(-MOST_DEVIATIONS * one.error) > best_s()
+            if one.choice == packets or hopeless or spent_s + scaled_s(one, FIRST_FRAMES) > budget_s:
                 continue
-            needed_s = scale * one.total_s(FIRST_FRAMES)
-            if spent_s + needed_s <= budget_s:
-                with suppress(MemoryBudgetError):  # which comes before anything was allocated
-                    spent_s += try_out(one.choice)
+            with suppress(MemoryBudgetError):  # which comes before anything was allocated
+                spent_s += try_out(one.choice)
+                tested[one.choice.method] = one
         for beyond in DROPPED_BEYOND:
             if len(alive) == 1:
                 break
@@ -125,13 +136,3 @@ def measure(
     enough_s = (1.0 - LEAST_GAIN) * done[packets].total_s(frames)
     best = ordered[0] if ordered[0].total_s(frames) <= enough_s else done[packets]
     return [best, *(one for one in ordered if one is not best)]
-
-
-def _scale(estimate: Forecast, measured: Forecast) -> float:
-    """How much longer this machine takes than the model's."""
-    return measured.total_s(FIRST_FRAMES) / estimate.total_s(FIRST_FRAMES)
-
-
-def _hopeless(estimate: Forecast, scale: float, frames: int, best_s: float) -> bool:
-    """Whether even an estimate that errs by two standard deviations leaves the choice behind the best."""
-    return scale * estimate.total_s(frames) * exp(-2.0 * estimate.error) > best_s
