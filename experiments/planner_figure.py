@@ -25,11 +25,11 @@ from experiments.figure_parts import (
 from experiments.method_parts import write_foot
 
 SERIES: dict[str, tuple[str, dict[str, Any]]] = {
-    "packets, always": ("packets_regret", {"color": GREEN, "marker": "x"}),
-    "estimate": ("estimate_regret", {"color": VERMILLION, "marker": "s"}),
-    "measure": ("measure_regret", {"color": BLUE, "marker": "o"}),
+    "measure": ("measure_regret", {"color": BLUE, "marker": "o", "markersize": 5}),
+    "estimate": ("estimate_regret", {"color": VERMILLION, "marker": "s", "markersize": 9, "markerfacecolor": "none"}),
+    "packets, always": ("packets_regret", {"color": GREEN, "marker": "x", "markersize": 6}),
 }
-"""Label -> column and mark; later ones are drawn over earlier ones."""
+"""Label -> column and mark; marks of equal values stay apart."""
 
 TARGETS = {"1.05 and 1.15": (1.05, 1.15)}
 
@@ -61,10 +61,10 @@ def _draw_panel(axis: Axes, rows: pd.DataFrame, largest: float) -> None:
             axis.axvline(bound, color=BLACK, linestyle=DOTTED, linewidth=1.0, zorder=1, label=label)
             label = "_target"
     for label, (name, style) in SERIES.items():
-        axis.plot(numbers(rows, name), places, linestyle="none", markersize=6, label=label, zorder=3, **style)
+        axis.plot(numbers(rows, name), places, linestyle="none", label=label, zorder=3, **style)
     axis.set_xscale("log")
     axis.set_xlim(0.97, largest * 1.1)
-    ticks = [1.0, 1.05, 1.15, *(tick for tick in (1.5, 2.0, 3.0, 5.0, 10.0, 20.0) if tick < largest * 1.1)]
+    ticks = [1.0, 1.15, *(tick for tick in (1.5, 2.0, 3.0, 5.0, 10.0, 20.0) if tick < largest * 1.1)]
     axis.set_xticks(ticks)
     axis.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axis.xaxis.set_minor_formatter(NullFormatter())
