@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from math import e
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -11,11 +12,23 @@ import pytest
 
 import atra
 from atra.errors import InputError
-from atra.planner.choice import ALIGNED, PACKETS, VISIBLE_FIRST, Choice
+from atra.planner.choice import ALIGNED, PACKETS, VISIBLE_FIRST, Choice, choices_of_quality
 from atra.planner.features import scene_statistics
-from benchmarks.fit_planner import LAWS, Sample, fit_model
+from atra.records import Record, write_record
+from benchmarks.fit_planner import LAWS, Sample, fit_model, read_samples
+from experiments.configuration import (
+    BuildQuality,
+    Configuration,
+    MeasureConfiguration,
+    Method,
+    Quantity,
+    SceneConfiguration,
+    SceneSource,
+)
 from experiments.planner import FRAMES, regrets, say_regrets
 from experiments.planner_figure import SERIES, draw_planner_figure
+from experiments.points import plan_points
+from experiments.quantities import measure_point
 from experiments.table import COLUMNS
 from experiments.views import FITTING_VIEWS, HELD_OUT_VIEWS, VIEWS, view_fields
 from scenes.cornell_box import CORNELL_BOX_CAMERA
@@ -103,6 +116,53 @@ def test_the_figure_shows_every_view_of_both_efforts_where_it_belongs() -> None:
         expected = {row["view"]: row[name] for row in ROWS}
         ticks = [text.get_text().partition(",")[0] for text in axis.get_yticklabels()]
         assert drawn[label] == pytest.approx([expected[view] for view in ticks])
+
+
+# A point, measured for real at toy size
+
+
+def test_a_measured_point_holds_every_candidate_in_the_same_rounds_and_can_be_fitted_to(tmp_path: Path) -> None:
+    configuration = Configuration(
+        scene=SceneConfiguration(name="cornell_box", source=SceneSource.procedural, view="near"),
+        measure=MeasureConfiguration(quantity=Quantity.planner, rounds=3, warmup=1),
+        method=Method.pixel,
+        width=32,
+        height=32,
+        build_quality=BuildQuality.low,
+    )
+    (planned,) = plan_points([configuration])
+    point = planned.point
+    measured = measure_point(point)
+    camera = point.camera
+    wanted = {str(one) for quality in ("medium", "low") for one in choices_of_quality(camera, quality)}
+    assert set(measured.samples) == {one["name"] for one in measured.results["candidates"]} == wanted
+    assert {len(values) for values in measured.samples.values()} == {3}
+    for effort in ("estimate", "measure"):
+        assert measured.results[f"{effort}_plan"] in wanted
+        assert measured.results[f"{effort}_regret"] >= 1.0
+        assert measured.results[f"{effort}_frame_regret"] >= 1.0
+
+    record = replace(
+        Record("toy", "ok", None, point.configuration(), {}),
+        warmup_samples=measured.warmup_samples,
+        samples=measured.samples,
+        results=measured.results,
+    )
+    write_record(tmp_path, record)
+    samples, records = read_samples(tmp_path)
+    assert [one.point_id for one in records] == ["toy"]
+    assert {str(sample.choice) for sample in samples} == wanted
+    model = fit_model(samples, {})
+    assert set(model.quality[PACKETS]) == {"low"}
+
+
+def test_points_of_held_out_views_and_unknown_scenes_are_not_fitted_to(tmp_path: Path) -> None:
+    fields = {"quantity": "planner", "scene": "cornell_box", "view": "near"}
+    others = {"view": "wide", "scene": "fireplace_room", "quantity": "time"}
+    for name, other in others.items():
+        write_record(tmp_path, Record(name, "ok", None, fields | {name: other}, {}))
+    with pytest.raises(InputError, match="no points to fit to"):
+        read_samples(tmp_path)
 
 
 # The fit
