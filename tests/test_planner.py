@@ -356,7 +356,10 @@ def test_a_plan_survives_its_file(effort: str, tmp_path: Path) -> None:
     assert Plan.load(tmp_path / "plan.json") == plan
 
 
-@pytest.mark.parametrize("choice", candidates(square_camera(), 64), ids=str)
+UNUSUAL_PACKETS = Choice(ALIGNED, (16, 1), 8, 4)  # cells 4 pixels wide would take packets of 2 rows by themselves
+
+
+@pytest.mark.parametrize("choice", [*candidates(square_camera(), 64), UNUSUAL_PACKETS], ids=str)
 def test_the_tracer_of_every_choice_traces_the_image_of_single_rays(choice: Choice) -> None:
     mesh, camera = cornell_box(), cornell_camera(64, 64)
     plan = a_plan(considered=(Forecast(choice, 0.1, 0.1, 0.0, measured=False),))
