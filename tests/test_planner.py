@@ -325,8 +325,10 @@ def test_a_candidate_that_does_not_fit_into_memory_is_passed_over(monkeypatch: p
     assert aligned(128) not in [one.choice for one in found]
 
 
-def test_measuring_for_real_tells_times_of_what_it_tried() -> None:
-    found = atra.plan(cornell_box(), cornell_camera(64, 64), effort="measure", budget_s=0.2)
+@pytest.mark.parametrize("threads", [1, 2])
+def test_measuring_for_real_tells_times_of_what_it_tried(threads: int) -> None:
+    found = atra.plan(cornell_box(), cornell_camera(64, 64), effort="measure", budget_s=0.2, threads=threads)
+    assert found.threads == threads
     assert all(one.measured and one.frame_time_s > 0 for one in found.considered)
     assert PACKETS in {one.choice.method for one in found.considered}
 
