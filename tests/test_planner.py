@@ -85,13 +85,13 @@ def test_copies_are_those_that_culling_keeps() -> None:
 
 
 def test_parallel_rays_meet_the_walls_before_them() -> None:
-    mesh = quads([wall(2, 0.5), wall(3, 10)])
+    mesh = quads([wall(2, 0.5), wall(3, 10), wall(-2, 10)])
     camera = atra.OrthographicCamera(**EYE_AT_ORIGIN, view_height=2.0, width=64, height=64)
     statistics = scene_statistics(mesh, camera, (4,))
     assert statistics.hit_share == 1.0
     # Of 8 x 8 rays, 16 meet the near wall too, and the 8 + 4 on the diagonals meet two triangles of a wall.
     assert statistics.hits_per_ray == (64 + 16 + 8 + 4) / 64
-    assert statistics.visible == 4
+    assert statistics.visible == statistics.in_view
 
 
 # Estimates
