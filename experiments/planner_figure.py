@@ -64,7 +64,12 @@ def _draw_panel(axis: Axes, rows: pd.DataFrame, largest: float) -> None:
         axis.plot(numbers(rows, name), places, linestyle="none", label=label, zorder=3, **style)
     axis.set_xscale("log")
     axis.set_xlim(0.97, largest * 1.1)
-    ticks = [1.0, 1.15, *(tick for tick in (1.5, 2.0, 3.0, 5.0, 10.0, 20.0) if tick < largest * 1.1)]
+    # The bounds have lines of their own; on a long axis their number would hide that of 1.
+    ticks = [
+        1.0,
+        *([1.15] if largest < 5 else []),
+        *(tick for tick in (1.5, 2.0, 3.0, 5.0, 10.0, 20.0) if tick < largest * 1.1),
+    ]
     axis.set_xticks(ticks)
     axis.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axis.xaxis.set_minor_formatter(NullFormatter())
