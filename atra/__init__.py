@@ -15,6 +15,8 @@ from atra.frames import Frames
 from atra.hits import MISS, Hits
 from atra.mesh import Mesh, load_mesh
 from atra.orthographic import OrthographicCamera
+from atra.planner.plan import Plan
+from atra.planner.planning import plan
 from atra.sampling import sub_pixel_offsets
 from atra.tracers import AlignedTracer, FramesTracer, PixelTracer, TiledTracer, Tracer, VisibleFirstTracer
 
@@ -36,6 +38,7 @@ __all__ = [
     "Mesh",
     "OrthographicCamera",
     "PixelTracer",
+    "Plan",
     "Split",
     "TiledTracer",
     "Tracer",
@@ -43,5 +46,6 @@ __all__ = [
     "VisibleFirstTracer",
     "compare",
     "load_mesh",
+    "plan",
     "sub_pixel_offsets",
 ]

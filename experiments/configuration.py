@@ -78,7 +78,8 @@ class Quantity(Enum):
 
     time = frames, against both baselines; build = plan and BVH build, again and again; memory = only the one method is
     ever built; picture = shaded pictures of the method's hits and of rtcIntersect1's, and their difference;
-    agreement = where the method's hits and rtcIntersect1's differ, and which of them is wrong by the float64 oracle.
+    agreement = where the method's hits and rtcIntersect1's differ, and which of them is wrong by the float64 oracle;
+    planner = plans, and all that they choose from.
     """
 
     time = "time"
@@ -86,6 +87,7 @@ class Quantity(Enum):
     memory = "memory"
     picture = "picture"
     agreement = "agreement"
+    planner = "planner"
 
 
 class SceneSource(Enum):
@@ -107,11 +109,13 @@ class BuildQuality(Enum):
 
 @dataclass
 class SceneConfiguration:
-    """What is looked at; eye, target, up and fov_y_degrees override the scene's own camera one by one."""
+    """What is looked at. view: the scene's own, or another made from it (`experiments.views`); eye, target, up and
+    fov_y_degrees override its camera one by one."""
 
     name: str | None = None
     source: SceneSource = MISSING
     path: str | None = None
+    view: str = "own"
     eye: list[float] | None = None
     target: list[float] | None = None
     up: list[float] | None = None

@@ -22,6 +22,7 @@ from experiments.methods_figure import draw_methods_figure
 from experiments.multiframe_figure import draw_multiframe_figure
 from experiments.peers_figure import draw_peers_figure
 from experiments.pictures import ScenePictures
+from experiments.planner_figure import draw_planner_figure
 from experiments.price_figure import draw_price_figure
 from experiments.scenes_figure import draw_scenes_figure
 from experiments.split_figure import draw_split_figure
@@ -109,6 +110,14 @@ FIGURES = (
     FigureKind(
         "multiframe", "Time per frame and memory over the number of frames, together and frame by frame",
         ("multiframe", "multiframe_turn", "multiframe_memory"), draw_multiframe_figure,
+    ),
+    FigureKind(
+        "planner", "Regret of plans on views they were not fitted on", ("planner", "planner_small", "planner_wide"),
+        draw_planner_figure,
+    ),
+    FigureKind(
+        "planner_fit", "Regret of plans on the views they were fitted on",
+        ("planner_fit", "planner_fit_small", "planner_fit_wide"), draw_planner_figure,
     ),
 )  # fmt: skip
 

@@ -12,8 +12,9 @@ from typing import Any
 
 from atra.embree.library import embree_version
 from atra.measure.environment import STABLE_FIELDS, Environment, read_environment
+from atra.planner.estimate import MODEL_FILE
 from atra.records import Record, point_id
-from experiments import frame_tracing, launch, motion, quantities, tracing, worker
+from experiments import frame_tracing, launch, motion, planner, quantities, tracing, worker
 from experiments.launch import run_worker
 from experiments.outcome import Outcome
 from experiments.point import Point
@@ -46,8 +47,8 @@ def _identity(configuration: dict[str, Any], stable_environment: dict[str, Any])
 def _measuring_code_sha256() -> str:
     """The library's own source is part of the environment; this is what runs it in the worker."""
     digest = hashlib.sha256()
-    for module in (launch, quantities, tracing, frame_tracing, motion, worker):
-        path = module.__file__
+    modules = (launch, quantities, tracing, frame_tracing, motion, planner, worker)
+    for path in (*(module.__file__ for module in modules), MODEL_FILE):
         digest.update(Path(str(path)).read_bytes())
     return digest.hexdigest()
 

@@ -52,6 +52,7 @@ class Point:
     sample_rays: int = 0
     frames: int = 1
     motion: str | None = None
+    view: str = "own"
 
     @classmethod
     def from_fields(cls, fields: dict[str, Any]) -> Point:
@@ -74,6 +75,8 @@ class Point:
         """Short text for progress and messages."""
         method = Method(self.method)
         details = [self.scene]
+        if self.view != "own":
+            details.append(f"view {self.view}")
         if method in (Method.pixel, Method.aligned, Method.visible_first, Method.tiles):
             width = self.packet_width or "native width"
             details.append("single rays" if width == 1 else f"packets of {width}")

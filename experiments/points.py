@@ -22,6 +22,7 @@ from experiments.configuration import (
 from experiments.frame_tracing import check_frames, make_own_tracer
 from experiments.point import Point
 from experiments.scene_loading import load_scene, mesh_sha256
+from experiments.views import view_fields
 
 _LARGEST_DEFAULT_SPLIT = 128
 
@@ -88,7 +89,8 @@ def _resolve(configuration: Configuration, scene: _Scene) -> Point:
         scene_path=path,
         mesh_sha256=scene.sha256,
         triangles=int(scene.mesh.triangle_count),
-        **_camera_fields(given, scene.camera),
+        view=given.view,
+        **_camera_fields(given, view_fields(scene.mesh, scene.camera, given.view)),
         width=configuration.width,
         height=configuration.height,
         method=method.value,

@@ -221,12 +221,21 @@ def _json_value(value: Any) -> Any:
     return None if nothing else value
 
 
+def _measure_planner(point: Point) -> Measured:
+    """Plans, and every candidate beside them."""
+    from experiments.planner import measure_planner  # nothing else needs the planner here
+
+    results, timed = measure_planner(point, _load_mesh(point))
+    return _measured(results, timed)
+
+
 _MEASURES: dict[Quantity, Callable[[Point], Measured]] = {
     Quantity.time: _measure_time,
     Quantity.build: _measure_build,
     Quantity.memory: _measure_memory,
     Quantity.picture: _make_pictures,
     Quantity.agreement: _judge_agreement,
+    Quantity.planner: _measure_planner,
 }
 
 
@@ -268,13 +277,18 @@ def _counts(agreements: Sequence[Agreement]) -> dict[str, int]:
     }
 
 
+def _load_mesh(point: Point) -> Mesh:
+    mesh, _ = load_scene(SceneSource(point.scene_source), point.scene, point.scene_path)
+    if mesh_sha256(mesh) != point.mesh_sha256:
+        raise InputError(f"scene {point.scene} changed since this run began; start it again")
+    return mesh
+
+
 def _build_own(point: Point, stack: ExitStack) -> tuple[Tracer | FramesTracer, dict[str, Any]]:
     """Load the scene and build the point's own method, while nothing else is in the process, reading the memory on
     the way."""
     results: dict[str, Any] = {"rss_start_bytes": rss_bytes()}
-    mesh, _ = load_scene(SceneSource(point.scene_source), point.scene, point.scene_path)
-    if mesh_sha256(mesh) != point.mesh_sha256:
-        raise InputError(f"scene {point.scene} changed since this run began; start it again")
+    mesh = _load_mesh(point)
     if point.ties == Ties.lowest.value:
         mesh.coplanar_overlaps  # noqa: B018, kept by the mesh; like reading it, no part of the method's memory
     reset_peak_rss()  # reading a file may take more than tracing it

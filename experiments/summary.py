@@ -18,6 +18,7 @@ from experiments.agreement import agreement_lines
 from experiments.configuration import Geometry, Method, Quantity
 from experiments.frame_tracing import SEPARATE
 from experiments.messages import say
+from experiments.planner import say_regrets
 from experiments.quantities import BUILD, OWN, PLAN, SINGLE
 
 
@@ -35,6 +36,9 @@ def say_outcome(record: Record) -> str:
         return f"plan {_ms(plan)}, build {_ms(build)}"
     if "disagreements" in record.results:
         return "{pixels_wrong} pixels wrong; by float64 {method_wrong} to {baseline_wrong}".format(**record.results)
+    if "measure_regret" in record.results:
+        measured, estimated = (f"{record.results[f'{effort}_regret']:.2f}" for effort in ("measure", "estimate"))
+        return f"{record.results['measure_plan']}, regret {measured}; estimated {estimated}"
     parts = [f"{_mib(record.results['embree_bytes'])} in Embree"] if "embree_bytes" in record.results else []
     if "pixels_wrong" in record.results:
         parts.append(f"{record.results['pixels_wrong']} pixels wrong")
@@ -135,7 +139,7 @@ def print_sweep(table: pd.DataFrame, folder: Path, console: Console) -> None:
         console.print(best)
     if len(measured) < len(timed):
         console.print(_best_of_frames(timed[timed["motion"].notna()]))
-    for line in agreement_lines(table):
+    for line in [*agreement_lines(table), *say_regrets(table)]:
         console.print(line, markup=False, highlight=False, soft_wrap=True)
     missing = table[table["status"] != "ok"]
     reasons = missing["error"].map(_kind_of_error)

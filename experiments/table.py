@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from atra.errors import InputError
 from atra.measure.environment import describe_difference
 from atra.records import Record, write_atomically
+from experiments.configuration import Quantity
 from experiments.frame_tracing import SEPARATE, SEPARATE_VISIBLE
 from experiments.quantities import BASELINE_BUILD, BUILD, OWN, PACKETS, PLAN, SINGLE
 from scenes.stand_ins import STAND_INS
@@ -123,6 +124,22 @@ COLUMNS = {
     "rays_sampled": _WHOLE,
     "sampled_method_wrong": _WHOLE,
     "sampled_baseline_wrong": _WHOLE,
+    "view": _TEXT,
+    "best_plan": _TEXT,
+    "best_frame_plan": _TEXT,
+    "packets_regret": _REAL,
+    "estimate_plan": _TEXT,
+    "estimate_regret": _REAL,
+    "estimate_frame_regret": _REAL,
+    "estimate_vs_packets": _REAL,
+    "estimate_predicted_time_s": _REAL,
+    "estimate_planning_time_s": _REAL,
+    "measure_plan": _TEXT,
+    "measure_regret": _REAL,
+    "measure_frame_regret": _REAL,
+    "measure_vs_packets": _REAL,
+    "measure_predicted_time_s": _REAL,
+    "measure_planning_time_s": _REAL,
     "load_average": _REAL,
     "doubts": _TEXT,
     "cpu": _TEXT,
@@ -254,6 +271,8 @@ def _row(record: Record) -> dict[str, Any]:
                     row |= _statistics(name + "_render_time{}_s", samples[name])
                     row |= _statistics("speedup_vs_" + name + "{}", samples[name] / own)
             judged = own
+        elif record.configuration.get("quantity") == Quantity.planner.value:  # its ratios are among the results
+            judged = samples[PACKETS]
         else:
             row |= _statistics("plan_time{}_s", samples[PLAN])
             row |= _statistics("build_time{}_s", samples[BUILD])

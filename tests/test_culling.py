@@ -151,7 +151,7 @@ def test_what_exceeds_the_budget_or_the_free_memory_is_refused_with_both_sizes(m
 def test_an_image_whose_pixels_a_record_cannot_count_is_refused():
     check_image_size(2**16, 2**15 - 1)
     for stride in (2**15, 2**16):
-        with pytest.raises(atra.InputError, match="65536 rows of [0-9]+ pixels is too large"):
+        with pytest.raises(atra.InputError, match=r"65536 rows of [0-9]+ pixels is too large"):
             check_image_size(2**16, stride)
 
 

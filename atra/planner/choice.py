@@ -1,0 +1,107 @@
+"""What there is to choose from: a method, its split, packets and build quality."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from atra.alignment import Split
+from atra.embree.library import load_library
+from atra.embree.scene import check_build_quality
+from atra.errors import InputError
+from atra.mesh import Mesh
+from atra.tracers import AlignedTracer, PixelTracer, Tracer, VisibleFirstTracer, choose_packet_shape
+from atra.tracers.pixel import SQUAREST_SHAPE
+from atra.view import View
+
+PACKETS, ALIGNED, VISIBLE_FIRST = "packets", "aligned", "visible_first"
+METHODS = (PACKETS, ALIGNED, VISIBLE_FIRST)
+
+CELL_WIDTHS = {VISIBLE_FIRST: (2, 4, 8, 16), ALIGNED: (2, 4, 8)}
+"""Pixels; an image that one of them does not divide takes the next width below twice of it that does."""
+
+LOW_QUALITY_FRAMES, HIGH_QUALITY_FRAMES = 8, 1000
+"""Up to so many frames a quick build may pay, and from so many on a slow one: it takes Embree 3 to 40 times as long and
+saves up to a tenth of a frame."""
+
+_PACKET_WIDTH = 8
+
+
+@dataclass(frozen=True)
+class Choice:
+    """A method and all that it is built with.
+
+    method: "packets" (`PixelTracer`), "aligned" or "visible_first". split: (nx, ny) cells, (1, 1) for packets.
+    packet_width, packet_rows: rays of a packet, and the rows of pixels they come from. build_quality: Embree's.
+    Raises InputError for an unknown method or quality, packets that are split, and counts below 1.
+    """
+
+    method: str
+    split: tuple[int, int]
+    packet_width: int
+    packet_rows: int
+    build_quality: str = "medium"
+
+    def __post_init__(self) -> None:
+        if self.method not in METHODS:
+            raise InputError(f"method is {self.method!r}, expected one of {', '.join(METHODS)}")
+        check_build_quality(self.build_quality)
+        for name, value in (
+            ("split_x", self.split[0]), ("split_y", self.split[1]),
+            ("packet_width", self.packet_width), ("packet_rows", self.packet_rows),
+        ):  # fmt: skip
+            if isinstance(value, bool) or not isinstance(value, int) or value < 1:
+                raise InputError(f"{name} is {value!r}, expected a whole number of at least 1")
+        if self.method == PACKETS and self.split != (1, 1):
+            raise InputError(f"method is 'packets' with split {self.split}, but packets have no cells; expected (1, 1)")
+
+    def tracer(self, mesh: Mesh, camera: View, threads: int | None = 1) -> Tracer:
+        """The tracer, neither planned nor built. Raises InputError as its constructor does."""
+        if self.method == PACKETS:
+            return PixelTracer(mesh, camera, self.packet_width, threads, self.build_quality)
+        make = AlignedTracer if self.method == ALIGNED else VisibleFirstTracer
+        return make(
+            mesh,
+            camera,  # type: ignore[arg-type]  # VisibleFirstTracer refuses other cameras than a pinhole itself
+            self.split,
+            packet_width=self.packet_width,
+            packet_rows=self.packet_rows,
+            threads=threads,
+            build_quality=self.build_quality,
+        )
+
+    def __str__(self) -> str:
+        cells = "" if self.method == PACKETS else f" {self.split[0]} x {self.split[1]}"
+        quality = "" if self.build_quality == "medium" else f", {self.build_quality} build quality"
+        return f"{self.method}{cells}{quality}"
+
+
+def candidates(camera: View, frames: int) -> tuple[Choice, ...]:
+    """What is worth trying for so many frames, packets of medium build quality first."""
+    qualities = ["medium"]
+    if frames <= LOW_QUALITY_FRAMES:
+        qualities.append("low")
+    if frames >= HIGH_QUALITY_FRAMES:
+        qualities.append("high")
+    return tuple(choice for quality in qualities for choice in choices_of_quality(camera, quality))
+
+
+def choices_of_quality(camera: View, build_quality: str) -> tuple[Choice, ...]:
+    """Packets, then every method at every split worth trying, of one build quality."""
+    native = load_library().native_packet_widths
+    width = _PACKET_WIDTH if _PACKET_WIDTH in native else native[-1]
+    choices = [Choice(PACKETS, (1, 1), width, SQUAREST_SHAPE[width][1], build_quality)]
+    for method, cell_widths in CELL_WIDTHS.items():
+        if method == VISIBLE_FIRST and camera.is_parallel:
+            continue
+        for nx in _splits(camera.width, cell_widths):
+            split = Split(nx, 1, camera.width, camera.height)
+            choices.append(Choice(method, (nx, 1), width, choose_packet_shape(width, split)[1], build_quality))
+    return tuple(choices)
+
+
+def _splits(width: int, cell_widths: tuple[int, ...]) -> list[int]:
+    """Columns of cells about so many pixels wide, where the image can be divided so; the widest cells first."""
+    fitting = (
+        next((pixels for pixels in range(wanted, 2 * wanted) if width % pixels == 0), None) for wanted in cell_widths
+    )
+    return sorted({width // pixels for pixels in fitting if pixels is not None})

@@ -1,0 +1,152 @@
+"""What planning ends with: a choice, the time it is expected to take, and what else was considered; kept as JSON."""
+
+from __future__ import annotations
+
+import json
+import os
+from dataclasses import asdict, dataclass
+from math import isfinite
+from pathlib import Path
+from typing import Any, Self
+
+from atra.embree.library import load_library
+from atra.errors import InputError
+from atra.mesh import Mesh
+from atra.planner.choice import Choice
+from atra.records import write_atomically
+from atra.tracers import Tracer
+from atra.view import View
+
+FORMAT = 1
+"""Version of the file's layout."""
+
+EFFORTS = ("estimate", "measure")
+
+
+@dataclass(frozen=True)
+class Forecast:
+    """What a choice is expected to take.
+
+    first_s: from nothing to the first frame: plan, build and that frame. frame_time_s: every further frame.
+    error: standard deviation of the logarithm of what they come to, relative to packets; 0 where it was measured.
+    """
+
+    choice: Choice
+    first_s: float
+    frame_time_s: float
+    error: float
+    measured: bool
+
+    def __post_init__(self) -> None:
+        for name in ("first_s", "frame_time_s", "error"):
+            value = getattr(self, name)
+            if not (isinstance(value, (int, float)) and isfinite(value) and value >= 0):
+                raise InputError(f"{name} of {self.choice} is {value!r}, expected a finite number of at least 0")
+
+    def total_s(self, frames: int) -> float:
+        """Seconds from nothing to the last of so many frames."""
+        return self.first_s + (frames - 1) * self.frame_time_s
+
+
+@dataclass(frozen=True)
+class Plan:
+    """The best choice found for a view.
+
+    frames: how many the view was planned for. effort: "estimate" or "measure". threads: of planning, building, tracing.
+    width, height: of the image, in pixels. considered: all forecasts that were compared, the chosen one first.
+    """
+
+    frames: int
+    effort: str
+    threads: int
+    width: int
+    height: int
+    considered: tuple[Forecast, ...]
+
+    def __post_init__(self) -> None:
+        for name in ("frames", "threads", "width", "height"):
+            value = getattr(self, name)
+            if isinstance(value, bool) or not isinstance(value, int) or value < 1:
+                raise InputError(f"{name} is {value!r}, expected a whole number of at least 1")
+        if self.effort not in EFFORTS:
+            raise InputError(f"effort is {self.effort!r}, expected one of {', '.join(EFFORTS)}")
+        if not self.considered:
+            raise InputError("considered is empty, expected at least the forecast of what was chosen")
+
+    @property
+    def choice(self) -> Choice:
+        return self.considered[0].choice
+
+    @property
+    def method(self) -> str:
+        return self.choice.method
+
+    @property
+    def split(self) -> tuple[int, int]:
+        return self.choice.split
+
+    @property
+    def packet_width(self) -> int:
+        return self.choice.packet_width
+
+    @property
+    def packet_rows(self) -> int:
+        return self.choice.packet_rows
+
+    @property
+    def build_quality(self) -> str:
+        return self.choice.build_quality
+
+    @property
+    def predicted_time_s(self) -> float:
+        """Plan, build and all frames. An estimate's seconds are those of the machine its model was fitted on; only
+        their ratios carry over to others."""
+        return self.considered[0].total_s(self.frames)
+
+    def tracer(self, mesh: Mesh, camera: View) -> Tracer:
+        """The tracer, neither planned nor built. Raises InputError for an image of another size than planned for."""
+        if (camera.width, camera.height) != (self.width, self.height):
+            raise InputError(
+                f"the plan is for {self.width} x {self.height} pixels, the camera has {camera.width} x "
+                f"{camera.height}; plan again for this camera"
+            )
+        return self.choice.tracer(mesh, camera, self.threads)
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the plan as JSON, so that a reader sees all of it or none."""
+        fields = {"format": FORMAT, "native_packet_widths": list(load_library().native_packet_widths), **asdict(self)}
+        write_atomically(Path(path), (json.dumps(fields, indent=1) + "\n").encode())
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> Self:
+        """Read what `save` wrote.
+
+        Raises InputError, naming the path, for a file that is missing, not a plan of this version, or was made on a
+        machine with packets of other widths.
+        """
+        try:
+            fields = json.loads(Path(path).read_text(encoding="utf-8"))
+        except OSError as error:
+            raise InputError(f"{path} cannot be read as a plan: {error.strerror}") from None
+        except ValueError as error:
+            raise InputError(f"{path} is not a plan: {error}; plan again and save that") from None
+        found = fields.pop("format", None) if isinstance(fields, dict) else None
+        if found != FORMAT:
+            raise InputError(f"{path} is not a plan of format {FORMAT} (format is {found!r}); plan again and save that")
+        native = list(load_library().native_packet_widths)
+        widths = fields.pop("native_packet_widths", None)
+        if widths != native:
+            raise InputError(
+                f"{path} was planned on a machine with packets of {widths}, this one has {native}; plan again here"
+            )
+        try:
+            considered = tuple(_forecast(one) for one in fields.pop("considered"))
+            return cls(**fields, considered=considered)
+        except (TypeError, KeyError, AttributeError, ValueError) as error:
+            raise InputError(f"{path} is not a plan of format {FORMAT}: {error}; plan again and save that") from None
+
+
+def _forecast(fields: dict[str, Any]) -> Forecast:
+    choice = dict(fields.pop("choice"))
+    nx, ny = choice.pop("split")
+    return Forecast(Choice(split=(nx, ny), **choice), **fields)

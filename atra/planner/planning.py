@@ -1,0 +1,95 @@
+"""Plan a view: the entry to the planner."""
+
+from __future__ import annotations
+
+import time
+from math import isfinite
+
+import numpy as np
+
+from atra.camera import Camera
+from atra.culling import check_memory_budget
+from atra.errors import InputError, MemoryBudgetError
+from atra.mesh import Mesh
+from atra.orthographic import OrthographicCamera
+from atra.parallel import resolve_threads
+from atra.planner.choice import ALIGNED, PACKETS, Choice, candidates
+from atra.planner.estimate import estimate
+from atra.planner.features import SceneStatistics, scene_statistics
+from atra.planner.measuring import Clock, measure
+from atra.planner.plan import EFFORTS, Plan
+from atra.tracers import Tracer
+from atra.view import View
+
+DEFAULT_BUDGET_S = 2.0
+
+
+def plan(
+    mesh: Mesh,
+    camera: View,
+    frames: int = 64,
+    effort: str = "estimate",
+    budget_s: float = DEFAULT_BUDGET_S,
+    threads: int | None = 1,
+    clock: Clock | None = None,
+) -> Plan:
+    """The method, split, packets and build quality that are expected to trace so many frames of a view soonest.
+
+    effort: "estimate" looks at the triangles and builds nothing; "measure" builds and times candidates, packets first,
+    for about budget_s seconds. Packets are chosen unless another method gains more than the estimate's uncertainty, or
+    something by measurement. threads: None takes every core; an estimate knows one thread and trusts the ratios.
+    clock: seconds, None takes the processor time of this thread where `threads` is 1, so that what other processes do
+    does not count, and the wall clock otherwise. Compiling kernels is not on the budget.
+
+    Raises InputError for frames below 1, an unknown effort, a budget that is not positive, threads below 1.
+    Source: the efforts are those of FFTW's planner (Frigo, Johnson 2005).
+    """
+    if isinstance(frames, bool) or not isinstance(frames, int) or frames < 1:
+        raise InputError(f"frames is {frames!r}, expected a whole number of at least 1")
+    if effort not in EFFORTS:
+        raise InputError(f"effort is {effort!r}, expected one of {', '.join(EFFORTS)}")
+    if not (isfinite(budget_s) and budget_s > 0):
+        raise InputError(f"budget_s is {budget_s!r}, expected a positive number of seconds")
+    threads = resolve_threads(threads)
+    choices = candidates(camera, frames)
+    statistics = scene_statistics(mesh, camera, {choice.split[0] for choice in choices}, threads)
+    choices = tuple(choice for choice in choices if _fits_into_memory(statistics, choice))
+    forecasts = estimate(statistics, choices, frames)
+    if effort == "measure":
+        clock = clock or (time.thread_time if threads == 1 else time.perf_counter)
+
+        def make(choice: Choice) -> Tracer:
+            warm_up(choice, camera, threads)
+            return choice.tracer(mesh, camera, threads)
+
+        forecasts = measure(forecasts, choices[0], make, frames=frames, budget_s=budget_s, clock=clock)
+    return Plan(frames, effort, threads, camera.width, camera.height, tuple(forecasts))
+
+
+def _fits_into_memory(statistics: SceneStatistics, choice: Choice) -> bool:
+    """Whether the copies that a choice is likely to need fit into the memory that is free; packets always count."""
+    if choice.method == PACKETS:
+        return True
+    nx, ny = choice.split
+    copies = (statistics.copies if choice.method == ALIGNED else statistics.visible_copies)[nx]
+    try:
+        check_memory_budget(copies, choice.build_quality, None, nx * ny)
+    except MemoryBudgetError:
+        return False
+    return True
+
+
+def warm_up(choice: Choice, camera: View, threads: int) -> None:
+    """Trace two triangles with the kernels that `choice` uses, so that none is compiled under the clock."""
+    vertices = np.array([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)], np.float32)
+    mesh = Mesh(vertices, np.array([(0, 1, 2), (0, 2, 3)], np.uint32))
+    nx, ny = choice.split
+    # One cell of the image's own size: how packets fit into a cell decides which kernel is compiled.
+    small: View = Camera(
+        (0.0, 0.0, 2.0), (0.0, 0.0, 0.0), width=camera.width // nx, height=min(camera.height // ny, 16)
+    )
+    if camera.is_parallel:
+        small = OrthographicCamera((0.0, 0.0, 2.0), (0.0, 0.0, 0.0), width=small.width, height=small.height)
+    one_cell = Choice(choice.method, (1, 1), choice.packet_width, choice.packet_rows, choice.build_quality)
+    with one_cell.tracer(mesh, small, threads) as tracer:
+        tracer.trace()
