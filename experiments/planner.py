@@ -37,7 +37,9 @@ def measure_planner(point: Point, mesh: Mesh) -> tuple[dict[str, Any], RoundSamp
     camera = point.camera
     clock = time.thread_time if point.threads == 1 else perf_counter
     plans, planning_s = {}, {}
-    plan(mesh, camera, FRAMES, threads=point.threads)  # compiles the kernels
+    threads = plan(mesh, camera, FRAMES, threads=point.threads).threads
+    for choice in choices_of_quality(camera, "medium"):  # compiled before any clock starts
+        warm_up(choice, camera, threads)
     for effort in EFFORTS:
         begin = clock()
         plans[effort] = plan(mesh, camera, FRAMES, effort, threads=point.threads)
@@ -46,7 +48,6 @@ def measure_planner(point: Point, mesh: Mesh) -> tuple[dict[str, Any], RoundSamp
     with ExitStack() as stack:
         first_s, frames = {}, {}
         for choice in choices:
-            warm_up(choice, camera, plans["estimate"].threads)
             tracer = stack.enter_context(choice.tracer(mesh, camera, point.threads))
             first_s[choice], frames[choice] = _repeated(tracer, clock)
         timed = measure_rounds(
@@ -59,7 +60,7 @@ def measure_planner(point: Point, mesh: Mesh) -> tuple[dict[str, Any], RoundSamp
     packets = choices[0]
     first = {str(choice): median(samples) for choice, samples in first_s.items()}
     results: dict[str, Any] = {
-        "threads": plans["estimate"].threads,
+        "threads": threads,
         "packet_width": packets.packet_width,
         "candidates": [asdict(choice) | {"name": str(choice), "first_s": first_s[choice]} for choice in choices],
         "plans": {effort: asdict(one) for effort, one in plans.items()},
