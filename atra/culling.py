@@ -16,7 +16,7 @@ from atra.errors import InputError, MemoryBudgetError
 from atra.kernels.planning import count_copies, fill_copies, project_points
 from atra.mesh import Mesh
 from atra.parallel import WorkerPool
-from atra.ray_space import from_eye_space
+from atra.ray_space import from_eye_space, to_ray_space
 from atra.view import View
 
 PLAN_BYTES_PER_COPY = 3 * 12 + 12 + 8
@@ -25,6 +25,9 @@ PLAN_BYTES_PER_COPY = 3 * 12 + 12 + 8
 EMBREE_BYTES_PER_COPY = {"low": 110, "medium": 110, "high": 160}
 """Growth of the process per triangle at the peak of a build, rounded up (docs/departures.md has the measurements)."""
 
+
+LEFT_OUT_BY_EMBREE = np.float32(3e38)
+"""A coordinate with which a triangle does not get into the BVH; Embree's limit is 1.8e18."""
 
 WIDEST_SHEAR = 8.0
 """Shift on the image plane beyond which sheared copies of triangles close to the eye were seen to lose their depth."""
@@ -53,6 +56,22 @@ class AlignedGeometry:
         return len(self.faces)
 
 
+def plan_plain_geometry(mesh: Mesh, camera: View) -> AlignedGeometry:
+    """The mesh itself in ray space, `prim_id` for `prim_id`, without records.
+
+    Triangles without area get corners so far away that Embree leaves them out: no ray hits them, but its triangle test,
+    fused multiplications in float32, may show them beside where they are.
+    """
+    vertices = padded_vertices(len(mesh.vertices) + 1)
+    vertices[:-1] = to_ray_space(camera, mesh.vertices)
+    vertices[-1] = LEFT_OUT_BY_EMBREE
+    faces = mesh.faces
+    if len(mesh.without_area):
+        faces = faces.copy()
+        faces[mesh.without_area] = len(mesh.vertices)
+    return AlignedGeometry(vertices, faces, np.empty(0, np.int64))
+
+
 def plan_aligned_geometry(
     meshes: Sequence[Mesh],
     alignment: Alignment,
@@ -65,6 +84,7 @@ def plan_aligned_geometry(
 ) -> AlignedGeometry:
     """Shear a copy of every triangle for every cell, or with `culling` only for the cells whose frustum it meets.
 
+    Triangles without area are left out: no ray hits them (`plan_plain_geometry`).
     meshes: what each image of the alignment sees; the same one may stand there several times.
     A triangle is left out of a cell only if its part in front of the eye lies outside the cell's frustum by more than
     a margin that absorbs rounding, so no hit is lost. One counting and one filling pass over the triangles, whatever
@@ -80,10 +100,10 @@ def plan_aligned_geometry(
         project_vertices(mesh, camera, pool, linear)
         for mesh, camera, linear in zip(meshes, alignment.cameras, alignment.linear, strict=True)
     ]
-    counts = [np.full(mesh.triangle_count, split.cell_count, np.int64) for mesh in meshes]
-    if culling:
-        for mesh, (points_pixels, _), of_mesh in zip(meshes, projected, counts, strict=True):
-            _count(pool, points_pixels, mesh, cell, of_mesh)
+    counts = [
+        _count(pool, points_pixels, mesh, culling, cell)
+        for mesh, (points_pixels, _) in zip(meshes, projected, strict=True)
+    ]
     # One after the other: the copies of triangle t of image k start at its place in this list.
     starts = np.concatenate([[0], np.cumsum(np.concatenate(counts))])
     copies = int(starts[-1])
@@ -116,10 +136,15 @@ def _count(
     pool: WorkerPool,
     points_pixels: NDArray[np.float64],
     mesh: Mesh,
+    culling: bool,
     cell: tuple[int, int, int, int],
-    counts: NDArray[np.int64],
-) -> None:
-    pool.run(lambda _, counter: count_copies(counter, points_pixels, mesh.faces, *cell, counts))
+) -> NDArray[np.int64]:
+    """(F,) copies of each triangle."""
+    counts = np.full(mesh.triangle_count, cell[0] * cell[1], np.int64)
+    if culling:
+        pool.run(lambda _, counter: count_copies(counter, points_pixels, mesh.faces, *cell, counts))
+    counts[mesh.without_area] = 0
+    return counts
 
 
 def _fill(

@@ -6,10 +6,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.alignment import Alignment
-from atra.culling import EMBREE_BYTES_PER_COPY, AlignedGeometry, check_image_size, check_needed_bytes
-from atra.embree.scene import padded_vertices
+from atra.culling import (
+    EMBREE_BYTES_PER_COPY,
+    AlignedGeometry,
+    check_image_size,
+    check_needed_bytes,
+    plan_plain_geometry,
+)
 from atra.mesh import Mesh
-from atra.ray_space import from_eye_space, to_ray_space
+from atra.ray_space import from_eye_space
 
 PLAN_BYTES_PER_INSTANCE = 48 + 8
 """Transform, record."""
@@ -37,12 +42,11 @@ def plan_instanced_geometry(
     rows = split.height * alignment.image_count
     check_image_size(rows, row_stride)
     check_instancing_budget(mesh, split.cell_count * alignment.image_count, build_quality, memory_budget_bytes)
-    vertices = padded_vertices(len(mesh.vertices))
-    vertices[:] = to_ray_space(alignment.cameras[0], mesh.vertices)
+    plain = plan_plain_geometry(mesh, alignment.cameras[0])
     pixels_y = np.arange(0, rows, split.cell_height, dtype=np.int64) * row_stride
     pixels_x = np.arange(split.nx, dtype=np.int64) * split.cell_width
     records = (pixels_y[:, None] + pixels_x).reshape(-1) << 32
-    return AlignedGeometry(vertices, mesh.faces, records, instance_transforms(alignment))
+    return AlignedGeometry(plain.vertices, plain.faces, records, instance_transforms(alignment))
 
 
 def instance_transforms(alignment: Alignment) -> NDArray[np.float32]:

@@ -69,6 +69,14 @@ class Mesh:
         return np.stack([used.min(axis=0), used.max(axis=0)]).astype(np.float64)
 
     @cached_property
+    def without_area(self) -> NDArray[np.int64]:
+        """(N,) int64, `prim_id` of the triangles whose corners lie on a line, ascending: no ray hits them."""
+        corners = self.vertices.astype(np.float64)[self.faces]
+        # Differences of float32 values and their products are exact in float64, or nearly so.
+        normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        return np.flatnonzero((normals == 0.0).all(axis=1))
+
+    @cached_property
     def coplanar_overlaps(self) -> CoplanarOverlaps:
         """Which triangles can be hit at the same depth as others, found when first asked for (`atra.ties`)."""
         from atra.ties import coplanar_overlaps  # downstream room; needed only here, on demand

@@ -102,6 +102,7 @@ def plan_visible_geometry(
         )
 
     pool.run(count)
+    counts[mesh.without_area] = 0
     with np.errstate(divide="ignore"):
         nearest_hidden = ((1.0 - DEPTH_SLACK) / hidden.max(axis=0)).astype(np.float32)
 

@@ -167,14 +167,14 @@ def test_an_empty_view_is_all_misses():
     assert np.isnan(hits.u).all()
 
 
-def test_degenerate_triangles_are_kept_and_never_hit():
+def test_triangles_without_area_keep_their_number_and_are_never_hit_or_copied():
     plane = tilted_plane()
     point, line = [[0, 0, 1]] * 3, [[-1, 0, 1], [0, 0, 1], [1, 0, 1]]
     vertices = np.concatenate([point, line, plane.vertices])
     mesh = atra.Mesh(vertices, np.concatenate([[[0, 1, 2], [3, 4, 5]], plane.faces.astype(int) + 6]))
     camera = atra.Camera(**EYE_AT_ORIGIN, width=31, height=31)
     with atra.AlignedTracer(mesh, camera, (31, 1), culling=False) as tracer:
-        assert tracer.triangle_count == 31 * 4
+        assert tracer.triangle_count == 31 * 2
         assert set(np.unique(tracer.trace().prim_id)) == {2, 3}
 
 
@@ -359,3 +359,30 @@ def test_methods_that_need_rays_through_one_point_refuse_parallel_ones():
     for tracer in (atra.VisibleFirstTracer, atra.TiledTracer):
         with pytest.raises(atra.InputError, match=f"{tracer.__name__} needs rays through one point.*use AlignedTracer"):
             tracer(cornell_box(), PARALLEL, (4, 1))
+
+
+@pytest.mark.parametrize("make", [atra.AlignedTracer, atra.VisibleFirstTracer, atra.TiledTracer])
+def test_a_triangle_with_two_equal_corners_on_a_line_through_the_eye_is_shown_nowhere(make):
+    # Fused multiplications give its sheared copy a width, and it was seen six pixels beside where it is.
+    mesh = atra.Mesh([(0, 0, 0.5), (0, 1.5, 0.5)], [(0, 1, 1)])
+    camera = atra.Camera((0, 0.25, 0.5), (0, 0, 0.5), (0, 0, 1), 1.0, width=13, height=7)
+    with make(mesh, camera, (13, 7), packet_width=1, threads=1) as tracer:
+        hits = tracer.trace()
+    assert not hits.hit.any()
+
+
+def test_no_method_shows_a_triangle_without_area():
+    random = np.random.default_rng(0)
+    ends = random.uniform(-2, 2, (300, 2, 3)).astype(np.float32)
+    vertices = np.concatenate([ends[:, :1], ends, ends[:, 1:]], axis=1).reshape(-1, 3)  # a, a, b, b
+    faces = np.concatenate([np.arange(1200).reshape(-1, 4)[:, corners] for corners in ([0, 1, 2], [0, 2, 3])])
+    mesh = atra.Mesh(vertices, faces)
+    camera = atra.Camera(**EYE_AT_ORIGIN, width=64, height=48, fov_y_degrees=120)
+    options = {"culling": False, "geometry": "instanced"}
+    for tracer in (
+        atra.PixelTracer(mesh, camera), atra.PixelTracer(mesh, camera, 1), atra.TiledTracer(mesh, camera, (8, 4)),
+        atra.AlignedTracer(mesh, camera, (16, 1)), atra.AlignedTracer(mesh, camera, (16, 1), **options),
+        atra.VisibleFirstTracer(mesh, camera, (16, 1)),
+    ):  # fmt: skip
+        with tracer:
+            assert not tracer.trace().hit.any()

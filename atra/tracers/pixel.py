@@ -5,11 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.culling import AlignedGeometry
-from atra.embree.scene import padded_vertices
+from atra.culling import AlignedGeometry, plan_plain_geometry
 from atra.kernels.tracing import pixel_kernel
 from atra.mesh import Mesh
-from atra.ray_space import to_ray_space
 from atra.tracers.base import ImageTracer, ray_grid
 from atra.view import View
 
@@ -39,9 +37,7 @@ class PixelTracer(ImageTracer):
         super().__init__(mesh, camera, packet_width, threads, build_quality, ties)
 
     def _plan_geometry(self) -> AlignedGeometry:
-        vertices = padded_vertices(len(self.mesh.vertices))
-        vertices[:] = to_ray_space(self.camera, self.mesh.vertices)
-        return AlignedGeometry(vertices, self.mesh.faces, np.empty(0, np.int64))
+        return plan_plain_geometry(self.mesh, self.camera)
 
     def _filter_address(self) -> int:
         return 0

@@ -50,6 +50,7 @@ class TiledTracer(ImageTracer):
         cell = (split.nx, split.ny, split.cell_width, split.cell_height)
         counts = np.empty(mesh.triangle_count, np.int64)
         self._pool.run(lambda _, counter: count_copies(counter, points_pixels, mesh.faces, *cell, counts))
+        counts[mesh.without_area] = 0
         starts = np.zeros(mesh.triangle_count + 1, np.int64)
         np.cumsum(counts, out=starts[1:])
         copies = int(starts[-1])

@@ -9,15 +9,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from atra.alignment import Alignment, Split
-from atra.culling import AlignedGeometry
-from atra.embree.scene import EmbreeScene, padded_vertices
+from atra.culling import AlignedGeometry, plan_plain_geometry
+from atra.embree.scene import EmbreeScene
 from atra.errors import InputError
 from atra.hits import Hits
 from atra.kernels.callbacks import memory_monitor, nearest_hit_filter
 from atra.kernels.tracing import pixel_kernel
 from atra.kernels.visible import verify_kernel
 from atra.mesh import Mesh
-from atra.ray_space import to_ray_space
 from atra.tracers.base import ImageTracer, check_pinhole, new_images, one_at_a_time, ray_grid
 from atra.tracers.pixel import SQUAREST_SHAPE
 from atra.tracers.reference_rays import ReferenceRayTracer
@@ -93,13 +92,12 @@ class VisibleFirstTracer(ReferenceRayTracer, ImageTracer):
         self._find_ties()
         start = perf_counter()
         self._plan_ties()
-        vertices = padded_vertices(len(self.mesh.vertices))
-        vertices[:] = to_ray_space(self.camera, self.mesh.vertices)
+        plain = plan_plain_geometry(self.mesh, self.camera)
         monitor_address = memory_monitor()
         build_start = perf_counter()
         whole = EmbreeScene(
-            vertices,
-            self.mesh.faces,
+            plain.vertices,
+            plain.faces,
             build_quality=WHOLE_BUILD_QUALITY,
             threads=self.threads,
             monitor_address=monitor_address,
