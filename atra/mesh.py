@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import psutil
@@ -17,9 +17,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from atra.errors import InputError, printable
 from atra.mesh_claims import check_claims
-
-if TYPE_CHECKING:
-    from atra.ties import CoplanarOverlaps
 
 # The triangle test multiplies three lengths in float32; beyond this their product leaves float32 and a triangle would
 # vanish from the image without a word. Embree also drops triangles with coordinates above 1.8e18 silently.
@@ -75,13 +72,6 @@ class Mesh:
         # Differences of float32 values and their products are exact in float64, or nearly so.
         normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         return np.flatnonzero((normals == 0.0).all(axis=1))
-
-    @cached_property
-    def coplanar_overlaps(self) -> CoplanarOverlaps:
-        """Which triangles can be hit at the same depth as others, found when first asked for (`atra.ties`)."""
-        from atra.ties import coplanar_overlaps  # downstream room; needed only here, on demand
-
-        return coplanar_overlaps(self)
 
     def triangles(self, prim_id: NDArray[np.integer]) -> NDArray[np.float64]:
         """Corners (N, 3, 3) float64 of the faces `prim_id` (N,): face, corner, axis.

@@ -9,7 +9,7 @@ seen once per view, and a pixel there that hits one of them is decided in float6
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,11 +27,9 @@ from atra.kernels.ties import (
     number_planes,
     settle_ties,
 )
+from atra.mesh import Mesh
 from atra.parallel import WorkerPool
 from atra.view import View
-
-if TYPE_CHECKING:
-    from atra.mesh import Mesh
 
 TIES = ("lowest", "any")
 """What a tracer stores where triangles tie: the lowest prim_id, or whichever float32 happens to put in front."""
@@ -62,13 +60,23 @@ def check_ties(ties: str) -> None:
         raise InputError(f"ties is {ties!r}, expected one of {', '.join(TIES)}")
 
 
+_found: WeakKeyDictionary[Mesh, CoplanarOverlaps] = WeakKeyDictionary()
+
+
 def coplanar_overlaps(mesh: Mesh) -> CoplanarOverlaps:
-    """Find the triangles that can tie; `Mesh.coplanar_overlaps` keeps the result.
+    """The triangles that can tie, found when first asked for and kept as long as the mesh.
 
     In one plane means to a billionth of the triangles' size. Neighbours, which share an edge or a corner and no
     area, do not overlap; triangles without area, and needles ten million times as long as wide, never do.
     Raises MemoryBudgetError beyond MOST_PAIRS pairs.
     """
+    overlaps = _found.get(mesh)
+    if overlaps is None:
+        overlaps = _found[mesh] = _find(mesh)
+    return overlaps
+
+
+def _find(mesh: Mesh) -> CoplanarOverlaps:
     prim_ids, runs = _plane_runs(mesh)
     corners = mesh.triangles(prim_ids)
     places = np.empty(len(prim_ids), np.int64)
@@ -122,7 +130,7 @@ def tie_tiles(mesh: Mesh, camera: View) -> NDArray[np.bool_]:
     Two triangles can tie only where the rectangles around both of them on the image overlap. A triangle that reaches
     behind the eye may be anywhere.
     """
-    overlaps = mesh.coplanar_overlaps
+    overlaps = coplanar_overlaps(mesh)
     shape = -(-camera.height // TILE), -(-camera.width // TILE)
     marks = np.zeros((shape[0] + 1, shape[1] + 1), np.int64)
     boxes = np.zeros((mesh.triangle_count, 4), np.int32)
@@ -166,7 +174,7 @@ def lowest_of_ties(
     `compare.TIE_TOLERANCE`, both in float64. Depths stay as traced: they are those of the same plane.
     tiles: of `tie_tiles` for this mesh and camera.
     """
-    overlaps = mesh.coplanar_overlaps
+    overlaps = coplanar_overlaps(mesh)
     right, down, forward = camera.axes[:, :, None]
     columns, rows = np.arange(camera.width), np.arange(camera.height)
     across = right * ((columns + offset[0] - camera.width / 2) * camera.pixel_pitch)

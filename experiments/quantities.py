@@ -25,6 +25,7 @@ from atra.measure.memory import peak_rss_bytes, reset_peak_rss, rss_bytes
 from atra.measure.rounds import RoundSamples, measure_rounds
 from atra.mesh import Mesh
 from atra.oracle import Examination, Standing, examine, sample_pixels
+from atra.ties import coplanar_overlaps
 from atra.tracers import FramesTracer, Tracer
 from experiments.configuration import Quantity, SceneSource, Ties
 from experiments.frame_tracing import (
@@ -290,7 +291,7 @@ def _build_own(point: Point, stack: ExitStack) -> tuple[Tracer | FramesTracer, d
     results: dict[str, Any] = {"rss_start_bytes": rss_bytes()}
     mesh = _load_mesh(point)
     if point.ties == Ties.lowest.value:
-        mesh.coplanar_overlaps  # noqa: B018, kept by the mesh; like reading it, no part of the method's memory
+        coplanar_overlaps(mesh)  # kept with the mesh; like reading it, no part of the method's memory
     reset_peak_rss()  # reading a file may take more than tracing it
     results["rss_mesh_bytes"] = rss_bytes()
     own = make_own_tracer(point, mesh, point.camera)

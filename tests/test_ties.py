@@ -125,7 +125,7 @@ def trace(kind, mesh, camera, offset, **options):
 
 def pairs_of(mesh):
     """What was found, as {(triangle, lower partner)}; twins are spelt out as partners."""
-    found = mesh.coplanar_overlaps
+    found = ties.coplanar_overlaps(mesh)
     pairs = {(t, int(twin)) for t, twin in enumerate(found.twins) if twin != t}
     for t in range(mesh.triangle_count):
         pairs |= {(t, int(p)) for p in found.partners[found.starts[t] : found.starts[t + 1]]}
@@ -191,7 +191,7 @@ def test_equally_deep_depends_on_the_distance_of_the_eye(distance, winners):
 ])  # fmt: skip
 def test_neighbours_that_share_an_edge_or_a_corner_do_not_overlap(mesh):
     assert not pairs_of(mesh)
-    assert not mesh.coplanar_overlaps.may_tie.any()
+    assert not ties.coplanar_overlaps(mesh).may_tie.any()
     assert not ties.tie_tiles(mesh, camera_before(mesh)).any()
 
 
@@ -233,7 +233,7 @@ def test_the_overlaps_of_random_triangles_in_one_plane_are_those_of_exact_arithm
     expected |= {(t, p) for t in alone for p in alone if p < t and share_an_area(corners[t], corners[p])}
     assert len(expected) > 100
     assert pairs_of(mesh) == expected
-    found = mesh.coplanar_overlaps
+    found = ties.coplanar_overlaps(mesh)
     for start, end in pairwise(found.starts):
         assert (np.diff(found.partners[start:end].astype(int)) > 0).all()
 
@@ -249,7 +249,7 @@ def test_planes_that_are_not_the_same_have_no_overlaps():
 
 def test_a_stack_of_many_equal_triangles_needs_no_list_of_pairs():
     stack = atra.Mesh([(-8, -8, 4), (8, -8, 4), (0, 8, 4)], [[0, 1, 2], [1, 0, 2]] * 20_000)
-    found = stack.coplanar_overlaps
+    found = ties.coplanar_overlaps(stack)
     assert not found.twins.any()
     assert not len(found.partners)
     camera = atra.Camera(**EYE_AT_ORIGIN, width=16, height=16)

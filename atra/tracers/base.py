@@ -23,7 +23,7 @@ from atra.kernels.callbacks import memory_monitor
 from atra.mesh import Mesh
 from atra.parallel import WorkerPool, resolve_threads
 from atra.ray_space import ray_axes
-from atra.ties import check_ties, lowest_of_ties, tie_tiles
+from atra.ties import check_ties, coplanar_overlaps, lowest_of_ties, tie_tiles
 from atra.view import View, check_offset
 
 
@@ -141,7 +141,7 @@ class EmbreeTracer(ABC):
         """Once per mesh, like reading it, and so outside the clock of a plan."""
         if self.ties == "lowest":
             for mesh, _ in self._views:
-                mesh.coplanar_overlaps  # noqa: B018, kept by the mesh
+                coplanar_overlaps(mesh)
 
     def _plan_ties(self) -> None:
         if self.ties == "lowest":
