@@ -101,7 +101,7 @@ def plan_aligned_geometry(
         for mesh, camera, linear in zip(meshes, alignment.cameras, alignment.linear, strict=True)
     ]
     counts = [
-        _count(pool, points_pixels, mesh, culling, cell)
+        count_kept(pool, points_pixels, mesh, culling, cell)
         for mesh, (points_pixels, _) in zip(meshes, projected, strict=True)
     ]
     # One after the other: the copies of triangle t of image k start at its place in this list.
@@ -132,14 +132,17 @@ def warn_of_wide_shears(alignment: Alignment) -> None:
         )
 
 
-def _count(
+def count_kept(
     pool: WorkerPool,
     points_pixels: NDArray[np.float64],
     mesh: Mesh,
     culling: bool,
     cell: tuple[int, int, int, int],
 ) -> NDArray[np.int64]:
-    """(F,) copies of each triangle."""
+    """(F,) int64, the cells that keep each triangle: those it meets, or without `culling` all; none if it has no area.
+
+    points_pixels: of `project_vertices`. cell: columns, rows, width and height of the cells.
+    """
     counts = np.full(mesh.triangle_count, cell[0] * cell[1], np.int64)
     if culling:
         pool.run(lambda _, counter: count_copies(counter, points_pixels, mesh.faces, *cell, counts))

@@ -6,11 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.alignment import Split
-from atra.culling import AlignedGeometry, check_memory_budget, project_vertices
+from atra.culling import AlignedGeometry, check_memory_budget, count_kept, project_vertices
 from atra.embree.scene import padded_vertices
 from atra.embree.scenes import EmbreeScenes
 from atra.kernels.callbacks import memory_monitor
-from atra.kernels.planning import count_copies
 from atra.kernels.tiles import list_cells, sort_by_cell, tile_kernel
 from atra.mesh import Mesh
 from atra.tracers.base import ImageTracer, check_pinhole, ray_grid
@@ -48,9 +47,7 @@ class TiledTracer(ImageTracer):
         vertices = padded_vertices(len(mesh.vertices))
         points_pixels, vertices[:] = project_vertices(mesh, self.camera, self._pool)
         cell = (split.nx, split.ny, split.cell_width, split.cell_height)
-        counts = np.empty(mesh.triangle_count, np.int64)
-        self._pool.run(lambda _, counter: count_copies(counter, points_pixels, mesh.faces, *cell, counts))
-        counts[mesh.without_area] = 0
+        counts = count_kept(self._pool, points_pixels, mesh, True, cell)
         starts = np.zeros(mesh.triangle_count + 1, np.int64)
         np.cumsum(counts, out=starts[1:])
         copies = int(starts[-1])
