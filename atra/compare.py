@@ -222,18 +222,18 @@ def _candidates(pairs: Pairs) -> _Candidates:
 
 
 def _is_undecided(pairs: Pairs, rounding: _Rounding) -> NDArray[np.bool_]:
-    """(N,) bool: the rounding of float32 could turn the sign of a volume, and with it a hit into a miss or back.
+    """(N,) bool: with the errors of float32, the signs of the volumes could be those of a hit, and of a miss.
 
-    Not where another sign says miss anyway: where two edges have the ray on different sides, or the plane is behind.
+    A hit has the ray on the same side of all edges, and that sign is the one of the plane's distance ahead.
     """
     volumes = pairs.volumes
-    directions = np.linalg.norm(pairs.rays[1], axis=1)
+    unsure = rounding.edges * np.linalg.norm(pairs.rays[1], axis=1)
     sides = np.stack([volumes.u, volumes.v, volumes.facing - volumes.u - volumes.v])
-    unsure = rounding.edges * directions
-    beside = (sides > unsure).any(axis=0) & (sides < -unsure).any(axis=0)
-    behind = (volumes.ahead * np.sign(volumes.facing) < -rounding.plane) & (np.abs(volumes.facing) > unsure)
-    close = (np.abs(sides) < unsure).any(axis=0) | (np.abs(volumes.ahead) < rounding.plane)
-    return close & ~beside & ~behind & (pairs.corners[..., 2].max(axis=1) > -rounding.corners)
+    could_hit = must_hit = np.zeros(len(unsure), bool)
+    for sign in (1, -1):
+        could_hit = could_hit | ((sign * sides > -unsure).all(axis=0) & (sign * volumes.ahead > -rounding.plane))
+        must_hit = must_hit | ((sign * sides >= unsure).all(axis=0) & (sign * volumes.ahead >= rounding.plane))
+    return could_hit & ~must_hit & (pairs.corners[..., 2].max(axis=1) > -rounding.corners)
 
 
 def _is_on_outline(pairs: Pairs) -> NDArray[np.bool_]:

@@ -172,7 +172,7 @@ def test_a_triangle_without_area_is_edge_on_its_line_and_wrong_elsewhere():
 
 def test_a_rim_is_found_on_triangles_much_smaller_than_a_pixel():
     # A hundredth of a pixel wide, its rim a two-thousandth of a pixel beside the ray: 5 % of its size.
-    camera = Camera(eye=(0, 0, 0), target=(0, 0, -1), fov_y_degrees=90.0, width=1000, height=1000)
+    camera = Camera(eye=(0, 0, 0), target=(0, 0, -1), fov_y_degrees=0.9, width=8, height=8)
     pixel = camera.pixel_pitch
     centre, size = 0.5 * pixel, 0.01 * pixel
     left = centre + 5e-4 * pixel

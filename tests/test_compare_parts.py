@@ -1,0 +1,251 @@
+"""What `compare` is made of, each part against a slower reckoning of its own."""
+
+from importlib import import_module
+from itertools import permutations, product
+
+import numpy as np
+import pytest
+
+from atra.camera import Camera
+from atra.compare import Verdict
+from atra.hits import MISS, Hits
+from atra.mesh import Mesh
+from atra.orthographic import OrthographicCamera
+from atra.reference import Pairs, brute_force
+from tests.meshes import EYE_AT_ORIGIN, random_triangles
+
+judge = import_module("atra.compare")  # the module; `atra.compare` by name is its function
+OFFSET = (0.2, 0.7)
+ASLANT = {"eye": (0.3, -0.2, 0.1), "target": (1, 2, 3), "width": 12, "height": 9}
+CAMERAS = {
+    "pinhole": Camera(**ASLANT, fov_y_degrees=80.0),
+    "parallel": OrthographicCamera(**ASLANT, view_height=4.0),
+}
+each_camera = pytest.mark.parametrize("camera", CAMERAS.values(), ids=CAMERAS)
+
+DEGENERATE = [
+    [(1.0, 2.0, 3.0), (1.0, 2.0, 3.0), (1.5, 1.0, 3.0)],  # two corners in one place
+    [(0.9, 2.0, 3.0), (0.9, 2.0, 3.0), (0.9, 2.0, 3.0)],  # a point
+    [(0.0, 1.0, 2.0), (1.0, 2.0, 3.0), (2.0, 3.0, 4.0)],  # a line
+]
+
+
+def every_pair(mesh, camera):
+    """Each triangle with the ray of each pixel."""
+    prim_id, y, x = np.indices((mesh.triangle_count, camera.height, camera.width)).reshape(3, -1)
+    return Pairs(mesh, camera, x, y, prim_id, OFFSET)
+
+
+def points_on_image(camera, a, b):
+    """800 points along the edge from `a` to `b` on the image plane, as far as it is in front of the eye."""
+    if max(a[2], b[2]) <= 0.0:
+        return np.full((1, 2), np.inf)
+    near, far = sorted((a, b), key=lambda corner: corner[2])
+    start = far[:2] if camera.is_parallel else far[:2] / far[2]
+    if near[2] > 0.0:
+        end = near[:2] if camera.is_parallel else near[:2] / near[2]
+    else:
+        crossing = (far + (near - far) * far[2] / (far[2] - near[2]))[:2]
+        # An edge through the eye's plane is a half-line on the image, in the direction of where it passes.
+        end = crossing if camera.is_parallel else start + 8.0 * crossing / np.linalg.norm(crossing)
+    return start + np.linspace(0.0, 1.0, 800)[:, None] * (end - start)
+
+
+@each_camera
+def test_distance_to_the_outline_is_that_to_the_nearest_of_many_points_on_it(camera, monkeypatch):
+    tolerance = 0.4
+    monkeypatch.setattr(judge, "OUTLINE_TOLERANCE_PIXELS", tolerance)
+    vertices = np.concatenate([random_triangles(30, seed=8, spread=2.0).vertices, np.reshape(DEGENERATE, (-1, 3))])
+    mesh = Mesh(vertices, np.arange(len(vertices)).reshape(-1, 3))
+    pairs = every_pair(mesh, camera)
+    found = judge._is_on_outline(pairs).reshape(mesh.triangle_count, -1)
+    corners = camera.to_camera_space(mesh.vertices)[mesh.faces]
+    rays = np.add(*pairs.rays).reshape(mesh.triangle_count, -1, 3)[0]
+    rays_on_image = rays[:, :2]  # at depth 1, for both cameras
+    for triangle, is_on_outline in zip(corners, found, strict=True):
+        outline = np.concatenate([points_on_image(camera, triangle[i], triangle[i - 1]) for i in range(3)])
+        apart = np.linalg.norm(rays_on_image[:, None] - outline, axis=2).min(axis=1) / camera.pixel_pitch
+        clear = np.abs(apart - tolerance) > 0.01
+        assert np.array_equal(is_on_outline[clear], apart[clear] < tolerance)
+    assert 0.02 < found.mean() < 0.5
+    assert found[-3:].any(axis=1).all()
+
+
+def test_errors_of_float32_are_those_derived_for_a_3_4_5_triangle_13_away():
+    corners = np.array([(0.0, 0.0, 12.0), (3.0, 0.0, 12.0), (3.0, 4.0, 12.0)])
+    turned = np.array([corners[list(order)] for order in permutations(range(3))])
+    rounding = judge._Rounding.of(turned)
+    far, longest, middle, twice_the_area = 13, 5, 4, 12
+    assert np.allclose(rounding.corners * 2**24, 4 * far)
+    assert np.allclose(rounding.edges * 2**24, 4 * far * longest)
+    assert np.allclose(rounding.plane * 2**24, 4 * far * twice_the_area + longest**2 * middle)
+
+
+@each_camera
+def test_undecided_is_where_errors_turn_a_hit_into_a_miss_or_back(camera, monkeypatch):
+    monkeypatch.setattr(judge, "FLOAT32_UNIT", 2.0**-7)  # so coarse that many pairs are concerned
+    pairs = every_pair(random_triangles(40, seed=9, spread=2.0), camera)
+    rounding, volumes = judge._Rounding.of(pairs.corners), pairs.volumes
+    error = rounding.edges * np.linalg.norm(pairs.rays[1], axis=1)
+    sides = volumes.u, volumes.v, volumes.facing - volumes.u - volumes.v
+    outcomes = []
+    for *turns, turn in product((-1, 1), repeat=4):
+        signs = [np.sign(side + way * error) for side, way in zip(sides, turns, strict=True)]
+        signs.append(np.sign(volumes.ahead + turn * rounding.plane))
+        outcomes.append(np.abs(np.sum(signs, axis=0)) == 4)
+    some, every = np.any(outcomes, axis=0), np.all(outcomes, axis=0)
+    before_eye = (pairs.corners[..., 2] > -rounding.corners[:, None]).any(axis=1)
+    expected = some & ~every & before_eye
+    assert np.array_equal(judge._is_undecided(pairs, rounding), expected)
+    assert 0.02 < expected.mean() < 0.5
+    assert (some & ~every & ~before_eye).any()
+
+
+FROM_ORIGIN = {
+    "pinhole": Camera(**EYE_AT_ORIGIN, width=8, height=8),
+    "parallel": OrthographicCamera(**EYE_AT_ORIGIN, view_height=1.0, width=8, height=8),
+}
+each_camera_at_origin = pytest.mark.parametrize("camera", FROM_ORIGIN.values(), ids=FROM_ORIGIN)
+
+
+def one_triangle(*corners):
+    return Mesh(np.array(corners), np.array([[0, 1, 2]]))
+
+
+@each_camera_at_origin
+@pytest.mark.parametrize(("depth", "expected"), [(1e-9, True), (-1e-9, True), (1e-3, False), (-1e-3, False)])
+def test_a_plane_just_behind_the_eye_is_undecided_as_one_just_before_it(camera, depth, expected):
+    mesh = one_triangle((-5.0, -5.0, depth), (5.0, -5.0, depth), (0.0, 5.0, depth))
+    pairs = every_pair(mesh, camera)
+    assert (judge._is_undecided(pairs, judge._Rounding.of(pairs.corners)) == expected).all()
+
+
+def nearest_and_deepest(pairs, moved_by):
+    """Least and greatest depth of each pair's plane at the corners of a square of this half-width around the ray."""
+    corner = pairs.corners[:, 0]
+    normal = np.cross(pairs.corners[:, 1] - corner, pairs.corners[:, 2] - corner)
+    origins, directions = pairs.rays
+    depths = []
+    for move in product((-moved_by, moved_by), repeat=2):
+        aside = np.array([*move, 0.0]) * pairs.camera.pixel_pitch
+        start, along = (origins + aside, directions) if pairs.camera.is_parallel else (origins, directions + aside)
+        depths.append(((corner - start) * normal).sum(axis=1) / (along * normal).sum(axis=1))
+    return np.min(depths, axis=0), np.max(depths, axis=0)
+
+
+@each_camera
+def test_a_depth_is_right_within_a_thousandth_of_those_a_hundredth_of_a_pixel_around_the_ray(camera):
+    mesh = random_triangles(60, seed=4, spread=2.0)
+    seen = brute_force(mesh, camera, OFFSET)
+    y, x = np.nonzero(seen.hit)
+    pairs = Pairs(mesh, camera, x, y, seen.prim_id[y, x], OFFSET)
+    low, high = nearest_and_deepest(pairs, 0.01)
+    # Where the plane is far from edge-on and the outline far off, nothing else excuses a depth.
+    plain = (low > 0) & (high < 1.02 * low) & ~judge._is_on_outline(pairs)
+    assert plain.sum() > 40
+    for depth, expected in (
+        (low, False),
+        (high, False),
+        (low * (1 - 9e-4), False),
+        (high * (1 + 9e-4), False),
+        (low * (1 - 1.1e-3), True),
+        (high * (1 + 1.1e-3), True),
+    ):
+        stored = seen.depth.copy()
+        stored[y, x] = depth
+        wrong = judge._has_wrong_depth(mesh, camera, Hits(stored, seen.prim_id, OFFSET, mesh, camera))
+        assert (wrong[y, x][plain] == expected).all()
+        assert not wrong[~seen.hit].any()
+
+
+@each_camera_at_origin
+@pytest.mark.parametrize(
+    ("depth", "expected"),
+    [(1.998, False), (1.99, True), (2.0, False), (3.0, False), (3.002, False), (3.01, True), (np.inf, True), (0, True)],
+)
+def test_an_edge_on_triangle_may_be_as_deep_as_its_corners_and_no_more(camera, depth, expected):
+    # From depth 2 to 3 on the ray of pixel (4, 4).
+    origin, direction = camera.rays(np.array(4), np.array(4))
+    near, far = origin + 2.0 * direction, origin + 3.0 * direction
+    right = np.array([1.0, 0.0, 0.0])
+    mesh = one_triangle(*(np.array([near - right, near + right, far]) * (-1, -1, 1)))
+    stored, prim_id = np.full((8, 8), np.inf, np.float32), np.full((8, 8), MISS, np.uint32)
+    stored[4, 4], prim_id[4, 4] = depth, 0
+    wrong = judge._has_wrong_depth(mesh, camera, Hits(stored, prim_id, (0.5, 0.5), mesh, camera))
+    assert wrong[4, 4] == expected
+    assert wrong.sum() == expected
+
+
+@each_camera_at_origin
+@pytest.mark.parametrize(
+    ("depth", "expected"), [(-1e-3, False), (0.0, True), (1.0, True), (1.0019, True), (1.0021, False)]
+)
+def test_a_depth_between_corners_is_never_before_the_eye(camera, depth, expected):
+    # A thousandth of the corner farthest from the image plane, which is 2 behind it, is allowed beyond the corners.
+    mesh = one_triangle((-1.0, 0.0, -2.0), (1.0, 0.0, -2.0), (0.0, 0.5, 1.0))
+    pairs = Pairs(mesh, camera, np.array([4]), np.array([4]), np.array([0]), (0.5, 0.5))
+    no_rounding = judge._Rounding(*np.zeros((3, 1)))
+    assert judge._is_between_corners(pairs, np.array([depth]), no_rounding) == expected
+
+
+def candidate(depth, nearest=None, error=0.0, doubtful=False, missed=False):
+    nearest = depth if nearest is None else nearest
+    return judge._Candidates(*(np.array([value]) for value in (depth, error, nearest, doubtful, missed)))
+
+
+NOTHING = candidate(np.inf)
+
+
+@pytest.mark.parametrize(
+    ("a", "b", "expected"),
+    [
+        (candidate(1.0), candidate(1.0), Verdict.TIED),
+        (candidate(1.0), candidate(1.0 + 0.9e-9), Verdict.TIED),
+        (candidate(1.0), candidate(1.0 + 1.1e-9), Verdict.WRONG),
+        (candidate(1e3), candidate(1e3 + 0.9e-6), Verdict.TIED),
+        (candidate(1e3), candidate(1e3 + 1.1e-6), Verdict.WRONG),
+        (candidate(1.0, missed=True), candidate(1.0), Verdict.WRONG),
+        (candidate(1.0, doubtful=True), candidate(1.0), Verdict.TIED),
+        (candidate(1.0, doubtful=True), candidate(1.0, missed=True), Verdict.WRONG),
+        (candidate(1.0, doubtful=True), NOTHING, Verdict.EDGE),
+        (candidate(1.0), NOTHING, Verdict.WRONG),
+        (candidate(1.0, missed=True), NOTHING, Verdict.WRONG),
+        (candidate(np.inf, nearest=1.0, doubtful=True), NOTHING, Verdict.EDGE),
+        # Doubtful in front of a sure one: either may be seen. Behind it, hidden, unless one of its corners is nearer.
+        (candidate(1.0, doubtful=True), candidate(2.0), Verdict.EDGE),
+        (candidate(3.0, doubtful=True), candidate(2.0), Verdict.WRONG),
+        (candidate(3.0, nearest=1.9, doubtful=True), candidate(2.0), Verdict.EDGE),
+        (candidate(3.0, nearest=2.1, doubtful=True), candidate(2.0), Verdict.WRONG),
+        (candidate(3.0, nearest=2.1, doubtful=True), candidate(2.0, error=0.2), Verdict.EDGE),
+        (candidate(3.0, doubtful=True), candidate(2.0, doubtful=True), Verdict.EDGE),
+        # Both sure: what counts is whether float32 can order them.
+        (candidate(1.0, nearest=0.9, error=0.06), candidate(1.1, nearest=0.9, error=0.06), Verdict.EDGE),
+        (candidate(1.0, nearest=0.9, error=0.04), candidate(1.1, nearest=0.9, error=0.04), Verdict.WRONG),
+        (candidate(1.0, error=0.2), candidate(1.1), Verdict.EDGE),
+        (candidate(1.0, nearest=0.9, error=0.5), NOTHING, Verdict.WRONG),
+    ],
+)
+def test_verdict_on_two_candidates(a, b, expected):
+    assert judge._judge(a, b) == judge._judge(b, a) == expected
+
+
+def test_candidates_say_what_is_known_of_each_triangle_and_of_nothing():
+    camera = Camera(**EYE_AT_ORIGIN, fov_y_degrees=90.0, width=8, height=8)
+    # Camera space is (-x, -y, z). A triangle at depth 2 to 3, one beside the ray of (4, 4), and nothing.
+    seen = [(5.0, 5.0, 2.0), (-5.0, 5.0, 2.0), (0.0, -5.0, 3.0)]
+    beside = [(5.0, 5.0, 2.0), (4.0, 5.0, 2.0), (5.0, 4.0, 2.0)]
+    mesh = Mesh(np.array([*seen, *beside]), np.arange(6).reshape(2, 3))
+    pairs = Pairs(mesh, camera, np.full(3, 4), np.full(3, 4), np.array([1, MISS, 0]), (0.5, 0.5))
+    found = judge._candidates(pairs)
+    # The plane Z = 2.5 - Y / 10 and the ray Y = Z / 8, with its sign turned by y: down is positive.
+    expected = 2.5 / (1 - 1 / 80)
+    assert found.depth[2] == pytest.approx(expected)
+    assert found.doubtful.tolist() == [False, False, False]
+    assert found.surely_missed.tolist() == [True, False, False]
+    assert found.depth[1] == found.nearest[1] == np.inf
+    assert found.depth_error[1] == 0.0
+    rounding = judge._Rounding.of(pairs[np.array([2])].corners)
+    assert found.nearest[2] == pytest.approx(2.0 - rounding.corners[0], abs=1e-12)
+    facing = abs(pairs[np.array([2])].volumes.facing[0])
+    assert found.depth_error[2] == pytest.approx(rounding.plane[0] / facing)
+    assert 1e-8 < found.depth_error[2] < 1e-4
