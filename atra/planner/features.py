@@ -9,8 +9,7 @@ from math import log2, sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.culling import project_vertices
-from atra.kernels.planning import count_copies
+from atra.culling import count_kept, project_vertices
 from atra.kernels.statistics import probe_triangles
 from atra.kernels.visible import count_visible
 from atra.mesh import Mesh
@@ -64,7 +63,8 @@ def scene_statistics(mesh: Mesh, camera: View, columns: Iterable[int], threads: 
         box_pixels /= camera.width * camera.height
         copies, visible_copies, visible = {}, {}, 0  # of which the finest cells tell most
         for nx in sorted({1, *columns}):
-            kept = _count_copies(mesh, camera, pool, points_pixels, nx)
+            cell = nx, 1, camera.width // nx, camera.height
+            kept = count_kept(pool, points_pixels, mesh, True, cell)
             copies[nx] = int(kept.sum())
             if nx > 1 and not camera.is_parallel:
                 kept = _count_visible_copies(mesh, camera, pool, points_pixels, nearest, nx)
@@ -85,15 +85,6 @@ def scene_statistics(mesh: Mesh, camera: View, columns: Iterable[int], threads: 
         boxes=float(box_pixels.sum()),
         visible_boxes=float(box_pixels[kept != 0].sum()),
     )
-
-
-def _count_copies(
-    mesh: Mesh, camera: View, pool: WorkerPool, points_pixels: NDArray[np.float64], nx: int
-) -> NDArray[np.int64]:
-    counts = np.empty(mesh.triangle_count, np.int64)
-    cells = nx, 1, camera.width // nx, camera.height
-    pool.run(lambda _, counter: count_copies(counter, points_pixels, mesh.faces, *cells, counts))
-    return counts
 
 
 def _count_visible_copies(
