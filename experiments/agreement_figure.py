@@ -22,6 +22,7 @@ from experiments.figure_parts import (
     set_panel_title,
 )
 from experiments.method_parts import say_unmeasured, write_foot, write_notes
+from experiments.settings import SETTINGS
 
 _SERIES = {"method": ("method_wrong", BLUE), "rtcIntersect1": ("baseline_wrong", BLACK)}
 """Label -> column and colour, from the top down."""
@@ -35,7 +36,7 @@ def draw_agreement_figure(table: pd.DataFrame, heading: str = "") -> Figure:
     Only pixels where the two differ are counted, over all splits, offsets and image sizes. Linear from 0 to 1,
     logarithmic from there on. Behind each pair: the counts, of how many pixels, and their verdicts.
     """
-    panels = make_panels(table, ())
+    panels = make_panels(table, SETTINGS)
     figure, axes = make_figure(len(panels), columns=1, panel_height=3.0)
     for axis, panel in zip(axes, panels, strict=True):
         set_panel_title(axis, panel.title, panel.stands_for)

@@ -46,7 +46,7 @@ _BASELINE = "BVH build for per-pixel rays"
 
 
 def draw_build_figure(table: pd.DataFrame, heading: str = "") -> Figure:
-    """One panel a scene (and a value of any other field that varies); milliseconds over splits, both logarithmic.
+    """One panel a scene (and a value of any other setting that varies); milliseconds over splits, both logarithmic.
 
     Points are medians with bars from the lower to the upper quartile over rounds. The baseline is the build of the
     plain mesh, measured again with every point: its line is the median over all of them, its band reaches from lower

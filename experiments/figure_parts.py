@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from textwrap import fill
 from typing import Any
@@ -15,6 +15,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, NullFormatter
 from numpy.typing import NDArray
 
+from experiments.settings import GEOMETRY, say_setting, settings_that_vary
+
 # Okabe and Ito's palette, told apart by the colour-blind too; shapes and dashes say the same again.
 BLACK, BLUE, GREEN, ORANGE, PURPLE, VERMILLION = "#333333", "#0072B2", "#009E73", "#E69F00", "#CC79A7", "#D55E00"
 GREY = "#555555"
@@ -24,7 +26,6 @@ MILLISECONDS = 1e3
 MEBIBYTES = 2.0**-20
 TIMES = "\N{MULTIPLICATION SIGN}"
 
-_PANEL_FIELDS = ("width", "height", "packet_width", "threads", "build_quality")
 _SPLITS = {"split_x": "horizontal splits", "split_y": "vertical splits"}
 
 COPIED_OFF, COPIED_ON, INSTANCED = "aligned, culling off", "aligned, culling on", "aligned, instanced"
@@ -96,9 +97,12 @@ def aligned_forms(table: pd.DataFrame) -> dict[str, pd.DataFrame]:
     return {form: rows[form] for form in ALIGNED_STYLES if len(rows[form])}
 
 
-def make_panels(table: pd.DataFrame, fields: Sequence[str] = _PANEL_FIELDS) -> list[Panel]:
-    """One panel a scene, in the order of the table, and a value of every one of `fields` that varies, ascending."""
-    varying = [name for name in fields if varies(table, name)]
+def make_panels(table: pd.DataFrame, shown: Collection[str]) -> list[Panel]:
+    """One panel a scene, in the order of the table, and a value of every setting that varies, ascending.
+
+    shown: the settings that the figure itself tells apart, or takes the best of: they make no panels.
+    """
+    varying = settings_that_vary(table, shown)
     panels = []
     for scene in table["scene"].unique():
         of_scene = table[table["scene"] == scene]
@@ -106,30 +110,19 @@ def make_panels(table: pd.DataFrame, fields: Sequence[str] = _PANEL_FIELDS) -> l
             panels.append(Panel(str(scene), "", of_scene))
             continue
         for key, rows in of_scene.groupby(varying, sort=True, dropna=False):
-            words = [say_field(name, value) for name, value in zip(varying, key, strict=True)]
+            words = [say_setting(name, value) for name, value in zip(varying, key, strict=True)]
             panels.append(Panel(str(scene), ", ".join(words), rows))
     return panels
 
 
 def panels_over_splits(table: pd.DataFrame, axis_name: str = "split_x") -> list[Panel]:
-    """`make_panels` for a figure with `axis_name` on the abscissa: the other axis' split tells panels apart, too."""
-    return make_panels(table, (*_PANEL_FIELDS, "split_y" if axis_name == "split_x" else "split_x"))
+    """`make_panels` for a figure with `axis_name` on the abscissa and a line for each form of the geometry."""
+    return make_panels(table, (axis_name, *GEOMETRY))
 
 
 def varies(table: pd.DataFrame, name: str) -> bool:
     """The column holds more than one value."""
     return bool(column(table, name).nunique() > 1)
-
-
-def say_field(name: str, value: Any) -> str:
-    """A field and its value in words: "culling on", "packet width 8"."""
-    if name == "culling":
-        return f"culling {'on' if value else 'off'}"
-    if name == "geometry":
-        return f"{value} geometry"
-    if name == "build_quality":
-        return f"{value} build quality"
-    return f"{name.replace('_', ' ')} {value}"
 
 
 def make_figure(panel_count: int, columns: int | None = None, panel_height: float = 4.1) -> tuple[Figure, list[Axes]]:

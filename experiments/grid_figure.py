@@ -20,19 +20,18 @@ from experiments.figure_parts import (
     numbers,
     set_panel_title,
 )
-
-_PANEL_FIELDS = ("width", "height", "geometry", "culling", "packet_width", "threads", "build_quality")
+from experiments.settings import SPLIT
 
 
 def draw_grid_figure(table: pd.DataFrame, heading: str = "") -> Figure:
-    """One panel a scene (and a value of any other field that varies): milliseconds in each cell, the best framed.
+    """One panel a scene (and a value of any other setting that varies): milliseconds in each cell, the best framed.
 
     heading: stands above the figure, for one that belongs to a row of figures.
     A split without a time stays empty, marked with its status. Colours are per scene: compare within a panel.
     """
     aligned = table[table["method"] == "aligned"]
     # A panel without any time would be empty; its points are in the table with their reasons.
-    panels = [panel for panel in make_panels(aligned, _PANEL_FIELDS) if drawable(_times(panel.rows)).any()]
+    panels = [panel for panel in make_panels(aligned, SPLIT) if drawable(_times(panel.rows)).any()]
     figure, axes = make_figure(len(panels), panel_height=4.7)
     for axis, panel in zip(axes, panels, strict=True):
         set_panel_title(axis, panel.title, panel.stands_for)

@@ -26,14 +26,13 @@ from experiments.figure_parts import (
     mark_missing,
     missing_points,
     numbers,
-    say_field,
     set_panel_title,
     undrawable_points,
 )
 from experiments.memory_figure import baseline_rows, memory_mib
+from experiments.settings import GEOMETRY, say_setting
 from experiments.split_figure import draw_times
 
-_PANEL_FIELDS = ("width", "height", "threads", "build_quality", "split_y")
 _BASELINE_STYLE = {"color": BLACK, "linestyle": DASH_DOTTED}
 _MEMORY_BASELINE = "one ray per pixel (memory)"
 
@@ -42,7 +41,7 @@ def draw_instancing_figure(table: pd.DataFrame, heading: str = "") -> Figure:
     """Two panels a scene over horizontal splits, all axes logarithmic: growth of RSS over the mesh, time per frame.
 
     table: rows with quantity "memory" and "time". Copies are timed at the packet widths at which instances were timed
-    (at all widths if none were); another width or value of any other field makes another pair of panels.
+    (at all widths if none were); another width or value of any other setting makes another pair of panels.
     """
     quantity = column(table, "quantity")
     memory, time = table[quantity == "memory"], table[quantity == "time"]
@@ -69,7 +68,7 @@ def _at_widths_of_instances(time: pd.DataFrame) -> pd.DataFrame:
 def _pairs(rows: pd.DataFrame) -> list[tuple[str, Panel]]:
     """Title and rows of each pair of panels; memory rows stand beside the times of every packet width."""
     pairs = []
-    for panel in make_panels(rows, _PANEL_FIELDS):
+    for panel in make_panels(rows, (*GEOMETRY, "split_x", "packet_width")):
         of_memory = column(panel.rows, "quantity") == "memory"
         time, memory = panel.rows[~of_memory], panel.rows[of_memory]
         widths = sorted(time["packet_width"].dropna().unique()) or [None]
@@ -77,7 +76,7 @@ def _pairs(rows: pd.DataFrame) -> list[tuple[str, Panel]]:
             of_width = time if width is None else time[time["packet_width"] == width]
             same = memory[memory["packet_width"] == width] if width is not None else memory
             chosen = pd.concat([of_width, same if len(same) else memory])
-            title = panel.title if len(widths) == 1 else f"{panel.title}, {say_field('packet_width', width)}"
+            title = panel.title if len(widths) == 1 else f"{panel.title}, {say_setting('packet_width', width)}"
             pairs.append((title, Panel(panel.scene, panel.details, chosen)))
     return pairs
 

@@ -22,6 +22,7 @@ from experiments.figure_parts import (
     add_foot,
     add_legend,
     aligned_forms,
+    column,
     draw_baseline,
     draw_series,
     finish_split_axes,
@@ -33,6 +34,7 @@ from experiments.figure_parts import (
     set_panel_title,
     undrawable_points,
 )
+from experiments.settings import GEOMETRY, SETTINGS, SPLIT
 
 # Label -> the column, and whether the process's size with only the mesh loaded is taken off it.
 _SERIES: dict[str, tuple[str, bool, dict[str, Any]]] = {
@@ -44,7 +46,7 @@ _BASELINE = "one ray per pixel (same colours)"
 
 
 def draw_memory_figure(table: pd.DataFrame, heading: str = "") -> Figure:
-    """One panel a scene (and a value of any other field that varies); MiB over splits, both logarithmic.
+    """One panel a scene (and a value of any other setting that varies); MiB over splits, both logarithmic.
 
     Every point is a process of its own. "Over the mesh" is the growth since the mesh was loaded: what the method adds
     (the peak may have been reached before, while the mesh was read, and is then not the method's). Dashed lines are
@@ -73,12 +75,14 @@ def memory_mib(rows: pd.DataFrame, name: str, over_mesh: bool) -> NDArray[np.flo
 def baseline_rows(table: pd.DataFrame, rows: pd.DataFrame) -> pd.DataFrame:
     """The measured method=pixel rows of the same scene, image and build as the panel's `rows`."""
     pixel = table[(table["method"] == "pixel") & (table["status"] == "ok")]
-    for name in ("scene", "width", "height", "build_quality"):
-        pixel = pixel[pixel[name].isin(rows[name])]
-    # Memory hardly depends on these: a baseline that was measured with one value serves the others.
-    for name in ("packet_width", "threads"):
-        same = pixel[pixel[name].isin(rows[name])]
-        pixel = same if len(same) else pixel
+    decisive = ("scene", "mesh_sha256", "width", "height", "build_quality")
+    for name in decisive:
+        pixel = pixel[column(pixel, name).isin(column(rows, name))]
+    # Memory hardly depends on the others: a baseline that was measured with one value serves the rest.
+    for name in SETTINGS:
+        if name not in (*decisive, *GEOMETRY, *SPLIT):
+            same = pixel[column(pixel, name).isin(column(rows, name))]
+            pixel = same if len(same) else pixel
     return pixel
 
 

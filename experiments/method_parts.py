@@ -33,11 +33,13 @@ from experiments.figure_parts import (
 )
 from experiments.peers import PEERS
 from experiments.price import BASELINE_METHOD, BASELINE_PACKET_WIDTH
+from experiments.settings import GEOMETRY, SPLIT
 
 OWN_METHODS = ("visible_first", "aligned", "tiles")
 """The methods other than one ray per pixel, in the order of panels and legends."""
 
-PANEL_FIELDS = ("width", "height", "threads", "build_quality")
+BEST_OF = (*GEOMETRY, *SPLIT)
+"""The settings of which a method is shown at its best."""
 
 _NAMES = {
     "visible_first": "visible-first", "aligned": "aligned", "tiles": "culled tiles", "embreex": "embreex",

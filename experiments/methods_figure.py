@@ -18,7 +18,7 @@ from experiments.figure_parts import (
     set_panel_title,
 )
 from experiments.method_parts import (
-    PANEL_FIELDS,
+    BEST_OF,
     Bar,
     draw_bars,
     draw_upright_baselines,
@@ -38,7 +38,7 @@ from experiments.price import BASELINE_METHOD, BASELINE_PACKET_WIDTH, best_rows,
 
 
 def draw_methods_figure(table: pd.DataFrame, heading: str = "") -> Figure:
-    """One panel a scene (and a value of image size, threads or build quality that varies); milliseconds from zero.
+    """One panel a scene (and a value of any other setting that varies); milliseconds from zero.
 
     A bar is a method and packet width at the split with the largest ratio to packets, its whisker reaches from the
     lower to the upper quartile over rounds. Single rays and 8-wide packets per pixel, measured again with every point,
@@ -46,7 +46,7 @@ def draw_methods_figure(table: pd.DataFrame, heading: str = "") -> Figure:
     """
     rows = time_rows(table)
     rows = rows[~rows["method"].isin(PEERS)]
-    panels = make_panels(rows, PANEL_FIELDS)
+    panels = make_panels(rows, (*BEST_OF, "packet_width"))
     figure, axes = make_figure(len(panels), panel_height=3.3)
     for axis, panel in zip(axes, panels, strict=True):
         set_panel_title(axis, panel.title, panel.stands_for)

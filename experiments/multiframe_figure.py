@@ -26,8 +26,9 @@ from experiments.figure_parts import (
     set_panel_title,
 )
 from experiments.frame_parts import PACKETS, SEPARATE_FRAMES, TOGETHER, VISIBLE_FRAMES, WAYS, Way, best_row, say_speedup
-from experiments.method_parts import PANEL_FIELDS, say_split, say_unmeasured, write_foot, write_notes
+from experiments.method_parts import BEST_OF, say_split, say_unmeasured, write_foot, write_notes
 from experiments.price import time_rows
+from experiments.settings import FRAMES
 
 MOTIONS = {"eyes": "two eyes", "walk": "the camera walks", "turn": "the mesh turns"}
 """In words, in the order of the panels."""
@@ -40,7 +41,7 @@ _LINE_POINTS = 10.5
 
 
 def draw_multiframe_figure(table: pd.DataFrame, heading: str = "") -> Figure:
-    """One row a scene (and a value of image size, threads, build quality or packet width that varies): a panel for each
+    """One row a scene (and a value of any other setting that varies): a panel for each
     motion, milliseconds per frame over the number of frames, and one of the memory of all frames in MiB.
 
     A line is a way to trace the frames, at its best split for each number of frames; bars reach from the lower to the
@@ -48,7 +49,7 @@ def draw_multiframe_figure(table: pd.DataFrame, heading: str = "") -> Figure:
     that measured memory, at the same split. Below a panel: how many times as fast the frames are together.
     """
     motions = [motion for motion in MOTIONS if column(table, "motion").eq(motion).any()]
-    panels = make_panels(table, (*PANEL_FIELDS, "packet_width"))
+    panels = make_panels(table, (*BEST_OF, *FRAMES))
     columns = len(motions) + 1
     figure, axes = make_figure(len(panels) * columns, columns=columns, panel_height=4.0)
     figure.set_figwidth(5.0 * columns)

@@ -18,7 +18,7 @@ from experiments.figure_parts import (
     set_panel_title,
 )
 from experiments.method_parts import (
-    PANEL_FIELDS,
+    BEST_OF,
     Bar,
     draw_bars,
     finish_bar_axes,
@@ -35,13 +35,13 @@ from experiments.price import best_rows, time_rows
 
 
 def draw_peers_figure(table: pd.DataFrame, heading: str = "") -> Figure:
-    """One panel a scene (and a value of image size, threads or build quality that varies); Mray/s from zero.
+    """One panel a scene (and a value of any other setting that varies); Mray/s from zero.
 
     A bar is a method or a peer, ours at the split with the largest ratio to packets; its whisker reaches from quartile
     to quartile over rounds. What was not measured is listed below all panels with its reason.
     """
     rows = time_rows(table)
-    panels = [panel for panel in make_panels(rows, PANEL_FIELDS) if len(best_rows(panel.rows))]
+    panels = [panel for panel in make_panels(rows, (*BEST_OF, "packet_width")) if len(best_rows(panel.rows))]
     tallest = max((len(_make_bars(panel.rows)) for panel in panels), default=0)
     figure, axes = make_figure(len(panels), panel_height=max(2.6, 1.2 + 0.36 * tallest))
     for axis, panel in zip(axes, panels, strict=True):

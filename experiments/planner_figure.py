@@ -23,6 +23,7 @@ from experiments.figure_parts import (
     set_panel_title,
 )
 from experiments.method_parts import write_foot
+from experiments.settings import SETTINGS
 
 SERIES: dict[str, tuple[str, dict[str, Any]]] = {
     "measure": ("measure_regret", {"color": BLUE, "marker": "o", "markersize": 5}),
@@ -41,7 +42,7 @@ def draw_planner_figure(table: pd.DataFrame, heading: str = "") -> Figure:
     rounds.
     """
     rows = table[(table["status"] == "ok") & (table["quantity"] == "planner")]
-    panels = make_panels(rows, ())
+    panels = make_panels(rows, SETTINGS)
     figure, axes = make_figure(len(panels), panel_height=3.0)
     largest = max([1.3, *(value for name, _ in SERIES.values() for value in numbers(rows, name) if value > 0)])
     for axis, panel in zip(axes, panels, strict=True):

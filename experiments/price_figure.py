@@ -23,8 +23,8 @@ from experiments.figure_parts import (
     set_panel_title,
 )
 from experiments.method_parts import (
+    BEST_OF,
     OWN_METHODS,
-    PANEL_FIELDS,
     say_number,
     say_series,
     say_split,
@@ -55,7 +55,7 @@ _LINE_POINTS = 11.5
 
 
 def draw_price_figure(table: pd.DataFrame, heading: str = "") -> Figure:
-    """One panel a scene (and a value of image size, threads or build quality that varies); seconds over frames.
+    """One panel a scene (and a value of any other setting that varies); seconds over frames.
 
     Both axes are logarithmic. A line is a method at the split and packet width with the largest ratio to packets: plan,
     build and first frame, then its median frame again and again. A ring marks the frame from which on it is ahead of
@@ -63,7 +63,7 @@ def draw_price_figure(table: pd.DataFrame, heading: str = "") -> Figure:
     """
     rows = time_rows(table)
     rows = rows[rows["method"].isin([*OWN_METHODS, BASELINE_METHOD])]
-    panels = make_panels(rows, PANEL_FIELDS)
+    panels = make_panels(rows, (*BEST_OF, "packet_width"))
     figure, axes = make_figure(len(panels), panel_height=4.7)
     # The lines below a panel would touch the next one's title.
     figure.set_layout_engine("constrained", h_pad=0.12)

@@ -32,7 +32,7 @@ from experiments.figure_parts import (
 
 
 def draw_split_figure(table: pd.DataFrame, axis_name: str = "split_x", heading: str = "") -> Figure:
-    """One panel a scene (and a value of any other field that varies); milliseconds over splits, both logarithmic.
+    """One panel a scene (and a value of any other setting that varies); milliseconds over splits, both logarithmic.
 
     axis_name: the column on the abscissa, `split_x` (horizontal splits, the paper's figure 5) or `split_y` (vertical).
     heading: stands above the figure, for one that belongs to a row of figures.

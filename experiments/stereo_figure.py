@@ -19,7 +19,7 @@ from experiments.figure_parts import (
 )
 from experiments.frame_parts import SEPARATE_FRAMES, TOGETHER, VISIBLE_FRAMES, Way, best_row, say_speedup
 from experiments.method_parts import (
-    PANEL_FIELDS,
+    BEST_OF,
     Bar,
     draw_bars,
     draw_upright_baselines,
@@ -32,6 +32,7 @@ from experiments.method_parts import (
     write_notes,
 )
 from experiments.price import time_rows
+from experiments.settings import FRAMES
 
 _LABELS = {
     TOGETHER: "both together", SEPARATE_FRAMES: "aligned\neye by eye", VISIBLE_FRAMES: "visible-first\neye by eye",
@@ -39,14 +40,14 @@ _LABELS = {
 
 
 def draw_stereo_figure(table: pd.DataFrame, heading: str = "") -> Figure:
-    """One panel a scene (and a value of image size, threads, build quality or packet width that varies).
+    """One panel a scene (and a value of any other setting that varies).
 
     A bar is the time of both images in milliseconds at the way's best split, its whisker reaches from the lower to the
     upper quartile over rounds. Single rays and packets per pixel, eye by eye, are the two lines: the median over all
     points, with a band from lower to upper quartile.
     """
     rows = time_rows(table)
-    panels = make_panels(rows, (*PANEL_FIELDS, "packet_width"))
+    panels = make_panels(rows, (*BEST_OF, *FRAMES))
     figure, axes = make_figure(len(panels), panel_height=3.0)
     for axis, panel in zip(axes, panels, strict=True):
         set_panel_title(axis, panel.title, panel.stands_for)

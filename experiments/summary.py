@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,10 @@ from experiments.frame_tracing import SEPARATE
 from experiments.messages import say
 from experiments.planner import say_regrets
 from experiments.quantities import BUILD, OWN, PLAN, SINGLE
+from experiments.settings import FRAMES, GEOMETRY, SPLIT, say_setting, settings_that_vary
+
+_SAID = (*FRAMES, *GEOMETRY, *SPLIT, "packet_width", "threads")
+"""Settings that the tables name anyway, or of which they show the best."""
 
 
 def say_outcome(record: Record) -> str:
@@ -122,7 +127,7 @@ def print_sweep(table: pd.DataFrame, folder: Path, console: Console) -> None:
     best = Table(title="best split of each scene", title_justify="left")
     for name in ("scene", "method", "packets of", "split", "frame", "vs rtcIntersect1", "vs packets", "pixels wrong"):
         best.add_column(name, justify="left" if name in ("scene", "method") else "right")
-    kinds = measured.apply(_kind_and_threads, axis=1) if len(measured) else []
+    kinds = _kinds(measured, _kind_and_threads)
     for (scene, kind, width), rows in measured.groupby(["scene", kinds, "packet_width"], sort=False):
         row = rows.loc[rows["render_time_s"].astype(float).idxmin()]
         best.add_row(
@@ -156,6 +161,16 @@ def print_sweep(table: pd.DataFrame, folder: Path, console: Console) -> None:
     say(console, f"{counts or 'nothing measured'}; in {folder}: {files}")
 
 
+def _kinds(rows: pd.DataFrame, kind_of: Callable[[pd.Series], str]) -> pd.Series:
+    """What `kind_of` says of each row, and every other setting that varies."""
+    varying = settings_that_vary(rows, _SAID)
+    return pd.Series(
+        [", ".join([kind_of(row), *(say_setting(name, row[name]) for name in varying)]) for _, row in rows.iterrows()],
+        index=rows.index,
+        dtype="object",
+    )
+
+
 def _best_of_frames(timed: pd.DataFrame) -> Table:
     """The split at which all frames together gain most over packets, and how many times as fast they are there."""
     best = Table(title="best split of all frames together, and speed-up over", title_justify="left")
@@ -163,7 +178,8 @@ def _best_of_frames(timed: pd.DataFrame) -> Table:
     for name in (*left, "frames", "split", "all frames", *ratios, "pixels wrong"):
         best.add_column(name, justify="left" if name in left else "right")
     others = ("speedup_vs_separate", "speedup_vs_visible_first", "speedup_vs_packets", "speedup")
-    for (scene, motion, frames), rows in timed.groupby(["scene", "motion", "frames"], sort=False):
+    motions = _kinds(timed, lambda row: str(row["motion"]))
+    for (scene, motion, frames), rows in timed.groupby(["scene", motions, "frames"], sort=False):
         row = rows.loc[rows["speedup_vs_packets"].astype(float).idxmax()]
         best.add_row(
             escape(str(scene)),

@@ -124,7 +124,14 @@ COLUMNS = {
     "rays_sampled": _WHOLE,
     "sampled_method_wrong": _WHOLE,
     "sampled_baseline_wrong": _WHOLE,
+    "mesh_sha256": _TEXT,
     "view": _TEXT,
+    "eye": _TEXT,
+    "target": _TEXT,
+    "up": _TEXT,
+    "fov_y_degrees": _REAL,
+    "packet_rows": _TEXT,
+    "ties": _TEXT,
     "best_plan": _TEXT,
     "best_frame_plan": _TEXT,
     "packets_regret": _REAL,
@@ -155,7 +162,7 @@ part, `stands_for` which scene of the paper a procedural stand-in replaces witho
 and rtcIntersect1 at `baseline_wrong`; `sampled_*_wrong` are the same of `rays_sampled`, drawn from all pixels. At a
 point of several `frames` times, bytes and pixels are of all frames together; `separate_*` and `visible_first_*` are of
 one aligned and one visible-first tracer a frame with the same split, one frame after the other, and the speed-ups over
-them are paired, too. What was not measured is missing, never zero."""
+them are paired, too. `packet_rows` is what was asked for. What was not measured is missing, never zero."""
 
 CONFIDENCE = 0.95
 
@@ -246,6 +253,8 @@ def _row(record: Record) -> dict[str, Any]:
     row |= {name: value for name, value in record.results.items() if name in COLUMNS}
     stand_in = STAND_INS.get(str(row["scene"])) if record.configuration.get("scene_source") == "procedural" else None
     load = record.environment.get("load_average")
+    row |= {name: _say_vector(row[name]) for name in ("eye", "target", "up")}
+    row["packet_rows"] = "automatic" if row["packet_rows"] is None else str(row["packet_rows"])
     row |= {
         "stands_for": stand_in.stands_for if stand_in else None,
         "status": record.status,
@@ -280,6 +289,11 @@ def _row(record: Record) -> dict[str, Any]:
             judged = samples[BUILD]
         row["doubts"] = "; ".join(_doubts(record, judged)) or None
     return row
+
+
+def _say_vector(vector: Sequence[float] | None) -> str | None:
+    """ "0, 1, 3.5", every digit kept; None where a record holds none."""
+    return None if vector is None else ", ".join(repr(float(value)).removesuffix(".0") for value in vector)
 
 
 def _statistics(name: str, values: NDArray[np.float64]) -> dict[str, float]:

@@ -26,6 +26,7 @@ from experiments.figure_parts import (
     set_panel_title,
 )
 from experiments.method_parts import (
+    BEST_OF,
     say_series,
     say_split,
     say_unmeasured,
@@ -56,13 +57,13 @@ class Scaling:
 
 
 def draw_threads_figure(table: pd.DataFrame, heading: str = "") -> Figure:
-    """One panel a scene (and a value of image size or build quality that varies); both axes logarithmic.
+    """One panel a scene (and a value of any other setting that varies); both axes logarithmic.
 
     Every series follows the split that was best on one thread. A bar reaches from the lower quartile of the time on one
     thread over the upper quartile on n, to the upper over the lower: the two were not measured in the same rounds.
     """
     rows = time_rows(table)
-    panels = make_panels(rows, ("width", "height", "build_quality"))
+    panels = make_panels(rows, (*BEST_OF, "packet_width", "threads"))
     figure, axes = make_figure(len(panels))
     order = [_IDEAL]
     for axis, panel in zip(axes, panels, strict=True):

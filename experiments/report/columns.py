@@ -6,8 +6,10 @@ from dataclasses import dataclass
 
 import pandas as pd
 
+from experiments.settings import settings_that_vary
+
 IDENTITY = ("scene", "quantity", "geometry", "method", "split_x", "split_y", "culling", "packet_width")
-"""Columns that tell one point from another; shown in every view."""
+"""Columns that tell one point from another; shown in every view, and with them every other setting that varies."""
 
 VIEWS: dict[str, tuple[str, ...]] = {
     "frame times": (
@@ -69,11 +71,11 @@ def describe_columns(table: pd.DataFrame) -> tuple[Column, ...]:
 def views_of(table: pd.DataFrame) -> tuple[View, ...]:
     """The views that have columns in this table, and one of everything."""
     present = set(table.columns)
-    identity = [name for name in IDENTITY if name in present]
+    identity = [name for name in IDENTITY if name in present] + settings_that_vary(table, IDENTITY)
     views = []
     for name, columns in VIEWS.items():
         needs = _NEED_A_VALUE.get(name)
-        own = tuple(column for column in columns if column in present)
+        own = tuple(column for column in columns if column in present and column not in identity)
         if own:
             views.append(View(name, (*identity, *own), needs if needs in present else None))
     return (*views, View("everything", tuple(str(name) for name in table.columns), None))

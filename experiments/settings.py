@@ -1,0 +1,45 @@
+"""Settings: what points of a scene may differ in beside their method. No figure draws those that do as one line."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from typing import Any
+
+import pandas as pd
+
+GEOMETRY = ("geometry", "culling")
+SPLIT = ("split_x", "split_y")
+FRAMES = ("motion", "frames")
+
+SETTINGS = (
+    "mesh_sha256", "view", "eye", "target", "up", "fov_y_degrees", "width", "height", *FRAMES, *GEOMETRY, *SPLIT,
+    "packet_width", "packet_rows", "threads", "build_quality", "ties",
+)  # fmt: skip
+"""Columns of the table, what explains others before them: another view has another eye, too."""
+
+
+def settings_that_vary(table: pd.DataFrame, besides: Collection[str] = ()) -> list[str]:
+    """The settings, in their order, that tell rows of one scene apart which those before them do not.
+
+    besides: settings that the reader sees anyway; they tell nothing apart here.
+    """
+    chosen = ["scene"]
+    for name in SETTINGS:
+        if name not in besides and name in table and len(table):
+            values = table.groupby(chosen, dropna=False)[name].nunique()
+            if values.max() > 1:
+                chosen.append(name)
+    return chosen[1:]
+
+
+def say_setting(name: str, value: Any) -> str:
+    """A setting and its value in words: "culling on", "packet width 8"."""
+    if name == "culling":
+        return f"culling {'on' if value else 'off'}"
+    if name == "geometry":
+        return f"{value} geometry"
+    if name == "build_quality":
+        return f"{value} build quality"
+    if name == "mesh_sha256":
+        return f"mesh {value[:8]}"
+    return f"{name.replace('_', ' ')} {value}"
