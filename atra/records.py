@@ -29,7 +29,7 @@ class Record:
     point_id: from `point_id`; also the file's name.
     status: ok = measured; skipped = cannot be measured under this configuration; failed = went wrong, worth a retry.
     error: why, when not ok.
-    configuration, environment: plain values; see `experiments.points.Point` and `atra.measure.environment`.
+    configuration, environment: plain values; see `experiments.point.Point` and `atra.measure.environment`.
     warmup_samples, samples: seconds by method name; sample r of every method belongs to one round.
     results: everything else that was measured, by name with its unit.
 

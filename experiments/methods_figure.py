@@ -52,7 +52,7 @@ def draw_methods_figure(table: pd.DataFrame, heading: str = "") -> Figure:
         set_panel_title(axis, panel.title, panel.stands_for)
         _draw_panel(axis, panel.rows)
     add_legend(figure, axes, list(TIME_BASELINES), heading)
-    write_foot(figure, rows, "behind a bar: packets / method, [95 % interval of the median]")
+    write_foot(figure, rows, "beside a bar: packets / method, [95 % interval of the median]")
     return figure
 
 

@@ -68,7 +68,7 @@ def draw_multiframe_figure(table: pd.DataFrame, heading: str = "") -> Figure:
     write_foot(
         figure, time_rows(table),
         "below a panel: how many times as fast all frames together are at their best split, [95 % interval of the "
-        "median]; plan and build are not in these times",
+        "median]; plan and build are not in these times; memory in the colours of the times is Embree's own account",
     )  # fmt: skip
     return figure
 

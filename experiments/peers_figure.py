@@ -48,7 +48,7 @@ def draw_peers_figure(table: pd.DataFrame, heading: str = "") -> Figure:
         set_panel_title(axis, panel.title, panel.stands_for)
         _draw_panel(axis, panel.rows)
     figure.suptitle(heading, fontsize=12)
-    mark = "behind a bar: packets / this, [95 % interval of the median]"
+    mark = "beside a bar: packets / this, [95 % interval of the median]"
     write_foot(figure, rows, mark, *_say_missing(rows, 150 if figure.get_figwidth() > 8 else 95))
     return figure
 

@@ -32,7 +32,7 @@ SERIES: dict[str, tuple[str, dict[str, Any]]] = {
 }
 """Label -> column and mark; marks of equal values stay apart."""
 
-TARGETS = {"1.05 and 1.15": (1.05, 1.15)}
+TARGETS = {"targets: 1.05, 1.15": (1.05, 1.15)}
 
 
 def draw_planner_figure(table: pd.DataFrame, heading: str = "") -> Figure:

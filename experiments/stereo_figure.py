@@ -55,7 +55,7 @@ def draw_stereo_figure(table: pd.DataFrame, heading: str = "") -> Figure:
     add_legend(figure, axes, list(TIME_BASELINES), heading)
     write_foot(
         figure, rows,
-        "behind a bar: packets / both together, below it eye by eye / both together at that split, "
+        "beside a bar: packets / both together, below it eye by eye / both together at that split, "
         "[95 % interval of the median]; without plan and build",
     )  # fmt: skip
     return figure

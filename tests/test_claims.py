@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -272,10 +273,19 @@ def test_an_interval_wider_than_the_difference_leaves_the_claim_undecided(agreei
     table = agreeing.copy()
     table["speedup_low"], table["speedup_high"] = table["speedup"] * 0.8, table["speedup"] * 1.25
     found = finding(table, "one-axis-beats-both")
-    assert found.verdict == "not measured"
+    assert found.verdict == "undecided"
     assert found.why is not None
-    assert "undecided" in found.why
+    assert "wider than the difference" in found.why
     assert found.interval is not None
+
+
+def test_a_claim_that_one_scene_leaves_open_and_another_did_not_measure_is_not_measured(agreeing: pd.DataFrame) -> None:
+    table = agreeing[~where(agreeing, scene="mitsuba")].copy()
+    table["speedup_low"], table["speedup_high"] = table["speedup"] * 0.8, table["speedup"] * 1.25
+    found = finding(table, "one-axis-beats-both")
+    assert found.verdict == "not measured"
+    assert re.search(r"sponza: [^;]*\(undecided\)", found.value)
+    assert "mitsuba: - (not measured)" in found.value
 
 
 def test_more_splits_count_as_slower_only_when_the_intervals_do_not_overlap(agreeing: pd.DataFrame) -> None:

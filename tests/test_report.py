@@ -150,12 +150,12 @@ def test_a_report_of_the_size_of_the_paper_stays_small(tmp_path: Path) -> None:
     assert write_report(tmp_path, contents).stat().st_size < MOST_BYTES
 
 
-@pytest.mark.parametrize("verdict", ["holds", "does not hold", "not measured"])
+@pytest.mark.parametrize("verdict", ["holds", "does not hold", "undecided", "not measured"])
 def test_a_verdict_is_said_in_words(verdict: str) -> None:
     page = render_report(small_contents(claims=(replace(CLAIMS[0], verdict=verdict),)))
     (shown,) = re.findall(r'<span class="verdict [^"]*"><span aria-hidden="true">(.)</span> ([^<]*)</span>', page)
     assert shown[1] == verdict
-    assert shown[0] in "✔✘○"
+    assert shown[0] in "✔✘≈○"
 
 
 def test_an_unknown_verdict_is_refused() -> None:

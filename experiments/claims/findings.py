@@ -34,8 +34,8 @@ class Claim:
 class Finding:
     """A claim and what became of it: plain values, one row of `claims.csv`.
 
-    verdict: "holds", "does not hold" or "not measured". value: ours, "" where there is none. interval: 95 %
-    confidence. why: one line where it does not hold or was not measured.
+    verdict: one of `judging.VERDICTS`. value: ours, "" where there is none. interval: 95 % confidence. why: one line
+    where it does not hold.
     """
 
     id: str

@@ -10,12 +10,13 @@ import pandas as pd
 from experiments.claims.estimates import Estimate
 from experiments.claims.evidence import PAPER_SCENES, PAPER_SIZE, NotMeasuredError, SceneRows, collect_scenes
 
-HOLDS, DOES_NOT_HOLD, NOT_MEASURED = VERDICTS = "holds", "does not hold", "not measured"
+HOLDS, DOES_NOT_HOLD, UNDECIDED, NOT_MEASURED = VERDICTS = "holds", "does not hold", "undecided", "not measured"
+"""undecided = measured in full, but not precisely enough to say."""
 
 
 @dataclass(frozen=True)
 class Judgement:
-    """verdict: one of the three above. value, interval: ours, as text; "" and None where there is none.
+    """verdict: one of `VERDICTS`. value, interval: ours, as text; "" and None where there is none.
     why: one line where the verdict is not `holds`. stand_ins: "atrium for sponza" for each stand-in that was judged.
     """
 
@@ -28,12 +29,20 @@ class Judgement:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What one scene says: holds None = the measurement leaves it open. why: for every outcome that is not True."""
+    """What one scene says: holds None = the measurement leaves it open, or there is none and then no value either.
+    why: for every outcome that is not True."""
 
     holds: bool | None
     value: str = ""
     estimate: Estimate | None = None
     why: str | None = None
+
+    @property
+    def verdict(self) -> str:
+        """One of `VERDICTS`."""
+        if self.holds is None:
+            return UNDECIDED if self.value else NOT_MEASURED
+        return HOLDS if self.holds else DOES_NOT_HOLD
 
 
 Judge = Callable[[pd.DataFrame | None], Judgement]
@@ -42,13 +51,13 @@ SceneJudge = Callable[[SceneRows], Outcome]
 
 def on_every_scene(judge_scene: SceneJudge) -> Judge:
     """A claim about all four scenes, or their stand-ins: holds when it holds on every one, fails when it fails on one,
-    and is otherwise not measured."""
+    and is otherwise undecided, or not measured on some."""
     return _refusing(lambda table: _combine(_outcomes(collect_scenes(table), judge_scene), every=True))
 
 
 def on_some_scene(judge_scene: SceneJudge) -> Judge:
     """A claim that something happens on some scene: holds when it does on one, fails when it does on none of the four
-    (or their stand-ins), and is otherwise not measured."""
+    (or their stand-ins), and is otherwise undecided, or not measured on some."""
     return _refusing(lambda table: _combine(_outcomes(collect_scenes(table), judge_scene), every=False))
 
 
@@ -58,7 +67,7 @@ def on_paper_scene(name: str, judge_scene: SceneJudge) -> Judge:
     def judge(table: pd.DataFrame | None) -> Judgement:
         outcome = judge_scene(paper_scene(collect_scenes(table), name))
         interval = None if outcome.estimate is None else outcome.estimate.interval()
-        return Judgement(_verdict(outcome.holds), outcome.value, interval, outcome.why)
+        return Judgement(outcome.verdict, outcome.value, interval, outcome.why)
 
     return _refusing(judge)
 
@@ -118,39 +127,30 @@ def _outcomes(scenes: Mapping[str, SceneRows], judge_scene: SceneJudge) -> list[
 
 
 def _combine(outcomes: Sequence[tuple[str, SceneRows | None, Outcome]], every: bool) -> Judgement:
-    states = [outcome.holds for _, _, outcome in outcomes]
-    decisive = not every  # one scene that says so settles the claim
-    if decisive in states:
-        holds: bool | None = decisive
-    else:
-        holds = None if None in states else not decisive
+    verdicts = [outcome.verdict for _, _, outcome in outcomes]
+    # One scene settles the claim, or else one leaves it open, in this order; or all agree.
+    settling = (DOES_NOT_HOLD, NOT_MEASURED, UNDECIDED) if every else (HOLDS, NOT_MEASURED, UNDECIDED)
+    verdict = next((one for one in settling if one in verdicts), verdicts[0])
     values, intervals, stand_ins = [], [], []
     scenes_by_reason: dict[str, list[str]] = {}
     for name, scene, outcome in outcomes:
-        undecided = outcome.holds is None and outcome.value
-        state = "undecided" if undecided else _verdict(outcome.holds)
-        values.append(f"{name}: {outcome.value or '-'} ({state})")
+        values.append(f"{name}: {outcome.value or '-'} ({outcome.verdict})")
         if outcome.estimate is not None:
             intervals.append(f"{name} {outcome.estimate.interval()}")
         # A claim that fails is explained by what fails; what else is missing does not matter any more.
-        if outcome.why is not None and outcome.holds is not True and (holds is None or outcome.holds is holds):
+        relevant = verdict != DOES_NOT_HOLD or outcome.verdict == DOES_NOT_HOLD
+        if outcome.why is not None and outcome.verdict != HOLDS and relevant:
             scenes_by_reason.setdefault(outcome.why, []).append(name)
         if scene is not None and scene.stand_in and outcome.value:
             stand_ins.append(f"{scene.scene} for {scene.paper_scene}")
     reasons = "; ".join(f"{', '.join(names)}: {why}" for why, names in scenes_by_reason.items())
     return Judgement(
-        _verdict(holds),
+        verdict,
         "; ".join(values) if any(outcome.value for _, _, outcome in outcomes) else "",
         "; ".join(intervals) or None,
-        None if holds else reasons,
+        None if verdict == HOLDS else reasons,
         tuple(stand_ins),
     )
-
-
-def _verdict(holds: bool | None) -> str:
-    if holds is None:
-        return NOT_MEASURED
-    return HOLDS if holds else DOES_NOT_HOLD
 
 
 def _absent() -> str:

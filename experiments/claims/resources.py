@@ -27,7 +27,7 @@ def build_little_affected(most_splits: int) -> SceneJudge:
             splits = next(splits for splits, state in states.items() if state is False)
             return Outcome(False, value, ratios[worst], f"{ratios[splits]} times as long at {splits} splits")
         if None in states.values():
-            why = f"undecided, the interval reaches beyond {LITTLE_EFFECT:g} times"
+            why = f"the interval reaches beyond {LITTLE_EFFECT:g} times"
             return Outcome(None, value, ratios[worst], why)
         return Outcome(True, value, ratios[worst])
 

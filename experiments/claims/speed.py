@@ -16,7 +16,7 @@ from experiments.claims.estimates import (
     geometric_mean,
 )
 from experiments.claims.evidence import SPLITS, NotMeasuredError, SceneRows, read_number
-from experiments.claims.judging import DOES_NOT_HOLD, HOLDS, NOT_MEASURED, Judgement, Outcome, SceneJudge
+from experiments.claims.judging import DOES_NOT_HOLD, HOLDS, UNDECIDED, Judgement, Outcome, SceneJudge
 
 GRID_SPLITS = (2, 4, 8, 16)
 """Splits of one axis in the paper's figure 4, beside none."""
@@ -33,7 +33,7 @@ MODEL_EXPONENT = (0.9, 1.1)
 MODEL_R_SQUARED = 0.9
 """Time grows like the cost model where the fitted exponent may lie in this range and the fit explains this much."""
 
-_TOO_WIDE = "undecided, the interval is wider than the difference"
+_TOO_WIDE = "the interval is wider than the difference"
 
 
 def one_axis_beats_both(scene: SceneRows) -> Outcome:
@@ -56,7 +56,7 @@ def axes_differ_little(scene: SceneRows) -> Outcome:
             return Outcome(False, value, mean, f"{ratio} at {splits} splits")
     if mean.low >= 1 / LITTLE and mean.high <= LITTLE:
         return Outcome(True, value, mean)
-    return Outcome(None, value, mean, f"undecided, the interval reaches beyond a factor of {LITTLE}")
+    return Outcome(None, value, mean, f"the interval reaches beyond a factor of {LITTLE}")
 
 
 def horizontal_slightly_better(scene: SceneRows) -> Outcome:
@@ -205,7 +205,7 @@ def larger_scenes_gain_less(scenes: Mapping[str, SceneRows]) -> Judgement:
         f"{smaller} and {larger}" for smaller, larger in pairwise(names) if not best[smaller].low > best[larger].high
     ]
     if unclear:
-        return Judgement(NOT_MEASURED, value, interval, f"undecided, the intervals overlap: {'; '.join(unclear)}")
+        return Judgement(UNDECIDED, value, interval, f"the intervals overlap: {'; '.join(unclear)}")
     return Judgement(HOLDS, value, interval)
 
 
@@ -233,7 +233,7 @@ def time_follows_cost_model(scene: SceneRows) -> Outcome:
         why = below if fit.exponent.high < low else "the exponent lies above 1"
         return Outcome(False, value, fit.exponent, why)
     if fit.r_squared < MODEL_R_SQUARED:
-        return Outcome(None, value, fit.exponent, f"undecided, R2 {fit.r_squared:.2f} is below {MODEL_R_SQUARED}")
+        return Outcome(None, value, fit.exponent, f"R2 {fit.r_squared:.2f} is below {MODEL_R_SQUARED}")
     return Outcome(True, value, fit.exponent)
 
 

@@ -34,7 +34,11 @@ from experiments.table import csv_bytes, rows_of
 _TEMPLATES = Path(__file__).resolve().parents[2] / "reports"
 
 # Words say the verdict; the mark and the colour repeat it.
-_MARKS = dict(zip(VERDICTS, ("\N{HEAVY CHECK MARK}", "\N{HEAVY BALLOT X}", "\N{WHITE CIRCLE}"), strict=True))
+_MARKS = dict(
+    zip(
+        VERDICTS, ("\N{HEAVY CHECK MARK}", "\N{HEAVY BALLOT X}", "\N{ALMOST EQUAL TO}", "\N{WHITE CIRCLE}"), strict=True
+    )
+)
 
 
 def write_report(folder: Path, contents: ReportContents) -> Path:
