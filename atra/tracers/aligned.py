@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
 from numpy.typing import NDArray
 
 from atra.alignment import Alignment, Split
@@ -175,7 +176,7 @@ class FramesTracer(_AlignedImages):
         images = None if out is None else (_stacked(out.depth), _stacked(out.prim_id))
         depth, prim_id = self._trace_rows(offset, rows, images)
         shape = (len(cameras), height, width)
-        return Frames(depth.reshape(shape), prim_id.reshape(shape), offset, self.meshes, cameras)
+        return Frames(_unstacked(depth, shape), _unstacked(prim_id, shape), offset, self.meshes, cameras)
 
 
 def _check_geometry(geometry: str, culling: bool, meshes: tuple[Mesh, ...]) -> None:
@@ -193,10 +194,16 @@ def _check_geometry(geometry: str, culling: bool, meshes: tuple[Mesh, ...]) -> N
         )
 
 
+def _unstacked(images: NDArray, shape: tuple[int, int, int]) -> NDArray:
+    """(K H, W), one image below the other -> (K, H, W), the same memory."""
+    row_bytes, pixel_bytes = images.strides
+    return np.lib.stride_tricks.as_strided(images, shape, (shape[1] * row_bytes, row_bytes, pixel_bytes))
+
+
 def _stacked(images: NDArray) -> NDArray:
-    """(K, H, W) -> (K H, W), one image below the other, the same memory; raises InputError where that cannot be."""
-    _, height, width = images.shape
-    image_bytes, row_bytes, _ = images.strides
-    if image_bytes != height * row_bytes:  # reshape would copy
+    """The reverse of `_unstacked`; arrays that are not its result come back with strides that do not fit."""
+    count, height, width = images.shape
+    image_bytes, row_bytes, pixel_bytes = images.strides
+    if image_bytes != height * row_bytes:
         raise InputError("out has images that do not follow each other in memory: pass a result of this tracer")
-    return images.reshape(-1, width)
+    return np.lib.stride_tricks.as_strided(images, (count * height, width), (row_bytes, pixel_bytes))
