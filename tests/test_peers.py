@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import atra
+from atra.ray_space import NARROWEST_WORLD_PITCH
 from atra.reference import brute_force
 from experiments.peers import PEERS, make_peer, peer_problem
 from tests.meshes import EYE_AT_ORIGIN, cornell_box, cornell_camera, quads, random_triangles
@@ -80,6 +81,16 @@ def test_triangles_behind_around_and_through_the_eye_give_the_float64_image(peer
     mesh = random_triangles(60, seed)
     camera = atra.Camera(**EYE_AT_ORIGIN, width=40, height=24, fov_y_degrees=[60, 120, 165][seed])
     assert_equal_images(trace_peer(peer, mesh, camera), brute_force(mesh, camera))
+
+
+def test_a_narrow_view_is_traced_in_the_world_too(peer):
+    mesh = random_triangles(400, 4, size=0.02, spread=0.05)
+    camera = atra.Camera((3, 4, -5), (0, 0, 0), fov_y_degrees=0.6, width=64, height=64)
+    assert camera.pixel_pitch < NARROWEST_WORLD_PITCH
+    reference = brute_force(mesh, camera)
+    assert reference.hit.mean() > 0.5
+    agreement = atra.compare(mesh, camera, trace_peer(peer, mesh, camera), reference)
+    assert agreement.pixels_wrong == 0, str(agreement)
 
 
 @pytest.mark.parametrize("threads", [2, 3])

@@ -15,6 +15,7 @@ from atra.errors import EmbreeError
 from atra.hits import Hits
 from atra.mesh import Mesh
 from atra.parallel import resolve_threads
+from atra.ray_space import from_eye_space
 from atra.tracers.base import ray_grid
 from atra.view import View, check_offset
 
@@ -111,7 +112,12 @@ class PeerTracer(ABC):
         rows = np.arange(camera.height) + (offset[1] - camera.height / 2)
         # Summed in float32 as the kernels of atra do, so that the rays are the same bit by bit.
         column_rays, row_rays = ray_grid(camera, columns, rows)
-        self._rays = self._make_rays(column_rays[:, None, :] + row_rays[:, :, None])
+        directions = column_rays[:, None, :] + row_rays[:, :, None]
+        # A peer sees the mesh in the world's axes; ray space has the camera's where the view is narrow.
+        to_ray_space = from_eye_space(camera)
+        if not np.array_equal(to_ray_space, np.eye(3)):
+            directions = np.tensordot(to_ray_space.T, directions, 1).astype(np.float32)
+        self._rays = self._make_rays(directions)
         self._rays_offset = (float(offset[0]), float(offset[1]))
 
     def _check_open(self) -> None:
