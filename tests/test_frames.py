@@ -131,6 +131,26 @@ def test_frames_of_another_tracer_are_refused_as_output():
             two.trace(out=apart)
 
 
+@pytest.mark.parametrize(
+    ("count", "width", "height"), [(1, 8, 1), (2, 8, 1), (1, 1, 8), (3, 1, 1), (1, 1, 1), (2, 8, 4)]
+)
+def test_frames_of_any_size_may_be_written_into_again(count, width, height):
+    cameras = moving_cameras(count, width=width, height=height)
+    alignment = atra.Alignment.of_frames(cameras, atra.Split(1, 1, width, height))
+    with atra.FramesTracer(cornell_box(), alignment, threads=1) as tracer:
+        first = tracer.trace()
+        expected = first.prim_id.copy()
+        again = tracer.trace(out=tracer.trace((0.1, 0.2), out=first))
+        np.testing.assert_array_equal(again.prim_id, expected)
+
+
+def test_a_single_image_is_refused_as_output_of_frames():
+    with atra.FramesTracer(cornell_box(), alignment_of(moving_cameras(2, **SIZE), (12, 1)), threads=1) as tracer:
+        frames = tracer.trace()
+        with pytest.raises(atra.InputError, match=r"expected \(frames, height, width\)"):
+            tracer.trace(out=next(iter(frames)))
+
+
 def test_another_number_of_meshes_than_frames_is_refused():
     with pytest.raises(atra.InputError, match="2 meshes for 3 frames"):
         atra.FramesTracer([cornell_box()] * 2, alignment_of(moving_cameras(3, **SIZE), (4, 1)))

@@ -1,6 +1,8 @@
 """The promise of the paper: aligned tracing returns the image that per-pixel tracing returns."""
 
 import threading
+from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -252,6 +254,27 @@ def test_an_out_of_another_size_is_refused():
         other = trace_pixels(cornell_box(), cornell_camera(8, 16))
         with pytest.raises(atra.InputError, match="expected"):
             tracer.trace(out=other)
+
+
+@pytest.mark.parametrize("make", [atra.PixelTracer, partial(atra.AlignedTracer, split=(4, 1))])
+def test_an_out_of_another_kind_is_refused_before_it_is_written(make):
+    with make(cornell_box(), cornell_camera(16, 16)) as tracer:
+        hits = tracer.trace()
+        swapped = hits.depth.dtype.newbyteorder()
+        frozen = np.lib.stride_tricks.as_strided(hits.depth, hits.depth.shape, hits.depth.strides, writeable=False)
+        for fields, message in (
+            ({"prim_id": hits.prim_id.view(np.int32)}, r"int32 of \(16, 16\).*expected uint32 of"),
+            ({"depth": hits.depth.view(np.uint32)}, "uint32 of .*expected float32"),
+            ({"depth": hits.depth.view(swapped)}, "expected float32"),
+            ({"depth": hits.depth[..., None]}, r"\(16, 16, 1\), strides"),
+            ({"depth": np.array(1.0, np.float32)}, r"of \(\), strides"),
+            ({"depth": frozen}, "read-only"),
+            ({"prim_id": hits.depth.view(np.uint32)}, "one memory for depth and prim_id"),
+        ):
+            before = hits.prim_id.copy(), hits.depth.copy()
+            with pytest.raises(atra.InputError, match=message):
+                tracer.trace((0.1, 0.9), out=replace(hits, **fields))
+            np.testing.assert_array_equal((hits.prim_id, hits.depth), before)
 
 
 @pytest.mark.parametrize(("options", "message"), [

@@ -202,6 +202,8 @@ def _unstacked(images: NDArray, shape: tuple[int, int, int]) -> NDArray:
 
 def _stacked(images: NDArray) -> NDArray:
     """The reverse of `_unstacked`; arrays that are not its result come back with strides that do not fit."""
+    if images.ndim != 3:
+        raise InputError(f"out has images of {images.shape}, expected (frames, height, width) of an earlier result")
     count, height, width = images.shape
     image_bytes, row_bytes, pixel_bytes = images.strides
     if image_bytes != height * row_bytes:

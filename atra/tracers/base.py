@@ -217,16 +217,19 @@ class EmbreeTracer(ABC):
     def _outputs(
         self, rows: int, out: tuple[NDArray[np.float32], NDArray[np.uint32]] | None
     ) -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
-        shape, row_bytes = (rows, self.camera.width), 4 * self._row_stride
+        shape, strides = (rows, self.camera.width), (4 * self._row_stride, 4)
         if out is None:
             return new_images(*shape, self._row_stride)
         # Rows of the right length in memory, not only in shape: packets may reach past the right border.
-        for image in out:
-            if image.shape != shape or image.strides != (row_bytes, 4):
+        for image, kind in zip(out, (np.float32, np.uint32), strict=True):
+            if (image.dtype, image.shape, image.strides) != (kind, shape, strides) or not image.flags.writeable:
+                given = f"{image.dtype} of {image.shape}, strides {image.strides}"
                 raise InputError(
-                    f"out has images of {image.shape} with rows {image.strides[0]} bytes apart, expected {shape} with "
-                    f"rows {row_bytes} bytes apart: pass a result of this tracer"
+                    f"out has an image of {given}{'' if image.flags.writeable else ', read-only'}, expected "
+                    f"{np.dtype(kind)} of {shape}, strides {strides}: pass a result of this tracer"
                 )
+        if np.may_share_memory(*out):
+            raise InputError("out has one memory for depth and prim_id: pass a result of this tracer")
         return out
 
     @property
