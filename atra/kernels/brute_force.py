@@ -10,6 +10,7 @@ import numpy as np
 from numba import njit
 
 from atra.hits import MISS
+from atra.kernels.caching import kernel
 from atra.kernels.intrinsics import fetch_add
 
 SLACK = 1e-12
@@ -35,7 +36,7 @@ def _dot(ax, ay, az, bx, by, bz):  # type: ignore[no-untyped-def]
     return ax * bx + ay * by + az * bz
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def nearest_triangles(counter_address, origins, directions, corners, edges_1, edges_2, depth, prim_id):  # type: ignore[no-untyped-def]
     """The nearest triangle of every ray, block by block, until the shared counter runs past the last block.
 

@@ -6,7 +6,8 @@ from functools import cache
 
 from numba import cfunc, types
 
-from atra.kernels.intrinsics import SOURCE_STAMP, fetch_add, keep_nearest
+from atra.kernels.caching import SOURCE_STAMP
+from atra.kernels.intrinsics import fetch_add, keep_nearest
 
 
 @cache
@@ -20,7 +21,7 @@ def nearest_hit_filter(shape_x: int, shape_y: int, instanced: bool = False) -> i
 
     @cfunc(types.void(types.int64), cache=True)
     def keep_nearest_hit(arguments_address):  # type: ignore[no-untyped-def]
-        stamp  # noqa: B018, in the closure, so that the cache knows of it
+        stamp  # noqa: B018, in the closure, so that what is kept on disk is told from that of other sources
         keep_nearest(arguments_address, shape_x, shape_y, instanced)
 
     _keep_alive.append(keep_nearest_hit)
@@ -31,8 +32,11 @@ def nearest_hit_filter(shape_x: int, shape_y: int, instanced: bool = False) -> i
 def memory_monitor() -> int:
     """Address of the callback that adds Embree's allocations to the int64 it is registered with."""
 
+    stamp = SOURCE_STAMP
+
     @cfunc(types.boolean(types.int64, types.int64, types.boolean), cache=True)
     def count_bytes(counter_address, byte_count, after):  # type: ignore[no-untyped-def]
+        stamp  # noqa: B018
         fetch_add(counter_address, byte_count)
         return True
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import zlib
-from pathlib import Path
 from typing import Any
 
 from llvmlite import ir
@@ -15,10 +13,6 @@ from atra.embree import layout
 from atra.embree.layout import FilterArguments, RayQueryContext
 
 _I8, _I32, _I64, _F32 = ir.IntType(8), ir.IntType(32), ir.IntType(64), ir.FloatType()
-
-SOURCE_STAMP = zlib.crc32(b"".join(Path(str(source)).read_bytes() for source in (__file__, layout.__file__)))
-"""Changes with this file and the struct layouts. Numba's cache on disk looks only at the file of the function it keeps,
-so a function that is made of what stands here must carry the stamp in its closure, or an older one would be run."""
 
 
 @intrinsic

@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from atra.kernels.caching import kernel
 from atra.kernels.intrinsics import fetch_add
 
 MARGIN_PIXELS = 0.125
@@ -25,7 +26,7 @@ CHUNK = 4096
 _POLYGON = 8  # a triangle clipped by three planes has at most six corners
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def project_points(counter_address, vertices, eye, to_pixels, linear, points_pixels, points_ray):  # type: ignore[no-untyped-def]
     """World points (V, 3) float32 -> homogeneous pixels and ray space, both (V, 3) float64.
 
@@ -131,7 +132,7 @@ def _columns_in_row(polygon, count, row, cell_width, cell_height, nx, y_low, y_h
     return _cell_range(low, high, cell_width, nx)
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def count_copies(counter_address, points_pixels, faces, nx, ny, cell_width, cell_height, counts):  # type: ignore[no-untyped-def]
     """counts[t] = number of cells triangle t meets. points_pixels: (V, 3) float64 homogeneous pixels."""
     polygon, first, second = (
@@ -170,7 +171,7 @@ def write_copy(points_pixels, points_ray, faces, triangle, shears_x, shears_y, i
             vertices[3 * copy + corner, axis] = points_ray[vertex, axis] - shear
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def fill_copies(  # type: ignore[no-untyped-def]
     counter_address, points_pixels, points_ray, faces, culling, nx, ny, cell_width, cell_height,
     shears_x, shears_y, first_pixel, row_stride, starts, vertices, records,

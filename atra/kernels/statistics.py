@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from atra.kernels.caching import kernel
 from atra.kernels.planning import _POLYGON, _front_part, _load_triangle, _pixel_range
 
 
@@ -21,7 +22,7 @@ def _cross(p, q):  # type: ignore[no-untyped-def]
     return p[1] * q[2] - p[2] * q[1], p[2] * q[0] - p[0] * q[2], p[0] * q[1] - p[1] * q[0]
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def probe_triangles(points_pixels, depths, faces, step, hit_count, nearest, box_pixels):  # type: ignore[no-untyped-def]
     """Shoot a ray every `step` pixels, across and down, at all triangles.
 

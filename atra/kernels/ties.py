@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from atra.kernels.caching import kernel
 from atra.kernels.intrinsics import fetch_add
 
 TILE = 16
@@ -25,7 +26,7 @@ _PARALLEL = 1e-14
 _ROUNDING = 1e-12
 
 
-@njit(cache=True)
+@kernel
 def number_planes(vertices, faces, centre, extent, numbers):  # type: ignore[no-untyped-def]
     """numbers[t] = a number of the plane of triangle t; NaN for a needle.
 
@@ -57,7 +58,7 @@ def _boxes_meet(boxes, a, b):  # type: ignore[no-untyped-def]
     return True
 
 
-@njit(cache=True)
+@kernel
 def number_places(points, lowest, extent, numbers):  # type: ignore[no-untyped-def]
     """numbers[i] = the Morton code of a point (N, 3) in the box from `lowest` on, 21 bits an axis: sorted by it, points
     that are near each other tend to be neighbours."""
@@ -143,7 +144,7 @@ def _overlap(corners, normals, sizes, a, b):  # type: ignore[no-untyped-def]
     return not (_edge_separates(corners, a, b, first, second) or _edge_separates(corners, b, a, first, second))
 
 
-@njit(cache=True)
+@kernel
 def find_overlaps(prim_ids, corners, normals, sizes, boxes, twins, most_pairs):  # type: ignore[no-untyped-def]
     """Pairs of triangles that overlap in one plane, by a binary tree of boxes over triangles in a good order.
 
@@ -219,7 +220,7 @@ def _intersect(vertices, faces, triangle, ox, oy, oz, dx, dy, dz):  # type: igno
     return depth, min(u, v, 1.0 - u - v) >= -_ROUNDING
 
 
-@njit(cache=True)
+@kernel
 def mark_ties(may_tie, twins, starts, partners, boxes, marks):  # type: ignore[no-untyped-def]
     """Add 1 to every tile in which a triangle may tie, as differences: marks is summed up along both axes afterwards.
 
@@ -247,7 +248,7 @@ def mark_ties(may_tie, twins, starts, partners, boxes, marks):  # type: ignore[n
                 marks[bottom + 1, right + 1] += 1
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def settle_ties(  # type: ignore[no-untyped-def]
     counter_address, tiles, may_tie, twins, starts, partners, vertices, faces,
     column_origins, row_origins, column_directions, row_directions, tie_tolerance, prim_id,

@@ -6,7 +6,6 @@ from collections.abc import Callable
 from functools import cache
 
 import numpy as np
-from numba import njit
 
 from atra.embree.layout import (
     HIT_GEOM_ID,
@@ -17,6 +16,7 @@ from atra.embree.layout import (
     RAY_TFAR,
     RAY_WORDS,
 )
+from atra.kernels.caching import kernel
 from atra.kernels.intrinsics import fetch_add
 from atra.kernels.planning import (
     _POLYGON,
@@ -30,7 +30,7 @@ from atra.kernels.planning import (
 from atra.kernels.tracing import _INFINITY, _MISS, _intersect
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def list_cells(counter_address, points_pixels, faces, nx, ny, cell_width, cell_height, starts, cells):  # type: ignore[no-untyped-def]
     """cells[starts[t]:starts[t + 1]] = the cells (row-major numbers) triangle t meets, as `count_copies` counted."""
     polygon, first, second = np.empty((_POLYGON, 3)), np.empty((_POLYGON, 3)), np.empty((_POLYGON, 3))
@@ -56,7 +56,7 @@ def list_cells(counter_address, points_pixels, faces, nx, ny, cell_width, cell_h
                     copy += 1
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def sort_by_cell(triangle_starts, cells, faces, cell_starts, cell_faces, prim_ids):  # type: ignore[no-untyped-def]
     """Turn the cells of each triangle into the triangles of each cell, ascending: a counting sort.
 
@@ -84,7 +84,7 @@ def tile_kernel(shape_x: int, shape_y: int) -> Callable[..., None]:
     dir_x, dir_y, dir_z, tfar = RAY_DIR_X * width, RAY_DIR_Y * width, RAY_DIR_Z * width, RAY_TFAR * width
     hit_prim_id, hit_geom_id = (RAY_WORDS + HIT_PRIM_ID) * width, (RAY_WORDS + HIT_GEOM_ID) * width
 
-    @njit(nogil=True, cache=True)
+    @kernel
     def trace_tiles(  # type: ignore[no-untyped-def]
         counter_address, scenes, cell_starts, prim_ids, packet, packet_ids, valid, arguments_address,
         column_directions, row_directions, nx, cell_width, cell_height, depth, prim_id,

@@ -18,7 +18,8 @@ from atra.embree.layout import (
     RAY_WORDS,
     RayQueryContext,
 )
-from atra.kernels.intrinsics import SOURCE_STAMP, fetch_add
+from atra.kernels.caching import kernel
+from atra.kernels.intrinsics import fetch_add
 
 _address = types.intp
 _intersect1 = types.ExternalFunction("rtcIntersect1", types.void(_address, _address, _address))
@@ -64,9 +65,8 @@ def pixel_kernel(shape_x: int, shape_y: int, parallel: bool = False) -> Callable
     ray_x, ray_y, ray_z = _varying_fields(width, parallel)
     tfar = RAY_TFAR * width
     hit_prim_id, hit_geom_id = (RAY_WORDS + HIT_PRIM_ID) * width, (RAY_WORDS + HIT_GEOM_ID) * width
-    stamp = SOURCE_STAMP
 
-    @njit(nogil=True, cache=True)
+    @kernel
     def trace_pixels(  # type: ignore[no-untyped-def]
         counter_address, scene, packet, packet_ids, all_lanes, valid, arguments_address,
         column_rays, row_rays, image_width, height, depth, prim_id,
@@ -79,7 +79,6 @@ def pixel_kernel(shape_x: int, shape_y: int, parallel: bool = False) -> Callable
         direction (or origin) is the sum of its column's and its row's.
         depth, prim_id: (H, W) outputs, written completely.
         """
-        stamp  # noqa: B018, in the closure, so that the cache knows of it
         packet_address = packet.ctypes.data
         tiles_x = (image_width + TILE_WIDTH - 1) // TILE_WIDTH
         tiles_y = (height + TILE_HEIGHT - 1) // TILE_HEIGHT
@@ -131,9 +130,8 @@ def aligned_kernel(shape_x: int, shape_y: int, parallel: bool = False) -> Callab
     width = shape_x * shape_y
     ray_x, ray_y, ray_z = _varying_fields(width, parallel)
     tfar = RAY_TFAR * width
-    stamp = SOURCE_STAMP
 
-    @njit(nogil=True, cache=True)
+    @kernel
     def trace_aligned(  # type: ignore[no-untyped-def]
         counter_address, scene, packet, valid, context, arguments_address, column_rays, row_rays, cell_rows, depth,
         prim_id,
@@ -147,7 +145,6 @@ def aligned_kernel(shape_x: int, shape_y: int, parallel: bool = False) -> Callab
         write to the same image row. A packet may reach past the right border of its cell (its spare lanes are inactive
         and rewrite what is there), never past its rows; memory has room for that between the rows of depth and prim_id.
         """
-        stamp  # noqa: B018, in the closure, so that the cache knows of it
         cell_height, cell_width = row_rays.shape[1], column_rays.shape[1]
         packet_address, valid_address = packet.ctypes.data, valid.ctypes.data
         row_bytes = depth.strides[0]

@@ -27,6 +27,7 @@ from atra.embree.layout import (
     RAY_TNEAR,
     RAY_WORDS,
 )
+from atra.kernels.caching import kernel
 from atra.kernels.intrinsics import fetch_add
 from atra.kernels.planning import MARGIN_PIXELS, write_copy
 from atra.kernels.tracing import _MISS, _intersect
@@ -152,7 +153,7 @@ def _mark_cells(  # type: ignore[no-untyped-def]
     return ty_first, ty_last
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def count_visible(  # type: ignore[no-untyped-def]
     counter_address, points_pixels, faces, seen, wanted, tile_w, tile_h, width, height, cell_height, first_cell,
     last_cell, hidden, counts,
@@ -218,7 +219,7 @@ def count_visible(  # type: ignore[no-untyped-def]
             counts[triangle] = total
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def fill_visible(  # type: ignore[no-untyped-def]
     counter_address, points_pixels, points_ray, faces, seen, wanted, tile_w, tile_h, width, height, cell_width,
     cell_height, first_cell, last_cell, shears_x, shears_y, row_stride, starts, vertices, records,
@@ -264,7 +265,7 @@ def verify_kernel(shape_x: int, shape_y: int) -> Callable[..., None]:
     hit_prim_id, hit_geom_id = (RAY_WORDS + HIT_PRIM_ID) * width, (RAY_WORDS + HIT_GEOM_ID) * width
     tnear = RAY_TNEAR * width
 
-    @njit(nogil=True, cache=True)
+    @kernel
     def verify_pixels(  # type: ignore[no-untyped-def]
         counter_address, scene, packet, packet_ids, valid, arguments_address, column_directions, row_directions,
         nearest_hidden, tile_w, tile_h, image_width, height, depth, prim_id, traced,

@@ -1,0 +1,29 @@
+"""Compiled kernels are kept on disk between runs, as long as no file they may be made of has changed."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from numba import njit
+
+from atra import hits
+from atra.embree import layout
+
+_SOURCES = (*sorted(Path(__file__).parent.glob("*.py")), Path(str(layout.__file__)), Path(str(hits.__file__)))
+
+SOURCE_STAMP = zlib.crc32(b"".join(source.read_bytes() for source in _SOURCES))
+"""Changes with every file that a kernel may be made of: all kernels, the struct layouts, the constants of hits."""
+
+
+def kernel(function: Callable[..., Any]) -> Any:
+    """Compile `function` when it is first called, to run without the GIL, and keep the code on disk.
+
+    Numba runs kept code as long as the file of the function itself is the same. Kernels inline functions of other files
+    and their constants, so here all sources count: an older one would otherwise be run after an update.
+    """
+    compiled = njit(nogil=True, cache=True)(function)
+    compiled._cache._cache_file._source_stamp = SOURCE_STAMP
+    return compiled
