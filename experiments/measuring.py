@@ -14,11 +14,15 @@ from atra.embree.library import embree_version
 from atra.measure.environment import STABLE_FIELDS, Environment, read_environment
 from atra.planner.estimate import MODEL_FILE
 from atra.records import Record, point_id
-from experiments import frame_tracing, launch, motion, planner, quantities, tracing, worker
 from experiments.launch import run_worker
 from experiments.outcome import Outcome
+from experiments.peers import PEERS, peer_version
 from experiments.point import Point
 from experiments.points import PlannedPoint
+
+_IN_THE_WORKER = (
+    "launch", "quantities", "tracing", "frame_tracing", "motion", "planner", "shading", "scene_loading", "worker",
+)  # fmt: skip
 
 Runner = Callable[[Point], Outcome]
 
@@ -40,16 +44,21 @@ def identity_of(record: Record) -> str:
 
 
 def _identity(configuration: dict[str, Any], stable_environment: dict[str, Any]) -> str:
-    return point_id({**configuration, "measuring_code_sha256": _measuring_code_sha256()}, stable_environment)
+    measured_by: dict[str, str | None] = {"measuring_code_sha256": _measuring_code_sha256()}
+    method = configuration.get("method")
+    if method in PEERS:
+        measured_by["peer_version"] = peer_version(method)
+    return point_id(configuration | measured_by, stable_environment)
 
 
 @cache
 def _measuring_code_sha256() -> str:
     """The library's own source is part of the environment; this is what runs it in the worker."""
+    folder = Path(__file__).parent
+    paths = [*(folder / f"{name}.py" for name in _IN_THE_WORKER), *sorted((folder / "peers").glob("*.py")), MODEL_FILE]
     digest = hashlib.sha256()
-    modules = (launch, quantities, tracing, frame_tracing, motion, planner, worker)
-    for path in (*(module.__file__ for module in modules), MODEL_FILE):
-        digest.update(Path(str(path)).read_bytes())
+    for path in paths:
+        digest.update(path.read_bytes())
     return digest.hexdigest()
 
 

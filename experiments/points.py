@@ -82,7 +82,7 @@ def _resolve(configuration: Configuration, scene: _Scene) -> Point:
     split_x = configuration.split_x
     if split_x is None:
         split_x = default_split_x(configuration.width) if method.has_cells else 1
-    path = None if given.path is None else str(Path(given.path).resolve())
+    path = None if given.path is None else str(Path(given.path).expanduser().resolve())
     return Point(
         scene=given.name or printable(Path(given.path or "scene").stem),
         scene_source=given.source.value,

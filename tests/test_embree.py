@@ -35,6 +35,13 @@ def test_an_override_that_is_no_file_is_refused(monkeypatch):
         library._locate()
 
 
+def test_an_override_without_a_folder_is_the_file_in_the_working_folder(tmp_path, monkeypatch):
+    (tmp_path / "own.so").touch()
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv(library.OVERRIDE_VARIABLE, "own.so")
+    assert str(library._locate()) == str(tmp_path / "own.so")  # the loader looks elsewhere for a bare name
+
+
 def test_a_file_that_is_no_library_is_refused_saying_what_to_install(tmp_path):
     (tmp_path / "libembree4.so").write_text("not a library")
     script = (

@@ -10,6 +10,7 @@ import pytest
 from PIL import Image
 
 import experiments.quantities as quantities
+from atra.tracers import VisibleFirstTracer
 from experiments.configuration import (
     Configuration,
     Geometry,
@@ -70,6 +71,24 @@ def test_a_build_has_samples_of_plan_and_build_and_of_the_plain_mesh(geometry: G
     assert set(outcome.samples) == {"plan", "build", "baseline_build"}
     assert all(len(values) == 3 for values in outcome.samples.values())
     assert "plan_time_s" not in outcome.results
+
+
+def test_a_build_is_timed_by_the_method_s_own_clocks(monkeypatch: pytest.MonkeyPatch) -> None:
+    # Visible-first builds one of its BVHs while it plans, which counts as build.
+    plan = VisibleFirstTracer.plan
+
+    def slowly(self: VisibleFirstTracer) -> None:
+        plan(self)
+        self.plan_time_s, self._whole_build_time_s = 1000.0, 2000.0
+
+    monkeypatch.setattr(VisibleFirstTracer, "plan", slowly)
+    outcome = measured(Quantity.build, method=Method.visible_first)
+    assert outcome.samples["plan"] == [1000.0] * 3
+    assert all(2000 < build < 2100 for build in outcome.samples["build"])
+    assert all(0 < build < 100 for build in outcome.samples["baseline_build"])
+    assert {name: len(values) for name, values in outcome.warmup_samples.items()} == {
+        "plan": 1, "build": 1, "baseline_build": 1,
+    }  # fmt: skip
 
 
 @pytest.mark.parametrize("fields", [{}, {"geometry": Geometry.instanced}, {"method": Method.pixel, "split_x": 1}])

@@ -13,12 +13,13 @@ from atra.records import Record, write_record
 from experiments.configuration import (
     Configuration,
     MeasureConfiguration,
+    Method,
     Quantity,
     SceneConfiguration,
     SceneSource,
     SweepConfiguration,
 )
-from experiments.measuring import identity_of, measure
+from experiments.measuring import current_environment, identity, identity_of, measure
 from experiments.outcome import Outcome
 from experiments.point import Point
 from experiments.points import PlannedPoint, plan_points
@@ -107,6 +108,30 @@ def test_a_scene_that_is_not_here_is_replaced_by_its_stand_in_only_where_allowed
     table = run_sweep([GridPoint("a", missing)], run=Runner())
     assert (table["scene"][0], table["stands_for"][0]) == ("atrium", "sponza")
     assert "sponza is not on this machine; atrium, its stand-in, is not that scene" in capsys.readouterr().err
+
+
+def test_a_model_in_the_home_folder_is_found_by_the_worker_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("HOME", str(tmp_path))
+    (tmp_path / "model.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    scene = SceneConfiguration(source=SceneSource.file, path="~/model.obj")
+    (planned,) = plan_points([replace(configuration(tmp_path), scene=scene)])
+    assert planned.point.scene_path == str(tmp_path / "model.obj")
+
+
+def test_a_peer_s_point_is_another_one_with_another_version_of_the_peer(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    environment = current_environment()
+
+    def identities() -> list[str]:
+        chosen = [configuration(tmp_path, method=method) for method in (Method.embreex, Method.pixel)]
+        return [identity(planned.point, environment) for planned in plan_points(chosen)]
+
+    before = identities()
+    monkeypatch.setattr("experiments.measuring.peer_version", lambda name: "0")
+    peer, own = identities()
+    assert peer != before[0]
+    assert own == before[1]
 
 
 def measured_elsewhere(planned: PlannedPoint, **environment: object) -> Record:

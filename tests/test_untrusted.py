@@ -151,7 +151,7 @@ def test_a_command_line_that_names_code_or_other_configuration_is_refused(argume
 def test_a_command_line_of_ours_is_not_refused() -> None:
     check_command_line(
         ["report", "sweep=paper", "scene=cornell_box,sponza", "scene.path=~/hydra/model.ply", "split_x=1,2", "-m",
-         "hydra/launcher=submitit_slurm", "hydra.launcher.exclusive=true", "hydra.launcher.ray.init.num_cpus=2",
+         "hydra/launcher=submitit_slurm", "+hydra.launcher.exclusive=true", "hydra.launcher.ray.init.num_cpus=2",
          "hydra.sweeper.max_batch_size=2", "hydra.mode=RUN", "+measure.rounds=3", "--cfg", "job", "results_dir=/a=b"]
     )  # fmt: skip
 

@@ -121,7 +121,7 @@ def _check_version(path: Path, number: int) -> tuple[int, int, int]:
 def _locate() -> Path:
     override = os.environ.get(OVERRIDE_VARIABLE)
     if override:
-        path = Path(override).expanduser()
+        path = Path(override).expanduser().resolve()  # the loader would search for a name without a folder
         if not path.is_file():
             raise EmbreeError(f"{OVERRIDE_VARIABLE} is {override!r}, expected the file of a libembree4")
         return path

@@ -9,10 +9,10 @@ from __future__ import annotations
 from atra.errors import InputError
 from atra.mesh import Mesh
 from atra.view import View
-from experiments.peers.availability import PEERS, peer_problem
+from experiments.peers.availability import PEERS, peer_problem, peer_version
 from experiments.peers.base import PeerTracer
 
-__all__ = ["PEERS", "PeerTracer", "make_peer", "peer_problem"]
+__all__ = ["PEERS", "PeerTracer", "make_peer", "peer_problem", "peer_version"]
 
 
 def make_peer(name: str, mesh: Mesh, camera: View, threads: int | None = None) -> PeerTracer:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import sys
 from collections.abc import Callable
-from importlib import import_module
+from importlib import import_module, metadata
 
 from atra.errors import InputError
 
@@ -84,6 +84,14 @@ _CHECKS: dict[str, tuple[str, Callable[[], str | None]]] = {
     "mitsuba3": ("mitsuba", _check_mitsuba),
     "open3d": ("open3d", _check_open3d),
 }
+
+
+def peer_version(name: str) -> str | None:
+    """The version of the peer's package, None where it is not installed; nothing is imported."""
+    try:
+        return metadata.version(_CHECKS[name][0])
+    except metadata.PackageNotFoundError:
+        return None
 
 
 def _not_installed(package: str) -> str:
