@@ -209,8 +209,9 @@ def test_a_wrong_depth_is_wrong_though_the_triangles_tie(camera):
 
 
 @both_cameras
-def test_a_miss_with_a_depth_is_wrong(camera):
-    assert verdict_at_centre(scene(triangle(2.0, camera=camera)), NOTHING, (MISS, 5.0), camera) == Verdict.WRONG
+@pytest.mark.parametrize("depth", [5.0, np.nan, -np.inf])
+def test_a_miss_with_a_depth_is_wrong(camera, depth):
+    assert verdict_at_centre(scene(triangle(2.0, camera=camera)), NOTHING, (MISS, depth), camera) == Verdict.WRONG
 
 
 def test_a_grazing_plane_may_be_as_deep_as_within_a_hundredth_of_a_pixel():
@@ -333,14 +334,24 @@ def test_images_of_another_size_or_offset_are_refused_with_both_values():
         compare(mesh, CAMERA, image(mesh, camera=small), image(mesh))
     with pytest.raises(InputError, match=r"reference has prim_id of shape \(8, 4\).*\(8, 8\)"):
         compare(mesh, CAMERA, image(mesh), image(mesh, camera=small))
-    with pytest.raises(InputError, match=r"\(0.25, 0.5\).*\(0.5, 0.5\)"):
-        compare(mesh, CAMERA, image(mesh, offset=(0.25, 0.5)), image(mesh))
+    for offset in ((0.25, 0.5), (0.5, 0.75)):
+        with pytest.raises(InputError, match=rf"\({offset[0]}, {offset[1]}\).*\(0.5, 0.5\)"):
+            compare(mesh, CAMERA, image(mesh, offset=offset), image(mesh))
+    whole = image(mesh)
+    for rows in (7, 9):
+        other = Hits(np.full((rows, 8), 1.0, np.float32), whole.prim_id, (0.5, 0.5), mesh, CAMERA)
+        with pytest.raises(InputError, match=rf"depth of shape \({rows}, 8\)"):
+            compare(mesh, CAMERA, other, whole)
+        other = Hits(whole.depth, np.zeros((rows, 8), np.uint32), (0.5, 0.5), mesh, CAMERA)
+        with pytest.raises(InputError, match=rf"prim_id of shape \({rows}, 8\)"):
+            compare(mesh, CAMERA, whole, other)
 
 
 def test_a_prim_id_the_mesh_does_not_have_is_refused():
     mesh = scene(triangle(2.0))
-    with pytest.raises(InputError, match="prim_id 1 is not in"):
-        compare(mesh, CAMERA, image(mesh, 1, 2.0), image(mesh, 1, 2.0))
+    for prim_id in (1, 7):
+        with pytest.raises(InputError, match=f"prim_id {prim_id} is not in"):
+            compare(mesh, CAMERA, image(mesh, prim_id, 2.0), image(mesh, prim_id, 2.0))
 
 
 def test_agreement_counts_its_codes_and_refuses_others():
@@ -348,5 +359,6 @@ def test_agreement_counts_its_codes_and_refuses_others():
     assert (found.pixels_equal, found.pixels_tied, found.pixels_edge, found.pixels_wrong) == (1, 2, 1, 2)
     with pytest.raises(InputError, match="code 4"):
         Agreement(np.array([[4]], np.uint8))
-    with pytest.raises(InputError, match="int64"):
-        Agreement(np.array([[0]]))
+    for verdict in (np.array([[0]]), np.array([[0]], np.int8), np.zeros(4, np.uint8), np.zeros((2, 2, 1), np.uint8)):
+        with pytest.raises(InputError, match=rf"{verdict.dtype} of shape .*expected uint8 of shape \(H, W\)"):
+            Agreement(verdict)

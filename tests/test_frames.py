@@ -1,10 +1,14 @@
 """Several images from one set of rays: each is the image that tracing its own camera and mesh gives (paper §6)."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import atra
+from atra.culling import plan_aligned_geometry
 from atra.embree.library import load_library
+from atra.parallel import WorkerPool
 from atra.reference import brute_force
 from tests.meshes import EYE_AT_ORIGIN, cornell_box, cornell_camera, random_triangles
 
@@ -168,3 +172,88 @@ def test_the_memory_budget_counts_every_frame():
     alignment = alignment_of(moving_cameras(4, **SIZE), (12, 1))
     with pytest.raises(atra.MemoryBudgetError, match="53,376 triangle copies over 48 cells"):
         atra.FramesTracer(cornell_box(), alignment, culling=False, memory_budget_bytes=1 << 20)
+
+
+@pytest.mark.parametrize(("width", "height"), [(16, 8), (32, 8), (24, 4), (24, 16)])
+def test_frames_or_a_split_of_another_size_are_refused_whichever_is_larger(width, height):
+    camera, other = (atra.Camera(**EYE_AT_ORIGIN, width=w, height=h) for w, h in ((24, 8), (width, height)))
+    with pytest.raises(atra.InputError, match=f"frame 1 has {width} x {height} pixels, frame 0 has 24 x 8"):
+        atra.Alignment.of_frames([camera, other], atra.Split(4, 1, 24, 8))
+    with pytest.raises(atra.InputError, match=f"split is of an image of {width} x {height} pixels"):
+        atra.Alignment.of_cells(camera, atra.Split(1, 1, width, height))
+
+
+@pytest.mark.parametrize("fov_y_degrees", [40.0, 80.0])
+def test_eyes_with_another_field_of_view_are_refused_and_frames_are_not(fov_y_degrees):
+    left = atra.Camera(**EYE_AT_ORIGIN, width=24, height=8, fov_y_degrees=60.0)
+    right = atra.Camera((0.1, 0, 0), (0.1, 0, 1), width=24, height=8, fov_y_degrees=fov_y_degrees)
+    split = atra.Split(4, 1, 24, 8)
+    with pytest.raises(atra.InputError, match="different fields of view"):
+        atra.Alignment.of_eyes(left, right, split)
+    turned = atra.Camera((0.1, 0, 0), (0.2, 0, 1), width=24, height=8, fov_y_degrees=60.0)
+    with pytest.raises(atra.InputError, match="different directions"):
+        atra.Alignment.of_eyes(left, turned, split)
+    for other in (right, turned):  # whose maps are checked, ray by ray
+        assert atra.Alignment.of_frames([left, other], split).image_count == 2
+
+
+def test_frames_of_two_kinds_of_camera_are_refused_in_both_orders():
+    pinhole = atra.Camera(**EYE_AT_ORIGIN, width=24, height=8)
+    parallel = atra.OrthographicCamera(**EYE_AT_ORIGIN, view_height=2.0, width=24, height=8)
+    for cameras, kinds in (
+        ([pinhole, parallel], "frame 1 is a OrthographicCamera, frame 0 a Camera"),
+        ([parallel, pinhole], "frame 1 is a Camera, frame 0 a OrthographicCamera"),
+    ):
+        with pytest.raises(atra.InputError, match=kinds):
+            atra.Alignment.of_frames(cameras, atra.Split(4, 1, 24, 8))
+
+
+def test_maps_and_shifts_of_another_shape_are_refused_whichever_is_longer():
+    camera = atra.Camera(**EYE_AT_ORIGIN, width=24, height=8)
+    alignment = atra.Alignment.of_cells(camera, atra.Split(4, 2, 24, 8))
+    for name in ("linear", "shift_x", "shift_y"):
+        whole = getattr(alignment, name)
+        for wrong in (whole[:-1], np.concatenate([whole, whole[:1]])):
+            with pytest.raises(atra.InputError, match=f"{name} has shape"):
+                replace(alignment, **{name: wrong})
+
+
+@pytest.mark.parametrize(("diagonal", "missed"), [((1, 2), "0, 0"), ((0, 3), "24, 0")])
+def test_a_map_that_is_right_on_a_diagonal_alone_is_refused_naming_a_ray_beside_it(diagonal, missed):
+    camera = atra.Camera(**EYE_AT_ORIGIN, width=24, height=8)
+    alignment = atra.Alignment.of_cells(camera, atra.Split(4, 2, 24, 8))
+    x, y = np.array([0, 24, 0, 24]), np.array([0, 0, 8, 8])
+    _, directions = camera.rays(x, y, (0.0, 0.0))
+    kept = directions[list(diagonal)] @ camera.axes
+    across = np.cross(*kept)
+    moved = alignment.linear[0] + 1e-3 * np.outer(kept[0], across) / np.linalg.norm(across)
+    with pytest.raises(atra.InputError, match=rf"image 0: .* direction of the ray of pixel \({missed}\)"):
+        replace(alignment, linear=moved[None])
+
+
+def test_the_image_size_is_checked_for_all_frames_together():
+    cameras = moving_cameras(4, **SIZE)
+    alignment = alignment_of(cameras, (12, 1))
+    pool = WorkerPool(1)
+    rows = 4 * cameras[0].height
+    row_stride = -(-(2**31) // rows)
+    with pytest.raises(atra.InputError, match=f"an output of {rows} rows of {row_stride} pixels is too large"):
+        plan_aligned_geometry([cornell_box()] * 4, alignment, culling=True, row_stride=row_stride, pool=pool)
+    fits = plan_aligned_geometry([cornell_box()] * 4, alignment, culling=True, row_stride=row_stride - 1, pool=pool)
+    assert (fits.records >> 32).max() < 2**31
+    pool.close()
+
+
+def test_copies_of_a_frame_s_triangles_say_which_frame_they_are_of():
+    meshes = [random_triangles(5 + k, seed=k, spread=2.0) for k in range(3)]
+    alignment = alignment_of(moving_cameras(3, **SIZE), (4, 2))
+    pool = WorkerPool(1)
+    rows, row_stride = SIZE["height"], SIZE["width"] + 8
+    plan = plan_aligned_geometry(meshes, alignment, culling=False, row_stride=row_stride, pool=pool)
+    pool.close()
+    assert plan.vertices.shape == (3 * plan.copy_count, 3)
+    prim_id, pixel = plan.records & 0xFFFFFFFF, plan.records >> 32
+    image = pixel // (rows * row_stride)
+    for k, mesh in enumerate(meshes):
+        assert np.array_equal(np.unique(prim_id[image == k]), np.arange(mesh.triangle_count))
+        assert (image == k).sum() == 8 * mesh.triangle_count
