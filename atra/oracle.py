@@ -19,7 +19,7 @@ from atra.hits import MISS, Hits
 from atra.kernels.brute_force import SLACK, nearest_triangles
 from atra.mesh import Mesh
 from atra.parallel import WorkerPool, resolve_threads
-from atra.reference import intersect_pixels
+from atra.reference import intersect_pixels, triangles_in_camera_space
 from atra.view import View
 
 EXHAUSTIVE_TESTS = 2e10
@@ -119,15 +119,8 @@ def nearest_hits(
     times F tests of some nanoseconds each. Raises InputError for a bad offset or thread count.
     """
     origins, directions = (np.ascontiguousarray(part.T) for part in camera.rays(x, y, offset))
-    corners = mesh.triangles(np.arange(mesh.triangle_count))
-    first = corners[:, 0]
+    geometry = triangles_in_camera_space(mesh, camera, np.arange(mesh.triangle_count))
     depth, prim_id = np.empty(len(x)), np.empty(len(x), np.uint32)
-    # Edges are subtracted before they are rotated, where float32 vertices differ exactly.
-    geometry = (
-        camera.to_camera_space(first),
-        (corners[:, 1] - first) @ camera.axes.T,
-        (corners[:, 2] - first) @ camera.axes.T,
-    )
     pool = WorkerPool(resolve_threads(threads))
     try:
         pool.run(lambda _, counter: nearest_triangles(counter, origins, directions, *geometry, depth, prim_id))

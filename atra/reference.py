@@ -92,7 +92,7 @@ class Pairs:
 
     @cached_property
     def volumes(self) -> Volumes:
-        return _volumes(*self.rays, *_in_camera_space(self.mesh, self.camera, self.prim_id))
+        return _volumes(*self.rays, *triangles_in_camera_space(self.mesh, self.camera, self.prim_id))
 
     @cached_property
     def intersections(self) -> Intersections:
@@ -124,7 +124,7 @@ def brute_force(mesh: Mesh, camera: View, offset: tuple[float, float] = (0.5, 0.
     origins, directions = camera.rays(x, y, offset)
     # What all rays share is handed over once, not once per ray.
     origins, directions = (origins, directions[0]) if camera.is_parallel else (origins[0], directions)
-    corner, edge_1, edge_2 = _in_camera_space(mesh, camera, np.arange(mesh.triangle_count))
+    corner, edge_1, edge_2 = triangles_in_camera_space(mesh, camera, np.arange(mesh.triangle_count))
     depth = np.full(len(x), np.inf)
     prim_id = np.full(len(x), MISS, np.uint32)
     for i in range(mesh.triangle_count):
@@ -137,7 +137,7 @@ def brute_force(mesh: Mesh, camera: View, offset: tuple[float, float] = (0.5, 0.
     return Hits(depth.astype(np.float32).reshape(shape), prim_id.reshape(shape), offset, mesh, camera)
 
 
-def _in_camera_space(
+def triangles_in_camera_space(
     mesh: Mesh, camera: View, prim_id: NDArray[np.integer]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """First corner and the two edges leaving it, (N, 3) float64 each.

@@ -244,6 +244,13 @@ def test_the_image_size_is_checked_for_all_frames_together():
     pool.close()
 
 
+def test_images_that_no_record_can_count_are_refused_before_anything_is_planned():
+    camera = atra.Camera(**EYE_AT_ORIGIN, width=2**15, height=2**16)
+    for make in (atra.AlignedTracer, atra.VisibleFirstTracer):
+        with pytest.raises(atra.InputError, match="an output of 65536 rows of 32768 pixels is too large"):
+            make(cornell_box(), camera, (1, 1))
+
+
 def test_copies_of_a_frame_s_triangles_say_which_frame_they_are_of():
     meshes = [random_triangles(5 + k, seed=k, spread=2.0) for k in range(3)]
     alignment = alignment_of(moving_cameras(3, **SIZE), (4, 2))

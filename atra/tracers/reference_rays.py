@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.alignment import Alignment, Split
+from atra.culling import check_image_size
 from atra.errors import InputError
 from atra.kernels.tracing import aligned_kernel
 from atra.mesh import Mesh
@@ -32,6 +33,7 @@ class ReferenceRayTracer(EmbreeTracer):
         self.split = alignment.split
         super().__init__(mesh, alignment.cameras[0], packet_width, threads, build_quality, ties)
         self.packet_shape = choose_packet_shape(self.packet_width, self.split, packet_rows)
+        check_image_size(self.camera.height * alignment.image_count, self._row_stride)
 
     @property
     def _row_stride(self) -> int:
