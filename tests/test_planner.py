@@ -22,6 +22,7 @@ from atra.planner.estimate import Law, Model, load_model
 from atra.planner.features import scene_statistics
 from atra.planner.measuring import measure
 from atra.planner.plan import Forecast, Plan
+from atra.ray_space import NARROWEST_WORLD_PITCH
 from tests.meshes import EYE_AT_ORIGIN, cornell_box, cornell_camera, quads, random_triangles
 
 PACKETS_CHOICE = Choice(PACKETS, (1, 1), 8, 2)
@@ -82,6 +83,15 @@ def test_copies_are_those_that_culling_keeps() -> None:
         with atra.AlignedTracer(mesh, camera, (nx, 1)) as tracer:
             assert statistics.copies[nx] == tracer.triangle_count
         assert 0 < statistics.visible_copies[nx] <= statistics.copies[nx]
+
+
+def test_a_view_so_narrow_that_ray_space_has_the_cameras_axes_is_counted_like_any_other() -> None:
+    mesh = quads([wall(0, 10), wall(-1, 10)])
+    camera = atra.Camera((60, 50, 62), (0, 0, 0), fov_y_degrees=0.5, width=64, height=64)
+    assert camera.pixel_pitch < NARROWEST_WORLD_PITCH
+    statistics = scene_statistics(mesh, camera, (4,))
+    assert statistics.hit_share == 1.0
+    assert (statistics.in_view, statistics.visible) == (4, 2)
 
 
 def test_parallel_rays_meet_the_walls_before_them() -> None:

@@ -15,6 +15,7 @@ from atra.kernels.visible import count_visible
 from atra.mesh import Mesh
 from atra.parallel import WorkerPool
 from atra.planner.choice import PACKETS, Choice
+from atra.ray_space import ray_axes
 from atra.view import View
 from atra.visibility import SEEN_SLACK
 
@@ -54,11 +55,11 @@ def scene_statistics(mesh: Mesh, camera: View, columns: Iterable[int], threads: 
     """
     pool = WorkerPool(threads)
     try:
-        points_pixels, points_eye = project_vertices(mesh, camera, pool)
+        points_pixels, points_ray = project_vertices(mesh, camera, pool)
         shape = -(-camera.height // PROBE_STEP), -(-camera.width // PROBE_STEP)
         hit_count, nearest = np.zeros(shape, np.int64), np.full(shape, np.inf)
         box_pixels = np.empty(mesh.triangle_count)
-        depths = points_eye @ camera.axes[2]
+        depths = points_ray @ ray_axes(camera)[2]
         probe_triangles(points_pixels, depths, mesh.faces, PROBE_STEP, hit_count, nearest, box_pixels)
         box_pixels /= camera.width * camera.height
         copies, visible_copies, visible = {}, {}, 0  # of which the finest cells tell most
