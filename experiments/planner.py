@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import asdict
 from statistics import median
-from time import perf_counter
 from typing import Any
 
 import pandas as pd
@@ -15,6 +13,7 @@ import pandas as pd
 from atra.measure.rounds import RoundSamples, measure_rounds
 from atra.mesh import Mesh
 from atra.planner.choice import Choice, choices_of_quality
+from atra.planner.measuring import clock_for
 from atra.planner.plan import EFFORTS, Plan
 from atra.planner.planning import plan, warm_up
 from atra.tracers import Tracer
@@ -31,13 +30,12 @@ BUILDS = 2
 def measure_planner(point: Point, mesh: Mesh) -> tuple[dict[str, Any], RoundSamples]:
     """Plan with every effort, then time every candidate; returns a record's results and the frames of the rounds.
 
-    Times are processor time of the tracing thread where the point has one thread, which no other process disturbs much,
-    and wall-clock time otherwise.
+    Times are those of the planner's own clock, `atra.planner.measuring.clock_for`.
     """
     camera = point.camera
-    clock = time.thread_time if point.threads == 1 else perf_counter
     plans, planning_s = {}, {}
     threads = plan(mesh, camera, FRAMES, threads=point.threads).threads
+    clock = clock_for(threads)
     for choice in choices_of_quality(camera, "medium"):  # compiled before any clock starts
         warm_up(choice, camera, threads)
     for effort in EFFORTS:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import time
 from dataclasses import replace
+from itertools import count
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -20,7 +22,7 @@ from atra.planner import features as featuring
 from atra.planner.choice import ALIGNED, PACKETS, VISIBLE_FIRST, Choice, candidates, choices_of_quality
 from atra.planner.estimate import Law, Model, load_model
 from atra.planner.features import scene_statistics
-from atra.planner.measuring import measure
+from atra.planner.measuring import clock_for, measure
 from atra.planner.plan import Forecast, Plan
 from atra.ray_space import NARROWEST_WORLD_PITCH
 from tests.meshes import EYE_AT_ORIGIN, cornell_box, cornell_camera, quads, random_triangles
@@ -338,6 +340,24 @@ def test_a_candidate_that_does_not_fit_into_memory_is_passed_over(monkeypatch: p
     found, _, _, _ = measured(TRUE, TRUE, budget_s=10.0, error=1.0)
     assert found[0].choice == aligned(256)
     assert aligned(128) not in [one.choice for one in found]
+
+
+@pytest.mark.parametrize(
+    ("step_s", "threads", "clock"),
+    [(1e-7, 1, "thread_time"), (0.015625, 1, "perf_counter"), (1e9, 1, "perf_counter"), (1e-7, 2, "perf_counter")],
+)
+def test_processor_time_is_the_clock_of_one_thread_unless_it_moves_in_long_steps(
+    step_s: float, threads: int, clock: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    readings = count()  # one every 50 microseconds: a few ticks of 15.6 ms go by meanwhile
+    monkeypatch.setattr(time, "thread_time", lambda: next(readings) * 5e-5 // step_s * step_s)
+    assert clock_for(threads) is getattr(time, clock)
+
+
+def test_measuring_tells_frames_apart_where_processor_time_does_not(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(time, "thread_time", lambda: 0.0)
+    found = atra.plan(cornell_box(), cornell_camera(64, 64), effort="measure", budget_s=0.1, threads=1)
+    assert all(one.frame_time_s > 0 for one in found.considered)
 
 
 @pytest.mark.parametrize("threads", [1, 2])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import replace
 from math import e
 from pathlib import Path
@@ -121,16 +122,20 @@ def test_the_figure_shows_every_view_of_both_efforts_where_it_belongs() -> None:
 # A point, measured for real at toy size
 
 
-def test_a_measured_point_holds_every_candidate_in_the_same_rounds_and_can_be_fitted_to(tmp_path: Path) -> None:
-    configuration = Configuration(
+def toy_configuration() -> Configuration:
+    return Configuration(
         scene=SceneConfiguration(name="cornell_box", source=SceneSource.procedural, view="near"),
         measure=MeasureConfiguration(quantity=Quantity.planner, rounds=3, warmup=1),
         method=Method.pixel,
         width=32,
         height=32,
         build_quality=BuildQuality.low,
+        threads=1,
     )
-    (planned,) = plan_points([configuration])
+
+
+def test_a_measured_point_holds_every_candidate_in_the_same_rounds_and_can_be_fitted_to(tmp_path: Path) -> None:
+    (planned,) = plan_points([toy_configuration()])
     point = planned.point
     measured = measure_point(point)
     camera = point.camera
@@ -154,6 +159,13 @@ def test_a_measured_point_holds_every_candidate_in_the_same_rounds_and_can_be_fi
     assert {str(sample.choice) for sample in samples} == wanted
     model = fit_model(samples, {})
     assert set(model.quality[PACKETS]) == {"low"}
+
+
+def test_a_point_is_measured_where_processor_time_does_not_tell_frames_apart(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(time, "thread_time", lambda: 0.0)
+    (planned,) = plan_points([toy_configuration()])
+    measured = measure_point(planned.point)
+    assert all(value > 0 for values in measured.samples.values() for value in values)
 
 
 def test_points_of_held_out_views_and_unknown_scenes_are_not_fitted_to(tmp_path: Path) -> None:

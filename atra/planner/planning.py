@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from math import isfinite
 
 import numpy as np
@@ -16,7 +15,7 @@ from atra.parallel import resolve_threads
 from atra.planner.choice import ALIGNED, PACKETS, Choice, candidates
 from atra.planner.estimate import estimate
 from atra.planner.features import SceneStatistics, scene_statistics
-from atra.planner.measuring import Clock, measure
+from atra.planner.measuring import Clock, clock_for, measure
 from atra.planner.plan import EFFORTS, Plan
 from atra.tracers import Tracer
 from atra.view import View
@@ -39,7 +38,7 @@ def plan(
     for about budget_s seconds. Packets are chosen unless another method gains more than the estimate's uncertainty, or
     something by measurement. threads: None takes every core; an estimate knows one thread and trusts the ratios.
     clock: seconds, None takes the processor time of this thread where `threads` is 1, so that what other processes do
-    does not count, and the wall clock otherwise. Compiling kernels is not on the budget.
+    does not count, and the wall clock otherwise (`clock_for`). Compiling kernels is not on the budget.
 
     Raises InputError for frames below 1, an unknown effort, a budget that is not positive, threads below 1.
     Source: the efforts are those of FFTW's planner (Frigo, Johnson 2005).
@@ -56,7 +55,7 @@ def plan(
     choices = tuple(choice for choice in choices if _fits_into_memory(statistics, choice))
     forecasts = estimate(statistics, choices, frames)
     if effort == "measure":
-        clock = clock or (time.thread_time if threads == 1 else time.perf_counter)
+        clock = clock or clock_for(threads)
 
         def make(choice: Choice) -> Tracer:
             warm_up(choice, camera, threads)
