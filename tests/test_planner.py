@@ -419,6 +419,11 @@ def edited(path: Path, **fields: object) -> Path:
     return path
 
 
+def saved_forecasts(**fields: object) -> list[dict[str, object]]:
+    choice = {"method": ALIGNED, "split": (16, 1), "packet_width": 8, "packet_rows": 2}
+    return [{"choice": choice, "first_s": 1.0, "frame_time_s": 1.0, "error": 0.0, "measured": False, **fields}]
+
+
 @pytest.mark.parametrize(
     ("fields", "message"),
     [
@@ -428,12 +433,17 @@ def edited(path: Path, **fields: object) -> Path:
         ({"considered": [{"choice": {"split": [1]}}]}, "not a plan"),
         ({"effort": "guess"}, "effort is 'guess'"),
         ({"colour": "red"}, "colour"),
+        ({"width": 72, "considered": saved_forecasts()}, r"split \(16, 1\) does not divide image 72 x 64"),
+        ({"considered": saved_forecasts(first_s=10**400)}, "first_s of aligned 16 x 1 is 1000"),
+        ({"considered": saved_forecasts(frame_time_s=float("nan"))}, "frame_time_s of aligned 16 x 1 is nan"),
+        ({"considered": saved_forecasts(error=float("inf"))}, "error of aligned 16 x 1 is inf"),
+        ({"frames": 10**400}, "frames is 1000"),
     ],
 )
 def test_a_file_that_is_no_plan_for_this_machine_is_refused(
     fields: dict[str, object], message: str, tmp_path: Path
 ) -> None:
-    with pytest.raises(InputError, match=message):
+    with pytest.raises(InputError, match=rf"plan\.json .*{message}"):
         Plan.load(edited(tmp_path / "plan.json", **fields))
 
 
@@ -443,6 +453,9 @@ def test_a_missing_or_unreadable_plan_is_refused(tmp_path: Path) -> None:
     (tmp_path / "list.json").write_text("[1]")
     with pytest.raises(InputError, match="not a plan"):
         Plan.load(tmp_path / "list.json")
+    (tmp_path / "deep.json").write_text("[" * 100_000)
+    with pytest.raises(InputError, match=r"deep\.json is not a plan"):
+        Plan.load(tmp_path / "deep.json")
     (tmp_path / "text.json").write_text("{")
     with pytest.raises(InputError, match="not a plan"):
         Plan.load(tmp_path / "text.json")
@@ -453,6 +466,7 @@ def test_a_missing_or_unreadable_plan_is_refused(tmp_path: Path) -> None:
     [
         ({"frames": 0}, "frames is 0"),
         ({"frames": 1.5}, "frames is 1.5"),
+        ({"frames": 10**400}, "frames is 1000"),
         ({"effort": "guess"}, "effort is 'guess'"),
         ({"budget_s": 0.0}, "budget_s is 0.0"),
         ({"budget_s": float("nan")}, "budget_s is nan"),

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import json
 import os
+import sys
 from dataclasses import asdict, dataclass
-from math import isfinite
 from pathlib import Path
 from typing import Any, Self
 
+from atra.alignment import Split
 from atra.embree.library import load_library
 from atra.errors import InputError
 from atra.mesh import Mesh
@@ -21,6 +22,9 @@ FORMAT = 1
 """Version of the file's layout."""
 
 EFFORTS = ("estimate", "measure")
+
+MOST = 1 << 53
+"""Of frames and the like: up to there floats count without gaps."""
 
 
 @dataclass(frozen=True)
@@ -40,7 +44,8 @@ class Forecast:
     def __post_init__(self) -> None:
         for name in ("first_s", "frame_time_s", "error"):
             value = getattr(self, name)
-            if not (isinstance(value, (int, float)) and isfinite(value) and value >= 0):
+            # Not math.isfinite: a whole number beyond all floats is an OverflowError there.
+            if not (isinstance(value, (int, float)) and 0 <= value <= sys.float_info.max):
                 raise InputError(f"{name} of {self.choice} is {value!r}, expected a finite number of at least 0")
 
     def total_s(self, frames: int) -> float:
@@ -54,6 +59,8 @@ class Plan:
 
     frames: how many the view was planned for. effort: "estimate" or "measure". threads: of planning, building, tracing.
     width, height: of the image, in pixels. considered: all forecasts that were compared, the chosen one first.
+    Raises InputError for counts below 1 or above `MOST`, an unknown effort, nothing considered, and a split that does
+    not divide the image.
     """
 
     frames: int
@@ -66,12 +73,14 @@ class Plan:
     def __post_init__(self) -> None:
         for name in ("frames", "threads", "width", "height"):
             value = getattr(self, name)
-            if isinstance(value, bool) or not isinstance(value, int) or value < 1:
-                raise InputError(f"{name} is {value!r}, expected a whole number of at least 1")
+            if isinstance(value, bool) or not isinstance(value, int) or not 1 <= value <= MOST:
+                raise InputError(f"{name} is {value!r}, expected a whole number of at least 1 and at most 2^53")
         if self.effort not in EFFORTS:
             raise InputError(f"effort is {self.effort!r}, expected one of {', '.join(EFFORTS)}")
         if not self.considered:
             raise InputError("considered is empty, expected at least the forecast of what was chosen")
+        for one in self.considered:
+            Split(*one.choice.split, width=self.width, height=self.height)
 
     @property
     def choice(self) -> Choice:
@@ -128,7 +137,7 @@ class Plan:
             fields = json.loads(Path(path).read_text(encoding="utf-8"))
         except OSError as error:
             raise InputError(f"{path} cannot be read as a plan: {error.strerror}") from None
-        except ValueError as error:
+        except (ValueError, RecursionError) as error:  # the latter where it is nested too deep
             raise InputError(f"{path} is not a plan: {error}; plan again and save that") from None
         found = fields.pop("format", None) if isinstance(fields, dict) else None
         if found != FORMAT:

@@ -16,7 +16,7 @@ from atra.planner.choice import ALIGNED, PACKETS, Choice, candidates
 from atra.planner.estimate import estimate
 from atra.planner.features import SceneStatistics, scene_statistics
 from atra.planner.measuring import Clock, clock_for, measure
-from atra.planner.plan import EFFORTS, Plan
+from atra.planner.plan import EFFORTS, MOST, Plan
 from atra.tracers import Tracer
 from atra.view import View
 
@@ -40,11 +40,12 @@ def plan(
     clock: seconds, None takes the processor time of this thread where `threads` is 1, so that what other processes do
     does not count, and the wall clock otherwise (`clock_for`). Compiling kernels is not on the budget.
 
-    Raises InputError for frames below 1, an unknown effort, a budget that is not positive, threads below 1.
+    Raises InputError for frames below 1 or above 2^53, an unknown effort, a budget that is not positive, and threads
+    below 1.
     Source: the efforts are those of FFTW's planner (Frigo, Johnson 2005).
     """
-    if isinstance(frames, bool) or not isinstance(frames, int) or frames < 1:
-        raise InputError(f"frames is {frames!r}, expected a whole number of at least 1")
+    if isinstance(frames, bool) or not isinstance(frames, int) or not 1 <= frames <= MOST:
+        raise InputError(f"frames is {frames!r}, expected a whole number of at least 1 and at most 2^53")
     if effort not in EFFORTS:
         raise InputError(f"effort is {effort!r}, expected one of {', '.join(EFFORTS)}")
     if not (isfinite(budget_s) and budget_s > 0):
