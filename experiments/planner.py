@@ -10,6 +10,7 @@ from typing import Any
 
 import pandas as pd
 
+from atra.errors import MemoryBudgetError
 from atra.measure.rounds import RoundSamples, measure_rounds
 from atra.mesh import Mesh
 from atra.planner.choice import Choice, choices_of_quality
@@ -30,24 +31,31 @@ BUILDS = 2
 def measure_planner(point: Point, mesh: Mesh) -> tuple[dict[str, Any], RoundSamples]:
     """Plan with every effort, then time every candidate; returns a record's results and the frames of the rounds.
 
-    Times are those of the planner's own clock, `atra.planner.measuring.clock_for`.
+    Times are those of the planner's own clock, `atra.planner.measuring.clock_for`. Candidates that do not fit into the
+    point's memory budget are left out, as the planner does; raises MemoryBudgetError if one that was planned does not.
     """
     camera = point.camera
     plans, planning_s = {}, {}
     threads = plan(mesh, camera, FRAMES, threads=point.threads).threads
+    options: dict[str, Any] = {"ties": point.ties, "memory_budget_bytes": point.memory_budget_bytes}
     clock = clock_for(threads)
     for choice in choices_of_quality(camera, "medium"):  # compiled before any clock starts
-        warm_up(choice, camera, threads)
+        warm_up(choice, camera, threads, point.ties)
     for effort in EFFORTS:
         begin = clock()
-        plans[effort] = plan(mesh, camera, FRAMES, effort, threads=point.threads)
+        plans[effort] = plan(mesh, camera, FRAMES, effort, threads=threads, **options)
         planning_s[effort] = clock() - begin
-    choices = timed_choices(point, plans)
     with ExitStack() as stack:
         first_s, frames = {}, {}
-        for choice in choices:
-            tracer = stack.enter_context(choice.tracer(mesh, camera, point.threads))
+        for choice in timed_choices(point, plans):
+            try:
+                tracer = stack.enter_context(choice.tracer(mesh, camera, threads, **options))
+            except MemoryBudgetError:
+                if any(choice == one.choice for one in plans.values()):
+                    raise
+                continue
             first_s[choice], frames[choice] = _repeated(tracer, clock)
+        choices = list(frames)
         timed = measure_rounds(
             {str(choice): frames[choice] for choice in choices},
             rounds=point.rounds,

@@ -74,6 +74,6 @@ def _turned(forward: NDArray[np.float64], towards: NDArray[np.float64], degrees:
 
 def _distance(mesh: Mesh, own: Mapping[str, Any]) -> float:
     """Depth of what the middle of the own view shows, scene units; half the model's size where that is nothing."""
-    with PixelTracer(mesh, Camera(**own, width=1, height=1), packet_width=1, threads=1) as tracer:
+    with PixelTracer(mesh, Camera(**own, width=1, height=1), packet_width=1, threads=1, ties="any") as tracer:
         depth = float(tracer.trace().depth[0, 0])
     return depth if np.isfinite(depth) else 0.5 * float(np.linalg.norm(np.ptp(mesh.bounds, axis=0)))

@@ -328,6 +328,12 @@ def test_packets_are_kept_where_the_gain_is_within_the_noise() -> None:
     assert found[0].choice == PACKETS_CHOICE
 
 
+@pytest.mark.parametrize("effort", ["estimate", "measure"])
+def test_only_packets_are_considered_for_a_memory_budget_that_holds_no_copies(effort: str) -> None:
+    plan = atra.plan(cornell_box(), cornell_camera(64, 64), effort=effort, budget_s=0.1, memory_budget_bytes=1)
+    assert [one.choice.method for one in plan.considered] == [PACKETS]
+
+
 def test_a_candidate_that_does_not_fit_into_memory_is_passed_over(monkeypatch: pytest.MonkeyPatch) -> None:
     build = FakeTracer.build
 
@@ -408,6 +414,45 @@ def test_the_tracer_of_every_choice_traces_the_image_of_single_rays(choice: Choi
         assert atra.compare(mesh, camera, tracer.trace(), single.trace()).pixels_wrong == 0
 
 
+@pytest.mark.parametrize("choice", candidates(square_camera(), 64), ids=str)
+def test_every_choice_takes_ties_and_memory_budget(choice: Choice) -> None:
+    tracer = choice.tracer(cornell_box(), square_camera(), 1, "any", 12345)
+    assert tracer.ties == "any"  # type: ignore[attr-defined]
+    assert choice.method == PACKETS or tracer.memory_budget_bytes == 12345  # type: ignore[attr-defined]
+    tracer.close()
+
+
+@pytest.mark.parametrize("effort", ["estimate", "measure"])
+def test_a_mesh_of_too_many_overlaps_is_planned_and_traced_with_any_ties(
+    effort: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(atra.ties, "MOST_PAIRS", 2)
+    mesh = quads([wall(2, half) for half in (1.0, 1.25, 1.5)])  # of which more pairs overlap
+    options = {"effort": effort, "budget_s": 0.05}
+    with pytest.raises(MemoryBudgetError, match='ties "any"'):
+        atra.plan(mesh, square_camera(), **options).tracer(mesh, square_camera()).plan()  # type: ignore[arg-type]
+    plan = atra.plan(mesh, square_camera(), ties="any", **options)  # type: ignore[arg-type]
+    with plan.tracer(mesh, square_camera()) as tracer:
+        assert tracer.trace().hit.all()
+
+
+def test_a_plan_keeps_its_ties_and_its_tracer_takes_others(tmp_path: Path) -> None:
+    mesh = cornell_box()
+    a_plan(ties="any").save(tmp_path / "plan.json")
+    plan = Plan.load(tmp_path / "plan.json")
+    for wanted, ties in ((None, "any"), ("any", "any"), ("lowest", "lowest")):
+        tracer = plan.tracer(mesh, square_camera(), ties=wanted)
+        assert tracer.ties == ties  # type: ignore[attr-defined]
+        tracer.close()
+    with pytest.raises(InputError, match="ties is 'first'"):
+        plan.tracer(mesh, square_camera(), ties="first")
+
+
+def test_a_plans_tracer_keeps_to_its_memory_budget() -> None:
+    with pytest.raises(MemoryBudgetError, match="memory budget"):
+        a_plan().tracer(cornell_box(), square_camera(), memory_budget_bytes=1).plan()
+
+
 def test_a_plan_for_an_image_of_another_size_is_refused() -> None:
     with pytest.raises(InputError, match="64 x 64 pixels, the camera has 128 x 64"):
         a_plan().tracer(cornell_box(), cornell_camera(128, 64))
@@ -438,6 +483,7 @@ def saved_forecasts(**fields: object) -> list[dict[str, object]]:
         ({"considered": saved_forecasts(frame_time_s=float("nan"))}, "frame_time_s of aligned 16 x 1 is nan"),
         ({"considered": saved_forecasts(error=float("inf"))}, "error of aligned 16 x 1 is inf"),
         ({"frames": 10**400}, "frames is 1000"),
+        ({"ties": "first"}, "ties is 'first'"),
     ],
 )
 def test_a_file_that_is_no_plan_for_this_machine_is_refused(
@@ -471,6 +517,7 @@ def test_a_missing_or_unreadable_plan_is_refused(tmp_path: Path) -> None:
         ({"budget_s": 0.0}, "budget_s is 0.0"),
         ({"budget_s": float("nan")}, "budget_s is nan"),
         ({"threads": 0}, "threads is 0"),
+        ({"ties": "first"}, "ties is 'first', expected one of lowest, any"),
     ],
 )
 def test_nonsense_is_refused(arguments: dict[str, object], message: str) -> None:

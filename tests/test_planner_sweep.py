@@ -25,6 +25,7 @@ from experiments.configuration import (
     Quantity,
     SceneConfiguration,
     SceneSource,
+    Ties,
 )
 from experiments.planner import FRAMES, regrets, say_regrets
 from experiments.planner_figure import SERIES, draw_planner_figure
@@ -166,6 +167,24 @@ def test_a_point_is_measured_where_processor_time_does_not_tell_frames_apart(mon
     (planned,) = plan_points([toy_configuration()])
     measured = measure_point(planned.point)
     assert all(value > 0 for values in measured.samples.values() for value in values)
+
+
+def test_a_point_passes_its_ties_on_to_plans_and_tracers(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(_: object) -> None:
+        raise AssertionError("nobody may ask for ties")
+
+    for module in ("atra.ties", "atra.tracers.base"):
+        monkeypatch.setattr(f"{module}.coplanar_overlaps", refuse)
+    (planned,) = plan_points([replace(toy_configuration(), ties=Ties.any)])
+    measured = measure_point(planned.point)
+    assert {one["ties"] for one in measured.results["plans"].values()} == {"any"}
+
+
+def test_a_point_leaves_out_what_does_not_fit_into_its_memory_budget() -> None:
+    (planned,) = plan_points([toy_configuration()])
+    measured = measure_point(replace(planned.point, memory_budget_gib=1e-9))
+    assert {one["method"] for one in measured.results["candidates"]} == {PACKETS}
+    assert measured.results["estimate_plan"] == measured.results["measure_plan"] == "packets"
 
 
 def test_points_of_held_out_views_and_unknown_scenes_are_not_fitted_to(tmp_path: Path) -> None:

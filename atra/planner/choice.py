@@ -54,10 +54,20 @@ class Choice:
         if self.method == PACKETS and self.split != (1, 1):
             raise InputError(f"method is 'packets' with split {self.split}, but packets have no cells; expected (1, 1)")
 
-    def tracer(self, mesh: Mesh, camera: View, threads: int | None = 1) -> Tracer:
-        """The tracer, neither planned nor built. Raises InputError as its constructor does."""
+    def tracer(
+        self,
+        mesh: Mesh,
+        camera: View,
+        threads: int | None = 1,
+        ties: str = "lowest",
+        memory_budget_bytes: int | None = None,
+    ) -> Tracer:
+        """The tracer, neither planned nor built. Arguments as for the tracers, of which packets need no memory budget.
+
+        Raises InputError as its constructor does.
+        """
         if self.method == PACKETS:
-            return PixelTracer(mesh, camera, self.packet_width, threads, self.build_quality)
+            return PixelTracer(mesh, camera, self.packet_width, threads, self.build_quality, ties)
         make = AlignedTracer if self.method == ALIGNED else VisibleFirstTracer
         return make(
             mesh,
@@ -67,6 +77,8 @@ class Choice:
             packet_rows=self.packet_rows,
             threads=threads,
             build_quality=self.build_quality,
+            memory_budget_bytes=memory_budget_bytes,
+            ties=ties,
         )
 
     def __str__(self) -> str:

@@ -15,6 +15,7 @@ from atra.errors import InputError
 from atra.mesh import Mesh
 from atra.planner.choice import Choice
 from atra.records import write_atomically
+from atra.ties import check_ties
 from atra.tracers import Tracer
 from atra.view import View
 
@@ -59,8 +60,9 @@ class Plan:
 
     frames: how many the view was planned for. effort: "estimate" or "measure". threads: of planning, building, tracing.
     width, height: of the image, in pixels. considered: all forecasts that were compared, the chosen one first.
-    Raises InputError for counts below 1 or above `MOST`, an unknown effort, nothing considered, and a split that does
-    not divide the image.
+    ties: what is stored where triangles tie, as for the tracers.
+    Raises InputError for counts below 1 or above `MOST`, an unknown effort, nothing considered, a split that does not
+    divide the image, and unknown ties.
     """
 
     frames: int
@@ -69,6 +71,7 @@ class Plan:
     width: int
     height: int
     considered: tuple[Forecast, ...]
+    ties: str = "lowest"
 
     def __post_init__(self) -> None:
         for name in ("frames", "threads", "width", "height"):
@@ -81,6 +84,7 @@ class Plan:
             raise InputError("considered is empty, expected at least the forecast of what was chosen")
         for one in self.considered:
             Split(*one.choice.split, width=self.width, height=self.height)
+        check_ties(self.ties)
 
     @property
     def choice(self) -> Choice:
@@ -112,14 +116,21 @@ class Plan:
         their ratios carry over to others."""
         return self.considered[0].total_s(self.frames)
 
-    def tracer(self, mesh: Mesh, camera: View) -> Tracer:
-        """The tracer, neither planned nor built. Raises InputError for an image of another size than planned for."""
+    def tracer(
+        self, mesh: Mesh, camera: View, ties: str | None = None, memory_budget_bytes: int | None = None
+    ) -> Tracer:
+        """The tracer, neither planned nor built.
+
+        ties: None takes those planned for. memory_budget_bytes: as for the tracers.
+        Raises InputError for an image of another size than planned for, and as the tracer's constructor does.
+        """
         if (camera.width, camera.height) != (self.width, self.height):
             raise InputError(
                 f"the plan is for {self.width} x {self.height} pixels, the camera has {camera.width} x "
                 f"{camera.height}; plan again for this camera"
             )
-        return self.choice.tracer(mesh, camera, self.threads)
+        ties = self.ties if ties is None else ties
+        return self.choice.tracer(mesh, camera, self.threads, ties, memory_budget_bytes)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the plan as JSON, so that a reader sees all of it or none."""

@@ -17,6 +17,7 @@ from atra.planner.estimate import estimate
 from atra.planner.features import SceneStatistics, scene_statistics
 from atra.planner.measuring import Clock, clock_for, measure
 from atra.planner.plan import EFFORTS, MOST, Plan
+from atra.ties import check_ties
 from atra.tracers import Tracer
 from atra.view import View
 
@@ -31,6 +32,8 @@ def plan(
     budget_s: float = DEFAULT_BUDGET_S,
     threads: int | None = 1,
     clock: Clock | None = None,
+    ties: str = "lowest",
+    memory_budget_bytes: int | None = None,
 ) -> Plan:
     """The method, split, packets and build quality that are expected to trace so many frames of a view soonest.
 
@@ -39,9 +42,11 @@ def plan(
     something by measurement. threads: None takes every core; an estimate knows one thread and trusts the ratios.
     clock: seconds, None takes the processor time of this thread where `threads` is 1, so that what other processes do
     does not count, and the wall clock otherwise (`clock_for`). Compiling kernels is not on the budget.
+    ties: as for the tracers; the plan's tracer takes the same. Estimates are those of "lowest" always.
+    memory_budget_bytes: leave out what is likely to need more (None: the memory that is free).
 
-    Raises InputError for frames below 1 or above 2^53, an unknown effort, a budget that is not positive, and threads
-    below 1.
+    Raises InputError for frames below 1 or above 2^53, an unknown effort, a budget that is not positive, threads below
+    1 and unknown ties; MemoryBudgetError, when measuring "lowest", for more overlaps than can be kept.
     Source: the efforts are those of FFTW's planner (Frigo, Johnson 2005).
     """
     if isinstance(frames, bool) or not isinstance(frames, int) or not 1 <= frames <= MOST:
@@ -50,36 +55,38 @@ def plan(
         raise InputError(f"effort is {effort!r}, expected one of {', '.join(EFFORTS)}")
     if not (isfinite(budget_s) and budget_s > 0):
         raise InputError(f"budget_s is {budget_s!r}, expected a positive number of seconds")
+    check_ties(ties)
     threads = resolve_threads(threads)
     choices = candidates(camera, frames)
     statistics = scene_statistics(mesh, camera, {choice.split[0] for choice in choices}, threads)
-    choices = tuple(choice for choice in choices if _fits_into_memory(statistics, choice))
+    choices = tuple(choice for choice in choices if _fits_into_memory(statistics, choice, memory_budget_bytes))
     forecasts = estimate(statistics, choices, frames)
     if effort == "measure":
         clock = clock or clock_for(threads)
 
         def make(choice: Choice) -> Tracer:
-            warm_up(choice, camera, threads)
-            return choice.tracer(mesh, camera, threads)
+            warm_up(choice, camera, threads, ties)
+            return choice.tracer(mesh, camera, threads, ties, memory_budget_bytes)
 
         forecasts = measure(forecasts, choices[0], make, frames=frames, budget_s=budget_s, clock=clock)
-    return Plan(frames, effort, threads, camera.width, camera.height, tuple(forecasts))
+    return Plan(frames, effort, threads, camera.width, camera.height, tuple(forecasts), ties)
 
 
-def _fits_into_memory(statistics: SceneStatistics, choice: Choice) -> bool:
-    """Whether the copies that a choice is likely to need fit into the memory that is free; packets always count."""
+def _fits_into_memory(statistics: SceneStatistics, choice: Choice, budget_bytes: int | None) -> bool:
+    """Whether the copies that a choice is likely to need fit into the budget and the memory that is free; packets
+    always count."""
     if choice.method == PACKETS:
         return True
     nx, ny = choice.split
     copies = (statistics.copies if choice.method == ALIGNED else statistics.visible_copies)[nx]
     try:
-        check_memory_budget(copies, choice.build_quality, None, nx * ny)
+        check_memory_budget(copies, choice.build_quality, budget_bytes, nx * ny)
     except MemoryBudgetError:
         return False
     return True
 
 
-def warm_up(choice: Choice, camera: View, threads: int) -> None:
+def warm_up(choice: Choice, camera: View, threads: int, ties: str) -> None:
     """Trace two triangles with the kernels that `choice` uses, so that none is compiled under the clock."""
     vertices = np.array([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)], np.float32)
     mesh = Mesh(vertices, np.array([(0, 1, 2), (0, 2, 3)], np.uint32))
@@ -91,5 +98,5 @@ def warm_up(choice: Choice, camera: View, threads: int) -> None:
     if camera.is_parallel:
         small = OrthographicCamera((0.0, 0.0, 2.0), (0.0, 0.0, 0.0), width=small.width, height=small.height)
     one_cell = Choice(choice.method, (1, 1), choice.packet_width, choice.packet_rows, choice.build_quality)
-    with one_cell.tracer(mesh, small, threads) as tracer:
+    with one_cell.tracer(mesh, small, threads, ties) as tracer:
         tracer.trace()
