@@ -9,6 +9,7 @@ from itertools import count
 from pathlib import Path
 from types import SimpleNamespace
 
+import numba
 import numpy as np
 import psutil
 import pytest
@@ -22,8 +23,9 @@ from atra.planner import features as featuring
 from atra.planner.choice import ALIGNED, PACKETS, VISIBLE_FIRST, Choice, candidates, choices_of_quality
 from atra.planner.estimate import Law, Model, load_model
 from atra.planner.features import scene_statistics
-from atra.planner.measuring import clock_for, measure
+from atra.planner.measuring import Trial, clock_for, measure
 from atra.planner.plan import Forecast, Plan
+from atra.planner.planning import warm_up
 from atra.ray_space import NARROWEST_WORLD_PITCH
 from tests.meshes import EYE_AT_ORIGIN, cornell_box, cornell_camera, quads, random_triangles
 
@@ -364,6 +366,45 @@ def test_measuring_tells_frames_apart_where_processor_time_does_not(monkeypatch:
     monkeypatch.setattr(time, "thread_time", lambda: 0.0)
     found = atra.plan(cornell_box(), cornell_camera(64, 64), effort="measure", budget_s=0.1, threads=1)
     assert all(one.frame_time_s > 0 for one in found.considered)
+
+
+def test_no_trial_pays_for_what_is_kept_with_the_mesh(monkeypatch: pytest.MonkeyPatch) -> None:
+    mesh, kept = cornell_box(), []
+
+    def note_what_is_kept(self: Trial, clock: object) -> None:
+        kept.append(mesh in atra.ties._found and "without_area" in vars(mesh))
+        start(self, clock)  # type: ignore[arg-type]
+
+    start = Trial.start
+    monkeypatch.setattr(Trial, "start", note_what_is_kept)
+    atra.plan(mesh, cornell_camera(64, 64), effort="measure", budget_s=0.05)
+    assert kept[0]
+
+
+@pytest.mark.parametrize("effort", ["estimate", "measure"])
+def test_overlaps_are_found_only_to_measure_lowest_ties(effort: str) -> None:
+    for ties in ("any", "lowest"):
+        mesh = cornell_box()
+        atra.plan(mesh, cornell_camera(64, 64), effort=effort, budget_s=0.05, ties=ties)
+        assert (mesh in atra.ties._found) == (effort == "measure" and ties == "lowest")
+
+
+@pytest.mark.parametrize("size", [(64, 64), (60, 45)], ids=str)  # the latter with rows longer in memory than the image
+def test_the_kernel_of_ties_is_compiled_before_a_trial(size: tuple[int, int], monkeypatch: pytest.MonkeyPatch) -> None:
+    compiled = set()
+
+    def note_types(*arguments: object) -> None:
+        compiled.add(tuple(numba.typeof(one) for one in arguments))
+
+    monkeypatch.setattr(atra.ties, "settle_ties", note_types)
+    mesh, camera = quads([wall(2, 1.0), wall(2, 1.5)]), square_camera(*size)
+    for choice in candidates(camera, 64):
+        compiled.clear()
+        warm_up(choice, camera, 1, "lowest")
+        before = set(compiled)
+        with choice.tracer(mesh, camera) as tracer:
+            tracer.trace()
+        assert compiled == before != set()
 
 
 @pytest.mark.parametrize("threads", [1, 2])

@@ -17,7 +17,7 @@ from atra.planner.estimate import estimate
 from atra.planner.features import SceneStatistics, scene_statistics
 from atra.planner.measuring import Clock, clock_for, measure
 from atra.planner.plan import EFFORTS, MOST, Plan
-from atra.ties import check_ties
+from atra.ties import check_ties, coplanar_overlaps
 from atra.tracers import Tracer
 from atra.view import View
 
@@ -41,7 +41,8 @@ def plan(
     for about budget_s seconds. Packets are chosen unless another method gains more than the estimate's uncertainty, or
     something by measurement. threads: None takes every core; an estimate knows one thread and trusts the ratios.
     clock: seconds, None takes the processor time of this thread where `threads` is 1, so that what other processes do
-    does not count, and the wall clock otherwise (`clock_for`). Compiling kernels is not on the budget.
+    does not count, and the wall clock otherwise (`clock_for`). Not on the budget: compiling kernels, and finding
+    what is kept with the mesh, which are the triangles that overlap in one plane or have no area.
     ties: as for the tracers; the plan's tracer takes the same. Estimates are those of "lowest" always.
     memory_budget_bytes: leave out what is likely to need more (None: the memory that is free).
 
@@ -63,6 +64,9 @@ def plan(
     forecasts = estimate(statistics, choices, frames)
     if effort == "measure":
         clock = clock or clock_for(threads)
+        # No choice is to pay for what is kept with the mesh; the statistics have asked for triangles without area.
+        if ties == "lowest":
+            coplanar_overlaps(mesh)
 
         def make(choice: Choice) -> Tracer:
             warm_up(choice, camera, threads, ties)
@@ -87,9 +91,9 @@ def _fits_into_memory(statistics: SceneStatistics, choice: Choice, budget_bytes:
 
 
 def warm_up(choice: Choice, camera: View, threads: int, ties: str) -> None:
-    """Trace two triangles with the kernels that `choice` uses, so that none is compiled under the clock."""
+    """Trace a few triangles with the kernels that `choice` uses, so that none is compiled under the clock."""
     vertices = np.array([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)], np.float32)
-    mesh = Mesh(vertices, np.array([(0, 1, 2), (0, 2, 3)], np.uint32))
+    mesh = Mesh(vertices, np.array([(0, 1, 2), (0, 2, 3), (0, 1, 3)], np.uint32))  # the last one ties with both
     nx, ny = choice.split
     # One cell of the image's own size: how packets fit into a cell decides which kernel is compiled.
     small: View = Camera(
