@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.errors import InputError
+from atra.whole_numbers import is_whole_number
 
 Vector = tuple[float, float, float]
 
@@ -44,7 +45,7 @@ class View(ABC):
             object.__setattr__(self, name, checked_vector(name, getattr(self, name)))
         for name in ("width", "height"):
             value = getattr(self, name)
-            if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < 1:
+            if not is_whole_number(value) or value < 1:
                 raise InputError(f"{name} is {value!r}, expected a whole number of pixels of at least 1")
             object.__setattr__(self, name, int(value))
         _ = self.axes  # refused here, not when first asked for

@@ -1,12 +1,13 @@
 """The shear of each cell, and where its reference rays lie."""
 
+import re
 from dataclasses import FrozenInstanceError
 
 import numpy as np
 import pytest
 
 import atra
-from tests.meshes import EYE_AT_ORIGIN
+from tests.meshes import EYE_AT_ORIGIN, random_triangles
 
 
 @pytest.mark.parametrize("place", [atra.Alignment.of_cells, atra.Alignment.at_first_cell])
@@ -71,11 +72,41 @@ def test_splits_and_alignments_cannot_be_changed_under_a_plan():
     ((7, 4), r"split \(7, 4\) does not divide image 1920 x 1080"),
     ((0, 1), "number of columns"),
     ((1, -2), "number of rows"),
-    ((2.0, 1), "number of columns"),
+    ((2.0, 1), "number of columns is 2.0, expected a whole number"),
+    (("8", 1), "number of columns is '8', expected a whole number"),
+    ((8, None), "number of rows is None, expected a whole number"),
+    ((True, 1), "number of columns is True, expected a whole number"),
 ])  # fmt: skip
 def test_a_split_that_does_not_divide_the_image_is_refused_with_both_values(counts, message):
     with pytest.raises(atra.InputError, match=message):
         atra.Split(*counts, width=1920, height=1080)
+
+
+@pytest.mark.parametrize("size", [0, -8, 8.0, None])
+def test_a_split_of_an_image_without_a_size_is_refused_with_the_value(size):
+    with pytest.raises(atra.InputError, match=f"number of pixels in a row is {size}, expected a whole number"):
+        atra.Split(1, 1, width=size, height=8)
+    with pytest.raises(atra.InputError, match=f"number of pixels in a column is {size}, expected a whole number"):
+        atra.Split(1, 1, width=8, height=size)
+
+
+@pytest.mark.parametrize("kind", [np.int8, np.uint8, np.int16, np.uint64])
+def test_counts_in_integers_of_numpys_do_not_overflow(kind):
+    split = atra.Split(kind(64), kind(64), kind(64), kind(64))
+    assert (split.cell_count, split.cell_width, split.cell_height) == (4096, 1, 1)
+    for value in (split.nx, split.ny, split.width, split.height):
+        assert type(value) is int
+
+
+TRACERS_OF_CELLS = [atra.AlignedTracer, atra.VisibleFirstTracer, atra.TiledTracer]
+
+
+@pytest.mark.parametrize("split", [4, None, (4,), (4, 1, 1)])
+@pytest.mark.parametrize("tracer", TRACERS_OF_CELLS)
+def test_a_split_that_is_not_two_numbers_is_refused_with_the_value(tracer, split):
+    camera = atra.Camera(**EYE_AT_ORIGIN, width=8, height=8)
+    with pytest.raises(atra.InputError, match=rf"split is {re.escape(repr(split))}, expected two whole numbers"):
+        tracer(random_triangles(1, 0), camera, split, threads=1)
 
 
 SIZE = {"width": 12, "height": 10}

@@ -113,7 +113,7 @@ class AlignedTracer(_AlignedImages, ImageTracer):
     ) -> None:
         super().__init__(
             (mesh,),
-            Alignment.of_cells(camera, Split(*split, width=camera.width, height=camera.height)),
+            Alignment.of_cells(camera, Split.of_image(split, camera)),
             culling=culling,
             geometry=geometry,
             packet_width=packet_width,

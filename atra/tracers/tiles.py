@@ -37,7 +37,7 @@ class TiledTracer(ImageTracer):
         ties: str = "lowest",
     ) -> None:
         check_pinhole(camera, "TiledTracer")
-        self.split = Split(*split, width=camera.width, height=camera.height)
+        self.split = Split.of_image(split, camera)
         self.memory_budget_bytes = memory_budget_bytes
         super().__init__(mesh, camera, packet_width, threads, build_quality, ties)
         self._cell_starts = np.zeros(self.split.cell_count + 1, np.int64)

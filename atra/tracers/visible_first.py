@@ -75,7 +75,7 @@ class VisibleFirstTracer(ReferenceRayTracer, ImageTracer):
                 f"the probe is an image of {probe.depth.shape}, "
                 f"expected {(camera.height, camera.width)} (height, width)"
             )
-        alignment = Alignment.of_cells(camera, Split(*split, width=camera.width, height=camera.height))
+        alignment = Alignment.of_cells(camera, Split.of_image(split, camera))
         super().__init__(mesh, alignment, packet_width, packet_rows, threads, build_quality, ties)
         self.probe_time_s = 0.0
         tile_width = TILE_WIDTHS[0] if self.split.cell_width <= TILE_WIDTHS[0] else TILE_WIDTHS[1]
