@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import isfinite
+from math import hypot, isfinite
 from typing import ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from atra.errors import InputError
-from atra.view import Vector, View, checked_vector
+from atra.view import Vector, View, checked_vector, unit_vector
 
 # Share by which `of_light` widens the view, so that rounding leaves no corner of the box outside.
 _WIDENING = 1e-9
@@ -61,17 +61,13 @@ class OrthographicCamera(View):
         Raises InputError for a direction of no length, a box that is not one, or one that has no extent across the
         light.
         """
-        forward = np.array(checked_vector("direction", direction))
-        length = np.linalg.norm(forward)
-        if not (np.isfinite(length) and length > 0.0):
-            raise InputError(f"direction is {tuple(forward.tolist())}, expected a direction of non-zero length")
-        forward /= length
+        forward = unit_vector("direction", checked_vector("direction", direction))
         low, high = _checked_bounds(bounds)
         if up is None:
             x, y, z = np.eye(3)[np.abs(forward).argmin()].tolist()
             up = (x, y, z)
         centre, diagonal = (low + high) / 2, high - low
-        distance = np.linalg.norm(diagonal) or 1.0
+        distance = hypot(*diagonal.tolist()) or 1.0
         unit = cls(_floats(centre - distance * forward), _floats(centre), up, 1.0, width, height)
         # A box reaches as far across an axis as its diagonal does with every component counted positive.
         extent_right, extent_down = np.abs(unit.axes[:2]) @ diagonal

@@ -8,7 +8,7 @@ from math import isfinite
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from atra.errors import InputError
 from atra.whole_numbers import is_whole_number
@@ -28,7 +28,7 @@ class View(ABC):
     eye, target, up: three finite floats each, scene units.
     width, height: image size in pixels, at least 1.
 
-    Raises InputError for a size below 1, eye = target, or up parallel to the view.
+    Raises InputError for a size below 1, eye = target, up of no length, or up parallel to the view.
     """
 
     eye: Vector
@@ -53,15 +53,16 @@ class View(ABC):
     @cached_property
     def axes(self) -> NDArray[np.float64]:
         """(3, 3) float64, rows right, down, forward in world space; orthonormal."""
-        view = np.subtract(self.target, self.eye)
-        distance = np.linalg.norm(view)
-        if not (np.isfinite(distance) and distance > 0.0):
+        if self.eye == self.target:
             raise InputError(f"eye and target are both {self.eye}, expected two different points")
-        forward = view / distance
-        up_length = np.linalg.norm(self.up)
-        if not up_length > 0.0:
-            raise InputError(f"up is {self.up}, expected a direction of non-zero length")
-        right = np.cross(forward, np.asarray(self.up) / up_length)
+        with np.errstate(over="ignore"):
+            view = np.subtract(self.target, self.eye)
+        if not np.isfinite(view).all():
+            raise InputError(
+                f"eye {self.eye} and target {self.target} are too far apart for float64; bring them closer"
+            )
+        forward = unit_vector("the view direction", view)
+        right = np.cross(forward, unit_vector("up", self.up))
         sine = np.linalg.norm(right)
         if sine < _PARALLEL_SINE:
             raise InputError(f"up {self.up} is parallel to the view direction {tuple(forward.tolist())}; tilt it")
@@ -113,6 +114,17 @@ def check_offset(offset: tuple[float, float]) -> None:
     ok = len(offset) == 2 and all(isfinite(o) and 0.0 <= o < 1.0 for o in offset)
     if not ok:
         raise InputError(f"offset is {offset!r}, expected two numbers in [0, 1), such as (0.5, 0.5) for pixel centres")
+
+
+def unit_vector(name: str, vector: ArrayLike) -> NDArray[np.float64]:
+    """(3,) float64, the direction of three finite numbers. Raises InputError, naming it, if all of them are zero."""
+    components = np.asarray(vector, np.float64)
+    largest = np.abs(components).max()
+    if largest == 0.0:
+        raise InputError(f"{name} is {tuple(components.tolist())}, expected a direction of non-zero length")
+    # By a power of two, which keeps every digit: squares of very large or small numbers would leave float64.
+    scaled = np.ldexp(components, -np.frexp(largest)[1])
+    return np.asarray(scaled / np.linalg.norm(scaled))
 
 
 def checked_vector(name: str, value: object) -> Vector:

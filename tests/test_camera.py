@@ -148,6 +148,27 @@ def test_a_light_or_a_box_without_a_view_is_refused_with_the_value(direction, bo
         OrthographicCamera.of_light(direction, bounds, 8, 8)
 
 
+@pytest.mark.parametrize("length", [5e-324, 1e-200, 1e200, 1.7e308])
+def test_directions_of_any_length_are_directions(length):
+    for view in (Camera, OrthographicCamera):
+        assert view((0, 0, 0), (length, 0, 0)).axes[2].tolist() == [1, 0, 0]
+        assert view((length, 0, 0), (0, 0, 0)).axes[2].tolist() == [-1, 0, 0]
+        assert view((0, 0, 0), (0, 0, 1), (0, length, 0)).axes[1].tolist() == [0, -1, 0]
+    light = OrthographicCamera.of_light((0, 0, length), [(0, 0, 0), (1, 1, 1)], 8, 8)
+    assert light.axes[2].tolist() == [0, 0, 1]
+
+
+def test_the_view_of_a_light_covers_boxes_of_any_size():
+    for size in (1e-200, 1e200):
+        camera = OrthographicCamera.of_light((0, 0, 1), [(0, 0, 0), (size, size, 0)], 8, 8)
+        assert camera.view_height == pytest.approx(size)
+
+
+def test_an_eye_too_far_from_its_target_is_refused_with_the_reason():
+    with pytest.raises(InputError, match=r"eye \(-1e\+308, .* and target \(1e\+308, .* too far apart for float64"):
+        Camera((-1e308, 0, 0), (1e308, 0, 0))
+
+
 @pytest.mark.parametrize("view_height", [0.0, -1.0, float("nan"), float("inf")])
 def test_a_bad_view_height_is_refused_with_the_value(view_height):
     with pytest.raises(InputError, match=f"view_height is {view_height}"):
@@ -170,6 +191,7 @@ def test_a_bad_view_height_is_refused_with_the_value(view_height):
         ({"eye": (0, float("inf"), 0)}, r"eye is \(0.0, inf, 0.0\)"),
         ({"target": TILTED["eye"]}, r"eye and target are both \(1.0, 2.0, 5.0\)"),
         ({"up": (0, 0, 0)}, r"up is \(0.0, 0.0, 0.0\)"),
+        ({"up": (1.5e200, 1.75e200, 8e200)}, r"up .* is parallel"),
         ({"up": (1.5, 1.75, 8.0)}, r"up \(1.5, 1.75, 8.0\) is parallel"),
     ],
 )
