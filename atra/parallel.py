@@ -10,15 +10,16 @@ from typing import Any
 import numpy as np
 
 from atra.errors import InputError
+from atra.whole_numbers import is_whole_number
 
 
 def resolve_threads(threads: int | None) -> int:
     """The number of threads to use; None is every core this process may run on."""
     if threads is None:
         return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    if isinstance(threads, bool) or not isinstance(threads, int) or threads < 1:
+    if not is_whole_number(threads) or threads < 1:
         raise InputError(f"threads is {threads!r}, expected a whole number of at least 1, or None for every core")
-    return threads
+    return int(threads)
 
 
 class WorkerPool:

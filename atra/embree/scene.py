@@ -9,6 +9,7 @@ from atra.embree import layout
 from atra.embree.device import EmbreeDevice
 from atra.embree.library import load_library
 from atra.errors import EmbreeError, InputError
+from atra.whole_numbers import is_whole_number
 
 
 class EmbreeScene(EmbreeDevice):
@@ -84,6 +85,6 @@ def resolve_packet_width(packet_width: int | None) -> int:
     native = load_library().native_packet_widths
     if packet_width is None:
         return native[-1]
-    if packet_width not in native:
+    if not is_whole_number(packet_width) or packet_width not in native:
         raise InputError(f"packet_width is {packet_width!r}, this machine supports {', '.join(map(str, native))}")
-    return packet_width
+    return int(packet_width)

@@ -12,6 +12,7 @@ from atra.mesh import Mesh
 from atra.tracers import AlignedTracer, PixelTracer, Tracer, VisibleFirstTracer, choose_packet_shape
 from atra.tracers.pixel import SQUAREST_SHAPE
 from atra.view import View
+from atra.whole_numbers import is_whole_number
 
 PACKETS, ALIGNED, VISIBLE_FIRST = "packets", "aligned", "visible_first"
 METHODS = (PACKETS, ALIGNED, VISIBLE_FIRST)
@@ -49,8 +50,11 @@ class Choice:
             ("split_x", self.split[0]), ("split_y", self.split[1]),
             ("packet_width", self.packet_width), ("packet_rows", self.packet_rows),
         ):  # fmt: skip
-            if isinstance(value, bool) or not isinstance(value, int) or value < 1:
+            if not is_whole_number(value) or value < 1:
                 raise InputError(f"{name} is {value!r}, expected a whole number of at least 1")
+        object.__setattr__(self, "split", (int(self.split[0]), int(self.split[1])))
+        object.__setattr__(self, "packet_width", int(self.packet_width))
+        object.__setattr__(self, "packet_rows", int(self.packet_rows))
         if self.method == PACKETS and self.split != (1, 1):
             raise InputError(f"method is 'packets' with split {self.split}, but packets have no cells; expected (1, 1)")
 

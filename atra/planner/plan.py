@@ -18,6 +18,7 @@ from atra.records import write_atomically
 from atra.ties import check_ties
 from atra.tracers import Tracer
 from atra.view import View
+from atra.whole_numbers import is_whole_number
 
 FORMAT = 1
 """Version of the file's layout."""
@@ -76,8 +77,9 @@ class Plan:
     def __post_init__(self) -> None:
         for name in ("frames", "threads", "width", "height"):
             value = getattr(self, name)
-            if isinstance(value, bool) or not isinstance(value, int) or not 1 <= value <= MOST:
+            if not is_whole_number(value) or not 1 <= value <= MOST:
                 raise InputError(f"{name} is {value!r}, expected a whole number of at least 1 and at most 2^53")
+            object.__setattr__(self, name, int(value))
         if self.effort not in EFFORTS:
             raise InputError(f"effort is {self.effort!r}, expected one of {', '.join(EFFORTS)}")
         if not self.considered:

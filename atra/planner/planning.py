@@ -20,6 +20,7 @@ from atra.planner.plan import EFFORTS, MOST, Plan
 from atra.ties import check_ties, coplanar_overlaps
 from atra.tracers import Tracer
 from atra.view import View
+from atra.whole_numbers import is_whole_number
 
 DEFAULT_BUDGET_S = 2.0
 
@@ -50,14 +51,14 @@ def plan(
     1 and unknown ties; MemoryBudgetError, when measuring "lowest", for more overlaps than can be kept.
     Source: the efforts are those of FFTW's planner (Frigo, Johnson 2005).
     """
-    if isinstance(frames, bool) or not isinstance(frames, int) or not 1 <= frames <= MOST:
+    if not is_whole_number(frames) or not 1 <= frames <= MOST:
         raise InputError(f"frames is {frames!r}, expected a whole number of at least 1 and at most 2^53")
     if effort not in EFFORTS:
         raise InputError(f"effort is {effort!r}, expected one of {', '.join(EFFORTS)}")
     if not (isfinite(budget_s) and budget_s > 0):
         raise InputError(f"budget_s is {budget_s!r}, expected a positive number of seconds")
     check_ties(ties)
-    threads = resolve_threads(threads)
+    frames, threads = int(frames), resolve_threads(threads)
     choices = candidates(camera, frames)
     statistics = scene_statistics(mesh, camera, {choice.split[0] for choice in choices}, threads)
     choices = tuple(choice for choice in choices if _fits_into_memory(statistics, choice, memory_budget_bytes))

@@ -11,6 +11,7 @@ from atra.errors import InputError
 from atra.kernels.tracing import aligned_kernel
 from atra.mesh import Mesh
 from atra.tracers.base import EmbreeTracer, ray_grid
+from atra.whole_numbers import is_whole_number
 
 
 class ReferenceRayTracer(EmbreeTracer):
@@ -67,7 +68,7 @@ def choose_packet_shape(packet_width: int, split: Split, packet_rows: int | None
     shapes = [(packet_width >> k, 1 << k) for k in range(packet_width.bit_length())]
     fitting = {y: (x, y) for x, y in shapes if split.cell_height % y == 0}
     if packet_rows is not None:
-        if packet_rows not in fitting:
+        if not is_whole_number(packet_rows) or packet_rows not in fitting:
             raise InputError(
                 f"packet_rows is {packet_rows!r}, expected one of {', '.join(map(str, fitting))} for packets of "
                 f"{packet_width} in cells {split.cell_height} pixels high, or None to let the cell decide"

@@ -1,0 +1,55 @@
+"""Wherever a whole number is asked for, Python's and NumPy's integers will do, and nothing else."""
+
+import numpy as np
+import pytest
+
+import atra
+from atra.embree.library import load_library
+from atra.parallel import resolve_threads
+from atra.planner.choice import ALIGNED, Choice
+from atra.planner.plan import Plan
+from atra.whole_numbers import is_whole_number
+from tests.meshes import EYE_AT_ORIGIN, random_triangles
+
+MESH = random_triangles(1, 0)
+CAMERA = atra.Camera(**EYE_AT_ORIGIN, width=8, height=8)
+WIDEST = load_library().native_packet_widths[-1]
+NO_WHOLE_NUMBERS = [8.0, True, np.True_, "8", (8,)]
+
+
+@pytest.mark.parametrize("value", [8, np.int8(8), np.uint64(8)])
+def test_integers_are_whole_numbers(value):
+    assert is_whole_number(value)
+
+
+@pytest.mark.parametrize("value", NO_WHOLE_NUMBERS)
+def test_bools_floats_and_words_are_no_whole_numbers(value):
+    assert not is_whole_number(value)
+
+
+@pytest.mark.parametrize("kind", [np.int8, np.int64, np.uint8])
+def test_a_tracer_takes_numpys_integers_and_keeps_pythons(kind):
+    with atra.AlignedTracer(
+        MESH, CAMERA, (kind(2), kind(1)), packet_width=kind(WIDEST), packet_rows=kind(1), threads=kind(1)
+    ) as tracer:
+        tracer.trace()
+    assert type(tracer.packet_width) is type(tracer.threads) is int
+    assert type(resolve_threads(kind(3))) is int
+
+
+def test_a_plan_takes_numpys_integers_and_keeps_pythons(tmp_path):
+    plan = atra.plan(MESH, CAMERA, frames=np.int16(3), threads=np.int16(1))
+    assert type(plan.frames) is type(plan.threads) is int
+    choice = Choice(ALIGNED, (np.int8(2), np.int8(1)), np.int8(WIDEST), np.int8(1))
+    assert choice == Choice(ALIGNED, (2, 1), WIDEST, 1)
+    assert {type(n) for n in (*choice.split, choice.packet_width, choice.packet_rows)} == {int}
+    forecast = plan.considered[0]
+    Plan(np.int8(3), "estimate", np.int8(1), np.int8(8), np.int8(8), (forecast,)).save(tmp_path / "plan.json")
+    assert Plan.load(tmp_path / "plan.json").frames == 3
+
+
+@pytest.mark.parametrize("value", [value for value in NO_WHOLE_NUMBERS if not isinstance(value, tuple)])
+@pytest.mark.parametrize("name", ["threads", "packet_width", "packet_rows"])
+def test_a_tracer_refuses_anything_else_with_the_value(name, value):
+    with pytest.raises(atra.InputError, match=f"{name} is {value!r}, "):
+        atra.AlignedTracer(MESH, CAMERA, (2, 1), **{"threads": 1, name: value})
