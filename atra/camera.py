@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from math import isfinite, radians, tan
+from math import radians, tan
 from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from atra.errors import InputError
-from atra.view import Vector, View, check_offset
+from atra.view import Vector, View, as_number, check_offset
 
 __all__ = ["Camera", "Vector", "check_offset"]
 
@@ -44,8 +44,8 @@ class Camera(View):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        fov = float(self.fov_y_degrees)
-        if not (isfinite(fov) and 0.0 < fov < 180.0):
+        fov = as_number(self.fov_y_degrees)
+        if not 0.0 < fov < 180.0:
             raise InputError(f"fov_y_degrees is {self.fov_y_degrees!r}, expected an angle between 0 and 180 degrees")
         object.__setattr__(self, "fov_y_degrees", fov)
 

@@ -181,7 +181,10 @@ def check_needed_bytes(needed: int, budget_bytes: int | None, what: str, cure: s
     """Raise MemoryBudgetError if `needed` bytes exceed the budget or the memory that is free now.
 
     what: the thing that needs them, in the plural; cure: what to do. budget_bytes: None for no budget.
+    Raises InputError for a budget that is no number of bytes.
     """
+    if budget_bytes is not None and not (isinstance(budget_bytes, (int, float, np.number)) and budget_bytes >= 0):
+        raise InputError(f"memory_budget_bytes is {budget_bytes!r}, expected a number of at least 0, or None for none")
     free = psutil.virtual_memory().available
     for which, limit in (("the memory budget is", budget_bytes), ("the machine has free only", free)):
         if limit is not None and needed > limit:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from atra.errors import InputError
-from atra.view import Vector, View, checked_vector, unit_vector
+from atra.view import Vector, View, as_number, checked_vector, unit_vector
 
 # Share by which `of_light` widens the view, so that rounding leaves no corner of the box outside.
 _WIDENING = 1e-9
@@ -43,7 +43,7 @@ class OrthographicCamera(View):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        view_height = float(self.view_height)
+        view_height = as_number(self.view_height)
         if not (isfinite(view_height) and view_height > 0.0):
             raise InputError(f"view_height is {self.view_height!r}, expected a finite length above 0")
         object.__setattr__(self, "view_height", view_height)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from functools import cached_property
-from math import isfinite
-from typing import ClassVar
+from math import isfinite, nan
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -111,9 +111,21 @@ class View(ABC):
 
 def check_offset(offset: tuple[float, float]) -> None:
     """Raise InputError unless `offset` is a sub-pixel position in [0, 1) x [0, 1)."""
-    ok = len(offset) == 2 and all(isfinite(o) and 0.0 <= o < 1.0 for o in offset)
-    if not ok:
+    try:
+        x, y = offset
+        inside = bool(0.0 <= x < 1.0 and 0.0 <= y < 1.0)
+    except (TypeError, ValueError):
+        inside = False
+    if not inside:
         raise InputError(f"offset is {offset!r}, expected two numbers in [0, 1), such as (0.5, 0.5) for pixel centres")
+
+
+def as_number(value: Any) -> float:
+    """`value` as a float; NaN, which no range contains, where it is no number."""
+    try:
+        return float(value)
+    except (TypeError, ValueError, OverflowError):
+        return nan
 
 
 def unit_vector(name: str, vector: ArrayLike) -> NDArray[np.float64]:
@@ -131,7 +143,7 @@ def checked_vector(name: str, value: object) -> Vector:
     """`value` as three finite floats; raises InputError naming it otherwise."""
     try:
         x, y, z = (float(v) for v in value)  # type: ignore[attr-defined]
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise InputError(f"{name} is {value!r}, expected three numbers") from None
     if not (isfinite(x) and isfinite(y) and isfinite(z)):
         raise InputError(f"{name} is {(x, y, z)}, expected finite numbers")

@@ -169,9 +169,9 @@ def test_an_eye_too_far_from_its_target_is_refused_with_the_reason():
         Camera((-1e308, 0, 0), (1e308, 0, 0))
 
 
-@pytest.mark.parametrize("view_height", [0.0, -1.0, float("nan"), float("inf")])
+@pytest.mark.parametrize("view_height", [0.0, -1.0, float("nan"), float("inf"), None, "abc", 10**400])
 def test_a_bad_view_height_is_refused_with_the_value(view_height):
-    with pytest.raises(InputError, match=f"view_height is {view_height}"):
+    with pytest.raises(InputError, match=f"view_height is {view_height!r}"):
         OrthographicCamera(**TILTED, view_height=view_height)
 
 
@@ -185,6 +185,9 @@ def test_a_bad_view_height_is_refused_with_the_value(view_height):
         ({"fov_y_degrees": 0.0}, "fov_y_degrees is 0.0"),
         ({"fov_y_degrees": 180.0}, "fov_y_degrees is 180.0"),
         ({"fov_y_degrees": float("nan")}, "fov_y_degrees is nan"),
+        ({"fov_y_degrees": "abc"}, "fov_y_degrees is 'abc'"),
+        ({"fov_y_degrees": None}, "fov_y_degrees is None"),
+        ({"eye": (0, 10**400, 0)}, r"eye is \(0, 10"),
         ({"eye": (1, 2)}, r"eye is \(1, 2\)"),
         ({"target": "abc"}, "target is 'abc'"),
         ({"up": None}, "up is None"),
@@ -203,7 +206,9 @@ def test_a_bad_camera_is_refused_with_the_value(change, message):
             OrthographicCamera(**{**TILTED, **change})
 
 
-@pytest.mark.parametrize("offset", [(1.0, 0.5), (-0.1, 0.5), (0.5, float("nan")), (0.5,)])
+@pytest.mark.parametrize(
+    "offset", [(1.0, 0.5), (-0.1, 0.5), (0.5, float("nan")), (0.5,), 0.5, None, "ab", ("0.5", 0.5)]
+)
 def test_an_offset_outside_the_pixel_is_refused_with_the_value(offset):
     with pytest.raises(InputError, match="offset is"):
         check_offset(offset)

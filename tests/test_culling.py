@@ -1,5 +1,6 @@
 """Culling may only leave out what no ray of the cell can hit (paper §3.4)."""
 
+import re
 from dataclasses import FrozenInstanceError
 
 import numpy as np
@@ -18,7 +19,7 @@ from atra.culling import (
 )
 from atra.parallel import WorkerPool
 from atra.reference import intersect_pixels
-from tests.meshes import EYE_AT_ORIGIN, quads, random_triangles
+from tests.meshes import EYE_AT_ORIGIN, cornell_camera, quads, random_triangles
 
 HIGH = np.int64(32)
 
@@ -134,6 +135,14 @@ def test_copies_that_embree_cannot_number_are_refused_and_one_less_is_not(monkey
         atra.MemoryBudgetError, match=r"1,431,655,766 triangle copies over 7 cells are more than Embree"
     ):
         check_memory_budget(most + 1, "medium", None, 7)
+
+
+@pytest.mark.parametrize("budget", ["1", float("nan"), -1, (1,)])
+def test_a_budget_that_is_no_number_of_bytes_is_refused_with_the_value(budget):
+    with pytest.raises(atra.InputError, match=f"memory_budget_bytes is {re.escape(repr(budget))}, expected a number"):
+        check_needed_bytes(1, budget, "copies", "use less")
+    with pytest.raises(atra.InputError, match="memory_budget_bytes is "):
+        atra.AlignedTracer(random_triangles(1, 0), cornell_camera(8, 8), (4, 1), False, memory_budget_bytes=budget)
 
 
 def test_what_exceeds_the_budget_or_the_free_memory_is_refused_with_both_sizes(monkeypatch):
