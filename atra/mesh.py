@@ -54,6 +54,12 @@ class Mesh:
         object.__setattr__(self, "vertices", _checked_vertices(self.vertices))
         object.__setattr__(self, "faces", _checked_faces(self.faces, len(self.vertices)))
 
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        # Copies and unpickled arrays can be written to, whatever the original was.
+        self.__dict__.update(state)
+        for array in (self.vertices, self.faces):
+            array.setflags(write=False)
+
     @property
     def triangle_count(self) -> int:
         """F, degenerate triangles included."""

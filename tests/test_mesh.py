@@ -1,7 +1,9 @@
 """The mesh keeps what it is given, in order, and refuses what cannot be traced."""
 
+import copy
 import json
 import os
+import pickle
 from pathlib import Path
 
 import numpy as np
@@ -25,6 +27,20 @@ def test_arrays_are_private_contiguous_copies_that_cannot_be_written():
     assert mesh.faces.dtype == np.uint32
     assert mesh.vertices.flags.c_contiguous
     for array in (mesh.vertices, mesh.faces):
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = 0
+
+
+@pytest.mark.parametrize("again", [copy.deepcopy, copy.copy, lambda mesh: pickle.loads(pickle.dumps(mesh))])
+def test_copied_and_unpickled_meshes_cannot_be_written_either(again):
+    mesh = Mesh(SQUARE, TWO_FACES, "square")
+    assert mesh.bounds.any()
+    same = again(mesh)
+    assert same.name == "square"
+    assert np.array_equal(same.bounds, mesh.bounds)
+    for array, original in ((same.vertices, mesh.vertices), (same.faces, mesh.faces)):
+        assert np.array_equal(array, original)
+        assert array.flags.c_contiguous
         with pytest.raises(ValueError, match="read-only"):
             array[0] = 0
 
