@@ -1,9 +1,10 @@
-"""Float32 tells the pixels of a narrow view apart, whatever way the camera looks."""
+"""Float32 tells the pixels of a narrow view apart, and what it cannot trace is refused."""
 
 import numpy as np
 import pytest
 
 import atra
+from atra import ray_space
 from atra.ray_space import NARROWEST_WORLD_PITCH, from_eye_space, ray_axes, to_ray_space
 from atra.reference import brute_force
 
@@ -19,6 +20,95 @@ def confetti(camera, count=100):
     points = np.concatenate([place * half, np.ones((count, 3, 1))], axis=2) * random.uniform(5, 10, (count, 3, 1))
     vertices = points.reshape(-1, 3) @ camera.axes + camera.eye
     return atra.Mesh(vertices, np.arange(3 * count).reshape(-1, 3), "confetti")
+
+
+METHODS = {
+    "pixel": lambda mesh, camera: atra.PixelTracer(mesh, camera, threads=1),
+    "aligned": lambda mesh, camera: atra.AlignedTracer(mesh, camera, (4, 1), threads=1),
+    "instanced": lambda mesh, camera: atra.AlignedTracer(
+        mesh, camera, (4, 1), culling=False, geometry="instanced", threads=1
+    ),
+    "visible_first": lambda mesh, camera: atra.VisibleFirstTracer(mesh, camera, (4, 1), threads=1),
+    "tiles": lambda mesh, camera: atra.TiledTracer(mesh, camera, (4, 1), threads=1),
+}
+PARALLEL_METHODS = ("pixel", "aligned", "instanced")
+
+
+def pinhole(scale, distance=2.0):
+    """A view that has the bumpy square of the same scale in it, at so many times half its size."""
+    fov = float(np.degrees(2.0 * np.arctan(1.0 / distance)))
+    return atra.Camera((0, 0, distance * scale), (0, 0, 0), fov_y_degrees=fov, width=32, height=32)
+
+
+def parallel(scale, distance=2.0):
+    return atra.OrthographicCamera((0, 0, distance * scale), (0, 0, 0), view_height=2 * scale, width=32, height=32)
+
+
+def bumpy_square(scale, count=20):
+    """count x count bumpy quadrilaterals, 2 * scale wide."""
+    y, x = np.mgrid[: count + 1, : count + 1] / count * 2 - 1
+    points = np.stack([x, y, 0.05 * np.sin(9 * x) * np.cos(7 * y)], axis=2).reshape(-1, 3)
+    first = (np.arange(count)[:, None] * (count + 1) + np.arange(count)).reshape(-1, 1)
+    faces = np.concatenate([first + [0, 1, count + 1], first + [1, count + 2, count + 1]])
+    return atra.Mesh((points * scale).astype(np.float32), faces, "bumpy")
+
+
+def assert_float64_image(mesh, camera, method):
+    reference = brute_force(mesh, camera)
+    assert reference.hit.sum() > 500
+    with METHODS[method](mesh, camera) as tracer:
+        assert atra.compare(mesh, camera, tracer.trace(), reference).pixels_wrong == 0
+
+
+@pytest.mark.parametrize("scale", [ray_space.SMALLEST_SIZE * 0.51, ray_space.FARTHEST_FROM_EYE * 0.48])
+@pytest.mark.parametrize("method", METHODS)
+def test_the_smallest_and_largest_mesh_that_are_not_refused_give_the_float64_image(method, scale):
+    assert_float64_image(bumpy_square(scale), pinhole(scale), method)
+    if method in PARALLEL_METHODS:
+        assert_float64_image(bumpy_square(scale), parallel(scale), method)
+
+
+@pytest.mark.parametrize("size", [1.0, 1e6])
+@pytest.mark.parametrize("method", METHODS)
+def test_the_farthest_eye_that_is_not_refused_gives_the_float64_image(method, size):
+    assert_float64_image(bumpy_square(size), pinhole(size, 0.99 * ray_space.FARTHEST_FROM_EYE / size), method)
+
+
+@pytest.mark.parametrize(
+    ("method", "view"),
+    [*((method, pinhole) for method in METHODS), *((method, parallel) for method in PARALLEL_METHODS)],
+)
+def test_a_mesh_too_small_or_too_far_for_float32_is_refused_with_the_reason(method, view):
+    with pytest.raises(atra.InputError, match=r"'bumpy' is 9\.8e-10 in size, expected at least 1e-09.*scale .* up"):
+        METHODS[method](bumpy_square(4.9e-10), view(4.9e-10))
+    with pytest.raises(
+        atra.InputError, match=r"'bumpy' reaches 1\.\d+e\+11 from the eye .* at most 1e\+11.*scale .* down"
+    ):
+        METHODS[method](bumpy_square(5.1e10), view(5.1e10))
+    with pytest.raises(atra.InputError, match=r"reaches 1e\+18 from the eye"):
+        METHODS[method](bumpy_square(1.0), view(1.0, 1e18))
+
+
+def test_every_frame_is_checked():
+    near, far = pinhole(1.0), pinhole(1.0, 1e18)
+    alignment = atra.Alignment.of_frames([near, near], atra.Split(4, 1, 32, 32))
+    with pytest.raises(atra.InputError, match="'bumpy' is 2e-15 in size"):
+        atra.FramesTracer([bumpy_square(1.0), bumpy_square(1e-15)], alignment, threads=1)
+    alignment = atra.Alignment.of_frames([far, far], atra.Split(4, 1, 32, 32))
+    with pytest.raises(atra.InputError, match="'bumpy' reaches"):
+        atra.FramesTracer(bumpy_square(1.0), alignment, threads=1)
+
+
+def test_a_mesh_without_area_has_no_size_to_be_too_small():
+    mesh = atra.Mesh([[0, 0, 0], [1e-20, 0, 0]], [[0, 1, 1], [0, 0, 0]])
+    with atra.PixelTracer(mesh, pinhole(1.0), threads=1) as tracer:
+        assert not tracer.trace().hit.any()
+
+
+@pytest.mark.parametrize("unused", [[], [[-9, -9, -9]]])
+def test_only_vertices_that_a_face_uses_reach_anywhere(unused):
+    mesh = atra.Mesh([*bumpy_square(1.0).vertices, *(1e11 * np.array(unused))], bumpy_square(1.0).faces)
+    atra.PixelTracer(mesh, pinhole(1.0), threads=1).close()
 
 
 def camera_of(fov_y_degrees):

@@ -22,7 +22,7 @@ from atra.hits import Hits
 from atra.kernels.callbacks import memory_monitor
 from atra.mesh import Mesh
 from atra.parallel import WorkerPool, resolve_threads
-from atra.ray_space import ray_axes
+from atra.ray_space import check_range, ray_axes
 from atra.ties import check_ties, coplanar_overlaps, lowest_of_ties, tie_tiles
 from atra.view import View, check_offset
 
@@ -75,7 +75,10 @@ def one_at_a_time(method: Callable[..., None]) -> Callable[..., None]:
 
 
 class EmbreeTracer(ABC):
-    """Lifetime, timing and buffers that the tracers share; `camera` is that of the rays shot."""
+    """Lifetime, timing and buffers that the tracers share; `camera` is that of the rays shot.
+
+    Raises InputError for a mesh smaller than 1e-9, or farther than 1e11 from the eye: float32 would lose triangles.
+    """
 
     def __init__(
         self,
@@ -90,6 +93,8 @@ class EmbreeTracer(ABC):
         check_ties(ties)
         self.mesh = mesh
         self.camera = camera
+        for seen, view in self._views:
+            check_range(seen, view)
         self.build_quality = build_quality
         self.ties = ties
         self.packet_width = resolve_packet_width(packet_width)

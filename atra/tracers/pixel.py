@@ -21,8 +21,9 @@ class PixelTracer(ImageTracer):
     packet_width: None takes the widest the machine supports natively. threads: None takes every core it may use.
     ties: where triangles of one plane overlap, "lowest" stores the lowest prim_id of them (`atra.ties`), "any" what
     float32 put in front.
-    Raises InputError for widths that are not native, threads below 1, unknown build qualities and ties, and
-    MemoryBudgetError, when planning, for more overlaps than can be kept.
+    Raises InputError for widths that are not native, threads below 1, unknown build qualities and ties, a mesh smaller
+    than 1e-9 or farther than 1e11 from the eye, where float32 would lose triangles, and MemoryBudgetError, when
+    planning, for more overlaps than can be kept.
     """
 
     def __init__(
