@@ -556,6 +556,8 @@ def test_a_missing_or_unreadable_plan_is_refused(tmp_path: Path) -> None:
         ({"frames": 10**400}, "frames is 1000"),
         ({"effort": "guess"}, "effort is 'guess'"),
         ({"budget_s": 0.0}, "budget_s is 0.0"),
+        ({"budget_s": "short"}, "budget_s is 'short'"),
+        ({"budget_s": 10**400}, "budget_s is 1000"),
         ({"budget_s": float("nan")}, "budget_s is nan"),
         ({"threads": 0}, "threads is 0"),
         ({"ties": "first"}, "ties is 'first', expected one of lowest, any"),

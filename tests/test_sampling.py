@@ -28,6 +28,9 @@ def test_a_later_start_goes_on_where_the_sequence_stopped():
     np.testing.assert_array_equal(atra.sub_pixel_offsets(5, first=3), atra.sub_pixel_offsets(8)[3:])
 
 
-def test_negative_numbers_are_refused():
-    with pytest.raises(atra.InputError, match="-1 offsets"):
-        atra.sub_pixel_offsets(-1)
+@pytest.mark.parametrize("count", [-1, 2.5, "3", None, True])
+def test_what_is_no_whole_number_of_at_least_0_is_refused(count):
+    with pytest.raises(atra.InputError, match=f"{count!r} offsets from number 0"):
+        atra.sub_pixel_offsets(count)
+    with pytest.raises(atra.InputError, match=f"8 offsets from number {count!r}"):
+        atra.sub_pixel_offsets(8, first=count)

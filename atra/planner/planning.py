@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import isfinite
+from math import inf
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from atra.planner.measuring import Clock, clock_for, measure
 from atra.planner.plan import EFFORTS, MOST, Plan
 from atra.ties import check_ties, coplanar_overlaps
 from atra.tracers import Tracer
-from atra.view import View
+from atra.view import View, as_number
 from atra.whole_numbers import is_whole_number
 
 DEFAULT_BUDGET_S = 2.0
@@ -55,7 +55,7 @@ def plan(
         raise InputError(f"frames is {frames!r}, expected a whole number of at least 1 and at most 2^53")
     if effort not in EFFORTS:
         raise InputError(f"effort is {effort!r}, expected one of {', '.join(EFFORTS)}")
-    if not (isfinite(budget_s) and budget_s > 0):
+    if not 0 < as_number(budget_s) < inf:
         raise InputError(f"budget_s is {budget_s!r}, expected a positive number of seconds")
     check_ties(ties)
     frames, threads = int(frames), resolve_threads(threads)
@@ -73,7 +73,7 @@ def plan(
             warm_up(choice, camera, threads, ties)
             return choice.tracer(mesh, camera, threads, ties, memory_budget_bytes)
 
-        forecasts = measure(forecasts, choices[0], make, frames=frames, budget_s=budget_s, clock=clock)
+        forecasts = measure(forecasts, choices[0], make, frames=frames, budget_s=as_number(budget_s), clock=clock)
     return Plan(frames, effort, threads, camera.width, camera.height, tuple(forecasts), ties)
 
 
