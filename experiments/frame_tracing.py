@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
-from types import TracebackType
-from typing import Self
 
 from atra.alignment import Alignment, Split
 from atra.camera import Camera
@@ -16,6 +14,7 @@ from atra.frames import Frames
 from atra.hits import Hits
 from atra.mesh import Mesh
 from atra.tracers import FramesTracer, Tracer
+from atra.tracers.base import Prepared
 from atra.view import View
 from experiments.configuration import Method, Motion, Quantity
 from experiments.motion import frames_of
@@ -29,7 +28,7 @@ Images = Hits | Frames | list[Hits]
 """What a tracer of one frame, of all frames at once, and of one frame after the other returns."""
 
 
-class SeparateFrames:
+class SeparateFrames(Prepared):
     """One tracer a frame (there may be one frame only), one frame after the other: what the frames of a point's own
     method are measured against.
 
@@ -61,20 +60,10 @@ class SeparateFrames:
         for tracer in self.tracers:
             tracer.close()
 
-    def __enter__(self) -> Self:
-        try:
-            for tracer in self.tracers:
-                tracer.plan()
-                tracer.build()
-        except BaseException:
-            self.close()
-            raise
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
+    def _prepare(self) -> None:
+        for tracer in self.tracers:
+            tracer.plan()
+            tracer.build()
 
 
 def check_frames(point: Point) -> None:

@@ -63,6 +63,29 @@ class Tracer(Protocol):
     ) -> None: ...
 
 
+class Prepared(ABC):
+    """What `with` does to a tracer: prepare it on entry; close it on exit, or at once where preparing fails."""
+
+    @abstractmethod
+    def _prepare(self) -> None: ...
+
+    @abstractmethod
+    def close(self) -> None: ...
+
+    def __enter__(self) -> Self:
+        try:
+            self._prepare()
+        except BaseException:
+            self.close()
+            raise
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+
 def one_at_a_time(method: Callable[..., None]) -> Callable[..., None]:
     """A method of `EmbreeTracer` that waits for a plan, build or frame in progress in another thread."""
 
@@ -74,7 +97,7 @@ def one_at_a_time(method: Callable[..., None]) -> Callable[..., None]:
     return locked
 
 
-class EmbreeTracer(ABC):
+class EmbreeTracer(Prepared):
     """Lifetime, timing and buffers that the tracers share; `camera` is that of the rays shot.
 
     Raises InputError for a mesh smaller than 1e-9, or farther than 1e11 from the eye: float32 would lose triangles.
@@ -262,19 +285,9 @@ class EmbreeTracer(ABC):
                 self._scene.close()
             self._geometry = None
 
-    def __enter__(self) -> Self:
-        try:
-            self.plan()
-            self.build()
-        except BaseException:
-            self.close()
-            raise
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
+    def _prepare(self) -> None:
+        self.plan()
+        self.build()
 
 
 class ImageTracer(EmbreeTracer):

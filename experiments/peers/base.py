@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import threading
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from time import perf_counter
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,13 +15,13 @@ from atra.hits import Hits
 from atra.mesh import Mesh
 from atra.parallel import resolve_threads
 from atra.ray_space import from_eye_space
-from atra.tracers.base import ray_grid
+from atra.tracers.base import Prepared, ray_grid
 from atra.view import View, check_offset
 
 _PIXEL_CENTRE = (0.5, 0.5)
 
 
-class PeerTracer(ABC):
+class PeerTracer(Prepared):
     """A foreign ray tracer that offers what `atra.Tracer` asks for. The world is the peer's, the eye its rays' origin.
 
     plan: makes the rays through the pixel centres, in the form the peer wants. build: hands over the triangles and
@@ -130,19 +129,9 @@ class PeerTracer(ABC):
             self._closed = True
             self._scene = self._rays = self._rays_offset = None
 
-    def __enter__(self) -> Self:
-        try:
-            self.plan()
-            self.build()
-        except BaseException:
-            self.close()
-            raise
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
+    def _prepare(self) -> None:
+        self.plan()
+        self.build()
 
 
 def interleaved(directions: NDArray[np.float32]) -> NDArray[np.float32]:
