@@ -27,30 +27,33 @@ class _AlignedImages(ReferenceRayTracer):
 
     def __init__(
         self,
-        meshes: tuple[Mesh, ...],
+        meshes: Mesh | Sequence[Mesh],
         alignment: Alignment,
-        *,
-        culling: bool,
-        geometry: str,
-        packet_width: int | None,
-        packet_rows: int | None,
-        threads: int | None,
-        build_quality: str,
-        memory_budget_bytes: int | None,
-        ties: str,
+        culling: bool = True,
+        geometry: str = "copied",
+        packet_width: int | None = None,
+        threads: int | None = None,
+        build_quality: str = "medium",
+        memory_budget_bytes: int | None = None,
+        packet_rows: int | None = None,
+        ties: str = "lowest",
     ) -> None:
-        _check_geometry(geometry, culling, meshes)
-        self.meshes = meshes
+        count = alignment.image_count
+        self.meshes = (meshes,) * count if isinstance(meshes, Mesh) else tuple(meshes)
+        if len(self.meshes) != count:
+            raise InputError(f"{len(self.meshes)} meshes for {count} frames; expected one for each, or one for all")
+        _check_geometry(geometry, culling, self.meshes)
         self.culling = culling
         self.geometry = geometry
         self.memory_budget_bytes = memory_budget_bytes
-        super().__init__(meshes[0], alignment, packet_width, packet_rows, threads, build_quality, ties)
+        first = self.meshes[0]
+        super().__init__(first, alignment, packet_width, packet_rows, threads, build_quality, ties)
         cells = self.split.cell_count
         if geometry == "instanced":
-            check_instancing_budget(meshes[0], cells * len(meshes), build_quality, memory_budget_bytes)
+            check_instancing_budget(first, cells * count, build_quality, memory_budget_bytes)
         elif not culling:
-            copies = sum(mesh.triangle_count for mesh in meshes) * cells
-            check_memory_budget(copies, build_quality, memory_budget_bytes, cells * len(meshes))
+            copies = sum(mesh.triangle_count for mesh in self.meshes) * cells
+            check_memory_budget(copies, build_quality, memory_budget_bytes, cells * count)
 
     def _plan_geometry(self) -> AlignedGeometry:
         if self.geometry == "instanced":
@@ -117,10 +120,10 @@ class AlignedTracer(_AlignedImages, ImageTracer):
             culling=culling,
             geometry=geometry,
             packet_width=packet_width,
-            packet_rows=packet_rows,
             threads=threads,
             build_quality=build_quality,
             memory_budget_bytes=memory_budget_bytes,
+            packet_rows=packet_rows,
             ties=ties,
         )
 
@@ -133,37 +136,6 @@ class FramesTracer(_AlignedImages):
     Raises InputError for another number of meshes than frames, and as `AlignedTracer` does.
     Source: paper §6, Fig. 8.
     """
-
-    def __init__(
-        self,
-        meshes: Mesh | Sequence[Mesh],
-        alignment: Alignment,
-        culling: bool = True,
-        geometry: str = "copied",
-        packet_width: int | None = None,
-        threads: int | None = None,
-        build_quality: str = "medium",
-        memory_budget_bytes: int | None = None,
-        packet_rows: int | None = None,
-        ties: str = "lowest",
-    ) -> None:
-        of_frames = (meshes,) * alignment.image_count if isinstance(meshes, Mesh) else tuple(meshes)
-        if len(of_frames) != alignment.image_count:
-            raise InputError(
-                f"{len(of_frames)} meshes for {alignment.image_count} frames; expected one for each, or one for all"
-            )
-        super().__init__(
-            of_frames,
-            alignment,
-            culling=culling,
-            geometry=geometry,
-            packet_width=packet_width,
-            packet_rows=packet_rows,
-            threads=threads,
-            build_quality=build_quality,
-            memory_budget_bytes=memory_budget_bytes,
-            ties=ties,
-        )
 
     def trace(self, offset: tuple[float, float] = (0.5, 0.5), out: Frames | None = None) -> Frames:
         """Trace all frames; all rays go through sub-pixel position `offset` of their pixels, in [0, 1) x [0, 1).
