@@ -19,7 +19,7 @@ from atra.view import View
 from experiments.configuration import Method, Motion, Quantity
 from experiments.motion import frames_of
 from experiments.point import Point
-from experiments.tracing import make_tracer
+from experiments.tracing import aligned_options, make_tracer
 
 SEPARATE, SEPARATE_VISIBLE = "separate", "visible_first"
 """Names in the samples of several frames: one aligned tracer a frame, and one visible-first tracer a frame."""
@@ -98,18 +98,7 @@ def make_own_tracer(
         alignment = Alignment.of_eyes(cameras[0], cameras[1], of_frame)
     else:
         alignment = Alignment.of_frames(cameras, of_frame)
-    return FramesTracer(
-        meshes,
-        alignment,
-        culling=point.culling,
-        geometry=point.geometry,
-        packet_width=point.packet_width,
-        packet_rows=point.packet_rows,
-        threads=point.threads,
-        build_quality=point.build_quality,
-        memory_budget_bytes=point.memory_budget_bytes,
-        ties=point.ties,
-    )
+    return FramesTracer(meshes, alignment, **aligned_options(point))
 
 
 def make_for_each_frame(own: Tracer | FramesTracer, make: Callable[[Mesh, View], Tracer]) -> SeparateFrames:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from atra.errors import InputError
 from atra.mesh import Mesh
 from atra.tracers import AlignedTracer, PixelTracer, TiledTracer, Tracer, VisibleFirstTracer
@@ -25,53 +27,32 @@ def make_tracer(point: Point, mesh: Mesh, camera: View, split: tuple[int, int] |
     if method is Method.pixel:
         return make_pixel_tracer(point, mesh, camera, point.packet_width)
     if method is Method.aligned:
-        return AlignedTracer(
-            mesh,
-            camera,
-            split=split,
-            culling=point.culling,
-            geometry=point.geometry,
-            packet_width=point.packet_width,
-            packet_rows=point.packet_rows,
-            threads=point.threads,
-            build_quality=point.build_quality,
-            ties=point.ties,
-            memory_budget_bytes=point.memory_budget_bytes,
-        )
+        return AlignedTracer(mesh, camera, split, **aligned_options(point))
     if method is Method.visible_first:
-        return VisibleFirstTracer(
-            mesh,
-            camera,
-            split=split,
-            packet_width=point.packet_width,
-            packet_rows=point.packet_rows,
-            threads=point.threads,
-            build_quality=point.build_quality,
-            ties=point.ties,
-            memory_budget_bytes=point.memory_budget_bytes,
-        )
-    return TiledTracer(
-        mesh,
-        camera,
-        split=split,
-        packet_width=point.packet_width,
-        threads=point.threads,
-        build_quality=point.build_quality,
-        ties=point.ties,
-        memory_budget_bytes=point.memory_budget_bytes,
-    )
+        return VisibleFirstTracer(mesh, camera, split, packet_rows=point.packet_rows, **_cell_options(point))
+    return TiledTracer(mesh, camera, split, **_cell_options(point))
+
+
+def aligned_options(point: Point) -> dict[str, Any]:
+    """What the point asks of an `AlignedTracer`, or a `FramesTracer`, beside what is traced and its cells."""
+    own = {"culling": point.culling, "geometry": point.geometry, "packet_rows": point.packet_rows}
+    return own | _cell_options(point)
+
+
+def _cell_options(point: Point) -> dict[str, Any]:
+    """Those of every method with cells."""
+    own = {"packet_width": point.packet_width, "memory_budget_bytes": point.memory_budget_bytes}
+    return own | _common_options(point)
+
+
+def _common_options(point: Point) -> dict[str, Any]:
+    """Those of every method of ours."""
+    return {"threads": point.threads, "build_quality": point.build_quality, "ties": point.ties}
 
 
 def make_pixel_tracer(point: Point, mesh: Mesh, camera: View, packet_width: int | None) -> PixelTracer:
     """One ray per pixel, with the point's threads and build quality. packet_width 1 is the paper's baseline."""
-    return PixelTracer(
-        mesh,
-        camera,
-        packet_width=packet_width,
-        threads=point.threads,
-        build_quality=point.build_quality,
-        ties=point.ties,
-    )
+    return PixelTracer(mesh, camera, packet_width, **_common_options(point))
 
 
 def make_packet_tracer(point: Point, mesh: Mesh, camera: View) -> PixelTracer:
