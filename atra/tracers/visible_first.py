@@ -88,10 +88,10 @@ class VisibleFirstTracer(ReferenceRayTracer, ImageTracer):
     @one_at_a_time
     def plan(self) -> None:
         """Build the BVH of the whole mesh, probe through it, and pick the copies for pass 1."""
-        self._check_open()
-        self._find_ties()
-        start = perf_counter()
-        self._plan_ties()
+        super().plan()
+        self.plan_time_s -= self._whole_build_time_s
+
+    def _build_whole(self) -> None:
         plain = plan_plain_geometry(self.mesh, self.camera)
         monitor_address = memory_monitor()
         build_start = perf_counter()
@@ -107,10 +107,9 @@ class VisibleFirstTracer(ReferenceRayTracer, ImageTracer):
         if self._whole is not None:
             self._whole.close()
         self._whole = whole
-        self._geometry = self._plan_geometry()
-        self.plan_time_s = perf_counter() - start - self._whole_build_time_s
 
     def _plan_geometry(self) -> AlignedGeometry:
+        self._build_whole()
         start = perf_counter()
         seen = np.zeros(self.mesh.triangle_count, np.uint8)
         if self.probe is None:
