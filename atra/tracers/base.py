@@ -328,6 +328,17 @@ def ray_grid(
     return column_rays.astype(np.float32), row_rays.astype(np.float32)
 
 
+def image_ray_grid(
+    camera: View, offset: tuple[float, float], packet_shape: tuple[int, int] = (1, 1)
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """`ray_grid` of every pixel of the image at sub-pixel `offset`, filled up to whole packets of `packet_shape`."""
+    columns, rows = (
+        np.arange(pixels + -pixels % lanes) - pixels / 2 + shift
+        for pixels, lanes, shift in zip((camera.width, camera.height), packet_shape, offset, strict=True)
+    )
+    return ray_grid(camera, columns, rows)
+
+
 def check_pinhole(camera: View, method: str) -> None:
     """Raise InputError for a camera with parallel rays, which `method` cannot trace."""
     if camera.is_parallel:

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import numpy as np
 from numpy.typing import NDArray
 
 from atra.culling import AlignedGeometry, plan_plain_geometry
 from atra.kernels.tracing import pixel_kernel
 from atra.mesh import Mesh
-from atra.tracers.base import ImageTracer, ray_grid
+from atra.tracers.base import ImageTracer, image_ray_grid
 from atra.view import View
 
 SQUAREST_SHAPE = {1: (1, 1), 4: (2, 2), 8: (4, 2), 16: (4, 4)}
@@ -46,10 +45,7 @@ class PixelTracer(ImageTracer):
     def _run(self, offset: tuple[float, float], depth: NDArray, prim_id: NDArray) -> None:
         shape = SQUAREST_SHAPE[self.packet_width]
         camera = self.camera
-        # Filled up to whole packets.
-        columns = np.arange(camera.width + -camera.width % shape[0]) - camera.width / 2
-        rows = np.arange(camera.height + -camera.height % shape[1]) - camera.height / 2
-        column_rays, row_rays = ray_grid(camera, columns + offset[0], rows + offset[1])
+        rays = image_ray_grid(camera, offset, shape)
         kernel = pixel_kernel(*shape, camera.is_parallel)
 
         scene = self._scene_address
@@ -58,7 +54,7 @@ class PixelTracer(ImageTracer):
             own = self._workspaces[worker]
             kernel(
                 counter, scene, own.packet, own.packet_ids, own.all_lanes, own.valid, own.arguments_address,
-                column_rays, row_rays, camera.width, camera.height, depth, prim_id,
+                *rays, camera.width, camera.height, depth, prim_id,
             )  # fmt: skip
 
         self._pool.run(work)

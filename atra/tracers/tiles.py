@@ -12,7 +12,7 @@ from atra.embree.scenes import EmbreeScenes
 from atra.kernels.callbacks import memory_monitor
 from atra.kernels.tiles import list_cells, sort_by_cell, tile_kernel
 from atra.mesh import Mesh
-from atra.tracers.base import ImageTracer, check_pinhole, ray_grid
+from atra.tracers.base import ImageTracer, check_pinhole, image_ray_grid
 from atra.tracers.pixel import SQUAREST_SHAPE
 from atra.view import View
 
@@ -76,11 +76,7 @@ class TiledTracer(ImageTracer):
         assert isinstance(self._scene, EmbreeScenes)
         handles = self._scene.handles
         camera, split, prim_ids = self.camera, self.split, self._geometry.records
-        directions = ray_grid(
-            camera,
-            np.arange(camera.width) - camera.width / 2 + offset[0],
-            np.arange(camera.height) - camera.height / 2 + offset[1],
-        )
+        directions = image_ray_grid(camera, offset)
         kernel = tile_kernel(*SQUAREST_SHAPE[self.packet_width])
 
         def work(worker: int, counter: int) -> None:

@@ -17,7 +17,7 @@ from atra.kernels.callbacks import memory_monitor, nearest_hit_filter
 from atra.kernels.tracing import pixel_kernel
 from atra.kernels.visible import verify_kernel
 from atra.mesh import Mesh
-from atra.tracers.base import ImageTracer, check_pinhole, new_images, one_at_a_time, ray_grid
+from atra.tracers.base import ImageTracer, check_pinhole, image_ray_grid, new_images, one_at_a_time, ray_grid
 from atra.tracers.pixel import SQUAREST_SHAPE
 from atra.tracers.reference_rays import ReferenceRayTracer
 from atra.view import View
@@ -195,9 +195,7 @@ class VisibleFirstTracer(ReferenceRayTracer, ImageTracer):
         assert self._whole is not None
         assert self._plan is not None
         camera, scene, nearest_hidden = self.camera, self._whole.address, self._plan.nearest_hidden
-        columns = np.arange(camera.width) - camera.width / 2
-        rows = np.arange(camera.height) - camera.height / 2
-        directions = ray_grid(camera, columns + offset[0], rows + offset[1])
+        directions = image_ray_grid(camera, offset)
         kernel = verify_kernel(*SQUAREST_SHAPE[self.packet_width])
         self._packets_verified[:] = 0
 

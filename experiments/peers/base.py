@@ -15,7 +15,7 @@ from atra.hits import Hits
 from atra.mesh import Mesh
 from atra.parallel import resolve_threads
 from atra.ray_space import from_eye_space
-from atra.tracers.base import Prepared, ray_grid
+from atra.tracers.base import Prepared, image_ray_grid
 from atra.view import View, check_offset
 
 _PIXEL_CENTRE = (0.5, 0.5)
@@ -107,10 +107,8 @@ class PeerTracer(Prepared):
 
     def _prepare_rays(self, offset: tuple[float, float]) -> None:
         camera = self.camera
-        columns = np.arange(camera.width) + (offset[0] - camera.width / 2)
-        rows = np.arange(camera.height) + (offset[1] - camera.height / 2)
         # Summed in float32 as the kernels of atra do, so that the rays are the same bit by bit.
-        column_rays, row_rays = ray_grid(camera, columns, rows)
+        column_rays, row_rays = image_ray_grid(camera, offset)
         directions = column_rays[:, None, :] + row_rays[:, :, None]
         # A peer sees the mesh in the world's axes; ray space has the camera's where the view is narrow.
         to_ray_space = from_eye_space(camera)
