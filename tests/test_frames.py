@@ -10,6 +10,7 @@ from atra.culling import plan_aligned_geometry
 from atra.embree.library import load_library
 from atra.parallel import WorkerPool
 from atra.reference import brute_force
+from tests.images import assert_equal_images, trace_pixels
 from tests.meshes import EYE_AT_ORIGIN, cornell_box, cornell_camera, random_triangles
 
 WIDTHS = load_library().native_packet_widths
@@ -43,17 +44,6 @@ def trace_frames(meshes, alignment, offset=(0.5, 0.5), **options):
         return tracer.trace(offset)
 
 
-def trace_pixels(mesh, camera, offset=(0.5, 0.5)):
-    with atra.PixelTracer(mesh, camera, packet_width=1, threads=1) as tracer:
-        return tracer.trace(offset)
-
-
-def assert_equal_images(hits, reference):
-    agreement = atra.compare(hits.mesh, hits.camera, hits, reference)
-    assert agreement.pixels_wrong == 0, str(agreement)
-    assert agreement.pixels_equal >= 0.98 * agreement.pixels, str(agreement)
-
-
 GEOMETRIES = [{}, {"culling": False}, {"culling": False, "geometry": "instanced"}]
 
 
@@ -65,7 +55,7 @@ def test_both_eyes_see_what_each_alone_sees(split, options):
     frames = trace_frames(cornell_box(), alignment, **options)
     assert [hits.camera for hits in frames] == [left, right]
     for hits in frames:
-        assert_equal_images(hits, trace_pixels(cornell_box(), hits.camera))
+        assert_equal_images(hits.mesh, hits.camera, hits, trace_pixels(cornell_box(), hits.camera))
     assert (frames.prim_id[0] != frames.prim_id[1]).any()
 
 
@@ -77,7 +67,7 @@ def test_frames_of_a_camera_that_moves_turns_and_zooms_are_those_traced_alone(co
     frames = trace_frames(cornell_box(), alignment_of(cameras, split), (0.25, 0.75), **options)
     assert len(frames) == count
     for hits in frames:
-        assert_equal_images(hits, trace_pixels(cornell_box(), hits.camera, (0.25, 0.75)))
+        assert_equal_images(hits.mesh, hits.camera, hits, trace_pixels(cornell_box(), hits.camera, (0.25, 0.75)))
 
 
 @pytest.mark.parametrize("width", WIDTHS)
@@ -85,7 +75,7 @@ def test_every_packet_width_gives_the_same_frames(width):
     cameras = moving_cameras(3, width=35, height=21)
     for split in ((7, 1), (5, 3)):
         for hits in trace_frames(cornell_box(), alignment_of(cameras, split), packet_width=width, threads=2):
-            assert_equal_images(hits, trace_pixels(cornell_box(), hits.camera))
+            assert_equal_images(hits.mesh, hits.camera, hits, trace_pixels(cornell_box(), hits.camera))
 
 
 def test_each_frame_may_bring_vertices_and_triangles_of_its_own():
@@ -95,7 +85,7 @@ def test_each_frame_may_bring_vertices_and_triangles_of_its_own():
         frames = trace_frames(meshes, alignment_of(cameras, (8, 1)), **options)
         for hits, mesh in zip(frames, meshes, strict=True):
             assert hits.mesh is mesh
-            assert_equal_images(hits, brute_force(mesh, hits.camera))
+            assert_equal_images(hits.mesh, hits.camera, hits, brute_force(mesh, hits.camera))
 
 
 def test_triangles_behind_around_and_through_the_eyes_give_the_float64_frames():
@@ -107,7 +97,7 @@ def test_triangles_behind_around_and_through_the_eyes_give_the_float64_frames():
     ]
     for options in GEOMETRIES:
         for hits in trace_frames(mesh, alignment_of(cameras, (4, 2)), **options):
-            assert_equal_images(hits, brute_force(mesh, hits.camera))
+            assert_equal_images(hits.mesh, hits.camera, hits, brute_force(mesh, hits.camera))
 
 
 def test_a_later_trace_may_write_into_frames_no_longer_needed():

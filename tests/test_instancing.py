@@ -10,18 +10,12 @@ from atra.embree.scene import EmbreeScene
 from atra.instancing import instance_transforms
 from atra.kernels.callbacks import memory_monitor
 from atra.reference import brute_force
+from tests.images import assert_equal_images, trace_pixels
 from tests.meshes import EYE_AT_ORIGIN, cornell_box, cornell_camera, quads, random_triangles
 
 WIDTHS = load_library().native_packet_widths
 SLANTED = {"eye": (0.3, 0.2, -0.4), "target": (1.0, 2.0, 3.0), "up": (0.2, 1.0, 0.1)}
 """A camera with no axis along one of the world's."""
-
-
-def assert_equal_images(mesh, camera, hits, reference):
-    agreement = atra.compare(mesh, camera, hits, reference)
-    assert agreement.pixels_wrong == 0, str(agreement)
-    # Excuses are for single pixels, not for half an image.
-    assert agreement.pixels_equal >= 0.98 * agreement.pixels, str(agreement)
 
 
 def trace_instanced(mesh, camera, split, offset=(0.5, 0.5), **options):
@@ -32,11 +26,6 @@ def trace_instanced(mesh, camera, split, offset=(0.5, 0.5), **options):
 
 def trace_copied(mesh, camera, split, offset=(0.5, 0.5), **options):
     return trace_instanced(mesh, camera, split, offset, **options, geometry="copied")
-
-
-def trace_pixels(mesh, camera, offset=(0.5, 0.5)):
-    with atra.PixelTracer(mesh, camera, packet_width=1, threads=1) as tracer:
-        return tracer.trace(offset)
 
 
 def instanced_tracer(**options):

@@ -9,6 +9,8 @@ import atra
 from atra.ray_space import NARROWEST_WORLD_PITCH
 from atra.reference import brute_force
 from experiments.peers import PEERS, make_peer, peer_problem
+from tests import images
+from tests.images import trace_pixels
 from tests.meshes import EYE_AT_ORIGIN, cornell_box, cornell_camera, quads, random_triangles
 
 LOADER = "cannot open shared object file: No such file or directory"
@@ -27,15 +29,8 @@ def trace_peer(peer, mesh, camera, offset=(0.5, 0.5), threads=1):
         return tracer.trace(offset)
 
 
-def trace_pixels(mesh, camera, offset=(0.5, 0.5)):
-    with atra.PixelTracer(mesh, camera, packet_width=1, threads=1) as tracer:
-        return tracer.trace(offset)
-
-
 def assert_equal_images(hits, reference):
-    agreement = atra.compare(hits.mesh, hits.camera, hits, reference)
-    assert agreement.pixels_wrong == 0, str(agreement)
-    assert agreement.pixels_equal >= 0.98 * agreement.pixels, str(agreement)
+    images.assert_equal_images(hits.mesh, hits.camera, hits, reference)
     assert hits.depth.dtype == np.float32
     assert hits.prim_id.dtype == np.uint32
 

@@ -6,16 +6,10 @@ import pytest
 import atra
 from atra.embree.library import load_library
 from atra.reference import brute_force
+from tests.images import assert_equal_images
 from tests.meshes import EYE_AT_ORIGIN, cornell_box, cornell_camera, random_triangles
 
 WIDTHS = load_library().native_packet_widths
-
-
-def assert_equal_images(mesh, camera, hits, reference):
-    agreement = atra.compare(mesh, camera, hits, reference)
-    assert agreement.pixels_wrong == 0, str(agreement)
-    # Excuses are for single pixels, not for half an image.
-    assert agreement.pixels_equal >= 0.98 * agreement.pixels, str(agreement)
 
 
 def trace_tiles(mesh, camera, split, offset=(0.5, 0.5), **options):

@@ -11,6 +11,7 @@ import atra
 from atra.embree.library import load_library
 from atra.reference import brute_force
 from atra.tracers import choose_packet_shape
+from tests.images import assert_equal_images, trace_pixels
 from tests.meshes import EYE_AT_ORIGIN, cornell_box, cornell_camera, quads, random_triangles
 
 WIDTHS = load_library().native_packet_widths
@@ -19,18 +20,6 @@ OFFSETS = [(0.5, 0.5), (0.0, 0.0), (0.999999, 0.999999), (0.0, 0.7)]
 
 def divisors(number):
     return [n for n in range(1, number + 1) if number % n == 0]
-
-
-def assert_equal_images(mesh, camera, hits, reference):
-    agreement = atra.compare(mesh, camera, hits, reference)
-    assert agreement.pixels_wrong == 0, str(agreement)
-    # Excuses are for single pixels, not for half an image.
-    assert agreement.pixels_equal >= 0.98 * agreement.pixels, str(agreement)
-
-
-def trace_pixels(mesh, camera, offset=(0.5, 0.5), **options):
-    with atra.PixelTracer(mesh, camera, **{"packet_width": 1, "threads": 1, **options}) as tracer:
-        return tracer.trace(offset)
 
 
 def trace_aligned(mesh, camera, split, offset=(0.5, 0.5), **options):

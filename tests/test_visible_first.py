@@ -10,23 +10,12 @@ from atra.embree.library import load_library
 from atra.parallel import WorkerPool
 from atra.reference import brute_force, intersect_pixels
 from atra.visibility import Tiles, plan_visible_geometry
+from tests.images import assert_equal_images, trace_pixels
 from tests.meshes import EYE_AT_ORIGIN, cornell_box, cornell_camera, quads, random_triangles
 
 WIDTHS = load_library().native_packet_widths
 OFFSETS = [(0.5, 0.5), (0.0, 0.0), (0.999999, 0.999999), (0.0, 0.7)]
 PROBES = ["default", "empty", "full", "random", "hidden", "earlier frame", "wrong frame"]
-
-
-def assert_equal_images(mesh, camera, hits, reference):
-    agreement = atra.compare(mesh, camera, hits, reference)
-    assert agreement.pixels_wrong == 0, str(agreement)
-    # Excuses are for single pixels, not for half an image.
-    assert agreement.pixels_equal >= 0.98 * agreement.pixels, str(agreement)
-
-
-def trace_pixels(mesh, camera, offset=(0.5, 0.5)):
-    with atra.PixelTracer(mesh, camera, packet_width=1, threads=1) as tracer:
-        return tracer.trace(offset)
 
 
 def trace_visible_first(mesh, camera, split, offset=(0.5, 0.5), **options):
