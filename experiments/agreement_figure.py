@@ -20,6 +20,7 @@ from experiments.figure_parts import (
     make_panels,
     numbers,
     set_panel_title,
+    tidy_axis,
 )
 from experiments.method_parts import say_unmeasured, write_foot, write_notes
 from experiments.settings import SETTINGS
@@ -101,7 +102,4 @@ def _finish(axis: Axes, highest: int) -> None:
     # Room for the text: as much again as the longest bar and four more decades.
     axis.set_xlim(0, highest**2 * 30_000)
     axis.set_xlabel("pixels")
-    axis.grid(True, axis="x", color="#DDDDDD", linewidth=0.6)
-    axis.set_axisbelow(True)
-    for side in ("top", "right", "left"):
-        axis.spines[side].set_visible(False)
+    tidy_axis(axis, "x", frame=("bottom",))

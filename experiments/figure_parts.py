@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from textwrap import fill
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import pandas as pd
@@ -270,14 +270,25 @@ def finish_split_axes(axis: Axes, splits: Iterable[int], axis_name: str, quantit
         axis.set_yticks(_ticks(*axis.get_ylim()))
     else:
         axis.set_yticks([])
-        axis.text(0.5, 0.5, "nothing measured", transform=axis.transAxes, ha="center", va="center", color=GREY)
+        say_nothing_measured(axis)
     axis.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:,.10g}"))
     axis.set_xlabel(_SPLITS[axis_name])
     axis.set_ylabel(quantity)
-    axis.grid(True, which="major", color="#DDDDDD", linewidth=0.6)
+    tidy_axis(axis)
+
+
+def tidy_axis(
+    axis: Axes, lines: Literal["both", "x", "y"] = "both", frame: Collection[str] = ("left", "bottom")
+) -> None:
+    """A light grid of these lines behind all that is drawn, and no frame but on these sides."""
+    axis.grid(True, axis=lines, color="#DDDDDD", linewidth=0.6)
     axis.set_axisbelow(True)
-    for side in ("top", "right"):
-        axis.spines[side].set_visible(False)
+    for side, spine in axis.spines.items():
+        spine.set_visible(side in frame)
+
+
+def say_nothing_measured(axis: Axes) -> None:
+    axis.text(0.5, 0.5, "nothing measured", transform=axis.transAxes, ha="center", va="center", color=GREY)
 
 
 def add_legend(figure: Figure, axes: Sequence[Axes], order: Sequence[str], heading: str = "") -> None:

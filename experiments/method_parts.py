@@ -30,6 +30,7 @@ from experiments.figure_parts import (
     drawable,
     missing_points,
     numbers,
+    tidy_axis,
 )
 from experiments.peers import PEERS
 from experiments.price import BASELINE_METHOD, BASELINE_PACKET_WIDTH
@@ -157,10 +158,7 @@ def finish_bar_axes(axis: Axes, bars: Sequence[Bar], quantity: str, furthest: fl
     ends = [end for bar in bars for end in (bar.value, bar.high) if isfinite(end)]
     axis.set_xlim(0, max([1.95 * end for end in ends] + [1.04 * furthest]) or 1)
     axis.set_xlabel(quantity)
-    axis.grid(True, axis="x", color="#DDDDDD", linewidth=0.6)
-    axis.set_axisbelow(True)
-    for side in ("top", "right", "left"):
-        axis.spines[side].set_visible(False)
+    tidy_axis(axis, "x", frame=("bottom",))
 
 
 def draw_upright_baselines(axis: Axes, rows: pd.DataFrame, factor: float) -> float:

@@ -23,7 +23,9 @@ from experiments.figure_parts import (
     make_figure,
     make_panels,
     numbers,
+    say_nothing_measured,
     set_panel_title,
+    tidy_axis,
 )
 from experiments.frame_parts import PACKETS, SEPARATE_FRAMES, TOGETHER, VISIBLE_FRAMES, WAYS, Way, best_row, say_speedup
 from experiments.method_parts import BEST_OF, say_split, say_unmeasured, write_foot, write_notes
@@ -155,10 +157,7 @@ def _finish(axis: Axes, rows: pd.DataFrame, quantity: str) -> None:
         axis.set_ylim(0, 1.08 * axis.dataLim.y1)
     else:
         axis.set_yticks([])
-        axis.text(0.5, 0.5, "nothing measured", transform=axis.transAxes, ha="center", va="center", color=GREY)
+        say_nothing_measured(axis)
     axis.set_xlabel("frames")
     axis.set_ylabel(quantity)
-    axis.grid(True, which="major", color="#DDDDDD", linewidth=0.6)
-    axis.set_axisbelow(True)
-    for side in ("top", "right"):
-        axis.spines[side].set_visible(False)
+    tidy_axis(axis)

@@ -21,6 +21,7 @@ from experiments.figure_parts import (
     make_panels,
     numbers,
     set_panel_title,
+    tidy_axis,
 )
 from experiments.method_parts import write_foot
 from experiments.settings import SETTINGS
@@ -79,7 +80,4 @@ def _draw_panel(axis: Axes, rows: pd.DataFrame, largest: float) -> None:
     axis.set_yticks(list(places), names, fontsize=8)
     axis.set_ylim(len(rows) - 0.5, -0.5)
     axis.set_xlabel("regret", color=GREY)
-    axis.grid(True, which="major", axis="y", color="#DDDDDD", linewidth=0.6)
-    axis.set_axisbelow(True)
-    for side in ("top", "right"):
-        axis.spines[side].set_visible(False)
+    tidy_axis(axis, "y")

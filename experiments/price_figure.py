@@ -20,7 +20,9 @@ from experiments.figure_parts import (
     add_legend,
     make_figure,
     make_panels,
+    say_nothing_measured,
     set_panel_title,
+    tidy_axis,
 )
 from experiments.method_parts import (
     BEST_OF,
@@ -140,13 +142,10 @@ def _draw_lines(axis: Axes, entries: list[tuple[str, str, dict[str, Any], Price]
         one.set_major_formatter(FuncFormatter(lambda value, _: f"{value:,.10g}"))
     axis.set_xlabel("frames of one view")
     axis.set_ylabel("time in s, plan and build included")
-    axis.grid(True, which="major", color="#DDDDDD", linewidth=0.6)
-    axis.set_axisbelow(True)
-    for side in ("top", "right"):
-        axis.spines[side].set_visible(False)
+    tidy_axis(axis)
     if not entries:
         axis.set_yticks([])
-        axis.text(0.5, 0.5, "nothing measured", transform=axis.transAxes, ha="center", va="center", color=GREY)
+        say_nothing_measured(axis)
 
 
 def _write_parts(axis: Axes, entries: list[tuple[str, str, dict[str, Any], Price]], baseline: Price | None) -> None:

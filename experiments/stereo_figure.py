@@ -9,12 +9,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from experiments.figure_parts import (
-    GREY,
     MILLISECONDS,
     TIME_BASELINES,
     add_legend,
     make_figure,
     make_panels,
+    say_nothing_measured,
     set_panel_title,
 )
 from experiments.frame_parts import SEPARATE_FRAMES, TOGETHER, VISIBLE_FRAMES, Way, best_row, say_speedup
@@ -67,7 +67,7 @@ def _draw_panel(axis: Axes, rows: pd.DataFrame) -> None:
     furthest = draw_upright_baselines(axis, rows, MILLISECONDS)
     finish_bar_axes(axis, bars, "time of both images in ms", furthest)
     if all(bar.value != bar.value for bar in bars):
-        axis.text(0.5, 0.5, "nothing measured", transform=axis.transAxes, ha="center", va="center", color=GREY)
+        say_nothing_measured(axis)
     write_notes(axis, say_unmeasured(rows, TOGETHER.label))
 
 

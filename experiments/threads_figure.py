@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from experiments.figure_parts import (
     BLACK,
     DOTTED,
-    GREY,
     TIMES,
     add_legend,
     column,
@@ -23,7 +22,9 @@ from experiments.figure_parts import (
     make_figure,
     make_panels,
     numbers,
+    say_nothing_measured,
     set_panel_title,
+    tidy_axis,
 )
 from experiments.method_parts import (
     BEST_OF,
@@ -143,12 +144,9 @@ def _finish(axis: Axes, series: list[Scaling]) -> None:
     axis.minorticks_off()
     axis.set_xlabel("threads")
     axis.set_ylabel("speed-up over one thread")
-    axis.grid(True, which="major", color="#DDDDDD", linewidth=0.6)
-    axis.set_axisbelow(True)
-    for side in ("top", "right"):
-        axis.spines[side].set_visible(False)
+    tidy_axis(axis)
     if not series:
-        axis.text(0.5, 0.5, "nothing measured", transform=axis.transAxes, ha="center", va="center", color=GREY)
+        say_nothing_measured(axis)
 
 
 def _write_last(axis: Axes, drawn: list[tuple[str, dict, Scaling]]) -> None:
