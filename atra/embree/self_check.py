@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.embree import layout
-from atra.embree.layout import FilterArguments, RayQueryContext
+from atra.embree.layout import FilterArguments
 from atra.embree.workspace import Workspace
 from atra.errors import EmbreeError
 
@@ -23,7 +23,7 @@ from atra.errors import EmbreeError
 _VERTICES = np.array([-6, -7, 4, 9, -5, 5, -2, 8, 7, 0, 0, 0, 0], np.float32)
 _FACES = np.array([[0, 0, 0], [0, 1, 2]], np.uint32)
 _PRIM_ID, _GEOM_ID, _INST_ID = 1, 3, 5
-_USER_DATA = 0x1234560
+USER_DATA = 0x1234560
 
 _TOLERANCE = 1e-5
 
@@ -48,13 +48,20 @@ def check_layouts(functions: Any, device: int, widths: tuple[int, ...]) -> None:
     functions: the library, its signatures declared. Raises EmbreeError naming the first field that is not where
     `layout` has it: in the rays and hits, in what the filter is given, or in the query context.
     """
-    given: list[dict[str, Any]] = []
-    filter_function = FILTER_FUNCTION(lambda address: given.append(_read_filter_arguments(address, max(widths))))
+    calls: list[dict[str, Any]] = []
+    filter_function = FILTER_FUNCTION(lambda address: calls.append(_read_filter_arguments(address, max(widths))))
     scene = _new_scene(functions, device, filter_function)
     try:
         for width in widths:
-            given.clear()
-            _check_width(functions, scene, width, given)
+            for signs_differ in (False, True):
+                calls.clear()
+                own, sent, hits = _sent(width, signs_differ)
+                intersect = getattr(functions, f"rtcIntersect{width}")
+                addresses = (scene, own.packet.ctypes.data, own.arguments_address)
+                intersect(*addresses) if width == 1 else intersect(own.valid.ctypes.data, *addresses)
+                hit = _known_hit(sent) | {"prim_id": _PRIM_ID, "geom_id": _GEOM_ID, "inst_id": _INST_ID}
+                _check_packet(own, width, sent, hit, hits)
+                _check_calls(own, width, hit, hits, calls)
     finally:
         functions.rtcReleaseScene(scene)
 
@@ -69,7 +76,7 @@ def _new_scene(functions: Any, device: int, filter_function: Any) -> int:
     ):
         functions.rtcSetSharedGeometryBuffer(triangles, buffer, 0, kind, array.ctypes.data, 0, 12, count)
     functions.rtcSetGeometryIntersectFilterFunction(triangles, ctypes.cast(filter_function, ctypes.c_void_p).value)
-    functions.rtcSetGeometryUserData(triangles, _USER_DATA)
+    functions.rtcSetGeometryUserData(triangles, USER_DATA)
     instance = functions.rtcNewGeometry(device, layout.GEOMETRY_INSTANCE)
     functions.rtcSetGeometryInstancedScene(instance, inner)
     for scene, geometry, geom_id in ((inner, triangles, _GEOM_ID), (outer, instance, _INST_ID)):
@@ -85,50 +92,60 @@ def _new_scene(functions: Any, device: int, filter_function: Any) -> int:
     return outer
 
 
-def _check_width(functions: Any, scene: int, width: int, given: list[dict[str, Any]]) -> None:
+def _sent(width: int, signs_differ: bool) -> tuple[Workspace, dict[str, NDArray], NDArray[np.bool_]]:
+    """A workspace with a packet to trace, its ray fields, and which of the lanes hit the triangle.
+
+    Lanes of three kinds: most hit, the second passes by, the last of a packet is switched off. signs_differ: of dir_y,
+    from lane to lane; Embree may then take the packet apart.
+    """
     own = Workspace(width, coherent=True)
     lanes = np.arange(width)
-    # Lanes of three kinds: most hit, the second passes by, the last of a packet is switched off.
     inactive, passing = (lanes == width - 1) & (width > 1), lanes == 1
     own.valid[:width][inactive] = 0
-    sent = {
+    sign = np.where(lanes % 3 == 0, -1.0, 1.0) if signs_differ else -1.0
+    values = {
         "org_x": 0.11, "org_y": 0.13 + 0.01 * lanes, "org_z": -0.17, "tnear": 0.19,
-        "dir_x": 0.1 + 0.02 * lanes + 9.0 * passing, "dir_y": -0.2 + 0.03 * lanes, "dir_z": 1.0 - 0.01 * lanes,
+        "dir_x": 0.1 + 0.01 * lanes + 9.0 * passing, "dir_y": sign * (0.2 + 0.003 * lanes), "dir_z": 1.0 - 0.01 * lanes,
         "time": 0.23, "tfar": np.inf, "mask": layout.INVALID_ID, "id": 7 + lanes, "flags": 0,
     }  # fmt: skip
-    sent = {field: np.broadcast_to(values, width) for field, values in sent.items()}
-    for field, values in sent.items():
-        _field(own.packet, field, width)[:] = values
+    sent = {field: np.broadcast_to(value, width) for field, value in values.items()}
+    for field, value in sent.items():
+        _field(own.packet, field, width)[:] = value
+    return own, sent, ~inactive & ~passing
 
-    intersect = getattr(functions, f"rtcIntersect{width}")
-    addresses = (scene, own.packet.ctypes.data, own.arguments_address)
-    intersect(*addresses) if width == 1 else intersect(own.valid.ctypes.data, *addresses)
 
-    hit = _known_hit(sent) | {"prim_id": _PRIM_ID, "geom_id": _GEOM_ID, "inst_id": _INST_ID}
-    hits = ~inactive & ~passing
+def _check_packet(
+    own: Workspace, width: int, sent: dict[str, NDArray], hit: dict[str, Any], hits: NDArray[np.bool_]
+) -> None:
+    """Only tfar and the hit change, and only where something is hit."""
     where = "the packet" if width > 1 else "the ray"
     for field in _RAY_FIELDS:
-        # Only tfar changes, and only where something is hit.
         expected = np.where(hits, hit["tfar"], np.inf) if field == "tfar" else sent[field]
         _check(where, width, field, _field(own.packet, field, width), expected)
     for field in _HIT_FIELDS:
         _check(where, width, field, _field(own.packet, field, width)[hits], np.broadcast_to(hit[field], width)[hits])
     for field in ("prim_id", "geom_id"):
         _check(where, width, field, _field(own.packet, field, width)[~hits], layout.INVALID_ID)
-
-    _check("calls of the filter", width, "the number", len(given), 1)
-    seen = given[0]
-    where = "what the filter is given"
-    _check(where, width, "N", seen["N"], width)
-    _check(where, width, "geometryUserPtr", seen["user_data"], _USER_DATA)
-    _check(where, width, "context", seen["context"], own.context.ctypes.data)
-    _check(where, width, "context.instID", seen["context_inst_id"], _INST_ID)
-    _check(where, width, "valid", seen["valid"] != 0, hits)
-    words = np.concatenate([seen["ray"], seen["hit"]])
-    for field in ("dir_x", "dir_y", "dir_z", "tfar", *_HIT_FIELDS):
-        expected = np.broadcast_to(hit[field] if field in hit else sent[field], width)
-        _check(where, width, field, _field(words, field, width)[hits], expected[hits])
     _check("the query context", width, "instID", own.context.view(np.uint32)[0], layout.INVALID_ID)
+
+
+def _check_calls(
+    own: Workspace, width: int, hit: dict[str, Any], hits: NDArray[np.bool_], calls: list[dict[str, Any]]
+) -> None:
+    """What the compiled filters rely on: all lanes in their places, in each call; every hit in one call or another,
+    once; and one triangle of one instance a call, which lane 0 names whether it is active or not."""
+    where = "what the filter is given"
+    for seen in calls:
+        _check(where, width, "N", seen["N"], width)
+        _check(where, width, "geometryUserPtr", seen["user_data"], USER_DATA)
+        _check(where, width, "context", seen["context"], own.context.ctypes.data)
+    told = sum((seen["valid"] != 0 for seen in calls), np.zeros(width, np.int64))
+    _check("all calls of the filter", width, "valid", told, hits)
+    for seen in calls:
+        valid = seen["valid"] != 0
+        _check(where, width, "tfar", _field(seen["ray"], "tfar", width)[valid], hit["tfar"][valid])
+        for field in ("prim_id", "inst_id"):
+            _check(where, width, field, _field(seen["hit"], field, width, layout.RAY_WORDS)[0], hit[field])
 
 
 def _known_hit(sent: dict[str, NDArray]) -> dict[str, Any]:
@@ -158,13 +175,12 @@ def _read_filter_arguments(address: int, largest_width: int) -> dict[str, Any]:
             ("hit", ctypes.c_float, layout.HIT_WORDS * width),
         ):
             seen[name] = np.array((kind * count).from_address(getattr(arguments, name)))
-        seen["context_inst_id"] = RayQueryContext.from_address(arguments.context).inst_id
     return seen
 
 
-def _field(words: NDArray[np.float32], field: str, width: int) -> NDArray:
-    """All lanes of a field of the ray or the hit, a view."""
-    first = _WORDS[field] * width
+def _field(words: NDArray[np.float32], field: str, width: int, first_word: int = 0) -> NDArray:
+    """All lanes of a field of the ray or the hit, a view; first_word: of what `words` holds."""
+    first = (_WORDS[field] - first_word) * width
     lanes = words[first : first + width]
     return lanes.view(np.uint32) if field in _WHOLE_NUMBERS else lanes
 
