@@ -1,7 +1,32 @@
-"""What all tests rely on."""
+"""What all tests rely on, and the line at the end that says what this machine could not test."""
 
 import signal
+
+from atra.instruction_sets import INSTRUCTION_SETS, PACKET_WIDTHS, instruction_sets_here
 
 # A shell ignores the interrupt key for what it starts in the background, and children inherit that; the tests that
 # interrupt a sweep would wait for ever.
 signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def pytest_collection_modifyitems(items):
+    """The longest file first, so that no worker is left with it at the end."""
+    items.sort(key=lambda item: item.path.name != "test_instruction_sets.py")
+
+
+def pytest_terminal_summary(terminalreporter):
+    reports = [report for kind in ("passed", "failed") for report in terminalreporter.stats.get(kind, [])]
+    if any("test_instruction_sets.py" in report.nodeid for report in reports):
+        terminalreporter.write_line(said_of_instruction_sets(instruction_sets_here()))
+
+
+def said_of_instruction_sets(here):
+    """One line: the core's tests ran under the instruction sets `here`, and could not under the others."""
+    widths = sorted({1, *(width for name in here for width in PACKET_WIDTHS[name])})
+    left_sets = [name for name in INSTRUCTION_SETS if name not in here]
+    left_widths = [str(width) for width in (4, 8, 16) if width not in widths]
+    tested = ", ".join(here) or "that of this machine only"
+    if not left_sets:
+        return f"instruction sets tested: {tested}; none is missing here"
+    missing = ", ".join(left_sets) + (f", and with them packets of {', '.join(left_widths)}" if left_widths else "")
+    return f"instruction sets tested: {tested}; this machine could not test {missing}"

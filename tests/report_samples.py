@@ -21,7 +21,8 @@ SCENES = {"cornell_box": (1112, None), "material_ball": (61600, "mitsuba"), "atr
 STATISTICS = ("", "_q1", "_q3", "_low", "_high")
 
 ENVIRONMENT: dict[str, Any] = {
-    "cpu": "Some processor", "cpu_extensions": ["sse4_2", "avx2"], "physical_cores": 2, "logical_cores": 4,
+    "cpu": "Some processor", "cpu_extensions": ["sse4.2", "avx2"], "instruction_set": None, "physical_cores": 2,
+    "logical_cores": 4,
     "affinity": [0, 1], "machine": "x86_64", "system": "Linux", "python_version": "3.11.7", "embree_version": "4.4.0",
     "numba_version": "0.68.1", "governor": None, "load_average": [0.5, 0.25, 0.1], "memory_total_bytes": 2**34,
     "git_commit": "0123456789abcdef0123", "git_dirty": True, "taken_at": "2000-01-01T10:00:00+00:00",

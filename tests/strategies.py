@@ -14,11 +14,12 @@ import atra
 from atra.alignment import Alignment
 from atra.compare import DEPTH_TOLERANCE, FLOAT32_UNIT
 
-NIGHTLY = os.environ.get("ATRA_HYPOTHESIS") == "nightly"
+LENGTH = os.environ.get("ATRA_HYPOTHESIS", "usual")
+NIGHTLY = LENGTH == "nightly"
 """Many random examples, where nobody waits for them, instead of a few that are the same each time."""
 
 EXAMPLES = settings(
-    max_examples=200 if NIGHTLY else 40,
+    max_examples={"short": 8, "usual": 40, "nightly": 200}[LENGTH],
     derandomize=not NIGHTLY,
     deadline=None,  # the first example of a packet shape compiles
     database=None,

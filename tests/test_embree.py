@@ -17,6 +17,8 @@ from atra.embree.workspace import Workspace
 from atra.kernels.callbacks import memory_monitor
 from tests.meshes import cornell_box
 
+pytestmark = pytest.mark.core
+
 
 @pytest.mark.parametrize("place", [
     "embreex.libs/libembree4-4aef3270.so.4", "embreex/.dylibs/libembree4.4.dylib", "embreex/embree4.dll",

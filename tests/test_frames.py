@@ -13,6 +13,8 @@ from atra.reference import brute_force
 from tests.images import assert_equal_images, trace_pixels
 from tests.meshes import EYE_AT_ORIGIN, cornell_box, cornell_camera, random_triangles
 
+pytestmark = pytest.mark.core
+
 WIDTHS = load_library().native_packet_widths
 SIZE = {"width": 48, "height": 36}
 

@@ -13,6 +13,8 @@ from atra.reference import brute_force
 from tests.images import assert_equal_images, trace_pixels
 from tests.meshes import EYE_AT_ORIGIN, cornell_box, cornell_camera, quads, random_triangles
 
+pytestmark = pytest.mark.core
+
 WIDTHS = load_library().native_packet_widths
 SLANTED = {"eye": (0.3, 0.2, -0.4), "target": (1.0, 2.0, 3.0), "up": (0.2, 1.0, 0.1)}
 """A camera with no axis along one of the world's."""

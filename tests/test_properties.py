@@ -19,6 +19,8 @@ from atra.parallel import WorkerPool
 from atra.reference import brute_force, intersect_pixels
 from tests.strategies import EXAMPLES, faces_at_the_eye, views
 
+pytestmark = pytest.mark.core
+
 WIDTHS = sorted({1, load_library().native_packet_widths[-1]})
 packet_widths = st.sampled_from(WIDTHS)
 UNSHEARED = {

@@ -132,6 +132,7 @@ def pairs_of(mesh):
     return pairs
 
 
+@pytest.mark.core
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("scene", TIED)
 def test_every_method_stores_the_lowest_triangle_bit_for_bit(scene, method):
@@ -323,6 +324,7 @@ def test_sponza_has_no_ties_left_but_on_shared_edges():
     assert tied[1] < 10
 
 
+@pytest.mark.core
 def test_every_frame_and_parallel_rays_show_the_lowest_of_twins():
     walls = quads([[(-3, -3, z), (3, -3, z), (3, 3, z + 1), (-3, 3, z + 1)] for z in (5, 5)])
     mesh = joined(reordered(walls, turned=True), reordered(walls))

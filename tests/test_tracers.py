@@ -40,6 +40,7 @@ def tilted_plane_depth(camera, offset):
     return 4 / (1 - 0.5 * world_x + 0.25 * world_y)
 
 
+@pytest.mark.core
 @pytest.mark.parametrize("width", WIDTHS)
 @pytest.mark.parametrize("offset", OFFSETS)
 def test_a_tilted_plane_has_the_depth_of_its_equation(width, offset):
@@ -74,6 +75,7 @@ def test_the_row_at_the_top_of_the_image_sees_what_is_above():
     assert not hits.hit[-1].any()
 
 
+@pytest.mark.core
 @pytest.mark.parametrize("width", WIDTHS)
 @pytest.mark.parametrize("culling", [True, False])
 def test_every_split_of_a_small_image_gives_the_float64_image(width, culling):
@@ -86,6 +88,7 @@ def test_every_split_of_a_small_image_gives_the_float64_image(width, culling):
             assert_equal_images(mesh, camera, hits, reference)
 
 
+@pytest.mark.core
 @pytest.mark.parametrize("width", WIDTHS)
 @pytest.mark.parametrize(("size", "split"), [
     ((96, 60), (3, 5)), ((35, 21), (5, 7)), ((35, 21), (7, 1)), ((33, 7), (1, 7)), ((13, 11), (13, 11)),
@@ -109,6 +112,7 @@ def test_any_offset_gives_the_float64_image(offset, culling):
     )
 
 
+@pytest.mark.core
 @pytest.mark.parametrize("seed", range(6))
 def test_triangles_behind_around_and_through_the_eye_give_the_float64_image(seed):
     mesh = random_triangles(60, seed)
@@ -302,6 +306,7 @@ def test_the_packet_shape_wastes_as_few_lanes_as_the_cell_allows(width, counts, 
     assert choose_packet_shape(width, atra.Split(*counts, 1024, 1024)) == shape
 
 
+@pytest.mark.core
 @pytest.mark.skipif(8 not in WIDTHS, reason="packets of 8 are not native here")
 @pytest.mark.parametrize("rows", [1, 2, 4, 8])
 @pytest.mark.parametrize("kind", [atra.AlignedTracer, atra.VisibleFirstTracer])
@@ -339,6 +344,7 @@ def test_parallel_rays_give_a_tilted_plane_the_depth_of_its_equation(width, offs
         np.testing.assert_allclose(hits.depth, expected, rtol=2e-6)
 
 
+@pytest.mark.core
 @pytest.mark.parametrize("options", [{}, {"culling": False}, {"culling": False, "geometry": "instanced"}])
 @pytest.mark.parametrize("seed", range(4))
 def test_parallel_rays_give_the_float64_image_of_triangles_all_around(seed, options):

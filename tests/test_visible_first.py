@@ -13,6 +13,8 @@ from atra.visibility import Tiles, plan_visible_geometry
 from tests.images import assert_equal_images, trace_pixels
 from tests.meshes import EYE_AT_ORIGIN, cornell_box, cornell_camera, quads, random_triangles
 
+pytestmark = pytest.mark.core
+
 WIDTHS = load_library().native_packet_widths
 OFFSETS = [(0.5, 0.5), (0.0, 0.0), (0.999999, 0.999999), (0.0, 0.7)]
 PROBES = ["default", "empty", "full", "random", "hidden", "earlier frame", "wrong frame"]

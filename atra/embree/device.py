@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.embree import layout
-from atra.embree.library import Library, load_library
+from atra.embree.library import Library, device_options, load_library
 from atra.errors import EmbreeError
 
 
@@ -30,7 +30,7 @@ class EmbreeDevice:
         self._compact = compact
         self._byte_count = np.zeros(1, np.int64)
         api = self._library.functions
-        self._device = api.rtcNewDevice(f"threads={threads}".encode())
+        self._device = api.rtcNewDevice(device_options(threads))
         if not self._device:
             code = api.rtcGetDeviceError(None)
             raise EmbreeError(f"rtcNewDevice failed: {layout.ERROR_NAMES.get(code, code)}")

@@ -18,6 +18,7 @@ import llvmlite.binding
 from atra.embree import layout
 from atra.embree.self_check import check_layouts
 from atra.errors import EmbreeError
+from atra.instruction_sets import check_instruction_set
 
 OVERRIDE_VARIABLE = "ATRA_EMBREE"
 SUPPORTED_VERSIONS = ((4, 4, 0), (5, 0, 0))
@@ -71,8 +72,10 @@ def load_library() -> Library:
     """Load libembree4 and check what it can do.
 
     Raises EmbreeError when no library is found, it cannot be loaded, its version is not supported, it was built
-    without filter functions, its device cannot be created, or its structs are not laid out as `layout` says.
+    without filter functions, its device cannot be created, or its structs are not laid out as `layout` says, and
+    InputError for an instruction set that this machine lacks (`atra.instruction_sets`).
     """
+    options = device_options(threads=1)
     path = _locate()
     try:
         functions = ctypes.CDLL(str(path))
@@ -81,7 +84,7 @@ def load_library() -> Library:
             function.restype, function.argtypes = result, arguments
     except (OSError, AttributeError) as error:
         raise EmbreeError(f"{path} is not a usable libembree4 ({error}); {_HINT}") from error
-    device = functions.rtcNewDevice(b"threads=1")
+    device = functions.rtcNewDevice(options)
     if not device:
         code = functions.rtcGetDeviceError(None)
         raise EmbreeError(f"{path} cannot create a device: {layout.ERROR_NAMES.get(code, code)}")
@@ -102,6 +105,12 @@ def load_library() -> Library:
         functions.rtcReleaseDevice(device)
     llvmlite.binding.load_library_permanently(str(path))
     return Library(path, version, widths, functions)
+
+
+def device_options(threads: int) -> bytes:
+    """How a device is asked for: so many build threads, and the instruction set that was chosen, if any."""
+    instruction_set = check_instruction_set()
+    return f"threads={threads}{f',isa={instruction_set}' if instruction_set else ''}".encode()
 
 
 def embree_version() -> str:

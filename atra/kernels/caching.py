@@ -11,6 +11,9 @@ from numba import njit
 
 from atra import hits
 from atra.embree import layout
+from atra.instruction_sets import limit_numba
+
+limit_numba()
 
 _SOURCES = (*sorted(Path(__file__).parent.glob("*.py")), Path(str(layout.__file__)), Path(str(hits.__file__)))
 

@@ -17,7 +17,9 @@ from typing import Any
 
 import psutil
 
-_CPU_EXTENSIONS = ("sse4_2", "avx", "avx2", "fma", "avx512f", "avx512vl", "asimd", "neon", "sve")
+from atra.instruction_sets import chosen_instruction_set, cpu_features
+
+_CPU_EXTENSIONS = ("sse4.2", "avx", "avx2", "fma", "avx512f", "avx512vl", "neon", "sve")
 _PROJECT = Path(__file__).resolve().parents[2]
 
 
@@ -27,11 +29,13 @@ class Environment:
 
     The fields up to `code_sha256` are stable: they belong to the machine and its software, and `stable()` returns
     them alone. The rest describes the moment. A field that cannot be read on this system is None.
+    instruction_set: the one that Embree and Numba were held to (`atra.instruction_sets`); None: all that there are.
     code_sha256: hash of the library's own source, so that a record of an older kernel never passes for the present one.
     """
 
     cpu: str
     cpu_extensions: tuple[str, ...]
+    instruction_set: str | None
     physical_cores: int | None
     logical_cores: int | None
     affinity: tuple[int, ...] | None
@@ -81,7 +85,8 @@ def read_environment(embree_version: str | None = None) -> Environment:
     memory = psutil.virtual_memory()
     return Environment(
         cpu=_cpu_model(),
-        cpu_extensions=_cpu_extensions(),
+        cpu_extensions=tuple(name for name in _CPU_EXTENSIONS if name in cpu_features()),
+        instruction_set=chosen_instruction_set(),
         physical_cores=psutil.cpu_count(logical=False),
         logical_cores=psutil.cpu_count(logical=True),
         affinity=tuple(sorted(os.sched_getaffinity(0))) if hasattr(os, "sched_getaffinity") else None,
@@ -115,15 +120,6 @@ def _cpu_model() -> str:
         if brand:
             return brand
     return platform.processor() or platform.machine() or "unknown"
-
-
-@cache
-def _cpu_extensions() -> tuple[str, ...]:
-    for line in (_read(Path("/proc/cpuinfo")) or "").splitlines():
-        if line.startswith(("flags", "Features")):
-            present = set(line.partition(":")[2].split())
-            return tuple(name for name in _CPU_EXTENSIONS if name in present)
-    return ()
 
 
 def _git_state() -> tuple[str | None, bool | None]:

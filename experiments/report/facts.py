@@ -20,6 +20,7 @@ _TIMES, _TO = "\N{MULTIPLICATION SIGN}", "\N{EN DASH}"
 _ENVIRONMENT_LABELS = {
     "cpu": "processor",
     "cpu_extensions": "vector extensions",
+    "instruction_set": "held to instruction set",
     "physical_cores": "cores",
     "logical_cores": "hardware threads",
     "affinity": "may run on",

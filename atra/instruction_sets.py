@@ -1,0 +1,79 @@
+"""Instruction sets: those that this machine has, and the one that `ATRA_ISA` holds Embree and Numba to."""
+
+from __future__ import annotations
+
+import os
+from functools import cache
+
+import llvmlite.binding
+import numba
+
+from atra.errors import InputError
+
+VARIABLE = "ATRA_ISA"
+
+_PROCESSORS = {
+    "sse4.2": ("x86-64-v2", ("sse4.2", "popcnt")),
+    "avx": ("sandybridge", ("avx",)),
+    "avx2": ("x86-64-v3", ("avx2", "fma", "bmi", "bmi2", "lzcnt", "f16c")),
+    "avx512": ("x86-64-v4", ("avx512f", "avx512cd", "avx512dq", "avx512bw", "avx512vl")),
+}
+"""By Embree's name, narrowest first: LLVM's name for a processor of this set and none wider, and what it must have."""
+
+INSTRUCTION_SETS = tuple(_PROCESSORS)
+
+PACKET_WIDTHS = {"sse4.2": (4,), "avx": (4, 8), "avx2": (4, 8), "avx512": (4, 8, 16)}
+"""Packets that are native under each."""
+
+
+@cache
+def cpu_features() -> frozenset[str]:
+    """LLVM's names of what this processor can do, such as "avx2" or "neon"; none where LLVM does not know."""
+    try:
+        return frozenset(name for name, present in llvmlite.binding.get_host_cpu_features().items() if present)
+    except RuntimeError:
+        return frozenset()
+
+
+def instruction_sets_here() -> tuple[str, ...]:
+    """The sets that this machine has, narrowest first; none where they have other names, as on Arm."""
+    return tuple(name for name, (_, needed) in _PROCESSORS.items() if cpu_features().issuperset(needed))
+
+
+def chosen_instruction_set() -> str | None:
+    """What `ATRA_ISA` names; None: everything the machine has may be used. Raises InputError for what it lacks."""
+    name = os.environ.get(VARIABLE)
+    if not name:
+        return None
+    if name not in instruction_sets_here():
+        here = ", ".join(instruction_sets_here()) or "none, as its processor is no x86-64"
+        raise InputError(f"{VARIABLE} is {name!r}, expected one of what this machine has: {here}; or unset it")
+    return name
+
+
+def limit_numba() -> None:
+    """Have kernels compiled for the chosen set. To be called before the first is compiled.
+
+    A choice that cannot be met is left to `check_instruction_set`: this runs while modules are imported.
+    """
+    name = os.environ.get(VARIABLE)
+    if name in instruction_sets_here():
+        numba.config.CPU_NAME, numba.config.CPU_FEATURES = _PROCESSORS[str(name)][0], ""
+
+
+def check_instruction_set() -> str | None:
+    """The chosen set, once Numba is sure to compile for it.
+
+    Raises InputError for a set this machine lacks, or if Numba was at work before `atra` was imported.
+    """
+    name = chosen_instruction_set()
+    if name is not None:
+        from numba.core.registry import cpu_target
+
+        _, processor, features = cpu_target.target_context.codegen().magic_tuple()
+        if (processor, features) != (_PROCESSORS[name][0], ""):
+            raise InputError(
+                f"{VARIABLE} is {name!r}, but Numba compiles for {processor!r}; import atra before anything else that "
+                "compiles with Numba, and set the variable before that"
+            )
+    return name
