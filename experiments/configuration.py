@@ -184,7 +184,7 @@ class Configuration:
     culling: bool = True
     frames: int = 1
     motion: Motion | None = None
-    packet_width: int | None = 8
+    packet_width: int | None = None
     packet_rows: int | None = None
     threads: int | None = 1
     width: int = 1024

@@ -38,7 +38,7 @@ ALIGNED_STYLES: dict[str, dict[str, Any]] = {
 
 TIME_BASELINES: dict[str, tuple[str, dict[str, Any]]] = {
     "rtcIntersect1 per pixel": ("baseline_render_time_s", {"color": BLACK, "linestyle": DASHED}),
-    "packets per pixel": ("packets_render_time_s", {"color": GREEN, "linestyle": DOTTED}),
+    "fastest packets per pixel": ("packets_render_time_s", {"color": GREEN, "linestyle": DOTTED}),
 }
 """Label -> column and line of what every time row was measured against."""
 
@@ -323,6 +323,8 @@ def describe_measurement(table: pd.DataFrame, mark: str = "") -> str:
     size = _common(measured, ("width", "height"), f"{{}} {TIMES} {{}} pixels")
     threads = _common(measured, ("threads",), "threads {}")
     packets = _common(measured, ("packet_width",), "packet width {}")
+    widths = sorted({int(width) for width in column(measured, "packets_width").dropna()})
+    fastest = f"fastest packets per pixel: of {' or '.join(map(str, widths))}" if widths else ""
     counts = column(measured, "rounds").dropna()
     rounds = ""
     if len(counts):
@@ -333,7 +335,7 @@ def describe_measurement(table: pd.DataFrame, mark: str = "") -> str:
     date = " to ".join(dict.fromkeys([days[0], days[-1]])) if days else ""
     doubtful = int(column(measured, "doubts").notna().sum())
     doubts = f"{doubtful} of {len(measured)} points carry doubts (see table)" if doubtful else ""
-    first = ", ".join(filter(None, [size, threads, packets, rounds]))
+    first = ", ".join(filter(None, [size, threads, packets, fastest, rounds]))
     second = ", ".join(filter(None, [cpus, date, mark, doubts]))
     return "\n".join(filter(None, [first, second]))
 

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from atra.embree.library import embree_version
+from atra.embree.scene import resolve_packet_width
 from atra.measure.environment import STABLE_FIELDS, Environment, read_environment
 from atra.planner.estimate import MODEL_FILE
 from atra.records import Record, point_id
@@ -82,11 +83,17 @@ def measure(planned: PlannedPoint, run: Runner = run_worker) -> Record:
         warmup_samples=outcome.warmup_samples,
         samples=outcome.samples,
         results={
+            **_packets(planned.point),
             **outcome.results,
             "on_purpose": outcome.on_purpose,
             "clock_jump_s": _clocks_apart_s() - apart_s,
         },
     )
+
+
+def _packets(point: Point) -> dict[str, int]:
+    """The width of its packets, which a point that comes to nothing does not tell; a peer chooses its own."""
+    return {} if point.method in PEERS else {"packet_width": resolve_packet_width(point.packet_width)}
 
 
 def _clocks_apart_s() -> float:

@@ -33,7 +33,7 @@ from experiments.figure_parts import (
     tidy_axis,
 )
 from experiments.peers import PEERS
-from experiments.price import BASELINE_METHOD, BASELINE_PACKET_WIDTH
+from experiments.price import BASELINE_METHOD
 from experiments.settings import GEOMETRY, SPLIT
 
 OWN_METHODS = ("visible_first", "aligned", "tiles")
@@ -77,13 +77,13 @@ def series_of(rows: pd.DataFrame) -> Iterator[tuple[str, int | None, pd.DataFram
 
 
 def say_series(method: str, packet_width: int | None) -> str:
-    """The name of a series; 8-wide packets go without saying."""
+    """The name of a series, with the width of its packets where that is known and ours to choose."""
     if method == BASELINE_METHOD:
         if packet_width is None:
             return "one ray per pixel"
         return "rtcIntersect1 per pixel" if packet_width == 1 else f"packets of {packet_width} per pixel"
     name = _NAMES.get(method, method)
-    if method in PEERS or packet_width in (None, BASELINE_PACKET_WIDTH):
+    if method in PEERS or packet_width is None:
         return name
     return f"{name}, single rays" if packet_width == 1 else f"{name}, packets of {packet_width}"
 

@@ -12,6 +12,7 @@ from experiments.figure_parts import (
     MILLISECONDS,
     TIME_BASELINES,
     add_legend,
+    column,
     make_figure,
     make_panels,
     numbers,
@@ -34,15 +35,15 @@ from experiments.method_parts import (
     write_notes,
 )
 from experiments.peers import PEERS
-from experiments.price import BASELINE_METHOD, BASELINE_PACKET_WIDTH, best_rows, time_rows
+from experiments.price import BASELINE_METHOD, best_rows, time_rows
 
 
 def draw_methods_figure(table: pd.DataFrame, heading: str = "") -> Figure:
     """One panel a scene (and a value of any other setting that varies); milliseconds from zero.
 
     A bar is a method and packet width at the split with the largest ratio to packets, its whisker reaches from the
-    lower to the upper quartile over rounds. Single rays and 8-wide packets per pixel, measured again with every point,
-    are the two lines: the median over all points, with a band from lower to upper quartile. Peers are left out.
+    lower to the upper quartile over rounds. Single rays and the fastest packets per pixel, measured again with every
+    point, are the two lines: the median over all points, with a band from lower to upper quartile. Peers are left out.
     """
     rows = time_rows(table)
     rows = rows[~rows["method"].isin(PEERS)]
@@ -58,11 +59,11 @@ def draw_methods_figure(table: pd.DataFrame, heading: str = "") -> Figure:
 
 def _draw_panel(axis: Axes, rows: pd.DataFrame) -> None:
     bars, notes = [], []
+    lines = {1, None, *column(rows, "packets_width").dropna()}
     for method, width, points in series_of(rows):
         name = say_series(method, width)
         notes += say_unmeasured(points, name)
-        # The widths of the baselines are the lines.
-        if method != BASELINE_METHOD or width not in (1, BASELINE_PACKET_WIDTH, None):
+        if method != BASELINE_METHOD or width not in lines:
             bars.append(_make_bar(points, name, style_of(method, width)["color"], faint=width == 1))
     draw_bars(axis, bars)
     furthest = draw_upright_baselines(axis, rows, MILLISECONDS)
@@ -77,8 +78,8 @@ def _make_bar(points: pd.DataFrame, name: str, color: str, faint: bool) -> Bar:
         return Bar(name, nan, nan, nan, color, " and ".join(status) or "not measured")
     row = best.iloc[0]
     time_ms, q1_ms, q3_ms = (
-        float(numbers(best, column)[0] * MILLISECONDS)
-        for column in ("render_time_s", "render_time_q1_s", "render_time_q3_s")
+        float(numbers(best, name)[0] * MILLISECONDS)
+        for name in ("render_time_s", "render_time_q1_s", "render_time_q3_s")
     )
     label = "\n".join(filter(None, [name, say_split(row)]))
     return Bar(label, time_ms, q1_ms, q3_ms, color, f"{say_number(time_ms)} ms,  {say_ratio(row)}", faint)

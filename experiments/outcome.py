@@ -12,10 +12,10 @@ from atra.records import check_samples, check_status
 from experiments.configuration import Quantity
 from experiments.frame_tracing import separate_methods
 from experiments.point import Point
-from experiments.quantities import BASELINE_BUILD, BUILD, OWN, PACKETS, PLAN, SINGLE
+from experiments.quantities import BASELINE_BUILD, BUILD, OWN, PACKETS, PLAN, SINGLE, fastest_packets
 
 _SAMPLES = {
-    Quantity.time: {OWN, SINGLE, PACKETS},
+    Quantity.time: {OWN, SINGLE},
     Quantity.build: {PLAN, BUILD, BASELINE_BUILD},
     Quantity.memory: set(),
     Quantity.picture: set(),
@@ -124,7 +124,10 @@ def _check_measured(outcome: Outcome, point: Point) -> None:
             raise ValueError(f"equal, tied, edge and wrong pixels are {counted} together, of {pixels} that were traced")
     if quantity not in _SAMPLES:
         return
-    expected = _SAMPLES[quantity] | (set(separate_methods(point)) if quantity is Quantity.time else set())
+    expected = set(_SAMPLES[quantity])
+    if quantity is Quantity.time:
+        packets = {name for name in PACKETS.values() if name in samples} or {"packets"}
+        expected |= packets | set(separate_methods(point))
     if set(samples) != expected or set(outcome.warmup_samples) != set(samples):
         raise ValueError(f"samples of {sorted(samples)}, expected {sorted(expected)}, and as many warm-ups")
     for values in samples.values():
@@ -133,3 +136,5 @@ def _check_measured(outcome: Outcome, point: Point) -> None:
     for values in outcome.warmup_samples.values():
         if len(values) != point.warmup:
             raise ValueError(f"{len(values)} warm-up rounds, expected {point.warmup}")
+    if quantity is Quantity.time and results["packets_width"] != fastest_packets(samples):
+        raise ValueError(f"packets_width is {results['packets_width']}, the fastest are of {fastest_packets(samples)}")

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from atra.errors import InputError
 
-BASELINE_METHOD, BASELINE_PACKET_WIDTH = "pixel", 8
-"""What a price is compared with: packets per pixel, which an expert would use anyway."""
+BASELINE_METHOD = "pixel"
+"""What a price is compared with, in packets, is what an expert would use anyway."""
 
 _CHOICE = ("scene", "width", "height", "method", "packet_width", "threads", "build_quality")
 
@@ -91,11 +91,11 @@ def price_of(row: pd.Series) -> Price | None:
 
 
 def baseline_price(rows: pd.DataFrame) -> Price | None:
-    """The price of packets per pixel among the rows of one scene, or None if it was not measured there."""
+    """The price of the fastest packets per pixel among the rows of one scene, or None if it was not measured there."""
     best = best_rows(rows)
-    chosen = best["method"].eq(BASELINE_METHOD) & best["packet_width"].eq(BASELINE_PACKET_WIDTH)
-    prices = [price_of(row) for _, row in best[chosen.fillna(False).astype(bool)].iterrows()]
-    return next((price for price in prices if price is not None), None)
+    chosen = best["method"].eq(BASELINE_METHOD) & best["packet_width"].gt(1)
+    prices = (price_of(row) for _, row in best[chosen.fillna(False).astype(bool)].iterrows())
+    return min((price for price in prices if price is not None), key=lambda one: one.frame_time_s, default=None)
 
 
 def cumulative_time_s(price: Price, frames: NDArray[np.integer]) -> NDArray[np.float64]:

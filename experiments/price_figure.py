@@ -38,7 +38,6 @@ from experiments.method_parts import (
 )
 from experiments.price import (
     BASELINE_METHOD,
-    BASELINE_PACKET_WIDTH,
     Price,
     baseline_price,
     best_rows,
@@ -50,7 +49,7 @@ from experiments.price import (
 
 LAST_FRAME = 1000
 
-_BASELINE = say_series(BASELINE_METHOD, BASELINE_PACKET_WIDTH)
+_BASELINE = "fastest packets per pixel"
 # Heading of a column of the note below a panel -> where it starts, as a fraction of the panel's width.
 _COLUMNS = {"": 0.0, "plan": 0.36, "build": 0.465, "first": 0.57, "further": 0.675, "bytes": 0.79, "ahead from": 0.9}
 _LINE_POINTS = 11.5

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from enum import IntEnum
@@ -27,7 +27,7 @@ from atra.mesh import Mesh
 from atra.oracle import Examination, Standing, examine, sample_pixels
 from atra.ties import coplanar_overlaps
 from atra.tracers import FramesTracer, Tracer
-from experiments.configuration import Quantity, SceneSource, Ties
+from experiments.configuration import PACKET_WIDTHS, Quantity, SceneSource, Ties
 from experiments.frame_tracing import (
     SEPARATE,
     Images,
@@ -39,10 +39,13 @@ from experiments.frame_tracing import (
 )
 from experiments.point import Offset, Point
 from experiments.scene_loading import load_scene, mesh_sha256
-from experiments.tracing import make_packet_tracer, make_pixel_tracer
+from experiments.tracing import expert_packet_widths, make_pixel_tracer
 
-OWN, SINGLE, PACKETS = "own", "rtcIntersect1", "packets"
-"""Names of the three methods in the samples of a time: the point's own, the paper's baseline, the expert's baseline."""
+OWN, SINGLE = "own", "rtcIntersect1"
+"""Names in the samples of a time: the point's own method, the paper's baseline."""
+
+PACKETS = {width: f"packets_{width}" for width in PACKET_WIDTHS if width > 1}
+"""Names there of packets per pixel by their width; the fastest of those measured are the expert's baseline."""
 
 PLAN, BUILD, BASELINE_BUILD = "plan", "build", "baseline_build"
 """Names in the samples of a build: the point's plan, its BVH build, the BVH build of the plain mesh."""
@@ -69,28 +72,37 @@ def measure_point(point: Point) -> Measured:
 
 
 def _measure_time(point: Point) -> Measured:
-    """Build the point's own method, read the memory, time it against both baselines round by round, and plan and build
+    """Build the point's own method, read the memory, time it against the baselines round by round, and plan and build
     it again for more samples of these."""
     _warm_up(point)
     with ExitStack() as stack:
         own, results = _build_own(point, stack)
         single = stack.enter_context(make_for_each_frame(own, partial(make_pixel_tracer, point, packet_width=1)))
-        packets = stack.enter_context(make_for_each_frame(own, partial(make_packet_tracer, point)))
+        packets = {
+            PACKETS[width]: stack.enter_context(
+                make_for_each_frame(own, partial(make_pixel_tracer, point, packet_width=width))
+            )
+            for width in expert_packet_widths()
+        }
         separate = {
             name: stack.enter_context(make_for_each_frame(own, make)) for name, make in separate_methods(point).items()
         }
-        results |= {
-            "baseline_build_time_s": float(single.build_time_s),
-            "packets_width": int(packets.packet_width),
-        }
+        results["baseline_build_time_s"] = float(single.build_time_s)
         if SEPARATE in separate:
             results["separate_embree_bytes"] = int(separate[SEPARATE].embree_bytes)
-        methods: dict[str, Tracer | FramesTracer | SeparateFrames] = {OWN: own, SINGLE: single, PACKETS: packets}
-        images = {name: _Frames(tracer) for name, tracer in (methods | separate).items()}
+        methods: dict[str, Tracer | FramesTracer | SeparateFrames] = {OWN: own, SINGLE: single, **packets, **separate}
+        images = {name: _Frames(tracer) for name, tracer in methods.items()}
         timed = _rounds(point, {name: one.trace for name, one in images.items()})
+        results["packets_width"] = fastest_packets(timed.samples)
         results |= _counts(compare_images(images[OWN].latest(), images[SINGLE].latest()))
         results |= _plan_and_build_again(own)
     return _measured(results, timed)
+
+
+def fastest_packets(samples: Mapping[str, Sequence[float]]) -> int:
+    """The width of the packets with the shortest median among the samples of a time."""
+    widths = [width for width, name in PACKETS.items() if name in samples]
+    return min(widths, key=lambda width: median(samples[PACKETS[width]]))
 
 
 def _plan_and_build_again(own: Tracer | FramesTracer) -> dict[str, Any]:
@@ -333,7 +345,7 @@ def _warm_up(point: Point, *, baselines: bool = True) -> None:
     camera = Camera((0.0, 0.0, 2.0), (0.0, 0.0, 0.0), (0.0, 1.0, 0.0), 60.0, width, height)
     tracers = [make_own_tracer(point, mesh, camera, split)]
     if baselines:
-        tracers += [make_pixel_tracer(point, mesh, camera, 1), make_packet_tracer(point, mesh, camera)]
+        tracers += [make_pixel_tracer(point, mesh, camera, width) for width in (1, *expert_packet_widths())]
         tracers += [make(mesh, camera, split) for make in separate_methods(point).values()]
     for tracer in tracers:
         with tracer:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from atra.errors import InputError
 from atra.measure.environment import describe_difference
+from atra.planner.choice import PACKETS as PLANNER_PACKETS
 from atra.records import Record, write_atomically
 from experiments.configuration import Quantity
 from experiments.frame_tracing import SEPARATE, SEPARATE_VISIBLE
@@ -80,6 +81,11 @@ COLUMNS = {
     "speedup_vs_packets_low": _REAL,
     "speedup_vs_packets_high": _REAL,
     "packets_width": _WHOLE,
+    **{
+        f"{name}_render_time{part}_s": _REAL
+        for name in PACKETS.values()
+        for part in ("", "_q1", "_q3", "_low", "_high")
+    },
     "frames": _WHOLE,
     "motion": _TEXT,
     "separate_render_time_s": _REAL,
@@ -155,14 +161,16 @@ COLUMNS = {
 }
 """Columns in order, with their pandas types. Times are seconds and medians over rounds; `_q1`, `_q3` are quartiles,
 `_low`, `_high` the 95 % confidence interval of the median, `_spread` the distance between the quartiles. `speedup` is
-rtcIntersect1 / this and `speedup_vs_packets` packets / this, each the median of the ratios of single rounds. `quantity`
-says what was measured at the point (`experiments.configuration.Quantity`), `grids` of which grids of the sweep it is
-part, `stands_for` which scene of the paper a procedural stand-in replaces without being it. `pixels_*` are sums over
-`images`, one an offset; of the pixels that are not equal the oracle finds the point's method wrong at `method_wrong`
-and rtcIntersect1 at `baseline_wrong`; `sampled_*_wrong` are the same of `rays_sampled`, drawn from all pixels. At a
-point of several `frames` times, bytes and pixels are of all frames together; `separate_*` and `visible_first_*` are of
-one aligned and one visible-first tracer a frame with the same split, one frame after the other, and the speed-ups over
-them are paired, too. `packet_rows` is what was asked for. What was not measured is missing, never zero."""
+rtcIntersect1 / this and `speedup_vs_packets` packets / this, each the median of the ratios of single rounds. Packets
+are the fastest of the native widths, of `packets_width` rays; `packets_8_*` and so on are of each that was measured.
+`quantity` says what was measured at the point (`experiments.configuration.Quantity`), `grids` of which grids of the
+sweep it is part, `stands_for` which scene of the paper a procedural stand-in replaces without being it. `pixels_*` are
+sums over `images`, one an offset; of the pixels that are not equal the oracle finds the point's method wrong at
+`method_wrong` and rtcIntersect1 at `baseline_wrong`; `sampled_*_wrong` are the same of `rays_sampled`, drawn from all
+pixels. At a point of several `frames` times, bytes and pixels are of all frames together; `separate_*` and
+`visible_first_*` are of one aligned and one visible-first tracer a frame with the same split, one frame after the
+other, and the speed-ups over them are paired, too. `packet_rows` is what was asked for. What was not measured is
+missing, never zero."""
 
 CONFIDENCE = 0.95
 
@@ -267,7 +275,7 @@ def _row(record: Record) -> dict[str, Any]:
     if record.status == "ok" and record.samples:
         samples = {name: np.asarray(values, np.float64) for name, values in record.samples.items()}
         if OWN in samples:
-            own, single, packets = samples[OWN], samples[SINGLE], samples[PACKETS]
+            own, single, packets = samples[OWN], samples[SINGLE], samples[PACKETS[record.results["packets_width"]]]
             row |= _statistics("render_time{}_s", own)
             row["first_frame_time_s"] = float([*record.warmup_samples.get(OWN, []), *own][0])
             row["render_time_spread_s"] = row["render_time_q3_s"] - row["render_time_q1_s"]
@@ -275,13 +283,16 @@ def _row(record: Record) -> dict[str, Any]:
             row |= _statistics("packets_render_time{}_s", packets)
             row |= _statistics("speedup{}", single / own)
             row |= _statistics("speedup_vs_packets{}", packets / own)
+            for name in PACKETS.values():
+                if name in samples:
+                    row |= _statistics(name + "_render_time{}_s", samples[name])
             for name in (SEPARATE, SEPARATE_VISIBLE):
                 if name in samples:
                     row |= _statistics(name + "_render_time{}_s", samples[name])
                     row |= _statistics("speedup_vs_" + name + "{}", samples[name] / own)
             judged = own
         elif record.configuration.get("quantity") == Quantity.planner.value:  # its ratios are among the results
-            judged = samples[PACKETS]
+            judged = samples[PLANNER_PACKETS]
         else:
             row |= _statistics("plan_time{}_s", samples[PLAN])
             row |= _statistics("build_time{}_s", samples[BUILD])

@@ -1,18 +1,16 @@
-"""Point -> tracer: its own method, which may be a peer, and the two baselines it is measured against."""
+"""Point -> tracer: its own method, which may be a peer, and the baselines it is measured against."""
 
 from __future__ import annotations
 
 from typing import Any
 
-from atra.errors import InputError
+from atra.embree.library import load_library
 from atra.mesh import Mesh
 from atra.tracers import AlignedTracer, PixelTracer, TiledTracer, Tracer, VisibleFirstTracer
 from atra.view import View
 from experiments.configuration import Method
 from experiments.peers import PEERS, make_peer
 from experiments.point import Point
-
-_EXPERT_WIDTH = 8
 
 
 def make_tracer(point: Point, mesh: Mesh, camera: View, split: tuple[int, int] | None = None) -> Tracer:
@@ -55,9 +53,7 @@ def make_pixel_tracer(point: Point, mesh: Mesh, camera: View, packet_width: int 
     return PixelTracer(mesh, camera, packet_width, **_common_options(point))
 
 
-def make_packet_tracer(point: Point, mesh: Mesh, camera: View) -> PixelTracer:
-    """The expert's baseline: packets of 8, or where those are not native the widest that are."""
-    try:
-        return make_pixel_tracer(point, mesh, camera, _EXPERT_WIDTH)
-    except InputError:
-        return make_pixel_tracer(point, mesh, camera, None)
+def expert_packet_widths() -> tuple[int, ...]:
+    """Packets an expert would try: of every native width from 8 on, or where there is none the widest."""
+    native = load_library().native_packet_widths
+    return tuple(width for width in native if width >= 8) or native[-1:]

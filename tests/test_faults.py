@@ -228,7 +228,7 @@ def test_the_date_of_a_record_decides_nothing(tmp_path: Path, moment: str) -> No
     assert table["render_time_s"][0] == 0.1
 
 
-@pytest.mark.parametrize("method", ["own", "rtcIntersect1", "packets"])
+@pytest.mark.parametrize("method", ["own", "rtcIntersect1", "packets_8"])
 @pytest.mark.parametrize(
     ("sample", "told"),
     [

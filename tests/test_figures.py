@@ -104,7 +104,7 @@ def test_the_split_figure_draws_medians_quartiles_and_baselines_in_milliseconds(
     assert drawn(axis, "aligned, culling on") == {1: 80, 2: 20}
     assert drawn(axis, "aligned, culling off") == {2: 40}
     assert level(axis, "rtcIntersect1 per pixel") == pytest.approx(100)
-    assert level(axis, "packets per pixel") == pytest.approx(50)
+    assert level(axis, "fastest packets per pixel") == pytest.approx(50)
     bars = next(line for line in axis.get_lines() if line.get_label() == "_bars" and len(line.get_xdata()) == 18)
     assert bars.get_ydata()[[0, 1, 9, 10]] == pytest.approx([40, 160, 10, 40])
 

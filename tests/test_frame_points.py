@@ -32,11 +32,12 @@ from experiments.quantities import measure_point
 from experiments.scene_loading import load_scene
 from experiments.summary import print_sweep, say_outcome
 from experiments.table import make_table
-from experiments.tracing import make_packet_tracer
+from experiments.tracing import expert_packet_widths, make_pixel_tracer
 from tests.test_table import MEASURED
 
+PACKETS_HERE = {f"packets_{width}" for width in expert_packet_widths()}
 SAMPLES = {
-    "own": [2.0, 4.0, 4.0], "rtcIntersect1": [8.0, 8.0, 8.0], "packets": [4.0, 4.0, 4.0],
+    "own": [2.0, 4.0, 4.0], "rtcIntersect1": [8.0, 8.0, 8.0], "packets_8": [4.0, 4.0, 4.0],
     "separate": [2.0, 8.0, 6.0], "visible_first": [1.0, 1.0, 1.0],
 }  # fmt: skip
 
@@ -102,9 +103,10 @@ def test_the_memory_budget_counts_the_copies_of_every_frame() -> None:
 
 
 @pytest.mark.parametrize(("frames", "motion"), [(2, Motion.eyes), (3, Motion.walk), (3, Motion.turn)])
-def test_a_time_has_samples_of_all_five_ways_and_judges_every_pixel_of_every_frame(frames: int, motion: Motion) -> None:
+def test_a_time_has_samples_of_every_way_and_judges_every_pixel_of_every_frame(frames: int, motion: Motion) -> None:
     outcome = measure_point(point(frames=frames, motion=motion))
-    assert {name: len(values) for name, values in outcome.samples.items()} == dict.fromkeys(SAMPLES, 3)
+    ways = {"own", "rtcIntersect1", "separate", "visible_first", *PACKETS_HERE}
+    assert {name: len(values) for name, values in outcome.samples.items()} == dict.fromkeys(ways, 3)
     assert sum(outcome.results[f"pixels_{kind}"] for kind in ("equal", "tied", "edge", "wrong")) == frames * 48 * 32
     assert outcome.results["pixels_wrong"] == 0
     assert outcome.results["separate_embree_bytes"] > 0
@@ -112,7 +114,7 @@ def test_a_time_has_samples_of_all_five_ways_and_judges_every_pixel_of_every_fra
 
 def test_one_frame_is_measured_as_before() -> None:
     outcome = measure_point(point(frames=1, motion=None))
-    assert set(outcome.samples) == {"own", "rtcIntersect1", "packets"}
+    assert set(outcome.samples) == {"own", "rtcIntersect1", *PACKETS_HERE}
     assert "separate_embree_bytes" not in outcome.results
 
 
@@ -127,7 +129,7 @@ def test_frame_by_frame_is_traced_with_each_frame_s_own_camera_and_mesh(motion: 
     one = point(motion=motion)
     mesh, _ = load_scene(SceneSource.procedural, "cornell_box", None)
     own = make_own_tracer(one, mesh, one.camera)
-    separate = make_for_each_frame(own, lambda mesh, camera: make_packet_tracer(one, mesh, camera))
+    separate = make_for_each_frame(own, lambda mesh, camera: make_pixel_tracer(one, mesh, camera, None))
     with own, separate:
         together, alone = own.trace(), separate.trace()
     assert isinstance(together, Frames)

@@ -23,7 +23,7 @@ POINT = Point(
 MEMORY = {"triangles_traced": 1, "packet_width": 1, "threads": 1, "rss_bytes": 100, "peak_rss_bytes": 120}
 COUNTS = {"pixels_equal": 60, "pixels_tied": 2, "pixels_edge": 1, "pixels_wrong": 1}
 TIMES = {"plan_time_s": 0.0, "build_time_s": 0.1, "baseline_build_time_s": 0.1, "packets_width": 8, "rounds": 3}
-METHODS = ("own", "rtcIntersect1", "packets")
+METHODS = ("own", "rtcIntersect1", "packets_8")
 GOOD = Outcome(
     "ok",
     on_purpose=True,
@@ -80,8 +80,8 @@ def test_what_is_no_result_is_refused(content: bytes) -> None:
 
 @pytest.mark.parametrize("value", [float("nan"), float("inf"), -0.5, 0, 0.0, True, None, "0.5", [0.5], 10**400])
 def test_a_sample_that_is_no_time_is_refused(value: object) -> None:
-    with pytest.raises(ValueError, match=r"a sample of packets is|no number"):
-        Outcome.from_json(edited(lambda told: told["samples"]["packets"].__setitem__(1, value)), POINT)
+    with pytest.raises(ValueError, match=r"a sample of packets_8 is|no number"):
+        Outcome.from_json(edited(lambda told: told["samples"]["packets_8"].__setitem__(1, value)), POINT)
     with pytest.raises(ValueError, match=r"a sample of own is|no number"):
         Outcome.from_json(edited(lambda told: told["warmup_samples"]["own"].__setitem__(0, value)), POINT)
 
@@ -103,7 +103,7 @@ def test_a_number_too_large_for_a_float_is_refused() -> None:
     ("edit", "reason"),
     [
         (lambda told: told["samples"]["own"].pop(), "one count for all"),
-        (lambda told: told["samples"].pop("packets"), "samples of"),
+        (lambda told: told["samples"].pop("packets_8"), "samples of"),
         (lambda told: told["samples"].update(another=[1.0, 1.0, 1.0]), "samples of"),
         (lambda told: told.update(samples={}), "samples of"),
         (lambda told: told.update(samples=[1.0]), "expected lists of seconds"),
@@ -111,6 +111,7 @@ def test_a_number_too_large_for_a_float_is_refused() -> None:
         (lambda told: [values.clear() for values in told["samples"].values()], "0 rounds"),
         (lambda told: [values.pop() for values in told["samples"].values()], "2 rounds"),
         (lambda told: [values.extend([1.0] * 2) for values in told["samples"].values()], "5 rounds"),
+        (lambda told: told["results"].update(packets_width=16), "packets_width is 16, the fastest are of 8"),
         (lambda told: told["results"].update(rounds=4), "3 rounds of samples, 4 by its account"),
         (lambda told: [values.clear() for values in told["warmup_samples"].values()], "0 warm-up rounds, expected 1"),
     ],

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import io
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from PIL import Image
 
 import experiments.quantities as quantities
 from atra.tracers import VisibleFirstTracer
+from experiments import tracing
 from experiments.configuration import (
     Configuration,
     Geometry,
@@ -23,6 +25,7 @@ from experiments.configuration import SceneSource as Source
 from experiments.point import Point
 from experiments.points import plan_points
 from experiments.quantities import Measured, measure_point
+from experiments.tracing import expert_packet_widths
 
 
 def point(quantity: Quantity, **fields: object) -> Point:
@@ -40,16 +43,32 @@ def measured(quantity: Quantity, **fields: object) -> Measured:
     return measure_point(point(quantity, **fields))
 
 
-def test_a_time_has_samples_of_all_three_methods_and_judges_every_pixel() -> None:
+def test_a_time_has_samples_of_every_native_width_from_8_on_and_judges_every_pixel() -> None:
     outcome = measured(Quantity.time)
-    assert {name: len(values) for name, values in outcome.samples.items()} == {
-        "own": 3, "rtcIntersect1": 3, "packets": 3,
-    }  # fmt: skip
-    assert {name: len(values) for name, values in outcome.warmup_samples.items()} == {
-        "own": 1, "rtcIntersect1": 1, "packets": 1,
-    }  # fmt: skip
+    methods = {"own", "rtcIntersect1", *(f"packets_{width}" for width in expert_packet_widths())}
+    assert {name: len(values) for name, values in outcome.samples.items()} == dict.fromkeys(methods, 3)
+    assert {name: len(values) for name, values in outcome.warmup_samples.items()} == dict.fromkeys(methods, 1)
     assert sum(outcome.results[f"pixels_{kind}"] for kind in ("equal", "tied", "edge", "wrong")) == 48 * 32
     assert outcome.results["pixels_wrong"] == 0
+
+
+def test_the_baseline_are_the_packets_with_the_shortest_median() -> None:
+    samples = {"own": [1.0], "packets_8": [3.0, 3.0, 9.0], "packets_16": [1.0, 4.0, 4.0]}
+    assert quantities.fastest_packets(samples) == 8
+    assert quantities.fastest_packets(samples | {"packets_16": [9.0, 2.0, 2.0]}) == 16
+    results, found = measured(Quantity.time).results, measured(Quantity.time).samples
+    assert results["packets_width"] in expert_packet_widths()
+    assert len(found) == 2 + len(expert_packet_widths())
+
+
+@pytest.mark.parametrize(
+    ("native", "expected"), [((1, 4, 8, 16), (8, 16)), ((1, 4, 8), (8,)), ((1, 4), (4,)), ((1,), (1,))]
+)
+def test_an_expert_tries_every_native_width_from_8_on_or_else_the_widest(
+    native: tuple[int, ...], expected: tuple[int, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(tracing, "load_library", lambda: SimpleNamespace(native_packet_widths=native))
+    assert expert_packet_widths() == expected
 
 
 def test_a_timed_point_plans_and_builds_five_times_and_tells_the_medians() -> None:

@@ -33,7 +33,7 @@ MEASURED = Record(
         "packet_width": None, "threads": 1, "build_quality": "medium", "rounds": 3,
     },
     environment={"cpu": "some cpu", "taken_at": "2000-01-01T00:00:00+00:00"},
-    samples={"own": [1.0, 2.0, 4.0], "rtcIntersect1": [10.0, 4.0, 12.0], "packets": [2.0, 4.0, 4.0]},
+    samples={"own": [1.0, 2.0, 4.0], "rtcIntersect1": [10.0, 4.0, 12.0], "packets_8": [2.0, 4.0, 4.0]},
     results={
         "triangles_traced": 14, "packet_width": 8, "plan_time_s": 0.5, "build_time_s": 0.25, "rss_bytes": 100,
         "peak_rss_bytes": 120, "embree_bytes": 30, "pixels_equal": 30, "pixels_tied": 1, "pixels_edge": 1,
@@ -51,6 +51,15 @@ def test_times_are_medians() -> None:
     row = make_table([MEASURED]).iloc[0]
     assert (row["render_time_s"], row["baseline_render_time_s"], row["packets_render_time_s"]) == (2.0, 10.0, 4.0)
     assert (row["render_time_q1_s"], row["render_time_q3_s"], row["render_time_spread_s"]) == (1.5, 3.0, 1.5)
+
+
+def test_packets_are_the_fastest_and_every_width_has_columns_of_its_own() -> None:
+    samples = MEASURED.samples | {"packets_16": [3.0, 3.0, 3.0]}
+    row = make_table([replace(MEASURED, samples=samples, results=MEASURED.results | {"packets_width": 16})]).iloc[0]
+    assert (row["packets_width"], row["packets_render_time_s"]) == (16, 3.0)
+    assert row["speedup_vs_packets"] == 1.5  # of 3, 1.5, 0.75
+    assert (row["packets_8_render_time_s"], row["packets_16_render_time_s"]) == (4.0, 3.0)
+    assert pd.isna(row["packets_4_render_time_s"])
 
 
 def test_ratios_are_medians_of_ratios_not_ratios_of_medians() -> None:

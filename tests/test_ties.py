@@ -3,7 +3,7 @@
 import json
 import os
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 from itertools import pairwise
 from pathlib import Path
 
@@ -15,7 +15,7 @@ from atra import ties
 from atra.embree.library import load_library
 from atra.parallel import WorkerPool
 from atra.reference import brute_force
-from experiments.tracing import make_packet_tracer, make_tracer
+from experiments.tracing import make_pixel_tracer, make_tracer
 from tests.meshes import EYE_AT_ORIGIN, cornell_box, quads, random_triangles
 from tests.test_launch import POINT
 
@@ -300,7 +300,7 @@ def test_another_rule_is_refused(kind):
 @pytest.mark.parametrize("method", ["pixel", "aligned", "visible_first", "tiles"])
 def test_a_point_is_traced_by_the_rule_it_names(method, rule):
     point = replace(POINT, method=method, ties=rule)
-    for make in (make_tracer, make_packet_tracer):
+    for make in (make_tracer, partial(make_pixel_tracer, packet_width=None)):
         with make(point, cornell_box(), point.camera) as tracer:
             assert tracer.ties == rule
     assert ("ties any" in point.label()) == (rule == "any")

@@ -24,8 +24,6 @@ LOW_QUALITY_FRAMES, HIGH_QUALITY_FRAMES = 8, 1000
 """Up to so many frames a quick build may pay, and from so many on a slow one: it takes Embree 3 to 40 times as long and
 saves up to a tenth of a frame."""
 
-_PACKET_WIDTH = 8
-
 
 @dataclass(frozen=True)
 class Choice:
@@ -102,9 +100,8 @@ def candidates(camera: View, frames: int) -> tuple[Choice, ...]:
 
 
 def choices_of_quality(camera: View, build_quality: str) -> tuple[Choice, ...]:
-    """Packets, then every method at every split worth trying, of one build quality."""
-    native = load_library().native_packet_widths
-    width = _PACKET_WIDTH if _PACKET_WIDTH in native else native[-1]
+    """Packets of the widest native width, then every method at every split worth trying, of one build quality."""
+    width = load_library().native_packet_widths[-1]
     choices = [Choice(PACKETS, (1, 1), width, SQUAREST_SHAPE[width][1], build_quality)]
     for method, cell_widths in CELL_WIDTHS.items():
         if method == VISIBLE_FIRST and camera.is_parallel:

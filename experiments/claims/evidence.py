@@ -64,6 +64,11 @@ class SceneRows:
     rows: tuple[Row, ...]
     points: Mapping[tuple[Any, ...], list[Row]]
 
+    @property
+    def widest_packets(self) -> int:
+        """Rays of the widest packets among the timed points, 1 if there are none."""
+        return max((int(row["packet_width"] or 1) for row in self.rows if row["quantity"] == "time"), default=1)
+
     def row(
         self,
         quantity: str,

@@ -68,7 +68,7 @@ def instancing_lowers_memory(scene: SceneRows) -> Outcome:
             reason = reason or str(error)
         try:
             times = [
-                scene.speedup((splits, 1), culling=False, packet_width=8, geometry=geometry)
+                scene.speedup((splits, 1), culling=False, packet_width=scene.widest_packets, geometry=geometry)
                 for geometry in ("copied", "instanced")
             ]
         except NotMeasuredError:

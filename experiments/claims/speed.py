@@ -158,10 +158,14 @@ def more_splits_faster(scene: SceneRows) -> Outcome:
     return Outcome(holds, value, gain, reasons[holds])
 
 
-def best_speedup_reaches(paper_value: float, packet_width: int, column: str) -> SceneJudge:
-    """Whether the best speed-up over horizontal splits, culling on, reaches the paper's within its interval."""
+def best_speedup_reaches(paper_value: float, column: str, *, packets: bool) -> SceneJudge:
+    """Whether the best speed-up over horizontal splits, culling on, reaches the paper's within its interval.
+
+    packets: of the widest that were measured, instead of single rays.
+    """
 
     def judge(scene: SceneRows) -> Outcome:
+        packet_width = scene.widest_packets if packets else 1
         found, missing = scene.speedups(culling=True, packet_width=packet_width, column=column)
         if not found:
             raise NotMeasuredError(next(iter(missing.values())))

@@ -14,6 +14,7 @@ IDENTITY = ("scene", "quantity", "geometry", "method", "split_x", "split_y", "cu
 VIEWS: dict[str, tuple[str, ...]] = {
     "frame times": (
         "render_time_s", "render_time_low_s", "render_time_high_s", "baseline_render_time_s", "packets_render_time_s",
+        "packets_width",
         "speedup", "speedup_low", "speedup_high", "speedup_vs_packets", "speedup_vs_packets_low",
         "speedup_vs_packets_high",
     ),
