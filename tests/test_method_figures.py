@@ -34,7 +34,8 @@ def make_rows(*rows: dict[str, Any]) -> pd.DataFrame:
 def method_row(method: str, split_x: int = 1, time_s: float = 0.02, ratio: Any = 2.0, **fields: Any) -> dict[str, Any]:
     return COMMON | {
         "method": method, "split_x": split_x, "render_time_s": time_s, "render_time_q1_s": 0.5 * time_s,
-        "render_time_q3_s": 2 * time_s, "baseline_render_time_s": 0.1, "packets_render_time_s": 0.05, "packets_width": 8,
+        "render_time_q3_s": 2 * time_s, "baseline_render_time_s": 0.1, "packets_render_time_s": 0.05,
+        "packets_width": 8,
         "speedup": 0.1 / time_s, "speedup_vs_packets": ratio, "speedup_vs_packets_low": 1.75,
         "speedup_vs_packets_high": 2.25, "plan_time_s": 0.001, "build_time_s": 0.002, "first_frame_time_s": 0.03,
         "embree_bytes": 3000,
@@ -90,7 +91,8 @@ def test_the_methods_figure_draws_the_best_split_in_milliseconds_with_quartiles_
     figure = draw_methods_figure(table)
     (axis,) = figure.axes
     assert bars(axis) == {
-        f"aligned, packets of 8\n128 {TIMES} 1": 20, f"aligned, single rays\n128 {TIMES} 1": 80, f"culled tiles, packets of 8\n4 {TIMES} 4": 40,
+        f"aligned, packets of 8\n128 {TIMES} 1": 20, f"aligned, single rays\n128 {TIMES} 1": 80,
+        f"culled tiles, packets of 8\n4 {TIMES} 4": 40,
     }  # fmt: skip
     assert whiskers(axis) == [pytest.approx([10, 40]), pytest.approx([40, 160]), pytest.approx([20, 80])]
     assert f"20.0 ms,  2.50{TIMES} [1.75, 2.25]" in words(figure)
