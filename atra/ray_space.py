@@ -27,6 +27,14 @@ nothing of this; ray space then has the world's axes.
 """
 
 
+SMALLEST_AXIS_COMPONENT = 1e-10
+"""Components of the axes of ray space that are smaller are 0, and so are those of the shears made of them.
+
+Rays move by at most half a millionth of a pixel, a thousandth of what float32 makes of them. For instances Embree turns
+the rays itself, where nothing else keeps a component from coming out tiny (`kernels.tracing.SMALLEST_COMPONENT`).
+"""
+
+
 def check_range(mesh: Mesh, camera: View) -> None:
     """Raise InputError for a mesh too small, or too far from the eye, for float32."""
     distance = float(np.abs(mesh.bounds - camera.eye).max())
@@ -44,8 +52,10 @@ def check_range(mesh: Mesh, camera: View) -> None:
 
 
 def ray_axes(camera: View) -> NDArray[np.float64]:
-    """(3, 3) float64, rows right, down, forward of the camera in ray space; orthonormal."""
-    return camera.axes if _has_world_axes(camera) else np.eye(3)
+    """(3, 3) float64, rows right, down, forward of the camera in ray space; orthonormal to SMALLEST_AXIS_COMPONENT."""
+    if not _has_world_axes(camera):
+        return np.eye(3)
+    return np.where(np.abs(camera.axes) < SMALLEST_AXIS_COMPONENT, 0.0, camera.axes)
 
 
 def from_eye_space(camera: View) -> NDArray[np.float64]:

@@ -27,7 +27,7 @@ from atra.kernels.planning import (
     _load_triangle,
     _pixel_range,
 )
-from atra.kernels.tracing import _INFINITY, _MISS, _intersect
+from atra.kernels.tracing import _INFINITY, _MISS, _intersect, ray_component
 
 
 @kernel
@@ -113,9 +113,9 @@ def tile_kernel(shape_x: int, shape_y: int) -> Callable[..., None]:
                         for column in range(shape_x):
                             lane = row * shape_x + column
                             x, y = x0 + min(column, columns - 1), y0 + min(row, rows - 1)
-                            packet[dir_x + lane] = column_directions[0, x] + row_directions[0, y]
-                            packet[dir_y + lane] = column_directions[1, x] + row_directions[1, y]
-                            packet[dir_z + lane] = column_directions[2, x] + row_directions[2, y]
+                            packet[dir_x + lane] = ray_component(column_directions[0, x], row_directions[0, y])
+                            packet[dir_y + lane] = ray_component(column_directions[1, x], row_directions[1, y])
+                            packet[dir_z + lane] = ray_component(column_directions[2, x], row_directions[2, y])
                             valid[lane] = -1 if row < rows and column < columns else 0
                     for lane in range(width):
                         packet[tfar + lane] = _INFINITY

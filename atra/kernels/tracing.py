@@ -37,6 +37,22 @@ TILE_WIDTH, TILE_HEIGHT = 32, 16
 """Pixels of a tile of the per-pixel loop: small enough to share out evenly, large enough to stay in cache."""
 
 
+SMALLEST_COMPONENT = np.float32(1e-17)
+"""Components of a ray that are smaller are 0.
+
+Embree takes the reciprocal of a component below 1e-18 as that of +1e-18, and its packets choose near and far planes by
+the sign that the component had before: with a tiny negative one they miss what they should hit. No image shows the
+difference: it is that of 1e-17 of a depth.
+"""
+
+
+@njit(inline="always")
+def ray_component(of_column, of_row):  # type: ignore[no-untyped-def]
+    """A component of a pixel's direction (or origin): the sum of its column's and its row's."""
+    total = of_column + of_row
+    return total if abs(total) >= SMALLEST_COMPONENT else np.float32(0.0)
+
+
 @njit(inline="always")
 def _intersect(width, valid_address, scene, packet_address, arguments_address):  # type: ignore[no-untyped-def]
     if width == 8:
@@ -94,9 +110,9 @@ def pixel_kernel(shape_x: int, shape_y: int, parallel: bool = False) -> Callable
                     for row in range(shape_y):
                         for column in range(shape_x):
                             lane = row * shape_x + column
-                            packet[ray_x + lane] = column_rays[0, x0 + column] + row_rays[0, y0 + row]
-                            packet[ray_y + lane] = column_rays[1, x0 + column] + row_rays[1, y0 + row]
-                            packet[ray_z + lane] = column_rays[2, x0 + column] + row_rays[2, y0 + row]
+                            packet[ray_x + lane] = ray_component(column_rays[0, x0 + column], row_rays[0, y0 + row])
+                            packet[ray_y + lane] = ray_component(column_rays[1, x0 + column], row_rays[1, y0 + row])
+                            packet[ray_z + lane] = ray_component(column_rays[2, x0 + column], row_rays[2, y0 + row])
                     for lane in range(width):
                         packet[tfar + lane] = _INFINITY
                         packet_ids[hit_prim_id + lane] = _MISS
@@ -162,9 +178,9 @@ def aligned_kernel(shape_x: int, shape_y: int, parallel: bool = False) -> Callab
                     for column in range(shape_x):
                         lane = row * shape_x + column
                         x = x0 + min(column, columns - 1)
-                        packet[ray_x + lane] = column_rays[0, x] + row_rays[0, y0 + row]
-                        packet[ray_y + lane] = column_rays[1, x] + row_rays[1, y0 + row]
-                        packet[ray_z + lane] = column_rays[2, x] + row_rays[2, y0 + row]
+                        packet[ray_x + lane] = ray_component(column_rays[0, x], row_rays[0, y0 + row])
+                        packet[ray_y + lane] = ray_component(column_rays[1, x], row_rays[1, y0 + row])
+                        packet[ray_z + lane] = ray_component(column_rays[2, x], row_rays[2, y0 + row])
                         valid[lane] = -1 if column < columns else 0
                 for lane in range(width):
                     packet[tfar + lane] = _INFINITY

@@ -30,7 +30,7 @@ from atra.embree.layout import (
 from atra.kernels.caching import kernel
 from atra.kernels.intrinsics import fetch_add
 from atra.kernels.planning import MARGIN_PIXELS, write_copy
-from atra.kernels.tracing import _MISS, _intersect
+from atra.kernels.tracing import _MISS, _intersect, ray_component
 
 CHUNK = 1024
 """Triangles a thread takes at a time."""
@@ -309,9 +309,9 @@ def verify_kernel(shape_x: int, shape_y: int) -> Callable[..., None]:
                             for column in range(shape_x):
                                 lane = row * shape_x + column
                                 x, y = x0 + min(column, columns - 1), y0 + min(row, rows - 1)
-                                packet[dir_x + lane] = column_directions[0, x] + row_directions[0, y]
-                                packet[dir_y + lane] = column_directions[1, x] + row_directions[1, y]
-                                packet[dir_z + lane] = column_directions[2, x] + row_directions[2, y]
+                                packet[dir_x + lane] = ray_component(column_directions[0, x], row_directions[0, y])
+                                packet[dir_y + lane] = ray_component(column_directions[1, x], row_directions[1, y])
+                                packet[dir_z + lane] = ray_component(column_directions[2, x], row_directions[2, y])
                                 packet[tnear + lane] = limit
                                 packet[tfar + lane] = depth[y, x]
                                 packet_ids[hit_prim_id + lane] = prim_id[y, x]
