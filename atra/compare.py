@@ -9,34 +9,28 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from enum import IntEnum
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from atra.errors import InputError
 from atra.hits import MISS, Hits
+from atra.kernels.rounding import ADMITTED_RATIO, FLOAT32_UNIT
 from atra.mesh import Mesh
+from atra.ray_space import ray_axes, to_ray_space
 from atra.reference import Pairs
 from atra.view import View
 
 TIE_TOLERANCE = 1e-9
 """Relative difference up to which two float64 depths are the same depth."""
 
-EDGE_TOLERANCE = 1e-4
-"""Barycentric distance from an edge within which float32 may see either side; seen in practice: about 1e-5."""
-
 OUTLINE_TOLERANCE_PIXELS = 1e-3
-"""The same on the image. Float32 moves a ray by about 1e-4 pixels (1e-7 of some thousand pixels); for a triangle much
-smaller than a pixel, or seen edge-on, that is more than EDGE_TOLERANCE."""
+"""How far from a triangle's outline a ray may pass and be on either side of it. Float32 moves a ray by about 1e-4
+pixels (1e-7 of some thousand pixels)."""
 
-DEPTH_TOLERANCE = 1e-3
-"""Relative error allowed in a stored depth."""
-
-DEPTH_SHIFT_PIXELS = 0.01
-"""A stored depth may also be that of a ray moved this far, which counts where a plane is seen at a grazing angle."""
-
-FLOAT32_UNIT = 2.0**-24
-"""Largest relative error of one rounding in float32."""
+_LEAST_ROUNDINGS = 5.0
+"""No depth has fewer: the corners, the direction, the volumes and their quotient are rounded once each."""
 
 
 class Verdict(IntEnum):
@@ -53,15 +47,35 @@ class Verdict(IntEnum):
     """No excuse: at least one image is not what a tracer may return."""
 
 
+@dataclass(frozen=True)
+class DepthErrors:
+    """Relative errors of the depths that an image stores, against the planes of the triangles it names, in float64.
+
+    largest: of all hits. p999: what 99.9 % of them do not exceed. Both 0 without hits.
+    """
+
+    largest: float = 0.0
+    p999: float = 0.0
+
+    @classmethod
+    def of(cls, errors: NDArray[np.float64]) -> Self:
+        """errors: (N,) float64; where a ray never meets the plane, its error is not finite and is left out."""
+        errors = errors[np.isfinite(errors)]
+        return cls(float(errors.max()), float(np.quantile(errors, 0.999))) if len(errors) else cls()
+
+
 @dataclass(frozen=True, eq=False)
 class Agreement:
     """The verdict on every pixel of two images.
 
     verdict: (H, W) uint8, values of `Verdict`. The counts are its histogram.
+    depth_errors, reference_depth_errors: of either image.
     Raises InputError for another dtype, another number of axes or an unknown code.
     """
 
     verdict: NDArray[np.uint8]
+    depth_errors: DepthErrors = DepthErrors()
+    reference_depth_errors: DepthErrors = DepthErrors()
     pixels_equal: int = field(init=False)
     pixels_tied: int = field(init=False)
     pixels_edge: int = field(init=False)
@@ -93,10 +107,10 @@ def compare(mesh: Mesh, camera: View, hits: Hits, reference: Hits) -> Agreement:
     """Judge every pixel of two images of `mesh` seen by `camera`; symmetric in `hits` and `reference`.
 
     A candidate is the triangle an image names, or nothing for a miss. In float64 its ray hits it *surely*, misses it
-    *surely*, or passes so close to its rim that it is *doubtful*: within EDGE_TOLERANCE (barycentric) or
-    OUTLINE_TOLERANCE_PIXELS, or so that the rounding of float32 could turn the sign of a volume that decides it. A
-    triangle edge-on to the ray or without area has no inside: it is doubtful on its outline and surely missed
-    elsewhere, so a tracer may report it where rounding gave it some width, and only there.
+    *surely*, or passes so close to its rim that it is *doubtful*: within OUTLINE_TOLERANCE_PIXELS, or so that the
+    rounding of float32 could turn the sign of a volume that decides it. A triangle edge-on to the ray or without area
+    has no inside: it is doubtful on its outline and surely missed elsewhere, so a tracer may report it where rounding
+    gave it some width, and only there.
 
     Same candidate: EQUAL. Different ones, in this order:
     TIED   neither is surely missed, both have a depth, and the depths are equal to TIE_TOLERANCE;
@@ -104,15 +118,13 @@ def compare(mesh: Mesh, camera: View, hits: Hits, reference: Hits) -> Agreement:
            depths differ by more than the rounding of float32 can change them;
     EDGE   otherwise.
 
-    Above all that, a pixel is WRONG if either image stores a depth that its triangle does not have there: off by
-    more than DEPTH_TOLERANCE from every depth its plane has within DEPTH_SHIFT_PIXELS of the ray, and by more than the
-    rounding of float32 can change it. Where these leave a depth open, because the plane is edge-on, or the ray is
-    within OUTLINE_TOLERANCE_PIXELS of the outline (a needle), any depth between the corners is accepted. A miss must
-    store inf.
+    Above all that, a pixel is WRONG if either image stores a depth that differs from that of the plane of its triangle,
+    in float64, by more than the rounding of float32 can change it, or, where that leaves it open because the plane
+    passes through the eye, one that is not between the triangle's corners. A miss must store inf.
 
-    The rounding of float32 is that of a tracer which is given the mesh itself with the eye at the origin, and of its
-    triangle test (`_Rounding`). Whoever traces other triangles than the mesh's, such as sheared copies of them, has to
-    keep the errors that this brings within it.
+    The rounding of float32 is that of one ray of the mesh itself, traced with the eye at the origin, and of its
+    triangle test, for this very ray and triangle (`_Rounding`), times ADMITTED_RATIO. Whoever traces other triangles
+    than the mesh's, such as sheared copies of them, has to keep the errors that this brings within it.
 
     Raises InputError if the images differ in size or offset, from each other or from the camera, or name a triangle
     the mesh does not have.
@@ -122,9 +134,12 @@ def compare(mesh: Mesh, camera: View, hits: Hits, reference: Hits) -> Agreement:
     y, x = np.nonzero(hits.prim_id != reference.prim_id)
     first, second = (_candidates(Pairs(mesh, camera, x, y, one.prim_id[y, x], one.offset)) for one in (hits, reference))
     verdict[y, x] = _judge(first, second)
+    depth_errors = []
     for image in (hits, reference):
-        verdict[_has_wrong_depth(mesh, camera, image)] = Verdict.WRONG
-    return Agreement(verdict)
+        error = _relative_depth_error(mesh, camera, image)
+        verdict[_has_wrong_depth(mesh, camera, image, error)] = Verdict.WRONG
+        depth_errors.append(DepthErrors.of(error[image.hit]))
+    return Agreement(verdict, *depth_errors)
 
 
 def _check_same_rays(camera: View, hits: Hits, reference: Hits) -> None:
@@ -143,36 +158,58 @@ def _check_same_rays(camera: View, hits: Hits, reference: Hits) -> None:
 
 @dataclass(frozen=True, eq=False)
 class _Rounding:
-    """How far off a float32 tracer may be about each triangle.
+    """How far off float32 may be about each pair of ray and triangle.
 
     A tracer subtracts the eye from the corners and rounds the result, subtracts corners from each other, multiplies the
-    edges and the ray into volumes, and takes the signs and quotients of these. Each step errs relative to the lengths
-    that go in. So, in units of rounding, with `far` the distance of the farthest corner:
+    edges and the ray into volumes, and takes the signs and quotients of these; all that in ray space. Each step errs
+    relative to the lengths that go in. With `far` the distance of the farthest corner, first corner v0, edges a and b
+    at it, normal n = a x b, and the ray o + t d, in units of rounding:
 
     corners: 4 far; error of a corner's place.
     edges: 4 far x longest edge; error of the volume of an edge, the eye and the direction, per length of the direction.
-    plane: 4 far x twice the area + longest edge squared x middle edge; error of the volume of the triangle and the eye.
-        The second term is the rounding of the normal, a product of two edges, times the distance to the corner it
-        belongs to; it rules where the corner between the two long edges of a needle comes first.
+    ahead: of n . (v0 - o). Corners, component by component, times n, as each is rounded, and the products that n is
+        made of times the way from v0 to the hit: an error of n moves the plane about v0.
+    depth: relative, of n . (v0 - o) / n . d: `ahead` over that volume, the roundings of the direction, which is the sum
+        of a column's and a row's, times n over n . d, and three more for products and quotient.
 
-    None of these becomes less as the volume does. So a hit is the less certain the closer to the ray an edge passes,
-    and a depth, a quotient, the closer the plane passes to the eye. Were all roundings at their worst and of one sign,
-    errors could be about three times as large; in traced images they were 0.7 times as large at most.
+    `ahead` and `depth` are ADMITTED_RATIO times that: the roundings of a sum and of its summands rarely are at their
+    worst and of one sign, but a few of them add up. None of these becomes less as the volume does. So a hit is the less
+    certain the closer to the ray an edge passes, and a depth, the closer the plane passes to the eye.
     Source: N. J. Higham, "Accuracy and Stability of Numerical Algorithms", 2nd ed., SIAM 2002, chapter 3.
     """
 
     corners: NDArray[np.float64]
     edges: NDArray[np.float64]
-    plane: NDArray[np.float64]
+    ahead: NDArray[np.float64]
+    depth: NDArray[np.float64]
 
     @classmethod
-    def of(cls, corners: NDArray[np.float64]) -> _Rounding:
-        """corners: (N, 3, 3) float64, camera space."""
+    def of(cls, pairs: Pairs) -> _Rounding:
+        camera, mesh = pairs.camera, pairs.mesh
+        faces = mesh.traced_faces[pairs.prim_id]
+        corners = to_ray_space(camera, mesh.vertices[faces].reshape(-1, 3)).reshape(-1, 3, 3)
         far = np.linalg.norm(corners, axis=2).max(axis=1)
-        edges = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
-        _, middle, longest = np.sort(edges, axis=1).T
-        normal = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
-        sizes = 4 * far, 4 * far * longest, 4 * far * normal + longest**2 * middle
+        longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
+
+        axes = ray_axes(camera)
+        origins, directions = (side @ axes for side in pairs.rays)
+        across, along = (pairs.rays[0 if camera.is_parallel else 1][:, axis, None] * axes[axis] for axis in (0, 1))
+        summands = np.abs(across) + np.abs(along if camera.is_parallel else along + axes[2])
+        first, a, b = corners[:, 0], corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+        normal = np.cross(a, b)
+        ahead, facing = ((normal * side).sum(axis=1) for side in (first - origins, directions))
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            to_hit = np.abs(first - origins - (ahead / facing)[:, None] * directions)
+        a, b, normal = np.abs(a), np.abs(b), np.abs(normal)
+        to_hit = np.fmin(to_hit, np.maximum(a, b))  # in the triangle, whatever the plane says
+        products = np.roll(a, -1, axis=1) * np.roll(b, 1, axis=1) + np.roll(a, 1, axis=1) * np.roll(b, -1, axis=1)
+        places = np.abs(corners).max(axis=1) + (summands if camera.is_parallel else 0.0)
+        of_ahead = ((normal * places) + products * to_hit).sum(axis=1)
+        of_facing = (normal * (np.abs(directions) + (0.0 if camera.is_parallel else summands))).sum(axis=1)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            depth = of_ahead / np.abs(ahead) + of_facing / np.abs(facing) + 3.0
+        depth[np.isnan(depth)] = np.inf
+        sizes = 4 * far, 4 * far * longest, ADMITTED_RATIO * of_ahead, ADMITTED_RATIO * depth
         return cls(*(FLOAT32_UNIT * size for size in sizes))
 
 
@@ -210,11 +247,11 @@ def _candidates(pairs: Pairs) -> _Candidates:
     nothing = {"depth": np.inf, "depth_error": 0.0, "nearest": np.inf, "doubtful": False, "surely_missed": False}
     every = {name: np.full(len(named), value) for name, value in nothing.items()}
     pairs = pairs[named]
-    found, rounding = pairs.intersections, _Rounding.of(pairs.corners)
-    doubtful = (np.abs(found.edge_distance) <= EDGE_TOLERANCE) | _is_on_outline(pairs) | _is_undecided(pairs, rounding)
+    found, rounding = pairs.intersections, _Rounding.of(pairs)
+    doubtful = _is_on_outline(pairs) | _is_undecided(pairs, rounding)
     every["depth"][named] = found.depth
-    with np.errstate(divide="ignore", invalid="ignore"):
-        every["depth_error"][named] = rounding.plane / np.abs(pairs.volumes.facing)
+    with np.errstate(invalid="ignore"):
+        every["depth_error"][named] = rounding.depth * found.depth
     every["nearest"][named] = pairs.corners[..., 2].min(axis=1) - rounding.corners
     every["doubtful"][named] = doubtful
     every["surely_missed"][named] = ~doubtful & (found.edge_distance < 0.0)
@@ -231,8 +268,8 @@ def _is_undecided(pairs: Pairs, rounding: _Rounding) -> NDArray[np.bool_]:
     sides = np.stack([volumes.u, volumes.v, volumes.facing - volumes.u - volumes.v])
     could_hit = must_hit = np.zeros(len(unsure), bool)
     for sign in (1, -1):
-        could_hit = could_hit | ((sign * sides > -unsure).all(axis=0) & (sign * volumes.ahead > -rounding.plane))
-        must_hit = must_hit | ((sign * sides >= unsure).all(axis=0) & (sign * volumes.ahead >= rounding.plane))
+        could_hit = could_hit | ((sign * sides > -unsure).all(axis=0) & (sign * volumes.ahead > -rounding.ahead))
+        must_hit = must_hit | ((sign * sides >= unsure).all(axis=0) & (sign * volumes.ahead >= rounding.ahead))
     return could_hit & ~must_hit & (pairs.corners[..., 2].max(axis=1) > -rounding.corners)
 
 
@@ -274,53 +311,51 @@ def _on_image_plane(camera: View, point: NDArray[np.float64]) -> NDArray[np.floa
     return point[:, :2] if camera.is_parallel else point[:, :2] / point[:, 2:]
 
 
-def _has_wrong_depth(mesh: Mesh, camera: View, image: Hits) -> NDArray[np.bool_]:
-    """(H, W) bool: the stored depth is not a depth that the named triangle has at (or next to) this pixel.
+def _relative_depth_error(mesh: Mesh, camera: View, image: Hits) -> NDArray[np.float64]:
+    """(H, W) float64: |stored depth - t| / t, where the ray meets the plane of the named triangle at t in float64.
 
-    A few products per pixel, since a whole image is checked; the few suspects are looked at closely. The point of depth
-    Z on the ray through (X, Y) on the image plane is (X reach, Y reach, Z), where the reach is Z for a pinhole and 1
-    for parallel rays; the plane has normal . point = height. So what a wrong depth, and a moved ray, add to
-    normal . point are linear in the pixel for both.
+    NaN for a miss; inf or NaN where the ray never meets the plane. A few products per pixel, since every pixel of an
+    image is looked at: the plane has normal . point = height, the point of depth Z on the ray through (X, Y) on the
+    image plane is (X reach, Y reach, Z), and the reach is Z for a pinhole and 1 for parallel rays.
     """
-    wrong = (image.prim_id == MISS) & (image.depth != np.inf)
+    error = np.full(image.prim_id.shape, np.nan)
     y, x = np.nonzero(image.prim_id != MISS)
-    prim_id = image.prim_id[y, x]
-    depth = image.depth[y, x].astype(np.float64)
+    prim_id, depth = image.prim_id[y, x], image.depth[y, x].astype(np.float64)
     used, row = _numbered(mesh, prim_id)
     corners = camera.to_camera_space(mesh.triangles(used).reshape(-1, 3)).reshape(-1, 3, 3)
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    height = (normal * corners[:, 0]).sum(axis=1)
-    slope_x, slope_y = normal[:, 0] * camera.pixel_pitch, normal[:, 1] * camera.pixel_pitch
-    across = slope_x[row] * (x + (image.offset[0] - camera.width / 2))
-    across += slope_y[row] * (y + (image.offset[1] - camera.height / 2))
-    along = normal[row, 2]
-    shift = (DEPTH_SHIFT_PIXELS * (np.abs(slope_x) + np.abs(slope_y)))[row]
-    with np.errstate(invalid="ignore"):
-        if camera.is_parallel:
-            facing = depth * np.abs(along)
-            off_plane = np.abs(across + depth * along - height[row])
-        else:
-            shift *= depth
-            facing = depth * np.abs(across + along)
-            off_plane = np.abs(depth * (across + along) - height[row])
-        allowed = shift + DEPTH_TOLERANCE * facing
-        right = (facing > shift) & (off_plane <= allowed) & (depth < np.inf)
-    suspect = np.nonzero(~right)[0]
-    if len(suspect):
-        pairs = Pairs(mesh, camera, x[suspect], y[suspect], prim_id[suspect], image.offset)
-        rounding = _Rounding.of(pairs.corners)
-        on_plane = off_plane[suspect] <= allowed[suspect] + rounding.plane
-        excused = (on_plane | _is_on_outline(pairs)) & _is_between_corners(pairs, depth[suspect], rounding)
-        suspect = suspect[~excused]
-        wrong[y[suspect], x[suspect]] = True
+    height, along = (normal * corners[:, 0]).sum(axis=1)[row], normal[row, 2]
+    across = normal[row, 0] * (x + (image.offset[0] - camera.width / 2))
+    across += normal[row, 1] * (y + (image.offset[1] - camera.height / 2))
+    across *= camera.pixel_pitch
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        t = (height - across) / along if camera.is_parallel else height / (across + along)
+        error[y, x] = np.abs(depth - t) / np.abs(t)
+    return error
+
+
+def _has_wrong_depth(mesh: Mesh, camera: View, image: Hits, error: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """(H, W) bool: the stored depth is not one that float32 may find for the named triangle at this pixel.
+
+    error: of `_relative_depth_error`. The few suspects are looked at closely.
+    """
+    wrong = (image.prim_id == MISS) & (image.depth != np.inf)
+    y, x = np.nonzero(image.hit & ~(error <= ADMITTED_RATIO * _LEAST_ROUNDINGS * FLOAT32_UNIT))
+    if len(y):
+        pairs = Pairs(mesh, camera, x, y, image.prim_id[y, x], image.offset)
+        rounding = _Rounding.of(pairs)
+        open_depth = rounding.depth >= 1.0
+        excused = np.where(
+            open_depth, _is_between_corners(pairs, image.depth[y, x], rounding), error[y, x] <= rounding.depth
+        )
+        wrong[y[~excused], x[~excused]] = True
     return wrong
 
 
-def _is_between_corners(pairs: Pairs, depth: NDArray[np.float64], rounding: _Rounding) -> NDArray[np.bool_]:
+def _is_between_corners(pairs: Pairs, depth: NDArray[np.floating], rounding: _Rounding) -> NDArray[np.bool_]:
     """(N,) bool: not before the eye, and no nearer and no farther than the triangle's corners."""
     low, high = pairs.corners[..., 2].min(axis=1), pairs.corners[..., 2].max(axis=1)
-    slack = DEPTH_TOLERANCE * np.maximum(np.abs(low), np.abs(high)) + rounding.corners
-    return (depth >= np.maximum(low - slack, 0.0)) & (depth <= high + slack)
+    return (depth >= np.maximum(low - rounding.corners, 0.0)) & (depth <= high + rounding.corners)
 
 
 def _numbered(mesh: Mesh, prim_id: NDArray[np.uint32]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -14,9 +13,11 @@ from atra.alignment import Alignment
 from atra.embree.scene import padded_vertices
 from atra.errors import InputError, MemoryBudgetError
 from atra.kernels.planning import count_copies, fill_copies, project_points
+from atra.kernels.rounding import COPY_ROUNDINGS
 from atra.mesh import Mesh
 from atra.parallel import WorkerPool
 from atra.ray_space import from_eye_space, to_ray_space
+from atra.rounding import Roundings, roundings_of_copies
 from atra.view import View
 
 PLAN_BYTES_PER_COPY = 3 * 12 + 12 + 8
@@ -29,8 +30,26 @@ EMBREE_BYTES_PER_COPY = {"low": 110, "medium": 110, "high": 160}
 LEFT_OUT_BY_EMBREE = np.float32(3e38)
 """A coordinate with which a triangle does not get into the BVH; Embree's limit is 1.8e18."""
 
-WIDEST_SHEAR = 8.0
-"""Shift on the image plane beyond which sheared copies of triangles close to the eye were seen to lose their depth."""
+
+@dataclass(frozen=True, eq=False)
+class LeftOut:
+    """Triangles of one image that are left out of its copies.
+
+    prim_ids: (N,) int64, ascending. depth_error: (N,) float64, how far off a ray of the mesh itself may be, relative.
+    points_pixels: (V, 3) float64, the mesh in the homogeneous pixels of the image.
+    """
+
+    prim_ids: NDArray[np.int64]
+    depth_error: NDArray[np.float64]
+    points_pixels: NDArray[np.float64]
+
+    @classmethod
+    def of(
+        cls, is_left_out: NDArray[np.bool_], roundings: Roundings, points_pixels: NDArray[np.float64]
+    ) -> LeftOut | None:
+        """Those where `is_left_out`, (F,) bool, or None if there are none."""
+        prim_ids = np.flatnonzero(is_left_out)
+        return cls(prim_ids, roundings.depth_error[prim_ids], points_pixels) if len(prim_ids) else None
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,12 +62,14 @@ class AlignedGeometry:
     image); empty where no filter reads them.
     transforms: (I, 3, 4) float32, a row-major shear per instance, or None. With them the triangles are the mesh's own
     (`vertices` (V, 3), `faces` (F, 3)), and `records` is (I,), of which only the high halves are read.
+    left_out: of each image what no copy may show (`atra.rounding`), to be traced pixel by pixel; None where nothing is.
     """
 
     vertices: NDArray[np.float32]
     faces: NDArray[np.uint32]
     records: NDArray[np.int64]
     transforms: NDArray[np.float32] | None = None
+    left_out: tuple[LeftOut | None, ...] = ()
 
     @property
     def copy_count(self) -> int:
@@ -56,8 +77,8 @@ class AlignedGeometry:
         return len(self.faces)
 
 
-def plan_plain_geometry(mesh: Mesh, camera: View) -> AlignedGeometry:
-    """The mesh itself in ray space, `prim_id` for `prim_id`, without records.
+def plan_plain_geometry(mesh: Mesh, camera: View, is_left_out: NDArray[np.bool_] | None = None) -> AlignedGeometry:
+    """The mesh itself in ray space, `prim_id` for `prim_id`, without records; is_left_out: (F,) bool, without those.
 
     Triangles without area get corners so far away that Embree leaves them out: no ray hits them, but its triangle test,
     fused multiplications in float32, may show them beside where they are.
@@ -65,10 +86,11 @@ def plan_plain_geometry(mesh: Mesh, camera: View) -> AlignedGeometry:
     vertices = padded_vertices(len(mesh.vertices) + 1)
     vertices[:-1] = to_ray_space(camera, mesh.vertices)
     vertices[-1] = LEFT_OUT_BY_EMBREE
-    faces = mesh.faces
-    if len(mesh.without_area):
+    faces = mesh.traced_faces
+    if len(mesh.without_area) or is_left_out is not None:
         faces = faces.copy()
         faces[mesh.without_area] = len(mesh.vertices)
+        faces[is_left_out if is_left_out is not None else slice(0)] = len(mesh.vertices)
     return AlignedGeometry(vertices, faces, np.empty(0, np.int64))
 
 
@@ -94,16 +116,22 @@ def plan_aligned_geometry(
     """
     split = alignment.split
     check_image_size(split.height * alignment.image_count, row_stride)
-    warn_of_wide_shears(alignment)
     cell = (split.nx, split.ny, split.cell_width, split.cell_height)
     projected = [
         project_vertices(mesh, camera, pool, linear)
         for mesh, camera, linear in zip(meshes, alignment.cameras, alignment.linear, strict=True)
     ]
+    left_out = []
+    for mesh, camera, points in zip(meshes, alignment.cameras, projected, strict=True):
+        roundings = image_roundings(mesh, camera, alignment, pool, points, COPY_ROUNDINGS)
+        left_out.append(LeftOut.of(roundings.left_out, roundings, points[0]))
     counts = [
         count_kept(pool, points_pixels, mesh, culling, cell)
         for mesh, (points_pixels, _) in zip(meshes, projected, strict=True)
     ]
+    for kept, without in zip(counts, left_out, strict=True):
+        if without is not None:
+            kept[without.prim_ids] = 0
     # One after the other: the copies of triangle t of image k start at its place in this list.
     starts = np.concatenate([[0], np.cumsum(np.concatenate(counts))])
     copies = int(starts[-1])
@@ -118,18 +146,27 @@ def plan_aligned_geometry(
         place = image * split.height * row_stride, row_stride
         _fill(pool, points, mesh, culling, cell, alignment.shears, place, own_starts, vertices, records)
     faces = np.arange(3 * copies, dtype=np.uint32).reshape(copies, 3)
-    return AlignedGeometry(vertices, faces, records)
+    return AlignedGeometry(vertices, faces, records, left_out=tuple(left_out))
 
 
-def warn_of_wide_shears(alignment: Alignment) -> None:
-    """Warn where float32 may not hold the copies: docs/departures.md, "Wide views", has the measurements."""
-    shear = float(np.hypot(np.abs(alignment.shift_x).max(), np.abs(alignment.shift_y).max()))
-    if shear > WIDEST_SHEAR and not alignment.cameras[0].is_parallel:
-        warnings.warn(
-            f"a very wide view: cells are sheared by up to {shear:.1f}, and beyond {WIDEST_SHEAR:g} float32 copies of "
-            "triangles close to the eye may lose their depth; geometry='instanced' or PixelTracer keep it",
-            stacklevel=2,
-        )
+def image_roundings(
+    mesh: Mesh,
+    camera: View,
+    alignment: Alignment,
+    pool: WorkerPool,
+    points: tuple[NDArray[np.float64], NDArray[np.float64]],
+    admitted_roundings: float,
+) -> Roundings:
+    """The roundings of one image's mesh; points: of `project_vertices`, as they are sheared.
+
+    Nothing is left out where rays are parallel: copies are translated then, which lengthens no edge.
+    """
+    if camera.is_parallel:
+        return Roundings(np.zeros(mesh.triangle_count), np.zeros(mesh.triangle_count, np.bool_))
+    own = points[1] if camera is alignment.cameras[0] else project_vertices(mesh, camera, pool)[1]
+    roundings = roundings_of_copies(mesh, alignment, pool, points[0], own, points[1], admitted_roundings)
+    roundings.left_out[mesh.without_area] = False  # that is so whatever they are traced with
+    return roundings
 
 
 def count_kept(
@@ -145,7 +182,7 @@ def count_kept(
     """
     counts = np.full(mesh.triangle_count, cell[0] * cell[1], np.int64)
     if culling:
-        pool.run(lambda _, counter: count_copies(counter, points_pixels, mesh.faces, *cell, counts))
+        pool.run(lambda _, counter: count_copies(counter, points_pixels, mesh.traced_faces, *cell, counts))
     counts[mesh.without_area] = 0
     return counts
 
@@ -164,7 +201,7 @@ def _fill(
 ) -> None:
     """place: first pixel of the image in the output, and pixels from one row to the next."""
     rest = (*cell, *shears, *place, starts, vertices, records)
-    pool.run(lambda _, counter: fill_copies(counter, *points, mesh.faces, culling, *rest))
+    pool.run(lambda _, counter: fill_copies(counter, *points, mesh.traced_faces, culling, *rest))
 
 
 def check_memory_budget(copies: int, build_quality: str, budget_bytes: int | None, cell_count: int) -> None:

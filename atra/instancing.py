@@ -9,11 +9,16 @@ from atra.alignment import Alignment
 from atra.culling import (
     EMBREE_BYTES_PER_COPY,
     AlignedGeometry,
+    LeftOut,
     check_image_size,
     check_needed_bytes,
+    image_roundings,
     plan_plain_geometry,
+    project_vertices,
 )
+from atra.kernels.rounding import INSTANCE_ROUNDINGS
 from atra.mesh import Mesh
+from atra.parallel import WorkerPool
 from atra.ray_space import from_eye_space
 
 PLAN_BYTES_PER_INSTANCE = 48 + 8
@@ -29,11 +34,13 @@ def plan_instanced_geometry(
     alignment: Alignment,
     *,
     row_stride: int,
+    pool: WorkerPool,
     memory_budget_bytes: int | None = None,
     build_quality: str = "medium",
 ) -> AlignedGeometry:
     """The mesh itself in the first camera's ray space, and for every part of the alignment a transform onto the
-    reference rays: nothing is left out.
+    reference rays. Left out, of all images, are triangles that an instance would show less exactly in one of them than
+    a ray of the mesh itself (`atra.rounding`).
 
     Instances are in the order of `Alignment.parts`. row_stride: pixels from one image row to the next. Raises
     MemoryBudgetError before allocating, InputError for an output with too many pixels.
@@ -42,11 +49,23 @@ def plan_instanced_geometry(
     rows = split.height * alignment.image_count
     check_image_size(rows, row_stride)
     check_instancing_budget(mesh, split.cell_count * alignment.image_count, build_quality, memory_budget_bytes)
-    plain = plan_plain_geometry(mesh, alignment.cameras[0])
+    projected = [
+        project_vertices(mesh, camera, pool, linear)
+        for camera, linear in zip(alignment.cameras, alignment.linear, strict=True)
+    ]
+    roundings = [
+        image_roundings(mesh, camera, alignment, pool, points, INSTANCE_ROUNDINGS)
+        for camera, points in zip(alignment.cameras, projected, strict=True)
+    ]
+    is_left_out = np.any([of_image.left_out for of_image in roundings], axis=0)
+    left_out = tuple(
+        LeftOut.of(is_left_out, of_image, points[0]) for of_image, points in zip(roundings, projected, strict=True)
+    )
+    plain = plan_plain_geometry(mesh, alignment.cameras[0], is_left_out)
     pixels_y = np.arange(0, rows, split.cell_height, dtype=np.int64) * row_stride
     pixels_x = np.arange(split.nx, dtype=np.int64) * split.cell_width
     records = (pixels_y[:, None] + pixels_x).reshape(-1) << 32
-    return AlignedGeometry(plain.vertices, plain.faces, records, instance_transforms(alignment))
+    return AlignedGeometry(plain.vertices, plain.faces, records, instance_transforms(alignment), left_out)
 
 
 def instance_transforms(alignment: Alignment) -> NDArray[np.float32]:

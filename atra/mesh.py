@@ -30,6 +30,9 @@ _OBJ_RELATIVE_FACE = re.compile(rb"(?m)^[ \t]*f\b[^\r\n]*[ \t]-\d[^\r\n]*")
 # Warnings of NumPy's by which text that is no number, or no index, goes on as another value.
 _DAMAGE = ("string or file could not be read to its end", "invalid value encountered in cast")
 
+_LONGER_PRODUCT = 4.0
+"""How many times the product of the shortest two edges that of the two at the first corner is in a needle."""
+
 _BYTES_PER_ROW = 3 * (2 * 8 + 8 + 4)
 """Three numbers of a face or a vertex: joined from parts in 64 bits, checked in 64, kept in 32."""
 
@@ -81,6 +84,27 @@ class Mesh:
         # Differences of float32 values and their products are exact in float64, or nearly so.
         normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         return np.flatnonzero((normals == 0.0).all(axis=1))
+
+    @cached_property
+    def traced_faces(self) -> NDArray[np.uint32]:
+        """(F, 3) uint32: `faces`, the corners of each needle turned so that its longest edge lies opposite the first.
+
+        What tracers hand to Embree. Its test multiplies the two edges at the first corner, and in float32 the product
+        of two long edges of a needle says little about its plane (docs/departures.md has measurements). Other triangles
+        stay as they are: two that share their longest edge, like the halves of a square, are tested there with the same
+        numbers if it starts at the first corner of both, and no ray slips through between them.
+        """
+        corners = [self.vertices[self.faces[:, corner]].astype(np.float64) for corner in range(3)]
+        lengths = np.stack([np.linalg.norm(corners[i - 2] - corners[i - 1], axis=1) for i in range(3)], axis=1)
+        product = lengths.prod(axis=1)[:, None]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            at_corner = product / lengths  # of the two edges there
+        first = np.argmax(lengths, axis=1)
+        best = np.take_along_axis(at_corner, first[:, None], axis=1)[:, 0]
+        first[~(at_corner[:, 0] > _LONGER_PRODUCT * best)] = 0
+        turned = np.take_along_axis(self.faces, (first[:, None] + np.arange(3)) % 3, axis=1)
+        turned.setflags(write=False)
+        return turned
 
     def triangles(self, prim_id: NDArray[np.integer]) -> NDArray[np.float64]:
         """Corners (N, 3, 3) float64 of the faces `prim_id` (N,): face, corner, axis.

@@ -13,14 +13,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.alignment import Alignment
-from atra.culling import AlignedGeometry, check_image_size, check_memory_budget, project_vertices, warn_of_wide_shears
+from atra.culling import AlignedGeometry, LeftOut, check_image_size, check_memory_budget, project_vertices
 from atra.embree.scene import padded_vertices
 from atra.kernels.visible import count_visible, fill_visible
 from atra.mesh import Mesh
 from atra.parallel import WorkerPool
+from atra.rounding import roundings_of_copies
+from atra.view import View
 
 DEPTH_SLACK = 1e-4
-"""Relative margin on the depth of what is left out: float32 hits and float64 bounds differ by less."""
+"""Relative margin on the depth of what is left out, or its own error in float32 where that is larger."""
 
 SEEN_SLACK = 1e-3
 """Relative margin behind the probe's depth within which copies are kept; more than DEPTH_SLACK, or the surfaces the
@@ -75,36 +77,29 @@ def plan_visible_geometry(
     """
     split, (camera,) = alignment.split, alignment.cameras
     check_image_size(split.height, row_stride)
-    warn_of_wide_shears(alignment)
     points_pixels, points_ray = project_vertices(mesh, camera, pool)
+    roundings = roundings_of_copies(mesh, alignment, pool, points_pixels, points_ray, points_ray)
     with np.errstate(divide="ignore"):
         wanted = (1.0 - SEEN_SLACK) / seen_depth
     columns = np.arange(tiles.shape[1]) * tiles.tile_width
     first_cell = columns // split.cell_width
     last_cell = np.minimum(columns + tiles.tile_width, camera.width) - 1
     last_cell //= split.cell_width
-    raster = (seen, wanted, tiles.tile_width, tiles.tile_height, camera.width, camera.height)
+    raster = wanted, tiles.tile_width, tiles.tile_height, camera.width, camera.height
+    slack = np.maximum(roundings.depth_error, DEPTH_SLACK)
 
     counts = np.empty(mesh.triangle_count, np.int64)
     hidden = np.zeros((pool.threads, *tiles.shape))
 
     def count(worker: int, counter: int) -> None:
         count_visible(
-            counter,
-            points_pixels,
-            mesh.faces,
-            *raster,
-            split.cell_height,
-            first_cell,
-            last_cell,
-            hidden[worker],
-            counts,
-        )
+            counter, points_pixels, mesh.traced_faces, seen, roundings.left_out, slack, *raster, split.cell_height,
+            first_cell, last_cell, hidden[worker], counts,
+        )  # fmt: skip
 
     pool.run(count)
     counts[mesh.without_area] = 0
-    with np.errstate(divide="ignore"):
-        nearest_hidden = ((1.0 - DEPTH_SLACK) / hidden.max(axis=0)).astype(np.float32)
+    nearest_hidden = _nearest(hidden)
 
     starts = np.zeros(mesh.triangle_count + 1, np.int64)
     np.cumsum(counts, out=starts[1:])
@@ -115,10 +110,31 @@ def plan_visible_geometry(
 
     def fill(_: int, counter: int) -> None:
         fill_visible(
-            counter, points_pixels, points_ray, mesh.faces, *raster, split.cell_width, split.cell_height,
+            counter, points_pixels, points_ray, mesh.traced_faces, seen, *raster, split.cell_width, split.cell_height,
             first_cell, last_cell, *alignment.shears, row_stride, starts, vertices, records,
         )  # fmt: skip
 
     pool.run(fill)
     faces = np.arange(3 * copies, dtype=np.uint32).reshape(copies, 3)
     return VisiblePlan(AlignedGeometry(vertices, faces, records), nearest_hidden)
+
+
+def nearest_in_tiles(mesh: Mesh, camera: View, tiles: Tiles, left_out: LeftOut) -> NDArray[np.float32]:
+    """Shape of `tiles`: before this depth, no ray of a tile meets one of the triangles left out; inf where it meets
+    none."""
+    hidden, one_cell = np.zeros(tiles.shape), np.zeros(tiles.shape[1], np.int64)
+    kept_nowhere, counter = np.ones(len(left_out.prim_ids), np.bool_), np.zeros(1, np.int64)
+    count_visible(
+        counter.ctypes.data, left_out.points_pixels, mesh.traced_faces[left_out.prim_ids], kept_nowhere.view(np.uint8),
+        kept_nowhere, np.maximum(left_out.depth_error, DEPTH_SLACK), hidden, tiles.tile_width, tiles.tile_height,
+        camera.width, camera.height, camera.height, one_cell, one_cell, hidden,
+        np.empty(len(left_out.prim_ids), np.int64),
+    )  # fmt: skip
+    return _nearest(hidden)
+
+
+def _nearest(inverse_depth: NDArray[np.float64]) -> NDArray[np.float32]:
+    """inverse_depth: (..., tile rows, tile columns), the largest of each thread."""
+    with np.errstate(divide="ignore"):
+        nearest = 1.0 / inverse_depth.reshape(-1, *inverse_depth.shape[-2:]).max(axis=0)
+    return nearest.astype(np.float32)

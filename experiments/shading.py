@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from atra.compare import DEPTH_TOLERANCE, Verdict
+from atra.compare import Verdict
 from atra.errors import InputError
 from atra.hits import Hits
 
@@ -114,7 +114,7 @@ def difference_picture(
     """Where two images differ: (H, W, 3) uint8 RGB, white where they are equal.
 
     verdict: (H, W) uint8 codes of `Verdict` (`Agreement.verdict`). Without it a pixel with another triangle, or with
-    the same one at a depth off by more than `DEPTH_TOLERANCE`, is marked as wrong, since nobody has excused it.
+    the same one at a depth off by more than a thousandth, is marked as wrong, since nobody has excused it.
     reach_pixels: how far a mark reaches beyond its pixel, so that one pixel in a million is seen; 0 marks the pixels
     alone, None chooses by the image's size. Where marks overlap, the graver verdict is on top.
     Raises InputError if the images or the verdict differ in size.
@@ -144,7 +144,7 @@ def mark_verdicts(verdict: NDArray[np.uint8], reach_pixels: int | None = None) -
 
 def _differs(aligned: Hits, pixel: Hits) -> NDArray[np.bool_]:
     with np.errstate(invalid="ignore"):  # inf - inf of two misses
-        off = np.abs(aligned.depth - pixel.depth) > DEPTH_TOLERANCE * np.minimum(aligned.depth, pixel.depth)
+        off = np.abs(aligned.depth - pixel.depth) > 1e-3 * np.minimum(aligned.depth, pixel.depth)
     return (aligned.prim_id != pixel.prim_id) | off
 
 

@@ -27,8 +27,25 @@ def random_triangles(count: int, seed: int, size: float = 1.0, spread: float = 3
     return atra.Mesh(vertices, np.arange(3 * count).reshape(-1, 3), "random triangles")
 
 
+def boards(count: int = 40, tilted: bool = False) -> atra.Mesh:
+    """Planks of 100 x 0.05 side by side, 0.3 below the eye: a floor of needles, which copies do not know the plane of.
+
+    tilted: turned off the axes, where a ray of the mesh itself does not know it well either.
+    """
+    x = -0.025 * count + 0.05 * np.arange(count)
+    planks = [[(left, -0.3, -50), (left + 0.05, -0.3, -50), (left + 0.05, -0.3, 50), (left, -0.3, 50)] for left in x]
+    mesh = quads(planks, "boards")
+    if not tilted:
+        return mesh
+    roll, pitch = (np.array([[np.cos(a), -np.sin(a)], [np.sin(a), np.cos(a)]]) for a in (0.3, 0.2))
+    turn = np.eye(3)
+    turn[:2, :2] = roll
+    turn[:, 1:] = turn[:, 1:] @ pitch
+    return atra.Mesh(mesh.vertices @ turn.T, mesh.faces, "tilted boards")
+
+
 def cornell_camera(width: int, height: int) -> atra.Camera:
     return atra.Camera(**CORNELL_BOX_CAMERA, width=width, height=height)
 
 
-__all__ = ["EYE_AT_ORIGIN", "cornell_box", "cornell_camera", "quads", "random_triangles"]
+__all__ = ["EYE_AT_ORIGIN", "boards", "cornell_box", "cornell_camera", "quads", "random_triangles"]

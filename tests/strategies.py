@@ -11,8 +11,6 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 import atra
-from atra.alignment import Alignment
-from atra.compare import DEPTH_TOLERANCE, FLOAT32_UNIT
 
 LENGTH = os.environ.get("ATRA_HYPOTHESIS", "usual")
 NIGHTLY = LENGTH == "nightly"
@@ -109,35 +107,6 @@ def views(
     split = (draw(st.sampled_from(divisors(width))), draw(st.sampled_from(divisors(height))))
     moved = atra.Mesh((mesh.vertices.astype(np.float64) + place) * scale, mesh.faces, mesh.name)
     return View(moved, camera, split, draw(offsets()))
-
-
-def faces_at_the_eye(view: View, *, sheared: bool) -> np.ndarray:
-    """(F,) bool: the eye is so nearly in the triangle that float32 cannot tell how far from it, or on which side.
-
-    Float32 errs in the distance of the triangle's plane from the eye by FLOAT32_UNIT times its size, and for a needle
-    by the tilt of a normal that is a difference of long products; a shear by s makes that (1 + s)^3 times as much
-    (docs/departures.md, "Wide views"). Nearer than this over DEPTH_TOLERANCE, a depth may be off by more than that.
-    """
-    mesh, camera = view.mesh, view.camera
-    shift = 0.0
-    if sheared:
-        alignment = Alignment.of_cells(camera, atra.Split(*view.split, camera.width, camera.height))
-        shift = np.hypot(np.abs(alignment.shift_x).max(), np.abs(alignment.shift_y).max())
-    corners = camera.to_eye_space(mesh.triangles(np.arange(mesh.triangle_count)).reshape(-1, 3)).reshape(-1, 3, 3)
-    edges = np.roll(corners, -1, axis=1) - corners
-    normals = np.cross(corners, edges)  # of eye, corner, corner; their sum is the triangle's
-    normal = normals.sum(axis=1)
-    twice_area = np.linalg.norm(normal, axis=1)
-    _, middle, longest = np.sort(np.linalg.norm(edges, axis=2), axis=1).T
-    size = np.linalg.norm(corners, axis=2).max(axis=1)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        error = FLOAT32_UNIT * (1.0 + shift) ** 3 * (4.0 * size + longest**2 * middle / twice_area)
-        from_plane = np.abs((normal * corners[:, 0]).sum(axis=1)) / twice_area
-        along = np.clip(-(corners * edges).sum(axis=2) / (edges**2).sum(axis=2), 0.0, 1.0)
-        over_it = ((normals @ normal[:, :, None])[..., 0] >= 0.0).all(axis=1)
-    from_edges = np.linalg.norm(corners + np.nan_to_num(along)[..., None] * edges, axis=2).min(axis=1)
-    nearest = np.minimum(error / DEPTH_TOLERANCE, 0.05 * size)  # near the eye in any case, whatever the needle
-    return np.where(over_it, from_plane, from_edges) < nearest
 
 
 def offsets() -> st.SearchStrategy[tuple[float, float]]:

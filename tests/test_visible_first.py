@@ -132,7 +132,7 @@ def test_a_wall_hides_what_is_behind_and_nothing_need_be_verified():
         assert set(np.unique(tracer.trace().prim_id)) == {0, 1}
         assert tracer.packets_verified == 0
         assert tracer.triangle_count - mesh.triangle_count <= 2 * 16
-        assert not np.isinf(tracer._plan.nearest_hidden).all()
+        assert not np.isinf(tracer._second_pass._nearest).all()
 
 
 def test_degenerate_triangles_and_coplanar_duplicates_give_the_float64_depth():

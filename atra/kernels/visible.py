@@ -130,9 +130,9 @@ def _inverse_depth(lines, count, nearest, tx, top, bottom, tile_w):  # type: ign
 @njit(inline="always")
 def _mark_cells(  # type: ignore[no-untyped-def]
     lines, count, left, right, top, bottom, nearest, j, cell_height, tile_w, tile_h, first_cell, last_cell, wanted,
-    seen, near, tiles,
+    seen, left_out, near, tiles,
 ):  # fmt: skip
-    """Set `near` for the columns of cells in row j where the triangle may be seen.
+    """Set `near` for the columns of cells in row j where the triangle may be seen, unless it is left out of all.
 
     Returns the first and last row of tiles the triangle meets there; tiles[ty] are its first and last tile in each.
     """
@@ -146,6 +146,8 @@ def _mark_cells(  # type: ignore[no-untyped-def]
             continue
         first, last = int(low / tile_w), min(int(high / tile_w), len(first_cell) - 1)
         tiles[ty, 0], tiles[ty, 1] = first, last
+        if left_out:
+            continue
         for tx in range(first, last + 1):
             if seen or _inverse_depth(lines, count, nearest, tx, y0, y1, tile_w) >= wanted[ty, tx]:
                 for i in range(first_cell[tx], last_cell[tx] + 1):
@@ -155,12 +157,13 @@ def _mark_cells(  # type: ignore[no-untyped-def]
 
 @kernel
 def count_visible(  # type: ignore[no-untyped-def]
-    counter_address, points_pixels, faces, seen, wanted, tile_w, tile_h, width, height, cell_height, first_cell,
-    last_cell, hidden, counts,
+    counter_address, points_pixels, faces, seen, left_out, depth_slack, wanted, tile_w, tile_h, width, height,
+    cell_height, first_cell, last_cell, hidden, counts,
 ):  # fmt: skip
     """counts[t] = number of cells in which triangle t may be seen; hidden[tile] = nearest of those left out.
 
-    points_pixels: (V, 3) float64 homogeneous pixels. seen: (F,) uint8, triangles to keep wherever they are.
+    points_pixels: (V, 3) float64 homogeneous pixels. seen: (F,) uint8, triangles to keep wherever they are; left_out:
+    (F,) bool, those to keep nowhere. depth_slack: (F,) float64, by how much nearer a triangle may be hit, relative.
     wanted: (tiles y, tiles x) float64, the inverse depth from which on a triangle is kept: 0 keeps all, inf none.
     first_cell, last_cell: (tiles x,) the columns of cells that a column of tiles meets.
     hidden: (tiles y, tiles x) float64, largest inverse depth in a tile of what was left out in a cell there; this
@@ -183,20 +186,21 @@ def count_visible(  # type: ignore[no-untyped-def]
             first, last = _cells(left, right, tile_w, first_cell, last_cell)
             row_first, row_last = int(top / cell_height), min(int(bottom / cell_height), height // cell_height - 1)
             tx, ty = int(left / tile_w), int(top / tile_h)
+            slack = 1.0 + depth_slack[triangle]
             if (
                 first == last and row_first == row_last and tx == int(right / tile_w) and ty == int(bottom / tile_h)
                 and ty < wanted.shape[0] and tx < wanted.shape[1]
             ):  # fmt: skip  # most triangles of a fine mesh
-                if seen[triangle] or nearest >= wanted[ty, tx]:
+                if not left_out[triangle] and (seen[triangle] or nearest >= wanted[ty, tx]):
                     counts[triangle] = 1
-                elif nearest > hidden[ty, tx]:
-                    hidden[ty, tx] = nearest
+                else:
+                    hidden[ty, tx] = max(hidden[ty, tx], nearest * slack)
                 continue
             total = 0
             for j in range(row_first, row_last + 1):
                 ty_first, ty_last = _mark_cells(
                     lines, count, left, right, top, bottom, nearest, j, cell_height, tile_w, tile_h, first_cell,
-                    last_cell, wanted, seen[triangle], near, tiles,
+                    last_cell, wanted, seen[triangle], left_out[triangle], near, tiles,
                 )  # fmt: skip
                 kept = 0
                 for i in range(first, last + 1):
@@ -206,13 +210,12 @@ def count_visible(  # type: ignore[no-untyped-def]
                     for ty in range(ty_first, ty_last + 1):
                         y0, y1 = ty * tile_h - MARGIN_PIXELS, (ty + 1) * tile_h + MARGIN_PIXELS
                         for tx in range(tiles[ty, 0], tiles[ty, 1] + 1):
-                            left_out = False
+                            missing = False
                             for i in range(first_cell[tx], last_cell[tx] + 1):
-                                left_out = left_out or near[i] == 0
-                            if left_out:
+                                missing = missing or near[i] == 0
+                            if missing:
                                 found = _inverse_depth(lines, count, nearest, tx, y0, y1, tile_w)
-                                if found > hidden[ty, tx]:
-                                    hidden[ty, tx] = found
+                                hidden[ty, tx] = max(hidden[ty, tx], found * slack)
                 if kept:
                     for i in range(first, last + 1):
                         near[i] = 0
@@ -246,7 +249,7 @@ def fill_visible(  # type: ignore[no-untyped-def]
                 if not everywhere:
                     _mark_cells(
                         lines, count, left, right, top, bottom, nearest, j, cell_height, tile_w, tile_h, first_cell,
-                        last_cell, wanted, seen[triangle], near, tiles,
+                        last_cell, wanted, seen[triangle], False, near, tiles,
                     )  # fmt: skip
                 for i in range(first, last + 1):
                     if near[i] == 0 and not everywhere:

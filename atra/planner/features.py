@@ -107,12 +107,13 @@ def _count_visible_copies(
     last_pixel = np.minimum(first_pixel + tile_width, camera.width) - 1
     tiles = wanted, tile_width, PROBE_STEP, camera.width, camera.height, camera.height
     seen = np.zeros(mesh.triangle_count, np.uint8)
+    nowhere, no_slack = np.zeros(mesh.triangle_count, np.bool_), np.zeros(mesh.triangle_count)
     hidden = np.zeros((pool.threads, *wanted.shape))
 
     def count(worker: int, counter: int) -> None:
         count_visible(
-            counter, points_pixels, mesh.faces, seen, *tiles, first_pixel // cell_width, last_pixel // cell_width,
-            hidden[worker], counts,
+            counter, points_pixels, mesh.faces, seen, nowhere, no_slack, *tiles,
+            first_pixel // cell_width, last_pixel // cell_width, hidden[worker], counts,
         )  # fmt: skip
 
     pool.run(count)

@@ -8,18 +8,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.alignment import Alignment, Split
-from atra.culling import AlignedGeometry, check_memory_budget, plan_aligned_geometry
+from atra.culling import AlignedGeometry, LeftOut, check_memory_budget, plan_aligned_geometry, plan_plain_geometry
+from atra.embree.device import EmbreeDevice
+from atra.embree.scene import EmbreeScene
 from atra.errors import InputError
 from atra.frames import Frames
 from atra.instancing import check_instancing_budget, plan_instanced_geometry
-from atra.kernels.callbacks import nearest_hit_filter
+from atra.kernels.callbacks import memory_monitor, nearest_hit_filter
 from atra.mesh import Mesh
-from atra.tracers.base import ImageTracer
+from atra.tracers.base import ImageTracer, one_at_a_time
 from atra.tracers.reference_rays import ReferenceRayTracer
+from atra.tracers.second_pass import SecondPass
 from atra.view import View
+from atra.visibility import Tiles, nearest_in_tiles
 
 GEOMETRIES = ("copied", "instanced")
 """How the cells' sheared geometry comes into the scene."""
+
+SECOND_PASS_TILE = (8, 4)
+"""Width and height in pixels of the tiles of the second pass: whole packets of any shape."""
 
 
 class _AlignedImages(ReferenceRayTracer):
@@ -48,6 +55,7 @@ class _AlignedImages(ReferenceRayTracer):
         self.memory_budget_bytes = memory_budget_bytes
         first = self.meshes[0]
         super().__init__(first, alignment, packet_width, packet_rows, threads, build_quality, ties)
+        self._second_passes: list[SecondPass | None] = []  # of each image that copies cannot show all of
         cells = self.split.cell_count
         if geometry == "instanced":
             check_instancing_budget(first, cells * count, build_quality, memory_budget_bytes)
@@ -61,6 +69,7 @@ class _AlignedImages(ReferenceRayTracer):
                 self.mesh,
                 self.alignment,
                 row_stride=self._row_stride,
+                pool=self._pool,
                 memory_budget_bytes=self.memory_budget_bytes,
                 build_quality=self.build_quality,
             )
@@ -81,8 +90,60 @@ class _AlignedImages(ReferenceRayTracer):
     def _filter_address(self) -> int:
         return nearest_hit_filter(*self.packet_shape, self.geometry == "instanced")
 
+    def _build_scene(self, geometry: AlignedGeometry) -> EmbreeDevice:
+        self._close_second_passes()
+        self._second_passes = [
+            None if left_out is None else self._second_pass(mesh, camera, left_out)
+            for (mesh, camera), left_out in zip(self._views, geometry.left_out, strict=False)
+        ]
+        return super()._build_scene(geometry)
+
+    def _second_pass(self, mesh: Mesh, camera: View, left_out: LeftOut) -> SecondPass:
+        others = np.ones(mesh.triangle_count, np.bool_)
+        others[left_out.prim_ids] = False
+        plain = plan_plain_geometry(mesh, camera, others)
+        tiles = Tiles(*SECOND_PASS_TILE, camera.width, camera.height)
+        nearest = nearest_in_tiles(mesh, camera, tiles, left_out)
+        scene = EmbreeScene(
+            plain.vertices,
+            plain.faces,
+            build_quality=self.build_quality,
+            threads=self.threads,
+            monitor_address=memory_monitor(),
+        )
+        return SecondPass(scene, camera, tiles, nearest)
+
     def _run(self, offset: tuple[float, float], depth: NDArray, prim_id: NDArray) -> None:
         self._trace_reference_rays(offset, depth, prim_id)
+        height = self.camera.height
+        for image, second_pass in enumerate(self._second_passes):
+            if second_pass is not None:
+                rows = slice(image * height, (image + 1) * height)
+                second_pass.trace(self._pool, self._workspaces, self.packet_width, offset, depth[rows], prim_id[rows])
+
+    @property
+    def triangles_left_out(self) -> int:
+        """Triangles, over all images, that are traced pixel by pixel because float32 cannot show sheared copies of them
+        exactly enough (`atra.rounding`); 0 before `plan`."""
+        left_out = () if self._geometry is None else self._geometry.left_out
+        return sum(0 if one is None else len(one.prim_ids) for one in left_out)
+
+    @property
+    def embree_bytes(self) -> int:
+        """Bytes Embree holds for all scenes by its own account; 0 before `build`."""
+        return super().embree_bytes + sum(one.scene.embree_bytes for one in self._second_passes if one is not None)
+
+    def _close_second_passes(self) -> None:
+        for second_pass in self._second_passes:
+            if second_pass is not None:
+                second_pass.close()
+        self._second_passes = []
+
+    @one_at_a_time
+    def close(self) -> None:
+        """Release the Embree scenes and the geometry; waits for a frame in progress. Closing twice is harmless."""
+        super().close()
+        self._close_second_passes()
 
 
 class AlignedTracer(_AlignedImages, ImageTracer):

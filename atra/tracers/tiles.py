@@ -53,9 +53,9 @@ class TiledTracer(ImageTracer):
         copies = int(starts[-1])
         check_memory_budget(copies, self.build_quality, self.memory_budget_bytes, split.cell_count)
         cells = np.empty(copies, np.int64)
-        self._pool.run(lambda _, counter: list_cells(counter, points_pixels, mesh.faces, *cell, starts, cells))
+        self._pool.run(lambda _, counter: list_cells(counter, points_pixels, mesh.traced_faces, *cell, starts, cells))
         faces, prim_ids = np.empty((copies, 3), np.uint32), np.empty(copies, np.int64)
-        sort_by_cell(starts, cells, mesh.faces, self._cell_starts, faces, prim_ids)
+        sort_by_cell(starts, cells, mesh.traced_faces, self._cell_starts, faces, prim_ids)
         return AlignedGeometry(vertices, faces, prim_ids)
 
     def _build_scene(self, geometry: AlignedGeometry) -> EmbreeScenes:

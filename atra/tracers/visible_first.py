@@ -15,13 +15,13 @@ from atra.errors import InputError
 from atra.hits import Hits
 from atra.kernels.callbacks import memory_monitor, nearest_hit_filter
 from atra.kernels.tracing import pixel_kernel
-from atra.kernels.visible import verify_kernel
 from atra.mesh import Mesh
-from atra.tracers.base import ImageTracer, check_pinhole, image_ray_grid, new_images, one_at_a_time, ray_grid
+from atra.tracers.base import ImageTracer, check_pinhole, new_images, one_at_a_time, ray_grid
 from atra.tracers.pixel import SQUAREST_SHAPE
 from atra.tracers.reference_rays import ReferenceRayTracer
+from atra.tracers.second_pass import SecondPass
 from atra.view import View
-from atra.visibility import Tiles, VisiblePlan, plan_visible_geometry
+from atra.visibility import Tiles, plan_visible_geometry
 
 PROBE_STEP = 4
 """The default probe shoots a ray every PROBE_STEP pixels, across and down, along the borders of the tiles."""
@@ -39,7 +39,8 @@ Whole packets, and no wider than narrow cells, because a copy is kept in every c
 class VisibleFirstTracer(ReferenceRayTracer, ImageTracer):
     """Alignment without overdraw: the copies a probe takes for hidden are left out, and verified per pixel.
 
-    Pass 1 traces, aligned, the copies of triangles that may be seen according to the probe. Pass 2 goes over the image
+    Pass 1 traces, aligned, the copies of triangles that may be seen according to the probe, and that float32 can show
+    as exactly as a ray of the mesh itself would (`atra.rounding`). Pass 2 goes over the image
     in packets of pixels: where the hits found so far are nearer than anything that was left out can be in that tile,
     the packet is done; elsewhere it is traced through the whole mesh, up to the depth found, and nearer hits win. The
     image is exact for any probe; a bad one costs time.
@@ -82,8 +83,7 @@ class VisibleFirstTracer(ReferenceRayTracer, ImageTracer):
         self.tiles = Tiles(tile_width, TILE_HEIGHT, camera.width, camera.height)
         self._whole_build_time_s = 0.0
         self._whole: EmbreeScene | None = None
-        self._plan: VisiblePlan | None = None
-        self._packets_verified = np.zeros((self.threads, 16), np.int64)  # a cache line or two for each thread
+        self._second_pass: SecondPass | None = None
 
     @one_at_a_time
     def plan(self) -> None:
@@ -120,7 +120,7 @@ class VisibleFirstTracer(ReferenceRayTracer, ImageTracer):
             seen[self.probe] = 1
             seen_depth = np.zeros(self.tiles.shape)
         self.probe_time_s = perf_counter() - start
-        self._plan = plan_visible_geometry(
+        plan = plan_visible_geometry(
             self.mesh,
             self.alignment,
             self.tiles,
@@ -131,7 +131,9 @@ class VisibleFirstTracer(ReferenceRayTracer, ImageTracer):
             memory_budget_bytes=self.memory_budget_bytes,
             build_quality=self.build_quality,
         )
-        return self._plan.geometry
+        assert self._whole is not None
+        self._second_pass = SecondPass(self._whole, self.camera, self.tiles, plan.nearest_hidden)
+        return plan.geometry
 
     def _probe_depth(self) -> NDArray[np.float64]:
         """Shoot the default probe: how far one sees in each tile, by rays on its border.
@@ -189,30 +191,13 @@ class VisibleFirstTracer(ReferenceRayTracer, ImageTracer):
 
     def _run(self, offset: tuple[float, float], depth: NDArray, prim_id: NDArray) -> None:
         self._trace_reference_rays(offset, depth, prim_id)
-        self._verify(offset, depth, prim_id)
-
-    def _verify(self, offset: tuple[float, float], depth: NDArray, prim_id: NDArray) -> None:
-        assert self._whole is not None
-        assert self._plan is not None
-        camera, scene, nearest_hidden = self.camera, self._whole.address, self._plan.nearest_hidden
-        directions = image_ray_grid(camera, offset)
-        kernel = verify_kernel(*SQUAREST_SHAPE[self.packet_width])
-        self._packets_verified[:] = 0
-
-        def work(worker: int, counter: int) -> None:
-            own = self._workspaces[worker]
-            kernel(
-                counter, scene, own.packet, own.packet_ids, own.valid, own.arguments_address, *directions,
-                nearest_hidden, self.tiles.tile_width, self.tiles.tile_height, camera.width, camera.height,
-                depth, prim_id, self._packets_verified[worker],
-            )  # fmt: skip
-
-        self._pool.run(work)
+        assert self._second_pass is not None
+        self._second_pass.trace(self._pool, self._workspaces, self.packet_width, offset, depth, prim_id)
 
     @property
     def packets_verified(self) -> int:
         """Packets that pass 2 of the last frame had to trace."""
-        return int(self._packets_verified[:, 0].sum())
+        return 0 if self._second_pass is None else self._second_pass.packets_traced
 
     @property
     def triangle_count(self) -> int:
@@ -230,7 +215,7 @@ class VisibleFirstTracer(ReferenceRayTracer, ImageTracer):
         super().close()
         if self._whole is not None:
             self._whole.close()
-        self._plan = None
+        self._second_pass = None
 
 
 def _checked_prim_ids(mesh: Mesh, probe: Any) -> NDArray[np.int64]:

@@ -1,0 +1,134 @@
+"""How far float32 may be off about the depth of a triangle, as it is and sheared onto the reference rays."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from atra.kernels.caching import kernel
+from atra.kernels.intrinsics import fetch_add
+from atra.kernels.planning import _POLYGON, _cell_range, _columns_in_row, _front_part, _load_triangle, _pixel_range
+
+FLOAT32_UNIT = 2.0**-24
+"""Largest relative error of one rounding in float32."""
+
+ADMITTED_RATIO = 4.0
+"""How many times as far as a ray of the mesh itself a ray of a sheared copy may be off.
+
+A shift s on the image plane lengthens corners and edges up to 1 + s times, and three lengths go into an error: in a
+view of 60 degrees, where s is at most 0.87, that makes it about so many times as large at the most.
+"""
+
+COPY_ROUNDINGS, INSTANCE_ROUNDINGS = 16.0, 8.0
+"""Roundings that a copy may have whatever the mesh itself has: walls along an axis, say, have next to none. Of an
+instance half as many: what a copy has in its corners, an instance has in the rays, which are turned by a matrix that is
+rounded itself."""
+
+CHUNK = 1024
+"""Triangles a thread takes at a time."""
+
+
+@njit(inline="always")
+def _enlarge(points, faces, triangle, shear_x, shear_y, depth, largest):  # type: ignore[no-untyped-def]
+    """Raise `largest` (4, 3) to the sizes, component by component, of a triangle that is sheared: its corners, the two
+    edges at the first corner, its normal."""
+    v0, v1, v2 = faces[triangle, 0], faces[triangle, 1], faces[triangle, 2]
+    z0, z1, z2 = depth[v0, 2], depth[v1, 2], depth[v2, 2]
+    px = points[v0, 0] - (shear_x[0] + shear_y[0]) * z0
+    py = points[v0, 1] - (shear_x[1] + shear_y[1]) * z0
+    pz = points[v0, 2] - (shear_x[2] + shear_y[2]) * z0
+    ax = points[v1, 0] - (shear_x[0] + shear_y[0]) * z1 - px
+    ay = points[v1, 1] - (shear_x[1] + shear_y[1]) * z1 - py
+    az = points[v1, 2] - (shear_x[2] + shear_y[2]) * z1 - pz
+    bx = points[v2, 0] - (shear_x[0] + shear_y[0]) * z2 - px
+    by = points[v2, 1] - (shear_x[1] + shear_y[1]) * z2 - py
+    bz = points[v2, 2] - (shear_x[2] + shear_y[2]) * z2 - pz
+    nx, ny, nz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+    largest[0, 0] = max(largest[0, 0], abs(px), abs(px + ax), abs(px + bx))
+    largest[0, 1] = max(largest[0, 1], abs(py), abs(py + ay), abs(py + by))
+    largest[0, 2] = max(largest[0, 2], abs(pz), abs(pz + az), abs(pz + bz))
+    largest[1, 0], largest[1, 1], largest[1, 2] = (
+        max(largest[1, 0], abs(ax)),
+        max(largest[1, 1], abs(ay)),
+        max(largest[1, 2], abs(az)),
+    )
+    largest[2, 0], largest[2, 1], largest[2, 2] = (
+        max(largest[2, 0], abs(bx)),
+        max(largest[2, 1], abs(by)),
+        max(largest[2, 2], abs(bz)),
+    )
+    largest[3, 0], largest[3, 1], largest[3, 2] = (
+        max(largest[3, 0], abs(nx)),
+        max(largest[3, 1], abs(ny)),
+        max(largest[3, 2], abs(nz)),
+    )
+    return abs(nx * px + ny * py + nz * pz)
+
+
+@njit(inline="always")
+def _roundings(largest, volume):  # type: ignore[no-untyped-def]
+    """Relative error of the depth, in units of rounding, of a triangle with these sizes; volume: normal . corner."""
+    of_corners, of_normal = 0.0, 0.0
+    for k in range(3):
+        i, j = (k + 1) % 3, (k + 2) % 3
+        of_corners += largest[3, k] * largest[0, k]
+        products = largest[1, i] * largest[2, j] + largest[1, j] * largest[2, i]
+        of_normal += products * max(largest[1, k], largest[2, k])
+    total = of_corners + of_normal
+    return total / volume if volume > 0.0 else np.inf
+
+
+@kernel
+def judge_copies(  # type: ignore[no-untyped-def]
+    counter_address, points_pixels, points_own, points_ray, faces, shears_x, shears_y, cell_width, cell_height,
+    admitted_roundings, depth_error, left_out,
+):  # fmt: skip
+    """How far off a ray of the mesh itself may be about each triangle, and whether its copies would be too far off.
+
+    points_pixels: (V, 3) float64 homogeneous pixels. points_own: (V, 3) float64, ray space of the triangle's own
+    camera; points_ray: what is sheared. shears_x: (nx, 3), shears_y: (ny, 3) float64, by columns and rows of cells, per
+    depth.
+    depth_error: (F,) float64, ADMITTED_RATIO times the roundings of the mesh itself, relative to the depth; inf where
+    the plane passes through the eye. left_out: (F,) uint8, 1 where in some cell a copy could be off by more than that,
+    and by more than admitted_roundings.
+
+    With first corner v0, edges a and b at it, normal n = a x b, a depth is n . v0 / n . d. Rounding the corners, and
+    the products with n, errs by sum_k |n_k| max_i |v_ik| of n . v0. Rounding n errs by the products it is made of,
+    times the way from v0 to the hit; both component by component, so that a wall along an axis, whose normal is exact,
+    is known to be. All sizes of a copy are linear in its shear, so none is larger than at the corners of the image;
+    only where these are too much are the cells that the triangle meets looked at one by one.
+    """
+    largest, nothing = np.empty((4, 3)), np.zeros(3)
+    polygon, first, second = np.empty((_POLYGON, 3)), np.empty((_POLYGON, 3)), np.empty((_POLYGON, 3))
+    nx, ny = len(shears_x), len(shears_y)
+    while True:
+        start = fetch_add(counter_address, 1) * CHUNK
+        if start >= len(faces):
+            return
+        for triangle in range(start, min(start + CHUNK, len(faces))):
+            largest[:] = 0.0
+            volume = _enlarge(points_own, faces, triangle, nothing, nothing, points_pixels, largest)
+            admitted = ADMITTED_RATIO * _roundings(largest, volume)
+            depth_error[triangle] = FLOAT32_UNIT * admitted
+            admitted = max(admitted, admitted_roundings)
+            largest[:] = 0.0
+            for j in (0, ny - 1):
+                for i in (0, nx - 1):
+                    volume = _enlarge(points_ray, faces, triangle, shears_x[i], shears_y[j], points_pixels, largest)
+            left_out[triangle] = 0
+            if not _roundings(largest, volume) > admitted:
+                continue
+            nearest, farthest, size = _load_triangle(points_pixels, faces, triangle, polygon)
+            tiny = 1e-12 * size
+            corners = _front_part(polygon, nearest, farthest, first)
+            y_low, y_high = _pixel_range(polygon, corners, 1, tiny)
+            top, bottom = _cell_range(y_low, y_high, cell_height, ny)
+            for j in range(top, bottom + 1):
+                left, right = _columns_in_row(
+                    polygon, corners, j, cell_width, cell_height, nx, y_low, y_high, tiny, first, second
+                )
+                for i in range(left, right + 1):
+                    largest[:] = 0.0
+                    volume = _enlarge(points_ray, faces, triangle, shears_x[i], shears_y[j], points_pixels, largest)
+                    if _roundings(largest, volume) > admitted:
+                        left_out[triangle] = 1

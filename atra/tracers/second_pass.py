@@ -1,0 +1,66 @@
+"""The second pass of a frame: pixel by pixel, up to the depth found, what the aligned pass was not given."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from atra.embree.scene import EmbreeScene
+from atra.embree.workspace import Workspace
+from atra.kernels.visible import verify_kernel
+from atra.parallel import WorkerPool
+from atra.tracers.base import image_ray_grid
+from atra.tracers.pixel import SQUAREST_SHAPE
+from atra.view import View
+from atra.visibility import Tiles
+
+
+class SecondPass:
+    """Goes over an image in packets of pixels, tile by tile, and lets nearer hits replace those of the first pass.
+
+    Where the hits found so far are nearer than anything in the scene can be in that tile, a packet is done; elsewhere
+    it is traced from there on up to the depth found.
+
+    scene: of triangles in the camera's ray space, `prim_id` for `prim_id`; closed with `close`. nearest: shape of
+    `tiles`, float32, before this depth no ray of the tile meets any of them; inf = never.
+    """
+
+    def __init__(self, scene: EmbreeScene, camera: View, tiles: Tiles, nearest: NDArray[np.float32]) -> None:
+        self.scene = scene
+        self._camera, self._tiles, self._nearest = camera, tiles, nearest
+        self._packets_traced = np.zeros((1, 1), np.int64)
+
+    def trace(
+        self,
+        pool: WorkerPool,
+        workspaces: Sequence[Workspace],
+        packet_width: int,
+        offset: tuple[float, float],
+        depth: NDArray[np.float32],
+        prim_id: NDArray[np.uint32],
+    ) -> None:
+        """depth, prim_id: (H, W), the image of the first pass, changed in place."""
+        camera, tiles, scene = self._camera, self._tiles, self.scene.address
+        directions = image_ray_grid(camera, offset)
+        kernel = verify_kernel(*SQUAREST_SHAPE[packet_width])
+        self._packets_traced = np.zeros((len(workspaces), 16), np.int64)  # a cache line or two for each thread
+
+        def work(worker: int, counter: int) -> None:
+            own = workspaces[worker]
+            kernel(
+                counter, scene, own.packet, own.packet_ids, own.valid, own.arguments_address, *directions,
+                self._nearest, tiles.tile_width, tiles.tile_height, camera.width, camera.height,
+                depth, prim_id, self._packets_traced[worker],
+            )  # fmt: skip
+
+        pool.run(work)
+
+    @property
+    def packets_traced(self) -> int:
+        """Packets that the last frame had to trace."""
+        return int(self._packets_traced[:, 0].sum())
+
+    def close(self) -> None:
+        self.scene.close()
