@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from atra.errors import InputError
 from atra.hits import MISS, Hits
-from atra.kernels.rounding import ADMITTED_RATIO, FLOAT32_UNIT
+from atra.kernels.rounding import ALLOWED_MULTIPLE, FLOAT32_UNIT
 from atra.mesh import Mesh
 from atra.ray_space import ray_axes, to_ray_space
 from atra.reference import Pairs
@@ -123,7 +123,7 @@ def compare(mesh: Mesh, camera: View, hits: Hits, reference: Hits) -> Agreement:
     passes through the eye, one that is not between the triangle's corners. A miss must store inf.
 
     The rounding of float32 is that of one ray of the mesh itself, traced with the eye at the origin, and of its
-    triangle test, for this very ray and triangle (`_Rounding`), times ADMITTED_RATIO. Whoever traces other triangles
+    triangle test, for this very ray and triangle (`_Rounding`), times ALLOWED_MULTIPLE. Whoever traces other triangles
     than the mesh's, such as sheared copies of them, has to keep the errors that this brings within it.
 
     Raises InputError if the images differ in size or offset, from each other or from the camera, or name a triangle
@@ -172,9 +172,8 @@ class _Rounding:
     depth: relative, of n . (v0 - o) / n . d: `ahead` over that volume, the roundings of the direction, which is the sum
         of a column's and a row's, times n over n . d, and three more for products and quotient.
 
-    `ahead` and `depth` are ADMITTED_RATIO times that: the roundings of a sum and of its summands rarely are at their
-    worst and of one sign, but a few of them add up. None of these becomes less as the volume does. So a hit is the less
-    certain the closer to the ray an edge passes, and a depth, the closer the plane passes to the eye.
+    `ahead` and `depth` are ALLOWED_MULTIPLE times that. None of these becomes less as the volume does. So a hit is the
+    less certain the closer to the ray an edge passes, and a depth, the closer the plane passes to the eye.
     Source: N. J. Higham, "Accuracy and Stability of Numerical Algorithms", 2nd ed., SIAM 2002, chapter 3.
     """
 
@@ -209,7 +208,7 @@ class _Rounding:
         with np.errstate(divide="ignore", invalid="ignore"):
             depth = of_ahead / np.abs(ahead) + of_facing / np.abs(facing) + 3.0
         depth[np.isnan(depth)] = np.inf
-        sizes = 4 * far, 4 * far * longest, ADMITTED_RATIO * of_ahead, ADMITTED_RATIO * depth
+        sizes = 4 * far, 4 * far * longest, ALLOWED_MULTIPLE * of_ahead, ALLOWED_MULTIPLE * depth
         return cls(*(FLOAT32_UNIT * size for size in sizes))
 
 
@@ -340,7 +339,7 @@ def _has_wrong_depth(mesh: Mesh, camera: View, image: Hits, error: NDArray[np.fl
     error: of `_relative_depth_error`. The few suspects are looked at closely.
     """
     wrong = (image.prim_id == MISS) & (image.depth != np.inf)
-    y, x = np.nonzero(image.hit & ~(error <= ADMITTED_RATIO * _LEAST_ROUNDINGS * FLOAT32_UNIT))
+    y, x = np.nonzero(image.hit & ~(error <= ALLOWED_MULTIPLE * _LEAST_ROUNDINGS * FLOAT32_UNIT))
     if len(y):
         pairs = Pairs(mesh, camera, x, y, image.prim_id[y, x], image.offset)
         rounding = _Rounding.of(pairs)

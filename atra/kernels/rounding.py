@@ -12,17 +12,18 @@ from atra.kernels.planning import _POLYGON, _cell_range, _columns_in_row, _front
 FLOAT32_UNIT = 2.0**-24
 """Largest relative error of one rounding in float32."""
 
-ADMITTED_RATIO = 4.0
-"""How many times as far as a ray of the mesh itself a ray of a sheared copy may be off.
-
-A shift s on the image plane lengthens corners and edges up to 1 + s times, and three lengths go into an error: in a
-view of 60 degrees, where s is at most 0.87, that makes it about so many times as large at the most.
-"""
+ALLOWED_MULTIPLE = 4.0
+"""Times the roundings counted here that a depth may be off, by `atra.compare`: those of a sum and of its summands
+rarely are at their worst and of one sign, but a few of them add up."""
 
 COPY_ROUNDINGS, INSTANCE_ROUNDINGS = 16.0, 8.0
 """Roundings that a copy may have whatever the mesh itself has: walls along an axis, say, have next to none. Of an
 instance half as many: what a copy has in its corners, an instance has in the rays, which are turned by a matrix that is
 rounded itself."""
+
+MOST_ROUNDINGS = 256.0
+"""Roundings that no copy may have, whatever the mesh itself has: the plane almost passes through the eye then, and only
+the very same numbers give the same answer."""
 
 CHUNK = 1024
 """Triangles a thread takes at a time."""
@@ -88,9 +89,9 @@ def judge_copies(  # type: ignore[no-untyped-def]
     points_pixels: (V, 3) float64 homogeneous pixels. points_own: (V, 3) float64, ray space of the triangle's own
     camera; points_ray: what is sheared. shears_x: (nx, 3), shears_y: (ny, 3) float64, by columns and rows of cells, per
     depth.
-    depth_error: (F,) float64, ADMITTED_RATIO times the roundings of the mesh itself, relative to the depth; inf where
-    the plane passes through the eye. left_out: (F,) uint8, 1 where in some cell a copy could be off by more than that,
-    and by more than admitted_roundings.
+    depth_error: (F,) float64, ALLOWED_MULTIPLE times the roundings of the mesh itself, relative to the depth; inf where
+    the plane passes through the eye. left_out: (F,) uint8, 1 where in some cell a copy would have more of them than the
+    mesh itself, and than admitted_roundings.
 
     With first corner v0, edges a and b at it, normal n = a x b, a depth is n . v0 / n . d. Rounding the corners, and
     the products with n, errs by sum_k |n_k| max_i |v_ik| of n . v0. Rounding n errs by the products it is made of,
@@ -108,9 +109,9 @@ def judge_copies(  # type: ignore[no-untyped-def]
         for triangle in range(start, min(start + CHUNK, len(faces))):
             largest[:] = 0.0
             volume = _enlarge(points_own, faces, triangle, nothing, nothing, points_pixels, largest)
-            admitted = ADMITTED_RATIO * _roundings(largest, volume)
-            depth_error[triangle] = FLOAT32_UNIT * admitted
-            admitted = max(admitted, admitted_roundings)
+            of_mesh = _roundings(largest, volume)
+            depth_error[triangle] = FLOAT32_UNIT * ALLOWED_MULTIPLE * of_mesh
+            admitted = max(min(of_mesh, MOST_ROUNDINGS), admitted_roundings)
             largest[:] = 0.0
             for j in (0, ny - 1):
                 for i in (0, nx - 1):
