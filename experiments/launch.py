@@ -12,6 +12,7 @@ import tempfile
 import time
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import psutil
 
@@ -24,6 +25,9 @@ _ROOT = Path(__file__).resolve().parents[1]
 _OUTPUT_KEPT_BYTES = 4000
 _RESULT_LIMIT_BYTES = 2**28
 """Pictures of a large image take some 2**25; what is far larger is no result and is not read into memory."""
+
+_WAIT_S = 1.0
+"""So long an interrupt may have to wait on Windows."""
 
 _FOLDER_PREFIX = "atra-"
 _ABANDONED_AFTER_S = 86_400.0
@@ -49,19 +53,19 @@ def run_worker(point: Point, command: Sequence[str] = WORKER_COMMAND) -> Outcome
 
 
 def _run_in(folder: Path, point: Point, command: Sequence[str]) -> Outcome:
-    job = Job(point, str(folder / "outcome.json"))
+    job = Job(point, str(folder / "outcome.json"), os.getpid())
     output_path = folder / "output.txt"
     with output_path.open("wb") as output:
         process = subprocess.Popen(
             list(command), stdin=subprocess.PIPE, stdout=output, stderr=subprocess.STDOUT,
-            env=project_environment() | _thread_limits(point), process_group=0,
+            env=project_environment() | _thread_limits(point), **_apart_from_the_interrupt_key(),
         )  # fmt: skip
         try:
             assert process.stdin is not None
             with contextlib.suppress(OSError):  # it may have died without listening; its exit code tells
                 process.stdin.write(job.to_json().encode() + b"\n")
                 process.stdin.flush()
-            reason = _death(process.wait(point.time_limit_s), folder)
+            reason = _death(_wait(process, point.time_limit_s), folder)
         except subprocess.TimeoutExpired:
             reason = f"stopped after the time limit of {point.time_limit_s:g} s (measure.time_limit_s)"
         finally:
@@ -84,16 +88,36 @@ def _run_in(folder: Path, point: Point, command: Sequence[str]) -> Outcome:
     )
 
 
+def _apart_from_the_interrupt_key() -> dict[str, Any]:
+    """Options for `subprocess`: a group of its own. The interrupt is for the run alone, which then ends the worker."""
+    if sys.platform == "win32":
+        return {"creationflags": subprocess.CREATE_NEW_PROCESS_GROUP}
+    return {"process_group": 0}
+
+
+def _wait(process: subprocess.Popen[bytes], limit_s: float) -> int:
+    """The exit code; raises TimeoutExpired. Windows lets no interrupt through while it waits, hence in short waits."""
+    end_s = time.monotonic() + limit_s
+    while True:
+        left_s = max(0.0, end_s - time.monotonic())
+        try:
+            return process.wait(min(left_s, _WAIT_S))
+        except subprocess.TimeoutExpired:
+            if left_s <= _WAIT_S:
+                raise
+
+
 def _end(process: subprocess.Popen[bytes]) -> None:
-    """Kill the worker, if it still runs, and what it has started and left behind, which would spoil later times."""
+    """Kill the worker, if it still runs, and what it has started and left behind, which would spoil later times.
+
+    Windows has no groups to find the latter by: what a worker left behind that ended by itself lives on there.
+    """
     if hasattr(os, "killpg"):
         # Whoever outlives the worker is still in its group. macOS forbids signals to one that only waits to be reaped.
         with contextlib.suppress(ProcessLookupError, PermissionError):
             os.killpg(process.pid, signal.SIGKILL)
     elif process.poll() is None:
-        for child in psutil.Process(process.pid).children(recursive=True):
-            with contextlib.suppress(psutil.NoSuchProcess):
-                child.kill()
+        _kill_children(process.pid)
         process.kill()
     process.wait()
     with contextlib.suppress(OSError):  # what it never read is still in the buffer
@@ -140,11 +164,17 @@ def _thread_limits(point: Point) -> dict[str, str]:
 
 def stop_children() -> None:
     """Kill the jobs a launcher has started, which would go on without the sweep; no record is ever half written."""
-    for child in psutil.Process().children(recursive=True):
-        with contextlib.suppress(psutil.NoSuchProcess):
-            # joblib's tracker tidies up after the others and ends with this process; killed, it would complain.
-            if "resource_tracker" not in " ".join(child.cmdline()):
-                child.kill()
+    _kill_children(os.getpid())
+
+
+def _kill_children(parent: int) -> None:
+    """Kill all that the process `parent` has started; one that has just ended, or is not ours to look at, is left."""
+    with contextlib.suppress(psutil.Error):
+        for child in psutil.Process(parent).children(recursive=True):
+            with contextlib.suppress(psutil.Error):
+                # joblib's tracker tidies up after the others and ends with this process; killed, it would complain.
+                if "resource_tracker" not in " ".join(child.cmdline()):
+                    child.kill()
 
 
 def _death(code: int, folder: Path) -> str | None:
@@ -166,5 +196,11 @@ def project_environment() -> dict[str, str]:
     """The environment of a process that is to import this project wherever it is started from."""
     # The user may have started run.py from elsewhere; relative paths stay theirs, imports are ours.
     paths = [str(_ROOT), *filter(None, [os.environ.get("PYTHONPATH")])]
-    # Without the second, modules in the working folder, such as a numpy.py among downloaded models, would win over all.
-    return {**os.environ, "PYTHONPATH": os.pathsep.join(paths), "PYTHONSAFEPATH": "1"}
+    return {
+        **os.environ,
+        "PYTHONPATH": os.pathsep.join(paths),
+        # Modules in the working folder, such as a numpy.py among downloaded models, would win over all.
+        "PYTHONSAFEPATH": "1",
+        # What it prints is read back as UTF-8, and a file's name that no code page of Windows has must not end it.
+        "PYTHONIOENCODING": "utf-8:backslashreplace",
+    }

@@ -1,7 +1,7 @@
 """Measures one point in a process of its own: `python -m experiments.worker`, a JSON job as a line on standard input.
 
-Of whatever it prints nothing is read as a result: the result goes to the path named in the job. It ends when its
-standard input does.
+Of whatever it prints nothing is read as a result: the result goes to the path named in the job. It ends when the run
+that started it does.
 """
 
 from __future__ import annotations
@@ -16,6 +16,8 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
+import psutil
+
 from atra.errors import AtraError, MemoryBudgetError, StorageError
 from atra.records import write_atomically
 from experiments.outcome import Outcome
@@ -28,18 +30,19 @@ CANNOT_WRITE = 74
 
 @dataclass(frozen=True)
 class Job:
-    """point: what to measure. result_path: where the outcome goes, whole or not at all."""
+    """point: what to measure. result_path: where the outcome goes, whole or not at all. run: the process that asks."""
 
     point: Point
     result_path: str
+    run: int
 
     def to_json(self) -> str:
-        return json.dumps({"point": self.point.configuration(), "result_path": self.result_path})
+        return json.dumps({"point": self.point.configuration(), "result_path": self.result_path, "run": self.run})
 
     @classmethod
     def from_json(cls, text: str) -> Job:
         fields = json.loads(text)
-        return cls(Point.from_fields(fields["point"]), fields["result_path"])
+        return cls(Point.from_fields(fields["point"]), fields["result_path"], fields["run"])
 
 
 @contextmanager
@@ -59,17 +62,25 @@ def _reporting(job: Job) -> Iterator[list[Outcome]]:
     write_atomically(Path(job.result_path), outcomes[-1].to_json(job.point))
 
 
-def _end_with_the_run() -> None:
-    """Wait until the other end of standard input is closed, which the system does when the run that started this
-    process is gone: a killed run leaves no worker behind that would spoil the times of the next one."""
-    while os.read(0, 4096):  # not sys.stdin, whose lock a waiting thread would hold when the interpreter ends
-        pass
+def _end_with_the_run(run: int) -> None:
+    """Wait until the run that started this process is gone, and end: a killed run leaves no worker behind that would
+    spoil the times of the next one.
+
+    The system then closes the other end of standard input. On Windows a thread that reads it keeps libraries from being
+    loaded, numpy/numpy#24290, so there the process itself is waited for.
+    """
+    if sys.platform == "win32":
+        with suppress(psutil.NoSuchProcess):
+            psutil.Process(run).wait()
+    else:
+        while os.read(0, 4096):  # not sys.stdin, whose lock a waiting thread would hold when the interpreter ends
+            pass
     os._exit(1)
 
 
 def main() -> None:
     job = Job.from_json(sys.stdin.readline())
-    threading.Thread(target=_end_with_the_run, daemon=True).start()
+    threading.Thread(target=_end_with_the_run, args=(job.run,), daemon=True).start()
     try:
         with _reporting(job) as outcomes:
             measured = measure_point(job.point)

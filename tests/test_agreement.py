@@ -175,7 +175,7 @@ def test_offsets_and_sample_are_part_of_a_point_of_agreement_and_of_no_other() -
     assert make_point(offsets=[[0.0, 0.0]]) != make_point()
     assert make_point(sample_rays=7) != make_point()
     assert make_point(Quantity.time, offsets=[[0.0, 0.0]], sample_rays=7) == make_point(Quantity.time)
-    assert Job.from_json(Job(make_point(), "path").to_json()).point == make_point()
+    assert Job.from_json(Job(make_point(), "path", run=1).to_json()).point == make_point()
 
 
 @pytest.mark.parametrize(

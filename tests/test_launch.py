@@ -17,7 +17,7 @@ import psutil
 import pytest
 
 from atra.records import write_atomically
-from experiments.launch import remove_abandoned_folders, run_worker
+from experiments.launch import remove_abandoned_folders, run_worker, stop_children
 from experiments.worker import CANNOT_WRITE, Job
 from tests.test_outcome import GOOD, POINT
 
@@ -118,9 +118,88 @@ def test_processes_a_worker_leaves_behind_are_killed_and_not_waited_for(end: str
     assert outcome.status == "failed"
 
 
+def test_without_process_groups_a_worker_is_stopped_with_what_it_has_started(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.delattr(os, "killpg", raising=False)  # as on Windows
+    code = "child = subprocess.Popen([sys.executable, '-c', 'import time; time.sleep(600)'])\n"
+    code += f"open({str(tmp_path / 'child')!r}, 'w').write(str(child.pid)); time.sleep(600)"
+    outcome = run_worker(replace(POINT, time_limit_s=5.0), worker(code))
+    assert "time limit" in str(outcome.error)
+    child = int((tmp_path / "child").read_text(encoding="utf-8"))
+    wait_until(lambda: ended(child))
+
+
+@pytest.mark.parametrize(
+    ("platform", "apart"),
+    [("linux", {"process_group": 0}), ("darwin", {"process_group": 0}), ("win32", {"creationflags": 512})],
+)
+def test_the_interrupt_key_does_not_reach_a_worker_on(
+    platform: str, apart: dict[str, int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    options: dict[str, object] = {}
+
+    def start(*_: object, **given: object) -> None:
+        options.update(given)
+        raise OSError("enough seen")
+
+    with monkeypatch.context() as faked:
+        faked.setattr(sys, "platform", platform)
+        faked.setattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 512, raising=False)  # Windows alone has it
+        faked.setattr(subprocess, "Popen", start)
+        run_worker(POINT)
+    assert {name: options[name] for name in ("process_group", "creationflags") if name in options} == apart
+
+
+def test_nobody_waits_for_a_worker_so_long_that_an_interrupt_would_have_to(monkeypatch: pytest.MonkeyPatch) -> None:
+    waits: list[float | None] = []
+
+    def wait(process: subprocess.Popen[bytes], timeout: float | None = None) -> int:
+        waits.append(timeout)
+        return true_wait(process, timeout)
+
+    true_wait = subprocess.Popen.wait
+    monkeypatch.setattr(subprocess.Popen, "wait", wait)
+    outcome = run_worker(replace(POINT, time_limit_s=2.5), worker("time.sleep(60)"))
+    assert "time limit of 2.5 s" in str(outcome.error)
+    *while_it_ran, after_it_was_killed = waits
+    assert len(while_it_ran) >= 3
+    assert all(one is not None and one <= 1 for one in while_it_ran)
+    assert after_it_was_killed is None
+
+
+def test_a_process_that_may_not_be_looked_at_does_not_keep_the_others_from_being_killed(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def cmdline(process: psutil.Process) -> list[str]:
+        if process.pid == hidden.pid:
+            raise psutil.AccessDenied(process.pid)
+        return ["python"]
+
+    monkeypatch.setattr(psutil.Process, "cmdline", cmdline)
+    sleep = [sys.executable, "-c", "import time; time.sleep(600)"]
+    with subprocess.Popen(sleep) as hidden, subprocess.Popen(sleep) as other:
+        try:
+            stop_children()
+            wait_until(lambda: ended(other.pid))
+        finally:
+            for one in (hidden, other):
+                one.kill()
+
+
+def test_what_a_worker_prints_is_read_whatever_the_system_s_encoding(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PYTHONIOENCODING", "cp1252")
+    outcome = run_worker(POINT, worker("print('\\u30b7\\u30fc\\u30f3'); sys.exit(3)"))
+    assert str(outcome.error).endswith("it said: \u30b7\u30fc\u30f3")
+
+
 @POSIX_ONLY
-def test_the_worker_of_a_killed_run_does_not_outlive_it() -> None:
-    sleeping = "import experiments.worker as w, time; w.measure_point = lambda _: time.sleep(600); w.main()"
+@pytest.mark.parametrize("platform", [sys.platform, "win32"])
+def test_the_worker_of_a_killed_run_does_not_outlive_it(platform: str) -> None:
+    sleeping = (
+        "import experiments.worker as w, sys, time; "
+        f"sys.platform = {platform!r}; w.measure_point = lambda _: time.sleep(600); w.main()"
+    )
     run = (
         "import sys; from experiments.launch import run_worker; from tests.test_outcome import POINT; "
         f"run_worker(POINT, [sys.executable, '-c', {sleeping!r}])"
@@ -215,6 +294,6 @@ def test_a_run_leaves_nothing_in_the_folder_for_temporary_files(temporary: Path)
 
 
 def test_a_job_survives_its_line(tmp_path: Path) -> None:
-    job = Job(replace(POINT, scene="two\nlines"), str(tmp_path))
+    job = Job(replace(POINT, scene="two\nlines"), str(tmp_path), os.getpid())
     assert "\n" not in job.to_json()
     assert Job.from_json(job.to_json()) == job
