@@ -6,6 +6,7 @@ Exit codes: 0 done, 1 something failed, 2 the input cannot be used, 130 interrup
 
 from __future__ import annotations
 
+import io
 import os
 import signal
 import sys
@@ -71,6 +72,9 @@ def main() -> int:
     if len(sys.argv) > 1 and sys.argv[1] in _VERBS:
         # hydra.mode: a sweep's file asks for many runs, but there is one thing to do.
         sys.argv[1:2] = [f"action={sys.argv[1]}", "hydra.mode=RUN"]
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        # A name that the encoding lacks, as one of Windows' does, is shown escaped, as on stderr; it is no failure.
+        sys.stdout.reconfigure(errors="backslashreplace")
     register_schema()
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:

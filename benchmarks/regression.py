@@ -86,7 +86,9 @@ def main() -> int:
     parser.add_argument("--rounds", type=int, default=15)
     arguments = parser.parse_args()
     cpu = read_environment().cpu
-    stored: dict[str, Any] = json.loads(BASELINE_FILE.read_text()) if BASELINE_FILE.exists() else {"cpu": None}
+    stored: dict[str, Any] = (
+        json.loads(BASELINE_FILE.read_text(encoding="utf-8")) if BASELINE_FILE.exists() else {"cpu": None}
+    )
     if not arguments.store and stored["cpu"] != cpu:
         had = f"it is of {stored['cpu']}, this is {cpu}" if stored["cpu"] else "there is none"
         print(f"no baseline to compare with ({had}); make one with --store", file=sys.stderr)

@@ -51,7 +51,7 @@ def exclusive(results: Path, *folders: Path) -> Iterator[None]:
 
 def _describe(holder: Path) -> str:
     try:
-        told = json.loads(holder.read_text())
+        told = json.loads(holder.read_text(encoding="utf-8"))
         return f"process {told['process']} on {told['machine']} since {told['since']} ({told['command']})"
     except (OSError, ValueError, KeyError, TypeError):
         return "another run"

@@ -23,9 +23,9 @@ NO_SCENES = tempfile.TemporaryDirectory(prefix="atra-tests-")
 TOY_SWEEP = ["sweep=horizontal", "split_x=1,2,3", *TOY]
 
 
-def run(folder: Path, *arguments: str, scenes: str | None = None) -> subprocess.CompletedProcess[str]:
+def run(folder: Path, *arguments: str, scenes: str | None = None, **variables: str) -> subprocess.CompletedProcess[str]:
     environment = {name: value for name, value in os.environ.items() if name != "ATRA_SCENES"}
-    environment |= {"XDG_CACHE_HOME": NO_SCENES.name, "LOCALAPPDATA": NO_SCENES.name}
+    environment |= {"XDG_CACHE_HOME": NO_SCENES.name, "LOCALAPPDATA": NO_SCENES.name, **variables}
     # Matplotlib would build its font cache in that new folder and, on a busy machine, say so.
     environment["MPLCONFIGDIR"] = matplotlib.get_cachedir()
     if scenes is not None:
@@ -75,7 +75,7 @@ def test_a_lone_point_prints_its_table_and_writes_its_record(tmp_path: Path) -> 
     assert done.returncode == 0, done.stderr
     assert "speed-up over rtcIntersect1" in done.stdout
     (path,) = (tmp_path / "results" / "records").glob("*.json")
-    record = json.loads(path.read_text())
+    record = json.loads(path.read_text(encoding="utf-8"))
     assert record["status"] == "ok"
     assert set(record["samples"]) == {"own", "rtcIntersect1", *(f"packets_{width}" for width in expert_packet_widths())}
     assert {len(values) for values in record["samples"].values()} == {3}
@@ -104,7 +104,7 @@ def test_a_sweep_leaves_records_table_and_figure_and_goes_on_where_it_stopped(tm
 
     # One record lost, one spoilt: these two are measured again, the others are not.
     records = tmp_path / "results" / "records"
-    by_split = {path: json.loads(path.read_text()) for path in records.glob("*.json")}
+    by_split = {path: json.loads(path.read_text(encoding="utf-8")) for path in records.glob("*.json")}
     lost, spoilt, *kept = [path for path, record in by_split.items() if record["status"] == "ok"]
     lost.unlink()
     spoilt.write_text("{")
@@ -153,14 +153,14 @@ def test_a_report_is_written_from_the_table_and_without_one_no_claim_holds(tmp_p
     done = run(tmp_path, "report", "sweep=horizontal")
     assert done.returncode == 0, done.stderr
     assert done.stdout == "report: results/horizontal/report.html\n"
-    assert "cornell_box" in (folder / "report.html").read_text()
-    claims = json.loads((folder / "claims.json").read_text())
+    assert "cornell_box" in (folder / "report.html").read_text(encoding="utf-8")
+    claims = json.loads((folder / "claims.json").read_text(encoding="utf-8"))
     assert claims
     for name in ("table.parquet", "table.csv"):
         (folder / name).unlink()
     done = run(tmp_path, "report", "sweep=horizontal")
     assert done.returncode == 0, done.stderr
-    text = (folder / "claims.json").read_text()
+    text = (folder / "claims.json").read_text(encoding="utf-8")
     assert '"not measured"' in text
     assert '"holds"' not in text
 
@@ -176,3 +176,12 @@ def test_fetching_a_built_in_scene_says_that_it_is_here(tmp_path: Path) -> None:
     done = run(tmp_path, "fetch", "scene=atrium")
     assert done.returncode == 0, done.stderr
     assert "nothing needs fetching" in done.stdout
+
+
+def test_a_name_that_the_output_s_encoding_lacks_is_shown_escaped(tmp_path: Path) -> None:
+    folder = tmp_path / "\N{KATAKANA LETTER SI}"
+    folder.mkdir()
+    (folder / "sponza.ply").touch()
+    done = run(tmp_path, "fetch", "scene=sponza", scenes=str(folder), PYTHONIOENCODING="cp1252")
+    assert done.returncode == 0, done.stderr
+    assert r"\u30b7" in done.stdout

@@ -16,7 +16,7 @@ DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")), ROOT / "
 def test_the_library_example_runs_as_printed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    (example,) = re.findall(r"```python\n(import atra\n.*?)```", (ROOT / "README.md").read_text(), re.S)
+    (example,) = re.findall(r"```python\n(import atra\n.*?)```", (ROOT / "README.md").read_text(encoding="utf-8"), re.S)
     mesh = cornell_box()
     lines = [f"v {x} {y} {z}" for x, y, z in mesh.vertices.tolist()]
     lines += ["f " + " ".join(str(corner + 1) for corner in face) for face in mesh.faces.tolist()]
@@ -29,13 +29,13 @@ def test_the_library_example_runs_as_printed(
 
 
 def anchors(document: Path) -> set[str]:
-    headings = re.findall(r"^#+ (.*)$", document.read_text(), re.M)
+    headings = re.findall(r"^#+ (.*)$", document.read_text(encoding="utf-8"), re.M)
     return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
 
 
 @pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.relative_to(ROOT).as_posix())
 def test_every_link_and_picture_is_there(document: Path) -> None:
-    links = re.findall(r"\]\(([^)\s]+)\)", document.read_text())
+    links = re.findall(r"\]\(([^)\s]+)\)", document.read_text(encoding="utf-8"))
     for link in links:
         if link.startswith(("http://", "https://")):
             continue
@@ -47,5 +47,7 @@ def test_every_link_and_picture_is_there(document: Path) -> None:
 
 
 def test_every_picture_of_the_documents_is_shown_somewhere() -> None:
-    shown = {link for document in DOCUMENTS for link in re.findall(r"images/([\w.]+)", document.read_text())}
+    shown = {
+        link for document in DOCUMENTS for link in re.findall(r"images/([\w.]+)", document.read_text(encoding="utf-8"))
+    }
     assert {path.name for path in (ROOT / "docs" / "images").iterdir()} == shown

@@ -501,7 +501,7 @@ def test_a_plan_for_an_image_of_another_size_is_refused() -> None:
 
 def edited(path: Path, **fields: object) -> Path:
     a_plan().save(path)
-    path.write_text(json.dumps({**json.loads(path.read_text()), **fields}))
+    path.write_text(json.dumps({**json.loads(path.read_text(encoding="utf-8")), **fields}), encoding="utf-8")
     return path
 
 
