@@ -174,9 +174,13 @@ _UNFINISHED = ".unfinished"
 
 
 def remove_abandoned_files(folder: Path) -> None:
-    """Remove what killed writers left in `folder`; nobody may be writing there."""
+    """Remove what killed writers left in `folder`; nobody may be writing there.
+
+    What cannot be removed is left: on Windows another program may look at it.
+    """
     for path in folder.glob(f".*{_UNFINISHED}"):
-        path.unlink(missing_ok=True)
+        with contextlib.suppress(OSError):
+            path.unlink()
 
 
 def write_atomically(path: Path, content: bytes) -> None:
@@ -202,6 +206,7 @@ def write_atomically(path: Path, content: bytes) -> None:
         if isinstance(error, OSError):
             raise StorageError(
                 f"{path} cannot be written: {error.strerror or error}; what was there before is untouched. "
-                f"{path.parent} needs free space and the right to write; then start again"
+                f"{path.parent} needs free space and the right to write, and on Windows no other program may have the "
+                "file open; then start again"
             ) from error
         raise

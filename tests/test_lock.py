@@ -74,6 +74,19 @@ def test_no_room_for_the_holder_s_name_lets_go_of_the_folder(tmp_path: Path, mon
         pass
 
 
+def test_a_half_written_file_that_cannot_be_removed_is_left(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def open_elsewhere(*_: object, **__: object) -> None:
+        raise PermissionError(errno.EACCES, "being used by another process")  # as Windows says
+
+    left = tmp_path / ".a.json.x1.unfinished"
+    left.touch()
+    with monkeypatch.context() as busy:
+        busy.setattr(Path, "unlink", open_elsewhere)
+        with exclusive(tmp_path, tmp_path):
+            pass
+    assert left.exists()
+
+
 def test_half_written_files_of_a_killed_run_are_removed_and_nothing_else(tmp_path: Path) -> None:
     names = [".a.json.x1.unfinished", "a.json", "a.json.corrupt"]
     for name in names:

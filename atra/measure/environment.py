@@ -101,13 +101,20 @@ def read_environment(embree_version: str | None = None) -> Environment:
         code_sha256=_code_sha256(),
         system_release=platform.release(),
         governor=_read(Path("/sys/devices/system/cpu/cpu0/cpufreq/scaling_governor")),
-        load_average=tuple(os.getloadavg()) if hasattr(os, "getloadavg") else None,
+        load_average=_load_average(),
         memory_total_bytes=int(memory.total),
         memory_available_bytes=int(memory.available),
         git_commit=commit,
         git_dirty=dirty,
         taken_at=datetime.now(UTC).isoformat(timespec="seconds"),
     )
+
+
+def _load_average() -> tuple[float, ...] | None:
+    try:
+        return tuple(os.getloadavg())
+    except (AttributeError, OSError):  # Windows has none; elsewhere the system may not tell
+        return None
 
 
 @cache

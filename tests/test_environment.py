@@ -1,0 +1,92 @@
+"""The machine's description on other systems, which are faked: what they lack, and where they keep it."""
+
+from __future__ import annotations
+
+import os
+import platform
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+
+import psutil
+import pytest
+
+from atra.measure import environment, memory
+from atra.measure.environment import read_environment
+from atra.parallel import resolve_threads
+
+
+def test_a_system_without_affinity_and_load_is_described_without(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delattr(os, "sched_getaffinity", raising=False)  # macOS, Windows
+    monkeypatch.delattr(os, "getloadavg", raising=False)  # Windows
+    described = read_environment()
+    assert described.affinity is None
+    assert described.load_average is None
+    assert resolve_threads(None) == os.cpu_count()
+
+
+def test_a_load_that_the_system_does_not_tell_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:
+    def unobtainable() -> None:
+        raise OSError("Load averages are unobtainable")
+
+    monkeypatch.setattr(os, "getloadavg", unobtainable, raising=False)
+    assert read_environment().load_average is None
+
+
+@pytest.mark.parametrize(
+    ("system", "cpuinfo", "sysctl", "processor", "expected"),
+    [
+        ("linux", "processor: 0\nmodel name\t: AMD EPYC\n", None, "x86_64", "AMD EPYC"),
+        ("linux", "processor: 0\nBogoMIPS: 50\n", None, "", "machine"),  # Arm has no model name
+        ("darwin", None, "Apple M2", "arm", "Apple M2"),
+        ("darwin", None, None, "arm", "arm"),
+        ("win32", None, None, "AMD64 Family 25, AuthenticAMD", "AMD64 Family 25, AuthenticAMD"),
+    ],
+)
+def test_the_processor_is_named_by_what_each_system_has(
+    system: str, cpuinfo: str | None, sysctl: str | None, processor: str, expected: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys, "platform", system)
+    monkeypatch.setattr(environment, "_read", lambda _: cpuinfo)
+    monkeypatch.setattr(environment, "_output", lambda _: sysctl)
+    monkeypatch.setattr(platform, "processor", lambda: processor)
+    monkeypatch.setattr(platform, "machine", lambda: "machine")
+    assert environment._cpu_model.__wrapped__() == expected
+
+
+def test_what_a_program_prints_in_another_encoding_is_no_error() -> None:
+    code = "import sys; sys.stdout.buffer.write(bytes([0x67, 0x81]))"
+    assert environment._output([sys.executable, "-c", code]) == "g\N{REPLACEMENT CHARACTER}"
+
+
+def test_outside_a_repository_there_is_no_commit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(environment, "_PROJECT", tmp_path)
+    assert environment._git_state() == (None, None)
+
+
+def test_without_git_there_is_no_commit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / ".git").mkdir()
+    monkeypatch.setattr(environment, "_PROJECT", tmp_path)
+    monkeypatch.setenv("PATH", str(tmp_path))
+    assert environment._git_state() == (None, None)
+
+
+@pytest.mark.parametrize(
+    ("system", "expected"), [("win32", 7_000_000), ("darwin", 5_000_000), ("freebsd14", 5_000_000 * 1024)]
+)
+def test_the_peak_of_memory_is_read_in_the_unit_of_each_system(
+    system: str, expected: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    usage = SimpleNamespace(ru_maxrss=5_000_000)
+    monkeypatch.setitem(sys.modules, "resource", SimpleNamespace(getrusage=lambda _: usage, RUSAGE_SELF=0))
+    monkeypatch.setattr(psutil.Process, "memory_info", lambda _: SimpleNamespace(peak_wset=7_000_000))
+    monkeypatch.setattr(sys, "platform", system)
+    assert memory.peak_rss_bytes() == expected
+
+
+def test_a_system_without_proc_counts_the_peak_from_the_start(monkeypatch: pytest.MonkeyPatch) -> None:
+    def absent(*_: object, **__: object) -> None:
+        raise FileNotFoundError("/proc/self/clear_refs")
+
+    monkeypatch.setattr(Path, "write_text", absent)
+    assert memory.reset_peak_rss() is False
