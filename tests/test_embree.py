@@ -2,12 +2,15 @@
 
 import ctypes
 import os
+import platform
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import numpy as np
 import pytest
+from packaging.requirements import Requirement
 
 import atra
 from atra.embree import layout, library
@@ -18,6 +21,7 @@ from atra.kernels.callbacks import memory_monitor
 from tests.meshes import cornell_box
 
 pytestmark = pytest.mark.core
+ROOT = Path(__file__).resolve().parents[1]
 
 
 @pytest.mark.parametrize("place", [
@@ -56,6 +60,49 @@ def test_a_file_that_is_no_library_is_refused_saying_what_to_install(tmp_path):
     said = subprocess.run([sys.executable, "-c", script], env=environment, capture_output=True, text=True, check=True)
     assert "not a usable libembree4" in said.stdout
     assert "pip install" in said.stdout
+
+
+@pytest.mark.parametrize(
+    ("system", "machine", "python", "implementation", "problem"),
+    [
+        ("linux", "x86_64", (3, 11), "CPython", None),
+        ("linux", "x86_64", (3, 15), "CPython", None),
+        ("linux", "x86_64", (3, 16), "CPython", "Python 3.16"),
+        ("linux", "x86_64", (3, 11), "PyPy", "PyPy"),
+        ("linux", "aarch64", (3, 14), "CPython", "Linux on aarch64"),
+        ("darwin", "arm64", (3, 14), "CPython", None),
+        ("darwin", "x86_64", (3, 11), "CPython", None),
+        ("win32", "AMD64", (3, 14), "CPython", None),
+        ("win32", "ARM64", (3, 14), "CPython", "Windows on ARM64"),
+        ("freebsd14", "amd64", (3, 14), "CPython", "FreeBSD on amd64"),
+    ],
+)
+def test_without_a_wheel_installing_leaves_embreex_out_and_the_first_run_says_why(
+    system, machine, python, implementation, problem, monkeypatch
+):
+    pyproject = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    (embreex,) = (Requirement(one) for one in pyproject["project"]["dependencies"] if one.startswith("embreex"))
+    installed = embreex.marker.evaluate({
+        "platform_python_implementation": implementation, "platform_machine": machine, "sys_platform": system,
+        "python_version": ".".join(map(str, python)), "extra": "",
+    })  # fmt: skip
+    assert installed == (problem is None)
+    monkeypatch.delenv(library.OVERRIDE_VARIABLE, raising=False)
+    monkeypatch.setattr(library.importlib.util, "find_spec", lambda _: None)
+    monkeypatch.setattr(sys, "platform", system)
+    monkeypatch.setattr(sys, "version_info", (*python, 0))
+    monkeypatch.setattr(platform, "system", lambda: "FreeBSD")
+    monkeypatch.setattr(platform, "machine", lambda: machine)
+    monkeypatch.setattr(platform, "python_implementation", lambda: implementation)
+    with pytest.raises(atra.EmbreeError) as raised:
+        library._locate()
+    if problem is None:
+        assert "install it with `pip install 'embreex" in str(raised.value)
+    else:
+        assert f"embreex has no wheel for {problem}; set ATRA_EMBREE to a libembree4 of version 4.4" in str(
+            raised.value
+        )
+        assert "pip" not in str(raised.value)
 
 
 @pytest.mark.parametrize("number", [30000, 40303, 50000])

@@ -1,5 +1,6 @@
 """Other ray tracers behind the protocol: the same rays, the same hits, and a reason where one cannot be used."""
 
+import platform
 import sys
 
 import numpy as np
@@ -8,7 +9,7 @@ import pytest
 import atra
 from atra.ray_space import NARROWEST_WORLD_PITCH
 from atra.reference import brute_force
-from experiments.peers import PEERS, make_peer, peer_problem
+from experiments.peers import PEERS, availability, make_peer, peer_problem
 from tests import images
 from tests.images import trace_pixels
 from tests.meshes import EYE_AT_ORIGIN, cornell_box, cornell_camera, quads, random_triangles
@@ -143,6 +144,17 @@ def test_a_python_without_a_wheel_is_named(monkeypatch):
     assert peer_problem("open3d") == (
         "open3d is not installed and has no wheel for Python 3.15; use Python 3.14 or older"
     )
+
+
+def test_a_machine_without_a_wheel_of_embreex_is_named(monkeypatch):
+    def absent(_):
+        raise ModuleNotFoundError("No module named 'embreex'", name="embreex")
+
+    monkeypatch.setattr(availability, "import_module", absent)
+    monkeypatch.setattr(platform, "machine", lambda: "riscv64")
+    problem = peer_problem("embreex")
+    assert problem.startswith("embreex is not installed; embreex has no wheel for ")
+    assert problem.endswith(" on riscv64")
 
 
 @pytest.mark.parametrize(("name", "module", "source", "expected"), [

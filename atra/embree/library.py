@@ -8,6 +8,8 @@ from __future__ import annotations
 import ctypes
 import importlib.util
 import os
+import platform
+import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
@@ -25,6 +27,11 @@ SUPPORTED_VERSIONS = ((4, 4, 0), (5, 0, 0))
 """From the first (included) to the second (excluded): the struct layouts in `layout` are those of Embree 4.4."""
 
 _HINT = f"install it with `pip install 'embreex>=4.4,<5'`, or set {OVERRIDE_VARIABLE} to a libembree4 of version 4.4"
+
+_WHEELS = {"linux": ("Linux", ("x86_64",)), "darwin": ("macOS", ("arm64", "x86_64")), "win32": ("Windows", ("AMD64",))}
+"""Of embreex 4.4: by `sys.platform`, the system's name and the machines there is a wheel for."""
+
+_FIRST_PYTHON_WITHOUT_WHEEL = (3, 16)
 
 # name: (result, arguments). Handles travel as void pointers.
 _P, _U, _I, _S = ctypes.c_void_p, ctypes.c_uint, ctypes.c_int, ctypes.c_size_t
@@ -118,6 +125,22 @@ def embree_version() -> str:
     return ".".join(map(str, load_library().version))
 
 
+def wheel_problem() -> str | None:
+    """Why pip cannot install embreex here, such as "embreex has no wheel for Linux on aarch64"; None where it can.
+
+    Neither an older macOS than 13 nor a Linux without glibc is noticed: there pip itself ends, finding no embreex.
+    """
+    system, machines = _WHEELS.get(sys.platform, (platform.system(), ()))
+    here = platform.python_implementation()
+    if here != "CPython":
+        return f"embreex has no wheel for {here}"
+    if platform.machine() not in machines:
+        return f"embreex has no wheel for {system} on {platform.machine()}"
+    if sys.version_info[:2] >= _FIRST_PYTHON_WITHOUT_WHEEL:
+        return f"embreex has no wheel for Python {sys.version_info[0]}.{sys.version_info[1]}"
+    return None
+
+
 def _check_version(path: Path, number: int) -> tuple[int, int, int]:
     version = (number // 10000, number // 100 % 100, number % 100)
     first, end = SUPPORTED_VERSIONS
@@ -136,7 +159,10 @@ def _locate() -> Path:
         return path
     spec = importlib.util.find_spec("embreex")
     if spec is None or not spec.submodule_search_locations:
-        raise EmbreeError(f"the package embreex, which carries libembree4, is not installed; {_HINT}")
+        problem = wheel_problem()
+        own = f"set {OVERRIDE_VARIABLE} to a libembree4 of version 4.4 of your own, such as a distribution's"
+        way_out = _HINT if problem is None else f"{problem}; {own}"
+        raise EmbreeError(f"the package embreex, which carries libembree4, is not installed: {way_out}")
     package = Path(next(iter(spec.submodule_search_locations)))
     found = next(_candidates(package), None)
     if found is None:

@@ -7,6 +7,7 @@ import sys
 from collections.abc import Callable
 from importlib import import_module, metadata
 
+from atra.embree.library import wheel_problem
 from atra.errors import InputError
 
 PEERS = ("embreex", "trimesh", "mitsuba3", "open3d")
@@ -59,7 +60,7 @@ def _check_embreex() -> str | None:
 def _check_trimesh() -> str | None:
     trimesh = import_module("trimesh")
     if not trimesh.ray.has_embree:
-        return "trimesh finds no embreex and would trace in Python; pip install embreex"
+        return f"trimesh finds no embreex and would trace in Python; {wheel_problem() or 'pip install embreex'}"
     return None
 
 
@@ -95,6 +96,8 @@ def peer_version(name: str) -> str | None:
 
 
 def _not_installed(package: str) -> str:
+    if package == "embreex" and wheel_problem() is not None:
+        return f"embreex is not installed; {wheel_problem()}"
     if package == "open3d" and sys.version_info[:2] >= _OPEN3D_FIRST_PYTHON_WITHOUT_WHEEL:
         here = ".".join(map(str, sys.version_info[:2]))
         newest = f"3.{_OPEN3D_FIRST_PYTHON_WITHOUT_WHEEL[1] - 1}"
