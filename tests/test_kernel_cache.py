@@ -1,8 +1,10 @@
-"""What Numba keeps on disk is run again only while nothing that it was made of has changed."""
+"""What Numba keeps on disk is run again only while nothing that it was made of has changed; it need not keep any."""
 
 from __future__ import annotations
 
 import importlib.util
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -63,3 +65,19 @@ def test_kept_code_is_run_again_until_another_file_that_it_is_made_of_changes(
     assert answer(2) == 1  # Numba sees the same file: this is what the stamp is for
     monkeypatch.setattr(caching, "SOURCE_STAMP", caching.SOURCE_STAMP + 1)
     assert answer(2) == 2
+
+
+def test_where_no_folder_can_be_written_kernels_are_compiled_and_not_kept() -> None:
+    code = (
+        "import numba.core.caching as caching\n"
+        "caching.CacheImpl._locator_classes = []  # as if the folder of the sources and the user's were read-only\n"
+        "import atra, atra.kernels.caching, atra.kernels.callbacks, experiments.peers.trimesh_ray\n"
+        "assert atra.kernels.callbacks.nearest_hit_filter(1, 1)\n"
+        "mesh = atra.Mesh([(-1, -1, 0), (1, -1, 0), (0, 1, 0)], [(0, 1, 2)])\n"
+        "camera = atra.Camera((0, 0, 3), (0, 0, 0), width=4, height=4)\n"
+        "with atra.PixelTracer(mesh, camera, packet_width=1, ties='any') as tracer: hits = tracer.trace()\n"
+        "print(int(hits.hit.sum()) > 0, atra.kernels.caching.CACHE_FOLDER)"
+    )
+    root = Path(__file__).resolve().parents[1]
+    done = subprocess.run([sys.executable, "-c", code], cwd=root, capture_output=True, text=True)
+    assert done.stdout == "True None\n", done.stderr

@@ -6,7 +6,7 @@ from functools import cache
 
 from numba import cfunc, types
 
-from atra.kernels.caching import SOURCE_STAMP
+from atra.kernels.caching import CACHE_FOLDER, SOURCE_STAMP
 from atra.kernels.intrinsics import fetch_add, keep_nearest
 
 
@@ -19,7 +19,7 @@ def nearest_hit_filter(shape_x: int, shape_y: int, instanced: bool = False) -> i
 
     stamp = SOURCE_STAMP
 
-    @cfunc(types.void(types.int64), cache=True)
+    @cfunc(types.void(types.int64), cache=CACHE_FOLDER is not None)
     def keep_nearest_hit(arguments_address):  # type: ignore[no-untyped-def]
         stamp  # noqa: B018, in the closure, so that what is kept on disk is told from that of other sources
         keep_nearest(arguments_address, shape_x, shape_y, instanced)
@@ -34,7 +34,7 @@ def memory_monitor() -> int:
 
     stamp = SOURCE_STAMP
 
-    @cfunc(types.boolean(types.int64, types.int64, types.boolean), cache=True)
+    @cfunc(types.boolean(types.int64, types.int64, types.boolean), cache=CACHE_FOLDER is not None)
     def count_bytes(counter_address, byte_count, after):  # type: ignore[no-untyped-def]
         stamp  # noqa: B018
         fetch_add(counter_address, byte_count)
