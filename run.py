@@ -1,5 +1,6 @@
 """Command line: `python run.py` measures one point, `python run.py sweep=horizontal` sweeps, `python run.py fetch
-scene=sponza` downloads a scene, `python run.py report sweep=paper` writes a sweep's figures and page anew.
+scene=sponza` downloads a scene, `python run.py report sweep=paper` writes a sweep's figures and page anew,
+`python run.py doctor` says what this machine has and lacks.
 
 Exit codes: 0 done, 1 something failed, 2 the input cannot be used, 130 interrupted.
 """
@@ -27,7 +28,7 @@ from experiments.command_line import check_command_line
 from experiments.configuration import Action, Configuration, read_configuration, register_schema
 from experiments.messages import shorten_configuration_error
 
-_VERBS = ("fetch", "report")
+_VERBS = ("fetch", "report", "doctor")
 
 
 @hydra.main(config_path="conf", config_name="config", version_base="1.3")
@@ -54,6 +55,10 @@ def _act(configuration: Configuration) -> None:
         from experiments.results import rewrite_report
 
         print(f"report: {rewrite_report(configuration)}")
+    elif configuration.action is Action.doctor:
+        from experiments.doctor import run_doctor
+
+        run_doctor(configuration)
     else:
         from experiments.single import run_single_point
 

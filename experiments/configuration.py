@@ -21,12 +21,14 @@ PACKET_WIDTHS = (1, 4, 8, 16)
 class Action(Enum):
     """What a run does; `python run.py fetch ...` is short for action=fetch, and so on.
 
-    measure = points and sweeps; fetch = download a scene; report = write figures, claims and page of a sweep anew.
+    measure = points and sweeps; fetch = download a scene; report = write figures, claims and page of a sweep anew;
+    doctor = say what this machine has and lacks.
     """
 
     measure = "measure"
     fetch = "fetch"
     report = "report"
+    doctor = "doctor"
 
 
 class Method(Enum):

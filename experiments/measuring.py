@@ -12,6 +12,7 @@ from typing import Any
 
 from atra.embree.library import embree_version
 from atra.embree.scene import resolve_packet_width
+from atra.instruction_sets import chosen_instruction_set
 from atra.measure.environment import STABLE_FIELDS, Environment, read_environment
 from atra.planner.estimate import MODEL_FILE
 from atra.records import Record, point_id
@@ -29,8 +30,11 @@ Runner = Callable[[Point], Outcome]
 
 
 def current_environment() -> Environment:
-    """This machine now, with the version Embree reports; raises EmbreeError if there is no usable Embree."""
-    return read_environment(embree_version())
+    """This machine now, with the version Embree reports.
+
+    Raises EmbreeError if there is no usable Embree, and InputError for an instruction set that this machine lacks.
+    """
+    return read_environment(embree_version(), chosen_instruction_set())
 
 
 def identity(point: Point, environment: Environment) -> str:

@@ -14,7 +14,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from atra.errors import InputError
-from atra.measure.environment import describe_difference
+from atra.measure.environment import BUSY_LOAD, describe_difference
 from atra.planner.choice import PACKETS as PLANNER_PACKETS
 from atra.records import Record, write_atomically
 from experiments.configuration import Quantity
@@ -173,9 +173,6 @@ other, and the speed-ups over them are paired, too. `packet_rows` is what was as
 missing, never zero."""
 
 CONFIDENCE = 0.95
-
-_BUSY_LOAD = 1.0
-"""Load above the point's own threads from which on a time is doubted."""
 
 _OUT_OF_PROPORTION = 10.0
 """A sample so many times longer or shorter than the median of its method is doubted."""
@@ -353,6 +350,6 @@ def _doubts(record: Record, own: NDArray[np.float64]) -> list[str]:
         doubts.append(f"{len(own)} of {asked} rounds")
     load, threads = record.environment.get("load_average"), record.results.get("threads")
     # The point measured just before leaves a load of its own threads.
-    if load and threads and load[0] > threads + _BUSY_LOAD:
+    if load and threads and load[0] > threads + BUSY_LOAD:
         doubts.append(f"the machine was busy (load {load[0]:.1f})")
     return doubts

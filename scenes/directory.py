@@ -50,7 +50,7 @@ def load_scene_from_directory(name: str, directory: str | Path | None = None) ->
     fields = _camera_fields(folder / CAMERAS_FILE, name)
     path = folder / f"{name}.ply"
     if not path.is_file():
-        raise InputError(f"{path} does not exist; {folder} holds {_meshes_of(folder)}")
+        raise InputError(f"{path} does not exist; {folder} holds {meshes_of(folder)}")
     mesh = load_mesh(path)
     return Mesh(mesh.vertices, mesh.faces, name=name), fields
 
@@ -61,7 +61,7 @@ def find_scene_folder(name: str) -> Path | None:
     Nothing is read: the mesh may prove unusable, its camera missing.
     Raises InputError if ATRA_SCENES is set and names no folder: a mistyped path must not lead to another file.
     """
-    return next((folder for folder in _folders() if (folder / f"{name}.ply").is_file()), None)
+    return next((folder for folder in scene_folders() if (folder / f"{name}.ply").is_file()), None)
 
 
 def default_camera_fields(mesh: Mesh) -> dict[str, Any]:
@@ -82,7 +82,11 @@ def default_camera_fields(mesh: Mesh) -> dict[str, Any]:
     }
 
 
-def _folders() -> list[Path]:
+def scene_folders() -> list[Path]:
+    """Where scenes are looked for, in this order: the folder ATRA_SCENES names, if any, and `default_cache()`.
+
+    Raises InputError if ATRA_SCENES is set and names no folder.
+    """
     named = os.environ.get(SCENES_VARIABLE)
     return [*([_checked_folder(SCENES_VARIABLE, named)] if named else []), default_cache()]
 
@@ -99,17 +103,17 @@ def _checked_folder(source: str, directory: str | Path) -> Path:
 
 def _absence(name: str) -> str:
     """In which folders the scene is not, and the ways out there are for it."""
-    *named, cache = _folders()
+    *named, cache = scene_folders()
     looked = f"the environment variable {SCENES_VARIABLE} is not set"
     if named:
-        looked = f"{SCENES_VARIABLE} is {named[0]}, which holds {_meshes_of(named[0])}"
+        looked = f"{SCENES_VARIABLE} is {named[0]}, which holds {meshes_of(named[0])}"
     ways = [f"set {SCENES_VARIABLE} to the folder that holds {name}.ply and {CAMERAS_FILE}"]
     if name in read_manifest().scenes:
         ways.append(f"run: python run.py fetch scene={name} (needs the extra: pip install 'atra[fetch]')")
     stand_in = stand_in_for(name)
     if stand_in is not None:
         ways.append(f"use the built-in stand-in scene={stand_in}, which has as many triangles but is not that scene")
-    held = f"the cache {cache} holds {_meshes_of(cache)}"
+    held = f"the cache {cache} holds {meshes_of(cache)}"
     return f"scene {name!r} was not found: {looked}, and {held}. Ways out: {'; or '.join(ways)}"
 
 
@@ -135,7 +139,8 @@ def _camera_fields(path: Path, name: str) -> dict[str, Any]:
     return {key: tuple(value) if isinstance(value, list) else value for key, value in fields.items()}
 
 
-def _meshes_of(folder: Path) -> str:
+def meshes_of(folder: Path) -> str:
+    """The names of the meshes in `folder`, or that there is none, for people."""
     return ", ".join(sorted(path.name for path in folder.glob("*.ply"))) or "no .ply file"
 
 

@@ -84,6 +84,13 @@ def test_a_machine_of_another_architecture_says_that_it_has_none(monkeypatch):
         instruction_sets.chosen_instruction_set()
 
 
+def test_the_chosen_set_is_recorded(monkeypatch):
+    load_library()  # is loaded once, under the set of this process
+    for name in instruction_sets_here():
+        monkeypatch.setenv(VARIABLE, name)
+        assert current_environment().instruction_set == name
+
+
 def test_points_of_two_instruction_sets_have_two_identities_and_share_no_table():
     environment = current_environment()
     assert environment.instruction_set == (os.environ.get(VARIABLE) or None)

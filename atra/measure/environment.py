@@ -17,9 +17,12 @@ from typing import Any
 
 import psutil
 
-from atra.instruction_sets import chosen_instruction_set, cpu_features
+from atra.instruction_sets import cpu_features
 
 _CPU_EXTENSIONS = ("sse4.2", "avx", "avx2", "fma", "avx512f", "avx512vl", "neon", "sve")
+BUSY_LOAD = 1.0
+"""Load above a measurement's own threads from which on its times are doubted."""
+
 _PROJECT = Path(__file__).resolve().parents[2]
 
 
@@ -79,14 +82,17 @@ def _comparable(value: Any) -> Any:
     return list(value) if isinstance(value, tuple) else value
 
 
-def read_environment(embree_version: str | None = None) -> Environment:
-    """Describe this machine now. embree_version: as Embree itself reports it, for example "4.4.0"."""
+def read_environment(embree_version: str | None = None, instruction_set: str | None = None) -> Environment:
+    """Describe this machine now.
+
+    embree_version: as Embree itself reports it, for example "4.4.0". instruction_set: what `ATRA_ISA` has chosen.
+    """
     commit, dirty = _git_state()
     memory = psutil.virtual_memory()
     return Environment(
         cpu=_cpu_model(),
         cpu_extensions=tuple(name for name in _CPU_EXTENSIONS if name in cpu_features()),
-        instruction_set=chosen_instruction_set(),
+        instruction_set=instruction_set,
         physical_cores=psutil.cpu_count(logical=False),
         logical_cores=psutil.cpu_count(logical=True),
         affinity=tuple(sorted(os.sched_getaffinity(0))) if hasattr(os, "sched_getaffinity") else None,
