@@ -54,7 +54,7 @@ def fetch_scene(name: str, cache: str | Path | None = None, base_url: str | None
             if not archive.exists():
                 _download(url, archive, source)
             _check_hash(archive, source, f"delete {archive} and fetch it again")
-            with tempfile.TemporaryDirectory(dir=folder / ARCHIVES_FOLDER) as scratch:
+            with _scratch(folder / ARCHIVES_FOLDER) as scratch:
                 unpacked = extract_member(archive, source.member, Path(scratch))
                 mesh = _load_checked(unpacked, source, f"{archive} is not the scene the paper used; delete it")
             _write_ply(ply, mesh)
@@ -62,6 +62,11 @@ def fetch_scene(name: str, cache: str | Path | None = None, base_url: str | None
     except OSError as error:
         raise InputError(f"the scene cache {folder} cannot be used: {error}") from None
     return ply
+
+
+def _scratch(folder: Path) -> tempfile.TemporaryDirectory[str]:
+    """A folder of its own for unfinished work; what of it Windows does not let go of at the end is left."""
+    return tempfile.TemporaryDirectory(dir=folder, ignore_cleanup_errors=True)
 
 
 def _credits(source: SceneSource, home: str) -> str:
@@ -79,7 +84,7 @@ def _download(url: str, archive: Path, source: SceneSource) -> None:
     pooch.get_logger().setLevel("WARNING")  # it would advise to pin the hash, which the manifest does
     downloader = pooch.HTTPDownloader(timeout=_TIMEOUT_S, headers={"User-Agent": _USER_AGENT})
     # A folder of its own, so that a broken download, or another process's, never passes for the archive.
-    with tempfile.TemporaryDirectory(dir=archive.parent) as scratch:
+    with _scratch(archive.parent) as scratch:
         try:
             # No hash here: it is checked below for archives put there by hand, too, and with a message of our own.
             got = pooch.retrieve(url, known_hash=None, fname=archive.name, path=scratch, downloader=downloader)

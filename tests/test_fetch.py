@@ -1,8 +1,10 @@
 """Fetching the paper's scenes: from a server on this machine, with archives made here."""
 
+import errno
 import hashlib
 import io
 import json
+import os
 import stat
 import sys
 import threading
@@ -103,6 +105,15 @@ def test_a_fetched_scene_can_be_read_as_one_of_the_scene_folder(server, describe
     assert "Frank Meinl" in told
     assert "CC BY 3.0" in told
     assert [agent for _, agent in server.asked] == [fetch._USER_AGENT]
+
+
+def test_a_scratch_folder_that_cannot_be_removed_does_not_lose_the_scene(by_hand, monkeypatch):
+    def in_use(*_, **__):
+        raise OSError(errno.ENOTEMPTY, "being used by another process")  # as Windows says
+
+    cache = by_hand(zipped(("sponza.obj", OBJ)))
+    monkeypatch.setattr(os, "rmdir", in_use)
+    assert fetch_scene("sponza", cache).is_file()
 
 
 def test_a_scene_in_the_cache_needs_neither_network_nor_pooch(server, describe, tmp_path, monkeypatch):
