@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import re
+import tomllib
 from pathlib import Path
 
 import pytest
+import yaml
 
 from tests.meshes import cornell_box
 
@@ -51,3 +53,16 @@ def test_every_picture_of_the_documents_is_shown_somewhere() -> None:
         link for document in DOCUMENTS for link in re.findall(r"images/([\w.]+)", document.read_text(encoding="utf-8"))
     }
     assert {path.name for path in (ROOT / "docs" / "images").iterdir()} == shown
+
+
+def test_the_workflow_runs_the_readme_s_two_commands_on_the_oldest_python_and_says_that_it_never_ran() -> None:
+    text = (ROOT / ".github" / "workflows" / "test.yml").read_text(encoding="utf-8")
+    job = yaml.safe_load(text)["jobs"]["test"]
+    runs = [step["run"].replace("$BIN", ".venv/bin") for step in job["steps"] if "command" in step.get("name", "")]
+    commands = re.findall(r"^python3 -m venv .*$", (ROOT / "README.md").read_text(encoding="utf-8"), re.M)
+    assert [run.replace("python -m venv", "python3 -m venv") for run in runs] == commands
+    assert len(commands) == 2
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    assert project["requires-python"] == f">={job['strategy']['matrix']['python'][0]}"
+    for told in (text, (ROOT / "docs" / "platforms.md").read_text(encoding="utf-8")):
+        assert "has never been run" in told

@@ -2,6 +2,7 @@
 
 import json
 import os
+import sys
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from atra.hits import MISS
 from atra.reference import brute_force
 from scenes.camera_fields import camera_fields_problem
 from scenes.cornell_box import CORNELL_BOX_CAMERA, cornell_box
-from scenes.directory import default_camera_fields, find_scene_folder, load_scene_from_directory
+from scenes.directory import default_cache, default_camera_fields, find_scene_folder, load_scene_from_directory
 from tests.folders import empty_cache
 
 PLY = (
@@ -101,6 +102,27 @@ def test_the_folder_comes_from_the_environment_relative_to_the_working_directory
     for value in (str(folder), folder.name, f"~/{folder.name}"):
         monkeypatch.setenv("ATRA_SCENES", value)
         assert load_scene_from_directory("tri")[0].triangle_count == 1
+
+
+@pytest.mark.parametrize(
+    ("system", "variables", "expected"),
+    [
+        ("linux", {}, "home/.cache"),
+        ("linux", {"XDG_CACHE_HOME": "mine"}, "mine"),
+        ("darwin", {"XDG_CACHE_HOME": "mine"}, "home/Library/Caches"),
+        ("win32", {"LOCALAPPDATA": "mine"}, "mine"),
+        ("win32", {}, "home/AppData/Local"),
+    ],
+)
+def test_the_cache_is_where_each_system_keeps_caches(tmp_path, monkeypatch, system, variables, expected):
+    for name in ("HOME", "USERPROFILE"):
+        monkeypatch.setenv(name, str(tmp_path / "home"))
+    for name in ("XDG_CACHE_HOME", "LOCALAPPDATA"):
+        monkeypatch.delenv(name, raising=False)
+    for name, value in variables.items():
+        monkeypatch.setenv(name, str(tmp_path / value))
+    monkeypatch.setattr(sys, "platform", system)
+    assert default_cache() == tmp_path / expected / "atra" / "scenes"
 
 
 @pytest.mark.parametrize("value", [None, ""])
