@@ -115,7 +115,7 @@ def _end(process: subprocess.Popen[bytes]) -> None:
     if hasattr(os, "killpg"):
         # Whoever outlives the worker is still in its group. macOS forbids signals to one that only waits to be reaped.
         with contextlib.suppress(ProcessLookupError, PermissionError):
-            os.killpg(process.pid, signal.SIGKILL)
+            os.killpg(process.pid, signal.SIGKILL)  # type: ignore[attr-defined]  # it is where killpg is
     elif process.poll() is None:
         _kill_children(process.pid)
         process.kill()

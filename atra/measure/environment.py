@@ -117,9 +117,11 @@ def read_environment(embree_version: str | None = None, instruction_set: str | N
 
 
 def _load_average() -> tuple[float, ...] | None:
+    if not hasattr(os, "getloadavg"):
+        return None
     try:
         return tuple(os.getloadavg())
-    except (AttributeError, OSError):  # Windows has none; elsewhere the system may not tell
+    except OSError:  # the system may not tell
         return None
 
 
