@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import re
 import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -12,29 +11,25 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import psutil
 from numpy.typing import ArrayLike, NDArray
 
 from atra.errors import InputError, printable
-from atra.mesh_claims import check_claims
+from atra.mesh_claims import check_claims, check_memory
+from atra.mesh_geometry import geometry_of
+
+Part = tuple[NDArray[np.float64], NDArray[np.int64]]
+"""Vertices and faces."""
 
 # The triangle test multiplies three lengths in float32; beyond this their product leaves float32 and a triangle would
 # vanish from the image without a word. Embree also drops triangles with coordinates above 1.8e18 silently. How near
 # the eye must be depends on the camera: see `ray_space.check_range`.
 _LARGEST_COORDINATE = 1e12
 
-# OBJ statements that group faces or name other files. Geometry does not need them, and grouping reorders the faces.
-_OBJ_NOT_GEOMETRY = re.compile(rb"(?m)^[ \t]*(?:usemtl|mtllib|o|g|s)\b[^\r\n]*")
-_OBJ_RELATIVE_FACE = re.compile(rb"(?m)^[ \t]*f\b[^\r\n]*[ \t]-\d[^\r\n]*")
-
 # Warnings of NumPy's by which text that is no number, or no index, goes on as another value.
 _DAMAGE = ("string or file could not be read to its end", "invalid value encountered in cast")
 
 _LONGER_PRODUCT = 4.0
 """How many times the product of the shortest two edges that of the two at the first corner is in a needle."""
-
-_BYTES_PER_ROW = 3 * (2 * 8 + 8 + 4)
-"""Three numbers of a face or a vertex: joined from parts in 64 bits, checked in 64, kept in 32."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,18 +169,18 @@ def load_mesh(path: str | Path) -> Mesh:
     instance moved by its transform. Materials and textures are not read; a glTF may name buffers in its own folder
     only. STL has no shared vertices, so its mesh has none.
 
-    The file need not be trusted (docs/untrusted.md). Raises InputError naming the path: missing, a folder, an unknown
-    format, unreadable, cut short, without triangles, with instances that the free memory cannot hold, or with values
-    that `Mesh` refuses. An OBJ with relative (negative) indices and a glTF with compressed or sparse geometry are
-    refused, since trimesh misreads them, and so is an archive, since trimesh skips the members it cannot read.
+    The file need not be trusted (docs/untrusted.md). Raises InputError naming the path: missing, a folder, an
+    unknown format, unreadable, cut short, without triangles, with instances that the free memory cannot hold, or with
+    values that `Mesh` refuses. An OBJ with relative (negative) indices and a glTF with compressed or sparse geometry,
+    with triangle fans or with nodes of several parents are refused, since trimesh misreads them, and so is an archive,
+    since trimesh skips the members it cannot read.
     """
     path = Path(path).expanduser()
     if path.is_dir():
         raise InputError(f"{path} is a folder, expected a mesh file")
     if not path.is_file():
         raise InputError(f"{path} does not exist, expected a mesh file")
-    scene, promised = _read(path)
-    parts = list(_flattened(scene, path))
+    parts, promised = _read(path)
     if not parts:
         raise InputError(f"{path} holds no triangles (a point cloud or a path has none), expected a triangle mesh")
     first_vertex = np.cumsum([0] + [len(vertices) for vertices, _ in parts[:-1]])
@@ -199,8 +194,8 @@ def load_mesh(path: str | Path) -> Mesh:
         raise InputError(f"{path}: {error}") from None
 
 
-def _read(path: Path) -> tuple[Any, int]:
-    """The file as a `trimesh.Scene`, and how many faces it promises."""
+def _read(path: Path) -> tuple[list[Part], int]:
+    """The parts of a file in the order of its scene graph, and how many faces it promises."""
     import trimesh  # slow to import, and needed only where a file is read
     from trimesh.exchange.load import mesh_formats
 
@@ -212,60 +207,59 @@ def _read(path: Path) -> tuple[Any, int]:
     try:
         content = path.read_bytes()
         promised = check_claims(content, suffix)
-        options = {"skip_materials": True}
-        if suffix == "obj":
-            content, options = _obj_geometry(content), {"maintain_order": True}
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             for damage in _DAMAGE:
                 warnings.filterwarnings("error", message=damage)
             scene = trimesh.load_scene(
-                io.BytesIO(content),
+                io.BytesIO(geometry_of(content, suffix)),
                 file_type=suffix,
                 resolver=trimesh.resolvers.FilePathResolver(str(path)),
                 process=False,
-                **options,
+                skip_materials=True,
+                maintain_order=True,
             )
-        return scene, promised
+        return list(_flattened(scene)), promised
     except Exception as error:  # a reader of foreign bytes may raise anything
         reason = str(error).strip() or type(error).__name__
         raise InputError(f"{path} cannot be read as {suffix}: {reason}") from None
 
 
-def _obj_geometry(text: bytes) -> bytes:
-    text = text.replace(b"\\\r\n", b" ").replace(b"\\\n", b" ")
-    relative = _OBJ_RELATIVE_FACE.search(text)
-    if relative:
-        line = relative.group().decode(errors="replace").strip()
-        raise InputError(f"it counts vertices backwards in {line!r}, expected indices from 1 up; export it anew")
-    return _OBJ_NOT_GEOMETRY.sub(b"", text)
-
-
-def _flattened(scene: Any, path: Path) -> Iterator[tuple[NDArray[np.float64], NDArray[np.int64]]]:
+def _flattened(scene: Any) -> Iterator[Part]:
     """Vertices in world space and faces of every mesh instance, in the order of the scene graph."""
     import trimesh
 
-    placed = [(transform, scene.geometry[name]) for transform, name in map(scene.graph.get, scene.graph.nodes_geometry)]
-    placed = [(to, part) for to, part in placed if isinstance(part, trimesh.Trimesh) and len(part.faces)]
-    _check_memory(sum(len(part.faces) + len(part.vertices) for _, part in placed), path)
-    for transform, geometry in placed:
-        vertices = np.asarray(geometry.vertices, np.float64)
-        if not np.array_equal(transform, np.eye(4)):  # identity keeps the file's bits
+    parts = {
+        name: _checked_part(part)
+        for name, part in scene.geometry.items()
+        if isinstance(part, trimesh.Trimesh) and len(part.faces)
+    }
+    world, nodes = _world_transforms(scene.graph), scene.graph.transforms.node_data
+    placed = [(world[node], nodes[node]["geometry"]) for node in scene.graph.nodes_geometry]
+    placed = [(transform, parts[name]) for transform, name in placed if name in parts]
+    check_memory(sum(len(vertices) + len(faces) for _, (vertices, faces) in placed))
+    identity = np.eye(4)
+    for transform, (vertices, faces) in placed:
+        if not np.array_equal(transform, identity):  # identity keeps the file's bits
             vertices = vertices @ transform[:3, :3].T + transform[:3, 3]
-        faces = np.asarray(geometry.faces, np.int64)
-        if faces.min() < 0 or faces.max() >= len(vertices):  # before instances are joined and hide it
-            face = int(np.nonzero(((faces < 0) | (faces >= len(vertices))).any(axis=1))[0][0])
-            raise InputError(
-                f"{path}: face {face} names {faces[face].tolist()}, but there are {len(vertices)} vertices"
-            )
         yield vertices, faces
 
 
-def _check_memory(rows: int, path: Path) -> None:
-    """Raise InputError if so many faces and vertices do not fit: a few bytes can place a mesh a million times."""
-    needed, free = rows * _BYTES_PER_ROW, psutil.virtual_memory().available
-    if needed > free:
-        raise InputError(
-            f"{path} unfolds to {rows:,} faces and vertices, which need about {needed / 2**30:.1f} GiB, but the "
-            f"machine has only {free / 2**30:.1f} GiB free"
-        )
+def _checked_part(part: Any) -> Part:
+    vertices, faces = np.asarray(part.vertices, np.float64), np.asarray(part.faces, np.int64)
+    if faces.min() < 0 or faces.max() >= len(vertices):  # before parts are joined and hide it
+        face = int(np.nonzero(((faces < 0) | (faces >= len(vertices))).any(axis=1))[0][0])
+        raise InputError(f"face {face} names {faces[face].tolist()}, but there are {len(vertices)} vertices")
+    return vertices, faces
+
+
+def _world_transforms(graph: Any) -> dict[Any, NDArray[np.float64]]:
+    """Of all nodes below the base, each from its parent's: trimesh would multiply the whole path anew for each."""
+    children, edges = graph.transforms.children, graph.transforms.edge_data
+    world, waiting = {graph.base_frame: np.eye(4)}, [graph.base_frame]
+    while waiting:
+        parent = waiting.pop()
+        for child in children.get(parent, ()):
+            world[child] = world[parent] @ edges[parent, child]["matrix"]
+            waiting.append(child)
+    return world

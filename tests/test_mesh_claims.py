@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from atra import mesh as mesh_module
+from atra import mesh_claims
 from atra.errors import InputError
 from atra.mesh import load_mesh
 
@@ -142,8 +142,9 @@ def test_a_mesh_placed_more_often_than_memory_holds_is_refused_before_it_is_unfo
     path = with_tree(tmp_path / "box.glb", place_often)
     assert load_mesh(path).triangle_count == 1200
     rows = 100 * (12 + len(load_mesh(exported(tmp_path / "one.glb")).vertices))
-    free = rows * mesh_module._BYTES_PER_ROW - 1
-    monkeypatch.setattr(mesh_module.psutil, "virtual_memory", lambda: type("", (), {"available": free})())
+    free = rows * mesh_claims.BYTES_PER_ROW - 1
+    monkeypatch.setattr(mesh_claims.psutil, "virtual_memory", lambda: type("", (), {"available": free})())
+    monkeypatch.setattr(trimesh, "load_scene", lambda *_, **__: pytest.fail("read before it was counted"))
     with pytest.raises(InputError, match=f"unfolds to {rows:,} faces and vertices"):
         load_mesh(path)
 
