@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import io
+import logging
 import warnings
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -207,7 +209,7 @@ def _read(path: Path) -> tuple[list[Part], int]:
     try:
         content = path.read_bytes()
         promised = check_claims(content, suffix)
-        with warnings.catch_warnings():
+        with warnings.catch_warnings(), _warnings_of_trimesh_refused():
             warnings.simplefilter("ignore")
             for damage in _DAMAGE:
                 warnings.filterwarnings("error", message=damage)
@@ -223,6 +225,24 @@ def _read(path: Path) -> tuple[list[Part], int]:
     except Exception as error:  # a reader of foreign bytes may raise anything
         reason = str(error).strip() or type(error).__name__
         raise InputError(f"{path} cannot be read as {suffix}: {reason}") from None
+
+
+class _Refusal(logging.Handler):
+    """Turns what is logged into an error."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        raise InputError(record.getMessage())
+
+
+@contextmanager
+def _warnings_of_trimesh_refused() -> Iterator[None]:
+    """trimesh logs what it goes on without, with a traceback, which Python prints where no logging is set up."""
+    logger, refusal = logging.getLogger("trimesh"), _Refusal(logging.WARNING)
+    logger.addHandler(refusal)
+    try:
+        yield
+    finally:
+        logger.removeHandler(refusal)
 
 
 def _flattened(scene: Any) -> Iterator[Part]:

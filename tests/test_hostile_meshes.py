@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import json
+import logging
 import random
 import subprocess
 import sys
@@ -195,3 +196,28 @@ def test_materials_hidden_in_comments_or_another_encoding_reorder_no_faces(tmp_p
     path.write_bytes(text.replace("# ", "").encode("utf-16"))
     with pytest.raises(InputError, match="holds no triangles"):
         load_mesh(path)
+
+
+def test_nothing_of_a_damaged_stl_is_logged(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    path = tmp_path / "box.stl"
+    text = trimesh.creation.box().export(file_type="stl_ascii")
+    path.write_text(text.replace("facet normal -", "facet normal one"))  # normals are not read
+    assert load_mesh(path).triangle_count == 12
+    path.write_text(text.replace("facet normal -", "facet normal one").replace("vertex 0.5", "vertex half", 1))
+    with pytest.raises(InputError, match="could not be read to its end"):
+        load_mesh(path)
+    assert [record for record in caplog.records if record.levelno >= logging.INFO] == []
+
+
+def test_what_trimesh_only_warns_of_is_refused_in_its_words_and_nothing_is_printed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    def careless(*_: object, **__: object) -> None:
+        logging.getLogger("trimesh.util").warning("went on without half of it")
+
+    monkeypatch.setattr(trimesh, "load_scene", careless)
+    with pytest.raises(InputError, match="went on without half of it"):
+        load_mesh(gltf(tmp_path, [{"mesh": 0}], [0]))
+    assert caplog.records == []
+    logging.getLogger("trimesh.util").warning("elsewhere it may")
+    assert len(caplog.records) == 1
