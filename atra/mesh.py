@@ -8,7 +8,7 @@ import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
 
@@ -171,7 +171,7 @@ def load_mesh(path: str | Path) -> Mesh:
     instance moved by its transform. Materials and textures are not read; a glTF may name buffers in its own folder
     only. STL has no shared vertices, so its mesh has none.
 
-    The file need not be trusted (docs/untrusted.md). Raises InputError naming the path: missing, a folder, an
+    The file need not be trusted (docs/untrusted.md). Raises InputError naming the path: missing, no regular file, an
     unknown format, unreadable, cut short, without triangles, with instances that the free memory cannot hold, or with
     values that `Mesh` refuses. An OBJ with relative (negative) indices and a glTF with compressed or sparse geometry,
     with triangle fans or with nodes of several parents are refused, since trimesh misreads them, and so is an archive,
@@ -180,7 +180,7 @@ def load_mesh(path: str | Path) -> Mesh:
     path = Path(path).expanduser()
     if path.is_dir():
         raise InputError(f"{path} is a folder, expected a mesh file")
-    if not path.is_file():
+    if not path.exists():
         raise InputError(f"{path} does not exist, expected a mesh file")
     parts, promised = _read(path)
     if not parts:
@@ -207,7 +207,7 @@ def _read(path: Path) -> tuple[list[Part], int]:
         known = ", ".join(sorted(formats))
         raise InputError(f"{path} has the unknown format {suffix!r}, expected one of {known} (unpack an archive first)")
     try:
-        content = path.read_bytes()
+        content = read_regular_file(path)
         promised = check_claims(content, suffix)
         with warnings.catch_warnings(), _warnings_of_trimesh_refused():
             warnings.simplefilter("ignore")
@@ -216,7 +216,7 @@ def _read(path: Path) -> tuple[list[Part], int]:
             scene = trimesh.load_scene(
                 io.BytesIO(geometry_of(content, suffix)),
                 file_type=suffix,
-                resolver=trimesh.resolvers.FilePathResolver(str(path)),
+                resolver=_folder_of(path),
                 process=False,
                 skip_materials=True,
                 maintain_order=True,
@@ -243,6 +243,25 @@ def _warnings_of_trimesh_refused() -> Iterator[None]:
         yield
     finally:
         logger.removeHandler(refusal)
+
+
+def _folder_of(path: Path) -> Any:
+    """Gives trimesh the files that a mesh file names, out of its own folder."""
+    from trimesh.resolvers import FilePathResolver
+
+    class Folder(FilePathResolver):  # type: ignore[misc]
+        def get(self, name: str) -> bytes:
+            return _once(self.absolute(name))
+
+    _once = cache(read_regular_file)
+    return Folder(str(path))
+
+
+def read_regular_file(path: Path) -> bytes:
+    """What a file holds. Raises InputError for a pipe or a device, which may block for ever or never end."""
+    if path.exists() and not path.is_file():
+        raise InputError(f"{path.name} is no regular file")
+    return path.read_bytes()
 
 
 def _flattened(scene: Any) -> Iterator[Part]:

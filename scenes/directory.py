@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from atra.errors import InputError
-from atra.mesh import Mesh, load_mesh
+from atra.mesh import Mesh, load_mesh, read_regular_file
 from scenes.camera_fields import camera_fields_problem
 from scenes.manifest import read_manifest
 from scenes.stand_ins import stand_in_for
@@ -119,7 +119,7 @@ def _absence(name: str) -> str:
 
 def _camera_fields(path: Path, name: str) -> dict[str, Any]:
     try:
-        cameras = json.loads(path.read_text(encoding="utf-8"))
+        cameras = json.loads(read_regular_file(path))
     except FileNotFoundError:
         raise InputError(f"{path} does not exist, expected the cameras of the scenes in that folder") from None
     except (OSError, ValueError, RecursionError) as error:  # broken JSON, bytes that are not UTF-8, nested too deep

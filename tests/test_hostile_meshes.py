@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import json
 import logging
+import os
 import random
 import subprocess
 import sys
@@ -221,3 +222,24 @@ def test_what_trimesh_only_warns_of_is_refused_in_its_words_and_nothing_is_print
     assert caplog.records == []
     logging.getLogger("trimesh.util").warning("elsewhere it may")
     assert len(caplog.records) == 1
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no named pipes")
+@pytest.mark.parametrize("which", ["mesh", "buffer"])
+def test_a_pipe_is_refused_instead_of_waited_for(which: str, tmp_path: Path) -> None:
+    path = gltf(tmp_path, [{"mesh": 0}], [0], buffers=[{"byteLength": 36, "uri": "points.bin"}])
+    pipe = path if which == "mesh" else tmp_path / "points.bin"
+    pipe.unlink(missing_ok=True)
+    os.mkfifo(pipe)
+    done = subprocess.run([sys.executable, "-c", READ, str(path)], cwd=ROOT, capture_output=True, text=True, timeout=45)
+    assert f"{pipe.name} is no regular file" in done.stderr.splitlines()[-1]
+
+
+def test_a_buffer_that_is_named_a_thousand_times_is_read_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    names = ["points.bin", "./points.bin", "././points.bin"] * 300
+    path = gltf(tmp_path, [{"mesh": 0}], [0], buffers=[{"byteLength": 36, "uri": name} for name in names])
+    (tmp_path / "points.bin").write_bytes(TRIANGLE.tobytes())
+    read, given = [], Path.read_bytes
+    monkeypatch.setattr(Path, "read_bytes", lambda self: read.append(self.name) or given(self))
+    assert load_mesh(path).triangle_count == 1
+    assert read == ["scene.gltf", "points.bin"]

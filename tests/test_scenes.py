@@ -2,7 +2,9 @@
 
 import json
 import os
+import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -195,6 +197,18 @@ def test_missing_or_broken_cameras_are_refused_naming_the_file(folder):
     path.unlink()
     with pytest.raises(InputError, match=r"cameras\.json does not exist"):
         load_scene_from_directory("tri", folder)
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no named pipes")
+def test_a_pipe_in_place_of_the_cameras_is_refused_instead_of_waited_for(folder):
+    (folder / "cameras.json").unlink()
+    os.mkfifo(folder / "cameras.json")
+    read = "import sys; from scenes.directory import load_scene_from_directory as load; load('tri', sys.argv[1])"
+    done = subprocess.run(
+        [sys.executable, "-c", read, str(folder)],
+        cwd=Path(__file__).resolve().parents[1], capture_output=True, text=True, timeout=45,
+    )  # fmt: skip
+    assert "cameras.json is no regular file" in done.stderr.splitlines()[-1]
 
 
 def test_an_unknown_scene_or_missing_mesh_is_refused_listing_what_there_is(folder):
