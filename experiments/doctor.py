@@ -11,7 +11,7 @@ from pathlib import Path
 from atra.embree.library import OVERRIDE_VARIABLE, Library, embree_version, load_library
 from atra.errors import AtraError, InputError, printable
 from atra.instruction_sets import VARIABLE, instruction_sets_here
-from atra.kernels.caching import CACHE_FOLDER
+from atra.kernels.caching import cache_folder
 from atra.measure.environment import BUSY_LOAD, Environment, read_environment
 from experiments.configuration import Configuration, check_writable
 from experiments.peers import PEERS, peer_problem, peer_version
@@ -52,7 +52,7 @@ def diagnose(configuration: Configuration) -> Diagnosis:
         *_embree(library),
         *scenes,
         ("peers", "; ".join(_peers())),
-        ("kernels", f"kept in {CACHE_FOLDER}" if CACHE_FOLDER else "not kept"),
+        ("kernels", f"kept in {cache_folder()}" if cache_folder() else "not kept"),
         ("results", results),
     ]
     doubts = [*scene_doubts, *_doubts(environment, configuration)]
@@ -152,7 +152,7 @@ def _doubts(environment: Environment, configuration: Configuration) -> Iterator[
         yield f"the machine is busy (load {load[0]:.1f})"
     if environment.memory_available_bytes < budget_gib * 2**30:
         yield f"less memory is free than a point may take (measure.memory_budget_gib={budget_gib:g})"
-    if CACHE_FOLDER is None:
+    if cache_folder() is None:
         yield "every process compiles its kernels, as Numba may write nowhere; NUMBA_CACHE_DIR can name a folder"
 
 

@@ -12,7 +12,7 @@ import pytest
 
 from atra.embree.library import OVERRIDE_VARIABLE, embree_version, load_library
 from atra.instruction_sets import VARIABLE, instruction_sets_here
-from atra.kernels.caching import CACHE_FOLDER
+from atra.kernels.caching import cache_folder
 from atra.measure import environment
 from experiments import doctor
 from experiments.configuration import Configuration
@@ -60,7 +60,7 @@ def test_the_facts_are_those_of_this_machine(tmp_path: Path, monkeypatch: pytest
     assert "ATRA_SCENES" not in told
     assert f"embreex {peer_version('embreex')}" in told["peers"]
     assert told["results"] == f"go to {tmp_path / 'results'}"
-    assert told["kernels"] == f"kept in {CACHE_FOLDER}"
+    assert told["kernels"] == f"kept in {cache_folder()}"
     assert sys.version.split()[0] in told["Python"]
 
 
@@ -130,7 +130,7 @@ def test_cores_are_told_from_hardware_threads(
 
 def test_what_may_spoil_times_is_doubted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(os, "getloadavg", lambda: (3.25, 1.0, 1.0), raising=False)
-    monkeypatch.setattr(doctor, "CACHE_FOLDER", None)
+    monkeypatch.setattr(doctor, "cache_folder", lambda: None)
     monkeypatch.setenv("ATRA_SCENES", str(tmp_path / "nowhere"))
     configuration = Configuration(results_dir=str(tmp_path))
     configuration.measure.memory_budget_gib = 1e9

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import errno
 import importlib.util
-import subprocess
+import os
 import sys
 from pathlib import Path
+from types import ModuleType
 
+import numba
 import pytest
 
 from atra.embree import layout
@@ -28,13 +31,24 @@ KERNELS = {
 
 @pytest.mark.parametrize("name", KERNELS)
 def test_a_kernel_is_kept_under_the_stamp_of_all_sources(name: str) -> None:
-    assert KERNELS[name]._cache._cache_file._source_stamp == caching.SOURCE_STAMP
+    assert caching.SOURCE_STAMP in KERNELS[name]._cache._cache_file._source_stamp
 
 
 def test_the_sources_are_all_kernels_and_the_struct_layouts() -> None:
     folder = Path(str(caching.__file__)).parent
     assert set(folder.glob("*.py")) | {Path(str(layout.__file__))} < set(caching._SOURCES)
     assert len(KERNELS) > 15
+
+
+def imported(path: Path) -> ModuleType:
+    """The file as a new module, as another process would import it."""
+    spec = importlib.util.spec_from_file_location(path.stem, path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[path.stem] = module  # Numba imports it by name when it reads from disk
+    spec.loader.exec_module(module)
+    return module
 
 
 def test_kept_code_is_run_again_until_another_file_that_it_is_made_of_changes(
@@ -53,11 +67,7 @@ def test_kept_code_is_run_again_until_another_file_that_it_is_made_of_changes(
     )
 
     def answer(constant: int) -> int:
-        spec = importlib.util.spec_from_file_location("made_of_two_files", path)
-        assert spec is not None
-        assert spec.loader is not None
-        module = importlib.util.module_from_spec(spec)
-        spec.loader.exec_module(module)
+        module = imported(path)
         module.make(constant)
         return int(module.answer())
 
@@ -67,17 +77,85 @@ def test_kept_code_is_run_again_until_another_file_that_it_is_made_of_changes(
     assert answer(2) == 2
 
 
-def test_where_no_folder_can_be_written_kernels_are_compiled_and_not_kept() -> None:
-    code = (
-        "import numba.core.caching as caching\n"
-        "caching.CacheImpl._locator_classes = []  # as if the folder of the sources and the user's were read-only\n"
-        "import atra, atra.kernels.caching, atra.kernels.callbacks, experiments.peers.trimesh_ray\n"
-        "assert atra.kernels.callbacks.nearest_hit_filter(1, 1)\n"
-        "mesh = atra.Mesh([(-1, -1, 0), (1, -1, 0), (0, 1, 0)], [(0, 1, 2)])\n"
-        "camera = atra.Camera((0, 0, 3), (0, 0, 0), width=4, height=4)\n"
-        "with atra.PixelTracer(mesh, camera, packet_width=1, ties='any') as tracer: hits = tracer.trace()\n"
-        "print(int(hits.hit.sum()) > 0, atra.kernels.caching.CACHE_FOLDER)"
-    )
-    root = Path(__file__).resolve().parents[1]
-    done = subprocess.run([sys.executable, "-c", code], cwd=root, capture_output=True, text=True)
-    assert done.stdout == "True None\n", done.stderr
+TWO_KINDS = """
+import ctypes
+from numba import types
+from atra.kernels.caching import callback, kernel
+
+@kernel
+def half(x):
+    return x // 2
+
+@callback(types.int64(types.int64))
+def twice(x):
+    return 2 * x
+
+def answers():
+    return half(42), ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_int64)(twice.address)(21)
+
+def read_from_disk():
+    return sum(half.stats.cache_hits.values()), twice.cache_hits
+"""
+
+
+@pytest.fixture
+def two_kinds(tmp_path: Path) -> Path:
+    """A module of a kernel and a callback."""
+    caching._warn.cache_clear()
+    path = tmp_path / "two_kinds.py"
+    path.write_text(TWO_KINDS)
+    return path
+
+
+@pytest.mark.parametrize("damage", ["truncated", "empty", "garbage", "a bit"])
+@pytest.mark.parametrize("suffix", [".nbi", ".nbc"])
+def test_damaged_files_are_compiled_anew_and_replaced(suffix: str, damage: str, two_kinds: Path) -> None:
+    assert imported(two_kinds).answers() == (21, 42)
+    kept = [path for path in two_kinds.parent.rglob("*") if path.suffix == suffix]
+    assert len(kept) == 2
+    for path in kept:
+        whole = path.read_bytes()
+        flipped = bytearray(whole)
+        flipped[len(whole) // 2] ^= 1
+        damaged = {
+            "truncated": whole[: len(whole) // 2],
+            "empty": b"",
+            "garbage": b"\xff" * 99,
+            "a bit": bytes(flipped),
+        }
+        path.write_bytes(damaged[damage])
+    again = imported(two_kinds)
+    assert again.answers() == (21, 42)
+    assert again.read_from_disk() == (0, 0)
+    last = imported(two_kinds)
+    assert last.answers() == (21, 42)
+    assert last.read_from_disk() == (1, 1)
+
+
+def test_nowhere_to_write_is_told_once_and_code_is_compiled_without_being_kept(
+    two_kinds: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (two_kinds.parent / "__pycache__").write_text("a file, not a folder")
+    for name in ("XDG_CACHE_HOME", "HOME", "LOCALAPPDATA"):
+        monkeypatch.setenv(name, str(two_kinds / "no folder"))
+    monkeypatch.setattr(numba.config, "CACHE_DIR", "")
+    with pytest.warns(UserWarning, match=r"cannot be kept \(no folder .*NUMBA_CACHE_DIR names another") as caught:
+        assert imported(two_kinds).answers() == (21, 42)
+    assert len(caught) == 1
+
+
+def test_a_full_disk_is_told_once_and_code_is_compiled_without_being_kept(
+    two_kinds: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: object) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    with monkeypatch.context() as filling:
+        filling.setattr(os, "replace", full)
+        with pytest.warns(UserWarning, match=r"cannot be kept \(.*: No space left on device\)") as caught:
+            assert imported(two_kinds).answers() == (21, 42)
+    assert len(caught) == 1
+    imported(two_kinds).answers()
+    again = imported(two_kinds)
+    assert again.answers() == (21, 42)
+    assert again.read_from_disk() == (1, 1)

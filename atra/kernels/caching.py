@@ -1,13 +1,24 @@
-"""Compiled kernels are kept on disk between runs, as long as no file they may be made of has changed."""
+"""Compiled code is kept on disk between runs, as long as no file it may be made of has changed.
+
+One can do without: where it cannot be kept, or what was kept is damaged, it is compiled anew.
+"""
 
 from __future__ import annotations
 
+import pickle
+import warnings
 import zlib
 from collections.abc import Callable
+from functools import cache
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
 from numba import njit
+from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataCacheFile
+from numba.core.ccallback import CFunc
+from numba.core.serialize import dumps
+from numba.core.sigutils import normalize_signature
 
 from atra import hits
 from atra.embree import layout
@@ -21,24 +32,89 @@ SOURCE_STAMP = zlib.crc32(b"".join(source.read_bytes() for source in _SOURCES))
 """Changes with every file that a kernel may be made of: all kernels, the struct layouts, the constants of hits."""
 
 
-def _cache_folder() -> str | None:
+def cache_folder() -> str | None:
+    """Where compiled kernels are kept; None where Numba may write nowhere: every process then compiles them anew."""
     try:
-        return str(njit(cache=True)(lambda: None).stats.cache_path)
-    except RuntimeError:  # Numba found no folder it may write to
+        return str(FunctionCache(kernel).cache_path)
+    except RuntimeError:
         return None
 
 
-CACHE_FOLDER = _cache_folder()
-"""Where compiled kernels are kept; None where Numba may write nowhere: every process then compiles them anew."""
-
-
 def kernel(function: Callable[..., Any]) -> Any:
-    """Compile `function` when it is first called, to run without the GIL, and keep the code in `CACHE_FOLDER`, if any.
+    """Compile `function` when it is first called, to run without the GIL, and keep the code on disk."""
+    return keep_on_disk(njit(nogil=True)(function))
 
-    Numba runs kept code as long as the file of the function itself is the same. Kernels inline functions of other files
-    and their constants, so here all sources count: an older one would otherwise be run after an update.
-    """
-    compiled = njit(nogil=True, cache=CACHE_FOLDER is not None)(function)
-    if CACHE_FOLDER is not None:
-        compiled._cache._cache_file._source_stamp = SOURCE_STAMP
+
+def callback(signature: Any) -> Callable[[Callable[..., Any]], Any]:
+    """Compile a function for C to call, at once, and keep the code on disk. The compiled one has an `address`."""
+
+    def compiled(function: Callable[..., Any]) -> Any:
+        callback = keep_on_disk(CFunc(function, normalize_signature(signature), locals={}, options={}))
+        callback.compile()
+        return callback
+
     return compiled
+
+
+def keep_on_disk(compiled: Any) -> Any:
+    """The same `njit` function or C callback, made without `cache=True`, with this cache in place of none."""
+    try:
+        compiled._cache = _Cache(compiled.__wrapped__)
+    except RuntimeError:
+        _warn("no folder for it can be written to")
+    return compiled
+
+
+@cache
+def _warn(reason: str) -> None:
+    warnings.warn(
+        f"compiled code cannot be kept ({reason}), so every run compiles it anew; NUMBA_CACHE_DIR names another folder",
+        stacklevel=1,
+    )
+
+
+class _Sealed(CompileResultCacheImpl):
+    """Code with a digest: flipped bits would be run as they are."""
+
+    def reduce(self, cres: Any) -> Any:
+        code = dumps(super().reduce(cres))
+        return sha256(code).digest(), code
+
+    def rebuild(self, target_context: Any, reduced_data: Any) -> Any:
+        digest, code = reduced_data
+        if sha256(code).digest() != digest:
+            raise ValueError("damaged")
+        return super().rebuild(target_context, pickle.loads(code))
+
+
+class _Index(IndexDataCacheFile):
+    def _load_index(self) -> Any:
+        try:
+            return super()._load_index()
+        except Exception:  # a damaged pickle may raise anything
+            return {}
+
+
+class _Cache(FunctionCache):
+    """Numba runs kept code as long as the file of the function itself is the same. Kernels inline functions of other
+    files and their constants, so here all sources count: an older one would otherwise be run after an update.
+    """
+
+    _impl_class = _Sealed
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        super().__init__(function)
+        stamp = self._impl.locator.get_source_stamp(), SOURCE_STAMP
+        self._cache_file = _Index(self._cache_path, self._impl.filename_base, stamp)
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        try:
+            return super().load_overload(sig, target_context)
+        except Exception:  # as above; saving replaces it
+            return None
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        try:
+            super().save_overload(sig, data)
+        except OSError as error:
+            _warn(f"{self.cache_path}: {error.strerror or error}")

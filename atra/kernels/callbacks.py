@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from functools import cache
 
-from numba import cfunc, types
+from numba import types
 
-from atra.kernels.caching import CACHE_FOLDER, SOURCE_STAMP
+from atra.kernels.caching import callback
 from atra.kernels.intrinsics import fetch_add, keep_nearest
 
 
@@ -17,11 +17,8 @@ def nearest_hit_filter(shape_x: int, shape_y: int, instanced: bool = False) -> i
     instanced: the scene holds an instance per cell, and the user data a record per instance (`keep_nearest`).
     """
 
-    stamp = SOURCE_STAMP
-
-    @cfunc(types.void(types.int64), cache=CACHE_FOLDER is not None)
+    @callback(types.void(types.int64))
     def keep_nearest_hit(arguments_address):  # type: ignore[no-untyped-def]
-        stamp  # noqa: B018, in the closure, so that what is kept on disk is told from that of other sources
         keep_nearest(arguments_address, shape_x, shape_y, instanced)
 
     _keep_alive.append(keep_nearest_hit)
@@ -32,11 +29,8 @@ def nearest_hit_filter(shape_x: int, shape_y: int, instanced: bool = False) -> i
 def memory_monitor() -> int:
     """Address of the callback that adds Embree's allocations to the int64 it is registered with."""
 
-    stamp = SOURCE_STAMP
-
-    @cfunc(types.boolean(types.int64, types.int64, types.boolean), cache=CACHE_FOLDER is not None)
+    @callback(types.boolean(types.int64, types.int64, types.boolean))
     def count_bytes(counter_address, byte_count, after):  # type: ignore[no-untyped-def]
-        stamp  # noqa: B018
         fetch_add(counter_address, byte_count)
         return True
 

@@ -10,7 +10,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from atra.kernels.caching import CACHE_FOLDER
+from atra.kernels.caching import keep_on_disk
 from experiments.peers.blocks import Answer, BlockwiseTracer, RayArrays
 
 
@@ -63,7 +63,8 @@ class TrimeshTracer(BlockwiseTracer):
         return _plane_depths(prim_id, directions, self._planes.normals, self._planes.distances)
 
 
-@njit(nogil=True, cache=CACHE_FOLDER is not None, error_model="numpy")
+@keep_on_disk
+@njit(nogil=True, error_model="numpy")
 def _plane_depths(prim_id, directions, normals, distances):  # type: ignore[no-untyped-def]
     """(N,) float32 ray parameters where rays from the eye meet the planes of their triangles, inf for prim_id -1."""
     depth = np.empty(len(prim_id), np.float32)
