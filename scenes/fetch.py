@@ -7,25 +7,24 @@ which may be deleted.
 from __future__ import annotations
 
 import hashlib
-import importlib
 import json
 import os
 import tempfile
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from atra.errors import InputError
 from atra.mesh import Mesh, load_mesh
 from atra.records import write_atomically
-from scenes.archive import extract_member
+from scenes.archive import LARGEST_UNPACKED_BYTES, extract_member
 from scenes.directory import CAMERAS_FILE, default_cache
 from scenes.manifest import SceneSource, read_manifest
 
 ARCHIVES_FOLDER = "archives"
 
 _TIMEOUT_S = 60.0
+_BLOCK_BYTES = 1 << 16
 _USER_AGENT = "atra scene fetch (research; one file at a time)"  # the archive refuses some clients' default names
 
 
@@ -35,9 +34,10 @@ def fetch_scene(name: str, cache: str | Path | None = None, base_url: str | None
     name: one of the manifest's. cache: the folder to keep it in; None = `default_cache()`, `~` is expanded.
     base_url: another home with the same paths below it; None = the manifest's.
     Returns the path of `<cache>/<name>.ply`; its camera is in cameras.json beside it, where one of that name that is
-    already there is kept. A scene that is in the cache needs neither network nor pooch.
-    Raises InputError for an unknown name, a missing pooch, a download that fails (saying what to do by hand), a wrong
-    hash, an archive that cannot be trusted, a wrong triangle count, or a cache that cannot be written.
+    already there is kept. A scene that is in the cache needs neither network nor requests.
+    Raises InputError for an unknown name, missing requests, a download that fails (saying what to do by hand) or is
+    larger than promised, a wrong hash, an archive that cannot be trusted, a wrong triangle count, or a cache that
+    cannot be written.
     """
     manifest = read_manifest()
     source = manifest.scene(name)
@@ -75,26 +75,48 @@ def _credits(source: SceneSource, home: str) -> str:
 
 
 def _download(url: str, archive: Path, source: SceneSource) -> None:
-    try:
-        pooch: Any = importlib.import_module("pooch")
-    except ImportError:
-        raise InputError("fetching scenes needs the package pooch; run: pip install 'atra[fetch]'") from None
     size = "" if source.archive_bytes is None else f" ({source.archive_bytes / 1e6:.1f} MB)"
     print(f"fetching {url}{size}", flush=True)
-    pooch.get_logger().setLevel("WARNING")  # it would advise to pin the hash, which the manifest does
-    downloader = pooch.HTTPDownloader(timeout=_TIMEOUT_S, headers={"User-Agent": _USER_AGENT})
     # A folder of its own, so that a broken download, or another process's, never passes for the archive.
     with _scratch(archive.parent) as scratch:
+        got = Path(scratch) / archive.name
         try:
-            # No hash here: it is checked below for archives put there by hand, too, and with a message of our own.
-            got = pooch.retrieve(url, known_hash=None, fname=archive.name, path=scratch, downloader=downloader)
+            _receive(url, got, LARGEST_UNPACKED_BYTES if source.archive_bytes is None else source.archive_bytes)
+        except InputError:
+            raise
         except (OSError, ValueError) as error:  # every error of requests is an OSError
             raise InputError(
                 f"{url} cannot be downloaded ({error}). By hand: download that address with a browser, put the file "
                 f"at {archive} and run this again"
             ) from None
-        _check_hash(Path(got), source, f"try again; if it stays so, {url} has changed since the manifest was written")
+        _check_hash(got, source, f"try again; if it stays so, {url} has changed since the manifest was written")
         os.replace(got, archive)
+
+
+def _receive(url: str, target: Path, most_bytes: int) -> None:
+    """Raises InputError as soon as more than `most_bytes` are announced or have come."""
+    try:
+        import requests
+    except ImportError:
+        raise InputError("fetching scenes needs the package requests; run: pip install 'atra[fetch]'") from None
+
+    def check(sends: str, count: int) -> None:
+        if count > most_bytes:
+            raise InputError(
+                f"{url} {sends}, expected at most {most_bytes} bytes by the manifest; it has changed since that was "
+                "written, or is not what it should be"
+            )
+
+    come = 0
+    headers = {"User-Agent": _USER_AGENT, "Accept-Encoding": "identity"}
+    with requests.get(url, headers=headers, timeout=_TIMEOUT_S, stream=True) as response, target.open("wb") as file:
+        response.raise_for_status()
+        announced = int(response.headers.get("Content-Length", 0))
+        check(f"sends {announced} bytes", announced)
+        for block in response.iter_content(_BLOCK_BYTES):
+            come += len(block)
+            check(f"sends more than the {most_bytes} bytes", come)
+            file.write(block)
 
 
 def _check_hash(archive: Path, source: SceneSource, advice: str) -> None:

@@ -10,6 +10,7 @@ import stat
 import sys
 import threading
 import zipfile
+from contextlib import suppress
 from dataclasses import replace
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
@@ -40,7 +41,7 @@ def zipped(*members):
 @pytest.fixture
 def server(monkeypatch):
     """Serves `files` (path -> bytes) on 127.0.0.1, counts requests, and has no other network."""
-    pytest.importorskip("pooch", reason="fetching needs pooch: pip install 'atra[fetch]'")
+    pytest.importorskip("requests", reason="fetching needs requests: pip install 'atra[fetch]'")
     monkeypatch.setenv("NO_PROXY", "127.0.0.1")
     monkeypatch.setenv("no_proxy", "127.0.0.1")
 
@@ -49,15 +50,20 @@ def server(monkeypatch):
             self.server.asked.append((self.path, self.headers["User-Agent"]))
             content = self.server.files.get(self.path)
             self.send_response(404 if content is None else 200)
-            self.send_header("Content-Length", str(len(content or b"")))
+            if self.server.says_length:
+                self.send_header("Content-Length", str(len(content or b"") * self.server.times))
             self.end_headers()
-            self.wfile.write(content or b"")
+            with suppress(ConnectionError):
+                for _ in range(self.server.times):
+                    self.wfile.write(content or b"")
+                    self.server.sent += len(content or b"")
 
         def log_message(self, *_):
             pass
 
     with ThreadingHTTPServer(("127.0.0.1", 0), Handler) as running:
         running.files, running.asked = {}, []
+        running.says_length, running.times, running.sent = True, 1, 0
         running.url = f"http://127.0.0.1:{running.server_port}/g3d/"
         thread = threading.Thread(target=running.serve_forever, kwargs={"poll_interval": 0.02})
         thread.start()
@@ -117,18 +123,18 @@ def test_a_scratch_folder_that_cannot_be_removed_does_not_lose_the_scene(by_hand
     assert fetch_scene("sponza", cache).is_file()
 
 
-def test_a_scene_in_the_cache_needs_neither_network_nor_pooch(server, describe, tmp_path, monkeypatch):
+def test_a_scene_in_the_cache_needs_neither_network_nor_requests(server, describe, tmp_path, monkeypatch):
     describe()
     server.files["/g3d/a/tiny.zip"] = zipped(("sponza.obj", OBJ))
     first = fetch_scene("sponza", tmp_path, server.url).read_bytes()
-    monkeypatch.setitem(sys.modules, "pooch", None)
+    monkeypatch.setitem(sys.modules, "requests", None)
     assert fetch_scene("sponza", tmp_path, "http://127.0.0.1:9/").read_bytes() == first
     assert len(server.asked) == 1
 
 
-def test_a_missing_pooch_is_answered_with_the_command_that_installs_it(describe, tmp_path, monkeypatch):
+def test_a_missing_requests_is_answered_with_the_command_that_installs_it(describe, tmp_path, monkeypatch):
     describe()
-    monkeypatch.setitem(sys.modules, "pooch", None)
+    monkeypatch.setitem(sys.modules, "requests", None)
     with pytest.raises(InputError, match=r"pip install 'atra\[fetch\]'"):
         fetch_scene("sponza", tmp_path, "http://127.0.0.1:9/")
 
@@ -154,6 +160,29 @@ def test_a_pinned_hash_admits_its_archive_and_no_other(server, describe, tmp_pat
     assert list((tmp_path / "archives").iterdir()) == []
     server.files["/g3d/a/tiny.zip"] = good
     assert fetch_scene("sponza", tmp_path, server.url).is_file()
+
+
+@pytest.mark.parametrize(
+    ("says_length", "told"), [(True, "sends 600000000 bytes"), (False, "sends more than the 224880 bytes")]
+)
+def test_a_download_ends_as_soon_as_more_comes_than_the_manifest_promises(
+    says_length, told, server, describe, tmp_path
+):
+    describe(archive_bytes=224_880)
+    server.files["/g3d/a/tiny.zip"] = bytes(1_000_000)
+    server.times, server.says_length = 600, says_length
+    with pytest.raises(InputError, match=f"{told}.*224880 bytes .*the manifest"):
+        fetch_scene("sponza", tmp_path, server.url)
+    assert server.sent <= 30_000_000  # what lies between the two
+    assert list((tmp_path / "archives").iterdir()) == []
+
+
+def test_a_download_of_unknown_size_ends_where_no_archive_may_be_larger(server, describe, tmp_path, monkeypatch):
+    monkeypatch.setattr(fetch, "LARGEST_UNPACKED_BYTES", 1_000_000)
+    describe(archive_bytes=None)
+    server.files["/g3d/a/tiny.zip"] = bytes(2_000_000)
+    with pytest.raises(InputError, match="sends 2000000 bytes, expected at most 1000000 bytes"):
+        fetch_scene("sponza", tmp_path, server.url)
 
 
 def test_an_archive_put_there_by_hand_is_used_and_its_hash_is_checked(by_hand, describe):
@@ -292,8 +321,8 @@ def test_the_manifest_names_the_papers_counts_and_usable_cameras_and_one_restric
 
 
 def test_fetching_mitsuba_shows_its_restriction_before_anything_is_downloaded(tmp_path, capsys, monkeypatch):
-    monkeypatch.setitem(sys.modules, "pooch", None)
-    with pytest.raises(InputError, match="pooch"):
+    monkeypatch.setitem(sys.modules, "requests", None)
+    with pytest.raises(InputError, match="requests"):
         fetch_scene("mitsuba", tmp_path)
     assert "direct comparisons between the Mitsuba renderer and others" in capsys.readouterr().out
 
