@@ -6,9 +6,11 @@ import json
 import os
 import platform
 import sys
+import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from datetime import UTC, datetime
+from hashlib import sha256
 from pathlib import Path
 
 from filelock import FileLock, Timeout
@@ -21,10 +23,26 @@ from atra.records import remove_abandoned_files, write_atomically
 def exclusive(results: Path, *folders: Path) -> Iterator[None]:
     """Hold the results folder for this run; the system lets go of it when the process ends, however it ends.
 
-    What a killed run left half-written there and in `folders` is removed. Raises InputError naming who holds the
-    folder, and StorageError if it cannot be locked.
+    There are two locks: one in the folder, for whoever shares it, and one among the temporary files of this machine,
+    which stays when the folder is deleted during the run. What a killed run left half-written there and in `folders`
+    is removed. Raises InputError naming who holds the folder, and StorageError if it cannot be locked.
     """
-    lock, holder = FileLock(results / ".lock"), results / ".lock.holder"
+    user = getattr(os, "getuid", int)()
+    digest = sha256(os.fsencode(results.resolve())).hexdigest()[:20]
+    elsewhere = Path(tempfile.gettempdir()) / f"atra-lock-{user}-{digest}"
+    with _held(results / ".lock", results), _held(elsewhere, results):
+        try:
+            for folder in (results, *folders):
+                remove_abandoned_files(folder)
+            yield
+        finally:
+            with suppress(OSError):
+                elsewhere.unlink()  # the one in the folder, which stays, keeps those out who have opened this one
+
+
+@contextmanager
+def _held(path: Path, results: Path) -> Iterator[None]:
+    lock, holder = FileLock(path), path.with_name(path.name + ".holder")
     try:
         lock.acquire(timeout=0)
     except Timeout:
@@ -40,8 +58,6 @@ def exclusive(results: Path, *folders: Path) -> Iterator[None]:
         words = " ".join(["python", *sys.argv])
         told = {"process": os.getpid(), "machine": platform.node(), "since": started, "command": words}
         write_atomically(holder, json.dumps(told).encode())
-        for folder in (results, *folders):
-            remove_abandoned_files(folder)
         yield
     finally:
         with suppress(OSError):

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import errno
 import os
+import shutil
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 
 import pytest
@@ -37,6 +39,32 @@ def test_a_second_run_is_told_who_holds_the_folder_and_may_go_on_when_that_one_i
         other.wait()
     with exclusive(tmp_path, tmp_path):
         pass
+
+
+def test_a_folder_that_is_deleted_during_a_run_still_is_in_use_by_it(tmp_path: Path) -> None:
+    results = tmp_path / "results"
+    results.mkdir()
+    command = [sys.executable, "-c", HOLD, str(results)]
+    root = Path(__file__).resolve().parents[1]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, cwd=root) as other:
+        assert other.stdout is not None
+        assert other.stdout.readline() == b"held\n"
+        shutil.rmtree(results)
+        results.mkdir()
+        with pytest.raises(InputError, match=rf"in use by process {other.pid} on .*choose another results_dir"):
+            exclusive(results).__enter__()
+        other.kill()
+        other.wait()
+    with exclusive(results):
+        pass
+
+
+def test_a_run_leaves_no_lock_among_the_temporary_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "temporary").mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "temporary"))
+    with exclusive(tmp_path):
+        assert len(list((tmp_path / "temporary").iterdir())) == 2
+    assert list((tmp_path / "temporary").iterdir()) == []
 
 
 def test_a_report_is_refused_while_a_run_holds_the_folder(tmp_path: Path) -> None:
