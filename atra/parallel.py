@@ -27,13 +27,19 @@ class WorkerPool:
 
     def __init__(self, threads: int) -> None:
         self.threads = threads
-        self._executor = ThreadPoolExecutor(threads - 1, "atra") if threads > 1 else None
+        self._start()
+
+    def _start(self) -> None:
+        self._process = os.getpid()
+        self._executor = ThreadPoolExecutor(self.threads - 1, "atra") if self.threads > 1 else None
 
     def run(self, kernel: Callable[[int, int], Any]) -> None:
         """Call kernel(worker, counter_address) once per thread; the counter at the address starts at zero.
 
         Returns, or raises what one of them raised, when all are done: until then they write to the caller's memory.
         """
+        if self._process != os.getpid():  # a child of fork has none of its parent's threads
+            self._start()
         counter = np.zeros(1, np.int64)
         address = counter.ctypes.data
         others: list[Future[Any]] = []

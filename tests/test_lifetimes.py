@@ -1,6 +1,7 @@
 """Tracers from making to closing: nothing leaks, nothing is used after it is gone, every order of calls is defined."""
 
 import gc
+import os
 import subprocess
 import sys
 import threading
@@ -348,3 +349,26 @@ def test_a_process_may_end_with_tracers_open_and_a_thread_still_tracing(ending):
     ended = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=60)
     assert ended.returncode == 0, ended.stderr
     assert ended.stderr == ""
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="this system has no fork")
+@pytest.mark.parametrize("name", ["packets", "aligned", "visible_first"])
+def test_a_forked_child_traces_on_and_builds_its_own(name):
+    """It has none of the threads of its parent."""
+    script = (
+        "import os, sys, signal, numpy\n"
+        "from tests.test_lifetimes import tracer\n"
+        "with tracer(sys.argv[1], 2) as one:\n"
+        "    before = one.trace().prim_id.copy()\n"
+        "    child = os.fork()\n"
+        "    if not child:\n"
+        "        signal.alarm(30)\n"
+        "        with tracer(sys.argv[1], 2) as other:\n"
+        "            images = [one.trace().prim_id, one.trace().prim_id, other.trace().prim_id]\n"
+        "        os._exit(not all(numpy.array_equal(image, before) for image in images))\n"
+        "    status = os.waitpid(child, 0)[1]\n"
+        "    assert numpy.array_equal(one.trace().prim_id, before)\n"
+        "sys.exit(f'the child ended with status {status}' if status else 0)\n"
+    )
+    ended = subprocess.run([sys.executable, "-c", script, name], capture_output=True, text=True, timeout=120)
+    assert ended.returncode == 0, ended.stderr
