@@ -12,13 +12,19 @@ import numpy as np
 from atra.errors import InputError
 from atra.whole_numbers import is_whole_number
 
+MOST_THREADS = 1024
+"""Each has memory of its own and takes time to start, and no machine of today has more cores."""
+
 
 def resolve_threads(threads: int | None) -> int:
     """The number of threads to use; None is every core this process may run on."""
     if threads is None:
-        return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+        cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+        return min(cores, MOST_THREADS)
     if not is_whole_number(threads) or threads < 1:
         raise InputError(f"threads is {threads!r}, expected a whole number of at least 1, or None for every core")
+    if threads > MOST_THREADS:
+        raise InputError(f"threads is {threads}, expected at most {MOST_THREADS}; None takes every core")
     return int(threads)
 
 

@@ -14,6 +14,7 @@ from omegaconf import MISSING, DictConfig, OmegaConf
 
 from atra.camera import check_offset
 from atra.errors import InputError
+from atra.parallel import resolve_threads
 
 PACKET_WIDTHS = (1, 4, 8, 16)
 
@@ -229,7 +230,7 @@ def check_configuration(configuration: Configuration) -> None:
     _at_least("height", configuration.height, 1)
     _at_least("split_x", configuration.split_x, 1)
     _at_least("split_y", configuration.split_y, 1)
-    _at_least("threads", configuration.threads, 1)
+    resolve_threads(configuration.threads)
     _at_least("frames", configuration.frames, 1)
     if (configuration.frames > 1) != (configuration.motion is not None):
         motion = configuration.motion.value if configuration.motion else "null"

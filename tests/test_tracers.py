@@ -273,6 +273,7 @@ def test_an_out_of_another_kind_is_refused_before_it_is_written(make):
 @pytest.mark.parametrize(("options", "message"), [
     ({"packet_width": 3}, "packet_width is 3, this machine supports"),
     ({"threads": 0}, "threads is 0"),
+    ({"threads": 10**6}, "threads is 1000000, expected at most 1024; None takes every core"),
     ({"build_quality": "best"}, "build_quality is 'best', expected one of low, medium, high"),
     ({"split": (5, 1)}, r"split \(5, 1\) does not divide image 16 x 16"),
 ])  # fmt: skip
