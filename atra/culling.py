@@ -236,6 +236,12 @@ def check_image_size(rows: int, row_stride: int) -> None:
         raise InputError(f"an output of {rows} rows of {row_stride} pixels is too large, expected below 2^31 pixels")
 
 
+def check_image_memory(rows: int, width: int) -> None:
+    """Raise MemoryBudgetError if the depth and prim_id of so many pixels are more than the memory that is free."""
+    what = f"depth and prim_id of {rows:,} rows of {width:,} pixels"
+    check_needed_bytes(rows * width * 8, None, what, "use fewer pixels, or more memory")
+
+
 def project_vertices(
     mesh: Mesh, camera: View, pool: WorkerPool, linear: NDArray[np.float64] | None = None
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

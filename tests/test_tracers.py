@@ -270,6 +270,21 @@ def test_an_out_of_another_kind_is_refused_before_it_is_written(make):
             np.testing.assert_array_equal((hits.prim_id, hits.depth), before)
 
 
+@pytest.mark.parametrize("make", [
+    atra.PixelTracer,
+    partial(atra.AlignedTracer, split=(4, 1)),
+    partial(atra.VisibleFirstTracer, split=(4, 1)),
+    partial(atra.TiledTracer, split=(4, 1)),
+    lambda mesh, camera: atra.FramesTracer(
+        mesh, atra.Alignment.of_frames([camera] * 2, atra.Split(4, 1, camera.width, camera.height))
+    ),
+])  # fmt: skip
+def test_an_image_that_no_memory_holds_is_refused_before_anything_is_allocated(make):
+    message = r"depth and prim_id of [12],000,000 rows of 1,000,000 pixels need about .* GiB, .*use fewer pixels"
+    with pytest.raises(atra.MemoryBudgetError, match=message):
+        make(cornell_box(), cornell_camera(10**6, 10**6))
+
+
 @pytest.mark.parametrize(("options", "message"), [
     ({"packet_width": 3}, "packet_width is 3, this machine supports"),
     ({"threads": 0}, "threads is 0"),

@@ -13,7 +13,7 @@ from typing import Any, Protocol, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.culling import AlignedGeometry
+from atra.culling import AlignedGeometry, check_image_memory
 from atra.embree.device import EmbreeDevice
 from atra.embree.scene import EmbreeScene, check_build_quality, resolve_packet_width
 from atra.embree.workspace import Workspace
@@ -100,7 +100,8 @@ def one_at_a_time(method: Callable[..., None]) -> Callable[..., None]:
 class EmbreeTracer(Prepared):
     """Lifetime, timing and buffers that the tracers share; `camera` is that of the rays shot.
 
-    Raises InputError for a mesh smaller than 1e-9, or farther than 1e11 from the eye: float32 would lose triangles.
+    Raises InputError for a mesh smaller than 1e-9, or farther than 1e11 from the eye: float32 would lose triangles;
+    MemoryBudgetError for images that the free memory cannot hold.
     """
 
     def __init__(
@@ -120,6 +121,7 @@ class EmbreeTracer(Prepared):
             check_range(seen, view)
         self.build_quality = build_quality
         self.ties = ties
+        check_image_memory(sum(view.height for _, view in self._views), camera.width)
         self.packet_width = resolve_packet_width(packet_width)
         self.threads = resolve_threads(threads)
         self.plan_time_s = 0.0

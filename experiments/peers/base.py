@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from atra.culling import check_image_memory
 from atra.errors import EmbreeError
 from atra.hits import Hits
 from atra.mesh import Mesh
@@ -40,6 +41,7 @@ class PeerTracer(Prepared):
         self.mesh = mesh
         self.camera = camera
         self.threads = resolve_threads(threads)
+        check_image_memory(camera.height, camera.width)
         self.plan_time_s = 0.0
         self.build_time_s = 0.0
         self._lock = threading.Lock()  # one frame at a time, as with the tracers of atra
