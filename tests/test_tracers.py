@@ -3,6 +3,7 @@
 import threading
 from dataclasses import replace
 from functools import partial
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -268,6 +269,19 @@ def test_an_out_of_another_kind_is_refused_before_it_is_written(make):
             with pytest.raises(atra.InputError, match=message):
                 tracer.trace((0.1, 0.9), out=replace(hits, **fields))
             np.testing.assert_array_equal((hits.prim_id, hits.depth), before)
+
+
+@pytest.mark.parametrize("out", ["x", (1, 2), SimpleNamespace(depth=None, prim_id=None), atra.PixelTracer])
+@pytest.mark.parametrize("make", [
+    atra.PixelTracer,
+    partial(atra.AlignedTracer, split=(4, 1)),
+    lambda mesh, camera: atra.FramesTracer(mesh, atra.Alignment.of_frames([camera] * 2, atra.Split(4, 1, 16, 16))),
+])  # fmt: skip
+def test_an_out_that_is_no_result_is_refused_by_name(make, out):
+    with make(cornell_box(), cornell_camera(16, 16)) as tracer:
+        with pytest.raises(atra.InputError, match=r"out is .*, expected a result of this tracer, or None"):
+            tracer.trace(out=out)
+        tracer.trace(out=tracer.trace())
 
 
 @pytest.mark.parametrize("make", [

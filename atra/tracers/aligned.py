@@ -16,7 +16,7 @@ from atra.frames import Frames
 from atra.instancing import check_instancing_budget, plan_instanced_geometry
 from atra.kernels.callbacks import memory_monitor, nearest_hit_filter
 from atra.mesh import Mesh
-from atra.tracers.base import ImageTracer, one_at_a_time
+from atra.tracers.base import ImageTracer, images_of, one_at_a_time
 from atra.tracers.reference_rays import ReferenceRayTracer
 from atra.tracers.second_pass import SecondPass
 from atra.view import View
@@ -206,8 +206,9 @@ class FramesTracer(_AlignedImages):
         """
         cameras, height, width = self.alignment.cameras, self.camera.height, self.camera.width
         rows = len(cameras) * height
-        images = None if out is None else (_stacked(out.depth), _stacked(out.prim_id))
-        depth, prim_id = self._trace_rows(offset, rows, images)
+        images = images_of(out)
+        stacked = None if images is None else (_stacked(images[0]), _stacked(images[1]))
+        depth, prim_id = self._trace_rows(offset, rows, stacked)
         shape = (len(cameras), height, width)
         return Frames(_unstacked(depth, shape), _unstacked(prim_id, shape), offset, self.meshes, cameras)
 

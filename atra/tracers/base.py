@@ -303,9 +303,18 @@ class ImageTracer(EmbreeTracer):
         Raises InputError for an offset outside the pixel or an `out` that does not fit, EmbreeError when the tracer is
         not built or already closed.
         """
-        images = None if out is None else (out.depth, out.prim_id)
-        depth, prim_id = self._trace_rows(offset, self.camera.height, images)
+        depth, prim_id = self._trace_rows(offset, self.camera.height, images_of(out))
         return Hits(depth, prim_id, offset, self.mesh, self.camera)
+
+
+def images_of(out: Any) -> tuple[NDArray[np.float32], NDArray[np.uint32]] | None:
+    """depth and prim_id of an earlier result; None of None. Raises InputError for what has no such arrays."""
+    if out is None:
+        return None
+    images = getattr(out, "depth", None), getattr(out, "prim_id", None)
+    if not all(isinstance(image, np.ndarray) for image in images):
+        raise InputError(f"out is {out!r:.100}, expected a result of this tracer, or None")
+    return images  # type: ignore[return-value]
 
 
 def new_images(height: int, width: int, row_stride: int) -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
