@@ -5,6 +5,8 @@ scene=sponza` downloads a scene, `python run.py report sweep=paper` writes a swe
 Exit codes: 0 done, 1 something failed, 2 the input cannot be used, 130 interrupted.
 """
 
+# ruff: noqa: E402, since Ctrl-C may come before the imports are done
+
 from __future__ import annotations
 
 import io
@@ -12,6 +14,16 @@ import os
 import signal
 import sys
 import traceback
+
+
+def _leave(*_: object) -> None:
+    """Nothing has begun, and KeyboardInterrupt inside an import may be taken for a missing package."""
+    os.write(sys.stderr.fileno(), b"run.py: interrupted\n")
+    os._exit(130)
+
+
+if __name__ == "__main__" and signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+    signal.signal(signal.SIGINT, _leave)
 
 # Hydra then raises its errors instead of printing them at length; they are shown below, shortened.
 os.environ["HYDRA_FULL_ERROR"] = "1"
@@ -83,6 +95,8 @@ def main() -> int:
     register_schema()
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
+        if signal.getsignal(signal.SIGINT) is _leave:
+            signal.signal(signal.SIGINT, signal.default_int_handler)
         check_command_line(sys.argv[1:])
         run()
     except (AtraError, HydraException, OmegaConfBaseException) as error:

@@ -146,6 +146,24 @@ def test_an_interrupt_keeps_what_is_done_and_exits_with_130(tmp_path: Path) -> N
     assert (tmp_path / "results" / "horizontal" / "figure5.png").exists()
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows sends no SIGINT to one process")
+def test_an_interrupt_while_importing_is_one_line_and_130(tmp_path: Path) -> None:
+    slow = (
+        "print('importing', flush=True)\nimport time\ntry: time.sleep(60)\nexcept BaseException: pass  # as some do\n"
+    )
+    (tmp_path / "hydra.py").write_text(slow)
+    environment = {**os.environ, "PYTHONPATH": str(tmp_path)}
+    command = [sys.executable, str(ROOT / "run.py")]
+    with subprocess.Popen(
+        command, cwd=tmp_path, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as running:
+        assert running.stdout is not None
+        assert running.stdout.readline() == "importing\n"
+        running.send_signal(signal.SIGINT)
+        _, told = running.communicate(timeout=50)
+    assert (running.returncode, told) == (130, "run.py: interrupted\n")
+
+
 def test_a_report_is_written_from_the_table_and_without_one_no_claim_holds(tmp_path: Path) -> None:
     done = run(tmp_path, *TOY_SWEEP)
     assert done.returncode == 0, done.stderr
