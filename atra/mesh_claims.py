@@ -171,9 +171,11 @@ def _placed_meshes(tree: Any) -> Counter[int]:
     """
     nodes = tree.get("nodes", [])
     roots = tree["scenes"][tree.get("scene", 0)].get("nodes", []) if "scenes" in tree else []
-    named = Counter(roots)
-    for node in nodes:
+    named, meshes = Counter(roots), range(len(tree.get("meshes", [])))
+    for number, node in enumerate(nodes):
         named.update(node.get("children", []))
+        if "mesh" in node and node["mesh"] not in meshes:
+            raise InputError(f"node {number} names mesh {node['mesh']!r}, but there are {len(meshes)}")
     for number, times in named.items():
         if times > 1:
             raise InputError(f"node {number} is named by {times} parents, expected one; export the nodes as a tree")

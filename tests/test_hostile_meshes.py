@@ -150,6 +150,12 @@ def test_nodes_that_are_no_tree_are_refused_or_show_nothing(nodes: list[Any], ro
         load_mesh(gltf(tmp_path, nodes, roots))
 
 
+@pytest.mark.parametrize("mesh", [1, -1, "0", None])
+def test_a_node_that_names_no_mesh_there_is_is_refused(mesh: Any, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=f"node 1 names mesh {mesh!r}, but there are 1"):
+        load_mesh(gltf(tmp_path, [{"mesh": 0}, {"mesh": mesh}], [0]))
+
+
 def test_a_primitive_that_would_be_left_out_is_refused(tmp_path: Path) -> None:
     fan = {"primitives": [{**PART["primitives"][0], "mode": 6}]}
     with pytest.raises(InputError, match="has the mode 6, such as a fan"):
