@@ -27,7 +27,7 @@ _MOST_PROPERTIES = 1000
 """Of a PLY: those of Gaussian splats are 62, and trimesh takes the square of it."""
 
 _MOST_PARTS = 1_000_000
-"""Of a glTF: each takes trimesh 50 µs."""
+"""Of a glTF: each takes trimesh 50 microseconds."""
 
 _OFF_COUNTS = re.compile(rb"C?OFF\s+\d+\s+(\d{1,18})\b")
 _OBJ_FACE = re.compile(rb"(?m)^[ \t]*f[ \t]")
