@@ -119,8 +119,8 @@ def compare(mesh: Mesh, camera: View, hits: Hits, reference: Hits) -> Agreement:
     EDGE   otherwise.
 
     Above all that, a pixel is WRONG if either image stores a depth that differs from that of the plane of its triangle,
-    in float64, by more than the rounding of float32 can change it, or, where that leaves it open because the plane
-    passes through the eye, one that is not between the triangle's corners. A miss must store inf.
+    in float64, by more than the rounding of float32 can change it. A ray that lies in a plane through the eye has a
+    quotient of two zeros for a depth, and any depth will do. A miss must store inf.
 
     The rounding of float32 is that of one ray of the mesh itself, traced with the eye at the origin, and of its
     triangle test, for this very ray and triangle (`_Rounding`), times ALLOWED_MULTIPLE. Whoever traces other triangles
@@ -169,17 +169,19 @@ class _Rounding:
     edges: 4 far x longest edge; error of the volume of an edge, the eye and the direction, per length of the direction.
     ahead: of n . (v0 - o). Corners, component by component, times n, as each is rounded, and the products that n is
         made of times the way from v0 to the hit: an error of n moves the plane about v0.
-    depth: relative, of n . (v0 - o) / n . d: `ahead` over that volume, the roundings of the direction, which is the sum
-        of a column's and a row's, times n over n . d, and three more for products and quotient.
+    facing: of n . d, the direction being the sum of a column's and a row's, and three roundings for products and
+        quotient.
+    depth: relative, of their quotient: each over its volume.
 
-    `ahead` and `depth` are ALLOWED_MULTIPLE times that. None of these becomes less as the volume does. So a hit is the
-    less certain the closer to the ray an edge passes, and a depth, the closer the plane passes to the eye.
+    All but `corners` and `edges` are ALLOWED_MULTIPLE times that. None of these becomes less as the volume does. So a
+    hit is the less certain the closer to the ray an edge passes, and a depth, the closer the plane passes to the eye.
     Source: N. J. Higham, "Accuracy and Stability of Numerical Algorithms", 2nd ed., SIAM 2002, chapter 3.
     """
 
     corners: NDArray[np.float64]
     edges: NDArray[np.float64]
     ahead: NDArray[np.float64]
+    facing: NDArray[np.float64]
     depth: NDArray[np.float64]
 
     @classmethod
@@ -205,11 +207,12 @@ class _Rounding:
         places = np.abs(corners).max(axis=1) + (summands if camera.is_parallel else 0.0)
         of_ahead = ((normal * places) + products * to_hit).sum(axis=1)
         of_facing = (normal * (np.abs(directions) + (0.0 if camera.is_parallel else summands))).sum(axis=1)
+        of_facing += 3.0 * np.abs(facing)
         with np.errstate(divide="ignore", invalid="ignore"):
-            depth = of_ahead / np.abs(ahead) + of_facing / np.abs(facing) + 3.0
+            depth = of_ahead / np.abs(ahead) + of_facing / np.abs(facing)
         depth[np.isnan(depth)] = np.inf
-        sizes = 4 * far, 4 * far * longest, ALLOWED_MULTIPLE * of_ahead, ALLOWED_MULTIPLE * depth
-        return cls(*(FLOAT32_UNIT * size for size in sizes))
+        multiples = (ALLOWED_MULTIPLE * size for size in (of_ahead, of_facing, depth))
+        return cls(*(FLOAT32_UNIT * size for size in (4 * far, 4 * far * longest, *multiples)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -342,19 +345,12 @@ def _has_wrong_depth(mesh: Mesh, camera: View, image: Hits, error: NDArray[np.fl
     y, x = np.nonzero(image.hit & ~(error <= ALLOWED_MULTIPLE * _LEAST_ROUNDINGS * FLOAT32_UNIT))
     if len(y):
         pairs = Pairs(mesh, camera, x, y, image.prim_id[y, x], image.offset)
-        rounding = _Rounding.of(pairs)
-        open_depth = rounding.depth >= 1.0
-        excused = np.where(
-            open_depth, _is_between_corners(pairs, image.depth[y, x], rounding), error[y, x] <= rounding.depth
-        )
+        rounding, volumes, depth = _Rounding.of(pairs), pairs.volumes, image.depth[y, x].astype(np.float64)
+        with np.errstate(invalid="ignore"):  # inf x 0
+            off = np.abs(depth * volumes.facing - volumes.ahead)
+            excused = (depth >= 0.0) & (depth < np.inf) & (off <= rounding.ahead + depth * rounding.facing)
         wrong[y[~excused], x[~excused]] = True
     return wrong
-
-
-def _is_between_corners(pairs: Pairs, depth: NDArray[np.floating], rounding: _Rounding) -> NDArray[np.bool_]:
-    """(N,) bool: not before the eye, and no nearer and no farther than the triangle's corners."""
-    low, high = pairs.corners[..., 2].min(axis=1), pairs.corners[..., 2].max(axis=1)
-    return (depth >= np.maximum(low - rounding.corners, 0.0)) & (depth <= high + rounding.corners)
 
 
 def _numbered(mesh: Mesh, prim_id: NDArray[np.uint32]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:

@@ -22,9 +22,10 @@ TARGET = 2
 """A method may err this many times as often as rtcIntersect1 itself."""
 
 _POINT = (
-    "scene", "stands_for", "width", "height", "method", "geometry", "culling", "split_x", "split_y", "packet_width",
+    "scene", "stands_for", "view", "fov_y_degrees", "width", "height", "method", "geometry", "culling", "split_x",
+    "split_y", "packet_width",
 )  # fmt: skip
-_IMAGE = ("scene", "width", "height")
+_IMAGE = ("scene", "view", "fov_y_degrees", "width", "height")
 _CODES = {kind.name.lower(): kind.value for kind in Verdict}
 _PRIM_IDS = ("truth_prim_id", "method_prim_id", "baseline_prim_id")
 _COUNTS = (
@@ -114,12 +115,18 @@ def write_agreement(folder: Path, records: Path, table: pd.DataFrame) -> None:
         return
     listed = read_disagreements(table, records)
     write_atomically(folder / LIST_FILE, csv_bytes(listed))
-    for scene, width, height in rows[list(_IMAGE)].drop_duplicates().itertuples(index=False):
-        of_image = listed[listed["scene"].eq(scene) & listed["width"].eq(width) & listed["height"].eq(height)]
-        picture = encode_png(mark_verdicts(_gravest(of_image, int(width), int(height))))
+    images = rows[list(_IMAGE)].drop_duplicates()
+    for image in images.to_dict("records"):
+        of_image, alike = listed, images
+        for name, value in image.items():
+            of_image = of_image[of_image[name].eq(value)]
+            alike = alike if name == "fov_y_degrees" else alike[alike[name].eq(value)]
+        picture = encode_png(mark_verdicts(_gravest(of_image, int(image["width"]), int(image["height"]))))
+        words = [image["scene"], image["view"] if image["view"] != "own" else "", f"{image['width']}x{image['height']}"]
+        words.append(f"{image['fov_y_degrees']:g}_degrees" if len(alike) > 1 else "")
         # A scene of the user's own may have any name.
-        name = re.sub(r"[^\w.-]", "_", str(scene))
-        write_atomically(folder / f"disagreements_{name}_{width}x{height}.png", picture)
+        file = re.sub(r"[^\w.-]", "_", "_".join(["disagreements", *filter(None, words)]))
+        write_atomically(folder / f"{file}.png", picture)
 
 
 def _gravest(rows: pd.DataFrame, width: int, height: int) -> NDArray[np.uint8]:

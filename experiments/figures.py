@@ -64,8 +64,8 @@ class DrawnFigure:
 
 _METHODS = ("methods_pixel", "methods_aligned", "methods_visible_first", "methods_tiles")
 _AGREEMENT = tuple(
-    f"agreement_{size}{method}"
-    for size in ("", "odd_")
+    f"agreement_{kind}{method}"
+    for kind in ("", "odd_", "axis_", "needles_")
     for method in ("aligned", "culling_off", "instanced", "visible_first", "tiles", "pixel")
 )
 

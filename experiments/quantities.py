@@ -94,7 +94,8 @@ def _measure_time(point: Point) -> Measured:
         images = {name: _Frames(tracer) for name, tracer in methods.items()}
         timed = _rounds(point, {name: one.trace for name, one in images.items()})
         results["packets_width"] = fastest_packets(timed.samples)
-        results |= _counts(compare_images(images[OWN].latest(), images[SINGLE].latest()))
+        agreements = compare_images(images[OWN].latest(), images[SINGLE].latest())
+        results |= _counts(agreements) | _depth_errors(agreements)
         results |= _plan_and_build_again(own)
     return _measured(results, timed)
 
@@ -168,7 +169,7 @@ def _make_pictures(point: Point) -> Measured:
         "difference": difference_picture(hits, reference, agreement.verdict),
     }
     results["pictures"] = {name: base64.b64encode(encode_png(image)).decode() for name, image in images.items()}
-    results |= _counts([agreement])
+    results |= _counts([agreement]) | _depth_errors([agreement])
     return _measured(results, None)
 
 
@@ -180,18 +181,21 @@ def _judge_agreement(point: Point) -> Measured:
         mesh, camera = own.mesh, own.camera
         single = stack.enter_context(make_pixel_tracer(point, mesh, camera, 1))
         totals: Counter[str] = Counter()
+        agreements = []
         listed: dict[str, list[Any]] = {}
         for number, offset in enumerate(point.offsets):
             hits, reference = own.trace(offset), single.trace(offset)
             assert isinstance(hits, Hits)  # agreement is of one frame
             agreement = compare(mesh, camera, hits, reference)
+            agreements.append(agreement)
             # Every image of every point draws a sample of its own, so that a scene's samples add up.
             sample = sample_pixels(camera, point.sample_rays, [_seed(point), number])
             found = examine(mesh, camera, hits, reference, agreement, sample, point.threads)
             totals.update(_counts([agreement]) | _errors(found))
             for name, values in _disagreements(found, offset).items():
                 listed.setdefault(name, []).extend(values)
-    return _measured(results | totals | {"images": len(point.offsets), "disagreements": listed}, None)
+    results |= totals | _depth_errors(agreements) | {"images": len(point.offsets), "disagreements": listed}
+    return _measured(results, None)
 
 
 def _seed(point: Point) -> int:
@@ -296,10 +300,21 @@ class _Frames:
 
 
 def _counts(agreements: Sequence[Agreement]) -> dict[str, int]:
-    """Pixels of all frames."""
+    """Pixels of all images."""
     return {
         f"pixels_{kind}": sum(int(getattr(agreement, f"pixels_{kind}")) for agreement in agreements)
         for kind in _AGREEMENT
+    }
+
+
+def _depth_errors(agreements: Sequence[Agreement]) -> dict[str, float]:
+    """The worst of all images, the method's and beside them those of rtcIntersect1."""
+    own, single = zip(*((one.depth_errors, one.reference_depth_errors) for one in agreements), strict=True)
+    return {
+        "depth_error_max": max(one.largest for one in own),
+        "depth_error_p999": max(one.p999 for one in own),
+        "baseline_depth_error_max": max(one.largest for one in single),
+        "baseline_depth_error_p999": max(one.p999 for one in single),
     }
 
 
@@ -334,10 +349,12 @@ def _build_own(point: Point, stack: ExitStack) -> tuple[Tracer | FramesTracer, d
 
 
 def _warm_up(point: Point, *, baselines: bool = True) -> None:
-    """Trace three triangles, two of which tie, with every kernel the point uses: compiles them and starts Embree's
-    threads, so that neither falls into a build time, a memory reading or a sample."""
-    vertices = np.array([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)], np.float32)
-    mesh = Mesh(vertices, np.array([(0, 1, 2), (0, 2, 3), (2, 1, 0)], np.uint32))
+    """Trace a few triangles, two of which tie and one of which no copy can show, with every kernel the point uses:
+    compiles them and starts Embree's threads, so that neither falls into a build time, a memory reading or a sample."""
+    vertices = np.array(
+        [(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0), (0.3, 0.3, 2), (0, 0, 2), (0, 0, 1)], np.float32
+    )
+    mesh = Mesh(vertices, np.array([(0, 1, 2), (0, 2, 3), (2, 1, 0), (4, 5, 6)], np.uint32))
     # Two cells of the point's own size: how packets fit into a cell decides which kernel is compiled.
     split = (min(point.split_x, 2), min(point.split_y, 2))
     width = split[0] * (point.width // point.split_x)

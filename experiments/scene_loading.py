@@ -14,10 +14,12 @@ from atra.mesh import Mesh, load_mesh
 from experiments.configuration import SceneConfiguration, SceneSource
 from scenes.cornell_box import CORNELL_BOX_CAMERA, cornell_box
 from scenes.directory import default_camera_fields, find_scene_folder, load_scene_from_directory
+from scenes.needles import NEEDLES_CAMERA, needles
 from scenes.stand_ins import STAND_INS, stand_in_for
 
 PROCEDURAL_SCENES = {
     "cornell_box": (cornell_box, CORNELL_BOX_CAMERA),
+    "needles": (needles, NEEDLES_CAMERA),
     **{name: (stand_in.make, stand_in.camera) for name, stand_in in STAND_INS.items()},
 }
 """What makes each built-in scene, and the fields of its camera."""

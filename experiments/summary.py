@@ -40,7 +40,8 @@ def say_outcome(record: Record) -> str:
         plan, build = (np.median(record.samples[name]) for name in (PLAN, BUILD))
         return f"plan {_ms(plan)}, build {_ms(build)}"
     if "disagreements" in record.results:
-        return "{pixels_wrong} pixels wrong; by float64 {method_wrong} to {baseline_wrong}".format(**record.results)
+        told = "{pixels_wrong} pixels wrong; by float64 {method_wrong} to {baseline_wrong}".format(**record.results)
+        return f"{told}; depths off by up to {record.results['depth_error_max']:.1e}"
     if "measure_regret" in record.results:
         measured, estimated = (f"{record.results[f'{effort}_regret']:.2f}" for effort in ("measure", "estimate"))
         return f"{record.results['measure_plan']}, regret {measured}; estimated {estimated}"
@@ -85,6 +86,8 @@ def print_point(row: pd.Series, console: Console) -> None:
     if not pd.isna(row["pixels_wrong"]):
         counts = ", ".join(f"{kind} {row[f'pixels_{kind}']:,}" for kind in ("equal", "tied", "edge", "wrong"))
         lines.append(("pixels", counts))
+    if not pd.isna(row["depth_error_max"]):
+        lines.append(("largest depth error", f"{_depth_errors(row)} (99.9 % below {_depth_errors(row, 'p999')})"))
     if not pd.isna(row["method_wrong"]):
         errors = f"{row['method_wrong']:,} where they differ, rtcIntersect1 {row['baseline_wrong']:,}"
         sampled = f"{row['sampled_method_wrong']:,} and {row['sampled_baseline_wrong']:,}"
@@ -98,6 +101,12 @@ def print_point(row: pd.Series, console: Console) -> None:
     for name, text in lines:
         shown.add_row(name, escape(printable(text)))
     console.print(shown)
+
+
+def _depth_errors(row: pd.Series, which: str = "max") -> str:
+    """Relative, against float64."""
+    own, single = row[f"depth_error_{which}"], row[f"baseline_depth_error_{which}"]
+    return f"{own:.1e}, rtcIntersect1 {single:.1e}"
 
 
 def _kind(row: pd.Series) -> str:

@@ -124,6 +124,10 @@ COLUMNS = {
     "baseline_build_time_high_s": _REAL,
     "rss_start_bytes": _WHOLE,
     "rss_mesh_bytes": _WHOLE,
+    "depth_error_max": _REAL,
+    "depth_error_p999": _REAL,
+    "baseline_depth_error_max": _REAL,
+    "baseline_depth_error_p999": _REAL,
     "images": _WHOLE,
     "method_wrong": _WHOLE,
     "baseline_wrong": _WHOLE,
@@ -167,10 +171,11 @@ are the fastest of the native widths, of `packets_width` rays; `packets_8_*` and
 sweep it is part, `stands_for` which scene of the paper a procedural stand-in replaces without being it. `pixels_*` are
 sums over `images`, one an offset; of the pixels that are not equal the oracle finds the point's method wrong at
 `method_wrong` and rtcIntersect1 at `baseline_wrong`; `sampled_*_wrong` are the same of `rays_sampled`, drawn from all
-pixels. At a point of several `frames` times, bytes and pixels are of all frames together; `separate_*` and
-`visible_first_*` are of one aligned and one visible-first tracer a frame with the same split, one frame after the
-other, and the speed-ups over them are paired, too. `packet_rows` is what was asked for. What was not measured is
-missing, never zero."""
+pixels. `depth_error_*` are the largest and the 99.9th percentile of the relative errors of stored depths against
+float64, of the worst image; `baseline_*` those of rtcIntersect1. At a point of several `frames` times, bytes and pixels
+are of all frames together; `separate_*` and `visible_first_*` are of one aligned and one visible-first tracer a frame
+with the same split, one frame after the other, and the speed-ups over them are paired, too. `packet_rows` is what was
+asked for. What was not measured is missing, never zero."""
 
 CONFIDENCE = 0.95
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from math import cos, radians, sin
+from math import cos, pi, radians, sin
 from typing import Any
 
 import numpy as np
@@ -20,7 +20,10 @@ FITTING_VIEWS = ("own", "turned", "near", "above")
 HELD_OUT_VIEWS = ("aside", "around", "wide", "corner")
 """Those it is judged on."""
 
-VIEWS = FITTING_VIEWS + HELD_OUT_VIEWS
+HOSTILE_VIEWS = ("along_axis", "rolled")
+"""Those in which components of directions are all but zero, for `sweep=agreement`."""
+
+VIEWS = FITTING_VIEWS + HELD_OUT_VIEWS + HOSTILE_VIEWS
 
 FITTING_SCENES = ("cornell_box", "mitsuba", "sponza", "living_room", "atrium")
 """Those the planner's model is fitted on; every other scene is unknown to it."""
@@ -33,6 +36,8 @@ def view_fields(mesh: Mesh, own: Mapping[str, Any], view: str) -> dict[str, Any]
     0.4 of the distance to what the middle of the own view shows, and turned down by 10 degrees. around: a quarter
     nearer to that point and 25 degrees around it. wide: the field of view half as large again, moved back by 0.2 of
     the distance. above, corner: the whole model from outside, from above one corner; from the side of another, nearer.
+    along_axis: along the world's axis nearest to the own view, but for 1e-19 of another. rolled: along it, too, and
+    rolled by a quarter turn as float64 has it, whose cosine is 6e-17.
     Raises InputError for an unknown view.
     """
     if view not in VIEWS:
@@ -48,6 +53,17 @@ def view_fields(mesh: Mesh, own: Mapping[str, Any], view: str) -> dict[str, Any]
         side, back, up = (0.5, 0.6, 0.7) if view == "above" else (-0.55, 0.35, 0.2)
         eye = centre + size * (side * right - back * forward - up * down)
         return fields | {"eye": eye.tolist(), "target": centre.tolist(), "fov_y_degrees": 45.0}
+    if view in HOSTILE_VIEWS:
+        axis = int(np.argmax(np.abs(forward)))
+        side, other = (axis + 1) % 3, (axis + 2) % 3
+        target, upwards = eye.copy(), np.zeros(3)
+        target[axis] += np.copysign(1.0, forward[axis])
+        if view == "along_axis":
+            eye[side], target[side] = 0.0, -1e-19  # beside a larger number it would be lost
+            upwards[other] = 1.0
+        else:
+            upwards[side], upwards[other] = sin(pi / 2), cos(pi / 2)
+        return fields | {"eye": eye.tolist(), "target": target.tolist(), "up": upwards.tolist()}
     distance = _distance(mesh, own)
     if view == "turned":
         forward = _turned(forward, right, 40.0)

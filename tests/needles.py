@@ -12,7 +12,7 @@ FIELDS_OF_VIEW_DEGREES = (60.0, 90.0, 120.0, 150.0)
 SPLITS = ((8, 1), (16, 16), (1, 8), (64, 1))
 
 
-def needles(seed: int, count: int = 80) -> atra.Mesh:
+def beams(seed: int, count: int = 80) -> atra.Mesh:
     """Long thin triangles around the eye, some of them along an axis, as floors and beams are."""
     random = np.random.default_rng(seed)
     centre = random.normal(size=(count, 3)) * random.choice([0.3, 1.0, 3.0], (count, 1))
@@ -22,7 +22,7 @@ def needles(seed: int, count: int = 80) -> atra.Mesh:
     along *= random.choice([3.0, 20.0, 100.0], (count, 1)) / np.linalg.norm(along, axis=1, keepdims=True)
     across = random.normal(size=(count, 3)) * random.choice([0.02, 0.1, 0.5], (count, 1))
     corners = np.stack([centre - along, centre + along, centre + across + random.random((count, 1)) * along], axis=1)
-    return atra.Mesh(corners.reshape(-1, 3), np.arange(3 * count).reshape(-1, 3), f"needles {seed}")
+    return atra.Mesh(corners.reshape(-1, 3), np.arange(3 * count).reshape(-1, 3), f"beams {seed}")
 
 
 def needle_camera(seed: int, fov_y_degrees: float, size: int = 64) -> atra.Camera:

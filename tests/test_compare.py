@@ -166,9 +166,10 @@ def test_an_edge_on_triangle_is_edge_on_its_line_and_wrong_elsewhere(camera):
 
 
 @both_cameras
-def test_an_edge_on_triangle_with_a_depth_beyond_its_corners_is_wrong(camera):
+def test_an_edge_on_triangle_has_any_depth_where_it_is_seen_and_none_behind_the_eye(camera):
     mesh = scene(triangle(9.0, camera=camera), edge_on(0.125, camera))
-    assert verdict_at_centre(mesh, (0, 9.0), (1, 7.0), camera) == Verdict.WRONG
+    assert verdict_at_centre(mesh, (0, 9.0), (1, 7.0), camera) == Verdict.EDGE
+    assert verdict_at_centre(mesh, (0, 9.0), (1, -1.0), camera) == Verdict.WRONG
 
 
 def test_a_triangle_without_area_is_edge_on_its_line_and_wrong_elsewhere():

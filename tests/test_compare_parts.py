@@ -83,6 +83,7 @@ def test_errors_of_float32_are_those_derived_for_a_3_4_5_triangle_13_away():
     assert np.allclose(rounding.edges * 2**24, 4 * far * longest)
     assert np.allclose(rounding.ahead * 2**24, 4 * twice_the_area * 12)
     # Corners once, the direction as a sum of two and as a sum, and three for products and quotient.
+    assert np.allclose(rounding.facing * 2**24, 4 * twice_the_area * (2 + 3))
     assert np.allclose(rounding.depth * 2**24, 4 * (1 + 2 + 3))
 
 
@@ -146,9 +147,9 @@ def test_a_depth_is_right_as_far_as_float32_may_be_off_and_no_farther(camera):
 @each_camera_at_origin
 @pytest.mark.parametrize(
     ("depth", "expected"),
-    [(1.9999, True), (2.0, False), (3.0, False), (3.0001, True), (np.inf, True), (0, True)],
+    [(2.0, False), (3.0, False), (0.01, False), (30.0, False), (np.inf, True), (np.nan, True), (-2.0, True)],
 )
-def test_an_edge_on_triangle_may_be_as_deep_as_its_corners_and_no_more(camera, depth, expected):
+def test_a_ray_in_the_plane_of_a_triangle_may_have_any_depth(camera, depth, expected):
     # From depth 2 to 3 on the ray of pixel (4, 4).
     origin, direction = camera.rays(np.array(4), np.array(4))
     near, far = origin + 2.0 * direction, origin + 3.0 * direction
@@ -162,13 +163,13 @@ def test_an_edge_on_triangle_may_be_as_deep_as_its_corners_and_no_more(camera, d
     assert wrong.sum() == expected
 
 
-@each_camera_at_origin
-@pytest.mark.parametrize(("depth", "expected"), [(-1e-3, False), (0.0, True), (1.0, True), (1.0001, False)])
-def test_a_depth_between_corners_is_never_before_the_eye(camera, depth, expected):
-    mesh = one_triangle((-1.0, 0.0, -2.0), (1.0, 0.0, -2.0), (0.0, 0.5, 1.0))
-    pairs = Pairs(mesh, camera, np.array([4]), np.array([4]), np.array([0]), (0.5, 0.5))
-    no_rounding = judge._Rounding(*np.zeros((4, 1)))
-    assert judge._is_between_corners(pairs, np.array([depth]), no_rounding) == expected
+@pytest.mark.parametrize(("depth", "expected"), [(0.0, False), (1e-9, False), (1e-3, True), (2.0, True)])
+def test_a_ray_through_a_plane_that_passes_through_the_eye_has_no_depth_to_speak_of(depth, expected):
+    mesh = one_triangle(*((x, y, 0.1 * x + 0.2 * y) for x, y in ((-50.0, -50.0), (50.0, -50.0), (0.0, 50.0))))
+    stored, prim_id = np.full((8, 8), depth, np.float32), np.zeros((8, 8), np.uint32)
+    image = Hits(stored, prim_id, (0.5, 0.5), mesh, FROM_ORIGIN["pinhole"])
+    wrong = judge._has_wrong_depth(mesh, image.camera, image, judge._relative_depth_error(mesh, image.camera, image))
+    assert (wrong == expected).all()
 
 
 def candidate(depth, nearest=None, error=0.0, doubtful=False, missed=False):

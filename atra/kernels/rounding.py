@@ -22,8 +22,8 @@ instance half as many: what a copy has in its corners, an instance has in the ra
 rounded itself."""
 
 MOST_ROUNDINGS = 256.0
-"""Roundings that no copy may have, whatever the mesh itself has: the plane almost passes through the eye then, and only
-the very same numbers give the same answer."""
+"""Roundings of the mesh itself from which on there are no copies: the plane almost passes through the eye then, and
+only the very same numbers give the same answer."""
 
 CHUNK = 1024
 """Triangles a thread takes at a time."""
@@ -90,8 +90,8 @@ def judge_copies(  # type: ignore[no-untyped-def]
     camera; points_ray: what is sheared. shears_x: (nx, 3), shears_y: (ny, 3) float64, by columns and rows of cells, per
     depth.
     depth_error: (F,) float64, ALLOWED_MULTIPLE times the roundings of the mesh itself, relative to the depth; inf where
-    the plane passes through the eye. left_out: (F,) uint8, 1 where in some cell a copy would have more of them than the
-    mesh itself, and than admitted_roundings.
+    the plane passes through the eye. left_out: (F,) uint8, 1 where in some cell a copy would have more roundings than
+    the mesh itself and than admitted_roundings, or the mesh itself has more than MOST_ROUNDINGS.
 
     With first corner v0, edges a and b at it, normal n = a x b, a depth is n . v0 / n . d. Rounding the corners, and
     the products with n, errs by sum_k |n_k| max_i |v_ik| of n . v0. Rounding n errs by the products it is made of,
@@ -111,7 +111,10 @@ def judge_copies(  # type: ignore[no-untyped-def]
             volume = _enlarge(points_own, faces, triangle, nothing, nothing, points_pixels, largest)
             of_mesh = _roundings(largest, volume)
             depth_error[triangle] = FLOAT32_UNIT * ALLOWED_MULTIPLE * of_mesh
-            admitted = max(min(of_mesh, MOST_ROUNDINGS), admitted_roundings)
+            if not of_mesh <= MOST_ROUNDINGS:
+                left_out[triangle] = 1
+                continue
+            admitted = max(of_mesh, admitted_roundings)
             largest[:] = 0.0
             for j in (0, ny - 1):
                 for i in (0, nx - 1):

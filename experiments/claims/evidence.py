@@ -37,7 +37,7 @@ USED_COLUMNS: tuple[str, ...] = (
     + ("split_x", "split_y", *_SETTINGS, "status", "error", "cpu", "speedup", "speedup_low", "speedup_high")
     + ("speedup_vs_packets", "speedup_vs_packets_low", "speedup_vs_packets_high", "plan_time_s")
     + ("build_time_s", "build_time_low_s", "build_time_high_s", "embree_bytes", "rss_mesh_bytes", "rss_bytes")
-    + ("pixels_tied", "pixels_edge", "pixels_wrong", "frames")
+    + ("pixels_tied", "pixels_edge", "pixels_wrong", "depth_error_max", "baseline_depth_error_max", "frames")
 )
 
 

@@ -91,6 +91,10 @@ def image_without_error(scene: SceneRows) -> Outcome:
         raise NotMeasuredError("no image was compared")
     wrong, edge, tied = (sum(int(row[f"pixels_{kind}"] or 0) for row in images) for kind in ("wrong", "edge", "tied"))
     value = f"{wrong:,} wrong, {edge:,} at an edge, {tied:,} tied in {len(images):,} images"
+    depths = [(row["depth_error_max"], row["baseline_depth_error_max"]) for row in images if row["depth_error_max"]]
+    if depths:
+        own, single = (max(errors) for errors in zip(*depths, strict=True))
+        value += f"; depths off by up to {own:.1e}, of single rays {single:.1e}"
     if wrong == 0:
         return Outcome(True, value)
     wrong_in = sum(row["pixels_wrong"] > 0 for row in images)

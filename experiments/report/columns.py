@@ -26,7 +26,8 @@ VIEWS: dict[str, tuple[str, ...]] = {
         "triangles_traced", "rss_start_bytes", "rss_mesh_bytes", "rss_bytes", "peak_rss_bytes", "embree_bytes",
     ),
     "pixels": (
-        "width", "height", "pixels_equal", "pixels_tied", "pixels_edge", "pixels_wrong", "images", "method_wrong",
+        "width", "height", "pixels_equal", "pixels_tied", "pixels_edge", "pixels_wrong", "depth_error_max",
+        "depth_error_p999", "baseline_depth_error_max", "baseline_depth_error_p999", "images", "method_wrong",
         "baseline_wrong", "rays_sampled", "sampled_method_wrong", "sampled_baseline_wrong",
     ),
     "trust": ("status", "error", "rounds", "render_time_spread_s", "load_average", "doubts", "cpu", "measured_at"),

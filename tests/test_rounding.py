@@ -1,0 +1,148 @@
+"""Sheared copies are as exact as a ray of the mesh itself: what they could not show so is traced pixel by pixel."""
+
+import numpy as np
+import pytest
+
+import atra
+from atra.culling import project_vertices
+from atra.kernels.rounding import COPY_ROUNDINGS, INSTANCE_ROUNDINGS, MOST_ROUNDINGS
+from atra.parallel import WorkerPool
+from atra.reference import intersect_pixels
+from atra.rounding import roundings_of_copies
+from atra.tracers.aligned import SECOND_PASS_TILE
+from atra.visibility import Tiles, nearest_in_tiles
+from scenes.needles import NEEDLES_CAMERA, needles
+from tests.images import trace_pixels
+from tests.meshes import EYE_AT_ORIGIN, boards, cornell_box, cornell_camera, quads, random_triangles
+from tests.needles import FIELDS_OF_VIEW_DEGREES, SPLITS, beams, methods, needle_camera
+
+pytestmark = pytest.mark.core
+
+
+def left_out(mesh, camera, split, admitted=COPY_ROUNDINGS):
+    pool = WorkerPool(1)
+    points = project_vertices(mesh, camera, pool)
+    alignment = atra.Alignment.of_cells(camera, atra.Split.of_image(split, camera))
+    return roundings_of_copies(mesh, alignment, pool, points[0], points[1], points[1], admitted).left_out
+
+
+@pytest.mark.parametrize("fov", FIELDS_OF_VIEW_DEGREES)
+@pytest.mark.parametrize("seed", range(6))
+def test_needles_around_the_eye_have_no_wrong_pixel_and_depths_as_exact_as_those_of_single_rays(seed, fov):
+    mesh, camera = beams(seed), needle_camera(seed, fov)
+    reference = trace_pixels(mesh, camera)
+    for name, tracer in methods(mesh, camera, SPLITS[seed % len(SPLITS)]):
+        with tracer:
+            found = atra.compare(mesh, camera, tracer.trace(), reference)
+        assert found.pixels_wrong == 0, (name, str(found))
+        single = found.reference_depth_errors.largest
+        assert found.depth_errors.largest <= 4 * max(single, COPY_ROUNDINGS * 2**-24), name
+
+
+@pytest.mark.parametrize("tilted", [False, True])
+@pytest.mark.parametrize("split", [(16, 16), (64, 1)])
+def test_boards_along_the_view_have_the_depths_of_single_rays(tilted, split):
+    mesh, camera = boards(tilted=tilted), atra.Camera((0, 0, 0), (0, -0.2, -1), fov_y_degrees=60, width=64, height=64)
+    reference = trace_pixels(mesh, camera)
+    assert reference.hit.mean() > 0.3
+    for name, tracer in methods(mesh, camera, split):
+        with tracer:
+            found = atra.compare(mesh, camera, tracer.trace(), reference)
+        assert found.pixels_wrong == 0, name
+        assert found.depth_errors.largest <= 4 * found.reference_depth_errors.largest, name
+
+
+def test_what_is_left_out_is_needles_and_planes_through_the_eye_and_nothing_of_an_ordinary_view():
+    wall = [(-2.0, -2.0, 5.0), (2.0, -2.0, 5.0), (2.0, 2.0, 5.0), (-2.0, 2.0, 5.0)]
+    through_the_eye = [(-2.0, 0.0, 5.0), (2.0, 0.0, 5.0), (2.0, 0.0, 9.0), (-2.0, 0.0, 9.0)]
+    mesh = quads([wall, through_the_eye])
+    camera = atra.Camera(**EYE_AT_ORIGIN, width=64, height=64)
+    assert left_out(mesh, camera, (16, 4)).tolist() == [False, False, True, True]
+    assert left_out(cornell_box(), cornell_camera(64, 64), (64, 1)).mean() < 0.03
+    view = atra.Camera(**NEEDLES_CAMERA, width=64, height=64)
+    assert left_out(needles(), view, (16, 16)).mean() > 0.2
+
+
+def test_without_a_shear_only_planes_next_to_the_eye_are_left_out():
+    mesh, camera = random_triangles(200, 1), atra.Camera(**EYE_AT_ORIGIN, width=64, height=64)
+    pool = WorkerPool(1)
+    points = project_vertices(mesh, camera, pool)
+    unsheared = atra.Alignment.of_cells(camera, atra.Split.of_image((1, 1), camera))
+    found = roundings_of_copies(mesh, unsheared, pool, points[0], points[1], points[1])
+    most = 4 * 2**-24 * MOST_ROUNDINGS
+    np.testing.assert_array_equal(found.left_out, found.depth_error > most)
+
+
+def test_the_wider_the_view_and_the_fewer_roundings_are_admitted_the_more_is_left_out():
+    mesh = random_triangles(2000, 2)
+    shares = []
+    for fov in (30, 60, 120, 170):
+        camera = atra.Camera(**EYE_AT_ORIGIN, width=64, height=64, fov_y_degrees=fov)
+        copies, instances = (left_out(mesh, camera, (16, 16), n) for n in (COPY_ROUNDINGS, INSTANCE_ROUNDINGS))
+        assert not (copies & ~instances).any()
+        shares.append(copies.mean())
+    assert shares == sorted(shares)
+    assert 0 < shares[0] < shares[-1] < 0.9
+
+
+@pytest.mark.parametrize("fov", [40, 120])
+def test_no_ray_meets_a_triangle_left_out_before_the_depth_of_its_tile(fov):
+    mesh, camera = beams(3, 60), atra.Camera(**EYE_AT_ORIGIN, width=40, height=24, fov_y_degrees=fov)
+    with atra.AlignedTracer(mesh, camera, (8, 2), threads=1) as tracer:
+        (without,) = tracer._geometry.left_out
+        assert tracer.triangles_left_out == len(without.prim_ids) > 5
+    nearest = nearest_in_tiles(mesh, camera, Tiles(*SECOND_PASS_TILE, 40, 24), without)
+    y, x = (grid.ravel() for grid in np.mgrid[:24, :40])
+    seen = 0
+    for prim_id in without.prim_ids:
+        for offset in ((0.0, 0.0), (0.999, 0.999)):
+            found = intersect_pixels(mesh, camera, x, y, np.full(x.size, prim_id), offset)
+            hit = (found.edge_distance >= 0) & np.isfinite(found.depth)
+            tile = y[hit] // SECOND_PASS_TILE[1], x[hit] // SECOND_PASS_TILE[0]
+            assert (found.depth[hit] >= nearest[tile]).all()
+            seen += int(hit.sum())
+    assert seen > 100
+
+
+def test_every_frame_has_a_second_pass_of_its_own_and_embree_counts_it():
+    mesh = boards()
+    cameras = [atra.Camera((x, 0, 0), (x, -0.2, -1), fov_y_degrees=70, width=48, height=32) for x in (0.0, 0.3)]
+    alignment = atra.Alignment.of_frames(cameras, atra.Split(8, 4, 48, 32))
+    for options in ({}, {"culling": False, "geometry": "instanced"}):
+        with atra.FramesTracer(mesh, alignment, threads=1, **options) as tracer:
+            frames = tracer.trace()
+            assert tracer.triangles_left_out > 0
+            assert tracer.embree_bytes > tracer._scene.embree_bytes
+            second_scenes = [one.scene for one in tracer._second_passes]
+        assert all(scene.closed for scene in second_scenes)
+        for hits, camera in zip(frames, cameras, strict=True):
+            assert atra.compare(mesh, camera, hits, trace_pixels(mesh, camera)).pixels_wrong == 0
+
+
+def test_the_corners_of_needles_are_turned_and_of_no_other_triangle():
+    needle = [(0.0, 0.0, 0.0), (100.0, 0.0, 0.0), (100.0, 0.05, 0.0)]
+    mesh = atra.Mesh(np.array([*needle, (0, 1, 0), (2, 0, 0), (0, 0, 0)]), np.array([[0, 1, 2], [1, 2, 0], [3, 4, 5]]))
+    assert mesh.traced_faces.tolist() == [[1, 2, 0], [1, 2, 0], [3, 4, 5]]  # the longest edge opposite, same way round
+    square = quads([[(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)]])
+    np.testing.assert_array_equal(square.traced_faces, square.faces)
+    flat = atra.Mesh(np.zeros((3, 3)), np.array([[0, 1, 2]]))
+    assert flat.traced_faces.tolist() == [[0, 1, 2]]
+
+
+def test_an_eye_in_the_plane_of_a_floor_sees_what_single_rays_see():
+    x, z = np.meshgrid(np.linspace(-3, 3, 9), np.linspace(-6, 0.5, 9))
+    i = np.arange(81).reshape(9, 9)
+    a, b, c, d = i[:-1, :-1].ravel(), i[:-1, 1:].ravel(), i[1:, 1:].ravel(), i[1:, :-1].ravel()
+    faces = np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)])
+    floor = np.stack([x, 0 * x, z], -1).reshape(-1, 3)
+    turn = np.linalg.qr(np.random.default_rng(3).normal(size=(3, 3)))[0]
+    for axes in (np.eye(3), turn):
+        mesh = atra.Mesh(floor @ axes.T, faces)
+        forward, up = axes @ (0.0, -0.1, -1.0), axes @ (0.0, 1.0, 0.0)
+        camera = atra.Camera((0, 0, 0), tuple(forward), tuple(up), 90.0, 64, 65)
+        for offset in ((0.5, 0.5), (0.0, 0.0), (0.5, 0.0)):
+            reference = trace_pixels(mesh, camera, offset)
+            for name, tracer in methods(mesh, camera, (16, 1)):
+                with tracer:
+                    found = atra.compare(mesh, camera, tracer.trace(offset), reference)
+                assert found.pixels_wrong == 0, (name, str(found))
