@@ -16,12 +16,17 @@ ALLOWED_MULTIPLE = 4.0
 """Times the roundings counted here that a depth may be off, by `atra.compare`: those of a sum and of its summands
 rarely are at their worst and of one sign, but a few of them add up."""
 
-COPY_ROUNDINGS, INSTANCE_ROUNDINGS = 16.0, 8.0
-"""Roundings that a copy may have whatever the mesh itself has: walls along an axis, say, have next to none. Of an
-instance half as many: what a copy has in its corners, an instance has in the rays, which are turned by a matrix that is
-rounded itself."""
+COPY_RATIO = 2.0
+"""How many times the roundings of the mesh itself a copy may have: its depths were then off by less than four times as
+much. A shift s on the image plane lengthens corners and edges up to 1 + s times, and three lengths go into an error; at
+60 degrees s is at most 0.87, and little that is seen has more."""
 
-MOST_ROUNDINGS = 256.0
+COPY_ROUNDINGS, INSTANCE_ROUNDINGS = 16.0, 8.0
+"""Roundings that a copy may have in any case: walls along an axis, say, have next to none themselves. Of an instance
+half as many: what a copy has in its corners, an instance has in the rays, which are turned by a matrix that is rounded
+itself."""
+
+MOST_ROUNDINGS = 1024.0
 """Roundings of the mesh itself from which on there are no copies: the plane almost passes through the eye then, and
 only the very same numbers give the same answer."""
 
@@ -91,7 +96,7 @@ def judge_copies(  # type: ignore[no-untyped-def]
     depth.
     depth_error: (F,) float64, ALLOWED_MULTIPLE times the roundings of the mesh itself, relative to the depth; inf where
     the plane passes through the eye. left_out: (F,) uint8, 1 where in some cell a copy would have more roundings than
-    the mesh itself and than admitted_roundings, or the mesh itself has more than MOST_ROUNDINGS.
+    COPY_RATIO times the mesh itself and than admitted_roundings, or the mesh itself has more than MOST_ROUNDINGS.
 
     With first corner v0, edges a and b at it, normal n = a x b, a depth is n . v0 / n . d. Rounding the corners, and
     the products with n, errs by sum_k |n_k| max_i |v_ik| of n . v0. Rounding n errs by the products it is made of,
@@ -114,7 +119,7 @@ def judge_copies(  # type: ignore[no-untyped-def]
             if not of_mesh <= MOST_ROUNDINGS:
                 left_out[triangle] = 1
                 continue
-            admitted = max(of_mesh, admitted_roundings)
+            admitted = max(COPY_RATIO * of_mesh, admitted_roundings)
             largest[:] = 0.0
             for j in (0, ny - 1):
                 for i in (0, nx - 1):
