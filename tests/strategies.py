@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from hypothesis import HealthCheck, settings
@@ -38,7 +38,7 @@ class View:
     """A mesh, a camera on it, and how its image is cut and sampled."""
 
     mesh: atra.Mesh
-    camera: atra.Camera
+    camera: atra.Camera | atra.OrthographicCamera
     split: tuple[int, int]
     offset: tuple[float, float]
 
@@ -50,6 +50,7 @@ def divisors(number: int) -> list[int]:
 
 # Multiples of a quarter meet each other, the eye and the pixel grid exactly; other numbers do not.
 _coordinates = st.integers(-8, 8).map(lambda n: n / 4) | st.floats(-2.0, 2.0, width=32, allow_subnormal=False)
+_all_but_zero = st.sampled_from([0.0, 6e-17, -6e-17, 1e-19, -1e-19, -1e-30])
 _points = st.tuples(_coordinates, _coordinates, _coordinates)
 
 
@@ -70,17 +71,12 @@ def meshes(draw: st.DrawFn, max_triangles: int = 40) -> atra.Mesh:
 
 
 @st.composite
-def views(
-    draw: st.DrawFn,
-    *,
-    widest_degrees: float = 140.0,
-    max_triangles: int = 40,
-) -> View:
-    """A mesh seen from outside, from inside, from one of its corners or from on a face, or lying behind the eye.
+def views(draw: st.DrawFn, *, max_triangles: int = 40) -> View:
+    """A mesh seen from outside, from inside, from one of its corners or from on a face, or lying behind the eye; along
+    an axis of the world or not, or all but along it.
 
     All of it is then scaled by up to a million either way, and moved up to a million times its size from the origin,
-    where float32 leaves its vertices only a coarse grid. widest_degrees: beyond 140, copies lose too many digits by
-    their shear (docs/departures.md, "Wide views").
+    where float32 leaves its vertices only a coarse grid.
     """
     mesh = draw(meshes(max_triangles))
     corners = mesh.triangles(np.arange(mesh.triangle_count))
@@ -91,16 +87,19 @@ def views(
     if np.linalg.norm(forward) < 1e-3:
         forward = np.array([0.0, 0.0, 1.0])
     up = (0.0, 1.0, 0.0) if abs(forward[1]) < 0.9 * np.linalg.norm(forward) else (0.0, 0.0, 1.0)
+    if draw(st.booleans()):
+        axis = draw(st.integers(0, 2))
+        forward, up = (draw(st.tuples(_all_but_zero, _all_but_zero, _all_but_zero)) for _ in range(2))
+        forward, up = np.array(forward), np.array(up)
+        forward[axis], up[(axis + 1) % 3] = draw(st.sampled_from([1.0, -2.0])), 1.0
     scale, distance = draw(st.sampled_from(SCALES_AND_DISTANCES))
     place = np.array([1.0, -0.7, 0.3]) * distance
     width, height = draw(st.sampled_from(SIZES))
     camera = atra.Camera(
         eye=tuple((eye + place) * scale),
         target=tuple((eye + place + forward) * scale),
-        up=up,
-        fov_y_degrees=draw(
-            st.sampled_from([1e-3, 0.1, 1.0, 10.0, 45.0, 90.0, widest_degrees]) | st.floats(10.0, 120.0)
-        ),
+        up=tuple(up),
+        fov_y_degrees=draw(st.sampled_from([1e-3, 0.1, 1.0, 10.0, 45.0, 90.0, 150.0, 179.0]) | st.floats(10.0, 120.0)),
         width=width,
         height=height,
     )
@@ -113,3 +112,16 @@ def offsets() -> st.SearchStrategy[tuple[float, float]]:
     """Sub-pixel positions: centres, borders, anything."""
     position = st.sampled_from([0.5, 0.0, 0.999999]) | st.floats(0.0, 1.0, exclude_max=True)
     return st.just((0.5, 0.5)) | st.tuples(position, position)
+
+
+@st.composite
+def parallel_views(draw: st.DrawFn) -> View:
+    """The same with parallel rays, a hair to a hundred times as wide as the way from eye to target."""
+    view = draw(views())
+    camera = view.camera
+    length = float(np.linalg.norm(np.subtract(camera.target, camera.eye)))
+    height = length * draw(st.sampled_from([1e-3, 1.0, 100.0]))
+    parallel = atra.OrthographicCamera(
+        camera.eye, camera.target, camera.up, view_height=height, width=camera.width, height=camera.height
+    )
+    return replace(view, camera=parallel)

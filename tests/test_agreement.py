@@ -203,6 +203,7 @@ def make_record(name: str, listed: dict[str, list[Any]] | None = None, **fields:
     configuration = {
         "scene": "box", "triangles": 10, "width": 8, "height": 6, "split_x": 2, "split_y": 1, "culling": True,
         "method": "aligned", "geometry": "copied", "packet_width": 8, "threads": 1, "quantity": "agreement",
+        "view": "own", "fov_y_degrees": 60.0,
     }  # fmt: skip
     counts = {key: fields.pop(key) for key in list(fields) if key in COUNTS}
     results = COUNTS | counts | {"disagreements": listed or {"x": []}}

@@ -17,11 +17,11 @@ from atra.culling import plan_aligned_geometry
 from atra.embree.library import load_library
 from atra.parallel import WorkerPool
 from atra.reference import brute_force, intersect_pixels
-from tests.strategies import EXAMPLES, views
+from tests.strategies import EXAMPLES, parallel_views, views
 
 pytestmark = pytest.mark.core
 
-WIDTHS = sorted({1, load_library().native_packet_widths[-1]})
+WIDTHS = load_library().native_packet_widths
 packet_widths = st.sampled_from(WIDTHS)
 UNSHEARED = {
     "pixel": lambda view: (atra.PixelTracer, {}),
@@ -53,7 +53,7 @@ def assert_agree(view, hits, reference):
 
 @pytest.mark.parametrize("method", UNSHEARED)
 @EXAMPLES
-@given(views(widest_degrees=179.0), packet_widths)
+@given(views(), packet_widths)
 def test_rays_per_pixel_give_the_float64_image(method, view, packet_width):
     hits, reference = trace(view, method, packet_width), brute_force(view.mesh, view.camera, view.offset)
     assert_agree(view, hits, reference)
@@ -61,15 +61,22 @@ def test_rays_per_pixel_give_the_float64_image(method, view, packet_width):
 
 @pytest.mark.parametrize("method", SHEARED)
 @EXAMPLES
-@given(views(widest_degrees=179.0), packet_widths)
+@given(views(), packet_widths)
 def test_aligned_rays_give_the_float64_image_and_that_of_single_rays(method, view, packet_width):
     hits = trace(view, method, packet_width)
     assert_agree(view, hits, brute_force(view.mesh, view.camera, view.offset))
     assert_agree(view, hits, trace(view, "pixel", 1))
 
 
+@pytest.mark.parametrize("method", ["pixel", "aligned", "instanced"])
 @EXAMPLES
-@given(views(widest_degrees=179.0), packet_widths)
+@given(parallel_views(), packet_widths)
+def test_parallel_rays_give_the_float64_image(method, view, packet_width):
+    assert_agree(view, trace(view, method, packet_width), brute_force(view.mesh, view.camera, view.offset))
+
+
+@EXAMPLES
+@given(views(), packet_widths)
 def test_culling_and_instancing_change_nothing(view, packet_width):
     unculled = trace(view, "unculled", packet_width)
     assert_agree(view, trace(view, "aligned", packet_width), unculled)
@@ -77,7 +84,7 @@ def test_culling_and_instancing_change_nothing(view, packet_width):
 
 
 @EXAMPLES
-@given(views(widest_degrees=179.0))
+@given(views())
 def test_culling_keeps_every_triangle_in_every_cell_where_a_float64_ray_hits_it(view):
     mesh, camera = view.mesh, view.camera
     alignment = Alignment.of_cells(camera, atra.Split(*view.split, camera.width, camera.height))
@@ -119,7 +126,7 @@ def test_the_shear_maps_the_rays_of_each_cell_one_to_one_onto_the_reference_rays
 
 @pytest.mark.parametrize("said", ["nothing", "any triangles", "all triangles", "another camera's image"])
 @EXAMPLES
-@given(data=st.data(), view=views(widest_degrees=179.0), packet_width=packet_widths)
+@given(data=st.data(), view=views(), packet_width=packet_widths)
 def test_visible_first_gives_the_image_of_single_rays_whatever_the_probe_says(said, data, view, packet_width):
     prim_ids = range(view.mesh.triangle_count)
     if said == "another camera's image":

@@ -21,7 +21,10 @@ SWEEPS = {
     "methods": (["split_x=1,4", "split_y=1"], {"methods", "price"}),
     "threads": ([], {"threads"}),
     "peers": (["method=pixel,embreex"], {"peers"}),
-    "agreement": (["method=aligned", "split_x=4", "split_y=1"], {"agreement", "disagreements_cornell_box_32x32"}),
+    "agreement": (
+        ["method=aligned", "split_x=4", "split_y=1", "scene=cornell_box", "scene.fov_y_degrees=45"],
+        {"agreement", *(f"disagreements_cornell_box{view}_32x32" for view in ("", "_along_axis", "_rolled"))},
+    ),
     "stereo": (["split_x=1,4"], {"stereo"}),
     "multiframe": (["frames=2", "split_x=4"], {"multiframe"}),
     "planner": (["scene.view=aside,wide"], {"planner"}),
