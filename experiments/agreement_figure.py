@@ -38,7 +38,7 @@ def draw_agreement_figure(table: pd.DataFrame, heading: str = "") -> Figure:
     logarithmic from there on. Behind each pair: the counts, of how many pixels, and their verdicts.
     """
     panels = make_panels(table, SETTINGS)
-    figure, axes = make_figure(len(panels), columns=1, panel_height=3.0)
+    figure, axes = make_figure(len(panels), columns=1, panel_height=4.0)
     for axis, panel in zip(axes, panels, strict=True):
         set_panel_title(axis, panel.title, panel.stands_for)
         _draw_panel(axis, panel.rows)
@@ -83,13 +83,13 @@ def _say(rows: pd.DataFrame, counts: dict[str, int]) -> str:
     told = ", ".join(f"{verdicts[kind]:,} {kind.name.lower()}" for kind in (Verdict.WRONG, Verdict.EDGE, Verdict.TIED))
     beyond = f", over {TARGET}{TIMES}" if errs_too_often(rows) else ""
     method, baseline = counts.values()
-    return f"{method:,} : {baseline:,}{beyond}   of {sum(verdicts.values()) / 1e6:.3g} M pixels; {told}"
+    return f"{method:,} : {baseline:,}{beyond}\nof {sum(verdicts.values()) / 1e6:.3g} M pixels; {told}"
 
 
 def _write(axis: Axes, end: float, place: int, text: str, color: str) -> None:
     axis.annotate(
         text, (end, place), xytext=(6, 0), textcoords="offset points", va="center", fontsize=8.5, color=color, zorder=4,
-        bbox={"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": "none", "alpha": 0.85},
+        bbox={"boxstyle": "square,pad=0", "facecolor": "white", "edgecolor": "none", "alpha": 0.85},
     )  # fmt: skip
 
 
@@ -99,7 +99,6 @@ def _finish(axis: Axes, highest: int) -> None:
     axis.set_xticks(ticks)
     axis.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:,.0f}"))
     axis.xaxis.set_minor_locator(NullLocator())
-    # Room for the text: as much again as the longest bar and four more decades.
-    axis.set_xlim(0, highest**2 * 30_000)
+    axis.set_xlim(0, highest**1.7 * 1_000)  # room for the text behind the bars
     axis.set_xlabel("pixels")
     tidy_axis(axis, "x", frame=("bottom",))

@@ -36,7 +36,7 @@ def view_fields(mesh: Mesh, own: Mapping[str, Any], view: str) -> dict[str, Any]
     0.4 of the distance to what the middle of the own view shows, and turned down by 10 degrees. around: a quarter
     nearer to that point and 25 degrees around it. wide: the field of view half as large again, moved back by 0.2 of
     the distance. above, corner: the whole model from outside, from above one corner; from the side of another, nearer.
-    along_axis: along the world's axis nearest to the own view, but for 1e-19 of another. rolled: along it, too, and
+    along_axis: along the world's axis nearest to the own view, but for 2e-19 of another. rolled: along it, too, and
     rolled by a quarter turn as float64 has it, whose cosine is 6e-17.
     Raises InputError for an unknown view.
     """
@@ -55,11 +55,13 @@ def view_fields(mesh: Mesh, own: Mapping[str, Any], view: str) -> dict[str, Any]
         return fields | {"eye": eye.tolist(), "target": centre.tolist(), "fov_y_degrees": 45.0}
     if view in HOSTILE_VIEWS:
         axis = int(np.argmax(np.abs(forward)))
-        side, other = (axis + 1) % 3, (axis + 2) % 3
+        other = max({0, 1, 2} - {axis}, key=lambda one: abs(down[one]))  # the height: at 0 there is often a floor
+        side = 3 - axis - other
         target, upwards = eye.copy(), np.zeros(3)
         target[axis] += np.copysign(1.0, forward[axis])
         if view == "along_axis":
-            eye[side], target[side] = 0.0, -1e-19  # beside a larger number it would be lost
+            eye[side] = -1e-3  # beside a larger number the difference would be lost, and at 0 there may be a wall
+            target[side] = np.nextafter(eye[side], -1.0)
             upwards[other] = 1.0
         else:
             upwards[side], upwards[other] = sin(pi / 2), cos(pi / 2)
