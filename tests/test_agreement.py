@@ -307,7 +307,7 @@ def test_the_figure_draws_method_beside_baseline_and_writes_the_counts() -> None
     (axis,) = draw_agreement_figure(table).axes
     assert [bar.get_width() for bar in axis.patches] == [4, 2, 9, 1]
     said = words(table)
-    assert "4 : 2   of 0.0002 M pixels; 0 wrong, 6 edge, 4 tied" in said
+    assert "4 : 2\nof 0.0002 M pixels; 0 wrong, 6 edge, 4 tied" in said
     assert "9 : 1, over 2\N{MULTIPLICATION SIGN}" in said
     assert "of 30 rays drawn from all pixels" in said.replace("\n   ", " ")
     assert "6 images" in said

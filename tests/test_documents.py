@@ -65,4 +65,4 @@ def test_the_workflow_runs_the_readme_s_two_commands_on_the_oldest_python_and_sa
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     assert project["requires-python"] == f">={job['strategy']['matrix']['python'][0]}"
     for told in (text, (ROOT / "docs" / "platforms.md").read_text(encoding="utf-8")):
-        assert "has never been run" in told
+        assert "has never been run" in " ".join(told.split())
