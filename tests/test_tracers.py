@@ -312,6 +312,15 @@ def test_a_bad_option_is_refused_with_its_value(options, message):
         atra.AlignedTracer(cornell_box(), cornell_camera(16, 16), **{"split": (4, 1), **options})
 
 
+@pytest.mark.core
+@pytest.mark.parametrize("width", sorted({1, 2, 4, 8, 16, 32} - set(WIDTHS)))
+def test_packets_of_a_width_that_is_not_native_are_refused_naming_those_that_are(width):
+    native = ", ".join(map(str, WIDTHS))
+    for make in (atra.PixelTracer, partial(atra.AlignedTracer, split=(4, 1))):
+        with pytest.raises(atra.InputError, match=f"packet_width is {width}, this machine supports {native}"):
+            make(cornell_box(), cornell_camera(16, 16), packet_width=width)
+
+
 @pytest.mark.parametrize("offset", [(1.0, 0.5), (-0.1, 0.5), (float("nan"), 0.5)])
 def test_an_offset_outside_the_pixel_is_refused(offset):
     with atra.AlignedTracer(cornell_box(), cornell_camera(16, 16), (4, 1)) as tracer, pytest.raises(atra.InputError):
