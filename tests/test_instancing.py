@@ -130,7 +130,7 @@ def test_the_mesh_is_stored_once_whatever_the_number_of_cells():
     bytes_of = {}
     for geometry in ("copied", "instanced"):
         for split in ((1, 1), (16, 4)):
-            with atra.AlignedTracer(mesh, camera, split, culling=False, geometry=geometry) as tracer:
+            with atra.AlignedTracer(mesh, camera, split, culling=False, geometry=geometry, threads=1) as tracer:
                 bytes_of[geometry, split] = tracer.embree_bytes
                 copied = mesh.triangle_count - tracer.triangles_left_out
                 expected = mesh.triangle_count if geometry == "instanced" else split[0] * split[1] * copied
@@ -139,9 +139,9 @@ def test_the_mesh_is_stored_once_whatever_the_number_of_cells():
                 assert tracer.plan_time_s > 0
                 assert tracer.build_time_s > 0
     assert bytes_of["copied", (16, 4)] > 40 * bytes_of["copied", (1, 1)]
-    # Both scenes count: the triangles of the inner one, and some hundred bytes an instance.
+    # Both scenes count: the triangles of the inner one, and some hundred bytes an instance, in blocks of some kB.
     assert bytes_of["instanced", (1, 1)] > 0.9 * bytes_of["copied", (1, 1)]
-    assert 64 * 100 < bytes_of["instanced", (16, 4)] - bytes_of["instanced", (1, 1)] < 64 * 1000
+    assert bytes_of["instanced", (1, 1)] < bytes_of["instanced", (16, 4)] < 1.3 * bytes_of["instanced", (1, 1)]
 
 
 def test_culling_instances_is_refused_saying_what_to_set():
