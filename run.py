@@ -36,9 +36,9 @@ from omegaconf import DictConfig
 from omegaconf.errors import OmegaConfBaseException
 
 from atra.errors import AtraError, printable
-from experiments.command_line import check_command_line
-from experiments.configuration import Action, Configuration, read_configuration, register_schema
-from experiments.messages import shorten_configuration_error
+from experiments.harness.command_line import check_command_line
+from experiments.harness.configuration import Action, Configuration, read_configuration, register_schema
+from experiments.harness.messages import shorten_configuration_error
 
 _VERBS = ("fetch", "report", "doctor")
 
@@ -64,7 +64,7 @@ def _act(configuration: Configuration) -> None:
 
         run_fetch(configuration)
     elif configuration.action is Action.report:
-        from experiments.results import rewrite_report
+        from experiments.results.writing import rewrite_report
 
         print(f"report: {rewrite_report(configuration)}")
     elif configuration.action is Action.doctor:

@@ -7,17 +7,17 @@ Source: Y. Nishidate, I. Fujishiro, "Affine-transformed ray alignment for accele
 Implementation with Embree".
 """
 
-from atra.alignment import Alignment, Split
-from atra.camera import Camera
-from atra.compare import Agreement, Verdict, compare
+from atra.alignment.alignment import Alignment, Split
 from atra.errors import AtraError, EmbreeError, InputError, MemoryBudgetError
 from atra.frames import Frames
+from atra.geometry.camera import Camera
+from atra.geometry.mesh import Mesh, load_mesh
+from atra.geometry.orthographic import OrthographicCamera
+from atra.geometry.sampling import sub_pixel_offsets
 from atra.hits import MISS, Hits
-from atra.mesh import Mesh, load_mesh
-from atra.orthographic import OrthographicCamera
+from atra.judge.compare import Agreement, Verdict, compare
 from atra.planner.plan import Plan
 from atra.planner.planning import plan
-from atra.sampling import sub_pixel_offsets
 from atra.tracers import AlignedTracer, FramesTracer, PixelTracer, TiledTracer, Tracer, VisibleFirstTracer
 
 __version__ = "0.1.0"

@@ -8,9 +8,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from atra.geometry.mesh import Mesh
+from atra.geometry.view import View
 from atra.hits import Hits
-from atra.mesh import Mesh
-from atra.view import View
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
-    from atra.mesh import Mesh
-    from atra.view import View
+    from atra.geometry.mesh import Mesh
+    from atra.geometry.view import View
 
 MISS = np.uint32(0xFFFFFFFF)
 """`prim_id` of a ray that hits nothing."""
@@ -50,7 +50,7 @@ class Hits:
 
     @cached_property
     def _barycentric(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        from atra.reference import intersect_pixels  # downstream room; needed only here, on demand
+        from atra.judge.reference import intersect_pixels  # downstream room; needed only here, on demand
 
         u = np.full(self.depth.shape, np.nan, np.float32)
         v = np.full(self.depth.shape, np.nan, np.float32)

@@ -3,7 +3,7 @@
     python run.py sweep=planner_fit && python -m benchmarks.fit_planner     # writes atra/planner/model.json
 
 Points with another build quality than medium tell only what that quality changes. Times are processor time of one
-thread (`experiments.planner`); only their ratios carry over to another machine.
+thread (`experiments.workloads.planner.measure`); only their ratios carry over to another machine.
 """
 
 from __future__ import annotations
@@ -22,15 +22,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.errors import InputError
-from atra.mesh import Mesh
+from atra.files import write_atomically
+from atra.geometry.mesh import Mesh
 from atra.planner.choice import METHODS, PACKETS, Choice
 from atra.planner.estimate import MODEL_FILE, Law, Model
 from atra.planner.features import SceneStatistics, features, scene_statistics
-from atra.records import Record, read_record, write_atomically
-from experiments.configuration import Quantity, SceneSource
-from experiments.point import Point
-from experiments.scene_loading import load_scene
-from experiments.views import FITTING_SCENES, FITTING_VIEWS
+from experiments.harness.configuration import Quantity, SceneSource
+from experiments.harness.point import Point
+from experiments.harness.records import Record, read_record
+from experiments.harness.scene_loading import load_scene
+from experiments.harness.views import FITTING_SCENES, FITTING_VIEWS
 
 LAWS = {
     "first packets": ("view", "pixels", "triangles", "hits"),

@@ -22,12 +22,12 @@ from rich.console import Console
 from rich.table import Table
 
 from atra import AlignedTracer, Camera, PixelTracer, TiledTracer, Tracer, VisibleFirstTracer
-from atra.measure.environment import read_environment
-from atra.measure.rounds import measure_rounds
-from atra.records import write_atomically
-from experiments.configuration import SceneSource
-from experiments.scene_loading import load_scene
-from experiments.table import median_interval
+from atra.files import write_atomically
+from experiments.harness.configuration import SceneSource
+from experiments.harness.environment import read_environment
+from experiments.harness.rounds import measure_rounds
+from experiments.harness.scene_loading import load_scene
+from experiments.results.table import median_interval
 
 BASELINE_FILE = Path(__file__).with_name("baseline.json")
 SCENES = ("cornell_box", "material_ball", "living_room", "atrium")

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from PIL import Image
 
 import atra
-from experiments.configuration import SceneSource
-from experiments.scene_loading import PROCEDURAL_SCENES, load_scene
-from experiments.shading import encode_png
+from experiments.harness.configuration import SceneSource
+from experiments.harness.scene_loading import PROCEDURAL_SCENES, load_scene
+from experiments.workloads.picture.shading import encode_png
 
 
 def parser(description: str | None, **defaults: Any) -> argparse.ArgumentParser:

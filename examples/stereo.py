@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 import atra
 from examples import parts
-from experiments.shading import shade
+from experiments.workloads.picture.shading import shade
 
 
 def eyes(camera: atra.Camera, distance: float) -> tuple[atra.Camera, atra.Camera]:
@@ -48,7 +48,10 @@ def main(arguments: list[str] | None = None) -> atra.Frames:
     parts.save(options.out / "anaglyph.png", anaglyph(left, right))
     for name, hits in zip(("left", "right"), frames, strict=True):
         with atra.PixelTracer(mesh, hits.camera, packet_width=1, threads=options.threads) as alone:
-            print(f"{name} eye against its image traced alone:", atra.compare(mesh, hits.camera, hits, alone.trace()))
+            print(
+                f"{name} eye against its image traced alone:",
+                atra.compare(mesh, hits.camera, hits, alone.trace()),
+            )
     return frames
 
 

@@ -8,14 +8,14 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from atra.embree.instruction_sets import VARIABLE, instruction_sets_here
 from atra.embree.library import OVERRIDE_VARIABLE, Library, embree_version, load_library
 from atra.errors import AtraError, InputError, printable
-from atra.instruction_sets import VARIABLE, instruction_sets_here
 from atra.kernels.caching import cache_folder
-from atra.measure.environment import BUSY_LOAD, Environment, read_environment
-from experiments.configuration import Configuration, check_writable
-from experiments.peers import PEERS, peer_problem, peer_version
-from experiments.scene_loading import PROCEDURAL_SCENES
+from experiments.harness.configuration import Configuration, check_writable
+from experiments.harness.environment import BUSY_LOAD, Environment, read_environment
+from experiments.harness.scene_loading import PROCEDURAL_SCENES
+from experiments.methods.peers import PEERS, peer_problem, peer_version
 from scenes.directory import SCENES_VARIABLE, meshes_of, scene_folders
 
 _COLUMNS, _NAME_COLUMNS = 80, 14

@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from atra.errors import InputError
-from experiments.configuration import Configuration, SceneSource
-from experiments.scene_loading import scene_is_available
+from experiments.harness.configuration import Configuration, SceneSource
+from experiments.harness.scene_loading import scene_is_available
 from scenes.directory import SCENES_VARIABLE, default_cache, find_scene_folder
 from scenes.fetch import fetch_scene
 from scenes.stand_ins import STAND_INS

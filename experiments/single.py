@@ -7,14 +7,14 @@ import sys
 from rich.console import Console
 
 from atra.errors import InputError, printable
-from atra.records import Record, write_record
-from experiments.configuration import Configuration, check_writable, records_folder
-from experiments.lock import exclusive
-from experiments.measuring import measure
-from experiments.points import plan_points
-from experiments.progress import SweepProgress
-from experiments.summary import print_point, results_console, say_outcome
-from experiments.table import make_table
+from experiments.harness.configuration import Configuration, check_writable, records_folder
+from experiments.harness.identity import measure
+from experiments.harness.lock import exclusive
+from experiments.harness.points import plan_points
+from experiments.harness.progress import SweepProgress
+from experiments.harness.records import Record, write_record
+from experiments.results.table import make_table
+from experiments.results.terminal import print_point, results_console, say_outcome
 
 
 def run_single_point(configuration: Configuration) -> Record:

@@ -13,20 +13,20 @@ import pandas as pd
 from rich.console import Console
 
 from atra.errors import InputError, RecordError
-from atra.measure.environment import describe_difference
-from atra.records import Record, load_record, read_record, write_record
-from experiments.configuration import Configuration, check_writable, records_folder, results_folder
-from experiments.launch import run_worker
-from experiments.lock import exclusive
-from experiments.measuring import Runner, current_environment, identity, identity_of, measure
-from experiments.messages import say
-from experiments.point import Point
-from experiments.points import PlannedPoint, plan_points
-from experiments.progress import SweepProgress
-from experiments.results import write_results
-from experiments.scene_loading import replace_missing_scenes
-from experiments.summary import print_sweep, results_console, say_outcome
-from experiments.table import make_table, read_table
+from experiments.harness.configuration import Configuration, check_writable, records_folder, results_folder
+from experiments.harness.environment import describe_difference
+from experiments.harness.identity import Runner, current_environment, identity, identity_of, measure
+from experiments.harness.launching import run_worker
+from experiments.harness.lock import exclusive
+from experiments.harness.messages import say
+from experiments.harness.point import Point
+from experiments.harness.points import PlannedPoint, plan_points
+from experiments.harness.progress import SweepProgress
+from experiments.harness.records import Record, load_record, read_record, write_record
+from experiments.harness.scene_loading import replace_missing_scenes
+from experiments.results.table import make_table, read_table
+from experiments.results.terminal import print_sweep, results_console, say_outcome
+from experiments.results.writing import write_results
 
 
 @dataclass(frozen=True)

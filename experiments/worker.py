@@ -19,10 +19,10 @@ from pathlib import Path
 import psutil
 
 from atra.errors import AtraError, MemoryBudgetError, StorageError
-from atra.records import write_atomically
-from experiments.outcome import Outcome
-from experiments.point import Point
-from experiments.quantities import measure_point
+from atra.files import write_atomically
+from experiments.harness.outcome import Outcome
+from experiments.harness.point import Point
+from experiments.workloads.quantities import measure_point
 
 CANNOT_WRITE = 74
 """Exit code of a worker that has no room for its result, and perhaps none for words either; EX_IOERR of sysexits."""

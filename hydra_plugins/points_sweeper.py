@@ -66,7 +66,7 @@ class PointsSweeper(BasicSweeper):
 
     def _launch(self, jobs: Sequence[Sequence[str]]) -> list[str | None]:
         """One Hydra job a point. Returns for each why its job failed; None = it did not."""
-        from experiments.launch import project_environment, stop_children
+        from experiments.harness.launching import project_environment, stop_children
 
         assert self.launcher is not None
         # A job is unpickled by an interpreter that was not started as run.py.
@@ -92,7 +92,7 @@ class _Composer:
         self._composed: dict[tuple[str, ...], DictConfig] = {}
 
     def __call__(self, overrides: Sequence[str]) -> Any:
-        from experiments.configuration import read_configuration, type_configuration
+        from experiments.harness.configuration import read_configuration, type_configuration
 
         chosen = tuple(override for override in overrides if override.partition("=")[0] in self._groups)
         fields = [override for override in overrides if override not in chosen]

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from atra.mesh import Mesh
+from atra.geometry.mesh import Mesh
 from scenes.shapes import (
     Floats,
     Part,
@@ -33,7 +33,7 @@ ATRIUM_CAMERA: dict[str, Any] = {
     "up": (0.0, 1.0, 0.0),
     "fov_y_degrees": 60.0,
 }
-"""Along the length, a little beside the middle; fields of `atra.camera.Camera`."""
+"""Along the length, a little beside the middle; fields of `atra.geometry.camera.Camera`."""
 
 _TRIANGLES = 262_267
 _BAY = 4.0  # metres between the columns of a row

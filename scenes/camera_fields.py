@@ -14,7 +14,7 @@ _SHOWN = 100
 
 
 def camera_fields_problem(given: Mapping[str, object]) -> str | None:
-    """What is wrong with these fields of `atra.camera.Camera`, as the end of a sentence; None = nothing.
+    """What is wrong with these fields of `atra.geometry.camera.Camera`, as the end of a sentence; None = nothing.
 
     Whether they make a view together (eye and target differ, up is not along the view) only the camera knows.
     """

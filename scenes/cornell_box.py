@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.mesh import Mesh
+from atra.geometry.mesh import Mesh
 
 CORNELL_BOX_CAMERA: dict[str, Any] = {
     "eye": (0.0, 0.8, 2.3),
@@ -20,7 +20,7 @@ CORNELL_BOX_CAMERA: dict[str, Any] = {
     "up": (0.0, 1.0, 0.0),
     "fov_y_degrees": 45.0,
 }
-"""Looks through the open side along -z; fields of `atra.camera.Camera`."""
+"""Looks through the open side along -z; fields of `atra.geometry.camera.Camera`."""
 
 _HALF_WIDTH = 1.0
 _HEIGHT = 1.59

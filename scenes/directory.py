@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from atra.errors import InputError
-from atra.mesh import Mesh, load_mesh, read_regular_file
+from atra.geometry.mesh import Mesh, load_mesh, read_regular_file
 from scenes.camera_fields import camera_fields_problem
 from scenes.manifest import read_manifest
 from scenes.stand_ins import stand_in_for
@@ -40,7 +40,7 @@ def load_scene_from_directory(name: str, directory: str | Path | None = None) ->
 
     directory: the folder; None = `find_scene_folder`. `~` is expanded, a relative path starts at the current working
     directory. cameras.json maps each scene name to eye, target and optionally up and fov_y_degrees.
-    Returns the mesh, named `name`, and those fields of `atra.camera.Camera`.
+    Returns the mesh, named `name`, and those fields of `atra.geometry.camera.Camera`.
     Raises InputError when the folder, the camera or the mesh is not there or cannot be read, naming what is; if the
     scene is in no folder, how to get it or do without.
     """

@@ -15,8 +15,8 @@ from pathlib import Path
 import numpy as np
 
 from atra.errors import InputError
-from atra.mesh import Mesh, load_mesh
-from atra.records import write_atomically
+from atra.files import write_atomically
+from atra.geometry.mesh import Mesh, load_mesh
 from scenes.archive import LARGEST_UNPACKED_BYTES, extract_member
 from scenes.directory import CAMERAS_FILE, default_cache
 from scenes.manifest import SceneSource, read_manifest

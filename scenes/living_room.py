@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from atra.mesh import Mesh
+from atra.geometry.mesh import Mesh
 from scenes.shapes import (
     Part,
     ball,
@@ -32,7 +32,7 @@ LIVING_ROOM_CAMERA: dict[str, Any] = {
     "up": (0.0, 1.0, 0.0),
     "fov_y_degrees": 58.0,
 }
-"""From the corner by the door across the room; fields of `atra.camera.Camera`."""
+"""From the corner by the door across the room; fields of `atra.geometry.camera.Camera`."""
 
 _TRIANGLES = 143_173
 _X, _Y, _Z = 2.8, 2.7, 2.2  # half width, height, half length of the room

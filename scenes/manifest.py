@@ -21,7 +21,7 @@ class SceneSource:
     archive: path of the zip below the manifest's base_url; archive_bytes: its size, None = unknown.
     sha256: of the zip, lower case, None = unknown.
     member: the mesh file inside. triangles: what it must hold.
-    camera: fields of `atra.camera.Camera`; camera_source: whose they are.
+    camera: fields of `atra.geometry.camera.Camera`; camera_source: whose they are.
     notice: a restriction of the author's to be shown whenever the scene is fetched, None = none beyond the licence.
     pictures_may_be_passed_on: false = pictures of the scene stay with whoever made them, as the notice asks.
     Raises InputError for a field that cannot be meant.

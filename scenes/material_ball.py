@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from atra.mesh import Mesh
+from atra.geometry.mesh import Mesh
 from scenes.shapes import Floats, Part, ball, join, lathe, ring, smooth_profile, surface
 
 MATERIAL_BALL_CAMERA: dict[str, Any] = {
@@ -15,7 +15,7 @@ MATERIAL_BALL_CAMERA: dict[str, Any] = {
     "up": (0.0, 1.0, 0.0),
     "fov_y_degrees": 26.0,
 }
-"""From the front and above; fields of `atra.camera.Camera`."""
+"""From the front and above; fields of `atra.geometry.camera.Camera`."""
 
 _BALL_HEIGHT = 1.28
 _SHELL_RADIUS = 0.9

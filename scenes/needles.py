@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from atra.mesh import Mesh
+from atra.geometry.mesh import Mesh
 
 PLANKS, BEAMS = 80, 400
 PLANK_LENGTH, PLANK_WIDTH, FLOOR = 100.0, 0.05, -0.3

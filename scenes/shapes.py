@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from atra.errors import InputError
-from atra.mesh import Mesh
+from atra.geometry.mesh import Mesh
 
 Floats = NDArray[np.float64]
 

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from atra.mesh import Mesh
+from atra.geometry.mesh import Mesh
 from scenes.atrium import ATRIUM_CAMERA, atrium
 from scenes.living_room import LIVING_ROOM_CAMERA, living_room
 from scenes.material_ball import MATERIAL_BALL_CAMERA, material_ball
@@ -30,7 +30,7 @@ __all__ = [
 
 @dataclass(frozen=True)
 class StandIn:
-    """make: returns the mesh, the same one at every call. camera: fields of `atra.camera.Camera`.
+    """make: returns the mesh, the same one at every call. camera: fields of `atra.geometry.camera.Camera`.
 
     stands_for: name of the scene of the paper, as in the manifest.
     """

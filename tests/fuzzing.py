@@ -29,11 +29,11 @@ from typing import Any
 import numpy as np
 import trimesh
 
-from atra.camera import Camera
 from atra.errors import InputError
-from atra.mesh import load_mesh
-from atra.records import Record, read_record, write_record
-from experiments.table import make_table, read_table, write_table
+from atra.geometry.camera import Camera
+from atra.geometry.mesh import load_mesh
+from experiments.harness.records import Record, read_record, write_record
+from experiments.results.table import make_table, read_table, write_table
 from scenes.archive import extract_member
 from scenes.camera_fields import OPTIONAL_CAMERA_FIELDS, REQUIRED_CAMERA_FIELDS
 from scenes.directory import CAMERAS_FILE, load_scene_from_directory

@@ -11,9 +11,9 @@ import numpy as np
 import pandas as pd
 from PIL import Image
 
-from experiments.claims import Finding
 from experiments.report import ReportContents, ReportFigure, ScenePictures
-from experiments.table import COLUMNS
+from experiments.results.findings import Finding
+from experiments.results.table import COLUMNS
 
 HOSTILE = "<script>document.title='taken over'</script>"
 POWERS = [2**power for power in range(11)]

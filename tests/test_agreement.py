@@ -15,14 +15,11 @@ import pytest
 from PIL import Image
 
 import atra
-import experiments.quantities as quantities
+import experiments.workloads.quantities as quantities
 from atra.hits import MISS, Hits
-from atra.oracle import examine
-from atra.records import Record, write_record
-from atra.reference import brute_force
-from experiments.agreement import agreement_lines, errs_too_often, read_disagreements, write_agreement
-from experiments.agreement_figure import draw_agreement_figure
-from experiments.configuration import (
+from atra.judge.oracle import examine
+from atra.judge.reference import brute_force
+from experiments.harness.configuration import (
     Configuration,
     MeasureConfiguration,
     Method,
@@ -31,11 +28,19 @@ from experiments.configuration import (
     SceneSource,
     check_configuration,
 )
-from experiments.point import Point
-from experiments.points import plan_points
-from experiments.quantities import Measured, measure_point
-from experiments.table import make_table
+from experiments.harness.point import Point
+from experiments.harness.points import plan_points
+from experiments.harness.records import Record, write_record
+from experiments.results.table import make_table
 from experiments.worker import Job
+from experiments.workloads.agreement.agreement import (
+    agreement_lines,
+    errs_too_often,
+    read_disagreements,
+    write_agreement,
+)
+from experiments.workloads.agreement.figures import draw_agreement_figure
+from experiments.workloads.quantities import Measured, measure_point
 from tests.meshes import EYE_AT_ORIGIN, quads
 
 OFFSETS = [[0.5, 0.5], [0.25, 0.75]]

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 import atra
-from atra.alignment import Alignment
+from atra.alignment.alignment import Alignment
+from atra.alignment.instancing import instance_transforms
 from atra.embree.library import load_library
-from atra.instancing import instance_transforms
-from atra.ray_space import ray_axes
+from atra.geometry.ray_space import ray_axes
 from tests.meshes import quads
 
 pytestmark = pytest.mark.core

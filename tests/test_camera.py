@@ -5,9 +5,9 @@ from math import radians, tan
 import numpy as np
 import pytest
 
-from atra.camera import Camera, check_offset
 from atra.errors import InputError
-from atra.orthographic import OrthographicCamera
+from atra.geometry.camera import Camera, check_offset
+from atra.geometry.orthographic import OrthographicCamera
 
 TILTED = {"eye": (1.0, 2.0, 5.0), "target": (-0.5, 0.25, -3.0), "up": (0.2, 1.0, 0.1)}
 

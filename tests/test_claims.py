@@ -12,11 +12,11 @@ from typing import Any
 import pandas as pd
 import pytest
 
-from experiments.claims import CLAIMS, Finding, judge_claims, write_claims
-from experiments.claims.estimates import Estimate, decide_greater, fit_exponent, geometric_mean
-from experiments.claims.evidence import PAPER_SCENES, SPLITS, USED_COLUMNS
-from experiments.claims.findings import judge_claim
-from experiments.table import COLUMNS
+from experiments.results.estimates import Estimate, decide_greater, fit_exponent, geometric_mean
+from experiments.results.evidence import PAPER_SCENES, SPLITS, USED_COLUMNS
+from experiments.results.findings import Finding, judge_claim, write_claims
+from experiments.results.table import COLUMNS
+from experiments.workloads.paper_claims import CLAIMS, judge_claims
 
 STAND_INS = {"mitsuba": "material_ball", "fireplace_room": "living_room", "sponza": "atrium"}
 BEST = {"cornell_box": 7.6, "mitsuba": 3.0, "fireplace_room": 1.9, "sponza": 1.75}

@@ -14,7 +14,7 @@ import matplotlib
 import pandas as pd
 import pytest
 
-from experiments.tracing import expert_packet_widths
+from experiments.methods.tracing import expert_packet_widths
 
 ROOT = Path(__file__).resolve().parents[1]
 TOY = ["width=64", "height=64", "measure.rounds=3", "measure.warmup=1"]

@@ -3,15 +3,15 @@
 import numpy as np
 import pytest
 
-from atra import culling
-from atra.camera import Camera
-from atra.compare import Agreement, DepthErrors, Verdict, compare
+from atra.alignment import culling
 from atra.errors import InputError
+from atra.geometry.camera import Camera
+from atra.geometry.mesh import Mesh
+from atra.geometry.orthographic import OrthographicCamera
+from atra.geometry.ray_space import ray_axes, to_ray_space
 from atra.hits import MISS, Hits
-from atra.mesh import Mesh
-from atra.orthographic import OrthographicCamera
-from atra.ray_space import ray_axes, to_ray_space
-from atra.reference import brute_force
+from atra.judge.compare import Agreement, DepthErrors, Verdict, compare
+from atra.judge.reference import brute_force
 from atra.tracers import AlignedTracer, PixelTracer
 from atra.tracers.base import image_ray_grid
 from scenes.cornell_box import CORNELL_BOX_CAMERA, cornell_box

@@ -6,15 +6,15 @@ from itertools import product
 import numpy as np
 import pytest
 
-from atra.camera import Camera
-from atra.compare import Verdict
+from atra.geometry.camera import Camera
+from atra.geometry.mesh import Mesh
+from atra.geometry.orthographic import OrthographicCamera
 from atra.hits import MISS, Hits
-from atra.mesh import Mesh
-from atra.orthographic import OrthographicCamera
-from atra.reference import Pairs, brute_force
+from atra.judge.compare import Verdict
+from atra.judge.reference import Pairs, brute_force
 from tests.meshes import EYE_AT_ORIGIN, random_triangles
 
-judge = import_module("atra.compare")  # the module; `atra.compare` by name is its function
+judge = import_module("atra.judge.compare")  # the module; `atra.judge.compare` by name is its function
 OFFSET = (0.2, 0.7)
 ASLANT = {"eye": (0.3, -0.2, 0.1), "target": (1, 2, 3), "width": 12, "height": 9}
 CAMERAS = {

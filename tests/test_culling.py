@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import atra
-from atra import culling as culling_module
-from atra.culling import (
+from atra.alignment import culling as culling_module
+from atra.alignment.culling import (
     EMBREE_BYTES_PER_COPY,
     PLAN_BYTES_PER_COPY,
     check_image_size,
@@ -17,8 +17,8 @@ from atra.culling import (
     plan_aligned_geometry,
     project_vertices,
 )
+from atra.judge.reference import intersect_pixels
 from atra.parallel import WorkerPool
-from atra.reference import intersect_pixels
 from tests.meshes import EYE_AT_ORIGIN, cornell_camera, quads, random_triangles
 
 HIGH = np.int64(32)

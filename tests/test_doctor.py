@@ -10,14 +10,14 @@ from pathlib import Path
 import psutil
 import pytest
 
+from atra.embree.instruction_sets import VARIABLE, instruction_sets_here
 from atra.embree.library import OVERRIDE_VARIABLE, embree_version, load_library
-from atra.instruction_sets import VARIABLE, instruction_sets_here
 from atra.kernels.caching import cache_folder
-from atra.measure import environment
 from experiments import doctor
-from experiments.configuration import Configuration
 from experiments.doctor import diagnose, render
-from experiments.peers import peer_version
+from experiments.harness import environment
+from experiments.harness.configuration import Configuration
+from experiments.methods.peers import peer_version
 from tests.folders import empty_cache
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -11,9 +11,9 @@ from types import SimpleNamespace
 import psutil
 import pytest
 
-from atra.measure import environment, memory
-from atra.measure.environment import read_environment
 from atra.parallel import resolve_threads
+from experiments.harness import environment, memory
+from experiments.harness.environment import read_environment
 
 
 def test_a_system_without_affinity_and_load_is_described_without(monkeypatch: pytest.MonkeyPatch) -> None:

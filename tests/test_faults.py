@@ -16,15 +16,15 @@ import pandas as pd
 import pytest
 
 from atra.errors import InputError, RecordError, StorageError
-from atra.records import Record, load_record, record_path, write_record
-from experiments import measuring
-from experiments.measuring import current_environment, identity, measure
-from experiments.outcome import Outcome
-from experiments.point import Point
-from experiments.points import plan_points
-from experiments.results import rewrite_report
+from experiments.harness import identity as measuring
+from experiments.harness.identity import current_environment, identity, measure
+from experiments.harness.outcome import Outcome
+from experiments.harness.point import Point
+from experiments.harness.points import plan_points
+from experiments.harness.records import Record, load_record, record_path, write_record
+from experiments.results.table import make_table, write_table
+from experiments.results.writing import rewrite_report
 from experiments.sweep import GridPoint, run_sweep
-from experiments.table import make_table, write_table
 from tests.test_sweep import Runner, configuration, measured_elsewhere
 
 

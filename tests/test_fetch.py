@@ -17,11 +17,11 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 import numpy as np
 import pytest
 
-from atra.camera import Camera
 from atra.errors import InputError
+from atra.geometry.camera import Camera
 from experiments import fetching
-from experiments.configuration import Configuration, SceneConfiguration, SceneSource
 from experiments.fetching import run_fetch
+from experiments.harness.configuration import Configuration, SceneConfiguration, SceneSource
 from scenes import archive, fetch, manifest
 from scenes.directory import default_cache, load_scene_from_directory
 from scenes.fetch import fetch_scene

@@ -13,19 +13,19 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 import atra
-from atra.compare import Verdict
 from atra.errors import InputError
 from atra.hits import MISS, Hits
-from experiments.build_figure import draw_build_figure
-from experiments.figure_parts import TIMES, describe_measurement
-from experiments.grid_figure import draw_grid_figure
-from experiments.instancing_figure import draw_instancing_figure
-from experiments.memory_figure import draw_memory_figure
-from experiments.pictures import ScenePictures
-from experiments.scenes_figure import draw_scenes_figure
-from experiments.shading import BACKGROUND, DIFFERENCE_COLOURS, difference_picture, encode_png, shade
-from experiments.split_figure import draw_split_figure
-from experiments.table import COLUMNS
+from atra.judge.compare import Verdict
+from experiments.drawing.figure_parts import TIMES, describe_measurement
+from experiments.results.table import COLUMNS
+from experiments.workloads.build.figures import draw_build_figure
+from experiments.workloads.frame.grid_figure import draw_grid_figure
+from experiments.workloads.frame.split_figure import draw_split_figure
+from experiments.workloads.memory.figures import draw_memory_figure
+from experiments.workloads.memory.instancing_figure import draw_instancing_figure
+from experiments.workloads.picture.figures import draw_scenes_figure
+from experiments.workloads.picture.pictures import ScenePictures
+from experiments.workloads.picture.shading import BACKGROUND, DIFFERENCE_COLOURS, difference_picture, encode_png, shade
 from tests.meshes import EYE_AT_ORIGIN, quads
 
 MIB = 2**20

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from matplotlib.axes import Axes
 
-from experiments.figure_parts import TIMES
-from experiments.frame_parts import PACKETS, SEPARATE_FRAMES, TOGETHER, VISIBLE_FRAMES, best_row
-from experiments.multiframe_figure import draw_multiframe_figure
-from experiments.stereo_figure import draw_stereo_figure
+from experiments.drawing.figure_parts import TIMES
+from experiments.workloads.multiframe.figures import draw_multiframe_figure
+from experiments.workloads.multiframe.frame_parts import PACKETS, SEPARATE_FRAMES, TOGETHER, VISIBLE_FRAMES, best_row
+from experiments.workloads.multiframe.stereo_figure import draw_stereo_figure
 from tests.test_method_figures import bars, line, make_rows, method_row, save, skipped, whiskers, words
 
 NAMES = ("separate", "visible_first")

@@ -13,9 +13,7 @@ from rich.console import Console
 from atra.errors import InputError
 from atra.frames import Frames
 from atra.hits import Hits
-from atra.records import Record
-from experiments.claims.evidence import NotMeasuredError, collect_scenes
-from experiments.configuration import (
+from experiments.harness.configuration import (
     Configuration,
     MeasureConfiguration,
     Method,
@@ -25,14 +23,16 @@ from experiments.configuration import (
     SceneSource,
     check_configuration,
 )
-from experiments.frame_tracing import compare_images, make_for_each_frame, make_own_tracer
-from experiments.point import Point
-from experiments.points import PlannedPoint, plan_points
-from experiments.quantities import measure_point
-from experiments.scene_loading import load_scene
-from experiments.summary import print_sweep, say_outcome
-from experiments.table import make_table
-from experiments.tracing import expert_packet_widths, make_pixel_tracer
+from experiments.harness.point import Point
+from experiments.harness.points import PlannedPoint, plan_points
+from experiments.harness.records import Record
+from experiments.harness.scene_loading import load_scene
+from experiments.methods.tracing import expert_packet_widths, make_pixel_tracer
+from experiments.results.evidence import NotMeasuredError, collect_scenes
+from experiments.results.table import make_table
+from experiments.results.terminal import print_sweep, say_outcome
+from experiments.workloads.multiframe.frame_tracing import compare_images, make_for_each_frame, make_own_tracer
+from experiments.workloads.quantities import measure_point
 from tests.test_table import MEASURED
 
 PACKETS_HERE = {f"packets_{width}" for width in expert_packet_widths()}

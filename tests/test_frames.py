@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import atra
-from atra.culling import plan_aligned_geometry
+from atra.alignment.culling import plan_aligned_geometry
 from atra.embree.library import load_library
+from atra.judge.reference import brute_force
 from atra.parallel import WorkerPool
-from atra.reference import brute_force
 from tests.images import assert_equal_images, trace_pixels
 from tests.meshes import EYE_AT_ORIGIN, cornell_box, cornell_camera, random_triangles
 

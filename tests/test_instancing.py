@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 import atra
-from atra.alignment import Alignment
+from atra.alignment.alignment import Alignment
+from atra.alignment.instancing import instance_transforms
 from atra.embree.library import load_library
 from atra.embree.scene import EmbreeScene
-from atra.instancing import instance_transforms
+from atra.judge.reference import brute_force
 from atra.kernels.callbacks import memory_monitor
-from atra.reference import brute_force
 from tests.images import assert_equal_images, trace_pixels
 from tests.meshes import EYE_AT_ORIGIN, cornell_box, cornell_camera, quads, random_triangles
 

@@ -9,11 +9,11 @@ from pathlib import Path
 import pytest
 
 import atra
-from atra import instruction_sets
+from atra.embree import instruction_sets
+from atra.embree.instruction_sets import INSTRUCTION_SETS, PACKET_WIDTHS, VARIABLE, instruction_sets_here
 from atra.embree.library import load_library
-from atra.instruction_sets import INSTRUCTION_SETS, PACKET_WIDTHS, VARIABLE, instruction_sets_here
-from atra.measure.environment import describe_difference
-from experiments.measuring import current_environment, identity
+from experiments.harness.environment import describe_difference
+from experiments.harness.identity import current_environment, identity
 from tests.conftest import said_of_instruction_sets
 from tests.test_outcome import POINT
 

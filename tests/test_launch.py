@@ -16,8 +16,8 @@ from pathlib import Path
 import psutil
 import pytest
 
-from atra.records import write_atomically
-from experiments.launch import remove_abandoned_folders, run_worker, stop_children
+from atra.files import write_atomically
+from experiments.harness.launching import remove_abandoned_folders, run_worker, stop_children
 from experiments.worker import CANNOT_WRITE, Job
 from tests.test_outcome import GOOD, POINT
 
@@ -201,7 +201,7 @@ def test_the_worker_of_a_killed_run_does_not_outlive_it(platform: str) -> None:
         f"sys.platform = {platform!r}; w.measure_point = lambda _: time.sleep(600); w.main()"
     )
     run = (
-        "import sys; from experiments.launch import run_worker; from tests.test_outcome import POINT; "
+        "import sys; from experiments.harness.launching import run_worker; from tests.test_outcome import POINT; "
         f"run_worker(POINT, [sys.executable, '-c', {sleeping!r}])"
     )
     with subprocess.Popen([sys.executable, "-c", run], cwd=ROOT) as killed:
@@ -234,7 +234,7 @@ def test_no_room_for_temporary_files_is_a_failed_point(monkeypatch: pytest.Monke
 def test_a_worker_that_may_write_nothing_more_says_so(tmp_path: Path) -> None:
     # Past this limit the system refuses to write, as a full disk does, for the result and for words alike.
     limited = (
-        "import resource, experiments.worker as w; from experiments.quantities import Measured; "
+        "import resource, experiments.worker as w; from experiments.workloads.quantities import Measured; "
         "w.measure_point = lambda _: resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0)) or Measured({'a': 1}); w.main()"
     )
     outcome = run_worker(POINT, [sys.executable, "-c", limited])

@@ -15,11 +15,11 @@ import pandas as pd
 import psutil
 import pytest
 
-from atra.records import write_record
-from experiments.configuration import Configuration, SceneConfiguration, SceneSource, SweepConfiguration
-from experiments.measuring import measure
-from experiments.outcome import Outcome
-from experiments.points import plan_points
+from experiments.harness.configuration import Configuration, SceneConfiguration, SceneSource, SweepConfiguration
+from experiments.harness.identity import measure
+from experiments.harness.outcome import Outcome
+from experiments.harness.points import plan_points
+from experiments.harness.records import write_record
 from experiments.sweep import GridPoint, run_sweep
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -171,7 +171,7 @@ def test_an_interrupted_launcher_loses_no_record_of_its_batch(tmp_path: Path) ->
 
 
 def test_a_job_can_import_the_project_wherever_its_interpreter_was_started(tmp_path: Path) -> None:
-    from experiments.launch import project_environment
+    from experiments.harness.launching import project_environment
 
     environment = project_environment()
     assert environment["PYTHONPATH"].split(os.pathsep)[0] == str(ROOT)

@@ -13,14 +13,14 @@ from pathlib import Path
 import pytest
 
 from atra.errors import InputError, StorageError
-from experiments.lock import exclusive
-from experiments.results import rewrite_report
+from experiments.harness.lock import exclusive
+from experiments.results.writing import rewrite_report
 from tests.test_sweep import configuration
 
 HOLD = """
 import sys
 from pathlib import Path
-from experiments.lock import exclusive
+from experiments.harness.lock import exclusive
 with exclusive(Path(sys.argv[1]), Path(sys.argv[1])):
     print("held", flush=True)
     sys.stdin.read()

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 import trimesh
 
-from atra import mesh_claims
 from atra.errors import InputError
-from atra.mesh import load_mesh
+from atra.geometry import mesh_claims
+from atra.geometry.mesh import load_mesh
 
 BOX = trimesh.creation.box()
 

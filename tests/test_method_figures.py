@@ -11,13 +11,13 @@ import pytest
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from experiments.figure_parts import TIMES
-from experiments.method_parts import say_number, spread
-from experiments.methods_figure import draw_methods_figure
-from experiments.peers_figure import draw_peers_figure
-from experiments.price_figure import draw_price_figure
-from experiments.table import COLUMNS
-from experiments.threads_figure import draw_threads_figure
+from experiments.drawing.figure_parts import TIMES
+from experiments.drawing.method_parts import say_number, spread
+from experiments.results.table import COLUMNS
+from experiments.workloads.frame.methods_figure import draw_methods_figure
+from experiments.workloads.frame.peers_figure import draw_peers_figure
+from experiments.workloads.frame.price_figure import draw_price_figure
+from experiments.workloads.frame.threads_figure import draw_threads_figure
 
 KINDS = COLUMNS | {"first_frame_time_s": "Float64"}
 COMMON = {

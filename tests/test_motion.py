@@ -5,11 +5,18 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from atra.alignment import Alignment, Split
-from atra.camera import Camera
+from atra.alignment.alignment import Alignment, Split
 from atra.errors import InputError
-from experiments.configuration import Motion
-from experiments.motion import EYE_DISTANCE, MESH_TURN_DEGREES, STEP, STEP_TURN_DEGREES, STEP_ZOOM, frames_of
+from atra.geometry.camera import Camera
+from experiments.harness.configuration import Motion
+from experiments.workloads.multiframe.motion import (
+    EYE_DISTANCE,
+    MESH_TURN_DEGREES,
+    STEP,
+    STEP_TURN_DEGREES,
+    STEP_ZOOM,
+    frames_of,
+)
 from tests.meshes import cornell_box, cornell_camera
 
 CAMERA = cornell_camera(width=48, height=32)

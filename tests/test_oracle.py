@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 import atra
-import atra.oracle as oracle
-from atra.compare import Agreement, Verdict, compare
+import atra.judge.oracle as oracle
 from atra.hits import MISS, Hits
-from atra.oracle import Examination, Standing, examine, nearest_hits, sample_pixels
-from atra.reference import brute_force
+from atra.judge.compare import Agreement, Verdict, compare
+from atra.judge.oracle import Examination, Standing, examine, nearest_hits, sample_pixels
+from atra.judge.reference import brute_force
 from scenes.cornell_box import cornell_box
 from tests.meshes import EYE_AT_ORIGIN, cornell_camera, quads, random_triangles
 

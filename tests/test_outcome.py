@@ -9,9 +9,9 @@ from typing import Any
 
 import pytest
 
-from experiments.configuration import Quantity
-from experiments.outcome import Outcome
-from experiments.point import Point
+from experiments.harness.configuration import Quantity
+from experiments.harness.outcome import Outcome
+from experiments.harness.point import Point
 
 POINT = Point(
     scene="box", scene_source="procedural", scene_path=None, mesh_sha256="0", triangles=1, eye=(0.0, 0.0, 1.0),

@@ -15,9 +15,10 @@ import psutil
 import pytest
 
 import atra
-from atra.culling import EMBREE_BYTES_PER_COPY, PLAN_BYTES_PER_COPY
+from atra.alignment.culling import EMBREE_BYTES_PER_COPY, PLAN_BYTES_PER_COPY
 from atra.embree.scene import EmbreeScene
 from atra.errors import InputError, MemoryBudgetError
+from atra.geometry.ray_space import NARROWEST_WORLD_PITCH
 from atra.planner import estimate as estimating
 from atra.planner import features as featuring
 from atra.planner.choice import ALIGNED, PACKETS, VISIBLE_FIRST, Choice, candidates, choices_of_quality
@@ -26,7 +27,6 @@ from atra.planner.features import scene_statistics
 from atra.planner.measuring import Trial, clock_for, measure
 from atra.planner.plan import Forecast, Plan
 from atra.planner.planning import warm_up
-from atra.ray_space import NARROWEST_WORLD_PITCH
 from tests.meshes import EYE_AT_ORIGIN, cornell_box, cornell_camera, quads, random_triangles
 
 PACKETS_CHOICE = Choice(PACKETS, (1, 1), 8, 2)
@@ -372,7 +372,7 @@ def test_no_trial_pays_for_what_is_kept_with_the_mesh(monkeypatch: pytest.Monkey
     mesh, kept = cornell_box(), []
 
     def note_what_is_kept(self: Trial, clock: object) -> None:
-        kept.append(mesh in atra.ties._found and "without_area" in vars(mesh))
+        kept.append(mesh in atra.judge.ties._found and "without_area" in vars(mesh))
         start(self, clock)  # type: ignore[arg-type]
 
     start = Trial.start
@@ -386,7 +386,7 @@ def test_overlaps_are_found_only_to_measure_lowest_ties(effort: str) -> None:
     for ties in ("any", "lowest"):
         mesh = cornell_box()
         atra.plan(mesh, cornell_camera(64, 64), effort=effort, budget_s=0.05, ties=ties)
-        assert (mesh in atra.ties._found) == (effort == "measure" and ties == "lowest")
+        assert (mesh in atra.judge.ties._found) == (effort == "measure" and ties == "lowest")
 
 
 @pytest.mark.parametrize("size", [(64, 64), (60, 45)], ids=str)  # the latter with rows longer in memory than the image
@@ -396,7 +396,7 @@ def test_the_kernel_of_ties_is_compiled_before_a_trial(size: tuple[int, int], mo
     def note_types(*arguments: object) -> None:
         compiled.add(tuple(numba.typeof(one) for one in arguments))
 
-    monkeypatch.setattr(atra.ties, "settle_ties", note_types)
+    monkeypatch.setattr(atra.judge.ties, "settle_ties", note_types)
     mesh, camera = quads([wall(2, 1.0), wall(2, 1.5)]), square_camera(*size)
     for choice in candidates(camera, 64):
         compiled.clear()
@@ -467,7 +467,7 @@ def test_every_choice_takes_ties_and_memory_budget(choice: Choice) -> None:
 def test_a_mesh_of_too_many_overlaps_is_planned_and_traced_with_any_ties(
     effort: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(atra.ties, "MOST_PAIRS", 2)
+    monkeypatch.setattr(atra.judge.ties, "MOST_PAIRS", 2)
     mesh = quads([wall(2, half) for half in (1.0, 1.25, 1.5)])  # of which more pairs overlap
     options = {"effort": effort, "budget_s": 0.05}
     with pytest.raises(MemoryBudgetError, match='ties "any"'):

@@ -15,9 +15,8 @@ import atra
 from atra.errors import InputError
 from atra.planner.choice import ALIGNED, PACKETS, VISIBLE_FIRST, Choice, choices_of_quality
 from atra.planner.features import scene_statistics
-from atra.records import Record, write_record
 from benchmarks.fit_planner import LAWS, Sample, fit_model, read_samples
-from experiments.configuration import (
+from experiments.harness.configuration import (
     BuildQuality,
     Configuration,
     MeasureConfiguration,
@@ -27,12 +26,13 @@ from experiments.configuration import (
     SceneSource,
     Ties,
 )
-from experiments.planner import FRAMES, regrets, say_regrets
-from experiments.planner_figure import SERIES, draw_planner_figure
-from experiments.points import plan_points
-from experiments.quantities import measure_point
-from experiments.table import COLUMNS
-from experiments.views import FITTING_VIEWS, HELD_OUT_VIEWS, VIEWS, view_fields
+from experiments.harness.points import plan_points
+from experiments.harness.records import Record, write_record
+from experiments.harness.views import FITTING_VIEWS, HELD_OUT_VIEWS, VIEWS, view_fields
+from experiments.results.table import COLUMNS
+from experiments.workloads.planner.figures import SERIES, draw_planner_figure
+from experiments.workloads.planner.measure import FRAMES, regrets, say_regrets
+from experiments.workloads.quantities import measure_point
 from scenes.cornell_box import CORNELL_BOX_CAMERA
 from tests.meshes import cornell_box, cornell_camera
 
@@ -173,7 +173,7 @@ def test_a_point_passes_its_ties_on_to_plans_and_tracers(monkeypatch: pytest.Mon
     def refuse(_: object) -> None:
         raise AssertionError("nobody may ask for ties")
 
-    for module in ("atra.ties", "atra.tracers.base"):
+    for module in ("atra.judge.ties", "atra.tracers.base"):
         monkeypatch.setattr(f"{module}.coplanar_overlaps", refuse)
     (planned,) = plan_points([replace(toy_configuration(), ties=Ties.any)])
     measured = measure_point(planned.point)

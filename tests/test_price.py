@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 
 from atra.errors import InputError
-from experiments.price import (
+from experiments.workloads.frame.price import (
     Price,
     baseline_price,
     best_rows,

@@ -11,12 +11,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import atra
-from atra.alignment import Alignment
-from atra.compare import Verdict
-from atra.culling import plan_aligned_geometry
+from atra.alignment.alignment import Alignment
+from atra.alignment.culling import plan_aligned_geometry
 from atra.embree.library import load_library
+from atra.judge.compare import Verdict
+from atra.judge.reference import brute_force, intersect_pixels
 from atra.parallel import WorkerPool
-from atra.reference import brute_force, intersect_pixels
 from tests.strategies import EXAMPLES, parallel_views, views
 
 pytestmark = pytest.mark.core

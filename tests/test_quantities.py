@@ -10,10 +10,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
-import experiments.quantities as quantities
+import experiments.workloads.quantities as quantities
 from atra.tracers import VisibleFirstTracer
-from experiments import tracing
-from experiments.configuration import (
+from experiments.harness.configuration import (
     Configuration,
     Geometry,
     MeasureConfiguration,
@@ -21,11 +20,12 @@ from experiments.configuration import (
     Quantity,
     SceneConfiguration,
 )
-from experiments.configuration import SceneSource as Source
-from experiments.point import Point
-from experiments.points import plan_points
-from experiments.quantities import Measured, measure_point
-from experiments.tracing import expert_packet_widths
+from experiments.harness.configuration import SceneSource as Source
+from experiments.harness.point import Point
+from experiments.harness.points import plan_points
+from experiments.methods import tracing
+from experiments.methods.tracing import expert_packet_widths
+from experiments.workloads.quantities import Measured, measure_point
 
 
 def point(quantity: Quantity, **fields: object) -> Point:

@@ -17,7 +17,7 @@ from typing import Any, NoReturn
 import pytest
 
 from atra.errors import RecordError, StorageError
-from atra.records import Record, load_record, point_id, read_record, record_path, write_record
+from experiments.harness.records import Record, load_record, point_id, read_record, record_path, write_record
 
 CONFIGURATION: dict[str, Any] = {"scene": "box", "split_x": 4, "culling": True, "eye": [0.0, 1.0, 2.0], "threads": None}
 MACHINE = {"cpu": "some cpu", "logical_cores": 2}
@@ -229,7 +229,7 @@ def test_a_disk_that_is_really_full_names_the_file(tmp_path: Path, monkeypatch: 
 def test_a_file_larger_than_the_system_allows_is_refused_whole(tmp_path: Path) -> None:
     # What a full disk does, the system does here: the first bytes are written, the others are not.
     code = (
-        "import resource, sys; from pathlib import Path; from atra.records import write_atomically; "
+        "import resource, sys; from pathlib import Path; from experiments.harness.records import write_atomically; "
         "resource.setrlimit(resource.RLIMIT_FSIZE, (4096, 4096)); write_atomically(Path(sys.argv[1]), bytes(100_000))"
     )
     root = Path(__file__).resolve().parents[1]

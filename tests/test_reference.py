@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from atra.camera import Camera
 from atra.errors import InputError
+from atra.geometry.camera import Camera
+from atra.geometry.mesh import Mesh
+from atra.geometry.orthographic import OrthographicCamera
 from atra.hits import MISS
-from atra.mesh import Mesh
-from atra.orthographic import OrthographicCamera
-from atra.reference import brute_force, intersect_pixels
+from atra.judge.reference import brute_force, intersect_pixels
 from scenes.cornell_box import cornell_box
 
 # Looks along -z from the origin: camera (X, Y, Z) = world (x, -y, -z).

@@ -23,8 +23,8 @@ from experiments.report.embedding import parquet_bytes
 from experiments.report.facts import count_doubts, missing_points, scenes_in_short
 from experiments.report.page import render_report
 from experiments.report.pictures import EDGE_PIXELS, embed_pictures
-from experiments.split_figure import draw_split_figure
-from experiments.table import csv_bytes, rows_of, write_table
+from experiments.results.table import csv_bytes, rows_of, write_table
+from experiments.workloads.frame.split_figure import draw_split_figure
 from tests.report_samples import (
     CLAIMS,
     HOSTILE,

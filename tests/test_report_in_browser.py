@@ -13,7 +13,7 @@ import pandas as pd
 import pytest
 
 from experiments.report import write_report
-from experiments.table import COLUMNS, write_table
+from experiments.results.table import COLUMNS, write_table
 from tests.report_samples import HOSTILE, small_contents, small_table
 
 playwright = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed: pip install -e '.[test]'")

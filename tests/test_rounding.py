@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 import atra
-from atra.culling import project_vertices
+from atra.alignment.culling import project_vertices
+from atra.alignment.rounding import roundings_of_copies
+from atra.alignment.visibility import Tiles, nearest_in_tiles
+from atra.judge.reference import intersect_pixels
 from atra.kernels.rounding import COPY_ROUNDINGS, INSTANCE_ROUNDINGS, MOST_ROUNDINGS
 from atra.parallel import WorkerPool
-from atra.reference import intersect_pixels
-from atra.rounding import roundings_of_copies
 from atra.tracers.aligned import SECOND_PASS_TILE
-from atra.visibility import Tiles, nearest_in_tiles
 from scenes.needles import NEEDLES_CAMERA, needles
 from tests.images import trace_pixels
 from tests.meshes import EYE_AT_ORIGIN, boards, cornell_box, cornell_camera, quads, random_triangles

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import pytest
 
 from atra.errors import ClockError, InputError
-from atra.measure.rounds import MINIMUM_ROUNDS, measure_rounds
+from experiments.harness.rounds import MINIMUM_ROUNDS, measure_rounds
 
 
 class FakeClock:

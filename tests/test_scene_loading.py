@@ -5,8 +5,8 @@ import json
 import pytest
 
 from atra.errors import InputError
-from experiments.configuration import SceneSource
-from experiments.scene_loading import load_scene, scene_is_available
+from experiments.harness.configuration import SceneSource
+from experiments.harness.scene_loading import load_scene, scene_is_available
 from scenes.manifest import picture_restriction, read_manifest
 from scenes.stand_ins import STAND_INS, stand_in_for
 from tests.folders import empty_cache

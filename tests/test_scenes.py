@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from atra.camera import Camera
 from atra.errors import InputError
+from atra.geometry.camera import Camera
 from atra.hits import MISS
-from atra.reference import brute_force
+from atra.judge.reference import brute_force
 from scenes.camera_fields import camera_fields_problem
 from scenes.cornell_box import CORNELL_BOX_CAMERA, cornell_box
 from scenes.directory import default_cache, default_camera_fields, find_scene_folder, load_scene_from_directory
@@ -256,7 +256,7 @@ def test_a_camera_field_that_is_no_number_or_vector_is_refused_naming_it(field, 
 
 @pytest.mark.parametrize("scale", [1e-3, 1.0, 1e4])
 def test_the_default_camera_frames_the_whole_mesh(scale):
-    from atra.mesh import Mesh
+    from atra.geometry.mesh import Mesh
 
     box = cornell_box()
     mesh = Mesh(box.vertices * np.float32(scale) + np.float32(scale), box.faces)
@@ -273,7 +273,7 @@ def test_the_default_camera_frames_the_whole_mesh(scale):
     "vertices", [[(0, 0, 0), (1, 0, 0), (0, 1, 0)], [(1, 0, 0), (0, 0, 1), (0, 0, 0)], [(2, 2, 2)] * 3]
 )
 def test_the_default_camera_exists_for_flat_and_collapsed_meshes(vertices):
-    from atra.mesh import Mesh
+    from atra.geometry.mesh import Mesh
 
     Camera(**default_camera_fields(Mesh(vertices, [(0, 1, 2)])))
 

@@ -10,16 +10,16 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from atra.records import Record
-from experiments.build_figure import draw_build_figure
-from experiments.grid_figure import draw_grid_figure
-from experiments.memory_figure import draw_memory_figure
-from experiments.point import Point
+from experiments.harness.point import Point
+from experiments.harness.records import Record
 from experiments.report.columns import IDENTITY, views_of
-from experiments.settings import SETTINGS, settings_that_vary
-from experiments.split_figure import draw_split_figure
-from experiments.summary import print_sweep
-from experiments.table import COLUMNS, make_table
+from experiments.results.settings import SETTINGS, settings_that_vary
+from experiments.results.table import COLUMNS, make_table
+from experiments.results.terminal import print_sweep
+from experiments.workloads.build.figures import draw_build_figure
+from experiments.workloads.frame.grid_figure import draw_grid_figure
+from experiments.workloads.frame.split_figure import draw_split_figure
+from experiments.workloads.memory.figures import draw_memory_figure
 from tests.test_figures import build_row, make_rows, memory_row, time_row
 from tests.test_table import MEASURED
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from atra.camera import Camera
 from atra.errors import InputError
+from atra.geometry.camera import Camera
 from atra.tracers import PixelTracer
 from scenes import shapes
 from scenes.manifest import read_manifest

@@ -9,8 +9,7 @@ from pathlib import Path
 import pytest
 
 from atra.errors import InputError
-from atra.records import Record, write_record
-from experiments.configuration import (
+from experiments.harness.configuration import (
     Configuration,
     MeasureConfiguration,
     Method,
@@ -19,10 +18,11 @@ from experiments.configuration import (
     SceneSource,
     SweepConfiguration,
 )
-from experiments.measuring import current_environment, identity, identity_of, measure
-from experiments.outcome import Outcome
-from experiments.point import Point
-from experiments.points import PlannedPoint, plan_points
+from experiments.harness.identity import current_environment, identity, identity_of, measure
+from experiments.harness.outcome import Outcome
+from experiments.harness.point import Point
+from experiments.harness.points import PlannedPoint, plan_points
+from experiments.harness.records import Record, write_record
 from experiments.sweep import GridPoint, run_sweep
 
 
@@ -128,7 +128,7 @@ def test_a_peer_s_point_is_another_one_with_another_version_of_the_peer(
         return [identity(planned.point, environment) for planned in plan_points(chosen)]
 
     before = identities()
-    monkeypatch.setattr("experiments.measuring.peer_version", lambda name: "0")
+    monkeypatch.setattr("experiments.harness.identity.peer_version", lambda name: "0")
     peer, own = identities()
     assert peer != before[0]
     assert own == before[1]

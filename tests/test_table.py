@@ -10,9 +10,9 @@ import pandas as pd
 import pytest
 
 from atra.errors import InputError
-from atra.records import Record
-from experiments.figures import draw_figures
-from experiments.table import make_table, median_interval, read_table, rows_of, write_table
+from experiments.harness.records import Record
+from experiments.results.figures import draw_figures
+from experiments.results.table import make_table, median_interval, read_table, rows_of, write_table
 
 ASKED_FOR = [
     "scene", "triangles", "triangles_traced", "width", "height", "split_x", "split_y", "culling", "method",
@@ -180,7 +180,7 @@ def test_nothing_measured_gives_a_table_and_no_figure(tmp_path: Path, records: l
 
 
 def test_the_figure_says_what_is_missing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from experiments.split_figure import draw_split_figure
+    from experiments.workloads.frame.split_figure import draw_split_figure
 
     figure = draw_split_figure(make_table([MEASURED, SKIPPED]))
     texts = [text.get_text() for axis in figure.axes for text in axis.texts]
@@ -188,7 +188,7 @@ def test_the_figure_says_what_is_missing(tmp_path: Path, monkeypatch: pytest.Mon
 
 
 def test_the_grid_figure_writes_each_time_into_its_cell_and_the_status_where_there_is_none() -> None:
-    from experiments.grid_figure import draw_grid_figure
+    from experiments.workloads.frame.grid_figure import draw_grid_figure
 
     beside = Record("c", "skipped", "does not divide", {**MEASURED.configuration, "split_x": 3}, MEASURED.environment)
     panel = draw_grid_figure(make_table([MEASURED, beside, SKIPPED])).axes[0]

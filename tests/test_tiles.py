@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 import atra
-from atra.culling import count_kept
+from atra.alignment.culling import count_kept
 from atra.embree.library import load_library
+from atra.judge.reference import brute_force
 from atra.parallel import WorkerPool
-from atra.reference import brute_force
 from tests.images import assert_equal_images
 from tests.meshes import EYE_AT_ORIGIN, cornell_box, cornell_camera, random_triangles
 

@@ -10,7 +10,7 @@ import pytest
 
 import atra
 from atra.embree.library import load_library
-from atra.reference import brute_force
+from atra.judge.reference import brute_force
 from atra.tracers import choose_packet_shape
 from tests.images import assert_equal_images, trace_pixels
 from tests.meshes import EYE_AT_ORIGIN, cornell_box, cornell_camera, quads, random_triangles

@@ -13,17 +13,17 @@ import pandas as pd
 import pytest
 from rich.console import Console
 
-from atra import records
 from atra.errors import InputError, printable
-from atra.records import FORMAT, Record, read_record, record_path
-from experiments.command_line import check_command_line
-from experiments.launch import WORKER_COMMAND, project_environment
-from experiments.messages import say
-from experiments.progress import SweepProgress
+from experiments.harness import records
+from experiments.harness.command_line import check_command_line
+from experiments.harness.launching import WORKER_COMMAND, project_environment
+from experiments.harness.messages import say
+from experiments.harness.progress import SweepProgress
+from experiments.harness.records import FORMAT, Record, read_record, record_path
 from experiments.report import ReportFigure
 from experiments.report.page import render_report
-from experiments.summary import print_point, print_sweep
-from experiments.table import COLUMNS, read_table, write_table
+from experiments.results.table import COLUMNS, read_table, write_table
+from experiments.results.terminal import print_point, print_sweep
 from tests.report_samples import CLAIMS, SVG, scene_pictures, small_contents, small_table
 
 ROOT = Path(__file__).resolve().parents[1]

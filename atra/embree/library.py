@@ -18,9 +18,9 @@ from pathlib import Path
 import llvmlite.binding
 
 from atra.embree import layout
+from atra.embree.instruction_sets import check_instruction_set
 from atra.embree.self_check import check_layouts
 from atra.errors import EmbreeError
-from atra.instruction_sets import check_instruction_set
 
 OVERRIDE_VARIABLE = "ATRA_EMBREE"
 SUPPORTED_VERSIONS = ((4, 4, 0), (5, 0, 0))
@@ -80,7 +80,7 @@ def load_library() -> Library:
 
     Raises EmbreeError when no library is found, it cannot be loaded, its version is not supported, it was built
     without filter functions, its device cannot be created, or its structs are not laid out as `layout` says, and
-    InputError for an instruction set that this machine lacks (`atra.instruction_sets`).
+    InputError for an instruction set that this machine lacks (`atra.embree.instruction_sets`).
     """
     options = device_options(threads=1)
     path = _locate()

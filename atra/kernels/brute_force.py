@@ -1,7 +1,7 @@
 """Every ray against every triangle in float64, with nothing in between that could lose a hit.
 
-The arithmetic is that of `atra.reference`, operation by operation, so that both name the same triangle of the same ray;
-only its divisions wait until a ray comes near a triangle.
+The arithmetic is that of `atra.judge.reference`, operation by operation, so that both name the same triangle of the
+same ray; only its divisions wait until a ray comes near a triangle.
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ from atra.kernels.caching import kernel
 from atra.kernels.intrinsics import fetch_add
 
 SLACK = 1e-12
-"""For `inside` and for `equally deep`, as in `atra.reference`."""
+"""For `inside` and for `equally deep`, as in `atra.judge.reference`."""
 
-_PARALLEL = 1e-14  # as in `atra.reference`: the determinant below which a triangle is edge-on or has no area
+_PARALLEL = 1e-14  # as in `atra.judge.reference`: the determinant below which a triangle is edge-on or has no area
 
 # For the test without divisions, as a share of the determinant. A ray inside by the exact test has barycentrics of at
 # least -SLACK, known to some units of rounding (1e-16): a thousand times SLACK lets none of them fail here.

@@ -22,7 +22,7 @@ from numba.core.sigutils import normalize_signature
 
 from atra import hits
 from atra.embree import layout
-from atra.instruction_sets import limit_numba
+from atra.embree.instruction_sets import limit_numba
 
 limit_numba()
 

@@ -13,7 +13,7 @@ FLOAT32_UNIT = 2.0**-24
 """Largest relative error of one rounding in float32."""
 
 ALLOWED_MULTIPLE = 4.0
-"""Times the roundings counted here that a depth may be off, by `atra.compare`: those of a sum and of its summands
+"""Times the roundings counted here that a depth may be off, by `atra.judge.compare`: those of a sum and of its summands
 rarely are at their worst and of one sign, but a few of them add up."""
 
 COPY_RATIO = 2.0

@@ -21,7 +21,7 @@ PLANE_NUMBER_ROUNDING = 1e-8
 # |e1 x e2| / (|e1| |e2|) below which a triangle is a needle, too thin to cover a pixel or to know its plane in float64.
 _NEEDLE = 1e-7
 
-# As in `atra.reference`: what counts as parallel to a plane, and as inside in spite of rounding.
+# As in `atra.judge.reference`: what counts as parallel to a plane, and as inside in spite of rounding.
 _PARALLEL = 1e-14
 _ROUNDING = 1e-12
 
@@ -201,7 +201,7 @@ def find_overlaps(prim_ids, corners, normals, sizes, boxes, twins, most_pairs): 
 def _intersect(vertices, faces, triangle, ox, oy, oz, dx, dy, dz):  # type: ignore[no-untyped-def]
     """(ray parameter, whether it is inside, edges included) of a ray and a plane; inf where they are parallel.
 
-    Möller–Trumbore in float64, as `atra.reference` has it.
+    Möller–Trumbore in float64, as `atra.judge.reference` has it.
     """
     v0, v1, v2 = faces[triangle, 0], faces[triangle, 1], faces[triangle, 2]
     x, y, z = np.float64(vertices[v0, 0]), np.float64(vertices[v0, 1]), np.float64(vertices[v0, 2])
@@ -224,9 +224,9 @@ def _intersect(vertices, faces, triangle, ox, oy, oz, dx, dy, dz):  # type: igno
 def mark_ties(may_tie, twins, starts, partners, boxes, marks):  # type: ignore[no-untyped-def]
     """Add 1 to every tile in which a triangle may tie, as differences: marks is summed up along both axes afterwards.
 
-    may_tie, twins, starts, partners: of `atra.ties.CoplanarOverlaps`. boxes: (F, 4) int32, for triangles that may tie
-    and their partners the first and the last column and row of tiles that they may be seen in; none if last < first.
-    marks: (tile rows + 1, tile columns + 1) int64.
+    may_tie, twins, starts, partners: of `atra.judge.ties.CoplanarOverlaps`. boxes: (F, 4) int32, for triangles that may
+    tie and their partners the first and the last column and row of tiles that they may be seen in; none if last <
+    first. marks: (tile rows + 1, tile columns + 1) int64.
     """
     for triangle in range(len(twins)):
         if not may_tie[triangle]:

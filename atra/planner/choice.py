@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from atra.alignment import Split
+from atra.alignment.alignment import Split
 from atra.embree.library import load_library
 from atra.embree.scene import check_build_quality
 from atra.errors import InputError
-from atra.mesh import Mesh
+from atra.geometry.mesh import Mesh
+from atra.geometry.view import View
 from atra.tracers import AlignedTracer, PixelTracer, Tracer, VisibleFirstTracer, choose_packet_shape
 from atra.tracers.pixel import SQUAREST_SHAPE
-from atra.view import View
 from atra.whole_numbers import is_whole_number
 
 PACKETS, ALIGNED, VISIBLE_FIRST = "packets", "aligned", "visible_first"

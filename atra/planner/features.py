@@ -9,15 +9,15 @@ from math import log2, sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.culling import count_kept, project_vertices
+from atra.alignment.culling import count_kept, project_vertices
+from atra.alignment.visibility import SEEN_SLACK
+from atra.geometry.mesh import Mesh
+from atra.geometry.ray_space import ray_axes
+from atra.geometry.view import View
 from atra.kernels.statistics import probe_triangles
 from atra.kernels.visible import count_visible
-from atra.mesh import Mesh
 from atra.parallel import WorkerPool
 from atra.planner.choice import PACKETS, Choice
-from atra.ray_space import ray_axes
-from atra.view import View
-from atra.visibility import SEEN_SLACK
 
 PROBE_STEP = 8
 """A ray every so many pixels, across and down."""

@@ -9,15 +9,15 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Self
 
-from atra.alignment import Split
+from atra.alignment.alignment import Split
 from atra.embree.library import load_library
 from atra.errors import InputError
-from atra.mesh import Mesh
+from atra.files import write_atomically
+from atra.geometry.mesh import Mesh
+from atra.geometry.view import View
+from atra.judge.ties import check_ties
 from atra.planner.choice import Choice
-from atra.records import write_atomically
-from atra.ties import check_ties
 from atra.tracers import Tracer
-from atra.view import View
 from atra.whole_numbers import is_whole_number
 
 FORMAT = 1

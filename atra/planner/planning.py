@@ -6,20 +6,20 @@ from math import inf
 
 import numpy as np
 
-from atra.camera import Camera
-from atra.culling import check_memory_budget
+from atra.alignment.culling import check_memory_budget
 from atra.errors import InputError, MemoryBudgetError
-from atra.mesh import Mesh
-from atra.orthographic import OrthographicCamera
+from atra.geometry.camera import Camera
+from atra.geometry.mesh import Mesh
+from atra.geometry.orthographic import OrthographicCamera
+from atra.geometry.view import View, as_number
+from atra.judge.ties import check_ties, coplanar_overlaps
 from atra.parallel import resolve_threads
 from atra.planner.choice import ALIGNED, PACKETS, Choice, candidates
 from atra.planner.estimate import estimate
 from atra.planner.features import SceneStatistics, scene_statistics
 from atra.planner.measuring import Clock, clock_for, measure
 from atra.planner.plan import EFFORTS, MOST, Plan
-from atra.ties import check_ties, coplanar_overlaps
 from atra.tracers import Tracer
-from atra.view import View, as_number
 from atra.whole_numbers import is_whole_number
 
 DEFAULT_BUDGET_S = 2.0

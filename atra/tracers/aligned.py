@@ -7,20 +7,26 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.alignment import Alignment, Split
-from atra.culling import AlignedGeometry, LeftOut, check_memory_budget, plan_aligned_geometry, plan_plain_geometry
+from atra.alignment.alignment import Alignment, Split
+from atra.alignment.culling import (
+    AlignedGeometry,
+    LeftOut,
+    check_memory_budget,
+    plan_aligned_geometry,
+    plan_plain_geometry,
+)
+from atra.alignment.instancing import check_instancing_budget, plan_instanced_geometry
+from atra.alignment.visibility import Tiles, nearest_in_tiles
 from atra.embree.device import EmbreeDevice
 from atra.embree.scene import EmbreeScene
 from atra.errors import InputError
 from atra.frames import Frames
-from atra.instancing import check_instancing_budget, plan_instanced_geometry
+from atra.geometry.mesh import Mesh
+from atra.geometry.view import View
 from atra.kernels.callbacks import memory_monitor, nearest_hit_filter
-from atra.mesh import Mesh
 from atra.tracers.base import ImageTracer, images_of, one_at_a_time
 from atra.tracers.reference_rays import ReferenceRayTracer
 from atra.tracers.second_pass import SecondPass
-from atra.view import View
-from atra.visibility import Tiles, nearest_in_tiles
 
 GEOMETRIES = ("copied", "instanced")
 """How the cells' sheared geometry comes into the scene."""
@@ -124,7 +130,7 @@ class _AlignedImages(ReferenceRayTracer):
     @property
     def triangles_left_out(self) -> int:
         """Triangles, over all images, that are traced pixel by pixel because float32 cannot show sheared copies of them
-        exactly enough (`atra.rounding`); 0 before `plan`."""
+        exactly enough (`atra.alignment.rounding`); 0 before `plan`."""
         left_out = () if self._geometry is None else self._geometry.left_out
         return sum(0 if one is None else len(one.prim_ids) for one in left_out)
 

@@ -13,18 +13,18 @@ from typing import Any, Protocol, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.culling import AlignedGeometry, check_image_memory
+from atra.alignment.culling import AlignedGeometry, check_image_memory
 from atra.embree.device import EmbreeDevice
 from atra.embree.scene import EmbreeScene, check_build_quality, resolve_packet_width
 from atra.embree.workspace import Workspace
 from atra.errors import EmbreeError, InputError
+from atra.geometry.mesh import Mesh
+from atra.geometry.ray_space import check_range, ray_axes
+from atra.geometry.view import View, check_offset
 from atra.hits import Hits
+from atra.judge.ties import check_ties, coplanar_overlaps, lowest_of_ties, tie_tiles
 from atra.kernels.callbacks import memory_monitor
-from atra.mesh import Mesh
 from atra.parallel import WorkerPool, resolve_threads
-from atra.ray_space import check_range, ray_axes
-from atra.ties import check_ties, coplanar_overlaps, lowest_of_ties, tie_tiles
-from atra.view import View, check_offset
 
 
 class Tracer(Protocol):

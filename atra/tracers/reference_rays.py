@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.alignment import Alignment, Split
-from atra.culling import check_image_size
+from atra.alignment.alignment import Alignment, Split
+from atra.alignment.culling import check_image_size
 from atra.errors import InputError
+from atra.geometry.mesh import Mesh
 from atra.kernels.tracing import aligned_kernel
-from atra.mesh import Mesh
 from atra.tracers.base import EmbreeTracer, ray_grid
 from atra.whole_numbers import is_whole_number
 

@@ -7,14 +7,14 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from atra.alignment.visibility import Tiles
 from atra.embree.scene import EmbreeScene
 from atra.embree.workspace import Workspace
+from atra.geometry.view import View
 from atra.kernels.visible import verify_kernel
 from atra.parallel import WorkerPool
 from atra.tracers.base import image_ray_grid
 from atra.tracers.pixel import SQUAREST_SHAPE
-from atra.view import View
-from atra.visibility import Tiles
 
 
 class SecondPass:

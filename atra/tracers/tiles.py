@@ -5,16 +5,16 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.alignment import Split
-from atra.culling import AlignedGeometry, check_memory_budget, count_kept, project_vertices
+from atra.alignment.alignment import Split
+from atra.alignment.culling import AlignedGeometry, check_memory_budget, count_kept, project_vertices
 from atra.embree.scene import padded_vertices
 from atra.embree.scenes import EmbreeScenes
+from atra.geometry.mesh import Mesh
+from atra.geometry.view import View
 from atra.kernels.callbacks import memory_monitor
 from atra.kernels.tiles import list_cells, sort_by_cell, tile_kernel
-from atra.mesh import Mesh
 from atra.tracers.base import ImageTracer, check_pinhole, image_ray_grid
 from atra.tracers.pixel import SQUAREST_SHAPE
-from atra.view import View
 
 
 class TiledTracer(ImageTracer):

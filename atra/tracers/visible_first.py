@@ -8,20 +8,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from atra.alignment import Alignment, Split
-from atra.culling import AlignedGeometry, plan_plain_geometry
+from atra.alignment.alignment import Alignment, Split
+from atra.alignment.culling import AlignedGeometry, plan_plain_geometry
+from atra.alignment.visibility import Tiles, plan_visible_geometry
 from atra.embree.scene import EmbreeScene
 from atra.errors import InputError
+from atra.geometry.mesh import Mesh
+from atra.geometry.view import View
 from atra.hits import Hits
 from atra.kernels.callbacks import memory_monitor, nearest_hit_filter
 from atra.kernels.tracing import pixel_kernel
-from atra.mesh import Mesh
 from atra.tracers.base import ImageTracer, check_pinhole, new_images, one_at_a_time, ray_grid
 from atra.tracers.pixel import SQUAREST_SHAPE
 from atra.tracers.reference_rays import ReferenceRayTracer
 from atra.tracers.second_pass import SecondPass
-from atra.view import View
-from atra.visibility import Tiles, plan_visible_geometry
 
 PROBE_STEP = 4
 """The default probe shoots a ray every PROBE_STEP pixels, across and down, along the borders of the tiles."""
@@ -40,7 +40,7 @@ class VisibleFirstTracer(ReferenceRayTracer, ImageTracer):
     """Alignment without overdraw: the copies a probe takes for hidden are left out, and verified per pixel.
 
     Pass 1 traces, aligned, the copies of triangles that may be seen according to the probe, and that float32 can show
-    as exactly as a ray of the mesh itself would (`atra.rounding`). Pass 2 goes over the image
+    as exactly as a ray of the mesh itself would (`atra.alignment.rounding`). Pass 2 goes over the image
     in packets of pixels: where the hits found so far are nearer than anything that was left out can be in that tile,
     the packet is done; elsewhere it is traced through the whole mesh, up to the depth found, and nearer hits win. The
     image is exact for any probe; a bad one costs time.

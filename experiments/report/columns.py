@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import pandas as pd
 
-from experiments.settings import settings_that_vary
+from experiments.results.settings import settings_that_vary
 
 IDENTITY = ("scene", "quantity", "geometry", "method", "split_x", "split_y", "culling", "packet_width")
 """Columns that tell one point from another; shown in every view, and with them every other setting that varies."""

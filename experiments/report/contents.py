@@ -8,7 +8,7 @@ from typing import Any
 
 import pandas as pd
 
-from experiments.claims import Finding
+from experiments.results.findings import Finding
 
 
 @dataclass(frozen=True)
@@ -56,8 +56,8 @@ class ReportContents:
     """Everything the page shows.
 
     command: what was run, as typed.
-    table: as `experiments.table.make_table` makes it.
-    environment: `atra.measure.environment.Environment` as a dictionary.
+    table: as `experiments.results.table.make_table` makes it.
+    environment: `experiments.harness.environment.Environment` as a dictionary.
     """
 
     title: str

@@ -68,7 +68,7 @@ def png_size(content: bytes, name: str) -> tuple[int, int]:
 
 
 def parquet_bytes(table: pd.DataFrame) -> bytes:
-    """The content of `table.parquet`, as `experiments.table.write_table` writes it."""
+    """The content of `table.parquet`, as `experiments.results.table.write_table` writes it."""
     buffer = io.BytesIO()
     table.to_parquet(buffer, index=False)
     return buffer.getvalue()

@@ -11,7 +11,8 @@ from typing import Any
 import pandas as pd
 
 from atra.errors import InputError
-from experiments.claims import VERDICTS, Finding
+from experiments.results.findings import Finding
+from experiments.results.judging import VERDICTS
 
 _NUMBER = re.compile(r"\d+(?:[.,]\d+)*")
 _TIMES, _TO = "\N{MULTIPLICATION SIGN}", "\N{EN DASH}"

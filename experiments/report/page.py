@@ -12,8 +12,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
 from atra.errors import printable
-from atra.records import write_atomically
-from experiments.claims import VERDICTS
+from atra.files import write_atomically
 from experiments.report.columns import describe_columns, views_of
 from experiments.report.contents import ReportContents, ReportFigure
 from experiments.report.embedding import embed_figure, pack, parquet_bytes
@@ -29,7 +28,8 @@ from experiments.report.facts import (
     software_in_short,
 )
 from experiments.report.pictures import embed_pictures
-from experiments.table import csv_bytes, rows_of
+from experiments.results.judging import VERDICTS
+from experiments.results.table import csv_bytes, rows_of
 
 _TEMPLATES = Path(__file__).resolve().parents[2] / "reports"
 

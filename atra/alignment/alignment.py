@@ -1,0 +1,335 @@
+"""Which rays one set of reference rays stands for, and the affine maps that make it so (paper §3.1-3.3)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import product
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from atra.errors import InputError
+from atra.geometry.camera import Camera
+from atra.geometry.orthographic import OrthographicCamera
+from atra.geometry.ray_space import from_eye_space, ray_axes
+from atra.geometry.view import Vector, View
+from atra.whole_numbers import is_whole_number
+
+TOLERANCE_PIXELS = 1e-6
+"""How far beside its reference ray a mapped ray may lie: float64 leaves about 1e-9, float32 tracing 1e-4."""
+
+
+@dataclass(frozen=True)
+class Split:
+    """nx x ny equal cells of a width x height image; cell (i, j) is column i, row j.
+
+    Raises InputError for anything but whole numbers of at least 1, and for counts that do not divide the image.
+    """
+
+    nx: int
+    ny: int
+    width: int
+    height: int
+
+    def __post_init__(self) -> None:
+        counts = {"nx": "columns", "ny": "rows", "width": "pixels in a row", "height": "pixels in a column"}
+        for name, counted in counts.items():
+            count = getattr(self, name)
+            if not is_whole_number(count) or count < 1:
+                raise InputError(
+                    f"split ({self.nx!r}, {self.ny!r}): the number of {counted} is {count!r}, "
+                    "expected a whole number of at least 1"
+                )
+            object.__setattr__(self, name, int(count))  # NumPy's small integers would overflow in products
+        if self.width % self.nx or self.height % self.ny:
+            raise InputError(
+                f"split ({self.nx}, {self.ny}) does not divide image {self.width} x {self.height}; "
+                f"split_x must divide {self.width} and split_y must divide {self.height}"
+            )
+
+    @classmethod
+    def of_image(cls, counts: tuple[int, int], camera: View) -> Self:
+        """The camera's image in counts = (nx, ny) cells. Raises InputError for anything but two such numbers."""
+        try:
+            nx, ny = counts
+        except (TypeError, ValueError):
+            raise InputError(
+                f"split is {counts!r}, expected two whole numbers, columns and rows of cells, such as (8, 1)"
+            ) from None
+        return cls(nx, ny, camera.width, camera.height)
+
+    @property
+    def cell_count(self) -> int:
+        return self.nx * self.ny
+
+    @property
+    def cell_width(self) -> int:
+        """Pixels."""
+        return self.width // self.nx
+
+    @property
+    def cell_height(self) -> int:
+        """Pixels."""
+        return self.height // self.ny
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """One cell of one image: its rays, and how geometry must be moved so that the reference rays meet what they meet.
+
+    image, i, j: image and cell. first_x, first_y: its upper left pixel; the pixel (first_x + c, first_y + r) is the
+    business of reference ray (c, r).
+    transform: (3, 4) float64, world points -> ray space of the first camera.
+    """
+
+    image: int
+    i: int
+    j: int
+    first_x: int
+    first_y: int
+    transform: NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Alignment:
+    """Images whose rays, cell by cell, one set of reference rays stands for.
+
+    Every image has a camera, and a linear map of its own that carries what its camera sees into the first camera's
+    ray space, so that all images then have the same rays. Of these, all cells of an image are laid onto one reference
+    cell: in camera space, for pinhole cameras,
+
+        X' = X - shift_x[i] Z,    Y' = Y - shift_y[j] Z,    Z' = Z
+
+    and for parallel rays the same with 1 in place of Z. Every ray keeps its parameter, which is the depth. The paper
+    takes cell (0, 0)'s own rays as the reference (paper §3.1); any translate of them serves as well, and where it lies
+    changes how well boxes along the world's axes fit its rays (docs/departures.md has the figures).
+
+    cameras: one per image, all pinhole or all orthographic, all with the same number of pixels.
+    split: the cells of every image.
+    linear: (K, 3, 3) float64, what is applied to the eye space of image k's camera.
+    first_x_pixels, first_y_pixels: left and top border of the reference cell on the first camera's image plane, in
+    pixels from the view axis. shift_x: (nx,) float64, shift_y: (ny,) float64: on the image plane.
+
+    Raises InputError for cameras whose pixel grids or kinds differ, and, naming a ray, if the maps do not carry the
+    rays of every part one-to-one onto the reference rays with their parameters kept: the paper's condition (§3.3),
+    which is checked here, before anything is planned.
+    """
+
+    cameras: tuple[View, ...]
+    split: Split
+    linear: NDArray[np.float64]
+    first_x_pixels: float
+    first_y_pixels: float
+    shift_x: NDArray[np.float64]
+    shift_y: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        check_same_grid(self.cameras)
+        _check_shapes(self)
+        _check_images(self)
+        _check_cells(self)
+
+    @classmethod
+    def of_cells(cls, camera: View, split: Split) -> Self:
+        """The cells of one image, a shear each: the paper's alignment (§3.1); translations where rays are parallel."""
+        return cls._of_images((camera,), split)
+
+    @classmethod
+    def of_eyes(cls, left: Camera, right: Camera, split: Split) -> Self:
+        """Two eyes side by side: the right eye's geometry is translated onto the left's (paper §6).
+
+        Raises InputError unless the cameras differ in nothing but the place of the eye.
+        """
+        if not (np.allclose(left.axes, right.axes, rtol=0, atol=1e-9) and left.pixel_pitch == right.pixel_pitch):
+            raise InputError(
+                "the two eyes look in different directions or have different fields of view, expected parallel views "
+                "of one field of view; use Alignment.of_frames for other pairs"
+            )
+        return cls._of_images((left, right), split)
+
+    @classmethod
+    def of_frames(cls, cameras: Sequence[View], split: Split) -> Self:
+        """Frames of a moving camera (paper §6, Fig. 8): it may move, turn and change its field of view.
+
+        Raises InputError for another number of pixels, or a camera of another kind, naming the frame.
+        """
+        return cls._of_images(tuple(cameras), split)
+
+    @classmethod
+    def of_parallel_rays(cls, camera: OrthographicCamera, split: Split) -> Self:
+        """The cells of an orthographic image or a directional light's shadow map: a translation per cell."""
+        if not camera.is_parallel:
+            raise InputError(f"the rays of {camera!r} are not parallel; use Alignment.of_cells")
+        return cls._of_images((camera,), split)
+
+    @classmethod
+    def at_first_cell(cls, camera: View, split: Split) -> Self:
+        """As `of_cells`, with the rays of cell (0, 0) as reference, as the paper has it."""
+        return cls._at((camera,), split, -camera.width / 2, -camera.height / 2)
+
+    @classmethod
+    def _of_images(cls, cameras: tuple[View, ...], split: Split) -> Self:
+        """Reference rays start a quarter of the image from its centre, away from the world axis nearest the view.
+
+        Nearer the border the frustum is more slanted, and boxes fit it less well. Nearer to where a component of the
+        direction vanishes, the reciprocals in a packet, which Embree tests boxes with, lie far apart. An image axis
+        that is not split stays as it is.
+        """
+        check_same_grid(cameras)
+        camera = cameras[0]
+        right, down, forward = camera.axes
+        nearest = np.argmax(np.abs(forward))
+        first_x_pixels, first_y_pixels = -camera.width / 2, -camera.height / 2
+        if split.nx > 1:
+            side = -1 if right[nearest] * forward[nearest] >= 0 else 1
+            first_x_pixels = side * camera.width / 4
+        if split.ny > 1:
+            side = -1 if down[nearest] * forward[nearest] >= 0 else 1
+            first_y_pixels = side * camera.height / 4
+        return cls._at(cameras, split, first_x_pixels, first_y_pixels)
+
+    @classmethod
+    def _at(cls, cameras: tuple[View, ...], split: Split, first_x_pixels: float, first_y_pixels: float) -> Self:
+        first = cameras[0]
+        shift_x = np.arange(split.nx) * split.cell_width - first.width / 2 - first_x_pixels
+        shift_y = np.arange(split.ny) * split.cell_height - first.height / 2 - first_y_pixels
+        shifts = ((shift * first.pixel_pitch).astype(np.float64) for shift in (shift_x, shift_y))
+        linear = np.stack([_onto(first, camera) for camera in cameras])
+        return cls(cameras, split, linear, first_x_pixels, first_y_pixels, *shifts)
+
+    @property
+    def image_count(self) -> int:
+        return len(self.cameras)
+
+    @property
+    def shears(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """(nx, 3), (ny, 3) float64, in ray space: what a column and a row of cells take off a point, per unit of depth,
+        or as it is where rays are parallel."""
+        right, down, _ = ray_axes(self.cameras[0])
+        return np.outer(self.shift_x, right), np.outer(self.shift_y, down)
+
+    def parts(self) -> Iterator[Part]:
+        """All cells of all images: image after image, row after row."""
+        transforms = self.transforms_from((0.0, 0.0, 0.0))
+        for image, j, i in product(range(self.image_count), range(self.split.ny), range(self.split.nx)):
+            first = i * self.split.cell_width, j * self.split.cell_height
+            yield Part(image, i, j, *first, transforms[image, j, i])
+
+    def transforms_from(self, origin: Vector) -> NDArray[np.float64]:
+        """(K, ny, nx, 3, 4) float64: points measured from `origin`, along the world's axes -> ray space."""
+        shears_x, shears_y = self.shears
+        shifts = shears_y[:, None] + shears_x
+        first, split = self.cameras[0], self.split
+        transforms = np.zeros((self.image_count, split.ny, split.nx, 3, 4))
+        if first.is_parallel:
+            transforms[..., :3] = self.linear[:, None, None]
+            transforms[..., 3] = -shifts
+        else:
+            shears = np.eye(3) - shifts[..., None] * ray_axes(first)[2]
+            transforms[..., :3] = shears @ self.linear[:, None, None]
+        from_eyes = np.array([np.subtract(origin, camera.eye) for camera in self.cameras])
+        transforms[..., 3] += (transforms[..., :3] @ from_eyes[:, None, None, :, None])[..., 0]
+        return transforms
+
+    def shear_points(self, points_camera: NDArray[np.floating], i: int, j: int) -> NDArray[np.float64]:
+        """First camera's space (N, 3) -> the same points in the reference rays' space of cell (i, j), float64."""
+        sheared = np.array(points_camera, np.float64)
+        per_depth = 1.0 if self.cameras[0].is_parallel else sheared[:, 2]
+        sheared[:, 0] -= self.shift_x[i] * per_depth
+        sheared[:, 1] -= self.shift_y[j] * per_depth
+        return sheared
+
+
+def check_same_grid(cameras: Sequence[View]) -> None:
+    """Raise InputError, naming the frame, unless all cameras are of one kind and have the same number of pixels."""
+    if not cameras:
+        raise InputError("no camera was given, expected at least one")
+    first = cameras[0]
+    for frame, camera in enumerate(cameras):
+        if (camera.width, camera.height) != (first.width, first.height):
+            raise InputError(
+                f"frame {frame} has {camera.width} x {camera.height} pixels, frame 0 has {first.width} x "
+                f"{first.height}; frames of other sizes have other rays, which no affine map carries onto each other"
+            )
+        if camera.is_parallel != first.is_parallel:
+            raise InputError(
+                f"frame {frame} is a {type(camera).__name__}, frame 0 a {type(first).__name__}; no affine map carries "
+                "rays through one point onto parallel ones"
+            )
+
+
+def _onto(first: View, camera: View) -> NDArray[np.float64]:
+    """(3, 3): eye space of `camera` -> ray space of `first`, so that pixel (x, y) has the same ray in both.
+
+    In camera space rays of equal pixels differ by the ratio of the pixel pitches, across the view only.
+    """
+    same_pitch = camera.pixel_pitch == first.pixel_pitch
+    if same_pitch and np.array_equal(camera.axes, first.axes):
+        return from_eye_space(first)  # exactly, so that walls along the world's axes stay flat
+    ratio = first.pixel_pitch / camera.pixel_pitch
+    return ray_axes(first).T @ np.diag([ratio, ratio, 1.0]) @ camera.axes
+
+
+def _check_shapes(alignment: Alignment) -> None:
+    split, first = alignment.split, alignment.cameras[0]
+    if (split.width, split.height) != (first.width, first.height):
+        raise InputError(
+            f"the split is of an image of {split.width} x {split.height} pixels, the camera has "
+            f"{first.width} x {first.height}"
+        )
+    for name, array, shape in (
+        ("linear", alignment.linear, (len(alignment.cameras), 3, 3)),
+        ("shift_x", alignment.shift_x, (split.nx,)),
+        ("shift_y", alignment.shift_y, (split.ny,)),
+    ):
+        if array.shape != shape:
+            raise InputError(f"{name} has shape {array.shape}, expected {shape}")
+
+
+def _check_images(alignment: Alignment) -> None:
+    """The rays of every image must be those of the first. Both are linear in the pixel, so the corners tell."""
+    first = alignment.cameras[0]
+    x, y = np.array([0, first.width, 0, first.width]), np.array([0, 0, first.height, first.height])
+    wanted = [side @ ray_axes(first) for side in first.rays(x, y, (0.0, 0.0))]
+    for image, camera in enumerate(alignment.cameras):
+        found = [side @ camera.axes @ alignment.linear[image].T for side in camera.rays(x, y, (0.0, 0.0))]
+        for corner in range(4):
+            _check_ray(image, (int(x[corner]), int(y[corner])), found, wanted, corner, first.pixel_pitch)
+
+
+def _check_ray(
+    image: int,
+    pixel: tuple[int, int],
+    found: Sequence[NDArray[np.float64]],
+    wanted: Sequence[NDArray[np.float64]],
+    corner: int,
+    pixel_pitch: float,
+) -> None:
+    for name, mapped, expected in zip(("origin", "direction"), found, wanted, strict=True):
+        beside = np.linalg.norm(mapped[corner] - expected[corner]) / pixel_pitch
+        if not beside <= TOLERANCE_PIXELS * max(1.0, float(np.linalg.norm(expected[corner]))):
+            raise InputError(
+                f"image {image}: its map carries the {name} of the ray of pixel {pixel} to {mapped[corner].tolist()}, "
+                f"expected {expected[corner].tolist()} as in image 0: affine maps must carry each ray onto its "
+                "reference ray, parameter kept (paper §3.3)"
+            )
+
+
+def _check_cells(alignment: Alignment) -> None:
+    """The borders of every cell must come to lie on those of the reference cell."""
+    split, first = alignment.split, alignment.cameras[0]
+    for axis, shifts, cell, start, pixels in (
+        ("x", alignment.shift_x, split.cell_width, alignment.first_x_pixels, split.width),
+        ("y", alignment.shift_y, split.cell_height, alignment.first_y_pixels, split.height),
+    ):
+        borders = np.arange(len(shifts)) * cell
+        beside = borders - pixels / 2 - shifts / first.pixel_pitch - start
+        wrong = ~(np.abs(beside) <= TOLERANCE_PIXELS * pixels)
+        if wrong.any():
+            index = int(np.nonzero(wrong)[0][0])
+            raise InputError(
+                f"shift_{axis}[{index}] is {shifts[index]}: it lays the rays of pixels with {axis} = {borders[index]} "
+                f"{beside[index]:g} pixels beside the reference rays, expected on them (paper §3.3)"
+            )

@@ -1,0 +1,47 @@
+"""Rounding: how far float32 may be off about the depth of a triangle, and which triangles no sheared copy may show."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from atra.alignment.alignment import Alignment
+from atra.geometry.mesh import Mesh
+from atra.kernels.rounding import COPY_ROUNDINGS, judge_copies
+from atra.parallel import WorkerPool
+
+
+@dataclass(frozen=True, eq=False)
+class Roundings:
+    """What float32 makes of the depth of each triangle.
+
+    depth_error: (F,) float64, relative to the depth: how far off a ray of the mesh itself may be; inf where the plane
+    passes through the eye. left_out: (F,) bool, a sheared copy could be further off than `kernels.rounding` admits.
+    """
+
+    depth_error: NDArray[np.float64]
+    left_out: NDArray[np.bool_]
+
+
+def roundings_of_copies(
+    mesh: Mesh,
+    alignment: Alignment,
+    pool: WorkerPool,
+    points_pixels: NDArray[np.float64],
+    points_own: NDArray[np.float64],
+    points_ray: NDArray[np.float64],
+    admitted_roundings: float = COPY_ROUNDINGS,
+) -> Roundings:
+    """The roundings of a mesh that is seen through the cells of an alignment of pinhole cameras.
+
+    points_pixels, points_ray: of `culling.project_vertices`, as they are sheared. points_own: the same in the ray space
+    of the mesh's own camera, which for all images but the first is another.
+    """
+    depth_error, left_out = np.empty(mesh.triangle_count), np.empty(mesh.triangle_count, np.uint8)
+    points = points_pixels, points_own, points_ray
+    cell = alignment.split.cell_width, alignment.split.cell_height
+    rest = mesh.traced_faces, *alignment.shears, *cell, admitted_roundings, depth_error, left_out
+    pool.run(lambda _, counter: judge_copies(counter, *points, *rest))
+    return Roundings(depth_error, left_out.view(np.bool_))

@@ -1,0 +1,140 @@
+"""Plan what the first pass of visible-first tracing gets, and what the second must be able to rule out.
+
+The image is divided into small tiles. A probe says how far one sees in each of them, roughly; a copy of a triangle goes
+into the first pass where it may lie nearer than that in some tile of its cell. What is left out is remembered as one
+number per tile: the depth before which no ray of the tile, at whatever sub-pixel position, can meet it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from atra.alignment.alignment import Alignment
+from atra.alignment.culling import AlignedGeometry, LeftOut, check_image_size, check_memory_budget, project_vertices
+from atra.alignment.rounding import roundings_of_copies
+from atra.embree.scene import padded_vertices
+from atra.geometry.mesh import Mesh
+from atra.geometry.view import View
+from atra.kernels.visible import count_visible, fill_visible
+from atra.parallel import WorkerPool
+
+DEPTH_SLACK = 1e-4
+"""Relative margin on the depth of what is left out, or its own error in float32 where that is larger."""
+
+SEEN_SLACK = 1e-3
+"""Relative margin behind the probe's depth within which copies are kept; more than DEPTH_SLACK, or the surfaces the
+probe saw would fail their own test."""
+
+
+@dataclass(frozen=True)
+class Tiles:
+    """The grid of tiles over an image, tile_width x tile_height pixels each; the last of a row or column may be cut."""
+
+    tile_width: int
+    tile_height: int
+    width: int
+    height: int
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(rows, columns) of tiles."""
+        return -(-self.height // self.tile_height), -(-self.width // self.tile_width)
+
+
+@dataclass(frozen=True, eq=False)
+class VisiblePlan:
+    """Geometry of the first pass, and the bound on everything else.
+
+    nearest_hidden: (tile rows, tile columns) float32: before this depth, no ray of a tile meets a triangle that its
+    cell's copies lack; inf where they lack none.
+    """
+
+    geometry: AlignedGeometry
+    nearest_hidden: NDArray[np.float32]
+
+
+def plan_visible_geometry(
+    mesh: Mesh,
+    alignment: Alignment,
+    tiles: Tiles,
+    *,
+    seen: NDArray[np.uint8],
+    seen_depth: NDArray[np.float64],
+    row_stride: int,
+    pool: WorkerPool,
+    memory_budget_bytes: int | None = None,
+    build_quality: str = "medium",
+) -> VisiblePlan:
+    """Shear a copy of every triangle for the cells in which a probe says it may be seen.
+
+    alignment: of the cells of one image.
+    seen: (F,) uint8, non-zero: keep the triangle in every cell it meets. seen_depth: shape of `tiles`, keep what may be
+    nearer than this in a tile (inf: everything, 0: nothing). Both are guesses and cost time when wrong, never a hit.
+    row_stride: pixels from one image row to the next. Raises MemoryBudgetError before allocating the copies.
+    """
+    split, (camera,) = alignment.split, alignment.cameras
+    check_image_size(split.height, row_stride)
+    points_pixels, points_ray = project_vertices(mesh, camera, pool)
+    roundings = roundings_of_copies(mesh, alignment, pool, points_pixels, points_ray, points_ray)
+    with np.errstate(divide="ignore"):
+        wanted = (1.0 - SEEN_SLACK) / seen_depth
+    columns = np.arange(tiles.shape[1]) * tiles.tile_width
+    first_cell = columns // split.cell_width
+    last_cell = np.minimum(columns + tiles.tile_width, camera.width) - 1
+    last_cell //= split.cell_width
+    raster = wanted, tiles.tile_width, tiles.tile_height, camera.width, camera.height
+    slack = np.maximum(roundings.depth_error, DEPTH_SLACK)
+
+    counts = np.empty(mesh.triangle_count, np.int64)
+    hidden = np.zeros((pool.threads, *tiles.shape))
+
+    def count(worker: int, counter: int) -> None:
+        count_visible(
+            counter, points_pixels, mesh.traced_faces, seen, roundings.left_out, slack, *raster, split.cell_height,
+            first_cell, last_cell, hidden[worker], counts,
+        )  # fmt: skip
+
+    pool.run(count)
+    counts[mesh.without_area] = 0
+    nearest_hidden = _nearest(hidden)
+
+    starts = np.zeros(mesh.triangle_count + 1, np.int64)
+    np.cumsum(counts, out=starts[1:])
+    copies = int(starts[-1])
+    check_memory_budget(copies, build_quality, memory_budget_bytes, split.cell_count)
+    vertices = padded_vertices(3 * copies)
+    records = np.empty(copies, np.int64)
+
+    def fill(_: int, counter: int) -> None:
+        fill_visible(
+            counter, points_pixels, points_ray, mesh.traced_faces, seen, *raster, split.cell_width, split.cell_height,
+            first_cell, last_cell, *alignment.shears, row_stride, starts, vertices, records,
+        )  # fmt: skip
+
+    pool.run(fill)
+    faces = np.arange(3 * copies, dtype=np.uint32).reshape(copies, 3)
+    return VisiblePlan(AlignedGeometry(vertices, faces, records), nearest_hidden)
+
+
+def nearest_in_tiles(mesh: Mesh, camera: View, tiles: Tiles, left_out: LeftOut) -> NDArray[np.float32]:
+    """Shape of `tiles`: before this depth, no ray of a tile meets one of the triangles left out; inf where it meets
+    none."""
+    hidden, one_cell = np.zeros(tiles.shape), np.zeros(tiles.shape[1], np.int64)
+    kept_nowhere, counter = np.ones(len(left_out.prim_ids), np.bool_), np.zeros(1, np.int64)
+    count_visible(
+        counter.ctypes.data, left_out.points_pixels, mesh.traced_faces[left_out.prim_ids], kept_nowhere.view(np.uint8),
+        kept_nowhere, np.maximum(left_out.depth_error, DEPTH_SLACK), hidden, tiles.tile_width, tiles.tile_height,
+        camera.width, camera.height, camera.height, one_cell, one_cell, hidden,
+        np.empty(len(left_out.prim_ids), np.int64),
+    )  # fmt: skip
+    return _nearest(hidden)
+
+
+def _nearest(inverse_depth: NDArray[np.float64]) -> NDArray[np.float32]:
+    """inverse_depth: (..., tile rows, tile columns), the largest of each thread."""
+    with np.errstate(divide="ignore"):
+        nearest = 1.0 / inverse_depth.reshape(-1, *inverse_depth.shape[-2:]).max(axis=0)
+    return nearest.astype(np.float32)

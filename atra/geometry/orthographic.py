@@ -1,0 +1,110 @@
+"""Orthographic camera: parallel rays, for plans, elevations and the shadow maps of directional lights."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import hypot, isfinite
+from typing import ClassVar, Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from atra.errors import InputError
+from atra.geometry.view import Vector, View, as_number, checked_vector, unit_vector
+
+# Share by which `of_light` widens the view, so that rounding leaves no corner of the box outside.
+_WIDENING = 1e-9
+
+
+@dataclass(frozen=True)
+class OrthographicCamera(View):
+    """A camera whose rays are parallel, and its pixel grid.
+
+    Camera space has the eye at the origin, X to the right (forward x up), Y down (down = forward x right) and Z along
+    the view axis; the image plane lies at Z = 0. The ray of pixel (x, y) at sub-pixel `offset` (ox, oy) starts at
+    ((x + ox - W/2) p, (y + oy - H/2) p, 0) with pixel pitch p = view_height / H and has direction (0, 0, 1), so a ray
+    parameter *is* a depth along the view axis, and nothing behind the image plane is seen.
+
+    eye: centre of the image plane; eye, target, up: three finite floats each, scene units.
+    view_height: what the height of the image covers, scene units, above 0; pixels are square.
+    width, height: image size in pixels, at least 1.
+
+    Raises InputError for a size below 1, a view_height that is not above 0, eye = target, or up parallel to the view.
+    """
+
+    eye: Vector
+    target: Vector
+    up: Vector = (0.0, 1.0, 0.0)
+    view_height: float = 1.0
+    width: int = 1024
+    height: int = 1024
+
+    is_parallel: ClassVar[bool] = True
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        view_height = as_number(self.view_height)
+        if not (isfinite(view_height) and view_height > 0.0):
+            raise InputError(f"view_height is {self.view_height!r}, expected a finite length above 0")
+        object.__setattr__(self, "view_height", view_height)
+
+    @classmethod
+    def of_light(cls, direction: Vector, bounds: ArrayLike, width: int, height: int, up: Vector | None = None) -> Self:
+        """The view of a directional light that covers a box wholly, as for a shadow map.
+
+        The box is centred and fills the image in one axis at least. The image plane stands one diagonal of the box
+        before its centre, so that the whole box lies in front of it.
+
+        direction: the way the light travels, three finite floats of any length but 0.
+        bounds: (2, 3), lowest and highest corner of the box, such as `Mesh.bounds`, scene units.
+        up: None takes the world's axis most across the light.
+        Raises InputError for a direction of no length, a box that is not one, or one that has no extent across the
+        light.
+        """
+        forward = unit_vector("direction", checked_vector("direction", direction))
+        low, high = _checked_bounds(bounds)
+        if up is None:
+            x, y, z = np.eye(3)[np.abs(forward).argmin()].tolist()
+            up = (x, y, z)
+        centre, diagonal = (low + high) / 2, high - low
+        distance = hypot(*diagonal.tolist()) or 1.0
+        unit = cls(_floats(centre - distance * forward), _floats(centre), up, 1.0, width, height)
+        # A box reaches as far across an axis as its diagonal does with every component counted positive.
+        extent_right, extent_down = np.abs(unit.axes[:2]) @ diagonal
+        view_height = max(extent_down, extent_right * unit.height / unit.width) * (1.0 + _WIDENING)
+        if not view_height > 0.0:
+            raise InputError(
+                f"the box from {_floats(low)} to {_floats(high)} has no extent across the light {_floats(forward)}"
+            )
+        return cls(unit.eye, unit.target, unit.up, view_height, width, height)
+
+    @property
+    def pixel_pitch(self) -> float:
+        """Distance between neighbouring rays, scene units."""
+        return self.view_height / self.height
+
+    @property
+    def to_pixels(self) -> NDArray[np.float64]:
+        """(3, 4) float64: eye-space point (X, Y, Z, 1) -> (a, b, c) with pixel position (a, b); c is 1."""
+        right, down, _ = self.axes / self.pixel_pitch
+        return np.array([[*right, self.width / 2], [*down, self.height / 2], [0.0, 0.0, 0.0, 1.0]])
+
+    def rays(
+        self, x: NDArray[np.integer], y: NDArray[np.integer], offset: tuple[float, float] = (0.5, 0.5)
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        origins = self._on_image_plane(x, y, offset, 0.0)
+        return origins, np.broadcast_to([0.0, 0.0, 1.0], origins.shape)
+
+
+def _checked_bounds(bounds: ArrayLike) -> NDArray[np.float64]:
+    box = np.asarray(bounds, np.float64)
+    if box.shape != (2, 3):
+        raise InputError(f"bounds have shape {box.shape}, expected (2, 3): lowest and highest corner")
+    if not (np.isfinite(box).all() and (box[0] <= box[1]).all()):
+        raise InputError(f"bounds are {box.tolist()}, expected finite corners, the lowest first")
+    return box
+
+
+def _floats(vector: NDArray[np.float64]) -> Vector:
+    x, y, z = vector.tolist()
+    return x, y, z

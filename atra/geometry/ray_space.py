@@ -1,0 +1,73 @@
+"""Ray space: where rays and triangles become float32. The eye is its origin."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from atra.errors import InputError
+from atra.geometry.mesh import Mesh
+from atra.geometry.view import View
+
+SMALLEST_SIZE, FARTHEST_FROM_EYE = 1e-9, 1e11
+"""Least extent of a mesh and greatest distance of its box from the eye, scene units, that are traced.
+
+The triangle test multiplies two edges and the distance from the eye, in float32. Where the product leaves its range,
+pixels are wrong or missing without a word: below, from an extent of 1.5e-11 on for 180,000 triangles and later for
+fewer (the smaller the edges, the sooner), above, from a distance of 2e12 on where a shear stretches the edges.
+"""
+
+NARROWEST_WORLD_PITCH = 2e-4
+"""Pixel pitch down to which ray space has the world's axes, in which boxes fit walls and floors; below, the camera's.
+
+Float32 in the world's axes moves a ray by some 1e-7 of the distance, whatever the pitch: a thousandth of a pixel here,
+half a pixel at a hundredth of a degree. In the camera's axes the components across the view are small numbers, exact to
+1e-7 of themselves. docs/departures.md has measurements of both. Where rays are parallel, the pitch is a length and says
+nothing of this; ray space then has the world's axes.
+"""
+
+
+SMALLEST_AXIS_COMPONENT = 1e-10
+"""Components of the axes of ray space that are smaller are 0, and so are those of the shears made of them.
+
+Rays move by at most half a millionth of a pixel, a thousandth of what float32 makes of them. For instances Embree turns
+the rays itself, where nothing else keeps a component from coming out tiny (`kernels.tracing.SMALLEST_COMPONENT`).
+"""
+
+
+def check_range(mesh: Mesh, camera: View) -> None:
+    """Raise InputError for a mesh too small, or too far from the eye, for float32."""
+    distance = float(np.abs(mesh.bounds - camera.eye).max())
+    if distance > FARTHEST_FROM_EYE:
+        raise InputError(
+            f"{mesh.name!r} reaches {distance:g} from the eye {camera.eye}, expected at most {FARTHEST_FROM_EYE:g}: "
+            "beyond, float32 loses triangles; scale mesh and camera down by the same factor, or move the eye closer"
+        )
+    size = float((mesh.bounds[1] - mesh.bounds[0]).max())
+    if size < SMALLEST_SIZE and len(mesh.without_area) < mesh.triangle_count:
+        raise InputError(
+            f"{mesh.name!r} is {size:g} in size, expected at least {SMALLEST_SIZE:g}: below, float32 loses triangles; "
+            "scale mesh and camera up by the same factor"
+        )
+
+
+def ray_axes(camera: View) -> NDArray[np.float64]:
+    """(3, 3) float64, rows right, down, forward of the camera in ray space; orthonormal to SMALLEST_AXIS_COMPONENT."""
+    if not _has_world_axes(camera):
+        return np.eye(3)
+    return np.where(np.abs(camera.axes) < SMALLEST_AXIS_COMPONENT, 0.0, camera.axes)
+
+
+def from_eye_space(camera: View) -> NDArray[np.float64]:
+    """(3, 3) float64, the rotation of eye space (the world's axes) to ray space."""
+    return np.eye(3) if _has_world_axes(camera) else camera.axes
+
+
+def to_ray_space(camera: View, points: NDArray[np.floating]) -> NDArray[np.float64]:
+    """World points (N, 3) -> ray space (N, 3), float64."""
+    points_eye = camera.to_eye_space(points)
+    return points_eye if _has_world_axes(camera) else points_eye @ camera.axes.T
+
+
+def _has_world_axes(camera: View) -> bool:
+    return camera.is_parallel or camera.pixel_pitch >= NARROWEST_WORLD_PITCH

@@ -1,0 +1,193 @@
+"""The tie rule: of triangles hit at the same depth the lowest prim_id wins, whichever method traced them.
+
+Float32 cannot decide: the depth of one and the same plane differs in the last digits with the order of a triangle's
+corners, with the shear, and between single rays and packets. So it is decided on the mesh. Triangles tie over an area
+only where they lie in one plane and overlap. These are found once per mesh, the part of the image where they may be
+seen once per view, and a pixel there that hits one of them is decided in float64 after tracing.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from weakref import WeakKeyDictionary
+
+import numpy as np
+from numpy.typing import NDArray
+
+from atra.errors import InputError, MemoryBudgetError
+from atra.geometry.mesh import Mesh
+from atra.geometry.view import View
+from atra.judge.compare import TIE_TOLERANCE
+from atra.kernels.planning import MARGIN_PIXELS
+from atra.kernels.ties import (
+    PLANE_NUMBER_ROUNDING,
+    PLANE_TOLERANCE,
+    TILE,
+    find_overlaps,
+    mark_ties,
+    number_places,
+    number_planes,
+    settle_ties,
+)
+from atra.parallel import WorkerPool
+
+TIES = ("lowest", "any")
+"""What a tracer stores where triangles tie: the lowest prim_id, or whichever float32 happens to put in front."""
+
+MOST_PAIRS = 1 << 24
+"""Overlapping pairs that a mesh may have, equal triangles not counted: more would take long to find and to decide."""
+
+
+@dataclass(frozen=True, eq=False)
+class CoplanarOverlaps:
+    """For each triangle the lower ones that lie in its plane and share an area with it.
+
+    may_tie: (F + 1,) uint8, 1 where there are any; the last is 0 and stands for a miss.
+    twins: (F,) uint32, the lowest triangle with the same three corners in any order, mostly the triangle itself.
+    starts: (F + 1,) uint32 and partners: (P,) uint32: those of triangle t are partners[starts[t]:starts[t + 1]],
+    ascending. Only a triangle without a lower twin has partners or is one: what holds for it holds for its twins.
+    """
+
+    may_tie: NDArray[np.uint8]
+    twins: NDArray[np.uint32]
+    starts: NDArray[np.uint32]
+    partners: NDArray[np.uint32]
+
+
+def check_ties(ties: str) -> None:
+    """Raise InputError for anything but "lowest" and "any"."""
+    if ties not in TIES:
+        raise InputError(f"ties is {ties!r}, expected one of {', '.join(TIES)}")
+
+
+_found: WeakKeyDictionary[Mesh, CoplanarOverlaps] = WeakKeyDictionary()
+
+
+def coplanar_overlaps(mesh: Mesh) -> CoplanarOverlaps:
+    """The triangles that can tie, found when first asked for and kept as long as the mesh.
+
+    In one plane means to a billionth of the triangles' size. Neighbours, which share an edge or a corner and no
+    area, do not overlap; triangles without area, and needles ten million times as long as wide, never do.
+    Raises MemoryBudgetError beyond MOST_PAIRS pairs.
+    """
+    overlaps = _found.get(mesh)
+    if overlaps is None:
+        overlaps = _found[mesh] = _find(mesh)
+    return overlaps
+
+
+def _find(mesh: Mesh) -> CoplanarOverlaps:
+    prim_ids, runs = _plane_runs(mesh)
+    corners = mesh.triangles(prim_ids)
+    places = np.empty(len(prim_ids), np.int64)
+    number_places(corners.mean(axis=1), mesh.bounds[0], mesh.bounds[1] - mesh.bounds[0], places)
+    order = np.lexsort((prim_ids, places, runs))
+    prim_ids, runs, corners = prim_ids[order].astype(np.uint32), runs[order], corners[order]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    low, high = corners.min(axis=1), corners.max(axis=1)
+    sizes = (high - low).max(axis=1)
+    slack = PLANE_TOLERANCE * sizes[:, None]
+    leaves = 1 << max(len(prim_ids) - 1, 0).bit_length()
+    boxes = np.empty((2 * leaves, 2, 4))
+    boxes[:, 0], boxes[:, 1] = np.inf, -np.inf
+    boxes[leaves : leaves + len(prim_ids), 0] = np.column_stack([low - slack, runs])
+    boxes[leaves : leaves + len(prim_ids), 1] = np.column_stack([high + slack, runs])
+    twins = np.arange(mesh.triangle_count, dtype=np.uint32)
+    pairs = find_overlaps(prim_ids, corners, normals, sizes, boxes, twins, MOST_PAIRS)
+    if len(pairs) > MOST_PAIRS:
+        raise MemoryBudgetError(
+            f"{mesh.name!r} has more than {MOST_PAIRS} pairs of triangles that overlap in one plane, too many to say "
+            'which is the lowest everywhere; trace it with ties "any"'
+        )
+    own = twins[pairs] == pairs  # a twin may have been found after it was a partner
+    pairs = pairs[own.all(axis=1)]
+    pairs = pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]
+    counts = np.bincount(pairs[:, 0], minlength=mesh.triangle_count)
+    starts = np.concatenate([[0], np.cumsum(counts)]).astype(np.uint32)
+    may_tie = np.zeros(mesh.triangle_count + 1, np.uint8)
+    may_tie[:-1] = (np.arange(mesh.triangle_count) != twins) | (counts[twins] > 0)
+    return CoplanarOverlaps(may_tie, twins, starts, pairs[:, 1].copy())
+
+
+def _plane_runs(mesh: Mesh) -> tuple[NDArray[np.integer], NDArray[np.integer]]:
+    """Triangles that may have a plane in common with another, (N,) prim_ids, and (N,) the number of their run.
+
+    Other planes may have the same number by accident; `find_overlaps` looks closer.
+    """
+    numbers = np.empty(mesh.triangle_count)
+    number_planes(mesh.vertices, mesh.faces, mesh.bounds.mean(axis=0), mesh.bounds[1] - mesh.bounds[0], numbers)
+    order = np.argsort(numbers)
+    order = order[: len(order) - np.isnan(numbers).sum()]  # NaN comes last
+    run = np.cumsum(np.diff(numbers[order], prepend=-np.inf) > PLANE_NUMBER_ROUNDING, dtype=np.int64)
+    shared = np.bincount(run)[run] > 1
+    return order[shared], run[shared]
+
+
+def tie_tiles(mesh: Mesh, camera: View) -> NDArray[np.bool_]:
+    """The tiles of the image in which a tie may be seen, (ceil(H / TILE), ceil(W / TILE)), at any sub-pixel offset.
+
+    Two triangles can tie only where the rectangles around both of them on the image overlap. A triangle that reaches
+    behind the eye may be anywhere.
+    """
+    overlaps = coplanar_overlaps(mesh)
+    shape = -(-camera.height // TILE), -(-camera.width // TILE)
+    marks = np.zeros((shape[0] + 1, shape[1] + 1), np.int64)
+    boxes = np.zeros((mesh.triangle_count, 4), np.int32)
+    tying = np.nonzero(overlaps.may_tie)[0]
+    concerned = np.unique(np.concatenate([tying, overlaps.twins[tying], overlaps.partners]))
+    boxes[concerned] = _tile_boxes(mesh, camera, concerned, shape)
+    mark_ties(overlaps.may_tie, overlaps.twins, overlaps.starts, overlaps.partners, boxes, marks)
+    return np.asarray(np.cumsum(np.cumsum(marks, axis=0), axis=1)[:-1, :-1] > 0)
+
+
+def _tile_boxes(mesh: Mesh, camera: View, prim_ids: NDArray[np.integer], shape: tuple[int, int]) -> NDArray[np.integer]:
+    """(N, 4): first and last column, first and last row of the tiles that a triangle may be seen in."""
+    corners = camera.to_eye_space(mesh.triangles(prim_ids).reshape(-1, 3)) @ camera.to_pixels[:, :3].T
+    corners = (corners + camera.to_pixels[:, 3]).reshape(-1, 3, 3)
+    depth = corners[..., 2:]  # or 1, where rays are parallel
+    nearest, farthest = depth.min(axis=(1, 2)), depth.max(axis=(1, 2))
+    size = np.array([camera.width, camera.height])
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        pixels = corners[..., :2] / depth
+    whole = np.array([[0.0], [1.0]]) * size  # low, high
+    lowest = np.where(nearest[:, None] > 0.0, pixels.min(axis=1) - MARGIN_PIXELS, whole[0])
+    highest = np.where(nearest[:, None] > 0.0, pixels.max(axis=1) + MARGIN_PIXELS, whole[1])
+    last_tile = np.array(shape[::-1]) - 1
+    first = np.clip(np.floor(lowest / TILE), 0, last_tile + 1)
+    last = np.clip(np.floor(highest / TILE), -1, last_tile)
+    last[farthest < 0.0] = -1
+    return np.stack([first, last], axis=2).reshape(-1, 4).astype(np.int32)
+
+
+def lowest_of_ties(
+    mesh: Mesh,
+    camera: View,
+    tiles: NDArray[np.bool_],
+    offset: tuple[float, float],
+    prim_id: NDArray[np.uint32],
+    pool: WorkerPool,
+) -> None:
+    """Store in each pixel of `prim_id` (H, W), in place, the lowest triangle that its ray hits where it hits that one.
+
+    A partner of the stored triangle takes the pixel if the ray meets it, edges included, and at the same depth to
+    `compare.TIE_TOLERANCE`, both in float64. Depths stay as traced: they are those of the same plane.
+    tiles: of `tie_tiles` for this mesh and camera.
+    """
+    overlaps = coplanar_overlaps(mesh)
+    right, down, forward = camera.axes[:, :, None]
+    columns, rows = np.arange(camera.width), np.arange(camera.height)
+    across = right * ((columns + offset[0] - camera.width / 2) * camera.pixel_pitch)
+    along = down * ((rows + offset[1] - camera.height / 2) * camera.pixel_pitch)
+    at_eye, ahead = np.tile(np.array(camera.eye)[:, None], len(rows)), np.tile(forward, len(rows))
+    nothing = np.zeros_like(across)
+    parallel, pinhole = (across, along + at_eye, nothing, ahead), (nothing, at_eye, across, along + ahead)
+    rays = parallel if camera.is_parallel else pinhole
+
+    def work(_: int, counter: int) -> None:
+        settle_ties(
+            counter, tiles, overlaps.may_tie, overlaps.twins, overlaps.starts, overlaps.partners,
+            mesh.vertices, mesh.faces, *rays, TIE_TOLERANCE, prim_id,
+        )  # fmt: skip
+
+    pool.run(work)

@@ -1,0 +1,1 @@
+"""Panels, axes, series and bars; knows no method and no workload."""

@@ -1,0 +1,1 @@
+"""Points, their identity, processes and records: runs any workload and names none."""

@@ -1,0 +1,178 @@
+"""The machine and the software a measurement ran on; travels with every record."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import platform
+import subprocess
+import sys
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from datetime import UTC, datetime
+from functools import cache
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import psutil
+
+from atra.embree.instruction_sets import cpu_features
+
+_CPU_EXTENSIONS = ("sse4.2", "avx", "avx2", "fma", "avx512f", "avx512vl", "neon", "sve")
+BUSY_LOAD = 1.0
+"""Load above a measurement's own threads from which on its times are doubted."""
+
+_PROJECT = Path(__file__).resolve().parents[2]
+
+
+@dataclass(frozen=True)
+class Environment:
+    """Where and when a point was measured.
+
+    The fields up to `code_sha256` are stable: they belong to the machine and its software, and `stable()` returns
+    them alone. The rest describes the moment. A field that cannot be read on this system is None.
+    instruction_set: the one that Embree and Numba were held to (`atra.embree.instruction_sets`); None: all that there
+    are. code_sha256: hash of the library's own source, so that a record of an older kernel never passes for the present
+    one.
+    """
+
+    cpu: str
+    cpu_extensions: tuple[str, ...]
+    instruction_set: str | None
+    physical_cores: int | None
+    logical_cores: int | None
+    affinity: tuple[int, ...] | None
+    machine: str
+    system: str
+    python_version: str
+    numpy_version: str | None
+    numba_version: str | None
+    embree_version: str | None
+    embreex_version: str | None
+    atra_version: str | None
+    code_sha256: str
+    system_release: str
+    governor: str | None
+    load_average: tuple[float, ...] | None
+    memory_total_bytes: int
+    memory_available_bytes: int
+    git_commit: str | None
+    git_dirty: bool | None
+    taken_at: str
+
+    def stable(self) -> dict[str, Any]:
+        """The fields that must agree before two records may share a ratio or a file."""
+        return {name: getattr(self, name) for name in STABLE_FIELDS}
+
+
+_NAMES = [one.name for one in fields(Environment)]
+STABLE_FIELDS = tuple(_NAMES[: _NAMES.index("code_sha256") + 1])
+
+
+def describe_difference(first: Mapping[str, Any], second: Mapping[str, Any]) -> str | None:
+    """The first stable field in which two environments (as plain values) differ, with both values; None if none."""
+    for name in STABLE_FIELDS:
+        one, other = (_comparable(environment.get(name)) for environment in (first, second))
+        if one != other:
+            return f"{name} is {one!r} in one and {other!r} in the other"
+    return None
+
+
+def _comparable(value: Any) -> Any:
+    return list(value) if isinstance(value, tuple) else value
+
+
+def read_environment(embree_version: str | None = None, instruction_set: str | None = None) -> Environment:
+    """Describe this machine now.
+
+    embree_version: as Embree itself reports it, for example "4.4.0". instruction_set: what `ATRA_ISA` has chosen.
+    """
+    commit, dirty = _git_state()
+    memory = psutil.virtual_memory()
+    return Environment(
+        cpu=_cpu_model(),
+        cpu_extensions=tuple(name for name in _CPU_EXTENSIONS if name in cpu_features()),
+        instruction_set=instruction_set,
+        physical_cores=psutil.cpu_count(logical=False),
+        logical_cores=psutil.cpu_count(logical=True),
+        affinity=tuple(sorted(os.sched_getaffinity(0))) if hasattr(os, "sched_getaffinity") else None,
+        machine=platform.machine(),
+        system=platform.system(),
+        python_version=platform.python_version(),
+        numpy_version=_version("numpy"),
+        numba_version=_version("numba"),
+        embree_version=embree_version,
+        embreex_version=_version("embreex"),
+        atra_version=_version("atra"),
+        code_sha256=_code_sha256(),
+        system_release=platform.release(),
+        governor=_read(Path("/sys/devices/system/cpu/cpu0/cpufreq/scaling_governor")),
+        load_average=_load_average(),
+        memory_total_bytes=int(memory.total),
+        memory_available_bytes=int(memory.available),
+        git_commit=commit,
+        git_dirty=dirty,
+        taken_at=datetime.now(UTC).isoformat(timespec="seconds"),
+    )
+
+
+def _load_average() -> tuple[float, ...] | None:
+    if not hasattr(os, "getloadavg"):
+        return None
+    try:
+        return tuple(os.getloadavg())
+    except OSError:  # the system may not tell
+        return None
+
+
+@cache
+def _cpu_model() -> str:
+    for line in (_read(Path("/proc/cpuinfo")) or "").splitlines():
+        if line.startswith("model name"):
+            return line.partition(":")[2].strip()
+    if sys.platform == "darwin":
+        brand = _output(["sysctl", "-n", "machdep.cpu.brand_string"])
+        if brand:
+            return brand
+    return platform.processor() or platform.machine() or "unknown"
+
+
+def _git_state() -> tuple[str | None, bool | None]:
+    """Commit of the project and whether its tree differs from it; (None, None) outside a repository of its own."""
+    if not (_PROJECT / ".git").exists():
+        return None, None
+    commit = _output(["git", "-C", str(_PROJECT), "rev-parse", "--verify", "HEAD"])
+    changes = _output(["git", "-C", str(_PROJECT), "status", "--porcelain"])
+    return commit or None, None if changes is None else bool(changes)
+
+
+@cache
+def _code_sha256() -> str:
+    package = _PROJECT / "atra"
+    digest = hashlib.sha256()
+    for path in sorted(package.rglob("*.py")):
+        digest.update(path.relative_to(package).as_posix().encode() + b"\0" + path.read_bytes())
+    return digest.hexdigest()
+
+
+def _version(package: str) -> str | None:
+    try:
+        return metadata.version(package)
+    except metadata.PackageNotFoundError:
+        return None
+
+
+def _read(path: Path) -> str | None:
+    try:
+        return path.read_text(encoding="utf-8", errors="replace").strip()
+    except OSError:
+        return None
+
+
+def _output(command: list[str]) -> str | None:
+    try:
+        done = subprocess.run(command, capture_output=True, encoding="utf-8", errors="replace", timeout=20, check=True)
+    except (OSError, subprocess.SubprocessError):
+        return None
+    return done.stdout.strip()

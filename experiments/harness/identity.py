@@ -1,0 +1,131 @@
+"""One planned point -> its record."""
+
+from __future__ import annotations
+
+import ast
+import hashlib
+import time
+from collections.abc import Callable
+from dataclasses import asdict
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from atra.embree.instruction_sets import chosen_instruction_set
+from atra.embree.library import embree_version
+from atra.embree.scene import resolve_packet_width
+from experiments.harness.environment import STABLE_FIELDS, Environment, read_environment
+from experiments.harness.launching import run_worker
+from experiments.harness.outcome import Outcome
+from experiments.harness.point import Point
+from experiments.harness.points import PlannedPoint
+from experiments.harness.records import Record, point_id
+from experiments.methods.peers import PEERS, peer_version
+
+_ROOT = Path(__file__).resolve().parents[2]
+_OURS = ("experiments", "scenes")
+"""Packages whose code measures; the library has a hash of its own in the environment."""
+
+Runner = Callable[[Point], Outcome]
+
+
+def current_environment() -> Environment:
+    """This machine now, with the version Embree reports.
+
+    Raises EmbreeError if there is no usable Embree, and InputError for an instruction set that this machine lacks.
+    """
+    return read_environment(embree_version(), chosen_instruction_set())
+
+
+def identity(point: Point, environment: Environment) -> str:
+    """The point's identity: its configuration, the machine, and the code that measures it."""
+    return _identity(point.configuration(), environment.stable())
+
+
+def identity_of(record: Record) -> str:
+    """The identity `record` has if this very code has measured it, wherever that was and whatever its name says."""
+    stable = {name: record.environment.get(name) for name in STABLE_FIELDS}
+    return _identity(record.configuration, stable)
+
+
+def _identity(configuration: dict[str, Any], stable_environment: dict[str, Any]) -> str:
+    measured_by: dict[str, str | None] = {"measuring_code_sha256": _measuring_code_sha256()}
+    method = configuration.get("method")
+    if method in PEERS:
+        measured_by["peer_version"] = peer_version(method)
+    return point_id(configuration | measured_by, stable_environment)
+
+
+@cache
+def _measuring_code_sha256() -> str:
+    """The library's own source is part of the environment; this is of what runs it in the worker."""
+    digest = hashlib.sha256()
+    for path in imported_sources(_ROOT / "experiments" / "worker.py"):
+        digest.update(path.relative_to(_ROOT).as_posix().encode() + b"\0" + path.read_bytes())
+    return digest.hexdigest()
+
+
+def imported_sources(path: Path) -> list[Path]:
+    """The file and every source of ours outside the library that it imports, directly or not, at once or when
+    needed."""
+    found: set[Path] = set()
+    waiting = [path]
+    while waiting:
+        one = waiting.pop()
+        if one in found:
+            continue
+        found.add(one)
+        names: set[str] = set()
+        for node in ast.walk(ast.parse(one.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Import):
+                names.update(alias.name for alias in node.names)
+            elif isinstance(node, ast.ImportFrom) and node.module:
+                names.add(node.module)
+                names.update(f"{node.module}.{alias.name}" for alias in node.names)
+        for name in names:
+            if name.partition(".")[0] in _OURS:
+                stem = _ROOT.joinpath(*name.split("."))
+                waiting += filter(Path.is_file, (stem.with_suffix(".py"), stem / "__init__.py"))
+    return sorted(found)
+
+
+def measure(planned: PlannedPoint, run: Runner = run_worker) -> Record:
+    """Measure a point in a fresh process; one with a problem is skipped, and its record says why.
+
+    The results tell by how much the wall clock moved apart from the steady one meanwhile (`clock_jump_s`).
+    """
+    environment = current_environment()
+    apart_s = _clocks_apart_s()
+    if planned.problem is not None:
+        outcome = Outcome("skipped", str(planned.problem), on_purpose=True)
+    else:
+        outcome = run(planned.point)
+    return Record(
+        point_id=identity(planned.point, environment),
+        status=outcome.status,
+        error=outcome.error,
+        configuration=planned.point.configuration(),
+        environment=_plain(asdict(environment)),
+        warmup_samples=outcome.warmup_samples,
+        samples=outcome.samples,
+        results={
+            **_packets(planned.point),
+            **outcome.results,
+            "on_purpose": outcome.on_purpose,
+            "clock_jump_s": _clocks_apart_s() - apart_s,
+        },
+    )
+
+
+def _packets(point: Point) -> dict[str, int]:
+    """The width of its packets, which a point that comes to nothing does not tell; a peer chooses its own."""
+    return {} if point.method in PEERS else {"packet_width": resolve_packet_width(point.packet_width)}
+
+
+def _clocks_apart_s() -> float:
+    """The steady clock, which all times are taken with, is never set; on most systems it stands while they sleep."""
+    return time.time() - time.monotonic()
+
+
+def _plain(fields: dict[str, Any]) -> dict[str, Any]:
+    return {name: list(value) if isinstance(value, tuple) else value for name, value in fields.items()}

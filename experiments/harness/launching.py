@@ -1,0 +1,206 @@
+"""Starts the worker process of a point and brings back its outcome, whatever becomes of it."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import psutil
+
+from atra.errors import printable
+from experiments.harness.outcome import Outcome
+from experiments.harness.point import Point
+from experiments.worker import CANNOT_WRITE, Job
+
+_ROOT = Path(__file__).resolve().parents[2]
+_OUTPUT_KEPT_BYTES = 4000
+_RESULT_LIMIT_BYTES = 2**28
+"""Pictures of a large image take some 2**25; what is far larger is no result and is not read into memory."""
+
+_WAIT_S = 1.0
+"""So long an interrupt may have to wait on Windows."""
+
+_FOLDER_PREFIX = "atra-"
+_ABANDONED_AFTER_S = 86_400.0
+
+WORKER_COMMAND = (sys.executable, "-m", "experiments.worker")
+
+
+def run_worker(point: Point, command: Sequence[str] = WORKER_COMMAND) -> Outcome:
+    """Measure `point` in a fresh process; never raises for what happens there.
+
+    A worker that dies, exceeds `point.time_limit_s` or leaves no believable result gives a failed outcome with the
+    reason; the end of all it printed is kept in `results["worker_output"]` then. When it ends, or KeyboardInterrupt
+    passes through here, the worker and every process it has started are killed.
+    """
+    try:
+        remove_abandoned_folders()
+        with tempfile.TemporaryDirectory(
+            prefix=f"{_FOLDER_PREFIX}{os.getpid()}-", ignore_cleanup_errors=True
+        ) as folder:
+            return _run_in(Path(folder), point, command)
+    except OSError as error:
+        return Outcome("failed", f"no worker could be started: {error}", on_purpose=True)
+
+
+def _run_in(folder: Path, point: Point, command: Sequence[str]) -> Outcome:
+    job = Job(point, str(folder / "outcome.json"), os.getpid())
+    output_path = folder / "output.txt"
+    with output_path.open("wb") as output:
+        process = subprocess.Popen(
+            list(command), stdin=subprocess.PIPE, stdout=output, stderr=subprocess.STDOUT,
+            env=project_environment() | _thread_limits(point), **_apart_from_the_interrupt_key(),
+        )  # fmt: skip
+        try:
+            assert process.stdin is not None
+            with contextlib.suppress(OSError):  # it may have died without listening; its exit code tells
+                process.stdin.write(job.to_json().encode() + b"\n")
+                process.stdin.flush()
+            reason = _death(_wait(process, point.time_limit_s), folder)
+        except subprocess.TimeoutExpired:
+            reason = f"stopped after the time limit of {point.time_limit_s:g} s (measure.time_limit_s)"
+        finally:
+            _end(process)
+    printed = _end_of(output_path)
+    if reason is None:
+        try:
+            outcome = Outcome.from_json(_read_result(Path(job.result_path)), point)
+        except FileNotFoundError:
+            reason = "the worker ended without a result"
+        except (OSError, ValueError, RecursionError) as error:
+            reason = f"the worker's result is not to be believed ({error})"
+        else:
+            if outcome.status == "failed" and not outcome.on_purpose:
+                outcome.results["worker_output"] = printed
+            return outcome
+    last_line = printable(printed.rpartition("\n")[2])
+    return Outcome(
+        "failed", f"{reason}; it said: {last_line}" if last_line else reason, results={"worker_output": printed}
+    )
+
+
+def _apart_from_the_interrupt_key() -> dict[str, Any]:
+    """Options for `subprocess`: a group of its own. The interrupt is for the run alone, which then ends the worker."""
+    if sys.platform == "win32":
+        return {"creationflags": subprocess.CREATE_NEW_PROCESS_GROUP}
+    return {"process_group": 0}
+
+
+def _wait(process: subprocess.Popen[bytes], limit_s: float) -> int:
+    """The exit code; raises TimeoutExpired. Windows lets no interrupt through while it waits, hence in short waits."""
+    end_s = time.monotonic() + limit_s
+    while True:
+        left_s = max(0.0, end_s - time.monotonic())
+        try:
+            return process.wait(min(left_s, _WAIT_S))
+        except subprocess.TimeoutExpired:
+            if left_s <= _WAIT_S:
+                raise
+
+
+def _end(process: subprocess.Popen[bytes]) -> None:
+    """Kill the worker, if it still runs, and what it has started and left behind, which would spoil later times.
+
+    Windows has no groups to find the latter by: what a worker left behind that ended by itself lives on there.
+    """
+    if hasattr(os, "killpg"):
+        # Whoever outlives the worker is still in its group. macOS forbids signals to one that only waits to be reaped.
+        with contextlib.suppress(ProcessLookupError, PermissionError):
+            os.killpg(process.pid, signal.SIGKILL)  # type: ignore[attr-defined]  # it is where killpg is
+    elif process.poll() is None:
+        _kill_children(process.pid)
+        process.kill()
+    process.wait()
+    with contextlib.suppress(OSError):  # what it never read is still in the buffer
+        assert process.stdin is not None
+        process.stdin.close()
+
+
+def _end_of(output: Path) -> str:
+    with output.open("rb") as printed:
+        printed.seek(max(0, output.stat().st_size - _OUTPUT_KEPT_BYTES))
+        return printed.read().decode(errors="replace").strip()
+
+
+def _read_result(path: Path) -> bytes:
+    size = path.stat().st_size
+    if size > _RESULT_LIMIT_BYTES:
+        raise ValueError(f"it has {size:,} bytes")
+    return path.read_bytes()
+
+
+def remove_abandoned_folders() -> None:
+    """Remove what killed runs left in the system's folder for temporary files.
+
+    Only folders of this user, named after a process that is gone, and more than a day old: where several machines or
+    containers share that folder, a process unknown here may live elsewhere.
+    """
+    for path in Path(tempfile.gettempdir()).glob(f"{_FOLDER_PREFIX}*-*"):
+        owner = path.name.removeprefix(_FOLDER_PREFIX).partition("-")[0]
+        if not owner.isdecimal() or len(owner) > 9 or psutil.pid_exists(int(owner)):
+            continue
+        with contextlib.suppress(OSError):
+            status = path.lstat()
+            ours = not hasattr(os, "getuid") or status.st_uid == os.getuid()
+            if ours and time.time() - status.st_mtime > _ABANDONED_AFTER_S:
+                shutil.rmtree(path)  # refuses a symbolic link
+
+
+def _thread_limits(point: Point) -> dict[str, str]:
+    """NumPy's matrix library would take every core whatever the point asks for."""
+    if point.threads is None:
+        return {}
+    return {f"{name}_NUM_THREADS": str(point.threads) for name in ("OPENBLAS", "MKL", "OMP")}
+
+
+def stop_children() -> None:
+    """Kill the jobs a launcher has started, which would go on without the sweep; no record is ever half written."""
+    _kill_children(os.getpid())
+
+
+def _kill_children(parent: int) -> None:
+    """Kill all that the process `parent` has started; one that has just ended, or is not ours to look at, is left."""
+    with contextlib.suppress(psutil.Error):
+        for child in psutil.Process(parent).children(recursive=True):
+            with contextlib.suppress(psutil.Error):
+                # joblib's tracker tidies up after the others and ends with this process; killed, it would complain.
+                if "resource_tracker" not in " ".join(child.cmdline()):
+                    child.kill()
+
+
+def _death(code: int, folder: Path) -> str | None:
+    if code == 0:
+        return None
+    if code == CANNOT_WRITE:
+        return f"the worker could not write its result to {folder.parent} (no room?); TMPDIR names another folder"
+    if code > 0:
+        return f"the worker ended with exit code {code}"
+    try:
+        name = signal.Signals(-code).name
+    except ValueError:
+        name = f"signal {-code}"
+    hint = " (out of memory?)" if name == "SIGKILL" else ""
+    return f"the worker was killed by {name}{hint}"
+
+
+def project_environment() -> dict[str, str]:
+    """The environment of a process that is to import this project wherever it is started from."""
+    # The user may have started run.py from elsewhere; relative paths stay theirs, imports are ours.
+    paths = [str(_ROOT), *filter(None, [os.environ.get("PYTHONPATH")])]
+    return {
+        **os.environ,
+        "PYTHONPATH": os.pathsep.join(paths),
+        # Modules in the working folder, such as a numpy.py among downloaded models, would win over all.
+        "PYTHONSAFEPATH": "1",
+        # What it prints is read back as UTF-8, and a file's name that no code page of Windows has must not end it.
+        "PYTHONIOENCODING": "utf-8:backslashreplace",
+    }

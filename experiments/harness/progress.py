@@ -1,0 +1,78 @@
+"""What is running, what is left and when it will be done: a bar on a terminal, plain lines elsewhere."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from types import TracebackType
+
+from rich.console import Console
+from rich.markup import escape
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+from atra.errors import printable
+from experiments.harness.messages import say
+
+
+class SweepProgress:
+    """Progress over `total` points; a context manager.
+
+    clock: seconds, monotonic.
+    """
+
+    def __init__(self, total: int, console: Console, clock: Callable[[], float] = time.monotonic) -> None:
+        self._total = total
+        self._console = console
+        self._clock = clock
+        self._done = 0
+        self._started_s = clock()
+        self._bar = Progress(
+            SpinnerColumn(),
+            BarColumn(bar_width=24),
+            MofNCompleteColumn(),
+            TimeElapsedColumn(),
+            TextColumn("{task.fields[left]}"),
+            TextColumn("{task.description}"),
+            console=console,
+            disable=not console.is_terminal,
+            transient=True,
+        )
+        self._task = self._bar.add_task("", total=total, left="")
+
+    def __enter__(self) -> SweepProgress:
+        self._bar.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._bar.stop()
+
+    def begin(self, label: str) -> None:
+        """A point starts."""
+        self._bar.update(self._task, description=escape(printable(label)), left=self._left())
+
+    def end(self, label: str, outcome: str) -> None:
+        """The point begun last is done."""
+        self._done += 1
+        self._bar.update(self._task, completed=self._done, left=self._left())
+        count = f"[{self._done:>{len(str(self._total))}}/{self._total}]"
+        left = "" if self._console.is_terminal else f" ({self._left()})"
+        say(self._console, f"{count} {label}: {outcome}{left}")
+
+    def _left(self) -> str:
+        remaining = self._total - self._done
+        if remaining == 0:
+            return "none left"
+        if self._done == 0:
+            return f"{remaining} left"
+        eta_s = (self._clock() - self._started_s) / self._done * remaining
+        return f"{remaining} left, about {_duration(eta_s)}"
+
+
+def _duration(seconds: float) -> str:
+    minutes, rest = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    if hours:
+        return f"{hours} h {minutes:02d} min"
+    return f"{minutes} min {rest:02d} s" if minutes else f"{rest} s"

@@ -1,0 +1,1 @@
+"""What can be measured: our own methods and other people's ray tracers."""

@@ -1,0 +1,34 @@
+"""The peer `embreex`: `EmbreeScene.run`, the Python binding most programs use."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from embreex.mesh_construction import TriangleMesh
+from embreex.rtcore_scene import EmbreeScene
+
+from experiments.methods.blocks import Answer, BlockwiseTracer, RayArrays
+
+
+class EmbreexTracer(BlockwiseTracer):
+    """`EmbreeScene.run(origins, directions, output=True)`: a loop over `rtcIntersect1`, robust as is its default.
+
+    Inside `trace`: that call, which also stores u, v and the normal of each hit and allocates its arrays; it is the
+    one way to get depth and triangle of a ray from one traversal. What it returns needs no conversion. The BVH is
+    built by every core.
+    """
+
+    def _build_scene(self) -> Any:
+        scene = EmbreeScene()
+        TriangleMesh(scene, self.mesh.vertices, self.mesh.faces.astype(np.int32))
+        nowhere = np.zeros((1, 3), np.float32)
+        scene.run(nowhere, nowhere + 1)  # embreex builds the BVH in the first query
+        return scene
+
+    def _cast(self, scene: Any, rays: RayArrays) -> Answer:
+        def cast(block: RayArrays) -> Answer:
+            found = scene.run(block.origins, block.directions, dists=np.inf, output=True)
+            return found["tfar"], found["primID"].view(np.uint32)  # -1 is a miss, that is MISS
+
+        return self._in_blocks(cast, rays)

@@ -1,0 +1,72 @@
+"""The peer `mitsuba3`: `Scene.ray_intersect_preliminary` on a wavefront of rays, compiled by Dr.Jit for the CPU."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from atra.geometry.mesh import Mesh
+from atra.geometry.view import View
+from atra.hits import MISS
+from experiments.methods.availability import MITSUBA_VARIANT
+from experiments.methods.peer import PeerTracer
+
+
+class MitsubaTracer(PeerTracer):
+    """`Scene.ray_intersect_preliminary(rays, coherent=True)` in the variant `llvm_ad_mono`.
+
+    Inside `trace`: recording the query, Dr.Jit's look-up of the compiled kernel, its run until all threads are done,
+    and numpy views of the two result arrays. The mark of a miss is set in the kernel. The kernel itself is compiled
+    at the end of `build`, off the clock. Packets are as wide as Dr.Jit's vectors, which follow the machine. Dr.Jit
+    has one pool of threads per process; every build and frame sets its size if another tracer changed it.
+    """
+
+    packet_width = 0
+
+    def __init__(self, mesh: Mesh, camera: View, threads: int | None = None) -> None:
+        super().__init__(mesh, camera, threads)
+        self._mitsuba = import_module("mitsuba")
+        self._mitsuba.set_variant(MITSUBA_VARIANT)
+        self._drjit = import_module("drjit")
+
+    def _make_rays(self, directions: NDArray[np.float32]) -> Any:
+        mi = self._mitsuba
+        x, y, z = (mi.Float(np.ascontiguousarray(axis.reshape(-1))) for axis in directions)
+        rays = mi.Ray3f(o=mi.Point3f(*self.camera.eye), d=mi.Vector3f(x, y, z))
+        self._drjit.make_opaque(rays)  # in memory before the clock runs, not part of the kernel
+        return rays
+
+    def _build_scene(self) -> Any:
+        mi = self._mitsuba
+        self._use_own_threads()
+        mesh = mi.Mesh("mesh", len(self.mesh.vertices), self.mesh.triangle_count)
+        parameters = mi.traverse(mesh)
+        parameters["vertex_positions"] = mi.Float(self.mesh.vertices.reshape(-1))
+        parameters["faces"] = mi.UInt32(self.mesh.faces.reshape(-1))
+        parameters.update()
+        scene = mi.load_dict({"type": "scene", "mesh": mesh})
+        self._drjit.sync_thread()  # the build runs on Dr.Jit's threads
+        return scene
+
+    def build(self) -> None:
+        """Hand over the triangles and build the BVH; then compile the kernel."""
+        super().build()
+        self._cast(self._scene, self._rays)
+
+    def _cast(self, scene: Any, rays: Any) -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
+        dr = self._drjit
+        self._use_own_threads()
+        found = scene.ray_intersect_preliminary(rays, coherent=True)
+        hit = found.is_valid()
+        depth = dr.select(hit, found.t, np.inf)
+        prim_id = dr.select(hit, found.prim_index, int(MISS))
+        dr.eval(depth, prim_id)
+        dr.sync_thread()
+        return depth.numpy(), prim_id.numpy()
+
+    def _use_own_threads(self) -> None:
+        if self._drjit.thread_count() != self.threads:
+            self._drjit.set_thread_count(self.threads)

@@ -1,0 +1,44 @@
+"""The peer `open3d`: `RaycastingScene.cast_rays`."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from atra.geometry.mesh import Mesh
+from atra.geometry.view import View
+from experiments.methods.peer import PeerTracer, interleaved
+
+
+class Open3DTracer(PeerTracer):
+    """`RaycastingScene.cast_rays(rays, nthreads=threads)`: single rays, shared out among TBB's threads.
+
+    Inside `trace`: that call, which also stores geometry, u, v and the normal of each hit, and numpy views of depth
+    and triangle. What it returns needs no conversion: its miss has depth inf and the id 0xFFFFFFFF.
+    """
+
+    def __init__(self, mesh: Mesh, camera: View, threads: int | None = None) -> None:
+        super().__init__(mesh, camera, threads)
+        self._open3d = import_module("open3d")
+
+    def _make_rays(self, directions: NDArray[np.float32]) -> Any:
+        rows = interleaved(directions)
+        origins = np.broadcast_to(np.asarray(self.camera.eye, np.float32), rows.shape)
+        return self._tensor(np.concatenate([origins, rows], axis=1))
+
+    def _build_scene(self) -> Any:
+        scene = self._open3d.t.geometry.RaycastingScene(nthreads=self.threads)
+        scene.add_triangles(self._tensor(self.mesh.vertices.copy()), self._tensor(self.mesh.faces.copy()))
+        scene.cast_rays(self._tensor(np.ones((1, 6), np.float32)), nthreads=self.threads)  # the first query builds
+        return scene
+
+    def _cast(self, scene: Any, rays: Any) -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
+        found = scene.cast_rays(rays, nthreads=self.threads)
+        return found["t_hit"].numpy(), found["primitive_ids"].numpy()
+
+    def _tensor(self, array: NDArray[Any]) -> Any:
+        """A tensor in the memory of `array`, which must be writable."""
+        return self._open3d.core.Tensor.from_numpy(array)

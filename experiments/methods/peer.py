@@ -1,0 +1,139 @@
+"""What the peers share: their lifetime, their timing and their rays."""
+
+from __future__ import annotations
+
+import threading
+from abc import abstractmethod
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from atra.alignment.culling import check_image_memory
+from atra.errors import EmbreeError
+from atra.geometry.mesh import Mesh
+from atra.geometry.ray_space import from_eye_space
+from atra.geometry.view import View, check_offset
+from atra.hits import Hits
+from atra.parallel import resolve_threads
+from atra.tracers.base import Prepared, image_ray_grid
+
+_PIXEL_CENTRE = (0.5, 0.5)
+
+
+class PeerTracer(Prepared):
+    """A foreign ray tracer that offers what `atra.Tracer` asks for. The world is the peer's, the eye its rays' origin.
+
+    plan: makes the rays through the pixel centres, in the form the peer wants. build: hands over the triangles and
+    has the BVH built, also where the peer would put that off until the first query.
+    trace: the peer's own query of all rays at once and what it takes to have its answer as `Hits`, nothing else. The
+    rays are ready made: those of the last offset are kept, so only a frame at another offset than the one before
+    makes them anew, inside the call. Measure a standing camera with one offset.
+
+    packet_width: rays per query of Embree, 0 where the peer decides and does not tell. embree_bytes: 0, no peer tells.
+    threads: None takes every core; how many build the BVH is up to the peer.
+    """
+
+    packet_width = 1
+
+    def __init__(self, mesh: Mesh, camera: View, threads: int | None = None) -> None:
+        self.mesh = mesh
+        self.camera = camera
+        self.threads = resolve_threads(threads)
+        check_image_memory(camera.height, camera.width)
+        self.plan_time_s = 0.0
+        self.build_time_s = 0.0
+        self._lock = threading.Lock()  # one frame at a time, as with the tracers of atra
+        self._rays: Any = None
+        self._rays_offset: tuple[float, float] | None = None
+        self._scene: Any = None
+        self._closed = False
+
+    @abstractmethod
+    def _make_rays(self, directions: NDArray[np.float32]) -> Any:
+        """The peer's rays from world-space directions (3, H, W), of length 1 along the view axis."""
+
+    @abstractmethod
+    def _build_scene(self) -> Any:
+        """The peer's scene, its BVH built."""
+
+    @abstractmethod
+    def _cast(self, scene: Any, rays: Any) -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
+        """Depth and prim_id as in `Hits`, of H W values each in the order of the rows; any shape."""
+
+    @property
+    def triangle_count(self) -> int:
+        """Triangles in the peer's scene: the mesh's."""
+        return self.mesh.triangle_count
+
+    @property
+    def embree_bytes(self) -> int:
+        """0: no peer tells what its Embree holds."""
+        return 0
+
+    def plan(self) -> None:
+        """Make the rays through the pixel centres."""
+        self._check_open()
+        start = perf_counter()
+        self._prepare_rays(_PIXEL_CENTRE)
+        self.plan_time_s = perf_counter() - start
+
+    def build(self) -> None:
+        """Hand over the triangles and build the BVH (planning first if that was not done)."""
+        self._check_open()
+        if self._rays is None:
+            self.plan()
+        self._scene = None  # release the old one first; both together may not fit
+        start = perf_counter()
+        self._scene = self._build_scene()
+        self.build_time_s = perf_counter() - start
+
+    def trace(self, offset: tuple[float, float] = _PIXEL_CENTRE, out: Hits | None = None) -> Hits:
+        """Trace one frame through sub-pixel position `offset`; see the class for what is inside the call.
+
+        out: accepted as other tracers do, and left alone. Peers answer with arrays of their own, which the result
+        holds without a copy.
+        Raises InputError for an offset outside the pixel, EmbreeError when the tracer is not built or already closed.
+        """
+        check_offset(offset)
+        with self._lock:
+            self._check_open()
+            if self._scene is None:
+                raise EmbreeError("this tracer is not built yet; use it in a `with` block or call build() first")
+            if self._rays_offset != tuple(offset):
+                self._prepare_rays(offset)
+            depth, prim_id = self._cast(self._scene, self._rays)
+        shape = (self.camera.height, self.camera.width)
+        return Hits(depth.reshape(shape), prim_id.reshape(shape), offset, self.mesh, self.camera)
+
+    def _prepare_rays(self, offset: tuple[float, float]) -> None:
+        camera = self.camera
+        # Summed in float32 as the kernels of atra do, so that the rays are the same bit by bit.
+        column_rays, row_rays = image_ray_grid(camera, offset)
+        directions = column_rays[:, None, :] + row_rays[:, :, None]
+        # A peer sees the mesh in the world's axes; ray space has the camera's where the view is narrow.
+        to_ray_space = from_eye_space(camera)
+        if not np.array_equal(to_ray_space, np.eye(3)):
+            directions = np.tensordot(to_ray_space.T, directions, 1).astype(np.float32)
+        self._rays = self._make_rays(directions)
+        self._rays_offset = (float(offset[0]), float(offset[1]))
+
+    def _check_open(self) -> None:
+        if self._closed:
+            raise EmbreeError("this tracer is closed; make a new one")
+
+    def close(self) -> None:
+        """Release scene and rays; waits for a frame in progress. Closing twice is harmless."""
+        with self._lock:
+            self._closed = True
+            self._scene = self._rays = self._rays_offset = None
+
+    def _prepare(self) -> None:
+        self.plan()
+        self.build()
+
+
+def interleaved(directions: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Directions (3, H, W) as (H W, 3), contiguous."""
+    return np.ascontiguousarray(directions.reshape(3, -1).T)

@@ -1,0 +1,80 @@
+"""The peer `trimesh`: `mesh.ray.intersects_first`, which runs on embreex."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from atra.kernels.caching import keep_on_disk
+from experiments.methods.blocks import Answer, BlockwiseTracer, RayArrays
+
+
+@dataclass(frozen=True, eq=False)
+class _Planes:
+    """normals: (F, 3) float64 of any length. distances: (F,) float64, of each plane from the eye, times that length."""
+
+    normals: NDArray[np.float64]
+    distances: NDArray[np.float64]
+
+
+class TrimeshTracer(BlockwiseTracer):
+    """`mesh.ray.intersects_first(origins, directions)`: copies, scales and normalises the rays and runs embreex.
+
+    Inside `trace`: that call, which returns triangles without depth, and one compiled pass that computes the depth
+    from planes prepared in `plan`; trimesh's own function that returns locations takes longer. The BVH is built by
+    every core. Normalising goes through numpy's BLAS, which uses every core whatever `threads` says, unless
+    OPENBLAS_NUM_THREADS was set before numpy was imported.
+    """
+
+    _planes: _Planes
+
+    def plan(self) -> None:
+        """Make the rays through the pixel centres and the planes of the triangles."""
+        super().plan()
+        start = perf_counter()
+        corners = self.mesh.triangles(np.arange(self.mesh.triangle_count)) - self.camera.eye
+        normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        self._planes = _Planes(normals, np.einsum("ij,ij->i", normals, corners[:, 0]))
+        self.plan_time_s += perf_counter() - start
+        nowhere = np.zeros((1, 3), np.float32)
+        self._plane_depths(np.zeros(1, np.int32), nowhere)  # compiled before the first frame, off the clock
+
+    def _build_scene(self) -> Any:
+        import trimesh  # slow to import
+
+        mesh = trimesh.Trimesh(self.mesh.vertices, self.mesh.faces.astype(np.int64), process=False, validate=False)
+        nowhere = np.zeros((1, 3), np.float32)
+        mesh.ray.intersects_first(nowhere, nowhere + 1)  # builds the BVH, which waits for the first query
+        return mesh.ray
+
+    def _cast(self, scene: Any, rays: RayArrays) -> Answer:
+        def cast(block: RayArrays) -> Answer:
+            prim_id = scene.intersects_first(block.origins, block.directions).astype(np.int32, copy=False)
+            return self._plane_depths(prim_id, block.directions), prim_id.view(np.uint32)  # -1 is a miss, that is MISS
+
+        return self._in_blocks(cast, rays)
+
+    def _plane_depths(self, prim_id: NDArray[np.int32], directions: NDArray[np.float32]) -> NDArray[np.float32]:
+        return _plane_depths(prim_id, directions, self._planes.normals, self._planes.distances)
+
+
+@keep_on_disk
+@njit(nogil=True, error_model="numpy")
+def _plane_depths(prim_id, directions, normals, distances):  # type: ignore[no-untyped-def]
+    """(N,) float32 ray parameters where rays from the eye meet the planes of their triangles, inf for prim_id -1."""
+    depth = np.empty(len(prim_id), np.float32)
+    for i in range(len(prim_id)):
+        face = prim_id[i]
+        if face < 0:
+            depth[i] = np.inf
+        else:
+            slope = 0.0
+            for axis in range(3):
+                slope += normals[face, axis] * directions[i, axis]
+            depth[i] = distances[face] / slope
+    return depth

@@ -1,0 +1,1 @@
+"""Table, statistics, claims and the terminal."""

@@ -1,0 +1,211 @@
+"""Table -> the numbers a claim asks for, scene by scene; whatever is missing is refused with its reason."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import pandas as pd
+
+from experiments.results.estimates import Estimate
+
+PAPER_SCENES = {"cornell_box": 1_112, "mitsuba": 61_600, "fireplace_room": 143_173, "sponza": 262_267}
+"""The paper's scenes with the triangles it reports, smallest first."""
+
+PAPER_SIZE = (1024, 1024)
+
+SPLITS = tuple(2**power for power in range(11))
+"""Splits of one axis in the paper's figures 5 to 7."""
+
+_SETTINGS = ("width", "height", "threads", "build_quality")
+# A copy of a scene from another source may have lost degenerate triangles; a different model differs by far more.
+_TRIANGLES_TOLERANCE = 1e-3
+USED_COLUMNS: tuple[str, ...] = (
+    (
+        "scene",
+        "stands_for",
+        "triangles",
+        "triangles_traced",
+        "quantity",
+        "method",
+        "geometry",
+        "culling",
+        "packet_width",
+    )
+    + ("split_x", "split_y", *_SETTINGS, "status", "error", "cpu", "speedup", "speedup_low", "speedup_high")
+    + ("speedup_vs_packets", "speedup_vs_packets_low", "speedup_vs_packets_high", "plan_time_s")
+    + ("build_time_s", "build_time_low_s", "build_time_high_s", "embree_bytes", "rss_mesh_bytes", "rss_bytes")
+    + ("pixels_tied", "pixels_edge", "pixels_wrong", "depth_error_max", "baseline_depth_error_max", "frames")
+)
+
+
+class NotMeasuredError(Exception):
+    """The table cannot answer; the text says why."""
+
+
+Row = Mapping[str, Any]
+"""One row of the table; a missing value is None."""
+
+
+@dataclass(frozen=True)
+class SceneRows:
+    """What the table holds of one of the paper's scenes.
+
+    paper_scene: its name in the paper; scene: the name of what was measured; stand_in: it is not the scene itself.
+    rows: all its rows, whatever their status. points: the same by quantity, split_x, split_y, geometry and culling,
+    aligned rays only.
+    """
+
+    paper_scene: str
+    scene: str
+    stand_in: bool
+    rows: tuple[Row, ...]
+    points: Mapping[tuple[Any, ...], list[Row]]
+
+    @property
+    def widest_packets(self) -> int:
+        """Rays of the widest packets among the timed points, 1 if there are none."""
+        return max((int(row["packet_width"] or 1) for row in self.rows if row["quantity"] == "time"), default=1)
+
+    def row(
+        self,
+        quantity: str,
+        split: tuple[int, int],
+        *,
+        culling: bool,
+        geometry: str = "copied",
+        packet_width: int | None = None,
+    ) -> Row:
+        """The one measured row of an aligned point; packet_width None = the only one there is.
+
+        Raises NotMeasuredError, with the reason, when there is none or more than one.
+        """
+        rows = self.points.get((quantity, *split, geometry, culling), [])
+        if packet_width is not None:
+            rows = [row for row in rows if row["packet_width"] == packet_width]
+        measured = [row for row in rows if row["status"] == "ok"]
+        if len(measured) == 1:
+            return measured[0]
+        name = f"{quantity} of {geometry} geometry at {split[0]:,} x {split[1]:,}, culling {'on' if culling else 'off'}"
+        if packet_width is not None:
+            name += f", packet width {packet_width}"
+        if len(measured) > 1:
+            raise NotMeasuredError(f"{name}: {len(measured)} rows, expected one")
+        if rows:
+            reason = str(rows[0]["error"]).partition(";")[0]  # what follows is advice
+            raise NotMeasuredError(f"{name}: {rows[0]['status']}, {reason}")
+        raise NotMeasuredError(f"{name}: not in the table")
+
+    def speedup(
+        self,
+        split: tuple[int, int],
+        *,
+        culling: bool,
+        packet_width: int = 1,
+        geometry: str = "copied",
+        column: str = "speedup",
+    ) -> Estimate:
+        """A point's speed-up. The speed-ups of two points are compared rather than their times: each was paired with
+        the same baseline in its own rounds, so the slow moments of a machine cancel."""
+        row = self.row("time", split, culling=culling, packet_width=packet_width, geometry=geometry)
+        return read_estimate(row, column, f"{column}_low", f"{column}_high")
+
+    def speedups(
+        self, *, culling: bool, packet_width: int = 1, geometry: str = "copied", column: str = "speedup"
+    ) -> tuple[dict[int, Estimate], dict[int, str]]:
+        """Over horizontal splits 1 ... 1,024: the speed-ups that were measured, and why the others were not."""
+        found: dict[int, Estimate] = {}
+        missing: dict[int, str] = {}
+        for split in SPLITS:
+            try:
+                found[split] = self.speedup(
+                    (split, 1), culling=culling, packet_width=packet_width, geometry=geometry, column=column
+                )
+            except NotMeasuredError as error:
+                missing[split] = str(error)
+        return found, missing
+
+
+def collect_scenes(table: pd.DataFrame | None) -> dict[str, SceneRows]:
+    """The rows of each of the paper's scenes that was measured, by its name in the paper and in the paper's order.
+
+    Where both a scene and its stand-in are in the table, the stand-in is left out. Scenes of other names are no
+    concern of the paper's.
+    Raises NotMeasuredError for an empty table, for rows from several processors and for rows of one quantity that
+    differ in image size, threads or build quality.
+    """
+    if table is None or table.empty:
+        raise NotMeasuredError("the table is empty")
+    rows = [row for row in _rows(table) if row["frames"] in (None, 1)]  # the paper's figures are of single frames
+    measured = [row for row in rows if row["status"] == "ok"]
+    if not measured:
+        raise NotMeasuredError("no row of the table was measured")
+    cpus = sorted({str(row["cpu"]) for row in measured if row["cpu"] is not None})
+    if len(cpus) > 1:
+        raise NotMeasuredError(f"rows from several machines do not compare: cpu is {' and '.join(cpus)}")
+    scenes = {}
+    for name in PAPER_SCENES:
+        of_scene = [row for row in rows if _is_paper_scene(row, name)]
+        if not any(row["status"] == "ok" for row in of_scene):
+            of_scene = [row for row in rows if row["stands_for"] == name]
+        if of_scene:
+            scenes[name] = _index(name, of_scene)
+    _check_settings(scenes)
+    return scenes
+
+
+def _rows(table: pd.DataFrame) -> list[Row]:
+    """A column that is not there and a value that is missing mean the same: not measured."""
+    columns = []
+    for name in USED_COLUMNS:
+        column = table[name] if name in table.columns else pd.Series(pd.NA, index=table.index)
+        missing = column.isna().tolist()
+        columns.append([None if gone else value for value, gone in zip(column.tolist(), missing, strict=True)])
+    return [dict(zip(USED_COLUMNS, values, strict=True)) for values in zip(*columns, strict=True)]
+
+
+def _is_paper_scene(row: Row, name: str) -> bool:
+    if row["scene"] != name or row["triangles"] is None:
+        return False
+    return bool(abs(row["triangles"] - PAPER_SCENES[name]) <= _TRIANGLES_TOLERANCE * PAPER_SCENES[name])
+
+
+def _index(name: str, rows: Sequence[Row]) -> SceneRows:
+    points: dict[tuple[Any, ...], list[Row]] = {}
+    for row in rows:
+        if row["method"] == "aligned":
+            key = tuple(row[field] for field in ("quantity", "split_x", "split_y", "geometry", "culling"))
+            points.setdefault(key, []).append(row)
+    return SceneRows(name, str(rows[0]["scene"]), rows[0]["stands_for"] is not None, tuple(rows), points)
+
+
+def read_estimate(row: Row, name: str, low: str, high: str) -> Estimate:
+    """A value of `row` with its interval. Raises NotMeasuredError when one is missing or not a positive number."""
+    numbers = [read_number(row, column) for column in (name, low, high)]
+    if min(numbers) <= 0:
+        raise NotMeasuredError(f"{name} is {numbers[0]} with interval {numbers[1:]}, expected positive numbers")
+    try:
+        return Estimate(*numbers)
+    except ValueError as error:
+        raise NotMeasuredError(f"{name}: {error}") from None
+
+
+def read_number(row: Row, name: str) -> float:
+    """Raises NotMeasuredError when the value is missing or not finite."""
+    value = row[name]
+    if value is None or not math.isfinite(value):
+        raise NotMeasuredError(f"{name} is missing at {row['split_x']:,} x {row['split_y']:,}")
+    return float(value)
+
+
+def _check_settings(scenes: Mapping[str, SceneRows]) -> None:
+    measured = [row for scene in scenes.values() for row in scene.rows if row["status"] == "ok"]
+    # Pictures are compared with nothing, so they alone may be of any size.
+    for quantity in ("time", "build", "memory"):
+        for name in _SETTINGS:
+            values = {row[name] for row in measured if row["quantity"] == quantity and row[name] is not None}
+            if len(values) > 1:
+                named = " and ".join(sorted(str(value) for value in values))
+                raise NotMeasuredError(f"{quantity} rows do not compare: {name} is {named}")

@@ -1,0 +1,76 @@
+"""Claims -> findings -> files."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import pandas as pd
+
+from atra.files import write_atomically
+from experiments.results.judging import Judge
+
+
+@dataclass(frozen=True)
+class Claim:
+    """One statement of the paper.
+
+    section: where in the paper. text: in our own words. paper_value: what the paper reports.
+    how: how our value and the verdict are computed from the table.
+    judge: table -> Judgement; raises nothing for rows, columns or scenes that are missing.
+    """
+
+    id: str
+    section: str
+    text: str
+    paper_value: str
+    how: str
+    judge: Judge
+
+
+@dataclass(frozen=True)
+class Finding:
+    """A claim and what became of it: plain values, one row of `claims.csv`.
+
+    verdict: one of `judging.VERDICTS`. value: ours, "" where there is none. interval: 95 % confidence. why: one line
+    where it does not hold.
+    """
+
+    id: str
+    section: str
+    text: str
+    paper_value: str
+    how: str
+    verdict: str
+    value: str
+    interval: str | None
+    why: str | None
+
+
+def judge_claim(claim: Claim, table: pd.DataFrame | None) -> Finding:
+    """What the table says of `claim`; without rows, that it was not measured."""
+    judgement = claim.judge(table)
+    text = claim.text
+    if judgement.stand_ins:
+        text += f" (Judged on stand-ins: {', '.join(judgement.stand_ins)}.)"
+    return Finding(
+        id=claim.id,
+        section=claim.section,
+        text=text,
+        paper_value=claim.paper_value,
+        how=claim.how,
+        verdict=judgement.verdict,
+        value=judgement.value,
+        interval=judgement.interval,
+        why=judgement.why,
+    )
+
+
+def write_claims(folder: Path, findings: Sequence[Finding]) -> None:
+    """Write `claims.json` and `claims.csv` into `folder`; a missing interval or reason is null, in CSV empty."""
+    rows = [asdict(finding) for finding in findings]
+    write_atomically(folder / "claims.json", (json.dumps(rows, indent=1, ensure_ascii=False) + "\n").encode())
+    names = list(Finding.__dataclass_fields__)
+    write_atomically(folder / "claims.csv", pd.DataFrame(rows, columns=names).to_csv(index=False).encode())

@@ -1,0 +1,112 @@
+"""What a sweep leaves in its folder: table, figures and, if asked for, claims and the HTML report."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from atra.errors import InputError
+from atra.files import write_atomically
+from experiments.harness.configuration import Configuration, records_folder, results_folder
+from experiments.harness.lock import exclusive
+from experiments.harness.records import load_record
+from experiments.report import ReportContents, ReportFigure, write_report
+from experiments.report import ScenePictures as ReportPictures
+from experiments.results.figures import draw_figures, write_figure
+from experiments.results.findings import write_claims
+from experiments.results.table import check_one_environment, make_table, read_table, write_table
+from experiments.workloads.agreement.agreement import write_agreement
+from experiments.workloads.paper_claims import judge_claims
+from experiments.workloads.picture.pictures import ScenePictures, read_pictures
+from scenes.manifest import picture_restriction
+
+_COMMAND_FILE = "command.txt"
+"""Keeps what the user ran, for a report written later."""
+
+
+def write_results(folder: Path, records: Path, table: pd.DataFrame, *, command: str, report: bool) -> None:
+    """Write table, figures and, for `report`, claims and page into `folder`. records: the folder of the records."""
+    write_table(folder, table)
+    write_atomically(folder / _COMMAND_FILE, f"{command}\n".encode())
+    _write_what_follows(folder, records, table, command=command, report=report)
+
+
+def rewrite_report(configuration: Configuration) -> Path:
+    """`python run.py report`: figures, claims and page of a sweep anew, from its table and records; measures nothing.
+
+    Without a table every claim is "not measured". Returns the page. Raises InputError if no such sweep was run, if the
+    folder is in use, or if its points are of two machines or versions, and RecordError if one of its records cannot be
+    used: nothing can be measured again here.
+    """
+    folder = results_folder(configuration)
+    if not folder.is_dir():
+        name = configuration.sweep.name
+        raise InputError(f"{folder} does not exist, so there is nothing to report; run sweep={name} first")
+    with exclusive(folder.parent, folder):
+        table = read_table(folder)
+        command_file = folder / _COMMAND_FILE
+        command = command_file.read_text(encoding="utf-8").strip() if command_file.exists() else ""
+        table = make_table([]) if table is None else table
+        return _write_what_follows(folder, records_folder(configuration), table, command=command, report=True)
+
+
+def _write_what_follows(folder: Path, records: Path, table: pd.DataFrame, *, command: str, report: bool) -> Path:
+    """Figures, claims and page, all from the table and the records."""
+    environment = _environment(table, records)
+    pictures = read_pictures(table, records)
+    figures = list(draw_figures(table, pictures))
+    for figure in figures:
+        write_figure(folder, figure)
+    write_agreement(folder, records, table)
+    page = folder / "report.html"
+    if report:
+        claims = judge_claims(table)
+        write_claims(folder, claims)
+        contents = ReportContents(
+            title=f"atra: {folder.name}",
+            command=command,
+            table=table,
+            # The pictures have a section of their own, and some must not be passed on.
+            figures=tuple(
+                ReportFigure(figure.name, figure.caption, figure.svg, figure.grids, figure.packet_width)
+                for figure in figures
+                if figure.name != "figure3"
+            ),
+            pictures=tuple(_for_report(one) for one in pictures),
+            claims=claims,
+            environment=environment,
+        )
+        write_report(folder, contents)
+    return page
+
+
+def _for_report(pictures: ScenePictures) -> ReportPictures:
+    """A report is made to be passed on; a picture whose licence forbids that stays out of it."""
+    return ReportPictures(
+        scene=pictures.scene,
+        title=f"{pictures.scene} ({pictures.triangles:,} triangles)",
+        aligned=pictures.aligned,
+        pixel=pictures.pixel,
+        difference=pictures.difference,
+        pixels_equal=pictures.pixels_equal,
+        pixels_tied=pictures.pixels_tied,
+        pixels_edge=pictures.pixels_edge,
+        pixels_wrong=pictures.pixels_wrong,
+        withheld=picture_restriction(pictures.scene),
+        stands_for=pictures.stands_for,
+    )
+
+
+def _environment(table: pd.DataFrame, records: Path) -> dict[str, Any]:
+    """The one machine and software of all points of the table; empty without records.
+
+    Raises InputError if there are two, and RecordError for a record that cannot be used.
+    """
+    cpus = sorted(set(table["cpu"].dropna()))
+    if len(cpus) > 1:
+        raise InputError(f"the table holds points of {' and of '.join(cpus)}; run the sweep again on one machine")
+    found = [record for name in table["point_id"] if (record := load_record(records, name)) is not None]
+    check_one_environment(found)
+    return found[0].environment if found else {}

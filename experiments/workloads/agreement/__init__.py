@@ -1,0 +1,1 @@
+"""Who is wrong where a method and single rays differ."""

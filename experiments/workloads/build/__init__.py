@@ -1,0 +1,1 @@
+"""Time to plan and to build the BVH."""

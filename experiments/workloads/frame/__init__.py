@@ -1,0 +1,1 @@
+"""Time of a frame, beside single rays and packets."""

@@ -1,0 +1,85 @@
+"""Every method at its best split: time per frame against both baselines."""
+
+from __future__ import annotations
+
+from math import nan
+
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from experiments.drawing.figure_parts import (
+    MILLISECONDS,
+    TIME_BASELINES,
+    add_legend,
+    column,
+    make_figure,
+    make_panels,
+    numbers,
+    set_panel_title,
+)
+from experiments.drawing.method_parts import (
+    BEST_OF,
+    Bar,
+    draw_bars,
+    draw_upright_baselines,
+    finish_bar_axes,
+    say_number,
+    say_ratio,
+    say_series,
+    say_split,
+    say_unmeasured,
+    series_of,
+    style_of,
+    write_foot,
+    write_notes,
+)
+from experiments.methods.peers import PEERS
+from experiments.workloads.frame.price import BASELINE_METHOD, best_rows, time_rows
+
+
+def draw_methods_figure(table: pd.DataFrame, heading: str = "") -> Figure:
+    """One panel a scene (and a value of any other setting that varies); milliseconds from zero.
+
+    A bar is a method and packet width at the split with the largest ratio to packets, its whisker reaches from the
+    lower to the upper quartile over rounds. Single rays and the fastest packets per pixel, measured again with every
+    point, are the two lines: the median over all points, with a band from lower to upper quartile. Peers are left out.
+    """
+    rows = time_rows(table)
+    rows = rows[~rows["method"].isin(PEERS)]
+    panels = make_panels(rows, (*BEST_OF, "packet_width"))
+    figure, axes = make_figure(len(panels), panel_height=3.3)
+    for axis, panel in zip(axes, panels, strict=True):
+        set_panel_title(axis, panel.title, panel.stands_for)
+        _draw_panel(axis, panel.rows)
+    add_legend(figure, axes, list(TIME_BASELINES), heading)
+    write_foot(figure, rows, "beside a bar: packets / method, [95 % interval of the median]")
+    return figure
+
+
+def _draw_panel(axis: Axes, rows: pd.DataFrame) -> None:
+    bars, notes = [], []
+    lines = {1, None, *column(rows, "packets_width").dropna()}
+    for method, width, points in series_of(rows):
+        name = say_series(method, width)
+        notes += say_unmeasured(points, name)
+        if method != BASELINE_METHOD or width not in lines:
+            bars.append(_make_bar(points, name, style_of(method, width)["color"], faint=width == 1))
+    draw_bars(axis, bars)
+    furthest = draw_upright_baselines(axis, rows, MILLISECONDS)
+    finish_bar_axes(axis, bars, "time per frame in ms", furthest)
+    write_notes(axis, notes)
+
+
+def _make_bar(points: pd.DataFrame, name: str, color: str, faint: bool) -> Bar:
+    best = best_rows(points)
+    if len(best) == 0:
+        status = [str(status) for status in points["status"].dropna().unique() if status != "ok"]
+        return Bar(name, nan, nan, nan, color, " and ".join(status) or "not measured")
+    row = best.iloc[0]
+    time_ms, q1_ms, q3_ms = (
+        float(numbers(best, name)[0] * MILLISECONDS)
+        for name in ("render_time_s", "render_time_q1_s", "render_time_q3_s")
+    )
+    label = "\n".join(filter(None, [name, say_split(row)]))
+    return Bar(label, time_ms, q1_ms, q3_ms, color, f"{say_number(time_ms)} ms,  {say_ratio(row)}", faint)

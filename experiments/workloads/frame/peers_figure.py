@@ -1,0 +1,95 @@
+"""Our methods beside other people's ray tracers: millions of rays a second, the fastest first."""
+
+from __future__ import annotations
+
+from math import isfinite
+from textwrap import fill
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from experiments.drawing.figure_parts import (
+    make_figure,
+    make_panels,
+    numbers,
+    set_panel_title,
+)
+from experiments.drawing.method_parts import (
+    BEST_OF,
+    Bar,
+    draw_bars,
+    finish_bar_axes,
+    say_number,
+    say_ratio,
+    say_series,
+    say_split,
+    say_unmeasured,
+    series_of,
+    style_of,
+    write_foot,
+)
+from experiments.workloads.frame.price import best_rows, time_rows
+
+
+def draw_peers_figure(table: pd.DataFrame, heading: str = "") -> Figure:
+    """One panel a scene (and a value of any other setting that varies); Mray/s from zero.
+
+    A bar is a method or a peer, ours at the split with the largest ratio to packets; its whisker reaches from quartile
+    to quartile over rounds. What was not measured is listed below all panels with its reason.
+    """
+    rows = time_rows(table)
+    panels = [panel for panel in make_panels(rows, (*BEST_OF, "packet_width")) if len(best_rows(panel.rows))]
+    tallest = max((len(_make_bars(panel.rows)) for panel in panels), default=0)
+    figure, axes = make_figure(len(panels), panel_height=max(2.6, 1.2 + 0.36 * tallest))
+    for axis, panel in zip(axes, panels, strict=True):
+        set_panel_title(axis, panel.title, panel.stands_for)
+        _draw_panel(axis, panel.rows)
+    figure.suptitle(heading, fontsize=12)
+    mark = "beside a bar: packets / this, [95 % interval of the median]"
+    write_foot(figure, rows, mark, *_say_missing(rows, 150 if figure.get_figwidth() > 8 else 95))
+    return figure
+
+
+def rays_per_s(rows: pd.DataFrame, name: str = "render_time_s") -> NDArray[np.float64]:
+    """(N,) float64 Mray/s: pixels over the time in the column, NaN where missing."""
+    pixels = numbers(rows, "width") * numbers(rows, "height")
+    with np.errstate(divide="ignore"):
+        return pixels / numbers(rows, name) / 1e6
+
+
+def _draw_panel(axis: Axes, rows: pd.DataFrame) -> None:
+    bars = _make_bars(rows)
+    draw_bars(axis, bars)
+    finish_bar_axes(axis, bars, "million rays a second")
+
+
+def _make_bars(rows: pd.DataFrame) -> list[Bar]:
+    bars = []
+    for method, width, points in series_of(rows):
+        best = best_rows(points)
+        if len(best) == 0:
+            continue
+        row = best.iloc[0]
+        # The longer time is the lower rate.
+        value, low, high = (
+            float(rays_per_s(best, name)[0]) for name in ("render_time_s", "render_time_q3_s", "render_time_q1_s")
+        )
+        label = ", ".join(filter(None, [say_series(method, width), say_split(row)]))
+        text = f"{say_number(value)},  {say_ratio(row)}"
+        bars.append(Bar(label, value, low, high, style_of(method, width)["color"], text, faint=width == 1))
+    return sorted(bars, key=lambda bar: bar.value if isfinite(bar.value) else 0.0, reverse=True)
+
+
+def _say_missing(rows: pd.DataFrame, width: int) -> list[str]:
+    """Lines on what was not measured; a reason that holds for every scene is said once, without their names."""
+    scenes: dict[str, list[str]] = {}
+    for scene in rows["scene"].unique():
+        for method, packet_width, points in series_of(rows[rows["scene"] == scene]):
+            for line in say_unmeasured(points, say_series(method, packet_width), whole=True):
+                scenes.setdefault(line, []).append(str(scene))
+    every = rows["scene"].nunique()
+    lines = [line if len(names) == every else f"{line} ({', '.join(names)})" for line, names in scenes.items()]
+    return [fill(line, width) for line in lines]

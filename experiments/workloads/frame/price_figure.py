@@ -1,0 +1,181 @@
+"""What every method costs from the first frame to the thousandth, and from which frame on it is ahead of packets."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter
+
+from experiments.drawing.figure_parts import (
+    BLACK,
+    DOTTED,
+    GREEN,
+    GREY,
+    MILLISECONDS,
+    TIMES,
+    add_legend,
+    make_figure,
+    make_panels,
+    say_nothing_measured,
+    set_panel_title,
+    tidy_axis,
+)
+from experiments.drawing.method_parts import (
+    BEST_OF,
+    OWN_METHODS,
+    say_number,
+    say_series,
+    say_split,
+    say_unmeasured,
+    series_of,
+    style_of,
+    write_foot,
+    write_notes,
+)
+from experiments.workloads.frame.price import (
+    BASELINE_METHOD,
+    Price,
+    baseline_price,
+    best_rows,
+    break_even_frames,
+    cumulative_time_s,
+    price_of,
+    time_rows,
+)
+
+LAST_FRAME = 1000
+
+_BASELINE = "fastest packets per pixel"
+# Heading of a column of the note below a panel -> where it starts, as a fraction of the panel's width.
+_COLUMNS = {"": 0.0, "plan": 0.36, "build": 0.465, "first": 0.57, "further": 0.675, "bytes": 0.79, "ahead from": 0.9}
+_LINE_POINTS = 11.5
+
+
+def draw_price_figure(table: pd.DataFrame, heading: str = "") -> Figure:
+    """One panel a scene (and a value of any other setting that varies); seconds over frames.
+
+    Both axes are logarithmic. A line is a method at the split and packet width with the largest ratio to packets: plan,
+    build and first frame, then its median frame again and again. A ring marks the frame from which on it is ahead of
+    packets per pixel. Below each panel stand the parts of the price.
+    """
+    rows = time_rows(table)
+    rows = rows[rows["method"].isin([*OWN_METHODS, BASELINE_METHOD])]
+    panels = make_panels(rows, (*BEST_OF, "packet_width"))
+    figure, axes = make_figure(len(panels), panel_height=4.7)
+    # The lines below a panel would touch the next one's title.
+    figure.set_layout_engine("constrained", h_pad=0.12)
+    for axis, panel in zip(axes, panels, strict=True):
+        set_panel_title(axis, panel.title, panel.stands_for)
+        _draw_panel(axis, panel.rows)
+    add_legend(figure, axes, [*(say_series(method, None) for method in OWN_METHODS), _BASELINE], heading)
+    write_foot(figure, rows, f"ring: ahead of {_BASELINE} from this frame on; bytes: Embree's, over those of packets")
+    return figure
+
+
+def _draw_panel(axis: Axes, rows: pd.DataFrame) -> None:
+    notes: list[str] = []
+    baseline = baseline_price(rows)
+    entries: list[tuple[str, str, dict[str, Any], Price]] = []
+    for method in OWN_METHODS:
+        points = rows[rows["method"].eq(method).fillna(False).astype(bool)]
+        for _, width, of_width in series_of(points):
+            notes += say_unmeasured(of_width, say_series(method, width))
+        row = _best_of_all(points)
+        price = price_of(row) if row is not None else None
+        if row is None or price is None:
+            if points["status"].eq("ok").any():
+                notes.append(f"{TIMES} {say_series(method, None)}: plan, build or first frame not measured")
+            continue
+        width = None if pd.isna(row["packet_width"]) else int(row["packet_width"])
+        name = ", ".join(filter(None, [say_series(method, width), say_split(row)]))
+        entries.append((say_series(method, None), name, style_of(method, None), price))
+    if baseline is None:
+        notes.append(f"{TIMES} {_BASELINE}: not measured in full, so no break-even")
+    else:
+        entries.append((_BASELINE, _BASELINE, {"color": GREEN}, baseline))
+    _draw_lines(axis, entries, baseline)
+    _write_parts(axis, entries, baseline)
+    # Below the axis' own label, the table's heading and its lines.
+    write_notes(axis, notes, drop=40 + _LINE_POINTS * (len(entries) + 1))
+
+
+def _best_of_all(points: pd.DataFrame) -> pd.Series | None:
+    """The best split at the best packet width."""
+    best = best_rows(points)
+    if len(best) == 0:
+        return None
+    return best.iloc[int(np.argmax(best["speedup_vs_packets"].to_numpy(np.float64)))]
+
+
+def _draw_lines(axis: Axes, entries: list[tuple[str, str, dict[str, Any], Price]], baseline: Price | None) -> None:
+    frames = np.unique(np.geomspace(1, LAST_FRAME, 200).round().astype(np.int64))
+    axis.set_xscale("log")
+    axis.set_yscale("log")
+    rings = []
+    for label, _, style, price in entries:
+        line = {"color": style["color"], "linestyle": DOTTED if price is baseline else "-"}
+        axis.plot(frames, cumulative_time_s(price, frames), linewidth=1.6, label=label, zorder=3, **line)
+        even = None if baseline is None or price is baseline else break_even_frames(price, baseline)
+        if even is not None and even <= LAST_FRAME:
+            rings.append((even, float(cumulative_time_s(price, np.array([even]))[0]), style["color"]))
+    if entries:
+        low, high = axis.get_ylim()
+        axis.set_ylim(low / 4, high)
+    for place, (even, time_s, color) in enumerate(sorted(rings)):
+        axis.plot([even, even], [axis.get_ylim()[0], time_s], color=color, linewidth=1, linestyle=(0, (1, 2)), zorder=2)
+        axis.plot(
+            [even], [time_s], "o", color=color, markerfacecolor="white", markersize=8, markeredgewidth=1.8, zorder=5,
+            label="_ring",
+        )  # fmt: skip
+        # Break-evens lie close together: each number has its own height.
+        axis.annotate(
+            f"frame {even:,}", (even, 0.03 + 0.055 * place), xycoords=("data", "axes fraction"), xytext=(3, 0),
+            textcoords="offset points", fontsize=8.5, fontweight="bold", color=color, zorder=6,
+        )  # fmt: skip
+    axis.set_xlim(0.9, LAST_FRAME * 1.05)
+    for one in (axis.xaxis, axis.yaxis):
+        one.set_major_formatter(FuncFormatter(lambda value, _: f"{value:,.10g}"))
+    axis.set_xlabel("frames of one view")
+    axis.set_ylabel("time in s, plan and build included")
+    tidy_axis(axis)
+    if not entries:
+        axis.set_yticks([])
+        say_nothing_measured(axis)
+
+
+def _write_parts(axis: Axes, entries: list[tuple[str, str, dict[str, Any], Price]], baseline: Price | None) -> None:
+    """The parts of every price below the panel: times in ms, bytes over the baseline's, the break-even."""
+    if not entries:
+        return
+    lines = [(GREY, dict(zip(_COLUMNS, ["times in ms", *list(_COLUMNS)[1:]], strict=True)))]
+    for _, name, style, price in entries:
+        times = (price.plan_time_s, price.build_time_s, price.first_frame_time_s, price.frame_time_s)
+        cells = [name, *(_ms(time_s) for time_s in times), _say_bytes(price, baseline), _say_even(price, baseline)]
+        lines.append((style["color"], dict(zip(_COLUMNS, cells, strict=True))))
+    for place, (color, words) in enumerate(lines):
+        for column, text in words.items():
+            axis.annotate(
+                text, (_COLUMNS[column], 0), xytext=(0, -36 - _LINE_POINTS * place), xycoords="axes fraction",
+                textcoords="offset points", ha="left", va="top", fontsize=8, color=color if place else BLACK,
+            )  # fmt: skip
+
+
+def _say_bytes(price: Price, baseline: Price | None) -> str:
+    if baseline is None or not price.embree_bytes or not baseline.embree_bytes:
+        return "-"
+    return f"{price.embree_bytes / baseline.embree_bytes:.2f}{TIMES}"
+
+
+def _say_even(price: Price, baseline: Price | None) -> str:
+    if baseline is None or price is baseline:
+        return "-"
+    even = break_even_frames(price, baseline)
+    return "never" if even is None else f"frame {even:,}"
+
+
+def _ms(time_s: float) -> str:
+    return say_number(time_s * MILLISECONDS)

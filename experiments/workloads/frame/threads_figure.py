@@ -1,0 +1,164 @@
+"""How every method scales with threads: speed-up over its own time on one thread."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, NullFormatter
+from matplotlib.transforms import offset_copy
+from numpy.typing import NDArray
+
+from experiments.drawing.figure_parts import (
+    BLACK,
+    DOTTED,
+    TIMES,
+    add_legend,
+    column,
+    drawable,
+    make_figure,
+    make_panels,
+    numbers,
+    say_nothing_measured,
+    set_panel_title,
+    tidy_axis,
+)
+from experiments.drawing.method_parts import (
+    BEST_OF,
+    say_series,
+    say_split,
+    say_unmeasured,
+    series_of,
+    spread,
+    style_of,
+    write_foot,
+    write_notes,
+)
+from experiments.workloads.frame.price import best_rows, time_rows
+
+_IDEAL = "ideal"
+_SAME = ("split_x", "split_y", "culling", "geometry")
+
+
+@dataclass(frozen=True)
+class Scaling:
+    """Speed-up of one series over itself on one thread; all arrays (N,), threads ascending from 1.
+
+    low and high: the bounds that the quartiles of both times allow. split: the one that was followed, in words.
+    """
+
+    threads: NDArray[np.int64]
+    speedup: NDArray[np.float64]
+    low: NDArray[np.float64]
+    high: NDArray[np.float64]
+    split: str
+
+
+def draw_threads_figure(table: pd.DataFrame, heading: str = "") -> Figure:
+    """One panel a scene (and a value of any other setting that varies); both axes logarithmic.
+
+    Every series follows the split that was best on one thread. A bar reaches from the lower quartile of the time on one
+    thread over the upper quartile on n, to the upper over the lower: the two were not measured in the same rounds.
+    """
+    rows = time_rows(table)
+    panels = make_panels(rows, (*BEST_OF, "packet_width", "threads"))
+    figure, axes = make_figure(len(panels))
+    order = [_IDEAL]
+    for axis, panel in zip(axes, panels, strict=True):
+        set_panel_title(axis, panel.title, panel.stands_for)
+        order += [label for label in _draw_panel(axis, panel.rows) if label not in order]
+    add_legend(figure, axes, [*order[1:], _IDEAL], heading)
+    write_foot(figure, rows, "bars: quartiles of both times combined")
+    return figure
+
+
+def scaling_of(rows: pd.DataFrame) -> Scaling | None:
+    """Scaling of one method and packet width on one scene, or None without a time on one thread."""
+    one = best_rows(rows[rows["threads"].eq(1).fillna(False).astype(bool)])
+    if len(one) == 0:
+        return None
+    chosen = rows[rows["status"].eq("ok") & drawable(numbers(rows, "render_time_s"))]
+    for name in _SAME:
+        value, values = column(one, name).iloc[0], column(chosen, name)
+        same = values.isna() if pd.isna(value) else values.eq(value).fillna(False)
+        chosen = chosen[same.astype(bool)]
+    chosen = chosen[chosen["threads"].notna()].sort_values("threads", kind="stable").drop_duplicates("threads")
+    time_s, q1_s, q3_s = (numbers(chosen, f"render_time{end}_s") for end in ("", "_q1", "_q3"))
+    # One thread over itself is 1 whatever its spread.
+    low, high = q1_s[0] / q3_s, q3_s[0] / q1_s
+    low[0] = high[0] = 1.0
+    return Scaling(chosen["threads"].to_numpy(np.int64), time_s[0] / time_s, low, high, say_split(one.iloc[0]))
+
+
+def _draw_panel(axis: Axes, rows: pd.DataFrame) -> list[str]:
+    """Draw one scene; returns the labels drawn."""
+    drawn, notes = [], []
+    for method, width, points in series_of(rows):
+        name = say_series(method, width)
+        for threads, of_threads in points.groupby("threads", dropna=False, sort=True):
+            where = "every core" if pd.isna(threads) else f"threads {threads}"
+            notes += say_unmeasured(of_threads, f"{name}, {where}")
+        scaling = scaling_of(points)
+        if scaling is None:
+            if points["status"].eq("ok").any():
+                notes.append(f"{TIMES} {name}: nothing to compare with on one thread")
+            continue
+        drawn.append((name, style_of(method, width), scaling))
+    for place, (name, style, scaling) in enumerate(drawn):
+        line = {"color": style["color"], "linestyle": style.get("linestyle", "-")}
+        axis.plot(scaling.threads, scaling.speedup, linewidth=1.2, zorder=2, label="_line", **line)
+        # Series lie close together: marks stand a little beside their place. Lines do not, or they would seem steeper.
+        shift_points = 4.0 * (place - (len(drawn) - 1) / 2)
+        beside = offset_copy(axis.transData, axis.get_figure(root=True), x=shift_points, units="points")
+        axis.vlines(scaling.threads, scaling.low, scaling.high, color=style["color"], linewidth=1.1, transform=beside)
+        axis.plot(
+            scaling.threads, scaling.speedup, markersize=5, label=name, transform=beside, zorder=3,
+            **style | {"linestyle": "none"},
+        )  # fmt: skip
+    _finish(axis, [scaling for _, _, scaling in drawn])
+    _write_last(axis, drawn)
+    write_notes(axis, notes)
+    return [name for name, _, _ in drawn]
+
+
+def _finish(axis: Axes, series: list[Scaling]) -> None:
+    counts = sorted({int(count) for scaling in series for count in scaling.threads}) or [1]
+    values = [value for scaling in series for value in (*scaling.speedup, *scaling.low, *scaling.high)]
+    values = [value for value in values if np.isfinite(value) and value > 0]
+    axis.set_xscale("log", base=2)
+    axis.set_yscale("log", base=2)
+    top = max([1.1, counts[-1], *values])
+    axis.plot([1, counts[-1]], [1, counts[-1]], color=BLACK, linestyle=DOTTED, linewidth=1.2, label=_IDEAL, zorder=4)
+    axis.set_xlim(counts[0] / 1.15, counts[-1] * 1.15)
+    axis.set_ylim(min([1.0, *values]) / 1.06, top * 1.06)
+    axis.set_xticks(counts, [str(count) for count in counts])
+    step = 0.2 if top < 3 else 0.5 if top < 6 else 2
+    ticks = [1.0, *(tick for tick in np.arange(0, top * 1.06, step) if tick > 1)] if top < 12 else counts
+    axis.set_yticks(ticks)
+    for one in (axis.xaxis, axis.yaxis):
+        one.set_minor_formatter(NullFormatter())
+    axis.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.3g}"))
+    axis.minorticks_off()
+    axis.set_xlabel("threads")
+    axis.set_ylabel("speed-up over one thread")
+    tidy_axis(axis)
+    if not series:
+        say_nothing_measured(axis)
+
+
+def _write_last(axis: Axes, drawn: list[tuple[str, dict, Scaling]]) -> None:
+    """The value at each line's end in words, to the right of the panel."""
+    low, high = np.log2(axis.get_ylim())
+    heights = np.array([(np.log2(scaling.speedup[-1]) - low) / (high - low) for _, _, scaling in drawn])
+    places = spread(heights, 0.06)
+    # The title stands above the panel.
+    places -= max(0.0, float(places.max(initial=0)) - 1)
+    for height, (_, style, scaling) in zip(places, drawn, strict=True):
+        bounds = f" [{scaling.low[-1]:.2f}, {scaling.high[-1]:.2f}]" if np.isfinite(scaling.low[-1]) else ""
+        axis.annotate(
+            f"{scaling.speedup[-1]:.2f}{TIMES}{bounds}" + (f"  {scaling.split}" if scaling.split else ""),
+            (1.01, height), xycoords="axes fraction", va="center", fontsize=8, color=style["color"],
+        )  # fmt: skip

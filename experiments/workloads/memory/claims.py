@@ -1,0 +1,137 @@
+"""Claims on build time, memory and the image (the paper's figures 6 and 7, section 4.4), judged scene by scene."""
+
+from __future__ import annotations
+
+from experiments.results.estimates import Estimate, decide_at_most, geometric_mean
+from experiments.results.evidence import SPLITS, NotMeasuredError, Row, SceneRows, read_estimate, read_number
+from experiments.results.judging import Outcome, SceneJudge
+
+LITTLE_EFFECT = 2.0
+"""Build time and memory are little affected up to this multiple of theirs at one split. Our reading: the paper gives
+no number; without culling, 16 splits would cost 16 times as much."""
+
+
+def build_little_affected(most_splits: int) -> SceneJudge:
+    """Whether the BVH build takes at most LITTLE_EFFECT times as long as at one split, for every split up to most."""
+
+    def judge(scene: SceneRows) -> Outcome:
+        ratios: dict[int, Estimate] = {}
+        start = _build(scene, 1)
+        for splits in _up_to(most_splits):
+            ratios[splits] = _time(_build(scene, splits)).over(_time(start))
+        with_plan = _with_plan(_build(scene, most_splits)) / _with_plan(start)
+        worst = max(ratios, key=lambda splits: ratios[splits].value)
+        value = f"{ratios[worst].value:.2f} at {worst} splits; plan and build {with_plan:.2f} at {most_splits}"
+        states = {splits: decide_at_most(ratio, LITTLE_EFFECT) for splits, ratio in ratios.items()}
+        if False in states.values():
+            splits = next(splits for splits, state in states.items() if state is False)
+            return Outcome(False, value, ratios[worst], f"{ratios[splits]} times as long at {splits} splits")
+        if None in states.values():
+            why = f"the interval reaches beyond {LITTLE_EFFECT:g} times"
+            return Outcome(None, value, ratios[worst], why)
+        return Outcome(True, value, ratios[worst])
+
+    return judge
+
+
+def memory_little_affected(most_splits: int) -> SceneJudge:
+    """Whether Embree holds at most LITTLE_EFFECT times its bytes at one split, for every split up to most.
+
+    The growth of the process is told beside it and decides nothing: on a small scene it is a few pages, and the pages
+    a process happens to reuse decide it.
+    """
+
+    def judge(scene: SceneRows) -> Outcome:
+        start = _memory(scene, 1)
+        embree = {splits: _embree(_memory(scene, splits)) / _embree(start) for splits in _up_to(most_splits)}
+        worst = max(embree, key=lambda splits: embree[splits])
+        process = f"process {_growth(start)} to {_growth(_memory(scene, most_splits))} at {most_splits}"
+        value = f"{embree[worst]:.2f} at {worst} splits; {process}"
+        too_much = [
+            f"{ratio:.2f} times at {splits} splits" for splits, ratio in embree.items() if ratio > LITTLE_EFFECT
+        ]
+        return Outcome(not too_much, value, None, too_much[0] if too_much else None)
+
+    return judge
+
+
+def instancing_lowers_memory(scene: SceneRows) -> Outcome:
+    """Embree's bytes with instances over those with copies, culling off for both, at every split measured of both."""
+    bytes_ratios: dict[int, float] = {}
+    speed_ratios: list[Estimate] = []
+    reason = ""
+    for splits in SPLITS[1:]:
+        try:
+            instanced = _embree(_memory(scene, splits, culling=False, geometry="instanced"))
+            bytes_ratios[splits] = instanced / _embree(_memory(scene, splits, culling=False))
+        except NotMeasuredError as error:
+            reason = reason or str(error)
+        try:
+            times = [
+                scene.speedup((splits, 1), culling=False, packet_width=scene.widest_packets, geometry=geometry)
+                for geometry in ("copied", "instanced")
+            ]
+        except NotMeasuredError:
+            continue
+        speed_ratios.append(times[0].over(times[1]))
+    if not bytes_ratios:
+        raise NotMeasuredError(reason)
+    most = max(bytes_ratios)
+    cost = geometric_mean(speed_ratios) if speed_ratios else None
+    price = "frame time not measured" if cost is None else f"frame time x {cost.value:.2f}, mean over splits"
+    value = f"bytes x {bytes_ratios[most]:.3g} at {most:,} splits, {price}"
+    more = [f"bytes x {ratio:.3g} at {splits:,} splits" for splits, ratio in bytes_ratios.items() if ratio >= 1]
+    return Outcome(not more, value, cost, more[0] if more else None)
+
+
+def image_without_error(scene: SceneRows) -> Outcome:
+    """Wrong pixels over all aligned images of the scene that were compared with the per-pixel image."""
+    images = [row for row in scene.rows if row["method"] == "aligned" and row["pixels_wrong"] is not None]
+    if not images:
+        raise NotMeasuredError("no image was compared")
+    wrong, edge, tied = (sum(int(row[f"pixels_{kind}"] or 0) for row in images) for kind in ("wrong", "edge", "tied"))
+    value = f"{wrong:,} wrong, {edge:,} at an edge, {tied:,} tied in {len(images):,} images"
+    depths = [(row["depth_error_max"], row["baseline_depth_error_max"]) for row in images if row["depth_error_max"]]
+    if depths:
+        own, single = (max(errors) for errors in zip(*depths, strict=True))
+        value += f"; depths off by up to {own:.1e}, of single rays {single:.1e}"
+    if wrong == 0:
+        return Outcome(True, value)
+    wrong_in = sum(row["pixels_wrong"] > 0 for row in images)
+    return Outcome(False, value, None, f"{wrong:,} wrong pixels in {wrong_in:,} of {len(images):,} images")
+
+
+def _up_to(most_splits: int) -> list[int]:
+    return [splits for splits in SPLITS if 1 < splits <= most_splits]
+
+
+def _build(scene: SceneRows, splits: int) -> Row:
+    return scene.row("build", (splits, 1), culling=True)
+
+
+def _time(row: Row) -> Estimate:
+    return read_estimate(row, "build_time_s", "build_time_low_s", "build_time_high_s")
+
+
+def _with_plan(row: Row) -> float:
+    return read_number(row, "plan_time_s") + read_number(row, "build_time_s")
+
+
+def _memory(scene: SceneRows, splits: int, *, culling: bool = True, geometry: str = "copied") -> Row:
+    return scene.row("memory", (splits, 1), culling=culling, geometry=geometry)
+
+
+def _embree(row: Row) -> float:
+    count = read_number(row, "embree_bytes")
+    if count <= 0:
+        raise NotMeasuredError(f"embree_bytes is {count:,.0f} at {row['split_x']:,} x {row['split_y']:,}")
+    return count
+
+
+def _growth(row: Row) -> str:
+    """What the process grew by from the loaded mesh to the built BVH, or that it was not measured."""
+    try:
+        growth = read_number(row, "rss_bytes") - read_number(row, "rss_mesh_bytes")
+    except NotMeasuredError:
+        return "not measured"
+    return f"{growth / 2**20:+,.1f} MiB"

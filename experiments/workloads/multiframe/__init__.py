@@ -1,0 +1,1 @@
+"""Several frames from one set of rays."""

@@ -1,0 +1,131 @@
+"""Point of several frames -> the tracer of all of them together, and the tracers of one frame each beside it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from functools import partial
+
+from atra.alignment.alignment import Alignment, Split
+from atra.errors import InputError
+from atra.frames import Frames
+from atra.geometry.camera import Camera
+from atra.geometry.mesh import Mesh
+from atra.geometry.view import View
+from atra.hits import Hits
+from atra.judge.compare import Agreement, compare
+from atra.tracers import FramesTracer, Tracer
+from atra.tracers.base import Prepared
+from experiments.harness.configuration import Method, Motion, Quantity
+from experiments.harness.point import Point
+from experiments.methods.tracing import aligned_options, make_tracer
+from experiments.workloads.multiframe.motion import frames_of
+
+SEPARATE, SEPARATE_VISIBLE = "separate", "visible_first"
+"""Names in the samples of several frames: one aligned tracer a frame, and one visible-first tracer a frame."""
+
+Images = Hits | Frames | list[Hits]
+"""What a tracer of one frame, of all frames at once, and of one frame after the other returns."""
+
+
+class SeparateFrames(Prepared):
+    """One tracer a frame (there may be one frame only), one frame after the other: what the frames of a point's own
+    method are measured against.
+
+    plan_time_s, build_time_s, embree_bytes: sums over the frames.
+    """
+
+    def __init__(self, tracers: Sequence[Tracer]) -> None:
+        self.tracers = tuple(tracers)
+
+    @property
+    def packet_width(self) -> int:
+        return self.tracers[0].packet_width
+
+    @property
+    def build_time_s(self) -> float:
+        return sum(tracer.build_time_s for tracer in self.tracers)
+
+    @property
+    def embree_bytes(self) -> int:
+        return sum(tracer.embree_bytes for tracer in self.tracers)
+
+    def trace(self, out: list[Hits] | None = None) -> list[Hits]:
+        """All frames, in order. out: an earlier result that is no longer needed."""
+        if out is None:
+            return [tracer.trace() for tracer in self.tracers]
+        return [tracer.trace(out=hits) for tracer, hits in zip(self.tracers, out, strict=True)]
+
+    def close(self) -> None:
+        for tracer in self.tracers:
+            tracer.close()
+
+    def _prepare(self) -> None:
+        for tracer in self.tracers:
+            tracer.plan()
+            tracer.build()
+
+
+def check_frames(point: Point) -> None:
+    """Raise InputError for several frames of a method or quantity that knows only one."""
+    if point.frames == 1:
+        return
+    if Method(point.method) is not Method.aligned:
+        raise InputError(
+            f"frames is {point.frames} with method={point.method}, which traces one frame; use method=aligned, which "
+            "is measured beside every other way"
+        )
+    if Quantity(point.quantity) not in (Quantity.time, Quantity.memory):
+        raise InputError(
+            f"frames is {point.frames} with measure.quantity={point.quantity}, expected time or memory: the others are "
+            "of one frame"
+        )
+
+
+def make_own_tracer(
+    point: Point, mesh: Mesh, camera: Camera, split: tuple[int, int] | None = None
+) -> Tracer | FramesTracer:
+    """As `make_tracer`; of several frames, which `point.motion` makes of mesh and camera, all in one pass.
+
+    Raises InputError and MemoryBudgetError as the tracers do.
+    """
+    if point.motion is None:
+        return make_tracer(point, mesh, camera, split)
+    motion = Motion(point.motion)
+    cameras, meshes = frames_of(camera, mesh, point.frames, motion)
+    of_frame = Split(*(split or (point.split_x, point.split_y)), width=camera.width, height=camera.height)
+    if motion is Motion.eyes:
+        alignment = Alignment.of_eyes(cameras[0], cameras[1], of_frame)
+    else:
+        alignment = Alignment.of_frames(cameras, of_frame)
+    return FramesTracer(meshes, alignment, **aligned_options(point))
+
+
+def make_for_each_frame(own: Tracer | FramesTracer, make: Callable[[Mesh, View], Tracer]) -> SeparateFrames:
+    """What `make` makes of the mesh and the camera of each frame of `own`, which may be of one frame alone."""
+    if not isinstance(own, FramesTracer):
+        return SeparateFrames([make(own.mesh, own.camera)])
+    cameras = own.alignment.cameras
+    return SeparateFrames([make(mesh, camera) for mesh, camera in zip(own.meshes, cameras, strict=True)])
+
+
+def separate_methods(point: Point) -> dict[str, Callable[..., Tracer]]:
+    """How one frame is traced alone with the point's split, by name in the samples; arguments as of `make_tracer`.
+
+    Empty for a point of one frame. Each frame alone has the whole of the point's memory budget.
+    """
+    if point.frames == 1:
+        return {}
+    one = replace(point, frames=1, motion=None)
+    visible = replace(one, method=Method.visible_first.value, geometry="copied", culling=True)
+    return {SEPARATE: partial(make_tracer, one), SEPARATE_VISIBLE: partial(make_tracer, visible)}
+
+
+def compare_images(images: Images, references: Images) -> list[Agreement]:
+    """`compare` of every frame."""
+    pairs = zip(_each(images), _each(references), strict=True)
+    return [compare(hits.mesh, hits.camera, hits, reference) for hits, reference in pairs]
+
+
+def _each(images: Images) -> Iterator[Hits]:
+    return iter([images]) if isinstance(images, Hits) else iter(images)

@@ -1,0 +1,85 @@
+"""Several frames from one view: what each frame's camera and mesh are."""
+
+from __future__ import annotations
+
+from math import cos, radians, sin
+
+import numpy as np
+from numpy.typing import NDArray
+
+from atra.errors import InputError
+from atra.geometry.camera import Camera, Vector
+from atra.geometry.mesh import Mesh
+from experiments.harness.configuration import Motion
+
+EYE_DISTANCE = 1 / 200
+"""Between two eyes, as a share of the scene's diagonal: 6.5 cm in a room of 13 m. At 1,024 pixels it sets the four
+scenes' pictures 5 to 100 pixels apart."""
+
+STEP, STEP_TURN_DEGREES, STEP_ZOOM = 1 / 400, 0.5, 1.005
+"""What a frame of a walk adds: a step as a share of the scene's diagonal, a turn, and a factor of the field of view."""
+
+MESH_TURN_DEGREES = -0.5
+"""What a frame adds to the turn of the mesh; clockwise seen from above."""
+
+
+def frames_of(camera: Camera, mesh: Mesh, frames: int, motion: Motion) -> tuple[tuple[Camera, ...], tuple[Mesh, ...]]:
+    """The camera and the mesh of every frame; the same arguments give the same frames.
+
+    eyes: two cameras side by side that look the same way, half of EYE_DISTANCE to the left and to the right of
+    `camera`. walk: the camera steps forward, turns to its left about its up direction and widens its field of view.
+    turn: the camera stands still and every frame has vertices of its own, turned about the line through
+    `camera.target` along `camera.up`: about the middle of the scene it would carry walls through an eye in a corner.
+    Frame 0 of a walk and of a turn is the view as given. Where the mesh stands
+    still, all frames share one.
+    Raises InputError for fewer than one frame, another number of eyes than two, and a field of view that grows to 180
+    degrees.
+    """
+    if frames < 1:
+        raise InputError(f"frames is {frames}, expected at least 1")
+    if motion is Motion.turn:
+        return (camera,) * frames, tuple(_turned(mesh, camera, frame) for frame in range(frames))
+    size = float(np.linalg.norm(mesh.bounds[1] - mesh.bounds[0]))
+    if motion is Motion.walk:
+        return tuple(_walked(camera, size * STEP, frame) for frame in range(frames)), (mesh,) * frames
+    if frames != 2:
+        raise InputError(f"frames is {frames} with motion=eyes, expected 2: one for each eye")
+    aside = camera.axes[0] * (size * EYE_DISTANCE / 2)
+    return (_moved(camera, -aside), _moved(camera, aside)), (mesh, mesh)
+
+
+def _moved(camera: Camera, by: NDArray[np.float64]) -> Camera:
+    """The camera elsewhere, looking the same way."""
+    return _with_view(camera, np.add(camera.eye, by), np.add(camera.target, by), camera.fov_y_degrees)
+
+
+def _walked(camera: Camera, step: float, frame: int) -> Camera:
+    if frame == 0:
+        return camera
+    view = np.subtract(camera.target, camera.eye)
+    eye = camera.eye + frame * step * camera.axes[2]
+    target = eye + _rotation(camera.up, frame * STEP_TURN_DEGREES) @ view
+    return _with_view(camera, eye, target, camera.fov_y_degrees * STEP_ZOOM**frame)
+
+
+def _turned(mesh: Mesh, camera: Camera, frame: int) -> Mesh:
+    if frame == 0:
+        return mesh
+    vertices = (mesh.vertices - np.array(camera.target)) @ _rotation(camera.up, frame * MESH_TURN_DEGREES).T
+    return Mesh(vertices + camera.target, mesh.faces, name=f"{mesh.name}, frame {frame}")
+
+
+def _rotation(axis: Vector, degrees: float) -> NDArray[np.float64]:
+    """(3, 3): turns points counter-clockwise for who looks against `axis` (Rodrigues' formula)."""
+    x, y, z = np.divide(axis, np.linalg.norm(axis))
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    return np.eye(3) + sin(radians(degrees)) * cross + (1 - cos(radians(degrees))) * cross @ cross
+
+
+def _with_view(camera: Camera, eye: NDArray, target: NDArray, fov_y_degrees: float) -> Camera:
+    return Camera(_vector(eye), _vector(target), camera.up, fov_y_degrees, camera.width, camera.height)
+
+
+def _vector(values: NDArray) -> Vector:
+    x, y, z = values.tolist()
+    return x, y, z

@@ -1,0 +1,1 @@
+"""Shaded pictures of the hits and of where they differ."""

@@ -1,0 +1,61 @@
+"""The pictures of a sweep's scenes, out of their records."""
+
+from __future__ import annotations
+
+import base64
+from dataclasses import dataclass
+from pathlib import Path
+
+import pandas as pd
+
+from experiments.harness.configuration import Quantity
+from experiments.harness.records import load_record
+
+
+@dataclass(frozen=True)
+class ScenePictures:
+    """One scene, shaded from the hits of the aligned method and of rtcIntersect1, and where they differ.
+
+    stands_for: the scene of the paper that a stand-in replaces, None for the scene itself.
+    pixels_*: verdicts over the width x height pixels. aligned, pixel, difference: PNG files.
+    """
+
+    scene: str
+    triangles: int
+    stands_for: str | None
+    width: int
+    height: int
+    pixels_equal: int
+    pixels_tied: int
+    pixels_edge: int
+    pixels_wrong: int
+    aligned: bytes
+    pixel: bytes
+    difference: bytes
+
+
+def read_pictures(table: pd.DataFrame, records: Path) -> list[ScenePictures]:
+    """The pictures of the table's rows that have some, in its order. records: the folder of the records."""
+    found = []
+    for _, row in table[(table["quantity"] == Quantity.picture.value) & (table["status"] == "ok")].iterrows():
+        record = load_record(records, row["point_id"])
+        if record is None:
+            continue
+        images = {name: base64.b64decode(text) for name, text in record.results["pictures"].items()}
+        found.append(
+            ScenePictures(
+                scene=str(row["scene"]),
+                triangles=int(row["triangles"]),
+                stands_for=None if pd.isna(row["stands_for"]) else str(row["stands_for"]),
+                width=int(row["width"]),
+                height=int(row["height"]),
+                pixels_equal=int(row["pixels_equal"]),
+                pixels_tied=int(row["pixels_tied"]),
+                pixels_edge=int(row["pixels_edge"]),
+                pixels_wrong=int(row["pixels_wrong"]),
+                aligned=images["aligned"],
+                pixel=images["pixel"],
+                difference=images["difference"],
+            )
+        )
+    return found

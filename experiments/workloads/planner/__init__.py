@@ -1,0 +1,1 @@
+"""How much plans lose against the best of all candidates."""
