@@ -64,7 +64,7 @@ def _act(configuration: Configuration) -> None:
 
         run_fetch(configuration)
     elif configuration.action is Action.report:
-        from experiments.results.writing import rewrite_report
+        from experiments.report.writing import rewrite_report
 
         print(f"report: {rewrite_report(configuration)}")
     elif configuration.action is Action.doctor:

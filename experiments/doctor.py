@@ -15,7 +15,7 @@ from atra.kernels.caching import cache_folder
 from experiments.harness.configuration import Configuration, check_writable
 from experiments.harness.environment import BUSY_LOAD, Environment, read_environment
 from experiments.harness.scene_loading import PROCEDURAL_SCENES
-from experiments.methods.peers import PEERS, peer_problem, peer_version
+from experiments.methods import METHODS
 from scenes.directory import SCENES_VARIABLE, meshes_of, scene_folders
 
 _COLUMNS, _NAME_COLUMNS = 80, 14
@@ -130,10 +130,11 @@ def _scenes() -> tuple[list[tuple[str, str]], list[str]]:
 
 
 def _peers() -> Iterator[str]:
-    for name in PEERS:
-        problem = peer_problem(name)
-        reason = _cut(str(problem).partition(";")[0])  # what to do about it comes behind
-        yield f"{name} {peer_version(name)}" if problem is None else f"no {name}: {reason}"
+    for peer in METHODS:
+        if not peer.is_ours:
+            problem = peer.problem()
+            reason = _cut(str(problem).partition(";")[0])  # what to do about it comes behind
+            yield f"{peer.name} {peer.version()}" if problem is None else f"no {peer.name}: {reason}"
 
 
 def _results(configuration: Configuration) -> tuple[str, list[str]]:

@@ -14,7 +14,7 @@ from experiments.harness.points import plan_points
 from experiments.harness.progress import SweepProgress
 from experiments.harness.records import Record, write_record
 from experiments.results.table import make_table
-from experiments.results.terminal import print_point, results_console, say_outcome
+from experiments.results.terminal import print_point, results_console, say_label, say_outcome
 
 
 def run_single_point(configuration: Configuration) -> Record:
@@ -29,10 +29,10 @@ def run_single_point(configuration: Configuration) -> Record:
     folder = records_folder(configuration)
     check_writable(folder)
     with exclusive(folder.parent, folder), SweepProgress(1, Console(stderr=True)) as progress:
-        progress.begin(planned.point.label())
+        progress.begin(say_label(planned.point))
         record = measure(planned)
         path = write_record(folder, record)
-        progress.end(planned.point.label(), say_outcome(record))
+        progress.end(say_label(planned.point), say_outcome(record))
     if record.status == "ok":
         print_point(make_table([record]).iloc[0], results_console())
         print(f"record: {path}")

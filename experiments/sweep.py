@@ -8,6 +8,7 @@ import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 from rich.console import Console
@@ -19,14 +20,15 @@ from experiments.harness.identity import Runner, current_environment, identity, 
 from experiments.harness.launching import run_worker
 from experiments.harness.lock import exclusive
 from experiments.harness.messages import say
+from experiments.harness.options import plain_options
 from experiments.harness.point import Point
 from experiments.harness.points import PlannedPoint, plan_points
 from experiments.harness.progress import SweepProgress
 from experiments.harness.records import Record, load_record, read_record, write_record
 from experiments.harness.scene_loading import replace_missing_scenes
+from experiments.report.writing import write_results
 from experiments.results.table import make_table, read_table
-from experiments.results.terminal import print_sweep, results_console, say_outcome
-from experiments.results.writing import write_results
+from experiments.results.terminal import print_sweep, results_console, say_label, say_outcome
 
 
 @dataclass(frozen=True)
@@ -46,6 +48,9 @@ class SweepPoint:
     grids: tuple[str, ...]
     overrides: tuple[str, ...]
 
+
+_LAST = ("packet_width", "culling", "frames", "split_y", "split_x")
+"""Settings by which the rows of a method are ordered last, as numbers."""
 
 Launch = Callable[[Sequence[Sequence[str]]], Sequence[str | None]]
 """Measures points elsewhere, each given by its overrides. When it returns, their records are in the records folder; it
@@ -127,7 +132,7 @@ def _run(
 
     names = _in_order(points, done)
     table = make_table([done[name] for name in names], {done[name].point_id: points[name].grids for name in names})
-    write_results(folder, records, table, command=command, report=first.sweep.report)
+    write_results(first, table, command)
     print_sweep(table, folder, results_console())
     left = len(points) - len(done)
     if interrupted:
@@ -197,11 +202,11 @@ def _measure_here(
 ) -> None:
     with SweepProgress(len(to_do), console) as progress:
         for point_identity, planned in to_do.items():
-            progress.begin(planned.point.label())
+            progress.begin(say_label(planned.point))
             record = measure(planned, run)
             write_record(folder, record)
             done[point_identity] = record
-            progress.end(planned.point.label(), say_outcome(record))
+            progress.end(say_label(planned.point), say_outcome(record))
 
 
 def _measure_elsewhere(
@@ -216,7 +221,7 @@ def _measure_elsewhere(
     with SweepProgress(len(names), console) as progress:
         for start in range(0, len(names), at_once):
             batch = names[start : start + at_once]
-            labels = [to_do[name].planned.point.label() for name in batch]
+            labels = [say_label(to_do[name].planned.point) for name in batch]
             progress.begin(labels[0] if len(batch) == 1 else f"{labels[0]} and {len(batch) - 1} more")
             try:
                 problems = launch([to_do[name].overrides for name in batch])
@@ -264,16 +269,16 @@ def _read_earlier(folder: Path, point_identity: str, console: Console) -> Record
 
 
 def _in_order(points: dict[str, SweepPoint], done: dict[str, Record]) -> list[str]:
-    """Identities of the points done: scenes in the order given, each by what was measured, with rising frames and
-    splits."""
+    """Identities of the points done: scenes in the order given, each by what was measured, with rising settings."""
     scenes = list(dict.fromkeys(one.planned.point.scene for one in points.values()))
-    quantities = list(dict.fromkeys(one.planned.point.quantity for one in points.values()))
+    workloads = list(dict.fromkeys(one.planned.point.workload for one in points.values()))
 
-    def rank(name: str) -> tuple[int, int, str, str, int, bool, str, int, int, int]:
+    def rank(name: str) -> tuple[Any, ...]:
         point = points[name].planned.point
-        width = point.packet_width or 0
-        where = scenes.index(point.scene), quantities.index(point.quantity)
-        frames = point.motion or "", point.frames
-        return *where, point.method, point.geometry, width, point.culling, *frames, point.split_y, point.split_x
+        options = {**plain_options(point.workload_options), **plain_options(point.options)}
+        # Splits rise last; what is left open comes before any value.
+        others = sorted((key, (value is not None, str(value))) for key, value in options.items() if key not in _LAST)
+        splits = [options.get(key) or 0 for key in _LAST]
+        return scenes.index(point.scene), workloads.index(point.workload), point.method, others, splits
 
     return sorted((name for name in points if name in done), key=rank)

@@ -15,14 +15,18 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import psutil
 
 from atra.errors import AtraError, MemoryBudgetError, StorageError
 from atra.files import write_atomically
+from experiments.harness.options import typed_options
 from experiments.harness.outcome import Outcome
 from experiments.harness.point import Point
-from experiments.workloads.quantities import measure_point
+from experiments.methods import find_method
+from experiments.workloads import find_workload
+from experiments.workloads.workload import Measured
 
 CANNOT_WRITE = 74
 """Exit code of a worker that has no room for its result, and perhaps none for words either; EX_IOERR of sysexits."""
@@ -42,7 +46,23 @@ class Job:
     @classmethod
     def from_json(cls, text: str) -> Job:
         fields = json.loads(text)
-        return cls(Point.from_fields(fields["point"]), fields["result_path"], fields["run"])
+        return cls(read_point(fields["point"]), fields["result_path"], fields["run"])
+
+
+def read_point(fields: dict[str, Any]) -> Point:
+    """The reverse of `Point.configuration`."""
+    values = {name: tuple(value) if isinstance(value, list) else value for name, value in fields.items()}
+    options = typed_options(find_method(values["method"]).options, values.pop("method_options"))
+    of_workload = typed_options(find_workload(values["workload"]).options, values.pop("workload_options"))
+    return Point(**values, options=options, workload_options=of_workload)
+
+
+def measure_point(point: Point) -> Measured:
+    """Measure the point in this process. Raises InputError and MemoryBudgetError as the tracers do."""
+    room = find_workload(point.workload).part("measure")
+    assert room is not None
+    measured: Measured = room.measure(point)
+    return measured
 
 
 @contextmanager

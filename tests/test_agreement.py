@@ -9,13 +9,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import experiments.workloads.quantities as quantities
 import numpy as np
 import pandas as pd
 import pytest
+from experiments.workloads.quantities import Measured, measure_point
 from PIL import Image
 
 import atra
-import experiments.workloads.quantities as quantities
 from atra.hits import MISS, Hits
 from atra.judge.oracle import examine
 from atra.judge.reference import brute_force
@@ -33,14 +34,13 @@ from experiments.harness.points import plan_points
 from experiments.harness.records import Record, write_record
 from experiments.results.table import make_table
 from experiments.worker import Job
-from experiments.workloads.agreement.agreement import (
+from experiments.workloads.agreement.results import (
     agreement_lines,
     errs_too_often,
     read_disagreements,
     write_agreement,
 )
-from experiments.workloads.agreement.figures import draw_agreement_figure
-from experiments.workloads.quantities import Measured, measure_point
+from experiments.workloads.agreement.agreement_figure import draw_agreement_figure
 from tests.meshes import EYE_AT_ORIGIN, quads
 
 OFFSETS = [[0.5, 0.5], [0.25, 0.75]]

@@ -13,7 +13,6 @@ from pathlib import Path
 import matplotlib
 import pandas as pd
 import pytest
-
 from experiments.methods.tracing import expert_packet_widths
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -23,7 +23,7 @@ from experiments.harness.point import Point
 from experiments.harness.points import plan_points
 from experiments.harness.records import Record, load_record, record_path, write_record
 from experiments.results.table import make_table, write_table
-from experiments.results.writing import rewrite_report
+from experiments.report.writing import rewrite_report
 from experiments.sweep import GridPoint, run_sweep
 from tests.test_sweep import Runner, configuration, measured_elsewhere
 

@@ -8,6 +8,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
+from experiments.methods.tracing import expert_packet_widths, make_pixel_tracer
+from experiments.workloads.multiframe.frame_tracing import compare_images, make_for_each_frame, make_own_tracer
+from experiments.workloads.quantities import measure_point
 from rich.console import Console
 
 from atra.errors import InputError
@@ -27,12 +30,9 @@ from experiments.harness.point import Point
 from experiments.harness.points import PlannedPoint, plan_points
 from experiments.harness.records import Record
 from experiments.harness.scene_loading import load_scene
-from experiments.methods.tracing import expert_packet_widths, make_pixel_tracer
-from experiments.results.evidence import NotMeasuredError, collect_scenes
+from experiments.paper.evidence import NotMeasuredError, collect_scenes
 from experiments.results.table import make_table
 from experiments.results.terminal import print_sweep, say_outcome
-from experiments.workloads.multiframe.frame_tracing import compare_images, make_for_each_frame, make_own_tracer
-from experiments.workloads.quantities import measure_point
 from tests.test_table import MEASURED
 
 PACKETS_HERE = {f"packets_{width}" for width in expert_packet_widths()}

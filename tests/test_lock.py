@@ -14,7 +14,7 @@ import pytest
 
 from atra.errors import InputError, StorageError
 from experiments.harness.lock import exclusive
-from experiments.results.writing import rewrite_report
+from experiments.report.writing import rewrite_report
 from tests.test_sweep import configuration
 
 HOLD = """

@@ -11,8 +11,8 @@ import pytest
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from experiments.drawing.figure_parts import TIMES
-from experiments.drawing.method_parts import say_number, spread
+from experiments.drawing.bars import spread
+from experiments.drawing.values import TIMES, say_number
 from experiments.results.table import COLUMNS
 from experiments.workloads.frame.methods_figure import draw_methods_figure
 from experiments.workloads.frame.peers_figure import draw_peers_figure

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from experiments.workloads.quantities import measure_point
 
 import atra
 from atra.errors import InputError
@@ -30,9 +31,8 @@ from experiments.harness.points import plan_points
 from experiments.harness.records import Record, write_record
 from experiments.harness.views import FITTING_VIEWS, HELD_OUT_VIEWS, VIEWS, view_fields
 from experiments.results.table import COLUMNS
-from experiments.workloads.planner.figures import SERIES, draw_planner_figure
+from experiments.workloads.planner.planner_figure import SERIES, draw_planner_figure
 from experiments.workloads.planner.measure import FRAMES, regrets, say_regrets
-from experiments.workloads.quantities import measure_point
 from scenes.cornell_box import CORNELL_BOX_CAMERA
 from tests.meshes import cornell_box, cornell_camera
 

@@ -6,11 +6,13 @@ import base64
 import io
 from types import SimpleNamespace
 
+import experiments.workloads.quantities as quantities
 import numpy as np
 import pytest
+from experiments.methods.tracing import expert_packet_widths
+from experiments.workloads.quantities import Measured, measure_point
 from PIL import Image
 
-import experiments.workloads.quantities as quantities
 from atra.tracers import VisibleFirstTracer
 from experiments.harness.configuration import (
     Configuration,
@@ -24,8 +26,6 @@ from experiments.harness.configuration import SceneSource as Source
 from experiments.harness.point import Point
 from experiments.harness.points import plan_points
 from experiments.methods import tracing
-from experiments.methods.tracing import expert_packet_widths
-from experiments.workloads.quantities import Measured, measure_point
 
 
 def point(quantity: Quantity, **fields: object) -> Point:

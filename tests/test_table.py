@@ -11,7 +11,7 @@ import pytest
 
 from atra.errors import InputError
 from experiments.harness.records import Record
-from experiments.results.figures import draw_figures
+from experiments.report.figures import draw_figures
 from experiments.results.table import make_table, median_interval, read_table, rows_of, write_table
 
 ASKED_FOR = [

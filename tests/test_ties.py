@@ -9,13 +9,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from experiments.methods.tracing import make_pixel_tracer, make_tracer
 
 import atra
 from atra.embree.library import load_library
 from atra.judge import ties
 from atra.judge.reference import brute_force
 from atra.parallel import WorkerPool
-from experiments.methods.tracing import make_pixel_tracer, make_tracer
 from tests.meshes import EYE_AT_ORIGIN, cornell_box, quads, random_triangles
 from tests.test_launch import POINT
 

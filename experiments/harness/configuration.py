@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tempfile
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
 from math import isfinite
@@ -13,10 +14,13 @@ from hydra.core.config_store import ConfigStore
 from omegaconf import MISSING, DictConfig, OmegaConf
 
 from atra.errors import InputError
-from atra.geometry.camera import check_offset
 from atra.parallel import resolve_threads
+from experiments.harness.options import find_named, schema, typed_options
+from experiments.methods import METHODS
+from experiments.workloads import WORKLOADS
 
-PACKET_WIDTHS = (1, 4, 8, 16)
+_GROUPS: dict[str, Callable[[], Sequence[Any]]] = {"method": lambda: METHODS, "workload": lambda: WORKLOADS}
+"""Groups of the configuration, and what they choose from."""
 
 
 class Action(Enum):
@@ -32,66 +36,12 @@ class Action(Enum):
     doctor = "doctor"
 
 
-class Method(Enum):
-    """aligned = the paper's; pixel = one ray per pixel, single or in packets; visible_first = aligned without what is
-    hidden, verified per pixel; tiles = the cells' culling without alignment; the rest are other people's ray tracers
-    (`experiments.peers`), one ray per pixel."""
-
-    aligned = "aligned"
-    pixel = "pixel"
-    visible_first = "visible_first"
-    tiles = "tiles"
-    embreex = "embreex"
-    trimesh = "trimesh"
-    mitsuba3 = "mitsuba3"
-    open3d = "open3d"
-
-    @property
-    def has_cells(self) -> bool:
-        """Whether the image is split for this method."""
-        return self in (Method.aligned, Method.visible_first, Method.tiles)
-
-
-class Geometry(Enum):
-    """copied = a sheared copy of the triangles per cell; instanced = an Embree instance per cell, which cannot cull."""
-
-    copied = "copied"
-    instanced = "instanced"
-
-
 class Ties(Enum):
     """Where triangles of one plane overlap: lowest = the lowest prim_id of them wins; any = whichever float32 puts in
     front. For our own tracers; a peer knows no such rule."""
 
     lowest = "lowest"
     any = "any"
-
-
-class Motion(Enum):
-    """How the frames of a point differ: eyes = two eyes side by side; walk = the camera moves, turns and zooms a
-    little every frame; turn = the camera stands still and the mesh turns
-    (`experiments.workloads.multiframe.motion`)."""
-
-    eyes = "eyes"
-    walk = "walk"
-    turn = "turn"
-
-
-class Quantity(Enum):
-    """What is measured at a point, in a process of its own each.
-
-    time = frames, against both baselines; build = plan and BVH build, again and again; memory = only the one method is
-    ever built; picture = shaded pictures of the method's hits and of rtcIntersect1's, and their difference;
-    agreement = where the method's hits and rtcIntersect1's differ, and which of them is wrong by the float64 oracle;
-    planner = plans, and all that they choose from.
-    """
-
-    time = "time"
-    build = "build"
-    memory = "memory"
-    picture = "picture"
-    agreement = "agreement"
-    planner = "planner"
 
 
 class SceneSource(Enum):
@@ -132,7 +82,8 @@ class SweepConfiguration:
 
     name: folder below results_dir for table, figures and report.
     grids: by name, the values to sweep, written as on the command line; every grid is crossed out in full, and a point
-    of several grids is measured once. The figures are drawn of the grids whose names they know.
+    of several grids is measured once.
+    figures: by name of the figure, the grids it is drawn of; without any, every figure that has something to show.
     stand_ins: a scene that is not on this machine is replaced by its procedural stand-in.
     report: end with the claims and the HTML page.
     shuffle_seed: points run in an order shuffled by it, so that drift is no trend.
@@ -140,6 +91,7 @@ class SweepConfiguration:
 
     name: str = "point"
     grids: dict[str, dict[str, Any]] = field(default_factory=dict)
+    figures: dict[str, list[str]] = field(default_factory=dict)
     stand_ins: bool = False
     report: bool = False
     shuffle_seed: int = 1
@@ -149,47 +101,34 @@ class SweepConfiguration:
 class MeasureConfiguration:
     """How a point is measured.
 
-    quantity: what is measured. rounds, warmup: rounds that count and rounds before them.
+    rounds, warmup: rounds that count and rounds before them.
     frame_budget_s: no further round starts past this many seconds of work, but three always run.
     time_limit_s: a worker still running after this long is stopped and its point fails.
     memory_budget_gib: a point that would need more is skipped.
-    offsets: sub-pixel positions (x, y) of the images that are compared; sample_rays: rays of each that all triangles
-    are tested with, whether the images differ there or not. Both only for quantity=agreement.
     """
 
-    quantity: Quantity = Quantity.time
     rounds: int = 9
     warmup: int = 2
     frame_budget_s: float = 20.0
     time_limit_s: float = 1200.0
     memory_budget_gib: float = 4.0
-    offsets: list[list[float]] = field(default_factory=lambda: [[0.5, 0.5]])
-    sample_rays: int = 1000
 
 
 @dataclass
 class Configuration:
     """One point.
 
-    split_x: columns of cells; null = 128, or the largest power of two below that divides the width (aligned).
-    packet_width: null = the widest the machine supports natively. packet_rows: rows of pixels in a packet, for methods
-    with aligned rays; null = what suits the cell. threads: null = every core. frames: traced together in one pass;
-    motion: what makes several frames of one view.
+    method, workload: the options of one of `METHODS` and of one of `WORKLOADS`; once read, instances of their types
+    with the names beside them. threads: null = every core; they, build_quality and ties hold for all that is traced at
+    a point, baselines included.
     """
 
     scene: SceneConfiguration = field(default_factory=SceneConfiguration)
     sweep: SweepConfiguration = field(default_factory=SweepConfiguration)
     measure: MeasureConfiguration = field(default_factory=MeasureConfiguration)
     action: Action = Action.measure
-    method: Method = Method.aligned
-    geometry: Geometry = Geometry.copied
-    split_x: int | None = None
-    split_y: int = 1
-    culling: bool = True
-    frames: int = 1
-    motion: Motion | None = None
-    packet_width: int | None = None
-    packet_rows: int | None = None
+    method: Any = MISSING
+    workload: Any = MISSING
     threads: int | None = 1
     width: int = 1024
     height: int = 1024
@@ -199,19 +138,36 @@ class Configuration:
     debug: bool = False
 
 
+@dataclass(frozen=True)
+class Chosen:
+    """A method or a workload by name, with its options."""
+
+    name: str
+    options: Any
+
+
 def register_schema() -> None:
-    """Make the types known to Hydra as `schema`; conf/config.yaml builds on it, so unknown keys are errors."""
-    ConfigStore.instance().store(name="schema", node=Configuration, provider="atra")
+    """Make the types known to Hydra: `schema`, on which conf/config.yaml builds, and each method's and workload's
+    options, so that unknown keys are errors."""
+    store = ConfigStore.instance()
+    store.store(name="schema", node=Configuration, provider="atra")
+    for group, kinds in _GROUPS.items():
+        for kind in kinds():
+            store.store(group=group, name=kind.name, node=schema(kind), provider="atra")
 
 
 def read_configuration(composed: DictConfig) -> Configuration:
-    """The composed configuration as typed values.
+    """The composed configuration as typed values; `method` and `workload` are `Chosen`.
 
     Raises InputError for a value no point could use; what depends on the scene or the machine is checked later.
     """
     typed = OmegaConf.get_type(composed) is Configuration
     configuration = OmegaConf.to_object(composed if typed else type_configuration(composed))
     assert isinstance(configuration, Configuration)
+    for group, kinds in _GROUPS.items():
+        given = dict(vars(getattr(configuration, group)))
+        kind = find_named(kinds(), given.pop("name"))
+        setattr(configuration, group, Chosen(kind.name, typed_options(kind.options, given)))
     check_configuration(configuration)
     return configuration
 
@@ -229,27 +185,9 @@ def check_configuration(configuration: Configuration) -> None:
     measure, scene, sweep = configuration.measure, configuration.scene, configuration.sweep
     _at_least("width", configuration.width, 1)
     _at_least("height", configuration.height, 1)
-    _at_least("split_x", configuration.split_x, 1)
-    _at_least("split_y", configuration.split_y, 1)
     resolve_threads(configuration.threads)
-    _at_least("frames", configuration.frames, 1)
-    if (configuration.frames > 1) != (configuration.motion is not None):
-        motion = configuration.motion.value if configuration.motion else "null"
-        kinds = ", ".join(one.value for one in Motion)
-        raise InputError(
-            f"frames is {configuration.frames} with motion={motion}; several frames need a motion ({kinds}), and a "
-            "motion needs several frames, for example frames=2 motion=eyes"
-        )
     _at_least("measure.rounds", measure.rounds, 1)
     _at_least("measure.warmup", measure.warmup, 0)
-    _at_least("measure.sample_rays", measure.sample_rays, 0)
-    if not measure.offsets:
-        raise InputError("measure.offsets is empty, expected at least one sub-pixel position such as [0.5,0.5]")
-    for offset in measure.offsets:
-        check_offset(offset)  # type: ignore[arg-type]
-    if configuration.packet_width is not None and configuration.packet_width not in PACKET_WIDTHS:
-        widths = ", ".join(str(width) for width in PACKET_WIDTHS)
-        raise InputError(f"packet_width is {configuration.packet_width}, expected one of {widths} or null")
     for name in ("frame_budget_s", "time_limit_s", "memory_budget_gib"):
         value = getattr(measure, name)
         if not (isfinite(value) and value > 0):

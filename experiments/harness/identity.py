@@ -20,7 +20,7 @@ from experiments.harness.outcome import Outcome
 from experiments.harness.point import Point
 from experiments.harness.points import PlannedPoint
 from experiments.harness.records import Record, point_id
-from experiments.methods.peers import PEERS, peer_version
+from experiments.methods import find_method
 
 _ROOT = Path(__file__).resolve().parents[2]
 _OURS = ("experiments", "scenes")
@@ -50,9 +50,9 @@ def identity_of(record: Record) -> str:
 
 def _identity(configuration: dict[str, Any], stable_environment: dict[str, Any]) -> str:
     measured_by: dict[str, str | None] = {"measuring_code_sha256": _measuring_code_sha256()}
-    method = configuration.get("method")
-    if method in PEERS:
-        measured_by["peer_version"] = peer_version(method)
+    version = find_method(configuration["method"]).version()
+    if version is not None:
+        measured_by["version"] = version
     return point_id(configuration | measured_by, stable_environment)
 
 
@@ -119,7 +119,9 @@ def measure(planned: PlannedPoint, run: Runner = run_worker) -> Record:
 
 def _packets(point: Point) -> dict[str, int]:
     """The width of its packets, which a point that comes to nothing does not tell; a peer chooses its own."""
-    return {} if point.method in PEERS else {"packet_width": resolve_packet_width(point.packet_width)}
+    if not find_method(point.method).is_ours:
+        return {}
+    return {"packet_width": resolve_packet_width(point.options.packet_width)}
 
 
 def _clocks_apart_s() -> float:

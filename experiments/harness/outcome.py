@@ -7,33 +7,13 @@ import sys
 from dataclasses import asdict, dataclass, field, fields
 from typing import Any
 
-from experiments.harness.configuration import Quantity
 from experiments.harness.point import Point
 from experiments.harness.records import check_samples, check_status
 from experiments.harness.rounds import MINIMUM_ROUNDS
-from experiments.workloads.multiframe.frame_tracing import separate_methods
-from experiments.workloads.quantities import BASELINE_BUILD, BUILD, OWN, PACKETS, PLAN, SINGLE, fastest_packets
+from experiments.workloads import find_workload
+from experiments.workloads.images import PIXELS
 
-_SAMPLES = {
-    Quantity.time: {OWN, SINGLE},
-    Quantity.build: {PLAN, BUILD, BASELINE_BUILD},
-    Quantity.memory: set(),
-    Quantity.picture: set(),
-    Quantity.agreement: set(),
-}
-"""The methods that have samples, by what was measured; a quantity that is not listed may have any."""
-
-_COUNTS = ("pixels_equal", "pixels_tied", "pixels_edge", "pixels_wrong")
-_ALWAYS = ("triangles_traced", "packet_width", "threads", "rss_bytes", "peak_rss_bytes")
-_RESULTS = {
-    Quantity.time: (*_ALWAYS, *_COUNTS, "plan_time_s", "build_time_s", "baseline_build_time_s", "packets_width"),
-    Quantity.build: _ALWAYS,
-    Quantity.memory: _ALWAYS,
-    Quantity.picture: (*_ALWAYS, *_COUNTS, "pictures"),
-    Quantity.agreement: (*_ALWAYS, *_COUNTS, "images", "disagreements", "method_wrong", "baseline_wrong"),
-}
-"""What the results hold at least, by what was measured."""
-
+_COUNTS = (*PIXELS, "triangles_traced", "packet_width", "threads", "rounds")
 _LARGEST_WHOLE = 2**63 - 1
 
 
@@ -99,7 +79,7 @@ def _check_results(results: object) -> None:
             check_samples({name: value})
         elif name.endswith("_s"):
             _check_number(name, value)
-        elif name.endswith("_bytes") or name in (*_COUNTS, *_ALWAYS, "packets_width", "rounds"):
+        elif name.endswith("_bytes") or name in _COUNTS:
             _check_number(name, value, whole=True)
 
 
@@ -112,22 +92,19 @@ def _check_number(name: str, value: object, *, whole: bool = False) -> None:
 
 def _check_measured(outcome: Outcome, point: Point) -> None:
     """That status ok comes with all that was to be measured."""
-    quantity = Quantity(point.quantity)
+    workload = find_workload(point.workload)
     results, samples = outcome.results, outcome.samples
-    missing = [name for name in _RESULTS.get(quantity, ()) if name not in results]
+    missing = [name for name in workload.needs if name not in results]
     if missing or not results:
         raise ValueError(f"status ok without {', '.join(missing) or 'results'}")
-    if "pixels_equal" in _RESULTS.get(quantity, ()):
-        images = len(point.offsets) if quantity is Quantity.agreement else point.frames
-        pixels, counted = images * point.width * point.height, sum(results[name] for name in _COUNTS)
+    if workload.images is not None:
+        pixels, counted = workload.images(point) * point.width * point.height, sum(results[name] for name in PIXELS)
         if counted != pixels:
             raise ValueError(f"equal, tied, edge and wrong pixels are {counted} together, of {pixels} that were traced")
-    if quantity not in _SAMPLES:
+    if workload.samples is None:
         return
-    expected = set(_SAMPLES[quantity])
-    if quantity is Quantity.time:
-        packets = {name for name in PACKETS.values() if name in samples} or {"packets"}
-        expected |= packets | set(separate_methods(point))
+    held = set(samples) & workload.optional or set(sorted(workload.optional)[:1])
+    expected = workload.samples(point) | held
     if set(samples) != expected or set(outcome.warmup_samples) != set(samples):
         raise ValueError(f"samples of {sorted(samples)}, expected {sorted(expected)}, and as many warm-ups")
     for values in samples.values():
@@ -136,5 +113,3 @@ def _check_measured(outcome: Outcome, point: Point) -> None:
     for values in outcome.warmup_samples.values():
         if len(values) != point.warmup:
             raise ValueError(f"{len(values)} warm-up rounds, expected {point.warmup}")
-    if quantity is Quantity.time and results["packets_width"] != fastest_packets(samples):
-        raise ValueError(f"packets_width is {results['packets_width']}, the fastest are of {fastest_packets(samples)}")

@@ -1,24 +1,23 @@
-"""One point to measure, as plain values: what crosses to the worker, and what a record's identity is made of."""
+"""Point: what is measured, complete, as plain and typed values; crosses to the worker and makes a record's identity."""
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
 from atra.geometry.camera import Camera, Vector
-from experiments.harness.configuration import Geometry, Method, Quantity, Ties
+from experiments.harness.options import plain, plain_options
+from experiments.methods.method import Tracing
 
-Offset = tuple[float, float]
-
-PIXEL_CENTRE: Offset = (0.5, 0.5)
+_TYPED = ("options", "workload_options")
 
 
 @dataclass(frozen=True)
 class Point:
-    """One point to measure, complete: the worker needs nothing else, and the record's identity is a hash of it.
+    """One point to measure: the worker needs nothing else, and the record's identity is a hash of it.
 
-    Plain JSON values only. `triangles` and `mesh_sha256` describe the mesh as loaded. Of several frames, eye, target,
-    up and fov_y_degrees are the view that `motion` makes them of.
+    `triangles` and `mesh_sha256` describe the mesh as loaded. options, workload_options: of the types that the method
+    and the workload name; all else are plain JSON values.
     """
 
     scene: str
@@ -26,6 +25,7 @@ class Point:
     scene_path: str | None
     mesh_sha256: str
     triangles: int
+    view: str
     eye: Vector
     target: Vector
     up: Vector
@@ -33,76 +33,38 @@ class Point:
     width: int
     height: int
     method: str
-    geometry: str
-    split_x: int
-    split_y: int
-    culling: bool
-    packet_width: int | None
-    packet_rows: int | None
+    options: Any
+    workload: str
+    workload_options: Any
     threads: int | None
     build_quality: str
     ties: str
-    quantity: str
     rounds: int
     warmup: int
     frame_budget_s: float
     time_limit_s: float
     memory_budget_gib: float
-    offsets: tuple[Offset, ...] = (PIXEL_CENTRE,)
-    sample_rays: int = 0
-    frames: int = 1
-    motion: str | None = None
-    view: str = "own"
-
-    @classmethod
-    def from_fields(cls, fields: dict[str, Any]) -> Point:
-        """The reverse of `configuration` (JSON turns tuples into lists)."""
-        return cls(**{name: _frozen(value) for name, value in fields.items()})
 
     def configuration(self) -> dict[str, Any]:
-        """All fields as plain values."""
-        return {name: _plain(value) for name, value in asdict(self).items()}
+        """All fields as plain values; options by name of their section, `method_options` and `workload_options`."""
+        fields = {name: plain(getattr(self, name)) for name in self.__dataclass_fields__ if name not in _TYPED}
+        return fields | {
+            "method_options": plain_options(self.options),
+            "workload_options": plain_options(self.workload_options),
+        }
 
     @property
     def camera(self) -> Camera:
+        """The view; of several frames, the one that they are made of."""
         return Camera(self.eye, self.target, self.up, self.fov_y_degrees, self.width, self.height)
 
     @property
-    def memory_budget_bytes(self) -> int:
-        return int(self.memory_budget_gib * 2**30)
+    def tracing(self) -> Tracing:
+        """What holds for everything traced at the point."""
+        return Tracing(self.threads, self.build_quality, self.ties, int(self.memory_budget_gib * 2**30))
 
-    def label(self) -> str:
-        """Short text for progress and messages."""
-        method = Method(self.method)
-        details = [self.scene]
-        if self.view != "own":
-            details.append(f"view {self.view}")
-        if method in (Method.pixel, Method.aligned, Method.visible_first, Method.tiles):
-            width = self.packet_width or "native width"
-            details.append("single rays" if width == 1 else f"packets of {width}")
-        if method is Method.pixel:
-            details.append("one ray per pixel")
-        elif method is not Method.aligned:
-            details.append(self.method)
-        if method.has_cells:
-            details.append(f"split {self.split_x}x{self.split_y}")
-        if method is Method.aligned:
-            instanced = self.geometry == Geometry.instanced.value
-            details.append("instanced" if instanced else f"culling {'on' if self.culling else 'off'}")
-        if self.frames > 1:
-            details.append(f"{self.frames} frames, {self.motion}")
-        if self.threads != 1:
-            details.append("every core" if self.threads is None else f"{self.threads} threads")
-        if self.ties != Ties.lowest.value:
-            details.append(f"ties {self.ties}")
-        if self.quantity != Quantity.time.value:
-            details.append(self.quantity)
-        return ", ".join(details)
-
-
-def _frozen(value: Any) -> Any:
-    return tuple(map(_frozen, value)) if isinstance(value, list) else value
-
-
-def _plain(value: Any) -> Any:
-    return list(map(_plain, value)) if isinstance(value, tuple) else value
+    @property
+    def row(self) -> dict[str, Any]:
+        """Its fields and options side by side, as in a row of the table."""
+        values = self.configuration()
+        return {**values.pop("method_options"), **values.pop("workload_options"), **values}

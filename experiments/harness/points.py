@@ -10,21 +10,12 @@ from typing import Any
 from atra.errors import AtraError, InputError, MemoryBudgetError, printable
 from atra.geometry.mesh import Mesh
 from atra.tracers import PixelTracer
-from experiments.harness.configuration import (
-    Configuration,
-    Geometry,
-    MeasureConfiguration,
-    Method,
-    Quantity,
-    SceneConfiguration,
-    SceneSource,
-)
+from experiments.harness.configuration import Configuration, SceneConfiguration, SceneSource
 from experiments.harness.point import Point
 from experiments.harness.scene_loading import load_scene, mesh_sha256
 from experiments.harness.views import view_fields
-from experiments.workloads.multiframe.frame_tracing import check_frames, make_own_tracer
-
-_LARGEST_DEFAULT_SPLIT = 128
+from experiments.methods import find_method
+from experiments.workloads import find_workload
 
 
 @dataclass(frozen=True)
@@ -58,17 +49,12 @@ def plan_points(configurations: Sequence[Configuration]) -> list[PlannedPoint]:
             mesh, camera = load_scene(*key)
             scenes[key] = _Scene(mesh, mesh_sha256(mesh), camera)
         point = _resolve(configuration, scenes[key])
-        camera_of_point = point.camera
-        tracer_key = (key, camera_of_point, point.packet_width, point.threads, point.build_quality)
-        if tracer_key not in checked:
-            PixelTracer(
-                scenes[key].mesh,
-                camera_of_point,
-                packet_width=point.packet_width,
-                threads=point.threads,
-                build_quality=point.build_quality,
-            ).close()  # the constructor has checked everything; nothing is built
-            checked.add(tracer_key)
+        width = getattr(point.options, "packet_width", None)
+        checked_key = (key, point.camera, width, point.tracing)
+        if checked_key not in checked:
+            mesh, tracing = scenes[key].mesh, point.tracing
+            PixelTracer(mesh, point.camera, packet_width=width, **tracing.ours).close()  # builds nothing, checks all
+            checked.add(checked_key)
         planned.append(PlannedPoint(point, _problem(point, scenes[key].mesh)))
     if planned and all(isinstance(one.problem, InputError) for one in planned):
         raise InputError(str(planned[0].problem))
@@ -77,11 +63,7 @@ def plan_points(configurations: Sequence[Configuration]) -> list[PlannedPoint]:
 
 def _resolve(configuration: Configuration, scene: _Scene) -> Point:
     given, measure = configuration.scene, configuration.measure
-    method = configuration.method
-    geometry = configuration.geometry if method is Method.aligned else Geometry.copied
-    split_x = configuration.split_x
-    if split_x is None:
-        split_x = default_split_x(configuration.width) if method.has_cells else 1
+    method, workload = find_method(configuration.method.name), configuration.workload
     path = None if given.path is None else str(Path(given.path).expanduser().resolve())
     return Point(
         scene=given.name or printable(Path(given.path or "scene").stem),
@@ -93,34 +75,19 @@ def _resolve(configuration: Configuration, scene: _Scene) -> Point:
         **_camera_fields(given, view_fields(scene.mesh, scene.camera, given.view)),
         width=configuration.width,
         height=configuration.height,
-        method=method.value,
-        geometry=geometry.value,
-        split_x=split_x,
-        split_y=configuration.split_y,
-        culling=_culls(configuration),
-        packet_width=configuration.packet_width,
-        packet_rows=configuration.packet_rows,
+        method=method.name,
+        options=method.resolve(configuration.method.options, configuration.width),
+        workload=workload.name,
+        workload_options=workload.options,
         threads=configuration.threads,
         build_quality=configuration.build_quality.value,
         ties=configuration.ties.value,
-        quantity=measure.quantity.value,
         rounds=measure.rounds,
         warmup=measure.warmup,
         frame_budget_s=measure.frame_budget_s,
         time_limit_s=measure.time_limit_s,
         memory_budget_gib=measure.memory_budget_gib,
-        **_compared_rays(measure),
-        frames=configuration.frames,
-        motion=configuration.motion.value if configuration.motion else None,
     )
-
-
-def _compared_rays(measure: MeasureConfiguration) -> dict[str, Any]:
-    """What only a point of agreement is about; any other keeps the fields' defaults, and with them its identity."""
-    if measure.quantity is not Quantity.agreement:
-        return {}
-    offsets = tuple((float(x), float(y)) for x, y in measure.offsets)
-    return {"offsets": offsets, "sample_rays": measure.sample_rays}
 
 
 def _camera_fields(given: SceneConfiguration, scene_camera: dict[str, Any]) -> dict[str, Any]:
@@ -134,25 +101,13 @@ def _camera_fields(given: SceneConfiguration, scene_camera: dict[str, Any]) -> d
     return fields
 
 
-def default_split_x(width: int) -> int:
-    """The largest power of two, at most 128, that divides `width`."""
-    return min(_LARGEST_DEFAULT_SPLIT, width & -width)
-
-
-def _culls(configuration: Configuration) -> bool:
-    """Whether the copies are culled: asked for, or part of the method."""
-    if configuration.method is Method.aligned:
-        return configuration.culling and configuration.geometry is Geometry.copied
-    return configuration.method.has_cells
-
-
 def _problem(point: Point, mesh: Mesh) -> AtraError | None:
-    if not Method(point.method).has_cells and (point.split_x, point.split_y) != (1, 1):
-        split = f"split ({point.split_x}, {point.split_y})"
-        return InputError(f"{split} with method={point.method}, which has no cells; use method=aligned or a split of 1")
+    workload = find_workload(point.workload)
+    problem = workload.problem(point)
+    if problem is not None:
+        return InputError(problem)
     try:
-        check_frames(point)
-        make_own_tracer(point, mesh, point.camera).close()  # the constructor checks everything; nothing is built
+        workload.make(point, mesh).close()  # the constructor checks everything; nothing is built
     except (InputError, MemoryBudgetError) as error:
         return error
     return None

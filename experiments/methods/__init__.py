@@ -1,1 +1,34 @@
-"""What can be measured: our own methods and other people's ray tracers."""
+"""Methods: what can be measured, ours and other people's; adding one is a line here and its file."""
+
+from __future__ import annotations
+
+from atra.errors import InputError
+from experiments.methods.aligned import ALIGNED
+from experiments.methods.embreex_run import EMBREEX
+from experiments.methods.method import Method
+from experiments.methods.mitsuba_scene import MITSUBA3
+from experiments.methods.open3d_scene import OPEN3D
+from experiments.methods.pixel import PIXEL
+from experiments.methods.tiles import TILES
+from experiments.methods.trimesh_ray import TRIMESH
+from experiments.methods.visible_first import VISIBLE_FIRST
+
+METHODS: tuple[Method, ...] = (
+    VISIBLE_FIRST,
+    ALIGNED,
+    TILES,
+    PIXEL,
+    EMBREEX,
+    TRIMESH,
+    MITSUBA3,
+    OPEN3D,
+)
+"""In the order of figures and legends."""
+
+
+def find_method(name: str) -> Method:
+    """The method called `name`. Raises InputError, naming those there are, for any other name."""
+    for method in METHODS:
+        if method.name == name:
+            return method
+    raise InputError(f"unknown method {name!r}, expected one of {', '.join(one.name for one in METHODS)}")

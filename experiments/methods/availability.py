@@ -1,20 +1,13 @@
-"""Which peers can be used on this machine, and what is missing for the others."""
+"""Foreign packages: whether they can be used on this machine, and what is missing for those that cannot."""
 
 from __future__ import annotations
 
 import re
 import sys
 from collections.abc import Callable
-from importlib import import_module, metadata
+from importlib import metadata
 
 from atra.embree.library import wheel_problem
-from atra.errors import InputError
-
-PEERS = ("embreex", "trimesh", "mitsuba3", "open3d")
-"""Names of the peers, in the order of tables and figures."""
-
-MITSUBA_VARIANT = "llvm_ad_mono"
-"""Vectorised, on the CPU, one colour channel; queries of rays do not depend on colour. Nothing is differentiated."""
 
 _OPEN3D_FIRST_PYTHON_WITHOUT_WHEEL = (3, 15)  # of Open3D 0.20
 
@@ -32,15 +25,15 @@ _DEBIAN_PACKAGES = {
 """Where the libraries come from that Open3D's wheel expects of the system. The loader names only the first missing."""
 
 
-def peer_problem(name: str) -> str | None:
-    """Why the peer `name` cannot be used here, in one line with what to do about it; None when it can.
+_REINSTALL = "pip install 'atra[peers]'"
 
-    Imports the peer's package, which takes seconds for some; whatever its import raises becomes the text.
-    Raises InputError for a name that is not in `PEERS`.
+
+def package_problem(package: str, check: Callable[[], str | None]) -> str | None:
+    """Why a foreign package cannot be used here, in one line with what to do about it; None when it can.
+
+    check: imports the package, which takes seconds for some, and returns what is wrong with it; whatever it raises
+    becomes the text.
     """
-    if name not in PEERS:
-        raise InputError(f"unknown peer {name!r}, expected one of {', '.join(PEERS)}")
-    package, check = _CHECKS[name]
     try:
         return check()
     except ModuleNotFoundError as error:
@@ -51,46 +44,15 @@ def peer_problem(name: str) -> str | None:
         return _broken(package, error)
 
 
-def _check_embreex() -> str | None:
-    import_module("embreex.rtcore_scene")
-    import_module("embreex.mesh_construction")
-    return None
+def reinstall(what: str) -> str:
+    """A problem with a package that is there, and what to do about it."""
+    return f"{what}; {_REINSTALL}"
 
 
-def _check_trimesh() -> str | None:
-    trimesh = import_module("trimesh")
-    if not trimesh.ray.has_embree:
-        return f"trimesh finds no embreex and would trace in Python; {wheel_problem() or 'pip install embreex'}"
-    return None
-
-
-def _check_mitsuba() -> str | None:
-    mitsuba = import_module("mitsuba")
-    if MITSUBA_VARIANT not in mitsuba.variants():
-        return f"mitsuba was built without the variant {MITSUBA_VARIANT}; {_REINSTALL}"
-    mitsuba.set_variant(MITSUBA_VARIANT)  # loads LLVM
-    return None
-
-
-def _check_open3d() -> str | None:
-    open3d = import_module("open3d")
-    return None if hasattr(open3d.t.geometry, "RaycastingScene") else f"open3d has no RaycastingScene; {_REINSTALL}"
-
-
-_REINSTALL = "pip install 'atra[peers]'"
-
-_CHECKS: dict[str, tuple[str, Callable[[], str | None]]] = {
-    "embreex": ("embreex", _check_embreex),
-    "trimesh": ("trimesh", _check_trimesh),
-    "mitsuba3": ("mitsuba", _check_mitsuba),
-    "open3d": ("open3d", _check_open3d),
-}
-
-
-def peer_version(name: str) -> str | None:
-    """The version of the peer's package, None where it is not installed; nothing is imported."""
+def package_version(package: str) -> str | None:
+    """The version of a package, None where it is not installed; nothing is imported."""
     try:
-        return metadata.version(_CHECKS[name][0])
+        return metadata.version(package)
     except metadata.PackageNotFoundError:
         return None
 

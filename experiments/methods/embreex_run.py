@@ -1,14 +1,14 @@
-"""The peer `embreex`: `EmbreeScene.run`, the Python binding most programs use."""
+"""Peer `embreex`: `EmbreeScene.run`, the Python binding most programs use."""
 
 from __future__ import annotations
 
+from importlib import import_module
 from typing import Any
 
 import numpy as np
-from embreex.mesh_construction import TriangleMesh
-from embreex.rtcore_scene import EmbreeScene
 
 from experiments.methods.blocks import Answer, BlockwiseTracer, RayArrays
+from experiments.methods.peer import peer_method
 
 
 class EmbreexTracer(BlockwiseTracer):
@@ -20,8 +20,10 @@ class EmbreexTracer(BlockwiseTracer):
     """
 
     def _build_scene(self) -> Any:
-        scene = EmbreeScene()
-        TriangleMesh(scene, self.mesh.vertices, self.mesh.faces.astype(np.int32))
+        scene = import_module("embreex.rtcore_scene").EmbreeScene()
+        import_module("embreex.mesh_construction").TriangleMesh(
+            scene, self.mesh.vertices, self.mesh.faces.astype(np.int32)
+        )
         nowhere = np.zeros((1, 3), np.float32)
         scene.run(nowhere, nowhere + 1)  # embreex builds the BVH in the first query
         return scene
@@ -32,3 +34,12 @@ class EmbreexTracer(BlockwiseTracer):
             return found["tfar"], found["primID"].view(np.uint32)  # -1 is a miss, that is MISS
 
         return self._in_blocks(cast, rays)
+
+
+def _check() -> str | None:
+    import_module("embreex.rtcore_scene")
+    import_module("embreex.mesh_construction")
+    return None
+
+
+EMBREEX = peer_method("embreex", "embreex", "embreex", _check, EmbreexTracer)

@@ -1,4 +1,4 @@
-"""The peer `mitsuba3`: `Scene.ray_intersect_preliminary` on a wavefront of rays, compiled by Dr.Jit for the CPU."""
+"""Peer `mitsuba3`: `Scene.ray_intersect_preliminary` on a wavefront of rays, compiled by Dr.Jit for the CPU."""
 
 from __future__ import annotations
 
@@ -11,8 +11,11 @@ from numpy.typing import NDArray
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.hits import MISS
-from experiments.methods.availability import MITSUBA_VARIANT
-from experiments.methods.peer import PeerTracer
+from experiments.methods.availability import reinstall
+from experiments.methods.peer import PeerTracer, peer_method
+
+MITSUBA_VARIANT = "llvm_ad_mono"
+"""Vectorised, on the CPU, one colour channel; queries of rays do not depend on colour. Nothing is differentiated."""
 
 
 class MitsubaTracer(PeerTracer):
@@ -70,3 +73,14 @@ class MitsubaTracer(PeerTracer):
     def _use_own_threads(self) -> None:
         if self._drjit.thread_count() != self.threads:
             self._drjit.set_thread_count(self.threads)
+
+
+def _check() -> str | None:
+    mitsuba = import_module("mitsuba")
+    if MITSUBA_VARIANT not in mitsuba.variants():
+        return reinstall(f"mitsuba was built without the variant {MITSUBA_VARIANT}")
+    mitsuba.set_variant(MITSUBA_VARIANT)  # loads LLVM
+    return None
+
+
+MITSUBA3 = peer_method("mitsuba3", "Mitsuba 3", "mitsuba", _check, MitsubaTracer)

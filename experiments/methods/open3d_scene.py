@@ -1,4 +1,4 @@
-"""The peer `open3d`: `RaycastingScene.cast_rays`."""
+"""Peer `open3d`: `RaycastingScene.cast_rays`."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
-from experiments.methods.peer import PeerTracer, interleaved
+from experiments.methods.availability import reinstall
+from experiments.methods.peer import PeerTracer, interleaved, peer_method
 
 
 class Open3DTracer(PeerTracer):
@@ -42,3 +43,11 @@ class Open3DTracer(PeerTracer):
     def _tensor(self, array: NDArray[Any]) -> Any:
         """A tensor in the memory of `array`, which must be writable."""
         return self._open3d.core.Tensor.from_numpy(array)
+
+
+def _check() -> str | None:
+    open3d = import_module("open3d")
+    return None if hasattr(open3d.t.geometry, "RaycastingScene") else reinstall("open3d has no RaycastingScene")
+
+
+OPEN3D = peer_method("open3d", "Open3D", "open3d", _check, Open3DTracer)

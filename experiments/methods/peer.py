@@ -1,9 +1,14 @@
-"""What the peers share: their lifetime, their timing and their rays."""
+"""Other people's ray tracers behind the `Tracer` protocol: their lifetime, their timing and their rays.
+
+All run on an Embree of their own: `embreex` and `trimesh` on the one `atra` loads, too, Mitsuba 3 and Open3D on copies
+in their wheels. They get the rays of `PixelTracer` ready made, in the order of the image's rows.
+"""
 
 from __future__ import annotations
 
 import threading
 from abc import abstractmethod
+from collections.abc import Callable
 from time import perf_counter
 from typing import Any
 
@@ -11,13 +16,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.alignment.culling import check_image_memory
-from atra.errors import EmbreeError
+from atra.errors import EmbreeError, InputError
 from atra.geometry.mesh import Mesh
 from atra.geometry.ray_space import from_eye_space
 from atra.geometry.view import View, check_offset
 from atra.hits import Hits
 from atra.parallel import resolve_threads
 from atra.tracers.base import Prepared, image_ray_grid
+from experiments.drawing.style import PURPLE
+from experiments.methods.availability import package_problem, package_version
+from experiments.methods.method import Method, NoOptions, Style, Tracing
 
 _PIXEL_CENTRE = (0.5, 0.5)
 
@@ -137,3 +145,22 @@ class PeerTracer(Prepared):
 def interleaved(directions: NDArray[np.float32]) -> NDArray[np.float32]:
     """Directions (3, H, W) as (H W, 3), contiguous."""
     return np.ascontiguousarray(directions.reshape(3, -1).T)
+
+
+def peer_method(
+    name: str, label: str, package: str, check: Callable[[], str | None], tracer: type[PeerTracer]
+) -> Method:
+    """The method that measures a peer. package: what is imported. check: as of `package_problem`."""
+
+    def problem() -> str | None:
+        return package_problem(package, check)
+
+    def make(mesh: Mesh, view: View, options: NoOptions, tracing: Tracing) -> PeerTracer:
+        obstacle = problem()
+        if obstacle is not None:
+            raise InputError(obstacle)
+        return tracer(mesh, view, tracing.threads)
+
+    return Method(
+        name, label, Style(PURPLE, "P"), NoOptions, make, problem=problem, version=lambda: package_version(package)
+    )

@@ -1,8 +1,9 @@
-"""The peer `trimesh`: `mesh.ray.intersects_first`, which runs on embreex."""
+"""Peer `trimesh`: `mesh.ray.intersects_first`, which runs on embreex."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from importlib import import_module
 from time import perf_counter
 from typing import Any
 
@@ -10,8 +11,10 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from atra.embree.library import wheel_problem
 from atra.kernels.caching import keep_on_disk
 from experiments.methods.blocks import Answer, BlockwiseTracer, RayArrays
+from experiments.methods.peer import peer_method
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,3 +81,12 @@ def _plane_depths(prim_id, directions, normals, distances):  # type: ignore[no-u
                 slope += normals[face, axis] * directions[i, axis]
             depth[i] = distances[face] / slope
     return depth
+
+
+def _check() -> str | None:
+    if not import_module("trimesh").ray.has_embree:
+        return f"trimesh finds no embreex and would trace in Python; {wheel_problem() or 'pip install embreex'}"
+    return None
+
+
+TRIMESH = peer_method("trimesh", "trimesh", "trimesh", _check, TrimeshTracer)

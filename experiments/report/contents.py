@@ -17,15 +17,13 @@ class ReportFigure:
 
     name: of its files, without the suffix ("figure5").
     image: the content of an SVG or PNG file.
-    grids: the table's grids whose points it shows; their doubts are listed under it. None = every row of the table.
-    packet_width: of the points it shows, None = any.
+    point_ids: of the points it shows, whose doubts are listed under it. None = every row of the table.
     """
 
     name: str
     caption: str
     image: bytes
-    grids: tuple[str, ...] | None = None
-    packet_width: int | None = None
+    point_ids: frozenset[str] | None = None
 
 
 @dataclass(frozen=True)

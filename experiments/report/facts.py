@@ -11,11 +11,13 @@ from typing import Any
 import pandas as pd
 
 from atra.errors import InputError
-from experiments.results.findings import Finding
-from experiments.results.judging import VERDICTS
+from experiments.methods.aligned import ALIGNED
+from experiments.methods.naming import say_point
+from experiments.results.findings import VERDICTS, Finding
+from experiments.workloads.frame import FRAME
 
 _NUMBER = re.compile(r"\d+(?:[.,]\d+)*")
-_TIMES, _TO = "\N{MULTIPLICATION SIGN}", "\N{EN DASH}"
+_TO = "\N{EN DASH}"
 
 # Label and unit of an environment's fields; a field that is not here is shown under its own name.
 _ENVIRONMENT_LABELS = {
@@ -110,7 +112,9 @@ def scenes_in_short(table: pd.DataFrame) -> tuple[SceneInShort, ...]:
 
 def _scene_in_short(scene: str, rows: pd.DataFrame) -> SceneInShort:
     measured = rows[rows["status"] == "ok"]
-    timed = measured[measured["render_time_s"].notna() & (measured["method"] == "aligned")]
+    timed = measured[
+        measured["render_time_s"].notna() & (measured["workload"] == FRAME.name) & (measured["method"] == ALIGNED.name)
+    ]
     packets = timed[timed["packet_width"] > 1]
     compared = measured["pixels_wrong"].dropna()
     return SceneInShort(
@@ -131,31 +135,12 @@ def _best(rows: pd.DataFrame, name: str) -> Best | None:
         return None
     row = rows.loc[ratios.idxmax()]
     low, high = (None if pd.isna(row[f"{name}_{end}"]) else float(row[f"{name}_{end}"]) for end in ("low", "high"))
-    return Best(float(row[name]), low, high, describe_point(row))
+    return Best(float(row[name]), low, high, say_point(row))
 
 
 def _first(values: pd.Series) -> Any:
     present = values.dropna()
     return present.iloc[0] if len(present) else None
-
-
-def describe_point(row: pd.Series) -> str:
-    """A point among those of its scene, in few words: "128 × 1, culling on, instanced"."""
-    if row["method"] == "pixel":
-        return f"per pixel{_packets(row)}"
-    parts = [f"{row['split_x']} {_TIMES} {row['split_y']}{_packets(row)}"]
-    if not pd.isna(row["culling"]):
-        parts.append(f"culling {'on' if row['culling'] else 'off'}")
-    if row["geometry"] == "instanced":
-        parts.append("instanced")
-    return ", ".join(parts)
-
-
-def _packets(row: pd.Series) -> str:
-    width = row["packet_width"]
-    if pd.isna(width):
-        return ""
-    return ", single rays" if width == 1 else f", packets of {width}"
 
 
 def count_doubts(rows: pd.DataFrame) -> Doubts:
@@ -191,7 +176,7 @@ def missing_points(table: pd.DataFrame) -> tuple[MissingPoints, ...]:
             str(scene),
             _first(rows["stands_for"]),
             _first(rows["error"]) or "no reason was recorded",
-            tuple(f"{row['quantity']}: {describe_point(row)}" for _, row in rows.iterrows()),
+            tuple(f"{row['workload']}: {say_point(row)}" for _, row in rows.iterrows()),
         )
         for (status, scene, _), rows in groups
     )

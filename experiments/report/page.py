@@ -28,8 +28,8 @@ from experiments.report.facts import (
     software_in_short,
 )
 from experiments.report.pictures import embed_pictures
-from experiments.results.judging import VERDICTS
-from experiments.results.table import csv_bytes, rows_of
+from experiments.results.findings import VERDICTS
+from experiments.results.table import csv_bytes
 
 _TEMPLATES = Path(__file__).resolve().parents[2] / "reports"
 
@@ -106,5 +106,4 @@ def _facts(contents: ReportContents) -> dict[str, Any]:
 
 
 def _doubts_of(figure: ReportFigure, table: pd.DataFrame) -> Doubts:
-    rows = table if figure.grids is None else rows_of(table, *figure.grids)
-    return count_doubts(rows if figure.packet_width is None else rows[rows["packet_width"] == figure.packet_width])
+    return count_doubts(table if figure.point_ids is None else table[table["point_id"].isin(figure.point_ids)])

@@ -3,14 +3,32 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import pandas as pd
 
 from atra.files import write_atomically
-from experiments.results.judging import Judge
+
+HOLDS, DOES_NOT_HOLD, UNDECIDED, NOT_MEASURED = VERDICTS = "holds", "does not hold", "undecided", "not measured"
+"""undecided = measured in full, but not precisely enough to say."""
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """verdict: one of `VERDICTS`. value, interval: ours, as text; "" and None where there is none.
+    why: one line where the verdict is not `holds`. stand_ins: "atrium for sponza" for each stand-in that was judged.
+    """
+
+    verdict: str
+    value: str = ""
+    interval: str | None = None
+    why: str | None = None
+    stand_ins: tuple[str, ...] = ()
+
+
+Judge = Callable[[pd.DataFrame | None], Judgement]
 
 
 @dataclass(frozen=True)
@@ -34,7 +52,7 @@ class Claim:
 class Finding:
     """A claim and what became of it: plain values, one row of `claims.csv`.
 
-    verdict: one of `judging.VERDICTS`. value: ours, "" where there is none. interval: 95 % confidence. why: one line
+    verdict: one of `VERDICTS`. value: ours, "" where there is none. interval: 95 % confidence. why: one line
     where it does not hold.
     """
 

@@ -3,19 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Collection
+from dataclasses import fields
 from typing import Any
 
 import pandas as pd
 
-GEOMETRY = ("geometry", "culling")
-SPLIT = ("split_x", "split_y")
-FRAMES = ("motion", "frames")
+from experiments.methods import METHODS
+from experiments.workloads import WORKLOADS
 
-SETTINGS = (
-    "mesh_sha256", "view", "eye", "target", "up", "fov_y_degrees", "width", "height", *FRAMES, *GEOMETRY, *SPLIT,
-    "packet_width", "packet_rows", "threads", "build_quality", "ties",
-)  # fmt: skip
-"""Columns of the table, what explains others before them: another view has another eye, too."""
+_FIRST = ("mesh_sha256", "view", "eye", "target", "up", "fov_y_degrees", "width", "height")
+_LAST = ("threads", "build_quality", "ties")
+
+
+def settings() -> tuple[str, ...]:
+    """Columns of the table that points of a scene may differ in beside their method and workload, what explains others
+    before them: another view has another eye, too."""
+    options = [
+        *(field.name for workload in WORKLOADS for field in fields(workload.options)),
+        *(field.name for method in METHODS for field in fields(method.options)),
+    ]
+    return tuple(dict.fromkeys([*_FIRST, *options, *_LAST]))
 
 
 def settings_that_vary(table: pd.DataFrame, besides: Collection[str] = ()) -> list[str]:
@@ -24,7 +31,7 @@ def settings_that_vary(table: pd.DataFrame, besides: Collection[str] = ()) -> li
     besides: settings that the reader sees anyway; they tell nothing apart here.
     """
     chosen = ["scene"]
-    for name in SETTINGS:
+    for name in settings():
         if name not in besides and name in table and len(table):
             values = table.groupby(chosen, dropna=False)[name].nunique()
             if values.max() > 1:

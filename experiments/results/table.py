@@ -5,180 +5,92 @@ from __future__ import annotations
 import io
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from math import comb
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from atra.errors import InputError
 from atra.files import write_atomically
-from atra.planner.choice import PACKETS as PLANNER_PACKETS
-from experiments.harness.configuration import Quantity
+from experiments.harness.column import REAL, TEXT, WHOLE, Column, option_columns
 from experiments.harness.environment import BUSY_LOAD, describe_difference
 from experiments.harness.records import Record
-from experiments.workloads.multiframe.frame_tracing import SEPARATE, SEPARATE_VISIBLE
-from experiments.workloads.quantities import BASELINE_BUILD, BUILD, OWN, PACKETS, PLAN, SINGLE
+from experiments.methods import METHODS, find_method
+from experiments.methods.method import Method
+from experiments.workloads import WORKLOADS, find_workload
+from experiments.workloads.workload import Workload
 from scenes.stand_ins import STAND_INS
 
-_TEXT, _WHOLE, _REAL, _TRUTH = "string", "Int64", "Float64", "boolean"
 
-COLUMNS = {
-    "scene": _TEXT,
-    "triangles": _WHOLE,
-    "triangles_traced": _WHOLE,
-    "width": _WHOLE,
-    "height": _WHOLE,
-    "split_x": _WHOLE,
-    "split_y": _WHOLE,
-    "culling": _TRUTH,
-    "method": _TEXT,
-    "packet_width": _WHOLE,
-    "threads": _WHOLE,
-    "build_quality": _TEXT,
-    "plan_time_s": _REAL,
-    "build_time_s": _REAL,
-    "render_time_s": _REAL,
-    "baseline_render_time_s": _REAL,
-    "packets_render_time_s": _REAL,
-    "speedup": _REAL,
-    "speedup_vs_packets": _REAL,
-    "rss_bytes": _WHOLE,
-    "peak_rss_bytes": _WHOLE,
-    "embree_bytes": _WHOLE,
-    "pixels_equal": _WHOLE,
-    "pixels_tied": _WHOLE,
-    "pixels_edge": _WHOLE,
-    "pixels_wrong": _WHOLE,
-    "status": _TEXT,
-    "error": _TEXT,
-    "quantity": _TEXT,
-    "geometry": _TEXT,
-    "grids": _TEXT,
-    "stands_for": _TEXT,
-    "rounds": _WHOLE,
-    "render_time_q1_s": _REAL,
-    "render_time_q3_s": _REAL,
-    "first_frame_time_s": _REAL,
-    "render_time_spread_s": _REAL,
-    "render_time_low_s": _REAL,
-    "render_time_high_s": _REAL,
-    "baseline_render_time_q1_s": _REAL,
-    "baseline_render_time_q3_s": _REAL,
-    "baseline_render_time_low_s": _REAL,
-    "baseline_render_time_high_s": _REAL,
-    "packets_render_time_q1_s": _REAL,
-    "packets_render_time_q3_s": _REAL,
-    "packets_render_time_low_s": _REAL,
-    "packets_render_time_high_s": _REAL,
-    "speedup_q1": _REAL,
-    "speedup_q3": _REAL,
-    "speedup_low": _REAL,
-    "speedup_high": _REAL,
-    "speedup_vs_packets_q1": _REAL,
-    "speedup_vs_packets_q3": _REAL,
-    "speedup_vs_packets_low": _REAL,
-    "speedup_vs_packets_high": _REAL,
-    "packets_width": _WHOLE,
-    **{
-        f"{name}_render_time{part}_s": _REAL
-        for name in PACKETS.values()
-        for part in ("", "_q1", "_q3", "_low", "_high")
-    },
-    "frames": _WHOLE,
-    "motion": _TEXT,
-    "separate_render_time_s": _REAL,
-    "separate_render_time_q1_s": _REAL,
-    "separate_render_time_q3_s": _REAL,
-    "separate_render_time_low_s": _REAL,
-    "separate_render_time_high_s": _REAL,
-    "visible_first_render_time_s": _REAL,
-    "visible_first_render_time_q1_s": _REAL,
-    "visible_first_render_time_q3_s": _REAL,
-    "visible_first_render_time_low_s": _REAL,
-    "visible_first_render_time_high_s": _REAL,
-    "speedup_vs_separate": _REAL,
-    "speedup_vs_separate_q1": _REAL,
-    "speedup_vs_separate_q3": _REAL,
-    "speedup_vs_separate_low": _REAL,
-    "speedup_vs_separate_high": _REAL,
-    "speedup_vs_visible_first": _REAL,
-    "speedup_vs_visible_first_q1": _REAL,
-    "speedup_vs_visible_first_q3": _REAL,
-    "speedup_vs_visible_first_low": _REAL,
-    "speedup_vs_visible_first_high": _REAL,
-    "separate_embree_bytes": _WHOLE,
-    "plan_time_q1_s": _REAL,
-    "plan_time_q3_s": _REAL,
-    "plan_time_low_s": _REAL,
-    "plan_time_high_s": _REAL,
-    "build_time_q1_s": _REAL,
-    "build_time_q3_s": _REAL,
-    "build_time_low_s": _REAL,
-    "build_time_high_s": _REAL,
-    "baseline_build_time_s": _REAL,
-    "baseline_build_time_q1_s": _REAL,
-    "baseline_build_time_q3_s": _REAL,
-    "baseline_build_time_low_s": _REAL,
-    "baseline_build_time_high_s": _REAL,
-    "rss_start_bytes": _WHOLE,
-    "rss_mesh_bytes": _WHOLE,
-    "depth_error_max": _REAL,
-    "depth_error_p999": _REAL,
-    "baseline_depth_error_max": _REAL,
-    "baseline_depth_error_p999": _REAL,
-    "images": _WHOLE,
-    "method_wrong": _WHOLE,
-    "baseline_wrong": _WHOLE,
-    "rays_sampled": _WHOLE,
-    "sampled_method_wrong": _WHOLE,
-    "sampled_baseline_wrong": _WHOLE,
-    "mesh_sha256": _TEXT,
-    "view": _TEXT,
-    "eye": _TEXT,
-    "target": _TEXT,
-    "up": _TEXT,
-    "fov_y_degrees": _REAL,
-    "packet_rows": _TEXT,
-    "ties": _TEXT,
-    "best_plan": _TEXT,
-    "best_frame_plan": _TEXT,
-    "packets_regret": _REAL,
-    "estimate_plan": _TEXT,
-    "estimate_regret": _REAL,
-    "estimate_frame_regret": _REAL,
-    "estimate_vs_packets": _REAL,
-    "estimate_predicted_time_s": _REAL,
-    "estimate_planning_time_s": _REAL,
-    "measure_plan": _TEXT,
-    "measure_regret": _REAL,
-    "measure_frame_regret": _REAL,
-    "measure_vs_packets": _REAL,
-    "measure_predicted_time_s": _REAL,
-    "measure_planning_time_s": _REAL,
-    "load_average": _REAL,
-    "doubts": _TEXT,
-    "cpu": _TEXT,
-    "measured_at": _TEXT,
-    "point_id": _TEXT,
-}
-"""Columns in order, with their pandas types. Times are seconds and medians over rounds; `_q1`, `_q3` are quartiles,
-`_low`, `_high` the 95 % confidence interval of the median, `_spread` the distance between the quartiles. `speedup` is
-rtcIntersect1 / this and `speedup_vs_packets` packets / this, each the median of the ratios of single rounds. Packets
-are the fastest of the native widths, of `packets_width` rays; `packets_8_*` and so on are of each that was measured.
-`quantity` says what was measured at the point (`experiments.harness.configuration.Quantity`), `grids` of which grids of
-the sweep it is part, `stands_for` which scene of the paper a procedural stand-in replaces without being it. `pixels_*`
-are sums over `images`, one an offset; of the pixels that are not equal the oracle finds the point's method wrong at
-`method_wrong` and rtcIntersect1 at `baseline_wrong`; `sampled_*_wrong` are the same of `rays_sampled`, drawn from all
-pixels. `depth_error_*` are the largest and the 99.9th percentile of the relative errors of stored depths against
-float64, of the worst image; `baseline_*` those of rtcIntersect1. At a point of several `frames` times, bytes and pixels
-are of all frames together; `separate_*` and `visible_first_*` are of one aligned and one visible-first tracer a frame
-with the same split, one frame after the other, and the speed-ups over them are paired, too. `packet_rows` is what was
-asked for. What was not measured is missing, never zero."""
+def _field(name: str, dtype: str, help: str) -> Column:
+    return Column(name, dtype, help, lambda record: record.configuration.get(name))
 
-CONFIDENCE = 0.95
+
+def _vector(name: str, help: str) -> Column:
+    return Column(name, TEXT, help, lambda record: _say_vector(record.configuration.get(name)))
+
+
+def _of_environment(name: str, field: str, dtype: str, help: str) -> Column:
+    return Column(name, dtype, help, lambda record: record.environment.get(field))
+
+
+_POINT_COLUMNS = (
+    _field("scene", TEXT, "name of the scene"),
+    Column("stands_for", TEXT, "scene of the paper that a procedural stand-in replaces", lambda one: _stands_for(one)),
+    _field("triangles", WHOLE, "triangles of the mesh"),
+    _field("mesh_sha256", TEXT, "hash of the mesh as loaded"),
+    _field("view", TEXT, "the scene's own camera, or which was made from it"),
+    _vector("eye", "position of the camera"),
+    _vector("target", "what it looks at"),
+    _vector("up", "its up direction"),
+    _field("fov_y_degrees", REAL, "vertical field of view"),
+    _field("width", WHOLE, "pixels"),
+    _field("height", WHOLE, "pixels"),
+    _field("workload", TEXT, "what was measured at the point"),
+    _field("method", TEXT, "with what"),
+)
+_TRACING_COLUMNS = (
+    _field("threads", WHOLE, "threads that traced"),
+    _field("build_quality", TEXT, "Embree's, for its BVH"),
+    _field("ties", TEXT, "which of overlapping triangles in one plane is stored"),
+)
+_OUTCOME_COLUMNS = (
+    Column("status", TEXT, "ok, skipped or failed", lambda record: record.status),
+    Column("error", TEXT, "why, when not ok", lambda record: record.error),
+    Column("rounds", WHOLE, "rounds that ran"),
+    Column("doubts", TEXT, "what makes the times less trustworthy", lambda record: _doubts(record)),
+    Column("load_average", REAL, "load of the machine before the point", lambda record: _load(record)),
+    _of_environment("cpu", "cpu", TEXT, "processor"),
+    _of_environment("measured_at", "taken_at", TEXT, "when"),
+    Column("point_id", TEXT, "identity of the point; name of its record", lambda record: record.point_id),
+    Column("grids", TEXT, "grids of the sweep that it is part of", lambda record: None),
+)
+
+
+def columns() -> dict[str, Column]:
+    """Every column of the table, by name and in order: the point, its options, what holds for all, what was measured,
+    and what became of it. Options and columns of one name are one column.
+
+    Times are seconds and medians over rounds; what was not measured is missing, never zero. Raises ValueError for two
+    columns of one name and different types.
+    """
+    options = [
+        *(column for method in METHODS for column in option_columns(method.options, "method_options")),
+        *(column for workload in WORKLOADS for column in option_columns(workload.options, "workload_options")),
+    ]
+    measured = [column for kind in (*WORKLOADS, *METHODS) for column in kind_columns(kind)]
+    found: dict[str, Column] = {}
+    for column in (*_POINT_COLUMNS, *options, *_TRACING_COLUMNS, *measured, *_OUTCOME_COLUMNS):
+        if found.setdefault(column.name, column).dtype != column.dtype:
+            raise ValueError(f"column {column.name} is {found[column.name].dtype} and {column.dtype}")
+    return found
+
+
+def kind_columns(kind: Workload | Method) -> tuple[Column, ...]:
+    """What a workload measures, or a method counts."""
+    return kind.columns if isinstance(kind, Workload) else kind.counters
+
 
 _OUT_OF_PROPORTION = 10.0
 """A sample so many times longer or shorter than the median of its method is doubted."""
@@ -195,7 +107,9 @@ def make_table(records: Sequence[Record], grids: Mapping[str, Sequence[str]] | N
     """
     check_one_environment(records)
     rows = [_row(record) | {"grids": ",".join((grids or {}).get(record.point_id, ())) or None} for record in records]
-    return pd.DataFrame({name: pd.array([row.get(name) for row in rows], dtype=kind) for name, kind in COLUMNS.items()})
+    return pd.DataFrame(
+        {name: pd.array([row.get(name) for row in rows], dtype=one.dtype) for name, one in columns().items()}
+    )
 
 
 def check_one_environment(records: Iterable[Record]) -> None:
@@ -226,7 +140,9 @@ def csv_bytes(table: pd.DataFrame) -> bytes:
     return shown.to_csv(index=False).encode()
 
 
-def _csv_text(text: str) -> str:
+def _csv_text(text: Any) -> Any:
+    if not isinstance(text, str):  # a column may hold other things beside texts
+        return text
     return re.sub(r"\r(?!\n)", r"\\r", f"'{text}" if text.startswith(("=", "+", "-", "@")) else text)
 
 
@@ -245,7 +161,11 @@ def read_table(folder: Path) -> pd.DataFrame | None:
         return None
     try:
         table = pd.read_parquet(path)
-        return table[list(COLUMNS)].astype(COLUMNS)
+        for name, column in columns().items():
+            # A column that is newer than the table was not measured.
+            values = table[name] if name in table else pd.Series(pd.NA, index=table.index)
+            table[name] = values.astype(column.dtype)
+        return table[list(columns())]
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise InputError(f"{path} cannot be read as a table of this version ({error}); run the sweep again") from None
 
@@ -256,53 +176,37 @@ def rows_of(table: pd.DataFrame, *grids: str) -> pd.DataFrame:
     return table[of_points.map(lambda names: not set(grids).isdisjoint(names)).astype(bool)]
 
 
+def workload_rows(table: pd.DataFrame, *names: str) -> pd.DataFrame:
+    """The rows of the named workloads, measured or not."""
+    return table[table["workload"].isin(names).astype(bool)]
+
+
 def _row(record: Record) -> dict[str, Any]:
-    row: dict[str, Any] = {name: record.configuration.get(name) for name in COLUMNS}
-    # The number of rounds asked for is configuration; the column holds how many ran.
-    row["rounds"] = None
-    # Results come second: the packet width and threads that ran, where the configuration leaves them to the machine.
-    row |= {name: value for name, value in record.results.items() if name in COLUMNS}
-    stand_in = STAND_INS.get(str(row["scene"])) if record.configuration.get("scene_source") == "procedural" else None
+    workload, method = find_workload(record.configuration["workload"]), find_method(record.configuration["method"])
+    columns = [
+        *_POINT_COLUMNS,
+        *option_columns(method.options, "method_options"),
+        *option_columns(workload.options, "workload_options"),
+        *_TRACING_COLUMNS,
+    ]
+    row = {column.name: column.value(record) for column in columns}
+    # The packet width and threads that ran, where the point leaves them to the machine.
+    row |= {name: record.results[name] for name in row if name in record.results}
+    if record.status == "ok":
+        row |= {column.name: column.value(record) for column in (*workload.columns, *method.counters)}
+    return row | {column.name: column.value(record) for column in _OUTCOME_COLUMNS}
+
+
+def _stands_for(record: Record) -> str | None:
+    if record.configuration.get("scene_source") != "procedural":
+        return None
+    stand_in = STAND_INS.get(str(record.configuration.get("scene")))
+    return stand_in.stands_for if stand_in else None
+
+
+def _load(record: Record) -> float | None:
     load = record.environment.get("load_average")
-    row |= {name: _say_vector(row[name]) for name in ("eye", "target", "up")}
-    row["packet_rows"] = "automatic" if row["packet_rows"] is None else str(row["packet_rows"])
-    row |= {
-        "stands_for": stand_in.stands_for if stand_in else None,
-        "status": record.status,
-        "error": record.error,
-        "point_id": record.point_id,
-        "cpu": record.environment.get("cpu"),
-        "measured_at": record.environment.get("taken_at"),
-        "load_average": load[0] if load else None,
-    }
-    if record.status == "ok" and record.samples:
-        samples = {name: np.asarray(values, np.float64) for name, values in record.samples.items()}
-        if OWN in samples:
-            own, single, packets = samples[OWN], samples[SINGLE], samples[PACKETS[record.results["packets_width"]]]
-            row |= _statistics("render_time{}_s", own)
-            row["first_frame_time_s"] = float([*record.warmup_samples.get(OWN, []), *own][0])
-            row["render_time_spread_s"] = row["render_time_q3_s"] - row["render_time_q1_s"]
-            row |= _statistics("baseline_render_time{}_s", single)
-            row |= _statistics("packets_render_time{}_s", packets)
-            row |= _statistics("speedup{}", single / own)
-            row |= _statistics("speedup_vs_packets{}", packets / own)
-            for name in PACKETS.values():
-                if name in samples:
-                    row |= _statistics(name + "_render_time{}_s", samples[name])
-            for name in (SEPARATE, SEPARATE_VISIBLE):
-                if name in samples:
-                    row |= _statistics(name + "_render_time{}_s", samples[name])
-                    row |= _statistics("speedup_vs_" + name + "{}", samples[name] / own)
-            judged = own
-        elif record.configuration.get("quantity") == Quantity.planner.value:  # its ratios are among the results
-            judged = samples[PLANNER_PACKETS]
-        else:
-            row |= _statistics("plan_time{}_s", samples[PLAN])
-            row |= _statistics("build_time{}_s", samples[BUILD])
-            row |= _statistics("baseline_build_time{}_s", samples[BASELINE_BUILD])
-            judged = samples[BUILD]
-        row["doubts"] = "; ".join(_doubts(record, judged)) or None
-    return row
+    return load[0] if load else None
 
 
 def _say_vector(vector: Sequence[float] | None) -> str | None:
@@ -310,32 +214,12 @@ def _say_vector(vector: Sequence[float] | None) -> str | None:
     return None if vector is None else ", ".join(repr(float(value)).removesuffix(".0") for value in vector)
 
 
-def _statistics(name: str, values: NDArray[np.float64]) -> dict[str, float]:
-    q1, median, q3 = np.quantile(values, [0.25, 0.5, 0.75])
-    low, high = median_interval(values)
-    named = {"": median, "_q1": q1, "_q3": q3, "_low": low, "_high": high}
-    return {name.format(suffix): float(value) for suffix, value in named.items()}
-
-
-def median_interval(values: NDArray[np.float64], confidence: float = CONFIDENCE) -> tuple[float, float]:
-    """Confidence interval of the median from order statistics, which assumes no distribution.
-
-    The k-th smallest and k-th largest value enclose the median unless fewer than k samples fall on one side of it,
-    which is binomial; k is the largest that keeps the confidence. Below 6 samples even k = 1 does not reach 95 %: the
-    interval is then their whole range.
-    """
-    ordered = np.sort(values)
-    count, miss, k = len(ordered), 0.0, 1
-    for fewer in range(count // 2):
-        miss += 2 * comb(count, fewer) / 2**count
-        if miss > 1 - confidence:
-            break
-        k = fewer + 1
-    return float(ordered[k - 1]), float(ordered[-k])
-
-
-def _doubts(record: Record, own: NDArray[np.float64]) -> list[str]:
-    """Reasons to distrust the times of a point."""
+def _doubts(record: Record) -> str | None:
+    """Reasons to distrust the times of a point, None without any."""
+    judged = find_workload(record.configuration["workload"]).judged
+    if record.status != "ok" or judged is None:
+        return None
+    own = np.asarray(record.samples[judged], np.float64)
     doubts = []
     q1, median, q3 = np.quantile(own, [0.25, 0.5, 0.75])
     if q3 - q1 >= 0.1 * median:
@@ -358,4 +242,4 @@ def _doubts(record: Record, own: NDArray[np.float64]) -> list[str]:
     # The point measured just before leaves a load of its own threads.
     if load and threads and load[0] > threads + BUSY_LOAD:
         doubts.append(f"the machine was busy (load {load[0]:.1f})")
-    return doubts
+    return "; ".join(doubts) or None

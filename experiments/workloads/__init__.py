@@ -1,1 +1,32 @@
-"""What is measured at a point, one folder each."""
+"""Workloads: what is measured at a point; adding one is a line here and its folder."""
+
+from __future__ import annotations
+
+from atra.errors import InputError
+from experiments.workloads.agreement import AGREEMENT
+from experiments.workloads.build import BUILD
+from experiments.workloads.frame import FRAME
+from experiments.workloads.memory import MEMORY
+from experiments.workloads.multiframe import MULTIFRAME
+from experiments.workloads.picture import PICTURE
+from experiments.workloads.planner import PLANNER
+from experiments.workloads.workload import Workload
+
+WORKLOADS: tuple[Workload, ...] = (
+    FRAME,
+    BUILD,
+    MEMORY,
+    PICTURE,
+    AGREEMENT,
+    MULTIFRAME,
+    PLANNER,
+)
+"""In the order of tables and pages."""
+
+
+def find_workload(name: str) -> Workload:
+    """The workload called `name`. Raises InputError, naming those there are, for any other name."""
+    for workload in WORKLOADS:
+        if workload.name == name:
+            return workload
+    raise InputError(f"unknown workload {name!r}, expected one of {', '.join(one.name for one in WORKLOADS)}")

@@ -9,18 +9,11 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from experiments.drawing.figure_parts import (
-    GREY,
-    MILLISECONDS,
-    VERMILLION,
-    add_foot,
-    drawable,
-    make_figure,
-    make_panels,
-    numbers,
-    set_panel_title,
-)
-from experiments.results.settings import SPLIT
+from experiments.drawing.pages import add_foot, make_figure, set_panel_title
+from experiments.drawing.style import GREY, VERMILLION
+from experiments.drawing.values import MILLISECONDS, drawable, numbers
+from experiments.methods.aligned_forms import aligned_rows
+from experiments.results.panels import make_panels
 
 
 def draw_grid_figure(table: pd.DataFrame, heading: str = "") -> Figure:
@@ -29,9 +22,9 @@ def draw_grid_figure(table: pd.DataFrame, heading: str = "") -> Figure:
     heading: stands above the figure, for one that belongs to a row of figures.
     A split without a time stays empty, marked with its status. Colours are per scene: compare within a panel.
     """
-    aligned = table[table["method"] == "aligned"]
+    aligned = aligned_rows(table)
     # A panel without any time would be empty; its points are in the table with their reasons.
-    panels = [panel for panel in make_panels(aligned, SPLIT) if drawable(_times(panel.rows)).any()]
+    panels = [panel for panel in make_panels(aligned, ("split_x", "split_y")) if drawable(_times(panel.rows)).any()]
     figure, axes = make_figure(len(panels), panel_height=4.7)
     for axis, panel in zip(axes, panels, strict=True):
         set_panel_title(axis, panel.title, panel.stands_for)

@@ -8,34 +8,16 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from experiments.drawing.figure_parts import (
-    MILLISECONDS,
-    TIME_BASELINES,
-    add_legend,
-    column,
-    make_figure,
-    make_panels,
-    numbers,
-    set_panel_title,
-)
-from experiments.drawing.method_parts import (
-    BEST_OF,
-    Bar,
-    draw_bars,
-    draw_upright_baselines,
-    finish_bar_axes,
-    say_number,
-    say_ratio,
-    say_series,
-    say_split,
-    say_unmeasured,
-    series_of,
-    style_of,
-    write_foot,
-    write_notes,
-)
-from experiments.methods.peers import PEERS
-from experiments.workloads.frame.price import BASELINE_METHOD, best_rows, time_rows
+from experiments.drawing.bars import Bar, draw_bars, draw_upright_lines, finish_bar_axes
+from experiments.drawing.pages import add_legend, make_figure, set_panel_title, write_foot, write_notes
+from experiments.drawing.values import MILLISECONDS, column, numbers, say_number
+from experiments.methods import METHODS
+from experiments.methods.naming import best_of, say_series, say_split
+from experiments.methods.pixel import PIXEL
+from experiments.results.panels import make_panels
+from experiments.workloads.baselines import TIME_BASELINES
+from experiments.workloads.frame.price import best_rows, time_rows
+from experiments.workloads.series import say_ratio, say_unmeasured, series_of, style_of
 
 
 def draw_methods_figure(table: pd.DataFrame, heading: str = "") -> Figure:
@@ -46,8 +28,8 @@ def draw_methods_figure(table: pd.DataFrame, heading: str = "") -> Figure:
     point, are the two lines: the median over all points, with a band from lower to upper quartile. Peers are left out.
     """
     rows = time_rows(table)
-    rows = rows[~rows["method"].isin(PEERS)]
-    panels = make_panels(rows, (*BEST_OF, "packet_width"))
+    rows = rows[rows["method"].isin([method.name for method in METHODS if method.is_ours])]
+    panels = make_panels(rows, (*best_of(), "packet_width"))
     figure, axes = make_figure(len(panels), panel_height=3.3)
     for axis, panel in zip(axes, panels, strict=True):
         set_panel_title(axis, panel.title, panel.stands_for)
@@ -63,10 +45,10 @@ def _draw_panel(axis: Axes, rows: pd.DataFrame) -> None:
     for method, width, points in series_of(rows):
         name = say_series(method, width)
         notes += say_unmeasured(points, name)
-        if method != BASELINE_METHOD or width not in lines:
+        if method != PIXEL.name or width not in lines:
             bars.append(_make_bar(points, name, style_of(method, width)["color"], faint=width == 1))
     draw_bars(axis, bars)
-    furthest = draw_upright_baselines(axis, rows, MILLISECONDS)
+    furthest = draw_upright_lines(axis, rows, TIME_BASELINES, MILLISECONDS)
     finish_bar_axes(axis, bars, "time per frame in ms", furthest)
     write_notes(axis, notes)
 

@@ -11,27 +11,13 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from experiments.drawing.figure_parts import (
-    make_figure,
-    make_panels,
-    numbers,
-    set_panel_title,
-)
-from experiments.drawing.method_parts import (
-    BEST_OF,
-    Bar,
-    draw_bars,
-    finish_bar_axes,
-    say_number,
-    say_ratio,
-    say_series,
-    say_split,
-    say_unmeasured,
-    series_of,
-    style_of,
-    write_foot,
-)
+from experiments.drawing.bars import Bar, draw_bars, finish_bar_axes
+from experiments.drawing.pages import make_figure, set_panel_title, write_foot
+from experiments.drawing.values import numbers, say_number
+from experiments.methods.naming import best_of, say_series, say_split
+from experiments.results.panels import make_panels
 from experiments.workloads.frame.price import best_rows, time_rows
+from experiments.workloads.series import say_ratio, say_unmeasured, series_of, style_of
 
 
 def draw_peers_figure(table: pd.DataFrame, heading: str = "") -> Figure:
@@ -41,7 +27,7 @@ def draw_peers_figure(table: pd.DataFrame, heading: str = "") -> Figure:
     to quartile over rounds. What was not measured is listed below all panels with its reason.
     """
     rows = time_rows(table)
-    panels = [panel for panel in make_panels(rows, (*BEST_OF, "packet_width")) if len(best_rows(panel.rows))]
+    panels = [panel for panel in make_panels(rows, (*best_of(), "packet_width")) if len(best_rows(panel.rows))]
     tallest = max((len(_make_bars(panel.rows)) for panel in panels), default=0)
     figure, axes = make_figure(len(panels), panel_height=max(2.6, 1.2 + 0.36 * tallest))
     for axis, panel in zip(axes, panels, strict=True):

@@ -10,9 +10,8 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from atra.errors import InputError
-
-BASELINE_METHOD = "pixel"
-"""What a price is compared with, in packets, is what an expert would use anyway."""
+from experiments.methods.pixel import PIXEL
+from experiments.workloads.frame import FRAME
 
 _CHOICE = ("scene", "width", "height", "method", "packet_width", "threads", "build_quality")
 
@@ -21,14 +20,13 @@ _CHOICE = ("scene", "width", "height", "method", "packet_width", "threads", "bui
 class Price:
     """Seconds a method takes on one scene, and the bytes of its Embree scenes.
 
-    split: (split_x, split_y). first_frame_time_s: the very first frame after the build; it finds caches cold.
+    first_frame_time_s: the very first frame after the build; it finds caches cold.
     frame_time_s: every further frame. embree_bytes: Embree's own account, None where it was not taken.
     packets_frame_time_s: a frame of packets per pixel in the same rounds, None where it was not taken.
     Raises InputError for a time that is negative or not finite, and for a frame that takes no time.
     """
 
     method: str
-    split: tuple[int, int]
     plan_time_s: float
     build_time_s: float
     first_frame_time_s: float
@@ -52,9 +50,9 @@ class Price:
 
 def time_rows(table: pd.DataFrame) -> pd.DataFrame:
     """The rows of timed frames, measured or not; a row that does not say what it measured counts as one."""
-    if "quantity" not in table:
+    if "workload" not in table:
         return table
-    return table[table["quantity"].fillna("time").eq("time").astype(bool)]
+    return table[table["workload"].fillna(FRAME.name).eq(FRAME.name).astype(bool)]
 
 
 def best_rows(table: pd.DataFrame) -> pd.DataFrame:
@@ -78,22 +76,22 @@ def price_of(row: pd.Series) -> Price | None:
     """
     names = ("plan_time_s", "build_time_s", "first_frame_time_s", "render_time_s")
     times = {name: row.get(name) for name in names}
-    if row["method"] == BASELINE_METHOD and pd.isna(times["plan_time_s"]):
+    if row["method"] == PIXEL.name and pd.isna(times["plan_time_s"]):
         times["plan_time_s"] = 0.0
     if any(pd.isna(value) for value in times.values()):
         return None
     stored = row.get("embree_bytes")
     plan_s, build_s, first_s, frame_s = (float(times[name]) for name in names)
-    split, embree_bytes = (int(row["split_x"]), int(row["split_y"])), None if pd.isna(stored) else int(stored)
+    embree_bytes = None if pd.isna(stored) else int(stored)
     packets = row.get("packets_render_time_s")
     packets_s = None if pd.isna(packets) else float(packets)
-    return Price(str(row["method"]), split, plan_s, build_s, first_s, frame_s, embree_bytes, packets_s)
+    return Price(str(row["method"]), plan_s, build_s, first_s, frame_s, embree_bytes, packets_s)
 
 
 def baseline_price(rows: pd.DataFrame) -> Price | None:
     """The price of the fastest packets per pixel among the rows of one scene, or None if it was not measured there."""
     best = best_rows(rows)
-    chosen = best["method"].eq(BASELINE_METHOD) & best["packet_width"].gt(1)
+    chosen = best["method"].eq(PIXEL.name) & best["packet_width"].gt(1)
     prices = (price_of(row) for _, row in best[chosen.fillna(False).astype(bool)].iterrows())
     return min((price for price in prices if price is not None), key=lambda one: one.frame_time_s, default=None)
 

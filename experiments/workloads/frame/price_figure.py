@@ -10,34 +10,15 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
-from experiments.drawing.figure_parts import (
-    BLACK,
-    DOTTED,
-    GREEN,
-    GREY,
-    MILLISECONDS,
-    TIMES,
-    add_legend,
-    make_figure,
-    make_panels,
-    say_nothing_measured,
-    set_panel_title,
-    tidy_axis,
-)
-from experiments.drawing.method_parts import (
-    BEST_OF,
-    OWN_METHODS,
-    say_number,
-    say_series,
-    say_split,
-    say_unmeasured,
-    series_of,
-    style_of,
-    write_foot,
-    write_notes,
-)
+from experiments.drawing.axes import say_nothing_measured, tidy_axis
+from experiments.drawing.pages import add_legend, make_figure, set_panel_title, write_foot, write_notes
+from experiments.drawing.style import BLACK, DOTTED, GREEN, GREY
+from experiments.drawing.values import MILLISECONDS, TIMES, say_number
+from experiments.methods import METHODS
+from experiments.methods.naming import best_of, say_series, say_split
+from experiments.methods.pixel import PIXEL
+from experiments.results.panels import make_panels
 from experiments.workloads.frame.price import (
-    BASELINE_METHOD,
     Price,
     baseline_price,
     best_rows,
@@ -46,6 +27,7 @@ from experiments.workloads.frame.price import (
     price_of,
     time_rows,
 )
+from experiments.workloads.series import say_unmeasured, series_of, style_of
 
 LAST_FRAME = 1000
 
@@ -63,24 +45,28 @@ def draw_price_figure(table: pd.DataFrame, heading: str = "") -> Figure:
     packets per pixel. Below each panel stand the parts of the price.
     """
     rows = time_rows(table)
-    rows = rows[rows["method"].isin([*OWN_METHODS, BASELINE_METHOD])]
-    panels = make_panels(rows, (*BEST_OF, "packet_width"))
+    rows = rows[rows["method"].isin([*_with_cells(), PIXEL.name])]
+    panels = make_panels(rows, (*best_of(), "packet_width"))
     figure, axes = make_figure(len(panels), panel_height=4.7)
     # The lines below a panel would touch the next one's title.
     figure.set_layout_engine("constrained", h_pad=0.12)
     for axis, panel in zip(axes, panels, strict=True):
         set_panel_title(axis, panel.title, panel.stands_for)
         _draw_panel(axis, panel.rows)
-    add_legend(figure, axes, [*(say_series(method, None) for method in OWN_METHODS), _BASELINE], heading)
+    add_legend(figure, axes, [*(say_series(method, None) for method in _with_cells()), _BASELINE], heading)
     write_foot(figure, rows, f"ring: ahead of {_BASELINE} from this frame on; bytes: Embree's, over those of packets")
     return figure
+
+
+def _with_cells() -> list[str]:
+    return [method.name for method in METHODS if method.has_cells]
 
 
 def _draw_panel(axis: Axes, rows: pd.DataFrame) -> None:
     notes: list[str] = []
     baseline = baseline_price(rows)
     entries: list[tuple[str, str, dict[str, Any], Price]] = []
-    for method in OWN_METHODS:
+    for method in _with_cells():
         points = rows[rows["method"].eq(method).fillna(False).astype(bool)]
         for _, width, of_width in series_of(points):
             notes += say_unmeasured(of_width, say_series(method, width))

@@ -7,28 +7,13 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from experiments.drawing.figure_parts import (
-    ALIGNED_STYLES,
-    COPIED_OFF,
-    MILLISECONDS,
-    TIME_BASELINES,
-    TIMES,
-    Missing,
-    add_foot,
-    add_legend,
-    aligned_forms,
-    draw_baseline,
-    draw_series,
-    drawable,
-    finish_split_axes,
-    make_figure,
-    mark_missing,
-    missing_points,
-    numbers,
-    panels_over_splits,
-    set_panel_title,
-    undrawable_points,
-)
+from experiments.drawing.axes import draw_baseline, draw_series, finish_split_axes
+from experiments.drawing.missing import Missing, mark_missing, missing_points, undrawable_points
+from experiments.drawing.pages import add_foot, add_legend, make_figure, set_panel_title
+from experiments.drawing.values import MILLISECONDS, TIMES, drawable, numbers
+from experiments.methods.aligned_forms import COPIED_OFF, FORM_OPTIONS, FORM_STYLES, aligned_forms, aligned_rows
+from experiments.results.panels import panels_over_splits
+from experiments.workloads.baselines import TIME_BASELINES
 
 
 def draw_split_figure(table: pd.DataFrame, axis_name: str = "split_x", heading: str = "") -> Figure:
@@ -39,13 +24,13 @@ def draw_split_figure(table: pd.DataFrame, axis_name: str = "split_x", heading: 
     Points are medians with bars from the lower to the upper quartile over rounds. A baseline is measured again with
     every point: its line is the median over all of them, its band reaches from lower to upper quartile.
     """
-    aligned = table[table["method"] == "aligned"]
-    panels = panels_over_splits(aligned, axis_name)
+    aligned = aligned_rows(table)
+    panels = panels_over_splits(aligned, FORM_OPTIONS, axis_name)
     figure, axes = make_figure(len(panels))
     for axis, panel in zip(axes, panels, strict=True):
         set_panel_title(axis, panel.title, panel.stands_for)
         draw_times(axis, panel.rows, axis_name)
-    add_legend(figure, axes, [*ALIGNED_STYLES, *TIME_BASELINES], heading)
+    add_legend(figure, axes, [*FORM_STYLES, *TIME_BASELINES], heading)
     add_foot(figure, table, "in bold: speed-up over rtcIntersect1 at the shortest time")
     return figure
 
@@ -57,7 +42,7 @@ def draw_times(axis: Axes, rows: pd.DataFrame, axis_name: str, mark_best: bool =
     """
     missing: list[Missing] = []
     for form, points in aligned_forms(rows).items():
-        style = ALIGNED_STYLES[form]
+        style = FORM_STYLES[form]
         time_ms, q1_ms, q3_ms = (
             numbers(points, name) * MILLISECONDS for name in ("render_time_s", "render_time_q1_s", "render_time_q3_s")
         )
@@ -83,6 +68,6 @@ def _mark_best(axis: Axes, points: pd.DataFrame, time_ms: np.ndarray, axis_name:
         f"{speedup:.2f}{TIMES}",
         (numbers(points, axis_name)[best], time_ms[best]),
         xytext=(0, 8 if form == COPIED_OFF else -13), textcoords="offset points", ha="center", fontsize=8.5,
-        color=ALIGNED_STYLES[form]["color"], fontweight="bold",
+        color=FORM_STYLES[form]["color"], fontweight="bold",
         bbox={"boxstyle": "round,pad=0.1", "facecolor": "white", "edgecolor": "none", "alpha": 0.75}, zorder=4,
     )  # fmt: skip

@@ -12,32 +12,15 @@ from matplotlib.ticker import FuncFormatter, NullFormatter
 from matplotlib.transforms import offset_copy
 from numpy.typing import NDArray
 
-from experiments.drawing.figure_parts import (
-    BLACK,
-    DOTTED,
-    TIMES,
-    add_legend,
-    column,
-    drawable,
-    make_figure,
-    make_panels,
-    numbers,
-    say_nothing_measured,
-    set_panel_title,
-    tidy_axis,
-)
-from experiments.drawing.method_parts import (
-    BEST_OF,
-    say_series,
-    say_split,
-    say_unmeasured,
-    series_of,
-    spread,
-    style_of,
-    write_foot,
-    write_notes,
-)
+from experiments.drawing.axes import say_nothing_measured, tidy_axis
+from experiments.drawing.bars import spread
+from experiments.drawing.pages import add_legend, make_figure, set_panel_title, write_foot, write_notes
+from experiments.drawing.style import BLACK, DOTTED
+from experiments.drawing.values import TIMES, column, drawable, numbers
+from experiments.methods.naming import best_of, say_series, say_split
+from experiments.results.panels import make_panels
 from experiments.workloads.frame.price import best_rows, time_rows
+from experiments.workloads.series import say_unmeasured, series_of, style_of
 
 _IDEAL = "ideal"
 _SAME = ("split_x", "split_y", "culling", "geometry")
@@ -64,7 +47,7 @@ def draw_threads_figure(table: pd.DataFrame, heading: str = "") -> Figure:
     thread over the upper quartile on n, to the upper over the lower: the two were not measured in the same rounds.
     """
     rows = time_rows(table)
-    panels = make_panels(rows, (*BEST_OF, "packet_width", "threads"))
+    panels = make_panels(rows, (*best_of(), "packet_width", "threads"))
     figure, axes = make_figure(len(panels))
     order = [_IDEAL]
     for axis, panel in zip(axes, panels, strict=True):

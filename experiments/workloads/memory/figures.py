@@ -1,97 +1,17 @@
-"""Figure 7 of the paper: memory over horizontal splits, copied geometry with culling."""
+"""Figures of this workload."""
 
 from __future__ import annotations
 
-from typing import Any
+from experiments.drawing.figure import FigureKind, of_table
+from experiments.results.table import workload_rows
+from experiments.workloads.memory import MEMORY
+from experiments.workloads.memory.memory_figure import draw_memory_figure
 
-import numpy as np
-import pandas as pd
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from numpy.typing import NDArray
-
-from experiments.drawing.figure_parts import (
-    BLACK,
-    BLUE,
-    COPIED_ON,
-    DASHED,
-    GREEN,
-    MEBIBYTES,
-    ORANGE,
-    Missing,
-    add_foot,
-    add_legend,
-    aligned_forms,
-    column,
-    draw_baseline,
-    draw_series,
-    finish_split_axes,
-    make_figure,
-    mark_missing,
-    missing_points,
-    numbers,
-    panels_over_splits,
-    set_panel_title,
-    undrawable_points,
+FIGURES = (
+    FigureKind(
+        "figure7",
+        "Figure 7: memory over horizontal splits, culling on",
+        lambda table: workload_rows(table, MEMORY.name),
+        of_table(draw_memory_figure),
+    ),
 )
-from experiments.results.settings import GEOMETRY, SETTINGS, SPLIT
-
-# Label -> the column, and whether the process's size with only the mesh loaded is taken off it.
-_SERIES: dict[str, tuple[str, bool, dict[str, Any]]] = {
-    "peak of RSS over the mesh": ("peak_rss_bytes", True, {"color": ORANGE, "marker": "v"}),
-    "RSS over the mesh, after the build": ("rss_bytes", True, {"color": BLUE, "marker": "o"}),
-    "Embree's own account": ("embree_bytes", False, {"color": GREEN, "marker": "D"}),
-}
-_BASELINE = "one ray per pixel (same colours)"
-
-
-def draw_memory_figure(table: pd.DataFrame, heading: str = "") -> Figure:
-    """One panel a scene (and a value of any other setting that varies); MiB over splits, both logarithmic.
-
-    Every point is a process of its own. "Over the mesh" is the growth since the mesh was loaded: what the method adds
-    (the peak may have been reached before, while the mesh was read, and is then not the method's). Dashed lines are
-    the same three quantities of the rows with method=pixel. Only the copied geometry with culling is drawn.
-    """
-    panels = panels_over_splits(table[table["method"] == "aligned"])
-    panels = [panel for panel in panels if COPIED_ON in aligned_forms(panel.rows)]
-    figure, axes = make_figure(len(panels))
-    for axis, panel in zip(axes, panels, strict=True):
-        set_panel_title(axis, panel.title, panel.stands_for)
-        _draw_panel(axis, aligned_forms(panel.rows)[COPIED_ON], baseline_rows(table, panel.rows))
-    # A line without data stands in the legend for the dashed lines of all colours.
-    for axis in axes[:1]:
-        axis.plot([], [], color=BLACK, linestyle=DASHED, label=_BASELINE)
-    add_legend(figure, axes, [*_SERIES, _BASELINE], heading)
-    add_foot(figure, table, "each point in a process of its own")
-    return figure
-
-
-def memory_mib(rows: pd.DataFrame, name: str, over_mesh: bool) -> NDArray[np.float64]:
-    """(N,) float64 MiB of a column in bytes, less `rss_mesh_bytes` if `over_mesh`; NaN where missing."""
-    value_bytes = numbers(rows, name)
-    return (value_bytes - numbers(rows, "rss_mesh_bytes") if over_mesh else value_bytes) * MEBIBYTES
-
-
-def baseline_rows(table: pd.DataFrame, rows: pd.DataFrame) -> pd.DataFrame:
-    """The measured method=pixel rows of the same scene, image and build as the panel's `rows`."""
-    pixel = table[(table["method"] == "pixel") & (table["status"] == "ok")]
-    decisive = ("scene", "mesh_sha256", "width", "height", "build_quality")
-    for name in decisive:
-        pixel = pixel[column(pixel, name).isin(column(rows, name))]
-    # Memory hardly depends on the others: a baseline that was measured with one value serves the rest.
-    for name in SETTINGS:
-        if name not in (*decisive, *GEOMETRY, *SPLIT):
-            same = pixel[column(pixel, name).isin(column(rows, name))]
-            pixel = same if len(same) else pixel
-    return pixel
-
-
-def _draw_panel(axis: Axes, points: pd.DataFrame, baseline: pd.DataFrame) -> None:
-    missing: list[Missing] = missing_points(points, "split_x", "culling on", BLUE)
-    for label, (name, over_mesh, style) in _SERIES.items():
-        value_mib = memory_mib(points, name, over_mesh)
-        draw_series(axis, numbers(points, "split_x"), value_mib, style, label=label)
-        missing += undrawable_points(points, value_mib, "split_x", label, style["color"])
-        draw_baseline(axis, memory_mib(baseline, name, over_mesh), {"color": style["color"], "linestyle": DASHED})
-    mark_missing(axis, missing)
-    finish_split_axes(axis, points["split_x"], "split_x", "memory in MiB")

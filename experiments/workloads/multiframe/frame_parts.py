@@ -9,7 +9,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from experiments.drawing.figure_parts import BLUE, GREEN, ORANGE, TIMES, VERMILLION, drawable, numbers
+from experiments.drawing.style import BLUE, GREEN, ORANGE, VERMILLION
+from experiments.drawing.values import TIMES, drawable, numbers
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from atra.errors import InputError
 from atra.geometry.camera import Camera, Vector
 from atra.geometry.mesh import Mesh
-from experiments.harness.configuration import Motion
+from experiments.workloads.multiframe import Motion
 
 EYE_DISTANCE = 1 / 200
 """Between two eyes, as a share of the scene's diagonal: 6.5 cm in a room of 13 m. At 1,024 pixels it sets the four

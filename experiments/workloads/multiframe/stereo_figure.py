@@ -8,30 +8,13 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from experiments.drawing.figure_parts import (
-    MILLISECONDS,
-    TIME_BASELINES,
-    add_legend,
-    make_figure,
-    make_panels,
-    say_nothing_measured,
-    set_panel_title,
-)
-from experiments.drawing.method_parts import (
-    BEST_OF,
-    Bar,
-    draw_bars,
-    draw_upright_baselines,
-    finish_bar_axes,
-    say_number,
-    say_ratio,
-    say_split,
-    say_unmeasured,
-    write_foot,
-    write_notes,
-)
-from experiments.results.settings import FRAMES
-from experiments.workloads.frame.price import time_rows
+from experiments.drawing.axes import say_nothing_measured
+from experiments.drawing.bars import Bar, draw_bars, draw_upright_lines, finish_bar_axes
+from experiments.drawing.pages import add_legend, make_figure, set_panel_title, write_foot, write_notes
+from experiments.drawing.values import MILLISECONDS, say_number
+from experiments.methods.naming import best_of, say_split
+from experiments.results.panels import make_panels
+from experiments.workloads.baselines import TIME_BASELINES
 from experiments.workloads.multiframe.frame_parts import (
     SEPARATE_FRAMES,
     TOGETHER,
@@ -40,6 +23,7 @@ from experiments.workloads.multiframe.frame_parts import (
     best_row,
     say_speedup,
 )
+from experiments.workloads.series import say_ratio, say_unmeasured
 
 _LABELS = {
     TOGETHER: "both together", SEPARATE_FRAMES: "aligned\neye by eye", VISIBLE_FRAMES: "visible-first\neye by eye",
@@ -53,8 +37,8 @@ def draw_stereo_figure(table: pd.DataFrame, heading: str = "") -> Figure:
     upper quartile over rounds. Single rays and packets per pixel, eye by eye, are the two lines: the median over all
     points, with a band from lower to upper quartile.
     """
-    rows = time_rows(table)
-    panels = make_panels(rows, (*BEST_OF, *FRAMES))
+    rows = table
+    panels = make_panels(rows, (*best_of(), "motion", "frames"))
     figure, axes = make_figure(len(panels), panel_height=3.0)
     for axis, panel in zip(axes, panels, strict=True):
         set_panel_title(axis, panel.title, panel.stands_for)
@@ -71,7 +55,7 @@ def draw_stereo_figure(table: pd.DataFrame, heading: str = "") -> Figure:
 def _draw_panel(axis: Axes, rows: pd.DataFrame) -> None:
     bars = [_make_bar(rows, way, label) for way, label in _LABELS.items()]
     draw_bars(axis, bars)
-    furthest = draw_upright_baselines(axis, rows, MILLISECONDS)
+    furthest = draw_upright_lines(axis, rows, TIME_BASELINES, MILLISECONDS)
     finish_bar_axes(axis, bars, "time of both images in ms", furthest)
     if all(bar.value != bar.value for bar in bars):
         say_nothing_measured(axis)

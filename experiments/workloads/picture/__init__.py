@@ -1,1 +1,17 @@
-"""Shaded pictures of the hits and of where they differ."""
+"""Workload `picture`: shaded pictures of the method's hits and of rtcIntersect1's, and their difference."""
+
+from __future__ import annotations
+
+from experiments.workloads.images import IMAGE_COLUMNS, PIXELS
+from experiments.workloads.resources import RESOURCE_COLUMNS, RESOURCES, say_memory
+from experiments.workloads.workload import NoOptions, Workload
+
+PICTURE = Workload(
+    name="picture",
+    options=NoOptions,
+    columns=(*RESOURCE_COLUMNS, *IMAGE_COLUMNS),
+    headline=say_memory,
+    room=__name__,
+    needs=(*RESOURCES, *PIXELS, "pictures"),
+    images=lambda point: 1,
+)

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pandas as pd
 
-from experiments.harness.configuration import Quantity
 from experiments.harness.records import load_record
+from experiments.workloads.picture import PICTURE
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class ScenePictures:
 def read_pictures(table: pd.DataFrame, records: Path) -> list[ScenePictures]:
     """The pictures of the table's rows that have some, in its order. records: the folder of the records."""
     found = []
-    for _, row in table[(table["quantity"] == Quantity.picture.value) & (table["status"] == "ok")].iterrows():
+    for _, row in table[(table["workload"] == PICTURE.name) & (table["status"] == "ok")].iterrows():
         record = load_record(records, row["point_id"])
         if record is None:
             continue

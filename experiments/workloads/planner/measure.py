@@ -1,4 +1,4 @@
-"""Quantity `planner`: how much a plan loses against the best of all candidates, timed in the same rounds."""
+"""Plans, and every candidate beside them in the same rounds."""
 
 from __future__ import annotations
 
@@ -8,18 +8,16 @@ from dataclasses import asdict
 from statistics import median
 from typing import Any
 
-import pandas as pd
-
 from atra.errors import MemoryBudgetError
-from atra.geometry.mesh import Mesh
 from atra.planner.choice import Choice, choices_of_quality
 from atra.planner.measuring import clock_for
 from atra.planner.plan import EFFORTS, Plan
 from atra.planner.planning import plan, warm_up
 from atra.tracers import Tracer
-from experiments.harness.configuration import Quantity
 from experiments.harness.point import Point
-from experiments.harness.rounds import RoundSamples, measure_rounds
+from experiments.harness.rounds import measure_rounds
+from experiments.workloads.rounds import load_mesh, measured
+from experiments.workloads.workload import Measured
 
 FRAMES = 64
 """What a view is planned for."""
@@ -28,13 +26,13 @@ BUILDS = 2
 """How often every candidate plans and builds; the later ones find memory that has been used before."""
 
 
-def measure_planner(point: Point, mesh: Mesh) -> tuple[dict[str, Any], RoundSamples]:
-    """Plan with every effort, then time every candidate; returns a record's results and the frames of the rounds.
+def measure(point: Point) -> Measured:
+    """Plan with every effort, then time every candidate.
 
     Times are those of the planner's own clock, `atra.planner.measuring.clock_for`. Candidates that do not fit into the
     point's memory budget are left out, as the planner does; raises MemoryBudgetError if one that was planned does not.
     """
-    camera = point.camera
+    mesh, camera = load_mesh(point), point.camera
     plans, planning_s = {}, {}
     threads = plan(mesh, camera, FRAMES, threads=point.threads).threads
     options: dict[str, Any] = {"ties": point.ties, "memory_budget_bytes": point.memory_budget_bytes}
@@ -78,7 +76,7 @@ def measure_planner(point: Point, mesh: Mesh) -> tuple[dict[str, Any], RoundSamp
             f"{effort}_planning_time_s": planning_s[effort],
             f"{effort}_predicted_time_s": plans[effort].predicted_time_s,
         }
-    return results, timed
+    return measured(results, timed)
 
 
 def timed_choices(point: Point, plans: dict[str, Plan]) -> list[Choice]:
@@ -114,22 +112,6 @@ def regrets(
             f"{effort}_vs_packets": total_s[name] / total_s[packets],
         }
     return results
-
-
-def say_regrets(table: pd.DataFrame) -> list[str]:
-    """A line for people on each effort over all points of a table; none if it has no plans."""
-    rows = table[(table["status"] == "ok") & (table["quantity"] == Quantity.planner.value)]
-    lines = []
-    for effort in EFFORTS if len(rows) else ():
-        regret, frame_regret, ratio = (
-            rows[f"{effort}_{name}"].astype(float) for name in ("regret", "frame_regret", "vs_packets")
-        )
-        lines.append(
-            f"{effort}: regret {regret.median():.2f}, at worst {regret.max():.2f}; of the frame alone "
-            f"{frame_regret.median():.2f}, {frame_regret.max():.2f}; over packets at worst {ratio.max():.2f}; "
-            f"{len(rows)} views"
-        )
-    return lines
 
 
 def _repeated(tracer: Tracer, clock: Callable[[], float]) -> tuple[list[float], Callable[[], object]]:

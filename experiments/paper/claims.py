@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import pandas as pd
 
+from experiments.paper import resources, speed
+from experiments.paper.judging import on_every_scene, on_paper_scene, on_paper_scenes, on_some_scene
 from experiments.results.estimates import NOTICEABLE
 from experiments.results.findings import Claim, Finding, judge_claim
-from experiments.results.judging import on_every_scene, on_paper_scene, on_paper_scenes, on_some_scene
-from experiments.workloads.frame import claims as speed
-from experiments.workloads.memory import claims as resources
 
 _SINGLE_RAYS = "Single rays, each point by its speed-up over rtcIntersect1 in the same rounds. "
 _RATIO = "Intervals of ratios of two points reach from low / high to high / low. "

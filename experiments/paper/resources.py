@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from experiments.methods.aligned import ALIGNED
+from experiments.paper.evidence import SPLITS, NotMeasuredError, Row, SceneRows, read_estimate, read_number
+from experiments.paper.judging import Outcome, SceneJudge
 from experiments.results.estimates import Estimate, decide_at_most, geometric_mean
-from experiments.results.evidence import SPLITS, NotMeasuredError, Row, SceneRows, read_estimate, read_number
-from experiments.results.judging import Outcome, SceneJudge
+from experiments.workloads.build import BUILD
+from experiments.workloads.memory import MEMORY
 
 LITTLE_EFFECT = 2.0
 """Build time and memory are little affected up to this multiple of theirs at one split. Our reading: the paper gives
@@ -86,7 +89,7 @@ def instancing_lowers_memory(scene: SceneRows) -> Outcome:
 
 def image_without_error(scene: SceneRows) -> Outcome:
     """Wrong pixels over all aligned images of the scene that were compared with the per-pixel image."""
-    images = [row for row in scene.rows if row["method"] == "aligned" and row["pixels_wrong"] is not None]
+    images = [row for row in scene.rows if row["method"] == ALIGNED.name and row["pixels_wrong"] is not None]
     if not images:
         raise NotMeasuredError("no image was compared")
     wrong, edge, tied = (sum(int(row[f"pixels_{kind}"] or 0) for row in images) for kind in ("wrong", "edge", "tied"))
@@ -106,7 +109,7 @@ def _up_to(most_splits: int) -> list[int]:
 
 
 def _build(scene: SceneRows, splits: int) -> Row:
-    return scene.row("build", (splits, 1), culling=True)
+    return scene.row(BUILD.name, (splits, 1), culling=True)
 
 
 def _time(row: Row) -> Estimate:
@@ -118,7 +121,7 @@ def _with_plan(row: Row) -> float:
 
 
 def _memory(scene: SceneRows, splits: int, *, culling: bool = True, geometry: str = "copied") -> Row:
-    return scene.row("memory", (splits, 1), culling=culling, geometry=geometry)
+    return scene.row(MEMORY.name, (splits, 1), culling=culling, geometry=geometry)
 
 
 def _embree(row: Row) -> float:

@@ -7,24 +7,10 @@ from dataclasses import dataclass
 
 import pandas as pd
 
+from experiments.paper.evidence import PAPER_SCENES, PAPER_SIZE, NotMeasuredError, SceneRows, collect_scenes
 from experiments.results.estimates import Estimate
-from experiments.results.evidence import PAPER_SCENES, PAPER_SIZE, NotMeasuredError, SceneRows, collect_scenes
-
-HOLDS, DOES_NOT_HOLD, UNDECIDED, NOT_MEASURED = VERDICTS = "holds", "does not hold", "undecided", "not measured"
-"""undecided = measured in full, but not precisely enough to say."""
-
-
-@dataclass(frozen=True)
-class Judgement:
-    """verdict: one of `VERDICTS`. value, interval: ours, as text; "" and None where there is none.
-    why: one line where the verdict is not `holds`. stand_ins: "atrium for sponza" for each stand-in that was judged.
-    """
-
-    verdict: str
-    value: str = ""
-    interval: str | None = None
-    why: str | None = None
-    stand_ins: tuple[str, ...] = ()
+from experiments.results.findings import DOES_NOT_HOLD, HOLDS, NOT_MEASURED, UNDECIDED, Judge, Judgement
+from experiments.workloads.frame import FRAME
 
 
 @dataclass(frozen=True)
@@ -45,7 +31,6 @@ class Outcome:
         return HOLDS if self.holds else DOES_NOT_HOLD
 
 
-Judge = Callable[[pd.DataFrame | None], Judgement]
 SceneJudge = Callable[[SceneRows], Outcome]
 
 
@@ -90,7 +75,7 @@ def paper_scene(scenes: Mapping[str, SceneRows], name: str) -> SceneRows:
     if scene.stand_in:
         raise NotMeasuredError(f"stand-ins only: {scene.scene} for {name}")
     for row in scene.rows:
-        measured_time = row["quantity"] == "time" and row["status"] == "ok"
+        measured_time = row["workload"] == FRAME.name and row["status"] == "ok"
         if measured_time and (row["width"], row["height"]) != PAPER_SIZE:
             width, height = PAPER_SIZE
             raise NotMeasuredError(

@@ -9,7 +9,11 @@ from typing import Any
 
 import pandas as pd
 
+from experiments.methods.aligned import ALIGNED
 from experiments.results.estimates import Estimate
+from experiments.workloads.build import BUILD
+from experiments.workloads.frame import FRAME
+from experiments.workloads.memory import MEMORY
 
 PAPER_SCENES = {"cornell_box": 1_112, "mitsuba": 61_600, "fireplace_room": 143_173, "sponza": 262_267}
 """The paper's scenes with the triangles it reports, smallest first."""
@@ -28,7 +32,7 @@ USED_COLUMNS: tuple[str, ...] = (
         "stands_for",
         "triangles",
         "triangles_traced",
-        "quantity",
+        "workload",
         "method",
         "geometry",
         "culling",
@@ -37,7 +41,7 @@ USED_COLUMNS: tuple[str, ...] = (
     + ("split_x", "split_y", *_SETTINGS, "status", "error", "cpu", "speedup", "speedup_low", "speedup_high")
     + ("speedup_vs_packets", "speedup_vs_packets_low", "speedup_vs_packets_high", "plan_time_s")
     + ("build_time_s", "build_time_low_s", "build_time_high_s", "embree_bytes", "rss_mesh_bytes", "rss_bytes")
-    + ("pixels_tied", "pixels_edge", "pixels_wrong", "depth_error_max", "baseline_depth_error_max", "frames")
+    + ("pixels_tied", "pixels_edge", "pixels_wrong", "depth_error_max", "baseline_depth_error_max")
 )
 
 
@@ -67,7 +71,7 @@ class SceneRows:
     @property
     def widest_packets(self) -> int:
         """Rays of the widest packets among the timed points, 1 if there are none."""
-        return max((int(row["packet_width"] or 1) for row in self.rows if row["quantity"] == "time"), default=1)
+        return max((int(row["packet_width"] or 1) for row in self.rows if row["workload"] == FRAME.name), default=1)
 
     def row(
         self,
@@ -109,7 +113,7 @@ class SceneRows:
     ) -> Estimate:
         """A point's speed-up. The speed-ups of two points are compared rather than their times: each was paired with
         the same baseline in its own rounds, so the slow moments of a machine cancel."""
-        row = self.row("time", split, culling=culling, packet_width=packet_width, geometry=geometry)
+        row = self.row(FRAME.name, split, culling=culling, packet_width=packet_width, geometry=geometry)
         return read_estimate(row, column, f"{column}_low", f"{column}_high")
 
     def speedups(
@@ -138,7 +142,7 @@ def collect_scenes(table: pd.DataFrame | None) -> dict[str, SceneRows]:
     """
     if table is None or table.empty:
         raise NotMeasuredError("the table is empty")
-    rows = [row for row in _rows(table) if row["frames"] in (None, 1)]  # the paper's figures are of single frames
+    rows = _rows(table)
     measured = [row for row in rows if row["status"] == "ok"]
     if not measured:
         raise NotMeasuredError("no row of the table was measured")
@@ -175,8 +179,8 @@ def _is_paper_scene(row: Row, name: str) -> bool:
 def _index(name: str, rows: Sequence[Row]) -> SceneRows:
     points: dict[tuple[Any, ...], list[Row]] = {}
     for row in rows:
-        if row["method"] == "aligned":
-            key = tuple(row[field] for field in ("quantity", "split_x", "split_y", "geometry", "culling"))
+        if row["method"] == ALIGNED.name:
+            key = tuple(row[field] for field in ("workload", "split_x", "split_y", "geometry", "culling"))
             points.setdefault(key, []).append(row)
     return SceneRows(name, str(rows[0]["scene"]), rows[0]["stands_for"] is not None, tuple(rows), points)
 
@@ -203,9 +207,9 @@ def read_number(row: Row, name: str) -> float:
 def _check_settings(scenes: Mapping[str, SceneRows]) -> None:
     measured = [row for scene in scenes.values() for row in scene.rows if row["status"] == "ok"]
     # Pictures are compared with nothing, so they alone may be of any size.
-    for quantity in ("time", "build", "memory"):
+    for quantity in (FRAME.name, BUILD.name, MEMORY.name):
         for name in _SETTINGS:
-            values = {row[name] for row in measured if row["quantity"] == quantity and row[name] is not None}
+            values = {row[name] for row in measured if row["workload"] == quantity and row[name] is not None}
             if len(values) > 1:
                 named = " and ".join(sorted(str(value) for value in values))
                 raise NotMeasuredError(f"{quantity} rows do not compare: {name} is {named}")

@@ -6,32 +6,20 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from experiments.drawing.figure_parts import (
-    ALIGNED_STYLES,
-    BLACK,
-    DASH_DOTTED,
-    TIME_BASELINES,
-    Missing,
-    Panel,
-    add_foot,
-    add_legend,
-    aligned_forms,
-    column,
-    draw_baseline,
-    draw_series,
-    finish_split_axes,
-    is_instanced,
-    make_figure,
-    make_panels,
-    mark_missing,
-    missing_points,
-    numbers,
-    set_panel_title,
-    undrawable_points,
-)
-from experiments.results.settings import GEOMETRY, say_setting
+from experiments.drawing.axes import draw_baseline, draw_series, finish_split_axes
+from experiments.drawing.missing import Missing, mark_missing, missing_points, undrawable_points
+from experiments.drawing.pages import add_foot, add_legend, make_figure, set_panel_title
+from experiments.drawing.style import BLACK, DASH_DOTTED
+from experiments.drawing.values import numbers
+from experiments.methods.aligned_forms import FORM_OPTIONS, FORM_STYLES, INSTANCED, aligned_forms, aligned_rows
+from experiments.results.panels import Panel, make_panels
+from experiments.results.settings import say_setting
+from experiments.results.table import workload_rows
+from experiments.workloads.baselines import TIME_BASELINES
+from experiments.workloads.frame import FRAME
 from experiments.workloads.frame.split_figure import draw_times
-from experiments.workloads.memory.figures import baseline_rows, memory_mib
+from experiments.workloads.memory import MEMORY
+from experiments.workloads.memory.memory_figure import baseline_rows, memory_mib
 
 _BASELINE_STYLE = {"color": BLACK, "linestyle": DASH_DOTTED}
 _MEMORY_BASELINE = "one ray per pixel (memory)"
@@ -40,36 +28,35 @@ _MEMORY_BASELINE = "one ray per pixel (memory)"
 def draw_instancing_figure(table: pd.DataFrame, heading: str = "") -> Figure:
     """Two panels a scene over horizontal splits, all axes logarithmic: growth of RSS over the mesh, time per frame.
 
-    table: rows with quantity "memory" and "time". Copies are timed at the packet widths at which instances were timed
+    table: rows of both workloads. Copies are timed at the packet widths at which instances were timed
     (at all widths if none were); another width or value of any other setting makes another pair of panels.
     """
-    quantity = column(table, "quantity")
-    memory, time = table[quantity == "memory"], table[quantity == "time"]
-    time = _at_widths_of_instances(time[time["method"] == "aligned"])
-    pairs = _pairs(pd.concat([time, memory[memory["method"] == "aligned"]]))
+    memory, time = (workload_rows(table, workload.name) for workload in (MEMORY, FRAME))
+    time = _at_widths_of_instances(aligned_rows(time))
+    pairs = _pairs(pd.concat([time, aligned_rows(memory)]))
     figure, axes = make_figure(2 * len(pairs), columns=2, panel_height=3.8)
     for (title, panel), left, right in zip(pairs, axes[::2], axes[1::2], strict=True):
-        of_memory = column(panel.rows, "quantity") == "memory"
+        of_memory = panel.rows["workload"] == MEMORY.name
         for axis, what in ((left, "memory"), (right, "time")):
             set_panel_title(axis, f"{title}: {what}", panel.stands_for)
         _draw_memory(left, panel.rows[of_memory], baseline_rows(memory, panel.rows))
         draw_times(right, panel.rows[~of_memory], "split_x", mark_best=False)
-    add_legend(figure, axes, [*ALIGNED_STYLES, *TIME_BASELINES, _MEMORY_BASELINE], heading)
+    add_legend(figure, axes, [*FORM_STYLES, *TIME_BASELINES, _MEMORY_BASELINE], heading)
     mark = "memory: growth of RSS over the mesh, each point in a process of its own"
     add_foot(figure, pd.concat([time, memory]), mark)
     return figure
 
 
 def _at_widths_of_instances(time: pd.DataFrame) -> pd.DataFrame:
-    widths = time[is_instanced(time)]["packet_width"].dropna().unique()
+    widths = aligned_forms(time).get(INSTANCED, time[:0])["packet_width"].dropna().unique()
     return time[time["packet_width"].isin(widths)] if len(widths) else time
 
 
 def _pairs(rows: pd.DataFrame) -> list[tuple[str, Panel]]:
     """Title and rows of each pair of panels; memory rows stand beside the times of every packet width."""
     pairs = []
-    for panel in make_panels(rows, (*GEOMETRY, "split_x", "packet_width")):
-        of_memory = column(panel.rows, "quantity") == "memory"
+    for panel in make_panels(rows, (*FORM_OPTIONS, "split_x", "packet_width")):
+        of_memory = panel.rows["workload"] == MEMORY.name
         time, memory = panel.rows[~of_memory], panel.rows[of_memory]
         widths = sorted(time["packet_width"].dropna().unique()) or [None]
         for width in widths:
@@ -84,7 +71,7 @@ def _pairs(rows: pd.DataFrame) -> list[tuple[str, Panel]]:
 def _draw_memory(axis: Axes, rows: pd.DataFrame, baseline: pd.DataFrame) -> None:
     missing: list[Missing] = []
     for form, points in aligned_forms(rows).items():
-        style = ALIGNED_STYLES[form]
+        style = FORM_STYLES[form]
         value_mib = memory_mib(points, "rss_bytes", over_mesh=True)
         draw_series(axis, numbers(points, "split_x"), value_mib, style, label=form)
         missing += missing_points(points, "split_x", form.removeprefix("aligned, "), style["color"])

@@ -7,6 +7,8 @@ from collections.abc import Mapping
 from contextlib import suppress
 from itertools import pairwise
 
+from experiments.paper.evidence import SPLITS, NotMeasuredError, SceneRows, read_number
+from experiments.paper.judging import DOES_NOT_HOLD, HOLDS, UNDECIDED, Judgement, Outcome, SceneJudge
 from experiments.results.estimates import (
     FEWEST_FITTED,
     Estimate,
@@ -15,8 +17,7 @@ from experiments.results.estimates import (
     fit_exponent,
     geometric_mean,
 )
-from experiments.results.evidence import SPLITS, NotMeasuredError, SceneRows, read_number
-from experiments.results.judging import DOES_NOT_HOLD, HOLDS, UNDECIDED, Judgement, Outcome, SceneJudge
+from experiments.workloads.frame import FRAME
 
 GRID_SPLITS = (2, 4, 8, 16)
 """Splits of one axis in the paper's figure 4, beside none."""
@@ -219,7 +220,7 @@ def time_follows_cost_model(scene: SceneRows) -> Outcome:
     for splits in SPLITS:
         try:
             estimate = _single_rays(scene, (splits, 1), culling=False)
-            row = scene.row("time", (splits, 1), culling=False, packet_width=1)
+            row = scene.row(FRAME.name, (splits, 1), culling=False, packet_width=1)
             triangles = read_number(row, "triangles_traced")
             rays = read_number(row, "width") * read_number(row, "height") / splits
         except NotMeasuredError as error:

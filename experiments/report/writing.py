@@ -9,16 +9,17 @@ import pandas as pd
 
 from atra.errors import InputError
 from atra.files import write_atomically
+from experiments.drawing.figure import write_figure
 from experiments.harness.configuration import Configuration, records_folder, results_folder
 from experiments.harness.lock import exclusive
 from experiments.harness.records import load_record
+from experiments.paper.claims import judge_claims
 from experiments.report import ReportContents, ReportFigure, write_report
 from experiments.report import ScenePictures as ReportPictures
-from experiments.results.figures import draw_figures, write_figure
+from experiments.report.figures import draw_figures
 from experiments.results.findings import write_claims
-from experiments.results.table import check_one_environment, make_table, read_table, write_table
-from experiments.workloads.agreement.agreement import write_agreement
-from experiments.workloads.paper_claims import judge_claims
+from experiments.results.table import check_one_environment, make_table, read_table, workload_rows, write_table
+from experiments.workloads import WORKLOADS
 from experiments.workloads.picture.pictures import ScenePictures, read_pictures
 from scenes.manifest import picture_restriction
 
@@ -26,11 +27,12 @@ _COMMAND_FILE = "command.txt"
 """Keeps what the user ran, for a report written later."""
 
 
-def write_results(folder: Path, records: Path, table: pd.DataFrame, *, command: str, report: bool) -> None:
-    """Write table, figures and, for `report`, claims and page into `folder`. records: the folder of the records."""
+def write_results(configuration: Configuration, table: pd.DataFrame, command: str) -> None:
+    """Write table, figures and, where the sweep asks for it, claims and page into its folder."""
+    folder = results_folder(configuration)
     write_table(folder, table)
     write_atomically(folder / _COMMAND_FILE, f"{command}\n".encode())
-    _write_what_follows(folder, records, table, command=command, report=report)
+    _write_what_follows(configuration, table, command=command, report=configuration.sweep.report)
 
 
 def rewrite_report(configuration: Configuration) -> Path:
@@ -49,17 +51,20 @@ def rewrite_report(configuration: Configuration) -> Path:
         command_file = folder / _COMMAND_FILE
         command = command_file.read_text(encoding="utf-8").strip() if command_file.exists() else ""
         table = make_table([]) if table is None else table
-        return _write_what_follows(folder, records_folder(configuration), table, command=command, report=True)
+        return _write_what_follows(configuration, table, command=command, report=True)
 
 
-def _write_what_follows(folder: Path, records: Path, table: pd.DataFrame, *, command: str, report: bool) -> Path:
+def _write_what_follows(configuration: Configuration, table: pd.DataFrame, *, command: str, report: bool) -> Path:
     """Figures, claims and page, all from the table and the records."""
+    folder, records = results_folder(configuration), records_folder(configuration)
     environment = _environment(table, records)
-    pictures = read_pictures(table, records)
-    figures = list(draw_figures(table, pictures))
+    figures = list(draw_figures(table, records, configuration.sweep.figures))
     for figure in figures:
         write_figure(folder, figure)
-    write_agreement(folder, records, table)
+    for workload in WORKLOADS:
+        results, rows = workload.part("results"), workload_rows(table, workload.name)
+        if results is not None and len(rows):
+            results.write(folder, records, rows)
     page = folder / "report.html"
     if report:
         claims = judge_claims(table)
@@ -70,11 +75,11 @@ def _write_what_follows(folder: Path, records: Path, table: pd.DataFrame, *, com
             table=table,
             # The pictures have a section of their own, and some must not be passed on.
             figures=tuple(
-                ReportFigure(figure.name, figure.caption, figure.svg, figure.grids, figure.packet_width)
+                ReportFigure(figure.name, figure.caption, figure.svg, figure.point_ids)
                 for figure in figures
-                if figure.name != "figure3"
+                if figure.in_page
             ),
-            pictures=tuple(_for_report(one) for one in pictures),
+            pictures=tuple(_for_report(one) for one in read_pictures(table, records)),
             claims=claims,
             environment=environment,
         )

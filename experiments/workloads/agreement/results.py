@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -12,9 +11,9 @@ from numpy.typing import NDArray
 
 from atra.files import write_atomically
 from atra.judge.compare import Verdict
-from experiments.harness.configuration import Geometry, Method, Quantity
 from experiments.harness.records import load_record
 from experiments.results.table import csv_bytes
+from experiments.workloads.agreement import AGREEMENT
 from experiments.workloads.picture.shading import encode_png, mark_verdicts
 
 LIST_FILE = "disagreements.csv"
@@ -29,58 +28,18 @@ _POINT = (
 _IMAGE = ("scene", "view", "fov_y_degrees", "width", "height")
 _CODES = {kind.name.lower(): kind.value for kind in Verdict}
 _PRIM_IDS = ("truth_prim_id", "method_prim_id", "baseline_prim_id")
-_COUNTS = (
-    *(f"pixels_{kind.name.lower()}" for kind in Verdict), "images", "method_wrong", "baseline_wrong", "rays_sampled",
-    "sampled_method_wrong", "sampled_baseline_wrong",
-)  # fmt: skip
 _RIGHT = ("right", "tied")
 _WHO = np.array(["neither", "method", "baseline", "both"])
 
 
 def agreement_rows(table: pd.DataFrame) -> pd.DataFrame:
     """The rows of agreement that were measured."""
-    return table[(table["quantity"] == Quantity.agreement.value) & (table["status"] == "ok")]
-
-
-def kind_of(row: pd.Series) -> str:
-    """The method of a row with what distinguishes it but split and size: "aligned, culling on"."""
-    known = row.dropna()
-    method, width = Method(known["method"]), known.get("packet_width")
-    if method is Method.pixel:
-        return "rtcIntersect1 per pixel" if width == 1 else f"packets of {width or 'native width'} per pixel"
-    kind = method.value.replace("_", "-")
-    if method is Method.aligned:
-        instanced = known.get("geometry") == Geometry.instanced.value
-        kind += ", instanced" if instanced else f", culling {'on' if known.get('culling') else 'off'}"
-    return f"{kind}, single rays" if width == 1 else kind
+    return table[(table["workload"] == AGREEMENT.name) & (table["status"] == "ok")]
 
 
 def errs_too_often(rows: pd.DataFrame) -> bool:
     """Whether the method is wrong more than TARGET times as often as rtcIntersect1, where the two differ."""
     return bool(rows["method_wrong"].sum() > TARGET * rows["baseline_wrong"].sum())
-
-
-def agreement_lines(table: pd.DataFrame) -> Iterator[str]:
-    """One line a scene: the verdicts, who erred how often, and which methods miss the target."""
-    rows = agreement_rows(table)
-    for scene, of_scene in rows.groupby("scene", sort=False):
-        total = {name: int(of_scene[name].sum()) for name in _COUNTS}
-        beyond = [
-            f"{kind} {one['method_wrong'].sum():,} against {one['baseline_wrong'].sum():,}"
-            for kind, one in of_scene.groupby(of_scene.apply(kind_of, axis=1), sort=False)
-            if errs_too_often(one)
-        ]
-        often = (
-            f"more than {TARGET} times as often: {'; '.join(beyond)}" if beyond else f"no method over {TARGET} times"
-        )
-        pixels = sum(total[f"pixels_{kind.name.lower()}"] for kind in Verdict)
-        yield (
-            f"{scene}: {pixels:,} pixels in {total['images']:,} images, {total['pixels_wrong']:,} wrong, "
-            f"{total['pixels_edge']:,} edge, {total['pixels_tied']:,} tied; by float64 methods err at "
-            f"{total['method_wrong']:,} of these, rtcIntersect1 at {total['baseline_wrong']:,}, {often}; "
-            f"of {total['rays_sampled']:,} sampled rays at {total['sampled_method_wrong']:,} and "
-            f"{total['sampled_baseline_wrong']:,}"
-        )
 
 
 def read_disagreements(table: pd.DataFrame, records: Path) -> pd.DataFrame:
@@ -108,7 +67,7 @@ def read_disagreements(table: pd.DataFrame, records: Path) -> pd.DataFrame:
     return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame(columns=[*_POINT, "x", "y", "verdict"])
 
 
-def write_agreement(folder: Path, records: Path, table: pd.DataFrame) -> None:
+def write(folder: Path, records: Path, table: pd.DataFrame) -> None:
     """The list, and for each scene and size of image a picture of where the images of any point differ; nothing for a
     table without agreement."""
     rows = agreement_rows(table)

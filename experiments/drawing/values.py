@@ -1,0 +1,42 @@
+"""Columns of a table as numbers to draw."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+MILLISECONDS = 1e3
+
+
+MEBIBYTES = 2.0**-20
+
+
+TIMES = "\N{MULTIPLICATION SIGN}"
+
+
+def column(table: pd.DataFrame, name: str) -> pd.Series:
+    """The column, or missing values where an older table has none."""
+    return table[name] if name in table else pd.Series(pd.NA, index=table.index, dtype="object")
+
+
+def numbers(table: pd.DataFrame, name: str) -> NDArray[np.float64]:
+    """The column as float64, NaN where missing."""
+    return pd.to_numeric(column(table, name), errors="coerce").to_numpy(np.float64, na_value=np.nan)
+
+
+def varies(table: pd.DataFrame, name: str) -> bool:
+    """The column holds more than one value."""
+    return bool(column(table, name).nunique() > 1)
+
+
+def drawable(values: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Which values a logarithmic axis can show."""
+    return np.isfinite(values) & (values > 0)
+
+
+def say_number(value: float) -> str:
+    """Three digits, or all before the point."""
+    if value == 0:
+        return "0"
+    return f"{value:,.0f}" if value >= 99.95 else f"{value:#.3g}".rstrip(".")

@@ -1,0 +1,70 @@
+"""Column of the table: its name, type, unit and help, and how it is read from a record."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import MISSING, Field, dataclass, fields
+from types import NoneType, UnionType
+from typing import Any, get_args, get_type_hints
+
+from experiments.harness.records import Record
+
+TEXT, WHOLE, REAL, TRUTH = "string", "Int64", "Float64", "boolean"
+"""Types of columns, as pandas calls them; each has a missing value."""
+
+_UNITS = {"_s": "s", "_bytes": "bytes", "_gib": "GiB", "_degrees": "degrees"}
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column of the table.
+
+    help: what it holds, for people. read: its value of a record, None = missing; by default the result of its name.
+    """
+
+    name: str
+    dtype: str
+    help: str = ""
+    read: Callable[[Record], Any] | None = None
+
+    def value(self, record: Record) -> Any:
+        """The value of `record`; None where it has none."""
+        return record.results.get(self.name) if self.read is None else self.read(record)
+
+    @property
+    def unit(self) -> str:
+        """What its name ends with: "s", "bytes", "GiB", "degrees", or "" for a plain number or a text."""
+        return next((unit for end, unit in _UNITS.items() if self.name.endswith(end)), "")
+
+
+def option_columns(options: type, section: str) -> tuple[Column, ...]:
+    """A column for every field of an options type, read from `section` of a record's configuration.
+
+    A field's help is its metadata's "help".
+    """
+    hints = get_type_hints(options)
+    return tuple(_option_column(field, hints[field.name], section) for field in fields(options))
+
+
+def _option_column(field: Field[Any], hint: Any, section: str) -> Column:
+    name = field.name
+
+    def read(record: Record) -> Any:
+        value = record.configuration.get(section, {}).get(name)
+        return str(value) if isinstance(value, list) else value
+
+    return Column(name, _dtype(hint), field.metadata.get("help", ""), read)
+
+
+def _dtype(hint: Any) -> str:
+    kinds = set(get_args(hint)) - {NoneType} if isinstance(hint, UnionType) else {hint}
+    if kinds == {bool}:
+        return TRUTH
+    if kinds == {int}:
+        return WHOLE
+    return REAL if kinds == {float} else TEXT
+
+
+def default_of(field: Field[Any]) -> Any:
+    """The default of a dataclass field, made anew where it is made by a function."""
+    return field.default if field.default_factory is MISSING else field.default_factory()

@@ -1,0 +1,63 @@
+"""Options as typed values, as plain values for JSON, and as types that Hydra knows."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import asdict, fields, make_dataclass
+from dataclasses import field as new_field
+from enum import Enum
+from typing import Any, Protocol, get_args, get_type_hints
+
+from experiments.harness.column import default_of
+
+
+class Named(Protocol):
+    """A method or a workload."""
+
+    @property
+    def name(self) -> str: ...
+
+    @property
+    def options(self) -> type: ...
+
+
+def plain_options(options: Any) -> dict[str, Any]:
+    """An options value as JSON has it: enums by name, tuples as lists."""
+    return {name: plain(value) for name, value in asdict(options).items()}
+
+
+def plain(value: Any) -> Any:
+    """A value as JSON has it."""
+    if isinstance(value, Enum):
+        return value.value
+    return [plain(one) for one in value] if isinstance(value, list | tuple) else value
+
+
+def typed_options(kind: type, values: dict[str, Any]) -> Any:
+    """The reverse of `plain_options`. Raises InputError for values that the options refuse."""
+    hints = get_type_hints(kind)
+    return kind(**{name: _typed(hints[name], value) for name, value in values.items()})
+
+
+def _typed(hint: Any, value: Any) -> Any:
+    enum = next((one for one in (hint, *get_args(hint)) if isinstance(one, type) and issubclass(one, Enum)), None)
+    if enum is not None and value is not None:
+        return value if isinstance(value, enum) else enum(value)
+    return tuple(_typed(None, one) for one in value) if isinstance(value, list | tuple) else value
+
+
+def schema(named: Named) -> type:
+    """The options with the name before them, as a dataclass that Hydra can fill: not frozen, and without checks.
+
+    Lists stand for tuples, which OmegaConf does not know.
+    """
+    hints = get_type_hints(named.options)
+    own = [
+        (one.name, hints[one.name], new_field(default_factory=lambda one=one: default_of(one)))
+        for one in fields(named.options)
+    ]
+    return make_dataclass(f"{named.name}_options", [("name", str, new_field(default=named.name)), *own])
+
+
+def find_named(kinds: Iterable[Named], name: str) -> Any:
+    return next(one for one in kinds if one.name == name)

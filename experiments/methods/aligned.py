@@ -1,0 +1,61 @@
+"""Method `aligned`: the paper's, with copies of the triangles per cell or an instance per cell."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from enum import Enum
+from typing import Any
+
+from atra.geometry.mesh import Mesh
+from atra.geometry.view import View
+from atra.tracers import AlignedTracer
+from experiments.drawing.style import BLUE
+from experiments.methods.cells import AlignedCellOptions, resolve_split
+from experiments.methods.method import Method, Style, Tracing, option
+
+
+class Geometry(Enum):
+    """copied = a sheared copy of the triangles per cell; instanced = an Embree instance per cell, which cannot cull."""
+
+    copied = "copied"
+    instanced = "instanced"
+
+
+@dataclass(frozen=True)
+class AlignedOptions(AlignedCellOptions):
+    """culling: each copy keeps only what its cell's frustum meets; an instance is always the whole mesh."""
+
+    culling: bool = option(True, "each cell's copy keeps only what its frustum meets")
+    geometry: Geometry = option(Geometry.copied, "copied = a sheared copy of the triangles per cell; or instanced")
+
+
+def tracer_options(options: AlignedOptions, tracing: Tracing) -> dict[str, Any]:
+    """What an `AlignedTracer`, or a `FramesTracer`, takes beside what is traced and its cells."""
+    return {
+        "culling": options.culling,
+        "geometry": options.geometry.value,
+        "packet_width": options.packet_width,
+        "packet_rows": options.packet_rows,
+        "memory_budget_bytes": tracing.memory_budget_bytes,
+        **tracing.ours,
+    }
+
+
+def _make(mesh: Mesh, view: View, options: AlignedOptions, tracing: Tracing) -> AlignedTracer:
+    return AlignedTracer(mesh, view, options.split, **tracer_options(options, tracing))
+
+
+def _resolve(options: AlignedOptions, width: int) -> AlignedOptions:
+    resolved = resolve_split(options, width)
+    return replace(resolved, culling=False) if resolved.geometry is Geometry.instanced else resolved
+
+
+def _variant(row: Mapping[str, Any]) -> str:
+    if row.get("geometry") == Geometry.instanced.value:
+        return "instanced"
+    culling = row.get("culling")
+    return "" if culling is None else f"culling {'on' if culling else 'off'}"
+
+
+ALIGNED = Method("aligned", "aligned", Style(BLUE, "o"), AlignedOptions, _make, _resolve, _variant)

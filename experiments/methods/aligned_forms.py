@@ -1,0 +1,34 @@
+"""Forms of the aligned geometry in tables and figures: copies with and without culling, instances."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pandas as pd
+
+from experiments.drawing.style import BLUE, PURPLE, VERMILLION
+from experiments.methods.aligned import ALIGNED
+from experiments.methods.naming import say_variant
+
+FORM_OPTIONS = ("geometry", "culling")
+"""Options that make a form of the aligned geometry."""
+
+COPIED_OFF, COPIED_ON, INSTANCED = "aligned, culling off", "aligned, culling on", "aligned, instanced"
+FORM_STYLES: dict[str, dict[str, Any]] = {
+    COPIED_OFF: {"color": VERMILLION, "marker": "s"},
+    COPIED_ON: {"color": BLUE, "marker": "o"},
+    INSTANCED: {"color": PURPLE, "marker": "^"},
+}
+"""The three forms of the aligned geometry, by their labels, in the order of the legends."""
+
+
+def aligned_rows(table: pd.DataFrame) -> pd.DataFrame:
+    """The rows of this method."""
+    return table[table["method"].eq(ALIGNED.name).fillna(False).astype(bool)]
+
+
+def aligned_forms(table: pd.DataFrame) -> dict[str, pd.DataFrame]:
+    """The aligned rows by the label of their geometry's form (`FORM_STYLES`); forms without rows are left out."""
+    rows = aligned_rows(table)
+    forms = pd.Series([f"{ALIGNED.label}, {say_variant(row)}" for row in rows.to_dict("records")], index=rows.index)
+    return {form: rows[forms == form] for form in FORM_STYLES if (forms == form).any()}

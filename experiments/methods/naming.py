@@ -1,0 +1,79 @@
+"""Names of points in words: the same ones on the terminal, in figures and on the page."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import pandas as pd
+
+from experiments.drawing.values import TIMES
+from experiments.harness.options import plain_options
+from experiments.methods import METHODS, find_method
+from experiments.methods.method import Method
+
+Row = Mapping[str, Any]
+"""A row of the table, or of a point."""
+
+
+def say_series(name: str, packet_width: int | None) -> str:
+    """A method, with the width of its packets where that is known and ours to choose."""
+    method = find_method(name)
+    if method.words is not None:
+        return method.words(packet_width)
+    if not method.is_ours or packet_width is None:
+        return method.label
+    return f"{method.label}, single rays" if packet_width == 1 else f"{method.label}, packets of {packet_width}"
+
+
+def say_variant(row: Row) -> str:
+    """What distinguishes a row of its method but split and packets: "culling on", "instanced"; "" for most methods."""
+    return find_method(str(row["method"])).variant(_known(row))
+
+
+def say_split(row: Row) -> str:
+    """The split of a row and what is unusual about its geometry; "" for a method without cells."""
+    method, known = find_method(str(row["method"])), _known(row)
+    if not method.has_cells or "split_x" not in known or "split_y" not in known:
+        return ""
+    words = [f"{known['split_x']} {TIMES} {known['split_y']}"]
+    variant = method.variant(known)
+    return ", ".join([*words, variant] if variant not in ("", _usual(method)) else words)
+
+
+def say_kind(row: Row) -> str:
+    """The method of a row with what distinguishes it but split and packets: "aligned, culling on"; one ray per pixel
+    with its packets, which are all that distinguishes it."""
+    method, width = find_method(str(row["method"])), _known(row).get("packet_width")
+    if not method.has_cells:
+        return say_series(method.name, width)
+    words = [method.label, say_variant(row), "single rays" if width == 1 else ""]
+    return ", ".join(filter(None, words))
+
+
+def say_point(row: Row) -> str:
+    """A point among those of its scene: "aligned, packets of 16, 128 × 1, culling on"."""
+    known = _known(row)
+    method = find_method(str(row["method"]))
+    words = [say_series(method.name, known.get("packet_width"))]
+    if method.has_cells and "split_x" in known:
+        words.append(f"{known['split_x']} {TIMES} {known['split_y']}")
+    return ", ".join(filter(None, [*words, say_variant(row)]))
+
+
+def best_of() -> tuple[str, ...]:
+    """The options of methods of which a figure shows the best, packets apart."""
+    names = (name for method in METHODS for name in plain_options(method.options()))
+    return tuple(dict.fromkeys(name for name in names if not name.startswith("packet_")))
+
+
+def _known(row: Row) -> dict[str, Any]:
+    return {str(name): value for name, value in row.items() if not _missing(value)}
+
+
+def _missing(value: Any) -> bool:
+    return not isinstance(value, list | tuple) and bool(pd.isna(value))
+
+
+def _usual(method: Method) -> str:
+    return method.variant(plain_options(method.options()))

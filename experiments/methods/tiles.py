@@ -1,0 +1,20 @@
+"""Method `tiles`: the cells' culling without alignment, one scene a cell."""
+
+from __future__ import annotations
+
+from atra.geometry.mesh import Mesh
+from atra.geometry.view import View
+from atra.tracers import TiledTracer
+from experiments.drawing.style import ORANGE
+from experiments.methods.cells import CellOptions, resolve_split
+from experiments.methods.method import Method, Style, Tracing
+
+
+def _make(mesh: Mesh, view: View, options: CellOptions, tracing: Tracing) -> TiledTracer:
+    return TiledTracer(
+        mesh, view, options.split, packet_width=options.packet_width, memory_budget_bytes=tracing.memory_budget_bytes,
+        **tracing.ours,
+    )  # fmt: skip
+
+
+TILES = Method("tiles", "culled tiles", Style(ORANGE, "s"), CellOptions, _make, resolve_split)

@@ -1,0 +1,22 @@
+"""Method `visible_first`: aligned rays for what is visible, the rest ruled out tile by tile."""
+
+from __future__ import annotations
+
+from atra.geometry.mesh import Mesh
+from atra.geometry.view import View
+from atra.tracers import VisibleFirstTracer
+from experiments.drawing.style import VERMILLION
+from experiments.methods.cells import AlignedCellOptions, resolve_split
+from experiments.methods.method import Method, Style, Tracing
+
+
+def _make(mesh: Mesh, view: View, options: AlignedCellOptions, tracing: Tracing) -> VisibleFirstTracer:
+    return VisibleFirstTracer(
+        mesh, view, options.split, packet_width=options.packet_width, packet_rows=options.packet_rows,
+        memory_budget_bytes=tracing.memory_budget_bytes, **tracing.ours,
+    )  # fmt: skip
+
+
+VISIBLE_FIRST = Method(
+    "visible_first", "visible-first", Style(VERMILLION, "D"), AlignedCellOptions, _make, resolve_split
+)

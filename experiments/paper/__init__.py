@@ -1,0 +1,1 @@
+"""The paper: its claims, and its figures of several workloads."""

@@ -1,0 +1,40 @@
+"""Figures of a table: every one that the sweep names, or that has something to show."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+
+import pandas as pd
+
+from atra.errors import InputError
+from experiments.drawing.figure import DrawnFigure, FigureKind, draw_figure
+from experiments.paper.figures import FIGURES as PAPER_FIGURES
+from experiments.results.table import rows_of
+from experiments.workloads import WORKLOADS
+
+
+def figure_kinds() -> tuple[FigureKind, ...]:
+    """Those of every workload, and the paper's that draw several workloads."""
+    rooms = (workload.part("figures") for workload in WORKLOADS)
+    return (*(kind for room in rooms if room is not None for kind in room.FIGURES), *PAPER_FIGURES)
+
+
+def draw_figures(
+    table: pd.DataFrame, records: Path, grids: Mapping[str, Sequence[str]] | None = None
+) -> Iterator[DrawnFigure]:
+    """Every figure that the table allows; one none of whose points was measured is left out.
+
+    records: the folder of the records. grids: by name of the figure, the grids whose points it draws; without any,
+    every figure draws what it can of the table. Raises InputError for a figure that is unknown.
+    """
+    kinds = {kind.name: kind for kind in figure_kinds()}
+    unknown = [name for name in grids or {} if name not in kinds]
+    if unknown:
+        raise InputError(f"sweep.figures names {unknown[0]!r}, expected one of {', '.join(kinds)}")
+    for name, kind in kinds.items():
+        if grids and name not in grids:
+            continue
+        rows = rows_of(table, *grids[name]) if grids else kind.rows(table)
+        if len(rows):
+            yield from draw_figure(kind, rows, records)

@@ -1,0 +1,100 @@
+"""Trace every offset with the point's method and with rtcIntersect1, and ask the float64 oracle who is wrong."""
+
+from __future__ import annotations
+
+from collections import Counter
+from contextlib import ExitStack
+from enum import IntEnum
+from math import isfinite
+from typing import Any
+from zlib import crc32
+
+import numpy as np
+from numpy.typing import NDArray
+
+from atra.hits import MISS
+from atra.judge.compare import Verdict, compare
+from atra.judge.oracle import Examination, Standing, examine, sample_pixels
+from experiments.harness.point import Point
+from experiments.workloads.agreement import Offset
+from experiments.workloads.images import counts, depth_errors
+from experiments.workloads.rounds import build_own, make_single, measured
+from experiments.workloads.workload import Measured
+
+
+def measure(point: Point) -> Measured:
+    """Trace every offset with the point's method and with rtcIntersect1, and let the oracle decide who is wrong where
+    they disagree, and at a sample of all pixels."""
+    options = point.workload_options
+    with ExitStack() as stack:
+        own, results = build_own(point, stack)
+        mesh, camera = own.mesh, own.camera
+        single = stack.enter_context(make_single(point, mesh, camera))
+        totals: Counter[str] = Counter()
+        agreements = []
+        listed: dict[str, list[Any]] = {}
+        for number, offset in enumerate(options.offsets):
+            hits, reference = own.trace(offset), single.trace(offset)
+            agreement = compare(mesh, camera, hits, reference)
+            agreements.append(agreement)
+            # Every image of every point draws a sample of its own, so that a scene's samples add up.
+            sample = sample_pixels(camera, options.sample_rays, [_seed(point), number])
+            found = examine(mesh, camera, hits, reference, agreement, sample, point.threads)
+            totals.update(counts([agreement]) | _errors(found))
+            for name, values in _disagreements(found, offset).items():
+                listed.setdefault(name, []).extend(values)
+    results |= totals | depth_errors(agreements) | {"images": len(options.offsets), "disagreements": listed}
+    return measured(results)
+
+
+def _seed(point: Point) -> int:
+    return crc32(repr(sorted(point.row.items())).encode())
+
+
+def _errors(found: Examination) -> dict[str, int]:
+    """Counts of what the oracle says, by column of the table."""
+    disputed, sampled = found.disputed, found.sampled
+    return {
+        "method_wrong": int((disputed & found.hits.wrong).sum()),
+        "baseline_wrong": int((disputed & found.reference.wrong).sum()),
+        "rays_sampled": int(sampled.sum()),
+        "sampled_method_wrong": int((sampled & found.hits.wrong).sum()),
+        "sampled_baseline_wrong": int((sampled & found.reference.wrong).sum()),
+    }
+
+
+def _disagreements(found: Examination, offset: Offset) -> dict[str, list[Any]]:
+    """Columns of a list of every pixel where the images differ or one was found wrong; None = nothing, JSON has no
+    infinity."""
+    rows = np.flatnonzero(found.disputed | found.hits.wrong | found.reference.wrong)
+    columns: dict[str, NDArray[Any]] = {
+        "offset_x": np.full(len(found.x), offset[0]),
+        "offset_y": np.full(len(found.x), offset[1]),
+        "x": found.x,
+        "y": found.y,
+        "verdict": _named(Verdict, found.verdict),
+        "sampled": found.sampled,
+        "truth_prim_id": found.truth.prim_id,
+        "truth_depth": found.truth.depth,
+        "truth_edge_distance": found.truth.edge_distance,
+        "truth_exhaustive": found.truth.exhaustive,
+    }
+    for name, testimony in (("method", found.hits), ("baseline", found.reference)):
+        columns |= {
+            f"{name}_prim_id": testimony.prim_id,
+            f"{name}_stored_depth": testimony.stored_depth,
+            f"{name}_depth": testimony.depth,
+            f"{name}_edge_distance": testimony.edge_distance,
+            f"{name}_standing": _named(Standing, testimony.standing),
+            f"{name}_off_by": testimony.off_by,
+        }
+    return {name: [_json_value(value) for value in values[rows].tolist()] for name, values in columns.items()}
+
+
+def _named(kind: type[IntEnum], codes: NDArray[np.uint8]) -> NDArray[np.str_]:
+    return np.array([one.name.lower().replace("_", " ") for one in kind])[codes]
+
+
+def _json_value(value: Any) -> Any:
+    nothing = value == int(MISS) or (isinstance(value, float) and not isfinite(value))
+    return None if nothing else value

@@ -1,0 +1,47 @@
+"""Best splits of several frames together, as a table for people."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pandas as pd
+from rich.markup import escape
+from rich.table import Table
+
+from experiments.methods.naming import TIMES, best_of, say_split
+from experiments.results.settings import say_setting, settings_that_vary
+from experiments.workloads.resources import say_ms
+
+_LEFT = ("scene", "motion")
+_RATIOS = {
+    "separate": "speedup_vs_separate",
+    "visible-first": "speedup_vs_visible_first",
+    "packets": "speedup_vs_packets",
+    "rtcIntersect1": "speedup",
+}
+
+
+def sweep_lines(rows: pd.DataFrame) -> Iterator[Table]:
+    """The split at which all frames together gain most over packets, and how many times as fast they are there. rows:
+    those of this workload that were measured."""
+    best = Table(title="best split of all frames together, and speed-up over", title_justify="left")
+    for name in (*_LEFT, "frames", "split", "all frames", *_RATIOS, "pixels wrong"):
+        best.add_column(name, justify="left" if name in _LEFT else "right")
+    varying = settings_that_vary(rows, (*best_of(), "motion", "frames"))
+    motions = pd.Series(
+        [", ".join([row["motion"], *(say_setting(name, row[name]) for name in varying)]) for _, row in rows.iterrows()],
+        index=rows.index,
+        dtype="object",
+    )
+    for (scene, motion, frames), some in rows.groupby(["scene", motions, "frames"], sort=False):
+        row = some.loc[some["speedup_vs_packets"].astype(float).idxmax()]
+        best.add_row(
+            escape(str(scene)),
+            motion,
+            str(frames),
+            say_split(row).partition(",")[0].replace(TIMES, "x"),
+            say_ms(row["render_time_s"]),
+            *(f"{row[name]:.2f}x" for name in _RATIOS.values()),
+            str(some["pixels_wrong"].sum()),
+        )
+    yield best

@@ -1,0 +1,27 @@
+"""All frames of a point, traced together in one pass."""
+
+from __future__ import annotations
+
+from atra.alignment.alignment import Alignment, Split
+from atra.geometry.camera import Camera
+from atra.geometry.mesh import Mesh
+from atra.tracers import FramesTracer
+from experiments.harness.point import Point
+from experiments.methods.aligned import tracer_options
+from experiments.workloads.multiframe import Motion
+from experiments.workloads.multiframe.motion import frames_of
+
+
+def make_together(point: Point, mesh: Mesh, camera: Camera) -> FramesTracer:
+    """All frames, which the point's motion makes of mesh and camera, in one pass.
+
+    Raises InputError and MemoryBudgetError as the tracer does.
+    """
+    asked = point.workload_options
+    cameras, meshes = frames_of(camera, mesh, asked.frames, asked.motion)
+    of_frame = Split(*point.options.split, width=camera.width, height=camera.height)
+    if asked.motion is Motion.eyes:
+        alignment = Alignment.of_eyes(cameras[0], cameras[1], of_frame)
+    else:
+        alignment = Alignment.of_frames(cameras, of_frame)
+    return FramesTracer(meshes, alignment, **tracer_options(point.options, point.tracing))

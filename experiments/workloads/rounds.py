@@ -1,0 +1,158 @@
+"""Rounds of a point: every tracer traces once a round, into one image of its own, and a warm-up compiles it before."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from contextlib import ExitStack
+from dataclasses import replace
+from statistics import median
+from typing import Any
+
+import numpy as np
+
+from atra.embree.library import load_library
+from atra.errors import InputError
+from atra.geometry.camera import Camera
+from atra.geometry.mesh import Mesh
+from atra.geometry.view import View
+from atra.judge.ties import coplanar_overlaps
+from atra.tracers import PixelTracer
+from experiments.harness.configuration import SceneSource
+from experiments.harness.memory import peak_rss_bytes, reset_peak_rss, rss_bytes
+from experiments.harness.point import Point
+from experiments.harness.rounds import RoundSamples, measure_rounds
+from experiments.harness.scene_loading import load_scene, mesh_sha256
+from experiments.methods import find_method
+from experiments.methods.cells import two_cells
+from experiments.methods.pixel import PixelOptions, make_pixel
+from experiments.workloads.workload import Measured, make_own
+
+BUILDS, BUILDS_BUDGET_S = 5, 2.0
+"""How often a timed point plans and builds, unless that takes longer than the budget: the price of a method hangs on
+these times, and one sample is easily an accident."""
+
+MakeTracer = Callable[[Mesh, Camera], Any]
+
+
+def load_mesh(point: Point) -> Mesh:
+    """The mesh of the point's scene. Raises InputError if it is not the one that the run began with."""
+    mesh, _ = load_scene(SceneSource(point.scene_source), point.scene, point.scene_path)
+    if mesh_sha256(mesh) != point.mesh_sha256:
+        raise InputError(f"scene {point.scene} changed since this run began; start it again")
+    return mesh
+
+
+def make_single(point: Point, mesh: Mesh, view: View, packet_width: int = 1) -> PixelTracer:
+    """One ray per pixel with the point's threads, build quality and ties; packets of 1 are the paper's baseline."""
+    return make_pixel(mesh, view, PixelOptions(packet_width), point.tracing)
+
+
+def expert_packet_widths() -> tuple[int, ...]:
+    """Packets an expert would try: of every native width from 8 on, or where there is none the widest."""
+    native = load_library().native_packet_widths
+    return tuple(width for width in native if width >= 8) or native[-1:]
+
+
+def build_own(point: Point, stack: ExitStack, make: MakeTracer | None = None) -> tuple[Any, dict[str, Any]]:
+    """Load the scene and build the point's own method while nothing else is in the process, reading the memory on the
+    way. make: mesh and camera -> tracer, in place of `make_own`."""
+    results: dict[str, Any] = {"rss_start_bytes": rss_bytes()}
+    mesh = load_mesh(point)
+    if point.ties == "lowest":
+        coplanar_overlaps(mesh)  # kept with the mesh; like reading it, no part of the method's memory
+    reset_peak_rss()  # reading a file may take more than tracing it
+    results["rss_mesh_bytes"] = rss_bytes()
+    own = make_own(point, mesh, point.camera) if make is None else make(mesh, point.camera)
+    stack.enter_context(own)
+    results |= {
+        "rss_bytes": rss_bytes(),
+        "peak_rss_bytes": peak_rss_bytes(),
+        "triangles_traced": int(own.triangle_count),
+        "packet_width": int(own.packet_width),
+        "threads": int(own.threads),
+    }
+    if own.embree_bytes:  # a peer does not tell
+        results["embree_bytes"] = int(own.embree_bytes)
+    own_counters = {column.name for column in find_method(point.method).counters}
+    results |= {name: value for name, value in getattr(own, "counters", {}).items() if name in own_counters}
+    return own, results
+
+
+def warm_up(point: Point, makers: Iterable[MakeTracer]) -> None:
+    """Trace a few triangles, two of which tie and one of which no copy can show, with every kernel the point uses:
+    compiles them and starts Embree's threads, so that neither falls into a build time, a memory reading or a sample.
+
+    makers: mesh and camera -> tracer; their cells must be those of `shrunk(point)`.
+    """
+    vertices = np.array(
+        [(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0), (0.3, 0.3, 2), (0, 0, 2), (0, 0, 1)], np.float32
+    )
+    mesh = Mesh(vertices, np.array([(0, 1, 2), (0, 2, 3), (2, 1, 0), (4, 5, 6)], np.uint32))
+    small = shrunk(point)
+    camera = Camera((0.0, 0.0, 2.0), (0.0, 0.0, 0.0), (0.0, 1.0, 0.0), 60.0, small.width, small.height)
+    for make in makers:
+        with make(mesh, camera) as tracer:
+            tracer.trace()
+
+
+def shrunk(point: Point) -> Point:
+    """The point with at most two cells of its own size along each axis: how packets fit into a cell decides which
+    kernel is compiled."""
+    if not find_method(point.method).has_cells:
+        return point
+    split_x, split_y = point.options.split
+    options = two_cells(point.options)
+    width, height = (
+        cells * (whole // split)
+        for cells, whole, split in zip(options.split, (point.width, point.height), (split_x, split_y), strict=True)
+    )
+    return replace(point, width=width, height=height, options=options)
+
+
+class Frames:
+    """Traces frame after frame into one image, as a renderer would: no sample pays for fresh pages."""
+
+    def __init__(self, tracer: Any) -> None:
+        self._tracer = tracer
+        self._images: Any = None
+
+    def trace(self) -> None:
+        self._images = self._tracer.trace(out=self._images)
+
+    def latest(self) -> Any:
+        """The images traced last; traces them if none were."""
+        if self._images is None:
+            self.trace()
+        return self._images
+
+
+def timed_rounds(point: Point, methods: Mapping[str, Callable[[], object]]) -> RoundSamples:
+    """As many rounds as the point asks for."""
+    return measure_rounds(methods, rounds=point.rounds, warmup=point.warmup, budget_s=point.frame_budget_s)
+
+
+def plan_and_build_again(own: Any) -> dict[str, Any]:
+    """Medians and samples of plan and build, the first sample of each the one that has been."""
+    plans, builds = [own.plan_time_s], [own.build_time_s]
+    while len(builds) < BUILDS and sum(plans) + sum(builds) + plans[0] + builds[0] <= BUILDS_BUDGET_S:
+        own.plan()
+        own.build()
+        plans.append(own.plan_time_s)
+        builds.append(own.build_time_s)
+    return {
+        "plan_time_s": median(plans),
+        "build_time_s": median(builds),
+        "plan_samples_s": plans,
+        "build_samples_s": builds,
+    }
+
+
+def measured(results: dict[str, Any], timed: RoundSamples | None = None) -> Measured:
+    """Results and the samples of the rounds, if there were any, as a record holds them."""
+    if timed is None:
+        return Measured(results)
+    return Measured(
+        results | {"rounds": timed.rounds},
+        {name: list(values) for name, values in timed.warmup.items()},
+        {name: list(values) for name, values in timed.samples.items()},
+    )

@@ -1,0 +1,81 @@
+"""Workload: one thing to measure at a point, as a value the harness can run, tabulate and report."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from importlib import import_module
+from importlib.util import find_spec
+from types import ModuleType
+from typing import Any
+
+from atra.geometry.mesh import Mesh
+from atra.geometry.view import View
+from atra.tracers import Tracer
+from experiments.harness.column import Column
+from experiments.harness.point import Point
+from experiments.harness.records import Record
+from experiments.methods import find_method
+
+
+@dataclass(frozen=True)
+class NoOptions:
+    """Of a workload that leaves nothing to choose."""
+
+
+def no_samples(point: Point) -> frozenset[str]:
+    """Nothing is timed round by round."""
+    return frozenset()
+
+
+def make_own(point: Point, mesh: Mesh, view: View | None = None) -> Tracer:
+    """The point's own method. view: in place of the point's. Raises InputError and MemoryBudgetError as the tracers
+    do."""
+    return find_method(point.method).make(mesh, view or point.camera, point.options, point.tracing)
+
+
+def no_problem(point: Point) -> str | None:
+    """Every point can be measured."""
+    return None
+
+
+@dataclass(frozen=True)
+class Workload:
+    """A workload.
+
+    name: as configured. options: its own typed settings, with defaults. columns: of the table, each read from a record.
+    headline: a measured record -> its line on the terminal. room: the package with what is imported only where it is
+    needed: `measure` (in the worker), and if there is any `figures`, `terminal` and `results`.
+    samples: which series a record of a point must hold. optional: series that it may hold beside these, at least one.
+    judged: the series whose spread makes a point doubtful. needs: results that a measured record holds at least.
+    images: how many images a point's pixels are counted over, None = none are compared.
+    problem: why a point cannot be measured. make: a point and its mesh -> the tracer that is measured, neither planned
+    nor built; raises InputError and MemoryBudgetError.
+    """
+
+    name: str
+    options: type
+    columns: tuple[Column, ...]
+    headline: Callable[[Record], str]
+    room: str
+    samples: Callable[[Point], frozenset[str]] | None = no_samples
+    optional: frozenset[str] = frozenset()
+    judged: str | None = None
+    needs: tuple[str, ...] = ()
+    images: Callable[[Point], int] | None = None
+    problem: Callable[[Point], str | None] = no_problem
+    make: Callable[[Point, Mesh], Any] = make_own
+
+    def part(self, name: str) -> ModuleType | None:
+        """The module `name` of the workload's room, imported now; None if it has none."""
+        module = f"{self.room}.{name}"
+        return import_module(module) if find_spec(module) else None
+
+
+@dataclass(frozen=True)
+class Measured:
+    """What came of a point; the fields are those of `experiments.harness.records.Record`."""
+
+    results: dict[str, Any]
+    warmup_samples: dict[str, list[float]] = field(default_factory=dict)
+    samples: dict[str, list[float]] = field(default_factory=dict)
