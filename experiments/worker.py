@@ -51,7 +51,9 @@ class Job:
 
 def read_point(fields: dict[str, Any]) -> Point:
     """The reverse of `Point.configuration`."""
-    values = {name: tuple(value) if isinstance(value, list) else value for name, value in fields.items()}
+    values: dict[str, Any] = {
+        name: tuple(value) if isinstance(value, list) else value for name, value in fields.items()
+    }
     options = typed_options(find_method(values["method"]).options, values.pop("method_options"))
     of_workload = typed_options(find_workload(values["workload"]).options, values.pop("workload_options"))
     return Point(**values, options=options, workload_options=of_workload)

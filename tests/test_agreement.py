@@ -34,13 +34,13 @@ from experiments.harness.points import plan_points
 from experiments.harness.records import Record, write_record
 from experiments.results.table import make_table
 from experiments.worker import Job
+from experiments.workloads.agreement.agreement_figure import draw_agreement_figure
 from experiments.workloads.agreement.results import (
     agreement_lines,
     errs_too_often,
     read_disagreements,
     write_agreement,
 )
-from experiments.workloads.agreement.agreement_figure import draw_agreement_figure
 from tests.meshes import EYE_AT_ORIGIN, quads
 
 OFFSETS = [[0.5, 0.5], [0.25, 0.75]]

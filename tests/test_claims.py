@@ -12,11 +12,11 @@ from typing import Any
 import pandas as pd
 import pytest
 
-from experiments.results.estimates import Estimate, decide_greater, fit_exponent, geometric_mean
+from experiments.paper.claims import CLAIMS, judge_claims
 from experiments.paper.evidence import PAPER_SCENES, SPLITS, USED_COLUMNS
+from experiments.results.estimates import Estimate, decide_greater, fit_exponent, geometric_mean
 from experiments.results.findings import Finding, judge_claim, write_claims
 from experiments.results.table import COLUMNS
-from experiments.paper.claims import CLAIMS, judge_claims
 
 STAND_INS = {"mitsuba": "material_ball", "fireplace_room": "living_room", "sponza": "atrium"}
 BEST = {"cornell_box": 7.6, "mitsuba": 3.0, "fireplace_room": 1.9, "sponza": 1.75}

@@ -22,8 +22,8 @@ from experiments.harness.outcome import Outcome
 from experiments.harness.point import Point
 from experiments.harness.points import plan_points
 from experiments.harness.records import Record, load_record, record_path, write_record
-from experiments.results.table import make_table, write_table
 from experiments.report.writing import rewrite_report
+from experiments.results.table import make_table, write_table
 from experiments.sweep import GridPoint, run_sweep
 from tests.test_sweep import Runner, configuration, measured_elsewhere
 

@@ -18,14 +18,14 @@ from atra.hits import MISS, Hits
 from atra.judge.compare import Verdict
 from experiments.drawing.pages import describe_measurement
 from experiments.drawing.values import TIMES
+from experiments.paper.instancing_figure import draw_instancing_figure
 from experiments.results.table import COLUMNS
 from experiments.workloads.build.build_figure import draw_build_figure
 from experiments.workloads.frame.grid_figure import draw_grid_figure
 from experiments.workloads.frame.split_figure import draw_split_figure
 from experiments.workloads.memory.memory_figure import draw_memory_figure
-from experiments.paper.instancing_figure import draw_instancing_figure
-from experiments.workloads.picture.scenes_figure import draw_scenes_figure
 from experiments.workloads.picture.pictures import ScenePictures
+from experiments.workloads.picture.scenes_figure import draw_scenes_figure
 from experiments.workloads.picture.shading import BACKGROUND, DIFFERENCE_COLOURS, difference_picture, encode_png, shade
 from tests.meshes import EYE_AT_ORIGIN, quads
 

@@ -9,8 +9,8 @@ import pytest
 from matplotlib.axes import Axes
 
 from experiments.drawing.values import TIMES
-from experiments.workloads.multiframe.multiframe_figure import draw_multiframe_figure
 from experiments.workloads.multiframe.frame_parts import PACKETS, SEPARATE_FRAMES, TOGETHER, VISIBLE_FRAMES, best_row
+from experiments.workloads.multiframe.multiframe_figure import draw_multiframe_figure
 from experiments.workloads.multiframe.stereo_figure import draw_stereo_figure
 from tests.test_method_figures import bars, line, make_rows, method_row, save, skipped, whiskers, words
 

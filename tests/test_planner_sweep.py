@@ -31,8 +31,8 @@ from experiments.harness.points import plan_points
 from experiments.harness.records import Record, write_record
 from experiments.harness.views import FITTING_VIEWS, HELD_OUT_VIEWS, VIEWS, view_fields
 from experiments.results.table import COLUMNS
-from experiments.workloads.planner.planner_figure import SERIES, draw_planner_figure
 from experiments.workloads.planner.measure import FRAMES, regrets, say_regrets
+from experiments.workloads.planner.planner_figure import SERIES, draw_planner_figure
 from scenes.cornell_box import CORNELL_BOX_CAMERA
 from tests.meshes import cornell_box, cornell_camera
 

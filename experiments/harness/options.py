@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import asdict, fields, make_dataclass
+from dataclasses import Field, asdict, fields, make_dataclass
 from dataclasses import field as new_field
 from enum import Enum
+from functools import partial
 from typing import Any, Protocol, get_args, get_type_hints
 
 from experiments.harness.column import default_of
@@ -53,7 +54,7 @@ def schema(named: Named) -> type:
     """
     hints = get_type_hints(named.options)
     own = [
-        (one.name, hints[one.name], new_field(default_factory=lambda one=one: default_of(one)))
+        (one.name, hints[one.name], new_field(default_factory=partial(default_of, one)))
         for one in fields(named.options)
     ]
     return make_dataclass(f"{named.name}_options", [("name", str, new_field(default=named.name)), *own])

@@ -17,9 +17,7 @@ from experiments.harness.column import REAL, TEXT, WHOLE, Column, option_columns
 from experiments.harness.environment import BUSY_LOAD, describe_difference
 from experiments.harness.records import Record
 from experiments.methods import METHODS, find_method
-from experiments.methods.method import Method
 from experiments.workloads import WORKLOADS, find_workload
-from experiments.workloads.workload import Workload
 from scenes.stand_ins import STAND_INS
 
 
@@ -79,17 +77,13 @@ def columns() -> dict[str, Column]:
         *(column for method in METHODS for column in option_columns(method.options, "method_options")),
         *(column for workload in WORKLOADS for column in option_columns(workload.options, "workload_options")),
     ]
-    measured = [column for kind in (*WORKLOADS, *METHODS) for column in kind_columns(kind)]
+    measured = [column for kind in WORKLOADS for column in kind.columns]
+    counted = [column for method in METHODS for column in method.counters]
     found: dict[str, Column] = {}
-    for column in (*_POINT_COLUMNS, *options, *_TRACING_COLUMNS, *measured, *_OUTCOME_COLUMNS):
+    for column in (*_POINT_COLUMNS, *options, *_TRACING_COLUMNS, *measured, *counted, *_OUTCOME_COLUMNS):
         if found.setdefault(column.name, column).dtype != column.dtype:
             raise ValueError(f"column {column.name} is {found[column.name].dtype} and {column.dtype}")
     return found
-
-
-def kind_columns(kind: Workload | Method) -> tuple[Column, ...]:
-    """What a workload measures, or a method counts."""
-    return kind.columns if isinstance(kind, Workload) else kind.counters
 
 
 _OUT_OF_PROPORTION = 10.0

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
+from functools import partial
 
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
@@ -78,6 +79,10 @@ def separate_makers(point: Point) -> dict[str, Make]:
     }
 
 
+def _single(point: Point, packet_width: int, mesh: Mesh, view: View) -> Tracer:
+    return make_single(point, mesh, view, packet_width)
+
+
 def measure(point: Point) -> Measured:
     """All frames together, timed in rounds with one tracer a frame of every other way, and compared frame by frame."""
     packets = expert_packet_widths()
@@ -86,7 +91,7 @@ def measure(point: Point) -> Measured:
         point,
         [
             lambda mesh, view: make_together(small, mesh, view),
-            *(lambda mesh, view, width=width: make_single(small, mesh, view, width) for width in (1, *packets)),
+            *(partial(_single, small, width) for width in (1, *packets)),
             *separate_makers(small).values(),
         ],
     )
@@ -99,7 +104,7 @@ def measure(point: Point) -> Measured:
 
         tracers: dict[str, FramesTracer | SeparateFrames] = {OWN: own}
         for name, width in ((SINGLE, 1), *((PACKETS[width], width) for width in packets)):
-            tracers[name] = for_each_frame(lambda mesh, view, width=width: make_single(point, mesh, view, width))
+            tracers[name] = for_each_frame(partial(_single, point, width))
         tracers |= {name: for_each_frame(make) for name, make in separate_makers(point).items()}
         results |= {
             "baseline_build_time_s": float(tracers[SINGLE].build_time_s),

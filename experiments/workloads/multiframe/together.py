@@ -19,7 +19,8 @@ def make_together(point: Point, mesh: Mesh, camera: Camera) -> FramesTracer:
     """
     asked = point.workload_options
     cameras, meshes = frames_of(camera, mesh, asked.frames, asked.motion)
-    of_frame = Split(*point.options.split, width=camera.width, height=camera.height)
+    split_x, split_y = point.options.split
+    of_frame = Split(split_x, split_y, width=camera.width, height=camera.height)
     if asked.motion is Motion.eyes:
         alignment = Alignment.of_eyes(cameras[0], cameras[1], of_frame)
     else:

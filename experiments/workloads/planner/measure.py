@@ -35,7 +35,7 @@ def measure(point: Point) -> Measured:
     mesh, camera = load_mesh(point), point.camera
     plans, planning_s = {}, {}
     threads = plan(mesh, camera, FRAMES, threads=point.threads).threads
-    options: dict[str, Any] = {"ties": point.ties, "memory_budget_bytes": point.memory_budget_bytes}
+    options: dict[str, Any] = {"ties": point.ties, "memory_budget_bytes": point.tracing.memory_budget_bytes}
     clock = clock_for(threads)
     for choice in choices_of_quality(camera, "medium"):  # compiled before any clock starts
         warm_up(choice, camera, threads, point.ties)
