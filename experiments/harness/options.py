@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import Field, asdict, fields, make_dataclass
+from dataclasses import asdict, fields, make_dataclass
 from dataclasses import field as new_field
 from enum import Enum
 from functools import partial
