@@ -1,0 +1,119 @@
+"""Command line: `python run.py` measures one point, `python run.py sweep=horizontal` sweeps, `python run.py fetch
+scene=sponza` downloads a scene, `python run.py report sweep=paper` writes a sweep's figures and page anew,
+`python run.py doctor` says what this machine has and lacks.
+
+Exit codes: 0 done, 1 something failed, 2 the input cannot be used, 130 interrupted.
+"""
+
+from __future__ import annotations
+
+import io
+import os
+import signal
+import sys
+import traceback
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+# What takes time to import is imported in functions: Ctrl-C may come before that is done.
+if TYPE_CHECKING:
+    from omegaconf import DictConfig
+
+    from experiments.harness.configuration import Configuration
+
+_CONFIGURATION = str(Path(__file__).resolve().parents[1] / "conf")
+_VERBS = ("fetch", "report", "doctor")
+
+
+def main() -> int:
+    """Run the command line and return its exit code."""
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        signal.signal(signal.SIGINT, _leave)
+    if len(sys.argv) > 1 and sys.argv[1] in _VERBS:
+        # hydra.mode: a sweep's file asks for many runs, but there is one thing to do.
+        sys.argv[1:2] = [f"action={sys.argv[1]}", "hydra.mode=RUN"]
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        # A name that the encoding lacks, as one of Windows' does, is shown escaped, as on stderr; it is no failure.
+        sys.stdout.reconfigure(errors="backslashreplace")
+    # Hydra then raises its errors instead of printing them at length; they are shown below, shortened.
+    os.environ["HYDRA_FULL_ERROR"] = "1"
+
+    import hydra
+    from hydra.errors import HydraException
+    from omegaconf.errors import OmegaConfBaseException
+
+    from atra.errors import AtraError
+    from experiments.harness.command_line import check_command_line
+    from experiments.harness.configuration import register_schema
+
+    register_schema()
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        if signal.getsignal(signal.SIGINT) is _leave:
+            signal.signal(signal.SIGINT, signal.default_int_handler)
+        check_command_line(sys.argv[1:])
+        hydra.main(config_path=_CONFIGURATION, config_name="config", version_base="1.3")(_run)()
+    except (AtraError, HydraException, OmegaConfBaseException) as error:
+        return _refuse(error)
+    except KeyboardInterrupt:
+        print("run.py: interrupted", file=sys.stderr)
+        return 130
+    return 0
+
+
+def _leave(*_: object) -> None:
+    """Nothing has begun, and KeyboardInterrupt inside an import may be taken for a missing package."""
+    os.write(sys.stderr.fileno(), b"run.py: interrupted\n")
+    os._exit(130)
+
+
+def _run(composed: DictConfig) -> None:
+    from hydra.core.hydra_config import HydraConfig
+    from hydra.types import RunMode
+    from omegaconf.errors import OmegaConfBaseException
+
+    from atra.errors import AtraError
+    from experiments.harness.configuration import read_configuration
+
+    if HydraConfig.get().mode is RunMode.MULTIRUN:  # a job that a launcher runs for a sweep, which reports its errors
+        from experiments.sweep import measure_launched
+
+        measure_launched(read_configuration(composed))
+        return
+    # SystemExit passes through Hydra silently; any other exception is announced by Hydra first.
+    try:
+        _act(read_configuration(composed))
+    except (AtraError, OmegaConfBaseException) as error:
+        raise SystemExit(_refuse(error)) from error
+
+
+def _act(configuration: Configuration) -> None:
+    """What a run does; the rooms are imported here, so that a refusal does not wait for them."""
+    action = configuration.action.value
+    if action == "fetch":
+        from experiments.fetching import run_fetch
+
+        run_fetch(configuration)
+    elif action == "report":
+        from experiments.report.writing import rewrite_report
+
+        print(f"report: {rewrite_report(configuration)}")
+    elif action == "doctor":
+        from experiments.doctor import run_doctor
+
+        run_doctor(configuration)
+    else:
+        from experiments.single import run_single_point
+
+        run_single_point(configuration)
+
+
+def _refuse(error: Exception) -> int:
+    from atra.errors import AtraError, printable
+    from experiments.harness.messages import shorten_configuration_error
+
+    if "debug=true" in (argument.lower() for argument in sys.argv):
+        traceback.print_exception(error)
+    message = str(error) if isinstance(error, AtraError) else shorten_configuration_error(error)
+    print(f"run.py: {printable(message)}", file=sys.stderr)
+    return 2
