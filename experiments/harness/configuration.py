@@ -83,7 +83,7 @@ class Quantity(Enum):
     time = frames, against both baselines; build = plan and BVH build, again and again; memory = only the one method is
     ever built; picture = shaded pictures of the method's hits and of rtcIntersect1's, and their difference;
     agreement = where the method's hits and rtcIntersect1's differ, and which of them is wrong by the float64 oracle;
-    planner = plans, and all that they choose from.
+    planner = a plan, and all that it chooses from.
     """
 
     time = "time"

@@ -112,12 +112,8 @@ FIGURES = (
         ("multiframe", "multiframe_turn", "multiframe_memory"), draw_multiframe_figure,
     ),
     FigureKind(
-        "planner", "Regret of plans on views they were not fitted on", ("planner", "planner_small", "planner_wide"),
+        "planner", "Regret of plans: time over the best candidate's", ("planner", "planner_small", "planner_wide"),
         draw_planner_figure,
-    ),
-    FigureKind(
-        "planner_fit", "Regret of plans on the views they were fitted on",
-        ("planner_fit", "planner_fit_small", "planner_fit_wide"), draw_planner_figure,
     ),
 )  # fmt: skip
 

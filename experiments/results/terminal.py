@@ -42,9 +42,8 @@ def say_outcome(record: Record) -> str:
     if "disagreements" in record.results:
         told = "{pixels_wrong} pixels wrong; by float64 {method_wrong} to {baseline_wrong}".format(**record.results)
         return f"{told}; depths off by up to {record.results['depth_error_max']:.1e}"
-    if "measure_regret" in record.results:
-        measured, estimated = (f"{record.results[f'{effort}_regret']:.2f}" for effort in ("measure", "estimate"))
-        return f"{record.results['measure_plan']}, regret {measured}; estimated {estimated}"
+    if "regret" in record.results:
+        return f"{record.results['plan']}, regret {record.results['regret']:.2f}"
     parts = [f"{_mib(record.results['embree_bytes'])} in Embree"] if "embree_bytes" in record.results else []
     if "pixels_wrong" in record.results:
         parts.append(f"{record.results['pixels_wrong']} pixels wrong")

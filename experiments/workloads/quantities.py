@@ -256,7 +256,7 @@ def _json_value(value: Any) -> Any:
 
 
 def _measure_planner(point: Point) -> Measured:
-    """Plans, and every candidate beside them."""
+    """A plan, and every candidate beside it."""
     from experiments.workloads.planner.measure import measure_planner  # nothing else needs the planner here
 
     results, timed = measure_planner(point, _load_mesh(point))
