@@ -36,7 +36,6 @@ from omegaconf import DictConfig
 from omegaconf.errors import OmegaConfBaseException
 
 from atra.errors import AtraError, printable
-from experiments.harness.command_line import check_command_line
 from experiments.harness.configuration import Action, Configuration, read_configuration, register_schema
 from experiments.harness.messages import shorten_configuration_error
 
@@ -97,7 +96,6 @@ def main() -> int:
     try:
         if signal.getsignal(signal.SIGINT) is _leave:
             signal.signal(signal.SIGINT, signal.default_int_handler)
-        check_command_line(sys.argv[1:])
         run()
     except (AtraError, HydraException, OmegaConfBaseException) as error:
         return _refuse(error)
