@@ -13,7 +13,6 @@ from atra.errors import InputError
 from atra.geometry.camera import Camera
 from atra.hits import MISS
 from atra.judge.reference import brute_force
-from scenes.camera_fields import camera_fields_problem
 from scenes.cornell_box import CORNELL_BOX_CAMERA, cornell_box
 from scenes.directory import default_cache, default_camera_fields, find_scene_folder, load_scene_from_directory
 from tests.folders import empty_cache
@@ -92,9 +91,9 @@ def test_the_default_camera_sees_walls_light_box_and_sphere():
 
 
 def test_a_folder_gives_the_mesh_under_its_name_and_fields_a_camera_takes(folder):
-    mesh, fields = load_scene_from_directory("tri", folder)
-    assert (mesh.name, mesh.triangle_count) == ("tri", 1)
-    assert Camera(**fields).eye == (0, 0, 5)
+    scene = load_scene_from_directory("tri", folder)
+    assert (scene.mesh.name, scene.mesh.triangle_count) == ("tri", 1)
+    assert Camera(**scene.camera).eye == (0, 0, 5)
 
 
 def test_the_folder_comes_from_the_environment_relative_to_the_working_directory_or_home(folder, monkeypatch):
@@ -103,7 +102,7 @@ def test_the_folder_comes_from_the_environment_relative_to_the_working_directory
     monkeypatch.setenv("USERPROFILE", str(folder.parent))
     for value in (str(folder), folder.name, f"~/{folder.name}"):
         monkeypatch.setenv("ATRA_SCENES", value)
-        assert load_scene_from_directory("tri")[0].triangle_count == 1
+        assert load_scene_from_directory("tri").mesh.triangle_count == 1
 
 
 @pytest.mark.parametrize(
@@ -162,10 +161,10 @@ def test_the_users_folder_comes_before_the_cache_and_the_cache_fills_its_gaps(fo
     (cache / "cameras.json").write_text(json.dumps({"tri": far, "other": far}))
     for name in ("tri", "other"):
         (cache / f"{name}.ply").write_text(PLY)
-    assert load_scene_from_directory("tri")[1]["eye"] == (0, 0, 9)
+    assert load_scene_from_directory("tri").camera["eye"] == (0, 0, 9)
     monkeypatch.setenv("ATRA_SCENES", str(folder))
-    assert load_scene_from_directory("tri")[1]["eye"] == (0, 0, 5)
-    assert load_scene_from_directory("other")[1]["eye"] == (0, 0, 9)
+    assert load_scene_from_directory("tri").camera["eye"] == (0, 0, 5)
+    assert load_scene_from_directory("other").camera["eye"] == (0, 0, 9)
     assert find_scene_folder("tri") == folder
     assert find_scene_folder("other") == cache
     assert find_scene_folder("absent") is None  # a camera without a mesh is no scene
@@ -218,19 +217,11 @@ def test_an_unknown_scene_or_missing_mesh_is_refused_listing_what_there_is(folde
         load_scene_from_directory("absent", folder)
 
 
-@pytest.mark.parametrize(
-    ("given", "usable"),
-    [
-        (["eye", "target"], True),
-        (["up", "target", "fov_y_degrees", "eye"], True),
-        (["eye", "up"], False),
-        (["eye", "target", "fov"], False),
-        ([], False),
-    ],
-)
-def test_a_camera_needs_eye_and_target_and_knows_no_other_fields(given, usable):
-    fields = {name: 45.0 if name.startswith("fov") else (0, 1.5, 2) for name in given}
-    assert (camera_fields_problem(fields) is None) == usable
+def test_the_fields_of_a_camera_may_stand_in_any_order(folder):
+    given = {"up": [0, 0, 1], "target": [0, 0, 0], "fov_y_degrees": 30, "eye": [0, 5, 0]}
+    (folder / "cameras.json").write_text(json.dumps({"tri": given}))
+    found = load_scene_from_directory("tri", folder).camera
+    assert found == {"eye": (0, 5, 0), "target": (0, 0, 0), "up": (0, 0, 1), "fov_y_degrees": 30}
 
 
 @pytest.mark.parametrize(
@@ -238,19 +229,18 @@ def test_a_camera_needs_eye_and_target_and_knows_no_other_fields(given, usable):
     [
         ("eye", "abc"),
         ("eye", [0, 1]),
-        ("target", [0, 1, "2"]),
         ("target", [0, 1, None]),
         ("up", [0, 1, float("nan")]),
         ("up", {"x": 0, "y": 1, "z": 0}),
         ("fov_y_degrees", [45]),
-        ("fov_y_degrees", True),
         ("fov_y_degrees", 10**400),
+        ("target", [0, 0, 5]),  # where the eye is
     ],
 )
 def test_a_camera_field_that_is_no_number_or_vector_is_refused_naming_it(field, value, folder):
     cameras = {"tri": {"eye": [0, 0, 5], "target": [0, 0, 0], field: value}}
     (folder / "cameras.json").write_text(json.dumps(cameras))
-    with pytest.raises(InputError, match=rf"the camera of 'tri' has {field} = "):
+    with pytest.raises(InputError, match=rf"the camera of 'tri' cannot be used: .*{field} "):
         load_scene_from_directory("tri", folder)
 
 
@@ -280,5 +270,5 @@ def test_the_default_camera_exists_for_flat_and_collapsed_meshes(vertices):
 
 @pytest.mark.skipif(not os.environ.get("ATRA_SCENES"), reason="ATRA_SCENES is not set")
 def test_the_users_cornell_box_can_be_loaded_and_seen():
-    mesh, fields = load_scene_from_directory("cornell_box")
-    assert brute_force(mesh, Camera(**fields, width=16, height=16)).hit.any()
+    scene = load_scene_from_directory("cornell_box")
+    assert brute_force(scene.mesh, Camera(**scene.camera, width=16, height=16)).hit.any()

@@ -7,28 +7,28 @@ from atra.errors import InputError
 from atra.geometry.camera import Camera
 from atra.tracers import PixelTracer
 from scenes import shapes
+from scenes.built_in import BUILT_IN
 from scenes.manifest import read_manifest
-from scenes.stand_ins import STAND_INS
 
-NAMES = sorted(STAND_INS)
 COUNTS = {"material_ball": 61_600, "living_room": 143_173, "atrium": 262_267}
+NAMES = sorted(COUNTS)
 
 
 @pytest.fixture(scope="module")
 def meshes():
-    return {name: STAND_INS[name].make() for name in NAMES}
+    return {name: BUILT_IN[name].make() for name in NAMES}
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_a_stand_in_has_the_triangle_count_of_the_scene_it_stands_for(name, meshes):
     assert meshes[name].triangle_count == COUNTS[name]
-    assert read_manifest().scene(STAND_INS[name].stands_for).triangles == COUNTS[name]
+    assert read_manifest().scene(BUILT_IN[name].stands_for).triangles == COUNTS[name]
     assert meshes[name].name == name
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_a_stand_in_is_the_same_every_time(name, meshes):
-    again = STAND_INS[name].make()
+    again = BUILT_IN[name].make()
     assert np.array_equal(again.vertices, meshes[name].vertices)
     assert np.array_equal(again.faces, meshes[name].faces)
 
@@ -42,7 +42,7 @@ def test_no_triangle_of_a_stand_in_is_degenerate(name, meshes):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_no_ray_of_a_stand_ins_camera_leaves_through_a_hole_and_detail_fills_part_of_the_image(name, meshes):
-    camera = Camera(**STAND_INS[name].camera, width=128, height=128)
+    camera = Camera(**BUILT_IN[name].camera, width=128, height=128)
     with PixelTracer(meshes[name], camera, packet_width=1, threads=1) as tracer:
         hits = tracer.trace()
     assert hits.hit.all()
@@ -51,8 +51,8 @@ def test_no_ray_of_a_stand_ins_camera_leaves_through_a_hole_and_detail_fills_par
 
 @pytest.mark.parametrize(("name", "stated"), [("material_ball", 2.5), ("living_room", 2.9), ("atrium", 6.4)])
 def test_the_depth_complexity_is_the_one_the_docstring_states(name, stated, meshes):
-    assert f"crosses {stated} triangles" in STAND_INS[name].make.__doc__
-    camera = Camera(**STAND_INS[name].camera, width=32, height=32)
+    assert f"crosses {stated} triangles" in BUILT_IN[name].make.__doc__
+    camera = Camera(**BUILT_IN[name].camera, width=32, height=32)
     assert crossings(meshes[name], camera).mean() == pytest.approx(stated, abs=0.05)
 
 

@@ -20,9 +20,10 @@ from experiments.harness.configuration import (
     SceneSource,
 )
 from experiments.harness.point import Point
-from experiments.harness.scene_loading import load_scene, mesh_sha256
+from experiments.harness.scene_loading import load_scene
 from experiments.harness.views import view_fields
 from experiments.workloads.multiframe.frame_tracing import check_frames, make_own_tracer
+from scenes.scene import Scene
 
 _LARGEST_DEFAULT_SPLIT = 128
 
@@ -35,13 +36,6 @@ class PlannedPoint:
     problem: AtraError | None
 
 
-@dataclass(frozen=True)
-class _Scene:
-    mesh: Mesh
-    sha256: str
-    camera: dict[str, Any]
-
-
 def plan_points(configurations: Sequence[Configuration]) -> list[PlannedPoint]:
     """Resolve and check every configuration; loads each scene once and measures nothing.
 
@@ -49,14 +43,13 @@ def plan_points(configurations: Sequence[Configuration]) -> list[PlannedPoint]:
     packet width or thread count. A split that does not suit its image, or copies that exceed the memory budget,
     concern that point alone and become its `problem`; if no split suits, the first such error is raised.
     """
-    scenes: dict[tuple[SceneSource, str | None, str | None], _Scene] = {}
+    scenes: dict[tuple[SceneSource, str | None, str | None], Scene] = {}
     checked: set[tuple[Any, ...]] = set()
     planned = []
     for configuration in configurations:
         key = (configuration.scene.source, configuration.scene.name, configuration.scene.path)
         if key not in scenes:
-            mesh, camera = load_scene(*key)
-            scenes[key] = _Scene(mesh, mesh_sha256(mesh), camera)
+            scenes[key] = load_scene(*key)
         point = _resolve(configuration, scenes[key])
         camera_of_point = point.camera
         tracer_key = (key, camera_of_point, point.packet_width, point.threads, point.build_quality)
@@ -75,7 +68,7 @@ def plan_points(configurations: Sequence[Configuration]) -> list[PlannedPoint]:
     return planned
 
 
-def _resolve(configuration: Configuration, scene: _Scene) -> Point:
+def _resolve(configuration: Configuration, scene: Scene) -> Point:
     given, measure = configuration.scene, configuration.measure
     method = configuration.method
     geometry = configuration.geometry if method is Method.aligned else Geometry.copied
@@ -87,7 +80,7 @@ def _resolve(configuration: Configuration, scene: _Scene) -> Point:
         scene=given.name or printable(Path(given.path or "scene").stem),
         scene_source=given.source.value,
         scene_path=path,
-        mesh_sha256=scene.sha256,
+        mesh_sha256=scene.mesh_sha256,
         triangles=int(scene.mesh.triangle_count),
         view=given.view,
         **_camera_fields(given, view_fields(scene.mesh, scene.camera, given.view)),

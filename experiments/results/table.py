@@ -21,7 +21,7 @@ from experiments.harness.environment import BUSY_LOAD, describe_difference
 from experiments.harness.records import Record
 from experiments.workloads.multiframe.frame_tracing import SEPARATE, SEPARATE_VISIBLE
 from experiments.workloads.quantities import BASELINE_BUILD, BUILD, OWN, PACKETS, PLAN, SINGLE
-from scenes.stand_ins import STAND_INS
+from scenes.built_in import BUILT_IN
 
 _TEXT, _WHOLE, _REAL, _TRUTH = "string", "Int64", "Float64", "boolean"
 
@@ -256,7 +256,7 @@ def _row(record: Record) -> dict[str, Any]:
     row["rounds"] = None
     # Results come second: the packet width and threads that ran, where the configuration leaves them to the machine.
     row |= {name: value for name, value in record.results.items() if name in COLUMNS}
-    stand_in = STAND_INS.get(str(row["scene"])) if record.configuration.get("scene_source") == "procedural" else None
+    stand_in = BUILT_IN.get(str(row["scene"])) if record.configuration.get("scene_source") == "procedural" else None
     load = record.environment.get("load_average")
     row |= {name: _say_vector(row[name]) for name in ("eye", "target", "up")}
     row["packet_rows"] = "automatic" if row["packet_rows"] is None else str(row["packet_rows"])

@@ -29,7 +29,7 @@ from experiments.harness.configuration import PACKET_WIDTHS, Quantity, SceneSour
 from experiments.harness.memory import peak_rss_bytes, reset_peak_rss, rss_bytes
 from experiments.harness.point import Offset, Point
 from experiments.harness.rounds import RoundSamples, measure_rounds
-from experiments.harness.scene_loading import load_scene, mesh_sha256
+from experiments.harness.scene_loading import load_scene
 from experiments.methods.tracing import expert_packet_widths, make_pixel_tracer
 from experiments.workloads.multiframe.frame_tracing import (
     SEPARATE,
@@ -323,10 +323,10 @@ def _depth_errors(agreements: Sequence[Agreement]) -> dict[str, float]:
 
 
 def _load_mesh(point: Point) -> Mesh:
-    mesh, _ = load_scene(SceneSource(point.scene_source), point.scene, point.scene_path)
-    if mesh_sha256(mesh) != point.mesh_sha256:
+    scene = load_scene(SceneSource(point.scene_source), point.scene, point.scene_path)
+    if scene.mesh_sha256 != point.mesh_sha256:
         raise InputError(f"scene {point.scene} changed since this run began; start it again")
-    return mesh
+    return scene.mesh
 
 
 def _build_own(point: Point, stack: ExitStack) -> tuple[Tracer | FramesTracer, dict[str, Any]]:
