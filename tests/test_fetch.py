@@ -1,8 +1,10 @@
 """Fetching the paper's scenes: from a server on this machine, with archives made here."""
 
+import errno
 import hashlib
 import io
 import json
+import os
 import re
 import sys
 import threading
@@ -128,6 +130,15 @@ def test_the_ply_keeps_every_vertex_to_the_last_bit_in_its_order(by_hand):
     mesh = load_mesh(fetch_scene("sponza", folder))
     assert np.array_equal(mesh.vertices, vertices)
     assert np.array_equal(mesh.faces, faces)
+
+
+def test_a_scratch_folder_that_cannot_be_removed_does_not_lose_the_scene(by_hand, monkeypatch):
+    def in_use(*_, **__):
+        raise OSError(errno.ENOTEMPTY, "being used by another process")  # as Windows says
+
+    cache = by_hand(TINY)
+    monkeypatch.setattr(os, "rmdir", in_use)
+    assert fetch_scene("sponza", cache).is_file()
 
 
 def test_a_scene_in_the_cache_needs_neither_network_nor_pooch(by_hand, monkeypatch):

@@ -67,13 +67,6 @@ def test_every_built_in_scene_is_available_and_no_other_name_is():
     assert scene_is_available(SceneSource.file, None)
 
 
-def test_a_mistyped_scene_folder_is_an_error_and_not_a_missing_scene(monkeypatch):
-    monkeypatch.setenv("ATRA_SCENES", "no/such/folder")
-    with pytest.raises(InputError, match="not a folder"):
-        scene_is_available(SceneSource.directory, "sponza")
-    assert scene_is_available(SceneSource.procedural, "atrium")
-
-
 def test_each_stand_in_is_found_by_the_scene_it_stands_for():
     names = {"mitsuba": "material_ball", "fireplace_room": "living_room", "sponza": "atrium"}
     assert {name: stand_in_for(name) for name in names} == names
