@@ -13,8 +13,9 @@ from PIL import Image
 
 import atra
 from experiments.harness.configuration import SceneSource
-from experiments.harness.scene_loading import PROCEDURAL_SCENES, load_scene
+from experiments.harness.scene_loading import load_scene
 from experiments.workloads.picture.shading import encode_png
+from scenes.built_in import BUILT_IN
 
 
 def parser(description: str | None, **defaults: Any) -> argparse.ArgumentParser:
@@ -31,8 +32,9 @@ def parser(description: str | None, **defaults: Any) -> argparse.ArgumentParser:
 
 def load(name: str) -> tuple[atra.Mesh, dict[str, Any]]:
     """A scene and the fields of its camera."""
-    source = SceneSource.procedural if name in PROCEDURAL_SCENES else SceneSource.directory
-    return load_scene(source, name, None)
+    source = SceneSource.procedural if name in BUILT_IN else SceneSource.directory
+    scene = load_scene(source, name, None)
+    return scene.mesh, scene.camera
 
 
 def largest_split(width: int, most: int) -> tuple[int, int]:

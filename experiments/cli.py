@@ -43,7 +43,6 @@ def main() -> int:
     from omegaconf.errors import OmegaConfBaseException
 
     from atra.errors import AtraError
-    from experiments.harness.command_line import check_command_line
     from experiments.harness.configuration import register_schema
 
     register_schema()
@@ -51,7 +50,6 @@ def main() -> int:
     try:
         if signal.getsignal(signal.SIGINT) is _leave:
             signal.signal(signal.SIGINT, signal.default_int_handler)
-        check_command_line(sys.argv[1:])
         hydra.main(config_path=_CONFIGURATION, config_name="config", version_base="1.3")(_run)()
     except (AtraError, HydraException, OmegaConfBaseException) as error:
         return _refuse(error)

@@ -14,8 +14,8 @@ from atra.errors import AtraError, InputError, printable
 from atra.kernels.caching import cache_folder
 from experiments.harness.configuration import Configuration, check_writable
 from experiments.harness.environment import BUSY_LOAD, Environment, read_environment
-from experiments.harness.scene_loading import PROCEDURAL_SCENES
 from experiments.methods import METHODS
+from scenes.built_in import BUILT_IN
 from scenes.directory import SCENES_VARIABLE, meshes_of, scene_folders
 
 _COLUMNS, _NAME_COLUMNS = 80, 14
@@ -120,7 +120,7 @@ def _embree(library: Library | None) -> Iterator[tuple[str, str]]:
 
 def _scenes() -> tuple[list[tuple[str, str]], list[str]]:
     """The scenes that are here, and what is wrong with their folders."""
-    facts = [("scenes", f"built in: {', '.join(PROCEDURAL_SCENES)}")]
+    facts = [("scenes", f"built in: {', '.join(BUILT_IN)}")]
     try:
         *named, cache = scene_folders()
     except InputError as error:

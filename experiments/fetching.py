@@ -7,9 +7,9 @@ from pathlib import Path
 from atra.errors import InputError
 from experiments.harness.configuration import Configuration, SceneSource
 from experiments.harness.scene_loading import scene_is_available
+from scenes.built_in import BUILT_IN
 from scenes.directory import SCENES_VARIABLE, default_cache, find_scene_folder
 from scenes.fetch import fetch_scene
-from scenes.stand_ins import STAND_INS
 
 
 def run_fetch(configuration: Configuration) -> Path | None:
@@ -29,8 +29,8 @@ def run_fetch(configuration: Configuration) -> Path | None:
         if not scene_is_available(source, name):
             raise InputError(f"unknown procedural scene {name!r}, and none of that kind needs fetching")
         print(f"scene {name} is built in: nothing needs fetching")
-        if name in STAND_INS:
-            original = STAND_INS[name].stands_for
+        original = BUILT_IN[name].stands_for
+        if original is not None:
             print(f"it stands in for {original}; to fetch that one: python run.py fetch scene={original}")
         _say_next(name)
         return None

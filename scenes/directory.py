@@ -1,4 +1,4 @@
-"""Scenes from the user's disk: folders of PLY files with their cameras, and a view of any one mesh."""
+"""Scenes from the user's disk: folders of PLY files with their cameras, and any one mesh file."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ import numpy as np
 
 from atra.errors import InputError
 from atra.geometry.mesh import Mesh, load_mesh, read_regular_file
-from scenes.camera_fields import camera_fields_problem
-from scenes.manifest import read_manifest
-from scenes.stand_ins import stand_in_for
+from scenes.built_in import stand_in_for
+from scenes.manifest import picture_restriction, read_manifest
+from scenes.scene import Scene, camera_fields
 
 SCENES_VARIABLE = "ATRA_SCENES"
 CAMERAS_FILE = "cameras.json"
@@ -35,12 +35,11 @@ def default_cache() -> Path:
     return Path(base).expanduser() / "atra" / "scenes"
 
 
-def load_scene_from_directory(name: str, directory: str | Path | None = None) -> tuple[Mesh, dict[str, Any]]:
+def load_scene_from_directory(name: str, directory: str | Path | None = None) -> Scene:
     """Read `<directory>/<name>.ply` and the camera called `name` in `<directory>/cameras.json`.
 
     directory: the folder; None = `find_scene_folder`. `~` is expanded, a relative path starts at the current working
     directory. cameras.json maps each scene name to eye, target and optionally up and fov_y_degrees.
-    Returns the mesh, named `name`, and those fields of `atra.geometry.camera.Camera`.
     Raises InputError when the folder, the camera or the mesh is not there or cannot be read, naming what is; if the
     scene is in no folder, how to get it or do without.
     """
@@ -52,7 +51,14 @@ def load_scene_from_directory(name: str, directory: str | Path | None = None) ->
     if not path.is_file():
         raise InputError(f"{path} does not exist; {folder} holds {meshes_of(folder)}")
     mesh = load_mesh(path)
-    return Mesh(mesh.vertices, mesh.faces, name=name), fields
+    named = Mesh(mesh.vertices, mesh.faces, name=name)
+    return Scene(name, named, fields, picture_restriction=picture_restriction(name))
+
+
+def load_scene_from_file(path: str | Path) -> Scene:
+    """Any mesh file, framed by `default_camera_fields`. Raises InputError as `load_mesh`."""
+    mesh = load_mesh(path)
+    return Scene(mesh.name, mesh, default_camera_fields(mesh))
 
 
 def find_scene_folder(name: str) -> Path | None:
@@ -133,10 +139,7 @@ def _camera_fields(path: Path, name: str) -> dict[str, Any]:
         raise InputError(
             f"{path}: the camera of {name!r} is {str(fields)[:100]}, expected an object with eye and target"
         )
-    problem = camera_fields_problem(fields)
-    if problem is not None:
-        raise InputError(f"{path}: the camera of {name!r} {problem}")
-    return {key: tuple(value) if isinstance(value, list) else value for key, value in fields.items()}
+    return camera_fields(f"{path}: the camera of {name!r}", fields)
 
 
 def meshes_of(folder: Path) -> str:

@@ -8,19 +8,16 @@ shows the traceback of what went wrong.
 from __future__ import annotations
 
 import base64
-import io
 import json
 import random
 import re
 import resource
 import signal
-import stat
 import struct
 import sys
 import tempfile
 import traceback
 import warnings
-import zipfile
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -34,10 +31,9 @@ from atra.geometry.camera import Camera
 from atra.geometry.mesh import load_mesh
 from experiments.harness.records import Record, read_record, write_record
 from experiments.results.table import make_table, read_table, write_table
-from scenes.archive import extract_member
-from scenes.camera_fields import OPTIONAL_CAMERA_FIELDS, REQUIRED_CAMERA_FIELDS
 from scenes.directory import CAMERAS_FILE, load_scene_from_directory
 from scenes.manifest import MANIFEST_FILE, read_manifest
+from scenes.scene import CAMERA_FIELDS
 from tests.report_samples import small_table
 
 MEMORY_BYTES = 512 * 2**20
@@ -91,8 +87,8 @@ def _read_table(path: Path) -> bool:
 
 def _read_cameras(path: Path) -> bool:
     (path.parent / "box.ply").write_bytes(_mesh_samples()["mesh.ply"][0])
-    _, fields = load_scene_from_directory("box", path.parent)
-    assert REQUIRED_CAMERA_FIELDS <= set(fields) <= REQUIRED_CAMERA_FIELDS | OPTIONAL_CAMERA_FIELDS
+    fields = load_scene_from_directory("box", path.parent).camera
+    assert tuple(fields) == CAMERA_FIELDS
     Camera(**fields, width=8, height=8)
     return True
 
@@ -100,16 +96,6 @@ def _read_cameras(path: Path) -> bool:
 def _read_manifest(path: Path) -> bool:
     for source in read_manifest(path).scenes.values():
         Camera(**source.camera, width=8, height=8)
-    return True
-
-
-def _read_archive(path: Path) -> bool:
-    target = path.parent / "unpacked"
-    target.mkdir()
-    unpacked = extract_member(path, "scene.obj", target)
-    assert list(target.iterdir()) == [unpacked]
-    assert unpacked.is_file()
-    assert not unpacked.is_symlink()
     return True
 
 
@@ -160,29 +146,6 @@ def _big_endian(little: bytes) -> bytes:
     return head.replace(b"little", b"big") + end + words + swapped
 
 
-def _archive_samples() -> tuple[bytes, ...]:
-    harmless, hostile = zipfile.ZipInfo("a/scene.obj"), []
-    for name, mode in (
-        ("../evil", 0), ("/tmp/atra-evil", 0), ("a\\..\\..\\evil", 0), ("C:\\evil", 0), ("link", stat.S_IFLNK),
-        ("scene.obj", stat.S_IFLNK), ("a/scene.obj", stat.S_IFCHR), ("scene.obj", stat.S_IFIFO), ("a\x1b[31m", 0),
-    ):  # fmt: skip
-        entry = zipfile.ZipInfo(name)
-        entry.create_system, entry.external_attr = 3, (mode | 0o777) << 16
-        hostile.append(entry)
-    samples = []
-    for entries, compression in (
-        ([harmless], zipfile.ZIP_STORED), ([harmless], zipfile.ZIP_LZMA), ([harmless], zipfile.ZIP_BZIP2),
-        *(([harmless, entry], zipfile.ZIP_DEFLATED) for entry in hostile),
-    ):  # fmt: skip
-        content = io.BytesIO()
-        with zipfile.ZipFile(content, "w", compression) as opened, warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # two entries of one name
-            for entry in entries:
-                opened.writestr(entry, b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n" * 40, compression)
-        samples.append(content.getvalue())
-    return tuple(samples)
-
-
 def _record_sample(folder: Path) -> bytes:
     record = Record(
         "mutated", "ok", None, {"scene": "box", "split_x": 4, "eye": [0.0, 1.0, 2.0]}, {"cpu": "a cpu", "load": [0.5]},
@@ -208,7 +171,6 @@ def kinds() -> dict[str, Kind]:
         "table": Kind("table.parquet", (table,), _read_table),
         "cameras": Kind(CAMERAS_FILE, (cameras,), _read_cameras),
         "manifest": Kind("manifest.toml", (MANIFEST_FILE.read_bytes(),), _read_manifest),
-        "archive": Kind("archive.zip", _archive_samples(), _read_archive),
     }
     return found
 

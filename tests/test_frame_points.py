@@ -127,7 +127,7 @@ def test_a_memory_is_of_all_frames() -> None:
 @pytest.mark.parametrize("motion", list(Motion))
 def test_frame_by_frame_is_traced_with_each_frame_s_own_camera_and_mesh(motion: Motion) -> None:
     one = point(motion=motion)
-    mesh, _ = load_scene(SceneSource.procedural, "cornell_box", None)
+    mesh = load_scene(SceneSource.procedural, "cornell_box", None).mesh
     own = make_own_tracer(one, mesh, one.camera)
     separate = make_for_each_frame(own, lambda mesh, camera: make_pixel_tracer(one, mesh, camera, None))
     with own, separate:

@@ -13,12 +13,12 @@ import numba
 import pytest
 
 from atra.embree import layout
-from atra.kernels import brute_force, caching, planning, statistics, ties, tiles, tracing, visible
+from atra.kernels import brute_force, caching, planning, ties, tiles, tracing, visible
 
 KERNELS = {
     **{
         f"{module.__name__}.{name}": value
-        for module in (brute_force, planning, statistics, ties, tiles, tracing, visible)
+        for module in (brute_force, planning, ties, tiles, tracing, visible)
         for name, value in vars(module).items()
         if getattr(value, "targetoptions", {}).get("nogil")
     },

@@ -28,7 +28,6 @@ SWEEPS = {
     "stereo": (["split_x=1,4"], {"stereo"}),
     "multiframe": (["frames=2", "split_x=4"], {"multiframe"}),
     "planner": (["scene.view=aside,wide"], {"planner"}),
-    "planner_fit": (["scene.view=own", "build_quality=low"], {"planner_fit"}),
 }
 PARTS_OF_SMOKE = {"horizontal", "vertical", "grid", "build", "memory", "scenes", "paper"}
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import io
 import json
 import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,7 +14,6 @@ from rich.console import Console
 
 from atra.errors import InputError, printable
 from experiments.harness import records
-from experiments.harness.command_line import check_command_line
 from experiments.harness.launching import WORKER_COMMAND, project_environment
 from experiments.harness.messages import say
 from experiments.harness.progress import SweepProgress
@@ -116,52 +114,6 @@ def test_a_text_with_line_breaks_stays_in_its_row_of_the_csv(tmp_path: Path) -> 
     table["error"] = pd.array(["a\rb\nc\r\nd"] * len(table), dtype="string")
     write_table(tmp_path, table)
     assert list(pd.read_csv(tmp_path / "table.csv")["error"]) == ["a\\rb\nc\r\nd"] * len(table)
-
-
-@pytest.mark.parametrize(
-    "argument",
-    [
-        "hydra.launcher._target_=os.system",
-        "+hydra.launcher.x={_target_: os.system}",
-        "hydra.sweeper._target_=os.system",
-        "+hydra.callbacks.x._target_=os.system",
-        "++hydra.callbacks={x: {y: z}}",
-        "+hydra.job_logging.handlers.x={(): os.system}",
-        "hydra/job_logging=default",
-        "hydra/callbacks=x",
-        "hydra={launcher: x}",
-        "hydra.searchpath=[file:///tmp]",
-        "hydra.job.env_set.LD_PRELOAD=x.so",
-        "~hydra.launcher",
-        "+hydra/env@hydra.launcher=x",
-        "sweep.grids={a: {+hydra.callbacks.x: y}}",
-        "sweep.grids.a={scene: {_target_: os.system}}",
-        "--config-dir=/tmp",
-        "--config-path",
-        "-cd",
-        "--config-name=x",
-        "--experimental-rerun=job.pickle",
-    ],
-)
-def test_a_command_line_that_names_code_or_other_configuration_is_refused(argument: str) -> None:
-    with pytest.raises(InputError):
-        check_command_line(["width=8", argument])
-
-
-def test_a_command_line_of_ours_is_not_refused() -> None:
-    check_command_line(
-        ["report", "sweep=paper", "scene=cornell_box,sponza", "scene.path=~/hydra/model.ply", "split_x=1,2", "-m",
-         "hydra/launcher=submitit_slurm", "+hydra.launcher.exclusive=true", "hydra.launcher.ray.init.num_cpus=2",
-         "hydra.sweeper.max_batch_size=2", "hydra.mode=RUN", "+measure.rounds=3", "--cfg", "job", "results_dir=/a=b"]
-    )  # fmt: skip
-
-
-def test_a_refused_command_line_runs_nothing(tmp_path: Path) -> None:
-    command = [sys.executable, str(ROOT / "run.py"), "+hydra.callbacks.x={_target_: os.mkdir, path: made}"]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=120)
-    assert done.returncode == 2
-    assert "hydra.callbacks.x cannot be set" in done.stderr
-    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_worker_imports_nothing_from_the_folder_it_is_started_in(tmp_path: Path) -> None:

@@ -43,8 +43,7 @@ def test_a_plan_takes_numpys_integers_and_keeps_pythons(tmp_path):
     choice = Choice(ALIGNED, (np.int8(2), np.int8(1)), np.int8(WIDEST), np.int8(1))
     assert choice == Choice(ALIGNED, (2, 1), WIDEST, 1)
     assert {type(n) for n in (*choice.split, choice.packet_width, choice.packet_rows)} == {int}
-    forecast = plan.considered[0]
-    Plan(np.int8(3), "estimate", np.int8(1), np.int8(8), np.int8(8), (forecast,)).save(tmp_path / "plan.json")
+    Plan(np.int8(3), np.int8(1), np.int8(8), np.int8(8), plan.choice).save(tmp_path / "plan.json")
     assert Plan.load(tmp_path / "plan.json").frames == 3
 
 

@@ -1,1 +1,1 @@
-"""Which method, split and build suit a view: estimated from what it shows, or measured within a budget of time."""
+"""The planner: which method, split and build suit a view, measured within a budget of time."""

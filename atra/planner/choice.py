@@ -17,12 +17,8 @@ from atra.whole_numbers import is_whole_number
 PACKETS, ALIGNED, VISIBLE_FIRST = "packets", "aligned", "visible_first"
 METHODS = (PACKETS, ALIGNED, VISIBLE_FIRST)
 
-CELL_WIDTHS = {VISIBLE_FIRST: (2, 4, 8, 16), ALIGNED: (2, 4, 8)}
+CELL_WIDTHS = {VISIBLE_FIRST: (16, 8, 4, 2), ALIGNED: (8, 4, 2)}
 """Pixels; an image that one of them does not divide takes the next width below twice of it that does."""
-
-LOW_QUALITY_FRAMES, HIGH_QUALITY_FRAMES = 8, 1000
-"""Up to so many frames a quick build may pay, and from so many on a slow one: it takes Embree 3 to 40 times as long and
-saves up to a tenth of a frame."""
 
 
 @dataclass(frozen=True)
@@ -89,26 +85,17 @@ class Choice:
         return f"{self.method}{cells}{quality}"
 
 
-def candidates(camera: View, frames: int) -> tuple[Choice, ...]:
-    """What is worth trying for so many frames, packets of medium build quality first."""
-    qualities = ["medium"]
-    if frames <= LOW_QUALITY_FRAMES:
-        qualities.append("low")
-    if frames >= HIGH_QUALITY_FRAMES:
-        qualities.append("high")
-    return tuple(choice for quality in qualities for choice in choices_of_quality(camera, quality))
-
-
-def choices_of_quality(camera: View, build_quality: str) -> tuple[Choice, ...]:
-    """Packets of the widest native width, then every method at every split worth trying, of one build quality."""
+def candidates(camera: View) -> tuple[Choice, ...]:
+    """Packets of the widest native width, then each method at every split worth trying, its widest cells first; all
+    of medium build quality."""
     width = load_library().native_packet_widths[-1]
-    choices = [Choice(PACKETS, (1, 1), width, SQUAREST_SHAPE[width][1], build_quality)]
+    choices = [Choice(PACKETS, (1, 1), width, SQUAREST_SHAPE[width][1])]
     for method, cell_widths in CELL_WIDTHS.items():
         if method == VISIBLE_FIRST and camera.is_parallel:
             continue
         for nx in _splits(camera.width, cell_widths):
             split = Split(nx, 1, camera.width, camera.height)
-            choices.append(Choice(method, (nx, 1), width, choose_packet_shape(width, split)[1], build_quality))
+            choices.append(Choice(method, (nx, 1), width, choose_packet_shape(width, split)[1]))
     return tuple(choices)
 
 

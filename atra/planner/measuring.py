@@ -1,17 +1,17 @@
-"""Try the promising choices within a budget of time: built in full, timed for a few frames, the slower ones dropped."""
+"""Trials of choices within a budget of time: built in full, timed for a few frames, the slower ones dropped."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack, suppress
-from dataclasses import dataclass, field
-from itertools import pairwise
-from math import exp, inf
+from dataclasses import dataclass, field, replace
+from itertools import groupby, pairwise
+from math import inf
 
 from atra.errors import MemoryBudgetError
 from atra.hits import Hits
-from atra.planner.choice import METHODS, Choice
+from atra.planner.choice import Choice
 from atra.planner.plan import Forecast
 from atra.tracers import Tracer
 
@@ -23,8 +23,17 @@ FIRST_FRAMES = 2
 LEAST_GAIN = 0.02
 """What another method must gain over packets by measurement; frames of one and the same tracer differ by as much."""
 
-MOST_DEVIATIONS = 2.0
-"""How many standard deviations an estimate is expected to err by at most."""
+SURELY_SLOWER = 0.1
+"""How much a method may lose from wider cells to narrower ones before even narrower ones are left out."""
+
+MORE_COPIES = 2.0
+"""How many times as long a trial may take as that of the next wider cells: halved, they keep at most about twice the
+copies.
+For the widest cells of a method, a guess: as many times as long as packets."""
+
+HIGH_QUALITY_FRAMES, HIGH_QUALITY_COST = 1000, 40.0
+"""From so many frames on a slow build may pay, which takes Embree 3 to 40 times as long and saves up to a tenth of a
+frame."""
 
 DROPPED_BEYOND = (0.3, 0.2, 0.1, 0.05, 0.03, 0.02)
 """Round by round, how much slower than the best a trial may be to stay; those left after the last are as good."""
@@ -81,69 +90,69 @@ class Trial:
     @property
     def forecast(self) -> Forecast:
         # Whatever disturbs a frame makes it longer, so the shortest is the best guess.
-        return Forecast(self.choice, self.first_s, min(self.frames_s), 0.0, measured=True)
+        return Forecast(self.choice, self.first_s, min(self.frames_s))
 
 
 def measure(
-    estimates: Sequence[Forecast],
-    packets: Choice,
-    make: Callable[[Choice], Tracer],
-    *,
-    frames: int,
-    budget_s: float,
-    clock: Clock,
+    choices: Sequence[Choice], make: Callable[[Choice], Tracer], *, frames: int, budget_s: float, clock: Clock
 ) -> list[Forecast]:
-    """Forecasts by measurement, the one to take first, then the others by their totals; what was not tried is left out.
+    """What was tried, the one to take first, then the others by their totals.
 
-    estimates: of all choices. packets: the choice that others must beat, which is timed first and whatever the budget.
-    make: a choice -> its tracer, neither planned nor built, with its kernels compiled.
+    choices: the one that others must beat first, which is tried whatever the budget; then method by method, the widest
+    cells of each first. make: a choice -> its tracer, neither planned nor built, with its kernels compiled.
 
-    Others follow as their estimates rank them, as long as the budget is likely to suffice for plan, build and first
-    frames: estimates are scaled by how long the last of the same method took here, or else packets. Then frames of all
-    that come near the best take turns, the bound drawn tighter each round, until one is left or the budget is spent.
+    A method's narrower cells follow as long as plan, build and first frames are likely to fit into the budget and the
+    memory, and until they are surely slower. From `HIGH_QUALITY_FRAMES` on the best is tried with a slow build, too.
+    Then frames of all that come near the best take turns, the bound drawn tighter each round, until one is left or the
+    budget is spent.
     """
     spent_s = 0.0
     alive: list[Trial] = []
     done: dict[Choice, Forecast] = {}
     with ExitStack() as stack:
 
-        def best_s() -> float:
-            return min(one.total_s(frames) for one in done.values())
+        def total_s(forecast: Forecast) -> float:
+            return forecast.total_s(frames)
 
         def drop_slower(beyond: float) -> None:
-            bound_s = (1.0 + beyond) * best_s()
-            for trial in [one for one in alive if one.forecast.total_s(frames) > bound_s]:
+            bound_s = (1.0 + beyond) * min(map(total_s, done.values()))
+            for trial in [one for one in alive if total_s(one.forecast) > bound_s]:
                 alive.remove(trial)
                 trial.close()
 
         def try_out(choice: Choice) -> float:
+            """Seconds that the trial took; they are spent even where it ends in a MemoryBudgetError."""
+            nonlocal spent_s
             trial = Trial(choice, make(choice))
             stack.callback(trial.close)
             begin = clock()
-            trial.start(clock)
-            taken_s = clock() - begin
+            try:
+                trial.start(clock)
+            finally:
+                taken_s = clock() - begin
+                spent_s += taken_s
             alive.append(trial)
             done[choice] = trial.forecast
             drop_slower(DROPPED_BEYOND[0])
             return taken_s
 
-        spent_s += try_out(packets)
-        # By method, the estimate that was last put to the test: it errs on others of its kind much as on itself.
-        tested = dict.fromkeys(METHODS, next(one for one in estimates if one.choice == packets))
-
-        def scaled_s(one: Forecast, frames: int) -> float:
-            """An estimate in the seconds of this machine."""
-            before = tested[one.choice.method]
-            return one.total_s(frames) * done[before.choice].total_s(frames) / before.total_s(frames)
-
-        for one in sorted(estimates, key=lambda one: one.total_s(frames)):
-            # Behind the best even if the estimate errs by so much.
-            hopeless = scaled_s(one, frames) * exp(-MOST_DEVIATIONS * one.error) > best_s()
-            if one.choice == packets or hopeless or spent_s + scaled_s(one, FIRST_FRAMES) > budget_s:
-                continue
-            with suppress(MemoryBudgetError):  # which comes before anything was allocated
-                spent_s += try_out(one.choice)
-                tested[one.choice.method] = one
+        packets_s = try_out(choices[0])
+        for _, of_method in groupby(choices[1:], lambda choice: choice.method):
+            taken_s, shortest_s = packets_s, inf
+            for choice in of_method:
+                if spent_s + MORE_COPIES * taken_s > budget_s:
+                    break
+                try:
+                    taken_s = try_out(choice)
+                except MemoryBudgetError:  # raised before anything is allocated; narrower cells need more
+                    break
+                if total_s(done[choice]) > (1.0 + SURELY_SLOWER) * shortest_s:
+                    break
+                shortest_s = min(shortest_s, total_s(done[choice]))
+        best = min(done.values(), key=total_s)
+        if frames >= HIGH_QUALITY_FRAMES and spent_s + HIGH_QUALITY_COST * best.first_s <= budget_s:
+            with suppress(MemoryBudgetError):
+                try_out(replace(best.choice, build_quality="high"))
         for beyond in DROPPED_BEYOND:
             if len(alive) == 1:
                 break
@@ -152,7 +161,7 @@ def measure(
                     spent_s += trial.trace(clock)
                     done[trial.choice] = trial.forecast
             drop_slower(beyond)
-    ordered = sorted(done.values(), key=lambda one: one.total_s(frames))
-    enough_s = (1.0 - LEAST_GAIN) * done[packets].total_s(frames)
-    best = ordered[0] if ordered[0].total_s(frames) <= enough_s else done[packets]
+    ordered = sorted(done.values(), key=total_s)
+    packets = done[choices[0]]
+    best = ordered[0] if total_s(ordered[0]) <= (1.0 - LEAST_GAIN) * total_s(packets) else packets
     return [best, *(one for one in ordered if one is not best)]

@@ -1,4 +1,4 @@
-"""What planning ends with: a choice, the time it is expected to take, and what else was considered; kept as JSON."""
+"""A plan: the choice for a view, what it and others took when they were tried, kept as JSON."""
 
 from __future__ import annotations
 
@@ -20,10 +20,8 @@ from atra.planner.choice import Choice
 from atra.tracers import Tracer
 from atra.whole_numbers import is_whole_number
 
-FORMAT = 1
+FORMAT = 2
 """Version of the file's layout."""
-
-EFFORTS = ("estimate", "measure")
 
 MOST = 1 << 53
 """Of frames and the like: up to there floats count without gaps."""
@@ -31,20 +29,18 @@ MOST = 1 << 53
 
 @dataclass(frozen=True)
 class Forecast:
-    """What a choice is expected to take.
+    """What a choice took, and so is expected to take.
 
     first_s: from nothing to the first frame: plan, build and that frame. frame_time_s: every further frame.
-    error: standard deviation of the logarithm of what they come to, relative to packets; 0 where it was measured.
+    Raises InputError for times that are negative or not finite.
     """
 
     choice: Choice
     first_s: float
     frame_time_s: float
-    error: float
-    measured: bool
 
     def __post_init__(self) -> None:
-        for name in ("first_s", "frame_time_s", "error"):
+        for name in ("first_s", "frame_time_s"):
             value = getattr(self, name)
             # Not math.isfinite: a whole number beyond all floats is an OverflowError there.
             if not (isinstance(value, (int, float)) and 0 <= value <= sys.float_info.max):
@@ -59,19 +55,18 @@ class Forecast:
 class Plan:
     """The best choice found for a view.
 
-    frames: how many the view was planned for. effort: "estimate" or "measure". threads: of planning, building, tracing.
-    width, height: of the image, in pixels. considered: all forecasts that were compared, the chosen one first.
-    ties: what is stored where triangles tie, as for the tracers.
-    Raises InputError for counts below 1 or above `MOST`, an unknown effort, nothing considered, a split that does not
-    divide the image, and unknown ties.
+    frames: how many the view was planned for. threads: of planning, building, tracing. width, height: of the image, in
+    pixels. considered: all that were tried, the chosen one first; empty where frames were too few for that. ties: what
+    is stored where triangles tie, as for the tracers.
+    Raises InputError for counts below 1 or above `MOST`, a split that does not divide the image, and unknown ties.
     """
 
     frames: int
-    effort: str
     threads: int
     width: int
     height: int
-    considered: tuple[Forecast, ...]
+    choice: Choice
+    considered: tuple[Forecast, ...] = ()
     ties: str = "lowest"
 
     def __post_init__(self) -> None:
@@ -80,17 +75,11 @@ class Plan:
             if not is_whole_number(value) or not 1 <= value <= MOST:
                 raise InputError(f"{name} is {value!r}, expected a whole number of at least 1 and at most 2^53")
             object.__setattr__(self, name, int(value))
-        if self.effort not in EFFORTS:
-            raise InputError(f"effort is {self.effort!r}, expected one of {', '.join(EFFORTS)}")
-        if not self.considered:
-            raise InputError("considered is empty, expected at least the forecast of what was chosen")
-        for one in self.considered:
-            Split(*one.choice.split, width=self.width, height=self.height)
+        for choice in (self.choice, *(one.choice for one in self.considered)):
+            Split(*choice.split, width=self.width, height=self.height)
+        if self.considered and self.considered[0].choice != self.choice:
+            raise InputError(f"choice is {self.choice}, expected the first considered, {self.considered[0].choice}")
         check_ties(self.ties)
-
-    @property
-    def choice(self) -> Choice:
-        return self.considered[0].choice
 
     @property
     def method(self) -> str:
@@ -113,10 +102,9 @@ class Plan:
         return self.choice.build_quality
 
     @property
-    def predicted_time_s(self) -> float:
-        """Plan, build and all frames. An estimate's seconds are those of the machine its model was fitted on; only
-        their ratios carry over to others."""
-        return self.considered[0].total_s(self.frames)
+    def predicted_time_s(self) -> float | None:
+        """Plan, build and all frames; None where nothing was tried."""
+        return self.considered[0].total_s(self.frames) if self.considered else None
 
     def tracer(
         self, mesh: Mesh, camera: View, ties: str | None = None, memory_budget_bytes: int | None = None
@@ -162,13 +150,13 @@ class Plan:
                 f"{path} was planned on a machine with packets of {widths}, this one has {native}; plan again here"
             )
         try:
-            considered = tuple(_forecast(one) for one in fields.pop("considered"))
-            return cls(**fields, considered=considered)
+            choice = _choice(fields.pop("choice"))
+            considered = tuple(Forecast(_choice(one.pop("choice")), **one) for one in fields.pop("considered"))
+            return cls(**fields, choice=choice, considered=considered)
         except (TypeError, KeyError, AttributeError, ValueError) as error:
             raise InputError(f"{path} is not a plan of format {FORMAT}: {error}; plan again and save that") from None
 
 
-def _forecast(fields: dict[str, Any]) -> Forecast:
-    choice = dict(fields.pop("choice"))
-    nx, ny = choice.pop("split")
-    return Forecast(Choice(split=(nx, ny), **choice), **fields)
+def _choice(fields: dict[str, Any]) -> Choice:
+    nx, ny = fields.pop("split")
+    return Choice(split=(nx, ny), **fields)

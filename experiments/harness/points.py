@@ -12,10 +12,11 @@ from atra.geometry.mesh import Mesh
 from atra.tracers import PixelTracer
 from experiments.harness.configuration import Configuration, SceneConfiguration, SceneSource
 from experiments.harness.point import Point
-from experiments.harness.scene_loading import load_scene, mesh_sha256
+from experiments.harness.scene_loading import load_scene
 from experiments.harness.views import view_fields
 from experiments.methods import find_method
 from experiments.workloads import find_workload
+from scenes.scene import Scene
 
 
 @dataclass(frozen=True)
@@ -26,13 +27,6 @@ class PlannedPoint:
     problem: AtraError | None
 
 
-@dataclass(frozen=True)
-class _Scene:
-    mesh: Mesh
-    sha256: str
-    camera: dict[str, Any]
-
-
 def plan_points(configurations: Sequence[Configuration]) -> list[PlannedPoint]:
     """Resolve and check every configuration; loads each scene once and measures nothing.
 
@@ -40,14 +34,13 @@ def plan_points(configurations: Sequence[Configuration]) -> list[PlannedPoint]:
     packet width or thread count. A split that does not suit its image, or copies that exceed the memory budget,
     concern that point alone and become its `problem`; if no split suits, the first such error is raised.
     """
-    scenes: dict[tuple[SceneSource, str | None, str | None], _Scene] = {}
+    scenes: dict[tuple[SceneSource, str | None, str | None], Scene] = {}
     checked: set[tuple[Any, ...]] = set()
     planned = []
     for configuration in configurations:
         key = (configuration.scene.source, configuration.scene.name, configuration.scene.path)
         if key not in scenes:
-            mesh, camera = load_scene(*key)
-            scenes[key] = _Scene(mesh, mesh_sha256(mesh), camera)
+            scenes[key] = load_scene(*key)
         point = _resolve(configuration, scenes[key])
         width = getattr(point.options, "packet_width", None)
         checked_key = (key, point.camera, width, point.tracing)
@@ -61,7 +54,7 @@ def plan_points(configurations: Sequence[Configuration]) -> list[PlannedPoint]:
     return planned
 
 
-def _resolve(configuration: Configuration, scene: _Scene) -> Point:
+def _resolve(configuration: Configuration, scene: Scene) -> Point:
     given, measure = configuration.scene, configuration.measure
     method, workload = find_method(configuration.method.name), configuration.workload
     path = None if given.path is None else str(Path(given.path).expanduser().resolve())
@@ -69,7 +62,7 @@ def _resolve(configuration: Configuration, scene: _Scene) -> Point:
         scene=given.name or printable(Path(given.path or "scene").stem),
         scene_source=given.source.value,
         scene_path=path,
-        mesh_sha256=scene.sha256,
+        mesh_sha256=scene.mesh_sha256,
         triangles=int(scene.mesh.triangle_count),
         view=given.view,
         **_camera_fields(given, view_fields(scene.mesh, scene.camera, given.view)),

@@ -14,19 +14,10 @@ from atra.geometry.camera import Camera
 from atra.geometry.mesh import Mesh
 from atra.tracers import PixelTracer
 
-FITTING_VIEWS = ("own", "turned", "near", "above")
-"""Those the planner's model is fitted on."""
-
-HELD_OUT_VIEWS = ("aside", "around", "wide", "corner")
-"""Those it is judged on."""
-
 HOSTILE_VIEWS = ("along_axis", "rolled")
 """Those in which components of directions are all but zero, for `sweep=agreement`."""
 
-VIEWS = FITTING_VIEWS + HELD_OUT_VIEWS + HOSTILE_VIEWS
-
-FITTING_SCENES = ("cornell_box", "mitsuba", "sponza", "living_room", "atrium")
-"""Those the planner's model is fitted on; every other scene is unknown to it."""
+VIEWS = ("own", "turned", "near", "above", "aside", "around", "wide", "corner", *HOSTILE_VIEWS)
 
 
 def view_fields(mesh: Mesh, own: Mapping[str, Any], view: str) -> dict[str, Any]:

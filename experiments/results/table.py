@@ -18,7 +18,7 @@ from experiments.harness.environment import BUSY_LOAD, describe_difference
 from experiments.harness.records import Record
 from experiments.methods import METHODS, find_method
 from experiments.workloads import WORKLOADS, find_workload
-from scenes.stand_ins import STAND_INS
+from scenes.built_in import BUILT_IN
 
 
 def _field(name: str, dtype: str, help: str) -> Column:
@@ -194,7 +194,7 @@ def _row(record: Record) -> dict[str, Any]:
 def _stands_for(record: Record) -> str | None:
     if record.configuration.get("scene_source") != "procedural":
         return None
-    stand_in = STAND_INS.get(str(record.configuration.get("scene")))
+    stand_in = BUILT_IN.get(str(record.configuration.get("scene")))
     return stand_in.stands_for if stand_in else None
 
 

@@ -21,7 +21,7 @@ from experiments.harness.configuration import SceneSource
 from experiments.harness.memory import peak_rss_bytes, reset_peak_rss, rss_bytes
 from experiments.harness.point import Point
 from experiments.harness.rounds import RoundSamples, measure_rounds
-from experiments.harness.scene_loading import load_scene, mesh_sha256
+from experiments.harness.scene_loading import load_scene
 from experiments.methods import find_method
 from experiments.methods.cells import two_cells
 from experiments.methods.pixel import PixelOptions, make_pixel
@@ -36,10 +36,10 @@ MakeTracer = Callable[[Mesh, Camera], Any]
 
 def load_mesh(point: Point) -> Mesh:
     """The mesh of the point's scene. Raises InputError if it is not the one that the run began with."""
-    mesh, _ = load_scene(SceneSource(point.scene_source), point.scene, point.scene_path)
-    if mesh_sha256(mesh) != point.mesh_sha256:
+    scene = load_scene(SceneSource(point.scene_source), point.scene, point.scene_path)
+    if scene.mesh_sha256 != point.mesh_sha256:
         raise InputError(f"scene {point.scene} changed since this run began; start it again")
-    return mesh
+    return scene.mesh
 
 
 def make_single(point: Point, mesh: Mesh, view: View, packet_width: int = 1) -> PixelTracer:

@@ -1,4 +1,4 @@
-"""Regret of plans, view by view: how far each effort, and packets always, stay behind the best of all candidates."""
+"""Regret of plans, view by view: how far plans, and packets always, stay behind the best of all candidates."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ from matplotlib.ticker import FuncFormatter, NullFormatter
 
 from experiments.drawing.axes import tidy_axis
 from experiments.drawing.pages import add_legend, make_figure, set_panel_title, write_foot
-from experiments.drawing.style import BLACK, BLUE, DOTTED, GREEN, GREY, VERMILLION
+from experiments.drawing.style import BLACK, BLUE, DOTTED, GREEN, GREY
 from experiments.drawing.values import numbers
 from experiments.results.panels import make_panels
 from experiments.results.settings import settings
 
 SERIES: dict[str, tuple[str, dict[str, Any]]] = {
-    "measure": ("measure_regret", {"color": BLUE, "marker": "o", "markersize": 5}),
-    "estimate": ("estimate_regret", {"color": VERMILLION, "marker": "s", "markersize": 9, "markerfacecolor": "none"}),
+    "plan": ("regret", {"color": BLUE, "marker": "o", "markersize": 5}),
     "packets, always": ("packets_regret", {"color": GREEN, "marker": "x", "markersize": 6}),
 }
 """Label -> column and mark; marks of equal values stay apart."""
 
-TARGETS = {"targets: 1.05, 1.15": (1.05, 1.15)}
+TARGET = 1.05
+TARGET_LABEL = f"target: {TARGET}"
 
 
 def draw_planner_figure(table: pd.DataFrame, heading: str = "") -> Figure:
@@ -39,7 +39,7 @@ def draw_planner_figure(table: pd.DataFrame, heading: str = "") -> Figure:
     for axis, panel in zip(axes, panels, strict=True):
         set_panel_title(axis, panel.title, panel.stands_for)
         _draw_panel(axis, panel.rows, largest)
-    add_legend(figure, axes, [*SERIES, *TARGETS], heading)
+    add_legend(figure, axes, [*SERIES, TARGET_LABEL], heading)
     write_foot(figure, rows, "plan, build and 64 frames of the choice / those of the best candidate, same rounds")
     return figure
 
@@ -48,21 +48,12 @@ def _draw_panel(axis: Axes, rows: pd.DataFrame, largest: float) -> None:
     rows = rows.sort_values(["width", "height", "view"], kind="stable")
     names = [f"{view}, {x} x {y}" for view, x, y in zip(rows["view"], rows["width"], rows["height"], strict=True)]
     places = range(len(rows))
-    for label, bounds in TARGETS.items():
-        for bound in bounds:
-            axis.axvline(bound, color=BLACK, linestyle=DOTTED, linewidth=1.0, zorder=1, label=label)
-            label = "_target"
+    axis.axvline(TARGET, color=BLACK, linestyle=DOTTED, linewidth=1.0, zorder=1, label=TARGET_LABEL)
     for label, (name, style) in SERIES.items():
         axis.plot(numbers(rows, name), places, linestyle="none", label=label, zorder=3, **style)
     axis.set_xscale("log")
     axis.set_xlim(0.97, largest * 1.1)
-    # The bounds have lines of their own; on a long axis their number would hide that of 1.
-    ticks = [
-        1.0,
-        *([1.15] if largest < 5 else []),
-        *(tick for tick in (1.5, 2.0, 3.0, 5.0, 10.0, 20.0) if tick < largest * 1.1),
-    ]
-    axis.set_xticks(ticks)
+    axis.set_xticks([1.0, *(tick for tick in (1.2, 1.5, 2.0, 3.0, 5.0, 10.0, 20.0) if tick < largest * 1.1)])
     axis.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axis.xaxis.set_minor_formatter(NullFormatter())
     axis.minorticks_off()

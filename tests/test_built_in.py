@@ -1,48 +1,51 @@
-"""The procedural stand-ins for the paper's larger scenes, and the shapes they are made of."""
+"""The scenes made by code, the stand-ins for the paper's among them, and the shapes they are made of."""
 
 import numpy as np
 import pytest
 
 from atra.errors import InputError
 from atra.geometry.camera import Camera
+from atra.hits import MISS
+from atra.judge.reference import brute_force
 from atra.tracers import PixelTracer
 from scenes import shapes
+from scenes.built_in import BUILT_IN
+from scenes.cornell_box import CORNELL_BOX_CAMERA, cornell_box
 from scenes.manifest import read_manifest
-from scenes.stand_ins import STAND_INS
 
-NAMES = sorted(STAND_INS)
-COUNTS = {"material_ball": 61_600, "living_room": 143_173, "atrium": 262_267}
+STAND_INS = [name for name, made in BUILT_IN.items() if made.stands_for]
+MADE = ["cornell_box", *STAND_INS]
 
 
 @pytest.fixture(scope="module")
 def meshes():
-    return {name: STAND_INS[name].make() for name in NAMES}
+    return {name: BUILT_IN[name].make() for name in MADE}
 
 
-@pytest.mark.parametrize("name", NAMES)
-def test_a_stand_in_has_the_triangle_count_of_the_scene_it_stands_for(name, meshes):
-    assert meshes[name].triangle_count == COUNTS[name]
-    assert read_manifest().scene(STAND_INS[name].stands_for).triangles == COUNTS[name]
+@pytest.mark.parametrize("name", MADE)
+def test_a_built_in_scene_has_the_triangle_count_of_the_papers(name, meshes):
+    scene = read_manifest().scene(BUILT_IN[name].stands_for or name)
+    assert meshes[name].triangle_count == scene.triangles
     assert meshes[name].name == name
 
 
-@pytest.mark.parametrize("name", NAMES)
-def test_a_stand_in_is_the_same_every_time(name, meshes):
-    again = STAND_INS[name].make()
+@pytest.mark.parametrize("name", MADE)
+def test_a_built_in_scene_is_the_same_every_time(name, meshes):
+    again = BUILT_IN[name].make()
     assert np.array_equal(again.vertices, meshes[name].vertices)
     assert np.array_equal(again.faces, meshes[name].faces)
 
 
-@pytest.mark.parametrize("name", NAMES)
-def test_no_triangle_of_a_stand_in_is_degenerate(name, meshes):
+@pytest.mark.parametrize("name", MADE)
+def test_no_triangle_of_a_built_in_scene_is_degenerate(name, meshes):
     corners = meshes[name].triangles(np.arange(meshes[name].triangle_count))
     area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1) / 2
     assert area.min() > 1e-6
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", STAND_INS)
 def test_no_ray_of_a_stand_ins_camera_leaves_through_a_hole_and_detail_fills_part_of_the_image(name, meshes):
-    camera = Camera(**STAND_INS[name].camera, width=128, height=128)
+    camera = Camera(**BUILT_IN[name].camera, width=128, height=128)
     with PixelTracer(meshes[name], camera, packet_width=1, threads=1) as tracer:
         hits = tracer.trace()
     assert hits.hit.all()
@@ -51,8 +54,8 @@ def test_no_ray_of_a_stand_ins_camera_leaves_through_a_hole_and_detail_fills_par
 
 @pytest.mark.parametrize(("name", "stated"), [("material_ball", 2.5), ("living_room", 2.9), ("atrium", 6.4)])
 def test_the_depth_complexity_is_the_one_the_docstring_states(name, stated, meshes):
-    assert f"crosses {stated} triangles" in STAND_INS[name].make.__doc__
-    camera = Camera(**STAND_INS[name].camera, width=32, height=32)
+    assert f"crosses {stated} triangles" in BUILT_IN[name].make.__doc__
+    camera = Camera(**BUILT_IN[name].camera, width=32, height=32)
     assert crossings(meshes[name], camera).mean() == pytest.approx(stated, abs=0.05)
 
 
@@ -70,6 +73,44 @@ def crossings(mesh, camera):
         inside = (sides > 0).all(axis=0) | (sides < 0).all(axis=0)
         counts.append(np.count_nonzero(volume[inside] * sides[0, inside] > 0))
     return np.array(counts)
+
+
+def test_the_box_and_the_sphere_stand_on_the_floor_inside_the_room_and_apart():
+    mesh = cornell_box()
+    assert np.allclose(mesh.bounds, [[-1, 0, -1], [1, 1.59, 1]])
+    box, sphere = (mesh.triangles(np.arange(*part)).reshape(-1, 3) for part in ((12, 24), (24, 1112)))
+    for part in (box, sphere):
+        assert part[:, 1].min() == pytest.approx(0.0, abs=1e-6)
+        assert np.abs(part[:, [0, 2]]).max() < 1.0
+        assert part[:, 1].max() < 1.5
+    centre = sphere.min(axis=0) / 2 + sphere.max(axis=0) / 2
+    assert np.allclose(np.linalg.norm(sphere - centre, axis=1), 0.4, atol=1e-6)
+    footprint = box[:, [0, 2]]
+    assert np.linalg.norm(footprint[:, None] - centre[[0, 2]], axis=-1).min() > 0.4
+
+
+def test_the_box_and_the_sphere_are_closed_and_their_normals_point_outwards():
+    mesh = cornell_box()
+    for part, volume in (((12, 24), 0.56 * 0.6 * 0.56), ((24, 1112), 4 / 3 * np.pi * 0.4**3)):
+        faces = mesh.faces[slice(*part)].astype(np.int64)
+        edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+        assert {tuple(e) for e in edges} == {tuple(e[::-1]) for e in edges}
+        a, b, c = np.moveaxis(mesh.triangles(np.arange(*part)), 1, 0)
+        assert (a * np.cross(b, c)).sum() / 6 == pytest.approx(volume, rel=0.02)
+
+
+def test_the_walls_face_into_the_room():
+    corners = cornell_box().triangles(np.arange(12))
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    assert ((np.array([0, 0.8, 0]) - corners[:, 0]) * normal).sum(axis=1).min() > 0
+
+
+def test_the_default_camera_sees_walls_light_box_and_sphere():
+    hits = brute_force(cornell_box(), Camera(**CORNELL_BOX_CAMERA, width=48, height=48))
+    assert (hits.prim_id != MISS).mean() > 0.9
+    seen = np.unique(hits.prim_id)
+    for part in ((0, 2), (2, 4), (4, 6), (6, 8), (8, 10), (10, 12), (12, 24), (24, 1112)):
+        assert ((seen >= part[0]) & (seen < part[1])).any(), part
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,52 @@
+"""Scenes made by code: the Cornell box, needles, and stand-ins with the triangle counts of the paper's larger scenes.
+
+Stand-ins let every figure be made offline. They are not the paper's scenes: what is measured on them must say so and is
+never compared with the paper's numbers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from atra.errors import InputError
+from atra.geometry.mesh import Mesh
+from scenes.atrium import ATRIUM_CAMERA, atrium
+from scenes.cornell_box import CORNELL_BOX_CAMERA, cornell_box
+from scenes.living_room import LIVING_ROOM_CAMERA, living_room
+from scenes.material_ball import MATERIAL_BALL_CAMERA, material_ball
+from scenes.needles import NEEDLES_CAMERA, needles
+from scenes.scene import Scene
+
+
+@dataclass(frozen=True)
+class BuiltIn:
+    """make: returns equal meshes at every call. camera, stands_for: as of `scenes.scene.Scene`."""
+
+    make: Callable[[], Mesh]
+    camera: dict[str, Any]
+    stands_for: str | None = None
+
+
+BUILT_IN = {
+    "cornell_box": BuiltIn(cornell_box, CORNELL_BOX_CAMERA),
+    "needles": BuiltIn(needles, NEEDLES_CAMERA),
+    "material_ball": BuiltIn(material_ball, MATERIAL_BALL_CAMERA, "mitsuba"),
+    "living_room": BuiltIn(living_room, LIVING_ROOM_CAMERA, "fireplace_room"),
+    "atrium": BuiltIn(atrium, ATRIUM_CAMERA, "sponza"),
+}
+"""By the name of the scene."""
+
+
+def make_scene(name: str) -> Scene:
+    """The built-in scene of that name. Raises InputError with the known names if there is none."""
+    if name not in BUILT_IN:
+        raise InputError(f"unknown procedural scene {name!r}, expected one of {', '.join(sorted(BUILT_IN))}")
+    made = BUILT_IN[name]
+    return Scene(name, made.make(), dict(made.camera), made.stands_for)
+
+
+def stand_in_for(name: str | None) -> str | None:
+    """The name of the stand-in for the paper's scene `name`; None if it has none."""
+    return next((own for own, made in BUILT_IN.items() if name is not None and made.stands_for == name), None)
