@@ -22,7 +22,7 @@ def check_command_line(arguments: Iterable[str]) -> None:
     """Raise InputError naming the first argument by which configuration could come from elsewhere or run code.
 
     Hydra imports and calls whatever `_target_` names, in its own settings, in files of a folder given to it and in jobs
-    it is told to run again. Only `conf/` and the launchers that are installed may do that (docs/untrusted.md).
+    it is told to run again. Only `conf/` and the launchers that are installed may do that (docs/trust.md).
     """
     for argument in arguments:
         key, _, value = argument.partition("=")
