@@ -89,6 +89,15 @@ def test_a_page_has_no_measured_row_of_its_own(page: str) -> None:
     assert [row for row in rows if row not in quoted] == []
 
 
+def test_the_documents_name_every_sweep_and_no_other() -> None:
+    there = {path.stem for path in (ROOT / "conf" / "sweep").glob("*.yaml")} - {"point", "planner_fit"}
+    text = "\n".join(document.read_text(encoding="utf-8") for document in DOCUMENTS)
+    assert set(re.findall(r"sweep=(\w+)", text)) <= there
+    listed, *_ = re.findall(r"\| sweep \|(.*?)\n\n", text_of("docs/sweeps.md"), re.S)
+    first_cells = re.findall(r"^\| (`.*?) \|", listed, re.M)
+    assert {name for cell in first_cells for name in re.findall(r"`(\w+)`", cell)} == there
+
+
 def test_every_page_that_code_or_configuration_names_is_there() -> None:
     folders = ("atra", "conf", "examples", "experiments", "scenes", "tests", ".github")
     files = [
