@@ -1,1 +1,1 @@
-"""Worked examples, one for each thing that aligned rays are good for; `docs/` has a page on each with its picture."""
+"""Worked examples, one for each thing that aligned rays are good for; docs/library.md shows their pictures."""

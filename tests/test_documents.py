@@ -1,33 +1,115 @@
-"""README and docs: the example runs as printed, and every link leads somewhere."""
+"""README and docs: code runs as printed, numbers stand in the tables that are named, and every link leads somewhere."""
 
 from __future__ import annotations
 
 import re
 import tomllib
 from pathlib import Path
+from typing import Any
 
 import pytest
 import yaml
 
 from tests.meshes import cornell_box
+from tests.quotations import QUOTATIONS, Quotation
 
 ROOT = Path(__file__).resolve().parents[1]
 DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")), ROOT / "reports" / "reference" / "README.md"]
+READ_IN_TABLES = ("README.md", "docs/paper.md", "docs/trust.md")
+"""Pages on which every measured row comes from a stored table."""
 
 
-def test_the_library_example_runs_as_printed(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    (example,) = re.findall(r"```python\n(import atra\n.*?)```", (ROOT / "README.md").read_text(encoding="utf-8"), re.S)
+def text_of(page: str) -> str:
+    return (ROOT / page).read_text(encoding="utf-8")
+
+
+@pytest.fixture
+def model(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A folder with a `model.obj`, as the working directory."""
     mesh = cornell_box()
     lines = [f"v {x} {y} {z}" for x, y, z in mesh.vertices.tolist()]
     lines += ["f " + " ".join(str(corner + 1) for corner in face) for face in mesh.faces.tolist()]
     (tmp_path / "model.obj").write_text("\n".join(lines))
     monkeypatch.chdir(tmp_path)
-    assert "width=1024, height=1024" in example
-    smaller = example.replace("width=1024, height=1024", "width=256, height=32").replace("model.ply", "model.obj")
-    exec(compile(smaller, "README.md", "exec"), {})
-    assert re.fullmatch(r"\d+ of 8192 pixels equal, \d+ tied, \d+ edge, 0 wrong\n", capsys.readouterr().out)
+
+
+def blocks(page: str) -> list[str]:
+    """The Python blocks of a page, of smaller images."""
+    found = re.findall(r"```python\n(.*?)```", text_of(page), re.S)
+    assert any("width=1024, height=1024" in block for block in found)
+    return [
+        block.replace("width=1024, height=1024", "width=256, height=32").replace("model.ply", "model.obj")
+        for block in found
+    ]
+
+
+@pytest.mark.usefixtures("model")
+def test_the_readme_s_example_runs_as_printed() -> None:
+    (example,) = blocks("README.md")
+    names: dict[str, Any] = {}
+    exec(compile(example, "README.md", "exec"), names)
+    assert names["hits"].depth.shape == (32, 256)
+
+
+@pytest.mark.usefixtures("model")
+def test_the_examples_of_the_library_s_page_run_in_their_order(capsys: pytest.CaptureFixture[str]) -> None:
+    names: dict[str, Any] = {}
+    for block in blocks("docs/library.md"):
+        exec(compile(block, "docs/library.md", "exec"), names)
+    told, *_ = capsys.readouterr().out.splitlines()
+    assert re.fullmatch(r"\d+ of 8192 pixels equal, \d+ tied, \d+ edge, 0 wrong", told)
+    assert names["hits"].depth.shape == (32, 256)
+
+
+def test_the_readme_is_read_in_two_minutes() -> None:
+    assert len(text_of("README.md").splitlines()) <= 120
+
+
+def test_the_readme_leads_to_every_page() -> None:
+    pages = {f"docs/{path.name}" for path in (ROOT / "docs").glob("*.md")}
+    assert pages <= set(re.findall(r"\]\(([^)#]+)[^)]*\)", text_of("README.md")))
+
+
+@pytest.mark.parametrize("quotation", QUOTATIONS, ids=lambda one: f"{one.page}:{one.make.__name__}")
+def test_what_a_page_quotes_stands_in_the_table_it_names(quotation: Quotation) -> None:
+    page = text_of(quotation.page)
+    words = " ".join(page.split())
+    fragments = quotation.fragments()
+    assert fragments
+    for fragment in fragments:
+        assert fragment in (page.splitlines() if fragment.startswith("|") else words), fragment
+    assert re.search(rf"\]\((\.\./)?reports/reference/{re.escape(quotation.source)}\)", page)
+
+
+@pytest.mark.parametrize("page", READ_IN_TABLES)
+def test_a_page_has_no_measured_row_of_its_own(page: str) -> None:
+    quoted = [fragment for one in QUOTATIONS if one.page == page for fragment in one.fragments()]
+    rows = [line for line in text_of(page).splitlines() if line.startswith("|") and re.search(r"\d\.\d", line)]
+    assert len(rows) >= 4
+    assert [row for row in rows if row not in quoted] == []
+
+
+def test_the_documents_name_every_sweep_and_no_other() -> None:
+    there = {path.stem for path in (ROOT / "conf" / "sweep").glob("*.yaml")} - {"point", "planner_fit"}
+    text = "\n".join(document.read_text(encoding="utf-8") for document in DOCUMENTS)
+    assert set(re.findall(r"sweep=(\w+)", text)) <= there
+    listed, *_ = re.findall(r"\| sweep \|(.*?)\n\n", text_of("docs/sweeps.md"), re.S)
+    first_cells = re.findall(r"^\| (`.*?) \|", listed, re.M)
+    assert {name for cell in first_cells for name in re.findall(r"`(\w+)`", cell)} == there
+
+
+def test_every_page_that_code_or_configuration_names_is_there() -> None:
+    folders = ("atra", "conf", "examples", "experiments", "scenes", "tests", ".github")
+    files = [
+        path for folder in folders for path in (ROOT / folder).rglob("*") if path.suffix in (".py", ".yaml", ".yml")
+    ]
+    named = {
+        (path.name, page)
+        for path in files
+        for page in re.findall(r"\bdocs/\w+\.md\b", path.read_text(encoding="utf-8"))
+    }
+    assert named
+    assert [one for one in sorted(named) if not (ROOT / one[1]).exists()] == []
 
 
 def anchors(document: Path) -> set[str]:
@@ -59,10 +141,10 @@ def test_the_workflow_runs_the_readme_s_two_commands_on_the_oldest_python_and_sa
     text = (ROOT / ".github" / "workflows" / "test.yml").read_text(encoding="utf-8")
     job = yaml.safe_load(text)["jobs"]["test"]
     runs = [step["run"].replace("$BIN", ".venv/bin") for step in job["steps"] if "command" in step.get("name", "")]
-    commands = re.findall(r"^python3 -m venv .*$", (ROOT / "README.md").read_text(encoding="utf-8"), re.M)
+    commands = re.findall(r"^python3 -m venv .*$", text_of("README.md"), re.M)
     assert [run.replace("python -m venv", "python3 -m venv") for run in runs] == commands
     assert len(commands) == 2
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     assert project["requires-python"] == f">={job['strategy']['matrix']['python'][0]}"
-    for told in (text, (ROOT / "docs" / "platforms.md").read_text(encoding="utf-8")):
+    for told in (text, text_of("docs/platforms.md")):
         assert "has never been run" in " ".join(told.split())

@@ -7,7 +7,7 @@ import pytest
 from PIL import Image
 
 import atra
-from examples import frames, progressive, shadow_map, stereo
+from examples import alignment_drawing, frames, progressive, shadow_map, stereo
 
 TOY = ["--scene", "cornell_box", "--width", "64", "--height", "48"]
 
@@ -53,6 +53,39 @@ def test_stereo_shows_what_each_eye_sees(tmp_path: Path, capsys: pytest.CaptureF
     red, green, blue = picture(tmp_path / "anaglyph.png").reshape(-1, 3).T
     np.testing.assert_array_equal(green, blue)
     assert (red != green).any()
+
+
+def test_the_drawing_shows_sixteen_rays_hits_on_four_at_the_same_depths(tmp_path: Path) -> None:
+    alignment, depths = alignment_drawing.main(["--out", str(tmp_path)])
+    assert np.isfinite(depths).sum() > alignment_drawing.PIXELS / 2
+    assert (np.isfinite(depths).reshape(4, 4).sum(axis=1) > 0).all()  # something is seen in every cell
+    pitch = alignment.cameras[0].pixel_pitch
+    for pixel in np.nonzero(np.isfinite(depths))[0].tolist():
+        cell, ray = divmod(pixel, 4)
+        along = np.array([(pixel + 0.5 - 8) * pitch, 1]) * depths[pixel]
+        reference = np.array([(alignment.first_x_pixels + ray + 0.5) * pitch, 1]) * depths[pixel]
+        np.testing.assert_allclose(alignment_drawing.sheared(alignment, cell, along[None]), reference[None], atol=1e-9)
+    drawn = picture(tmp_path / "alignment.png")
+    shown = picture(Path(__file__).resolve().parents[1] / "docs" / "images" / "alignment.png")
+    assert shown.shape == drawn.shape
+    assert np.abs(shown.astype(float) - drawn).mean() < 3  # another matplotlib may set its letters otherwise
+    assert all((drawn == colour).all(axis=-1).any() for colour in ((213, 94, 0), (0, 114, 178), (0, 158, 115)))
+
+
+def test_the_drawing_s_pieces_stay_in_their_cell_and_lose_no_area() -> None:
+    def area(outline: np.ndarray) -> float:
+        x, y = outline.T
+        return abs(float(x @ np.roll(y, -1) - y @ np.roll(x, -1))) / 2
+
+    kept = []
+    for cell in range(alignment_drawing.CELLS):
+        for piece in alignment_drawing.pieces(cell):
+            kept.append(piece)
+            column = (piece[:, 0] / piece[:, 1] / alignment_drawing.HALF_WIDTH + 1) / 2 * alignment_drawing.CELLS
+            assert (column >= cell - 1e-9).all()
+            assert (column <= cell + 1 + 1e-9).all()
+    assert len(kept) > len(alignment_drawing.SHAPES)  # one is cut
+    np.testing.assert_allclose(sum(map(area, kept)), sum(map(area, alignment_drawing.SHAPES)))
 
 
 def test_frames_are_those_traced_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -87,7 +87,7 @@ class Mesh:
         """(F, 3) uint32: `faces`, the corners of each needle turned so that its longest edge lies opposite the first.
 
         What tracers hand to Embree. Its test multiplies the two edges at the first corner, and in float32 the product
-        of two long edges of a needle says little about its plane (docs/departures.md has measurements). Other triangles
+        of two long edges of a needle says little about its plane (docs/methods.md has measurements). Other triangles
         stay as they are: two that share their longest edge, like the halves of a square, are tested there with the same
         numbers if it starts at the first corner of both, and no ray slips through between them.
         """
@@ -171,7 +171,7 @@ def load_mesh(path: str | Path) -> Mesh:
     instance moved by its transform. Materials and textures are not read; a glTF may name buffers in its own folder
     only. STL has no shared vertices, so its mesh has none.
 
-    The file need not be trusted (docs/untrusted.md). Raises InputError naming the path: missing, no regular file, an
+    The file need not be trusted (docs/trust.md). Raises InputError naming the path: missing, no regular file, an
     unknown format, unreadable, cut short, without triangles, with instances that the free memory cannot hold, or with
     values that `Mesh` refuses. An OBJ with relative (negative) indices and a glTF with compressed or sparse geometry,
     with triangle fans or with nodes of several parents are refused, since trimesh misreads them, and so is an archive,
