@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 
 from atra.geometry.camera import Camera
+from atra.geometry.intersection import Pairs
 from atra.geometry.mesh import Mesh
 from atra.geometry.orthographic import OrthographicCamera
 from atra.hits import MISS, Hits
 from atra.judge.compare import Verdict
-from atra.judge.reference import Pairs, brute_force
+from atra.judge.reference import brute_force
 from tests.meshes import EYE_AT_ORIGIN, random_triangles
 
 judge = import_module("atra.judge.compare")  # the module; `atra.judge.compare` by name is its function

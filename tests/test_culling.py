@@ -17,7 +17,7 @@ from atra.alignment.culling import (
     plan_aligned_geometry,
     project_vertices,
 )
-from atra.judge.reference import intersect_pixels
+from atra.geometry.intersection import intersect_pixels
 from atra.parallel import WorkerPool
 from tests.meshes import EYE_AT_ORIGIN, cornell_camera, quads, random_triangles
 

@@ -7,7 +7,7 @@ import atra
 from atra.alignment.culling import project_vertices
 from atra.alignment.rounding import roundings_of_copies
 from atra.alignment.visibility import Tiles, nearest_in_tiles
-from atra.judge.reference import intersect_pixels
+from atra.geometry.intersection import intersect_pixels
 from atra.kernels.rounding import COPY_ROUNDINGS, INSTANCE_ROUNDINGS, MOST_ROUNDINGS
 from atra.parallel import WorkerPool
 from atra.tracers.aligned import SECOND_PASS_TILE

@@ -8,7 +8,8 @@ import pytest
 import atra
 from atra.alignment.visibility import Tiles, plan_visible_geometry
 from atra.embree.library import load_library
-from atra.judge.reference import brute_force, intersect_pixels
+from atra.geometry.intersection import intersect_pixels
+from atra.judge.reference import brute_force
 from atra.parallel import WorkerPool
 from tests.images import assert_equal_images, trace_pixels
 from tests.meshes import EYE_AT_ORIGIN, cornell_box, cornell_camera, quads, random_triangles

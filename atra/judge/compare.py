@@ -15,11 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.errors import InputError
+from atra.geometry.intersection import Pairs
 from atra.geometry.mesh import Mesh
 from atra.geometry.ray_space import ray_axes, to_ray_space
 from atra.geometry.view import View
 from atra.hits import MISS, Hits
-from atra.judge.reference import Pairs
 from atra.kernels.rounding import ALLOWED_MULTIPLE, FLOAT32_UNIT
 
 TIE_TOLERANCE = 1e-9
