@@ -7,11 +7,13 @@ Source: Y. Nishidate, I. Fujishiro, "Affine-transformed ray alignment for accele
 Implementation with Embree".
 """
 
-from atra.alignment.alignment import Alignment, Split
+from atra.alignment.alignment import Alignment
+from atra.alignment.split import Split
 from atra.errors import AtraError, EmbreeError, InputError, MemoryBudgetError
 from atra.frames import Frames
 from atra.geometry.camera import Camera
-from atra.geometry.mesh import Mesh, load_mesh
+from atra.geometry.mesh import Mesh
+from atra.geometry.mesh_file import load_mesh
 from atra.geometry.orthographic import OrthographicCamera
 from atra.geometry.sampling import sub_pixel_offsets
 from atra.hits import MISS, Hits

@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 
 from atra.errors import InputError
-from atra.geometry.mesh import Mesh, load_mesh, read_regular_file
+from atra.geometry.mesh import Mesh
+from atra.geometry.mesh_file import load_mesh, read_regular_file
 from scenes.camera_fields import camera_fields_problem
 from scenes.manifest import read_manifest
 from scenes.stand_ins import stand_in_for

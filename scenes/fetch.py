@@ -16,7 +16,8 @@ import numpy as np
 
 from atra.errors import InputError
 from atra.files import write_atomically
-from atra.geometry.mesh import Mesh, load_mesh
+from atra.geometry.mesh import Mesh
+from atra.geometry.mesh_file import load_mesh
 from scenes.archive import LARGEST_UNPACKED_BYTES, extract_member
 from scenes.directory import CAMERAS_FILE, default_cache
 from scenes.manifest import SceneSource, read_manifest

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from atra.alignment.alignment import Split
+from atra.alignment.split import Split
 from atra.embree.library import load_library
 from atra.embree.scene import check_build_quality
 from atra.errors import InputError

@@ -9,7 +9,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Self
 
-from atra.alignment.alignment import Split
+from atra.alignment.split import Split
 from atra.embree.library import load_library
 from atra.errors import InputError
 from atra.files import write_atomically

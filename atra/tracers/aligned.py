@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.alignment.alignment import Alignment, Split
+from atra.alignment.alignment import Alignment
 from atra.alignment.culling import (
     AlignedGeometry,
     LeftOut,
@@ -16,6 +16,7 @@ from atra.alignment.culling import (
     plan_plain_geometry,
 )
 from atra.alignment.instancing import check_instancing_budget, plan_instanced_geometry
+from atra.alignment.split import Split
 from atra.alignment.visibility import Tiles, nearest_in_tiles
 from atra.embree.device import EmbreeDevice
 from atra.embree.scene import EmbreeScene

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.alignment.alignment import Alignment, Split
+from atra.alignment.alignment import Alignment
 from atra.alignment.culling import check_image_size
+from atra.alignment.split import Split
 from atra.errors import InputError
 from atra.geometry.mesh import Mesh
 from atra.kernels.tracing import aligned_kernel

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.alignment.alignment import Split
 from atra.alignment.culling import AlignedGeometry, check_memory_budget, count_kept, project_vertices
+from atra.alignment.split import Split
 from atra.embree.scene import padded_vertices
 from atra.embree.scenes import EmbreeScenes
 from atra.geometry.mesh import Mesh

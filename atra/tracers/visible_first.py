@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from atra.alignment.alignment import Alignment, Split
+from atra.alignment.alignment import Alignment
 from atra.alignment.culling import AlignedGeometry, plan_plain_geometry
+from atra.alignment.split import Split
 from atra.alignment.visibility import Tiles, plan_visible_geometry
 from atra.embree.scene import EmbreeScene
 from atra.errors import InputError

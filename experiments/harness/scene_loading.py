@@ -10,7 +10,8 @@ import numpy as np
 
 from atra.errors import InputError
 from atra.geometry.camera import Camera
-from atra.geometry.mesh import Mesh, load_mesh
+from atra.geometry.mesh import Mesh
+from atra.geometry.mesh_file import load_mesh
 from experiments.harness.configuration import SceneConfiguration, SceneSource
 from scenes.cornell_box import CORNELL_BOX_CAMERA, cornell_box
 from scenes.directory import default_camera_fields, find_scene_folder, load_scene_from_directory

@@ -6,7 +6,8 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 
-from atra.alignment.alignment import Alignment, Split
+from atra.alignment.alignment import Alignment
+from atra.alignment.split import Split
 from atra.errors import InputError
 from atra.frames import Frames
 from atra.geometry.camera import Camera
