@@ -18,6 +18,7 @@ from atra.geometry.orthographic import OrthographicCamera
 from atra.geometry.sampling import sub_pixel_offsets
 from atra.hits import MISS, Hits
 from atra.judge.compare import Agreement, Verdict, compare
+from atra.options import AlignedOptions, CellOptions, Options, ReferenceRayOptions
 from atra.planner.plan import Plan
 from atra.planner.planning import plan
 from atra.tracers import AlignedTracer, FramesTracer, PixelTracer, TiledTracer, Tracer, VisibleFirstTracer
@@ -27,10 +28,12 @@ __version__ = "0.1.0"
 __all__ = [
     "MISS",
     "Agreement",
+    "AlignedOptions",
     "AlignedTracer",
     "Alignment",
     "AtraError",
     "Camera",
+    "CellOptions",
     "EmbreeError",
     "Frames",
     "FramesTracer",
@@ -38,9 +41,11 @@ __all__ = [
     "InputError",
     "MemoryBudgetError",
     "Mesh",
+    "Options",
     "OrthographicCamera",
     "PixelTracer",
     "Plan",
+    "ReferenceRayOptions",
     "Split",
     "TiledTracer",
     "Tracer",

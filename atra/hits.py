@@ -33,6 +33,11 @@ class Hits:
     camera: View = field(repr=False)
 
     @property
+    def images(self) -> tuple[Hits]:
+        """The images, of which there is one: as `Frames.images`, so that callers need not tell one from several."""
+        return (self,)
+
+    @property
     def hit(self) -> NDArray[np.bool_]:
         """(H, W) bool, True where the ray hits."""
         return self.prim_id != MISS

@@ -31,7 +31,12 @@ from experiments.methods.tracing import expert_packet_widths, make_pixel_tracer
 from experiments.results.evidence import NotMeasuredError, collect_scenes
 from experiments.results.table import make_table
 from experiments.results.terminal import print_sweep, say_outcome
-from experiments.workloads.multiframe.frame_tracing import compare_images, make_for_each_frame, make_own_tracer
+from experiments.workloads.multiframe.frame_tracing import (
+    SeparateImages,
+    compare_images,
+    make_for_each_frame,
+    make_own_tracer,
+)
 from experiments.workloads.quantities import measure_point
 from tests.test_table import MEASURED
 
@@ -133,9 +138,10 @@ def test_frame_by_frame_is_traced_with_each_frame_s_own_camera_and_mesh(motion: 
     with own, separate:
         together, alone = own.trace(), separate.trace()
     assert isinstance(together, Frames)
+    first, second = alone.images
     assert [agreement.pixels_wrong for agreement in compare_images(together, alone)] == [0, 0]
-    assert (alone[0].prim_id != alone[1].prim_id).any()
-    crossed = compare_images(alone, [_with_image(alone[0], alone[1]), _with_image(alone[1], alone[0])])
+    assert (first.prim_id != second.prim_id).any()
+    crossed = compare_images(alone, SeparateImages((_with_image(first, second), _with_image(second, first))))
     assert all(agreement.pixels_wrong > 0 for agreement in crossed)
 
 

@@ -12,7 +12,8 @@ from atra.geometry.camera import Camera
 from atra.geometry.mesh import Mesh
 from atra.geometry.orthographic import OrthographicCamera
 from atra.geometry.view import View, as_number
-from atra.judge.ties import check_ties, coplanar_overlaps
+from atra.judge.ties import coplanar_overlaps
+from atra.options import CellOptions, check_ties
 from atra.parallel import resolve_threads
 from atra.planner.choice import ALIGNED, PACKETS, Choice, candidates
 from atra.planner.estimate import estimate
@@ -85,7 +86,8 @@ def _fits_into_memory(statistics: SceneStatistics, choice: Choice, budget_bytes:
     nx, ny = choice.split
     copies = (statistics.copies if choice.method == ALIGNED else statistics.visible_copies)[nx]
     try:
-        check_memory_budget(copies, choice.build_quality, budget_bytes, nx * ny)
+        options = CellOptions(build_quality=choice.build_quality, memory_budget_bytes=budget_bytes)
+        check_memory_budget(copies, nx * ny, options)
     except MemoryBudgetError:
         return False
     return True

@@ -50,7 +50,7 @@ def _common_options(point: Point) -> dict[str, Any]:
 
 def make_pixel_tracer(point: Point, mesh: Mesh, camera: View, packet_width: int | None) -> PixelTracer:
     """One ray per pixel, with the point's threads and build quality. packet_width 1 is the paper's baseline."""
-    return PixelTracer(mesh, camera, packet_width, **_common_options(point))
+    return PixelTracer(mesh, camera, packet_width=packet_width, **_common_options(point))
 
 
 def expert_packet_widths() -> tuple[int, ...]:

@@ -20,11 +20,11 @@ from numpy.typing import NDArray
 from atra.errors import InputError
 from atra.geometry.camera import Camera
 from atra.geometry.mesh import Mesh
-from atra.hits import MISS, Hits
+from atra.hits import MISS
 from atra.judge.compare import Agreement, Verdict, compare
 from atra.judge.oracle import Examination, Standing, examine, sample_pixels
 from atra.judge.ties import coplanar_overlaps
-from atra.tracers import FramesTracer, Tracer
+from atra.tracers import Tracer
 from experiments.harness.configuration import PACKET_WIDTHS, Quantity, SceneSource, Ties
 from experiments.harness.memory import peak_rss_bytes, reset_peak_rss, rss_bytes
 from experiments.harness.point import Offset, Point
@@ -34,7 +34,6 @@ from experiments.methods.tracing import expert_packet_widths, make_pixel_tracer
 from experiments.workloads.multiframe.frame_tracing import (
     SEPARATE,
     Images,
-    SeparateFrames,
     compare_images,
     make_for_each_frame,
     make_own_tracer,
@@ -90,7 +89,7 @@ def _measure_time(point: Point) -> Measured:
         results["baseline_build_time_s"] = float(single.build_time_s)
         if SEPARATE in separate:
             results["separate_embree_bytes"] = int(separate[SEPARATE].embree_bytes)
-        methods: dict[str, Tracer | FramesTracer | SeparateFrames] = {OWN: own, SINGLE: single, **packets, **separate}
+        methods: dict[str, Tracer] = {OWN: own, SINGLE: single, **packets, **separate}
         images = {name: _Frames(tracer) for name, tracer in methods.items()}
         timed = _rounds(point, {name: one.trace for name, one in images.items()})
         results["packets_width"] = fastest_packets(timed.samples)
@@ -106,7 +105,7 @@ def fastest_packets(samples: Mapping[str, Sequence[float]]) -> int:
     return min(widths, key=lambda width: median(samples[PACKETS[width]]))
 
 
-def _plan_and_build_again(own: Tracer | FramesTracer) -> dict[str, Any]:
+def _plan_and_build_again(own: Tracer) -> dict[str, Any]:
     """Medians and samples of plan and build, the first sample of each the one that has been."""
     plans, builds = [own.plan_time_s], [own.build_time_s]
     while len(builds) < BUILDS and sum(plans) + sum(builds) + plans[0] + builds[0] <= BUILDS_BUDGET_S:
@@ -165,7 +164,6 @@ def _make_pictures(point: Point) -> Measured:
         own, results = _build_own(point, stack)
         single = stack.enter_context(make_pixel_tracer(point, own.mesh, own.camera, 1))
         hits, reference = own.trace(), single.trace()
-        assert isinstance(hits, Hits)  # several frames have no pictures
         agreement = compare(own.mesh, own.camera, hits, reference)
     images = {
         "aligned": shade(hits),
@@ -189,7 +187,6 @@ def _judge_agreement(point: Point) -> Measured:
         listed: dict[str, list[Any]] = {}
         for number, offset in enumerate(point.offsets):
             hits, reference = own.trace(offset), single.trace(offset)
-            assert isinstance(hits, Hits)  # agreement is of one frame
             agreement = compare(mesh, camera, hits, reference)
             agreements.append(agreement)
             # Every image of every point draws a sample of its own, so that a scene's samples add up.
@@ -290,7 +287,7 @@ def _rounds(point: Point, methods: dict[str, Callable[[], object]]) -> RoundSamp
 class _Frames:
     """Traces frame after frame into one image, as a renderer would: no sample pays for fresh pages."""
 
-    def __init__(self, tracer: Tracer | FramesTracer | SeparateFrames) -> None:
+    def __init__(self, tracer: Tracer) -> None:
         self._tracer = tracer
         self._hits: Any = None
 
@@ -329,7 +326,7 @@ def _load_mesh(point: Point) -> Mesh:
     return mesh
 
 
-def _build_own(point: Point, stack: ExitStack) -> tuple[Tracer | FramesTracer, dict[str, Any]]:
+def _build_own(point: Point, stack: ExitStack) -> tuple[Tracer, dict[str, Any]]:
     """Load the scene and build the point's own method, while nothing else is in the process, reading the memory on
     the way."""
     results: dict[str, Any] = {"rss_start_bytes": rss_bytes()}

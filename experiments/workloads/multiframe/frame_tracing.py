@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 
 from atra.alignment.alignment import Alignment
 from atra.alignment.split import Split
 from atra.errors import InputError
-from atra.frames import Frames
 from atra.geometry.camera import Camera
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.hits import Hits
 from atra.judge.compare import Agreement, compare
 from atra.tracers import FramesTracer, Tracer
-from atra.tracers.base import Prepared
+from atra.tracers.lifetime import Lifetime
+from atra.tracers.tracer import Images
 from experiments.harness.configuration import Method, Motion, Quantity
 from experiments.harness.point import Point
 from experiments.methods.tracing import aligned_options, make_tracer
@@ -25,46 +26,63 @@ from experiments.workloads.multiframe.motion import frames_of
 SEPARATE, SEPARATE_VISIBLE = "separate", "visible_first"
 """Names in the samples of several frames: one aligned tracer a frame, and one visible-first tracer a frame."""
 
-Images = Hits | Frames | list[Hits]
-"""What a tracer of one frame, of all frames at once, and of one frame after the other returns."""
+
+@dataclass(frozen=True)
+class SeparateImages:
+    """What tracers of one frame each return, in order."""
+
+    images: tuple[Hits, ...]
 
 
-class SeparateFrames(Prepared):
+class SeparateFrames(Lifetime):
     """One tracer a frame (there may be one frame only), one frame after the other: what the frames of a point's own
     method are measured against.
 
-    plan_time_s, build_time_s, embree_bytes: sums over the frames.
+    All its times and numbers are sums over the frames.
     """
 
-    def __init__(self, tracers: Sequence[Tracer]) -> None:
+    def __init__(self, tracers: Sequence[Tracer[Hits]]) -> None:
+        super().__init__()
         self.tracers = tuple(tracers)
+        first = self.tracers[0]
+        self.mesh, self.camera = first.mesh, first.camera
+        self.packet_width, self.threads = first.packet_width, first.threads
+        self.views = tuple(view for tracer in self.tracers for view in tracer.views)
 
     @property
-    def packet_width(self) -> int:
-        return self.tracers[0].packet_width
-
-    @property
-    def build_time_s(self) -> float:
-        return sum(tracer.build_time_s for tracer in self.tracers)
+    def triangle_count(self) -> int:
+        return sum(tracer.triangle_count for tracer in self.tracers)
 
     @property
     def embree_bytes(self) -> int:
         return sum(tracer.embree_bytes for tracer in self.tracers)
 
-    def trace(self, out: list[Hits] | None = None) -> list[Hits]:
-        """All frames, in order. out: an earlier result that is no longer needed."""
-        if out is None:
-            return [tracer.trace() for tracer in self.tracers]
-        return [tracer.trace(out=hits) for tracer, hits in zip(self.tracers, out, strict=True)]
-
-    def close(self) -> None:
+    @property
+    def counters(self) -> Mapping[str, float]:
+        total: Counter[str] = Counter()
         for tracer in self.tracers:
-            tracer.close()
+            total.update(tracer.counters)
+        return total
 
-    def _prepare(self) -> None:
+    def trace(self, offset: tuple[float, float] = (0.5, 0.5), out: SeparateImages | None = None) -> SeparateImages:
+        """All frames, in order. out: an earlier result that is no longer needed."""
+        earlier = (None,) * len(self.tracers) if out is None else out.images
+        pairs = zip(self.tracers, earlier, strict=True)
+        return SeparateImages(tuple(tracer.trace(offset, hits) for tracer, hits in pairs))
+
+    def _plan(self) -> float:
         for tracer in self.tracers:
             tracer.plan()
+        return sum(tracer.plan_time_s for tracer in self.tracers)
+
+    def _build(self) -> float:
+        for tracer in self.tracers:
             tracer.build()
+        return sum(tracer.build_time_s for tracer in self.tracers)
+
+    def _release(self) -> None:
+        for tracer in self.tracers:
+            tracer.close()
 
 
 def check_frames(point: Point) -> None:
@@ -83,9 +101,7 @@ def check_frames(point: Point) -> None:
         )
 
 
-def make_own_tracer(
-    point: Point, mesh: Mesh, camera: Camera, split: tuple[int, int] | None = None
-) -> Tracer | FramesTracer:
+def make_own_tracer(point: Point, mesh: Mesh, camera: Camera, split: tuple[int, int] | None = None) -> Tracer:
     """As `make_tracer`; of several frames, which `point.motion` makes of mesh and camera, all in one pass.
 
     Raises InputError and MemoryBudgetError as the tracers do.
@@ -102,12 +118,9 @@ def make_own_tracer(
     return FramesTracer(meshes, alignment, **aligned_options(point))
 
 
-def make_for_each_frame(own: Tracer | FramesTracer, make: Callable[[Mesh, View], Tracer]) -> SeparateFrames:
+def make_for_each_frame(own: Tracer, make: Callable[[Mesh, View], Tracer[Hits]]) -> SeparateFrames:
     """What `make` makes of the mesh and the camera of each frame of `own`, which may be of one frame alone."""
-    if not isinstance(own, FramesTracer):
-        return SeparateFrames([make(own.mesh, own.camera)])
-    cameras = own.alignment.cameras
-    return SeparateFrames([make(mesh, camera) for mesh, camera in zip(own.meshes, cameras, strict=True)])
+    return SeparateFrames([make(mesh, camera) for mesh, camera in own.views])
 
 
 def separate_methods(point: Point) -> dict[str, Callable[..., Tracer]]:
@@ -122,11 +135,7 @@ def separate_methods(point: Point) -> dict[str, Callable[..., Tracer]]:
     return {SEPARATE: partial(make_tracer, one), SEPARATE_VISIBLE: partial(make_tracer, visible)}
 
 
-def compare_images(images: Images, references: Images) -> list[Agreement]:
+def compare_images(found: Images, references: Images) -> list[Agreement]:
     """`compare` of every frame."""
-    pairs = zip(_each(images), _each(references), strict=True)
+    pairs = zip(found.images, references.images, strict=True)
     return [compare(hits.mesh, hits.camera, hits, reference) for hits, reference in pairs]
-
-
-def _each(images: Images) -> Iterator[Hits]:
-    return iter([images]) if isinstance(images, Hits) else iter(images)
