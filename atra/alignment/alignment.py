@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from atra.alignment.split import Split
 from atra.errors import InputError
 from atra.geometry.camera import Camera
-from atra.geometry.orthographic import OrthographicCamera
 from atra.geometry.ray_space import from_eye_space, ray_axes
 from atra.geometry.view import Vector, View
 
@@ -102,13 +101,6 @@ class Alignment:
         Raises InputError for another number of pixels, or a camera of another kind, naming the frame.
         """
         return cls._of_images(tuple(cameras), split)
-
-    @classmethod
-    def of_parallel_rays(cls, camera: OrthographicCamera, split: Split) -> Self:
-        """The cells of an orthographic image or a directional light's shadow map: a translation per cell."""
-        if not camera.is_parallel:
-            raise InputError(f"the rays of {camera!r} are not parallel; use Alignment.of_cells")
-        return cls._of_images((camera,), split)
 
     @classmethod
     def at_first_cell(cls, camera: View, split: Split) -> Self:
