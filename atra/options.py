@@ -13,19 +13,6 @@ from atra.embree.scene import check_build_quality, resolve_packet_width
 from atra.errors import InputError
 from atra.parallel import resolve_threads
 
-__all__ = [
-    "GEOMETRIES",
-    "TIES",
-    "AlignedOptions",
-    "CellOptions",
-    "Options",
-    "ReferenceRayOptions",
-    "check_build_quality",
-    "check_ties",
-    "native_packet_widths",
-    "resolve_packet_width",
-]
-
 TIES = ("lowest", "any")
 """What a tracer stores where triangles tie: the lowest prim_id, or whichever float32 happens to put in front."""
 

@@ -96,11 +96,7 @@ def plan_plain_geometry(mesh: Mesh, camera: View, is_left_out: NDArray[np.bool_]
 
 
 def plan_aligned_geometry(
-    meshes: Sequence[Mesh],
-    alignment: Alignment,
-    options: AlignedOptions,
-    row_stride: int,
-    pool: WorkerPool,
+    meshes: Sequence[Mesh], alignment: Alignment, options: AlignedOptions, row_stride: int, pool: WorkerPool
 ) -> AlignedGeometry:
     """Shear a copy of every triangle for every cell, or with culling only for the cells whose frustum it meets.
 
@@ -168,11 +164,7 @@ def image_roundings(
 
 
 def count_kept(
-    pool: WorkerPool,
-    points_pixels: NDArray[np.float64],
-    mesh: Mesh,
-    culling: bool,
-    cell: tuple[int, int, int, int],
+    pool: WorkerPool, points_pixels: NDArray[np.float64], mesh: Mesh, culling: bool, cell: tuple[int, int, int, int]
 ) -> NDArray[np.int64]:
     """(F,) int64, the cells that keep each triangle: those it meets, or without `culling` all; none if it has no area.
 

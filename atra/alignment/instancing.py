@@ -31,11 +31,7 @@ quality. After it Embree reports 312 to 323."""
 
 
 def plan_instanced_geometry(
-    mesh: Mesh,
-    alignment: Alignment,
-    options: CellOptions,
-    row_stride: int,
-    pool: WorkerPool,
+    mesh: Mesh, alignment: Alignment, options: CellOptions, row_stride: int, pool: WorkerPool
 ) -> AlignedGeometry:
     """The mesh itself in the first camera's ray space, and for every part of the alignment a transform onto the
     reference rays. Left out, of all images, are triangles that an instance would show less exactly in one of them than

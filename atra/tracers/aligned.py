@@ -20,12 +20,11 @@ from atra.alignment.instancing import check_instancing_budget, plan_instanced_ge
 from atra.alignment.split import Split
 from atra.alignment.visibility import Tiles, nearest_in_tiles
 from atra.embree.device import EmbreeDevice
-from atra.embree.scene import EmbreeScene
 from atra.errors import InputError
 from atra.frames import Frames
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
-from atra.kernels.callbacks import memory_monitor, nearest_hit_filter
+from atra.kernels.callbacks import nearest_hit_filter
 from atra.options import AlignedOptions
 from atra.tracers.base import ImageTracer, images_of
 from atra.tracers.reference_rays import ReferenceRayTracer
@@ -42,11 +41,7 @@ class _AlignedImages(ReferenceRayTracer):
     options: AlignedOptions
 
     def __init__(
-        self,
-        meshes: Mesh | Sequence[Mesh],
-        alignment: Alignment,
-        options: AlignedOptions | None = None,
-        **changes: Any,
+        self, meshes: Mesh | Sequence[Mesh], alignment: Alignment, options: AlignedOptions | None = None, **changes: Any
     ) -> None:
         count = alignment.image_count
         self.meshes = (meshes,) * count if isinstance(meshes, Mesh) else tuple(meshes)
@@ -57,7 +52,11 @@ class _AlignedImages(ReferenceRayTracer):
         self._second_passes: list[SecondPass | None] = []  # of each image that copies cannot show all of
         cells = self.split.cell_count * count
         if self.options.geometry == "instanced":
-            _check_one_mesh(self.meshes)
+            if any(mesh is not first for mesh in self.meshes):
+                raise InputError(
+                    "geometry is 'instanced' and the frames have meshes of their own, but instances show one mesh; "
+                    "use geometry='copied'"
+                )
             check_instancing_budget(first, cells, self.options)
         elif not self.options.culling:
             copies = sum(mesh.triangle_count for mesh in self.meshes) * self.split.cell_count
@@ -90,13 +89,7 @@ class _AlignedImages(ReferenceRayTracer):
         plain = plan_plain_geometry(mesh, camera, others)
         tiles = Tiles(*SECOND_PASS_TILE, camera.width, camera.height)
         nearest = nearest_in_tiles(mesh, camera, tiles, left_out)
-        scene = EmbreeScene(
-            plain.vertices,
-            plain.faces,
-            build_quality=self.options.build_quality,
-            threads=self.threads,
-            monitor_address=memory_monitor(),
-        )
+        scene = self._scene_of(plain, self.options.build_quality)
         return SecondPass(scene, camera, tiles, nearest)
 
     def _run(self, offset: tuple[float, float], depth: NDArray, prim_id: NDArray) -> None:
@@ -145,12 +138,7 @@ class AlignedTracer(_AlignedImages, ImageTracer):
     """
 
     def __init__(
-        self,
-        mesh: Mesh,
-        camera: View,
-        split: tuple[int, int],
-        options: AlignedOptions | None = None,
-        **changes: Any,
+        self, mesh: Mesh, camera: View, split: tuple[int, int], options: AlignedOptions | None = None, **changes: Any
     ) -> None:
         super().__init__((mesh,), Alignment.of_cells(camera, Split.of_image(split, camera)), options, **changes)
 
@@ -178,14 +166,6 @@ class FramesTracer(_AlignedImages):
         depth, prim_id = self._trace_rows(offset, rows, stacked)
         shape = (len(cameras), height, width)
         return Frames(_unstacked(depth, shape), _unstacked(prim_id, shape), offset, self.meshes, cameras)
-
-
-def _check_one_mesh(meshes: tuple[Mesh, ...]) -> None:
-    if any(mesh is not meshes[0] for mesh in meshes):
-        raise InputError(
-            "geometry is 'instanced' and the frames have meshes of their own, but instances show one mesh; "
-            "use geometry='copied'"
-        )
 
 
 def _unstacked(images: NDArray, shape: tuple[int, int, int]) -> NDArray:

@@ -109,15 +109,19 @@ class EmbreeTracer(Lifetime):
         return taken_s
 
     def _build_scene(self, geometry: AlignedGeometry) -> EmbreeDevice:
+        return self._scene_of(geometry, self.options.build_quality, filter_address=self._filter_address())
+
+    def _scene_of(self, geometry: AlignedGeometry, build_quality: str, **settings: Any) -> EmbreeScene:
+        """settings: of `EmbreeScene`, beside what is the same for all scenes of a tracer."""
         return EmbreeScene(
             geometry.vertices,
             geometry.faces,
-            build_quality=self.options.build_quality,
+            build_quality=build_quality,
             threads=self.threads,
-            filter_address=self._filter_address(),
             user_data=geometry.records,
             monitor_address=memory_monitor(),
             transforms=geometry.transforms,
+            **settings,
         )
 
     @property

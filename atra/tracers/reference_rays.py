@@ -29,11 +29,7 @@ class ReferenceRayTracer(EmbreeTracer):
     options: ReferenceRayOptions
 
     def __init__(
-        self,
-        mesh: Mesh,
-        alignment: Alignment,
-        options: ReferenceRayOptions | None = None,
-        **changes: Any,
+        self, mesh: Mesh, alignment: Alignment, options: ReferenceRayOptions | None = None, **changes: Any
     ) -> None:
         self.alignment = alignment
         self.split = alignment.split

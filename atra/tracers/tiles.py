@@ -34,12 +34,7 @@ class TiledTracer(ImageTracer):
     options: CellOptions
 
     def __init__(
-        self,
-        mesh: Mesh,
-        camera: View,
-        split: tuple[int, int],
-        options: CellOptions | None = None,
-        **changes: Any,
+        self, mesh: Mesh, camera: View, split: tuple[int, int], options: CellOptions | None = None, **changes: Any
     ) -> None:
         check_pinhole(camera, "TiledTracer")
         self.split = Split.of_image(split, camera)

@@ -90,16 +90,9 @@ class VisibleFirstTracer(ReferenceRayTracer, ImageTracer):
 
     def _build_whole(self) -> None:
         plain = plan_plain_geometry(self.mesh, self.camera)
-        monitor_address = memory_monitor()
+        memory_monitor()  # compiled before the clock starts
         build_start = perf_counter()
-        whole = EmbreeScene(
-            plain.vertices,
-            plain.faces,
-            build_quality=WHOLE_BUILD_QUALITY,
-            threads=self.threads,
-            monitor_address=monitor_address,
-            compact=True,
-        )
+        whole = self._scene_of(plain, WHOLE_BUILD_QUALITY, compact=True)
         self._whole_build_time_s = perf_counter() - build_start
         if self._whole is not None:
             self._whole.close()
@@ -163,8 +156,7 @@ class VisibleFirstTracer(ReferenceRayTracer, ImageTracer):
         self._pool.run(work)
         upper, lower = np.maximum(depth[:-1], depth[1:]), np.minimum(depth[:-1], depth[1:])
         depth = np.maximum(
-            np.minimum(upper[:, :-1], upper[:, 1:]),
-            np.maximum(lower[:, :-1], lower[:, 1:]),
+            np.minimum(upper[:, :-1], upper[:, 1:]), np.maximum(lower[:, :-1], lower[:, 1:])
         )  # the second farthest of four corners
         return depth.reshape(tile_rows, steps_y, tile_columns, steps_x).max(axis=(1, 3)).astype(np.float64)
 
