@@ -1,4 +1,4 @@
-"""Plan an aligned scene: which triangles each cell keeps, sheared onto the reference rays (paper §3.4)."""
+"""The plan of an aligned scene: which triangles each cell keeps, sheared onto the reference rays (paper §3.4)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Plan an aligned scene without copies: the mesh once, and one shear per cell (paper §4.4 suggests it)."""
+"""The plan of an aligned scene without copies: the mesh once, and one shear per cell (paper §4.4 suggests it)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Plan what the first pass of visible-first tracing gets, and what the second must be able to rule out.
+"""The plan of visible-first tracing: what its first pass gets, and what the second must be able to rule out.
 
 The image is divided into small tiles. A probe says how far one sees in each of them, roughly; a copy of a triangle goes
 into the first pass where it may lie nearer than that in some tile of its cell. What is left out is remembered as one

@@ -131,7 +131,7 @@ class AlignedTracer(_AlignedImages, ImageTracer):
     """Affine-transformed ray alignment: shoot the reference cell's rays, read the nearest hit of every cell.
 
     split: (nx, ny) cells; nx must divide the width, ny the height. options: of `atra.AlignedOptions`, changes: fields
-    of it by name; instances are never culled, so `triangle_count` is the mesh's own then.
+    of it by name. With instances `triangle_count` is the mesh's own.
     Raises InputError for a split that does not divide the image, and as the options do; MemoryBudgetError before
     allocating.
     Source: paper §3.1, §3.4; instances §4.4.

@@ -1,4 +1,4 @@
-"""What the tracers on Embree share: options, buffers, one scene, and the tie rule."""
+"""Tracers on Embree: the options, buffers, scene and tie rule that they share."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the methods with aligned rays share: cells, the reference rays, and the loop that shoots them."""
+"""Tracers with aligned rays: the cells, the reference rays and the loop that shoots them, which they share."""
 
 from __future__ import annotations
 
