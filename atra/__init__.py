@@ -7,15 +7,18 @@ Source: Y. Nishidate, I. Fujishiro, "Affine-transformed ray alignment for accele
 Implementation with Embree".
 """
 
-from atra.alignment.alignment import Alignment, Split
+from atra.alignment.alignment import Alignment
+from atra.alignment.split import Split
 from atra.errors import AtraError, EmbreeError, InputError, MemoryBudgetError
 from atra.frames import Frames
 from atra.geometry.camera import Camera
-from atra.geometry.mesh import Mesh, load_mesh
+from atra.geometry.mesh import Mesh
+from atra.geometry.mesh_file import load_mesh
 from atra.geometry.orthographic import OrthographicCamera
 from atra.geometry.sampling import sub_pixel_offsets
 from atra.hits import MISS, Hits
 from atra.judge.compare import Agreement, Verdict, compare
+from atra.options import AlignedOptions, CellOptions, Options, ReferenceRayOptions
 from atra.planner.plan import Plan
 from atra.planner.planning import plan
 from atra.tracers import AlignedTracer, FramesTracer, PixelTracer, TiledTracer, Tracer, VisibleFirstTracer
@@ -25,10 +28,12 @@ __version__ = "0.1.0"
 __all__ = [
     "MISS",
     "Agreement",
+    "AlignedOptions",
     "AlignedTracer",
     "Alignment",
     "AtraError",
     "Camera",
+    "CellOptions",
     "EmbreeError",
     "Frames",
     "FramesTracer",
@@ -36,9 +41,11 @@ __all__ = [
     "InputError",
     "MemoryBudgetError",
     "Mesh",
+    "Options",
     "OrthographicCamera",
     "PixelTracer",
     "Plan",
+    "ReferenceRayOptions",
     "Split",
     "TiledTracer",
     "Tracer",

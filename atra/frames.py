@@ -27,6 +27,11 @@ class Frames:
     meshes: tuple[Mesh, ...] = field(repr=False)
     cameras: tuple[View, ...] = field(repr=False)
 
+    @property
+    def images(self) -> tuple[Hits, ...]:
+        """All frames, in order."""
+        return tuple(self)
+
     def __len__(self) -> int:
         return len(self.cameras)
 

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    from atra.geometry.mesh import Mesh
-    from atra.geometry.view import View
+from atra.geometry.intersection import intersect_pixels
+from atra.geometry.mesh import Mesh
+from atra.geometry.view import View
 
 MISS = np.uint32(0xFFFFFFFF)
 """`prim_id` of a ray that hits nothing."""
@@ -34,6 +33,11 @@ class Hits:
     camera: View = field(repr=False)
 
     @property
+    def images(self) -> tuple[Hits]:
+        """The images, of which there is one: as `Frames.images`, so that callers need not tell one from several."""
+        return (self,)
+
+    @property
     def hit(self) -> NDArray[np.bool_]:
         """(H, W) bool, True where the ray hits."""
         return self.prim_id != MISS
@@ -50,8 +54,6 @@ class Hits:
 
     @cached_property
     def _barycentric(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        from atra.judge.reference import intersect_pixels  # downstream room; needed only here, on demand
-
         u = np.full(self.depth.shape, np.nan, np.float32)
         v = np.full(self.depth.shape, np.nan, np.float32)
         y, x = np.nonzero(self.hit)

@@ -1,4 +1,4 @@
-"""Run a kernel on several threads that share one work counter."""
+"""Worker threads that run a kernel side by side and share one work counter."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What counts as a whole number when a person hands one in."""
+"""Whole numbers: what counts as one when a person hands it in."""
 
 from __future__ import annotations
 

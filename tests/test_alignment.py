@@ -119,7 +119,7 @@ ALIGNMENTS = {
     "cells": lambda split: atra.Alignment.of_cells(TURNED, split),
     "eyes": lambda split: atra.Alignment.of_eyes(LEFT, RIGHT, split),
     "frames": lambda split: atra.Alignment.of_frames([TURNED, MOVED, LEFT], split),
-    "parallel rays": lambda split: atra.Alignment.of_parallel_rays(FLAT, split),
+    "parallel rays": lambda split: atra.Alignment.of_cells(FLAT, split),
     "frames of parallel rays": lambda split: atra.Alignment.of_frames([FLAT, FLAT_MOVED], split),
 }
 
@@ -197,8 +197,3 @@ def test_the_second_eye_is_a_translation():
     np.testing.assert_array_equal(alignment.linear, [np.eye(3)] * 2)
     left, right = alignment.parts()
     np.testing.assert_allclose(left.transform - right.transform, [[0, 0, 0, 0.06], [0] * 4, [0] * 4], atol=1e-15)
-
-
-def test_parallel_rays_are_asked_for_by_name():
-    with pytest.raises(atra.InputError, match="not parallel"):
-        atra.Alignment.of_parallel_rays(TURNED, atra.Split(1, 1, **SIZE))

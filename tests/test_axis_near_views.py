@@ -80,7 +80,7 @@ def missed(tracer, offset):
 @pytest.mark.parametrize("sign", [1, -1])
 def test_a_rolled_camera_sees_a_wall_without_holes(width, component, sign):
     camera = atra.Camera((0, 0, 3), (0, 0, 0), (1, sign * component, 0), 60, 256, 256)
-    assert missed(atra.PixelTracer(grid_wall(), camera, width, 1), (0.0, 0.0)) == 0
+    assert missed(atra.PixelTracer(grid_wall(), camera, packet_width=width, threads=1), (0.0, 0.0)) == 0
 
 
 @pytest.mark.parametrize("width", WIDTHS)
@@ -100,7 +100,7 @@ def test_parallel_rays_along_an_axis_lose_nothing(width, component):
         for options in ({}, {"culling": False}, {"culling": False, "geometry": "instanced"}):
             tracer = atra.AlignedTracer(wall, camera, (8, 3), packet_width=width, threads=1, **options)
             assert missed(tracer, (0.0, 1e-19)) == 0
-        assert missed(atra.PixelTracer(wall, camera, width, 1), (0.0, 1e-19)) == 0
+        assert missed(atra.PixelTracer(wall, camera, packet_width=width, threads=1), (0.0, 1e-19)) == 0
 
 
 def test_instances_turn_no_direction_into_one_with_a_tiny_component():

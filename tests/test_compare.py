@@ -13,7 +13,7 @@ from atra.hits import MISS, Hits
 from atra.judge.compare import Agreement, DepthErrors, Verdict, compare
 from atra.judge.reference import brute_force
 from atra.tracers import AlignedTracer, PixelTracer
-from atra.tracers.base import image_ray_grid
+from atra.tracers.rays import image_ray_grid
 from scenes.cornell_box import CORNELL_BOX_CAMERA, cornell_box
 from tests.meshes import boards, random_triangles
 
@@ -308,7 +308,7 @@ def test_the_judge_knows_of_depths_that_sheared_copies_of_needles_would_get_wron
     mesh, camera = boards(), Camera((0, 0, 0), (0, -0.2, -1), fov_y_degrees=60.0, width=64, height=64)
     with AlignedTracer(mesh, camera, (16, 16), threads=1) as tracer:
         hits = tracer.trace()
-    with PixelTracer(mesh, camera, 1, threads=1) as tracer:
+    with PixelTracer(mesh, camera, packet_width=1, threads=1) as tracer:
         reference = tracer.trace()
     found = compare(mesh, camera, hits, reference)
     assert compare(mesh, camera, reference, reference).pixels_wrong == 0

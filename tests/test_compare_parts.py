@@ -7,11 +7,15 @@ import numpy as np
 import pytest
 
 from atra.geometry.camera import Camera
+from atra.geometry.intersection import Pairs
 from atra.geometry.mesh import Mesh
 from atra.geometry.orthographic import OrthographicCamera
 from atra.hits import MISS, Hits
+from atra.judge import outline as outline_module
+from atra.judge import rounding as rounding_module
 from atra.judge.compare import Verdict
-from atra.judge.reference import Pairs, brute_force
+from atra.judge.reference import brute_force
+from atra.judge.rounding import Rounding
 from tests.meshes import EYE_AT_ORIGIN, random_triangles
 
 judge = import_module("atra.judge.compare")  # the module; `atra.judge.compare` by name is its function
@@ -54,11 +58,11 @@ def points_on_image(camera, a, b):
 @each_camera
 def test_distance_to_the_outline_is_that_to_the_nearest_of_many_points_on_it(camera, monkeypatch):
     tolerance = 0.4
-    monkeypatch.setattr(judge, "OUTLINE_TOLERANCE_PIXELS", tolerance)
+    monkeypatch.setattr(outline_module, "OUTLINE_TOLERANCE_PIXELS", tolerance)
     vertices = np.concatenate([random_triangles(30, seed=8, spread=2.0).vertices, np.reshape(DEGENERATE, (-1, 3))])
     mesh = Mesh(vertices, np.arange(len(vertices)).reshape(-1, 3))
     pairs = every_pair(mesh, camera)
-    found = judge._is_on_outline(pairs).reshape(mesh.triangle_count, -1)
+    found = outline_module.is_on_outline(pairs).reshape(mesh.triangle_count, -1)
     corners = camera.to_camera_space(mesh.vertices)[mesh.faces]
     rays = np.add(*pairs.rays).reshape(mesh.triangle_count, -1, 3)[0]
     rays_on_image = rays[:, :2]  # at depth 1, for both cameras
@@ -77,7 +81,7 @@ def test_errors_of_float32_are_those_derived_for_a_3_4_5_triangle_13_away():
     # The ray (1, 1, 8) / 8 meets it at (1.5, 1.5, 12), and its normal is (0, 0, 12).
     at_3_3 = np.array([3])
     pairs = Pairs(one_triangle(*corners), camera, at_3_3, at_3_3, np.array([0]), (0.5, 0.5))
-    rounding = judge._Rounding.of(pairs)
+    rounding = Rounding.of(pairs)
     far, longest, twice_the_area = 13, 5, 12
     assert np.allclose(rounding.corners * 2**24, 4 * far)
     assert np.allclose(rounding.edges * 2**24, 4 * far * longest)
@@ -89,9 +93,9 @@ def test_errors_of_float32_are_those_derived_for_a_3_4_5_triangle_13_away():
 
 @each_camera
 def test_undecided_is_where_errors_turn_a_hit_into_a_miss_or_back(camera, monkeypatch):
-    monkeypatch.setattr(judge, "FLOAT32_UNIT", 2.0**-7)  # so coarse that many pairs are concerned
+    monkeypatch.setattr(rounding_module, "FLOAT32_UNIT", 2.0**-7)  # so coarse that many pairs are concerned
     pairs = every_pair(random_triangles(40, seed=9, spread=2.0), camera)
-    rounding, volumes = judge._Rounding.of(pairs), pairs.volumes
+    rounding, volumes = Rounding.of(pairs), pairs.volumes
     error = rounding.edges * np.linalg.norm(pairs.rays[1], axis=1)
     sides = volumes.u, volumes.v, volumes.facing - volumes.u - volumes.v
     outcomes = []
@@ -124,7 +128,7 @@ def test_a_plane_just_behind_the_eye_is_undecided_as_one_just_before_it(depth, e
     # Not along an axis, where float32 would know. Well inside a triangle, and of rays that all go its way.
     mesh = one_triangle(*((x, y, depth + 0.1 * x + 0.2 * y) for x, y in ((-50.0, -50.0), (50.0, -50.0), (0.0, 50.0))))
     pairs = every_pair(mesh, camera)
-    assert (judge._is_undecided(pairs, judge._Rounding.of(pairs)) == expected).all()
+    assert (judge._is_undecided(pairs, Rounding.of(pairs)) == expected).all()
 
 
 @each_camera
@@ -133,7 +137,7 @@ def test_a_depth_is_right_as_far_as_float32_may_be_off_and_no_farther(camera):
     seen = brute_force(mesh, camera, OFFSET)
     y, x = np.nonzero(seen.hit)
     pairs = Pairs(mesh, camera, x, y, seen.prim_id[y, x], OFFSET)
-    depth, allowed = pairs.intersections.depth, judge._Rounding.of(pairs).depth
+    depth, allowed = pairs.intersections.depth, Rounding.of(pairs).depth
     assert (allowed < 1e-4).mean() > 0.9
     for share, expected in ((0.0, False), (0.9, False), (-0.9, False), (1.1, True), (-1.1, True)):
         stored = seen.depth.copy()
@@ -228,7 +232,7 @@ def test_candidates_say_what_is_known_of_each_triangle_and_of_nothing():
     assert found.surely_missed.tolist() == [True, False, False]
     assert found.depth[1] == found.nearest[1] == np.inf
     assert found.depth_error[1] == 0.0
-    rounding = judge._Rounding.of(pairs[np.array([2])])
+    rounding = Rounding.of(pairs[np.array([2])])
     assert found.nearest[2] == pytest.approx(2.0 - rounding.corners[0], abs=1e-12)
     assert found.depth_error[2] == pytest.approx(rounding.depth[0] * expected)
     assert 1e-7 < found.depth_error[2] < 1e-4

@@ -226,12 +226,12 @@ def test_a_map_that_is_right_on_a_diagonal_alone_is_refused_naming_a_ray_beside_
 def test_the_image_size_is_checked_for_all_frames_together():
     cameras = moving_cameras(4, **SIZE)
     alignment = alignment_of(cameras, (12, 1))
-    pool = WorkerPool(1)
+    options, pool = atra.AlignedOptions(), WorkerPool(1)
     rows = 4 * cameras[0].height
     row_stride = -(-(2**31) // rows)
     with pytest.raises(atra.InputError, match=f"an output of {rows} rows of {row_stride} pixels is too large"):
-        plan_aligned_geometry([cornell_box()] * 4, alignment, culling=True, row_stride=row_stride, pool=pool)
-    fits = plan_aligned_geometry([cornell_box()] * 4, alignment, culling=True, row_stride=row_stride - 1, pool=pool)
+        plan_aligned_geometry([cornell_box()] * 4, alignment, options, row_stride, pool)
+    fits = plan_aligned_geometry([cornell_box()] * 4, alignment, options, row_stride - 1, pool)
     assert (fits.records >> 32).max() < 2**31
     pool.close()
 
@@ -248,7 +248,7 @@ def test_copies_of_a_frame_s_triangles_say_which_frame_they_are_of():
     alignment = alignment_of(moving_cameras(3, **SIZE), (4, 2))
     pool = WorkerPool(1)
     rows, row_stride = SIZE["height"], SIZE["width"] + 8
-    plan = plan_aligned_geometry(meshes, alignment, culling=False, row_stride=row_stride, pool=pool)
+    plan = plan_aligned_geometry(meshes, alignment, atra.AlignedOptions(culling=False), row_stride, pool)
     pool.close()
     assert plan.vertices.shape == (3 * plan.copy_count, 3)
     prim_id, pixel = plan.records & 0xFFFFFFFF, plan.records >> 32

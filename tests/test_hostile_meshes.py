@@ -17,7 +17,7 @@ import pytest
 import trimesh
 
 from atra.errors import InputError
-from atra.geometry.mesh import load_mesh
+from atra.geometry.mesh_file import load_mesh
 
 ROOT = Path(__file__).resolve().parents[1]
 TRIANGLE = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], "<f4")
@@ -67,7 +67,7 @@ def many_materials_in_comments(folder: Path) -> Path:
     return path
 
 
-READ = "import sys; from atra.geometry.mesh import load_mesh; print(load_mesh(sys.argv[1]).triangle_count)"
+READ = "import sys; from atra.geometry.mesh_file import load_mesh; print(load_mesh(sys.argv[1]).triangle_count)"
 
 
 @pytest.mark.parametrize(

@@ -132,10 +132,10 @@ def test_the_mesh_is_stored_once_whatever_the_number_of_cells():
         for split in ((1, 1), (16, 4)):
             with atra.AlignedTracer(mesh, camera, split, culling=False, geometry=geometry, threads=1) as tracer:
                 bytes_of[geometry, split] = tracer.embree_bytes
-                copied = mesh.triangle_count - tracer.triangles_left_out
+                copied = mesh.triangle_count - tracer.counters["triangles_left_out"]
                 expected = mesh.triangle_count if geometry == "instanced" else split[0] * split[1] * copied
                 assert tracer.triangle_count == expected
-                assert tracer.triangles_left_out < 0.05 * mesh.triangle_count
+                assert tracer.counters["triangles_left_out"] < 0.05 * mesh.triangle_count
                 assert tracer.plan_time_s > 0
                 assert tracer.build_time_s > 0
     assert bytes_of["copied", (16, 4)] > 40 * bytes_of["copied", (1, 1)]

@@ -9,7 +9,7 @@ import trimesh
 
 from atra.errors import InputError
 from atra.geometry import mesh_claims
-from atra.geometry.mesh import load_mesh
+from atra.geometry.mesh_file import load_mesh
 
 BOX = trimesh.creation.box()
 

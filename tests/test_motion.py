@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from atra.alignment.alignment import Alignment, Split
+from atra.alignment.alignment import Alignment
+from atra.alignment.split import Split
 from atra.errors import InputError
 from atra.geometry.camera import Camera
 from experiments.harness.configuration import Motion

@@ -290,8 +290,8 @@ def test_the_tracer_of_every_choice_traces_the_image_of_single_rays(choice: Choi
 @pytest.mark.parametrize("choice", candidates(square_camera()), ids=str)
 def test_every_choice_takes_ties_and_memory_budget(choice: Choice) -> None:
     tracer = choice.tracer(cornell_box(), square_camera(), 1, "any", 12345)
-    assert tracer.ties == "any"  # type: ignore[attr-defined]
-    assert choice.method == PACKETS or tracer.memory_budget_bytes == 12345  # type: ignore[attr-defined]
+    assert tracer.options.ties == "any"  # type: ignore[attr-defined]
+    assert choice.method == PACKETS or tracer.options.memory_budget_bytes == 12345  # type: ignore[attr-defined]
     tracer.close()
 
 
@@ -311,7 +311,7 @@ def test_a_plan_keeps_its_ties_and_its_tracer_takes_others(tmp_path: Path) -> No
     plan = Plan.load(tmp_path / "plan.json")
     for wanted, ties in ((None, "any"), ("any", "any"), ("lowest", "lowest")):
         tracer = plan.tracer(mesh, square_camera(), ties=wanted)
-        assert tracer.ties == ties  # type: ignore[attr-defined]
+        assert tracer.options.ties == ties  # type: ignore[attr-defined]
         tracer.close()
     with pytest.raises(InputError, match="ties is 'first'"):
         plan.tracer(mesh, square_camera(), ties="first")

@@ -14,8 +14,9 @@ import atra
 from atra.alignment.alignment import Alignment
 from atra.alignment.culling import plan_aligned_geometry
 from atra.embree.library import load_library
+from atra.geometry.intersection import intersect_pixels
 from atra.judge.compare import Verdict
-from atra.judge.reference import brute_force, intersect_pixels
+from atra.judge.reference import brute_force
 from atra.parallel import WorkerPool
 from tests.strategies import EXAMPLES, parallel_views, views
 
@@ -89,7 +90,7 @@ def test_culling_keeps_every_triangle_in_every_cell_where_a_float64_ray_hits_it(
     mesh, camera = view.mesh, view.camera
     alignment = Alignment.of_cells(camera, atra.Split(*view.split, camera.width, camera.height))
     pool = WorkerPool(1)
-    geometry = plan_aligned_geometry([mesh], alignment, culling=True, row_stride=camera.width, pool=pool)
+    geometry = plan_aligned_geometry([mesh], alignment, atra.AlignedOptions(), camera.width, pool)
     pool.close()
     kept = set(zip(geometry.records & 0xFFFFFFFF, geometry.records >> 32, strict=True))  # prim_id, first pixel of cell
     left_out = {prim_id for one in geometry.left_out if one for prim_id in one.prim_ids}  # tests/test_rounding.py

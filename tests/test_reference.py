@@ -5,10 +5,11 @@ import pytest
 
 from atra.errors import InputError
 from atra.geometry.camera import Camera
+from atra.geometry.intersection import intersect_pixels
 from atra.geometry.mesh import Mesh
 from atra.geometry.orthographic import OrthographicCamera
 from atra.hits import MISS
-from atra.judge.reference import brute_force, intersect_pixels
+from atra.judge.reference import brute_force
 from scenes.cornell_box import cornell_box
 
 # Looks along -z from the origin: camera (X, Y, Z) = world (x, -y, -z).

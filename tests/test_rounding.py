@@ -7,7 +7,7 @@ import atra
 from atra.alignment.culling import project_vertices
 from atra.alignment.rounding import roundings_of_copies
 from atra.alignment.visibility import Tiles, nearest_in_tiles
-from atra.judge.reference import intersect_pixels
+from atra.geometry.intersection import intersect_pixels
 from atra.kernels.rounding import COPY_ROUNDINGS, INSTANCE_ROUNDINGS, MOST_ROUNDINGS
 from atra.parallel import WorkerPool
 from atra.tracers.aligned import SECOND_PASS_TILE
@@ -90,7 +90,7 @@ def test_no_ray_meets_a_triangle_left_out_before_the_depth_of_its_tile(fov):
     mesh, camera = beams(3, 60), atra.Camera(**EYE_AT_ORIGIN, width=40, height=24, fov_y_degrees=fov)
     with atra.AlignedTracer(mesh, camera, (8, 2), threads=1) as tracer:
         (without,) = tracer._geometry.left_out
-        assert tracer.triangles_left_out == len(without.prim_ids) > 5
+        assert tracer.counters["triangles_left_out"] == len(without.prim_ids) > 5
     nearest = nearest_in_tiles(mesh, camera, Tiles(*SECOND_PASS_TILE, 40, 24), without)
     y, x = (grid.ravel() for grid in np.mgrid[:24, :40])
     seen = 0
@@ -111,7 +111,7 @@ def test_every_frame_has_a_second_pass_of_its_own_and_embree_counts_it():
     for options in ({}, {"culling": False, "geometry": "instanced"}):
         with atra.FramesTracer(mesh, alignment, threads=1, **options) as tracer:
             frames = tracer.trace()
-            assert tracer.triangles_left_out > 0
+            assert tracer.counters["triangles_left_out"] > 0
             assert tracer.embree_bytes > tracer._scene.embree_bytes
             second_scenes = [one.scene for one in tracer._second_passes]
         assert all(scene.closed for scene in second_scenes)

@@ -302,7 +302,7 @@ def test_a_point_is_traced_by_the_rule_it_names(method, rule):
     point = replace(POINT, method=method, ties=rule)
     for make in (make_tracer, partial(make_pixel_tracer, packet_width=None)):
         with make(point, cornell_box(), point.camera) as tracer:
-            assert tracer.ties == rule
+            assert tracer.options.ties == rule
     assert ("ties any" in point.label()) == (rule == "any")
 
 

@@ -202,8 +202,8 @@ def test_culling_keeps_fewer_triangles_and_reports_them_all():
     camera = cornell_camera(64, 64)
     mesh = cornell_box()
     with atra.AlignedTracer(mesh, camera, (16, 1), culling=False) as whole:
-        assert whole.triangle_count == 16 * (mesh.triangle_count - whole.triangles_left_out)
-        assert whole.triangles_left_out < 0.03 * mesh.triangle_count
+        assert whole.triangle_count == 16 * (mesh.triangle_count - whole.counters["triangles_left_out"])
+        assert whole.counters["triangles_left_out"] < 0.03 * mesh.triangle_count
     with atra.AlignedTracer(mesh, camera, (16, 1)) as culled:
         assert 0 < culled.triangle_count < 4 * mesh.triangle_count
         assert culled.embree_bytes > 0
@@ -438,7 +438,8 @@ def test_no_method_shows_a_triangle_without_area():
     camera = atra.Camera(**EYE_AT_ORIGIN, width=64, height=48, fov_y_degrees=120)
     options = {"culling": False, "geometry": "instanced"}
     for tracer in (
-        atra.PixelTracer(mesh, camera), atra.PixelTracer(mesh, camera, 1), atra.TiledTracer(mesh, camera, (8, 4)),
+        atra.PixelTracer(mesh, camera), atra.PixelTracer(mesh, camera, packet_width=1),
+        atra.TiledTracer(mesh, camera, (8, 4)),
         atra.AlignedTracer(mesh, camera, (16, 1)), atra.AlignedTracer(mesh, camera, (16, 1), **options),
         atra.VisibleFirstTracer(mesh, camera, (16, 1)),
     ):  # fmt: skip

@@ -8,7 +8,8 @@ import pytest
 import atra
 from atra.alignment.visibility import Tiles, plan_visible_geometry
 from atra.embree.library import load_library
-from atra.judge.reference import brute_force, intersect_pixels
+from atra.geometry.intersection import intersect_pixels
+from atra.judge.reference import brute_force
 from atra.parallel import WorkerPool
 from tests.images import assert_equal_images, trace_pixels
 from tests.meshes import EYE_AT_ORIGIN, cornell_box, cornell_camera, quads, random_triangles
@@ -91,7 +92,7 @@ def test_a_cloud_of_small_triangles_in_front_of_a_wall_is_complete(seed):
     reference = brute_force(mesh, camera, (0.3, 0.8))
     with atra.VisibleFirstTracer(mesh, camera, (16, 1), threads=1, probe=[0, 1]) as tracer:
         assert_equal_images(mesh, camera, tracer.trace((0.3, 0.8)), reference)
-        assert tracer.packets_verified > 0
+        assert tracer.counters["packets_verified"] > 0
     assert_equal_images(mesh, camera, trace_visible_first(mesh, camera, (16, 1), (0.3, 0.8)), reference)
 
 
@@ -103,9 +104,10 @@ def test_no_ray_meets_a_copy_left_out_before_the_depth_of_its_tile(seed, counts,
     camera = atra.Camera(**EYE_AT_ORIGIN, width=24, height=18, fov_y_degrees=fov)
     split = atra.Split(*counts, camera.width, camera.height)
     tiles, pool = Tiles(4, 4, camera.width, camera.height), WorkerPool(1)
+    seen_depth = np.random.default_rng(seed).choice([0.0, 0.0, 0.0, 1.0], tiles.shape)
     plan = plan_visible_geometry(
-        mesh, atra.Alignment.of_cells(camera, split), tiles, seen=np.zeros(40, np.uint8),
-        seen_depth=np.random.default_rng(seed).choice([0.0, 0.0, 0.0, 1.0], tiles.shape), row_stride=24, pool=pool,
+        mesh, atra.Alignment.of_cells(camera, split), tiles, (np.zeros(40, np.uint8), seen_depth), atra.CellOptions(),
+        row_stride=24, pool=pool,
     )  # fmt: skip
     assert np.isfinite(plan.nearest_hidden).any()
     records = plan.geometry.records
@@ -130,7 +132,7 @@ def test_a_wall_hides_what_is_behind_and_nothing_need_be_verified():
     camera = atra.Camera(**EYE_AT_ORIGIN, width=64, height=64, fov_y_degrees=60)
     with atra.VisibleFirstTracer(mesh, camera, (16, 1), threads=1) as tracer:
         assert set(np.unique(tracer.trace().prim_id)) == {0, 1}
-        assert tracer.packets_verified == 0
+        assert tracer.counters["packets_verified"] == 0
         assert tracer.triangle_count - mesh.triangle_count <= 2 * 16
         assert not np.isinf(tracer._second_pass._nearest).all()
 
@@ -188,7 +190,7 @@ def test_plan_probe_and_build_are_timed_and_both_scenes_are_counted():
     camera = cornell_camera(64, 64)
     mesh = cornell_box()
     with atra.PixelTracer(mesh, camera) as pixel, atra.VisibleFirstTracer(mesh, camera, (16, 1)) as tracer:
-        assert 0 < tracer.probe_time_s < tracer.plan_time_s
+        assert 0 < tracer.counters["probe_time_s"] < tracer.plan_time_s
         assert tracer.build_time_s > 0
         assert tracer.embree_bytes > pixel.embree_bytes
         assert tracer.triangle_count > mesh.triangle_count

@@ -1,4 +1,4 @@
-"""Which rays one set of reference rays stands for, and the affine maps that make it so (paper §3.1-3.3)."""
+"""Alignment: which rays one set of reference rays stands for, and the affine maps that make it so (paper §3.1-3.3)."""
 
 from __future__ import annotations
 
@@ -10,69 +10,14 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
+from atra.alignment.split import Split
 from atra.errors import InputError
 from atra.geometry.camera import Camera
-from atra.geometry.orthographic import OrthographicCamera
 from atra.geometry.ray_space import from_eye_space, ray_axes
 from atra.geometry.view import Vector, View
-from atra.whole_numbers import is_whole_number
 
 TOLERANCE_PIXELS = 1e-6
 """How far beside its reference ray a mapped ray may lie: float64 leaves about 1e-9, float32 tracing 1e-4."""
-
-
-@dataclass(frozen=True)
-class Split:
-    """nx x ny equal cells of a width x height image; cell (i, j) is column i, row j.
-
-    Raises InputError for anything but whole numbers of at least 1, and for counts that do not divide the image.
-    """
-
-    nx: int
-    ny: int
-    width: int
-    height: int
-
-    def __post_init__(self) -> None:
-        counts = {"nx": "columns", "ny": "rows", "width": "pixels in a row", "height": "pixels in a column"}
-        for name, counted in counts.items():
-            count = getattr(self, name)
-            if not is_whole_number(count) or count < 1:
-                raise InputError(
-                    f"split ({self.nx!r}, {self.ny!r}): the number of {counted} is {count!r}, "
-                    "expected a whole number of at least 1"
-                )
-            object.__setattr__(self, name, int(count))  # NumPy's small integers would overflow in products
-        if self.width % self.nx or self.height % self.ny:
-            raise InputError(
-                f"split ({self.nx}, {self.ny}) does not divide image {self.width} x {self.height}; "
-                f"split_x must divide {self.width} and split_y must divide {self.height}"
-            )
-
-    @classmethod
-    def of_image(cls, counts: tuple[int, int], camera: View) -> Self:
-        """The camera's image in counts = (nx, ny) cells. Raises InputError for anything but two such numbers."""
-        try:
-            nx, ny = counts
-        except (TypeError, ValueError):
-            raise InputError(
-                f"split is {counts!r}, expected two whole numbers, columns and rows of cells, such as (8, 1)"
-            ) from None
-        return cls(nx, ny, camera.width, camera.height)
-
-    @property
-    def cell_count(self) -> int:
-        return self.nx * self.ny
-
-    @property
-    def cell_width(self) -> int:
-        """Pixels."""
-        return self.width // self.nx
-
-    @property
-    def cell_height(self) -> int:
-        """Pixels."""
-        return self.height // self.ny
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,13 +101,6 @@ class Alignment:
         Raises InputError for another number of pixels, or a camera of another kind, naming the frame.
         """
         return cls._of_images(tuple(cameras), split)
-
-    @classmethod
-    def of_parallel_rays(cls, camera: OrthographicCamera, split: Split) -> Self:
-        """The cells of an orthographic image or a directional light's shadow map: a translation per cell."""
-        if not camera.is_parallel:
-            raise InputError(f"the rays of {camera!r} are not parallel; use Alignment.of_cells")
-        return cls._of_images((camera,), split)
 
     @classmethod
     def at_first_cell(cls, camera: View, split: Split) -> Self:

@@ -1,4 +1,4 @@
-"""Plan an aligned scene: which triangles each cell keeps, sheared onto the reference rays (paper §3.4)."""
+"""The plan of an aligned scene: which triangles each cell keeps, sheared onto the reference rays (paper §3.4)."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 
 from atra.alignment.alignment import Alignment
 from atra.alignment.rounding import Roundings, roundings_of_copies
-from atra.embree.scene import padded_vertices
 from atra.errors import InputError, MemoryBudgetError
 from atra.geometry.mesh import Mesh
-from atra.geometry.ray_space import from_eye_space, to_ray_space
+from atra.geometry.ray_space import from_eye_space, padded_vertices, to_ray_space
 from atra.geometry.view import View
 from atra.kernels.planning import count_copies, fill_copies, project_points
 from atra.kernels.rounding import COPY_ROUNDINGS
+from atra.options import AlignedOptions, CellOptions
 from atra.parallel import WorkerPool
 
 PLAN_BYTES_PER_COPY = 3 * 12 + 12 + 8
@@ -96,16 +96,9 @@ def plan_plain_geometry(mesh: Mesh, camera: View, is_left_out: NDArray[np.bool_]
 
 
 def plan_aligned_geometry(
-    meshes: Sequence[Mesh],
-    alignment: Alignment,
-    *,
-    culling: bool,
-    row_stride: int,
-    pool: WorkerPool,
-    memory_budget_bytes: int | None = None,
-    build_quality: str = "medium",
+    meshes: Sequence[Mesh], alignment: Alignment, options: AlignedOptions, row_stride: int, pool: WorkerPool
 ) -> AlignedGeometry:
-    """Shear a copy of every triangle for every cell, or with `culling` only for the cells whose frustum it meets.
+    """Shear a copy of every triangle for every cell, or with culling only for the cells whose frustum it meets.
 
     Triangles without area are left out: no ray hits them (`plan_plain_geometry`).
     meshes: what each image of the alignment sees; the same one may stand there several times.
@@ -127,7 +120,7 @@ def plan_aligned_geometry(
         roundings = image_roundings(mesh, camera, alignment, pool, points, COPY_ROUNDINGS)
         left_out.append(LeftOut.of(roundings.left_out, roundings, points[0]))
     counts = [
-        count_kept(pool, points_pixels, mesh, culling, cell)
+        count_kept(pool, points_pixels, mesh, options.culling, cell)
         for mesh, (points_pixels, _) in zip(meshes, projected, strict=True)
     ]
     for kept, without in zip(counts, left_out, strict=True):
@@ -136,7 +129,7 @@ def plan_aligned_geometry(
     # One after the other: the copies of triangle t of image k start at its place in this list.
     starts = np.concatenate([[0], np.cumsum(np.concatenate(counts))])
     copies = int(starts[-1])
-    check_memory_budget(copies, build_quality, memory_budget_bytes, split.cell_count * alignment.image_count)
+    check_memory_budget(copies, split.cell_count * alignment.image_count, options)
 
     vertices = padded_vertices(3 * copies)
     records = np.empty(copies, np.int64)
@@ -145,7 +138,7 @@ def plan_aligned_geometry(
         own_starts = starts[first_triangle : first_triangle + mesh.triangle_count + 1]
         first_triangle += mesh.triangle_count
         place = image * split.height * row_stride, row_stride
-        _fill(pool, points, mesh, culling, cell, alignment.shears, place, own_starts, vertices, records)
+        _fill(pool, points, mesh, options.culling, cell, alignment.shears, place, own_starts, vertices, records)
     faces = np.arange(3 * copies, dtype=np.uint32).reshape(copies, 3)
     return AlignedGeometry(vertices, faces, records, left_out=tuple(left_out))
 
@@ -171,11 +164,7 @@ def image_roundings(
 
 
 def count_kept(
-    pool: WorkerPool,
-    points_pixels: NDArray[np.float64],
-    mesh: Mesh,
-    culling: bool,
-    cell: tuple[int, int, int, int],
+    pool: WorkerPool, points_pixels: NDArray[np.float64], mesh: Mesh, culling: bool, cell: tuple[int, int, int, int]
 ) -> NDArray[np.int64]:
     """(F,) int64, the cells that keep each triangle: those it meets, or without `culling` all; none if it has no area.
 
@@ -205,24 +194,21 @@ def _fill(
     pool.run(lambda _, counter: fill_copies(counter, *points, mesh.traced_faces, culling, *rest))
 
 
-def check_memory_budget(copies: int, build_quality: str, budget_bytes: int | None, cell_count: int) -> None:
+def check_memory_budget(copies: int, cell_count: int, options: CellOptions) -> None:
     """Raise MemoryBudgetError if so many copies would exceed the budget, the memory that is free now, or the 2^32
-    vertices Embree can number. budget_bytes: None leaves the free memory as the only bound."""
+    vertices Embree can number."""
     if 3 * copies >= 2**32:
         raise MemoryBudgetError(f"{copies:,} triangle copies over {cell_count:,} cells are more than Embree can index")
-    needed = copies * (PLAN_BYTES_PER_COPY + EMBREE_BYTES_PER_COPY[build_quality])
+    needed = copies * (PLAN_BYTES_PER_COPY + EMBREE_BYTES_PER_COPY[options.build_quality])
     what = f"{copies:,} triangle copies over {cell_count:,} cells"
-    check_needed_bytes(needed, budget_bytes, what, "use fewer cells, culling, or more memory")
+    check_needed_bytes(needed, options.memory_budget_bytes, what, "use fewer cells, culling, or more memory")
 
 
 def check_needed_bytes(needed: int, budget_bytes: int | None, what: str, cure: str) -> None:
     """Raise MemoryBudgetError if `needed` bytes exceed the budget or the memory that is free now.
 
     what: the thing that needs them, in the plural; cure: what to do. budget_bytes: None for no budget.
-    Raises InputError for a budget that is no number of bytes.
     """
-    if budget_bytes is not None and not (isinstance(budget_bytes, (int, float, np.number)) and budget_bytes >= 0):
-        raise InputError(f"memory_budget_bytes is {budget_bytes!r}, expected a number of at least 0, or None for none")
     free = psutil.virtual_memory().available
     for which, limit in (("the memory budget is", budget_bytes), ("the machine has free only", free)):
         if limit is not None and needed > limit:

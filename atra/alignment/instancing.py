@@ -1,4 +1,4 @@
-"""Plan an aligned scene without copies: the mesh once, and one shear per cell (paper §4.4 suggests it)."""
+"""The plan of an aligned scene without copies: the mesh once, and one shear per cell (paper §4.4 suggests it)."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ from atra.alignment.culling import (
 from atra.geometry.mesh import Mesh
 from atra.geometry.ray_space import from_eye_space
 from atra.kernels.rounding import INSTANCE_ROUNDINGS
+from atra.options import CellOptions
 from atra.parallel import WorkerPool
 
 PLAN_BYTES_PER_INSTANCE = 48 + 8
@@ -30,13 +31,7 @@ quality. After it Embree reports 312 to 323."""
 
 
 def plan_instanced_geometry(
-    mesh: Mesh,
-    alignment: Alignment,
-    *,
-    row_stride: int,
-    pool: WorkerPool,
-    memory_budget_bytes: int | None = None,
-    build_quality: str = "medium",
+    mesh: Mesh, alignment: Alignment, options: CellOptions, row_stride: int, pool: WorkerPool
 ) -> AlignedGeometry:
     """The mesh itself in the first camera's ray space, and for every part of the alignment a transform onto the
     reference rays. Left out, of all images, are triangles that an instance would show less exactly in one of them than
@@ -48,7 +43,7 @@ def plan_instanced_geometry(
     split = alignment.split
     rows = split.height * alignment.image_count
     check_image_size(rows, row_stride)
-    check_instancing_budget(mesh, split.cell_count * alignment.image_count, build_quality, memory_budget_bytes)
+    check_instancing_budget(mesh, split.cell_count * alignment.image_count, options)
     projected = [
         project_vertices(mesh, camera, pool, linear)
         for camera, linear in zip(alignment.cameras, alignment.linear, strict=True)
@@ -77,9 +72,9 @@ def instance_transforms(alignment: Alignment) -> NDArray[np.float32]:
     return transforms.astype(np.float32)
 
 
-def check_instancing_budget(mesh: Mesh, instance_count: int, build_quality: str, budget_bytes: int | None) -> None:
+def check_instancing_budget(mesh: Mesh, instance_count: int, options: CellOptions) -> None:
     """Raise MemoryBudgetError if the mesh and its instances would exceed the budget or the memory that is free now."""
-    needed = len(mesh.vertices) * 12 + mesh.triangle_count * EMBREE_BYTES_PER_COPY[build_quality]
+    needed = len(mesh.vertices) * 12 + mesh.triangle_count * EMBREE_BYTES_PER_COPY[options.build_quality]
     needed += instance_count * (PLAN_BYTES_PER_INSTANCE + EMBREE_BYTES_PER_INSTANCE)
     what = f"{mesh.triangle_count:,} triangles and {instance_count:,} instances of them"
-    check_needed_bytes(needed, budget_bytes, what, "use fewer cells or more memory")
+    check_needed_bytes(needed, options.memory_budget_bytes, what, "use fewer cells or more memory")

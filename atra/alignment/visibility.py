@@ -1,4 +1,4 @@
-"""Plan what the first pass of visible-first tracing gets, and what the second must be able to rule out.
+"""The plan of visible-first tracing: what its first pass gets, and what the second must be able to rule out.
 
 The image is divided into small tiles. A probe says how far one sees in each of them, roughly; a copy of a triangle goes
 into the first pass where it may lie nearer than that in some tile of its cell. What is left out is remembered as one
@@ -15,10 +15,11 @@ from numpy.typing import NDArray
 from atra.alignment.alignment import Alignment
 from atra.alignment.culling import AlignedGeometry, LeftOut, check_image_size, check_memory_budget, project_vertices
 from atra.alignment.rounding import roundings_of_copies
-from atra.embree.scene import padded_vertices
 from atra.geometry.mesh import Mesh
+from atra.geometry.ray_space import padded_vertices
 from atra.geometry.view import View
 from atra.kernels.visible import count_visible, fill_visible
+from atra.options import CellOptions
 from atra.parallel import WorkerPool
 
 DEPTH_SLACK = 1e-4
@@ -60,22 +61,20 @@ def plan_visible_geometry(
     mesh: Mesh,
     alignment: Alignment,
     tiles: Tiles,
+    probed: tuple[NDArray[np.uint8], NDArray[np.float64]],
+    options: CellOptions,
     *,
-    seen: NDArray[np.uint8],
-    seen_depth: NDArray[np.float64],
     row_stride: int,
     pool: WorkerPool,
-    memory_budget_bytes: int | None = None,
-    build_quality: str = "medium",
 ) -> VisiblePlan:
     """Shear a copy of every triangle for the cells in which a probe says it may be seen.
 
     alignment: of the cells of one image.
-    seen: (F,) uint8, non-zero: keep the triangle in every cell it meets. seen_depth: shape of `tiles`, keep what may be
+    probed: (F,) uint8, non-zero: keep the triangle in every cell it meets; and, shape of `tiles`, keep what may be
     nearer than this in a tile (inf: everything, 0: nothing). Both are guesses and cost time when wrong, never a hit.
     row_stride: pixels from one image row to the next. Raises MemoryBudgetError before allocating the copies.
     """
-    split, (camera,) = alignment.split, alignment.cameras
+    split, (camera,), (seen, seen_depth) = alignment.split, alignment.cameras, probed
     check_image_size(split.height, row_stride)
     points_pixels, points_ray = project_vertices(mesh, camera, pool)
     roundings = roundings_of_copies(mesh, alignment, pool, points_pixels, points_ray, points_ray)
@@ -104,7 +103,7 @@ def plan_visible_geometry(
     starts = np.zeros(mesh.triangle_count + 1, np.int64)
     np.cumsum(counts, out=starts[1:])
     copies = int(starts[-1])
-    check_memory_budget(copies, build_quality, memory_budget_bytes, split.cell_count)
+    check_memory_budget(copies, split.cell_count, options)
     vertices = padded_vertices(3 * copies)
     records = np.empty(copies, np.int64)
 

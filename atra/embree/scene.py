@@ -15,7 +15,8 @@ from atra.whole_numbers import is_whole_number
 class EmbreeScene(EmbreeDevice):
     """A committed Embree scene of triangles, or of instances of them, on a device of its own.
 
-    vertices: (V, 3) float32 C-contiguous with at least 16 readable bytes after the last vertex (`padded_vertices`).
+    vertices: (V, 3) float32 C-contiguous with at least 16 readable bytes after the last vertex,
+    as `padded_vertices` of `atra.geometry.ray_space` has.
     faces: (F, 3) uint32 C-contiguous.
     filter_address: compiled RTCFilterFunctionN, or 0 for none; `user_data` is handed to it.
     transforms: (I, 3, 4) float32 C-contiguous: the triangles are put once into an inner scene, and the scene holds one
@@ -61,13 +62,6 @@ class EmbreeScene(EmbreeDevice):
         if self.closed:
             raise EmbreeError("this Embree scene is closed and cannot be traced any more")
         return self._scene
-
-
-def padded_vertices(count: int) -> NDArray[np.float32]:
-    """Uninitialised (count, 3) float32 whose memory goes on for 16 zero bytes, as Embree's vertex loads need."""
-    memory = np.empty(count * 3 + 4, np.float32)
-    memory[count * 3 :] = 0.0
-    return memory[: count * 3].reshape(count, 3)
 
 
 def check_build_quality(build_quality: str) -> None:

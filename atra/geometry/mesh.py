@@ -1,34 +1,20 @@
-"""Triangles: what is traced, and how a file becomes it."""
+"""A mesh: the triangles that are traced."""
 
 from __future__ import annotations
 
-import io
-import logging
-import warnings
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import cache, cached_property
-from pathlib import Path
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from atra.errors import InputError, printable
-from atra.geometry.mesh_claims import check_claims, check_memory
-from atra.geometry.mesh_geometry import geometry_of
-
-Part = tuple[NDArray[np.float64], NDArray[np.int64]]
-"""Vertices and faces."""
+from atra.errors import InputError
 
 # The triangle test multiplies three lengths in float32; beyond this their product leaves float32 and a triangle would
 # vanish from the image without a word. Embree also drops triangles with coordinates above 1.8e18 silently. How near
 # the eye must be depends on the camera: see `ray_space.check_range`.
 _LARGEST_COORDINATE = 1e12
-
-# Warnings of NumPy's by which text that is no number, or no index, goes on as another value.
-_DAMAGE = ("string or file could not be read to its end", "invalid value encountered in cast")
 
 _LONGER_PRODUCT = 4.0
 """How many times the product of the shortest two edges that of the two at the first corner is in a needle."""
@@ -161,144 +147,3 @@ def _as_array(name: str, given: ArrayLike) -> NDArray[Any]:
         return np.asarray(given)
     except (TypeError, ValueError) as error:
         raise InputError(f"{name} cannot be read as an array: {error}") from None
-
-
-def load_mesh(path: str | Path) -> Mesh:
-    """Read the triangles of a file, in file order: nothing merged, reordered or dropped.
-
-    path: a mesh file of a format trimesh reads (PLY, OBJ, STL, OFF, glTF, …); `~` is expanded. Polygons are cut into
-    triangles; where PLY or OFF mix them with triangles, their pieces come last. A scene graph is flattened, each
-    instance moved by its transform. Materials and textures are not read; a glTF may name buffers in its own folder
-    only. STL has no shared vertices, so its mesh has none.
-
-    The file need not be trusted (docs/trust.md). Raises InputError naming the path: missing, no regular file, an
-    unknown format, unreadable, cut short, without triangles, with instances that the free memory cannot hold, or with
-    values that `Mesh` refuses. An OBJ with relative (negative) indices and a glTF with compressed or sparse geometry,
-    with triangle fans or with nodes of several parents are refused, since trimesh misreads them, and so is an archive,
-    since trimesh skips the members it cannot read.
-    """
-    path = Path(path).expanduser()
-    if path.is_dir():
-        raise InputError(f"{path} is a folder, expected a mesh file")
-    if not path.exists():
-        raise InputError(f"{path} does not exist, expected a mesh file")
-    parts, promised = _read(path)
-    if not parts:
-        raise InputError(f"{path} holds no triangles (a point cloud or a path has none), expected a triangle mesh")
-    first_vertex = np.cumsum([0] + [len(vertices) for vertices, _ in parts[:-1]])
-    vertices = np.concatenate([vertices for vertices, _ in parts])
-    faces = np.concatenate([faces + start for (_, faces), start in zip(parts, first_vertex, strict=True)])
-    if len(faces) < promised:
-        raise InputError(f"{path} gives {len(faces)} faces, but promises {promised}: it seems cut short or damaged")
-    try:
-        return Mesh(vertices, faces, name=printable(path.stem))
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from None
-
-
-def _read(path: Path) -> tuple[list[Part], int]:
-    """The parts of a file in the order of its scene graph, and how many faces it promises."""
-    import trimesh  # slow to import, and needed only where a file is read
-    from trimesh.exchange.load import mesh_formats
-
-    suffix = path.suffix.lower().lstrip(".")
-    formats = mesh_formats()
-    if suffix not in formats:
-        known = ", ".join(sorted(formats))
-        raise InputError(f"{path} has the unknown format {suffix!r}, expected one of {known} (unpack an archive first)")
-    try:
-        content = read_regular_file(path)
-        promised = check_claims(content, suffix)
-        with warnings.catch_warnings(), _warnings_of_trimesh_refused():
-            warnings.simplefilter("ignore")
-            for damage in _DAMAGE:
-                warnings.filterwarnings("error", message=damage)
-            scene = trimesh.load_scene(
-                io.BytesIO(geometry_of(content, suffix)),
-                file_type=suffix,
-                resolver=_folder_of(path),
-                process=False,
-                skip_materials=True,
-                maintain_order=True,
-            )
-        return list(_flattened(scene)), promised
-    except Exception as error:  # a reader of foreign bytes may raise anything
-        reason = str(error).strip() or type(error).__name__
-        raise InputError(f"{path} cannot be read as {suffix}: {reason}") from None
-
-
-class _Refusal(logging.Handler):
-    """Turns what is logged into an error."""
-
-    def emit(self, record: logging.LogRecord) -> None:
-        raise InputError(record.getMessage())
-
-
-@contextmanager
-def _warnings_of_trimesh_refused() -> Iterator[None]:
-    """trimesh logs what it goes on without, with a traceback, which Python prints where no logging is set up."""
-    logger, refusal = logging.getLogger("trimesh"), _Refusal(logging.WARNING)
-    logger.addHandler(refusal)
-    try:
-        yield
-    finally:
-        logger.removeHandler(refusal)
-
-
-def _folder_of(path: Path) -> Any:
-    """Gives trimesh the files that a mesh file names, out of its own folder."""
-    from trimesh.resolvers import FilePathResolver
-
-    class Folder(FilePathResolver):  # type: ignore[misc]
-        def get(self, name: str) -> bytes:
-            return _once(self.absolute(name))
-
-    _once = cache(read_regular_file)
-    return Folder(str(path))
-
-
-def read_regular_file(path: Path) -> bytes:
-    """What a file holds. Raises InputError for a pipe or a device, which may block for ever or never end."""
-    if path.exists() and not path.is_file():
-        raise InputError(f"{path.name} is no regular file")
-    return path.read_bytes()
-
-
-def _flattened(scene: Any) -> Iterator[Part]:
-    """Vertices in world space and faces of every mesh instance, in the order of the scene graph."""
-    import trimesh
-
-    parts = {
-        name: _checked_part(part)
-        for name, part in scene.geometry.items()
-        if isinstance(part, trimesh.Trimesh) and len(part.faces)
-    }
-    world, nodes = _world_transforms(scene.graph), scene.graph.transforms.node_data
-    placed = [(world[node], nodes[node]["geometry"]) for node in scene.graph.nodes_geometry]
-    placed = [(transform, parts[name]) for transform, name in placed if name in parts]
-    check_memory(sum(len(vertices) + len(faces) for _, (vertices, faces) in placed))
-    identity = np.eye(4)
-    for transform, (vertices, faces) in placed:
-        if not np.array_equal(transform, identity):  # identity keeps the file's bits
-            vertices = vertices @ transform[:3, :3].T + transform[:3, 3]
-        yield vertices, faces
-
-
-def _checked_part(part: Any) -> Part:
-    vertices, faces = np.asarray(part.vertices, np.float64), np.asarray(part.faces, np.int64)
-    if faces.min() < 0 or faces.max() >= len(vertices):  # before parts are joined and hide it
-        face = int(np.nonzero(((faces < 0) | (faces >= len(vertices))).any(axis=1))[0][0])
-        raise InputError(f"face {face} names {faces[face].tolist()}, but there are {len(vertices)} vertices")
-    return vertices, faces
-
-
-def _world_transforms(graph: Any) -> dict[Any, NDArray[np.float64]]:
-    """Of all nodes below the base, each from its parent's: trimesh would multiply the whole path anew for each."""
-    children, edges = graph.transforms.children, graph.transforms.edge_data
-    world, waiting = {graph.base_frame: np.eye(4)}, [graph.base_frame]
-    while waiting:
-        parent = waiting.pop()
-        for child in children.get(parent, ()):
-            world[child] = world[parent] @ edges[parent, child]["matrix"]
-            waiting.append(child)
-    return world

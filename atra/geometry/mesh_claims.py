@@ -1,4 +1,4 @@
-"""What the bytes of a mesh file claim, checked before a reader believes them.
+"""Claims of a mesh file: what its bytes promise, checked before a reader believes them.
 
 The readers of `trimesh` ask for the memory a header names, take longer than the size of a file accounts for, and give
 zeros for geometry that is stored in a way they do not know; all of this is found here, from the bytes alone.

@@ -35,6 +35,13 @@ the rays itself, where nothing else keeps a component from coming out tiny (`ker
 """
 
 
+def padded_vertices(count: int) -> NDArray[np.float32]:
+    """Uninitialised (count, 3) float32 whose memory goes on for 16 zero bytes, as Embree's vertex loads need."""
+    memory = np.empty(count * 3 + 4, np.float32)
+    memory[count * 3 :] = 0.0
+    return memory[: count * 3].reshape(count, 3)
+
+
 def check_range(mesh: Mesh, camera: View) -> None:
     """Raise InputError for a mesh too small, or too far from the eye, for float32."""
     distance = float(np.abs(mesh.bounds - camera.eye).max())

@@ -1,4 +1,4 @@
-"""Where in their pixels the rays of successive frames go: a low-discrepancy sequence, for progressive pictures."""
+"""Sub-pixel positions of the rays of successive frames: a low-discrepancy sequence, for progressive pictures."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What every camera has: where it stands, where it looks, and its pixel grid."""
+"""A view: what every camera has, where it stands, where it looks, and its pixel grid."""
 
 from __future__ import annotations
 

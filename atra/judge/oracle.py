@@ -14,11 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.errors import InputError
+from atra.geometry.intersection import intersect_pixels, triangles_in_camera_space
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.hits import MISS, Hits
 from atra.judge.compare import TIE_TOLERANCE, Agreement, Verdict, compare
-from atra.judge.reference import intersect_pixels, triangles_in_camera_space
 from atra.kernels.brute_force import SLACK, nearest_triangles
 from atra.parallel import WorkerPool, resolve_threads
 
@@ -62,7 +62,7 @@ class Testimony:
 
     prim_id: (N,) uint32, the triangle it names. stored_depth: (N,) float32, the depth it stores.
     depth, edge_distance: (N,) float64, where the ray meets that triangle's plane in float64, as in
-    `atra.judge.reference.Intersections`; inf and NaN where it names none.
+    `atra.geometry.intersection.Intersections`; inf and NaN where it names none.
     standing: (N,) uint8, values of `Standing`.
     off_by: (N,) float64, barycentric: how far a wrong answer is from a right one. A triangle that is missed is missed
     by this, otherwise the nearest triangle was overlooked this far inside its edges. inf where a triangle without

@@ -1,117 +1,17 @@
-"""The float64 judge: one ray against one plane, and the slow nearest hit that everything else is held against."""
+"""The reference: the nearest hit of every pixel in float64, slow and obvious, that everything else is held against."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from functools import cached_property
-
 import numpy as np
-from numpy.typing import NDArray
 
+from atra.geometry.intersection import divided, triangles_in_camera_space, volumes_of
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.hits import MISS, Hits
 
-# |d . (e1 x e2)| / (|d| |e1| |e2|) below which the determinant is rounding noise: some fifty units of float64 rounding.
-_PARALLEL = 1e-14
-
 # Slack in float64 for `inside` and for `equally deep`. A ray through a shared edge must not slip between two triangles
 # because their barycentrics round apart, and must find them equally deep. A million times finer than float32.
 _ROUNDING = 1e-12
-
-
-@dataclass(frozen=True, eq=False)
-class Intersections:
-    """Ray i met with the plane of triangle i, unclipped.
-
-    depth: (N,) float64, along the view axis, scene units, >= 0; inf = never hit.
-    u, v: (N,) float64 barycentric weights of the second and third corner; outside [0, 1] beside the triangle; NaN =
-        never hit.
-    edge_distance: (N,) float64, min(u, v, 1 - u - v): negative beside the triangle; -inf = never hit.
-
-    A ray *never hits* a triangle whose plane is behind the eye (for parallel rays, behind the image plane) or parallel
-    to the ray, nor a triangle without area.
-    """
-
-    depth: NDArray[np.float64]
-    u: NDArray[np.float64]
-    v: NDArray[np.float64]
-    edge_distance: NDArray[np.float64]
-
-
-@dataclass(frozen=True, eq=False)
-class Volumes:
-    """Six times the signed volumes that decide about a ray o + t d and the triangle c, c + e1, c + e2.
-
-    With the normal n = e2 x e1, all float64 of one shape:
-    facing: d . n, zero where the triangle is edge-on.
-    ahead: (c - o) . n; over `facing` it is the ray parameter of the hit, the depth.
-    u, v: over `facing` they are the barycentric weights of the second and third corner.
-    size: |d| |e1| |e2|, what the rounding of the others is relative to.
-
-    Being products, they say something of every ray and triangle, also where the quotients do not.
-    Source: T. Möller, B. Trumbore, "Fast, minimum storage ray/triangle intersection", J. Graphics Tools 2(1), 1997.
-    """
-
-    facing: NDArray[np.float64]
-    ahead: NDArray[np.float64]
-    u: NDArray[np.float64]
-    v: NDArray[np.float64]
-    size: NDArray[np.float64]
-
-
-@dataclass(frozen=True, eq=False)
-class Pairs:
-    """Rays of pixels, each paired with a triangle of its own; derived values are in camera space, float64.
-
-    x, y, prim_id: (N,) integers: the ray of pixel (x, y) at `offset`, and its triangle.
-    A bad offset or a `prim_id` the mesh does not have raises InputError when first needed.
-    """
-
-    mesh: Mesh
-    camera: View
-    x: NDArray[np.integer]
-    y: NDArray[np.integer]
-    prim_id: NDArray[np.integer]
-    offset: tuple[float, float]
-
-    def __getitem__(self, chosen: NDArray) -> Pairs:
-        """The pairs at these indices, or where this mask is True."""
-        return replace(self, x=self.x[chosen], y=self.y[chosen], prim_id=self.prim_id[chosen])
-
-    @cached_property
-    def rays(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Origins and directions, (N, 3) each."""
-        return self.camera.rays(self.x, self.y, self.offset)
-
-    @cached_property
-    def corners(self) -> NDArray[np.float64]:
-        """(N, 3, 3): triangle, corner, axis."""
-        corners = self.mesh.triangles(self.prim_id).reshape(-1, 3)
-        return self.camera.to_camera_space(corners).reshape(-1, 3, 3)
-
-    @cached_property
-    def volumes(self) -> Volumes:
-        return _volumes(*self.rays, *triangles_in_camera_space(self.mesh, self.camera, self.prim_id))
-
-    @cached_property
-    def intersections(self) -> Intersections:
-        return _divided(self.volumes)
-
-
-def intersect_pixels(
-    mesh: Mesh,
-    camera: View,
-    x: NDArray[np.integer],
-    y: NDArray[np.integer],
-    prim_id: NDArray[np.integer],
-    offset: tuple[float, float] = (0.5, 0.5),
-) -> Intersections:
-    """Meet the ray of each pixel (x, y) with the plane of its own triangle `prim_id`, in float64.
-
-    x, y, prim_id: (N,) integers. Raises InputError for a bad offset or a `prim_id` the mesh does not have.
-    """
-    return Pairs(mesh, camera, x, y, prim_id, offset).intersections
 
 
 def brute_force(mesh: Mesh, camera: View, offset: tuple[float, float] = (0.5, 0.5)) -> Hits:
@@ -128,56 +28,10 @@ def brute_force(mesh: Mesh, camera: View, offset: tuple[float, float] = (0.5, 0.
     depth = np.full(len(x), np.inf)
     prim_id = np.full(len(x), MISS, np.uint32)
     for i in range(mesh.triangle_count):
-        found = _divided(_volumes(origins, directions, corner[i], edge_1[i], edge_2[i]))
+        found = divided(volumes_of(origins, directions, corner[i], edge_1[i], edge_2[i]))
         inside = (found.edge_distance >= -_ROUNDING) & (found.depth > 0.0)
         nearer = inside & (found.depth < depth * (1.0 - _ROUNDING))
         depth[nearer] = found.depth[nearer]
         prim_id[nearer] = i
     shape = (camera.height, camera.width)
     return Hits(depth.astype(np.float32).reshape(shape), prim_id.reshape(shape), offset, mesh, camera)
-
-
-def triangles_in_camera_space(
-    mesh: Mesh, camera: View, prim_id: NDArray[np.integer]
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """First corner and the two edges leaving it, (N, 3) float64 each.
-
-    The edges are subtracted before the rotation, where float32 vertices differ exactly in float64: a triangle without
-    area stays one, and coplanar triangles stay so.
-    """
-    corners = mesh.triangles(prim_id)
-    first = corners[:, 0]
-    return (
-        camera.to_camera_space(first),
-        (corners[:, 1] - first) @ camera.axes.T,
-        (corners[:, 2] - first) @ camera.axes.T,
-    )
-
-
-def _volumes(
-    origins: NDArray[np.float64],
-    directions: NDArray[np.float64],
-    corner: NDArray[np.float64],
-    edge_1: NDArray[np.float64],
-    edge_2: NDArray[np.float64],
-) -> Volumes:
-    """Möller–Trumbore up to its divisions; every argument (N, 3), or (3,) where it is the same for all."""
-    to_origin = origins - corner
-    p = np.cross(directions, edge_2)
-    q = np.cross(to_origin, edge_1)
-    size = np.sqrt(_dot(directions, directions) * _dot(edge_1, edge_1) * _dot(edge_2, edge_2))
-    return Volumes(_dot(p, edge_1), _dot(edge_2, q), _dot(p, to_origin), _dot(directions, q), size)
-
-
-def _divided(volumes: Volumes) -> Intersections:
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        u, v, depth = (volume / volumes.facing for volume in (volumes.u, volumes.v, volumes.ahead))
-    never = (np.abs(volumes.facing) <= _PARALLEL * volumes.size) | ~(depth >= 0.0)
-    u = np.where(never, np.nan, u)
-    v = np.where(never, np.nan, v)
-    edge_distance = np.where(never, -np.inf, np.minimum(np.minimum(u, v), 1.0 - u - v))
-    return Intersections(np.where(never, np.inf, depth), u, v, edge_distance)
-
-
-def _dot(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
-    return a[..., 0] * b[..., 0] + a[..., 1] * b[..., 1] + a[..., 2] * b[..., 2]

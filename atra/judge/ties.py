@@ -14,7 +14,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.errors import InputError, MemoryBudgetError
+from atra.errors import MemoryBudgetError
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.judge.compare import TIE_TOLERANCE
@@ -30,9 +30,6 @@ from atra.kernels.ties import (
     settle_ties,
 )
 from atra.parallel import WorkerPool
-
-TIES = ("lowest", "any")
-"""What a tracer stores where triangles tie: the lowest prim_id, or whichever float32 happens to put in front."""
 
 MOST_PAIRS = 1 << 24
 """Overlapping pairs that a mesh may have, equal triangles not counted: more would take long to find and to decide."""
@@ -52,12 +49,6 @@ class CoplanarOverlaps:
     twins: NDArray[np.uint32]
     starts: NDArray[np.uint32]
     partners: NDArray[np.uint32]
-
-
-def check_ties(ties: str) -> None:
-    """Raise InputError for anything but "lowest" and "any"."""
-    if ties not in TIES:
-        raise InputError(f"ties is {ties!r}, expected one of {', '.join(TIES)}")
 
 
 _found: WeakKeyDictionary[Mesh, CoplanarOverlaps] = WeakKeyDictionary()

@@ -16,7 +16,7 @@ from atra.kernels.intrinsics import fetch_add
 SLACK = 1e-12
 """For `inside` and for `equally deep`, as in `atra.judge.reference`."""
 
-_PARALLEL = 1e-14  # as in `atra.judge.reference`: the determinant below which a triangle is edge-on or has no area
+_PARALLEL = 1e-14  # of `atra.geometry.intersection`: the determinant below which a triangle is edge-on or has no area
 
 # For the test without divisions, as a share of the determinant. A ray inside by the exact test has barycentrics of at
 # least -SLACK, known to some units of rounding (1e-16): a thousand times SLACK lets none of them fail here.

@@ -21,7 +21,7 @@ PLANE_NUMBER_ROUNDING = 1e-8
 # |e1 x e2| / (|e1| |e2|) below which a triangle is a needle, too thin to cover a pixel or to know its plane in float64.
 _NEEDLE = 1e-7
 
-# As in `atra.judge.reference`: what counts as parallel to a plane, and as inside in spite of rounding.
+# What counts as parallel to a plane (`atra.geometry.intersection`), and as inside in spite of rounding (the reference).
 _PARALLEL = 1e-14
 _ROUNDING = 1e-12
 
@@ -201,7 +201,7 @@ def find_overlaps(prim_ids, corners, normals, sizes, boxes, twins, most_pairs): 
 def _intersect(vertices, faces, triangle, ox, oy, oz, dx, dy, dz):  # type: ignore[no-untyped-def]
     """(ray parameter, whether it is inside, edges included) of a ray and a plane; inf where they are parallel.
 
-    Möller–Trumbore in float64, as `atra.judge.reference` has it.
+    Möller–Trumbore in float64, as `atra.geometry.intersection` has it.
     """
     v0, v1, v2 = faces[triangle, 0], faces[triangle, 1], faces[triangle, 2]
     x, y, z = np.float64(vertices[v0, 0]), np.float64(vertices[v0, 1]), np.float64(vertices[v0, 2])

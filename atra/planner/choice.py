@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from atra.alignment.alignment import Split
-from atra.embree.library import load_library
-from atra.embree.scene import check_build_quality
+from atra.alignment.split import Split
 from atra.errors import InputError
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
+from atra.options import check_build_quality, native_packet_widths
 from atra.tracers import AlignedTracer, PixelTracer, Tracer, VisibleFirstTracer, choose_packet_shape
 from atra.tracers.pixel import SQUAREST_SHAPE
 from atra.whole_numbers import is_whole_number
@@ -65,7 +64,14 @@ class Choice:
         Raises InputError as its constructor does.
         """
         if self.method == PACKETS:
-            return PixelTracer(mesh, camera, self.packet_width, threads, self.build_quality, ties)
+            return PixelTracer(
+                mesh,
+                camera,
+                packet_width=self.packet_width,
+                threads=threads,
+                build_quality=self.build_quality,
+                ties=ties,
+            )
         make = AlignedTracer if self.method == ALIGNED else VisibleFirstTracer
         return make(
             mesh,
@@ -88,7 +94,7 @@ class Choice:
 def candidates(camera: View) -> tuple[Choice, ...]:
     """Packets of the widest native width, then each method at every split worth trying, its widest cells first; all
     of medium build quality."""
-    width = load_library().native_packet_widths[-1]
+    width = native_packet_widths()[-1]
     choices = [Choice(PACKETS, (1, 1), width, SQUAREST_SHAPE[width][1])]
     for method, cell_widths in CELL_WIDTHS.items():
         if method == VISIBLE_FIRST and camera.is_parallel:

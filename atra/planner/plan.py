@@ -9,13 +9,12 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Self
 
-from atra.alignment.alignment import Split
-from atra.embree.library import load_library
+from atra.alignment.split import Split
 from atra.errors import InputError
 from atra.files import write_atomically
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
-from atra.judge.ties import check_ties
+from atra.options import check_ties, native_packet_widths
 from atra.planner.choice import Choice
 from atra.tracers import Tracer
 from atra.whole_numbers import is_whole_number
@@ -124,7 +123,7 @@ class Plan:
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the plan as JSON, so that a reader sees all of it or none."""
-        fields = {"format": FORMAT, "native_packet_widths": list(load_library().native_packet_widths), **asdict(self)}
+        fields = {"format": FORMAT, "native_packet_widths": list(native_packet_widths()), **asdict(self)}
         write_atomically(Path(path), (json.dumps(fields, indent=1) + "\n").encode())
 
     @classmethod
@@ -143,7 +142,7 @@ class Plan:
         found = fields.pop("format", None) if isinstance(fields, dict) else None
         if found != FORMAT:
             raise InputError(f"{path} is not a plan of format {FORMAT} (format is {found!r}); plan again and save that")
-        native = list(load_library().native_packet_widths)
+        native = list(native_packet_widths())
         widths = fields.pop("native_packet_widths", None)
         if widths != native:
             raise InputError(

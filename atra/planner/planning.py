@@ -11,7 +11,8 @@ from atra.geometry.camera import Camera
 from atra.geometry.mesh import Mesh
 from atra.geometry.orthographic import OrthographicCamera
 from atra.geometry.view import View, as_number
-from atra.judge.ties import check_ties, coplanar_overlaps
+from atra.judge.ties import coplanar_overlaps
+from atra.options import check_ties
 from atra.parallel import resolve_threads
 from atra.planner.choice import Choice, candidates
 from atra.planner.measuring import clock_for, measure

@@ -5,10 +5,9 @@ from __future__ import annotations
 from numpy.typing import NDArray
 
 from atra.alignment.culling import AlignedGeometry, plan_plain_geometry
-from atra.geometry.mesh import Mesh
-from atra.geometry.view import View
 from atra.kernels.tracing import pixel_kernel
-from atra.tracers.base import ImageTracer, image_ray_grid
+from atra.tracers.base import ImageTracer
+from atra.tracers.rays import image_ray_grid
 
 SQUAREST_SHAPE = {1: (1, 1), 4: (2, 2), 8: (4, 2), 16: (4, 4)}
 """Pixels of a packet when nothing else decides: the narrower the bundle, the more of the traversal its rays share."""
@@ -17,24 +16,10 @@ SQUAREST_SHAPE = {1: (1, 1), 4: (2, 2), 8: (4, 2), 16: (4, 4)}
 class PixelTracer(ImageTracer):
     """One ray per pixel through `rtcIntersect1` (packet_width 1, the paper's baseline) or packets (4, 8, 16).
 
-    packet_width: None takes the widest the machine supports natively. threads: None takes every core it may use.
-    ties: where triangles of one plane overlap, "lowest" stores the lowest prim_id of them (`atra.judge.ties`), "any"
-    what float32 put in front.
-    Raises InputError for widths that are not native, threads below 1, unknown build qualities and ties, a mesh smaller
-    than 1e-9 or farther than 1e11 from the eye, where float32 would lose triangles, and MemoryBudgetError, when
-    planning, for more overlaps than can be kept.
+    PixelTracer(mesh, camera, options=None, **changes): options are of `atra.Options`, changes fields of it by name.
+    Raises InputError as the options do, and for a mesh smaller than 1e-9 or farther than 1e11 from the eye, where
+    float32 would lose triangles; MemoryBudgetError, when planning, for more overlaps than can be kept.
     """
-
-    def __init__(
-        self,
-        mesh: Mesh,
-        camera: View,
-        packet_width: int | None = None,
-        threads: int | None = None,
-        build_quality: str = "medium",
-        ties: str = "lowest",
-    ) -> None:
-        super().__init__(mesh, camera, packet_width, threads, build_quality, ties)
 
     def _plan_geometry(self) -> AlignedGeometry:
         return plan_plain_geometry(self.mesh, self.camera)

@@ -1,16 +1,21 @@
-"""What the methods with aligned rays share: cells, the reference rays, and the loop that shoots them."""
+"""Tracers with aligned rays: the cells, the reference rays and the loop that shoots them, which they share."""
 
 from __future__ import annotations
+
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.alignment.alignment import Alignment, Split
+from atra.alignment.alignment import Alignment
 from atra.alignment.culling import check_image_size
+from atra.alignment.split import Split
 from atra.errors import InputError
 from atra.geometry.mesh import Mesh
 from atra.kernels.tracing import aligned_kernel
-from atra.tracers.base import EmbreeTracer, ray_grid
+from atra.options import ReferenceRayOptions
+from atra.tracers.base import EmbreeTracer
+from atra.tracers.rays import ray_grid
 from atra.whole_numbers import is_whole_number
 
 
@@ -20,20 +25,16 @@ class ReferenceRayTracer(EmbreeTracer):
     Raises InputError for packet rows that a packet or a cell lacks.
     """
 
+    options_type: ClassVar[type[ReferenceRayOptions]] = ReferenceRayOptions
+    options: ReferenceRayOptions
+
     def __init__(
-        self,
-        mesh: Mesh,
-        alignment: Alignment,
-        packet_width: int | None,
-        packet_rows: int | None,
-        threads: int | None,
-        build_quality: str,
-        ties: str,
+        self, mesh: Mesh, alignment: Alignment, options: ReferenceRayOptions | None = None, **changes: Any
     ) -> None:
         self.alignment = alignment
         self.split = alignment.split
-        super().__init__(mesh, alignment.cameras[0], packet_width, threads, build_quality, ties)
-        self.packet_shape = choose_packet_shape(self.packet_width, self.split, packet_rows)
+        super().__init__(mesh, alignment.cameras[0], options, **changes)
+        self.packet_shape = choose_packet_shape(self.packet_width, self.split, self.options.packet_rows)
         check_image_size(self.camera.height * alignment.image_count, self._row_stride)
 
     @property

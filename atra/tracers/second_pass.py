@@ -13,8 +13,8 @@ from atra.embree.workspace import Workspace
 from atra.geometry.view import View
 from atra.kernels.visible import verify_kernel
 from atra.parallel import WorkerPool
-from atra.tracers.base import image_ray_grid
 from atra.tracers.pixel import SQUAREST_SHAPE
+from atra.tracers.rays import image_ray_grid
 
 
 class SecondPass:

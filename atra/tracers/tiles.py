@@ -2,44 +2,43 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.alignment.alignment import Split
 from atra.alignment.culling import AlignedGeometry, check_memory_budget, count_kept, project_vertices
-from atra.embree.scene import padded_vertices
+from atra.alignment.split import Split
 from atra.embree.scenes import EmbreeScenes
 from atra.geometry.mesh import Mesh
+from atra.geometry.ray_space import padded_vertices
 from atra.geometry.view import View
 from atra.kernels.callbacks import memory_monitor
 from atra.kernels.tiles import list_cells, sort_by_cell, tile_kernel
-from atra.tracers.base import ImageTracer, check_pinhole, image_ray_grid
+from atra.options import CellOptions
+from atra.tracers.base import ImageTracer
 from atra.tracers.pixel import SQUAREST_SHAPE
+from atra.tracers.rays import check_pinhole, image_ray_grid
 
 
 class TiledTracer(ImageTracer):
     """Every cell's frustum-culled triangles in an Embree scene of their own; one ray per pixel, in packets.
 
     The same culling as `AlignedTracer` and no shear, so that what culling buys and what alignment buys are seen apart.
-    split: (nx, ny) cells; nx must divide the width, ny the height. Other arguments as for `AlignedTracer`.
+    split: (nx, ny) cells; nx must divide the width, ny the height. options: of `atra.CellOptions`, changes: fields of
+    it by name.
     Raises InputError for a split that does not divide the image, MemoryBudgetError before allocating.
     """
 
+    options_type = CellOptions
+    options: CellOptions
+
     def __init__(
-        self,
-        mesh: Mesh,
-        camera: View,
-        split: tuple[int, int],
-        packet_width: int | None = None,
-        threads: int | None = None,
-        build_quality: str = "medium",
-        memory_budget_bytes: int | None = None,
-        ties: str = "lowest",
+        self, mesh: Mesh, camera: View, split: tuple[int, int], options: CellOptions | None = None, **changes: Any
     ) -> None:
         check_pinhole(camera, "TiledTracer")
         self.split = Split.of_image(split, camera)
-        self.memory_budget_bytes = memory_budget_bytes
-        super().__init__(mesh, camera, packet_width, threads, build_quality, ties)
+        super().__init__(mesh, camera, options, **changes)
         self._cell_starts = np.zeros(self.split.cell_count + 1, np.int64)
 
     def _plan_geometry(self) -> AlignedGeometry:
@@ -51,7 +50,7 @@ class TiledTracer(ImageTracer):
         starts = np.zeros(mesh.triangle_count + 1, np.int64)
         np.cumsum(counts, out=starts[1:])
         copies = int(starts[-1])
-        check_memory_budget(copies, self.build_quality, self.memory_budget_bytes, split.cell_count)
+        check_memory_budget(copies, split.cell_count, self.options)
         cells = np.empty(copies, np.int64)
         self._pool.run(lambda _, counter: list_cells(counter, points_pixels, mesh.traced_faces, *cell, starts, cells))
         faces, prim_ids = np.empty((copies, 3), np.uint32), np.empty(copies, np.int64)
@@ -63,7 +62,7 @@ class TiledTracer(ImageTracer):
             geometry.vertices,
             geometry.faces,
             self._cell_starts,
-            build_quality=self.build_quality,
+            build_quality=self.options.build_quality,
             threads=self.threads,
             monitor_address=memory_monitor(),
         )

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from time import perf_counter
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from atra.alignment.alignment import Alignment, Split
+from atra.alignment.alignment import Alignment
 from atra.alignment.culling import AlignedGeometry, plan_plain_geometry
+from atra.alignment.split import Split
 from atra.alignment.visibility import Tiles, plan_visible_geometry
 from atra.embree.scene import EmbreeScene
 from atra.errors import InputError
@@ -18,8 +20,10 @@ from atra.geometry.view import View
 from atra.hits import Hits
 from atra.kernels.callbacks import memory_monitor, nearest_hit_filter
 from atra.kernels.tracing import pixel_kernel
-from atra.tracers.base import ImageTracer, check_pinhole, new_images, one_at_a_time, ray_grid
+from atra.options import ReferenceRayOptions
+from atra.tracers.base import ImageTracer, new_images
 from atra.tracers.pixel import SQUAREST_SHAPE
+from atra.tracers.rays import check_pinhole, ray_grid
 from atra.tracers.reference_rays import ReferenceRayTracer
 from atra.tracers.second_pass import SecondPass
 
@@ -47,12 +51,13 @@ class VisibleFirstTracer(ReferenceRayTracer, ImageTracer):
 
     split: (nx, ny) cells; nx must divide the width, ny the height. probe: None shoots a few rays when planning;
     `Hits` of an image of the same size, such as an earlier frame or another camera near by, are taken as they are; an
-    integer array of prim_ids, which may be empty, names the triangles for pass 1. build_quality: of the copies in
-    pass 1. Other arguments as for `AlignedTracer`.
+    integer array of prim_ids, which may be empty, names the triangles for pass 1. options: of
+    `atra.ReferenceRayOptions`, changes: fields of it by name; the build quality is that of the copies in pass 1.
     Raises InputError for a split that does not divide the image, a probe of another size, and a prim_id that the mesh
     does not have.
 
-    plan_time_s counts the probe, too (`probe_time_s`); build_time_s counts both BVHs. Lifts the limit of paper §5.
+    plan_time_s counts the probe, too (`counters["probe_time_s"]`); build_time_s counts both BVHs.
+    Lifts the limit of paper §5.
     """
 
     def __init__(
@@ -60,16 +65,11 @@ class VisibleFirstTracer(ReferenceRayTracer, ImageTracer):
         mesh: Mesh,
         camera: View,
         split: tuple[int, int],
-        packet_width: int | None = None,
-        threads: int | None = None,
-        build_quality: str = "medium",
-        memory_budget_bytes: int | None = None,
+        options: ReferenceRayOptions | None = None,
         probe: Hits | ArrayLike | None = None,
-        packet_rows: int | None = None,
-        ties: str = "lowest",
+        **changes: Any,
     ) -> None:
         check_pinhole(camera, "VisibleFirstTracer")
-        self.memory_budget_bytes = memory_budget_bytes
         self.probe = probe if probe is None or isinstance(probe, Hits) else _checked_prim_ids(mesh, probe)
         if isinstance(probe, Hits) and probe.depth.shape != (camera.height, camera.width):
             raise InputError(
@@ -77,32 +77,22 @@ class VisibleFirstTracer(ReferenceRayTracer, ImageTracer):
                 f"expected {(camera.height, camera.width)} (height, width)"
             )
         alignment = Alignment.of_cells(camera, Split.of_image(split, camera))
-        super().__init__(mesh, alignment, packet_width, packet_rows, threads, build_quality, ties)
-        self.probe_time_s = 0.0
+        super().__init__(mesh, alignment, options, **changes)
+        self._probe_time_s = 0.0
         tile_width = TILE_WIDTHS[0] if self.split.cell_width <= TILE_WIDTHS[0] else TILE_WIDTHS[1]
         self.tiles = Tiles(tile_width, TILE_HEIGHT, camera.width, camera.height)
         self._whole_build_time_s = 0.0
         self._whole: EmbreeScene | None = None
         self._second_pass: SecondPass | None = None
 
-    @one_at_a_time
-    def plan(self) -> None:
-        """Build the BVH of the whole mesh, probe through it, and pick the copies for pass 1."""
-        super().plan()
-        self.plan_time_s -= self._whole_build_time_s
+    def _plan(self) -> float:
+        return super()._plan() - self._whole_build_time_s
 
     def _build_whole(self) -> None:
         plain = plan_plain_geometry(self.mesh, self.camera)
-        monitor_address = memory_monitor()
+        memory_monitor()  # compiled before the clock starts
         build_start = perf_counter()
-        whole = EmbreeScene(
-            plain.vertices,
-            plain.faces,
-            build_quality=WHOLE_BUILD_QUALITY,
-            threads=self.threads,
-            monitor_address=monitor_address,
-            compact=True,
-        )
+        whole = self._scene_of(plain, WHOLE_BUILD_QUALITY, compact=True)
         self._whole_build_time_s = perf_counter() - build_start
         if self._whole is not None:
             self._whole.close()
@@ -119,17 +109,15 @@ class VisibleFirstTracer(ReferenceRayTracer, ImageTracer):
         else:
             seen[self.probe] = 1
             seen_depth = np.zeros(self.tiles.shape)
-        self.probe_time_s = perf_counter() - start
+        self._probe_time_s = perf_counter() - start
         plan = plan_visible_geometry(
             self.mesh,
             self.alignment,
             self.tiles,
-            seen=seen,
-            seen_depth=seen_depth,
+            (seen, seen_depth),
+            self.options,
             row_stride=self._row_stride,
             pool=self._pool,
-            memory_budget_bytes=self.memory_budget_bytes,
-            build_quality=self.build_quality,
         )
         assert self._whole is not None
         self._second_pass = SecondPass(self._whole, self.camera, self.tiles, plan.nearest_hidden)
@@ -168,8 +156,7 @@ class VisibleFirstTracer(ReferenceRayTracer, ImageTracer):
         self._pool.run(work)
         upper, lower = np.maximum(depth[:-1], depth[1:]), np.minimum(depth[:-1], depth[1:])
         depth = np.maximum(
-            np.minimum(upper[:, :-1], upper[:, 1:]),
-            np.maximum(lower[:, :-1], lower[:, 1:]),
+            np.minimum(upper[:, :-1], upper[:, 1:]), np.maximum(lower[:, :-1], lower[:, 1:])
         )  # the second farthest of four corners
         return depth.reshape(tile_rows, steps_y, tile_columns, steps_x).max(axis=(1, 3)).astype(np.float64)
 
@@ -180,11 +167,8 @@ class VisibleFirstTracer(ReferenceRayTracer, ImageTracer):
         farthest = np.maximum.reduceat(farthest, np.arange(columns) * self.tiles.tile_width, axis=1)
         return farthest.astype(np.float64)
 
-    @one_at_a_time
-    def build(self) -> None:
-        """Build the BVH of pass 1 (planning first if that was not done)."""
-        super().build()
-        self.build_time_s += self._whole_build_time_s
+    def _build(self) -> float:
+        return super()._build() + self._whole_build_time_s
 
     def _filter_address(self) -> int:
         return nearest_hit_filter(*self.packet_shape)
@@ -195,9 +179,10 @@ class VisibleFirstTracer(ReferenceRayTracer, ImageTracer):
         self._second_pass.trace(self._pool, self._workspaces, self.packet_width, offset, depth, prim_id)
 
     @property
-    def packets_verified(self) -> int:
-        """Packets that pass 2 of the last frame had to trace."""
-        return 0 if self._second_pass is None else self._second_pass.packets_traced
+    def counters(self) -> Mapping[str, float]:
+        """What `atra.Tracer` says of counters; packets_verified and probe_time_s are known, too."""
+        verified = 0 if self._second_pass is None else self._second_pass.packets_traced
+        return {**super().counters, "packets_verified": verified, "probe_time_s": self._probe_time_s}
 
     @property
     def triangle_count(self) -> int:
@@ -209,10 +194,8 @@ class VisibleFirstTracer(ReferenceRayTracer, ImageTracer):
         """Bytes Embree holds for both scenes by its own account; 0 before `plan`."""
         return super().embree_bytes + (0 if self._whole is None else self._whole.embree_bytes)
 
-    @one_at_a_time
-    def close(self) -> None:
-        """Release both Embree scenes and the geometry; waits for a frame in progress. Closing twice is harmless."""
-        super().close()
+    def _release(self) -> None:
+        super()._release()
         if self._whole is not None:
             self._whole.close()
         self._second_pass = None

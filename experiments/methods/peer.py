@@ -6,9 +6,8 @@ in their wheels. They get the rays of `PixelTracer` ready made, in the order of 
 
 from __future__ import annotations
 
-import threading
 from abc import abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from time import perf_counter
 from typing import Any
 
@@ -16,13 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.alignment.culling import check_image_memory
-from atra.errors import EmbreeError, InputError
+from atra.errors import InputError
 from atra.geometry.mesh import Mesh
 from atra.geometry.ray_space import from_eye_space
 from atra.geometry.view import View, check_offset
 from atra.hits import Hits
 from atra.parallel import resolve_threads
-from atra.tracers.base import Prepared, image_ray_grid
+from atra.tracers.lifetime import Lifetime
+from atra.tracers.rays import image_ray_grid
 from experiments.drawing.style import PURPLE
 from experiments.methods.availability import package_problem, package_version
 from experiments.methods.method import Method, NoOptions, Style, Tracing
@@ -30,7 +30,7 @@ from experiments.methods.method import Method, NoOptions, Style, Tracing
 _PIXEL_CENTRE = (0.5, 0.5)
 
 
-class PeerTracer(Prepared):
+class PeerTracer(Lifetime):
     """A foreign ray tracer that offers what `atra.Tracer` asks for. The world is the peer's, the eye its rays' origin.
 
     plan: makes the rays through the pixel centres, in the form the peer wants. build: hands over the triangles and
@@ -46,17 +46,14 @@ class PeerTracer(Prepared):
     packet_width = 1
 
     def __init__(self, mesh: Mesh, camera: View, threads: int | None = None) -> None:
+        super().__init__()
         self.mesh = mesh
         self.camera = camera
         self.threads = resolve_threads(threads)
         check_image_memory(camera.height, camera.width)
-        self.plan_time_s = 0.0
-        self.build_time_s = 0.0
-        self._lock = threading.Lock()  # one frame at a time, as with the tracers of atra
         self._rays: Any = None
         self._rays_offset: tuple[float, float] | None = None
         self._scene: Any = None
-        self._closed = False
 
     @abstractmethod
     def _make_rays(self, directions: NDArray[np.float32]) -> Any:
@@ -80,22 +77,26 @@ class PeerTracer(Prepared):
         """0: no peer tells what its Embree holds."""
         return 0
 
-    def plan(self) -> None:
-        """Make the rays through the pixel centres."""
-        self._check_open()
+    @property
+    def counters(self) -> Mapping[str, float]:
+        """What `atra.Tracer` says of counters."""
+        return {"triangles_traced": self.triangle_count}
+
+    @property
+    def views(self) -> tuple[tuple[Mesh, View], ...]:
+        """The one mesh and camera."""
+        return ((self.mesh, self.camera),)
+
+    def _plan(self) -> float:
         start = perf_counter()
         self._prepare_rays(_PIXEL_CENTRE)
-        self.plan_time_s = perf_counter() - start
+        return perf_counter() - start
 
-    def build(self) -> None:
-        """Hand over the triangles and build the BVH (planning first if that was not done)."""
-        self._check_open()
-        if self._rays is None:
-            self.plan()
-        self._scene = None  # release the old one first; both together may not fit
+    def _build(self) -> float:
+        self._scene, self._is_built = None, False  # release the old one first; both together may not fit
         start = perf_counter()
         self._scene = self._build_scene()
-        self.build_time_s = perf_counter() - start
+        return perf_counter() - start
 
     def trace(self, offset: tuple[float, float] = _PIXEL_CENTRE, out: Hits | None = None) -> Hits:
         """Trace one frame through sub-pixel position `offset`; see the class for what is inside the call.
@@ -105,10 +106,7 @@ class PeerTracer(Prepared):
         Raises InputError for an offset outside the pixel, EmbreeError when the tracer is not built or already closed.
         """
         check_offset(offset)
-        with self._lock:
-            self._check_open()
-            if self._scene is None:
-                raise EmbreeError("this tracer is not built yet; use it in a `with` block or call build() first")
+        with self._tracing():
             if self._rays_offset != tuple(offset):
                 self._prepare_rays(offset)
             depth, prim_id = self._cast(self._scene, self._rays)
@@ -127,19 +125,8 @@ class PeerTracer(Prepared):
         self._rays = self._make_rays(directions)
         self._rays_offset = (float(offset[0]), float(offset[1]))
 
-    def _check_open(self) -> None:
-        if self._closed:
-            raise EmbreeError("this tracer is closed; make a new one")
-
-    def close(self) -> None:
-        """Release scene and rays; waits for a frame in progress. Closing twice is harmless."""
-        with self._lock:
-            self._closed = True
-            self._scene = self._rays = self._rays_offset = None
-
-    def _prepare(self) -> None:
-        self.plan()
-        self.build()
+    def _release(self) -> None:
+        self._scene = self._rays = self._rays_offset = None
 
 
 def interleaved(directions: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
+from dataclasses import dataclass
 from functools import partial
 
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.hits import Hits
 from atra.judge.compare import compare
-from atra.tracers import FramesTracer, Tracer
-from atra.tracers.base import Prepared
+from atra.tracers import Tracer
+from atra.tracers.lifetime import Lifetime
 from experiments.harness.point import Point
 from experiments.methods.cells import AlignedCellOptions
 from experiments.methods.visible_first import VISIBLE_FIRST
@@ -32,40 +34,64 @@ from experiments.workloads.rounds import (
 )
 from experiments.workloads.workload import Measured, make_own
 
-Make = Callable[[Mesh, View], Tracer]
+Make = Callable[[Mesh, View], Tracer[Hits]]
 
 
-class SeparateFrames(Prepared):
+@dataclass(frozen=True)
+class SeparateImages:
+    """What tracers of one frame each return, in order."""
+
+    images: tuple[Hits, ...]
+
+
+class SeparateFrames(Lifetime):
     """One tracer a frame, one frame after the other: what all frames together are measured against.
 
-    plan_time_s, build_time_s, embree_bytes: sums over the frames.
+    All its times and numbers are sums over the frames.
     """
 
-    def __init__(self, tracers: Sequence[Tracer]) -> None:
+    def __init__(self, tracers: Sequence[Tracer[Hits]]) -> None:
+        super().__init__()
         self.tracers = tuple(tracers)
+        first = self.tracers[0]
+        self.mesh, self.camera = first.mesh, first.camera
+        self.packet_width, self.threads = first.packet_width, first.threads
+        self.views = tuple(view for tracer in self.tracers for view in tracer.views)
 
     @property
-    def build_time_s(self) -> float:
-        return sum(tracer.build_time_s for tracer in self.tracers)
+    def triangle_count(self) -> int:
+        return sum(tracer.triangle_count for tracer in self.tracers)
 
     @property
     def embree_bytes(self) -> int:
         return sum(tracer.embree_bytes for tracer in self.tracers)
 
-    def trace(self, out: list[Hits] | None = None) -> list[Hits]:
-        """All frames, in order. out: an earlier result that is no longer needed."""
-        if out is None:
-            return [tracer.trace() for tracer in self.tracers]
-        return [tracer.trace(out=hits) for tracer, hits in zip(self.tracers, out, strict=True)]
-
-    def close(self) -> None:
+    @property
+    def counters(self) -> Mapping[str, float]:
+        total: Counter[str] = Counter()
         for tracer in self.tracers:
-            tracer.close()
+            total.update(tracer.counters)
+        return total
 
-    def _prepare(self) -> None:
+    def trace(self, offset: tuple[float, float] = (0.5, 0.5), out: SeparateImages | None = None) -> SeparateImages:
+        """All frames, in order. out: an earlier result that is no longer needed."""
+        earlier = (None,) * len(self.tracers) if out is None else out.images
+        pairs = zip(self.tracers, earlier, strict=True)
+        return SeparateImages(tuple(tracer.trace(offset, hits) for tracer, hits in pairs))
+
+    def _plan(self) -> float:
         for tracer in self.tracers:
             tracer.plan()
+        return sum(tracer.plan_time_s for tracer in self.tracers)
+
+    def _build(self) -> float:
+        for tracer in self.tracers:
             tracer.build()
+        return sum(tracer.build_time_s for tracer in self.tracers)
+
+    def _release(self) -> None:
+        for tracer in self.tracers:
+            tracer.close()
 
 
 def separate_makers(point: Point) -> dict[str, Make]:
@@ -79,7 +105,7 @@ def separate_makers(point: Point) -> dict[str, Make]:
     }
 
 
-def _single(point: Point, packet_width: int, mesh: Mesh, view: View) -> Tracer:
+def _single(point: Point, packet_width: int, mesh: Mesh, view: View) -> Tracer[Hits]:
     return make_single(point, mesh, view, packet_width)
 
 
@@ -99,10 +125,9 @@ def measure(point: Point) -> Measured:
         own, results = build_own(point, stack, lambda mesh, camera: make_together(point, mesh, camera))
 
         def for_each_frame(make: Make) -> SeparateFrames:
-            pairs = zip(own.meshes, own.alignment.cameras, strict=True)
-            return stack.enter_context(SeparateFrames([make(mesh, camera) for mesh, camera in pairs]))
+            return stack.enter_context(SeparateFrames([make(mesh, view) for mesh, view in own.views]))
 
-        tracers: dict[str, FramesTracer | SeparateFrames] = {OWN: own}
+        tracers: dict[str, Tracer] = {OWN: own}
         for name, width in ((SINGLE, 1), *((PACKETS[width], width) for width in packets)):
             tracers[name] = for_each_frame(partial(_single, point, width))
         tracers |= {name: for_each_frame(make) for name, make in separate_makers(point).items()}
@@ -112,7 +137,7 @@ def measure(point: Point) -> Measured:
         }
         images = {name: Frames(tracer) for name, tracer in tracers.items()}
         timed = timed_rounds(point, {name: one.trace for name, one in images.items()})
-        pairs = zip(images[OWN].latest(), images[SINGLE].latest(), strict=True)
+        pairs = zip(images[OWN].latest().images, images[SINGLE].latest().images, strict=True)
         agreements = [compare(hits.mesh, hits.camera, hits, reference) for hits, reference in pairs]
         results |= counts(agreements) | depth_errors(agreements) | plan_and_build_again(own)
     return measured(results, timed)

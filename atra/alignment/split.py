@@ -1,0 +1,64 @@
+"""A split: the equal cells that an image is divided into."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Self
+
+from atra.errors import InputError
+from atra.geometry.view import View
+from atra.whole_numbers import is_whole_number
+
+
+@dataclass(frozen=True)
+class Split:
+    """nx x ny equal cells of a width x height image; cell (i, j) is column i, row j.
+
+    Raises InputError for anything but whole numbers of at least 1, and for counts that do not divide the image.
+    """
+
+    nx: int
+    ny: int
+    width: int
+    height: int
+
+    def __post_init__(self) -> None:
+        counts = {"nx": "columns", "ny": "rows", "width": "pixels in a row", "height": "pixels in a column"}
+        for name, counted in counts.items():
+            count = getattr(self, name)
+            if not is_whole_number(count) or count < 1:
+                raise InputError(
+                    f"split ({self.nx!r}, {self.ny!r}): the number of {counted} is {count!r}, "
+                    "expected a whole number of at least 1"
+                )
+            object.__setattr__(self, name, int(count))  # NumPy's small integers would overflow in products
+        if self.width % self.nx or self.height % self.ny:
+            raise InputError(
+                f"split ({self.nx}, {self.ny}) does not divide image {self.width} x {self.height}; "
+                f"split_x must divide {self.width} and split_y must divide {self.height}"
+            )
+
+    @classmethod
+    def of_image(cls, counts: tuple[int, int], camera: View) -> Self:
+        """The camera's image in counts = (nx, ny) cells. Raises InputError for anything but two such numbers."""
+        try:
+            nx, ny = counts
+        except (TypeError, ValueError):
+            raise InputError(
+                f"split is {counts!r}, expected two whole numbers, columns and rows of cells, such as (8, 1)"
+            ) from None
+        return cls(nx, ny, camera.width, camera.height)
+
+    @property
+    def cell_count(self) -> int:
+        return self.nx * self.ny
+
+    @property
+    def cell_width(self) -> int:
+        """Pixels."""
+        return self.width // self.nx
+
+    @property
+    def cell_height(self) -> int:
+        """Pixels."""
+        return self.height // self.ny

@@ -1,0 +1,123 @@
+"""Options: how a tracer traces, whatever it traces; each kind of tracer has its own type of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
+from typing import Any, Self
+
+import numpy as np
+
+from atra.embree.library import load_library
+from atra.embree.scene import check_build_quality, resolve_packet_width
+from atra.errors import InputError
+from atra.parallel import resolve_threads
+
+TIES = ("lowest", "any")
+"""What a tracer stores where triangles tie: the lowest prim_id, or whichever float32 happens to put in front."""
+
+GEOMETRIES = ("copied", "instanced")
+"""How the cells' sheared geometry comes into the scene."""
+
+
+@dataclass(frozen=True)
+class Options:
+    """What every tracer can be told.
+
+    packet_width: rays of a packet; 1 is the paper's way, None takes the widest the machine supports natively.
+    threads: None takes every core the process may use. build_quality: of the BVH, "low", "medium" or "high".
+    ties: where triangles of one plane overlap, "lowest" stores the lowest prim_id of them (`atra.judge.ties`), "any"
+    what float32 put in front.
+    Raises InputError, with the value, for widths that are not native, threads below 1 or beyond 1,024, unknown build
+    qualities and ties; EmbreeError where there is no usable Embree to ask.
+    """
+
+    packet_width: int | None = None
+    threads: int | None = None
+    build_quality: str = "medium"
+    ties: str = "lowest"
+
+    def __post_init__(self) -> None:
+        check_build_quality(self.build_quality)
+        check_ties(self.ties)
+        resolve_packet_width(self.packet_width)
+        resolve_threads(self.threads)
+
+    @classmethod
+    def of(cls, owner: str, options: Options | None, changes: Mapping[str, Any]) -> Self:
+        """`options`, or the defaults, with the fields `changes` names changed; `owner` is who was given them.
+
+        Raises TypeError for other fields, naming those there are, and for options that lack fields of this type.
+        """
+        names = [field.name for field in fields(cls)]
+        unknown = next((name for name in changes if name not in names), None)
+        if unknown is not None:
+            raise TypeError(f"{owner} has no option {unknown!r}; its options are {', '.join(names)}")
+        if options is None:
+            return cls(**changes)
+        if not isinstance(options, cls):
+            raise TypeError(f"options of {owner} are {options!r}, expected {cls.__name__}, or fields of it by name")
+        return replace(options, **changes)
+
+
+@dataclass(frozen=True)
+class CellOptions(Options):
+    """Options of tracers that give Embree copies of triangles, cell by cell.
+
+    memory_budget_bytes: refuse plans that need more; None: the memory that is free.
+    Raises InputError for a budget that is no number of bytes.
+    """
+
+    memory_budget_bytes: int | None = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        budget = self.memory_budget_bytes
+        if budget is not None and not (isinstance(budget, (int, float, np.number)) and budget >= 0):
+            raise InputError(f"memory_budget_bytes is {budget!r}, expected a number of at least 0, or None for none")
+
+
+@dataclass(frozen=True)
+class ReferenceRayOptions(CellOptions):
+    """Options of tracers whose packets lie in one cell.
+
+    packet_rows: rows of pixels in a packet, so that packets of 8 are 8 x 1, 4 x 2, 2 x 4 or 1 x 8 pixels; None: what
+    suits the cell. A packet or a cell that has no such rows is refused where the cell is known.
+    """
+
+    packet_rows: int | None = None
+
+
+@dataclass(frozen=True)
+class AlignedOptions(ReferenceRayOptions):
+    """Options of `AlignedTracer` and `FramesTracer`.
+
+    culling: keep of each cell's copy only what its frustum meets. geometry: "copied" shears a copy of the triangles for
+    every cell; "instanced" gives the triangles to Embree once and an instance of them per cell, with the shear as its
+    transform. An instance is always the whole mesh, so it needs `culling=False`.
+    Raises InputError for an unknown geometry, and for instances with culling.
+    """
+
+    culling: bool = True
+    geometry: str = "copied"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.geometry not in GEOMETRIES:
+            raise InputError(f"geometry is {self.geometry!r}, expected one of {', '.join(GEOMETRIES)}")
+        if self.geometry == "instanced" and self.culling:
+            raise InputError(
+                "geometry is 'instanced' and culling is on, but an instance is all of the mesh or nothing; "
+                "set culling=False"
+            )
+
+
+def check_ties(ties: str) -> None:
+    """Raise InputError for anything but "lowest" and "any"."""
+    if ties not in TIES:
+        raise InputError(f"ties is {ties!r}, expected one of {', '.join(TIES)}")
+
+
+def native_packet_widths() -> tuple[int, ...]:
+    """The packet widths that this machine supports natively, 1 first, ascending."""
+    return load_library().native_packet_widths

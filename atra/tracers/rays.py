@@ -1,0 +1,46 @@
+"""Rays of an image as kernels take them: a summand for every column of pixels and one for every row, in float32."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from atra.errors import InputError
+from atra.geometry.ray_space import ray_axes
+from atra.geometry.view import View
+
+
+def ray_grid(
+    camera: View, columns: NDArray[np.floating], rows: NDArray[np.floating]
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """The two summands of ray directions in ray space, (3, columns) and (3, rows) float32; of origins where rays are
+    parallel.
+
+    columns, rows: positions on the image plane in pixels, measured from the view axis.
+    """
+    right, down, forward = ray_axes(camera)[:, :, None]
+    column_rays = right * (columns * camera.pixel_pitch)
+    row_rays = down * (rows * camera.pixel_pitch)
+    if not camera.is_parallel:
+        row_rays = row_rays + forward
+    return column_rays.astype(np.float32), row_rays.astype(np.float32)
+
+
+def image_ray_grid(
+    camera: View, offset: tuple[float, float], packet_shape: tuple[int, int] = (1, 1)
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """`ray_grid` of every pixel of the image at sub-pixel `offset`, filled up to whole packets of `packet_shape`."""
+    columns, rows = (
+        np.arange(pixels + -pixels % lanes) - pixels / 2 + shift
+        for pixels, lanes, shift in zip((camera.width, camera.height), packet_shape, offset, strict=True)
+    )
+    return ray_grid(camera, columns, rows)
+
+
+def check_pinhole(camera: View, method: str) -> None:
+    """Raise InputError for a camera with parallel rays, which `method` cannot trace."""
+    if camera.is_parallel:
+        raise InputError(
+            f"{method} needs rays through one point, but those of {type(camera).__name__} are parallel; "
+            "use AlignedTracer or PixelTracer"
+        )
