@@ -9,6 +9,7 @@ RESOURCES = ("triangles_traced", "packet_width", "threads", "rss_bytes", "peak_r
 """Results of every point whose own method was built."""
 
 RESOURCE_COLUMNS = (
+    Column("packet_width", WHOLE, "rays in a packet; 0 where another's tracer does not tell"),
     Column("triangles_traced", WHOLE, "triangles in the method's scenes, copies included"),
     Column("rss_start_bytes", WHOLE, "resident memory before the mesh"),
     Column("rss_mesh_bytes", WHOLE, "resident memory with the mesh"),
