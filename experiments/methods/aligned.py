@@ -11,7 +11,8 @@ from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.tracers import AlignedTracer
 from experiments.drawing.style import BLUE
-from experiments.methods.cells import AlignedCellOptions, resolve_split
+from experiments.harness.column import WHOLE, Column
+from experiments.methods.cells import VERIFIED, AlignedCellOptions, resolve_split
 from experiments.methods.method import Method, Style, Tracing, option
 
 
@@ -58,4 +59,16 @@ def _variant(row: Mapping[str, Any]) -> str:
     return "" if culling is None else f"culling {'on' if culling else 'off'}"
 
 
-ALIGNED = Method("aligned", "aligned", Style(BLUE, "o"), AlignedOptions, _make, _resolve, _variant)
+ALIGNED = Method(
+    "aligned",
+    "aligned",
+    Style(BLUE, "o"),
+    AlignedOptions,
+    _make,
+    _resolve,
+    _variant,
+    counters=(
+        Column("triangles_left_out", WHOLE, "triangles left to the second pass, as no copy may show them"),
+        VERIFIED,
+    ),
+)

@@ -6,9 +6,12 @@ from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
 from atra.errors import InputError
+from experiments.harness.column import WHOLE, Column
 from experiments.methods.method import check_packet_width, option
 
 _LARGEST_DEFAULT_SPLIT = 128
+
+VERIFIED = Column("packets_verified", WHOLE, "packets of pixels traced again in the second pass of a frame")
 
 Cells = TypeVar("Cells", bound="CellOptions")
 

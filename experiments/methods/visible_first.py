@@ -6,7 +6,8 @@ from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.tracers import VisibleFirstTracer
 from experiments.drawing.style import VERMILLION
-from experiments.methods.cells import AlignedCellOptions, resolve_split
+from experiments.harness.column import REAL, Column
+from experiments.methods.cells import VERIFIED, AlignedCellOptions, resolve_split
 from experiments.methods.method import Method, Style, Tracing
 
 
@@ -18,5 +19,11 @@ def _make(mesh: Mesh, view: View, options: AlignedCellOptions, tracing: Tracing)
 
 
 VISIBLE_FIRST = Method(
-    "visible_first", "visible-first", Style(VERMILLION, "D"), AlignedCellOptions, _make, resolve_split
+    "visible_first",
+    "visible-first",
+    Style(VERMILLION, "D"),
+    AlignedCellOptions,
+    _make,
+    resolve_split,
+    counters=(VERIFIED, Column("probe_time_s", REAL, "the probe, part of the plan")),
 )

@@ -16,6 +16,7 @@ from experiments.harness.messages import say
 from experiments.harness.options import plain_options
 from experiments.harness.point import Point
 from experiments.harness.records import Record
+from experiments.methods import find_method
 from experiments.methods.naming import say_point
 from experiments.results.settings import say_setting
 from experiments.results.table import columns, workload_rows
@@ -54,8 +55,15 @@ def print_point(row: pd.Series, console: Console) -> None:
     shown = Table(title=title, show_header=False, title_justify="left")
     for style in ("bold", "", "dim"):
         shown.add_column(style=style)
-    workload = find_workload(str(row["workload"]))
-    names = ["triangles", *(column.name for column in workload.columns), "threads", "rounds", "cpu", "doubts"]
+    workload, counters = find_workload(str(row["workload"])), find_method(str(row["method"])).counters
+    names = [
+        "triangles",
+        *(column.name for column in (*workload.columns, *counters)),
+        "threads",
+        "rounds",
+        "cpu",
+        "doubts",
+    ]
     known = columns()
     for name in dict.fromkeys(names):
         if pd.isna(row[name]) or any(part in name for part in _PARTS):

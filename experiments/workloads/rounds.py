@@ -73,9 +73,12 @@ def build_own(point: Point, stack: ExitStack, make: MakeTracer | None = None) ->
     }
     if own.embree_bytes:  # a peer does not tell
         results["embree_bytes"] = int(own.embree_bytes)
-    own_counters = {column.name for column in find_method(point.method).counters}
-    results |= {name: value for name, value in getattr(own, "counters", {}).items() if name in own_counters}
     return own, results
+
+
+def counted(point: Point, own: Any) -> dict[str, float]:
+    """What the point's method counts, once it has done its work."""
+    return {column.name: own.counters[column.name] for column in find_method(point.method).counters}
 
 
 def warm_up(point: Point, makers: Iterable[MakeTracer]) -> None:
