@@ -22,7 +22,7 @@ from experiments.harness.progress import SweepProgress
 from experiments.harness.records import FORMAT, Record, read_record, record_path
 from experiments.report import ReportFigure
 from experiments.report.page import render_report
-from experiments.results.table import COLUMNS, read_table, write_table
+from experiments.results.table import columns, read_table, write_table
 from experiments.results.terminal import print_point, print_sweep
 from tests.report_samples import CLAIMS, SVG, scene_pictures, small_contents, small_table
 
@@ -34,7 +34,7 @@ def hostile_table() -> pd.DataFrame:
     """Every text of every row is hostile, but for those a row is told apart by."""
     table = small_table()
     for name in ("scene", "error", "doubts", "cpu", "stands_for", "measured_at"):
-        table[name] = table[name].fillna("").map(lambda text: text + CONTROLS).astype(COLUMNS[name])
+        table[name] = table[name].fillna("").map(lambda text: text + CONTROLS).astype(columns()[name].dtype)
     return table
 
 
@@ -150,8 +150,8 @@ def test_a_command_line_that_names_code_or_other_configuration_is_refused(argume
 
 def test_a_command_line_of_ours_is_not_refused() -> None:
     check_command_line(
-        ["report", "sweep=paper", "scene=cornell_box,sponza", "scene.path=~/hydra/model.ply", "split_x=1,2", "-m",
-         "hydra/launcher=submitit_slurm", "+hydra.launcher.exclusive=true", "hydra.launcher.ray.init.num_cpus=2",
+        ["report", "sweep=paper", "scene=cornell_box,sponza", "scene.path=~/hydra/model.ply", "method.split_x=1,2",
+         "-m", "hydra/launcher=submitit_slurm", "+hydra.launcher.exclusive=true", "hydra.launcher.ray.init.num_cpus=2",
          "hydra.sweeper.max_batch_size=2", "hydra.mode=RUN", "+measure.rounds=3", "--cfg", "job", "results_dir=/a=b"]
     )  # fmt: skip
 
