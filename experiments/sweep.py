@@ -26,6 +26,7 @@ from experiments.harness.points import PlannedPoint, plan_points
 from experiments.harness.progress import SweepProgress
 from experiments.harness.records import Record, load_record, read_record, write_record
 from experiments.harness.scene_loading import replace_missing_scenes
+from experiments.report.figures import check_figures
 from experiments.report.writing import write_results
 from experiments.results.table import make_table, read_table
 from experiments.results.terminal import print_sweep, results_console, say_label, say_outcome
@@ -78,6 +79,7 @@ def run_sweep(
     """
     console = Console(stderr=True)
     first = grid_points[0].configuration
+    check_figures(first.sweep.figures)
     points = _plan(grid_points, console)
     folder, records = results_folder(first), records_folder(first)
     check_writable(folder)

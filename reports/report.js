@@ -155,11 +155,11 @@
         return (own === null ? "" : String(own).toLowerCase()) === value;
       });
       const fitting = order.filter(fits);
-      const shown = view.needs === null ? fitting : fitting.filter((point) => point.values[place.get(view.needs)] !== null);
+      const shown = fitting.filter((point) => view.workload === null || point.values[place.get("workload")] === view.workload);
       body.replaceChildren(...shown.map(drawRow));
-      const without = fitting.length - shown.length;
+      const others = fitting.length - shown.length;
       byId("shown").textContent = `${shown.length} of ${points.length} rows`
-        + (without ? `; ${without} more have no value among these columns` : "");
+        + (others ? `; ${others} more of other workloads` : "");
     }
 
     function sortBy(heading) {

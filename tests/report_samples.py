@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from itertools import product
 from typing import Any
 
@@ -11,9 +11,11 @@ import numpy as np
 import pandas as pd
 from PIL import Image
 
+from experiments.methods import METHODS, find_method
 from experiments.report import ReportContents, ReportFigure, ScenePictures
 from experiments.results.findings import Finding
-from experiments.results.table import COLUMNS
+from experiments.results.table import columns, rows_of
+from experiments.workloads import WORKLOADS, find_workload
 
 HOSTILE = "<script>document.title='taken over'</script>"
 POWERS = [2**power for power in range(11)]
@@ -53,14 +55,15 @@ def small_table() -> pd.DataFrame:
     stand_in = _time_row("material_ball", 2, np.random.default_rng(9), packet_width=1)
     skipped = _row("cornell_box", split_x=16, status="skipped", error="needs 9.5 GiB, the budget is 4 GiB")
     hostile = _row(HOSTILE, split_x=2, status="failed", error=f'said "no",\r\nthen {HOSTILE} & more')
-    memory = _row("cornell_box", quantity="memory", grids="memory", rss_bytes=2**30, peak_rss_bytes=2**30 + 1)
-    return _table([*rows, stand_in, skipped, hostile, memory])
+    memory = _row("cornell_box", workload="memory", grids="memory", rss_bytes=2**30, peak_rss_bytes=2**30 + 1)
+    rows += [stand_in, skipped, hostile, memory]
+    return table_of([row | {"point_id": f"{place:020x}"} for place, row in enumerate(rows)])
 
 
 def paper_sized_table(row_count: int = 550) -> pd.DataFrame:
     """As many rows as the paper's sweep, no number twice: as hard to compress as a real one."""
     rows = [row for row, _ in zip(_endless_rows(), range(row_count), strict=False)]
-    return _table(rows)
+    return table_of(rows)
 
 
 def _endless_rows() -> Iterator[dict[str, Any]]:
@@ -92,7 +95,7 @@ def _row(scene: str, **fields: Any) -> dict[str, Any]:
     triangles, stands_for = SCENES.get(scene, (10, None))
     return {
         "scene": scene, "triangles": triangles, "stands_for": stands_for, "width": 1024, "height": 1024, "split_x": 1,
-        "split_y": 1, "culling": True, "method": "aligned", "packet_width": 8, "threads": 1, "quantity": "time",
+        "split_y": 1, "culling": True, "method": "aligned", "packet_width": 8, "threads": 1, "workload": "frame",
         "geometry": "copied", "build_quality": "medium", "grids": "horizontal", "status": "ok", "cpu": "Some processor",
         "measured_at": "2000-01-01T10:00:00+00:00",
     } | fields  # fmt: skip
@@ -123,20 +126,30 @@ def _time_row(
 def _build_row(scene: str, split_x: int, random: np.random.Generator) -> dict[str, Any]:
     names = ("plan_time{}_s", "build_time{}_s", "baseline_build_time{}_s")
     times = {name.format(suffix): random.random() * split_x**0.5 for name in names for suffix in STATISTICS}
-    return _row(scene, split_x=split_x, quantity="build", grids="build", rounds=9, point_id=random.bytes(10).hex(),
+    return _row(scene, split_x=split_x, workload="build", grids="build", rounds=9, point_id=random.bytes(10).hex(),
                 **times)  # fmt: skip
 
 
 def _memory_row(scene: str, split_x: int, random: np.random.Generator) -> dict[str, Any]:
     names = ("rss_start_bytes", "rss_mesh_bytes", "rss_bytes", "peak_rss_bytes", "embree_bytes", "triangles_traced")
-    return _row(scene, split_x=split_x, quantity="memory", grids="memory", point_id=random.bytes(10).hex(),
+    return _row(scene, split_x=split_x, workload="memory", grids="memory", point_id=random.bytes(10).hex(),
                 **{name: int(random.integers(1e8, 2e9)) for name in names})  # fmt: skip
 
 
-def _table(rows: list[dict[str, Any]]) -> pd.DataFrame:
-    unknown = {name for row in rows for name in row} - set(COLUMNS)
+def table_of(rows: Sequence[dict[str, Any]]) -> pd.DataFrame:
+    """A table of these rows; as in one of records, a row has no option that its method or workload has not."""
+    known = columns()
+    unknown = {name for row in rows for name in row} - set(known)
     assert not unknown, unknown
-    return pd.DataFrame({name: pd.array([row.get(name) for row in rows], dtype=kind) for name, kind in COLUMNS.items()})
+    options = {name for kind in (*METHODS, *WORKLOADS) for name in kind.options.__dataclass_fields__}
+    own = []
+    for row in rows:
+        kinds = (find_method(row["method"]), find_workload(row["workload"]))
+        has = {name for kind in kinds for name in kind.options.__dataclass_fields__}
+        own.append({name: value for name, value in row.items() if name in has or name not in options})
+    return pd.DataFrame(
+        {name: pd.array([row.get(name) for row in own], dtype=one.dtype) for name, one in known.items()}
+    )
 
 
 def png(image: np.ndarray) -> bytes:
@@ -178,11 +191,13 @@ SVG = (
 
 
 def small_contents(**fields: Any) -> ReportContents:
+    table = small_table()
+    times, memory = (frozenset(rows_of(table, grid)["point_id"]) for grid in ("horizontal", "memory"))
     values: dict[str, Any] = {
-        "title": "The paper on this machine", "command": "python run.py sweep=paper", "table": small_table(),
+        "title": "The paper on this machine", "command": "python run.py sweep=paper", "table": table,
         "figures": (
-            ReportFigure("figure5", "Frame time over horizontal splits.", SVG, ("horizontal",)),
-            ReportFigure("figure7", "Memory over horizontal splits.", png(shaded(64)), ("memory",)),
+            ReportFigure("figure5", "Frame time over horizontal splits.", SVG, times),
+            ReportFigure("figure7", "Memory over horizontal splits.", png(shaded(64)), memory),
         ),
         "pictures": (
             scene_pictures(edge=64),

@@ -16,7 +16,8 @@ from experiments.paper.claims import CLAIMS, judge_claims
 from experiments.paper.evidence import PAPER_SCENES, SPLITS, USED_COLUMNS
 from experiments.results.estimates import Estimate, decide_greater, fit_exponent, geometric_mean
 from experiments.results.findings import Finding, judge_claim, write_claims
-from experiments.results.table import COLUMNS
+from experiments.results.table import columns
+from tests.report_samples import table_of
 
 STAND_INS = {"mitsuba": "material_ball", "fireplace_room": "living_room", "sponza": "atrium"}
 BEST = {"cornell_box": 7.6, "mitsuba": 3.0, "fireplace_room": 1.9, "sponza": 1.75}
@@ -47,7 +48,7 @@ def agreeing_rows(scene: str) -> list[Row]:
             numbers |= {column.replace("_vs_packets", ""): number for column, number in numbers.items()}
         counts = {"pixels_equal": 1024**2 - 3, "pixels_tied": 2, "pixels_edge": 1, "pixels_wrong": 0}
         copies = {"triangles_traced": triangles * split_x * split_y}
-        split = {"quantity": "time", "split_x": split_x, "split_y": split_y}
+        split = {"workload": "frame", "split_x": split_x, "split_y": split_y}
         rows.append({**common, **split, **numbers, **counts, **copies, **fields})
 
     for splits in SPLITS:
@@ -62,7 +63,7 @@ def agreeing_rows(scene: str) -> list[Row]:
             time(1, splits, gain(splits) / 1.06, packet_width=1)
         build = {"plan_time_s": 0.1, "build_time_s": splits**0.1, "build_time_low_s": splits**0.1 * 0.99}
         build["build_time_high_s"] = splits**0.1 * 1.01
-        rows.append({**common, "quantity": "build", "split_x": splits, **build})
+        rows.append({**common, "workload": "build", "split_x": splits, **build})
         rss = {"rss_mesh_bytes": 10 * 2**20, "rss_bytes": 14 * 2**20}
         for geometry, culling, size in (
             ("copied", True, splits**0.1),
@@ -70,19 +71,15 @@ def agreeing_rows(scene: str) -> list[Row]:
             ("instanced", False, 1),
         ):
             how = {"geometry": geometry, "culling": culling, "embree_bytes": int(1000 * size) - (geometry != "copied")}
-            rows.append({**common, "quantity": "memory", "split_x": splits, **how, **rss})
+            rows.append({**common, "workload": "memory", "split_x": splits, **how, **rss})
     for split_x in SPLITS[1:5]:
         for split_y in SPLITS[1:5]:
             time(split_x, split_y, gain(split_x * split_y) / 1.2, packet_width=1)
     return rows
 
 
-def make(rows: list[Row]) -> pd.DataFrame:
-    return pd.DataFrame({name: pd.array([row.get(name) for row in rows], dtype=kind) for name, kind in COLUMNS.items()})
-
-
 def agreeing_table(scenes: tuple[str, ...] = tuple(PAPER_SCENES)) -> pd.DataFrame:
-    return make([row for scene in scenes for row in agreeing_rows(scene)])
+    return table_of([row for scene in scenes for row in agreeing_rows(scene)])
 
 
 @pytest.fixture(scope="module")
@@ -130,7 +127,7 @@ def test_a_claim_that_holds_needs_no_reason_and_any_other_has_one(agreeing: pd.D
             assert one.why is None or "\n" not in one.why
 
 
-SINGLE: dict[str, Any] = {"quantity": "time", "packet_width": 1, "scene": "sponza"}
+SINGLE: dict[str, Any] = {"workload": "frame", "packet_width": 1, "scene": "sponza"}
 FLIPS: dict[str, Callable[[pd.DataFrame], pd.DataFrame]] = {
     "one-axis-beats-both": lambda t: scaled(t, 1.5, **SINGLE, split_x=4, split_y=2),
     "axes-differ-little": lambda t: scaled(t, 1.5, **SINGLE, split_x=8, split_y=1, culling=True),
@@ -140,19 +137,19 @@ FLIPS: dict[str, Callable[[pd.DataFrame], pd.DataFrame]] = {
     "culling-on-keeps-gaining": lambda t: scaled(t, 0.9, **SINGLE, split_x=1024, culling=True),
     "best-speedup-sponza": lambda t: scaled(t, 0.9, **SINGLE, culling=True),
     "best-speedup-packets-sponza": lambda t: scaled(
-        t, 0.9, "speedup_vs_packets", quantity="time", scene="sponza", packet_width=8, culling=True
+        t, 0.9, "speedup_vs_packets", workload="frame", scene="sponza", packet_width=8, culling=True
     ),
     "build-little-affected-to-16": lambda t: scaled(
-        t, 2, "build_time_s", quantity="build", scene="sponza", split_x=8
+        t, 2, "build_time_s", workload="build", scene="sponza", split_x=8
     ),
     "memory-little-affected-to-16": lambda t: scaled(
-        t, 2, "embree_bytes", quantity="memory", scene="sponza", split_x=8, culling=True
+        t, 2, "embree_bytes", workload="memory", scene="sponza", split_x=8, culling=True
     ),
     "image-without-error": lambda t: t.assign(
         pixels_wrong=t["pixels_wrong"].where(~where(t, **SINGLE, split_x=2, split_y=2), 1)
     ),
     "instancing-lowers-memory": lambda t: scaled(
-        t, 9, "embree_bytes", quantity="memory", scene="sponza", split_x=8, geometry="instanced"
+        t, 9, "embree_bytes", workload="memory", scene="sponza", split_x=8, geometry="instanced"
     ),
     "larger-scenes-gain-less": lambda t: scaled(t, 2, **SINGLE, split_x=1024, culling=True),
 }  # fmt: skip
@@ -173,13 +170,13 @@ def test_one_number_of_one_scene_refutes_the_claim_and_the_finding_names_the_sce
 
 SOME: dict[str, Callable[[pd.DataFrame, str], pd.DataFrame]] = {
     "culling-off-falls-below-start": lambda t, scene: scaled(
-        t, 0.4, quantity="time", packet_width=1, scene=scene, split_x=1, split_y=1, culling=False
+        t, 0.4, workload="frame", packet_width=1, scene=scene, split_x=1, split_y=1, culling=False
     ),
     "build-little-affected-to-64": lambda t, scene: scaled(
-        t, 2, "build_time_s", quantity="build", scene=scene, split_x=64
+        t, 2, "build_time_s", workload="build", scene=scene, split_x=64
     ),
     "memory-little-affected-to-64": lambda t, scene: scaled(
-        t, 2, "embree_bytes", quantity="memory", scene=scene, split_x=64, culling=True
+        t, 2, "embree_bytes", workload="memory", scene=scene, split_x=64, culling=True
     ),
 }  # fmt: skip
 
@@ -204,7 +201,7 @@ def test_every_claim_but_the_cost_model_is_flipped_above() -> None:
 
 def follow_model(table: pd.DataFrame, exponent: float) -> pd.DataFrame:
     table = table.copy()
-    chosen = where(table, quantity="time", packet_width=1, culling=False)
+    chosen = where(table, workload="frame", packet_width=1, culling=False)
     model = table["triangles_traced"].astype("Float64").map(math.log, na_action="ignore") / table["split_x"]
     for name in ("speedup", "speedup_low", "speedup_high"):
         table.loc[chosen, name] = (1 / model[chosen]) ** exponent
@@ -220,7 +217,7 @@ def test_the_cost_model_holds_for_exponent_one_and_fails_for_a_half(agreeing: pd
 
 def test_the_cost_model_needs_five_points(agreeing: pd.DataFrame) -> None:
     table = follow_model(agreeing, 1)
-    large = (table["split_x"] > 8) & where(table, scene="sponza", quantity="time", culling=False)
+    large = (table["split_x"] > 8) & where(table, scene="sponza", workload="frame", culling=False)
     found = finding(table[~large], "cost-model")
     assert found.verdict == "not measured"
     assert found.why is not None
@@ -231,10 +228,10 @@ def tables_without_numbers() -> Iterator[pd.DataFrame | None]:
     table = agreeing_table()
     yield None
     yield pd.DataFrame()
-    yield make([])
-    yield make([{**row, "status": "skipped", "error": "needs 9 GiB"} for row in agreeing_rows("sponza")])
+    yield table_of([])
+    yield table_of([{**row, "status": "skipped", "error": "needs 9 GiB"} for row in agreeing_rows("sponza")])
     yield table[["scene", "split_x"]]
-    yield make([{**row, "scene": "somebody's own"} for row in agreeing_rows("sponza")])
+    yield table_of([{**row, "scene": "somebody's own"} for row in agreeing_rows("sponza")])
 
 
 @pytest.mark.parametrize("table", list(tables_without_numbers()))
@@ -316,14 +313,14 @@ def test_a_skipped_point_leaves_open_what_it_could_have_decided_and_its_reason_i
 
 
 def test_scenes_with_the_same_reason_share_it(agreeing: pd.DataFrame) -> None:
-    found = finding(agreeing[~where(agreeing, quantity="build")], "build-little-affected-to-16")
+    found = finding(agreeing[~where(agreeing, workload="build")], "build-little-affected-to-16")
     assert found.why is not None
     assert found.why.startswith("cornell_box, mitsuba, fireplace_room, sponza: ")
     assert found.value == ""
 
 
 def test_packets_that_gain_little_over_packets_tell_what_packets_bring_alone(agreeing: pd.DataFrame) -> None:
-    packets: dict[str, Any] = {"quantity": "time", "packet_width": 8, "scene": "sponza", "culling": True}
+    packets: dict[str, Any] = {"workload": "frame", "packet_width": 8, "scene": "sponza", "culling": True}
     found = finding(scaled(agreeing, 0.5, "speedup_vs_packets", **packets), "best-speedup-packets-sponza")
     assert found.why is not None
     assert "against single rays 1.75: packets alone bring 2.00" in found.why
@@ -357,7 +354,7 @@ def test_a_minimum_inside_is_faster_than_none_and_than_more(agreeing: pd.DataFra
 
 
 def test_a_scene_that_stays_above_its_start_decides_nothing_while_points_are_missing(agreeing: pd.DataFrame) -> None:
-    claim_id, off = "culling-off-falls-below-start", {"quantity": "time", "packet_width": 1, "culling": False}
+    claim_id, off = "culling-off-falls-below-start", {"workload": "frame", "packet_width": 1, "culling": False}
     table = scaled(agreeing, 0.4, **off, split_x=1)
     assert verdict(table, claim_id) == "does not hold"
     assert verdict(skipped(table, **off, scene="sponza", split_x=512), claim_id) == "not measured"
@@ -367,7 +364,7 @@ def stand_in_table() -> pd.DataFrame:
     rows = agreeing_rows("cornell_box")
     for scene, name in STAND_INS.items():
         rows += [{**row, "scene": name, "stands_for": scene} for row in agreeing_rows(scene)]
-    return make(rows)
+    return table_of(rows)
 
 
 def test_stand_ins_are_named_and_never_compared_with_the_papers_numbers() -> None:
@@ -468,7 +465,7 @@ def test_claims_have_distinct_names_and_say_how_they_are_judged() -> None:
 
 
 def test_claims_read_columns_that_the_table_has() -> None:
-    assert set(USED_COLUMNS) <= set(COLUMNS)
+    assert set(USED_COLUMNS) <= set(columns())
 
 
 def test_the_interval_of_a_ratio_is_the_widest_possible() -> None:

@@ -29,7 +29,7 @@ from tests.test_sweep import Runner, configuration, measured_elsewhere
 
 
 def points(folder: Path, *splits: int, grid: str = "one") -> list[GridPoint]:
-    """Of a grid that has no figure, unless `grid` names one: drawing takes time."""
+    """Of a grid that no figure draws, unless `grid` names one."""
     return [GridPoint(grid, configuration(folder, split_x=split)) for split in splits]
 
 

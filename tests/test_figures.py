@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,8 +19,10 @@ from atra.hits import MISS, Hits
 from atra.judge.compare import Verdict
 from experiments.drawing.pages import describe_measurement
 from experiments.drawing.values import TIMES
+from experiments.harness.configuration import Configuration, SweepConfiguration
 from experiments.paper.instancing_figure import draw_instancing_figure
-from experiments.results.table import COLUMNS
+from experiments.report.figures import draw_figures
+from experiments.sweep import GridPoint, run_sweep
 from experiments.workloads.build.build_figure import draw_build_figure
 from experiments.workloads.frame.grid_figure import draw_grid_figure
 from experiments.workloads.frame.split_figure import draw_split_figure
@@ -28,6 +31,7 @@ from experiments.workloads.picture.pictures import ScenePictures
 from experiments.workloads.picture.scenes_figure import draw_scenes_figure
 from experiments.workloads.picture.shading import BACKGROUND, DIFFERENCE_COLOURS, difference_picture, encode_png, shade
 from tests.meshes import EYE_AT_ORIGIN, quads
+from tests.report_samples import table_of
 
 MIB = 2**20
 COMMON = {
@@ -38,15 +42,12 @@ COMMON = {
 
 
 def make_rows(*rows: dict[str, Any]) -> pd.DataFrame:
-    whole = [COMMON | row for row in rows]
-    return pd.DataFrame(
-        {name: pd.array([row.get(name) for row in whole], dtype=kind) for name, kind in COLUMNS.items()}
-    )
+    return table_of([COMMON | {"point_id": f"{place:020x}"} | row for place, row in enumerate(rows)])
 
 
 def time_row(split_x: int, time_s: float, **fields: Any) -> dict[str, Any]:
     return {
-        "quantity": "time", "split_x": split_x, "render_time_s": time_s, "render_time_q1_s": 0.5 * time_s,
+        "workload": "frame", "split_x": split_x, "render_time_s": time_s, "render_time_q1_s": 0.5 * time_s,
         "render_time_q3_s": 2 * time_s, "baseline_render_time_s": 0.1, "packets_render_time_s": 0.05,
         "speedup": 0.1 / time_s, "rounds": 9,
     } | fields  # fmt: skip
@@ -54,14 +55,14 @@ def time_row(split_x: int, time_s: float, **fields: Any) -> dict[str, Any]:
 
 def build_row(split_x: int, plan_s: float, build_s: float, **fields: Any) -> dict[str, Any]:
     return {
-        "quantity": "build", "split_x": split_x, "plan_time_s": plan_s, "build_time_s": build_s,
+        "workload": "build", "split_x": split_x, "plan_time_s": plan_s, "build_time_s": build_s,
         "build_time_q1_s": build_s, "build_time_q3_s": 2 * build_s, "baseline_build_time_s": 0.004,
     } | fields  # fmt: skip
 
 
 def memory_row(split_x: int, mesh_mib: int, after_mib: int, peak_mib: int, **fields: Any) -> dict[str, Any]:
     return {
-        "quantity": "memory", "split_x": split_x, "rss_mesh_bytes": mesh_mib * MIB, "rss_bytes": after_mib * MIB,
+        "workload": "memory", "split_x": split_x, "rss_mesh_bytes": mesh_mib * MIB, "rss_bytes": after_mib * MIB,
         "peak_rss_bytes": peak_mib * MIB, "embree_bytes": 3 * split_x * MIB,
     } | fields  # fmt: skip
 
@@ -195,6 +196,59 @@ def test_the_instancing_figure_sets_memory_beside_time_at_the_width_of_the_insta
     assert drawn(time, "aligned, instanced") == {2: 40}
 
 
+def drawn_names(*rows: dict[str, Any], grids: dict[str, list[str]] | None = None) -> list[str]:
+    return [figure.name for figure in draw_figures(make_rows(*rows), Path(), grids)]
+
+
+SPLITS = [time_row(split, 0.01 * split) for split in (1, 2)]
+INSTANCED = memory_row(2, 100, 102, 102, culling=False, geometry="instanced")
+
+
+@pytest.mark.parametrize(
+    ("rows", "expected"),
+    [
+        (SPLITS, ["figure5"]),
+        ([*SPLITS, *(row | {"packet_width": 1} for row in SPLITS)], ["figure5_single_rays", "figure5_packets_of_8"]),
+        ([row | {"split_x": 1, "split_y": row["split_x"]} for row in SPLITS], ["figure5_vertical"]),
+        ([*SPLITS, time_row(1, 0.01, split_y=2)], ["figure4"]),
+        ([*SPLITS, build_row(1, 0.1, 0.2), memory_row(1, 1, 2, 3)], ["figure5", "figure6", "figure7"]),
+        ([*SPLITS, INSTANCED], ["figure5", "figure7", "figure7_instancing"]),
+        ([time_row(2, 0.01), time_row(2, 0.01, method="tiles")], ["methods", "price"]),
+        ([time_row(2, 0.01), time_row(1, 0.01, method="embreex")], ["methods", "price", "peers"]),
+        ([time_row(2, 0.01), time_row(2, 0.01, threads=2)], ["threads"]),
+        ([time_row(2, 0.01)], []),
+        ([skipped(row) for row in SPLITS], []),
+        ([], []),
+    ],
+)
+def test_without_grids_a_table_draws_every_figure_that_has_something_to_show(
+    rows: list[dict[str, Any]], expected: list[str]
+) -> None:
+    assert drawn_names(*rows) == expected
+
+
+def test_a_sweep_that_names_figures_draws_these_of_the_points_of_their_grids_alone() -> None:
+    rows = [row | {"grids": "horizontal"} for row in SPLITS] + [build_row(1, 0.1, 0.2, grids="build")]
+    assert drawn_names(*rows, grids={"figure5": ["horizontal"], "figure7": ["memory"]}) == ["figure5"]
+    assert drawn_names(*rows, grids={"figure6": ["build", "none"]}) == ["figure6"]
+
+
+def test_a_figure_of_one_packet_width_holds_the_points_of_that_width() -> None:
+    table = make_rows(*SPLITS, *(row | {"packet_width": 1} for row in SPLITS))
+    single, packets = draw_figures(table, Path())
+    assert (single.point_ids, packets.point_ids) == (set(table["point_id"][2:]), set(table["point_id"][:2]))
+
+
+def test_a_figure_that_nobody_knows_is_refused_with_the_known_names_before_anything_is_measured(tmp_path: Path) -> None:
+    message = "sweep.figures names 'figure9', expected one of figure4, figure5, figure5_vertical, methods, price"
+    with pytest.raises(InputError, match=message):
+        drawn_names(*SPLITS, grids={"figure5": [], "figure9": ["horizontal"]})
+    sweep = SweepConfiguration(figures={"figure9": ["horizontal"]})
+    with pytest.raises(InputError, match=message):
+        run_sweep([GridPoint("horizontal", Configuration(sweep=sweep, results_dir=str(tmp_path)))])
+    assert list(tmp_path.iterdir()) == []
+
+
 ONE_ROW = {
     "split": (draw_split_figure, time_row(1, 0.08)),
     "grid": (draw_grid_figure, time_row(1, 0.08)),
@@ -203,7 +257,7 @@ ONE_ROW = {
     "instancing, memory": (draw_instancing_figure, memory_row(1, 100, 110, 130)),
     "instancing, time": (draw_instancing_figure, time_row(1, 0.08)),
 }
-COLUMNS_LEFT = ["scene", "status", "method", "split_x", "split_y", "culling", "quantity", "width", "height"]
+LEFT = ["scene", "status", "method", "split_x", "split_y", "culling", "workload", "width", "height", "triangles"]
 
 
 @pytest.mark.parametrize("name", ONE_ROW)
@@ -211,7 +265,7 @@ def test_every_figure_copes_with_one_row_with_none_and_with_a_row_of_missing_val
     draw, row = ONE_ROW[name]
     one = make_rows(row)
     missing = one.copy()
-    missing[[column for column in COLUMNS if column not in (*COLUMNS_LEFT, "triangles")]] = pd.NA
+    missing[[name for name in one if name not in LEFT]] = pd.NA
     without = make_rows(skipped(row))
     for table in (one, one.iloc[:0], missing, without, pd.concat([one, missing, without])):
         save(draw(table))

@@ -19,18 +19,13 @@ NAMES = ("separate", "visible_first")
 
 def frames_row(split_x: int, together_s: float, separate_s: float, visible_s: float, **fields: Any) -> dict[str, Any]:
     """A row of several frames; packets take 0.05 s. Quartiles are half and double."""
-    row = method_row("aligned", split_x, together_s, 0.05 / together_s, frames=2, motion="eyes")
+    row = method_row("aligned", split_x, together_s, 0.05 / together_s, frames=2, motion="eyes", workload="multiframe")
     for name, time_s in zip(NAMES, (separate_s, visible_s), strict=True):
         row |= {f"{name}_render_time_s": time_s, f"{name}_render_time_q1_s": 0.5 * time_s}
         row |= {f"{name}_render_time_q3_s": 2 * time_s, f"speedup_vs_{name}": time_s / together_s}
         row |= {f"speedup_vs_{name}_low": 0.75, f"speedup_vs_{name}_high": 1.25}
-    return row | {"separate_embree_bytes": 5 * 2**20, "embree_bytes": 4 * 2**20} | fields
-
-
-def memory_row(split_x: int, peak_mib: float, **fields: Any) -> dict[str, Any]:
-    row = method_row("aligned", split_x, quantity="memory", frames=2, motion="walk", rss_mesh_bytes=2**20)
-    times = {name: None for name in row if name.endswith("_s") or name.startswith("speedup")}
-    return row | times | {"peak_rss_bytes": int((peak_mib + 1) * 2**20)} | fields
+    sizes = {"separate_embree_bytes": 5, "embree_bytes": 4, "peak_rss_bytes": 4, "rss_mesh_bytes": 1}
+    return row | {name: count * 2**20 for name, count in sizes.items()} | fields
 
 
 def test_each_way_has_the_split_at_which_packets_lose_most_to_it() -> None:
@@ -104,8 +99,8 @@ def test_the_multiframe_figure_draws_the_time_of_one_frame_of_each_way_and_motio
 
 
 def test_the_multiframe_figure_draws_embree_s_bytes_and_the_peak_at_the_split_of_the_times() -> None:
-    table = make_rows(walk(2, 0.02), memory_row(64, 3.0), memory_row(128, 9.0))
-    figure = draw_multiframe_figure(table)
+    slower = walk(2, 0.04) | {"split_x": 128, "embree_bytes": 9 * 2**20, "peak_rss_bytes": 9 * 2**20}
+    figure = draw_multiframe_figure(make_rows(walk(2, 0.02), slower))
     memory = figure.axes[-1]
     assert lines_of(memory, TOGETHER.style["color"]) == [([2], [4])]
     assert lines_of(memory, SEPARATE_FRAMES.style["color"]) == [([2], [5])]
@@ -113,9 +108,7 @@ def test_the_multiframe_figure_draws_embree_s_bytes_and_the_peak_at_the_split_of
 
 
 def test_the_multiframe_figure_says_what_was_skipped() -> None:
-    table = make_rows(walk(2, 0.02), skipped(walk(8, 0.02)), skipped(memory_row(64, 3.0)))
-    figure = draw_multiframe_figure(table)
+    figure = draw_multiframe_figure(make_rows(walk(2, 0.02), skipped(walk(8, 0.02))))
     assert f"all frames together, 64 {TIMES} 1: skipped, needs more memory than its budget" in words(figure)
-    assert f"the camera walks, memory, 64 {TIMES} 1: skipped" in words(figure)
     assert "nothing measured" in words(draw_multiframe_figure(make_rows(skipped(walk(8, 0.02)))))
     save(figure)

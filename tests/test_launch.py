@@ -234,7 +234,7 @@ def test_no_room_for_temporary_files_is_a_failed_point(monkeypatch: pytest.Monke
 def test_a_worker_that_may_write_nothing_more_says_so(tmp_path: Path) -> None:
     # Past this limit the system refuses to write, as a full disk does, for the result and for words alike.
     limited = (
-        "import resource, experiments.worker as w; from experiments.workloads.quantities import Measured; "
+        "import resource, experiments.worker as w; from experiments.workloads.workload import Measured; "
         "w.measure_point = lambda _: resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0)) or Measured({'a': 1}); w.main()"
     )
     outcome = run_worker(POINT, [sys.executable, "-c", limited])

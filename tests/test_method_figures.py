@@ -13,22 +13,21 @@ from matplotlib.figure import Figure
 
 from experiments.drawing.bars import spread
 from experiments.drawing.values import TIMES, say_number
-from experiments.results.table import COLUMNS
 from experiments.workloads.frame.methods_figure import draw_methods_figure
 from experiments.workloads.frame.peers_figure import draw_peers_figure
 from experiments.workloads.frame.price_figure import draw_price_figure
 from experiments.workloads.frame.threads_figure import draw_threads_figure
+from tests.report_samples import table_of
 
-KINDS = COLUMNS | {"first_frame_time_s": "Float64"}
 COMMON = {
     "scene": "box", "triangles": 10, "width": 1000, "height": 1000, "split_y": 1, "culling": True,
     "geometry": "copied", "packet_width": 8, "threads": 1, "build_quality": "medium", "status": "ok",
-    "quantity": "time", "rounds": 9, "pixels_wrong": 0,
+    "workload": "frame", "rounds": 9, "pixels_wrong": 0,
 }  # fmt: skip
 
 
 def make_rows(*rows: dict[str, Any]) -> pd.DataFrame:
-    return pd.DataFrame({name: pd.array([row.get(name) for row in rows], dtype=kind) for name, kind in KINDS.items()})
+    return table_of(rows)
 
 
 def method_row(method: str, split_x: int = 1, time_s: float = 0.02, ratio: Any = 2.0, **fields: Any) -> dict[str, Any]:
@@ -216,7 +215,7 @@ DRAW = {
     "methods": draw_methods_figure, "price": draw_price_figure, "threads": draw_threads_figure,
     "peers": draw_peers_figure,
 }  # fmt: skip
-LEFT = ["scene", "status", "method", "split_x", "split_y", "culling", "quantity", "width", "height", "triangles"]
+LEFT = ["scene", "status", "method", "split_x", "split_y", "culling", "workload", "width", "height", "triangles"]
 
 
 @pytest.mark.parametrize("name", DRAW)
@@ -224,7 +223,7 @@ def test_every_figure_of_methods_copes_with_one_row_with_none_and_with_a_row_of_
     row = method_row("visible_first", 4)
     one = make_rows(row)
     missing = one.copy()
-    missing[[column for column in KINDS if column not in LEFT]] = pd.NA
+    missing[[name for name in one if name not in LEFT]] = pd.NA
     without = make_rows(skipped(row), skipped(row | {"threads": None, "packet_width": None}))
     of_older_table = make_rows(row, PIXEL).drop(columns=["first_frame_time_s", "geometry", "stands_for", "grids"])
     for table in (one, one.iloc[:0], missing, without, of_older_table, pd.concat([one, missing, without])):

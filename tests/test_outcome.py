@@ -9,20 +9,23 @@ from typing import Any
 
 import pytest
 
-from experiments.harness.configuration import Quantity
 from experiments.harness.outcome import Outcome
 from experiments.harness.point import Point
+from experiments.methods.aligned import AlignedOptions
+from experiments.workloads.multiframe import MultiframeOptions
+from experiments.workloads.workload import NoOptions
 
 POINT = Point(
-    scene="box", scene_source="procedural", scene_path=None, mesh_sha256="0", triangles=1, eye=(0.0, 0.0, 1.0),
-    target=(0.0, 0.0, 0.0), up=(0.0, 1.0, 0.0), fov_y_degrees=60.0, width=8, height=8, method="aligned",
-    geometry="copied", split_x=1, split_y=1, culling=True, packet_width=1, packet_rows=None, threads=1, ties="lowest",
-    build_quality="medium", quantity="time", rounds=4, warmup=1, frame_budget_s=1.0, time_limit_s=30.0,
+    scene="box", scene_source="procedural", scene_path=None, mesh_sha256="0", triangles=1, view="own",
+    eye=(0.0, 0.0, 1.0), target=(0.0, 0.0, 0.0), up=(0.0, 1.0, 0.0), fov_y_degrees=60.0, width=8, height=8,
+    method="aligned", options=AlignedOptions(split_x=1, packet_width=1), workload="frame", workload_options=NoOptions(),
+    threads=1, ties="lowest", build_quality="medium", rounds=4, warmup=1, frame_budget_s=1.0, time_limit_s=30.0,
     memory_budget_gib=1.0,
 )  # fmt: skip
 MEMORY = {"triangles_traced": 1, "packet_width": 1, "threads": 1, "rss_bytes": 100, "peak_rss_bytes": 120}
 COUNTS = {"pixels_equal": 60, "pixels_tied": 2, "pixels_edge": 1, "pixels_wrong": 1}
-TIMES = {"plan_time_s": 0.0, "build_time_s": 0.1, "baseline_build_time_s": 0.1, "packets_width": 8, "rounds": 3}
+TIMES = {"plan_time_s": 0.0, "build_time_s": 0.1, "baseline_build_time_s": 0.1, "rounds": 3}
+ROUNDS = {"rounds": 4}
 METHODS = ("own", "rtcIntersect1", "packets_8")
 GOOD = Outcome(
     "ok",
@@ -44,25 +47,27 @@ def test_a_good_result_comes_through_unchanged() -> None:
     assert Outcome.from_json(GOOD.to_json(POINT), POINT) == GOOD
 
 
+def timed(*names: str) -> dict[str, Any]:
+    return {"warmup_samples": {name: [1.0] for name in names}, "samples": {name: [1.0] * 4 for name in names}}
+
+
 @pytest.mark.parametrize(
-    ("quantity", "changes"),
+    ("point", "changes"),
     [
-        (Quantity.memory, {"warmup_samples": {}, "samples": {}, "results": MEMORY}),
+        (replace(POINT, workload="memory"), timed() | {"results": MEMORY}),
+        (replace(POINT, workload="build"), timed("plan", "build", "baseline_build") | {"results": MEMORY | ROUNDS}),
+        (replace(POINT, workload="picture"), timed() | {"results": MEMORY | COUNTS | {"pictures": {}}}),
         (
-            Quantity.build,
-            {
-                "warmup_samples": {name: [1.0] for name in ("plan", "build", "baseline_build")},
-                "samples": {name: [1.0, 1.0, 1.0, 1.0] for name in ("plan", "build", "baseline_build")},
-                "results": MEMORY | {"rounds": 4},
-            },
+            replace(POINT, workload="multiframe", workload_options=MultiframeOptions()),
+            timed(*METHODS, "separate", "visible_first")
+            | {"results": MEMORY | COUNTS | TIMES | ROUNDS | {"pixels_equal": 124}},
         ),
-        (Quantity.picture, {"warmup_samples": {}, "samples": {}, "results": MEMORY | COUNTS | {"pictures": {}}}),
     ],
 )
-def test_each_quantity_has_results_of_its_own(quantity: Quantity, changes: dict[str, Any]) -> None:
-    point, outcome = replace(POINT, quantity=quantity.value), replace(GOOD, **changes)
+def test_each_workload_has_results_of_its_own(point: Point, changes: dict[str, Any]) -> None:
+    outcome = replace(GOOD, **changes)
     assert Outcome.from_json(outcome.to_json(point), point) == outcome
-    with pytest.raises(ValueError, match=r"without|samples of"):
+    with pytest.raises(ValueError, match=r"without|samples of|128 together, of 64"):
         Outcome.from_json(outcome.to_json(POINT), POINT)
 
 
@@ -111,7 +116,6 @@ def test_a_number_too_large_for_a_float_is_refused() -> None:
         (lambda told: [values.clear() for values in told["samples"].values()], "0 rounds"),
         (lambda told: [values.pop() for values in told["samples"].values()], "2 rounds"),
         (lambda told: [values.extend([1.0] * 2) for values in told["samples"].values()], "5 rounds"),
-        (lambda told: told["results"].update(packets_width=16), "packets_width is 16, the fastest are of 8"),
         (lambda told: told["results"].update(rounds=4), "3 rounds of samples, 4 by its account"),
         (lambda told: [values.clear() for values in told["warmup_samples"].values()], "0 warm-up rounds, expected 1"),
     ],
@@ -163,7 +167,7 @@ def test_a_status_that_contradicts_itself_is_refused(change: dict[str, object]) 
 
 def test_a_result_of_another_point_is_refused() -> None:
     with pytest.raises(ValueError, match="another point"):
-        Outcome.from_json(GOOD.to_json(replace(POINT, split_x=2)), POINT)
+        Outcome.from_json(GOOD.to_json(replace(POINT, options=AlignedOptions(split_x=2, packet_width=1))), POINT)
 
 
 def test_a_worker_cannot_write_a_number_that_is_none() -> None:

@@ -21,15 +21,15 @@ from experiments.workloads.frame.price import (
 )
 from tests.test_method_figures import make_rows, method_row, skipped
 
-BASELINE = Price("pixel", (1, 1), 0.0, 1.0, 4.0, 4.0)
+BASELINE = Price("pixel", 0.0, 1.0, 4.0, 4.0)
 
 
 def price(once_s: float, first_s: float, frame_s: float) -> Price:
-    return Price("aligned", (128, 1), once_s / 2, once_s / 2, first_s, frame_s)
+    return Price("aligned", once_s / 2, once_s / 2, first_s, frame_s)
 
 
 def test_cumulative_time_is_plan_build_first_frame_and_then_the_further_frames() -> None:
-    total_s = cumulative_time_s(Price("tiles", (4, 4), 1.0, 2.0, 8.0, 0.5), np.array([1, 2, 3, 1000]))
+    total_s = cumulative_time_s(Price("tiles", 1.0, 2.0, 8.0, 0.5), np.array([1, 2, 3, 1000]))
     np.testing.assert_array_equal(total_s, [11, 11.5, 12, 510.5])
 
 
@@ -95,11 +95,11 @@ def test_another_scene_method_width_or_thread_count_has_its_own_best_row(other: 
     assert best_rows(table)["split_x"].tolist() == [32, 32]
 
 
-def test_points_without_a_time_or_of_another_quantity_are_no_best_row() -> None:
+def test_points_without_a_time_or_of_another_workload_are_no_best_row() -> None:
     good = method_row("aligned", 64, ratio=2.0)
     table = make_rows(
         skipped(method_row("aligned", 128, ratio=9.0)),
-        method_row("aligned", 128, ratio=9.0, quantity="memory"),
+        method_row("aligned", 128, ratio=9.0, workload="memory"),
         method_row("aligned", 256, ratio=pd.NA),
         good,
     )
@@ -117,7 +117,7 @@ def test_the_first_of_equals_is_best_whatever_the_index_of_the_table() -> None:
 def test_the_price_of_a_row_is_its_columns_and_missing_ones_leave_no_price() -> None:
     row = method_row("visible_first", 64, time_s=0.5, plan_time_s=0.25, build_time_s=0.125, first_frame_time_s=2.0)
     table = make_rows(row, row | {"first_frame_time_s": None}, row | {"plan_time_s": None, "embree_bytes": None})
-    expected = Price("visible_first", (64, 1), 0.25, 0.125, 2.0, 0.5, 3000, 0.05)
+    expected = Price("visible_first", 0.25, 0.125, 2.0, 0.5, 3000, 0.05)
     assert [price_of(one) for _, one in table.iterrows()] == [expected, None, None]
 
 
@@ -125,10 +125,10 @@ def test_the_baseline_is_the_row_of_8_wide_packets_per_pixel_which_plans_nothing
     single = method_row("pixel", 1, time_s=0.5, packet_width=1, plan_time_s=None)
     packets = method_row("pixel", 1, time_s=0.25, plan_time_s=None, build_time_s=0.5, first_frame_time_s=1.0)
     table = make_rows(method_row("aligned", 64), single, packets)
-    assert baseline_price(table) == Price("pixel", (1, 1), 0.0, 0.5, 1.0, 0.25, 3000, 0.05)
+    assert baseline_price(table) == Price("pixel", 0.0, 0.5, 1.0, 0.25, 3000, 0.05)
     assert baseline_price(make_rows(method_row("aligned", 64), single)) is None
 
 
 def test_a_baseline_frame_from_the_same_rounds_is_preferred_over_one_from_another_process() -> None:
-    slow_moment = Price("aligned", (128, 1), 4.0, 4.0, 4.0, 3.0, None, packets_frame_time_s=8.0)
+    slow_moment = Price("aligned", 4.0, 4.0, 4.0, 3.0, None, packets_frame_time_s=8.0)
     assert break_even_frames(slow_moment, BASELINE) == 3  # 7 s behind, 5 s gained a frame; 1 s a frame would need 9

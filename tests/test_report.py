@@ -185,7 +185,7 @@ def test_a_scene_s_best_is_the_largest_ratio_of_its_kind() -> None:
     assert (cornell.packets_vs_single.ratio, cornell.packets_vs_single.low, cornell.packets_vs_single.high) == (
         20.5, 20.25, 20.75,
     )  # fmt: skip
-    assert cornell.packets_vs_single.point == f"2 {TIMES} 1, packets of 8, culling on"
+    assert cornell.packets_vs_single.point == f"aligned, packets of 8, 2 {TIMES} 1, culling on"
     assert cornell.single is None
     assert cornell.pixels_wrong == 3
     assert ball.single is not None
@@ -195,7 +195,7 @@ def test_a_scene_s_best_is_the_largest_ratio_of_its_kind() -> None:
 
 def test_memory_and_skipped_rows_give_no_speed_up() -> None:
     table = small_table()
-    assert scenes_in_short(table[table["quantity"] == "memory"])[0].packets is None
+    assert scenes_in_short(table[table["workload"] == "memory"])[0].packets is None
     assert scenes_in_short(table[table["status"] != "ok"])[0].packets_vs_single is None
 
 
@@ -208,23 +208,16 @@ def test_doubts_of_a_kind_are_counted_together() -> None:
     ]
 
 
-def test_a_figure_carries_the_doubts_of_its_own_grids(page: str) -> None:
+def test_a_figure_carries_the_doubts_of_its_own_points(page: str) -> None:
     captions = re.findall(r'<p class="doubts">(.*?)</p>', page, re.S)
     assert "Doubts on 2 of 5 measured points" in " ".join(captions[0].split())
     assert "No doubts on any of its 1 measured points" in " ".join(captions[1].split())
 
 
-def test_a_figure_of_one_packet_width_carries_the_doubts_of_that_width() -> None:
-    figures = tuple(ReportFigure(f"figure{width}", "", SVG, ("horizontal",), packet_width=width) for width in (1, 8))
-    single, packets = re.findall(r'<p class="doubts">(.*?)</p>', render_report(small_contents(figures=figures)), re.S)
-    assert "No doubts on any of its 1 measured points" in " ".join(single.split())
-    assert "Doubts on 2 of 4 measured points" in " ".join(packets.split())
-
-
 def test_missing_points_are_listed_with_their_reasons(page: str) -> None:
     skipped, failed = missing_points(small_table())
     assert (skipped.status, skipped.reason) == ("skipped", "needs 9.5 GiB, the budget is 4 GiB")
-    assert skipped.points == (f"time: 16 {TIMES} 1, packets of 8, culling on",)
+    assert skipped.points == (f"frame: aligned, packets of 8, 16 {TIMES} 1, culling on",)
     assert failed.scene == HOSTILE
     assert "needs 9.5 GiB, the budget is 4 GiB" in page
 

@@ -10,23 +10,29 @@ from typing import Any
 import pytest
 from rich.console import Console
 
+from experiments.harness.configuration import Chosen
+from experiments.harness.identity import measure
 from experiments.harness.point import Point
+from experiments.harness.points import plan_points
 from experiments.harness.records import Record
+from experiments.methods import METHODS
+from experiments.methods.method import Method
 from experiments.report.columns import IDENTITY, views_of
-from experiments.results.settings import SETTINGS, settings_that_vary
-from experiments.results.table import COLUMNS, make_table
+from experiments.results.settings import settings, settings_that_vary
+from experiments.results.table import columns, make_table
 from experiments.results.terminal import print_sweep
+from experiments.workloads import WORKLOADS
 from experiments.workloads.build.build_figure import draw_build_figure
 from experiments.workloads.frame.grid_figure import draw_grid_figure
 from experiments.workloads.frame.split_figure import draw_split_figure
 from experiments.workloads.memory.memory_figure import draw_memory_figure
 from tests.test_figures import build_row, make_rows, memory_row, time_row
+from tests.test_sweep import Runner, configuration
 from tests.test_table import MEASURED
 
-OTHERWISE_TOLD = {"scene", "triangles", "method", "quantity", "scene_source", "scene_path"}
-EFFORT = {
-    "rounds", "warmup", "frame_budget_s", "time_limit_s", "memory_budget_gib", "offsets", "sample_rays",
-}  # fmt: skip
+OTHERWISE_TOLD = {"scene", "triangles", "method", "workload", "scene_source", "scene_path"}
+OPTIONS = {"options", "workload_options"}
+EFFORT = {"rounds", "warmup", "frame_budget_s", "time_limit_s", "memory_budget_gib"}
 
 # Two values of each setting, as a record's configuration holds them, and the second one in words.
 VALUES: dict[str, tuple[Any, Any, str]] = {
@@ -38,6 +44,8 @@ VALUES: dict[str, tuple[Any, Any, str]] = {
     "fov_y_degrees": (45.0, 60.0, "fov y degrees 60.0"),
     "width": (8, 16, "width 16"),
     "height": (4, 8, "height 8"),
+    "offsets": ([[0.5, 0.5]], [[0.5, 0.5], [0.0, 1.0]], "offsets [[0.5, 0.5], [0.0, 1.0]]"),
+    "sample_rays": (0, 7, "sample rays 7"),
     "motion": ("turn", "walk", "motion walk"),
     "frames": (2, 4, "frames 4"),
     "geometry": ("copied", "instanced", "instanced geometry"),
@@ -50,22 +58,40 @@ VALUES: dict[str, tuple[Any, Any, str]] = {
     "build_quality": ("high", "low", "low build quality"),
     "ties": ("any", "lowest", "ties lowest"),
 }
-every_setting = pytest.mark.parametrize("name", SETTINGS)
+WORKLOAD_OF = {field.name: workload for workload in WORKLOADS for field in fields(workload.options)}
+OF_METHODS = {field.name for method in METHODS for field in fields(method.options)}
+every_setting = pytest.mark.parametrize("name", settings())
 
 
 def records_that_differ_in(name: str) -> list[Record]:
-    common = MEASURED.configuration | {key: first for key, (first, _, _) in VALUES.items()}
-    common["motion"] = "walk" if name == "frames" else None
-    ran = {key: value for key, value in MEASURED.results.items() if key != "packet_width"}
-    return [
-        replace(MEASURED, point_id=str(value), configuration=common | {name: value}, results=ran)
-        for value in VALUES[name][:2]
-    ]
+    return [record_with(name, value) for value in VALUES[name][:2]]
 
 
-def test_every_field_of_a_point_is_a_setting_or_told_otherwise_or_effort() -> None:
-    assert {field.name for field in fields(Point)} - set(SETTINGS) == OTHERWISE_TOLD | EFFORT
-    assert set(SETTINGS) < set(COLUMNS)
+def record_with(name: str, value: Any) -> Record:
+    """Of the aligned method, and of the workload that knows the setting."""
+    values = {key: first for key, (first, _, _) in VALUES.items()} | {name: value}
+    workload = WORKLOAD_OF.get(name, WORKLOADS[0])
+    configuration = MEASURED.configuration | {
+        key: values[key] for key in values.keys() - OF_METHODS - WORKLOAD_OF.keys()
+    }
+    configuration["method_options"] = {key: values[key] for key in OF_METHODS}
+    configuration["workload"] = workload.name
+    configuration["workload_options"] = {field.name: values[field.name] for field in fields(workload.options)}
+    ran = {key: result for key, result in MEASURED.results.items() if key != "packet_width"}
+    samples = MEASURED.samples | {key: [1.0, 2.0, 3.0] for key in ("separate", "visible_first")}
+    return replace(MEASURED, point_id=str(value), configuration=configuration, samples=samples, results=ran)
+
+
+def test_every_field_of_a_point_and_every_option_is_a_setting_or_told_otherwise_or_effort() -> None:
+    assert {field.name for field in fields(Point)} - set(settings()) == OTHERWISE_TOLD | OPTIONS | EFFORT
+    assert OF_METHODS | WORKLOAD_OF.keys() <= set(settings()) == VALUES.keys() <= columns().keys()
+
+
+@pytest.mark.parametrize("method", [one for one in METHODS if fields(one.options)], ids=lambda method: method.name)
+def test_an_option_left_open_does_not_pass_for_one_that_the_method_lacks(tmp_path: Path, method: Method) -> None:
+    (planned,) = plan_points([configuration(tmp_path, method=Chosen(method.name, method.options()))])
+    row = make_table([measure(planned, Runner())]).iloc[0]
+    assert row[[field.name for field in fields(method.options)]].notna().all()
 
 
 @every_setting
@@ -84,7 +110,7 @@ def test_the_page_shows_a_setting_that_varies_in_every_view(name: str) -> None:
         assert name not in frame_times.columns
 
 
-@every_setting
+@pytest.mark.parametrize("name", [name for name in settings() if name not in ("offsets", "sample_rays")])
 def test_the_best_of_a_scene_is_told_for_each_value_of_a_setting_but_the_split(tmp_path: Path, name: str) -> None:
     shown = io.StringIO()
     print_sweep(make_table(records_that_differ_in(name)), tmp_path, Console(file=shown, width=200))
@@ -92,8 +118,10 @@ def test_the_best_of_a_scene_is_told_for_each_value_of_a_setting_but_the_split(t
     assert len(rows) == (1 if name in ("split_x", "split_y") else 2)
 
 
-# The figures tell these apart themselves: the abscissa, and a line for each.
-@pytest.mark.parametrize("name", [name for name in SETTINGS if name not in ("split_x", "geometry", "culling")])
+TOLD_APART = ("split_x", "geometry", "culling")  # by the figures themselves: the abscissa, and a line for each
+
+
+@pytest.mark.parametrize("name", [name for name in settings() if name not in {*TOLD_APART, *WORKLOAD_OF}])
 def test_no_figure_over_splits_draws_two_values_of_a_setting_as_one_line(name: str) -> None:
     values = make_table(records_that_differ_in(name))[name]
     cases = [
@@ -114,6 +142,20 @@ def test_another_view_is_not_told_again_by_its_eye() -> None:
     first, second = records_that_differ_in("view")
     second.configuration["eye"] = [9.0, 9.0, 9.0]
     assert settings_that_vary(make_table([first, second])) == ["view"]
+
+
+def test_instances_are_not_told_again_by_their_culling() -> None:
+    first, second = records_that_differ_in("geometry")
+    first.configuration["method_options"]["culling"] = True
+    assert settings_that_vary(make_table([first, second])) == ["geometry"]
+
+
+def test_a_method_that_lacks_a_setting_is_told_so(tmp_path: Path) -> None:
+    pixel = MEASURED.configuration | {"method": "pixel", "method_options": {"packet_width": 8}}
+    shown = io.StringIO()
+    records = [*records_that_differ_in("packet_rows"), replace(MEASURED, configuration=pixel)]
+    print_sweep(make_table(records), tmp_path, Console(file=shown, width=200))
+    assert "packets of 8 per pixel, no packet rows" in shown.getvalue()
 
 
 def test_scenes_have_cameras_of_their_own() -> None:

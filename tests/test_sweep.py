@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -9,21 +11,27 @@ from pathlib import Path
 import pytest
 
 from atra.errors import InputError
+from experiments.harness import identity as identities
 from experiments.harness.configuration import (
+    Chosen,
     Configuration,
-    MeasureConfiguration,
-    Method,
-    Quantity,
     SceneConfiguration,
     SceneSource,
     SweepConfiguration,
 )
-from experiments.harness.identity import current_environment, identity, identity_of, measure
+from experiments.harness.identity import current_environment, identity, identity_of, imported_sources, measure
 from experiments.harness.outcome import Outcome
 from experiments.harness.point import Point
 from experiments.harness.points import PlannedPoint, plan_points
 from experiments.harness.records import Record, write_record
+from experiments.methods.aligned import AlignedOptions
 from experiments.sweep import GridPoint, run_sweep
+from experiments.workloads import WORKLOADS
+from experiments.workloads.workload import NoOptions
+from tests.test_outcome import POINT
+
+ROOT = Path(__file__).resolve().parents[1]
+MEASURE_MODULES = [f"{workload.room}.measure" for workload in WORKLOADS]
 
 
 class Runner:
@@ -38,7 +46,7 @@ class Runner:
         if self.status != "ok":
             return Outcome(self.status, "on purpose")
         results = {
-            "triangles_traced": 10, "packet_width": 8, "packets_width": 8, "threads": 1, "plan_time_s": 0.1,
+            "triangles_traced": 10, "packet_width": 8, "threads": 1, "plan_time_s": 0.1,
             "build_time_s": 0.1, "rss_bytes": 9, "peak_rss_bytes": 9, "embree_bytes": 9, "rounds": 3,
             "pixels_equal": 64, "pixels_tied": 0, "pixels_edge": 0, "pixels_wrong": 0,
         }  # fmt: skip
@@ -46,11 +54,16 @@ class Runner:
         return Outcome("ok", samples={name: [0.1, 0.1, 0.1] for name in names}, results=results)
 
 
-def configuration(folder: Path, sweep: str = "one", split_x: int = 1, **fields: object) -> Configuration:
+def configuration(
+    folder: Path, sweep: str = "one", split_x: int = 1, workload: str = "frame", **fields: object
+) -> Configuration:
+    """Of a sweep that draws nothing but a grid called horizontal: drawing takes time."""
     return Configuration(
         scene=SceneConfiguration(name="cornell_box", source=SceneSource.procedural),
-        sweep=SweepConfiguration(name=sweep),
-        **{"split_x": split_x, "width": 64, "height": 64, "results_dir": str(folder), **fields},  # type: ignore[arg-type]
+        sweep=SweepConfiguration(name=sweep, figures={"figure5": ["horizontal"]}),
+        method=fields.pop("method", Chosen("aligned", AlignedOptions(split_x))),
+        workload=Chosen(workload, NoOptions()),
+        **{"width": 64, "height": 64, "results_dir": str(folder), **fields},  # type: ignore[arg-type]
     )
 
 
@@ -62,7 +75,7 @@ def test_a_point_of_two_grids_is_measured_once_and_belongs_to_both(tmp_path: Pat
         GridPoint("grid", configuration(tmp_path, split_x=2)),
     ]
     table = run_sweep(points, run=runner)
-    assert sorted(point.split_x for point in runner.points) == [1, 2]
+    assert sorted(point.options.split_x for point in runner.points) == [1, 2]
     assert list(table["grids"]) == ["horizontal", "horizontal,grid"]
 
 
@@ -71,18 +84,23 @@ def test_what_one_sweep_measured_another_does_not_measure_again(tmp_path: Path) 
     runner = Runner()
     both = [GridPoint("b", configuration(tmp_path, "second", split_x=split)) for split in (1, 4)]
     table = run_sweep(both, run=runner)
-    assert [point.split_x for point in runner.points] == [4]
+    assert [point.options.split_x for point in runner.points] == [4]
     assert len(table) == 2
     assert (tmp_path / "second" / "table.csv").exists()
 
 
 @pytest.mark.parametrize(
-    "changed", [{"culling": False}, {"packet_width": 1}, {"measure": MeasureConfiguration(quantity=Quantity.memory)}]
+    "changed",
+    [
+        {"method": Chosen("aligned", AlignedOptions(1, culling=False))},
+        {"method": Chosen("aligned", AlignedOptions(1, packet_width=1))},
+        {"workload": "memory"},
+    ],
 )
 def test_a_point_that_differs_in_any_field_is_another_point(tmp_path: Path, changed: dict[str, object]) -> None:
     run_sweep([GridPoint("a", configuration(tmp_path))], run=Runner())
     runner = Runner(status="skipped")
-    run_sweep([GridPoint("a", configuration(tmp_path, **changed))], run=runner)
+    run_sweep([GridPoint("a", configuration(tmp_path, **changed))], run=runner)  # type: ignore[arg-type]
     assert len(runner.points) == 1
 
 
@@ -123,15 +141,37 @@ def test_a_peer_s_point_is_another_one_with_another_version_of_the_peer(
 ) -> None:
     environment = current_environment()
 
-    def identities() -> list[str]:
-        chosen = [configuration(tmp_path, method=method) for method in (Method.embreex, Method.pixel)]
-        return [identity(planned.point, environment) for planned in plan_points(chosen)]
+    def named() -> list[str]:
+        return [identity(replace(POINT, method=method), environment) for method in ("embreex", "aligned")]
 
-    before = identities()
-    monkeypatch.setattr("experiments.harness.identity.peer_version", lambda name: "0")
-    peer, own = identities()
+    before = named()
+    monkeypatch.setattr("experiments.methods.peer.package_version", lambda package: "0")
+    peer, own = named()
     assert peer != before[0]
     assert own == before[1]
+
+
+def test_the_identity_covers_every_source_that_a_worker_imports() -> None:
+    code = (
+        f"import sys, experiments.worker, {', '.join(MEASURE_MODULES)}; ours = ('experiments', 'scenes'); "
+        "print(*(one.__file__ for name, one in sys.modules.items() if name.partition('.')[0] in ours), sep='\\n')"
+    )
+    told = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True).stdout
+    imported = {Path(line) for line in told.splitlines()}
+    assert ROOT / "experiments" / "workloads" / "rounds.py" in imported
+    assert imported <= set(imported_sources("experiments.worker", *MEASURE_MODULES))
+
+
+@pytest.mark.parametrize(
+    "name", ["experiments.worker", "experiments.methods.cells", "scenes.cornell_box", *MEASURE_MODULES]
+)
+def test_a_point_is_another_one_once_a_source_that_measures_changes(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    changed, read = ROOT.joinpath(*name.split(".")).with_suffix(".py"), Path.read_bytes
+    environment = current_environment()
+    before = identity(POINT, environment)
+    monkeypatch.setattr(Path, "read_bytes", lambda path: read(path) + b"#" * (path == changed))
+    monkeypatch.setattr(identities, "_measuring_code_sha256", identities._measuring_code_sha256.__wrapped__)
+    assert identity(POINT, environment) != before
 
 
 def measured_elsewhere(planned: PlannedPoint, **environment: object) -> Record:
@@ -143,11 +183,11 @@ def measured_elsewhere(planned: PlannedPoint, **environment: object) -> Record:
 
 def test_launched_points_are_found_by_their_configuration(tmp_path: Path) -> None:
     configurations = [configuration(tmp_path, split_x=split) for split in (1, 2)]
-    points = [GridPoint("a", one, (f"split_x={one.split_x}",)) for one in configurations]
+    points = [GridPoint("a", one, (f"method.split_x={one.method.options.split_x}",)) for one in configurations]
     written = []
 
     def launch(jobs: Sequence[Sequence[str]]) -> list[str | None]:
-        assert sorted(jobs) == [("split_x=1",), ("split_x=2",)]
+        assert sorted(jobs) == [("method.split_x=1",), ("method.split_x=2",)]
         for planned in plan_points(configurations):
             record = measured_elsewhere(planned, cpu="another cpu")
             write_record(tmp_path / "records", record)
@@ -160,7 +200,7 @@ def test_launched_points_are_found_by_their_configuration(tmp_path: Path) -> Non
     assert set(table["cpu"]) == {"another cpu"}
 
 
-@pytest.mark.parametrize("faults", ["other code", "another name", "no record"])
+@pytest.mark.parametrize("faults", ["other code", "another name", "another method", "no record"])
 def test_a_job_s_record_that_this_code_did_not_write_is_not_taken(
     tmp_path: Path, faults: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -170,6 +210,9 @@ def test_a_job_s_record_that_this_code_did_not_write_is_not_taken(
         record = measured_elsewhere(planned, cpu="another cpu", code_sha256="0")
     elif faults == "another name":
         record = replace(record, point_id="f00")
+    elif faults == "another method":  # of a later version
+        record = replace(record, configuration=record.configuration | {"method": "later"})
+        record = replace(record, point_id=identity_of(record))
     path = write_record(tmp_path / "records", record)
     if faults == "no record":
         path.write_text("{}")
@@ -184,7 +227,7 @@ def test_launched_points_of_two_machines_are_not_put_into_one_table(tmp_path: Pa
 
     def launch(jobs: Sequence[Sequence[str]]) -> list[str | None]:
         for planned in plan_points(configurations):
-            record = measured_elsewhere(planned, cpu=f"cpu {planned.point.split_x}")
+            record = measured_elsewhere(planned, cpu=f"cpu {planned.point.options.split_x}")
             write_record(tmp_path / "records", record)
         return [None] * len(jobs)
 
@@ -203,5 +246,5 @@ def test_a_peer_that_does_not_tell_its_memory_is_no_reason_to_stop(tmp_path: Pat
         results = Runner()(point).results
         return Outcome("ok", results={"rss_bytes": results["rss_bytes"], "peak_rss_bytes": 9})
 
-    memory = configuration(tmp_path, measure=MeasureConfiguration(quantity=Quantity.memory))
-    assert list(run_sweep([GridPoint("a", memory)], run=run)["rss_bytes"]) == [9]
+    memory = GridPoint("a", configuration(tmp_path, workload="memory"))
+    assert list(run_sweep([memory], run=run)["rss_bytes"]) == [9]

@@ -4,22 +4,28 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
 import pytest
 
 from atra.errors import InputError
+from experiments.harness.column import WHOLE, Column
 from experiments.harness.records import Record
 from experiments.report.figures import draw_figures
-from experiments.results.table import make_table, median_interval, read_table, rows_of, write_table
+from experiments.results import table as tables
+from experiments.results.statistics import median_interval
+from experiments.results.table import columns, make_table, read_table, rows_of, write_table
+from experiments.workloads.frame import FRAME
+from experiments.workloads.frame.grid_figure import draw_grid_figure
+from experiments.workloads.frame.split_figure import draw_split_figure
 
 ASKED_FOR = [
-    "scene", "triangles", "triangles_traced", "width", "height", "split_x", "split_y", "culling", "method",
-    "packet_width", "threads", "build_quality", "plan_time_s", "build_time_s", "render_time_s",
-    "baseline_render_time_s", "packets_render_time_s", "speedup", "speedup_vs_packets", "rss_bytes",
-    "peak_rss_bytes", "embree_bytes", "pixels_equal", "pixels_tied", "pixels_edge", "pixels_wrong", "status",
-    "error",
+    "scene", "triangles", "width", "height", "workload", "method", "split_x", "split_y", "packet_width", "culling",
+    "threads", "build_quality", "triangles_traced", "rss_bytes", "peak_rss_bytes", "embree_bytes", "pixels_equal",
+    "pixels_tied", "pixels_edge", "pixels_wrong", "plan_time_s", "build_time_s", "render_time_s",
+    "baseline_render_time_s", "packets_render_time_s", "speedup", "speedup_vs_packets", "status", "error", "point_id",
 ]  # fmt: skip
 
 
@@ -28,23 +34,38 @@ MEASURED = Record(
     status="ok",
     error=None,
     configuration={
-        "scene": "box", "triangles": 10, "width": 8, "height": 4, "split_x": 2, "split_y": 1, "culling": True,
-        "method": "aligned", "geometry": "copied", "quantity": "time",
-        "packet_width": None, "threads": 1, "build_quality": "medium", "rounds": 3,
+        "scene": "box", "triangles": 10, "width": 8, "height": 4, "workload": "frame", "workload_options": {},
+        "method": "aligned", "threads": 1, "build_quality": "medium", "rounds": 3,
+        "method_options": {
+            "split_x": 2, "split_y": 1, "culling": True, "geometry": "copied", "packet_width": None,
+        },
     },
     environment={"cpu": "some cpu", "taken_at": "2000-01-01T00:00:00+00:00"},
     samples={"own": [1.0, 2.0, 4.0], "rtcIntersect1": [10.0, 4.0, 12.0], "packets_8": [2.0, 4.0, 4.0]},
     results={
         "triangles_traced": 14, "packet_width": 8, "plan_time_s": 0.5, "build_time_s": 0.25, "rss_bytes": 100,
         "peak_rss_bytes": 120, "embree_bytes": 30, "pixels_equal": 30, "pixels_tied": 1, "pixels_edge": 1,
-        "pixels_wrong": 0, "rounds": 3, "packets_width": 8,
+        "pixels_wrong": 0, "rounds": 3,
     },
 )  # fmt: skip
-SKIPPED = Record("b", "skipped", "needs 9 GiB", {**MEASURED.configuration, "culling": False}, MEASURED.environment)
 
 
-def test_the_columns_asked_for_come_first_and_in_order() -> None:
-    assert list(make_table([MEASURED]).columns)[: len(ASKED_FOR)] == ASKED_FOR
+def with_options(**options: object) -> dict[str, Any]:
+    """The configuration of `MEASURED` with other options of its method."""
+    return MEASURED.configuration | {"method_options": MEASURED.configuration["method_options"] | options}
+
+
+SKIPPED = Record("b", "skipped", "needs 9 GiB", with_options(culling=False), MEASURED.environment)
+
+
+def test_the_columns_asked_for_are_there_and_in_order() -> None:
+    assert [name for name in make_table([MEASURED]).columns if name in ASKED_FOR] == ASKED_FOR
+
+
+def test_two_columns_of_one_name_and_two_types_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tables, "WORKLOADS", (FRAME, replace(FRAME, columns=(Column("speedup", WHOLE),))))
+    with pytest.raises(ValueError, match="column speedup is Float64 and Int64"):
+        columns()
 
 
 def test_times_are_medians() -> None:
@@ -55,7 +76,7 @@ def test_times_are_medians() -> None:
 
 def test_packets_are_the_fastest_and_every_width_has_columns_of_its_own() -> None:
     samples = MEASURED.samples | {"packets_16": [3.0, 3.0, 3.0]}
-    row = make_table([replace(MEASURED, samples=samples, results=MEASURED.results | {"packets_width": 16})]).iloc[0]
+    row = make_table([replace(MEASURED, samples=samples)]).iloc[0]
     assert (row["packets_width"], row["packets_render_time_s"]) == (16, 3.0)
     assert row["speedup_vs_packets"] == 1.5  # of 3, 1.5, 0.75
     assert (row["packets_8_render_time_s"], row["packets_16_render_time_s"]) == (4.0, 3.0)
@@ -110,6 +131,14 @@ def test_a_table_comes_back_from_its_file_as_it_was(tmp_path: Path) -> None:
         read_table(tmp_path)
 
 
+def test_a_column_newer_than_a_stored_table_reads_as_missing(tmp_path: Path) -> None:
+    table = make_table([MEASURED])
+    write_table(tmp_path, table.drop(columns=["speedup", "ties", "culling"]))
+    table[["speedup", "ties", "culling"]] = None
+    expected = table.astype({name: column.dtype for name, column in columns().items()})
+    pd.testing.assert_frame_equal(read_table(tmp_path), expected)
+
+
 def test_a_point_of_two_grids_is_a_row_of_each() -> None:
     table = make_table([MEASURED, SKIPPED], {"a": ("horizontal", "grid"), "b": ("grid",)})
     assert list(rows_of(table, "horizontal")["point_id"]) == ["a"]
@@ -139,7 +168,7 @@ def test_the_interval_of_a_median_follows_the_binomial_table() -> None:
 def test_builds_have_times_of_plan_and_build_and_none_of_frames() -> None:
     built = replace(
         MEASURED,
-        configuration={**MEASURED.configuration, "quantity": "build"},
+        configuration={**MEASURED.configuration, "workload": "build"},
         samples={"plan": [1.0, 2.0, 4.0], "build": [3.0, 3.0, 6.0], "baseline_build": [1.0, 1.5, 1.0]},
     )
     row = make_table([built]).iloc[0]
@@ -176,20 +205,16 @@ def test_nothing_measured_gives_a_table_and_no_figure(tmp_path: Path, records: l
     table = make_table(records)
     write_table(tmp_path, table)
     assert len(pd.read_csv(tmp_path / "table.csv")) == len(records)
-    assert list(draw_figures(table, [])) == []
+    assert list(draw_figures(table, tmp_path)) == []
 
 
-def test_the_figure_says_what_is_missing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from experiments.workloads.frame.split_figure import draw_split_figure
-
+def test_the_figure_says_what_is_missing() -> None:
     figure = draw_split_figure(make_table([MEASURED, SKIPPED]))
     texts = [text.get_text() for axis in figure.axes for text in axis.texts]
     assert any("culling off, 2: skipped, needs 9 GiB" in text for text in texts)
 
 
 def test_the_grid_figure_writes_each_time_into_its_cell_and_the_status_where_there_is_none() -> None:
-    from experiments.workloads.frame.grid_figure import draw_grid_figure
-
-    beside = Record("c", "skipped", "does not divide", {**MEASURED.configuration, "split_x": 3}, MEASURED.environment)
+    beside = Record("c", "skipped", "does not divide", with_options(split_x=3), MEASURED.environment)
     panel = draw_grid_figure(make_table([MEASURED, beside, SKIPPED])).axes[0]
     assert {text.get_text() for text in panel.texts} == {"2000", "skipped"}

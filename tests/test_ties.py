@@ -3,19 +3,22 @@
 import json
 import os
 from dataclasses import replace
-from functools import cache, partial
+from functools import cache
 from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import pytest
-from experiments.methods.tracing import make_pixel_tracer, make_tracer
 
 import atra
 from atra.embree.library import load_library
 from atra.judge import ties
 from atra.judge.reference import brute_force
 from atra.parallel import WorkerPool
+from experiments.methods import find_method
+from experiments.results.terminal import say_label
+from experiments.workloads.rounds import make_single
+from experiments.workloads.workload import make_own
 from tests.meshes import EYE_AT_ORIGIN, cornell_box, quads, random_triangles
 from tests.test_launch import POINT
 
@@ -299,11 +302,12 @@ def test_another_rule_is_refused(kind):
 @pytest.mark.parametrize("rule", ["lowest", "any"])
 @pytest.mark.parametrize("method", ["pixel", "aligned", "visible_first", "tiles"])
 def test_a_point_is_traced_by_the_rule_it_names(method, rule):
-    point = replace(POINT, method=method, ties=rule)
-    for make in (make_tracer, partial(make_pixel_tracer, packet_width=None)):
+    kind = find_method(method)
+    point = replace(POINT, method=method, options=kind.resolve(kind.options(), POINT.width), ties=rule)
+    for make in (make_own, make_single):
         with make(point, cornell_box(), point.camera) as tracer:
             assert tracer.options.ties == rule
-    assert ("ties any" in point.label()) == (rule == "any")
+    assert ("ties any" in say_label(point)) == (rule == "any")
 
 
 @pytest.mark.skipif("ATRA_SCENES" not in os.environ, reason="needs the scene sponza")

@@ -20,7 +20,7 @@ from experiments.harness.progress import SweepProgress
 from experiments.harness.records import FORMAT, Record, read_record, record_path
 from experiments.report import ReportFigure
 from experiments.report.page import render_report
-from experiments.results.table import COLUMNS, read_table, write_table
+from experiments.results.table import columns, read_table, write_table
 from experiments.results.terminal import print_point, print_sweep
 from tests.report_samples import CLAIMS, SVG, scene_pictures, small_contents, small_table
 
@@ -32,7 +32,7 @@ def hostile_table() -> pd.DataFrame:
     """Every text of every row is hostile, but for those a row is told apart by."""
     table = small_table()
     for name in ("scene", "error", "doubts", "cpu", "stands_for", "measured_at"):
-        table[name] = table[name].fillna("").map(lambda text: text + CONTROLS).astype(COLUMNS[name])
+        table[name] = table[name].fillna("").map(lambda text: text + CONTROLS).astype(columns()[name].dtype)
     return table
 
 

@@ -40,20 +40,24 @@ class Column:
 def option_columns(options: type, section: str) -> tuple[Column, ...]:
     """A column for every field of an options type, read from `section` of a record's configuration.
 
-    A field's help is its metadata's "help".
+    A field's metadata holds its "help" and, where null is a value like any other, the text for "null".
     """
     hints = get_type_hints(options)
     return tuple(_option_column(field, hints[field.name], section) for field in fields(options))
 
 
 def _option_column(field: Field[Any], hint: Any, section: str) -> Column:
-    name = field.name
+    name, null = field.name, field.metadata.get("null")
+    dtype = _dtype(hint) if null is None else TEXT
 
     def read(record: Record) -> Any:
-        value = record.configuration.get(section, {}).get(name)
-        return str(value) if isinstance(value, list) else value
+        options = record.configuration.get(section, {})
+        value = options.get(name)
+        if value is None:
+            return null if name in options else None
+        return str(value) if dtype == TEXT else value
 
-    return Column(name, _dtype(hint), field.metadata.get("help", ""), read)
+    return Column(name, dtype, field.metadata.get("help", ""), read)
 
 
 def _dtype(hint: Any) -> str:

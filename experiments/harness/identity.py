@@ -20,7 +20,8 @@ from experiments.harness.outcome import Outcome
 from experiments.harness.point import Point
 from experiments.harness.points import PlannedPoint
 from experiments.harness.records import Record, point_id
-from experiments.methods import find_method
+from experiments.methods import METHODS, find_method
+from experiments.workloads import WORKLOADS
 
 _ROOT = Path(__file__).resolve().parents[2]
 _OURS = ("experiments", "scenes")
@@ -50,9 +51,10 @@ def identity_of(record: Record) -> str:
 
 def _identity(configuration: dict[str, Any], stable_environment: dict[str, Any]) -> str:
     measured_by: dict[str, str | None] = {"measuring_code_sha256": _measuring_code_sha256()}
-    version = find_method(configuration["method"]).version()
-    if version is not None:
-        measured_by["version"] = version
+    # A record of another version may have a method that is unknown here.
+    versions = [method.version() for method in METHODS if method.name == configuration.get("method")]
+    if versions and versions[0] is not None:
+        measured_by["version"] = versions[0]
     return point_id(configuration | measured_by, stable_environment)
 
 
@@ -60,33 +62,35 @@ def _identity(configuration: dict[str, Any], stable_environment: dict[str, Any])
 def _measuring_code_sha256() -> str:
     """The library's own source is part of the environment; this is of what runs it in the worker."""
     digest = hashlib.sha256()
-    for path in imported_sources(_ROOT / "experiments" / "worker.py"):
+    for path in imported_sources("experiments.worker", *(f"{workload.room}.measure" for workload in WORKLOADS)):
         digest.update(path.relative_to(_ROOT).as_posix().encode() + b"\0" + path.read_bytes())
     return digest.hexdigest()
 
 
-def imported_sources(path: Path) -> list[Path]:
-    """The file and every source of ours outside the library that it imports, directly or not, at once or when
-    needed."""
+def imported_sources(*modules: str) -> list[Path]:
+    """The sources of these modules and of all of ours outside the library that they import, directly or not, at once
+    or when needed."""
     found: set[Path] = set()
-    waiting = [path]
+    waiting, known = set(modules), set(modules)
     while waiting:
-        one = waiting.pop()
-        if one in found:
-            continue
-        found.add(one)
-        names: set[str] = set()
-        for node in ast.walk(ast.parse(one.read_text(encoding="utf-8"))):
-            if isinstance(node, ast.Import):
-                names.update(alias.name for alias in node.names)
-            elif isinstance(node, ast.ImportFrom) and node.module:
-                names.add(node.module)
-                names.update(f"{node.module}.{alias.name}" for alias in node.names)
-        for name in names:
-            if name.partition(".")[0] in _OURS:
-                stem = _ROOT.joinpath(*name.split("."))
-                waiting += filter(Path.is_file, (stem.with_suffix(".py"), stem / "__init__.py"))
+        stem = _ROOT.joinpath(*waiting.pop().split("."))
+        for path in filter(Path.is_file, (stem.with_suffix(".py"), stem / "__init__.py")):
+            found.add(path)
+            new = {name for name in _imports(path) if name.partition(".")[0] in _OURS} - known
+            waiting |= new
+            known |= new
     return sorted(found)
+
+
+def _imports(path: Path) -> set[str]:
+    """What may be a module that the source imports, and the packages around it, which Python imports with it."""
+    names: set[str] = set()
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            names.update(alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            names.update(f"{node.module}.{alias.name}" for alias in node.names)
+    return {".".join(parts[:end]) for parts in (name.split(".") for name in names) for end in range(1, len(parts) + 1)}
 
 
 def measure(planned: PlannedPoint, run: Runner = run_worker) -> Record:

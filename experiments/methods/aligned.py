@@ -27,8 +27,8 @@ class Geometry(Enum):
 class AlignedOptions(AlignedCellOptions):
     """culling: each copy keeps only what its cell's frustum meets; an instance is always the whole mesh."""
 
-    culling: bool = option(True, "each cell's copy keeps only what its frustum meets")
     geometry: Geometry = option(Geometry.copied, "copied = a sheared copy of the triangles per cell; or instanced")
+    culling: bool = option(True, "each cell's copy keeps only what its frustum meets")
 
 
 def tracer_options(options: AlignedOptions, tracing: Tracing) -> dict[str, Any]:

@@ -43,7 +43,7 @@ class CellOptions:
 class AlignedCellOptions(CellOptions):
     """packet_rows: rows of pixels in a packet of aligned rays; None = what suits the cell."""
 
-    packet_rows: int | None = option(None, "rows of pixels in a packet; null = what suits the cell")
+    packet_rows: int | None = option(None, "rows of pixels in a packet; null = what suits the cell", "automatic")
 
 
 def default_split_x(width: int) -> int:

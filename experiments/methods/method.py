@@ -41,9 +41,12 @@ class Style:
     marker: str
 
 
-def option(default: Any, help: str) -> Any:
-    """A field of an options type, with the help that table, report and documents show."""
-    return field(default=default, metadata={"help": help})
+def option(default: Any, help: str, null: str | None = None) -> Any:
+    """A field of an options type, with the help that table, report and documents show.
+
+    null: what the table says for null, where that stays open to the end; it would pass for an option that is missing.
+    """
+    return field(default=default, metadata={"help": help, "null": null})
 
 
 def check_packet_width(width: int | None) -> None:

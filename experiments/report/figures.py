@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 import pandas as pd
@@ -20,6 +20,14 @@ def figure_kinds() -> tuple[FigureKind, ...]:
     return (*(kind for room in rooms if room is not None for kind in room.FIGURES), *PAPER_FIGURES)
 
 
+def check_figures(names: Iterable[str]) -> None:
+    """Raise InputError, naming those there are, for a figure that is unknown."""
+    known = [kind.name for kind in figure_kinds()]
+    for name in names:
+        if name not in known:
+            raise InputError(f"sweep.figures names {name!r}, expected one of {', '.join(known)}")
+
+
 def draw_figures(
     table: pd.DataFrame, records: Path, grids: Mapping[str, Sequence[str]] | None = None
 ) -> Iterator[DrawnFigure]:
@@ -28,13 +36,10 @@ def draw_figures(
     records: the folder of the records. grids: by name of the figure, the grids whose points it draws; without any,
     every figure draws what it can of the table. Raises InputError for a figure that is unknown.
     """
-    kinds = {kind.name: kind for kind in figure_kinds()}
-    unknown = [name for name in grids or {} if name not in kinds]
-    if unknown:
-        raise InputError(f"sweep.figures names {unknown[0]!r}, expected one of {', '.join(kinds)}")
-    for name, kind in kinds.items():
-        if grids and name not in grids:
+    check_figures(grids or ())
+    for kind in figure_kinds():
+        if grids and kind.name not in grids:
             continue
-        rows = rows_of(table, *grids[name]) if grids else kind.rows(table)
+        rows = rows_of(table, *grids[kind.name]) if grids else kind.rows(table)
         if len(rows):
             yield from draw_figure(kind, rows, records)

@@ -40,7 +40,9 @@ def settings_that_vary(table: pd.DataFrame, besides: Collection[str] = ()) -> li
 
 
 def say_setting(name: str, value: Any) -> str:
-    """A setting and its value in words: "culling on", "packet width 8"."""
+    """A setting and its value in words: "culling on", "packet width 8", "no culling" for a method without that."""
+    if pd.isna(value):
+        return f"no {name.replace('_', ' ')}"
     if name == "culling":
         return f"culling {'on' if value else 'off'}"
     if name == "geometry":

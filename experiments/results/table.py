@@ -86,6 +86,9 @@ def columns() -> dict[str, Column]:
     return found
 
 
+_ALWAYS = ("scene", "workload", "method", "status", "point_id", "grids")
+"""Columns without which a file is no table of ours."""
+
 _OUT_OF_PROPORTION = 10.0
 """A sample so many times longer or shorter than the median of its method is doubted."""
 
@@ -155,6 +158,9 @@ def read_table(folder: Path) -> pd.DataFrame | None:
         return None
     try:
         table = pd.read_parquet(path)
+        missing = [name for name in _ALWAYS if name not in table]
+        if missing:
+            raise ValueError(f"it has no column {missing[0]}")
         for name, column in columns().items():
             # A column that is newer than the table was not measured.
             values = table[name] if name in table else pd.Series(pd.NA, index=table.index)

@@ -17,6 +17,7 @@ from experiments.harness.options import plain_options
 from experiments.harness.point import Point
 from experiments.harness.records import Record
 from experiments.methods import find_method
+from experiments.methods.method import Tracing
 from experiments.methods.naming import say_point
 from experiments.results.settings import say_setting
 from experiments.results.table import columns, workload_rows
@@ -35,6 +36,7 @@ def say_label(point: Point) -> str:
     words.append(say_point(row))
     if point.threads != 1:
         words.append("every core" if point.threads is None else f"{point.threads} threads")
+    words += [say_setting("ties", point.ties)] if point.ties != Tracing().ties else []
     return ", ".join(words)
 
 
