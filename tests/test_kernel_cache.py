@@ -13,7 +13,7 @@ import numba
 import pytest
 
 from atra.embree import layout
-from atra.kernels import brute_force, caching, planning, statistics, ties, tiles, tracing, visible
+from atra.kernels import brute_force, caching, planning, statistics, ties, tiles, tracing, verifying, visible
 
 KERNELS = {
     **{
@@ -25,7 +25,7 @@ KERNELS = {
     "pixel_kernel": tracing.pixel_kernel(4, 2),
     "aligned_kernel": tracing.aligned_kernel(4, 2),
     "tile_kernel": tiles.tile_kernel(4, 2),
-    "verify_kernel": visible.verify_kernel(4, 2),
+    "verify_kernel": verifying.verify_kernel(4, 2),
 }
 
 

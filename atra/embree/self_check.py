@@ -57,8 +57,8 @@ def check_layouts(functions: Any, device: int, widths: tuple[int, ...]) -> None:
                 calls.clear()
                 own, sent, hits = _sent(width, signs_differ)
                 intersect = getattr(functions, f"rtcIntersect{width}")
-                addresses = (scene, own.packet.ctypes.data, own.arguments_address)
-                intersect(*addresses) if width == 1 else intersect(own.valid.ctypes.data, *addresses)
+                addresses = (scene, own.packet.floats.ctypes.data, own.packet.arguments_address)
+                intersect(*addresses) if width == 1 else intersect(own.packet.valid.ctypes.data, *addresses)
                 hit = _known_hit(sent) | {"prim_id": _PRIM_ID, "geom_id": _GEOM_ID, "inst_id": _INST_ID}
                 _check_packet(own, width, sent, hit, hits)
                 _check_calls(own, width, hit, hits, calls)
@@ -101,7 +101,7 @@ def _sent(width: int, signs_differ: bool) -> tuple[Workspace, dict[str, NDArray]
     own = Workspace(width, coherent=True)
     lanes = np.arange(width)
     inactive, passing = (lanes == width - 1) & (width > 1), lanes == 1
-    own.valid[:width][inactive] = 0
+    own.packet.valid[:width][inactive] = 0
     sign = np.where(lanes % 3 == 0, -1.0, 1.0) if signs_differ else -1.0
     values = {
         "org_x": 0.11, "org_y": 0.13 + 0.01 * lanes, "org_z": -0.17, "tnear": 0.19,
@@ -110,7 +110,7 @@ def _sent(width: int, signs_differ: bool) -> tuple[Workspace, dict[str, NDArray]
     }  # fmt: skip
     sent = {field: np.broadcast_to(value, width) for field, value in values.items()}
     for field, value in sent.items():
-        _field(own.packet, field, width)[:] = value
+        _field(own.packet.floats, field, width)[:] = value
     return own, sent, ~inactive & ~passing
 
 
@@ -121,12 +121,14 @@ def _check_packet(
     where = "the packet" if width > 1 else "the ray"
     for field in _RAY_FIELDS:
         expected = np.where(hits, hit["tfar"], np.inf) if field == "tfar" else sent[field]
-        _check(where, width, field, _field(own.packet, field, width), expected)
+        _check(where, width, field, _field(own.packet.floats, field, width), expected)
     for field in _HIT_FIELDS:
-        _check(where, width, field, _field(own.packet, field, width)[hits], np.broadcast_to(hit[field], width)[hits])
+        _check(
+            where, width, field, _field(own.packet.floats, field, width)[hits], np.broadcast_to(hit[field], width)[hits]
+        )
     for field in ("prim_id", "geom_id"):
-        _check(where, width, field, _field(own.packet, field, width)[~hits], layout.INVALID_ID)
-    _check("the query context", width, "instID", own.context.view(np.uint32)[0], layout.INVALID_ID)
+        _check(where, width, field, _field(own.packet.floats, field, width)[~hits], layout.INVALID_ID)
+    _check("the query context", width, "instID", own.packet.context.view(np.uint32)[0], layout.INVALID_ID)
 
 
 def _check_calls(
@@ -138,7 +140,7 @@ def _check_calls(
     for seen in calls:
         _check(where, width, "N", seen["N"], width)
         _check(where, width, "geometryUserPtr", seen["user_data"], USER_DATA)
-        _check(where, width, "context", seen["context"], own.context.ctypes.data)
+        _check(where, width, "context", seen["context"], own.packet.context.ctypes.data)
     told = sum((seen["valid"] != 0 for seen in calls), np.zeros(width, np.int64))
     _check("all calls of the filter", width, "valid", told, hits)
     for seen in calls:

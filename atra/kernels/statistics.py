@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit
 
 from atra.kernels.caching import kernel
-from atra.kernels.planning import _POLYGON, _front_part, _load_triangle, _pixel_range
+from atra.kernels.planning import CORNERS, front_part, load_triangle, pixel_range
 
 
 @njit(inline="always")
@@ -30,17 +30,17 @@ def probe_triangles(points_pixels, depths, faces, step, hit_count, nearest, box_
     triangles each ray meets, added to what is there. nearest: (rows, columns) float64, lowered to the nearest depth.
     box_pixels: (F,) float64, set to the area of each triangle's bounding rectangle within the image.
     """
-    polygon, scratch = np.empty((_POLYGON, 3)), np.empty((_POLYGON, 3))
+    polygon, scratch = np.empty((CORNERS, 3)), np.empty((CORNERS, 3))
     rows, columns = nearest.shape
     for triangle in range(len(faces)):
         box_pixels[triangle] = 0.0
-        front, back, largest = _load_triangle(points_pixels, faces, triangle, polygon)
-        corners = _front_part(polygon, front, back, scratch)
+        front, back, largest = load_triangle(points_pixels, faces, triangle, polygon)
+        corners = front_part(polygon, front, back, scratch)
         if corners == 0:
             continue
         tiny = 1e-12 * largest
-        y_low, y_high = _pixel_range(polygon, corners, 1, tiny)
-        x_low, x_high = _pixel_range(polygon, corners, 0, tiny)
+        y_low, y_high = pixel_range(polygon, corners, 1, tiny)
+        x_low, x_high = pixel_range(polygon, corners, 0, tiny)
         inside_x = min(x_high, float(columns * step)) - max(x_low, 0.0)
         inside_y = min(y_high, float(rows * step)) - max(y_low, 0.0)
         if not (inside_x > 0.0 and inside_y > 0.0):
