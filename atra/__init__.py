@@ -18,6 +18,8 @@ from atra.hits import MISS, Hits
 from atra.judge.compare import Agreement, Verdict, compare
 from atra.planner.plan import Plan
 from atra.planner.planning import plan
+from atra.rays.rays import RayHits, Rays
+from atra.rays.scene import RayScene
 from atra.tracers import AlignedTracer, FramesTracer, PixelTracer, TiledTracer, Tracer, VisibleFirstTracer
 
 __version__ = "0.1.0"
@@ -39,6 +41,9 @@ __all__ = [
     "OrthographicCamera",
     "PixelTracer",
     "Plan",
+    "RayHits",
+    "RayScene",
+    "Rays",
     "Split",
     "TiledTracer",
     "Tracer",

@@ -1,4 +1,4 @@
-"""Trace one known triangle and read every field back: is the library laid out as `layout` says?
+"""The check of a library: one known triangle is traced and every field read back, to see if `layout` is right.
 
 Compiled code reads and writes Embree's structs by number of word. A library with another layout would not fail, it
 would return wrong images; so it is asked, once per process, before anything relies on it.
@@ -43,7 +43,8 @@ FILTER_FUNCTION = ctypes.CFUNCTYPE(None, ctypes.c_void_p)
 
 
 def check_layouts(functions: Any, device: int, widths: tuple[int, ...]) -> None:
-    """Trace the known triangle with packets of each of `widths` (1: `rtcIntersect1`) and compare all that comes back.
+    """Trace the known triangle with packets of each of `widths` (1: `rtcIntersect1` and `rtcOccluded1`) and compare all
+    that comes back.
 
     functions: the library, its signatures declared. Raises EmbreeError naming the first field that is not where
     `layout` has it: in the rays and hits, in what the filter is given, or in the query context.
@@ -54,14 +55,17 @@ def check_layouts(functions: Any, device: int, widths: tuple[int, ...]) -> None:
     try:
         for width in widths:
             for signs_differ in (False, True):
-                calls.clear()
-                own, sent, hits = _sent(width, signs_differ)
-                intersect = getattr(functions, f"rtcIntersect{width}")
-                addresses = (scene, own.packet.floats.ctypes.data, own.packet.arguments_address)
-                intersect(*addresses) if width == 1 else intersect(own.packet.valid.ctypes.data, *addresses)
-                hit = _known_hit(sent) | {"prim_id": _PRIM_ID, "geom_id": _GEOM_ID, "inst_id": _INST_ID}
-                _check_packet(own, width, sent, hit, hits)
-                _check_calls(own, width, hit, hits, calls)
+                for coherent in (False, True):
+                    calls.clear()
+                    own, sent, hits = _sent(width, signs_differ, coherent)
+                    _query(f"rtcIntersect{width}", functions, scene, own)
+                    hit = _known_hit(sent) | {"prim_id": _PRIM_ID, "geom_id": _GEOM_ID, "inst_id": _INST_ID}
+                    _check_packet(own, width, sent, hit, hits)
+                    if coherent:  # as all rays that have a filter are
+                        _check_calls(own, width, hit, hits, calls)
+                    own, sent, hits = _sent(width, signs_differ, coherent)
+                    _query(f"rtcOccluded{width}", functions, scene, own)
+                    _check_occluded(own, width, sent, hits)
     finally:
         functions.rtcReleaseScene(scene)
 
@@ -92,13 +96,13 @@ def _new_scene(functions: Any, device: int, filter_function: Any) -> int:
     return outer
 
 
-def _sent(width: int, signs_differ: bool) -> tuple[Workspace, dict[str, NDArray], NDArray[np.bool_]]:
+def _sent(width: int, signs_differ: bool, coherent: bool) -> tuple[Workspace, dict[str, NDArray], NDArray[np.bool_]]:
     """A workspace with a packet to trace, its ray fields, and which of the lanes hit the triangle.
 
     Lanes of three kinds: most hit, the second passes by, the last of a packet is switched off. signs_differ: of dir_y,
     from lane to lane; Embree may then take the packet apart.
     """
-    own = Workspace(width, coherent=True)
+    own = Workspace(width, coherent=coherent)
     lanes = np.arange(width)
     inactive, passing = (lanes == width - 1) & (width > 1), lanes == 1
     own.packet.valid[:width][inactive] = 0
@@ -112,6 +116,11 @@ def _sent(width: int, signs_differ: bool) -> tuple[Workspace, dict[str, NDArray]
     for field, value in sent.items():
         _field(own.packet.floats, field, width)[:] = value
     return own, sent, ~inactive & ~passing
+
+
+def _query(name: str, functions: Any, scene: int, own: Workspace) -> None:
+    lanes = () if name.endswith(("Intersect1", "Occluded1")) else (own.packet.valid.ctypes.data,)
+    getattr(functions, name)(*lanes, scene, own.packet.floats.ctypes.data, own.packet.arguments_address)
 
 
 def _check_packet(
@@ -129,6 +138,15 @@ def _check_packet(
     for field in ("prim_id", "geom_id"):
         _check(where, width, field, _field(own.packet.floats, field, width)[~hits], layout.INVALID_ID)
     _check("the query context", width, "instID", own.packet.context.view(np.uint32)[0], layout.INVALID_ID)
+
+
+def _check_occluded(own: Workspace, width: int, sent: dict[str, NDArray], hits: NDArray[np.bool_]) -> None:
+    """What the loop over batches relies on: tfar is negative where an active ray hits, and only there; what it does not
+    write anew for every packet stays."""
+    where, active = f"what rtcOccluded{width} returns", own.packet.valid[:width] != 0
+    _check(where, width, "tfar < 0", (_field(own.packet.floats, "tfar", width) < 0.0)[active], hits[active])
+    for field in ("time", "mask", "id", "flags"):
+        _check(where, width, field, _field(own.packet.floats, field, width), sent[field])
 
 
 def _check_calls(

@@ -14,9 +14,10 @@ _DIRECTION_FIELDS = (layout.RAY_DIR_X, layout.RAY_DIR_Y, layout.RAY_DIR_Z)
 
 
 class Workspace:
-    """One thread's query memory for packets of `width` rays that start at the eye, or share a direction.
+    """One thread's query memory for packets of `width` rays.
 
-    direction: three numbers, the direction that rays share; None: they share their origin, which is zero.
+    coherent: as for `set_coherent`. direction: three numbers, the direction that all rays share; None: they share their
+    origin, which is zero. A kernel that sets both for every ray needs neither.
     packet: as kernels take it; the constant fields are set here, once, and every lane is active.
     """
 
@@ -47,8 +48,8 @@ class Workspace:
 
         query_context = RayQueryContext.from_buffer(context.data)
         query_context.inst_id = query_context.inst_prim_id = layout.INVALID_ID
+        self.set_coherent(coherent)
         query = IntersectArguments.from_buffer(arguments.data)
-        query.flags = layout.FLAG_COHERENT if coherent else 0
         query.feature_mask = layout.FEATURE_ALL
         query.context = context.ctypes.data
 
@@ -60,6 +61,10 @@ class Workspace:
     def wrong_width(self) -> int:
         """The packet width Embree handed to the filter when it was not the one sent; 0 as long as all was well."""
         return int(self.packet.context[RayQueryContext.wrong_width.offset // 8])
+
+    def set_coherent(self, coherent: bool) -> None:
+        """Whether the rays of a packet start and head alike: Embree then takes them through its tree together."""
+        IntersectArguments.from_buffer(self._arguments.data).flags = layout.FLAG_COHERENT if coherent else 0
 
     def set_row_bytes(self, row_bytes: int) -> None:
         """Distance in bytes between the image rows the filter writes to."""

@@ -114,6 +114,20 @@ def intersect_pixels(
     return Pairs(mesh, camera, x, y, prim_id, offset).intersections
 
 
+def intersect_rays(
+    mesh: Mesh, origins: NDArray[np.floating], directions: NDArray[np.floating], prim_id: NDArray[np.integer]
+) -> Intersections:
+    """Meet each ray with the plane of its own triangle `prim_id`, in float64; `depth` counts in lengths of a direction.
+
+    origins, directions: (N, 3), world space. prim_id: (N,) integers. Raises InputError for a `prim_id` that the mesh
+    does not have.
+    """
+    corners = mesh.triangles(prim_id)
+    first, edges = corners[:, 0], corners[:, 1:] - corners[:, :1]
+    rays = origins.astype(np.float64), directions.astype(np.float64)
+    return _divided(_volumes(*rays, first, edges[:, 0], edges[:, 1]))
+
+
 def brute_force(mesh: Mesh, camera: View, offset: tuple[float, float] = (0.5, 0.5)) -> Hits:
     """The nearest hit of every pixel by testing every triangle with every ray, in float64: slow and obvious.
 

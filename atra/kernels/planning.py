@@ -23,7 +23,8 @@ Rays never leave the area, so the margin has only rounding to absorb: float32 sl
 CHUNK = 4096
 """Triangles a thread takes at a time."""
 
-CORNERS = 8  # a triangle clipped by three planes has at most six corners
+CORNERS = 8
+"""Room for the corners of a polygon: a triangle clipped by three planes has at most six."""
 
 
 @kernel
