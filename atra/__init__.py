@@ -21,6 +21,8 @@ from atra.judge.compare import Agreement, Verdict, compare
 from atra.options import AlignedOptions, CellOptions, Options, ReferenceRayOptions
 from atra.planner.plan import Plan
 from atra.planner.planning import plan
+from atra.rays.rays import RayHits, Rays
+from atra.rays.scene import RayScene
 from atra.tracers import AlignedTracer, FramesTracer, PixelTracer, TiledTracer, Tracer, VisibleFirstTracer
 
 __version__ = "0.1.0"
@@ -45,6 +47,9 @@ __all__ = [
     "OrthographicCamera",
     "PixelTracer",
     "Plan",
+    "RayHits",
+    "RayScene",
+    "Rays",
     "ReferenceRayOptions",
     "Split",
     "TiledTracer",

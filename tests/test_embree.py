@@ -130,9 +130,9 @@ def test_the_context_begins_as_embrees_does_and_the_arguments_have_its_size():
 @pytest.mark.parametrize("width", [1, 4, 8, 16])
 def test_query_memory_is_aligned_for_the_widest_packet(width):
     own = Workspace(width, coherent=True)
-    for memory in (own.packet, own.all_lanes, own.valid, own.context):
+    for memory in own.packet[:5]:
         assert memory.ctypes.data % layout.PACKET_ALIGNMENT_BYTES == 0
-    assert own.arguments_address % layout.PACKET_ALIGNMENT_BYTES == 0
+    assert own.packet.arguments_address % layout.PACKET_ALIGNMENT_BYTES == 0
 
 
 def test_vertices_can_be_read_sixteen_bytes_past_the_last():
@@ -315,6 +315,51 @@ def test_a_filter_that_is_given_something_else_is_found_out(changes, message, mo
     with pytest.raises(atra.EmbreeError, match=message):
         load(fake, monkeypatch)
     assert fake.open == 0
+
+
+def with_occluded(width, change):
+    """A library whose rtcOccluded answers for packets of `width` are changed: `change` gets the words of the rays."""
+
+    def occluded(*arguments):
+        getattr(REAL, f"rtcOccluded{width}")(*arguments)
+        change(np.ctypeslib.as_array((ctypes.c_float * (12 * width)).from_address(arguments[-2])).reshape(12, width))
+
+    return FakeLibrary(**{f"rtcOccluded{width}": occluded})
+
+
+def _nobody_is_occluded(words):
+    words[layout.RAY_TFAR] = 1.0
+
+
+def _all_are_occluded(words):
+    words[layout.RAY_TFAR] = -np.inf
+
+
+def _the_mask_is_lost(words):
+    words[layout.RAY_MASK] = 0.0
+
+
+@pytest.mark.parametrize(("width", "change", "field"), [
+    (width, change, field)
+    for width in library.load_library().native_packet_widths
+    for change, field in (
+        (_nobody_is_occluded, "tfar < 0"), (_all_are_occluded, "tfar < 0"), (_the_mask_is_lost, "mask"),
+    )
+    if width > 1 or change is not _all_are_occluded  # as the only ray is
+])  # fmt: skip
+def test_an_occlusion_that_is_answered_otherwise_is_found_out(width, change, field, monkeypatch):
+    fake = with_occluded(width, change)
+    with pytest.raises(atra.EmbreeError, match=rf"{field} of what rtcOccluded{width} returns .* for {width} rays"):
+        load(fake, monkeypatch)
+    assert fake.open == 0
+
+
+def test_packets_are_coherent_or_not_as_they_are_set():
+    own = Workspace(4, coherent=True)
+    arguments = layout.IntersectArguments.from_address(own.packet.arguments_address)
+    assert arguments.flags == layout.FLAG_COHERENT
+    own.set_coherent(False)
+    assert arguments.flags == 0
 
 
 def test_a_filter_that_is_not_called_is_found_out(monkeypatch):

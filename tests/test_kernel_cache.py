@@ -13,7 +13,7 @@ import numba
 import pytest
 
 from atra.embree import layout
-from atra.kernels import brute_force, caching, planning, ties, tiles, tracing, visible
+from atra.kernels import brute_force, caching, planning, rays, ties, tiles, tracing, verifying, visible
 
 KERNELS = {
     **{
@@ -25,7 +25,9 @@ KERNELS = {
     "pixel_kernel": tracing.pixel_kernel(4, 2),
     "aligned_kernel": tracing.aligned_kernel(4, 2),
     "tile_kernel": tiles.tile_kernel(4, 2),
-    "verify_kernel": visible.verify_kernel(4, 2),
+    "closest_hit_kernel": rays.closest_hit_kernel(4),
+    "occlusion_kernel": rays.occlusion_kernel(4),
+    "verify_kernel": verifying.verify_kernel(4, 2),
 }
 
 

@@ -17,17 +17,20 @@ from atra.errors import EmbreeError
 class EmbreeDevice:
     """A device of its own and whatever scenes are made on it.
 
-    build_quality: of every scene and geometry. compact: scenes that save memory and trace more slowly. threads: build
-    threads. monitor_address: compiled RTCMemoryMonitorFunction counting into `embree_bytes`, or 0.
+    build_quality: of every scene and geometry. compact: scenes that save memory and trace more slowly. robust: scenes
+    in which no ray slips through between two triangles. threads: build threads. monitor_address: compiled
+    RTCMemoryMonitorFunction counting into `embree_bytes`, or 0.
 
     Arrays given to Embree are shared, not copied; the device keeps them alive. Closing twice is harmless; a device that
     is dropped without closing is released by the garbage collector. Raises EmbreeError naming the call that failed.
     """
 
-    def __init__(self, *, build_quality: str, threads: int, monitor_address: int, compact: bool = False) -> None:
+    def __init__(
+        self, *, build_quality: str, threads: int, monitor_address: int, compact: bool = False, robust: bool = False
+    ) -> None:
         self._library = load_library()
         self._quality = layout.BUILD_QUALITY[build_quality]
-        self._compact = compact
+        self._flags = compact * layout.SCENE_FLAG_COMPACT | robust * layout.SCENE_FLAG_ROBUST
         self._byte_count = np.zeros(1, np.int64)
         api = self._library.functions
         self._device = api.rtcNewDevice(device_options(threads))
@@ -47,8 +50,8 @@ class EmbreeDevice:
         scene = self._call("rtcNewScene", self._device)
         self._scenes.append(scene)
         self._call("rtcSetSceneBuildQuality", scene, self._quality)
-        if self._compact:
-            self._call("rtcSetSceneFlags", scene, layout.SCENE_FLAG_COMPACT)
+        if self._flags:
+            self._call("rtcSetSceneFlags", scene, self._flags)
         return scene
 
     def _add_triangles(

@@ -8,6 +8,10 @@ which these numbers already agree with: 12 words).
 from __future__ import annotations
 
 import ctypes
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
 
 # Word index of each field: RTCRayK, then RTCHitK directly behind it.
 RAY_ORG_X, RAY_ORG_Y, RAY_ORG_Z, RAY_TNEAR = 0, 1, 2, 3
@@ -42,7 +46,7 @@ FORMAT_FLOAT3 = 0x9003
 FORMAT_FLOAT3X4_ROW_MAJOR = 0x9134
 BUFFER_INDEX, BUFFER_VERTEX = 0, 1
 GEOMETRY_TRIANGLE, GEOMETRY_INSTANCE = 0, 121
-SCENE_FLAG_COMPACT = 1 << 1
+SCENE_FLAG_COMPACT, SCENE_FLAG_ROBUST = 1 << 1, 1 << 2
 BUILD_QUALITY = {"low": 0, "medium": 1, "high": 2}
 
 
@@ -51,6 +55,22 @@ def packet_words(width: int) -> int:
     words = (RAY_WORDS + HIT_WORDS) * width
     alignment_words = {1: 4, 4: 4, 8: 8, 16: 16}[width]
     return -(-words // alignment_words) * alignment_words
+
+
+class Packet(NamedTuple):
+    """One thread's query memory as kernels take it: a packet of K rays, and what goes to Embree with it.
+
+    floats, ids: (words,) float32 and uint32 views of the same RTCRayHitK. all_lanes, valid: (K,) int32 lane masks, the
+    first with every lane active. context: (words,) int64 of `RayQueryContext`. arguments_address: of
+    RTCIntersectArguments (or RTCOccludedArguments, laid out alike).
+    """
+
+    floats: NDArray[np.float32]
+    ids: NDArray[np.uint32]
+    all_lanes: NDArray[np.int32]
+    valid: NDArray[np.int32]
+    context: NDArray[np.int64]
+    arguments_address: int
 
 
 class RayQueryContext(ctypes.Structure):

@@ -61,6 +61,10 @@ _SIGNATURES = {
     "rtcIntersect4": (None, (_P, _P, _P, _P)),
     "rtcIntersect8": (None, (_P, _P, _P, _P)),
     "rtcIntersect16": (None, (_P, _P, _P, _P)),
+    "rtcOccluded1": (None, (_P, _P, _P)),
+    "rtcOccluded4": (None, (_P, _P, _P, _P)),
+    "rtcOccluded8": (None, (_P, _P, _P, _P)),
+    "rtcOccluded16": (None, (_P, _P, _P, _P)),
 }
 
 

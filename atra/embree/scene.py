@@ -39,8 +39,15 @@ class EmbreeScene(EmbreeDevice):
         monitor_address: int = 0,
         transforms: NDArray[np.float32] | None = None,
         compact: bool = False,
+        robust: bool = False,
     ) -> None:
-        super().__init__(build_quality=build_quality, threads=threads, monitor_address=monitor_address, compact=compact)
+        super().__init__(
+            build_quality=build_quality,
+            threads=threads,
+            monitor_address=monitor_address,
+            compact=compact,
+            robust=robust,
+        )
         try:
             scene = self._new_scene()
             if len(faces):

@@ -1,4 +1,4 @@
-"""Trace one known triangle and read every field back: is the library laid out as `layout` says?
+"""The check of a library: one known triangle is traced and every field read back, to see if `layout` is right.
 
 Compiled code reads and writes Embree's structs by number of word. A library with another layout would not fail, it
 would return wrong images; so it is asked, once per process, before anything relies on it.
@@ -43,7 +43,8 @@ FILTER_FUNCTION = ctypes.CFUNCTYPE(None, ctypes.c_void_p)
 
 
 def check_layouts(functions: Any, device: int, widths: tuple[int, ...]) -> None:
-    """Trace the known triangle with packets of each of `widths` (1: `rtcIntersect1`) and compare all that comes back.
+    """Trace the known triangle with packets of each of `widths` (1: `rtcIntersect1` and `rtcOccluded1`) and compare all
+    that comes back.
 
     functions: the library, its signatures declared. Raises EmbreeError naming the first field that is not where
     `layout` has it: in the rays and hits, in what the filter is given, or in the query context.
@@ -54,14 +55,17 @@ def check_layouts(functions: Any, device: int, widths: tuple[int, ...]) -> None:
     try:
         for width in widths:
             for signs_differ in (False, True):
-                calls.clear()
-                own, sent, hits = _sent(width, signs_differ)
-                intersect = getattr(functions, f"rtcIntersect{width}")
-                addresses = (scene, own.packet.ctypes.data, own.arguments_address)
-                intersect(*addresses) if width == 1 else intersect(own.valid.ctypes.data, *addresses)
-                hit = _known_hit(sent) | {"prim_id": _PRIM_ID, "geom_id": _GEOM_ID, "inst_id": _INST_ID}
-                _check_packet(own, width, sent, hit, hits)
-                _check_calls(own, width, hit, hits, calls)
+                for coherent in (False, True):
+                    calls.clear()
+                    own, sent, hits = _sent(width, signs_differ, coherent)
+                    _query(f"rtcIntersect{width}", functions, scene, own)
+                    hit = _known_hit(sent) | {"prim_id": _PRIM_ID, "geom_id": _GEOM_ID, "inst_id": _INST_ID}
+                    _check_packet(own, width, sent, hit, hits)
+                    if coherent:  # as all rays that have a filter are
+                        _check_calls(own, width, hit, hits, calls)
+                    own, sent, hits = _sent(width, signs_differ, coherent)
+                    _query(f"rtcOccluded{width}", functions, scene, own)
+                    _check_occluded(own, width, sent, hits)
     finally:
         functions.rtcReleaseScene(scene)
 
@@ -92,16 +96,16 @@ def _new_scene(functions: Any, device: int, filter_function: Any) -> int:
     return outer
 
 
-def _sent(width: int, signs_differ: bool) -> tuple[Workspace, dict[str, NDArray], NDArray[np.bool_]]:
+def _sent(width: int, signs_differ: bool, coherent: bool) -> tuple[Workspace, dict[str, NDArray], NDArray[np.bool_]]:
     """A workspace with a packet to trace, its ray fields, and which of the lanes hit the triangle.
 
     Lanes of three kinds: most hit, the second passes by, the last of a packet is switched off. signs_differ: of dir_y,
     from lane to lane; Embree may then take the packet apart.
     """
-    own = Workspace(width, coherent=True)
+    own = Workspace(width, coherent=coherent)
     lanes = np.arange(width)
     inactive, passing = (lanes == width - 1) & (width > 1), lanes == 1
-    own.valid[:width][inactive] = 0
+    own.packet.valid[:width][inactive] = 0
     sign = np.where(lanes % 3 == 0, -1.0, 1.0) if signs_differ else -1.0
     values = {
         "org_x": 0.11, "org_y": 0.13 + 0.01 * lanes, "org_z": -0.17, "tnear": 0.19,
@@ -110,8 +114,13 @@ def _sent(width: int, signs_differ: bool) -> tuple[Workspace, dict[str, NDArray]
     }  # fmt: skip
     sent = {field: np.broadcast_to(value, width) for field, value in values.items()}
     for field, value in sent.items():
-        _field(own.packet, field, width)[:] = value
+        _field(own.packet.floats, field, width)[:] = value
     return own, sent, ~inactive & ~passing
+
+
+def _query(name: str, functions: Any, scene: int, own: Workspace) -> None:
+    lanes = () if name.endswith(("Intersect1", "Occluded1")) else (own.packet.valid.ctypes.data,)
+    getattr(functions, name)(*lanes, scene, own.packet.floats.ctypes.data, own.packet.arguments_address)
 
 
 def _check_packet(
@@ -121,12 +130,23 @@ def _check_packet(
     where = "the packet" if width > 1 else "the ray"
     for field in _RAY_FIELDS:
         expected = np.where(hits, hit["tfar"], np.inf) if field == "tfar" else sent[field]
-        _check(where, width, field, _field(own.packet, field, width), expected)
+        _check(where, width, field, _field(own.packet.floats, field, width), expected)
     for field in _HIT_FIELDS:
-        _check(where, width, field, _field(own.packet, field, width)[hits], np.broadcast_to(hit[field], width)[hits])
+        _check(
+            where, width, field, _field(own.packet.floats, field, width)[hits], np.broadcast_to(hit[field], width)[hits]
+        )
     for field in ("prim_id", "geom_id"):
-        _check(where, width, field, _field(own.packet, field, width)[~hits], layout.INVALID_ID)
-    _check("the query context", width, "instID", own.context.view(np.uint32)[0], layout.INVALID_ID)
+        _check(where, width, field, _field(own.packet.floats, field, width)[~hits], layout.INVALID_ID)
+    _check("the query context", width, "instID", own.packet.context.view(np.uint32)[0], layout.INVALID_ID)
+
+
+def _check_occluded(own: Workspace, width: int, sent: dict[str, NDArray], hits: NDArray[np.bool_]) -> None:
+    """What the loop over batches relies on: tfar is negative where an active ray hits, and only there; what it does not
+    write anew for every packet stays."""
+    where, active = f"what rtcOccluded{width} returns", own.packet.valid[:width] != 0
+    _check(where, width, "tfar < 0", (_field(own.packet.floats, "tfar", width) < 0.0)[active], hits[active])
+    for field in ("time", "mask", "id", "flags"):
+        _check(where, width, field, _field(own.packet.floats, field, width), sent[field])
 
 
 def _check_calls(
@@ -138,7 +158,7 @@ def _check_calls(
     for seen in calls:
         _check(where, width, "N", seen["N"], width)
         _check(where, width, "geometryUserPtr", seen["user_data"], USER_DATA)
-        _check(where, width, "context", seen["context"], own.context.ctypes.data)
+        _check(where, width, "context", seen["context"], own.packet.context.ctypes.data)
     told = sum((seen["valid"] != 0 for seen in calls), np.zeros(width, np.int64))
     _check("all calls of the filter", width, "valid", told, hits)
     for seen in calls:

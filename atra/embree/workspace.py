@@ -7,48 +7,49 @@ from collections.abc import Sequence
 import numpy as np
 
 from atra.embree import layout
-from atra.embree.layout import IntersectArguments, RayQueryContext
+from atra.embree.layout import IntersectArguments, Packet, RayQueryContext
 
 _ZERO_RAY_FIELDS = (layout.RAY_ORG_X, layout.RAY_ORG_Y, layout.RAY_ORG_Z, layout.RAY_TNEAR, layout.RAY_TIME)
 _DIRECTION_FIELDS = (layout.RAY_DIR_X, layout.RAY_DIR_Y, layout.RAY_DIR_Z)
 
 
 class Workspace:
-    """One thread's query memory for packets of `width` rays that start at the eye, or share a direction.
+    """One thread's query memory for packets of `width` rays.
 
-    direction: three numbers, the direction that rays share; None: they share their origin, which is zero.
-    packet, packet_ids: the same RTCRayHitK as float32 and uint32 words; the constant fields are set here, once.
-    all_lanes, valid: (K,) int32 lane masks, the first with every lane active.
-    context: int64 words of `RayQueryContext`. arguments_address: RTCIntersectArguments.
+    coherent: as for `set_coherent`. direction: three numbers, the direction that all rays share; None: they share their
+    origin, which is zero. A kernel that sets both for every ray needs neither.
+    packet: as kernels take it; the constant fields are set here, once, and every lane is active.
     """
 
     def __init__(self, width: int, *, coherent: bool, direction: Sequence[float] | None = None) -> None:
         packet_bytes = layout.packet_words(width) * 4
         sizes = (packet_bytes, width * 4, width * 4, layout.CONTEXT_BYTES, layout.ARGUMENTS_BYTES)
         packet, all_lanes, valid, context, arguments = (_aligned_bytes(size) for size in sizes)
-        self.packet = packet.view(np.float32)
-        self.packet_ids = packet.view(np.uint32)
-        self.all_lanes = all_lanes.view(np.int32)
-        self.valid = valid.view(np.int32)
-        self.context = context.view(np.int64)
         self._arguments = arguments  # kept alive: its address is what travels
-        self.arguments_address = arguments.ctypes.data
-
+        self.packet = Packet(
+            packet.view(np.float32),
+            packet.view(np.uint32),
+            all_lanes.view(np.int32),
+            valid.view(np.int32),
+            context.view(np.int64),
+            arguments.ctypes.data,
+        )
+        floats, ids = self.packet.floats, self.packet.ids
         for field in _ZERO_RAY_FIELDS:
-            self._lanes(self.packet, field, width)[:] = 0.0
+            self._lanes(floats, field, width)[:] = 0.0
         for field, value in zip(_DIRECTION_FIELDS, direction or (), strict=False):
-            self._lanes(self.packet, field, width)[:] = value
-        self._lanes(self.packet_ids, layout.RAY_MASK, width)[:] = layout.INVALID_ID
-        self._lanes(self.packet_ids, layout.RAY_ID, width)[:] = 0
-        self._lanes(self.packet_ids, layout.RAY_FLAGS, width)[:] = 0
-        self.packet_ids[layout.RAY_WORDS * width :] = layout.INVALID_ID
-        self.all_lanes[:] = -1
-        self.valid[:] = -1
+            self._lanes(floats, field, width)[:] = value
+        self._lanes(ids, layout.RAY_MASK, width)[:] = layout.INVALID_ID
+        self._lanes(ids, layout.RAY_ID, width)[:] = 0
+        self._lanes(ids, layout.RAY_FLAGS, width)[:] = 0
+        ids[layout.RAY_WORDS * width :] = layout.INVALID_ID
+        self.packet.all_lanes[:] = -1
+        self.packet.valid[:] = -1
 
         query_context = RayQueryContext.from_buffer(context.data)
         query_context.inst_id = query_context.inst_prim_id = layout.INVALID_ID
+        self.set_coherent(coherent)
         query = IntersectArguments.from_buffer(arguments.data)
-        query.flags = layout.FLAG_COHERENT if coherent else 0
         query.feature_mask = layout.FEATURE_ALL
         query.context = context.ctypes.data
 
@@ -59,11 +60,15 @@ class Workspace:
     @property
     def wrong_width(self) -> int:
         """The packet width Embree handed to the filter when it was not the one sent; 0 as long as all was well."""
-        return int(self.context[RayQueryContext.wrong_width.offset // 8])
+        return int(self.packet.context[RayQueryContext.wrong_width.offset // 8])
+
+    def set_coherent(self, coherent: bool) -> None:
+        """Whether the rays of a packet start and head alike: Embree then takes them through its tree together."""
+        IntersectArguments.from_buffer(self._arguments.data).flags = layout.FLAG_COHERENT if coherent else 0
 
     def set_row_bytes(self, row_bytes: int) -> None:
         """Distance in bytes between the image rows the filter writes to."""
-        self.context[RayQueryContext.row_bytes.offset // 8] = row_bytes
+        self.packet.context[RayQueryContext.row_bytes.offset // 8] = row_bytes
 
 
 def _aligned_bytes(size: int) -> np.ndarray:

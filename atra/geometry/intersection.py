@@ -154,3 +154,17 @@ def divided(volumes: Volumes) -> Intersections:
 
 def _dot(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
     return a[..., 0] * b[..., 0] + a[..., 1] * b[..., 1] + a[..., 2] * b[..., 2]
+
+
+def intersect_rays(
+    mesh: Mesh, origins: NDArray[np.floating], directions: NDArray[np.floating], prim_id: NDArray[np.integer]
+) -> Intersections:
+    """Meet each ray with the plane of its own triangle `prim_id`, in float64; `depth` counts in lengths of a direction.
+
+    origins, directions: (N, 3), world space. prim_id: (N,) integers. Raises InputError for a `prim_id` that the mesh
+    does not have.
+    """
+    corners = mesh.triangles(prim_id)
+    first, edges = corners[:, 0], corners[:, 1:] - corners[:, :1]
+    rays = origins.astype(np.float64), directions.astype(np.float64)
+    return divided(volumes_of(*rays, first, edges[:, 0], edges[:, 1]))

@@ -31,7 +31,7 @@ SMALLEST_AXIS_COMPONENT = 1e-10
 """Components of the axes of ray space that are smaller are 0, and so are those of the shears made of them.
 
 Rays move by at most half a millionth of a pixel, a thousandth of what float32 makes of them. For instances Embree turns
-the rays itself, where nothing else keeps a component from coming out tiny (`kernels.tracing.SMALLEST_COMPONENT`).
+the rays itself, where nothing else keeps a component from coming out tiny (`kernels.packets.SMALLEST_COMPONENT`).
 """
 
 
@@ -50,11 +50,26 @@ def check_range(mesh: Mesh, camera: View) -> None:
             f"{mesh.name!r} reaches {distance:g} from the eye {camera.eye}, expected at most {FARTHEST_FROM_EYE:g}: "
             "beyond, float32 loses triangles; scale mesh and camera down by the same factor, or move the eye closer"
         )
+    _check_size(mesh, "scale mesh and camera up by the same factor")
+
+
+def check_world_range(mesh: Mesh) -> None:
+    """Raise InputError for a mesh too small, or too far from the world's origin, for float32 rays in world space."""
+    distance = float(np.abs(mesh.bounds).max())
+    if distance > FARTHEST_FROM_EYE:
+        raise InputError(
+            f"{mesh.name!r} reaches {distance:g} from the world's origin, expected at most {FARTHEST_FROM_EYE:g}: "
+            "beyond, float32 loses triangles; scale mesh and rays down by the same factor, or move them closer"
+        )
+    _check_size(mesh, "scale mesh and rays up by the same factor")
+
+
+def _check_size(mesh: Mesh, remedy: str) -> None:
     size = float((mesh.bounds[1] - mesh.bounds[0]).max())
     if size < SMALLEST_SIZE and len(mesh.without_area) < mesh.triangle_count:
         raise InputError(
             f"{mesh.name!r} is {size:g} in size, expected at least {SMALLEST_SIZE:g}: below, float32 loses triangles; "
-            "scale mesh and camera up by the same factor"
+            f"{remedy}"
         )
 
 

@@ -23,7 +23,8 @@ Rays never leave the area, so the margin has only rounding to absorb: float32 sl
 CHUNK = 4096
 """Triangles a thread takes at a time."""
 
-_POLYGON = 8  # a triangle clipped by three planes has at most six corners
+CORNERS = 8
+"""Room for the corners of a polygon: a triangle clipped by three planes has at most six."""
 
 
 @kernel
@@ -65,7 +66,7 @@ def _clip(source, count, target, plane_a, plane_b, plane_c):  # type: ignore[no-
 
 
 @njit(inline="always")
-def _pixel_range(polygon, count, axis, tiny):  # type: ignore[no-untyped-def]
+def pixel_range(polygon, count, axis, tiny):  # type: ignore[no-untyped-def]
     """(lowest, highest) pixel position of a polygon in front of the eye; infinite where it reaches the eye plane."""
     low, high = np.inf, -np.inf
     for corner in range(count):
@@ -81,7 +82,7 @@ def _pixel_range(polygon, count, axis, tiny):  # type: ignore[no-untyped-def]
 
 
 @njit(inline="always")
-def _cell_range(low, high, cell_pixels, cell_count):  # type: ignore[no-untyped-def]
+def cell_range(low, high, cell_pixels, cell_count):  # type: ignore[no-untyped-def]
     """First and last cell that the pixel range meets; first > last where it meets none."""
     image_pixels = cell_pixels * cell_count
     if not (high >= -MARGIN_PIXELS and low <= image_pixels + MARGIN_PIXELS):
@@ -92,7 +93,7 @@ def _cell_range(low, high, cell_pixels, cell_count):  # type: ignore[no-untyped-
 
 
 @njit(inline="always")
-def _load_triangle(points_pixels, faces, triangle, polygon):  # type: ignore[no-untyped-def]
+def load_triangle(points_pixels, faces, triangle, polygon):  # type: ignore[no-untyped-def]
     """Corners of a triangle into `polygon`; returns (nearest depth, farthest depth, largest coordinate)."""
     nearest, farthest, largest = np.inf, -np.inf, 0.0
     for corner in range(3):
@@ -106,7 +107,7 @@ def _load_triangle(points_pixels, faces, triangle, polygon):  # type: ignore[no-
 
 
 @njit(inline="always")
-def _front_part(polygon, nearest, farthest, scratch):  # type: ignore[no-untyped-def]
+def front_part(polygon, nearest, farthest, scratch):  # type: ignore[no-untyped-def]
     """Clip the loaded triangle at the eye plane, in place; returns the corner count (0: all behind)."""
     if nearest > 0.0:
         return 3
@@ -120,40 +121,40 @@ def _front_part(polygon, nearest, farthest, scratch):  # type: ignore[no-untyped
 
 
 @njit(inline="always")
-def _columns_in_row(polygon, count, row, cell_width, cell_height, nx, y_low, y_high, tiny, first, second):  # type: ignore[no-untyped-def]
+def columns_in_row(polygon, count, row, cell_width, cell_height, nx, y_low, y_high, tiny, first, second):  # type: ignore[no-untyped-def]
     """Columns that the polygon meets in one row of cells."""
     top, bottom = row * cell_height - MARGIN_PIXELS, (row + 1) * cell_height + MARGIN_PIXELS
     if y_low >= top and y_high <= bottom:
-        low, high = _pixel_range(polygon, count, 0, tiny)
+        low, high = pixel_range(polygon, count, 0, tiny)
     else:
         count = _clip(polygon, count, first, 0.0, 1.0, -top)
         count = _clip(first, count, second, 0.0, -1.0, bottom)
-        low, high = _pixel_range(second, count, 0, tiny)
-    return _cell_range(low, high, cell_width, nx)
+        low, high = pixel_range(second, count, 0, tiny)
+    return cell_range(low, high, cell_width, nx)
 
 
 @kernel
 def count_copies(counter_address, points_pixels, faces, nx, ny, cell_width, cell_height, counts):  # type: ignore[no-untyped-def]
     """counts[t] = number of cells triangle t meets. points_pixels: (V, 3) float64 homogeneous pixels."""
     polygon, first, second = (
-        np.empty((_POLYGON, 3)),
-        np.empty((_POLYGON, 3)),
-        np.empty((_POLYGON, 3)),
+        np.empty((CORNERS, 3)),
+        np.empty((CORNERS, 3)),
+        np.empty((CORNERS, 3)),
     )
     while True:
         start = fetch_add(counter_address, 1) * CHUNK
         if start >= len(faces):
             return
         for triangle in range(start, min(start + CHUNK, len(faces))):
-            nearest, farthest, largest = _load_triangle(points_pixels, faces, triangle, polygon)
+            nearest, farthest, largest = load_triangle(points_pixels, faces, triangle, polygon)
             tiny = 1e-12 * largest
             total = 0
-            corners = _front_part(polygon, nearest, farthest, first)
+            corners = front_part(polygon, nearest, farthest, first)
             if corners > 0:
-                y_low, y_high = _pixel_range(polygon, corners, 1, tiny)
-                top, bottom = _cell_range(y_low, y_high, cell_height, ny)
+                y_low, y_high = pixel_range(polygon, corners, 1, tiny)
+                top, bottom = cell_range(y_low, y_high, cell_height, ny)
                 for j in range(top, bottom + 1):
-                    left, right = _columns_in_row(
+                    left, right = columns_in_row(
                         polygon, corners, j, cell_width, cell_height, nx, y_low, y_high, tiny, first, second
                     )
                     total += max(0, right - left + 1)
@@ -185,9 +186,9 @@ def fill_copies(  # type: ignore[no-untyped-def]
     the reference cell's pixel to the cell's in the high half.
     """
     polygon, first, second = (
-        np.empty((_POLYGON, 3)),
-        np.empty((_POLYGON, 3)),
-        np.empty((_POLYGON, 3)),
+        np.empty((CORNERS, 3)),
+        np.empty((CORNERS, 3)),
+        np.empty((CORNERS, 3)),
     )
     while True:
         start = fetch_add(counter_address, 1) * CHUNK
@@ -197,17 +198,17 @@ def fill_copies(  # type: ignore[no-untyped-def]
             copy, end = starts[triangle], starts[triangle + 1]
             if copy == end:
                 continue
-            nearest, farthest, largest = _load_triangle(points_pixels, faces, triangle, polygon)
+            nearest, farthest, largest = load_triangle(points_pixels, faces, triangle, polygon)
             tiny = 1e-12 * largest
             top, bottom, corners, y_low, y_high = 0, ny - 1, 0, 0.0, 0.0
             if culling:
-                corners = _front_part(polygon, nearest, farthest, first)
-                y_low, y_high = _pixel_range(polygon, corners, 1, tiny)
-                top, bottom = _cell_range(y_low, y_high, cell_height, ny)
+                corners = front_part(polygon, nearest, farthest, first)
+                y_low, y_high = pixel_range(polygon, corners, 1, tiny)
+                top, bottom = cell_range(y_low, y_high, cell_height, ny)
             for j in range(top, bottom + 1):
                 left, right = 0, nx - 1
                 if culling:
-                    left, right = _columns_in_row(
+                    left, right = columns_in_row(
                         polygon, corners, j, cell_width, cell_height, nx, y_low, y_high, tiny, first, second
                     )
                 for i in range(left, right + 1):

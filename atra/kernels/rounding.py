@@ -7,7 +7,7 @@ from numba import njit
 
 from atra.kernels.caching import kernel
 from atra.kernels.intrinsics import fetch_add
-from atra.kernels.planning import _POLYGON, _cell_range, _columns_in_row, _front_part, _load_triangle, _pixel_range
+from atra.kernels.planning import CORNERS, cell_range, columns_in_row, front_part, load_triangle, pixel_range
 
 FLOAT32_UNIT = 2.0**-24
 """Largest relative error of one rounding in float32."""
@@ -105,7 +105,11 @@ def judge_copies(  # type: ignore[no-untyped-def]
     only where these are too much are the cells that the triangle meets looked at one by one.
     """
     largest, nothing = np.empty((4, 3)), np.zeros(3)
-    polygon, first, second = np.empty((_POLYGON, 3)), np.empty((_POLYGON, 3)), np.empty((_POLYGON, 3))
+    polygon, first, second = (
+        np.empty((CORNERS, 3)),
+        np.empty((CORNERS, 3)),
+        np.empty((CORNERS, 3)),
+    )
     nx, ny = len(shears_x), len(shears_y)
     while True:
         start = fetch_add(counter_address, 1) * CHUNK
@@ -127,13 +131,13 @@ def judge_copies(  # type: ignore[no-untyped-def]
             left_out[triangle] = 0
             if not _roundings(largest, volume) > admitted:
                 continue
-            nearest, farthest, size = _load_triangle(points_pixels, faces, triangle, polygon)
+            nearest, farthest, size = load_triangle(points_pixels, faces, triangle, polygon)
             tiny = 1e-12 * size
-            corners = _front_part(polygon, nearest, farthest, first)
-            y_low, y_high = _pixel_range(polygon, corners, 1, tiny)
-            top, bottom = _cell_range(y_low, y_high, cell_height, ny)
+            corners = front_part(polygon, nearest, farthest, first)
+            y_low, y_high = pixel_range(polygon, corners, 1, tiny)
+            top, bottom = cell_range(y_low, y_high, cell_height, ny)
             for j in range(top, bottom + 1):
-                left, right = _columns_in_row(
+                left, right = columns_in_row(
                     polygon, corners, j, cell_width, cell_height, nx, y_low, y_high, tiny, first, second
                 )
                 for i in range(left, right + 1):

@@ -4,36 +4,41 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from atra.embree.layout import (
-    HIT_GEOM_ID,
-    HIT_PRIM_ID,
-    RAY_DIR_X,
-    RAY_DIR_Y,
-    RAY_DIR_Z,
-    RAY_TFAR,
-    RAY_WORDS,
-)
 from atra.kernels.caching import kernel
 from atra.kernels.intrinsics import fetch_add
-from atra.kernels.planning import (
-    _POLYGON,
-    CHUNK,
-    _cell_range,
-    _columns_in_row,
-    _front_part,
-    _load_triangle,
-    _pixel_range,
+from atra.kernels.packets import (
+    INFINITY,
+    MISS,
+    hit_distance,
+    hit_prim_id,
+    intersect,
+    set_pixel_ray,
+    set_unlimited,
 )
-from atra.kernels.tracing import _INFINITY, _MISS, _intersect, ray_component
+from atra.kernels.planning import (
+    CHUNK,
+    CORNERS,
+    cell_range,
+    columns_in_row,
+    front_part,
+    load_triangle,
+    pixel_range,
+)
 
 
 @kernel
 def list_cells(counter_address, points_pixels, faces, nx, ny, cell_width, cell_height, starts, cells):  # type: ignore[no-untyped-def]
     """cells[starts[t]:starts[t + 1]] = the cells (row-major numbers) triangle t meets, as `count_copies` counted."""
-    polygon, first, second = np.empty((_POLYGON, 3)), np.empty((_POLYGON, 3)), np.empty((_POLYGON, 3))
+    polygon, first, second = (
+        np.empty((CORNERS, 3)),
+        np.empty((CORNERS, 3)),
+        np.empty((CORNERS, 3)),
+    )
     while True:
         start = fetch_add(counter_address, 1) * CHUNK
         if start >= len(faces):
@@ -42,13 +47,13 @@ def list_cells(counter_address, points_pixels, faces, nx, ny, cell_width, cell_h
             copy = starts[triangle]
             if copy == starts[triangle + 1]:
                 continue
-            nearest, farthest, largest = _load_triangle(points_pixels, faces, triangle, polygon)
+            nearest, farthest, largest = load_triangle(points_pixels, faces, triangle, polygon)
             tiny = 1e-12 * largest
-            corners = _front_part(polygon, nearest, farthest, first)
-            y_low, y_high = _pixel_range(polygon, corners, 1, tiny)
-            top, bottom = _cell_range(y_low, y_high, cell_height, ny)
+            corners = front_part(polygon, nearest, farthest, first)
+            y_low, y_high = pixel_range(polygon, corners, 1, tiny)
+            top, bottom = cell_range(y_low, y_high, cell_height, ny)
             for j in range(top, bottom + 1):
-                left, right = _columns_in_row(
+                left, right = columns_in_row(
                     polygon, corners, j, cell_width, cell_height, nx, y_low, y_high, tiny, first, second
                 )
                 for i in range(left, right + 1):
@@ -77,58 +82,64 @@ def sort_by_cell(triangle_starts, cells, faces, cell_starts, cell_faces, prim_id
                 cell_faces[place, corner] = faces[triangle, corner]
 
 
+class CellScenes(NamedTuple):
+    """Cells with scenes of their own, row by row.
+
+    handles: (cells,) int64, the RTCScene of each, 0 for a cell without triangles. prim_ids: (N,) int64, the mesh's
+    number of each triangle, those of cell k from starts[k] on; starts: (cells + 1,) int64.
+    columns: of cells. width, height: of a cell, in pixels.
+    """
+
+    handles: NDArray[np.int64]
+    starts: NDArray[np.int64]
+    prim_ids: NDArray[np.int64]
+    columns: int
+    width: int
+    height: int
+
+
 @cache
 def tile_kernel(shape_x: int, shape_y: int) -> Callable[..., None]:
     """The loop over cells and their pixels, in packets of shape_x x shape_y pixels (constants of the code)."""
     width = shape_x * shape_y
-    dir_x, dir_y, dir_z, tfar = RAY_DIR_X * width, RAY_DIR_Y * width, RAY_DIR_Z * width, RAY_TFAR * width
-    hit_prim_id, hit_geom_id = (RAY_WORDS + HIT_PRIM_ID) * width, (RAY_WORDS + HIT_GEOM_ID) * width
 
     @kernel
-    def trace_tiles(  # type: ignore[no-untyped-def]
-        counter_address, scenes, cell_starts, prim_ids, packet, packet_ids, valid, arguments_address,
-        column_directions, row_directions, nx, cell_width, cell_height, depth, prim_id,
-    ):  # fmt: skip
+    def trace_tiles(counter_address, cells, packet, rays, image):  # type: ignore[no-untyped-def]
         """Trace the pixels of each cell against its own scene, until the shared counter runs past the last cell.
 
-        scenes: (cells,) int64 RTCScene handles, 0 for a cell without triangles. prim_ids: the mesh's number of each
-        triangle, those of cell k from cell_starts[k] on. Packet, directions, outputs as in `trace_pixels`.
+        cells: `CellScenes`. Packet, rays and image as in `trace_pixels`.
         """
-        packet_address, valid_address = packet.ctypes.data, valid.ctypes.data
+        depth, prim_id = image.depth, image.prim_id
         while True:
             cell = fetch_add(counter_address, 1)
-            if cell >= len(scenes):
+            if cell >= len(cells.handles):
                 return
-            left, top, first = cell % nx * cell_width, cell // nx * cell_height, cell_starts[cell]
-            if scenes[cell] == 0:
-                for y in range(top, top + cell_height):
-                    for x in range(left, left + cell_width):
-                        depth[y, x] = _INFINITY
-                        prim_id[y, x] = _MISS
+            left, top = cell % cells.columns * cells.width, cell // cells.columns * cells.height
+            scene, first = cells.handles[cell], cells.starts[cell]
+            if scene == 0:
+                for y in range(top, top + cells.height):
+                    for x in range(left, left + cells.width):
+                        depth[y, x] = INFINITY
+                        prim_id[y, x] = MISS
                 continue
-            for y0 in range(top, top + cell_height, shape_y):
-                for x0 in range(left, left + cell_width, shape_x):
-                    columns, rows = min(shape_x, left + cell_width - x0), min(shape_y, top + cell_height - y0)
+            for y0 in range(top, top + cells.height, shape_y):
+                for x0 in range(left, left + cells.width, shape_x):
+                    columns, rows = min(shape_x, left + cells.width - x0), min(shape_y, top + cells.height - y0)
                     for row in range(shape_y):
                         for column in range(shape_x):
                             lane = row * shape_x + column
                             x, y = x0 + min(column, columns - 1), y0 + min(row, rows - 1)
-                            packet[dir_x + lane] = ray_component(column_directions[0, x], row_directions[0, y])
-                            packet[dir_y + lane] = ray_component(column_directions[1, x], row_directions[1, y])
-                            packet[dir_z + lane] = ray_component(column_directions[2, x], row_directions[2, y])
-                            valid[lane] = -1 if row < rows and column < columns else 0
-                    for lane in range(width):
-                        packet[tfar + lane] = _INFINITY
-                        packet_ids[hit_prim_id + lane] = _MISS
-                        packet_ids[hit_geom_id + lane] = _MISS
-                    _intersect(width, valid_address, scenes[cell], packet_address, arguments_address)
+                            set_pixel_ray(packet, width, lane, False, rays, x, y)
+                            packet.valid[lane] = -1 if row < rows and column < columns else 0
+                    set_unlimited(packet, width)
+                    intersect(width, packet.valid, scene, packet)
                     for row in range(rows):
                         for column in range(columns):
                             lane = row * shape_x + column
-                            found = packet_ids[hit_prim_id + lane]
-                            if found != _MISS:
-                                found = np.uint32(prim_ids[first + found])
-                            depth[y0 + row, x0 + column] = packet[tfar + lane]
+                            found = hit_prim_id(packet, width, lane)
+                            if found != MISS:
+                                found = np.uint32(cells.prim_ids[first + found])
+                            depth[y0 + row, x0 + column] = hit_distance(packet, width, lane)
                             prim_id[y0 + row, x0 + column] = found
 
     return trace_tiles

@@ -1,4 +1,4 @@
-"""Which copies may be seen, judged against a depth per tile of pixels, and the loop that verifies it while tracing.
+"""Which copies may be seen, judged against a depth per tile of pixels.
 
 A triangle is rasterised onto tiles of pixels, conservatively: every tile that a ray through it may lie in, and for each
 a bound from below on the depth of the hit. Coordinates are homogeneous pixels (a, b, c) as in `planning`. In
@@ -11,26 +11,12 @@ which is linear in x and y and also holds for triangles that reach behind the ey
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import cache
-
 import numpy as np
 from numba import njit
 
-from atra.embree.layout import (
-    HIT_GEOM_ID,
-    HIT_PRIM_ID,
-    RAY_DIR_X,
-    RAY_DIR_Y,
-    RAY_DIR_Z,
-    RAY_TFAR,
-    RAY_TNEAR,
-    RAY_WORDS,
-)
 from atra.kernels.caching import kernel
 from atra.kernels.intrinsics import fetch_add
 from atra.kernels.planning import MARGIN_PIXELS, write_copy
-from atra.kernels.tracing import _MISS, _intersect, ray_component
 
 CHUNK = 1024
 """Triangles a thread takes at a time."""
@@ -258,73 +244,3 @@ def fill_visible(  # type: ignore[no-untyped-def]
                     write_copy(points_pixels, points_ray, faces, triangle, shears_x, shears_y, i, j, copy, vertices)
                     records[copy] = triangle | ((j * cell_height * row_stride + i * cell_width) << 32)
                     copy += 1
-
-
-@cache
-def verify_kernel(shape_x: int, shape_y: int) -> Callable[..., None]:
-    """The second pass for packets of shape_x x shape_y pixels; the shape is a constant of the compiled code."""
-    width = shape_x * shape_y
-    dir_x, dir_y, dir_z, tfar = RAY_DIR_X * width, RAY_DIR_Y * width, RAY_DIR_Z * width, RAY_TFAR * width
-    hit_prim_id, hit_geom_id = (RAY_WORDS + HIT_PRIM_ID) * width, (RAY_WORDS + HIT_GEOM_ID) * width
-    tnear = RAY_TNEAR * width
-
-    @kernel
-    def verify_pixels(  # type: ignore[no-untyped-def]
-        counter_address, scene, packet, packet_ids, valid, arguments_address, column_directions, row_directions,
-        nearest_hidden, tile_w, tile_h, image_width, height, depth, prim_id, traced,
-    ):  # fmt: skip
-        """Trace again, up to the depth already found, where something left out of the first pass may lie in front.
-
-        Rays start at the depth before which nothing was left out, so that they pass through a short stretch only.
-
-        Packet, directions and outputs as in `trace_pixels`; depth and prim_id hold the first pass's image, nearer hits
-        replace it. nearest_hidden: (tiles y, tiles x) float32, no ray of the tile meets what was left out before this
-        depth; tiles are whole packets. traced: (1,) int64, counts the packets traced, this thread's own.
-        """
-        packet_address, valid_address = packet.ctypes.data, valid.ctypes.data
-        while True:
-            ty = fetch_add(counter_address, 1)
-            if ty >= nearest_hidden.shape[0]:
-                for lane in range(width):
-                    packet[tnear + lane] = np.float32(0.0)  # as the other loops expect it
-                return
-            for y0 in range(ty * tile_h, min((ty + 1) * tile_h, height), shape_y):
-                rows = min(shape_y, height - y0)
-                for tx in range(nearest_hidden.shape[1]):
-                    limit = nearest_hidden[ty, tx]
-                    if limit == np.inf:
-                        continue
-                    for x0 in range(tx * tile_w, min((tx + 1) * tile_w, image_width), shape_x):
-                        columns = min(shape_x, image_width - x0)
-                        farthest = np.float32(0.0)
-                        if columns == shape_x and rows == shape_y:
-                            for row in range(shape_y):
-                                for column in range(shape_x):
-                                    farthest = max(farthest, depth[y0 + row, x0 + column])
-                        else:
-                            for row in range(rows):
-                                for column in range(columns):
-                                    farthest = max(farthest, depth[y0 + row, x0 + column])
-                        if farthest < limit:
-                            continue
-                        traced[0] += 1
-                        for row in range(shape_y):
-                            for column in range(shape_x):
-                                lane = row * shape_x + column
-                                x, y = x0 + min(column, columns - 1), y0 + min(row, rows - 1)
-                                packet[dir_x + lane] = ray_component(column_directions[0, x], row_directions[0, y])
-                                packet[dir_y + lane] = ray_component(column_directions[1, x], row_directions[1, y])
-                                packet[dir_z + lane] = ray_component(column_directions[2, x], row_directions[2, y])
-                                packet[tnear + lane] = limit
-                                packet[tfar + lane] = depth[y, x]
-                                packet_ids[hit_prim_id + lane] = prim_id[y, x]
-                                packet_ids[hit_geom_id + lane] = _MISS
-                                valid[lane] = -1 if row < rows and column < columns and depth[y, x] >= limit else 0
-                        _intersect(width, valid_address, scene, packet_address, arguments_address)
-                        for row in range(rows):
-                            for column in range(columns):
-                                lane = row * shape_x + column
-                                depth[y0 + row, x0 + column] = packet[tfar + lane]
-                                prim_id[y0 + row, x0 + column] = packet_ids[hit_prim_id + lane]
-
-    return verify_pixels

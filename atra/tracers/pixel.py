@@ -5,6 +5,7 @@ from __future__ import annotations
 from numpy.typing import NDArray
 
 from atra.alignment.culling import AlignedGeometry, plan_plain_geometry
+from atra.kernels.packets import Image, RayGrid
 from atra.kernels.tracing import pixel_kernel
 from atra.tracers.base import ImageTracer
 from atra.tracers.rays import image_ray_grid
@@ -30,16 +31,12 @@ class PixelTracer(ImageTracer):
     def _run(self, offset: tuple[float, float], depth: NDArray, prim_id: NDArray) -> None:
         shape = SQUAREST_SHAPE[self.packet_width]
         camera = self.camera
-        rays = image_ray_grid(camera, offset, shape)
+        rays, image = RayGrid(*image_ray_grid(camera, offset, shape)), Image(depth, prim_id)
         kernel = pixel_kernel(*shape, camera.is_parallel)
 
         scene = self._scene_address
 
         def work(worker: int, counter: int) -> None:
-            own = self._workspaces[worker]
-            kernel(
-                counter, scene, own.packet, own.packet_ids, own.all_lanes, own.valid, own.arguments_address,
-                *rays, camera.width, camera.height, depth, prim_id,
-            )  # fmt: skip
+            kernel(counter, scene, self._workspaces[worker].packet, rays, image)
 
         self._pool.run(work)

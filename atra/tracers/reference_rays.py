@@ -12,6 +12,7 @@ from atra.alignment.culling import check_image_size
 from atra.alignment.split import Split
 from atra.errors import InputError
 from atra.geometry.mesh import Mesh
+from atra.kernels.packets import Image, RayGrid
 from atra.kernels.tracing import aligned_kernel
 from atra.options import ReferenceRayOptions
 from atra.tracers.base import EmbreeTracer
@@ -46,16 +47,13 @@ class ReferenceRayTracer(EmbreeTracer):
         split = self.split
         columns = self.alignment.first_x_pixels + np.arange(split.cell_width)
         rows = self.alignment.first_y_pixels + np.arange(split.cell_height)
-        rays = ray_grid(self.camera, columns + offset[0], rows + offset[1])
+        rays = RayGrid(*ray_grid(self.camera, columns + offset[0], rows + offset[1]))
+        cell_rows, image = self.alignment.image_count * split.ny, Image(depth, prim_id)
         kernel = aligned_kernel(*self.packet_shape, self.camera.is_parallel)
         scene = self._scene_address
 
         def work(worker: int, counter: int) -> None:
-            own = self._workspaces[worker]
-            kernel(
-                counter, scene, own.packet, own.valid, own.context, own.arguments_address,
-                *rays, self.alignment.image_count * split.ny, depth, prim_id,
-            )  # fmt: skip
+            kernel(counter, scene, self._workspaces[worker].packet, rays, cell_rows, image)
 
         self._pool.run(work)
 

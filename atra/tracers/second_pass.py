@@ -11,7 +11,8 @@ from atra.alignment.visibility import Tiles
 from atra.embree.scene import EmbreeScene
 from atra.embree.workspace import Workspace
 from atra.geometry.view import View
-from atra.kernels.visible import verify_kernel
+from atra.kernels.packets import Image, RayGrid
+from atra.kernels.verifying import Hidden, verify_kernel
 from atra.parallel import WorkerPool
 from atra.tracers.pixel import SQUAREST_SHAPE
 from atra.tracers.rays import image_ray_grid
@@ -43,17 +44,13 @@ class SecondPass:
     ) -> None:
         """depth, prim_id: (H, W), the image of the first pass, changed in place."""
         camera, tiles, scene = self._camera, self._tiles, self.scene.address
-        directions = image_ray_grid(camera, offset)
+        rays, image = RayGrid(*image_ray_grid(camera, offset)), Image(depth, prim_id)
+        hidden = Hidden(self._nearest, tiles.tile_width, tiles.tile_height)
         kernel = verify_kernel(*SQUAREST_SHAPE[packet_width])
         self._packets_traced = np.zeros((len(workspaces), 16), np.int64)  # a cache line or two for each thread
 
         def work(worker: int, counter: int) -> None:
-            own = workspaces[worker]
-            kernel(
-                counter, scene, own.packet, own.packet_ids, own.valid, own.arguments_address, *directions,
-                self._nearest, tiles.tile_width, tiles.tile_height, camera.width, camera.height,
-                depth, prim_id, self._packets_traced[worker],
-            )  # fmt: skip
+            kernel(counter, scene, workspaces[worker].packet, rays, hidden, image, self._packets_traced[worker])
 
         pool.run(work)
 

@@ -14,7 +14,8 @@ from atra.geometry.mesh import Mesh
 from atra.geometry.ray_space import padded_vertices
 from atra.geometry.view import View
 from atra.kernels.callbacks import memory_monitor
-from atra.kernels.tiles import list_cells, sort_by_cell, tile_kernel
+from atra.kernels.packets import Image, RayGrid
+from atra.kernels.tiles import CellScenes, list_cells, sort_by_cell, tile_kernel
 from atra.options import CellOptions
 from atra.tracers.base import ImageTracer
 from atra.tracers.pixel import SQUAREST_SHAPE
@@ -73,16 +74,14 @@ class TiledTracer(ImageTracer):
     def _run(self, offset: tuple[float, float], depth: NDArray, prim_id: NDArray) -> None:
         assert self._geometry is not None
         assert isinstance(self._scene, EmbreeScenes)
-        handles = self._scene.handles
-        camera, split, prim_ids = self.camera, self.split, self._geometry.records
-        directions = image_ray_grid(camera, offset)
+        split, prim_ids = self.split, self._geometry.records
+        cells = CellScenes(
+            self._scene.handles, self._cell_starts, prim_ids, split.nx, split.cell_width, split.cell_height
+        )
+        rays, image = RayGrid(*image_ray_grid(self.camera, offset)), Image(depth, prim_id)
         kernel = tile_kernel(*SQUAREST_SHAPE[self.packet_width])
 
         def work(worker: int, counter: int) -> None:
-            own = self._workspaces[worker]
-            kernel(
-                counter, handles, self._cell_starts, prim_ids, own.packet, own.packet_ids, own.valid,
-                own.arguments_address, *directions, split.nx, split.cell_width, split.cell_height, depth, prim_id,
-            )  # fmt: skip
+            kernel(counter, cells, self._workspaces[worker].packet, rays, image)
 
         self._pool.run(work)

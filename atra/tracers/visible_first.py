@@ -19,6 +19,7 @@ from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.hits import Hits
 from atra.kernels.callbacks import memory_monitor, nearest_hit_filter
+from atra.kernels.packets import Image, RayGrid
 from atra.kernels.tracing import pixel_kernel
 from atra.options import ReferenceRayOptions
 from atra.tracers.base import ImageTracer, new_images
@@ -140,21 +141,15 @@ class VisibleFirstTracer(ReferenceRayTracer, ImageTracer):
         def positions(count: int, packet: int, pixels: int) -> NDArray[np.float64]:
             return np.minimum(np.arange(count + -count % packet) * PROBE_STEP, pixels) - pixels / 2
 
-        directions = ray_grid(
-            camera, positions(width, shape[0], camera.width), positions(height, shape[1], camera.height)
-        )
-        depth, prim_id = new_images(height, width, width)
+        columns, rows = positions(width, shape[0], camera.width), positions(height, shape[1], camera.height)
+        rays, image = RayGrid(*ray_grid(camera, columns, rows)), Image(*new_images(height, width, width))
         kernel = pixel_kernel(*shape)
 
         def work(worker: int, counter: int) -> None:
-            own = self._workspaces[worker]
-            kernel(
-                counter, scene, own.packet, own.packet_ids, own.all_lanes, own.valid, own.arguments_address,
-                *directions, width, height, depth, prim_id,
-            )  # fmt: skip
+            kernel(counter, scene, self._workspaces[worker].packet, rays, image)
 
         self._pool.run(work)
-        upper, lower = np.maximum(depth[:-1], depth[1:]), np.minimum(depth[:-1], depth[1:])
+        upper, lower = (pick(image.depth[:-1], image.depth[1:]) for pick in (np.maximum, np.minimum))
         depth = np.maximum(
             np.minimum(upper[:, :-1], upper[:, 1:]), np.maximum(lower[:, :-1], lower[:, 1:])
         )  # the second farthest of four corners

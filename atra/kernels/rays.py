@@ -1,0 +1,140 @@
+"""The loops over batches of rays that come from no camera: closest hits, and occlusion."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from atra.embree.layout import (
+    RAY_DIR_X,
+    RAY_DIR_Y,
+    RAY_DIR_Z,
+    RAY_ORG_X,
+    RAY_ORG_Y,
+    RAY_ORG_Z,
+    RAY_TFAR,
+    RAY_TNEAR,
+)
+from atra.kernels.caching import kernel
+from atra.kernels.intrinsics import fetch_add
+from atra.kernels.packets import (
+    INFINITY,
+    MISS,
+    hit_distance,
+    hit_prim_id,
+    intersect,
+    occluded,
+    ray_component,
+    set_no_hit,
+)
+
+CHUNK = 512
+"""Rays a thread takes at a time: whole packets of any width, so that any number of threads makes the same packets."""
+
+
+class RayArrays(NamedTuple):
+    """N rays. origins, directions: (N, 3) float32. tnear, tfar: (N,) float32, in lengths of the direction."""
+
+    origins: NDArray[np.float32]
+    directions: NDArray[np.float32]
+    tnear: NDArray[np.float32]
+    tfar: NDArray[np.float32]
+
+
+@njit(inline="always")
+def _length(directions, ray):  # type: ignore[no-untyped-def]
+    """(l, 1 / l): the largest power of two that no component of the direction is below, all of them being less."""
+    x, y, z = directions[ray, 0], directions[ray, 1], directions[ray, 2]
+    largest = np.float32(max(abs(x), abs(y), abs(z)))
+    exponent = np.uint32(largest.view(np.uint32) & 0x7F800000)
+    return exponent.view(np.float32), np.uint32(0x7F000000 - exponent).view(np.float32)
+
+
+@njit(inline="always")
+def _load(packet, width, lane, rays, ray):  # type: ignore[no-untyped-def]
+    """Put a ray into a lane; returns whether it is of any length, and leaves `valid` of the lane so.
+
+    Its direction is brought to a largest component of 1 to 2 by a power of two, and its ends to match: no bit of a hit
+    then depends on the length of the direction, and what is tiny (`ray_component`) is so for all. Embree would lose
+    short directions, and long ones would leave the range of float32. Origins stay as they are: tiny ones lose nothing.
+    """
+    length, inverse = _length(rays.directions, ray)
+    floats = packet.floats
+    floats[RAY_ORG_X * width + lane] = rays.origins[ray, 0]
+    floats[RAY_ORG_Y * width + lane] = rays.origins[ray, 1]
+    floats[RAY_ORG_Z * width + lane] = rays.origins[ray, 2]
+    floats[RAY_DIR_X * width + lane] = ray_component(rays.directions[ray, 0] * inverse)
+    floats[RAY_DIR_Y * width + lane] = ray_component(rays.directions[ray, 1] * inverse)
+    floats[RAY_DIR_Z * width + lane] = ray_component(rays.directions[ray, 2] * inverse)
+    near, far = rays.tnear[ray] * length, rays.tfar[ray] * length
+    floats[RAY_TNEAR * width + lane] = near
+    floats[RAY_TFAR * width + lane] = far
+    is_open = near < far
+    packet.valid[lane] = -1 if is_open else 0
+    return is_open
+
+
+@cache
+def closest_hit_kernel(width: int) -> Callable[..., None]:
+    """The loop over rays for their closest hits, in packets of `width`, a constant of the compiled code."""
+
+    @kernel
+    def intersect_rays(counter_address, scene, packet, rays, t, prim_id):  # type: ignore[no-untyped-def]
+        """Trace all rays, chunk by chunk, until the shared counter runs past the last.
+
+        packet: its constant fields (mask, flags, inst_id) are set. rays: `RayArrays`.
+        t: (N,) float32 and prim_id: (N,) uint32 are written completely, inf and MISS where nothing is hit.
+        """
+        while True:
+            start = fetch_add(counter_address, 1) * CHUNK
+            if start >= len(t):
+                return
+            for first in range(start, min(start + CHUNK, len(t)), width):
+                lanes = min(width, len(t) - first)
+                anyone = False
+                for lane in range(width):
+                    set_no_hit(packet, width, lane)
+                    packet.valid[lane] = 0
+                for lane in range(lanes):
+                    anyone |= _load(packet, width, lane, rays, first + lane)
+                if anyone:
+                    intersect(width, packet.valid, scene, packet)
+                for lane in range(lanes):
+                    found = hit_prim_id(packet, width, lane)
+                    prim_id[first + lane] = found
+                    _, inverse = _length(rays.directions, first + lane)
+                    t[first + lane] = hit_distance(packet, width, lane) * inverse if found != MISS else INFINITY
+
+    return intersect_rays
+
+
+@cache
+def occlusion_kernel(width: int) -> Callable[..., None]:
+    """The loop over rays for whether they hit anything, in packets of `width`, a constant of the compiled code."""
+
+    @kernel
+    def occlude_rays(counter_address, scene, packet, rays, is_occluded):  # type: ignore[no-untyped-def]
+        """As `closest_hit_kernel`; is_occluded: (N,) bool, written completely."""
+        while True:
+            start = fetch_add(counter_address, 1) * CHUNK
+            if start >= len(is_occluded):
+                return
+            for first in range(start, min(start + CHUNK, len(is_occluded)), width):
+                lanes = min(width, len(is_occluded) - first)
+                anyone = False
+                for lane in range(width):
+                    packet.valid[lane] = 0
+                for lane in range(lanes):
+                    anyone |= _load(packet, width, lane, rays, first + lane)
+                if anyone:
+                    occluded(width, packet.valid, scene, packet)
+                for lane in range(lanes):
+                    is_open = packet.valid[lane] != 0
+                    is_occluded[first + lane] = is_open and hit_distance(packet, width, lane) < 0.0
+
+    return occlude_rays

@@ -1,0 +1,142 @@
+"""Rays and their hits: what a batch is made of, and what is found."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from atra.errors import InputError
+from atra.geometry.intersection import intersect_rays
+from atra.geometry.mesh import Mesh
+from atra.geometry.ray_space import FARTHEST_FROM_EYE
+from atra.hits import MISS
+
+SHORTEST, LONGEST = 1e-20, 1e20
+"""Sizes of a direction's largest component that are traced: float32 then has room for the t of every hit."""
+
+
+@dataclass(frozen=True, eq=False)
+class Rays:
+    """N rays in world space, each from `tnear` to `tfar`; the point at t is origin + t direction.
+
+    origins: (N, 3) float32, scene units. directions: (N, 3) float32, of any length from 1e-20 to 1e20.
+    tnear, tfar: (N,) float32, or a number for all, in lengths of the direction: 0 or more, and anything, inf included.
+    A ray whose interval is empty (tfar not above tnear) is allowed; it hits nothing. At the very ends of an interval,
+    Embree may take a hit or leave it.
+
+    Any real array-like is copied and converted; the arrays are C-contiguous, private copies and read-only.
+    Raises InputError for a wrong shape or dtype, and naming the first ray, and its value, with: an origin that is not
+    finite, or beyond 1e11 in size; a direction that is not finite, or zero, or of another length; a tnear that is not
+    finite, or negative; a tfar that is NaN.
+    """
+
+    origins: NDArray[np.float32]
+    directions: NDArray[np.float32]
+    tnear: NDArray[np.float32] = 0.0  # type: ignore[assignment]
+    tfar: NDArray[np.float32] = np.inf  # type: ignore[assignment]
+
+    def __post_init__(self) -> None:
+        origins, directions = _vectors("origins", self.origins), _vectors("directions", self.directions)
+        if len(origins) != len(directions):
+            raise InputError(f"there are {len(origins)} origins and {len(directions)} directions, expected as many")
+        tnear, tfar = _numbers("tnear", self.tnear, len(origins)), _numbers("tfar", self.tfar, len(origins))
+        far = np.abs(origins).max(axis=1, initial=0.0)
+        _check("origin", origins, far <= FARTHEST_FROM_EYE, f"finite numbers of at most {FARTHEST_FROM_EYE:g} in size")
+        size = np.abs(directions).max(axis=1, initial=0.0)
+        expected = f"finite numbers, the largest of a size from {SHORTEST:g} to {LONGEST:g}"
+        _check("direction", directions, (size >= SHORTEST) & (size <= LONGEST), expected)
+        _check("tnear", tnear, (tnear >= 0.0) & (tnear < np.inf), "a finite number of at least 0")
+        _check("tfar", tfar, ~np.isnan(tfar), "a number (inf: no limit; not above tnear: the ray hits nothing)")
+        for name, array in (("origins", origins), ("directions", directions), ("tnear", tnear), ("tfar", tfar)):
+            with np.errstate(over="ignore", under="ignore"):  # a tfar beyond float32 is inf, and means the same
+                copied = np.array(array, np.float32, order="C")
+            copied.setflags(write=False)
+            object.__setattr__(self, name, copied)
+
+    def __len__(self) -> int:
+        return len(self.origins)
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        # Copies and unpickled arrays can be written to, whatever the original was.
+        self.__dict__.update(state)
+        for array in (self.origins, self.directions, self.tnear, self.tfar):
+            array.setflags(write=False)
+
+
+@dataclass(frozen=True, eq=False)
+class RayHits:
+    """The closest hit of every ray of a batch.
+
+    t: (N,) float32, in lengths of the ray's direction, inf = miss.
+    prim_id: (N,) uint32 in the mesh's own numbering, `MISS` (0xFFFFFFFF) = miss.
+    rays, mesh: what was traced; `u` and `v` are computed from them when first asked for.
+    """
+
+    t: NDArray[np.float32]
+    prim_id: NDArray[np.uint32]
+    rays: Rays = field(repr=False)
+    mesh: Mesh = field(repr=False)
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+    @property
+    def hit(self) -> NDArray[np.bool_]:
+        """(N,) bool, True where the ray hits."""
+        return self.prim_id != MISS
+
+    @property
+    def u(self) -> NDArray[np.float32]:
+        """(N,) float32 barycentric weight of the triangle's second vertex, NaN = miss."""
+        return self._barycentric[0]
+
+    @property
+    def v(self) -> NDArray[np.float32]:
+        """(N,) float32 barycentric weight of the triangle's third vertex, NaN = miss."""
+        return self._barycentric[1]
+
+    @cached_property
+    def _barycentric(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        u, v = np.full(len(self), np.nan, np.float32), np.full(len(self), np.nan, np.float32)
+        hit = self.hit
+        found = intersect_rays(self.mesh, self.rays.origins[hit], self.rays.directions[hit], self.prim_id[hit])
+        u[hit], v[hit] = found.u, found.v
+        return u, v
+
+
+def _vectors(name: str, given: ArrayLike) -> NDArray[Any]:
+    array = _real(name, given)
+    if array.size == 0 and array.ndim < 2:
+        array = array.reshape(0, 3)
+    if array.ndim != 2 or array.shape[1] != 3:
+        raise InputError(f"{name} have shape {array.shape}, expected (N, 3)")
+    return array
+
+
+def _numbers(name: str, given: ArrayLike, count: int) -> NDArray[Any]:
+    array = _real(name, given)
+    if array.shape not in ((), (count,)):
+        raise InputError(f"{name} has shape {array.shape}, expected a number, or ({count},) like the rays")
+    return np.broadcast_to(array, (count,))
+
+
+def _real(name: str, given: ArrayLike) -> NDArray[Any]:
+    try:
+        array = np.asarray(given)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{name} cannot be read as an array: {error}") from None
+    if array.dtype.kind not in "iuf":
+        raise InputError(f"{name} have dtype {array.dtype}, expected real numbers")
+    return array if array.dtype.kind == "f" else array.astype(np.float64)
+
+
+def _check(name: str, values: NDArray[Any], good: NDArray[np.bool_], expected: str) -> None:
+    if not good.all():
+        ray = int(np.argmin(good))
+        value = values[ray].tolist()
+        shown = tuple(value) if isinstance(value, list) else value
+        raise InputError(f"ray {ray} has the {name} {shown}, expected {expected}")
