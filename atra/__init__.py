@@ -18,7 +18,7 @@ from atra.geometry.orthographic import OrthographicCamera
 from atra.geometry.sampling import sub_pixel_offsets
 from atra.hits import MISS, Hits
 from atra.judge.compare import Agreement, Verdict, compare
-from atra.options import AlignedOptions, CellOptions, Options, ReferenceRayOptions
+from atra.options import AlignedOptions, CellOptions, Options, RayOptions, ReferenceRayOptions
 from atra.planner.plan import Plan
 from atra.planner.planning import plan
 from atra.rays.rays import RayHits, Rays
@@ -48,6 +48,7 @@ __all__ = [
     "PixelTracer",
     "Plan",
     "RayHits",
+    "RayOptions",
     "RayScene",
     "Rays",
     "ReferenceRayOptions",

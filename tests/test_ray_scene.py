@@ -287,7 +287,7 @@ def test_the_rays_of_a_camera_hit_what_the_pixel_tracer_hits(width, coherent):
         (random_triangles(80, 7), atra.Camera((0.1, 0.2, -6), (0, 0, 0), (0, 1, 0), 50, 40, 27)),
         (random_triangles(80, 7), atra.OrthographicCamera((0.1, 0.2, -6), (0.5, 0, 0), (0, 1, 0), 7.0, 40, 27)),
     ):
-        with atra.PixelTracer(mesh, camera, width, threads=1) as tracer:
+        with atra.PixelTracer(mesh, camera, packet_width=width, threads=1) as tracer:
             reference = tracer.trace()
         hits = as_image(traced(mesh, camera_rays(camera), width, coherent=coherent), mesh, camera)
         agreement = atra.compare(mesh, camera, hits, reference)
@@ -300,7 +300,7 @@ def test_the_rays_of_a_camera_hit_what_the_pixel_tracer_hits(width, coherent):
 def test_rays_that_float32_holds_exactly_are_the_pixel_tracers_to_the_bit(width):
     mesh = random_triangles(80, 7)
     camera = atra.OrthographicCamera(**EYE_AT_ORIGIN, view_height=4.0, width=64, height=64)  # pixels of 1 / 16
-    with atra.PixelTracer(mesh, camera, width, threads=1, ties="any") as tracer:
+    with atra.PixelTracer(mesh, camera, packet_width=width, threads=1, ties="any") as tracer:
         reference = tracer.trace()
     assert reference.hit.mean() > 0.5
     hits = as_image(traced(mesh, camera_rays(camera), width), mesh, camera)

@@ -2,27 +2,27 @@
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Callable
 from time import perf_counter
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.embree.scene import EmbreeScene, check_build_quality, resolve_packet_width
+from atra.embree.scene import EmbreeScene, resolve_packet_width
 from atra.embree.workspace import Workspace
-from atra.errors import EmbreeError, InputError
+from atra.errors import InputError
 from atra.geometry.mesh import Mesh
 from atra.geometry.ray_space import check_world_range, padded_vertices
 from atra.kernels.callbacks import memory_monitor
 from atra.kernels.rays import RayArrays, closest_hit_kernel, occlusion_kernel
+from atra.lifetime import Lifetime
+from atra.options import RayOptions
 from atra.parallel import WorkerPool, resolve_threads
 from atra.rays.rays import RayHits, Rays
 
 
-class RayScene:
+class RayScene(Lifetime):
     """Closest hits and occlusion for rays that come from no camera: shadows, ambient occlusion, line of sight.
 
         rays = atra.Rays(origins, directions, tnear=1e-3)
@@ -34,68 +34,49 @@ class RayScene:
     their batches wait for each other. Rays are traced in packets in the order they have in the batch: neighbours that
     are alike make it faster.
 
-    packet_width: rays of a packet; None takes the widest the machine supports natively, 1 is one ray at a time.
-    threads: None takes every core the process may use; hits do not depend on it. build_quality: of the BVH, "low",
-    "medium" or "high". robust: no ray slips through between two triangles, or past a mesh far from the world's origin,
-    where float32 is coarse; takes a tenth to a fifth longer (of 200,000 rays in a closed box that lies a hundred times
-    its size away 2 are lost otherwise, at a thousand times 43).
+    options: see `atra.RayOptions`; changes: fields of it by name.
 
     Triangles are the mesh's `traced_faces`, as for the tracers, and `prim_id` counts them as the mesh does. Where
     several are equally far, whichever Embree finds is stored: there is no rule for ties.
-    build_time_s: seconds the last build took, 0 before.
-
-    Raises InputError for widths that are not native, threads below 1, unknown build qualities, and a mesh smaller than
-    1e-9 or farther than 1e11 from the world's origin, where float32 would lose triangles.
+    Raises InputError for options as `RayOptions` does, and for a mesh smaller than 1e-9 or farther than 1e11 from the
+    world's origin, where float32 would lose triangles.
 
     Source: `rtcIntersect1/4/8/16` and `rtcOccluded1/4/8/16` of Embree's API, with its RTC_RAY_QUERY_FLAG_COHERENT for
     `coherent` and RTC_SCENE_FLAG_ROBUST for `robust`.
     """
 
-    def __init__(
-        self,
-        mesh: Mesh,
-        *,
-        packet_width: int | None = None,
-        threads: int | None = None,
-        build_quality: str = "medium",
-        robust: bool = False,
-    ) -> None:
-        check_build_quality(build_quality)
+    def __init__(self, mesh: Mesh, options: RayOptions | None = None, **changes: Any) -> None:
+        super().__init__()
         check_world_range(mesh)
         self.mesh = mesh
-        self.build_quality = build_quality
-        self.robust = robust
-        self.packet_width = resolve_packet_width(packet_width)
-        self.threads = resolve_threads(threads)
-        self.build_time_s = 0.0
+        self.options = RayOptions.of(type(self).__name__, options, changes)
+        self.packet_width = resolve_packet_width(self.options.packet_width)
+        self.threads = resolve_threads(self.options.threads)
         self._pool = WorkerPool(self.threads)
         self._workspaces = [Workspace(self.packet_width, coherent=False) for _ in range(self.threads)]
-        # Batches share the workspaces, and a scene must stay while it is traced.
-        self._lock = threading.RLock()
         self._scene: EmbreeScene | None = None
-        self._is_closed = False
 
-    def build(self) -> None:
-        """Build the BVH. Raises EmbreeError when closed, or naming the call of Embree's that failed."""
-        with self._lock:
-            if self._is_closed:
-                raise EmbreeError("this scene is closed; make a new one")
-            monitor_address, faces = memory_monitor(), self.mesh.traced_faces  # made before the clock starts
-            start = perf_counter()
-            vertices = padded_vertices(len(self.mesh.vertices))
-            vertices[:] = self.mesh.vertices
-            scene = EmbreeScene(
-                vertices,
-                faces,
-                build_quality=self.build_quality,
-                threads=self.threads,
-                monitor_address=monitor_address,
-                robust=self.robust,
-            )
-            self.build_time_s = perf_counter() - start
-            if self._scene is not None:
-                self._scene.close()
-            self._scene = scene
+    def _plan(self) -> float:
+        return 0.0
+
+    def _build(self) -> float:
+        monitor_address, faces = memory_monitor(), self.mesh.traced_faces  # made before the clock starts
+        start = perf_counter()
+        vertices = padded_vertices(len(self.mesh.vertices))
+        vertices[:] = self.mesh.vertices
+        scene = EmbreeScene(
+            vertices,
+            faces,
+            build_quality=self.options.build_quality,
+            threads=self.threads,
+            monitor_address=monitor_address,
+            robust=self.options.robust,
+        )
+        taken_s = perf_counter() - start
+        if self._scene is not None:
+            self._scene.close()
+        self._scene = scene
+        return taken_s
 
     def intersect(self, rays: Rays, *, coherent: bool = False, out: RayHits | None = None) -> RayHits:
         """The closest hit of every ray between its `tnear` and `tfar`.
@@ -130,11 +111,8 @@ class RayScene:
 
     def _run(self, kernel: Callable[..., None], coherent: bool, rays: Rays, *outputs: NDArray[Any]) -> None:
         arrays = RayArrays(rays.origins, rays.directions, rays.tnear, rays.tfar)
-        with self._lock:
-            if self._is_closed:
-                raise EmbreeError("this scene is closed and cannot be traced any more; make a new one")
-            if self._scene is None:
-                raise EmbreeError("this scene is not built yet; use it in a `with` block or call build() first")
+        with self._tracing():
+            assert self._scene is not None
             scene = self._scene.address
             for workspace in self._workspaces:
                 workspace.set_coherent(coherent)
@@ -149,28 +127,10 @@ class RayScene:
         """Bytes Embree holds for the scene by its own account; 0 before `build`."""
         return 0 if self._scene is None else self._scene.embree_bytes
 
-    def close(self) -> None:
-        """Release the Embree scene; waits for a batch in progress. Closing twice is harmless."""
-        with self._lock:
-            if self._is_closed:
-                return
-            self._is_closed = True
-            self._pool.close()  # first, so that none of its threads is in a scene that goes
-            if self._scene is not None:
-                self._scene.close()
-
-    def __enter__(self) -> Self:
-        try:
-            self.build()
-        except BaseException:
-            self.close()
-            raise
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
+    def _release(self) -> None:
+        self._pool.close()  # first, so that none of its threads is in a scene that goes
+        if self._scene is not None:
+            self._scene.close()
 
 
 def _checked_count(rays: Rays) -> int:

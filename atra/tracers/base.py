@@ -21,9 +21,9 @@ from atra.geometry.view import View, check_offset
 from atra.hits import Hits
 from atra.judge.ties import coplanar_overlaps, lowest_of_ties, tie_tiles
 from atra.kernels.callbacks import memory_monitor
+from atra.lifetime import Lifetime
 from atra.options import Options, resolve_packet_width
 from atra.parallel import WorkerPool, resolve_threads
-from atra.tracers.lifetime import Lifetime
 
 
 class EmbreeTracer(Lifetime):

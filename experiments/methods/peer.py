@@ -20,8 +20,8 @@ from atra.geometry.mesh import Mesh
 from atra.geometry.ray_space import from_eye_space
 from atra.geometry.view import View, check_offset
 from atra.hits import Hits
+from atra.lifetime import Lifetime
 from atra.parallel import resolve_threads
-from atra.tracers.lifetime import Lifetime
 from atra.tracers.rays import image_ray_grid
 from experiments.drawing.style import PURPLE
 from experiments.methods.availability import package_problem, package_version

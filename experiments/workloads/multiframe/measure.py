@@ -12,8 +12,8 @@ from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.hits import Hits
 from atra.judge.compare import compare
+from atra.lifetime import Lifetime
 from atra.tracers import Tracer
-from atra.tracers.lifetime import Lifetime
 from experiments.harness.point import Point
 from experiments.methods.cells import AlignedCellOptions
 from experiments.methods.visible_first import VISIBLE_FIRST
