@@ -51,9 +51,10 @@ WALLS = (
     Wall(
         "atra",
         ("atra.embree",),
-        # Tracers hold scenes and workspaces; options ask which packets are native and which qualities there are.
+        # Tracers and ray batches hold scenes and workspaces; options ask which packets are native and which qualities
+        # there are.
         apart_from=("atra.embree", "atra.kernels", "atra.tracers", "atra.rays", "atra.options"),
-        reason="only tracers, ray batches and options use embree/ through what is not the C API",
+        reason="only tracers, ray batches and options use embree/, and of it what is not the C API",
     ),
     Wall(
         "atra.geometry",
