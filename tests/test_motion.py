@@ -8,7 +8,7 @@ import pytest
 from atra.alignment.alignment import Alignment, Split
 from atra.errors import InputError
 from atra.geometry.camera import Camera
-from experiments.harness.configuration import Motion
+from experiments.workloads.multiframe import Motion
 from experiments.workloads.multiframe.motion import (
     EYE_DISTANCE,
     MESH_TURN_DEGREES,
