@@ -9,50 +9,42 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import experiments.workloads.quantities as quantities
 import numpy as np
 import pandas as pd
 import pytest
-from experiments.workloads.quantities import Measured, measure_point
 from PIL import Image
 
 import atra
 from atra.hits import MISS, Hits
 from atra.judge.oracle import examine
 from atra.judge.reference import brute_force
-from experiments.harness.configuration import (
-    Configuration,
-    MeasureConfiguration,
-    Method,
-    Quantity,
-    SceneConfiguration,
-    SceneSource,
-    check_configuration,
-)
+from experiments.harness.configuration import Chosen, Configuration, SceneConfiguration, SceneSource
 from experiments.harness.point import Point
 from experiments.harness.points import plan_points
 from experiments.harness.records import Record, write_record
+from experiments.methods import METHODS, find_method
+from experiments.methods.aligned import AlignedOptions
 from experiments.results.table import make_table
 from experiments.worker import Job
+from experiments.workloads import rounds
+from experiments.workloads.agreement import AgreementOptions
+from experiments.workloads.agreement import measure as agreement
 from experiments.workloads.agreement.agreement_figure import draw_agreement_figure
-from experiments.workloads.agreement.results import (
-    agreement_lines,
-    errs_too_often,
-    read_disagreements,
-    write_agreement,
-)
+from experiments.workloads.agreement.results import errs_too_often, read_disagreements, write
+from experiments.workloads.agreement.terminal import sweep_lines
+from experiments.workloads.workload import Measured
 from tests.meshes import EYE_AT_ORIGIN, quads
 
-OFFSETS = [[0.5, 0.5], [0.25, 0.75]]
+OFFSETS = ((0.5, 0.5), (0.25, 0.75))
 WIDTH, HEIGHT = 48, 32
 FAULT = (20, 10)  # x, y of the pixel that is spoilt
 
 
-def make_point(quantity: Quantity = Quantity.agreement, **measure: Any) -> Point:
+def make_point(**options: Any) -> Point:
     configuration = Configuration(
         scene=SceneConfiguration(name="cornell_box", source=SceneSource.procedural),
-        measure=MeasureConfiguration(quantity=quantity, **{"offsets": OFFSETS, "sample_rays": 50, **measure}),
-        width=WIDTH, height=HEIGHT, split_x=4,
+        workload=Chosen("agreement", AgreementOptions(**{"offsets": OFFSETS, "sample_rays": 50, **options})),
+        method=Chosen("aligned", AlignedOptions(split_x=4)), width=WIDTH, height=HEIGHT,
     )  # fmt: skip
     (planned,) = plan_points([configuration])
     return planned.point
@@ -92,12 +84,14 @@ def see_nothing(hits: Hits, place: tuple[int, int]) -> None:
     hits.prim_id[place], hits.depth[place] = MISS, np.inf
 
 
-def measured(monkeypatch: pytest.MonkeyPatch, spoil: str | None = None, change: Any = None, **measure: Any) -> Measured:
-    """A point of agreement with a fault in the tracer that `spoil` makes: make_own_tracer or make_pixel_tracer."""
-    if spoil is not None:
-        make = getattr(quantities, spoil)
-        monkeypatch.setattr(quantities, spoil, lambda *arguments: Spoilt(make(*arguments), change))
-    return measure_point(make_point(**measure))
+MAKERS = {"method": (rounds, "make_own"), "baseline": (agreement, "make_single")}
+
+
+def spoil(monkeypatch: pytest.MonkeyPatch, who: str, change: Callable[[Hits, tuple[int, int]], None]) -> None:
+    """Put a fault into the tracer of the method or of the baseline."""
+    module, name = MAKERS[who]
+    make = getattr(module, name)
+    monkeypatch.setattr(module, name, lambda *arguments: Spoilt(make(*arguments), change))
 
 
 def at_fault(found: Measured) -> pd.DataFrame:
@@ -107,7 +101,7 @@ def at_fault(found: Measured) -> pd.DataFrame:
 
 @pytest.fixture(scope="module")
 def sound() -> Measured:
-    return measure_point(make_point())
+    return agreement.measure(make_point())
 
 
 def test_every_offset_is_an_image_every_disagreement_a_row(sound: Measured) -> None:
@@ -122,9 +116,7 @@ def test_every_offset_is_an_image_every_disagreement_a_row(sound: Measured) -> N
         assert (listed["verdict"] == kind).sum() == results[f"pixels_{kind}"]
 
 
-@pytest.mark.parametrize(
-    ("spoil", "who", "other"), [("make_own_tracer", "method", "baseline"), ("make_pixel_tracer", "baseline", "method")]
-)
+@pytest.mark.parametrize(("who", "other"), [("method", "baseline"), ("baseline", "method")])
 @pytest.mark.parametrize(
     ("change", "standing"),
     [
@@ -134,11 +126,12 @@ def test_every_offset_is_an_image_every_disagreement_a_row(sound: Measured) -> N
     ],
 )
 def test_a_fault_in_one_pixel_is_listed_and_counted_against_who_made_it(
-    sound: Measured, monkeypatch: pytest.MonkeyPatch, spoil: str, who: str, other: str, change: Any, standing: str
+    sound: Measured, monkeypatch: pytest.MonkeyPatch, who: str, other: str, change: Any, standing: str
 ) -> None:
-    found = measured(monkeypatch, spoil, change)
+    spoil(monkeypatch, who, change)
+    found = agreement.measure(make_point())
     rows = at_fault(found)
-    assert list(zip(rows["offset_x"], rows["offset_y"], strict=True)) == [tuple(offset) for offset in OFFSETS]
+    assert list(zip(rows["offset_x"], rows["offset_y"], strict=True)) == list(OFFSETS)
     assert set(rows["verdict"]) == {"wrong"}
     assert set(rows[f"{who}_standing"]) == {standing}
     assert set(rows[f"{other}_standing"]) == {"right"}
@@ -149,9 +142,9 @@ def test_a_fault_in_one_pixel_is_listed_and_counted_against_who_made_it(
 
 
 def test_the_sample_counts_what_both_get_wrong_alike(sound: Measured, monkeypatch: pytest.MonkeyPatch) -> None:
-    make = quantities.make_pixel_tracer
-    monkeypatch.setattr(quantities, "make_pixel_tracer", lambda *given: Spoilt(make(*given), see_nothing))
-    found = measured(monkeypatch, "make_own_tracer", see_nothing, sample_rays=WIDTH * HEIGHT)
+    for who in MAKERS:
+        spoil(monkeypatch, who, see_nothing)
+    found = agreement.measure(make_point(sample_rays=WIDTH * HEIGHT))
     rows = at_fault(found)
     assert set(rows["verdict"]) == {"equal"}
     assert rows["sampled"].all()
@@ -169,32 +162,31 @@ def test_a_tie_is_listed_though_nobody_is_wrong_and_a_miss_is_an_empty_field() -
     prim_id[3, 0], depth[3, 0] = MISS, np.inf
     hits = replace(reference, prim_id=prim_id, depth=depth)
     found = examine(mesh, camera, hits, reference, atra.compare(mesh, camera, hits, reference))
-    listed = quantities._disagreements(found, (0.5, 0.5))
+    listed = agreement._disagreements(found, (0.5, 0.5))
     assert list(zip(listed["x"], listed["y"], listed["verdict"], strict=True)) == [(2, 1, "tied"), (0, 3, "wrong")]
     assert listed["method_standing"] == ["tied", "wrong triangle"]
     assert listed["method_prim_id"] == [int(prim_id[1, 2]), None]
     assert listed["method_stored_depth"] == listed["method_depth"] == [2.0, None]
 
 
-def test_offsets_and_sample_are_part_of_a_point_of_agreement_and_of_no_other() -> None:
-    assert make_point(offsets=[[0.0, 0.0]]) != make_point()
+def test_offsets_and_sample_are_part_of_a_point_and_reach_the_worker() -> None:
+    assert make_point(offsets=((0.0, 0.0),)) != make_point()
     assert make_point(sample_rays=7) != make_point()
-    assert make_point(Quantity.time, offsets=[[0.0, 0.0]], sample_rays=7) == make_point(Quantity.time)
     assert Job.from_json(Job(make_point(), "path", run=1).to_json()).point == make_point()
 
 
 @pytest.mark.parametrize(
-    ("measure", "message"),
+    ("options", "message"),
     [
-        ({"offsets": [[0.5, 1.0]]}, r"offset is \[0.5, 1.0\], expected two numbers in \[0, 1\)"),
-        ({"offsets": [[0.5]]}, r"offset is \[0.5\]"),
-        ({"offsets": []}, "measure.offsets is empty"),
-        ({"sample_rays": -1}, "measure.sample_rays is -1"),
+        ({"offsets": [[0.5, 1.0]]}, r"offset is \(0.5, 1.0\), expected two numbers in \[0, 1\)"),
+        ({"offsets": [[0.5]]}, r"offset is \(0.5,\)"),
+        ({"offsets": []}, "workload.offsets is empty"),
+        ({"sample_rays": -1}, "workload.sample_rays is -1"),
     ],
 )
-def test_offsets_outside_the_pixel_and_negative_samples_are_refused(measure: dict[str, Any], message: str) -> None:
+def test_offsets_outside_the_pixel_and_negative_samples_are_refused(options: dict[str, Any], message: str) -> None:
     with pytest.raises(atra.InputError, match=message):
-        check_configuration(Configuration(measure=MeasureConfiguration(**measure)))
+        AgreementOptions(**options)
 
 
 COUNTS = {
@@ -206,13 +198,18 @@ COUNTS = {
 
 def make_record(name: str, listed: dict[str, list[Any]] | None = None, **fields: Any) -> Record:
     configuration = {
-        "scene": "box", "triangles": 10, "width": 8, "height": 6, "split_x": 2, "split_y": 1, "culling": True,
-        "method": "aligned", "geometry": "copied", "packet_width": 8, "threads": 1, "quantity": "agreement",
-        "view": "own", "fov_y_degrees": 60.0,
+        "scene": "box", "triangles": 10, "width": 8, "height": 6, "method": "aligned", "threads": 1,
+        "workload": "agreement", "view": "own", "fov_y_degrees": 60.0, "workload_options": {},
     }  # fmt: skip
-    counts = {key: fields.pop(key) for key in list(fields) if key in COUNTS}
-    results = COUNTS | counts | {"disagreements": listed or {"x": []}}
-    return Record(name, "ok", None, configuration | fields, {"cpu": "some cpu"}, results=results)
+    options = {"split_x": 2, "split_y": 1, "culling": True, "geometry": "copied", "packet_width": 8}
+    configuration, options, counts = (
+        known | {key: value for key, value in fields.items() if key in known}
+        for known in (configuration, options, COUNTS)
+    )
+    method = find_method(configuration["method"])
+    configuration["method_options"] = {key: value for key, value in options.items() if method.has(key)}
+    results = counts | {"disagreements": listed or {"x": []}}
+    return Record(name, "ok", None, configuration, {"cpu": "some cpu"}, results=results)
 
 
 def rows_of_three() -> dict[str, list[Any]]:
@@ -242,7 +239,7 @@ def written(folder: Path, *records: Record) -> pd.DataFrame:
 
 def test_the_list_says_of_every_row_which_point_it_is_from_and_who_was_wrong(tmp_path: Path) -> None:
     table = written(tmp_path, make_record("a", rows_of_three()), make_record("b"), make_record("c", rows_of_three(), split_x=4))  # fmt: skip  # noqa: E501
-    write_agreement(tmp_path, tmp_path, table)
+    write(tmp_path, tmp_path, table)
     rows = list(csv.DictReader(io.StringIO((tmp_path / "disagreements.csv").read_text())))
     assert [(row["scene"], row["split_x"], row["x"], row["y"], row["wrong"]) for row in rows] == [
         ("box", split, *place)
@@ -264,7 +261,7 @@ def test_the_list_blames_the_baseline_where_it_alone_is_wrong(tmp_path: Path) ->
 
 def test_the_picture_marks_the_pixels_that_differ(tmp_path: Path) -> None:
     table = written(tmp_path, make_record("a", rows_of_three()), make_record("b", scene="../none"))
-    write_agreement(tmp_path, tmp_path, table)
+    write(tmp_path, tmp_path, table)
     pictures = {path.name: np.asarray(Image.open(path).convert("RGB")) for path in tmp_path.glob("*.png")}
     assert set(pictures) == {"disagreements_box_8x6.png", "disagreements_.._none_8x6.png"}
     marked = pictures["disagreements_box_8x6.png"]
@@ -274,20 +271,20 @@ def test_the_picture_marks_the_pixels_that_differ(tmp_path: Path) -> None:
 
 
 def test_a_table_without_agreement_leaves_no_list(tmp_path: Path) -> None:
-    write_agreement(tmp_path, tmp_path, make_table([]))
+    write(tmp_path, tmp_path, make_table([]))
     assert list(tmp_path.iterdir()) == []
 
 
 def test_the_line_of_a_scene_sums_its_points_and_names_who_errs_too_often() -> None:
     fine, beyond = make_record("a"), make_record("b", method="tiles", method_wrong=3)
-    (line,) = agreement_lines(make_table([fine, beyond]))
+    (line,) = sweep_lines(make_table([fine, beyond]))
     assert line == (
         "box: 200 pixels in 4 images, 0 wrong, 6 edge, 4 tied; by float64 methods err at 5 of these, rtcIntersect1 at "
-        "2, more than 2 times as often: tiles 3 against 1; of 20 sampled rays at 2 and 0"
+        "2, more than 2 times as often: culled tiles 3 against 1; of 20 sampled rays at 2 and 0"
     )
     other = make_record("c", scene="ball")
-    assert [one.partition(":")[0] for one in agreement_lines(make_table([fine, other]))] == ["box", "ball"]
-    assert "no method over 2 times" in next(agreement_lines(make_table([fine])))
+    assert [one.partition(":")[0] for one in sweep_lines(make_table([fine, other]))] == ["box", "ball"]
+    assert "no method over 2 times" in next(sweep_lines(make_table([fine])))
 
 
 @pytest.mark.parametrize(
@@ -323,7 +320,7 @@ def test_the_figure_copes_with_no_rows_with_points_not_measured_and_with_missing
     table = make_table([make_record("a"), skipped])
     assert "tiles, 2 \N{MULTIPLICATION SIGN} 1: skipped, needs more memory than its budget" in words(table)
     missing = table.copy()
-    kept = ["scene", "status", "method", "geometry", "split_x", "split_y", "quantity"]
+    kept = ["scene", "status", "method", "geometry", "split_x", "split_y", "workload"]
     missing[[name for name in table.columns if name not in kept]] = pd.NA
     for part in (table.iloc[:0], missing, table.iloc[1:]):
         words(part)
@@ -331,7 +328,7 @@ def test_the_figure_copes_with_no_rows_with_points_not_measured_and_with_missing
 
 
 def test_every_method_has_a_name_in_the_figure() -> None:
-    rows = [make_record(method.value, method=method.value) for method in Method]
+    rows = [make_record(method.name, method=method.name) for method in METHODS]
     rows += [make_record("i", geometry="instanced", culling=False), make_record("s", packet_width=1)]
     said = words(make_table(rows))
     for name in ("aligned, culling on", "aligned, instanced", "packets of 8 per pixel", "visible-first", "embreex"):

@@ -3,36 +3,38 @@
 from __future__ import annotations
 
 import io
+from contextlib import ExitStack
 from typing import Any
 
-import numpy as np
 import pandas as pd
 import pytest
-from experiments.methods.tracing import expert_packet_widths, make_pixel_tracer
-from experiments.workloads.multiframe.frame_tracing import compare_images, make_for_each_frame, make_own_tracer
-from experiments.workloads.quantities import measure_point
 from rich.console import Console
 
 from atra.errors import InputError
-from atra.frames import Frames
 from atra.hits import Hits
+from atra.judge.compare import compare
+from experiments.drawing.values import TIMES
 from experiments.harness.configuration import (
+    Chosen,
     Configuration,
     MeasureConfiguration,
-    Method,
-    Motion,
-    Quantity,
     SceneConfiguration,
     SceneSource,
-    check_configuration,
 )
 from experiments.harness.point import Point
 from experiments.harness.points import PlannedPoint, plan_points
 from experiments.harness.records import Record
 from experiments.harness.scene_loading import load_scene
+from experiments.methods import find_method
 from experiments.paper.evidence import NotMeasuredError, collect_scenes
 from experiments.results.table import make_table
-from experiments.results.terminal import print_sweep, say_outcome
+from experiments.results.terminal import print_sweep, say_label, say_outcome
+from experiments.worker import measure_point
+from experiments.workloads.multiframe import Motion, MultiframeOptions
+from experiments.workloads.multiframe.measure import SeparateFrames
+from experiments.workloads.multiframe.together import make_together
+from experiments.workloads.rounds import expert_packet_widths, make_single
+from experiments.workloads.workload import NoOptions
 from tests.test_table import MEASURED
 
 PACKETS_HERE = {f"packets_{width}" for width in expert_packet_widths()}
@@ -42,14 +44,20 @@ SAMPLES = {
 }  # fmt: skip
 
 
-def configuration(frames: int = 2, motion: Motion | None = Motion.walk, **fields: Any) -> Configuration:
-    measure = MeasureConfiguration(quantity=fields.pop("quantity", Quantity.time), rounds=3, warmup=1)
+def configuration(
+    frames: int = 2, motion: Motion = Motion.walk, method: str = "aligned", **options: Any
+) -> Configuration:
+    """options: of the method, by default 4 cells; one frame is a point of the workload that knows no others."""
+    kind = find_method(method)
     return Configuration(
         scene=SceneConfiguration(name="cornell_box", source=SceneSource.procedural),
-        measure=measure,
-        frames=frames,
-        motion=motion,
-        **{"width": 48, "height": 32, "split_x": 4, **fields},
+        measure=MeasureConfiguration(rounds=3, warmup=1),
+        method=Chosen(method, kind.options(**({"split_x": 4} if kind.has_cells else {}) | options)),
+        workload=Chosen("frame", NoOptions())
+        if frames == 1
+        else Chosen("multiframe", MultiframeOptions(frames, motion)),
+        width=48,
+        height=32,
     )
 
 
@@ -66,40 +74,39 @@ def point(**fields: Any) -> Point:
 
 
 def frames_record(**fields: Any) -> Record:
-    own = {"frames": 2, "motion": "eyes"}
+    own = {"workload": "multiframe", "workload_options": {"frames": 2, "motion": "eyes"}}
     results = MEASURED.results | {"separate_embree_bytes": 40}
     given = {"point_id": "f", "configuration": MEASURED.configuration | own, "samples": SAMPLES, "results": results}
     return Record(**{**vars(MEASURED), **given, **fields})
 
 
-@pytest.mark.parametrize(("frames", "motion"), [(2, None), (1, Motion.eyes)])
-def test_several_frames_need_a_motion_and_a_motion_several_frames(frames: int, motion: Motion | None) -> None:
-    with pytest.raises(InputError, match=f"frames is {frames} with motion="):
-        check_configuration(configuration(frames, motion))
-
-
 @pytest.mark.parametrize(
-    ("fields", "reason"),
+    ("frames", "motion", "expected"),
     [
-        ({"method": Method.visible_first}, "frames is 2 with method=visible_first"),
-        ({"method": Method.pixel, "split_x": 1}, "frames is 2 with method=pixel"),
-        ({"quantity": Quantity.build}, "measure.quantity=build, expected time or memory"),
-        ({"frames": 3, "motion": Motion.eyes}, "frames is 3 with motion=eyes"),
+        (1, Motion.walk, "frames is 1, expected at least 2"),
+        (3, Motion.eyes, "frames is 3 with .*motion=eyes, expected 2"),
     ],
 )
-def test_what_knows_one_frame_only_is_a_problem_of_that_point(fields: dict[str, Any], reason: str) -> None:
-    assert reason in str(planned(**fields).problem)
+def test_several_frames_are_at_least_two_and_eyes_are_two(frames: int, motion: Motion, expected: str) -> None:
+    with pytest.raises(InputError, match=expected):
+        MultiframeOptions(frames, motion)
+
+
+@pytest.mark.parametrize("method", ["visible_first", "pixel", "tiles", "embreex"])
+def test_what_knows_one_frame_only_is_a_problem_of_that_point(method: str) -> None:
+    told = str(planned(method=method).problem)
+    assert f"workload=multiframe with method={method}, which traces one frame; use method=aligned" in told
 
 
 def test_the_memory_budget_counts_the_copies_of_every_frame() -> None:
-    def copied(frames: int, motion: Motion | None, budget_gib: float) -> PlannedPoint:
-        one = configuration(frames, motion, culling=False)
-        one.measure.memory_budget_gib = budget_gib
+    def copied(frames: int) -> PlannedPoint:
+        one = configuration(frames, Motion.turn, culling=False)
+        one.measure.memory_budget_gib = 0.001
         planned_point, _ = plan_points([one, configuration()])
         return planned_point
 
-    assert copied(1, None, 0.001).problem is None
-    assert "17,792 triangle copies over 16 cells" in str(copied(4, Motion.turn, 0.001).problem)
+    assert copied(1).problem is None
+    assert "17,792 triangle copies over 16 cells" in str(copied(4).problem)
 
 
 @pytest.mark.parametrize(("frames", "motion"), [(2, Motion.eyes), (3, Motion.walk), (3, Motion.turn)])
@@ -112,31 +119,26 @@ def test_a_time_has_samples_of_every_way_and_judges_every_pixel_of_every_frame(f
     assert outcome.results["separate_embree_bytes"] > 0
 
 
-def test_one_frame_is_measured_as_before() -> None:
-    outcome = measure_point(point(frames=1, motion=None))
-    assert set(outcome.samples) == {"own", "rtcIntersect1", *PACKETS_HERE}
-    assert "separate_embree_bytes" not in outcome.results
-
-
 def test_a_memory_is_of_all_frames() -> None:
-    two, four = (measure_point(point(frames=frames, quantity=Quantity.memory)) for frames in (2, 4))
-    assert two.samples == {}
-    assert four.results["triangles_traced"] > 1.5 * two.results["triangles_traced"]
+    two, four = (measure_point(point(frames=frames)).results for frames in (2, 4))
+    assert four["triangles_traced"] > 1.5 * two["triangles_traced"]
 
 
 @pytest.mark.parametrize("motion", list(Motion))
 def test_frame_by_frame_is_traced_with_each_frame_s_own_camera_and_mesh(motion: Motion) -> None:
     one = point(motion=motion)
     mesh = load_scene(SceneSource.procedural, "cornell_box", None).mesh
-    own = make_own_tracer(one, mesh, one.camera)
-    separate = make_for_each_frame(own, lambda mesh, camera: make_pixel_tracer(one, mesh, camera, None))
-    with own, separate:
-        together, alone = own.trace(), separate.trace()
-    assert isinstance(together, Frames)
-    assert [agreement.pixels_wrong for agreement in compare_images(together, alone)] == [0, 0]
+    with ExitStack() as stack:
+        own = stack.enter_context(make_together(one, mesh, one.camera))
+        separate = stack.enter_context(SeparateFrames([make_single(one, mesh, camera) for mesh, camera in own.views]))
+        together, alone = own.trace(), separate.trace().images
+    assert [_wrong(frame, other) for frame, other in zip(together, alone, strict=True)] == [0, 0]
     assert (alone[0].prim_id != alone[1].prim_id).any()
-    crossed = compare_images(alone, [_with_image(alone[0], alone[1]), _with_image(alone[1], alone[0])])
-    assert all(agreement.pixels_wrong > 0 for agreement in crossed)
+    assert all(_wrong(alone[i], _with_image(alone[i], alone[1 - i])) > 0 for i in (0, 1))
+
+
+def _wrong(frame: Hits, other: Hits) -> int:
+    return compare(frame.mesh, frame.camera, frame, other).pixels_wrong
 
 
 def _with_image(frame: Hits, other: Hits) -> Hits:
@@ -163,7 +165,7 @@ def test_the_terminal_tells_the_speed_up_over_separate_frames(tmp_path: Any) -> 
     lines = [line.split() for line in shown.getvalue().splitlines()]
     expected = "│ box │ eyes │ 2 │ 2 x 1 │ 4,000.0 ms │ 1.50x │ 0.25x │ 1.00x │ 2.00x │ 0 │"
     assert expected.split() in lines
-    assert "aligned, culling on, 2 frames, eyes 2x1" in shown.getvalue()  # what was skipped
+    assert f"skipped: box, multiframe, frames 2, motion eyes, aligned, 2 {TIMES} 1, culling on" in shown.getvalue()
 
 
 def test_frames_are_no_evidence_for_the_paper_s_claims_about_one_image() -> None:
@@ -171,13 +173,10 @@ def test_frames_are_no_evidence_for_the_paper_s_claims_about_one_image() -> None
     several = make_table([frames_record(configuration=frames_record().configuration | triangles)])
     with pytest.raises(NotMeasuredError):
         collect_scenes(several)
-    one = Record(**{**vars(MEASURED), "configuration": MEASURED.configuration | triangles | {"frames": 1}})
+    one = Record(**{**vars(MEASURED), "configuration": MEASURED.configuration | triangles})
     both = pd.concat([several, make_table([one])])
     assert len(collect_scenes(both)["cornell_box"].rows) == 1
 
 
-def test_a_point_of_several_frames_says_so_and_comes_back_from_plain_values() -> None:
-    one = point(frames=3)
-    assert "3 frames, walk" in one.label()
-    assert Point.from_fields(one.configuration()) == one
-    assert np.isfinite(one.eye).all()
+def test_a_point_of_several_frames_says_so() -> None:
+    assert "multiframe, frames 3, motion walk" in say_label(point(frames=3))

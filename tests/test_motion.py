@@ -9,7 +9,7 @@ from atra.alignment.alignment import Alignment
 from atra.alignment.split import Split
 from atra.errors import InputError
 from atra.geometry.camera import Camera
-from experiments.harness.configuration import Motion
+from experiments.workloads.multiframe import Motion
 from experiments.workloads.multiframe.motion import (
     EYE_DISTANCE,
     MESH_TURN_DEGREES,

@@ -14,6 +14,7 @@ from experiments.results.estimates import Estimate
 from experiments.workloads.build import BUILD
 from experiments.workloads.frame import FRAME
 from experiments.workloads.memory import MEMORY
+from experiments.workloads.multiframe import MULTIFRAME
 
 PAPER_SCENES = {"cornell_box": 1_112, "mitsuba": 61_600, "fireplace_room": 143_173, "sponza": 262_267}
 """The paper's scenes with the triangles it reports, smallest first."""
@@ -142,7 +143,7 @@ def collect_scenes(table: pd.DataFrame | None) -> dict[str, SceneRows]:
     """
     if table is None or table.empty:
         raise NotMeasuredError("the table is empty")
-    rows = _rows(table)
+    rows = [row for row in _rows(table) if row["workload"] != MULTIFRAME.name]  # the paper's figures are of one frame
     measured = [row for row in rows if row["status"] == "ok"]
     if not measured:
         raise NotMeasuredError("no row of the table was measured")

@@ -18,8 +18,8 @@ from experiments.harness.point import Point
 from experiments.harness.records import Record
 from experiments.methods import find_method
 from experiments.methods.method import Tracing
-from experiments.methods.naming import say_point
-from experiments.results.settings import say_setting
+from experiments.methods.naming import Row, best_of, say_point
+from experiments.results.settings import say_setting, settings_that_vary
 from experiments.results.table import columns, workload_rows
 from experiments.workloads import WORKLOADS, find_workload
 
@@ -30,8 +30,7 @@ _PARTS = ("_q1", "_q3", "_low", "_high")
 def say_label(point: Point) -> str:
     """A point for progress and messages: "sponza, frame, aligned, packets of 16, 128 × 1, culling on"."""
     row = point.row
-    options = plain_options(point.workload_options)
-    words = [point.scene, point.workload, *(say_setting(name, one) for name, one in options.items() if _short(one))]
+    words = [point.scene, *_say_workload(row)]
     words += [f"view {point.view}"] if point.view != "own" else []
     words.append(say_point(row))
     if point.threads != 1:
@@ -40,8 +39,11 @@ def say_label(point: Point) -> str:
     return ", ".join(words)
 
 
-def _short(value: Any) -> bool:
-    return isinstance(value, str | int)
+def _say_workload(row: Row) -> list[str]:
+    """The workload of a row and its options; a list is too long to tell."""
+    options = plain_options(find_workload(row["workload"]).options())
+    told = [name for name, default in options.items() if not isinstance(default, list)]
+    return [row["workload"], *(say_setting(name, row[name]) for name in told)]
 
 
 def say_outcome(record: Record) -> str:
@@ -104,9 +106,13 @@ def print_sweep(table: pd.DataFrame, folder: Path, console: Console) -> None:
                 console.print(line)
     missing = table[table["status"] != "ok"]
     reasons = missing["error"].map(_kind_of_error)
-    for (scene, status, _), rows in missing.groupby(["scene", "status", reasons], sort=False):
-        points = "; ".join(dict.fromkeys(say_point(row) for _, row in rows.iterrows()))
-        say(console, f"{status}: {scene}, {points}")
+    said = [", ".join(_say_workload(row)) for _, row in missing.iterrows()]
+    workloads = pd.Series(said, index=missing.index, dtype="object")
+    of_workloads = (name for workload in WORKLOADS for name in plain_options(workload.options()))
+    varying = settings_that_vary(table, {*best_of(), "packet_width", *of_workloads})
+    for (scene, status, _, workload), rows in missing.groupby(["scene", "status", reasons, workloads], sort=False):
+        names = [[say_point(row), *(say_setting(name, row[name]) for name in varying)] for _, row in rows.iterrows()]
+        say(console, f"{status}: {scene}, {workload}, {'; '.join(dict.fromkeys(map(', '.join, names)))}")
         say(console, f"    {rows['error'].iloc[0]}")
     counts = ", ".join(f"{count} {status}" for status, count in table["status"].value_counts().items())
     files = ", ".join(path.name for path in sorted(folder.iterdir()) if path.is_file() and path.name[0] != ".")

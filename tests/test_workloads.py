@@ -1,50 +1,64 @@
-"""Each quantity of a point, measured for real at toy size."""
+"""Each workload of a point, measured for real at toy size."""
 
 from __future__ import annotations
 
 import base64
 import io
+import json
+from dataclasses import replace
 from types import SimpleNamespace
+from typing import Any
 
-import experiments.workloads.quantities as quantities
 import numpy as np
 import pytest
-from experiments.methods.tracing import expert_packet_widths
-from experiments.workloads.quantities import Measured, measure_point
 from PIL import Image
 
 from atra.tracers import VisibleFirstTracer
 from experiments.harness.configuration import (
+    Chosen,
     Configuration,
-    Geometry,
     MeasureConfiguration,
-    Method,
-    Quantity,
     SceneConfiguration,
+    SceneSource,
 )
-from experiments.harness.configuration import SceneSource as Source
-from experiments.harness.point import Point
 from experiments.harness.points import plan_points
-from experiments.methods import tracing
+from experiments.methods import METHODS, find_method
+from experiments.methods.aligned import Geometry
+from experiments.worker import measure_point, read_point
+from experiments.workloads import WORKLOADS, find_workload, rounds
+from experiments.workloads.baselines import fastest_packets
+from experiments.workloads.rounds import expert_packet_widths
+from experiments.workloads.workload import Measured, Workload
+from tests.test_outcome import POINT
 
 
-def point(quantity: Quantity, **fields: object) -> Point:
+def measured(workload: str, method: str = "aligned", **options: Any) -> Measured:
+    """What a point of the workload tells; options are the method's, by default 4 cells."""
+    kind = find_method(method)
+    options = {"split_x": 4, **options} if kind.has_cells else options
     configuration = Configuration(
-        scene=SceneConfiguration(name="cornell_box", source=Source.procedural),
-        measure=MeasureConfiguration(quantity=quantity, rounds=3, warmup=1),
-        **{"width": 48, "height": 32, "split_x": 4, **fields},  # type: ignore[arg-type]
+        scene=SceneConfiguration(name="cornell_box", source=SceneSource.procedural),
+        measure=MeasureConfiguration(rounds=3, warmup=1),
+        method=Chosen(method, kind.options(**options)),
+        workload=Chosen(workload, find_workload(workload).options()),
+        width=48,
+        height=32,
     )
     (planned,) = plan_points([configuration])
     assert planned.problem is None
-    return planned.point
+    return measure_point(planned.point)
 
 
-def measured(quantity: Quantity, **fields: object) -> Measured:
-    return measure_point(point(quantity, **fields))
+@pytest.mark.parametrize("workload", WORKLOADS, ids=lambda workload: workload.name)
+def test_a_point_of_any_method_and_workload_comes_back_from_plain_values(workload: Workload) -> None:
+    for method in METHODS:
+        of = {"method": method.name, "options": method.options(), "workload": workload.name}
+        point = replace(POINT, **of, workload_options=workload.options())
+        assert read_point(json.loads(json.dumps(point.configuration()))) == point
 
 
-def test_a_time_has_samples_of_every_native_width_from_8_on_and_judges_every_pixel() -> None:
-    outcome = measured(Quantity.time)
+def test_a_frame_has_samples_of_every_native_width_from_8_on_and_judges_every_pixel() -> None:
+    outcome = measured("frame")
     methods = {"own", "rtcIntersect1", *(f"packets_{width}" for width in expert_packet_widths())}
     assert {name: len(values) for name, values in outcome.samples.items()} == dict.fromkeys(methods, 3)
     assert {name: len(values) for name, values in outcome.warmup_samples.items()} == dict.fromkeys(methods, 1)
@@ -54,11 +68,8 @@ def test_a_time_has_samples_of_every_native_width_from_8_on_and_judges_every_pix
 
 def test_the_baseline_are_the_packets_with_the_shortest_median() -> None:
     samples = {"own": [1.0], "packets_8": [3.0, 3.0, 9.0], "packets_16": [1.0, 4.0, 4.0]}
-    assert quantities.fastest_packets(samples) == 8
-    assert quantities.fastest_packets(samples | {"packets_16": [9.0, 2.0, 2.0]}) == 16
-    results, found = measured(Quantity.time).results, measured(Quantity.time).samples
-    assert results["packets_width"] in expert_packet_widths()
-    assert len(found) == 2 + len(expert_packet_widths())
+    assert fastest_packets(samples) == 8
+    assert fastest_packets(samples | {"packets_16": [9.0, 2.0, 2.0]}) == 16
 
 
 @pytest.mark.parametrize(
@@ -67,26 +78,26 @@ def test_the_baseline_are_the_packets_with_the_shortest_median() -> None:
 def test_an_expert_tries_every_native_width_from_8_on_or_else_the_widest(
     native: tuple[int, ...], expected: tuple[int, ...], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(tracing, "load_library", lambda: SimpleNamespace(native_packet_widths=native))
+    monkeypatch.setattr(rounds, "load_library", lambda: SimpleNamespace(native_packet_widths=native))
     assert expert_packet_widths() == expected
 
 
 def test_a_timed_point_plans_and_builds_five_times_and_tells_the_medians() -> None:
-    results = measured(Quantity.time).results
+    results = measured("frame").results
     assert len(results["plan_samples_s"]) == len(results["build_samples_s"]) == 5
     assert results["plan_time_s"] == sorted(results["plan_samples_s"])[2]
     assert results["build_time_s"] == sorted(results["build_samples_s"])[2]
 
 
 def test_a_timed_point_does_not_plan_and_build_again_what_takes_long(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(quantities, "BUILDS_BUDGET_S", 0.0)
-    results = measured(Quantity.time).results
+    monkeypatch.setattr(rounds, "BUILDS_BUDGET_S", 0.0)
+    results = measured("frame").results
     assert len(results["plan_samples_s"]) == len(results["build_samples_s"]) == 1
 
 
 @pytest.mark.parametrize("geometry", list(Geometry))
 def test_a_build_has_samples_of_plan_and_build_and_of_the_plain_mesh(geometry: Geometry) -> None:
-    outcome = measured(Quantity.build, geometry=geometry)
+    outcome = measured("build", geometry=geometry)
     assert set(outcome.samples) == {"plan", "build", "baseline_build"}
     assert all(len(values) == 3 for values in outcome.samples.values())
     assert "plan_time_s" not in outcome.results
@@ -101,7 +112,7 @@ def test_a_build_is_timed_by_the_method_s_own_clocks(monkeypatch: pytest.MonkeyP
         self.plan_time_s, self._whole_build_time_s = 1000.0, 2000.0
 
     monkeypatch.setattr(VisibleFirstTracer, "plan", slowly)
-    outcome = measured(Quantity.build, method=Method.visible_first)
+    outcome = measured("build", method="visible_first")
     assert outcome.samples["plan"] == [1000.0] * 3
     assert all(2000 < build < 2100 for build in outcome.samples["build"])
     assert all(0 < build < 100 for build in outcome.samples["baseline_build"])
@@ -110,9 +121,9 @@ def test_a_build_is_timed_by_the_method_s_own_clocks(monkeypatch: pytest.MonkeyP
     }  # fmt: skip
 
 
-@pytest.mark.parametrize("fields", [{}, {"geometry": Geometry.instanced}, {"method": Method.pixel, "split_x": 1}])
-def test_a_memory_has_the_bytes_of_each_step_and_no_times(fields: dict[str, object]) -> None:
-    outcome = measured(Quantity.memory, **fields)
+@pytest.mark.parametrize("fields", [{}, {"geometry": Geometry.instanced}, {"method": "pixel"}])
+def test_a_memory_has_the_bytes_of_each_step_and_no_times(fields: dict[str, Any]) -> None:
+    outcome = measured("memory", **fields)
     results = outcome.results
     assert outcome.samples == {}
     assert results["rss_start_bytes"] > 0
@@ -123,14 +134,14 @@ def test_a_memory_has_the_bytes_of_each_step_and_no_times(fields: dict[str, obje
 
 
 def test_instances_hold_fewer_triangles_than_copies_without_culling() -> None:
-    copied = measured(Quantity.memory, culling=False).results
-    instanced = measured(Quantity.memory, geometry=Geometry.instanced).results
+    copied = measured("memory", culling=False).results
+    instanced = measured("memory", geometry=Geometry.instanced).results
     # But for the one that no copy can show.
     assert 0.99 < copied["triangles_traced"] / (4 * instanced["triangles_traced"]) <= 1
 
 
 def test_the_pictures_have_the_image_s_size_and_the_difference_marks_what_the_counts_tell() -> None:
-    results = measured(Quantity.picture).results
+    results = measured("picture").results
     images = {
         name: np.asarray(Image.open(io.BytesIO(base64.b64decode(text))).convert("RGB"))
         for name, text in results["pictures"].items()
