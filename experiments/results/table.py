@@ -193,7 +193,9 @@ def _row(record: Record) -> dict[str, Any]:
     # The packet width and threads that ran, where the point leaves them to the machine.
     row |= {name: record.results[name] for name in row if name in record.results}
     if record.status == "ok":
-        row |= {column.name: column.value(record) for column in (*workload.columns, *method.counters)}
+        measured = {column.name: column.value(record) for column in (*workload.columns, *method.counters)}
+        # What ran stands in place of what was asked for, where it is told.
+        row |= {name: value for name, value in measured.items() if value is not None or name not in row}
     return row | {column.name: column.value(record) for column in _OUTCOME_COLUMNS}
 
 
