@@ -14,7 +14,7 @@ import numpy as np
 
 import atra
 from examples import parts
-from experiments.workloads.picture.shading import shade
+from experiments.drawing.shading import shade
 
 
 def walk(camera: atra.Camera, count: int) -> list[atra.Camera]:

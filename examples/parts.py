@@ -12,10 +12,9 @@ from numpy.typing import NDArray
 from PIL import Image
 
 import atra
-from experiments.harness.configuration import SceneSource
-from experiments.harness.scene_loading import load_scene
-from experiments.workloads.picture.shading import encode_png
+from experiments.drawing.shading import encode_png
 from scenes.built_in import BUILT_IN
+from scenes.loading import SceneSource, load_scene
 
 
 def parser(description: str | None, **defaults: Any) -> argparse.ArgumentParser:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 import atra
 from examples import parts
-from experiments.workloads.picture.shading import shade
+from experiments.drawing.shading import shade
 
 COUNTS = (1, 4, 16, 64)
 """Samples a pixel at which the picture is shown and the time told."""

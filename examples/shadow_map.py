@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 import atra
 from examples import parts
-from experiments.workloads.picture.shading import shade
+from experiments.drawing.shading import shade
 
 _BIAS = 2e-3  # of the scene's diagonal: a texel of the map is not a point
 

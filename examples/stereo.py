@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 import atra
 from examples import parts
-from experiments.workloads.picture.shading import shade
+from experiments.drawing.shading import shade
 
 
 def eyes(camera: atra.Camera, distance: float) -> tuple[atra.Camera, atra.Camera]:

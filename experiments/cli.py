@@ -89,7 +89,7 @@ def _act(configuration: Configuration) -> None:
     """What a run does; the rooms are imported here, so that a refusal does not wait for them."""
     action = configuration.action.value
     if action == "fetch":
-        from experiments.fetching import run_fetch
+        from experiments.commands.fetching import run_fetch
 
         run_fetch(configuration)
     elif action == "report":
@@ -97,18 +97,18 @@ def _act(configuration: Configuration) -> None:
 
         print(f"report: {rewrite_report(configuration)}")
     elif action == "doctor":
-        from experiments.doctor import run_doctor
+        from experiments.commands.doctor import run_doctor
 
         run_doctor(configuration)
     else:
-        from experiments.single import run_single_point
+        from experiments.commands.single import run_single_point
 
         run_single_point(configuration)
 
 
 def _refuse(error: Exception) -> int:
     from atra.errors import AtraError, printable
-    from experiments.harness.messages import shorten_configuration_error
+    from experiments.commands.messages import shorten_configuration_error
 
     if "debug=true" in (argument.lower() for argument in sys.argv):
         traceback.print_exception(error)

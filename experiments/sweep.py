@@ -19,17 +19,16 @@ from experiments.harness.environment import describe_difference
 from experiments.harness.identity import Runner, current_environment, identity, identity_of, measure
 from experiments.harness.launching import run_worker
 from experiments.harness.lock import exclusive
-from experiments.harness.messages import say
 from experiments.harness.options import plain_options
 from experiments.harness.point import Point
 from experiments.harness.points import PlannedPoint, plan_points
-from experiments.harness.progress import SweepProgress
+from experiments.harness.progress import SweepProgress, say
 from experiments.harness.records import Record, load_record, read_record, write_record
-from experiments.harness.scene_loading import replace_missing_scenes
 from experiments.report.figures import check_figures
 from experiments.report.writing import write_results
 from experiments.results.table import make_table, read_table
 from experiments.results.terminal import print_sweep, results_console, say_label, say_outcome
+from scenes.loading import replace_missing_scenes
 
 
 @dataclass(frozen=True)

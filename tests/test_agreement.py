@@ -18,7 +18,7 @@ import atra
 from atra.hits import MISS, Hits
 from atra.judge.oracle import examine
 from atra.judge.reference import brute_force
-from experiments.harness.configuration import Chosen, Configuration, SceneConfiguration, SceneSource
+from experiments.harness.configuration import Chosen, Configuration, SceneConfiguration
 from experiments.harness.point import Point
 from experiments.harness.points import plan_points
 from experiments.harness.records import Record, write_record
@@ -33,6 +33,7 @@ from experiments.workloads.agreement.agreement_figure import draw_agreement_figu
 from experiments.workloads.agreement.results import errs_too_often, read_disagreements, write
 from experiments.workloads.agreement.terminal import sweep_lines
 from experiments.workloads.workload import Measured
+from scenes.loading import SceneSource
 from tests.meshes import EYE_AT_ORIGIN, quads
 
 OFFSETS = ((0.5, 0.5), (0.25, 0.75))

@@ -9,15 +9,15 @@ from pathlib import Path
 
 import psutil
 import pytest
-from experiments.methods.peers import peer_version
 
 from atra.embree.instruction_sets import VARIABLE, instruction_sets_here
 from atra.embree.library import OVERRIDE_VARIABLE, embree_version, load_library
 from atra.kernels.caching import cache_folder
-from experiments import doctor
-from experiments.doctor import diagnose, render
+from experiments.commands import doctor
+from experiments.commands.doctor import diagnose, render
 from experiments.harness import environment
 from experiments.harness.configuration import Configuration
+from experiments.methods.peers import peer_version
 from tests.folders import empty_cache
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -31,7 +31,7 @@ def test_progressive_tells_a_growing_time_for_every_method_and_smooths_edges(tmp
 def shadeless_colours(scene: str) -> int:
     """Colours of one frame: averaging edges makes more."""
     from examples import parts
-    from experiments.workloads.picture.shading import shade
+    from experiments.drawing.shading import shade
 
     mesh, pose = parts.load(scene)
     with atra.PixelTracer(mesh, atra.Camera(**pose, width=64, height=48), threads=1) as tracer:

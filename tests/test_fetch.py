@@ -19,12 +19,13 @@ import pytest
 from atra.errors import InputError
 from atra.geometry.camera import Camera
 from atra.geometry.mesh import load_mesh
-from experiments import fetching
-from experiments.fetching import run_fetch
-from experiments.harness.configuration import Configuration, SceneConfiguration, SceneSource
+from experiments.commands import fetching
+from experiments.commands.fetching import run_fetch
+from experiments.harness.configuration import Configuration, SceneConfiguration
 from scenes import fetch, manifest
 from scenes.directory import default_cache, load_scene_from_directory
 from scenes.fetch import fetch_scene
+from scenes.loading import SceneSource
 from tests.folders import empty_cache
 
 OBJ = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3\nf 1 3 4\n"

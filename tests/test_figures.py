@@ -18,6 +18,7 @@ from atra.errors import InputError
 from atra.hits import MISS, Hits
 from atra.judge.compare import Verdict
 from experiments.drawing.pages import describe_measurement
+from experiments.drawing.shading import BACKGROUND, DIFFERENCE_COLOURS, difference_picture, encode_png, shade
 from experiments.drawing.values import TIMES
 from experiments.harness.configuration import Configuration, SweepConfiguration
 from experiments.paper.instancing_figure import draw_instancing_figure
@@ -29,7 +30,6 @@ from experiments.workloads.frame.split_figure import draw_split_figure
 from experiments.workloads.memory.memory_figure import draw_memory_figure
 from experiments.workloads.picture.pictures import ScenePictures
 from experiments.workloads.picture.scenes_figure import draw_scenes_figure
-from experiments.workloads.picture.shading import BACKGROUND, DIFFERENCE_COLOURS, difference_picture, encode_png, shade
 from tests.meshes import EYE_AT_ORIGIN, quads
 from tests.report_samples import table_of
 

@@ -14,17 +14,10 @@ from atra.errors import InputError
 from atra.hits import Hits
 from atra.judge.compare import compare
 from experiments.drawing.values import TIMES
-from experiments.harness.configuration import (
-    Chosen,
-    Configuration,
-    MeasureConfiguration,
-    SceneConfiguration,
-    SceneSource,
-)
+from experiments.harness.configuration import Chosen, Configuration, MeasureConfiguration, SceneConfiguration
 from experiments.harness.point import Point
 from experiments.harness.points import PlannedPoint, plan_points
 from experiments.harness.records import Record
-from experiments.harness.scene_loading import load_scene
 from experiments.methods import find_method
 from experiments.paper.evidence import NotMeasuredError, collect_scenes
 from experiments.results.table import make_table
@@ -35,6 +28,7 @@ from experiments.workloads.multiframe.measure import SeparateFrames
 from experiments.workloads.multiframe.together import make_together
 from experiments.workloads.rounds import expert_packet_widths, make_single
 from experiments.workloads.workload import NoOptions
+from scenes.loading import SceneSource, load_scene
 from tests.test_table import MEASURED
 
 PACKETS_HERE = {f"packets_{width}" for width in expert_packet_widths()}

@@ -15,12 +15,13 @@ import pandas as pd
 import psutil
 import pytest
 
-from experiments.harness.configuration import Configuration, SceneConfiguration, SceneSource, SweepConfiguration
+from experiments.harness.configuration import Configuration, SceneConfiguration, SweepConfiguration
 from experiments.harness.identity import measure
 from experiments.harness.outcome import Outcome
 from experiments.harness.points import plan_points
 from experiments.harness.records import write_record
 from experiments.sweep import GridPoint, run_sweep
+from scenes.loading import SceneSource
 
 ROOT = Path(__file__).resolve().parents[1]
 TOY = [

@@ -5,12 +5,11 @@ import sys
 
 import numpy as np
 import pytest
-from experiments.methods.peers import PEERS, make_peer, peer_problem
 
 import atra
 from atra.geometry.ray_space import NARROWEST_WORLD_PITCH
 from atra.judge.reference import brute_force
-from experiments.methods import availability
+from experiments.methods.peers import PEERS, availability, make_peer, peer_problem
 from tests import images
 from tests.images import trace_pixels
 from tests.meshes import EYE_AT_ORIGIN, cornell_box, cornell_camera, quads, random_triangles

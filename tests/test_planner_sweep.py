@@ -19,15 +19,15 @@ from experiments.harness.configuration import (
     Method,
     Quantity,
     SceneConfiguration,
-    SceneSource,
     Ties,
 )
 from experiments.harness.points import plan_points
-from experiments.harness.views import VIEWS, view_fields
 from experiments.results.table import COLUMNS
 from experiments.workloads.planner.measure import FRAMES, regrets, say_regrets
 from experiments.workloads.planner.planner_figure import SERIES, draw_planner_figure
 from scenes.cornell_box import CORNELL_BOX_CAMERA
+from scenes.loading import SceneSource
+from scenes.views import VIEWS, view_fields
 from tests.meshes import cornell_box, cornell_camera
 
 # Views

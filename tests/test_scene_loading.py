@@ -5,9 +5,8 @@ import json
 import pytest
 
 from atra.errors import InputError
-from experiments.harness.configuration import SceneSource
-from experiments.harness.scene_loading import load_scene, scene_is_available
 from scenes.built_in import BUILT_IN, make_scene, stand_in_for
+from scenes.loading import SceneSource, load_scene, scene_is_available
 from scenes.manifest import picture_restriction, read_manifest
 from tests.folders import empty_cache
 

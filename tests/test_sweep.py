@@ -12,13 +12,7 @@ import pytest
 
 from atra.errors import InputError
 from experiments.harness import identity as identities
-from experiments.harness.configuration import (
-    Chosen,
-    Configuration,
-    SceneConfiguration,
-    SceneSource,
-    SweepConfiguration,
-)
+from experiments.harness.configuration import Chosen, Configuration, SceneConfiguration, SweepConfiguration
 from experiments.harness.identity import current_environment, identity, identity_of, imported_sources, measure
 from experiments.harness.outcome import Outcome
 from experiments.harness.point import Point
@@ -28,6 +22,7 @@ from experiments.methods.aligned import AlignedOptions
 from experiments.sweep import GridPoint, run_sweep
 from experiments.workloads import WORKLOADS
 from experiments.workloads.workload import NoOptions
+from scenes.loading import SceneSource
 from tests.test_outcome import POINT
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -145,7 +140,7 @@ def test_a_peer_s_point_is_another_one_with_another_version_of_the_peer(
         return [identity(replace(POINT, method=method), environment) for method in ("embreex", "aligned")]
 
     before = named()
-    monkeypatch.setattr("experiments.methods.peer.package_version", lambda package: "0")
+    monkeypatch.setattr("experiments.methods.peers.peer.package_version", lambda package: "0")
     peer, own = named()
     assert peer != before[0]
     assert own == before[1]

@@ -15,8 +15,7 @@ from rich.console import Console
 from atra.errors import InputError, printable
 from experiments.harness import records
 from experiments.harness.launching import WORKER_COMMAND, project_environment
-from experiments.harness.messages import say
-from experiments.harness.progress import SweepProgress
+from experiments.harness.progress import SweepProgress, say
 from experiments.harness.records import FORMAT, Record, read_record, record_path
 from experiments.report import ReportFigure
 from experiments.report.page import render_report

@@ -14,13 +14,7 @@ import pytest
 from PIL import Image
 
 from atra.tracers import VisibleFirstTracer
-from experiments.harness.configuration import (
-    Chosen,
-    Configuration,
-    MeasureConfiguration,
-    SceneConfiguration,
-    SceneSource,
-)
+from experiments.harness.configuration import Chosen, Configuration, MeasureConfiguration, SceneConfiguration
 from experiments.harness.points import plan_points
 from experiments.methods import METHODS, find_method
 from experiments.methods.aligned import Geometry
@@ -29,6 +23,7 @@ from experiments.workloads import WORKLOADS, find_workload, rounds
 from experiments.workloads.baselines import fastest_packets
 from experiments.workloads.rounds import expert_packet_widths
 from experiments.workloads.workload import Measured, Workload
+from scenes.loading import SceneSource
 from tests.test_outcome import POINT
 
 

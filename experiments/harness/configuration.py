@@ -18,6 +18,7 @@ from atra.parallel import resolve_threads
 from experiments.harness.options import find_named, schema, typed_options
 from experiments.methods import METHODS
 from experiments.workloads import WORKLOADS
+from scenes.loading import SceneSource
 
 _GROUPS: dict[str, Callable[[], Sequence[Any]]] = {"method": lambda: METHODS, "workload": lambda: WORKLOADS}
 """Groups of the configuration, and what they choose from."""
@@ -44,15 +45,6 @@ class Ties(Enum):
     any = "any"
 
 
-class SceneSource(Enum):
-    """procedural = made by code; directory = the one named by ATRA_SCENES, or the cache of fetched
-    scenes; file = the user's own."""
-
-    procedural = "procedural"
-    directory = "directory"
-    file = "file"
-
-
 class BuildQuality(Enum):
     """Embree's, for its BVH."""
 
@@ -63,7 +55,7 @@ class BuildQuality(Enum):
 
 @dataclass
 class SceneConfiguration:
-    """What is looked at. view: the scene's own, or another made from it (`experiments.harness.views`); eye, target, up
+    """What is looked at. view: the scene's own, or another made from it (`scenes.views`); eye, target, up
     and fov_y_degrees override its camera one by one."""
 
     name: str | None = None

@@ -10,13 +10,13 @@ from typing import Any
 from atra.errors import AtraError, InputError, MemoryBudgetError, printable
 from atra.geometry.mesh import Mesh
 from atra.tracers import PixelTracer
-from experiments.harness.configuration import Configuration, SceneConfiguration, SceneSource
+from experiments.harness.configuration import Configuration, SceneConfiguration
 from experiments.harness.point import Point
-from experiments.harness.scene_loading import load_scene
-from experiments.harness.views import view_fields
 from experiments.methods import find_method
 from experiments.workloads import find_workload
+from scenes.loading import SceneSource, load_scene
 from scenes.scene import Scene
+from scenes.views import view_fields
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,6 @@ from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from atra.errors import printable
-from experiments.harness.messages import say
 
 
 class SweepProgress:
@@ -76,3 +75,8 @@ def _duration(seconds: float) -> str:
     if hours:
         return f"{hours} h {minutes:02d} min"
     return f"{minutes} min {rest:02d} s" if minutes else f"{rest} s"
+
+
+def say(console: Console, text: str) -> None:
+    """Print one line as it is: no markup, no colours, no line breaks of our own, and what it quotes made printable."""
+    console.print(printable(text), markup=False, highlight=False, soft_wrap=True)

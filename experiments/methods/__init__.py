@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from atra.errors import InputError
 from experiments.methods.aligned import ALIGNED
-from experiments.methods.embreex_run import EMBREEX
 from experiments.methods.method import Method
-from experiments.methods.mitsuba_scene import MITSUBA3
-from experiments.methods.open3d_scene import OPEN3D
+from experiments.methods.peers.embreex_run import EMBREEX
+from experiments.methods.peers.mitsuba_scene import MITSUBA3
+from experiments.methods.peers.open3d_scene import OPEN3D
+from experiments.methods.peers.trimesh_ray import TRIMESH
 from experiments.methods.pixel import PIXEL
 from experiments.methods.tiles import TILES
-from experiments.methods.trimesh_ray import TRIMESH
 from experiments.methods.visible_first import VISIBLE_FIRST
 
 METHODS: tuple[Method, ...] = (

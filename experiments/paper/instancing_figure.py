@@ -12,7 +12,6 @@ from experiments.drawing.pages import add_foot, add_legend, make_figure, set_pan
 from experiments.drawing.style import BLACK, DASH_DOTTED
 from experiments.drawing.values import numbers
 from experiments.methods.aligned_forms import FORM_OPTIONS, FORM_STYLES, INSTANCED, aligned_forms, aligned_rows
-from experiments.results.panels import Panel, make_panels
 from experiments.results.settings import say_setting
 from experiments.results.table import workload_rows
 from experiments.workloads.baselines import TIME_BASELINES
@@ -20,6 +19,7 @@ from experiments.workloads.frame import FRAME
 from experiments.workloads.frame.split_figure import draw_times
 from experiments.workloads.memory import MEMORY
 from experiments.workloads.memory.memory_figure import baseline_rows, memory_mib
+from experiments.workloads.panels import Panel, make_panels
 
 _BASELINE_STYLE = {"color": BLACK, "linestyle": DASH_DOTTED}
 _MEMORY_BASELINE = "one ray per pixel (memory)"

@@ -12,9 +12,9 @@ from rich.markup import escape
 from rich.table import Table
 
 from atra.errors import printable
-from experiments.harness.messages import say
 from experiments.harness.options import plain_options
 from experiments.harness.point import Point
+from experiments.harness.progress import say
 from experiments.harness.records import Record
 from experiments.methods import find_method
 from experiments.methods.method import Tracing

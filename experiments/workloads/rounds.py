@@ -17,15 +17,14 @@ from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.judge.ties import coplanar_overlaps
 from atra.tracers import PixelTracer
-from experiments.harness.configuration import SceneSource
-from experiments.harness.memory import peak_rss_bytes, reset_peak_rss, rss_bytes
+from experiments.harness.environment import peak_rss_bytes, reset_peak_rss, rss_bytes
 from experiments.harness.point import Point
 from experiments.harness.rounds import RoundSamples, measure_rounds
-from experiments.harness.scene_loading import load_scene
 from experiments.methods import find_method
 from experiments.methods.cells import two_cells
 from experiments.methods.pixel import PixelOptions, make_pixel
 from experiments.workloads.workload import Measured, make_own
+from scenes.loading import SceneSource, load_scene
 
 BUILDS, BUILDS_BUDGET_S = 5, 2.0
 """How often a timed point plans and builds, unless that takes longer than the budget: the price of a method hangs on

@@ -49,8 +49,7 @@ class Workload:
     samples: which series a record of a point must hold. optional: series that it may hold beside these, at least one.
     judged: the series whose spread makes a point doubtful. needs: results that a measured record holds at least.
     images: how many images a point's pixels are counted over, None = none are compared.
-    problem: why a point cannot be measured. make: a point and its mesh -> the tracer that is measured, neither planned
-    nor built; raises InputError and MemoryBudgetError.
+    problem: why a point cannot be measured.
     """
 
     name: str
@@ -64,12 +63,17 @@ class Workload:
     needs: tuple[str, ...] = ()
     images: Callable[[Point], int] | None = None
     problem: Callable[[Point], str | None] = no_problem
-    make: Callable[[Point, Mesh], Any] = make_own
 
     def part(self, name: str) -> ModuleType | None:
         """The module `name` of the workload's room, imported now; None if it has none."""
         module = f"{self.room}.{name}"
         return import_module(module) if find_spec(module) else None
+
+    def make(self, point: Point, mesh: Mesh) -> Any:
+        """The tracer that is measured at a point, neither planned nor built: what `make` of the room's `measure` makes,
+        or the point's own method. Raises InputError and MemoryBudgetError as the tracers do."""
+        make = getattr(self.part("measure"), "make", make_own)
+        return make(point, mesh)
 
 
 @dataclass(frozen=True)

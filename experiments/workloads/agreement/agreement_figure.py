@@ -13,9 +13,9 @@ from experiments.drawing.pages import add_legend, make_figure, set_panel_title, 
 from experiments.drawing.style import BLACK, BLUE, GREY
 from experiments.drawing.values import TIMES, column, numbers
 from experiments.methods.naming import say_kind
-from experiments.results.panels import make_panels
 from experiments.results.settings import settings
 from experiments.workloads.agreement.results import TARGET, errs_too_often
+from experiments.workloads.panels import make_panels
 from experiments.workloads.series import say_unmeasured
 
 _SERIES = {"method": ("method_wrong", BLUE), "rtcIntersect1": ("baseline_wrong", BLACK)}

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from atra.files import write_atomically
 from atra.judge.compare import Verdict
+from experiments.drawing.shading import encode_png, mark_verdicts
 from experiments.harness.records import load_record
 from experiments.results.table import csv_bytes
 from experiments.workloads.agreement import AGREEMENT
-from experiments.workloads.picture.shading import encode_png, mark_verdicts
 
 LIST_FILE = "disagreements.csv"
 

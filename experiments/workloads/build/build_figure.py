@@ -21,7 +21,7 @@ from experiments.methods.aligned_forms import (
     aligned_forms,
     aligned_rows,
 )
-from experiments.results.panels import panels_over_splits
+from experiments.workloads.panels import panels_over_splits
 
 # Label -> form of the geometry, stem of the columns, line. The paper's own form, culling on, comes first.
 _SERIES: dict[str, tuple[str, str, dict[str, Any]]] = {

@@ -13,7 +13,7 @@ from experiments.drawing.pages import add_foot, make_figure, set_panel_title
 from experiments.drawing.style import GREY, VERMILLION
 from experiments.drawing.values import MILLISECONDS, drawable, numbers
 from experiments.methods.aligned_forms import aligned_rows
-from experiments.results.panels import make_panels
+from experiments.workloads.panels import make_panels
 
 
 def draw_grid_figure(table: pd.DataFrame, heading: str = "") -> Figure:

@@ -14,9 +14,9 @@ from experiments.drawing.values import MILLISECONDS, column, numbers, say_number
 from experiments.methods import METHODS
 from experiments.methods.naming import best_of, say_series, say_split
 from experiments.methods.pixel import PIXEL
-from experiments.results.panels import make_panels
 from experiments.workloads.baselines import TIME_BASELINES
 from experiments.workloads.frame.price import best_rows, time_rows
+from experiments.workloads.panels import make_panels
 from experiments.workloads.series import say_ratio, say_unmeasured, series_of, style_of
 
 

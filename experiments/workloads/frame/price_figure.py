@@ -17,7 +17,6 @@ from experiments.drawing.values import MILLISECONDS, TIMES, say_number
 from experiments.methods import METHODS
 from experiments.methods.naming import best_of, say_series, say_split
 from experiments.methods.pixel import PIXEL
-from experiments.results.panels import make_panels
 from experiments.workloads.frame.price import (
     Price,
     baseline_price,
@@ -27,6 +26,7 @@ from experiments.workloads.frame.price import (
     price_of,
     time_rows,
 )
+from experiments.workloads.panels import make_panels
 from experiments.workloads.series import say_unmeasured, series_of, style_of
 
 LAST_FRAME = 1000

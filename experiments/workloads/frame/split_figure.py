@@ -12,8 +12,8 @@ from experiments.drawing.missing import Missing, mark_missing, missing_points, u
 from experiments.drawing.pages import add_foot, add_legend, make_figure, set_panel_title
 from experiments.drawing.values import MILLISECONDS, TIMES, drawable, numbers
 from experiments.methods.aligned_forms import COPIED_OFF, FORM_OPTIONS, FORM_STYLES, aligned_forms, aligned_rows
-from experiments.results.panels import panels_over_splits
 from experiments.workloads.baselines import TIME_BASELINES
+from experiments.workloads.panels import panels_over_splits
 
 
 def draw_split_figure(table: pd.DataFrame, axis_name: str = "split_x", heading: str = "") -> Figure:

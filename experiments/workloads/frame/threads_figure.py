@@ -18,8 +18,8 @@ from experiments.drawing.pages import add_legend, make_figure, set_panel_title, 
 from experiments.drawing.style import BLACK, DOTTED
 from experiments.drawing.values import TIMES, column, drawable, numbers
 from experiments.methods.naming import best_of, say_series, say_split
-from experiments.results.panels import make_panels
 from experiments.workloads.frame.price import best_rows, time_rows
+from experiments.workloads.panels import make_panels
 from experiments.workloads.series import say_unmeasured, series_of, style_of
 
 _IDEAL = "ideal"

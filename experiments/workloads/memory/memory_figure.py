@@ -18,8 +18,8 @@ from experiments.drawing.values import MEBIBYTES, column, numbers
 from experiments.methods.aligned_forms import COPIED_ON, FORM_OPTIONS, aligned_forms, aligned_rows
 from experiments.methods.naming import best_of
 from experiments.methods.pixel import PIXEL
-from experiments.results.panels import panels_over_splits
 from experiments.results.settings import settings
+from experiments.workloads.panels import panels_over_splits
 
 # Label -> the column, and whether the process's size with only the mesh loaded is taken off it.
 _SERIES: dict[str, tuple[str, bool, dict[str, Any]]] = {

@@ -8,8 +8,6 @@ from enum import Enum
 import numpy as np
 
 from atra.errors import InputError
-from atra.geometry.mesh import Mesh
-from atra.tracers import FramesTracer
 from experiments.harness.column import REAL, WHOLE, Column
 from experiments.harness.point import Point
 from experiments.harness.records import Record
@@ -66,12 +64,6 @@ def _problem(point: Point) -> str | None:
     )
 
 
-def _make(point: Point, mesh: Mesh) -> FramesTracer:
-    from experiments.workloads.multiframe.together import make_together
-
-    return make_together(point, mesh, point.camera)
-
-
 MULTIFRAME = Workload(
     name="multiframe",
     options=MultiframeOptions,
@@ -100,5 +92,4 @@ MULTIFRAME = Workload(
     needs=(*RESOURCES, *PIXELS, "plan_time_s", "build_time_s", "baseline_build_time_s"),
     images=lambda point: point.workload_options.frames,
     problem=_problem,
-    make=_make,
 )

@@ -13,7 +13,7 @@ from atra.geometry.view import View
 from atra.hits import Hits
 from atra.judge.compare import compare
 from atra.lifetime import Lifetime
-from atra.tracers import Tracer
+from atra.tracers import FramesTracer, Tracer
 from experiments.harness.point import Point
 from experiments.methods.cells import AlignedCellOptions
 from experiments.methods.visible_first import VISIBLE_FIRST
@@ -93,6 +93,11 @@ class SeparateFrames(Lifetime):
     def _release(self) -> None:
         for tracer in self.tracers:
             tracer.close()
+
+
+def make(point: Point, mesh: Mesh) -> FramesTracer:
+    """All frames of the point, traced together."""
+    return make_together(point, mesh, point.camera)
 
 
 def separate_makers(point: Point) -> dict[str, Make]:

@@ -13,7 +13,6 @@ from experiments.drawing.pages import add_legend, make_figure, set_panel_title, 
 from experiments.drawing.style import BLACK, DASHED, GREY, PURPLE
 from experiments.drawing.values import MEBIBYTES, MILLISECONDS, column, drawable, numbers
 from experiments.methods.naming import best_of, say_split
-from experiments.results.panels import Panel, make_panels
 from experiments.workloads.multiframe.frame_parts import (
     PACKETS,
     SEPARATE_FRAMES,
@@ -24,6 +23,7 @@ from experiments.workloads.multiframe.frame_parts import (
     best_row,
     say_speedup,
 )
+from experiments.workloads.panels import Panel, make_panels
 from experiments.workloads.series import say_unmeasured
 
 MOTIONS = {"eyes": "two eyes", "walk": "the camera walks", "turn": "the mesh turns"}

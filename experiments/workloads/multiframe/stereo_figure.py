@@ -13,7 +13,6 @@ from experiments.drawing.bars import Bar, draw_bars, draw_upright_lines, finish_
 from experiments.drawing.pages import add_legend, make_figure, set_panel_title, write_foot, write_notes
 from experiments.drawing.values import MILLISECONDS, say_number
 from experiments.methods.naming import best_of, say_split
-from experiments.results.panels import make_panels
 from experiments.workloads.baselines import TIME_BASELINES
 from experiments.workloads.multiframe.frame_parts import (
     SEPARATE_FRAMES,
@@ -23,6 +22,7 @@ from experiments.workloads.multiframe.frame_parts import (
     best_row,
     say_speedup,
 )
+from experiments.workloads.panels import make_panels
 from experiments.workloads.series import say_ratio, say_unmeasured
 
 _LABELS = {

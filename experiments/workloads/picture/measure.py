@@ -6,9 +6,9 @@ import base64
 from contextlib import ExitStack
 
 from atra.judge.compare import compare
+from experiments.drawing.shading import difference_picture, encode_png, shade
 from experiments.harness.point import Point
 from experiments.workloads.images import counts, depth_errors
-from experiments.workloads.picture.shading import difference_picture, encode_png, shade
 from experiments.workloads.rounds import build_own, make_single, measured
 from experiments.workloads.workload import Measured
 

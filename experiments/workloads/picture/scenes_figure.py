@@ -15,10 +15,10 @@ from PIL import Image
 
 from atra.judge.compare import Verdict
 from experiments.drawing.pages import stand_in_note
+from experiments.drawing.shading import DIFFERENCE_COLOURS
 from experiments.drawing.style import GREY
 from experiments.drawing.values import TIMES
 from experiments.workloads.picture.pictures import ScenePictures
-from experiments.workloads.picture.shading import DIFFERENCE_COLOURS
 
 _PANEL_INCHES = 3.6
 _MARKERS = {Verdict.TIED: "s", Verdict.EDGE: "D", Verdict.WRONG: "X"}

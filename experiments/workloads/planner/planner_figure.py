@@ -13,8 +13,8 @@ from experiments.drawing.axes import tidy_axis
 from experiments.drawing.pages import add_legend, make_figure, set_panel_title, write_foot
 from experiments.drawing.style import BLACK, BLUE, DOTTED, GREEN, GREY
 from experiments.drawing.values import numbers
-from experiments.results.panels import make_panels
 from experiments.results.settings import settings
+from experiments.workloads.panels import make_panels
 
 SERIES: dict[str, tuple[str, dict[str, Any]]] = {
     "plan": ("regret", {"color": BLUE, "marker": "o", "markersize": 5}),

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from experiments.methods.blocks import Answer, BlockwiseTracer, RayArrays
-from experiments.methods.peer import peer_method
+from experiments.methods.peers.blocks import Answer, BlockwiseTracer, RayArrays
+from experiments.methods.peers.peer import peer_method
 
 
 class EmbreexTracer(BlockwiseTracer):

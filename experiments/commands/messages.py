@@ -1,12 +1,8 @@
-"""Messages for the person at the keyboard: Hydra's errors shortened, and nothing that could steer a terminal."""
+"""Messages of Hydra, shortened to one line."""
 
 from __future__ import annotations
 
 import re
-
-from rich.console import Console
-
-from atra.errors import printable
 
 _NOISE = ("full_key:", "object_type=", "reference_type=", "To append to your config", "Config search path", "provider=")
 
@@ -34,8 +30,3 @@ def shorten_configuration_error(error: BaseException) -> str:
     if unknown and choices:
         return f"unknown {unknown[1]} {unknown[2]!r}, expected one of {', '.join(choices)}"
     return "; ".join(dict.fromkeys(kept)) or type(error).__name__
-
-
-def say(console: Console, text: str) -> None:
-    """Print one line as it is: no markup, no colours, no line breaks of our own, and what it quotes made printable."""
-    console.print(printable(text), markup=False, highlight=False, soft_wrap=True)

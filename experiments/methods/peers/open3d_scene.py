@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
-from experiments.methods.availability import reinstall
-from experiments.methods.peer import PeerTracer, interleaved, peer_method
+from experiments.methods.peers.availability import reinstall
+from experiments.methods.peers.peer import PeerTracer, interleaved, peer_method
 
 
 class Open3DTracer(PeerTracer):

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.hits import MISS
-from experiments.methods.availability import reinstall
-from experiments.methods.peer import PeerTracer, peer_method
+from experiments.methods.peers.availability import reinstall
+from experiments.methods.peers.peer import PeerTracer, peer_method
 
 MITSUBA_VARIANT = "llvm_ad_mono"
 """Vectorised, on the CPU, one colour channel; queries of rays do not depend on colour. Nothing is differentiated."""

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from atra.embree.library import wheel_problem
 from atra.kernels.caching import keep_on_disk
-from experiments.methods.blocks import Answer, BlockwiseTracer, RayArrays
-from experiments.methods.peer import peer_method
+from experiments.methods.peers.blocks import Answer, BlockwiseTracer, RayArrays
+from experiments.methods.peers.peer import peer_method
 
 
 @dataclass(frozen=True, eq=False)

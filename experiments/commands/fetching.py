@@ -5,11 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 from atra.errors import InputError
-from experiments.harness.configuration import Configuration, SceneSource
-from experiments.harness.scene_loading import scene_is_available
+from experiments.harness.configuration import Configuration
 from scenes.built_in import BUILT_IN
 from scenes.directory import SCENES_VARIABLE, default_cache, find_scene_folder
 from scenes.fetch import fetch_scene
+from scenes.loading import SceneSource, scene_is_available
 
 
 def run_fetch(configuration: Configuration) -> Path | None:

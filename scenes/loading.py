@@ -3,12 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from enum import Enum
+from typing import Protocol
 
 from atra.errors import InputError
-from experiments.harness.configuration import SceneConfiguration, SceneSource
 from scenes.built_in import BUILT_IN, make_scene, stand_in_for
 from scenes.directory import find_scene_folder, load_scene_from_directory, load_scene_from_file
 from scenes.scene import Scene
+
+
+class SceneSource(Enum):
+    """procedural = made by code; directory = the one named by ATRA_SCENES, or the cache of fetched
+    scenes; file = the user's own."""
+
+    procedural = "procedural"
+    directory = "directory"
+    file = "file"
+
+
+class NamedScene(Protocol):
+    """A scene as a configuration names it."""
+
+    name: str | None
+    source: SceneSource
 
 
 def load_scene(source: SceneSource, name: str | None, path: str | None) -> Scene:
@@ -36,7 +53,7 @@ def scene_is_available(source: SceneSource, name: str | None) -> bool:
     return name in BUILT_IN if source is SceneSource.procedural else find_scene_folder(name) is not None
 
 
-def replace_missing_scenes(scenes: Iterable[SceneConfiguration]) -> list[str]:
+def replace_missing_scenes(scenes: Iterable[NamedScene]) -> list[str]:
     """Put its stand-in in place of each of the paper's scenes that is not on this machine; other scenes stay.
 
     Changes the configurations given, where a scene may come many times. Returns one note for people per scene replaced.

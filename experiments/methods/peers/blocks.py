@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
-from experiments.methods.peer import PeerTracer, interleaved
+from experiments.methods.peers.peer import PeerTracer, interleaved
 
 _BLOCKS_PER_THREAD = 8  # rows differ in cost; few enough that a call's own price does not show
 

@@ -24,8 +24,8 @@ from atra.lifetime import Lifetime
 from atra.parallel import resolve_threads
 from atra.tracers.rays import image_ray_grid
 from experiments.drawing.style import PURPLE
-from experiments.methods.availability import package_problem, package_version
 from experiments.methods.method import Method, NoOptions, Style, Tracing
+from experiments.methods.peers.availability import package_problem, package_version
 
 _PIXEL_CENTRE = (0.5, 0.5)
 

@@ -1,0 +1,1 @@
+"""Commands beside sweeps: one point, the doctor, fetching scenes."""

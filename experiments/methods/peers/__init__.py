@@ -1,0 +1,1 @@
+"""Peers: other people's ray tracers."""
