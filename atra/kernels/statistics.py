@@ -1,4 +1,4 @@
-"""What a view shows, coarsely: a few thousand rays against every triangle, without a BVH."""
+"""A coarse look at a view: a few thousand rays against every triangle, without a BVH."""
 
 from __future__ import annotations
 
