@@ -1,4 +1,4 @@
-"""Every ray against every triangle in float64, with nothing in between that could lose a hit.
+"""Brute force: every ray against every triangle in float64, with nothing in between that could lose a hit.
 
 The arithmetic is that of `atra.judge.reference`, operation by operation, so that both name the same triangle of the
 same ray; only its divisions wait until a ray comes near a triangle.

@@ -1,4 +1,4 @@
-"""Compiled code is kept on disk between runs, as long as no file it may be made of has changed.
+"""A cache of compiled code on disk, used as long as no file that the code may be made of has changed.
 
 One can do without: where it cannot be kept, or what was kept is damaged, it is compiled anew.
 """

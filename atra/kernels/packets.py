@@ -1,4 +1,4 @@
-"""Packets: rays on their way to Embree and hits on their way back, as all loops over rays have them."""
+"""Packets: how loops hand rays to Embree, and read the hits that come back."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which cells a triangle meets, counted and filled in one pass over the triangles each (paper §3.4).
+"""The cells that each triangle meets, counted and filled in one pass over the triangles each (paper §3.4).
 
 A triangle is clipped against the eye plane and against one row of cells at a time; what is left spans one contiguous
 range of columns. Coordinates here are homogeneous pixels (a, b, c): a / c and b / c are the pixel position, c the

@@ -1,4 +1,4 @@
-"""How far float32 may be off about the depth of a triangle, as it is and sheared onto the reference rays."""
+"""The error that float32 may make about the depth of a triangle, as it is and sheared onto the reference rays."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which copies may be seen, judged against a depth per tile of pixels.
+"""The copies that may be seen, judged against a depth per tile of pixels.
 
 A triangle is rasterised onto tiles of pixels, conservatively: every tile that a ray through it may lie in, and for each
 a bound from below on the depth of the hit. Coordinates are homogeneous pixels (a, b, c) as in `planning`. In
