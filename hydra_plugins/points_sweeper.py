@@ -97,7 +97,7 @@ class _Composer:
         chosen = tuple(override for override in overrides if override.partition("=")[0] in self._groups)
         fields = [override for override in overrides if override not in chosen]
         if any(not override[0].isalpha() for override in fields):  # +field, ~field: only Hydra knows what they mean
-            return read_configuration(self._loader.load_sweep_config(self._config, list(overrides)))
+            return read_configuration(type_configuration(self._loader.load_sweep_config(self._config, list(overrides))))
         if chosen not in self._composed:
             composed = type_configuration(self._loader.load_sweep_config(self._config, list(chosen)))
             composed.sweep.grids = {}  # of the sweep, not of a point; copying them takes time

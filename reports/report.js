@@ -74,7 +74,9 @@
     if (column.kind === "truth") return value ? "yes" : "no";
     if (typeof value !== "number") return String(value);
     const decimals = column.kind === "whole" && column.unit === "" ? 0 : digits[column.unit];
-    return (value * column.factor).toLocaleString("en", { minimumFractionDigits: decimals, maximumFractionDigits: decimals });
+    const shown = value * column.factor;
+    if (shown !== 0 && Math.abs(shown) < 0.5 * 10 ** -decimals) return shown.toExponential(1); // not as zero
+    return shown.toLocaleString("en", { minimumFractionDigits: decimals, maximumFractionDigits: decimals });
   }
 
   function compare(one, other) {
@@ -155,7 +157,7 @@
         return (own === null ? "" : String(own).toLowerCase()) === value;
       });
       const fitting = order.filter(fits);
-      const shown = fitting.filter((point) => view.workload === null || point.values[place.get("workload")] === view.workload);
+      const shown = fitting.filter((point) => view.workloads === null || view.workloads.includes(point.values[place.get("workload")]));
       body.replaceChildren(...shown.map(drawRow));
       const others = fitting.length - shown.length;
       byId("shown").textContent = `${shown.length} of ${points.length} rows`

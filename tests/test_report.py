@@ -19,6 +19,7 @@ from PIL import Image
 
 from atra.errors import InputError
 from experiments.report import ReportContents, ReportFigure, write_report
+from experiments.report.columns import views_of
 from experiments.report.embedding import parquet_bytes
 from experiments.report.facts import count_doubts, missing_points, scenes_in_short
 from experiments.report.page import render_report
@@ -197,6 +198,16 @@ def test_memory_and_skipped_rows_give_no_speed_up() -> None:
     table = small_table()
     assert scenes_in_short(table[table["workload"] == "memory"])[0].packets is None
     assert scenes_in_short(table[table["status"] != "ok"])[0].packets_vs_single is None
+
+
+def test_a_view_holds_a_workload_s_own_columns_or_those_that_several_share() -> None:
+    views = {view.name: view for view in views_of(small_table())}
+    assert list(views) == ["frame", "pixels", "memory", "trust", "everything"]
+    assert views["frame"].workloads == ("frame",)
+    assert {"render_time_s", "speedup_low", "packets_width"} < set(views["frame"].columns)
+    assert not {"render_time_q1_s", "pixels_wrong", "rss_bytes"} & set(views["frame"].columns)
+    assert {"frame", "picture", "agreement", "multiframe"} == set(views["pixels"].workloads or ())
+    assert views["memory"].columns[-2:] == ("peak_rss_bytes", "embree_bytes")
 
 
 def test_doubts_of_a_kind_are_counted_together() -> None:

@@ -3,14 +3,23 @@
 from __future__ import annotations
 
 import re
+from dataclasses import is_dataclass
+
+from omegaconf.errors import ConfigAttributeError, ConfigKeyError, OmegaConfBaseException, ValidationError
+
+from experiments.harness.options import say_unknown_field
 
 _NOISE = ("full_key:", "object_type=", "reference_type=", "To append to your config", "Config search path", "provider=")
 
 
 def shorten_configuration_error(error: BaseException) -> str:
-    """One line: what is wrong and, if Hydra lists them, the choices that exist."""
-    lines = [line.strip() for line in str(error).splitlines()]
-    cause = error.__cause__
+    """One line: what is wrong and the choices that exist."""
+    lines, cause = [line.strip() for line in str(error).splitlines()], error.__cause__
+    told = error if isinstance(error, OmegaConfBaseException) else cause
+    if isinstance(told, ConfigAttributeError | ConfigKeyError) and is_dataclass(told.object_type):
+        return say_unknown_field(told.object_type, str(told.full_key))
+    if isinstance(told, ValidationError) and told.full_key:
+        return f"{told.full_key}: {str(told).splitlines()[0].rstrip('.')}"
     if cause is not None and str(cause) not in str(error):
         lines += [line.strip() for line in str(cause).splitlines()]
     kept: list[str] = []

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, is_dataclass
 from enum import Enum
 from math import isfinite
 from pathlib import Path
@@ -15,7 +15,7 @@ from omegaconf import MISSING, DictConfig, OmegaConf
 
 from atra.errors import InputError
 from atra.parallel import resolve_threads
-from experiments.harness.options import find_named, schema, typed_options
+from experiments.harness.options import find_named, say_unknown_field, schema, typed_options
 from experiments.methods import METHODS
 from experiments.workloads import WORKLOADS
 from scenes.loading import SceneSource
@@ -145,7 +145,7 @@ def register_schema() -> None:
     store.store(name="schema", node=Configuration, provider="atra")
     for group, kinds in _GROUPS.items():
         for kind in kinds():
-            store.store(group=group, name=kind.name, node=schema(kind), provider="atra")
+            store.store(group=group, name=kind.name, node=schema(group, kind), provider="atra")
 
 
 def read_configuration(composed: DictConfig) -> Configuration:
@@ -156,9 +156,13 @@ def read_configuration(composed: DictConfig) -> Configuration:
     typed = OmegaConf.get_type(composed) is Configuration
     configuration = OmegaConf.to_object(composed if typed else type_configuration(composed))
     assert isinstance(configuration, Configuration)
+    _check_fields(configuration)
     for group, kinds in _GROUPS.items():
         given = dict(vars(getattr(configuration, group)))
-        kind = find_named(kinds(), given.pop("name"))
+        name = given.pop("name")
+        if type(getattr(configuration, group)).__name__ != f"{group}={name}":
+            raise InputError(f"{group}.name cannot be set, choose with {group}={name}")
+        kind = find_named(kinds(), name)
         setattr(configuration, group, Chosen(kind.name, typed_options(kind.options, given)))
     check_configuration(configuration)
     return configuration
@@ -166,10 +170,19 @@ def read_configuration(composed: DictConfig) -> Configuration:
 
 def type_configuration(composed: DictConfig) -> DictConfig:
     """Our own part of what Hydra composed: setting a field of another type, or an unknown one, is an error."""
-    own = {key: composed[key] for key in Configuration.__dataclass_fields__}
+    own = {key: composed[key] for key in composed if key != "hydra"}
     typed = OmegaConf.merge(OmegaConf.structured(Configuration), own)
     assert isinstance(typed, DictConfig)
     return typed
+
+
+def _check_fields(section: Any, path: str = "") -> None:
+    """Raise InputError for a field that Hydra was made to add, as by `+field=value`."""
+    for name, value in vars(section).items():
+        if name not in section.__dataclass_fields__:
+            raise InputError(say_unknown_field(type(section), path + name))
+        if is_dataclass(value):
+            _check_fields(value, f"{path}{name}.")
 
 
 def check_configuration(configuration: Configuration) -> None:

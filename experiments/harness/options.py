@@ -47,17 +47,27 @@ def _typed(hint: Any, value: Any) -> Any:
     return tuple(_typed(None, one) for one in value) if isinstance(value, list | tuple) else value
 
 
-def schema(named: Named) -> type:
+def schema(group: str, named: Named) -> type:
     """The options with the name before them, as a dataclass that Hydra can fill: not frozen, and without checks.
 
-    Lists stand for tuples, which OmegaConf does not know.
+    Lists stand for tuples, which OmegaConf does not know. It is called what chooses it on the command line.
     """
     hints = get_type_hints(named.options)
     own = [
         (one.name, hints[one.name], new_field(default_factory=partial(default_of, one)))
         for one in fields(named.options)
     ]
-    return make_dataclass(f"{named.name}_options", [("name", str, new_field(default=named.name)), *own])
+    return make_dataclass(f"{group}={named.name}", [("name", str, new_field(default=named.name)), *own])
+
+
+def say_unknown_field(kind: type, path: str) -> str:
+    """That `kind` has no such field, and which it has. path: with those it stands in, as "method.split_x"."""
+    section, _, name = path.rpartition(".")
+    is_schema = "=" in kind.__name__
+    owner = kind.__name__ if is_schema else section
+    names = [one.name for one in fields(kind)][is_schema:]  # the first of a schema is its name
+    expected = f"expected {'one of ' * (len(names) > 1)}{', '.join(names)}" if names else "which has none"
+    return f"unknown field {name!r}{' of ' * bool(owner)}{owner}, {expected}"
 
 
 def find_named(kinds: Iterable[Named], name: str) -> Any:

@@ -9,9 +9,17 @@ import pandas as pd
 from experiments.results.settings import settings_that_vary
 from experiments.results.table import workload_rows
 from experiments.workloads import WORKLOADS
+from experiments.workloads.images import IMAGE_COLUMNS
+from experiments.workloads.resources import RESOURCE_COLUMNS
 
 IDENTITY = ("scene", "workload", "method", "geometry", "split_x", "split_y", "culling", "packet_width")
 """Columns that tell one point from another; shown in every view, and with them every other setting that varies."""
+
+_SHARED = {"pixels": IMAGE_COLUMNS, "memory": RESOURCE_COLUMNS}
+"""Columns of several workloads, by name of their view."""
+
+_LEFT_OUT = ("_q1", "_q3", "_q1_s", "_q3_s", "_low_s", "_high_s")
+"""Ends of columns that only the view of everything has: quartiles, and intervals of all but ratios."""
 
 _TRUST = ("status", "error", "rounds", "load_average", "doubts", "cpu", "measured_at")
 
@@ -32,11 +40,11 @@ class Column:
 
 @dataclass(frozen=True)
 class View:
-    """A choice of columns; rows of other workloads are left out, unless `workload` is None."""
+    """A choice of columns; rows of other workloads are left out, unless `workloads` is None."""
 
     name: str
     columns: tuple[str, ...]
-    workload: str | None
+    workloads: tuple[str, ...] | None
 
 
 def describe_columns(table: pd.DataFrame) -> tuple[Column, ...]:
@@ -44,19 +52,20 @@ def describe_columns(table: pd.DataFrame) -> tuple[Column, ...]:
 
 
 def views_of(table: pd.DataFrame) -> tuple[View, ...]:
-    """One view a workload of the table, with the columns that have values; then what makes points trustworthy, and one
-    of everything."""
+    """A view for each workload and for what several share, of the columns that have values; then what makes points
+    trustworthy, and one of everything."""
     identity = [name for name in IDENTITY if name in table] + settings_that_vary(table, IDENTITY)
+    shared = {column for columns in _SHARED.values() for column in columns}
+    groups = [(one.name, [one.name], [column for column in one.columns if column not in shared]) for one in WORKLOADS]
+    for name, common in _SHARED.items():
+        groups.append((name, [one.name for one in WORKLOADS if set(common) <= set(one.columns)], list(common)))
     views = []
-    for workload in WORKLOADS:
-        rows = workload_rows(table, workload.name)
-        own = [
-            column.name
-            for column in workload.columns
-            if column.name not in identity and rows[column.name].notna().any()
-        ]
+    for name, workloads, columns in groups:
+        rows = workload_rows(table, *workloads)
+        names = [column.name for column in columns if not column.name.endswith(_LEFT_OUT)]
+        own = [one for one in names if one not in identity and rows[one].notna().any()]
         if own:
-            views.append(View(workload.name, (*identity, *own), workload.name))
+            views.append(View(name, (*identity, *own), tuple(workloads)))
     trust = [name for name in _TRUST if name in table]
     return (*views, View("trust", (*identity, *trust), None), View("everything", tuple(map(str, table.columns)), None))
 

@@ -3,13 +3,8 @@
 from __future__ import annotations
 
 import re
-import sys
 from collections.abc import Callable
 from importlib import metadata
-
-from atra.embree.library import wheel_problem
-
-_OPEN3D_FIRST_PYTHON_WITHOUT_WHEEL = (3, 15)  # of Open3D 0.20
 
 _LIBRARY = re.compile(r"(lib[\w.+-]+?\.so(?:\.\d+)*): cannot open shared object file")
 
@@ -28,17 +23,17 @@ _DEBIAN_PACKAGES = {
 _REINSTALL = "pip install 'atra[peers]'"
 
 
-def package_problem(package: str, check: Callable[[], str | None]) -> str | None:
+def package_problem(package: str, check: Callable[[], str | None], no_wheel: Callable[[], str | None]) -> str | None:
     """Why a foreign package cannot be used here, in one line with what to do about it; None when it can.
 
     check: imports the package, which takes seconds for some, and returns what is wrong with it; whatever it raises
-    becomes the text.
+    becomes the text. no_wheel: why it cannot be installed here, None = it can.
     """
     try:
         return check()
     except ModuleNotFoundError as error:
         if error.name == package:
-            return _not_installed(package)
+            return f"{package} is not installed; {no_wheel() or _REINSTALL}"
         return f"{package} cannot be imported, {_one_line(error)}; {_REINSTALL}"
     except Exception as error:  # a foreign package may raise anything; without it there is a reason, not a crash
         return _broken(package, error)
@@ -57,20 +52,8 @@ def package_version(package: str) -> str | None:
         return None
 
 
-def _not_installed(package: str) -> str:
-    if package == "embreex" and wheel_problem() is not None:
-        return f"embreex is not installed; {wheel_problem()}"
-    if package == "open3d" and sys.version_info[:2] >= _OPEN3D_FIRST_PYTHON_WITHOUT_WHEEL:
-        here = ".".join(map(str, sys.version_info[:2]))
-        newest = f"3.{_OPEN3D_FIRST_PYTHON_WITHOUT_WHEEL[1] - 1}"
-        return f"open3d is not installed and has no wheel for Python {here}; use Python {newest} or older"
-    return f"{package} is not installed; {_REINSTALL}"
-
-
 def _broken(package: str, error: Exception) -> str:
     text = _one_line(error)
-    if package == "mitsuba" and "LLVM" in text:
-        return "mitsuba finds no LLVM; install libLLVM (Debian: libllvm15) or let DRJIT_LIBLLVM_PATH name a libLLVM.so"
     missing = _LIBRARY.search(text)
     if missing is None:
         return f"{package} cannot be imported, {text}; {_REINSTALL}"

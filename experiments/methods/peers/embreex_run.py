@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from atra.embree.library import wheel_problem
 from experiments.methods.peers.blocks import Answer, BlockwiseTracer, RayArrays
 from experiments.methods.peers.peer import peer_method
 
@@ -42,4 +43,4 @@ def _check() -> str | None:
     return None
 
 
-EMBREEX = peer_method("embreex", "embreex", "embreex", _check, EmbreexTracer)
+EMBREEX = peer_method("embreex", "embreex", "embreex", _check, EmbreexTracer, wheel_problem)

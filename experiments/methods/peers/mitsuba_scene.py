@@ -79,7 +79,12 @@ def _check() -> str | None:
     mitsuba = import_module("mitsuba")
     if MITSUBA_VARIANT not in mitsuba.variants():
         return reinstall(f"mitsuba was built without the variant {MITSUBA_VARIANT}")
-    mitsuba.set_variant(MITSUBA_VARIANT)  # loads LLVM
+    try:
+        mitsuba.set_variant(MITSUBA_VARIANT)  # loads LLVM
+    except Exception as error:
+        if "LLVM" not in str(error):
+            raise
+        return "mitsuba finds no LLVM; install libLLVM (Debian: libllvm15) or let DRJIT_LIBLLVM_PATH name a libLLVM.so"
     return None
 
 

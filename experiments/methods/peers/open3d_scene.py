@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from importlib import import_module
 from typing import Any
 
@@ -12,6 +13,8 @@ from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from experiments.methods.peers.availability import reinstall
 from experiments.methods.peers.peer import PeerTracer, interleaved, peer_method
+
+_FIRST_PYTHON_WITHOUT_WHEEL = (3, 15)  # of Open3D 0.20
 
 
 class Open3DTracer(PeerTracer):
@@ -50,4 +53,11 @@ def _check() -> str | None:
     return None if hasattr(open3d.t.geometry, "RaycastingScene") else reinstall("open3d has no RaycastingScene")
 
 
-OPEN3D = peer_method("open3d", "Open3D", "open3d", _check, Open3DTracer)
+def _no_wheel() -> str | None:
+    if sys.version_info[:2] < _FIRST_PYTHON_WITHOUT_WHEEL:
+        return None
+    here, newest = ".".join(map(str, sys.version_info[:2])), f"3.{_FIRST_PYTHON_WITHOUT_WHEEL[1] - 1}"
+    return f"it has no wheel for Python {here}, use Python {newest} or older"
+
+
+OPEN3D = peer_method("open3d", "Open3D", "open3d", _check, Open3DTracer, _no_wheel)

@@ -24,7 +24,7 @@ from atra.lifetime import Lifetime
 from atra.parallel import resolve_threads
 from atra.tracers.rays import image_ray_grid
 from experiments.drawing.style import PURPLE
-from experiments.methods.method import Method, NoOptions, Style, Tracing
+from experiments.methods.method import Method, NoOptions, Style, Tracing, always_available
 from experiments.methods.peers.availability import package_problem, package_version
 
 _PIXEL_CENTRE = (0.5, 0.5)
@@ -135,12 +135,17 @@ def interleaved(directions: NDArray[np.float32]) -> NDArray[np.float32]:
 
 
 def peer_method(
-    name: str, label: str, package: str, check: Callable[[], str | None], tracer: type[PeerTracer]
+    name: str,
+    label: str,
+    package: str,
+    check: Callable[[], str | None],
+    tracer: type[PeerTracer],
+    no_wheel: Callable[[], str | None] = always_available,
 ) -> Method:
-    """The method that measures a peer. package: what is imported. check: as of `package_problem`."""
+    """The method that measures a peer. package: what is imported. check, no_wheel: as of `package_problem`."""
 
     def problem() -> str | None:
-        return package_problem(package, check)
+        return package_problem(package, check, no_wheel)
 
     def make(mesh: Mesh, view: View, options: NoOptions, tracing: Tracing) -> PeerTracer:
         obstacle = problem()
