@@ -13,13 +13,14 @@ from pathlib import Path
 import matplotlib
 import pandas as pd
 import pytest
-from experiments.methods.tracing import expert_packet_widths
+
+from experiments.workloads.rounds import expert_packet_widths
 
 ROOT = Path(__file__).resolve().parents[1]
 TOY = ["width=64", "height=64", "measure.rounds=3", "measure.warmup=1"]
 # In place of the cache of the person who runs the tests, where scenes may have been fetched to.
 NO_SCENES = tempfile.TemporaryDirectory(prefix="atra-tests-")
-TOY_SWEEP = ["sweep=horizontal", "split_x=1,2,3", *TOY]
+TOY_SWEEP = ["sweep=horizontal", "method.split_x=1,2,3", *TOY]
 
 
 def run(folder: Path, *arguments: str, scenes: str | None = None, **variables: str) -> subprocess.CompletedProcess[str]:
@@ -36,11 +37,27 @@ def run(folder: Path, *arguments: str, scenes: str | None = None, **variables: s
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["width=10", "split_x=3"], "split (3, 1) does not divide image 10 x 1024"),
-        (["sweep=horizontal", "split_x=3,5"], "split (3, 1) does not divide image 1024 x 1024"),
+        (["width=10", "method.split_x=3"], "split (3, 1) does not divide image 10 x 1024"),
+        (["sweep=horizontal", "method.split_x=3,5"], "split (3, 1) does not divide image 1024 x 1024"),
         (["width=0"], "width is 0"),
         (["scene.fov_y_degrees=180"], "fov_y_degrees is 180.0"),
-        (["nonsense=1"], "Key 'nonsense' not in 'Configuration'"),
+        (["nonsense=1"], "unknown field 'nonsense', expected one of scene, sweep"),
+        (["sweep=horizontal", "+nonsense=1"], "unknown field 'nonsense', expected one of scene, sweep"),
+        (["scene.nonsense=1"], "unknown field 'nonsense' of scene, expected one of name, source, path"),
+        (["method=nope"], "unknown method 'nope', expected one of aligned, embreex, mitsuba3, open3d, pixel, tiles"),
+        (["workload=nope"], "unknown workload 'nope', expected one of agreement, build, frame, memory, multiframe"),
+        (["method=pixel", "method.split_x=4"], "unknown field 'split_x' of method=pixel, expected packet_width"),
+        (["sweep=horizontal", "method=pixel"], "unknown field 'split_x' of method=pixel, expected packet_width"),
+        (["+method.nope=4"], "unknown field 'nope' of method=aligned, expected one of split_x, split_y, packet_width"),
+        (["method=embreex", "method.split_x=4"], "unknown field 'split_x' of method=embreex, which has none"),
+        (["workload.frames=4"], "unknown field 'frames' of workload=frame, which has none"),
+        (["method.name=pixel"], "method.name cannot be set, choose with method=pixel"),
+        (["method.packet_width=3"], "method.packet_width is 3, expected one of 1, 4, 8, 16 or null"),
+        (["method.geometry=shared"], "method.geometry: Invalid value 'shared', expected one of [copied, instanced]"),
+        (["method.split_y=half"], "method.split_y: Value 'half' of type 'str' could not be converted to Integer"),
+        (["sweep=horizontal", "method.split_x=0"], "method.split_x is 0, expected a whole number of at least 1"),
+        (["workload=multiframe", "workload.frames=1"], "workload.frames is 1, expected at least 2"),
+        (["workload=multiframe", "method=pixel"], "workload=multiframe with method=pixel, which traces one frame; use"),
         (["scene=nowhere"], "unknown scene 'nowhere', expected one of atrium, cornell_box, file, fireplace_room"),
         (
             ["sweep=horizontal", "scene=cornell_box,nowhere"],
@@ -48,8 +65,8 @@ def run(folder: Path, *arguments: str, scenes: str | None = None, **variables: s
         ),
         (["sweep=horizontal", "scene=cornell_box,sponza"], "ATRA_SCENES is not set"),
         (["scene=file", "scene.path=nothing.ply"], "nothing.ply does not exist"),
-        (["split_x=1,2"], "several values make a sweep"),
-        (["split_x=1024", "culling=false", "measure.memory_budget_gib=0.01"], "memory"),
+        (["method.split_x=1,2"], "several values make a sweep"),
+        (["method.split_x=1024", "method.culling=false", "measure.memory_budget_gib=0.01"], "memory"),
     ],
     ids=lambda value: " ".join(value) if isinstance(value, list) else "",
 )
@@ -64,15 +81,15 @@ def test_bad_input_gets_one_line_and_exit_code_2_before_any_work(
 
 
 def test_the_debug_switch_shows_the_traceback(tmp_path: Path) -> None:
-    done = run(tmp_path, "width=10", "split_x=3", "debug=true")
+    done = run(tmp_path, "width=10", "method.split_x=3", "debug=true")
     assert done.returncode == 2
     assert "Traceback" in done.stderr
 
 
 def test_a_lone_point_prints_its_table_and_writes_its_record(tmp_path: Path) -> None:
-    done = run(tmp_path, *TOY, "method=pixel", "packet_width=1")
+    done = run(tmp_path, *TOY, "method=pixel", "method.packet_width=1")
     assert done.returncode == 0, done.stderr
-    assert "speed-up over rtcIntersect1" in done.stdout
+    assert "rtcIntersect1 / this" in done.stdout
     (path,) = (tmp_path / "results" / "records").glob("*.json")
     record = json.loads(path.read_text(encoding="utf-8"))
     assert record["status"] == "ok"

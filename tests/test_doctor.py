@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import psutil
@@ -17,7 +18,8 @@ from experiments.commands import doctor
 from experiments.commands.doctor import diagnose, render
 from experiments.harness import environment
 from experiments.harness.configuration import Configuration
-from experiments.methods.peers import peer_version
+from experiments.methods import METHODS
+from experiments.methods.peers.embreex_run import EMBREEX
 from tests.folders import empty_cache
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -58,7 +60,7 @@ def test_the_facts_are_those_of_this_machine(tmp_path: Path, monkeypatch: pytest
     assert told["scenes"] == "built in: cornell_box, needles, material_ball, living_room, atrium"
     assert told["fetched"] == f"{cache} holds sponza.ply"
     assert "ATRA_SCENES" not in told
-    assert f"embreex {peer_version('embreex')}" in told["peers"]
+    assert f"embreex {EMBREEX.version()}" in told["peers"]
     assert told["results"] == f"go to {tmp_path / 'results'}"
     assert told["kernels"] == f"kept in {cache_folder()}"
     assert sys.version.split()[0] in told["Python"]
@@ -150,7 +152,8 @@ def test_a_folder_of_many_scenes_and_reasons_of_any_length_still_fit_the_screen(
     for number in range(500):
         (tmp_path / f"scene{number}.ply").touch()
     monkeypatch.setenv("ATRA_SCENES", str(tmp_path))
-    monkeypatch.setattr(doctor, "peer_problem", lambda name: f"{name} says {'much ' * 500}; do this")
+    wordy = [replace(one, problem=lambda: f"it says {'much ' * 500}; do this") for one in METHODS]
+    monkeypatch.setattr(doctor, "METHODS", wordy)
     lines = render(diagnose(Configuration())).splitlines()
     assert len(lines) <= 36
     assert max(map(len, lines)) <= 80

@@ -17,7 +17,11 @@ import pytest
 ROOT = Path(__file__).resolve().parents[1]
 KILLS = int(os.environ.get("ATRA_KILLS", "0"))
 """`ATRA_KILLS=20 python -m pytest tests/test_interruption.py` is the long form: all of sweep=smoke, killed 20 times."""
-SWEEP = ["sweep=smoke"] if KILLS else ["sweep=horizontal", "split_x=1,4", "width=32", "height=32", "measure.rounds=3"]
+SWEEP = (
+    ["sweep=smoke"]
+    if KILLS
+    else ["sweep=horizontal", "method.split_x=1,4", "width=32", "height=32", "measure.rounds=3"]
+)
 
 
 def start(folder: Path) -> subprocess.Popen[bytes]:

@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Sequence
+from contextlib import suppress
 from importlib import metadata
 from pathlib import Path
 
@@ -15,19 +16,21 @@ import pandas as pd
 import psutil
 import pytest
 
-from experiments.harness.configuration import Configuration, SceneConfiguration, SweepConfiguration
+from experiments.harness.configuration import Chosen, Configuration, SceneConfiguration, SweepConfiguration
 from experiments.harness.identity import measure
 from experiments.harness.outcome import Outcome
 from experiments.harness.points import plan_points
 from experiments.harness.records import write_record
+from experiments.methods.aligned import AlignedOptions
 from experiments.sweep import GridPoint, run_sweep
+from experiments.workloads.workload import NoOptions
 from scenes.loading import SceneSource
 
 ROOT = Path(__file__).resolve().parents[1]
 TOY = [
     "sweep=horizontal",
-    "split_x=1,2",
-    "culling=true",
+    "method.split_x=1,2",
+    "method.culling=true",
     "width=32",
     "height=32",
     "measure.rounds=3",
@@ -77,7 +80,7 @@ def test_launched_jobs_measure_every_point_once_and_litter_only_the_results_fold
 @pytest.mark.parametrize("launcher", PACKAGES)
 def test_an_interrupt_ends_the_jobs_and_keeps_what_is_done(launcher: str, tmp_path: Path) -> None:
     # Seed 0 keeps the order: a short point, and one that would take a minute.
-    endless = ["split_x=1", "measure.rounds=3,1000000", "measure.frame_budget_s=60", "sweep.shuffle_seed=0"]
+    endless = ["method.split_x=1", "measure.rounds=3,1000000", "measure.frame_budget_s=60", "sweep.shuffle_seed=0"]
     start = command(launcher, *endless)
     with subprocess.Popen(start, cwd=tmp_path, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True) as running:
         assert running.stderr is not None
@@ -102,8 +105,9 @@ def processes_below(pid: int) -> list[psutil.Process]:
     """All of them, once the worker of a point is among them."""
     for _ in range(600):
         below = psutil.Process(pid).children(recursive=True)
-        if any("experiments.worker" in process.cmdline() for process in below):
-            return below
+        with suppress(psutil.Error):  # one that has just ended
+            if any("experiments.worker" in process.cmdline() for process in below):
+                return below
         time.sleep(0.1)
     pytest.fail("no worker was started")
 
@@ -130,7 +134,8 @@ def configuration(folder: Path, split_x: int) -> Configuration:
     return Configuration(
         scene=SceneConfiguration(name="cornell_box", source=SceneSource.procedural),
         sweep=SweepConfiguration(name="toy"),
-        split_x=split_x,
+        method=Chosen("aligned", AlignedOptions(split_x)),
+        workload=Chosen("frame", NoOptions()),
         width=64,
         height=64,
         results_dir=str(folder),
@@ -156,7 +161,7 @@ def test_a_point_whose_job_failed_is_named_with_the_reason_and_the_others_are_in
 ) -> None:
     assert sweep(tmp_path, Launcher(tmp_path, refused=4), at_once=5) == 1
     told = capsys.readouterr().err
-    assert "split 4x1, culling on: no record: the queue is closed" in told
+    assert "4 \N{MULTIPLICATION SIGN} 1, culling on: no record: the queue is closed" in told
     assert "1 points have no record" in told
     assert sorted(pd.read_csv(tmp_path / "toy" / "table.csv")["split_x"]) == [1, 2, 8, 16]
 

@@ -9,7 +9,9 @@ import pytest
 import atra
 from atra.geometry.ray_space import NARROWEST_WORLD_PITCH
 from atra.judge.reference import brute_force
-from experiments.methods.peers import PEERS, availability, make_peer, peer_problem
+from experiments.methods import METHODS, find_method
+from experiments.methods.method import NoOptions, Tracing
+from experiments.methods.peers import embreex_run
 from tests import images
 from tests.images import trace_pixels
 from tests.meshes import EYE_AT_ORIGIN, cornell_box, cornell_camera, quads, random_triangles
@@ -17,12 +19,16 @@ from tests.meshes import EYE_AT_ORIGIN, cornell_box, cornell_camera, quads, rand
 LOADER = "cannot open shared object file: No such file or directory"
 
 
-@pytest.fixture(params=PEERS)
+@pytest.fixture(params=[one for one in METHODS if not one.is_ours], ids=lambda one: one.name)
 def peer(request):
-    problem = peer_problem(request.param)
+    problem = request.param.problem()
     if problem is not None:
         pytest.skip(problem)
     return request.param
+
+
+def make_peer(peer, mesh, camera, threads=1):
+    return peer.make(mesh, camera, NoOptions(), Tracing(threads))
 
 
 def trace_peer(peer, mesh, camera, offset=(0.5, 0.5), threads=1):
@@ -38,7 +44,7 @@ def assert_equal_images(hits, reference):
 
 @pytest.mark.parametrize("name", ["embreex", "trimesh"])
 def test_what_atra_itself_needs_can_always_be_used_as_a_peer(name):
-    assert peer_problem(name) is None
+    assert find_method(name).problem() is None
 
 
 def test_a_peer_returns_the_image_of_single_rays(peer):
@@ -49,7 +55,7 @@ def test_a_peer_returns_the_image_of_single_rays(peer):
 @pytest.mark.parametrize("offset", [(0.0, 0.0), (0.1, 0.9)])
 def test_a_peer_traces_the_rays_of_any_offset_in_any_order(peer, offset):
     mesh, camera = cornell_box(), cornell_camera(48, 31)
-    with make_peer(peer, mesh, camera, 1) as tracer:
+    with make_peer(peer, mesh, camera) as tracer:
         first = tracer.trace()
         kept = first.prim_id.copy()
         moved = tracer.trace(offset, out=first)
@@ -110,7 +116,7 @@ def test_a_peer_has_the_account_of_a_tracer(peer):
 
 
 def test_tracing_before_build_or_after_close_is_an_error_and_closing_twice_is_not(peer):
-    tracer = make_peer(peer, cornell_box(), cornell_camera(16, 16), 1)
+    tracer = make_peer(peer, cornell_box(), cornell_camera(16, 16))
     with pytest.raises(atra.EmbreeError, match="not built"):
         tracer.trace()
     with tracer:
@@ -131,18 +137,18 @@ def test_tracing_before_build_or_after_close_is_an_error_and_closing_twice_is_no
 def test_a_missing_package_is_a_reason_not_a_crash(monkeypatch, name, module):
     monkeypatch.setitem(sys.modules, module, None)  # as if it were not installed
     monkeypatch.setattr(sys, "version_info", (3, 11, 0))
-    problem = peer_problem(name)
+    problem = find_method(name).problem()
     assert "atra[peers]" in problem
     assert "\n" not in problem
     with pytest.raises(atra.InputError, match="peers"):
-        make_peer(name, cornell_box(), cornell_camera(16, 16), 1)
+        make_peer(find_method(name), cornell_box(), cornell_camera(16, 16))
 
 
 def test_a_python_without_a_wheel_is_named(monkeypatch):
     monkeypatch.setitem(sys.modules, "open3d", None)
     monkeypatch.setattr(sys, "version_info", (3, 15, 0))
-    assert peer_problem("open3d") == (
-        "open3d is not installed and has no wheel for Python 3.15; use Python 3.14 or older"
+    assert find_method("open3d").problem() == (
+        "open3d is not installed; it has no wheel for Python 3.15, use Python 3.14 or older"
     )
 
 
@@ -150,9 +156,9 @@ def test_a_machine_without_a_wheel_of_embreex_is_named(monkeypatch):
     def absent(_):
         raise ModuleNotFoundError("No module named 'embreex'", name="embreex")
 
-    monkeypatch.setattr(availability, "import_module", absent)
+    monkeypatch.setattr(embreex_run, "import_module", absent)
     monkeypatch.setattr(platform, "machine", lambda: "riscv64")
-    problem = peer_problem("embreex")
+    problem = find_method("embreex").problem()
     assert problem.startswith("embreex is not installed; embreex has no wheel for ")
     assert problem.endswith(" on riscv64")
 
@@ -176,17 +182,10 @@ def test_a_broken_package_is_a_reason_of_one_line_not_a_crash(monkeypatch, tmp_p
     (tmp_path / f"{module}.py").write_text(source)
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.delitem(sys.modules, module, raising=False)
-    problem = peer_problem(name)
+    problem = find_method(name).problem()
     sys.modules.pop(module, None)  # not by monkeypatch, whose undoing would bring the fake back
     assert expected in problem
     assert "\n" not in problem
-
-
-def test_an_unknown_peer_is_refused_with_its_name():
-    with pytest.raises(atra.InputError, match="unknown peer 'optix', expected one of embreex, trimesh"):
-        peer_problem("optix")
-    with pytest.raises(atra.InputError, match="unknown peer 'optix'"):
-        make_peer("optix", cornell_box(), cornell_camera(16, 16), 1)
 
 
 def test_threads_below_one_are_refused(peer):

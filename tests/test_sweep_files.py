@@ -10,23 +10,29 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
+from atra.embree.library import load_library
+
 ROOT = Path(__file__).resolve().parents[1]
 TOY = ["scene=cornell_box", "width=32", "height=32", "measure.rounds=3", "measure.warmup=1"]
-# A lone ray per pixel takes no split of 4: that point is skipped.
+FIGURE5 = [f"figure5_{rays}" for rays in ("single_rays", f"packets_of_{load_library().native_packet_widths[-1]}")]
+# An image of 32 pixels takes no split of 64: such points are skipped.
 SWEEPS = {
     "smoke": (
-        ["split_x=1,4", "split_y=1", "packet_width=1"],
-        {"figure3", "figure4", "figure5", "figure5_vertical", "figure6", "figure7", "figure7_instancing"},
+        [],
+        {"figure3", "figure4", *FIGURE5, "figure5_vertical", "figure6", "figure7", "figure7_instancing"},
     ),
-    "methods": (["split_x=1,4", "split_y=1"], {"methods", "price"}),
+    "methods": (
+        ["sweep.grids.methods_aligned={method.split_x:'1,4'}", "sweep.grids.methods_tiles={method.split_y:8}"],
+        {"methods", "price"},
+    ),
     "threads": ([], {"threads"}),
-    "peers": (["method=pixel,embreex"], {"peers"}),
+    "peers": ([], {"peers"}),
     "agreement": (
-        ["method=aligned", "split_x=4", "split_y=1", "scene=cornell_box", "scene.fov_y_degrees=45"],
+        ["method=aligned", "method.split_x=4", "method.split_y=1", "scene=cornell_box", "scene.fov_y_degrees=45"],
         {"agreement", *(f"disagreements_cornell_box{view}_32x32" for view in ("", "_along_axis", "_rolled"))},
     ),
-    "stereo": (["split_x=1,4"], {"stereo"}),
-    "multiframe": (["frames=2", "split_x=4"], {"multiframe"}),
+    "stereo": (["method.split_x=1,4"], {"stereo"}),
+    "multiframe": (["workload.frames=2", "method.split_x=4"], {"multiframe"}),
     "planner": (["scene.view=aside,wide"], {"planner"}),
 }
 PARTS_OF_SMOKE = {"horizontal", "vertical", "grid", "build", "memory", "scenes", "paper"}
