@@ -12,7 +12,7 @@ import psutil
 import pytest
 
 from atra.parallel import resolve_threads
-from experiments.harness import environment, memory
+from experiments.harness import environment
 from experiments.harness.environment import read_environment
 
 
@@ -81,7 +81,7 @@ def test_the_peak_of_memory_is_read_in_the_unit_of_each_system(
     monkeypatch.setitem(sys.modules, "resource", SimpleNamespace(getrusage=lambda _: usage, RUSAGE_SELF=0))
     monkeypatch.setattr(psutil.Process, "memory_info", lambda _: SimpleNamespace(peak_wset=7_000_000))
     monkeypatch.setattr(sys, "platform", system)
-    assert memory.peak_rss_bytes() == expected
+    assert environment.peak_rss_bytes() == expected
 
 
 def test_a_system_without_proc_counts_the_peak_from_the_start(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -89,4 +89,4 @@ def test_a_system_without_proc_counts_the_peak_from_the_start(monkeypatch: pytes
         raise FileNotFoundError("/proc/self/clear_refs")
 
     monkeypatch.setattr(Path, "write_text", absent)
-    assert memory.reset_peak_rss() is False
+    assert environment.reset_peak_rss() is False

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ast
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack
 from copy import deepcopy
 from dataclasses import dataclass
@@ -49,9 +49,17 @@ class ToyOptions:
     patience: int = option(1, "how long it waits")
 
 
-def make_toy(mesh: Any, view: Any, options: ToyOptions, tracing: Tracing) -> PixelTracer:
-    tracer: Any = PixelTracer(mesh, view, packet_width=1, **tracing.ours)
-    tracer.counters = {"waited": 10 * options.patience}
+class ToyTracer(PixelTracer):
+    patience = 1
+
+    @property
+    def counters(self) -> Mapping[str, float]:
+        return {**super().counters, "waited": 10 * self.patience}
+
+
+def make_toy(mesh: Any, view: Any, options: ToyOptions, tracing: Tracing) -> ToyTracer:
+    tracer = ToyTracer(mesh, view, packet_width=1, **tracing.ours)
+    tracer.patience = options.patience
     return tracer
 
 

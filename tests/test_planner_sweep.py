@@ -8,27 +8,23 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
-from experiments.workloads.quantities import measure_point
 
 import atra
 from atra.errors import InputError
 from atra.planner.choice import PACKETS, candidates
-from experiments.harness.configuration import (
-    Configuration,
-    MeasureConfiguration,
-    Method,
-    Quantity,
-    SceneConfiguration,
-    Ties,
-)
+from experiments.harness.configuration import Chosen, Configuration, MeasureConfiguration, SceneConfiguration, Ties
 from experiments.harness.points import plan_points
-from experiments.results.table import COLUMNS
-from experiments.workloads.planner.measure import FRAMES, regrets, say_regrets
+from experiments.methods.pixel import PixelOptions
+from experiments.worker import measure_point
+from experiments.workloads.planner.measure import FRAMES, regrets
 from experiments.workloads.planner.planner_figure import SERIES, draw_planner_figure
+from experiments.workloads.planner.terminal import sweep_lines
+from experiments.workloads.workload import NoOptions
 from scenes.cornell_box import CORNELL_BOX_CAMERA
 from scenes.loading import SceneSource
 from scenes.views import VIEWS, view_fields
 from tests.meshes import cornell_box, cornell_camera
+from tests.report_samples import table_of
 
 # Views
 
@@ -72,11 +68,14 @@ def test_regret_is_the_choice_over_the_best_in_frames_and_in_all() -> None:
 
 def planner_table(rows: list[dict[str, object]]) -> pd.DataFrame:
     common = {"scene": "cornell_box", "triangles": 1112, "width": 64, "height": 64, "status": "ok", "threads": 1}
-    common |= {"quantity": "planner", "grids": "planner", "packet_width": 8, "build_quality": "medium"}
-    filled = [common | row for row in rows]
-    return pd.DataFrame(
-        {name: pd.array([row.get(name) for row in filled], dtype=kind) for name, kind in COLUMNS.items()}
-    )
+    common |= {
+        "workload": "planner",
+        "method": "pixel",
+        "grids": "planner",
+        "packet_width": 8,
+        "build_quality": "medium",
+    }
+    return table_of([common | row for row in rows])
 
 
 ROWS: list[dict[str, object]] = [
@@ -86,10 +85,9 @@ ROWS: list[dict[str, object]] = [
 
 
 def test_the_terminal_says_median_and_worst_of_all_plans() -> None:
-    (told,) = say_regrets(planner_table(ROWS))
+    (told,) = sweep_lines(planner_table(ROWS))
     assert told.startswith("plans: regret 1.10, at worst 1.20;")
     assert "over packets at worst 0.50" in told
-    assert say_regrets(planner_table([])) == []
 
 
 def test_the_figure_shows_every_view_where_it_belongs() -> None:
@@ -108,8 +106,9 @@ def test_the_figure_shows_every_view_where_it_belongs() -> None:
 def toy_configuration() -> Configuration:
     return Configuration(
         scene=SceneConfiguration(name="cornell_box", source=SceneSource.procedural, view="near"),
-        measure=MeasureConfiguration(quantity=Quantity.planner, rounds=3, warmup=1),
-        method=Method.pixel,
+        measure=MeasureConfiguration(rounds=3, warmup=1),
+        method=Chosen("pixel", PixelOptions()),
+        workload=Chosen("planner", NoOptions()),
         width=32,
         height=32,
         threads=1,
