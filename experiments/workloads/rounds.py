@@ -54,7 +54,8 @@ def expert_packet_widths() -> tuple[int, ...]:
 
 def build_own(point: Point, stack: ExitStack, make: MakeTracer | None = None) -> tuple[Any, dict[str, Any]]:
     """Load the scene and build the point's own method while nothing else is in the process, reading the memory on the
-    way. make: mesh and camera -> tracer, in place of `make_own`."""
+    way. What the method counts joins the results when the stack closes. make: mesh and camera -> tracer, in place of
+    `make_own`."""
     results: dict[str, Any] = {"rss_start_bytes": rss_bytes()}
     mesh = load_mesh(point)
     if point.ties == "lowest":
@@ -72,12 +73,9 @@ def build_own(point: Point, stack: ExitStack, make: MakeTracer | None = None) ->
     }
     if own.embree_bytes:  # a peer does not tell
         results["embree_bytes"] = int(own.embree_bytes)
+    counters = [column.name for column in find_method(point.method).counters]
+    stack.callback(lambda: results.update({name: own.counters[name] for name in counters}))
     return own, results
-
-
-def counted(point: Point, own: Any) -> dict[str, float]:
-    """What the point's method counts, once it has done its work."""
-    return {column.name: own.counters[column.name] for column in find_method(point.method).counters}
 
 
 def warm_up(point: Point, makers: Iterable[MakeTracer]) -> None:

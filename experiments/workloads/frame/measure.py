@@ -11,7 +11,6 @@ from experiments.workloads.images import counts, depth_errors
 from experiments.workloads.rounds import (
     Frames,
     build_own,
-    counted,
     expert_packet_widths,
     make_single,
     measured,
@@ -44,5 +43,5 @@ def measure(point: Point) -> Measured:
         images = {name: Frames(tracer) for name, tracer in tracers.items()}
         timed = timed_rounds(point, {name: one.trace for name, one in images.items()})
         agreements = [compare(own.mesh, own.camera, images[OWN].latest(), images[SINGLE].latest())]
-        results |= counts(agreements) | depth_errors(agreements) | counted(point, own) | plan_and_build_again(own)
+        results |= counts(agreements) | depth_errors(agreements) | plan_and_build_again(own)
     return measured(results, timed)

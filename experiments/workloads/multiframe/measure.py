@@ -24,7 +24,6 @@ from experiments.workloads.multiframe.together import make_together
 from experiments.workloads.rounds import (
     Frames,
     build_own,
-    counted,
     expert_packet_widths,
     make_single,
     measured,
@@ -145,5 +144,5 @@ def measure(point: Point) -> Measured:
         timed = timed_rounds(point, {name: one.trace for name, one in images.items()})
         pairs = zip(images[OWN].latest().images, images[SINGLE].latest().images, strict=True)
         agreements = [compare(hits.mesh, hits.camera, hits, reference) for hits, reference in pairs]
-        results |= counts(agreements) | depth_errors(agreements) | counted(point, own) | plan_and_build_again(own)
+        results |= counts(agreements) | depth_errors(agreements) | plan_and_build_again(own)
     return measured(results, timed)
