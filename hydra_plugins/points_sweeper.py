@@ -5,7 +5,7 @@ Hydra's own sweeper starts job after job and knows of no whole: no count, no res
 
 # No postponed annotations: Hydra runs this module before listing it in sys.modules, where dataclass would look them up.
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, field
 from typing import Any
@@ -46,18 +46,46 @@ class PointsSweeper(BasicSweeper):
         assert self.config is not None
         parser = OverridesParser.create(config_loader=self._loader)
         compose = _Composer(self.config, self._loader, parser)
-        points = []
+        jobs: list[tuple[str, list[str]]] = []
         for grid, values in (self.config.sweep.grids or {"points": {}}).items():
             # The later of two overrides of one key wins.
             given = [*self._parse_config(), *(f"{key}={value}" for key, value in values.items()), *arguments]
-            (jobs,) = self.split_arguments(parser.parse_overrides(given), max_batch_size=None)
-            points += [GridPoint(grid, compose(job), tuple(job)) for job in jobs]
+            (of_grid,) = self.split_arguments(parser.parse_overrides(given), max_batch_size=None)
+            jobs += [(grid, job) for job in of_grid]
+        asked = {argument.partition("=")[0] for argument in arguments}
+        kept = self._where_they_fit([job for _, job in jobs], asked)
+        points = [GridPoint(grid, compose(job), tuple(job)) for (grid, _), job in zip(jobs, kept, strict=True)]
         command = " ".join(["python run.py", *self.config.hydra.overrides.task, *self.config.hydra.overrides.hydra])
         launcher = self.config.hydra.launcher._target_
         if launcher == _LAUNCHER_HERE:
             return run_sweep(points, command=command)
         at_once = self.max_batch_size or (len(points) if launcher == _LAUNCHER_WITH_A_QUEUE else 1)
         return run_sweep(points, command=command, launch=self._launch, at_once=at_once)
+
+    def _where_they_fit(self, jobs: Sequence[list[str]], asked: set[str]) -> list[list[str]]:
+        """The jobs without those options of the command line that their method or workload has not. An option that no
+        job has stays, and is refused."""
+        from experiments.methods import METHODS
+        from experiments.workloads import WORKLOADS
+
+        known = {"method": {one.name: one for one in METHODS}, "workload": {one.name: one for one in WORKLOADS}}
+
+        def fits(override: str, chosen: Mapping[str, str]) -> bool:
+            group, _, field = override.partition("=")[0].partition(".")
+            kind = known.get(group, {}).get(chosen.get(group, ""))
+            return kind is None or not field or field in kind.options.__dataclass_fields__
+
+        chosen = [
+            {group: self.config[group].name for group in known}  # type: ignore[index]
+            | {key: value for key, _, value in (override.partition("=") for override in job) if key in known}
+            for job in jobs
+        ]
+        pairs = list(zip(jobs, chosen, strict=True))
+        served = {one.partition("=")[0] for job, names in pairs for one in job if fits(one, names)}
+        optional = asked & served
+        return [
+            [one for one in job if one.partition("=")[0] not in optional or fits(one, names)] for job, names in pairs
+        ]
 
     @property
     def _loader(self) -> Any:

@@ -13,7 +13,7 @@ from PIL import Image
 
 from experiments.methods import METHODS, find_method
 from experiments.report import ReportContents, ReportFigure, ScenePictures
-from experiments.results.findings import Finding
+from experiments.results.claims import JudgedClaim
 from experiments.results.table import columns, rows_of
 from experiments.workloads import WORKLOADS, find_workload
 
@@ -32,11 +32,12 @@ ENVIRONMENT: dict[str, Any] = {
 
 
 CLAIMS = (
-    Finding("one_axis", "§4.1", "Splitting one axis beats splitting both.", "one axis", "ratio of the best times",
+    JudgedClaim("one_axis", "§4.1", "Splitting one axis beats splitting both.", "one axis", "ratio of the best times",
           "holds", "1.31", "[1.25, 1.36]", None),
-    Finding("best", "§4.2", "The best speed-up on the Cornell box is 7.50.", "7.50", "largest speed-up of single rays",
+    JudgedClaim("best", "§4.2", "The best speed-up on the Cornell box is 7.50.", "7.50",
+          "largest speed-up of single rays",
           "does not hold", "1.52", "[1.50, 1.55]", "single rays spend their time in the filter, which packets share"),
-    Finding("memory", "§4.4", "Memory is little affected up to 16 to 64 splits.", "16 to 64",
+    JudgedClaim("memory", "§4.4", "Memory is little affected up to 16 to 64 splits.", "16 to 64",
             "bytes at 16 splits over 1", "not measured", "-", None, "no memory rows"),
 )  # fmt: skip
 

@@ -119,7 +119,7 @@ def test_every_offset_is_an_image_every_disagreement_a_row(sound: Measured) -> N
 
 @pytest.mark.parametrize(("who", "other"), [("method", "baseline"), ("baseline", "method")])
 @pytest.mark.parametrize(
-    ("change", "standing"),
+    ("change", "correctness"),
     [
         (name_another_triangle, "wrong triangle"),
         (see_nothing, "wrong triangle"),
@@ -127,15 +127,15 @@ def test_every_offset_is_an_image_every_disagreement_a_row(sound: Measured) -> N
     ],
 )
 def test_a_fault_in_one_pixel_is_listed_and_counted_against_who_made_it(
-    sound: Measured, monkeypatch: pytest.MonkeyPatch, who: str, other: str, change: Any, standing: str
+    sound: Measured, monkeypatch: pytest.MonkeyPatch, who: str, other: str, change: Any, correctness: str
 ) -> None:
     spoil(monkeypatch, who, change)
     found = agreement.measure(make_point())
     rows = at_fault(found)
     assert list(zip(rows["offset_x"], rows["offset_y"], strict=True)) == list(OFFSETS)
     assert set(rows["verdict"]) == {"wrong"}
-    assert set(rows[f"{who}_standing"]) == {standing}
-    assert set(rows[f"{other}_standing"]) == {"right"}
+    assert set(rows[f"{who}_correctness"]) == {correctness}
+    assert set(rows[f"{other}_correctness"]) == {"right"}
     assert (rows[f"{other}_prim_id"] == rows["truth_prim_id"]).all()
     assert found.results[f"{who}_wrong"] == sound.results[f"{who}_wrong"] + len(OFFSETS)
     assert found.results[f"{other}_wrong"] == sound.results[f"{other}_wrong"]
@@ -165,7 +165,7 @@ def test_a_tie_is_listed_though_nobody_is_wrong_and_a_miss_is_an_empty_field() -
     found = examine(mesh, camera, hits, reference, atra.compare(mesh, camera, hits, reference))
     listed = agreement._disagreements(found, (0.5, 0.5))
     assert list(zip(listed["x"], listed["y"], listed["verdict"], strict=True)) == [(2, 1, "tied"), (0, 3, "wrong")]
-    assert listed["method_standing"] == ["tied", "wrong triangle"]
+    assert listed["method_correctness"] == ["tied", "wrong triangle"]
     assert listed["method_prim_id"] == [int(prim_id[1, 2]), None]
     assert listed["method_stored_depth"] == listed["method_depth"] == [2.0, None]
 
@@ -227,7 +227,8 @@ def rows_of_three() -> dict[str, list[Any]]:
     ):
         columns |= {
             f"{who}_prim_id": [4, 7, None], f"{who}_stored_depth": [1.0, 2.5, None], f"{who}_depth": [1.0, 2.5, None],
-            f"{who}_edge_distance": [0.1, -1e-5, None], f"{who}_standing": standings, f"{who}_off_by": [0.0, 1e-5, 0.3],
+            f"{who}_edge_distance": [0.1, -1e-5, None], f"{who}_correctness": standings,
+            f"{who}_off_by": [0.0, 1e-5, 0.3],
         }  # fmt: skip
     return columns
 
@@ -255,7 +256,7 @@ def test_the_list_says_of_every_row_which_point_it_is_from_and_who_was_wrong(tmp
 
 
 def test_the_list_blames_the_baseline_where_it_alone_is_wrong(tmp_path: Path) -> None:
-    columns = rows_of_three() | {"method_standing": ["right"] * 3, "baseline_standing": ["wrong depth"] * 3}
+    columns = rows_of_three() | {"method_correctness": ["right"] * 3, "baseline_correctness": ["wrong depth"] * 3}
     table = written(tmp_path, make_record("a", columns))
     assert list(read_disagreements(table, tmp_path)["wrong"]) == ["baseline"] * 3
 

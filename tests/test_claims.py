@@ -14,8 +14,8 @@ import pytest
 
 from experiments.paper.claims import CLAIMS, judge_claims
 from experiments.paper.evidence import PAPER_SCENES, SPLITS, USED_COLUMNS
+from experiments.results.claims import JudgedClaim, judge_claim, write_claims
 from experiments.results.estimates import Estimate, decide_greater, fit_exponent, geometric_mean
-from experiments.results.findings import Finding, judge_claim, write_claims
 from experiments.results.table import columns
 from tests.report_samples import table_of
 
@@ -106,7 +106,7 @@ def scaled(table: pd.DataFrame, factor: float, column: str = "speedup", **wanted
     return table
 
 
-def finding(table: pd.DataFrame | None, claim_id: str) -> Finding:
+def finding(table: pd.DataFrame | None, claim_id: str) -> JudgedClaim:
     return judge_claim(next(claim for claim in CLAIMS if claim.id == claim_id), table)
 
 
@@ -450,11 +450,11 @@ def test_a_table_read_from_csv_gives_the_same_findings(agreeing: pd.DataFrame, t
 def test_both_files_hold_every_finding(agreeing: pd.DataFrame, tmp_path: Path) -> None:
     findings = judge_claims(agreeing_table(("sponza",)))
     write_claims(tmp_path, findings)
-    assert [Finding(**row) for row in json.loads((tmp_path / "claims.json").read_text(encoding="utf-8"))] == list(
+    assert [JudgedClaim(**row) for row in json.loads((tmp_path / "claims.json").read_text(encoding="utf-8"))] == list(
         findings
     )
     from_csv = pd.read_csv(tmp_path / "claims.csv")
-    assert list(from_csv.columns) == list(Finding.__dataclass_fields__)
+    assert list(from_csv.columns) == list(JudgedClaim.__dataclass_fields__)
     assert list(from_csv["verdict"]) == [one.verdict for one in findings]
 
 

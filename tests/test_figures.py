@@ -213,8 +213,8 @@ INSTANCED = memory_row(2, 100, 102, 102, culling=False, geometry="instanced")
         ([*SPLITS, time_row(1, 0.01, split_y=2)], ["figure4"]),
         ([*SPLITS, build_row(1, 0.1, 0.2), memory_row(1, 1, 2, 3)], ["figure5", "figure6", "figure7"]),
         ([*SPLITS, INSTANCED], ["figure5", "figure7", "figure7_instancing"]),
-        ([time_row(2, 0.01), time_row(2, 0.01, method="tiles")], ["methods", "price"]),
-        ([time_row(2, 0.01), time_row(1, 0.01, method="embreex")], ["methods", "price", "peers"]),
+        ([time_row(2, 0.01), time_row(2, 0.01, method="tiles")], ["methods", "break_even"]),
+        ([time_row(2, 0.01), time_row(1, 0.01, method="embreex")], ["methods", "break_even", "peers"]),
         ([time_row(2, 0.01), time_row(2, 0.01, threads=2)], ["threads"]),
         ([time_row(2, 0.01)], []),
         ([skipped(row) for row in SPLITS], []),
@@ -240,7 +240,7 @@ def test_a_figure_of_one_packet_width_holds_the_points_of_that_width() -> None:
 
 
 def test_a_figure_that_nobody_knows_is_refused_with_the_known_names_before_anything_is_measured(tmp_path: Path) -> None:
-    message = "sweep.figures names 'figure9', expected one of figure4, figure5, figure5_vertical, methods, price"
+    message = "sweep.figures names 'figure9', expected one of figure4, figure5, figure5_vertical, methods, break_even"
     with pytest.raises(InputError, match=message):
         drawn_names(*SPLITS, grids={"figure5": [], "figure9": ["horizontal"]})
     sweep = SweepConfiguration(figures={"figure9": ["horizontal"]})

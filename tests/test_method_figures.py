@@ -13,9 +13,9 @@ from matplotlib.figure import Figure
 
 from experiments.drawing.bars import spread
 from experiments.drawing.values import TIMES, say_number
+from experiments.workloads.frame.break_even_figure import draw_break_even_figure
 from experiments.workloads.frame.methods_figure import draw_methods_figure
 from experiments.workloads.frame.peers_figure import draw_peers_figure
-from experiments.workloads.frame.price_figure import draw_price_figure
 from experiments.workloads.frame.threads_figure import draw_threads_figure
 from tests.report_samples import table_of
 
@@ -117,7 +117,7 @@ def test_wrong_pixels_are_told_beside_the_ratio() -> None:
 
 def test_the_price_figure_draws_cumulative_seconds_marks_the_break_even_and_lists_the_parts() -> None:
     aligned = method_row("aligned", 128, 0.02, 2.5, plan_time_s=0.03, build_time_s=0.1, first_frame_time_s=0.05)
-    figure = draw_price_figure(make_rows(aligned, method_row("aligned", 64, 0.001, 1.0), PIXEL))
+    figure = draw_break_even_figure(make_rows(aligned, method_row("aligned", 64, 0.001, 1.0), PIXEL))
     (axis,) = figure.axes
     drawn, packets = line(axis, "aligned"), line(axis, "fastest packets per pixel")
     assert (drawn[1], drawn[2], drawn[1000]) == (0.18, 0.2, 0.18 + 999 * 0.02)
@@ -140,20 +140,22 @@ def test_the_price_figure_draws_cumulative_seconds_marks_the_break_even_and_list
 
 def test_the_price_figure_draws_one_line_a_method_at_its_best_packet_width() -> None:
     single = method_row("aligned", 256, 0.08, 0.5, packet_width=1)
-    figure = draw_price_figure(make_rows(single, method_row("aligned", 128, 0.02, 2.5), PIXEL))
+    figure = draw_break_even_figure(make_rows(single, method_row("aligned", 128, 0.02, 2.5), PIXEL))
     assert line(figure.axes[0], "aligned")[2] == 0.053
     assert f"aligned, packets of 8, 128 {TIMES} 1" in words(figure)
     assert "single rays" not in words(figure)
 
 
 def test_the_price_figure_says_never_and_marks_nothing_for_a_method_that_stays_behind() -> None:
-    figure = draw_price_figure(make_rows(method_row("tiles", 4, 0.06, 0.8), PIXEL))
+    figure = draw_break_even_figure(make_rows(method_row("tiles", 4, 0.06, 0.8), PIXEL))
     assert "never" in words(figure)
     assert "_ring" not in [line.get_label() for line in figure.axes[0].get_lines()]
 
 
 def test_the_price_figure_without_a_baseline_draws_the_methods_and_says_what_is_missing() -> None:
-    figure = draw_price_figure(make_rows(method_row("aligned", 2), method_row("tiles", 2, first_frame_time_s=None)))
+    figure = draw_break_even_figure(
+        make_rows(method_row("aligned", 2), method_row("tiles", 2, first_frame_time_s=None))
+    )
     assert line(figure.axes[0], "aligned")[1] == 0.033
     said = words(figure)
     assert f"{TIMES} culled tiles: plan, build or first frame not measured" in said
@@ -212,7 +214,7 @@ def test_the_peers_figure_sorts_by_rays_a_second_and_lists_who_is_missing_once()
 
 
 DRAW = {
-    "methods": draw_methods_figure, "price": draw_price_figure, "threads": draw_threads_figure,
+    "methods": draw_methods_figure, "break_even": draw_break_even_figure, "threads": draw_threads_figure,
     "peers": draw_peers_figure,
 }  # fmt: skip
 LEFT = ["scene", "status", "method", "split_x", "split_y", "culling", "workload", "width", "height", "triangles"]

@@ -11,7 +11,7 @@ import atra
 import atra.judge.oracle as oracle
 from atra.hits import MISS, Hits
 from atra.judge.compare import Agreement, Verdict, compare
-from atra.judge.oracle import Examination, Standing, examine, nearest_hits, sample_pixels
+from atra.judge.oracle import Correctness, Examination, examine, nearest_hits, sample_pixels
 from atra.judge.reference import brute_force
 from scenes.cornell_box import cornell_box
 from tests.meshes import EYE_AT_ORIGIN, cornell_camera, quads, random_triangles
@@ -51,7 +51,7 @@ def examined(mesh: atra.Mesh, hits: Hits, reference: Hits, sample: object = None
 
 
 def standings(found: Examination) -> tuple[list[int], list[int]]:
-    return list(found.hits.standing), list(found.reference.standing)
+    return list(found.hits.correctness), list(found.reference.correctness)
 
 
 @pytest.mark.parametrize("offset", [(0.5, 0.5), (0.0, 0.0), (0.25, 0.75)])
@@ -98,7 +98,7 @@ def test_the_oracle_finds_no_hit_on_a_triangle_flattened_by_rounding_only() -> N
 
 def test_images_that_agree_leave_nothing_to_examine(mesh: atra.Mesh, truth: Hits) -> None:
     found = examined(mesh, truth, truth)
-    assert len(found.x) == len(found.truth.depth) == len(found.hits.standing) == 0
+    assert len(found.x) == len(found.truth.depth) == len(found.hits.correctness) == 0
 
 
 def test_a_wrong_triangle_in_one_pixel_is_told_from_a_right_one(mesh: atra.Mesh, truth: Hits) -> None:
@@ -106,7 +106,7 @@ def test_a_wrong_triangle_in_one_pixel_is_told_from_a_right_one(mesh: atra.Mesh,
     assert [(found.x[0], found.y[0])] == [PIXEL]
     assert list(found.verdict) == [Verdict.WRONG]
     assert found.truth.exhaustive.all()
-    assert standings(found) == ([Standing.WRONG_TRIANGLE], [Standing.RIGHT])
+    assert standings(found) == ([Correctness.WRONG_TRIANGLE], [Correctness.RIGHT])
     assert (found.truth.prim_id[0], found.truth.depth[0], found.hits.depth[0]) == (NEAR, 2.0, 3.0)
     # The ray meets the plane at (-1, -1/3), and the diagonal of a square 8 wide is the nearest edge.
     assert found.hits.off_by[0] == found.truth.edge_distance[0] == pytest.approx(1 / 12)
@@ -115,26 +115,26 @@ def test_a_wrong_triangle_in_one_pixel_is_told_from_a_right_one(mesh: atra.Mesh,
 
 def test_the_reference_is_blamed_where_it_is_the_one_that_is_wrong(mesh: atra.Mesh, truth: Hits) -> None:
     found = examined(mesh, truth, changed(truth, FAR, 3.0))
-    assert standings(found) == ([Standing.RIGHT], [Standing.WRONG_TRIANGLE])
+    assert standings(found) == ([Correctness.RIGHT], [Correctness.WRONG_TRIANGLE])
     assert list(found.hits.wrong) == [False]
     assert list(found.reference.wrong) == [True]
 
 
 def test_both_are_blamed_where_both_are_wrong(mesh: atra.Mesh, truth: Hits) -> None:
     found = examined(mesh, changed(truth, MISS, np.inf), changed(truth, FAR, 3.0))
-    assert standings(found) == ([Standing.WRONG_TRIANGLE], [Standing.WRONG_TRIANGLE])
+    assert standings(found) == ([Correctness.WRONG_TRIANGLE], [Correctness.WRONG_TRIANGLE])
 
 
 def test_a_triangle_that_is_missed_is_off_by_how_far_the_ray_passes_beside_it(mesh: atra.Mesh, truth: Hits) -> None:
     found = examined(mesh, changed(truth, BESIDE, 2.0), truth)
-    assert standings(found) == ([Standing.WRONG_TRIANGLE], [Standing.RIGHT])
+    assert standings(found) == ([Correctness.WRONG_TRIANGLE], [Correctness.RIGHT])
     # The ray meets the plane at x = -1, 17 beside an edge at x = 16 of a square 8 wide.
     assert found.hits.off_by[0] == -found.hits.edge_distance[0] == pytest.approx(17 / 8)
 
 
 def test_a_miss_is_off_by_how_far_inside_the_triangle_the_ray_passes(mesh: atra.Mesh, truth: Hits) -> None:
     found = examined(mesh, truth, changed(truth, MISS, np.inf))
-    assert standings(found) == ([Standing.RIGHT], [Standing.WRONG_TRIANGLE])
+    assert standings(found) == ([Correctness.RIGHT], [Correctness.WRONG_TRIANGLE])
     assert found.reference.off_by[0] == found.truth.edge_distance[0]
     assert np.isnan(found.reference.edge_distance[0])
 
@@ -146,14 +146,14 @@ def test_a_depth_that_is_off_is_told_from_a_wrong_triangle_and_blamed_on_its_ima
     off = changed(truth, depth=2.1)
     found = examined(mesh, *((off, truth) if blamed == "hits" else (truth, off)))
     assert list(found.verdict) == [Verdict.WRONG]
-    expected = ([Standing.WRONG_DEPTH], [Standing.RIGHT])
+    expected = ([Correctness.WRONG_DEPTH], [Correctness.RIGHT])
     assert standings(found) == (expected if blamed == "hits" else expected[::-1])
 
 
 def test_nobody_is_wrong_about_equally_deep_triangles(mesh: atra.Mesh, truth: Hits) -> None:
     found = examined(mesh, changed(truth, NEAR_TWIN), truth)
     assert list(found.verdict) == [Verdict.TIED]
-    assert standings(found) == ([Standing.TIED], [Standing.RIGHT])
+    assert standings(found) == ([Correctness.TIED], [Correctness.RIGHT])
 
 
 def test_the_sample_finds_where_both_images_are_wrong_alike(mesh: atra.Mesh, truth: Hits) -> None:
@@ -191,8 +191,8 @@ def test_where_too_many_pixels_disagree_the_nearer_confirmed_answer_is_the_truth
     disputed = found.disputed
     assert list(found.truth.exhaustive) == [True, False]
     assert (found.truth.prim_id[disputed], found.truth.depth[disputed]) == (FAR, 3.0)
-    assert (found.hits.standing[disputed], found.reference.standing[disputed]) == (
-        Standing.RIGHT, Standing.WRONG_TRIANGLE,
+    assert (found.hits.correctness[disputed], found.reference.correctness[disputed]) == (
+        Correctness.RIGHT, Correctness.WRONG_TRIANGLE,
     )  # fmt: skip
     twins = examined(mesh, changed(truth, NEAR_TWIN), truth)
     assert list(twins.truth.prim_id) == [NEAR]

@@ -22,8 +22,8 @@ SWEEPS = {
         {"figure3", "figure4", *FIGURE5, "figure5_vertical", "figure6", "figure7", "figure7_instancing"},
     ),
     "methods": (
-        ["sweep.grids.methods_aligned={method.split_x:'1,4'}", "sweep.grids.methods_tiles={method.split_y:8}"],
-        {"methods", "price"},
+        ["method.split_x=1,4", "method.split_y=1"],
+        {"methods", "break_even"},
     ),
     "threads": ([], {"threads"}),
     "peers": ([], {"peers"}),

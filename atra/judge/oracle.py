@@ -27,7 +27,7 @@ EXHAUSTIVE_TESTS = 2e10
 broken, not rounded differently, and there the nearer of their two answers passes for the truth."""
 
 
-class Standing(IntEnum):
+class Correctness(IntEnum):
     """How an image's answer for one pixel stands before the oracle."""
 
     RIGHT = 0
@@ -57,13 +57,13 @@ class Truth:
 
 
 @dataclass(frozen=True, eq=False)
-class Testimony:
+class Answer:
     """What an image says of N pixels, and how that stands.
 
     prim_id: (N,) uint32, the triangle it names. stored_depth: (N,) float32, the depth it stores.
     depth, edge_distance: (N,) float64, where the ray meets that triangle's plane in float64, as in
     `atra.geometry.intersection.Intersections`; inf and NaN where it names none.
-    standing: (N,) uint8, values of `Standing`.
+    correctness: (N,) uint8, values of `Correctness`.
     off_by: (N,) float64, barycentric: how far a wrong answer is from a right one. A triangle that is missed is missed
     by this, otherwise the nearest triangle was overlooked this far inside its edges. inf where a triangle without
     area, or edge-on, was named; 0 where the triangle is right.
@@ -73,13 +73,13 @@ class Testimony:
     stored_depth: NDArray[np.float32]
     depth: NDArray[np.float64]
     edge_distance: NDArray[np.float64]
-    standing: NDArray[np.uint8]
+    correctness: NDArray[np.uint8]
     off_by: NDArray[np.float64]
 
     @property
     def wrong(self) -> NDArray[np.bool_]:
         """(N,) bool, the triangle or its depth is wrong."""
-        return self.standing >= Standing.WRONG_TRIANGLE
+        return self.correctness >= Correctness.WRONG_TRIANGLE
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,8 +95,8 @@ class Examination:
     verdict: NDArray[np.uint8]
     sampled: NDArray[np.bool_]
     truth: Truth
-    hits: Testimony
-    reference: Testimony
+    hits: Answer
+    reference: Answer
 
     @property
     def disputed(self) -> NDArray[np.bool_]:
@@ -163,14 +163,14 @@ def examine(
     y, x = np.divmod(pixels, camera.width)
     exhaustive = sampled[pixels] | (len(pixels) * mesh.triangle_count <= EXHAUSTIVE_TESTS)
     truth = _truth(mesh, camera, x, y, hits, reference, exhaustive, threads)
-    testimonies = []
+    answers = []
     for image in (hits, reference):
         # A wrong depth makes the verdict WRONG, whose depth it is is seen when the image is compared with itself.
         depth_is_wrong = np.zeros(len(pixels), bool)
         if agreement.pixels_wrong:
             depth_is_wrong = compare(mesh, camera, image, image).verdict[y, x] == Verdict.WRONG
-        testimonies.append(_testify(mesh, camera, image, x, y, truth, depth_is_wrong))
-    return Examination(x, y, verdict[pixels], sampled[pixels], truth, testimonies[0], testimonies[1])
+        answers.append(_judge_answer(mesh, camera, image, x, y, truth, depth_is_wrong))
+    return Examination(x, y, verdict[pixels], sampled[pixels], truth, answers[0], answers[1])
 
 
 def _truth(
@@ -195,7 +195,7 @@ def _truth(
     return Truth(prim_id, depth, _met(mesh, camera, x, y, prim_id, hits.offset)[1], exhaustive)
 
 
-def _testify(
+def _judge_answer(
     mesh: Mesh,
     camera: View,
     image: Hits,
@@ -203,7 +203,7 @@ def _testify(
     y: NDArray[np.int64],
     truth: Truth,
     depth_is_wrong: NDArray[np.bool_],
-) -> Testimony:
+) -> Answer:
     prim_id = image.prim_id[y, x]
     depth, edge_distance = _met(mesh, camera, x, y, prim_id, image.offset)
     is_met = edge_distance >= -SLACK  # False for nothing
@@ -211,15 +211,15 @@ def _testify(
         as_deep = np.abs(depth - truth.depth) <= TIE_TOLERANCE * np.maximum(depth, truth.depth)
     right = prim_id == truth.prim_id
     tied = ~right & is_met & as_deep
-    standing = np.select(
+    correctness = np.select(
         [depth_is_wrong & (right | tied), right, tied],
-        [np.uint8(Standing.WRONG_DEPTH), np.uint8(Standing.RIGHT), np.uint8(Standing.TIED)],
-        np.uint8(Standing.WRONG_TRIANGLE),
+        [np.uint8(Correctness.WRONG_DEPTH), np.uint8(Correctness.RIGHT), np.uint8(Correctness.TIED)],
+        np.uint8(Correctness.WRONG_TRIANGLE),
     )
     beside = (prim_id != MISS) & ~is_met
     # The slack may make a hit of a ray that passes a trace outside.
     off_by = np.where(right | tied, 0.0, np.where(beside, -edge_distance, np.maximum(truth.edge_distance, 0.0)))
-    return Testimony(prim_id, image.depth[y, x], depth, edge_distance, standing, off_by)
+    return Answer(prim_id, image.depth[y, x], depth, edge_distance, correctness, off_by)
 
 
 def _met(

@@ -6,8 +6,8 @@ import pandas as pd
 
 from experiments.paper import resources, speed
 from experiments.paper.judging import on_every_scene, on_paper_scene, on_paper_scenes, on_some_scene
+from experiments.results.claims import Claim, JudgedClaim, judge_claim
 from experiments.results.estimates import NOTICEABLE
-from experiments.results.findings import Claim, Finding, judge_claim
 
 _SINGLE_RAYS = "Single rays, each point by its speed-up over rtcIntersect1 in the same rounds. "
 _RATIO = "Intervals of ratios of two points reach from low / high to high / low. "
@@ -216,7 +216,7 @@ CLAIMS: tuple[Claim, ...] = (
 """All claims: figures 4 and 5, the best speed-ups, then figures 6 and 7 and the rest."""
 
 
-def judge_claims(table: pd.DataFrame | None) -> tuple[Finding, ...]:
+def judge_claims(table: pd.DataFrame | None) -> tuple[JudgedClaim, ...]:
     """A finding for every claim, in the order of CLAIMS.
 
     table: as `experiments.results.table.make_table` gives it; None or an empty one leaves every claim not measured.

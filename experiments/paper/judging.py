@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import pandas as pd
 
 from experiments.paper.evidence import PAPER_SCENES, PAPER_SIZE, NotMeasuredError, SceneRows, collect_scenes
+from experiments.results.claims import DOES_NOT_HOLD, HOLDS, NOT_MEASURED, UNDECIDED, Judge, Judgement
 from experiments.results.estimates import Estimate
-from experiments.results.findings import DOES_NOT_HOLD, HOLDS, NOT_MEASURED, UNDECIDED, Judge, Judgement
 from experiments.workloads.frame import FRAME
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import pandas as pd
 
-from experiments.results.findings import Finding
+from experiments.results.claims import JudgedClaim
 
 
 @dataclass(frozen=True)
@@ -63,5 +63,5 @@ class ReportContents:
     table: pd.DataFrame
     figures: tuple[ReportFigure, ...]
     pictures: tuple[ScenePictures, ...]
-    claims: Sequence[Finding]
+    claims: Sequence[JudgedClaim]
     environment: dict[str, Any]

@@ -13,7 +13,7 @@ import pandas as pd
 from atra.errors import InputError
 from experiments.methods.aligned import ALIGNED
 from experiments.methods.naming import say_point
-from experiments.results.findings import VERDICTS, Finding
+from experiments.results.claims import VERDICTS, JudgedClaim
 from experiments.workloads.frame import FRAME
 
 _NUMBER = re.compile(r"\d+(?:[.,]\d+)*")
@@ -182,7 +182,7 @@ def missing_points(table: pd.DataFrame) -> tuple[MissingPoints, ...]:
     )
 
 
-def count_verdicts(claims: Sequence[Finding]) -> dict[str, int]:
+def count_verdicts(claims: Sequence[JudgedClaim]) -> dict[str, int]:
     """Number of claims by verdict. Raises InputError for a verdict that is none."""
     counts = Counter(claim.verdict for claim in claims)
     for claim in claims:

@@ -28,7 +28,7 @@ from experiments.report.facts import (
     software_in_short,
 )
 from experiments.report.pictures import embed_pictures
-from experiments.results.findings import VERDICTS
+from experiments.results.claims import VERDICTS
 from experiments.results.table import csv_bytes
 
 _TEMPLATES = Path(__file__).resolve().parents[2] / "reports"

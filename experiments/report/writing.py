@@ -17,7 +17,7 @@ from experiments.paper.claims import judge_claims
 from experiments.report import ReportContents, ReportFigure, write_report
 from experiments.report import ScenePictures as ReportPictures
 from experiments.report.figures import draw_figures
-from experiments.results.findings import write_claims
+from experiments.results.claims import write_claims
 from experiments.results.table import check_one_environment, make_table, read_table, workload_rows, write_table
 from experiments.workloads import WORKLOADS
 from experiments.workloads.picture.pictures import ScenePictures, read_pictures

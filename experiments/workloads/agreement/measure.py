@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from atra.hits import MISS
 from atra.judge.compare import Verdict, compare
-from atra.judge.oracle import Examination, Standing, examine, sample_pixels
+from atra.judge.oracle import Correctness, Examination, examine, sample_pixels
 from experiments.harness.point import Point
 from experiments.workloads.agreement import Offset
 from experiments.workloads.images import counts, depth_errors
@@ -79,14 +79,14 @@ def _disagreements(found: Examination, offset: Offset) -> dict[str, list[Any]]:
         "truth_edge_distance": found.truth.edge_distance,
         "truth_exhaustive": found.truth.exhaustive,
     }
-    for name, testimony in (("method", found.hits), ("baseline", found.reference)):
+    for name, answer in (("method", found.hits), ("baseline", found.reference)):
         columns |= {
-            f"{name}_prim_id": testimony.prim_id,
-            f"{name}_stored_depth": testimony.stored_depth,
-            f"{name}_depth": testimony.depth,
-            f"{name}_edge_distance": testimony.edge_distance,
-            f"{name}_standing": _named(Standing, testimony.standing),
-            f"{name}_off_by": testimony.off_by,
+            f"{name}_prim_id": answer.prim_id,
+            f"{name}_stored_depth": answer.stored_depth,
+            f"{name}_depth": answer.depth,
+            f"{name}_edge_distance": answer.edge_distance,
+            f"{name}_correctness": _named(Correctness, answer.correctness),
+            f"{name}_off_by": answer.off_by,
         }
     return {name: [_json_value(value) for value in values[rows].tolist()] for name, values in columns.items()}
 

@@ -1,4 +1,4 @@
-"""What became of the oracle's findings: the list of every disagreement, a picture of them a scene, a line a scene."""
+"""What became of the oracle's results: the list of every disagreement, a picture of them a scene, a line a scene."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def read_disagreements(table: pd.DataFrame, records: Path) -> pd.DataFrame:
     The point's own columns come first. offset_x, offset_y, x, y: the ray. verdict: of `atra.judge.compare`. sampled:
     part of the point's sample. wrong: method, baseline, both or neither. truth_*, method_*, baseline_*: triangle, depth
     along the ray in float64 and barycentric distance from the triangle's edge (negative: beside it); of method and
-    baseline also the depth that was stored, the standing and by how much they are off (`atra.judge.oracle.Testimony`).
+    baseline also the depth that was stored, the correctness and by how much they are off (`atra.judge.oracle.Answer`).
     An empty field is a miss, or infinite. records: the folder of the records.
     """
     parts = []
@@ -57,7 +57,7 @@ def read_disagreements(table: pd.DataFrame, records: Path) -> pd.DataFrame:
         if record is None or not record.results["disagreements"]["x"]:
             continue
         listed = pd.DataFrame(record.results["disagreements"])
-        wrong = [(~listed[f"{name}_standing"].isin(_RIGHT)).to_numpy(np.intp) for name in ("method", "baseline")]
+        wrong = [(~listed[f"{name}_correctness"].isin(_RIGHT)).to_numpy(np.intp) for name in ("method", "baseline")]
         listed.insert(listed.columns.get_loc("verdict") + 1, "wrong", _WHO[wrong[0] + 2 * wrong[1]])
         for name in _PRIM_IDS:
             listed[name] = listed[name].astype("Int64")

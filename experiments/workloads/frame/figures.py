@@ -12,10 +12,10 @@ from experiments.methods import METHODS
 from experiments.methods.aligned_forms import aligned_rows
 from experiments.results.table import workload_rows
 from experiments.workloads.frame import FRAME
+from experiments.workloads.frame.break_even_figure import draw_break_even_figure
 from experiments.workloads.frame.grid_figure import draw_grid_figure
 from experiments.workloads.frame.methods_figure import draw_methods_figure
 from experiments.workloads.frame.peers_figure import draw_peers_figure
-from experiments.workloads.frame.price_figure import draw_price_figure
 from experiments.workloads.frame.split_figure import draw_split_figure
 from experiments.workloads.frame.threads_figure import draw_threads_figure
 
@@ -61,8 +61,8 @@ FIGURES = (
         of_table(partial(draw_split_figure, axis_name="split_y")), per_packet_width=True,
     ),
     FigureKind("methods", "Time per frame of every method at its fastest split", _methods,
-    of_table(draw_methods_figure)), FigureKind("price", "What a view costs in all, from frame 1 to frame 1,000",
-    _methods, of_table(draw_price_figure)), FigureKind("threads", "Speed-up over one thread", _threads,
+    of_table(draw_methods_figure)), FigureKind("break_even", "What a view costs in all, from frame 1 to frame 1,000",
+    _methods, of_table(draw_break_even_figure)), FigureKind("threads", "Speed-up over one thread", _threads,
     of_table(draw_threads_figure)), FigureKind("peers", "Rays per second beside other ray tracers", _peers,
     of_table(draw_peers_figure)),
 )  # fmt: skip

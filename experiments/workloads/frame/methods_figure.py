@@ -15,7 +15,7 @@ from experiments.methods import METHODS
 from experiments.methods.naming import best_of, say_series, say_split
 from experiments.methods.pixel import PIXEL
 from experiments.workloads.baselines import TIME_BASELINES
-from experiments.workloads.frame.price import best_rows, time_rows
+from experiments.workloads.frame.break_even import best_rows, time_rows
 from experiments.workloads.panels import make_panels
 from experiments.workloads.series import say_ratio, say_unmeasured, series_of, style_of
 

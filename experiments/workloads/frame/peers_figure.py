@@ -15,7 +15,7 @@ from experiments.drawing.bars import Bar, draw_bars, finish_bar_axes
 from experiments.drawing.pages import make_figure, set_panel_title, write_foot
 from experiments.drawing.values import numbers, say_number
 from experiments.methods.naming import best_of, say_series, say_split
-from experiments.workloads.frame.price import best_rows, time_rows
+from experiments.workloads.frame.break_even import best_rows, time_rows
 from experiments.workloads.panels import make_panels
 from experiments.workloads.series import say_ratio, say_unmeasured, series_of, style_of
 

@@ -18,7 +18,7 @@ from experiments.drawing.pages import add_legend, make_figure, set_panel_title, 
 from experiments.drawing.style import BLACK, DOTTED
 from experiments.drawing.values import TIMES, column, drawable, numbers
 from experiments.methods.naming import best_of, say_series, say_split
-from experiments.workloads.frame.price import best_rows, time_rows
+from experiments.workloads.frame.break_even import best_rows, time_rows
 from experiments.workloads.panels import make_panels
 from experiments.workloads.series import say_unmeasured, series_of, style_of
 

@@ -17,7 +17,7 @@ _CHOICE = ("scene", "width", "height", "method", "packet_width", "threads", "bui
 
 
 @dataclass(frozen=True)
-class Price:
+class Cost:
     """Seconds a method takes on one scene, and the bytes of its Embree scenes.
 
     first_frame_time_s: the very first frame after the build; it finds caches cold.
@@ -69,8 +69,8 @@ def best_rows(table: pd.DataFrame) -> pd.DataFrame:
     return measured.iloc[np.sort(ordered[first])]
 
 
-def price_of(row: pd.Series) -> Price | None:
-    """The price of one row of the table, or None where one of its times was not measured.
+def cost_of(row: pd.Series) -> Cost | None:
+    """The cost of one row of the table, or None where one of its times was not measured.
 
     One ray per pixel has no plan: a missing plan time of method=pixel is 0.
     """
@@ -85,18 +85,18 @@ def price_of(row: pd.Series) -> Price | None:
     embree_bytes = None if pd.isna(stored) else int(stored)
     packets = row.get("packets_render_time_s")
     packets_s = None if pd.isna(packets) else float(packets)
-    return Price(str(row["method"]), plan_s, build_s, first_s, frame_s, embree_bytes, packets_s)
+    return Cost(str(row["method"]), plan_s, build_s, first_s, frame_s, embree_bytes, packets_s)
 
 
-def baseline_price(rows: pd.DataFrame) -> Price | None:
-    """The price of the fastest packets per pixel among the rows of one scene, or None if it was not measured there."""
+def baseline_cost(rows: pd.DataFrame) -> Cost | None:
+    """The cost of the fastest packets per pixel among the rows of one scene, or None if it was not measured there."""
     best = best_rows(rows)
     chosen = best["method"].eq(PIXEL.name) & best["packet_width"].gt(1)
-    prices = (price_of(row) for _, row in best[chosen.fillna(False).astype(bool)].iterrows())
-    return min((price for price in prices if price is not None), key=lambda one: one.frame_time_s, default=None)
+    costs = (cost_of(row) for _, row in best[chosen.fillna(False).astype(bool)].iterrows())
+    return min((cost for cost in costs if cost is not None), key=lambda one: one.frame_time_s, default=None)
 
 
-def cumulative_time_s(price: Price, frames: NDArray[np.integer]) -> NDArray[np.float64]:
+def cumulative_time_s(cost: Cost, frames: NDArray[np.integer]) -> NDArray[np.float64]:
     """Seconds from the start of the plan to the end of the n-th frame.
 
     frames: (N,) whole numbers from 1. Returns (N,) float64. Raises InputError for a number of frames below 1.
@@ -104,20 +104,20 @@ def cumulative_time_s(price: Price, frames: NDArray[np.integer]) -> NDArray[np.f
     counts = np.asarray(frames, np.float64)
     if counts.size and counts.min() < 1:
         raise InputError(f"frames has {counts.min():g}; expected at least 1")
-    return price.once_s + price.first_frame_time_s + (counts - 1) * price.frame_time_s
+    return cost.once_s + cost.first_frame_time_s + (counts - 1) * cost.frame_time_s
 
 
-def break_even_frames(price: Price, baseline: Price) -> int | None:
-    """The smallest number of frames from which on `price` has taken less time in all than `baseline`.
+def break_even_frames(cost: Cost, baseline: Cost) -> int | None:
+    """The smallest number of frames from which on `cost` has taken less time in all than `baseline`.
 
     1 = ahead from the first frame on; None = never, which includes a lead that further frames use up.
     """
     # The two were measured in processes of their own, perhaps an hour apart; where a frame of the baseline was timed in
     # rounds with this method's, that is the one to compare.
-    baseline_frame_s = price.packets_frame_time_s or baseline.frame_time_s
+    baseline_frame_s = cost.packets_frame_time_s or baseline.frame_time_s
     # After n frames it is behind by `behind_s` - (n - 1) * `gain_s`.
-    behind_s = price.once_s + price.first_frame_time_s - baseline.once_s - baseline.first_frame_time_s
-    gain_s = baseline_frame_s - price.frame_time_s
+    behind_s = cost.once_s + cost.first_frame_time_s - baseline.once_s - baseline.first_frame_time_s
+    gain_s = baseline_frame_s - cost.frame_time_s
     if gain_s < 0 or (gain_s == 0 and behind_s >= 0):
         return None
     if behind_s < 0:

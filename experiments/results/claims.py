@@ -49,7 +49,7 @@ class Claim:
 
 
 @dataclass(frozen=True)
-class Finding:
+class JudgedClaim:
     """A claim and what became of it: plain values, one row of `claims.csv`.
 
     verdict: one of `VERDICTS`. value: ours, "" where there is none. interval: 95 % confidence. why: one line
@@ -67,13 +67,13 @@ class Finding:
     why: str | None
 
 
-def judge_claim(claim: Claim, table: pd.DataFrame | None) -> Finding:
+def judge_claim(claim: Claim, table: pd.DataFrame | None) -> JudgedClaim:
     """What the table says of `claim`; without rows, that it was not measured."""
     judgement = claim.judge(table)
     text = claim.text
     if judgement.stand_ins:
         text += f" (Judged on stand-ins: {', '.join(judgement.stand_ins)}.)"
-    return Finding(
+    return JudgedClaim(
         id=claim.id,
         section=claim.section,
         text=text,
@@ -86,9 +86,9 @@ def judge_claim(claim: Claim, table: pd.DataFrame | None) -> Finding:
     )
 
 
-def write_claims(folder: Path, findings: Sequence[Finding]) -> None:
+def write_claims(folder: Path, findings: Sequence[JudgedClaim]) -> None:
     """Write `claims.json` and `claims.csv` into `folder`; a missing interval or reason is null, in CSV empty."""
     rows = [asdict(finding) for finding in findings]
     write_atomically(folder / "claims.json", (json.dumps(rows, indent=1, ensure_ascii=False) + "\n").encode())
-    names = list(Finding.__dataclass_fields__)
+    names = list(JudgedClaim.__dataclass_fields__)
     write_atomically(folder / "claims.csv", pd.DataFrame(rows, columns=names).to_csv(index=False).encode())

@@ -10,26 +10,26 @@ import pandas as pd
 import pytest
 
 from atra.errors import InputError
-from experiments.workloads.frame.price import (
-    Price,
-    baseline_price,
+from experiments.workloads.frame.break_even import (
+    Cost,
+    baseline_cost,
     best_rows,
     break_even_frames,
+    cost_of,
     cumulative_time_s,
-    price_of,
     time_rows,
 )
 from tests.test_method_figures import make_rows, method_row, skipped
 
-BASELINE = Price("pixel", 0.0, 1.0, 4.0, 4.0)
+BASELINE = Cost("pixel", 0.0, 1.0, 4.0, 4.0)
 
 
-def price(once_s: float, first_s: float, frame_s: float) -> Price:
-    return Price("aligned", once_s / 2, once_s / 2, first_s, frame_s)
+def cost(once_s: float, first_s: float, frame_s: float) -> Cost:
+    return Cost("aligned", once_s / 2, once_s / 2, first_s, frame_s)
 
 
 def test_cumulative_time_is_plan_build_first_frame_and_then_the_further_frames() -> None:
-    total_s = cumulative_time_s(Price("tiles", 1.0, 2.0, 8.0, 0.5), np.array([1, 2, 3, 1000]))
+    total_s = cumulative_time_s(Cost("tiles", 1.0, 2.0, 8.0, 0.5), np.array([1, 2, 3, 1000]))
     np.testing.assert_array_equal(total_s, [11, 11.5, 12, 510.5])
 
 
@@ -52,7 +52,7 @@ def test_cumulative_time_is_plan_build_first_frame_and_then_the_further_frames()
 def test_break_even_is_the_first_frame_from_which_on_the_time_in_all_is_less(
     once_s: float, first_s: float, frame_s: float, expected: int | None
 ) -> None:
-    candidate = price(once_s, first_s, frame_s)
+    candidate = cost(once_s, first_s, frame_s)
     assert break_even_frames(candidate, BASELINE) == expected
     frames = np.arange(1, 200)
     ahead = cumulative_time_s(candidate, frames) < cumulative_time_s(BASELINE, frames)
@@ -117,18 +117,18 @@ def test_the_first_of_equals_is_best_whatever_the_index_of_the_table() -> None:
 def test_the_price_of_a_row_is_its_columns_and_missing_ones_leave_no_price() -> None:
     row = method_row("visible_first", 64, time_s=0.5, plan_time_s=0.25, build_time_s=0.125, first_frame_time_s=2.0)
     table = make_rows(row, row | {"first_frame_time_s": None}, row | {"plan_time_s": None, "embree_bytes": None})
-    expected = Price("visible_first", 0.25, 0.125, 2.0, 0.5, 3000, 0.05)
-    assert [price_of(one) for _, one in table.iterrows()] == [expected, None, None]
+    expected = Cost("visible_first", 0.25, 0.125, 2.0, 0.5, 3000, 0.05)
+    assert [cost_of(one) for _, one in table.iterrows()] == [expected, None, None]
 
 
 def test_the_baseline_is_the_row_of_8_wide_packets_per_pixel_which_plans_nothing() -> None:
     single = method_row("pixel", 1, time_s=0.5, packet_width=1, plan_time_s=None)
     packets = method_row("pixel", 1, time_s=0.25, plan_time_s=None, build_time_s=0.5, first_frame_time_s=1.0)
     table = make_rows(method_row("aligned", 64), single, packets)
-    assert baseline_price(table) == Price("pixel", 0.0, 0.5, 1.0, 0.25, 3000, 0.05)
-    assert baseline_price(make_rows(method_row("aligned", 64), single)) is None
+    assert baseline_cost(table) == Cost("pixel", 0.0, 0.5, 1.0, 0.25, 3000, 0.05)
+    assert baseline_cost(make_rows(method_row("aligned", 64), single)) is None
 
 
 def test_a_baseline_frame_from_the_same_rounds_is_preferred_over_one_from_another_process() -> None:
-    slow_moment = Price("aligned", 4.0, 4.0, 4.0, 3.0, None, packets_frame_time_s=8.0)
+    slow_moment = Cost("aligned", 4.0, 4.0, 4.0, 3.0, None, packets_frame_time_s=8.0)
     assert break_even_frames(slow_moment, BASELINE) == 3  # 7 s behind, 5 s gained a frame; 1 s a frame would need 9

@@ -17,13 +17,13 @@ from experiments.drawing.values import MILLISECONDS, TIMES, say_number
 from experiments.methods import METHODS
 from experiments.methods.naming import best_of, say_series, say_split
 from experiments.methods.pixel import PIXEL
-from experiments.workloads.frame.price import (
-    Price,
-    baseline_price,
+from experiments.workloads.frame.break_even import (
+    Cost,
+    baseline_cost,
     best_rows,
     break_even_frames,
+    cost_of,
     cumulative_time_s,
-    price_of,
     time_rows,
 )
 from experiments.workloads.panels import make_panels
@@ -37,12 +37,12 @@ _COLUMNS = {"": 0.0, "plan": 0.36, "build": 0.465, "first": 0.57, "further": 0.6
 _LINE_POINTS = 11.5
 
 
-def draw_price_figure(table: pd.DataFrame, heading: str = "") -> Figure:
+def draw_break_even_figure(table: pd.DataFrame, heading: str = "") -> Figure:
     """One panel a scene (and a value of any other setting that varies); seconds over frames.
 
     Both axes are logarithmic. A line is a method at the split and packet width with the largest ratio to packets: plan,
     build and first frame, then its median frame again and again. A ring marks the frame from which on it is ahead of
-    packets per pixel. Below each panel stand the parts of the price.
+    packets per pixel. Below each panel stand the parts of the cost.
     """
     rows = time_rows(table)
     rows = rows[rows["method"].isin([*_with_cells(), PIXEL.name])]
@@ -64,21 +64,21 @@ def _with_cells() -> list[str]:
 
 def _draw_panel(axis: Axes, rows: pd.DataFrame) -> None:
     notes: list[str] = []
-    baseline = baseline_price(rows)
-    entries: list[tuple[str, str, dict[str, Any], Price]] = []
+    baseline = baseline_cost(rows)
+    entries: list[tuple[str, str, dict[str, Any], Cost]] = []
     for method in _with_cells():
         points = rows[rows["method"].eq(method).fillna(False).astype(bool)]
         for _, width, of_width in series_of(points):
             notes += say_unmeasured(of_width, say_series(method, width))
         row = _best_of_all(points)
-        price = price_of(row) if row is not None else None
-        if row is None or price is None:
+        cost = cost_of(row) if row is not None else None
+        if row is None or cost is None:
             if points["status"].eq("ok").any():
                 notes.append(f"{TIMES} {say_series(method, None)}: plan, build or first frame not measured")
             continue
         width = None if pd.isna(row["packet_width"]) else int(row["packet_width"])
         name = ", ".join(filter(None, [say_series(method, width), say_split(row)]))
-        entries.append((say_series(method, None), name, style_of(method, None), price))
+        entries.append((say_series(method, None), name, style_of(method, None), cost))
     if baseline is None:
         notes.append(f"{TIMES} {_BASELINE}: not measured in full, so no break-even")
     else:
@@ -97,17 +97,17 @@ def _best_of_all(points: pd.DataFrame) -> pd.Series | None:
     return best.iloc[int(np.argmax(best["speedup_vs_packets"].to_numpy(np.float64)))]
 
 
-def _draw_lines(axis: Axes, entries: list[tuple[str, str, dict[str, Any], Price]], baseline: Price | None) -> None:
+def _draw_lines(axis: Axes, entries: list[tuple[str, str, dict[str, Any], Cost]], baseline: Cost | None) -> None:
     frames = np.unique(np.geomspace(1, LAST_FRAME, 200).round().astype(np.int64))
     axis.set_xscale("log")
     axis.set_yscale("log")
     rings = []
-    for label, _, style, price in entries:
-        line = {"color": style["color"], "linestyle": DOTTED if price is baseline else "-"}
-        axis.plot(frames, cumulative_time_s(price, frames), linewidth=1.6, label=label, zorder=3, **line)
-        even = None if baseline is None or price is baseline else break_even_frames(price, baseline)
+    for label, _, style, cost in entries:
+        line = {"color": style["color"], "linestyle": DOTTED if cost is baseline else "-"}
+        axis.plot(frames, cumulative_time_s(cost, frames), linewidth=1.6, label=label, zorder=3, **line)
+        even = None if baseline is None or cost is baseline else break_even_frames(cost, baseline)
         if even is not None and even <= LAST_FRAME:
-            rings.append((even, float(cumulative_time_s(price, np.array([even]))[0]), style["color"]))
+            rings.append((even, float(cumulative_time_s(cost, np.array([even]))[0]), style["color"]))
     if entries:
         low, high = axis.get_ylim()
         axis.set_ylim(low / 4, high)
@@ -133,14 +133,14 @@ def _draw_lines(axis: Axes, entries: list[tuple[str, str, dict[str, Any], Price]
         say_nothing_measured(axis)
 
 
-def _write_parts(axis: Axes, entries: list[tuple[str, str, dict[str, Any], Price]], baseline: Price | None) -> None:
-    """The parts of every price below the panel: times in ms, bytes over the baseline's, the break-even."""
+def _write_parts(axis: Axes, entries: list[tuple[str, str, dict[str, Any], Cost]], baseline: Cost | None) -> None:
+    """The parts of every cost below the panel: times in ms, bytes over the baseline's, the break-even."""
     if not entries:
         return
     lines = [(GREY, dict(zip(_COLUMNS, ["times in ms", *list(_COLUMNS)[1:]], strict=True)))]
-    for _, name, style, price in entries:
-        times = (price.plan_time_s, price.build_time_s, price.first_frame_time_s, price.frame_time_s)
-        cells = [name, *(_ms(time_s) for time_s in times), _say_bytes(price, baseline), _say_even(price, baseline)]
+    for _, name, style, cost in entries:
+        times = (cost.plan_time_s, cost.build_time_s, cost.first_frame_time_s, cost.frame_time_s)
+        cells = [name, *(_ms(time_s) for time_s in times), _say_bytes(cost, baseline), _say_even(cost, baseline)]
         lines.append((style["color"], dict(zip(_COLUMNS, cells, strict=True))))
     for place, (color, words) in enumerate(lines):
         for column, text in words.items():
@@ -150,16 +150,16 @@ def _write_parts(axis: Axes, entries: list[tuple[str, str, dict[str, Any], Price
             )  # fmt: skip
 
 
-def _say_bytes(price: Price, baseline: Price | None) -> str:
-    if baseline is None or not price.embree_bytes or not baseline.embree_bytes:
+def _say_bytes(cost: Cost, baseline: Cost | None) -> str:
+    if baseline is None or not cost.embree_bytes or not baseline.embree_bytes:
         return "-"
-    return f"{price.embree_bytes / baseline.embree_bytes:.2f}{TIMES}"
+    return f"{cost.embree_bytes / baseline.embree_bytes:.2f}{TIMES}"
 
 
-def _say_even(price: Price, baseline: Price | None) -> str:
-    if baseline is None or price is baseline:
+def _say_even(cost: Cost, baseline: Cost | None) -> str:
+    if baseline is None or cost is baseline:
         return "-"
-    even = break_even_frames(price, baseline)
+    even = break_even_frames(cost, baseline)
     return "never" if even is None else f"frame {even:,}"
 
 
