@@ -78,7 +78,7 @@ def run_sweep(
     """
     console = Console(stderr=True)
     first = grid_points[0].configuration
-    check_figures(first.sweep.figures)
+    check_figures(first.sweep.figures, tuple(dict.fromkeys(one.grid for one in grid_points)))
     points = _plan(grid_points, console)
     folder, records = results_folder(first), records_folder(first)
     check_writable(folder)

@@ -16,7 +16,7 @@ from experiments.harness.records import load_record
 from experiments.paper.claims import judge_claims
 from experiments.report import ReportContents, ReportFigure, write_report
 from experiments.report import ScenePictures as ReportPictures
-from experiments.report.figures import draw_figures
+from experiments.report.figures import check_figures, draw_figures
 from experiments.results.claims import write_claims
 from experiments.results.table import check_one_environment, make_table, read_table, workload_rows, write_table
 from experiments.workloads import WORKLOADS
@@ -46,6 +46,7 @@ def rewrite_report(configuration: Configuration) -> Path:
     if not folder.is_dir():
         name = configuration.sweep.name
         raise InputError(f"{folder} does not exist, so there is nothing to report; run sweep={name} first")
+    check_figures(configuration.sweep.figures, configuration.sweep.grids)
     with exclusive(folder.parent, folder):
         table = read_table(folder)
         command_file = folder / _COMMAND_FILE
