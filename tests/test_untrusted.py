@@ -17,11 +17,10 @@ from experiments.harness import records
 from experiments.harness.launching import WORKER_COMMAND, project_environment
 from experiments.harness.progress import SweepProgress, say
 from experiments.harness.records import FORMAT, Record, read_record, record_path
-from experiments.report import ReportFigure
 from experiments.report.page import render_report
 from experiments.results.table import columns, read_table, write_table
 from experiments.results.terminal import print_point, print_sweep
-from tests.report_samples import CLAIMS, SVG, scene_pictures, small_contents, small_table
+from tests.report_samples import CLAIMS, drawn_figure, scene_pictures, small_contents, small_table
 
 ROOT = Path(__file__).resolve().parents[1]
 CONTROLS = "\x1b]0;title\x07\x1b[2J\x9b31m\u202edesrever\u2028\x00"
@@ -59,8 +58,8 @@ def test_no_control_character_of_a_name_or_an_error_reaches_the_page() -> None:
             command=CONTROLS,
             table=hostile_table(),
             claims=(claim,),
-            figures=(ReportFigure(CONTROLS, CONTROLS, SVG),),
-            pictures=(scene_pictures(CONTROLS, edge=8, title=CONTROLS, stands_for=CONTROLS, withheld=CONTROLS),),
+            figures=(drawn_figure(CONTROLS, CONTROLS),),
+            pictures=(scene_pictures(CONTROLS, stands_for=CONTROLS),),
             environment={"cpu": CONTROLS, CONTROLS: CONTROLS},
         )
     )
