@@ -66,11 +66,8 @@ def test_a_half_written_record_is_set_aside_with_a_warning(tmp_path: Path) -> No
     assert (tmp_path / f"{RECORD.point_id}.json.corrupt").read_text() == half
 
 
-@pytest.mark.parametrize(
-    "content",
-    [b"", b"[]", b"\xff\xfe", b'{"format": 1}', b'{"format": 2}', b'{"format": 2, "status": "ok", "unknown": 1}'],
-)
-def test_a_file_that_is_no_record_of_this_version_is_set_aside(tmp_path: Path, content: bytes) -> None:
+@pytest.mark.parametrize("content", [b"", b"[]", b"null", b"\xff\xfe", b'{"format": 2, "status": "ok", "unknown": 1}'])
+def test_a_file_that_is_no_record_is_set_aside(tmp_path: Path, content: bytes) -> None:
     record_path(tmp_path, RECORD.point_id).write_bytes(content)
     with pytest.raises(RecordError, match="start its sweep again"):
         load_record(tmp_path, RECORD.point_id)
@@ -78,6 +75,14 @@ def test_a_file_that_is_no_record_of_this_version_is_set_aside(tmp_path: Path, c
     with pytest.warns(UserWarning, match="measuring the point again"):
         assert read_record(tmp_path, RECORD.point_id) is None
     assert not record_path(tmp_path, RECORD.point_id).exists()
+
+
+@pytest.mark.parametrize("version", [1, 3, None])
+def test_a_record_of_another_version_is_refused(tmp_path: Path, version: int | None) -> None:
+    path = write_record(tmp_path, RECORD)
+    path.write_text(json.dumps(json.loads(path.read_text()) | {"format": version}))
+    with pytest.raises(RecordError, match=rf"it is of format {version}, expected 2\); start its sweep again"):
+        load_record(tmp_path, RECORD.point_id)
 
 
 def test_a_record_with_the_digest_of_earlier_versions_is_read(tmp_path: Path) -> None:

@@ -78,13 +78,14 @@ def load_record(folder: Path, identity: str) -> Record | None:
     path = record_path(folder, identity)
     try:
         fields = json.loads(path.read_bytes())
-        if not isinstance(fields, dict) or fields.pop("format", None) != FORMAT:
-            raise ValueError(f"it is not of format {FORMAT}")
+        version = fields.pop("format", None)
+        if version != FORMAT:
+            raise ValueError(f"it is of format {version}, expected {FORMAT}")
         fields.pop("sha256", None)  # earlier versions of atra wrote a digest
         return Record(**fields)
     except FileNotFoundError:
         return None
-    except (OSError, ValueError, TypeError, RecursionError) as error:
+    except (OSError, ValueError, TypeError, AttributeError) as error:
         raise RecordError(
             f"record {path} cannot be read ({error}); start its sweep again, which measures the point anew"
         ) from None
