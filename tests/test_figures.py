@@ -242,7 +242,7 @@ def test_a_figure_of_one_packet_width_holds_the_points_of_that_width() -> None:
 @pytest.mark.parametrize(
     ("figures", "message"),
     [
-        ({"figure9": ["horizontal"]}, "sweep.figures names 'figure9', expected one of figure4, figure5, figure5_vertical"),
+        ({"figure9": ["horizontal"]}, "sweep.figures names 'figure9', expected one of figure4, figure5"),
         ({"figure5": ["vertical"]}, "sweep.figures.figure5 names 'vertical', expected one of horizontal"),
     ],
 )
