@@ -52,10 +52,10 @@ class Runner:
 def configuration(
     folder: Path, sweep: str = "one", split_x: int = 1, workload: str = "frame", **fields: object
 ) -> Configuration:
-    """Of a sweep that draws nothing but a grid called horizontal: drawing takes time."""
+    """Of a sweep that draws nothing: drawing takes time."""
     return Configuration(
         scene=SceneConfiguration(name="cornell_box", source=SceneSource.procedural),
-        sweep=SweepConfiguration(name=sweep, figures={"figure5": ["horizontal"]}),
+        sweep=SweepConfiguration(name=sweep, figures={"figure5": []}),
         method=fields.pop("method", Chosen("aligned", AlignedOptions(split_x))),
         workload=Chosen(workload, NoOptions()),
         **{"width": 64, "height": 64, "results_dir": str(folder), **fields},  # type: ignore[arg-type]
