@@ -1,8 +1,8 @@
-"""Column of the table: its name, type, unit and help, and how it is read from a record."""
+"""Column of the table: its name, type, unit and help, and how it is read from the records of a point."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import MISSING, Field, dataclass, fields
 from types import NoneType, UnionType
 from typing import Any, get_args, get_type_hints
@@ -15,21 +15,30 @@ TEXT, WHOLE, REAL, TRUTH = "string", "Int64", "Float64", "boolean"
 _UNITS = {"_s": "s", "_bytes": "bytes", "_gib": "GiB", "_degrees": "degrees"}
 
 
+def middle(values: Sequence[Any]) -> Any:
+    """The middle one of some values, the lower of two; what all have alike is itself."""
+    return sorted(values)[(len(values) - 1) // 2]
+
+
 @dataclass(frozen=True)
 class Column:
     """A column of the table.
 
     help: what it holds, for people. read: its value of a record, None = missing; by default the result of its name.
+    over: the values of several processes, at least one -> that of the point.
     """
 
     name: str
     dtype: str
     help: str = ""
     read: Callable[[Record], Any] | None = None
+    over: Callable[[Sequence[Any]], Any] = middle
 
-    def value(self, record: Record) -> Any:
-        """The value of `record`; None where it has none."""
-        return record.results.get(self.name) if self.read is None else self.read(record)
+    def value(self, records: Sequence[Record]) -> Any:
+        """The value of a point, of each of whose processes there is a record; None where none of them has one."""
+        found = [record.results.get(self.name) if self.read is None else self.read(record) for record in records]
+        found = [value for value in found if value is not None]
+        return self.over(found) if found else None
 
     @property
     def unit(self) -> str:

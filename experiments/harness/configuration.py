@@ -93,15 +93,20 @@ class SweepConfiguration:
 class MeasureConfiguration:
     """How a point is measured.
 
-    rounds, warmup: rounds that count and rounds before them.
+    processes: how many processes, one after another and spread over the sweep, measure each timed point. One process
+    has its memory laid out in one way and meets one mood of the machine, so intervals are of processes.
+    process: which of them a launched job is; a sweep sets it.
+    rounds, warmup: rounds of a process that count and rounds before them.
     frame_budget_s: no further round starts past this many seconds of work, but three always run.
     time_limit_s: a worker still running after this long is stopped and its point fails.
     memory_budget_gib: a point that would need more is skipped.
     """
 
-    rounds: int = 9
-    warmup: int = 2
-    frame_budget_s: float = 20.0
+    processes: int = 3
+    process: int = 0
+    rounds: int = 5
+    warmup: int = 1
+    frame_budget_s: float = 10.0
     time_limit_s: float = 1200.0
     memory_budget_gib: float = 4.0
 
@@ -191,6 +196,8 @@ def check_configuration(configuration: Configuration) -> None:
     _at_least("width", configuration.width, 1)
     _at_least("height", configuration.height, 1)
     resolve_threads(configuration.threads)
+    _at_least("measure.processes", measure.processes, 1)
+    _at_least("measure.process", measure.process, 0)
     _at_least("measure.rounds", measure.rounds, 1)
     _at_least("measure.warmup", measure.warmup, 0)
     for name in ("frame_budget_s", "time_limit_s", "memory_budget_gib"):

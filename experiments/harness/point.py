@@ -16,8 +16,8 @@ _TYPED = ("options", "workload_options")
 class Point:
     """One point to measure: the worker needs nothing else, and the record's identity is a hash of it.
 
-    `triangles` and `mesh_sha256` describe the mesh as loaded. options, workload_options: of the types that the method
-    and the workload name; all else are plain JSON values.
+    `triangles` and `mesh_sha256` describe the mesh as loaded. process: which of the processes that measure the same.
+    options, workload_options: of the types that the method and the workload name; all else are plain JSON values.
     """
 
     scene: str
@@ -44,6 +44,7 @@ class Point:
     frame_budget_s: float
     time_limit_s: float
     memory_budget_gib: float
+    process: int = 0
 
     def configuration(self) -> dict[str, Any]:
         """All fields as plain values; options by name of their section, `method_options` and `workload_options`."""

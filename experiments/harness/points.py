@@ -80,6 +80,7 @@ def _resolve(configuration: Configuration, scene: Scene) -> Point:
         frame_budget_s=measure.frame_budget_s,
         time_limit_s=measure.time_limit_s,
         memory_budget_gib=measure.memory_budget_gib,
+        process=measure.process,
     )
 
 

@@ -17,7 +17,14 @@ from experiments.paper.claims import judge_claims
 from experiments.report import ReportContents, write_report
 from experiments.report.figures import check_figures, draw_figures
 from experiments.results.claims import write_claims
-from experiments.results.table import check_one_environment, make_table, read_table, workload_rows, write_table
+from experiments.results.table import (
+    Tables,
+    check_one_environment,
+    make_tables,
+    read_tables,
+    workload_rows,
+    write_tables,
+)
 from experiments.workloads import WORKLOADS
 from experiments.workloads.picture.pictures import read_pictures
 
@@ -25,12 +32,12 @@ _COMMAND_FILE = "command.txt"
 """Keeps what the user ran, for a report written later."""
 
 
-def write_results(configuration: Configuration, table: pd.DataFrame, command: str) -> None:
-    """Write table, figures and, where the sweep asks for it, claims and page into its folder."""
+def write_results(configuration: Configuration, tables: Tables, command: str) -> None:
+    """Write tables, figures and, where the sweep asks for it, claims and page into its folder."""
     folder = results_folder(configuration)
-    write_table(folder, table)
+    write_tables(folder, tables)
     write_atomically(folder / _COMMAND_FILE, f"{command}\n".encode())
-    _write_what_follows(configuration, table, command=command, report=configuration.sweep.report)
+    _write_what_follows(configuration, tables, command=command, report=configuration.sweep.report)
 
 
 def rewrite_report(configuration: Configuration) -> Path:
@@ -46,16 +53,15 @@ def rewrite_report(configuration: Configuration) -> Path:
         raise InputError(f"{folder} does not exist, so there is nothing to report; run sweep={name} first")
     check_figures(configuration.sweep.figures, configuration.sweep.grids)
     with exclusive(folder.parent, folder):
-        table = read_table(folder)
+        tables = read_tables(folder) or make_tables([])
         command_file = folder / _COMMAND_FILE
         command = command_file.read_text(encoding="utf-8").strip() if command_file.exists() else ""
-        table = make_table([]) if table is None else table
-        return _write_what_follows(configuration, table, command=command, report=True)
+        return _write_what_follows(configuration, tables, command=command, report=True)
 
 
-def _write_what_follows(configuration: Configuration, table: pd.DataFrame, *, command: str, report: bool) -> Path:
-    """Figures, claims and page, all from the table and the records."""
-    folder, records = results_folder(configuration), records_folder(configuration)
+def _write_what_follows(configuration: Configuration, tables: Tables, *, command: str, report: bool) -> Path:
+    """Figures, claims and page, all from the tables and the records."""
+    folder, records, table = results_folder(configuration), records_folder(configuration), tables.points
     environment = _environment(table, records)
     figures = list(draw_figures(table, records, configuration.sweep.figures))
     for figure in figures:
@@ -66,7 +72,7 @@ def _write_what_follows(configuration: Configuration, table: pd.DataFrame, *, co
             results.write(folder, records, rows)
     page = folder / "report.html"
     if report:
-        claims = judge_claims(table)
+        claims = judge_claims(tables.processes)
         write_claims(folder, claims)
         contents = ReportContents(
             title=f"atra: {folder.name}",

@@ -1,9 +1,11 @@
-"""Records -> table: one row a point."""
+"""Records -> tables: one row a point, and one row a process of it."""
 
 from __future__ import annotations
 
 import io
+import json
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -16,8 +18,21 @@ from experiments.harness.column import REAL, TEXT, WHOLE, Column, option_columns
 from experiments.harness.environment import BUSY_LOAD, describe_difference
 from experiments.harness.records import Record
 from experiments.methods import METHODS, find_method
+from experiments.results.canary import BAND, strays
 from experiments.workloads import WORKLOADS, find_workload
 from scenes.built_in import BUILT_IN
+
+
+def _first(values: Sequence[Any]) -> Any:
+    return values[0]
+
+
+def _longest(texts: Sequence[str]) -> str:
+    return max(texts, key=len)
+
+
+def _worst(statuses: Sequence[str]) -> str:
+    return next(status for status in ("failed", "skipped", "ok") if status in statuses)
 
 
 def _field(name: str, dtype: str, help: str) -> Column:
@@ -51,16 +66,19 @@ _TRACING_COLUMNS = (
     _field("threads", WHOLE, "threads that traced"),
     _field("build_quality", TEXT, "Embree's, for its BVH"),
     _field("ties", TEXT, "which of overlapping triangles in one plane is stored"),
+    _field("process", WHOLE, "which of the processes that measured the point"),
 )
 _OUTCOME_COLUMNS = (
-    Column("status", TEXT, "ok, skipped or failed", lambda record: record.status),
-    Column("error", TEXT, "why, when not ok", lambda record: record.error),
-    Column("rounds", WHOLE, "rounds that ran"),
-    Column("doubts", TEXT, "what makes the times less trustworthy", lambda record: _doubts(record)),
-    Column("load_average", REAL, "load of the machine before the point", lambda record: _load(record)),
+    Column("status", TEXT, "ok, skipped, failed or unsteady", lambda record: record.status, _worst),
+    Column("error", TEXT, "why, when not ok", lambda record: record.error, _first),
+    Column("processes", WHOLE, "processes that measured it", lambda record: 1, sum),
+    Column("processes_left_out", WHOLE, "processes left out, the machine not being as it mostly was"),
+    Column("rounds", WHOLE, "rounds that ran in every process", over=min),
+    Column("doubts", TEXT, "what makes the times less trustworthy", lambda record: _doubts(record), _longest),
+    Column("load_average", REAL, "load of the machine before the point", lambda record: _load(record), max),
     _of_environment("cpu", "cpu", TEXT, "processor"),
-    _of_environment("measured_at", "taken_at", TEXT, "when"),
-    Column("point_id", TEXT, "identity of the point; name of its record", lambda record: record.point_id),
+    Column("measured_at", TEXT, "when", lambda record: record.environment.get("taken_at"), min),
+    Column("point_id", TEXT, "identity of the point; name of its first record", lambda record: record.point_id, _first),
     Column("grids", TEXT, "grids of the sweep that it is part of", lambda record: None),
 )
 
@@ -88,18 +106,58 @@ def columns() -> dict[str, Column]:
 _ALWAYS = ("scene", "workload", "method", "status", "point_id", "grids")
 """Columns without which a file is no table of ours."""
 
+_UNSTEADY = {
+    "status": "unsteady",
+    "error": f"rtcIntersect1 over packets was more than {BAND:.0%} off the median of the sweep",
+}
+
 _OUT_OF_PROPORTION = 10.0
 """A sample so many times longer or shorter than the median of its method is doubted."""
 
 
-def make_table(records: Sequence[Record], grids: Mapping[str, Sequence[str]] | None = None) -> pd.DataFrame:
-    """One row a record, in the order given.
+@dataclass(frozen=True)
+class Tables:
+    """What came of a sweep. points: one row a point, of all its processes together, less those left out. processes:
+    one row a process, with the `point_id` of its point; those left out are "unsteady"."""
 
-    grids: names of the grids each `point_id` is part of.
+    points: pd.DataFrame
+    processes: pd.DataFrame
+
+
+def make_tables(records: Sequence[Record], grids: Mapping[str, Sequence[str]] | None = None) -> Tables:
+    """Rows in the order in which points come first among the records.
+
+    grids: names of the grids each point is part of, by the `point_id` of its first process.
     Raises InputError as `check_one_environment`.
     """
     check_one_environment(records)
-    rows = [_row(record) | {"grids": ",".join((grids or {}).get(record.point_id, ())) or None} for record in records]
+    out = strays(records)
+    points, processes = [], []
+    for of_point in _by_point(records):
+        first = of_point[0].point_id
+        known = {"point_id": first, "grids": ",".join((grids or {}).get(first, ())) or None}
+        kept = [record for record in of_point if record.point_id not in out]
+        left_out = {"processes_left_out": len(of_point) - len(kept)}
+        points.append(_row(kept or of_point) | known | left_out | {"process": None} | ({} if kept else _UNSTEADY))
+        processes += [_row([record]) | known | ({} if record in kept else _UNSTEADY) for record in of_point]
+    return Tables(_frame(points), _frame(processes))
+
+
+def make_table(records: Sequence[Record], grids: Mapping[str, Sequence[str]] | None = None) -> pd.DataFrame:
+    """`make_tables`, the points alone."""
+    return make_tables(records, grids).points
+
+
+def _by_point(records: Sequence[Record]) -> list[list[Record]]:
+    """Records that differ in their process alone together, by its number."""
+    points: dict[str, list[Record]] = {}
+    for record in records:
+        alike = {name: value for name, value in record.configuration.items() if name != "process"}
+        points.setdefault(json.dumps(alike, sort_keys=True), []).append(record)
+    return [sorted(of_point, key=lambda record: record.configuration.get("process", 0)) for of_point in points.values()]
+
+
+def _frame(rows: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
     return pd.DataFrame(
         {name: pd.array([row.get(name) for row in rows], dtype=one.dtype) for name, one in columns().items()}
     )
@@ -124,17 +182,22 @@ def csv_bytes(table: pd.DataFrame) -> bytes:
     return table.to_csv(index=False).encode()
 
 
-def write_table(folder: Path, table: pd.DataFrame) -> None:
-    """Write `table.csv` and `table.parquet` into `folder`."""
-    write_atomically(folder / "table.csv", csv_bytes(table))
-    buffer = io.BytesIO()
-    table.to_parquet(buffer, index=False)
-    write_atomically(folder / "table.parquet", buffer.getvalue())
+def write_tables(folder: Path, tables: Tables) -> None:
+    """Write `table.csv`, `table.parquet` and `processes.parquet` into `folder`."""
+    write_atomically(folder / "table.csv", csv_bytes(tables.points))
+    for name, table in (("table", tables.points), ("processes", tables.processes)):
+        buffer = io.BytesIO()
+        table.to_parquet(buffer, index=False)
+        write_atomically(folder / f"{name}.parquet", buffer.getvalue())
 
 
-def read_table(folder: Path) -> pd.DataFrame | None:
-    """The table in `folder`, or None if there is none. Raises InputError for a file that is not one of ours."""
-    path = folder / "table.parquet"
+def read_tables(folder: Path) -> Tables | None:
+    """The tables in `folder`, or None if there are none. Raises InputError for a file that is not one of ours."""
+    points, processes = (_read(folder / f"{name}.parquet") for name in ("table", "processes"))
+    return None if points is None or processes is None else Tables(points, processes)
+
+
+def _read(path: Path) -> pd.DataFrame | None:
     if not path.exists():
         return None
     try:
@@ -162,22 +225,24 @@ def workload_rows(table: pd.DataFrame, *names: str) -> pd.DataFrame:
     return table[table["workload"].isin(names).astype(bool)]
 
 
-def _row(record: Record) -> dict[str, Any]:
-    workload, method = find_workload(record.configuration["workload"]), find_method(record.configuration["method"])
+def _row(records: Sequence[Record]) -> dict[str, Any]:
+    """Of the processes of one point."""
+    first = records[0]
+    workload, method = find_workload(first.configuration["workload"]), find_method(first.configuration["method"])
     columns = [
         *_POINT_COLUMNS,
         *option_columns(method.options, "method_options"),
         *option_columns(workload.options, "workload_options"),
         *_TRACING_COLUMNS,
     ]
-    row = {column.name: column.value(record) for column in columns}
+    row = {column.name: column.value(records) for column in columns}
     # The packet width and threads that ran, where the point leaves them to the machine.
-    row |= {name: record.results[name] for name in row if name in record.results}
-    if record.status == "ok":
-        measured = {column.name: column.value(record) for column in (*workload.columns, *method.counters)}
+    row |= {name: first.results[name] for name in row if name in first.results}
+    if all(record.status == "ok" for record in records):
+        measured = {column.name: column.value(records) for column in (*workload.columns, *method.counters)}
         # What ran stands in place of what was asked for, where it is told.
         row |= {name: value for name, value in measured.items() if value is not None or name not in row}
-    return row | {column.name: column.value(record) for column in _OUTCOME_COLUMNS}
+    return row | {column.name: column.value(records) for column in _OUTCOME_COLUMNS}
 
 
 def _stands_for(record: Record) -> str | None:

@@ -38,6 +38,15 @@ def packets_width(record: Record) -> int | None:
     return fastest_packets(record.samples) if any(name in record.samples for name in PACKETS.values()) else None
 
 
+def single_over_packets(record: Record) -> float | None:
+    """How much faster the widest packets are than single rays; None where they were not timed together, or took less
+    than a millisecond, which clocks and caches decide."""
+    widest = [record.samples[name] for name in PACKETS.values() if name in record.samples][-1:]
+    if SINGLE not in record.samples or not widest or median(widest[0]) < 1e-3:
+        return None
+    return float(np.median(np.divide(record.samples[SINGLE], widest[0])))
+
+
 def series(name: str) -> Series:
     """A record -> its samples of `name`, None where it has none."""
 

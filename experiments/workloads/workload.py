@@ -34,6 +34,11 @@ def make_own(point: Point, mesh: Mesh, view: View | None = None) -> Tracer:
     return find_method(point.method).make(mesh, view or point.camera, point.options, point.tracing)
 
 
+def no_canary(record: Record) -> float | None:
+    """Nothing is measured that every method leaves alike."""
+    return None
+
+
 def no_problem(point: Point) -> str | None:
     """Every point can be measured."""
     return None
@@ -48,6 +53,7 @@ class Workload:
     needed: `measure` (in the worker), and if there is any `figures`, `terminal` and `results`.
     samples: which series a record of a point must hold. optional: series that it may hold beside these, at least one.
     judged: the series whose spread makes a point doubtful. needs: results that a measured record holds at least.
+    canary: what a measured record says of the machine alone (`experiments.results.canary`).
     problem: why a point cannot be measured.
     """
 
@@ -60,7 +66,13 @@ class Workload:
     optional: frozenset[str] = frozenset()
     judged: str | None = None
     needs: tuple[str, ...] = ()
+    canary: Callable[[Record], float | None] = no_canary
     problem: Callable[[Point], str | None] = no_problem
+
+    @property
+    def is_timed(self) -> bool:
+        """Whether several processes measure it; where nothing is timed they would all find the same."""
+        return self.judged is not None
 
     def part(self, name: str) -> ModuleType | None:
         """The module `name` of the workload's room, imported now; None if it has none."""

@@ -6,7 +6,7 @@ import numpy as np
 
 from experiments.harness.column import REAL, Column
 from experiments.harness.records import Record
-from experiments.workloads.baselines import OWN, PACKETS, SINGLE, TIME_COLUMNS
+from experiments.workloads.baselines import OWN, PACKETS, SINGLE, TIME_COLUMNS, single_over_packets
 from experiments.workloads.images import IMAGE_COLUMNS, PIXELS
 from experiments.workloads.resources import RESOURCE_COLUMNS, RESOURCES
 from experiments.workloads.workload import NoOptions, Workload
@@ -33,5 +33,6 @@ FRAME = Workload(
     samples=lambda point: frozenset((OWN, SINGLE)),
     optional=frozenset(PACKETS.values()),
     judged=OWN,
+    canary=single_over_packets,
     needs=(*RESOURCES, *PIXELS, "plan_time_s", "build_time_s", "baseline_build_time_s"),
 )

@@ -14,7 +14,7 @@ from experiments.harness.records import Record
 from experiments.methods.aligned import ALIGNED
 from experiments.methods.method import option
 from experiments.results.statistics import statistics_columns
-from experiments.workloads.baselines import OWN, PACKETS, SINGLE, TIME_COLUMNS, over_own, series
+from experiments.workloads.baselines import OWN, PACKETS, SINGLE, TIME_COLUMNS, over_own, series, single_over_packets
 from experiments.workloads.images import IMAGE_COLUMNS, PIXELS
 from experiments.workloads.resources import RESOURCE_COLUMNS, RESOURCES
 from experiments.workloads.workload import Workload
@@ -89,6 +89,7 @@ MULTIFRAME = Workload(
     samples=lambda point: frozenset((OWN, SINGLE, SEPARATE, SEPARATE_VISIBLE)),
     optional=frozenset(PACKETS.values()),
     judged=OWN,
+    canary=single_over_packets,
     needs=(*RESOURCES, *PIXELS, "plan_time_s", "build_time_s", "baseline_build_time_s"),
     problem=_problem,
 )

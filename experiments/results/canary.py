@@ -1,0 +1,49 @@
+"""The canary: rtcIntersect1 over packets per pixel, which no method of a point can change, only the machine."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Sequence
+from statistics import median
+
+from experiments.harness.records import Record
+from experiments.workloads import find_workload
+
+BAND = 0.05
+"""A process whose canary strays by more than this from the median of all is measured again, and left out if it still
+strays. On a quiet machine of two cores 2 % of all strayed; on a shared one, which was bimodal, two thirds did."""
+
+FEWEST = 5
+"""Records of one scene and view below which their median says nothing about any of them."""
+
+_ALIKE = (
+    "mesh_sha256",
+    *("eye", "target", "up", "fov_y_degrees", "width", "height"),
+    *("workload", "workload_options", "threads", "build_quality", "ties"),
+)
+"""Settings that the canary depends on."""
+
+
+def strays(records: Sequence[Record]) -> set[str]:
+    """The `point_id` of every record whose canary is farther than BAND from the median of those it should equal."""
+    alike: dict[str, dict[str, float]] = {}
+    for record in records:
+        value = canary(record)
+        if value is not None:
+            key = json.dumps([record.configuration.get(name) for name in _ALIKE], sort_keys=True)
+            alike.setdefault(key, {})[record.point_id] = math.log(value)
+    return {
+        name
+        for group in alike.values()
+        if len(group) >= FEWEST
+        for name, value in group.items()
+        if abs(value - median(group.values())) > math.log1p(BAND)
+    }
+
+
+def canary(record: Record) -> float | None:
+    """The canary of a measured record, None where its workload has none."""
+    if record.status != "ok":
+        return None
+    return find_workload(record.configuration["workload"]).canary(record)
