@@ -19,7 +19,7 @@ from experiments.workloads.frame.break_even import (
     cumulative_time_s,
     time_rows,
 )
-from tests.test_method_figures import make_rows, method_row, skipped
+from tests.drawn import make_rows, method_row, skipped
 
 BASELINE = Cost("pixel", 0.0, 1.0, 4.0, 4.0)
 

@@ -26,7 +26,7 @@ from experiments.workloads.build.build_figure import draw_build_figure
 from experiments.workloads.frame.grid_figure import draw_grid_figure
 from experiments.workloads.frame.split_figure import draw_split_figure
 from experiments.workloads.memory.memory_figure import draw_memory_figure
-from tests.test_figures import build_row, make_rows, memory_row, time_row
+from tests.drawn import build_row, make_rows, memory_row, time_row
 from tests.test_sweep import Runner, configuration
 from tests.test_table import MEASURED
 
