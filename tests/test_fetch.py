@@ -91,12 +91,12 @@ def by_hand(tmp_path, describe):
     """Puts an archive where a download would have put it, so that no network is needed."""
     pytest.importorskip("pooch", reason="fetching needs pooch: pip install 'atra[fetch]'")
 
-    def put(content, **fields):
+    def put(content, cache=tmp_path, **fields):
         describe(content, **fields)
-        folder = tmp_path / fetch.ARCHIVES_FOLDER
-        folder.mkdir()
+        folder = cache / fetch.ARCHIVES_FOLDER
+        folder.mkdir(parents=True)
         (folder / "sponza.zip").write_bytes(content)
-        return tmp_path
+        return cache
 
     return put
 
@@ -158,15 +158,15 @@ def test_fetching_mitsuba_shows_its_restriction_before_anything_is_downloaded_an
     assert "direct comparisons between the Mitsuba renderer and others" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("base", ["http://127.0.0.1:9/", "SERVER"])
-def test_a_failed_download_says_which_file_to_put_where_by_hand(base, server, describe, tmp_path):
+@pytest.mark.parametrize("content", [None, TINY[:-30]], ids=["nothing there", "breaks off"])
+def test_a_failed_download_says_which_file_to_put_where_by_hand_and_leaves_nothing(content, server, describe, tmp_path):
     describe(TINY)
-    url = server.url if base == "SERVER" else base
+    server.files["/g3d/a/tiny.zip"] = content
     with pytest.raises(InputError) as refused:
-        fetch_scene("sponza", tmp_path, url)
-    assert f"{url}a/tiny.zip cannot be downloaded" in str(refused.value)
+        fetch_scene("sponza", tmp_path, server.url)
+    assert f"{server.url}a/tiny.zip cannot be downloaded" in str(refused.value)
     assert str(tmp_path / "archives" / "sponza.zip") in str(refused.value)
-    assert list((tmp_path / "archives").iterdir()) == []
+    assert [path.name for path in tmp_path.rglob("*")] == ["archives"]
 
 
 def test_a_wrong_hash_is_refused_and_nothing_of_it_is_kept(server, describe, tmp_path):
@@ -190,14 +190,6 @@ def test_a_download_ends_as_soon_as_more_comes_than_the_manifest_states(says_len
     assert list((tmp_path / "archives").iterdir()) == []
 
 
-def test_a_download_that_breaks_off_leaves_nothing(server, describe, tmp_path):
-    describe(TINY)
-    server.files["/g3d/a/tiny.zip"] = TINY[:-30]
-    with pytest.raises(InputError, match="cannot be downloaded"):
-        fetch_scene("sponza", tmp_path, server.url)
-    assert [path.name for path in tmp_path.rglob("*")] == ["archives"]
-
-
 def test_an_archive_put_there_by_hand_is_used_if_its_hash_is_right_and_fetched_again_if_not(by_hand, server):
     folder = by_hand(TINY)
     (folder / "archives" / "sponza.zip").write_bytes(b"half of it")
@@ -208,18 +200,16 @@ def test_an_archive_put_there_by_hand_is_used_if_its_hash_is_right_and_fetched_a
     assert len(server.asked) == 1
 
 
-def test_a_wrong_triangle_count_is_refused_with_both_numbers_and_nothing_is_kept(by_hand):
+def test_a_wrong_triangle_count_is_refused_with_both_numbers_whether_fetched_or_in_the_cache(by_hand, describe):
     folder = by_hand(zipped(("sponza.obj", OBJ + "f 1 2 4\n")))
     with pytest.raises(InputError, match="has 3 triangles, expected 2"):
         fetch_scene("sponza", folder)
     assert [path.name for path in sorted(folder.rglob("*"))] == ["archives", "sponza.zip"]
-
-
-def test_the_triangle_count_of_a_scene_in_the_cache_is_checked_too(by_hand, describe):
-    path = fetch_scene("sponza", by_hand(TINY))
-    describe(TINY, triangles=5)
-    with pytest.raises(InputError, match=f"has 2 triangles, expected 5: delete {re.escape(str(path))}"):
-        fetch_scene("sponza", path.parent)
+    describe((folder / "archives" / "sponza.zip").read_bytes(), triangles=3)
+    path = fetch_scene("sponza", folder)
+    describe(TINY)
+    with pytest.raises(InputError, match=f"has 3 triangles, expected 2: delete {re.escape(str(path))}"):
+        fetch_scene("sponza", folder)
 
 
 @pytest.mark.parametrize("member", ["../evil.txt", "a/../../evil.txt", "/tmp/evil.txt", "C:\\evil.txt"])
@@ -247,11 +237,6 @@ def test_a_camera_of_the_users_own_is_kept_and_other_scenes_stay(by_hand):
         fetch_scene("sponza", folder)
 
 
-def test_an_unknown_scene_is_answered_with_those_there_are(tmp_path):
-    with pytest.raises(InputError, match=r"'bunny'.*cornell_box, fireplace_room, mitsuba, sponza"):
-        fetch_scene("bunny", tmp_path)
-
-
 def test_a_cache_that_is_a_file_is_refused_by_name(tmp_path):
     (tmp_path / "cache").write_text("")
     with pytest.raises(InputError, match=r"cache .*cache cannot be used"):
@@ -266,38 +251,10 @@ def test_the_manifest_names_the_papers_counts_and_usable_cameras_and_one_restric
         Camera(**scene.camera, width=8, height=8)
         assert scene.author
         assert scene.licence
+        assert scene.archive_bytes > 0
+        assert re.fullmatch(r"[0-9a-f]{64}", scene.sha256)
     assert [name for name, scene in scenes.items() if scene.notice] == ["mitsuba"]
-    assert [name for name, scene in scenes.items() if not scene.pictures_may_be_passed_on] == ["mitsuba"]
-
-
-@pytest.mark.parametrize(
-    ("fields", "reason"),
-    [
-        ({"pictures_may_be_passed_on": "false"}, "= 'false', expected true or false"),
-        ({"pictures_may_be_passed_on": False}, "no notice says why"),
-        ({"camera": {"eye": (0, 0, 1)}}, "has the fields eye; expected eye and target"),
-        ({"triangles": 0}, "triangles = 0, expected at least 1"),
-        ({"archive_bytes": None}, "archive_bytes = None, expected at least 1"),
-        ({"sha256": "ABC"}, "'ABC', expected 64"),
-    ],
-)
-def test_a_manifest_entry_that_cannot_be_meant_is_refused(fields, reason):
-    with pytest.raises(InputError, match=reason):
-        replace(manifest.read_manifest().scene("sponza"), **fields)
-
-
-@pytest.mark.parametrize(
-    ("text", "reason"),
-    [
-        ("home = ", "cannot be read"),
-        ('home = "h"\nbase_url = "b"\n[scenes.x]\ntitle = "x"', "missing"),
-        ("[scenes]", "home"),
-    ],
-)
-def test_a_broken_manifest_is_refused_by_name(text, reason, tmp_path):
-    (tmp_path / "m.toml").write_text(text)
-    with pytest.raises(InputError, match=rf"m\.toml.*{reason}"):
-        manifest.read_manifest(tmp_path / "m.toml")
+    assert [name for name, scene in scenes.items() if scene.pictures_may_be_passed_on is not True] == ["mitsuba"]
 
 
 @pytest.fixture
@@ -311,12 +268,8 @@ def asked_for(name, source=SceneSource.directory):
     return Configuration(scene=SceneConfiguration(name=name, source=source))
 
 
-def test_the_fetch_command_leaves_a_scene_every_run_finds_and_says_what_to_run(home, describe, capsys):
-    pytest.importorskip("pooch", reason="fetching needs pooch: pip install 'atra[fetch]'")
-    describe(TINY)
-    archives = default_cache() / fetch.ARCHIVES_FOLDER
-    archives.mkdir(parents=True)
-    (archives / "sponza.zip").write_bytes(TINY)
+def test_the_fetch_command_leaves_a_scene_every_run_finds_and_says_what_to_run(home, by_hand, capsys):
+    by_hand(TINY, default_cache())
     path = run_fetch(asked_for("sponza"))
     assert path == default_cache() / "sponza.ply"
     assert load_scene_from_directory("sponza").mesh.triangle_count == 2
