@@ -15,19 +15,19 @@ from experiments.drawing.pages import describe_measurement
 from experiments.drawing.shading import encode_png
 from experiments.drawing.values import TIMES
 from experiments.harness.configuration import Configuration, SweepConfiguration
-from experiments.paper.instancing_figure import draw_instancing_figure
+from experiments.paper.figures import draw_instancing_figure
 from experiments.report.figures import draw_figures
 from experiments.sweep import GridPoint, run_sweep
-from experiments.workloads.build.build_figure import draw_build_figure
+from experiments.workloads.build.figures import draw_build_figure
 from experiments.workloads.frame.break_even_figure import draw_break_even_figure
 from experiments.workloads.frame.grid_figure import draw_grid_figure
 from experiments.workloads.frame.methods_figure import draw_methods_figure
 from experiments.workloads.frame.peers_figure import draw_peers_figure
 from experiments.workloads.frame.split_figure import draw_split_figure
 from experiments.workloads.frame.threads_figure import draw_threads_figure
-from experiments.workloads.memory.memory_figure import draw_memory_figure
+from experiments.workloads.memory.figures import draw_memory_figure
+from experiments.workloads.picture.figures import draw_scenes_figure
 from experiments.workloads.picture.pictures import ScenePictures
-from experiments.workloads.picture.scenes_figure import draw_scenes_figure
 from tests.drawn import build_row, level, line, make_rows, memory_row, method_row, save, skipped, time_row, words
 
 
@@ -51,12 +51,6 @@ def test_a_packet_width_is_a_panel_of_its_own_and_scenes_keep_their_rows(draw: A
     table = make_rows(*(time_row(1, 0.08, packet_width=width, scene=name) for name in "ab" for width in (8, 1)))
     titles = [title for axis in draw(table).axes if (title := axis.get_title(loc="left"))]
     assert titles == [f"{name} (10 triangles), packet width {width}" for name in "ab" for width in (1, 8)]
-
-
-def test_a_heading_stands_above_the_legend_of_a_split_figure_and_above_a_grid_figure() -> None:
-    table = make_rows(time_row(1, 0.08))
-    assert draw_split_figure(table, heading="single rays").legends[0].get_title().get_text() == "single rays"
-    assert draw_grid_figure(table, heading="single rays").get_suptitle() == "single rays"
 
 
 def test_the_build_figure_draws_plan_and_build_of_copies_and_the_build_of_instances() -> None:

@@ -16,8 +16,8 @@ from experiments.harness.configuration import Chosen, Configuration, MeasureConf
 from experiments.harness.points import plan_points
 from experiments.methods.pixel import PixelOptions
 from experiments.worker import measure_point
+from experiments.workloads.planner.figures import SERIES, draw_planner_figure
 from experiments.workloads.planner.measure import FRAMES, regrets
-from experiments.workloads.planner.planner_figure import SERIES, draw_planner_figure
 from experiments.workloads.planner.terminal import sweep_lines
 from experiments.workloads.workload import NoOptions
 from scenes.cornell_box import CORNELL_BOX_CAMERA
