@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 import trimesh
 
-from atra.errors import InputError
 from atra.geometry.camera import Camera
 from atra.judge.reference import brute_force
 from atra.tracers import PixelTracer
@@ -134,8 +133,3 @@ def test_copies_are_leant_then_turned_then_moved():
     assert np.allclose(placed.vertices[:3], [(5, 0, 0), (5, 1, 0), (6, 0, 0)])
     assert np.allclose(placed.vertices[3:], [(0, 7, 0), (0, 7, 2), (0, 5, 0)])
     assert placed.faces.tolist() == [[0, 1, 2], [3, 4, 5]]
-
-
-def test_a_part_whose_face_names_no_vertex_is_refused():
-    with pytest.raises(InputError, match="outside its 3"):
-        shapes.Part(np.zeros((3, 3)), np.array([[0, 1, 3]]))
