@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import numpy as np
 import pandas as pd
 import pytest
 
-from atra.errors import InputError
 from experiments.workloads.frame.break_even import (
     Cost,
     baseline_cost,
@@ -59,14 +56,6 @@ def test_break_even_is_the_first_frame_from_which_on_the_time_in_all_is_less(
         assert not ahead[-1]
     else:
         np.testing.assert_array_equal(ahead, frames >= expected)
-
-
-def test_a_price_no_method_can_have_is_refused_by_name() -> None:
-    for field, value in (("plan_time_s", -1.0), ("build_time_s", float("nan")), ("frame_time_s", 0.0)):
-        with pytest.raises(InputError, match=f"{field} of pixel is {value:g}"):
-            dataclasses.replace(BASELINE, **{field: value})
-    with pytest.raises(InputError, match="at least 1"):
-        cumulative_time_s(BASELINE, np.array([1, 0]))
 
 
 def test_the_best_row_has_the_largest_ratio_to_packets_not_the_shortest_time_and_is_the_first_of_equals() -> None:
