@@ -179,8 +179,8 @@ def test_offsets_and_sample_are_part_of_a_point_and_reach_the_worker() -> None:
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"offsets": [[0.5, 1.0]]}, r"offset is \(0.5, 1.0\), expected two numbers in \[0, 1\)"),
-        ({"offsets": [[0.5]]}, r"offset is \(0.5,\)"),
+        ({"offsets": [[0.5, 1.0]]}, r"workload.offsets is \(0.5, 1.0\), expected two numbers in \[0, 1\)"),
+        ({"offsets": [[0.5]]}, r"workload.offsets is \(0.5,\)"),
         ({"offsets": []}, "workload.offsets is empty"),
         ({"sample_rays": -1}, "workload.sample_rays is -1"),
     ],

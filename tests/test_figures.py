@@ -163,11 +163,17 @@ def test_a_figure_of_one_packet_width_holds_the_points_of_that_width() -> None:
     assert (single.point_ids, packets.point_ids) == (set(table["point_id"][2:]), set(table["point_id"][:2]))
 
 
-def test_a_figure_that_nobody_knows_is_refused_with_the_known_names_before_anything_is_measured(tmp_path: Path) -> None:
-    message = "sweep.figures names 'figure9', expected one of figure4, figure5, figure5_vertical, methods, break_even"
-    with pytest.raises(InputError, match=message):
-        drawn_names(*SPLITS, grids={"figure5": [], "figure9": ["horizontal"]})
-    sweep = SweepConfiguration(figures={"figure9": ["horizontal"]})
+@pytest.mark.parametrize(
+    ("figures", "message"),
+    [
+        ({"figure9": ["horizontal"]}, "sweep.figures names 'figure9', expected one of figure4, figure5"),
+        ({"figure5": ["vertical"]}, "sweep.figures.figure5 names 'vertical', expected one of horizontal"),
+    ],
+)
+def test_an_unknown_figure_or_grid_is_refused_with_the_known_names_before_anything_is_measured(
+    tmp_path: Path, figures: dict[str, list[str]], message: str
+) -> None:
+    sweep = SweepConfiguration(figures=figures)
     with pytest.raises(InputError, match=message):
         run_sweep([GridPoint("horizontal", Configuration(sweep=sweep, results_dir=str(tmp_path)))])
     assert list(tmp_path.iterdir()) == []

@@ -230,12 +230,6 @@ def test_launched_points_of_two_machines_are_not_put_into_one_table(tmp_path: Pa
         run_sweep([GridPoint("a", one) for one in configurations], launch=launch, at_once=2)
 
 
-def test_a_launched_point_without_a_record_is_missed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit):
-        run_sweep([GridPoint("a", configuration(tmp_path))], launch=lambda jobs: [None])
-    assert "1 points have no record" in capsys.readouterr().err
-
-
 def test_a_peer_that_does_not_tell_its_memory_is_no_reason_to_stop(tmp_path: Path) -> None:
     def run(point: Point) -> Outcome:
         results = Runner()(point).results

@@ -109,7 +109,7 @@ class View(ABC):
         return np.stack(np.broadcast_arrays(plane_x, plane_y, z), axis=-1)
 
 
-def check_offset(offset: tuple[float, float]) -> None:
+def check_offset(offset: tuple[float, float], name: str = "offset") -> None:
     """Raise InputError unless `offset` is a sub-pixel position in [0, 1) x [0, 1)."""
     try:
         x, y = offset
@@ -117,7 +117,7 @@ def check_offset(offset: tuple[float, float]) -> None:
     except (TypeError, ValueError):
         inside = False
     if not inside:
-        raise InputError(f"offset is {offset!r}, expected two numbers in [0, 1), such as (0.5, 0.5) for pixel centres")
+        raise InputError(f"{name} is {offset!r}, expected two numbers in [0, 1), such as (0.5, 0.5) for pixel centres")
 
 
 def as_number(value: Any) -> float:

@@ -49,7 +49,7 @@ class SceneRows:
     """What the table holds of one of the paper's scenes.
 
     paper_scene: its name in the paper; scene: the name of what was measured; stand_in: it is not the scene itself.
-    rows: all its rows, whatever their status. points: the same by quantity, split_x, split_y, geometry and culling,
+    rows: all its rows, whatever their status. points: the same by workload, split_x, split_y, geometry and culling,
     aligned rays only.
     """
 
@@ -66,7 +66,7 @@ class SceneRows:
 
     def row(
         self,
-        quantity: str,
+        workload: str,
         split: tuple[int, int],
         *,
         culling: bool,
@@ -77,13 +77,13 @@ class SceneRows:
 
         Raises NotMeasuredError, with the reason, when there is none or more than one.
         """
-        rows = self.points.get((quantity, *split, geometry, culling), [])
+        rows = self.points.get((workload, *split, geometry, culling), [])
         if packet_width is not None:
             rows = [row for row in rows if row["packet_width"] == packet_width]
         measured = [row for row in rows if row["status"] == "ok"]
         if len(measured) == 1:
             return measured[0]
-        name = f"{quantity} of {geometry} geometry at {split[0]:,} x {split[1]:,}, culling {'on' if culling else 'off'}"
+        name = f"{workload} of {geometry} geometry at {split[0]:,} x {split[1]:,}, culling {'on' if culling else 'off'}"
         if packet_width is not None:
             name += f", packet width {packet_width}"
         if len(measured) > 1:
@@ -127,7 +127,7 @@ def collect_scenes(table: pd.DataFrame | None) -> dict[str, SceneRows]:
 
     Where both a scene and its stand-in are in the table, the stand-in is left out. Scenes of other names are no
     concern of the paper's.
-    Raises NotMeasuredError for an empty table, for rows from several processors and for rows of one quantity that
+    Raises NotMeasuredError for an empty table, for rows from several processors and for rows of one workload that
     differ in image size, threads or build quality.
     """
     if table is None or table.empty:
@@ -197,9 +197,9 @@ def read_number(row: Row, name: str) -> float:
 def _check_settings(scenes: Mapping[str, SceneRows]) -> None:
     measured = [row for scene in scenes.values() for row in scene.rows if row["status"] == "ok"]
     # Pictures are compared with nothing, so they alone may be of any size.
-    for quantity in (FRAME.name, BUILD.name, MEMORY.name):
+    for workload in (FRAME.name, BUILD.name, MEMORY.name):
         for name in _SETTINGS:
-            values = {row[name] for row in measured if row["workload"] == quantity and row[name] is not None}
+            values = {row[name] for row in measured if row["workload"] == workload and row[name] is not None}
             if len(values) > 1:
                 named = " and ".join(sorted(str(value) for value in values))
-                raise NotMeasuredError(f"{quantity} rows do not compare: {name} is {named}")
+                raise NotMeasuredError(f"{workload} rows do not compare: {name} is {named}")

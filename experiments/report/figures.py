@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 
 import pandas as pd
@@ -20,12 +20,15 @@ def figure_kinds() -> tuple[FigureKind, ...]:
     return (*(kind for room in rooms if room is not None for kind in room.FIGURES), *PAPER_FIGURES)
 
 
-def check_figures(names: Iterable[str]) -> None:
-    """Raise InputError, naming those there are, for a figure that is unknown."""
+def check_figures(figures: Mapping[str, Sequence[str]], grids: Collection[str]) -> None:
+    """Raise InputError, naming those there are, for a figure that is unknown or drawn of a grid the sweep lacks."""
     known = [kind.name for kind in figure_kinds()]
-    for name in names:
+    for name, drawn in figures.items():
         if name not in known:
             raise InputError(f"sweep.figures names {name!r}, expected one of {', '.join(known)}")
+        for grid in drawn:
+            if grid not in grids:
+                raise InputError(f"sweep.figures.{name} names {grid!r}, expected one of {', '.join(grids)}")
 
 
 def draw_figures(
@@ -34,9 +37,8 @@ def draw_figures(
     """Every figure that the table allows; one none of whose points was measured is left out.
 
     records: the folder of the records. grids: by name of the figure, the grids whose points it draws; without any,
-    every figure draws what it can of the table. Raises InputError for a figure that is unknown.
+    every figure draws what it can of the table.
     """
-    check_figures(grids or ())
     for kind in figure_kinds():
         if grids and kind.name not in grids:
             continue

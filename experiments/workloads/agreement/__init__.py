@@ -28,7 +28,7 @@ class AgreementOptions:
         if not self.offsets:
             raise InputError("workload.offsets is empty, expected at least one sub-pixel position such as [0.5,0.5]")
         for offset in self.offsets:
-            check_offset(tuple(offset))  # type: ignore[arg-type]
+            check_offset(tuple(offset), "workload.offsets")  # type: ignore[arg-type]
         if self.sample_rays < 0:
             raise InputError(f"workload.sample_rays is {self.sample_rays}, expected a whole number of at least 0")
 
@@ -54,5 +54,4 @@ AGREEMENT = Workload(
     headline=_headline,
     room=__name__,
     needs=(*RESOURCES, *PIXELS, "images", "disagreements", "method_wrong", "baseline_wrong"),
-    images=lambda point: len(point.workload_options.offsets),
 )
