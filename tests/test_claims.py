@@ -206,19 +206,12 @@ def test_a_skipped_point_leaves_open_what_it_could_have_decided_and_its_reason_i
     assert verdict(skipped(agreeing, **on, split_x=512), "culling-on-keeps-gaining") == "not measured"
 
 
-def test_scenes_with_the_same_reason_share_it(agreeing: pd.DataFrame) -> None:
-    found = finding(agreeing[~where(agreeing, workload="build")], "build-little-affected-to-16")
-    assert found.why.startswith("cornell_box, mitsuba, fireplace_room, sponza: ")
-    assert found.value == ""
-
-
-def test_packets_that_gain_little_over_packets_tell_what_packets_bring_alone(agreeing: pd.DataFrame) -> None:
+def test_a_finding_tells_what_explains_it(agreeing: pd.DataFrame) -> None:
+    nothing_built = finding(agreeing[~where(agreeing, workload="build")], "build-little-affected-to-16")
+    assert nothing_built.why.startswith("cornell_box, mitsuba, fireplace_room, sponza: ")  # share the reason
     packets: dict[str, Any] = {"workload": "frame", "packet_width": 8, "scene": "sponza", "culling": True}
-    found = finding(scaled(agreeing, 0.5, "speedup_vs_packets", **packets), "best-speedup-packets-sponza")
-    assert "against single rays 1.75: packets alone bring 2.00" in found.why
-
-
-def test_instancing_tells_what_it_costs_in_time(agreeing: pd.DataFrame) -> None:
+    slow = finding(scaled(agreeing, 0.5, "speedup_vs_packets", **packets), "best-speedup-packets-sponza")
+    assert "against single rays 1.75: packets alone bring 2.00" in slow.why
     assert "bytes x 0.000976 at 1,024 splits, frame time x 2.00" in finding(agreeing, "instancing-lowers-memory").value
 
 
@@ -234,17 +227,16 @@ def test_a_minimum_is_seen_although_the_largest_splits_were_skipped(agreeing: pd
 
 
 def test_a_minimum_inside_is_faster_than_none_and_than_more(agreeing: pd.DataFrame) -> None:
-    claim_id, off = "culling-off-slows-again", {**SINGLE, "culling": False}
-    slow_from_the_start = finding(scaled(agreeing, 2, **off, split_x=1), claim_id)
-    assert slow_from_the_start.verdict == "does not hold"
-    assert "no minimum inside" in slow_from_the_start.why
-    flat = agreeing.copy()
+    off: dict[str, Any] = {**SINGLE, "culling": False}
+    flat, at_16 = agreeing.copy(), where(agreeing, **off, split_x=16)
     beyond = where(agreeing, **off) & (agreeing["split_x"] > 16)
     for column in ("speedup", "speedup_low", "speedup_high"):
-        flat.loc[beyond, column] = flat.loc[where(flat, **off, split_x=16), column].iloc[0]
-    found = finding(flat, claim_id)
-    assert found.verdict == "does not hold"
-    assert "are only 1.00" in found.why
+        flat.loc[beyond, column] = flat.loc[at_16, column].iloc[0]
+    slow_from_the_start = scaled(agreeing, 2, **off, split_x=1)
+    for table, why in ((slow_from_the_start, "no minimum inside"), (flat, "are only 1.00")):
+        found = finding(table, "culling-off-slows-again")
+        assert found.verdict == "does not hold"
+        assert why in found.why
 
 
 def test_a_scene_that_stays_above_its_start_decides_nothing_while_points_are_missing(agreeing: pd.DataFrame) -> None:
@@ -307,17 +299,15 @@ def test_the_same_point_twice_is_refused(agreeing: pd.DataFrame) -> None:
     not_measured(pd.concat([agreeing, twice]), "one-axis-beats-both", "2 rows")
 
 
-def test_a_table_read_from_csv_gives_the_same_findings(agreeing: pd.DataFrame, tmp_path: Path) -> None:
+def test_a_table_read_from_csv_gives_the_same_findings_and_both_files_hold_every_one(
+    agreeing: pd.DataFrame, tmp_path: Path
+) -> None:
     agreeing.to_csv(tmp_path / "table.csv", index=False)
     assert judge_claims(pd.read_csv(tmp_path / "table.csv")) == judge_claims(agreeing)
-
-
-def test_both_files_hold_every_finding(agreeing: pd.DataFrame, tmp_path: Path) -> None:
     findings = judge_claims(agreeing_table(("sponza",)))
     write_claims(tmp_path, findings)
-    assert [JudgedClaim(**row) for row in json.loads((tmp_path / "claims.json").read_text(encoding="utf-8"))] == list(
-        findings
-    )
+    rows = json.loads((tmp_path / "claims.json").read_text(encoding="utf-8"))
+    assert [JudgedClaim(**row) for row in rows] == list(findings)
     from_csv = pd.read_csv(tmp_path / "claims.csv")
     assert list(from_csv.columns) == list(JudgedClaim.__dataclass_fields__)
     assert list(from_csv["verdict"]) == [one.verdict for one in findings]
