@@ -47,15 +47,22 @@ def _bars(
     return abscissae.ravel(), ordinates.ravel()
 
 
-def draw_baseline(axis: Axes, values: NDArray[np.float64], style: dict[str, Any], label: str = "") -> None:
-    """A line at the median of all that was measured of something without splits, a band from quartile to quartile."""
+def draw_baseline(
+    axis: Axes, values: NDArray[np.float64], style: dict[str, Any], label: str = "", upright: bool = False
+) -> float:
+    """A line at the median of all that was measured of something without splits, a band from quartile to quartile.
+
+    Returns the upper quartile, 0 where nothing was measured.
+    """
     values = values[drawable(values)]
     if len(values) == 0:
-        return
+        return 0.0
     q1, median, q3 = np.quantile(values, [0.25, 0.5, 0.75])
+    draw_band, draw_line = (axis.axvspan, axis.axvline) if upright else (axis.axhspan, axis.axhline)
     if q3 > q1:
-        axis.axhspan(q1, q3, color=style["color"], alpha=0.15, linewidth=0, zorder=1)
-    axis.axhline(median, linewidth=1.5, zorder=2, label=label, **style)
+        draw_band(q1, q3, color=style["color"], alpha=0.15, linewidth=0, zorder=1)
+    draw_line(median, linewidth=1.5, zorder=2.5 if upright else 2, label=label, **style)
+    return float(q3)
 
 
 def finish_split_axes(axis: Axes, splits: Iterable[int], axis_name: str, quantity: str) -> None:
