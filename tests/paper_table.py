@@ -95,3 +95,12 @@ def skipped(table: pd.DataFrame, **wanted: Any) -> pd.DataFrame:
     table.loc[chosen, ["status", "error"]] = ["skipped", "needs 9 GiB"]
     table.loc[chosen, ["speedup", "speedup_low", "speedup_high", "pixels_wrong", "triangles_traced"]] = pd.NA
     return table
+
+
+def longer_build(table: pd.DataFrame, scene: str, split_x: int) -> pd.DataFrame:
+    return scaled(table, 2, "build_time_s", workload="build", scene=scene, split_x=split_x)
+
+
+def more_bytes(table: pd.DataFrame, scene: str, split_x: int, **fields: Any) -> pd.DataFrame:
+    wanted = {"culling": True, "workload": "memory", "scene": scene, "split_x": split_x, **fields}
+    return scaled(table, 9 if fields else 2, "embree_bytes", **wanted)

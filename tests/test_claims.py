@@ -16,7 +16,7 @@ from experiments.paper.claims import CLAIMS, judge_claims
 from experiments.paper.evidence import PAPER_SCENES, USED_COLUMNS
 from experiments.results.claims import JudgedClaim, judge_claim, write_claims
 from experiments.results.table import columns
-from tests.paper_table import agreeing_rows, agreeing_table, scaled, skipped, where
+from tests.paper_table import agreeing_rows, agreeing_table, longer_build, more_bytes, scaled, skipped, where
 from tests.report_samples import table_of
 
 STAND_INS = {"mitsuba": "material_ball", "fireplace_room": "living_room", "sponza": "atrium"}
@@ -54,15 +54,6 @@ def test_every_claim_holds_on_a_table_that_agrees_with_the_paper_and_any_other_v
     for one in (*judge_claims(agreeing), *judge_claims(agreeing_table(("sponza",)))):
         assert bool(one.why) is (one.verdict != "holds"), one
         assert "\n" not in (one.why or "")
-
-
-def longer_build(table: pd.DataFrame, scene: str, split_x: int) -> pd.DataFrame:
-    return scaled(table, 2, "build_time_s", workload="build", scene=scene, split_x=split_x)
-
-
-def more_bytes(table: pd.DataFrame, scene: str, split_x: int, **fields: Any) -> pd.DataFrame:
-    wanted = {"culling": True, "workload": "memory", "scene": scene, "split_x": split_x, **fields}
-    return scaled(table, 9 if fields else 2, "embree_bytes", **wanted)
 
 
 SINGLE: dict[str, Any] = {"workload": "frame", "packet_width": 1, "scene": "sponza"}
@@ -268,7 +259,7 @@ def test_a_stand_in_beside_its_scene_is_left_out(agreeing: pd.DataFrame) -> None
     ("column", "value", "said"),
     [("cpu", "other cpu", "other cpu and some cpu"), ("build_quality", "high", "build_quality is high and medium")],
 )
-def test_two_machines_or_two_build_qualities_are_refused_and_both_named(
+def test_two_machines_or_two_build_qualities_are_refused_and_both_named_and_so_is_a_point_twice(
     agreeing: pd.DataFrame, column: str, value: str, said: str
 ) -> None:
     table = agreeing.copy()
@@ -276,6 +267,8 @@ def test_two_machines_or_two_build_qualities_are_refused_and_both_named(
     for one in judge_claims(table):
         assert one.verdict == "not measured"
         assert said in one.why
+    twice = agreeing[where(agreeing, **SINGLE, split_x=2, split_y=2)]
+    not_measured(pd.concat([agreeing, twice]), "one-axis-beats-both", "2 rows")
 
 
 def test_another_image_size_or_another_model_of_that_name_is_not_compared_with_the_paper(
@@ -287,11 +280,6 @@ def test_another_image_size_or_another_model_of_that_name_is_not_compared_with_t
     other = agreeing.assign(triangles=agreeing["triangles"].where(~where(agreeing, scene="sponza"), 66_450))
     assert verdict(other, "best-speedup-sponza") == "not measured"
     assert verdict(other, "best-speedup-mitsuba") == "holds"
-
-
-def test_the_same_point_twice_is_refused(agreeing: pd.DataFrame) -> None:
-    twice = agreeing[where(agreeing, **SINGLE, split_x=2, split_y=2)]
-    not_measured(pd.concat([agreeing, twice]), "one-axis-beats-both", "2 rows")
 
 
 def test_a_table_read_from_csv_gives_the_same_findings_and_both_files_hold_every_one(
