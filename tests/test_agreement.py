@@ -29,7 +29,7 @@ from experiments.worker import Job
 from experiments.workloads import rounds
 from experiments.workloads.agreement import AgreementOptions
 from experiments.workloads.agreement import measure as agreement
-from experiments.workloads.agreement.agreement_figure import draw_agreement_figure
+from experiments.workloads.agreement.figures import draw_agreement_figure
 from experiments.workloads.agreement.results import errs_too_often, read_disagreements, write
 from experiments.workloads.agreement.terminal import sweep_lines
 from experiments.workloads.workload import Measured

@@ -188,8 +188,6 @@ def test_a_new_method_and_a_new_workload_go_from_the_command_line_to_the_page(
 NAMES = {one.name for one in (*METHODS, *WORKLOADS)}
 NO_NAME_OF_OURS = {
     ("drawing/missing.py", "memory"): "a word in the text of an error",
-    ("workloads/picture/pictures.py", "aligned"): "an image of a record: the method's hits, shaded",
-    ("workloads/picture/pictures.py", "pixel"): "an image of a record: those of rtcIntersect1, shaded",
 }
 """Constants that are spelled like one of `NAMES` and compared, and why they are something else."""
 

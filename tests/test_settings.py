@@ -22,11 +22,11 @@ from experiments.results.settings import settings, settings_that_vary
 from experiments.results.table import columns, make_table
 from experiments.results.terminal import print_sweep
 from experiments.workloads import WORKLOADS
-from experiments.workloads.build.build_figure import draw_build_figure
+from experiments.workloads.build.figures import draw_build_figure
 from experiments.workloads.frame.grid_figure import draw_grid_figure
 from experiments.workloads.frame.split_figure import draw_split_figure
-from experiments.workloads.memory.memory_figure import draw_memory_figure
-from tests.test_figures import build_row, make_rows, memory_row, time_row
+from experiments.workloads.memory.figures import draw_memory_figure
+from tests.drawn import build_row, make_rows, memory_row, time_row
 from tests.test_sweep import Runner, configuration
 from tests.test_table import MEASURED
 
