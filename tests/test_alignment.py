@@ -1,13 +1,13 @@
 """The shear of each cell, and where its reference rays lie."""
 
-import re
 from dataclasses import FrozenInstanceError
 
 import numpy as np
 import pytest
 
 import atra
-from tests.meshes import EYE_AT_ORIGIN, random_triangles
+from atra.alignment.instancing import instance_transforms
+from tests.meshes import EYE_AT_ORIGIN
 
 
 @pytest.mark.parametrize("place", [atra.Alignment.of_cells, atra.Alignment.at_first_cell])
@@ -98,17 +98,6 @@ def test_counts_in_integers_of_numpys_do_not_overflow(kind):
         assert type(value) is int
 
 
-TRACERS_OF_CELLS = [atra.AlignedTracer, atra.VisibleFirstTracer, atra.TiledTracer]
-
-
-@pytest.mark.parametrize("split", [4, None, (4,), (4, 1, 1)])
-@pytest.mark.parametrize("tracer", TRACERS_OF_CELLS)
-def test_a_split_that_is_not_two_numbers_is_refused_with_the_value(tracer, split):
-    camera = atra.Camera(**EYE_AT_ORIGIN, width=8, height=8)
-    with pytest.raises(atra.InputError, match=rf"split is {re.escape(repr(split))}, expected two whole numbers"):
-        tracer(random_triangles(1, 0), camera, split, threads=1)
-
-
 SIZE = {"width": 12, "height": 10}
 TURNED = atra.Camera((0.3, 0.2, -0.4), (1.0, 2.0, 3.0), (0.2, 1.0, 0.1), fov_y_degrees=50, **SIZE)
 MOVED = atra.Camera((3.3, -0.2, 1.4), (1.0, 2.5, -3.0), (0.1, 1.0, 0.4), fov_y_degrees=95, **SIZE)
@@ -176,24 +165,19 @@ def test_a_shift_that_misses_the_reference_rays_is_refused_naming_the_pixels(axi
         )
 
 
-def test_frames_with_another_number_of_pixels_are_refused_with_the_reason():
-    wide = atra.Camera((0, 0, 0), (0, 0, 1), width=13, height=10)
-    with pytest.raises(atra.InputError, match=r"frame 1 has 13 x 10 pixels, frame 0 has 12 x 10; .* no affine map"):
-        atra.Alignment.of_frames([TURNED, wide], atra.Split(4, 1, **SIZE))
-
-
-def test_frames_of_both_kinds_of_camera_are_refused_with_the_reason():
-    with pytest.raises(atra.InputError, match="frame 1 is a OrthographicCamera, frame 0 a Camera; no affine map"):
-        atra.Alignment.of_frames([TURNED, FLAT], atra.Split(4, 1, **SIZE))
-
-
-def test_eyes_that_look_in_different_directions_are_refused():
-    with pytest.raises(atra.InputError, match=r"use Alignment\.of_frames"):
-        atra.Alignment.of_eyes(LEFT, TURNED, atra.Split(4, 1, **SIZE))
-
-
 def test_the_second_eye_is_a_translation():
     alignment = atra.Alignment.of_eyes(LEFT, RIGHT, atra.Split(1, 1, **SIZE))
     np.testing.assert_array_equal(alignment.linear, [np.eye(3)] * 2)
     left, right = alignment.parts()
     np.testing.assert_allclose(left.transform - right.transform, [[0, 0, 0, 0.06], [0] * 4, [0] * 4], atol=1e-15)
+
+
+def test_the_transform_of_an_instance_is_the_shear_of_its_cell():
+    split = atra.Split(4, 2, **SIZE)
+    alignment = atra.Alignment.of_cells(TURNED, split)
+    points = np.random.default_rng(0).normal(size=(5, 3))
+    transforms = instance_transforms(alignment)
+    assert (transforms[:, :, 3] == 0.0).all()
+    for j, i in np.ndindex(2, 4):
+        sheared = (points @ TURNED.axes) @ transforms[4 * j + i, :, :3].T
+        np.testing.assert_allclose(sheared @ TURNED.axes.T, alignment.shear_points(points, i, j), atol=1e-5)

@@ -125,6 +125,8 @@ def test_frames_of_another_tracer_are_refused_as_output():
         apart = atra.Frames(frames.depth[::2], frames.prim_id[::2], (0.5, 0.5), frames.meshes[::2], frames.cameras[::2])
         with pytest.raises(atra.InputError, match="pass a result of this tracer"):
             two.trace(out=apart)
+        with pytest.raises(atra.InputError, match=r"expected \(frames, height, width\)"):
+            three.trace(out=next(iter(frames)))
 
 
 @pytest.mark.parametrize(
@@ -138,13 +140,6 @@ def test_frames_of_any_size_may_be_written_into_again(count, width, height):
         expected = first.prim_id.copy()
         again = tracer.trace(out=tracer.trace((0.1, 0.2), out=first))
         np.testing.assert_array_equal(again.prim_id, expected)
-
-
-def test_a_single_image_is_refused_as_output_of_frames():
-    with atra.FramesTracer(cornell_box(), alignment_of(moving_cameras(2, **SIZE), (12, 1)), threads=1) as tracer:
-        frames = tracer.trace()
-        with pytest.raises(atra.InputError, match=r"expected \(frames, height, width\)"):
-            tracer.trace(out=next(iter(frames)))
 
 
 def test_another_number_of_meshes_than_frames_is_refused():
@@ -169,7 +164,9 @@ def test_the_memory_budget_counts_every_frame():
 @pytest.mark.parametrize(("width", "height"), [(16, 8), (32, 8), (24, 4), (24, 16)])
 def test_frames_or_a_split_of_another_size_are_refused_whichever_is_larger(width, height):
     camera, other = (atra.Camera(**EYE_AT_ORIGIN, width=w, height=h) for w, h in ((24, 8), (width, height)))
-    with pytest.raises(atra.InputError, match=f"frame 1 has {width} x {height} pixels, frame 0 has 24 x 8"):
+    with pytest.raises(
+        atra.InputError, match=f"frame 1 has {width} x {height} pixels, frame 0 has 24 x 8; .* no affine map"
+    ):
         atra.Alignment.of_frames([camera, other], atra.Split(4, 1, 24, 8))
     with pytest.raises(atra.InputError, match=f"split is of an image of {width} x {height} pixels"):
         atra.Alignment.of_cells(camera, atra.Split(1, 1, width, height))
@@ -183,7 +180,7 @@ def test_eyes_with_another_field_of_view_are_refused_and_frames_are_not(fov_y_de
     with pytest.raises(atra.InputError, match="different fields of view"):
         atra.Alignment.of_eyes(left, right, split)
     turned = atra.Camera((0.1, 0, 0), (0.2, 0, 1), width=24, height=8, fov_y_degrees=60.0)
-    with pytest.raises(atra.InputError, match="different directions"):
+    with pytest.raises(atra.InputError, match=r"different directions.*use Alignment\.of_frames"):
         atra.Alignment.of_eyes(left, turned, split)
     for other in (right, turned):  # whose maps are checked, ray by ray
         assert atra.Alignment.of_frames([left, other], split).image_count == 2
@@ -234,13 +231,6 @@ def test_the_image_size_is_checked_for_all_frames_together():
     fits = plan_aligned_geometry([cornell_box()] * 4, alignment, options, row_stride - 1, pool)
     assert (fits.records >> 32).max() < 2**31
     pool.close()
-
-
-def test_images_that_no_record_can_count_are_refused_before_anything_is_planned():
-    camera = atra.Camera(**EYE_AT_ORIGIN, width=2**15, height=2**16)
-    for make in (atra.AlignedTracer, atra.VisibleFirstTracer):
-        with pytest.raises(atra.InputError, match="an output of 65536 rows of 32768 pixels is too large"):
-            make(cornell_box(), camera, (1, 1))
 
 
 def test_copies_of_a_frame_s_triangles_say_which_frame_they_are_of():

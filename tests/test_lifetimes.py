@@ -14,26 +14,19 @@ import pytest
 import atra
 from atra.embree.device import EmbreeDevice
 from atra.parallel import WorkerPool
+from tests.images import make_tracer
 from tests.meshes import cornell_box, cornell_camera
 from tests.strategies import NIGHTLY
 
 CYCLES = 1000 if NIGHTLY else 100
 
 MESH, CAMERA = cornell_box(), cornell_camera(64, 48)
-TRACERS = {
-    "pixel": (atra.PixelTracer, {"packet_width": 1}),
-    "packets": (atra.PixelTracer, {}),
-    "aligned": (atra.AlignedTracer, {"split": (16, 1)}),
-    "instanced": (atra.AlignedTracer, {"split": (16, 1), "culling": False, "geometry": "instanced"}),
-    "visible_first": (atra.VisibleFirstTracer, {"split": (16, 1)}),
-    "tiles": (atra.TiledTracer, {"split": (4, 4)}),
-}
+TRACERS = ("pixels", "aligned", "instanced", "visible_first", "tiles")
 every_tracer = pytest.mark.parametrize("name", TRACERS)
 
 
 def tracer(name, threads=1):
-    kind, options = TRACERS[name]
-    return kind(MESH, CAMERA, **options, threads=threads)
+    return make_tracer(name, MESH, CAMERA, (16, 1), threads=threads)
 
 
 def image(name):
@@ -124,8 +117,10 @@ def test_what_embree_reads_lives_as_long_as_the_scene():
 
 
 @every_tracer
-def test_closing_twice_is_harmless_and_nothing_works_after_it(name):
+def test_nothing_is_traced_before_building_or_after_closing_and_closing_twice_is_harmless(name):
     one = tracer(name)
+    with pytest.raises(atra.EmbreeError, match="not built"):
+        one.trace()
     with one:
         one.trace()
     one.close()
@@ -352,7 +347,7 @@ def test_a_process_may_end_with_tracers_open_and_a_thread_still_tracing(ending):
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="this system has no fork")
-@pytest.mark.parametrize("name", ["packets", "aligned", "visible_first"])
+@pytest.mark.parametrize("name", ["pixels", "aligned", "visible_first"])
 def test_a_forked_child_traces_on_and_builds_its_own(name):
     """It has none of the threads of its parent."""
     script = (
