@@ -17,8 +17,6 @@ from atra.geometry.ray_space import ray_axes
 from tests.images import METHODS, PARALLEL, trace
 from tests.meshes import quads
 
-pytestmark = pytest.mark.core
-
 each_width = pytest.mark.parametrize("width", load_library().native_packet_widths)
 TINY = (6e-17, 1e-18, 1e-19, 1e-20, 1e-30, 1e-38, 1e-45)
 
@@ -63,6 +61,7 @@ def axis_near_views(count, seed):
         yield camera, tuple(random.choice([0.5, 0.0, 1e-17, 1e-19, 0.999999], 2).tolist())
 
 
+@pytest.mark.core
 @each_width
 @pytest.mark.parametrize("component", [math.cos(math.pi / 2), *TINY])
 def test_a_rolled_camera_sees_a_wall_without_holes(width, component):
@@ -71,6 +70,7 @@ def test_a_rolled_camera_sees_a_wall_without_holes(width, component):
         assert trace("pixels", WALL, camera, offset=(0.0, 0.0), packet_width=width).hit.all()
 
 
+@pytest.mark.core
 @each_width
 @pytest.mark.parametrize("method", [method for method in METHODS if method != "visible_first"])  # "unprobed" is
 def test_a_closed_box_seen_from_inside_along_an_axis_has_no_holes(method, width):
@@ -80,6 +80,7 @@ def test_a_closed_box_seen_from_inside_along_an_axis_has_no_holes(method, width)
         assert trace(method, box, camera, split, offset, packet_width=width).hit.all(), (camera, offset)
 
 
+@pytest.mark.core
 @each_width
 @pytest.mark.parametrize("component", TINY)
 def test_parallel_rays_along_an_axis_lose_nothing(width, component):

@@ -21,7 +21,6 @@ from atra.geometry.ray_space import padded_vertices
 from atra.kernels.callbacks import memory_monitor
 from tests.meshes import cornell_box
 
-pytestmark = pytest.mark.core
 ROOT = Path(__file__).resolve().parents[1]
 
 
@@ -231,6 +230,7 @@ def with_filter_arguments(**changes):
     return FakeLibrary(rtcSetGeometryIntersectFilterFunction=set_filter)
 
 
+@pytest.mark.core
 def test_a_library_that_answers_as_expected_is_taken_and_nothing_of_the_check_remains(monkeypatch):
     fake = FakeLibrary()
     assert load(fake, monkeypatch).native_packet_widths == library.load_library().native_packet_widths
@@ -291,6 +291,7 @@ def test_a_field_that_reads_back_wrong_is_named(width, word, field, monkeypatch)
         load(fake, monkeypatch)
 
 
+@pytest.mark.core
 @pytest.mark.parametrize(("words", "field"), [
     ((12, 13), "Ng_x"), ((13, 14), "Ng_y"), ((15, 16), "u"), ((14, 16), "Ng_z"), ((17, 18), "prim_id"),
     ((18, 19), "geom_id"), ((19, 20), "inst_id"), ((3, 8), "tnear"), ((0, 4), "org_x"),
@@ -301,6 +302,7 @@ def test_two_fields_that_changed_places_are_found_out(words, field, monkeypatch)
             load(with_words(width, swapped=words), monkeypatch)
 
 
+@pytest.mark.core
 @pytest.mark.parametrize(("changes", "message"), [
     ({"ray_count": lambda given: 0}, "N of what the filter is given"),
     ({"ray_count": lambda given: given.ray_count + 16}, "N of what the filter is given"),
@@ -339,6 +341,7 @@ def _the_mask_is_lost(words):
     words[layout.RAY_MASK] = 0.0
 
 
+@pytest.mark.core
 @pytest.mark.parametrize(("width", "change", "field"), [
     (width, change, field)
     for width in library.load_library().native_packet_widths

@@ -13,8 +13,6 @@ from atra.parallel import WorkerPool
 from tests.images import assert_equal_images, trace_pixels
 from tests.meshes import EYE_AT_ORIGIN, cornell_box, cornell_camera, random_triangles
 
-pytestmark = pytest.mark.core
-
 WIDTHS = load_library().native_packet_widths
 SIZE = {"width": 48, "height": 36}
 
@@ -61,6 +59,7 @@ def test_both_eyes_see_what_each_alone_sees(split, options):
     assert (frames.prim_id[0] != frames.prim_id[1]).any()
 
 
+@pytest.mark.core
 @pytest.mark.parametrize("options", GEOMETRIES)
 @pytest.mark.parametrize("split", [(1, 1), (12, 1), (4, 3)])
 @pytest.mark.parametrize("count", [2, 4])
@@ -72,6 +71,7 @@ def test_frames_of_a_camera_that_moves_turns_and_zooms_are_those_traced_alone(co
         assert_equal_images(hits.mesh, hits.camera, hits, trace_pixels(cornell_box(), hits.camera, (0.25, 0.75)))
 
 
+@pytest.mark.core
 @pytest.mark.parametrize("width", WIDTHS)
 def test_every_packet_width_gives_the_same_frames(width):
     cameras = moving_cameras(3, width=35, height=21)

@@ -21,8 +21,6 @@ from atra.parallel import WorkerPool
 from tests import images
 from tests.strategies import EXAMPLES, parallel_views, views
 
-pytestmark = pytest.mark.core
-
 WIDTHS = load_library().native_packet_widths
 packet_widths = st.sampled_from(WIDTHS)
 
@@ -40,6 +38,7 @@ def assert_agree(view, hits, reference):
         raise AssertionError(f"{len(y)} pixels wrong; at {x[0]}, {y[0]}: (prim_id, depth) {found}, expected {expected}")
 
 
+@pytest.mark.core
 @EXAMPLES
 @given(views(), packet_widths)
 def test_every_method_gives_the_float64_image_and_that_of_single_rays(view, packet_width):
@@ -53,6 +52,7 @@ def test_every_method_gives_the_float64_image_and_that_of_single_rays(view, pack
             assert_agree(view, hits, unculled)
 
 
+@pytest.mark.core
 @EXAMPLES
 @given(parallel_views(), packet_widths)
 def test_parallel_rays_give_the_float64_image(view, packet_width):

@@ -173,7 +173,6 @@ def test_a_ray_is_occluded_where_it_hits_something(width, coherent):
         assert 0.02 < hits.hit.mean() < 0.98
 
 
-@pytest.mark.core
 @each_width
 def test_no_bit_of_a_hit_depends_on_the_length_of_the_direction(width):
     mesh = MESHES["many small"]
@@ -230,7 +229,6 @@ def test_a_packet_that_shares_a_tiny_component_misses_no_wall(width, direction):
         assert occluded(wall, rays, width, coherent=coherent).all()
 
 
-@pytest.mark.core
 @each_width
 @pytest.mark.parametrize("count", [0, 1, 2, 3, 5, 8, 15, 16, 17, 31, CHUNK - 1, CHUNK, CHUNK + 1, 2 * CHUNK + 13])
 def test_a_batch_of_any_size_is_answered_ray_by_ray_and_nothing_else_is_written(width, count):
@@ -257,7 +255,6 @@ def test_a_batch_of_any_size_is_answered_ray_by_ray_and_nothing_else_is_written(
     assert (memory[2, whole_words:] == 7).all()
 
 
-@pytest.mark.core
 @each_width
 def test_any_number_of_threads_gives_the_same_bits(width):
     mesh = MESHES["many small"]
@@ -308,7 +305,6 @@ def test_rays_that_float32_holds_exactly_are_the_pixel_tracers_to_the_bit(width)
     assert hits.prim_id.tobytes() == reference.prim_id.tobytes()
 
 
-@pytest.mark.core
 def test_barycentric_weights_lead_to_the_hit():
     mesh = boards()  # whose corners are turned for Embree
     assert (mesh.traced_faces != mesh.faces).any()
@@ -472,7 +468,6 @@ def test_a_scene_is_traced_between_build_and_close():
         scene.build()
 
 
-@pytest.mark.core
 @each_width
 def test_two_threads_may_use_one_scene(width):
     mesh = MESHES["many small"]

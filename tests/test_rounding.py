@@ -15,8 +15,6 @@ from scenes.needles import NEEDLES_CAMERA, needles
 from tests.images import SHEARED, assert_no_pixel_wrong, trace, trace_pixels
 from tests.meshes import EYE_AT_ORIGIN, boards, cornell_box, cornell_camera, quads, random_triangles
 
-pytestmark = pytest.mark.core
-
 each_sheared = pytest.mark.parametrize("method", SHEARED)
 
 
@@ -47,6 +45,7 @@ def left_out(mesh, camera, split, admitted=COPY_ROUNDINGS):
     return roundings_of_copies(mesh, alignment, pool, points[0], points[1], points[1], admitted).left_out
 
 
+@pytest.mark.core
 @each_sheared
 @pytest.mark.parametrize("seed", range(6))
 def test_needles_around_the_eye_have_no_wrong_pixel_and_depths_as_exact_as_those_of_single_rays(seed, method):
@@ -58,6 +57,7 @@ def test_needles_around_the_eye_have_no_wrong_pixel_and_depths_as_exact_as_those
         assert found.depth_errors.largest <= 4 * max(single, COPY_ROUNDINGS * 2**-24)
 
 
+@pytest.mark.core
 @each_sheared
 @pytest.mark.parametrize("tilted", [False, True])
 def test_boards_along_the_view_have_the_depths_of_single_rays(tilted, method):
@@ -146,6 +146,7 @@ def test_the_corners_of_needles_are_turned_and_of_no_other_triangle():
     assert flat.traced_faces.tolist() == [[0, 1, 2]]
 
 
+@pytest.mark.core
 def test_an_eye_in_the_plane_of_a_floor_sees_what_single_rays_see():
     x, z = np.meshgrid(np.linspace(-3, 3, 9), np.linspace(-6, 0.5, 9))
     i = np.arange(81).reshape(9, 9)

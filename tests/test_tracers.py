@@ -67,7 +67,6 @@ def test_a_tilted_plane_has_the_depth_of_its_equation(method, width):
                 np.testing.assert_allclose(tracer.trace(offset).depth, expected, rtol=2e-6)
 
 
-@pytest.mark.core
 @each_method_of_cells
 def test_every_cell_shows_its_own_part_of_the_scene(method):
     camera = atra.Camera(**EYE_AT_ORIGIN, width=12, height=6, fov_y_degrees=40)
@@ -302,7 +301,6 @@ def test_the_packet_shape_wastes_as_few_lanes_as_the_cell_allows(width, counts, 
     assert choose_packet_shape(width, atra.Split(*counts, 1024, 1024)) == shape
 
 
-@pytest.mark.core
 @pytest.mark.skipif(8 not in WIDTHS, reason="packets of 8 are not native here")
 @pytest.mark.parametrize("method", ["aligned", "visible_first"])
 def test_a_forced_packet_shape_gives_the_same_image(method):
