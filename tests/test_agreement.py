@@ -118,14 +118,9 @@ def test_every_offset_is_an_image_every_disagreement_a_row(sound: Measured) -> N
 
 
 @pytest.mark.parametrize(("who", "other"), [("method", "baseline"), ("baseline", "method")])
-@pytest.mark.parametrize(
-    ("change", "correctness"),
-    [
-        (name_another_triangle, "wrong triangle"),
-        (see_nothing, "wrong triangle"),
-        (store_another_depth, "wrong depth"),
-    ],
-)
+@pytest.mark.parametrize(("change", "correctness"), [
+    (name_another_triangle, "wrong triangle"), (see_nothing, "wrong triangle"), (store_another_depth, "wrong depth"),
+])  # fmt: skip
 def test_a_fault_in_one_pixel_is_listed_and_counted_against_who_made_it(
     sound: Measured, monkeypatch: pytest.MonkeyPatch, who: str, other: str, change: Any, correctness: str
 ) -> None:
@@ -176,15 +171,11 @@ def test_offsets_and_sample_are_part_of_a_point_and_reach_the_worker() -> None:
     assert Job.from_json(Job(make_point(), "path", run=1).to_json()).point == make_point()
 
 
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"offsets": [[0.5, 1.0]]}, r"offset is \(0.5, 1.0\), expected two numbers in \[0, 1\)"),
-        ({"offsets": [[0.5]]}, r"offset is \(0.5,\)"),
-        ({"offsets": []}, "workload.offsets is empty"),
-        ({"sample_rays": -1}, "workload.sample_rays is -1"),
-    ],
-)
+@pytest.mark.parametrize(("options", "message"), [
+    ({"offsets": [[0.5, 1.0]]}, r"offset is \(0.5, 1.0\), expected two numbers in \[0, 1\)"),
+    ({"offsets": [[0.5]]}, r"offset is \(0.5,\)"), ({"offsets": []}, "workload.offsets is empty"),
+    ({"sample_rays": -1}, "workload.sample_rays is -1"),
+])  # fmt: skip
 def test_offsets_outside_the_pixel_and_negative_samples_are_refused(options: dict[str, Any], message: str) -> None:
     with pytest.raises(atra.InputError, match=message):
         AgreementOptions(**options)

@@ -131,18 +131,15 @@ def test_the_view_of_a_light_takes_the_up_it_is_given():
     assert camera.view_height == pytest.approx(2.0)
 
 
-@pytest.mark.parametrize(
-    ("direction", "bounds", "message"),
-    [
-        ((0, 0, 0), [(0, 0, 0), (1, 1, 1)], r"direction is \(0.0, 0.0, 0.0\)"),
-        ((0, 1), [(0, 0, 0), (1, 1, 1)], r"direction is \(0, 1\)"),
-        ((0, 1, 0), [0, 0, 0, 1, 1, 1], r"bounds have shape \(6,\)"),
-        ((0, 1, 0), [(0, 0, 0), (1, -1, 1)], r"bounds are .*-1.0.*lowest first"),
-        ((0, 1, 0), [(0, 0, 0), (1, np.inf, 1)], "bounds are .*inf"),
-        ((0, 1, 0), [(2, 0, 3), (2, 1, 3)], "no extent across the light"),
-        ((0, 1, 0), [(2, 0, 3), (2, 0, 3)], "no extent across the light"),
-    ],
-)
+@pytest.mark.parametrize(("direction", "bounds", "message"), [
+    ((0, 0, 0), [(0, 0, 0), (1, 1, 1)], r"direction is \(0.0, 0.0, 0.0\)"),
+    ((0, 1), [(0, 0, 0), (1, 1, 1)], r"direction is \(0, 1\)"),
+    ((0, 1, 0), [0, 0, 0, 1, 1, 1], r"bounds have shape \(6,\)"),
+    ((0, 1, 0), [(0, 0, 0), (1, -1, 1)], r"bounds are .*-1.0.*lowest first"),
+    ((0, 1, 0), [(0, 0, 0), (1, np.inf, 1)], "bounds are .*inf"),
+    ((0, 1, 0), [(2, 0, 3), (2, 1, 3)], "no extent across the light"),
+    ((0, 1, 0), [(2, 0, 3), (2, 0, 3)], "no extent across the light"),
+])  # fmt: skip
 def test_a_light_or_a_box_without_a_view_is_refused_with_the_value(direction, bounds, message):
     with pytest.raises(InputError, match=message):
         OrthographicCamera.of_light(direction, bounds, 8, 8)
@@ -175,29 +172,18 @@ def test_a_bad_view_height_is_refused_with_the_value(view_height):
         OrthographicCamera(**TILTED, view_height=view_height)
 
 
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"width": 0}, "width is 0"),
-        ({"height": -3}, "height is -3"),
-        ({"width": 2.5}, "width is 2.5"),
-        ({"width": True}, "width is True"),
-        ({"fov_y_degrees": 0.0}, "fov_y_degrees is 0.0"),
-        ({"fov_y_degrees": 180.0}, "fov_y_degrees is 180.0"),
-        ({"fov_y_degrees": float("nan")}, "fov_y_degrees is nan"),
-        ({"fov_y_degrees": "abc"}, "fov_y_degrees is 'abc'"),
-        ({"fov_y_degrees": None}, "fov_y_degrees is None"),
-        ({"eye": (0, 10**400, 0)}, r"eye is \(0, 10"),
-        ({"eye": (1, 2)}, r"eye is \(1, 2\)"),
-        ({"target": "abc"}, "target is 'abc'"),
-        ({"up": None}, "up is None"),
-        ({"eye": (0, float("inf"), 0)}, r"eye is \(0.0, inf, 0.0\)"),
-        ({"target": TILTED["eye"]}, r"eye and target are both \(1.0, 2.0, 5.0\)"),
-        ({"up": (0, 0, 0)}, r"up is \(0.0, 0.0, 0.0\)"),
-        ({"up": (1.5e200, 1.75e200, 8e200)}, r"up .* is parallel"),
-        ({"up": (1.5, 1.75, 8.0)}, r"up \(1.5, 1.75, 8.0\) is parallel"),
-    ],
-)
+@pytest.mark.parametrize(("change", "message"), [
+    ({"width": 0}, "width is 0"), ({"height": -3}, "height is -3"), ({"width": 2.5}, "width is 2.5"),
+    ({"width": True}, "width is True"), ({"fov_y_degrees": 0.0}, "fov_y_degrees is 0.0"),
+    ({"fov_y_degrees": 180.0}, "fov_y_degrees is 180.0"), ({"fov_y_degrees": float("nan")}, "fov_y_degrees is nan"),
+    ({"fov_y_degrees": "abc"}, "fov_y_degrees is 'abc'"), ({"fov_y_degrees": None}, "fov_y_degrees is None"),
+    ({"eye": (0, 10**400, 0)}, r"eye is \(0, 10"), ({"eye": (1, 2)}, r"eye is \(1, 2\)"),
+    ({"target": "abc"}, "target is 'abc'"), ({"up": None}, "up is None"),
+    ({"eye": (0, float("inf"), 0)}, r"eye is \(0.0, inf, 0.0\)"),
+    ({"target": TILTED["eye"]}, r"eye and target are both \(1.0, 2.0, 5.0\)"),
+    ({"up": (0, 0, 0)}, r"up is \(0.0, 0.0, 0.0\)"), ({"up": (1.5e200, 1.75e200, 8e200)}, r"up .* is parallel"),
+    ({"up": (1.5, 1.75, 8.0)}, r"up \(1.5, 1.75, 8.0\) is parallel"),
+])  # fmt: skip
 def test_a_bad_camera_is_refused_with_the_value(change, message):
     with pytest.raises(InputError, match=message):
         Camera(**{**TILTED, **change})

@@ -62,21 +62,14 @@ def test_a_file_that_is_no_library_is_refused_saying_what_to_install(tmp_path):
     assert "pip install" in said.stdout
 
 
-@pytest.mark.parametrize(
-    ("system", "machine", "python", "implementation", "problem"),
-    [
-        ("linux", "x86_64", (3, 11), "CPython", None),
-        ("linux", "x86_64", (3, 15), "CPython", None),
-        ("linux", "x86_64", (3, 16), "CPython", "Python 3.16"),
-        ("linux", "x86_64", (3, 11), "PyPy", "PyPy"),
-        ("linux", "aarch64", (3, 14), "CPython", "Linux on aarch64"),
-        ("darwin", "arm64", (3, 14), "CPython", None),
-        ("darwin", "x86_64", (3, 11), "CPython", None),
-        ("win32", "AMD64", (3, 14), "CPython", None),
-        ("win32", "ARM64", (3, 14), "CPython", "Windows on ARM64"),
-        ("freebsd14", "amd64", (3, 14), "CPython", "FreeBSD on amd64"),
-    ],
-)
+@pytest.mark.parametrize(("system", "machine", "python", "implementation", "problem"), [
+    ("linux", "x86_64", (3, 11), "CPython", None), ("linux", "x86_64", (3, 15), "CPython", None),
+    ("linux", "x86_64", (3, 16), "CPython", "Python 3.16"), ("linux", "x86_64", (3, 11), "PyPy", "PyPy"),
+    ("linux", "aarch64", (3, 14), "CPython", "Linux on aarch64"), ("darwin", "arm64", (3, 14), "CPython", None),
+    ("darwin", "x86_64", (3, 11), "CPython", None), ("win32", "AMD64", (3, 14), "CPython", None),
+    ("win32", "ARM64", (3, 14), "CPython", "Windows on ARM64"),
+    ("freebsd14", "amd64", (3, 14), "CPython", "FreeBSD on amd64"),
+])  # fmt: skip
 def test_without_a_wheel_installing_leaves_embreex_out_and_the_first_run_says_why(
     system, machine, python, implementation, problem, monkeypatch
 ):

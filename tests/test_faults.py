@@ -223,15 +223,10 @@ def test_the_date_of_a_record_decides_nothing(tmp_path: Path, moment: str) -> No
 
 
 @pytest.mark.parametrize("method", ["own", "rtcIntersect1", "packets_8"])
-@pytest.mark.parametrize(
-    ("sample", "told"),
-    [
-        (3_600.0, "longest sample is 36,000 times the median"),
-        (0.001, "median is 100 times the shortest sample"),
-        (0.9, ""),
-        (0.02, ""),
-    ],
-)
+@pytest.mark.parametrize(("sample", "told"), [
+    (3_600.0, "longest sample is 36,000 times the median"), (0.001, "median is 100 times the shortest sample"),
+    (0.9, ""), (0.02, ""),
+])  # fmt: skip
 def test_a_sample_out_of_all_proportion_is_a_doubt_and_stays(
     tmp_path: Path, method: str, sample: float, told: str
 ) -> None:

@@ -140,16 +140,11 @@ def test_what_hangs_on_a_camera_is_read(tmp_path: Path) -> None:
     assert load_mesh(path).bounds.tolist() == [[1, 0, 0], [2, 1, 0]]
 
 
-@pytest.mark.parametrize(
-    ("nodes", "roots"),
-    [
-        ([{"children": [1, 2]}, {"children": [3]}, {"children": [3]}, {"mesh": 0}], [0]),
-        ([{"mesh": 0, "children": [1]}, {"mesh": 0, "children": [0]}], [0]),
-        ([{"mesh": 0}], [0, 0]),
-        ([{"mesh": 0, "children": [0]}], []),
-    ],
-    ids=["two parents", "circle", "two roots", "its own parent"],
-)
+@pytest.mark.parametrize(("nodes", "roots"), [
+    ([{"children": [1, 2]}, {"children": [3]}, {"children": [3]}, {"mesh": 0}], [0]),
+    ([{"mesh": 0, "children": [1]}, {"mesh": 0, "children": [0]}], [0]), ([{"mesh": 0}], [0, 0]),
+    ([{"mesh": 0, "children": [0]}], []),
+], ids=["two parents", "circle", "two roots", "its own parent"])  # fmt: skip
 def test_nodes_that_are_no_tree_are_refused_or_show_nothing(nodes: list[Any], roots: list[int], tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"is named by 2 parents, expected one|holds no triangles"):
         load_mesh(gltf(tmp_path, nodes, roots))
@@ -167,15 +162,11 @@ def test_a_primitive_that_would_be_left_out_is_refused(tmp_path: Path) -> None:
         load_mesh(gltf(tmp_path, [{"mesh": 0}], [0], meshes=[PART, fan]))
 
 
-@pytest.mark.parametrize(
-    ("more", "message"),
-    [
-        ({"bufferViews": [{"buffer": 0, "byteLength": 10**7}] * 10**4}, "need about 93.1 GiB"),
-        ({"accessors": [{"bufferView": 0, "componentType": 5126, "count": 10**6, "type": "MAT4"}] * 10**4}, "GiB"),
-        ({"meshes": [{"primitives": PART["primitives"] * 1500}], "nodes": [{"mesh": 0}] * 1500}, "2,250,000 parts"),
-    ],
-    ids=["views", "accessors", "parts"],
-)
+@pytest.mark.parametrize(("more", "message"), [
+    ({"bufferViews": [{"buffer": 0, "byteLength": 10**7}] * 10**4}, "need about 93.1 GiB"),
+    ({"accessors": [{"bufferView": 0, "componentType": 5126, "count": 10**6, "type": "MAT4"}] * 10**4}, "GiB"),
+    ({"meshes": [{"primitives": PART["primitives"] * 1500}], "nodes": [{"mesh": 0}] * 1500}, "2,250,000 parts"),
+], ids=["views", "accessors", "parts"])  # fmt: skip
 def test_a_gltf_that_names_its_bytes_or_parts_too_often_is_refused_before_it_is_read(
     more: dict[str, Any], message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

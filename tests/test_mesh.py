@@ -190,22 +190,15 @@ def test_a_file_cut_short_is_refused_with_both_counts(tmp_path):
         load_mesh(written(tmp_path, "short.ply", ply([[0, 1, 2]], declared=5)))
 
 
-@pytest.mark.parametrize(
-    ("name", "text", "message"),
-    [
-        ("points.xyz", "0 0 0\n1 1 1\n", "holds no triangles"),
-        ("points.obj", OBJ_VERTICES, "holds no triangles"),
-        ("line.obj", OBJ_VERTICES + "l 1 2\n", "holds no triangles"),
-        ("empty.ply", "", "cannot be read as ply"),
-        ("noise.glb", "noise", "cannot be read as glb"),
-        ("scene.foo", "", "unknown format 'foo', expected one of .*ply"),
-        ("scene", "", "unknown format ''"),
-        ("scene.zip", "", "unpack an archive first"),
-        ("nan.obj", OBJ_VERTICES + "v nan 0 0\nf 1 2 5\n", "vertex 4 is .nan"),
-        ("range.ply", ply([[0, 1, 7]]), "names .*7.* there are 4 vertices"),
-        ("range.obj", OBJ_VERTICES + "f 1 2 9\n", "out of bounds"),
-    ],
-)
+@pytest.mark.parametrize(("name", "text", "message"), [
+    ("points.xyz", "0 0 0\n1 1 1\n", "holds no triangles"), ("points.obj", OBJ_VERTICES, "holds no triangles"),
+    ("line.obj", OBJ_VERTICES + "l 1 2\n", "holds no triangles"), ("empty.ply", "", "cannot be read as ply"),
+    ("noise.glb", "noise", "cannot be read as glb"), ("scene.foo", "", "unknown format 'foo', expected one of .*ply"),
+    ("scene", "", "unknown format ''"), ("scene.zip", "", "unpack an archive first"),
+    ("nan.obj", OBJ_VERTICES + "v nan 0 0\nf 1 2 5\n", "vertex 4 is .nan"),
+    ("range.ply", ply([[0, 1, 7]]), "names .*7.* there are 4 vertices"),
+    ("range.obj", OBJ_VERTICES + "f 1 2 9\n", "out of bounds"),
+])  # fmt: skip
 def test_a_file_that_cannot_be_used_is_refused_naming_it(tmp_path, name, text, message):
     path = written(tmp_path, name, text)
     with pytest.raises(InputError, match=message) as caught:

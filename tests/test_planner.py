@@ -376,34 +376,21 @@ def test_a_missing_or_unreadable_plan_is_refused(tmp_path: Path) -> None:
         Plan.load(tmp_path / "text.json")
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        ({"frames": 0}, "frames is 0"),
-        ({"frames": 1.5}, "frames is 1.5"),
-        ({"frames": 10**400}, "frames is 1000"),
-        ({"budget_s": 0.0}, "budget_s is 0.0"),
-        ({"budget_s": "short"}, "budget_s is 'short'"),
-        ({"budget_s": 10**400}, "budget_s is 1000"),
-        ({"budget_s": float("nan")}, "budget_s is nan"),
-        ({"threads": 0}, "threads is 0"),
-        ({"ties": "first"}, "ties is 'first', expected one of lowest, any"),
-    ],
-)
+@pytest.mark.parametrize(("arguments", "message"), [
+    ({"frames": 0}, "frames is 0"), ({"frames": 1.5}, "frames is 1.5"), ({"frames": 10**400}, "frames is 1000"),
+    ({"budget_s": 0.0}, "budget_s is 0.0"), ({"budget_s": "short"}, "budget_s is 'short'"),
+    ({"budget_s": 10**400}, "budget_s is 1000"), ({"budget_s": float("nan")}, "budget_s is nan"),
+    ({"threads": 0}, "threads is 0"), ({"ties": "first"}, "ties is 'first', expected one of lowest, any"),
+])  # fmt: skip
 def test_nonsense_is_refused(arguments: dict[str, object], message: str) -> None:
     with pytest.raises(InputError, match=message):
         atra.plan(cornell_box(), cornell_camera(64, 64), **arguments)  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize(
-    ("fields", "message"),
-    [
-        ({"method": "magic"}, "method is 'magic'"),
-        ({"split": (2, 1)}, "packets have no cells"),
-        ({"packet_rows": 0}, "packet_rows is 0"),
-        ({"build_quality": "best"}, "build_quality is 'best'"),
-    ],
-)
+@pytest.mark.parametrize(("fields", "message"), [
+    ({"method": "magic"}, "method is 'magic'"), ({"split": (2, 1)}, "packets have no cells"),
+    ({"packet_rows": 0}, "packet_rows is 0"), ({"build_quality": "best"}, "build_quality is 'best'"),
+])  # fmt: skip
 def test_a_choice_that_cannot_be_is_refused(fields: dict[str, object], message: str) -> None:
     with pytest.raises(InputError, match=message):
         replace(PACKETS_CHOICE, **fields)  # type: ignore[arg-type]
