@@ -1,7 +1,5 @@
 """Every method that makes images, and what two images of one view must agree in."""
 
-from itertools import product
-
 import numpy as np
 
 import atra
@@ -53,15 +51,3 @@ def assert_equal_images(mesh, camera, hits, reference):
 def assert_same_bits(hits, others):
     assert hits.prim_id.tobytes() == others.prim_id.tobytes()
     assert hits.depth.tobytes() == others.depth.tobytes()
-
-
-def pixel_grid(camera):
-    """x and y of all pixels, one after the other."""
-    y, x = np.divmod(np.arange(camera.width * camera.height), camera.width)
-    return x, y
-
-
-def splits_of(camera):
-    """Every split that divides the image."""
-    counts = ([n for n in range(1, size + 1) if size % n == 0] for size in (camera.width, camera.height))
-    return list(product(*counts))
