@@ -92,11 +92,6 @@ def test_the_oracle_finds_no_hit_on_a_triangle_flattened_by_rounding_only() -> N
         assert (nearest_hits(mesh, camera, x, y).prim_id == MISS).all()
 
 
-def test_images_that_agree_leave_nothing_to_examine(mesh: atra.Mesh, truth: Hits) -> None:
-    found = examined(mesh, truth, truth)
-    assert len(found.x) == len(found.truth.depth) == len(found.hits.correctness) == 0
-
-
 RIGHT, WRONG_TRIANGLE, WRONG_DEPTH = Correctness.RIGHT, Correctness.WRONG_TRIANGLE, Correctness.WRONG_DEPTH
 TRUE, HOLE, HIDDEN, OFF = (), (MISS, np.inf), (FAR, 3.0), (None, 2.1)
 # The ray meets the plane at (-1, -1/3): the diagonal of a square 8 wide is 1/12 of it away, the square beside 17/8.
@@ -130,19 +125,16 @@ def test_nobody_is_wrong_about_equally_deep_triangles(mesh: atra.Mesh, truth: Hi
 
 def test_the_sample_finds_where_both_images_are_wrong_alike(mesh: atra.Mesh, truth: Hits) -> None:
     alike = changed(truth, FAR, 3.0)
+    assert len(examined(mesh, alike, alike).x) == 0
     x, y = PIXEL
     pixel, another = y * CAMERA.width + x, 7
+    twice = examined(mesh, alike, truth, np.array([pixel]))  # disputed and sampled: examined once
+    assert (list(twice.sampled), list(twice.disputed)) == ([True], [True])
     found = examined(mesh, alike, alike, np.array([pixel, another]))
     assert not found.disputed.any()
     assert found.sampled.all()
     assert list(found.y * CAMERA.width + found.x) == sorted([pixel, another])
     assert list(found.hits.wrong) == list(found.reference.wrong) == [False, True]
-
-
-def test_a_disputed_pixel_that_is_sampled_too_is_examined_once(mesh: atra.Mesh, truth: Hits) -> None:
-    x, y = PIXEL
-    found = examined(mesh, changed(truth, FAR, 3.0), truth, np.array([y * CAMERA.width + x]))
-    assert (list(found.sampled), list(found.disputed)) == ([True], [True])
 
 
 def test_a_sample_is_distinct_pixels_of_the_image_the_same_for_the_same_seed() -> None:

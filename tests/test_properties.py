@@ -52,7 +52,6 @@ def test_every_method_gives_the_float64_image_and_that_of_single_rays(view, pack
             assert_agree(view, hits, unculled)
 
 
-@pytest.mark.core
 @EXAMPLES
 @given(parallel_views(), packet_widths)
 def test_parallel_rays_give_the_float64_image(view, packet_width):
