@@ -10,7 +10,7 @@ from typing import Any
 import pandas as pd
 
 from experiments.methods.aligned import ALIGNED
-from experiments.results.estimates import Estimate
+from experiments.results.estimates import Estimate, best_of
 from experiments.workloads.build import BUILD
 from experiments.workloads.frame import FRAME
 from experiments.workloads.memory import MEMORY
@@ -29,10 +29,9 @@ _SETTINGS = ("width", "height", "threads", "build_quality")
 _TRIANGLES_TOLERANCE = 1e-3
 USED_COLUMNS: tuple[str, ...] = (
     "scene", "stands_for", "triangles", "triangles_traced", "workload", "method", "geometry", "culling", "packet_width",
-    "split_x", "split_y", *_SETTINGS, "status", "error", "cpu", "speedup", "speedup_low", "speedup_high",
-    "speedup_vs_packets", "speedup_vs_packets_low", "speedup_vs_packets_high", "plan_time_s", "build_time_s",
-    "build_time_low_s", "build_time_high_s", "embree_bytes", "rss_mesh_bytes", "rss_bytes", "pixels_tied",
-    "pixels_edge", "pixels_wrong", "depth_error_max", "baseline_depth_error_max",
+    "split_x", "split_y", *_SETTINGS, "status", "error", "cpu", "speedup", "speedup_vs_packets", "plan_time_s",
+    "build_time_s", "build_over_plain", "plan_and_build_over_plain", "embree_bytes", "rss_mesh_bytes", "rss_bytes",
+    "pixels_tied", "pixels_edge", "pixels_wrong", "depth_error_max", "baseline_depth_error_max", "point_id",
 )  # fmt: skip
 
 
@@ -46,7 +45,7 @@ Row = Mapping[str, Any]
 
 @dataclass(frozen=True)
 class SceneRows:
-    """What the table holds of one of the paper's scenes.
+    """What the table of processes holds of one of the paper's scenes.
 
     paper_scene: its name in the paper; scene: the name of what was measured; stand_in: it is not the scene itself.
     rows: all its rows, whatever their status. points: the same by workload, split_x, split_y, geometry and culling,
@@ -64,7 +63,7 @@ class SceneRows:
         """Rays of the widest packets among the timed points, 1 if there are none."""
         return max((int(row["packet_width"] or 1) for row in self.rows if row["workload"] == FRAME.name), default=1)
 
-    def row(
+    def processes(
         self,
         workload: str,
         split: tuple[int, int],
@@ -72,54 +71,71 @@ class SceneRows:
         culling: bool,
         geometry: str = "copied",
         packet_width: int | None = None,
-    ) -> Row:
-        """The one measured row of an aligned point; packet_width None = the only one there is.
+    ) -> list[Row]:
+        """The measured rows of one aligned point, one a process; packet_width None = the only one there is.
 
-        Raises NotMeasuredError, with the reason, when there is none or more than one.
+        Raises NotMeasuredError, with the reason, when there is none, or when they are of more than one point.
         """
         rows = self.points.get((workload, *split, geometry, culling), [])
         if packet_width is not None:
             rows = [row for row in rows if row["packet_width"] == packet_width]
         measured = [row for row in rows if row["status"] == "ok"]
-        if len(measured) == 1:
-            return measured[0]
         name = f"{workload} of {geometry} geometry at {split[0]:,} x {split[1]:,}, culling {'on' if culling else 'off'}"
         if packet_width is not None:
             name += f", packet width {packet_width}"
-        if len(measured) > 1:
-            raise NotMeasuredError(f"{name}: {len(measured)} rows, expected one")
+        points = len({row["point_id"] for row in measured})
+        if points > 1:
+            raise NotMeasuredError(f"{name}: {points} points, expected one")
+        if measured:
+            return measured
         if rows:
             reason = str(rows[0]["error"]).partition(";")[0]  # what follows is advice
             raise NotMeasuredError(f"{name}: {rows[0]['status']}, {reason}")
         raise NotMeasuredError(f"{name}: not in the table")
 
-    def speedup(
-        self,
-        split: tuple[int, int],
-        *,
-        culling: bool,
-        packet_width: int = 1,
-        geometry: str = "copied",
-        column: str = "speedup",
-    ) -> Estimate:
-        """A point's speed-up. The speed-ups of two points are compared rather than their times: each was paired with
-        the same baseline in its own rounds, so the slow moments of a machine cancel."""
-        row = self.row(FRAME.name, split, culling=culling, packet_width=packet_width, geometry=geometry)
-        return read_estimate(row, column, f"{column}_low", f"{column}_high")
+    def row(self, workload: str, split: tuple[int, int], **options: Any) -> Row:
+        """One of `processes`, of what all have alike."""
+        return self.processes(workload, split, **options)[0]
 
-    def speedups(self, **options: Any) -> tuple[dict[int, Estimate], dict[int, str]]:
+    def speedups(
+        self, split: tuple[int, int], *, culling: bool, packet_width: int = 1, column: str = "speedup", **options: Any
+    ) -> list[float]:
+        """A point's speed-up in every process. The speed-ups of two points are compared rather than their times: each
+        was paired with the same baseline in its own rounds, so the slow moments of a machine cancel."""
+        options |= {"culling": culling, "packet_width": packet_width}
+        return [read_positive(row, column) for row in self.processes(FRAME.name, split, **options)]
+
+    def over_splits(self, **options: Any) -> tuple[dict[int, list[float]], dict[int, str]]:
         """Over horizontal splits 1 ... 1,024: the speed-ups that were measured, and why the others were not.
 
-        options: those of `speedup`.
+        options: those of `speedups`.
         """
-        found: dict[int, Estimate] = {}
+        found: dict[int, list[float]] = {}
         missing: dict[int, str] = {}
         for split in SPLITS:
             try:
-                found[split] = self.speedup((split, 1), **options)
+                found[split] = self.speedups((split, 1), **options)
             except NotMeasuredError as error:
                 missing[split] = str(error)
         return found, missing
+
+
+def estimate(values: Sequence[float]) -> Estimate:
+    """Of one value a process. Raises NotMeasuredError for too few."""
+    try:
+        return Estimate.of(values)
+    except ValueError as error:
+        raise NotMeasuredError(str(error)) from None
+
+
+def best(candidates: Mapping[Any, Sequence[float]]) -> tuple[Any, Estimate]:
+    """The best of some points and its estimate, see `best_of`. Raises NotMeasuredError for none or too few."""
+    if not candidates:
+        raise NotMeasuredError("nothing to choose from was measured")
+    try:
+        return best_of(candidates)
+    except ValueError as error:
+        raise NotMeasuredError(f"to choose the best on some processes and report it on others: {error}") from None
 
 
 def collect_scenes(table: pd.DataFrame | None) -> dict[str, SceneRows]:
@@ -175,15 +191,12 @@ def _index(name: str, rows: Sequence[Row]) -> SceneRows:
     return SceneRows(name, str(rows[0]["scene"]), rows[0]["stands_for"] is not None, tuple(rows), points)
 
 
-def read_estimate(row: Row, name: str, low: str, high: str) -> Estimate:
-    """A value of `row` with its interval. Raises NotMeasuredError when one is missing or not a positive number."""
-    numbers = [read_number(row, column) for column in (name, low, high)]
-    if min(numbers) <= 0:
-        raise NotMeasuredError(f"{name} is {numbers[0]} with interval {numbers[1:]}, expected positive numbers")
-    try:
-        return Estimate(*numbers)
-    except ValueError as error:
-        raise NotMeasuredError(f"{name}: {error}") from None
+def read_positive(row: Row, name: str) -> float:
+    """Raises NotMeasuredError when the value is missing or not a positive, finite number."""
+    value = read_number(row, name)
+    if value <= 0:
+        raise NotMeasuredError(f"{name} is {value} at {row['split_x']:,} x {row['split_y']:,}, expected more than 0")
+    return value
 
 
 def read_number(row: Row, name: str) -> float:

@@ -9,7 +9,7 @@ import pandas as pd
 
 from experiments.paper.evidence import PAPER_SCENES, PAPER_SIZE, NotMeasuredError, SceneRows, collect_scenes
 from experiments.results.claims import DOES_NOT_HOLD, HOLDS, NOT_MEASURED, UNDECIDED, Judge, Judgement
-from experiments.results.estimates import Estimate
+from experiments.results.estimates import Estimate, Interval
 from experiments.workloads.frame import FRAME
 
 
@@ -20,7 +20,7 @@ class Outcome:
 
     holds: bool | None
     value: str = ""
-    estimate: Estimate | None = None
+    estimate: Estimate | Interval | None = None
     why: str | None = None
 
     @property

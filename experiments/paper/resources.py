@@ -2,12 +2,25 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
+from typing import Any
+
 from experiments.methods.aligned import ALIGNED
-from experiments.paper.evidence import SPLITS, NotMeasuredError, Row, SceneRows, read_estimate, read_number
+from experiments.paper.evidence import (
+    SPLITS,
+    NotMeasuredError,
+    Row,
+    SceneRows,
+    estimate,
+    read_number,
+    read_positive,
+)
 from experiments.paper.judging import Outcome, SceneJudge
-from experiments.results.estimates import Estimate, decide_at_most, geometric_mean
+from experiments.results.estimates import Estimate, decide_greater, geometric_mean
 from experiments.workloads.build import BUILD
 from experiments.workloads.memory import MEMORY
+
+_PLAN_AND_BUILD = "plan_and_build_over_plain"
 
 LITTLE_EFFECT = 2.0
 """Build time and memory are little affected up to this multiple of theirs at one split. Our reading: the paper gives
@@ -18,23 +31,40 @@ def build_little_affected(most_splits: int) -> SceneJudge:
     """Whether the BVH build takes at most LITTLE_EFFECT times as long as at one split, for every split up to most."""
 
     def judge(scene: SceneRows) -> Outcome:
-        ratios: dict[int, Estimate] = {}
-        start = _build(scene, 1)
-        for splits in _up_to(most_splits):
-            ratios[splits] = _time(_build(scene, splits)).over(_time(start))
-        with_plan = _with_plan(_build(scene, most_splits)) / _with_plan(start)
+        ratios = {splits: _build(scene, splits).over(_build(scene, 1)) for splits in _up_to(most_splits)}
+        with_plan = _build(scene, most_splits, _PLAN_AND_BUILD).over(_build(scene, 1, _PLAN_AND_BUILD)).value
         worst = max(ratios, key=lambda splits: ratios[splits].value)
         value = f"{ratios[worst].value:.2f} at {worst} splits; plan and build {with_plan:.2f} at {most_splits}"
-        states = {splits: decide_at_most(ratio, LITTLE_EFFECT) for splits, ratio in ratios.items()}
-        if False in states.values():
-            splits = next(splits for splits, state in states.items() if state is False)
+        beyond = {splits: decide_greater(ratio, LITTLE_EFFECT) for splits, ratio in ratios.items()}
+        if True in beyond.values():
+            splits = next(splits for splits, state in beyond.items() if state)
             return Outcome(False, value, ratios[worst], f"{ratios[splits]} times as long at {splits} splits")
-        if None in states.values():
+        if None in beyond.values():
             why = f"the interval reaches beyond {LITTLE_EFFECT:g} times"
             return Outcome(None, value, ratios[worst], why)
         return Outcome(True, value, ratios[worst])
 
     return judge
+
+
+def build_grows(scene: SceneRows) -> Outcome:
+    """Whether the BVH build takes longer at the most splits measured than at one."""
+    most = next((splits for splits in reversed(SPLITS) if _is_measured(scene, splits)), 1)
+    if most == 1:
+        raise NotMeasuredError("build at no more than one split")
+    ratio = _build(scene, most).over(_build(scene, 1))
+    whole = _build(scene, most, _PLAN_AND_BUILD).over(_build(scene, 1, _PLAN_AND_BUILD)).value
+    value = f"{ratio.value:.2f} at {most:,} splits; plan and build {whole:.2f}"
+    holds = decide_greater(ratio)
+    reasons = {True: None, False: f"{ratio} times as long", None: "the interval is wider than the difference"}
+    return Outcome(holds, value, ratio, reasons[holds])
+
+
+def memory_grows(scene: SceneRows) -> Outcome:
+    """Whether Embree holds more bytes at the most splits than at one, culling on."""
+    ratio = _embree(_memory(scene, SPLITS[-1])) / _embree(_memory(scene, 1))
+    value = f"{ratio:.2f} at {SPLITS[-1]:,} splits"
+    return Outcome(ratio > 1, value, None, None if ratio > 1 else f"{ratio:.2f} times the bytes")
 
 
 def memory_little_affected(most_splits: int) -> SceneJudge:
@@ -58,33 +88,38 @@ def memory_little_affected(most_splits: int) -> SceneJudge:
     return judge
 
 
-def instancing_lowers_memory(scene: SceneRows) -> Outcome:
-    """Embree's bytes with instances over those with copies, culling off for both, at every split measured of both."""
-    bytes_ratios: dict[int, float] = {}
-    speed_ratios: list[Estimate] = []
-    reason = ""
-    for splits in SPLITS[1:]:
-        try:
-            instanced = _embree(_memory(scene, splits, culling=False, geometry="instanced"))
-            bytes_ratios[splits] = instanced / _embree(_memory(scene, splits, culling=False))
-        except NotMeasuredError as error:
-            reason = reason or str(error)
-        try:
-            times = [
-                scene.speedup((splits, 1), culling=False, packet_width=scene.widest_packets, geometry=geometry)
-                for geometry in ("copied", "instanced")
-            ]
-        except NotMeasuredError:
-            continue
-        speed_ratios.append(times[0].over(times[1]))
-    if not bytes_ratios:
-        raise NotMeasuredError(reason)
-    most = max(bytes_ratios)
-    cost = geometric_mean(speed_ratios) if speed_ratios else None
-    price = "frame time not measured" if cost is None else f"frame time x {cost.value:.2f}, mean over splits"
-    value = f"bytes x {bytes_ratios[most]:.3g} at {most:,} splits, {price}"
-    more = [f"bytes x {ratio:.3g} at {splits:,} splits" for splits, ratio in bytes_ratios.items() if ratio >= 1]
-    return Outcome(not more, value, cost, more[0] if more else None)
+def instancing_lowers_memory(culling: bool) -> SceneJudge:
+    """Embree's bytes with instances, which cannot cull, over those with copies, at every split measured of both.
+
+    culling: of the copies.
+    """
+
+    def judge(scene: SceneRows) -> Outcome:
+        bytes_ratios: dict[int, float] = {}
+        speed_ratios: list[Estimate] = []
+        reason = ""
+        for splits in SPLITS[1:]:
+            try:
+                instanced = _embree(_memory(scene, splits, culling=False, geometry="instanced"))
+                bytes_ratios[splits] = instanced / _embree(_memory(scene, splits, culling=culling))
+            except NotMeasuredError as error:
+                reason = reason or str(error)
+            with suppress(NotMeasuredError):
+                speed_ratios.append(
+                    _speed(scene, splits, culling=culling).over(
+                        _speed(scene, splits, culling=False, geometry="instanced")
+                    )
+                )
+        if not bytes_ratios:
+            raise NotMeasuredError(reason)
+        most = max(bytes_ratios)
+        cost = geometric_mean(speed_ratios) if speed_ratios else None
+        price = "frame time not measured" if cost is None else f"frame time x {cost.value:.2f}, mean over splits"
+        value = f"bytes x {bytes_ratios[most]:.3g} at {most:,} splits, {price}"
+        more = [f"bytes x {ratio:.3g} at {splits:,} splits" for splits, ratio in bytes_ratios.items() if ratio >= 1]
+        return Outcome(not more, value, cost, more[0] if more else None)
+
+    return judge
 
 
 def image_without_error(scene: SceneRows) -> Outcome:
@@ -108,16 +143,21 @@ def _up_to(most_splits: int) -> list[int]:
     return [splits for splits in SPLITS if 1 < splits <= most_splits]
 
 
-def _build(scene: SceneRows, splits: int) -> Row:
-    return scene.row(BUILD.name, (splits, 1), culling=True)
+def _is_measured(scene: SceneRows, splits: int) -> bool:
+    try:
+        _build(scene, splits)
+    except NotMeasuredError:
+        return False
+    return True
 
 
-def _time(row: Row) -> Estimate:
-    return read_estimate(row, "build_time_s", "build_time_low_s", "build_time_high_s")
+def _build(scene: SceneRows, splits: int, column: str = "build_over_plain") -> Estimate:
+    """Over the build of the plain mesh in the same rounds."""
+    return estimate([read_positive(row, column) for row in scene.processes(BUILD.name, (splits, 1), culling=True)])
 
 
-def _with_plan(row: Row) -> float:
-    return read_number(row, "plan_time_s") + read_number(row, "build_time_s")
+def _speed(scene: SceneRows, splits: int, **options: Any) -> Estimate:
+    return estimate(scene.speedups((splits, 1), packet_width=scene.widest_packets, **options))
 
 
 def _memory(scene: SceneRows, splits: int, *, culling: bool = True, geometry: str = "copied") -> Row:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -37,7 +37,8 @@ class Claim:
 
     section: where in the paper. text: in our own words. paper_value: what the paper reports.
     how: how our value and the verdict are computed from the table.
-    judge: table -> Judgement; raises nothing for rows, columns or scenes that are missing.
+    judges: table -> Judgement, under each reading of what the paper leaves open, "" where it leaves nothing; they raise
+    nothing for rows, columns or scenes that are missing. inferred: the paper does not say it; it follows from its values.
     """
 
     id: str
@@ -45,14 +46,15 @@ class Claim:
     text: str
     paper_value: str
     how: str
-    judge: Judge
+    judges: Mapping[str, Judge]
+    inferred: bool = False
 
 
 @dataclass(frozen=True)
 class JudgedClaim:
-    """A claim and what became of it: plain values, one row of `claims.csv`.
+    """A claim and what became of it under one reading: plain values, one row of `claims.csv`.
 
-    verdict: one of `VERDICTS`. value: ours, "" where there is none. interval: 95 % confidence. why: one line
+    reading: "" where there is but one. inferred: as of `Claim`. verdict: one of `VERDICTS`. value: ours, "" where there is none. interval: 95 % confidence. why: one line
     where it does not hold.
     """
 
@@ -61,18 +63,23 @@ class JudgedClaim:
     text: str
     paper_value: str
     how: str
+    inferred: bool
+    reading: str
     verdict: str
     value: str
     interval: str | None
     why: str | None
 
 
-def judge_claim(claim: Claim, table: pd.DataFrame | None) -> JudgedClaim:
-    """What the table says of `claim`; without rows, that it was not measured."""
-    found = claim.judge(table)
-    stand_ins = f" (Judged on stand-ins: {', '.join(found.stand_ins)}.)" if found.stand_ins else ""
-    told = (claim.id, claim.section, claim.text + stand_ins, claim.paper_value, claim.how)
-    return JudgedClaim(*told, found.verdict, found.value, found.interval, found.why)
+def judge_claim(claim: Claim, table: pd.DataFrame | None) -> tuple[JudgedClaim, ...]:
+    """What the table says of `claim` under each reading; without rows, that it was not measured."""
+    judged = []
+    for reading, judge in claim.judges.items():
+        found = judge(table)
+        stand_ins = f" (Judged on stand-ins: {', '.join(found.stand_ins)}.)" if found.stand_ins else ""
+        told = (claim.id, claim.section, claim.text + stand_ins, claim.paper_value, claim.how, claim.inferred, reading)
+        judged.append(JudgedClaim(*told, found.verdict, found.value, found.interval, found.why))
+    return tuple(judged)
 
 
 def write_claims(folder: Path, findings: Sequence[JudgedClaim]) -> None:

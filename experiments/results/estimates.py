@@ -15,9 +15,6 @@ CONFIDENCE = 0.95
 FEWEST_PROCESSES = 3
 """Below, no interval is given, and nothing is decided."""
 
-NOTICEABLE = 1.05
-"""A gain whose interval ends below this factor counts as no gain: the measurement was fine enough and found none."""
-
 FEWEST_FITTED = 5
 """Points below which no exponent is fitted."""
 
@@ -68,6 +65,9 @@ class Estimate:
         """The ratio of two estimates that share no process."""
         return _combine((self, other), (1.0, -1.0))
 
+    def inverse(self) -> Estimate:
+        return Estimate(-self.log_mean, self.variance, self.freedom)
+
     def interval(self) -> str:
         return f"[{self.low:.2f}, {self.high:.2f}]"
 
@@ -107,7 +107,7 @@ def _half(values: Sequence[float]) -> int:
 
 @dataclass(frozen=True)
 class Interval:
-    """A number and its 95 % confidence interval."""
+    """A number, of any sign, and its 95 % confidence interval."""
 
     value: float
     low: float
@@ -125,19 +125,12 @@ class Fit:
     r_squared: float
 
 
-def decide_greater(ratio: Estimate, noticeable: float = NOTICEABLE) -> bool | None:
-    """Whether `ratio` is above 1: True when its whole interval is, False when the interval ends below `noticeable`
-    (the opposite is true, or the difference is too small to notice), None when the interval leaves it open."""
-    if ratio.low > 1:
+def decide_greater(value: Estimate | Interval, limit: float = 1.0) -> bool | None:
+    """Whether `value` is above `limit`: True when its whole interval is, False when its whole interval is below, None
+    when the limit lies inside. The one rule for all that is decided: noise leaves it open."""
+    if value.low > limit:
         return True
-    return False if ratio.high < noticeable else None
-
-
-def decide_at_most(value: Estimate, limit: float) -> bool | None:
-    """Whether `value` is at most `limit`, by its whole interval; None when the limit lies inside the interval."""
-    if value.high <= limit:
-        return True
-    return False if value.low > limit else None
+    return False if value.high < limit else None
 
 
 def fit_exponent(x: Sequence[float], y: Sequence[float]) -> Fit:

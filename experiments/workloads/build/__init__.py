@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from statistics import median
+from typing import Any
 
 from experiments.harness.records import Record
-from experiments.results.statistics import statistics_columns
+from experiments.results.statistics import Series, statistics_columns
 from experiments.workloads.baselines import series
 from experiments.workloads.resources import RESOURCE_COLUMNS, RESOURCES, say_ms
 from experiments.workloads.workload import NoOptions, Workload
@@ -18,6 +19,16 @@ def _headline(record: Record) -> str:
     return f"plan {say_ms(median(record.samples[PLAN]))}, build {say_ms(median(record.samples[BVH]))}"
 
 
+def _over(*names: str) -> Series:
+    """A record -> the ratios of a sum of series and the build of the plain mesh, round by round."""
+
+    def ratios(record: Record) -> Any:
+        parts = [series(name)(record) for name in (*names, BASELINE)]
+        return None if any(part is None for part in parts) else sum(parts[:-1]) / parts[-1]
+
+    return ratios
+
+
 BUILD = Workload(
     name="build",
     options=NoOptions,
@@ -26,6 +37,10 @@ BUILD = Workload(
         *statistics_columns("plan_time{}_s", "plan: culling and shear", series(PLAN)),
         *statistics_columns("build_time{}_s", "BVH build", series(BVH)),
         *statistics_columns("baseline_build_time{}_s", "BVH build of the plain mesh", series(BASELINE)),
+        *statistics_columns("build_over_plain{}", "BVH build / that of the plain mesh, in the same rounds", _over(BVH)),
+        *statistics_columns(
+            "plan_and_build_over_plain{}", "plan and build / BVH build of the plain mesh", _over(PLAN, BVH)
+        ),
     ),
     headline=_headline,
     room=__name__,

@@ -1,0 +1,54 @@
+"""Two readings of the paper's baseline, "the standard method that does not use ours", and gains over either.
+
+The paper's 1 x 1 may find the nearest hit, as anybody's renderer does, or gather every hit of a ray, as its aligned
+runs must. Its section 5, where the method may lose when only the nearest hit is wanted, speaks for the second.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from experiments.paper.evidence import NotMeasuredError, SceneRows, best, estimate
+from experiments.results.estimates import Estimate
+
+
+@dataclass(frozen=True)
+class Reading:
+    """name: as shown. baseline: what a gain is over, in words. gathers: the baseline gathers all hits: it is the aligned
+    tracer itself at 1 x 1 without culling, with rays of the same kind."""
+
+    name: str
+    baseline: str
+    gathers: bool
+
+
+NEAREST = Reading("nearest hit", "rtcIntersect1 per pixel (packets: the fastest packets per pixel)", gathers=False)
+ALL_HITS = Reading("all hits", "1 x 1 of the same tracer without culling, which gathers all hits", gathers=True)
+
+READINGS = (NEAREST, ALL_HITS)
+
+
+def start(scene: SceneRows, reading: Reading, packet_width: int = 1) -> Estimate | None:
+    """Speed-up of the baseline itself over rtcIntersect1; None where that is what all is measured against.
+
+    Raises NotMeasuredError.
+    """
+    if not reading.gathers:
+        return None
+    return estimate(scene.speedups((1, 1), culling=False, packet_width=packet_width))
+
+
+def over_start(value: Estimate, scene: SceneRows, reading: Reading, packet_width: int = 1) -> Estimate:
+    """A speed-up over rtcIntersect1 as one over the baseline of a reading. Raises NotMeasuredError."""
+    base = start(scene, reading, packet_width)
+    return value if base is None else value.over(base)
+
+
+def best_gain(scene: SceneRows, reading: Reading, packet_width: int = 1) -> tuple[int, Estimate]:
+    """The best number of horizontal splits, culling on, and its gain over the baseline. Raises NotMeasuredError."""
+    column = "speedup_vs_packets" if packet_width > 1 and not reading.gathers else "speedup"
+    found, missing = scene.over_splits(culling=True, packet_width=packet_width, column=column)
+    if not found:
+        raise NotMeasuredError(next(iter(missing.values())))
+    splits, value = best(found)
+    return splits, over_start(value, scene, reading, packet_width)
