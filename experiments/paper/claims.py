@@ -132,7 +132,7 @@ _SPEEDUPS = tuple(
         f"Best speed-up on {scene}, aligned single rays against single rays.",
         f"{value:.2f}",
         "Culling on, 1 to 1,024 horizontal splits, 1,024 x 1,024 pixels, the scene itself and no stand-in: the largest "
-        f"ratio of the baseline to ours. {_CHOSEN}{_RULE.format(limit='the paper’s value')}",
+        f"ratio of the baseline to ours. {_CHOSEN}{_RULE.format(limit="the paper's value")}",
         _both(partial(on_paper_scene, scene), speed.best_speedup_reaches(value)),
     )
     for scene, value in BEST_SPEEDUPS.items()
@@ -147,9 +147,7 @@ _LITTLE_BUILD = (
     f"{{most}}. {_OUR_READING}little = at most {resources.LITTLE_EFFECT:g} times. Holds on a scene when every interval "
     "lies within, fails when one lies beyond. "
 )
-_MEMORY = (
-    "Culling on, copied geometry, horizontal splits, a process of its own for each: embree_bytes over those at one "
-)
+_MEMORY = "Culling on, copied geometry, horizontal splits, a process of its own each: embree_bytes over those at one "
 _LITTLE_MEMORY = (
     f"{_MEMORY}split, at every N up to {{most}}; value: the largest. The growth of the process, rss_bytes - "
     f"rss_mesh_bytes, at one split and at {{most}} stands beside it and decides nothing. {_NO_INTERVAL}{_OUR_READING}"
@@ -186,8 +184,8 @@ def _instancing(culling: bool) -> Claim:
         f"Instancing the geometry instead of copying it ({setting}) would lower the memory.",
         "suggested, not measured",
         f"Instances, which cannot be culled, over copies with culling {'on' if culling else 'off'}, horizontal splits: "
-        "embree_bytes, at every split from 2 on that was measured of both. Holds on a scene when it is below 1 at all of "
-        f"them; value: at the most splits. {_NO_INTERVAL}The cost: frame time instanced over copied, widest packets, "
+        "embree_bytes, at every split from 2 on that was measured of both. Holds on a scene when it is below 1 at all "
+        f"of them; value: at the most splits. {_NO_INTERVAL}The cost: frame time instanced over copied, widest packets, "
         "geometric mean over such splits; the interval is the cost's and has no part in the verdict.",
         _alone(on_every_scene(resources.instancing_lowers_memory(culling))),
     )

@@ -14,8 +14,8 @@ from experiments.results.estimates import Estimate
 
 @dataclass(frozen=True)
 class Reading:
-    """name: as shown. baseline: what a gain is over, in words. gathers: the baseline gathers all hits: it is the aligned
-    tracer itself at 1 x 1 without culling, with rays of the same kind."""
+    """name: as shown. baseline: what a gain is over, in words. gathers: the baseline gathers all hits, being the
+    aligned tracer itself at 1 x 1 without culling, with rays of the same kind."""
 
     name: str
     baseline: str
