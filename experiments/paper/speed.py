@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
 
 from experiments.paper.evidence import (
@@ -14,8 +14,8 @@ from experiments.paper.evidence import (
     estimate,
     read_number,
 )
-from experiments.paper.judging import DOES_NOT_HOLD, HOLDS, UNDECIDED, Judgement, Outcome, SceneJudge
-from experiments.paper.readings import NEAREST, Reading, best_gain, over_start, start
+from experiments.paper.judging import DOES_NOT_HOLD, HOLDS, UNDECIDED, Judgement, Outcome
+from experiments.paper.readings import NEAREST, Reading, best_gain, over_start
 from experiments.results.estimates import FEWEST_FITTED, Estimate, decide_greater, fit_exponent, geometric_mean
 from experiments.workloads.frame import FRAME
 
@@ -28,7 +28,7 @@ LITTLE = 1.2
 FEW_SPLITS = (2, 4, 8)
 
 LARGEST_LOSS = 1.05
-"""More splits keep gaining where none is slower than fewer by more than this. Our reading: the paper gives no number."""
+"""More splits keep gaining where none is slower than fewer by more than this. Our reading."""
 
 MODEL_EXPONENT = (0.9, 1.1)
 MODEL_R_SQUARED = 0.9
@@ -156,7 +156,7 @@ def more_splits_faster(scene: SceneRows, reading: Reading) -> Outcome:
     return _gain(gain, value, f"{most:,} splits are {gain} times as fast as none")
 
 
-def best_speedup_reaches(paper_value: float) -> SceneJudge:
+def best_speedup_reaches(paper_value: float) -> Callable[[SceneRows, Reading], Outcome]:
     """Whether the best speed-up of single rays over horizontal splits, culling on, reaches the paper's."""
 
     def judge(scene: SceneRows, reading: Reading) -> Outcome:
@@ -170,11 +170,8 @@ def best_speedup_reaches(paper_value: float) -> SceneJudge:
 def nearest_alone_may_lose(scene: SceneRows) -> Outcome:
     """Whether rtcIntersect1 is faster than aligned single rays at their best split, culling on."""
     splits, gain = best_gain(scene, NEAREST)
-    return _gain(
-        gain.inverse(),
-        f"{gain.value:.2f} at {splits:,} x 1",
-        f"aligned rays are {gain} times as fast at {splits:,} x 1",
-    )
+    value = f"{gain.value:.2f} at {splits:,} x 1"
+    return _gain(gain.inverse(), value, f"aligned rays are {gain} times as fast at {splits:,} x 1")
 
 
 def larger_scenes_gain_less(scenes: Mapping[str, SceneRows], reading: Reading) -> Judgement:

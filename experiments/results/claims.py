@@ -38,7 +38,7 @@ class Claim:
     section: where in the paper. text: in our own words. paper_value: what the paper reports.
     how: how our value and the verdict are computed from the table.
     judges: table -> Judgement, under each reading of what the paper leaves open, "" where it leaves nothing; they raise
-    nothing for rows, columns or scenes that are missing. inferred: the paper does not say it; it follows from its values.
+    nothing for rows, columns or scenes that are missing. inferred: the paper does not say it, but its values do.
     """
 
     id: str
@@ -54,8 +54,8 @@ class Claim:
 class JudgedClaim:
     """A claim and what became of it under one reading: plain values, one row of `claims.csv`.
 
-    reading: "" where there is but one. inferred: as of `Claim`. verdict: one of `VERDICTS`. value: ours, "" where there is none. interval: 95 % confidence. why: one line
-    where it does not hold.
+    reading: "" where there is but one. inferred: as of `Claim`. verdict: one of `VERDICTS`. value: ours, "" where there
+    is none. interval: 95 % confidence. why: one line where it does not hold.
     """
 
     id: str
