@@ -5,16 +5,15 @@ from __future__ import annotations
 import random
 import sys
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 from rich.console import Console
 
-from atra.errors import InputError, RecordError
+from atra.errors import RecordError
 from experiments.harness.configuration import Configuration, check_writable, records_folder, results_folder
-from experiments.harness.environment import describe_difference
 from experiments.harness.identity import Runner, current_environment, identity, identity_of, measure
 from experiments.harness.launching import run_worker
 from experiments.harness.lock import exclusive
@@ -24,9 +23,9 @@ from experiments.harness.points import PlannedPoint, plan_points
 from experiments.harness.progress import SweepProgress, say
 from experiments.harness.records import Record, load_record, read_record, record_path, write_record
 from experiments.report.figures import check_figures
-from experiments.report.writing import write_results
+from experiments.report.writing import tell_whose_tables_are_replaced, write_results
 from experiments.results.canary import BAND, strays
-from experiments.results.table import make_tables, read_tables
+from experiments.results.table import make_tables
 from experiments.results.terminal import print_sweep, results_console, say_label, say_outcome
 from experiments.workloads import find_workload
 from scenes.loading import replace_missing_scenes
@@ -126,7 +125,7 @@ def _run(
         f"{len(to_do)} to do; results in {folder}",
     )
     if to_do:
-        _tell_whose_table_is_replaced(folder, records, console)
+        tell_whose_tables_are_replaced(folder, records, console)
 
     def measure_all(names: Sequence[str]) -> None:
         if launch is None:
@@ -156,29 +155,6 @@ def _run(
         print(f"run.py: {what}; the same command tries them again", file=sys.stderr)
         raise SystemExit(1)
     return table
-
-
-def _tell_whose_table_is_replaced(folder: Path, records: Path, console: Console) -> None:
-    """Say so if the sweep's earlier table is of another machine or version, which is why points are measured anew."""
-    try:
-        tables = read_tables(folder)
-    except InputError as error:
-        say(console, f"warning: {error}")
-        return
-    for point_identity in [] if tables is None else tables.points["point_id"]:
-        try:
-            record = load_record(records, point_identity)
-        except RecordError:
-            continue
-        if record is not None:
-            difference = describe_difference(record.environment, asdict(current_environment()))
-            if difference is not None:
-                say(
-                    console,
-                    f"the table in {folder} is of another machine or version ({difference}, which is this one); its "
-                    f"points are measured anew and it is replaced, but its records stay in {records}",
-                )
-            return
 
 
 def _measure_again(
@@ -225,7 +201,7 @@ def _plan(grid_points: Sequence[GridPoint], console: Console) -> dict[str, Sweep
         repeated = find_workload(planned.point.workload).is_timed and planned.problem is None
         for process in range(grid_point.configuration.measure.processes if repeated else 1):
             of_process = replace(planned, point=replace(planned.point, process=process))
-            overrides = (*grid_point.overrides, f"measure.process={process}")
+            overrides = (*grid_point.overrides, *(() if process == 0 else (f"measure.process={process}",)))
             points[identity(of_process.point, environment)] = SweepPoint(of_process, grids, overrides)
     return points
 

@@ -30,7 +30,7 @@ from atra.errors import InputError
 from atra.geometry.camera import Camera
 from atra.geometry.mesh_file import load_mesh
 from experiments.harness.records import Record, read_record, write_record
-from experiments.results.table import make_table, read_table, write_table
+from experiments.results.table import Tables, make_table, read_table, write_tables
 from scenes.directory import CAMERAS_FILE, load_scene_from_directory
 from scenes.scene import CAMERA_FIELDS
 from tests.report_samples import small_table
@@ -78,7 +78,7 @@ def _read_record(path: Path) -> bool:
 
 
 def _read_table(path: Path) -> bool:
-    table = read_table(path.parent)
+    table = read_table(path)
     assert table is not None
     assert list(table.columns) == list(make_table([]).columns)
     return True
@@ -154,7 +154,7 @@ def kinds() -> dict[str, Kind]:
     named = "\x1b[31mred\N{RIGHT-TO-LEFT OVERRIDE}\a.off"
     found["hostile name"] = replace(found["mesh.off"], path=named)
     with tempfile.TemporaryDirectory() as folder:
-        write_table(Path(folder), small_table())
+        write_tables(Path(folder), Tables(small_table(), small_table()))
         table = (Path(folder) / "table.parquet").read_bytes()
         record = _record_sample(Path(folder))
     camera = {"eye": [0, 0, 5], "target": [0, 0, 0], "up": [0, 1, 0], "fov_y_degrees": 40.5}

@@ -18,7 +18,7 @@ from experiments.harness.identity import current_environment, identity, measure
 from experiments.harness.points import plan_points
 from experiments.harness.records import Record, load_record, record_path, write_record
 from experiments.report.writing import rewrite_report
-from experiments.results.table import make_table, write_table
+from experiments.results.table import Tables, make_table, make_tables, write_tables
 from experiments.sweep import GridPoint, run_sweep
 from tests.test_sweep import Runner, configuration, measured_elsewhere
 
@@ -111,7 +111,7 @@ def test_a_table_of_another_machine_or_version_is_told_and_its_points_are_measur
     (planned,) = plan_points([configuration(tmp_path)])
     foreign = measured_elsewhere(planned, **{field: "another"})
     kept = write_record(tmp_path / "records", foreign)
-    write_table(tmp_path / "one", make_table([foreign]))
+    write_tables(tmp_path / "one", make_tables([foreign]))
     runner = Runner()
     table = run_sweep(points(tmp_path, 1), run=runner)
     assert len(runner.points) == 1
@@ -137,7 +137,8 @@ def test_a_report_of_two_machines_or_versions_is_refused(tmp_path: Path, field: 
     for record in records if with_records else []:
         write_record(tmp_path / "records", record)
     # No sweep makes such a table; a hand does.
-    write_table(tmp_path / "one", pd.concat([make_table([record]) for record in records], ignore_index=True))
+    table = pd.concat([make_tables([record]).points for record in records], ignore_index=True)
+    write_tables(tmp_path / "one", Tables(table, table))
     with pytest.raises(InputError, match="another"):
         rewrite_report(configuration(tmp_path))
     assert "report.html" not in files(tmp_path / "one")
@@ -147,7 +148,7 @@ def test_a_report_of_another_machine_names_that_machine(tmp_path: Path) -> None:
     (planned,) = plan_points([configuration(tmp_path)])
     foreign = measured_elsewhere(planned, cpu="a cpu far away")
     write_record(tmp_path / "records", foreign)
-    write_table(tmp_path / "one", make_table([foreign]))
+    write_tables(tmp_path / "one", make_tables([foreign]))
     assert "a cpu far away" in rewrite_report(configuration(tmp_path)).read_text(encoding="utf-8")
 
 

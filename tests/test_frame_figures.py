@@ -21,8 +21,8 @@ def frames_row(split_x: int, together_s: float, separate_s: float, visible_s: fl
     """A row of several frames; packets take 0.05 s. Quartiles are half and double."""
     row = method_row("aligned", split_x, together_s, 0.05 / together_s, frames=2, motion="eyes", workload="multiframe")
     for name, time_s in zip(NAMES, (separate_s, visible_s), strict=True):
-        row |= {f"{name}_render_time_s": time_s, f"{name}_render_time_q1_s": 0.5 * time_s}
-        row |= {f"{name}_render_time_q3_s": 2 * time_s, f"speedup_vs_{name}": time_s / together_s}
+        row |= {f"{name}_render_time_s": time_s, f"{name}_render_time_low_s": 0.5 * time_s}
+        row |= {f"{name}_render_time_high_s": 2 * time_s, f"speedup_vs_{name}": time_s / together_s}
         row |= {f"speedup_vs_{name}_low": 0.75, f"speedup_vs_{name}_high": 1.25}
     sizes = {"separate_embree_bytes": 5, "embree_bytes": 4, "peak_rss_bytes": 4, "rss_mesh_bytes": 1}
     return row | {name: count * 2**20 for name, count in sizes.items()} | fields

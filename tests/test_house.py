@@ -32,7 +32,7 @@ from experiments.methods import METHODS
 from experiments.methods.method import Method, Style, Tracing, option
 from experiments.report.writing import rewrite_report
 from experiments.results.statistics import statistics_columns
-from experiments.results.table import read_table, workload_rows
+from experiments.results.table import read_tables, workload_rows
 from experiments.results.terminal import print_point, results_console
 from experiments.sweep import GridPoint, run_sweep
 from experiments.worker import Job, measure_point
@@ -179,9 +179,9 @@ def test_a_new_method_and_a_new_workload_go_from_the_command_line_to_the_page(
     page = (folder / "report.html").read_text(encoding="utf-8")
     assert "Games played" in page
     assert all(f'title="{name}: ' in page for name in ("patience", "players", "waited", "moves", "game_time_s"))
-    stored = read_table(folder)
+    stored = read_tables(folder)
     assert stored is not None
-    pd.testing.assert_frame_equal(stored, table)
+    pd.testing.assert_frame_equal(stored.points, table)
     assert rewrite_report(given[0].configuration).read_text(encoding="utf-8") == page
 
 

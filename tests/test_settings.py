@@ -32,7 +32,7 @@ from tests.test_table import MEASURED
 
 OTHERWISE_TOLD = {"scene", "triangles", "method", "workload", "scene_source", "scene_path"}
 OPTIONS = {"options", "workload_options"}
-EFFORT = {"rounds", "warmup", "frame_budget_s", "time_limit_s", "memory_budget_gib"}
+EFFORT = {"process", "rounds", "warmup", "frame_budget_s", "time_limit_s", "memory_budget_gib"}
 
 # Two values of each setting, as a record's configuration holds them, and the second one in words.
 VALUES: dict[str, tuple[Any, Any, str]] = {

@@ -12,7 +12,13 @@ import pytest
 
 from atra.errors import InputError
 from experiments.harness import identity as identities
-from experiments.harness.configuration import Chosen, Configuration, SceneConfiguration, SweepConfiguration
+from experiments.harness.configuration import (
+    Chosen,
+    Configuration,
+    MeasureConfiguration,
+    SceneConfiguration,
+    SweepConfiguration,
+)
 from experiments.harness.identity import current_environment, identity, identity_of, imported_sources, measure
 from experiments.harness.outcome import Outcome
 from experiments.harness.point import Point
@@ -56,6 +62,7 @@ def configuration(
     return Configuration(
         scene=SceneConfiguration(name="cornell_box", source=SceneSource.procedural),
         sweep=SweepConfiguration(name=sweep, figures={"figure5": []}),
+        measure=MeasureConfiguration(processes=1),
         method=fields.pop("method", Chosen("aligned", AlignedOptions(split_x))),
         workload=Chosen(workload, NoOptions()),
         **{"width": 64, "height": 64, "results_dir": str(folder), **fields},  # type: ignore[arg-type]

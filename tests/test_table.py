@@ -6,7 +6,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pandas as pd
 import pytest
 
@@ -15,8 +14,7 @@ from experiments.harness.column import WHOLE, Column
 from experiments.harness.records import Record
 from experiments.report.figures import draw_figures
 from experiments.results import table as tables
-from experiments.results.statistics import median_interval
-from experiments.results.table import columns, make_table, read_table, rows_of, write_table
+from experiments.results.table import Tables, columns, make_table, make_tables, read_tables, rows_of, write_tables
 from experiments.workloads.frame import FRAME
 from experiments.workloads.frame.grid_figure import draw_grid_figure
 from experiments.workloads.frame.split_figure import draw_split_figure
@@ -71,7 +69,8 @@ def test_two_columns_of_one_name_and_two_types_are_refused(monkeypatch: pytest.M
 def test_times_are_medians() -> None:
     row = make_table([MEASURED]).iloc[0]
     assert (row["render_time_s"], row["baseline_render_time_s"], row["packets_render_time_s"]) == (2.0, 10.0, 4.0)
-    assert (row["render_time_q1_s"], row["render_time_q3_s"], row["render_time_spread_s"]) == (1.5, 3.0, 1.5)
+    assert row["render_time_spread_s"] == 1.5
+    assert pd.isna(row["render_time_low_s"])  # one process says nothing of others
 
 
 def test_packets_are_the_fastest_and_every_width_has_columns_of_its_own() -> None:
@@ -107,7 +106,7 @@ def test_a_skipped_point_is_a_row_with_its_reason_and_no_numbers() -> None:
 
 def test_both_files_hold_the_same_rows(tmp_path: Path) -> None:
     table = make_table([MEASURED, SKIPPED])
-    write_table(tmp_path, table)
+    write_tables(tmp_path, Tables(table, table))
     from_parquet = pd.read_parquet(tmp_path / "table.parquet")
     from_csv = pd.read_csv(tmp_path / "table.csv")
     assert list(from_csv.columns) == list(from_parquet.columns) == list(table.columns)
@@ -118,21 +117,27 @@ def test_both_files_hold_the_same_rows(tmp_path: Path) -> None:
 
 
 def test_a_table_comes_back_from_its_file_as_it_was(tmp_path: Path) -> None:
-    table = make_table([MEASURED, SKIPPED], {"a": ("horizontal", "grid")})
-    assert read_table(tmp_path) is None
-    write_table(tmp_path, table)
-    pd.testing.assert_frame_equal(read_table(tmp_path), table)
+    tables = make_tables([MEASURED, SKIPPED], {"a": ("horizontal", "grid")})
+    assert read_tables(tmp_path) is None
+    write_tables(tmp_path, tables)
+    stored = read_tables(tmp_path)
+    assert stored is not None
+    pd.testing.assert_frame_equal(stored.points, tables.points)
+    pd.testing.assert_frame_equal(stored.processes, tables.processes)
     (tmp_path / "table.parquet").write_bytes(b"PAR1")
     with pytest.raises(InputError, match="cannot be read as a table"):
-        read_table(tmp_path)
+        read_tables(tmp_path)
 
 
 def test_a_column_newer_than_a_stored_table_reads_as_missing(tmp_path: Path) -> None:
     table = make_table([MEASURED])
-    write_table(tmp_path, table.drop(columns=["speedup", "ties", "culling"]))
+    older = table.drop(columns=["speedup", "ties", "culling"])
+    write_tables(tmp_path, Tables(older, older))
     table[["speedup", "ties", "culling"]] = None
     expected = table.astype({name: column.dtype for name, column in columns().items()})
-    pd.testing.assert_frame_equal(read_table(tmp_path), expected)
+    stored = read_tables(tmp_path)
+    assert stored is not None
+    pd.testing.assert_frame_equal(stored.points, expected)
 
 
 def test_a_point_of_two_grids_is_a_row_of_each() -> None:
@@ -151,13 +156,6 @@ def test_two_environments_never_share_a_table_and_the_field_is_named(field: str,
         make_table([MEASURED, later, other])
 
 
-def test_the_interval_of_a_median_follows_the_binomial_table() -> None:
-    assert median_interval(np.arange(1.0, 10.0)) == (2.0, 8.0)  # of 9: 96.1 %, where (3, 7) has 82 %
-    assert median_interval(np.arange(1.0, 8.0)) == (1.0, 7.0)  # of 7: 98.4 %, where (2, 6) has 87.5 %
-    assert median_interval(np.arange(1.0, 4.0)) == (1.0, 3.0)
-    assert median_interval(np.array([5.0])) == (5.0, 5.0)
-
-
 def test_builds_have_times_of_plan_and_build_and_none_of_frames() -> None:
     built = replace(
         MEASURED,
@@ -166,6 +164,7 @@ def test_builds_have_times_of_plan_and_build_and_none_of_frames() -> None:
     )
     row = make_table([built]).iloc[0]
     assert (row["plan_time_s"], row["build_time_s"], row["baseline_build_time_s"]) == (2.0, 3.0, 1.0)
+    assert (row["build_over_plain"], row["plan_and_build_over_plain"]) == (3.0, 4.0)  # of 3, 2, 6 and of 4, 3.3, 10
     assert pd.isna(row["render_time_s"])
 
 
@@ -196,7 +195,7 @@ def test_a_busy_machine_is_a_doubt() -> None:
 @pytest.mark.parametrize("records", [[], [SKIPPED]])
 def test_nothing_measured_gives_a_table_and_no_figure(tmp_path: Path, records: list[Record]) -> None:
     table = make_table(records)
-    write_table(tmp_path, table)
+    write_tables(tmp_path, Tables(table, table))
     assert len(pd.read_csv(tmp_path / "table.csv")) == len(records)
     assert list(draw_figures(table, tmp_path)) == []
 

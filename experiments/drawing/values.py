@@ -21,9 +21,9 @@ def numbers(table: pd.DataFrame, name: str) -> NDArray[np.float64]:
     return pd.to_numeric(column(table, name), errors="coerce").to_numpy(np.float64, na_value=np.nan)
 
 
-def quartiles_ms(table: pd.DataFrame, stem: str) -> tuple[NDArray[np.float64], ...]:
+def intervals_ms(table: pd.DataFrame, stem: str) -> tuple[NDArray[np.float64], ...]:
     """Median, lower and upper quartile of a time as milliseconds."""
-    return tuple(numbers(table, f"{stem}{end}_s") * MILLISECONDS for end in ("", "_q1", "_q3"))
+    return tuple(numbers(table, f"{stem}{end}_s") * MILLISECONDS for end in ("", "_low", "_high"))
 
 
 def varies(table: pd.DataFrame, name: str) -> bool:

@@ -19,6 +19,7 @@ _RULE = (
     "otherwise. Intervals are Student's, over processes, in logarithms. "
 )
 _DECIDED = _RULE.format(limit=1)
+_REACHES = _RULE.format(limit="the paper's value")
 _CHOSEN = "What is chosen as best is chosen on half of the processes and reported on the others. "
 _OUR_READING = "Our reading: "
 _NO_INTERVAL = "Bytes are counted once, so they carry no interval. "
@@ -132,7 +133,7 @@ _SPEEDUPS = tuple(
         f"Best speed-up on {scene}, aligned single rays against single rays.",
         f"{value:.2f}",
         "Culling on, 1 to 1,024 horizontal splits, 1,024 x 1,024 pixels, the scene itself and no stand-in: the largest "
-        f"ratio of the baseline to ours. {_CHOSEN}{_RULE.format(limit="the paper's value")}",
+        f"ratio of the baseline to ours. {_CHOSEN}{_REACHES}",
         _both(partial(on_paper_scene, scene), speed.best_speedup_reaches(value)),
     )
     for scene, value in BEST_SPEEDUPS.items()
@@ -184,8 +185,8 @@ def _instancing(culling: bool) -> Claim:
         f"Instancing the geometry instead of copying it ({setting}) would lower the memory.",
         "suggested, not measured",
         f"Instances, which cannot be culled, over copies with culling {'on' if culling else 'off'}, horizontal splits: "
-        "embree_bytes, at every split from 2 on that was measured of both. Holds on a scene when it is below 1 at all "
-        f"of them; value: at the most splits. {_NO_INTERVAL}The cost: frame time instanced over copied, widest packets, "
+        "embree_bytes, at every split from 2 on that was measured of both. Holds on a scene when below 1 at all of "
+        f"them; value: at the most splits. {_NO_INTERVAL}The cost: frame time instanced over copied, widest packets, "
         "geometric mean over such splits; the interval is the cost's and has no part in the verdict.",
         _alone(on_every_scene(resources.instancing_lowers_memory(culling))),
     )

@@ -44,11 +44,21 @@ def over_start(value: Estimate, scene: SceneRows, reading: Reading, packet_width
     return value if base is None else value.over(base)
 
 
-def best_gain(scene: SceneRows, reading: Reading, packet_width: int = 1) -> tuple[int, Estimate]:
-    """The best number of horizontal splits, culling on, and its gain over the baseline. Raises NotMeasuredError."""
+@dataclass(frozen=True)
+class BestGain:
+    """splits: the best number of horizontal splits, culling on. gain: over the baseline. missing: why some number of
+    splits, which might be better still, was not measured; None where all were."""
+
+    splits: int
+    gain: Estimate
+    missing: str | None
+
+
+def best_gain(scene: SceneRows, reading: Reading, packet_width: int = 1) -> BestGain:
+    """Raises NotMeasuredError."""
     column = "speedup_vs_packets" if packet_width > 1 and not reading.gathers else "speedup"
     found, missing = scene.over_splits(culling=True, packet_width=packet_width, column=column)
     if not found:
         raise NotMeasuredError(next(iter(missing.values())))
     splits, value = best(found)
-    return splits, over_start(value, scene, reading, packet_width)
+    return BestGain(splits, over_start(value, scene, reading, packet_width), next(iter(missing.values()), None))

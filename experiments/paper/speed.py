@@ -160,23 +160,34 @@ def best_speedup_reaches(paper_value: float) -> Callable[[SceneRows, Reading], O
     """Whether the best speed-up of single rays over horizontal splits, culling on, reaches the paper's."""
 
     def judge(scene: SceneRows, reading: Reading) -> Outcome:
-        splits, gain = best_gain(scene, reading)
-        value = f"{gain.value:.2f} at {splits:,} x 1"
-        return _gain(gain, value, f"the interval ends at {gain.high:.2f}, below {paper_value:.2f}", paper_value)
+        top = best_gain(scene, reading)
+        value = f"{top.gain.value:.2f} at {top.splits:,} x 1"
+        why = f"the interval ends at {top.gain.high:.2f}, below {paper_value:.2f}"
+        outcome = _gain(top.gain, value, why, paper_value)
+        if top.missing and not outcome.holds:
+            raise NotMeasuredError(f"best so far {top.gain} at {top.splits:,} x 1; {top.missing}")
+        return outcome
 
     return judge
 
 
 def nearest_alone_may_lose(scene: SceneRows) -> Outcome:
     """Whether rtcIntersect1 is faster than aligned single rays at their best split, culling on."""
-    splits, gain = best_gain(scene, NEAREST)
-    value = f"{gain.value:.2f} at {splits:,} x 1"
-    return _gain(gain.inverse(), value, f"aligned rays are {gain} times as fast at {splits:,} x 1")
+    top = best_gain(scene, NEAREST)
+    value = f"{top.gain.value:.2f} at {top.splits:,} x 1"
+    if top.missing and not decide_greater(top.gain):
+        raise NotMeasuredError(f"best so far {top.gain} at {top.splits:,} x 1; {top.missing}")
+    why = f"aligned rays are {top.gain} times as fast at {top.splits:,} x 1"
+    return _gain(top.gain.inverse(), value, why)
 
 
 def larger_scenes_gain_less(scenes: Mapping[str, SceneRows], reading: Reading) -> Judgement:
     """Best speed-ups of the scenes, smallest scene first: each above the next."""
-    gains = {name: best_gain(scene, reading)[1] for name, scene in scenes.items()}
+    found = {name: best_gain(scene, reading) for name, scene in scenes.items()}
+    for name, of_scene in found.items():
+        if of_scene.missing:
+            raise NotMeasuredError(f"{name}: {of_scene.missing}")
+    gains = {name: of_scene.gain for name, of_scene in found.items()}
     names = list(gains)
     value = "; ".join(f"{name}: {gains[name].value:.2f}" for name in names)
     interval = "; ".join(f"{name} {gains[name].interval()}" for name in names)

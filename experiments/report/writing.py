@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
+from rich.console import Console
 
-from atra.errors import InputError
+from atra.errors import InputError, RecordError
 from atra.files import write_atomically
 from experiments.drawing.figure import write_figure
 from experiments.harness.configuration import Configuration, records_folder, results_folder
+from experiments.harness.environment import describe_difference
+from experiments.harness.identity import current_environment
 from experiments.harness.lock import exclusive
+from experiments.harness.progress import say
 from experiments.harness.records import load_record
 from experiments.paper.claims import judge_claims
 from experiments.report import ReportContents, write_report
@@ -99,3 +104,26 @@ def _environment(table: pd.DataFrame, records: Path) -> dict[str, Any]:
     found = [record for name in table["point_id"] if (record := load_record(records, name)) is not None]
     check_one_environment(found)
     return found[0].environment if found else {}
+
+
+def tell_whose_tables_are_replaced(folder: Path, records: Path, console: Console) -> None:
+    """Say so if the sweep's earlier table is of another machine or version, which is why points are measured anew."""
+    try:
+        tables = read_tables(folder)
+    except InputError as error:
+        say(console, f"warning: {error}")
+        return
+    for point_identity in [] if tables is None else tables.points["point_id"]:
+        try:
+            record = load_record(records, point_identity)
+        except RecordError:
+            continue
+        if record is not None:
+            difference = describe_difference(record.environment, asdict(current_environment()))
+            if difference is not None:
+                say(
+                    console,
+                    f"the table in {folder} is of another machine or version ({difference}, which is this one); its "
+                    f"points are measured anew and it is replaced, but its records stay in {records}",
+                )
+            return

@@ -31,7 +31,7 @@ def statistics_columns(name: str, help: str, series: Series) -> tuple[Column, ..
 
 
 def _mean(values: Sequence[float]) -> float:
-    return float(np.exp(np.log(values).mean()))
+    return values[0] if len(values) == 1 else float(np.exp(np.log(values).mean()))
 
 
 def _interval(values: Sequence[float], end: int) -> float | None:

@@ -193,11 +193,12 @@ def write_tables(folder: Path, tables: Tables) -> None:
 
 def read_tables(folder: Path) -> Tables | None:
     """The tables in `folder`, or None if there are none. Raises InputError for a file that is not one of ours."""
-    points, processes = (_read(folder / f"{name}.parquet") for name in ("table", "processes"))
+    points, processes = (read_table(folder / f"{name}.parquet") for name in ("table", "processes"))
     return None if points is None or processes is None else Tables(points, processes)
 
 
-def _read(path: Path) -> pd.DataFrame | None:
+def read_table(path: Path) -> pd.DataFrame | None:
+    """One of them, or None if it is not there. Raises InputError for a file that is not one of ours."""
     if not path.exists():
         return None
     try:

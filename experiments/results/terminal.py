@@ -24,7 +24,7 @@ from experiments.results.table import columns, workload_rows
 from experiments.workloads import WORKLOADS, find_workload
 
 _UNITS = {"s": (1e3, "ms"), "bytes": (2.0**-20, "MiB")}
-_PARTS = ("_q1", "_q3", "_low", "_high")
+_PARTS = ("_low", "_high", "_low", "_high")
 
 
 def say_label(point: Point) -> str:
@@ -74,7 +74,7 @@ def print_point(row: pd.Series, console: Console) -> None:
             continue
         column = known[name]
         stem, end = (name[:-2], "_s") if column.unit == "s" else (name, "")
-        quartiles = [row.get(f"{stem}{part}{end}") for part in ("_q1", "_q3")]
+        quartiles = [row.get(f"{stem}{part}{end}") for part in ("_low", "_high")]
         text = _say(row[name], column.unit)
         if not any(pd.isna(value) for value in quartiles):
             low, high = (_say(value, column.unit, unit_shown=False) for value in quartiles)

@@ -13,7 +13,7 @@ from experiments.drawing.figure import FigureKind, of_table
 from experiments.drawing.missing import Missing, mark_missing, missing_points, undrawable_points
 from experiments.drawing.pages import add_legend, write_foot
 from experiments.drawing.style import BLACK, BLUE, DASHED, GREEN, PURPLE, VERMILLION
-from experiments.drawing.values import MILLISECONDS, numbers, quartiles_ms
+from experiments.drawing.values import MILLISECONDS, intervals_ms, numbers
 from experiments.methods.aligned_forms import (
     COPIED_OFF,
     COPIED_ON,
@@ -57,7 +57,7 @@ def _draw_panel(axis: Axes, rows: pd.DataFrame) -> None:
         if form not in forms:
             continue
         points = forms[form]
-        time_ms, *quartiles = quartiles_ms(points, stem)
+        time_ms, *quartiles = intervals_ms(points, stem)
         draw_series(axis, numbers(points, "split_x"), time_ms, style, quartiles, label)
         missing += undrawable_points(points, time_ms, "split_x", label, style["color"])
         # A form skipped once is said once, not for each of its series.

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from experiments.drawing.bars import Bar, draw_bars, draw_upright_lines, finish_bar_axes
 from experiments.drawing.pages import add_legend, write_foot, write_notes
-from experiments.drawing.values import MILLISECONDS, column, quartiles_ms, say_number
+from experiments.drawing.values import MILLISECONDS, column, intervals_ms, say_number
 from experiments.methods import METHODS
 from experiments.methods.naming import best_of, say_series, say_split
 from experiments.methods.pixel import PIXEL
@@ -56,6 +56,6 @@ def _make_bar(points: pd.DataFrame, name: str, color: str, faint: bool) -> Bar:
         status = [str(status) for status in points["status"].dropna().unique() if status != "ok"]
         return Bar(name, nan, nan, nan, color, " and ".join(status) or "not measured")
     row = best.iloc[0]
-    time_ms, q1_ms, q3_ms = (float(values[0]) for values in quartiles_ms(best, "render_time"))
+    time_ms, q1_ms, q3_ms = (float(values[0]) for values in intervals_ms(best, "render_time"))
     label = "\n".join(filter(None, [name, say_split(row)]))
     return Bar(label, time_ms, q1_ms, q3_ms, color, f"{say_number(time_ms)} ms,  {say_ratio(row)}", faint)

@@ -58,7 +58,7 @@ def _make_bars(rows: pd.DataFrame) -> list[Bar]:
         row = best.iloc[0]
         # The longer time is the lower rate.
         value, low, high = (
-            float(rays_per_s(best, name)[0]) for name in ("render_time_s", "render_time_q3_s", "render_time_q1_s")
+            float(rays_per_s(best, name)[0]) for name in ("render_time_s", "render_time_high_s", "render_time_low_s")
         )
         label = ", ".join(filter(None, [say_series(method, width), say_split(row)]))
         text = f"{say_number(value)},  {say_ratio(row)}"

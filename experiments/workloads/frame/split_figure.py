@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from experiments.drawing.axes import draw_baseline, draw_series, finish_split_axes
 from experiments.drawing.missing import Missing, mark_missing, without_value
 from experiments.drawing.pages import add_legend, write_foot
-from experiments.drawing.values import MILLISECONDS, TIMES, drawable, numbers, quartiles_ms
+from experiments.drawing.values import MILLISECONDS, TIMES, drawable, intervals_ms, numbers
 from experiments.methods.aligned_forms import COPIED_OFF, FORM_OPTIONS, FORM_STYLES, aligned_forms, aligned_rows
 from experiments.workloads.baselines import TIME_BASELINES
 from experiments.workloads.panels import draw_panels, make_panels
@@ -40,7 +40,7 @@ def draw_times(axis: Axes, rows: pd.DataFrame, axis_name: str, mark_best: bool =
     missing: list[Missing] = []
     for form, points in aligned_forms(rows).items():
         style = FORM_STYLES[form]
-        time_ms, *quartiles = quartiles_ms(points, "render_time")
+        time_ms, *quartiles = intervals_ms(points, "render_time")
         draw_series(axis, numbers(points, axis_name), time_ms, style, quartiles, form)
         if mark_best:
             _mark_best(axis, points, time_ms, axis_name, form)

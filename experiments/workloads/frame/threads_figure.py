@@ -66,7 +66,7 @@ def scaling_of(rows: pd.DataFrame) -> Scaling | None:
         same = values.isna() if pd.isna(value) else values.eq(value).fillna(False)
         chosen = chosen[same.astype(bool)]
     chosen = chosen[chosen["threads"].notna()].sort_values("threads", kind="stable").drop_duplicates("threads")
-    time_s, q1_s, q3_s = (numbers(chosen, f"render_time{end}_s") for end in ("", "_q1", "_q3"))
+    time_s, q1_s, q3_s = (numbers(chosen, f"render_time{end}_s") for end in ("", "_low", "_high"))
     # One thread over itself is 1 whatever its spread.
     low, high = q1_s[0] / q3_s, q3_s[0] / q1_s
     low[0] = high[0] = 1.0

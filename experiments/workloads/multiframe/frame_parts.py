@@ -24,7 +24,7 @@ class Way:
     style: dict[str, Any]
 
     def times_s(self, rows: pd.DataFrame, end: str = "") -> NDArray[np.float64]:
-        """(N,) float64 seconds of all frames, NaN where missing; end: "_q1" and so on."""
+        """(N,) float64 seconds of all frames, NaN where missing; end: "_low" and so on."""
         return numbers(rows, f"{self.time}{end}_s")
 
 

@@ -82,7 +82,7 @@ def _draw_times(axis: Axes, rows: pd.DataFrame) -> None:
     for way in WAYS:
         best = _best_rows(rows, way)
         frames = numbers(best, "frames")
-        middle, low, high = (way.times_s(best, end) * MILLISECONDS / frames for end in ("", "_q1", "_q3"))
+        middle, low, high = (way.times_s(best, end) * MILLISECONDS / frames for end in ("", "_low", "_high"))
         draw_series(axis, frames, middle, way.style, (low, high), way.label)
     _finish(axis, rows, "time per frame in ms")
     lines = _write_speedups(axis, _best_rows(rows, TOGETHER))

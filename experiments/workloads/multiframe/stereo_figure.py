@@ -62,7 +62,7 @@ def _make_bar(rows: pd.DataFrame, way: Way, label: str) -> Bar:
     row = best_row(rows, way)
     if row is None:
         return Bar(label, nan, nan, nan, way.style["color"], "not measured")
-    value, low, high = (float(row[f"{way.time}{end}_s"]) * MILLISECONDS for end in ("", "_q1", "_q3"))
+    value, low, high = (float(row[f"{way.time}{end}_s"]) * MILLISECONDS for end in ("", "_low", "_high"))
     ratio = say_ratio(row) if way is TOGETHER else say_speedup(row, way)
     name = ", ".join(filter(None, [label, say_split(row)]))
     return Bar(name, value, low, high, way.style["color"], f"{say_number(value)} ms,  {ratio}")
