@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
-from scipy import stats
 
 CONFIDENCE = 0.95
 
@@ -17,6 +16,13 @@ FEWEST_PROCESSES = 3
 
 FEWEST_FITTED = 5
 """Points below which no exponent is fitted."""
+
+
+def student(freedom: float) -> float:
+    """Half the width of Student's 95 % interval, in standard errors."""
+    from scipy.special import stdtrit  # as SciPy's statistics below: every worker would pay for importing it
+
+    return float(stdtrit(freedom, (1 + CONFIDENCE) / 2))
 
 
 @dataclass(frozen=True)
@@ -59,7 +65,7 @@ class Estimate:
     def _half(self) -> float:
         if self.variance == 0:
             return 0.0
-        return float(stats.t.ppf((1 + CONFIDENCE) / 2, self.freedom)) * math.sqrt(self.variance)
+        return student(self.freedom) * math.sqrt(self.variance)
 
     def over(self, other: Estimate) -> Estimate:
         """The ratio of two estimates that share no process."""
@@ -140,8 +146,10 @@ def fit_exponent(x: Sequence[float], y: Sequence[float]) -> Fit:
     """
     if len(x) != len(y) or len(x) < FEWEST_FITTED:
         raise ValueError(f"{len(x)} x and {len(y)} y, expected as many of each, at least {FEWEST_FITTED}")
+    from scipy import stats  # takes a second to import
+
     line = stats.linregress(np.log(x), np.log(y))
-    half = float(stats.t.ppf((1 + CONFIDENCE) / 2, len(x) - 2)) * float(line.stderr)
+    half = student(len(x) - 2) * float(line.stderr)
     slope = float(line.slope)
     # Times that do not change at all follow no power but the zeroth, and that one perfectly.
     r_squared = 1.0 if np.ptp(y) == 0 else float(line.rvalue) ** 2
