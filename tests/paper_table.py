@@ -54,6 +54,7 @@ def agreeing_rows(scene: str) -> list[Row]:
         if splits > 1:
             time(1, splits, gain(splits) / 1.06, packet_width=1)
         build = {"build_over_plain": splits**0.1, "plan_and_build_over_plain": 2 * splits**0.1}
+        build |= {"boxes_entered": 30.0 * splits**0.5, "triangles_traced": triangles * splits}
         rows.append({**common, "workload": "build", "split_x": splits, **build})
         rss = {"rss_mesh_bytes": 10 * 2**20, "rss_bytes": 14 * 2**20}
         for geometry, culling, size in (

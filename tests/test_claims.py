@@ -70,6 +70,9 @@ FLIPS: dict[str, Callable[[pd.DataFrame], pd.DataFrame]] = {
     "culling-on-keeps-gaining": lambda t: scaled(t, 0.9, **SINGLE, split_x=1024, culling=True),
     "best-speedup-sponza": lambda t: scaled(t, 0.9, **SINGLE, culling=True),
     "build-grows": lambda t: scaled(t, 0.4, "build_over_plain", workload="build", scene="sponza", split_x=1024),
+    "overlap-lowers-quality": lambda t: scaled(
+        t, 0.01, "boxes_entered", workload="build", scene="sponza", split_x=1024
+    ),
     "memory-grows": lambda t: scaled(t, 0.4, "embree_bytes", workload="memory", scene="sponza", split_x=1024),
     "build-little-affected-to-16": lambda t: longer_build(t, "sponza", 8),
     "memory-little-affected-to-16": lambda t: more_bytes(t, "sponza", 8),

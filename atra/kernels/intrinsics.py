@@ -1,4 +1,5 @@
-"""The machine-level operations Numba has no words for: an atomic counter and the filter's vector code (LLVM IR)."""
+"""The machine-level operations Numba has no words for: an atomic counter, memory by its address, and the filter's
+vector code (LLVM IR)."""
 
 from __future__ import annotations
 
@@ -12,7 +13,8 @@ from numba.extending import intrinsic
 from atra.embree import layout
 from atra.embree.layout import FilterArguments, RayQueryContext
 
-_I8, _I32, _I64, _F32 = ir.IntType(8), ir.IntType(32), ir.IntType(64), ir.FloatType()
+_I8, _I32, _I64 = ir.IntType(8), ir.IntType(32), ir.IntType(64)
+_F32, _F64 = ir.FloatType(), ir.DoubleType()
 
 
 @intrinsic
@@ -24,6 +26,38 @@ def fetch_add(typingctx: Any, address: Any, value: Any) -> Any:
         return builder.atomic_rmw("add", pointer, arguments[1], "monotonic")
 
     return types.int64(types.int64, types.int64), codegen
+
+
+@intrinsic
+def float_at(typingctx: Any, address: Any) -> Any:
+    """The float32 at an address."""
+
+    def codegen(context: Any, builder: ir.IRBuilder, signature: Any, arguments: list[ir.Value]) -> ir.Value:
+        return builder.load(builder.inttoptr(arguments[0], _F32.as_pointer()))
+
+    return types.float32(types.int64), codegen
+
+
+@intrinsic
+def address_at(typingctx: Any, address: Any) -> Any:
+    """The pointer at an address."""
+
+    def codegen(context: Any, builder: ir.IRBuilder, signature: Any, arguments: list[ir.Value]) -> ir.Value:
+        return builder.load(builder.inttoptr(arguments[0], _I64.as_pointer()))
+
+    return types.int64(types.int64), codegen
+
+
+@intrinsic
+def add_at(typingctx: Any, address: Any, value: Any) -> Any:
+    """Add to the float64 at an address."""
+
+    def codegen(context: Any, builder: ir.IRBuilder, signature: Any, arguments: list[ir.Value]) -> ir.Value:
+        pointer = builder.inttoptr(arguments[0], _F64.as_pointer())
+        builder.store(builder.fadd(builder.load(pointer), arguments[1]), pointer)
+        return context.get_dummy_value()
+
+    return types.void(types.int64, types.float64), codegen
 
 
 @intrinsic(prefer_literal=True)

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.alignment.culling import AlignedGeometry, check_image_memory
+from atra.embree.bvh_cost import BvhCost, bvh_cost
 from atra.embree.device import EmbreeDevice
 from atra.embree.scene import EmbreeScene
 from atra.embree.workspace import Workspace
@@ -96,6 +97,14 @@ class EmbreeTracer(Lifetime):
                 mesh, camera = self.views[image]
                 own_rows = prim_id[image * camera.height : (image + 1) * camera.height]
                 lowest_of_ties(mesh, camera, tiles, offset, own_rows, self._pool)
+
+    def bvh_cost(self) -> BvhCost | None:
+        """How well boxes tell apart the triangles given to Embree; None before `plan` and for instances, which are no
+        triangles. Takes as long as another build, on one thread. Raises EmbreeError."""
+        geometry = self._geometry
+        if geometry is None or geometry.transforms is not None:
+            return None
+        return bvh_cost(geometry.vertices, geometry.faces, self.options.build_quality)
 
     def _build(self) -> float:
         assert self._geometry is not None

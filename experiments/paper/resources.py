@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from contextlib import suppress
 from typing import Any
 
@@ -58,6 +59,24 @@ def build_grows(scene: SceneRows) -> Outcome:
     holds = decide_greater(ratio)
     reasons = {True: None, False: f"{ratio} times as long", None: "the interval is wider than the difference"}
     return Outcome(holds, value, ratio, reasons[holds])
+
+
+def overlap_lowers_quality(scene: SceneRows) -> Outcome:
+    """Whether a ray enters more boxes at the most splits than the logarithm of the triangles accounts for."""
+    found = {splits: quality for splits in SPLITS if (quality := _boxes_over_logarithm(scene, splits)) is not None}
+    most = max(found, default=1)
+    if most == 1 or 1 not in found:
+        raise NotMeasuredError("boxes_entered at no more than one split")
+    ratio = found[most] / found[1]
+    return Outcome(ratio > 1, f"{ratio:.2f} at {most:,} splits", None, None if ratio > 1 else f"{ratio:.2f} times")
+
+
+def _boxes_over_logarithm(scene: SceneRows, splits: int) -> float | None:
+    with suppress(NotMeasuredError):
+        for row in scene.processes(BUILD.name, (splits, 1), culling=True):
+            if row["boxes_entered"]:
+                return float(row["boxes_entered"]) / math.log(read_number(row, "triangles_traced"))
+    return None
 
 
 def memory_grows(scene: SceneRows) -> Outcome:

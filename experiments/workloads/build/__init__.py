@@ -5,6 +5,7 @@ from __future__ import annotations
 from statistics import median
 from typing import Any
 
+from experiments.harness.column import REAL, Column
 from experiments.harness.records import Record
 from experiments.results.statistics import Series, statistics_columns
 from experiments.workloads.baselines import series
@@ -37,6 +38,8 @@ BUILD = Workload(
         *statistics_columns("plan_time{}_s", "plan: culling and shear", series(PLAN)),
         *statistics_columns("build_time{}_s", "BVH build", series(BVH)),
         *statistics_columns("baseline_build_time{}_s", "BVH build of the plain mesh", series(BASELINE)),
+        Column("boxes_entered", REAL, "boxes of the BVH that a random ray enters"),
+        Column("triangles_tested", REAL, "triangles that a random ray is tested with"),
         *statistics_columns("build_over_plain{}", "BVH build / that of the plain mesh, in the same rounds", _over(BVH)),
         *statistics_columns(
             "plan_and_build_over_plain{}", "plan and build / BVH build of the plain mesh", _over(PLAN, BVH)

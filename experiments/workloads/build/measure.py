@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from contextlib import ExitStack
+from dataclasses import asdict
 
+from atra.tracers.base import EmbreeTracer
 from experiments.harness.point import Point
 from experiments.workloads.build import BASELINE, BVH, PLAN
 from experiments.workloads.rounds import build_own, make_single, measured, shrunk, timed_rounds, warm_up
@@ -28,6 +30,9 @@ def measure(point: Point) -> Measured:
             builds.append(own.build_time_s)
 
         timed = timed_rounds(point, {BVH: prepare, BASELINE: baseline.build})
+        if point.process == 0 and isinstance(own, EmbreeTracer):  # the same in every process, and takes long
+            cost = own.bvh_cost()
+            results |= {} if cost is None else asdict(cost)
     warmup = len(plans) - timed.rounds
     for samples, chosen in ((timed.warmup, slice(warmup)), (timed.samples, slice(warmup, None))):
         samples |= {PLAN: tuple(plans[chosen]), BVH: tuple(builds[chosen])}
