@@ -16,7 +16,7 @@ from atra.geometry.ray_space import check_range
 from atra.geometry.view import View, check_offset
 from atra.hits import Hits
 from atra.judge.ties import coplanar_overlaps, lowest_of_ties, tie_tiles
-from atra.kernels.raster.frames import Scratch, compile_kernels, draw_frame, row_stride
+from atra.kernels.raster.frames import Scratch, compile_kernels, draw_frame
 from atra.lifetime import Lifetime
 from atra.options import RasterOptions
 from atra.parallel import WorkerPool, resolve_threads
@@ -47,7 +47,7 @@ class RasterTracer(Lifetime):
 
     def _set_camera(self, camera: View) -> None:
         check_range(self.mesh, camera)
-        check_image_memory(camera.height, row_stride(camera.width))
+        check_image_memory(camera.height, camera.width)
         self.camera = camera
         self._tie_tiles: NDArray[np.bool_] | None = None  # where to look for ties; found when first needed
 
@@ -94,7 +94,7 @@ class RasterTracer(Lifetime):
         with self._tracing():
             assert self._scratch is not None
             camera = self.camera
-            images = outputs((camera.height, camera.width), row_stride(camera.width), images_of(out))
+            images = outputs((camera.height, camera.width), camera.width, images_of(out))
             draw_frame(self.mesh, camera, offset, self.lanes, self._scratch, self._pool, images)
             depth, prim_id = images
             if self.options.ties == "lowest":

@@ -11,19 +11,14 @@ from numba import njit
 from atra.hits import MISS
 from atra.kernels.caching import kernel
 from atra.kernels.intrinsics import fetch_add
-from atra.kernels.raster.exact import SUMMANDS, UNIT, side
-from atra.kernels.raster.image import GENTLE, SPAN
+from atra.kernels.raster.exact import UNIT
+from atra.kernels.raster.image import GENTLE, NARROW, SPAN, Band, band_stride
+from atra.kernels.raster.narrow import narrow_function
 from atra.kernels.raster.spans import span_function
 from atra.kernels.raster.vectors import (
-    bits_of,
-    counted,
     load,
-    mask_of,
-    rarely,
     repeated,
-    smaller,
     store,
-    store_where,
 )
 
 _UNIT32 = 2.0**-24
@@ -39,49 +34,40 @@ _NEAR_AND_FAR = 1e3
 is known well enough. Beyond, it is computed from the corners in space."""
 
 
-@njit
-def _decided(points, v0, v1, v2, facing, left, j, lanes, sum_):  # type: ignore[no-untyped-def]
-    """Bits of the samples of row j from column `left` on that lie in the triangle, exactly."""
-    x0, y0, x1, y1, x2, y2 = points[v0, 0], points[v0, 1], points[v1, 0], points[v1, 1], points[v2, 0], points[v2, 1]
-    bits = 0
-    for lane in range(lanes):
-        i = float(left + lane)
-        if (
-            side(x0, y0, x1, y1, i, j, sum_) == facing
-            and side(x1, y1, x2, y2, i, j, sum_) == facing
-            and side(x2, y2, x0, y0, i, j, sum_) == facing
-        ):
-            bits |= 1 << lane
-    return bits
-
-
 @cache
 def drawing_kernel(lanes: int, parallel: bool) -> Callable[..., None]:
     """The loop over bands, with vectors of so many lanes, both constants of the compiled code."""
-    draw_spans = span_function(lanes, parallel)
+    half = max(lanes // 2, 4)
+    draw_half, draw_whole = narrow_function(half, parallel), narrow_function(lanes, parallel)
+    draw_spans, finish = span_function(lanes, parallel), _finish_function(lanes, parallel)
 
     @kernel
-    def draw_bands(counter_address, view, points, faces, starts, entries, band_rows, image):  # type: ignore[no-untyped-def]
+    def draw_bands(counter_address, view, points, faces, starts, entries, band_rows, image, workspace):  # type: ignore[no-untyped-def]
         """Draw all bands, until the shared counter runs past the last.
 
         points: of `project`. starts, entries: the triangles of each band. image: written completely.
         Whether a sample lies in a triangle is decided exactly. Three float32 sums say how far it lies inside of the
         edges; the few that are within their rounding of one are decided by `side`.
         """
-        sum_ = np.empty(SUMMANDS)
+        stride = band_stride(image.width)
+        address = workspace.band
         nothing = repeated(np.float32(-np.inf if parallel else 0.0), lanes)
         none = repeated(np.uint32(MISS), lanes)
-        one, at_eye = repeated(np.float32(1.0), lanes), repeated(np.float32(0.0), lanes)
         while True:
-            band = fetch_add(counter_address, 1)
-            if band >= len(starts) - 1:
+            number = fetch_add(counter_address, 1)
+            if number >= len(starts) - 1:
                 return
-            band_top, band_bottom = band * band_rows, min((band + 1) * band_rows, image.height) - 1
-            first_byte, last_byte = band_top * image.stride * 4, (band_bottom + 1) * image.stride * 4
-            for byte in range(first_byte, last_byte, 4 * lanes):
-                store(nothing, image.nearness + byte)
-                store(none, image.prim_id + byte)
-            for entry in range(starts[band], starts[band + 1]):
+            band = Band(
+                address,
+                address + band_rows * stride * 4,
+                stride,
+                number * band_rows,
+                min((number + 1) * band_rows, image.height) - 1,
+            )
+            for place in range(0, (band.bottom + 1 - band.top) * stride * 4, lanes * 4):
+                store(nothing, band.nearness + place)
+                store(none, band.prim_id + place)
+            for entry in range(starts[number], starts[number + 1]):
                 triangle = entries[entry]
                 v0, v1, v2 = faces[triangle, 0], faces[triangle, 1], faces[triangle, 2]
                 x0, y0, w0 = points[v0, 0], points[v0, 1], points[v0, 2]
@@ -92,7 +78,7 @@ def drawing_kernel(lanes: int, parallel: bool) -> Callable[..., None]:
                 left, right = max(np.ceil(low_x), 0.0), min(np.floor(high_x), image.width - 1.0)
                 top, bottom = max(np.ceil(low_y), 0.0), min(np.floor(high_y), image.height - 1.0)
                 # Edge k lies opposite corner k.
-                dx0, dy0, dx1, dy1, dx2, dy2 = x2 - x1, y2 - y1, x0 - x2, y0 - y2, x1 - x0, y1 - y0
+                dx1, dy1, dx2, dy2 = x0 - x2, y0 - y2, x1 - x0, y1 - y0
                 one_way, other_way = dx2 * dy1, dy2 * dx1
                 area = other_way - one_way
                 facing = 1.0 if area > 0.0 else -1.0
@@ -103,56 +89,54 @@ def drawing_kernel(lanes: int, parallel: bool) -> Callable[..., None]:
                 # No sum and no summand is larger, from the first row and column to the last of a vector.
                 largest = (high_y - low_y) * (2.0 * (high_x - low_x) + SPAN)
                 if not (
-                    right - left < SPAN
+                    right - left < NARROW
                     and largest < _LARGEST
-                    and abs(slope_x) * SPAN <= GENTLE * least
+                    and abs(slope_x) * NARROW <= GENTLE * least
                     and (parallel or nearest <= _NEAR_AND_FAR * farthest)
                     and abs(area) > _SURE * (abs(one_way) + abs(other_way))
                 ):
-                    first = band_top if not parallel and farthest < 0.0 else max(int(top), band_top)
-                    last = band_bottom if not parallel and farthest < 0.0 else min(int(bottom), band_bottom)
-                    draw_spans(view, points, v0, v1, v2, triangle, first, last, image, sum_)
+                    first, last = band.top, band.bottom
+                    if parallel or farthest > 0.0:
+                        first, last = max(int(top), first), min(int(bottom), last)
+                    draw_spans(view, points, v0, v1, v2, triangle, first, last, image.width, band, workspace)
                     continue
                 at_corner = w0 + slope_x * (left - x0) + slope_y * (top - y0)
-                first, last = max(int(top), band_top), min(int(bottom), band_bottom)
-                prim_id = repeated(np.uint32(triangle), lanes)
+                first, last = max(int(top), band.top), min(int(bottom), band.bottom)
                 rounding = np.float32((last - first + 8) * _UNIT32 * largest + _SMALLEST)
-                surely, hardly = repeated(rounding, lanes), repeated(-rounding, lanes)
-                j = float(first)
-                row0 = repeated(np.float32(facing * dx0), lanes)
-                row1 = repeated(np.float32(facing * dx1), lanes)
-                row2 = repeated(np.float32(facing * dx2), lanes)
-                column0 = repeated(np.float32(-facing * dy0), lanes)
-                column1 = repeated(np.float32(-facing * dy1), lanes)
-                column2 = repeated(np.float32(-facing * dy2), lanes)
-                slope = repeated(np.float32(slope_x), lanes)
-                for start in range(int(left), int(right) + 1, lanes):
-                    start = min(start, image.stride - lanes)
-                    columns = counted(np.float32(0.0), lanes)
-                    inside0 = repeated(np.float32(facing * (dx0 * (j - y1) - dy0 * (start - x1))), lanes)
-                    inside1 = repeated(np.float32(facing * (dx1 * (j - y2) - dy1 * (start - x2))), lanes)
-                    inside2 = repeated(np.float32(facing * (dx2 * (j - y0) - dy2 * (start - x0))), lanes)
-                    inside0 = inside0 + columns * column0
-                    inside1 = inside1 + columns * column1
-                    inside2 = inside2 + columns * column2
-                    nearness = counted(np.float32(start - left), lanes) * slope
-                    byte = (first * image.stride + start) * 4
-                    for y in range(first, last + 1):
-                        least_inside = smaller(smaller(inside0, inside1), inside2)
-                        found = repeated(np.float32(at_corner + slope_y * (y - top)), lanes) + nearness
-                        old = load(image.nearness + byte, np.float32(0.0), lanes)
-                        drawn = (least_inside > hardly) & (found > old)
-                        if parallel:
-                            drawn = drawn & (at_eye > found)
-                        if rarely(bits_of(drawn & (least_inside <= surely)) != 0):
-                            exactly = _decided(points, v0, v1, v2, int(facing), start, float(y), lanes, sum_)
-                            drawn = drawn & mask_of(exactly, lanes)
-                        store_where(drawn, found, image.nearness + byte)
-                        store_where(drawn, prim_id, image.prim_id + byte)
-                        inside0, inside1, inside2 = inside0 + row0, inside1 + row1, inside2 + row2
-                        byte += image.stride * 4
-            for byte in range(first_byte, last_byte, 4 * lanes):
-                found = load(image.nearness + byte, np.float32(0.0), lanes)
-                store(at_eye - found if parallel else one / found, image.nearness + byte)
+                start, end = int(left), int(right)
+                nearness = at_corner + slope_y * (first - top)
+                if end - start < half:
+                    draw_half(
+                        triangle, x0, y0, x1, y1, x2, y2, facing, rounding, nearness, slope_x, slope_y, start, end,
+                        first, last, band, workspace,
+                    )  # fmt: skip
+                else:
+                    draw_whole(
+                        triangle, x0, y0, x1, y1, x2, y2, facing, rounding, nearness, slope_x, slope_y, start, end,
+                        first, last, band, workspace,
+                    )  # fmt: skip
+            finish(band, image)
 
     return draw_bands
+
+
+@cache
+def _finish_function(lanes: int, parallel: bool) -> Callable[..., None]:
+    @njit
+    def finish(band, image):  # type: ignore[no-untyped-def]
+        """Write the rows of a band to the image, nearness as depth."""
+        nothing, one = repeated(np.float32(0.0), lanes), repeated(np.float32(1.0), lanes)
+        whole = image.width // lanes * lanes
+        for y in range(band.top, band.bottom + 1):
+            source, target = (y - band.top) * band.stride * 4, y * image.width * 4
+            for x in range(0, whole, lanes):
+                found = load(band.nearness + source + x * 4, np.float32(0.0), lanes)
+                store(nothing - found if parallel else one / found, image.depth + target + x * 4)
+                store(load(band.prim_id + source + x * 4, np.uint32(0), lanes), image.prim_id + target + x * 4)
+            for x in range(whole, image.width):
+                found = load(band.nearness + source + x * 4, np.float32(0.0), 1)
+                depth = repeated(np.float32(0.0), 1) - found if parallel else repeated(np.float32(1.0), 1) / found
+                store(depth, image.depth + target + x * 4)
+                store(load(band.prim_id + source + x * 4, np.uint32(0), 1), image.prim_id + target + x * 4)
+
+    return finish

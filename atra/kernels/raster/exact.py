@@ -18,10 +18,10 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from atra.kernels.raster.vectors import multiply_add
+from atra.kernels.raster.vectors import doubles_at, multiply_add
 
 SUMMANDS = 12
-"""Of the exact sum: room that callers hand over."""
+"""Of an exact sum: callers hand over the address of room for so many float64."""
 
 UNIT = 2.0**-53
 """Largest relative error of one rounding in float64."""
@@ -33,7 +33,7 @@ _CROSSING_ROUNDINGS = 8.0
 """Roundings, of its summands, that a crossing may be off by: 2 differences, their quotient, a difference, a product
 and a sum are 6."""
 
-_SURELY_NEAREST = 0.25
+SURELY_NEAREST = 0.25
 """Pixels; a crossing known to this is next to one whole number only."""
 
 
@@ -53,11 +53,12 @@ def _add_product(sum_, count, a, b):  # type: ignore[no-untyped-def]
 
 
 @njit
-def turn(px, py, qx, qy, x, y, sum_):  # type: ignore[no-untyped-def]
-    """The exact sign, -1, 0 or 1, of (qx - px) (y - py) - (qy - py) (x - px); sum_: (SUMMANDS,) float64, scratch."""
+def turn(px, py, qx, qy, x, y, exact):  # type: ignore[no-untyped-def]
+    """The exact sign, -1, 0 or 1, of (qx - px) (y - py) - (qy - py) (x - px); exact: see SUMMANDS."""
     left, right = (qx - px) * (y - py), (qy - py) * (x - px)
     found = left - right
     if not abs(found) > _SURE * (abs(left) + abs(right)):
+        sum_ = doubles_at(exact)
         count = _add_product(sum_, 0, px, qy)
         count = _add_product(sum_, count, -qx, py)
         count = _add_product(sum_, count, y, qx)
@@ -72,9 +73,9 @@ def turn(px, py, qx, qy, x, y, sum_):  # type: ignore[no-untyped-def]
 
 
 @njit
-def side(px, py, qx, qy, i, j, sum_):  # type: ignore[no-untyped-def]
+def side(px, py, qx, qy, i, j, exact):  # type: ignore[no-untyped-def]
     """1 or -1, the side of the edge that sample (i, j) lies on; 0 only for an edge of no length."""
-    found = turn(px, py, qx, qy, i, j, sum_)
+    found = turn(px, py, qx, qy, i, j, exact)
     if found != 0:
         return found
     if qy != py:
@@ -82,8 +83,14 @@ def side(px, py, qx, qy, i, j, sum_):  # type: ignore[no-untyped-def]
     return 1 if qx > px else -1 if qx < px else 0
 
 
+@njit(inline="always")
+def crossing_error(x, way):  # type: ignore[no-untyped-def]
+    """Largest error, pixels, of where an edge crosses a row: x of a corner plus the way from there."""
+    return _CROSSING_ROUNDINGS * UNIT * (abs(x) + 2.0 * abs(way))
+
+
 @njit
-def first_beyond(px, py, qx, qy, j, width, sum_):  # type: ignore[no-untyped-def]
+def first_beyond(px, py, qx, qy, j, width, exact):  # type: ignore[no-untyped-def]
     """The first sample of row j, among 0 ... width, right of or on the line through p and q, which is not level.
 
     `width` where there is none before. It is where `side` changes, found in float64 where that is sure.
@@ -92,7 +99,7 @@ def first_beyond(px, py, qx, qy, j, width, sum_):  # type: ignore[no-untyped-def
     ax, ay = (px, py) if abs(px) + abs(py) < abs(qx) + abs(qy) else (qx, qy)  # the nearer corner errs less
     way = (j - ay) * ((qx - px) / (qy - py))
     crossing = ax + way
-    error = _CROSSING_ROUNDINGS * UNIT * (abs(ax) + 2.0 * abs(way))
+    error = crossing_error(ax, way)
     if crossing + error < 0.0:
         return 0
     if crossing - error > width:
@@ -100,15 +107,15 @@ def first_beyond(px, py, qx, qy, j, width, sum_):  # type: ignore[no-untyped-def
     nearest = np.rint(crossing)
     if abs(crossing - nearest) > error:
         return int(min(max(np.ceil(crossing), 0.0), width))
-    if error < _SURELY_NEAREST:
+    if error < SURELY_NEAREST:
         first = int(nearest)
-        if side(px, py, qx, qy, float(first), j, sum_) != upward:
+        if side(px, py, qx, qy, float(first), j, exact) != upward:
             first += 1
         return min(max(first, 0), width)
     low, high = 0, width
     while low < high:
         middle = (low + high) // 2
-        if side(px, py, qx, qy, float(middle), j, sum_) == upward:
+        if side(px, py, qx, qy, float(middle), j, exact) == upward:
             high = middle
         else:
             low = middle + 1

@@ -14,20 +14,20 @@ from atra.geometry.mesh import Mesh
 from atra.geometry.orthographic import OrthographicCamera
 from atra.geometry.view import View
 from atra.kernels.raster.drawing import drawing_kernel
-from atra.kernels.raster.image import SPAN, ImageInMemory, ViewOfMesh
+from atra.kernels.raster.exact import SUMMANDS
+from atra.kernels.raster.image import Image, ViewOfMesh, Workspace, band_stride
 from atra.kernels.raster.listing import CHUNK, fill_bands, list_triangles, place_bands, project
+from atra.kernels.raster.spans import ROWS
 from atra.parallel import WorkerPool
 
 _BAND_PIXELS, _BAND_ROWS = 1 << 16, (16, 64)
 """Pixels of a band, half a megabyte of image; and its least and most rows."""
 
+_CACHE_LINE = 8
+"""Float64 numbers in one."""
+
 _LEAST_DEPTH = 1e-25
 """Depth that a corner has at least, of the mesh's distance from the eye: its inverse has to be a float32."""
-
-
-def row_stride(width: int) -> int:
-    """Pixels from row to row in memory: vectors are whole, whatever the width."""
-    return width + -width % SPAN
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +38,7 @@ class Scratch:
     listed: NDArray[np.uint32]
     bands: NDArray[np.int32]
     entries: list[NDArray[np.uint32]] = field(default_factory=list)
+    workspaces: list[NDArray[np.float64]] = field(default_factory=list)
 
     @classmethod
     def of(cls, mesh: Mesh) -> Scratch:
@@ -52,6 +53,18 @@ class Scratch:
             self.entries[:] = [np.empty(count + count // 4, np.uint32)]
         return self.entries[0]
 
+    def workspaces_for(self, threads: int, width: int, band_rows: int) -> list[Workspace]:
+        """One for each thread."""
+        parts = band_rows * band_stride(width), SUMMANDS, band_rows + ROWS, band_rows + ROWS
+        wanted = sum(parts) + _CACHE_LINE
+        if len(self.workspaces) != threads or len(self.workspaces[0]) != wanted:
+            self.workspaces[:] = [np.empty(wanted) for _ in range(threads)]
+        starts = 8 * np.cumsum([0, *parts[:-1]])
+        return [
+            Workspace(*(starts + memory.ctypes.data + -memory.ctypes.data % (8 * _CACHE_LINE)).tolist())
+            for memory in self.workspaces
+        ]
+
 
 def draw_frame(
     mesh: Mesh,
@@ -62,7 +75,7 @@ def draw_frame(
     pool: WorkerPool,
     out: tuple[NDArray[np.float32], NDArray[np.uint32]],
 ) -> None:
-    """Write depth and prim_id of all pixels to `out`, two arrays (H, W) whose rows are `row_stride` pixels apart."""
+    """Write depth and prim_id of all pixels to `out`, two arrays (H, W)."""
     depth, prim_id = out
     width, height, parallel = camera.width, camera.height, camera.is_parallel
     to_pixels = camera.to_pixels.copy()
@@ -70,13 +83,12 @@ def draw_frame(
     eye = np.array(camera.eye)
     least_depth = 0.0 if parallel else _LEAST_DEPTH * float(np.abs(mesh.bounds - eye).max())
     points, faces = scratch.points, mesh.faces
-    stride = depth.strides[0] // 4
     least_rows, most_rows = _BAND_ROWS
-    band_rows = min(max(_BAND_PIXELS // stride, least_rows), most_rows)
+    band_rows = min(max(_BAND_PIXELS // width, least_rows), most_rows)
     counts = np.empty((-(-len(faces) // CHUNK), -(-height // band_rows) + 1), np.int64)
     starts = np.empty(counts.shape[1], np.int64)
     view = ViewOfMesh(mesh.vertices, eye, to_pixels)
-    image = ImageInMemory(depth.ctypes.data, prim_id.ctypes.data, width, height, stride)
+    image = Image(depth.ctypes.data, prim_id.ctypes.data, width, height)
     draw_bands: Any = drawing_kernel(lanes, parallel)
 
     pool.run(lambda _, counter: project(counter, mesh.vertices, eye, to_pixels, camera.axes[2], least_depth, points))
@@ -88,7 +100,12 @@ def draw_frame(
     place_bands(counts, starts)
     entries = scratch.room_for(int(starts[-1]))
     pool.run(lambda _, counter: fill_bands(counter, scratch.listed, scratch.bands, counts, entries))
-    pool.run(lambda _, counter: draw_bands(counter, view, points, faces, starts, entries, band_rows, image))
+    workspaces = scratch.workspaces_for(pool.threads, width, band_rows)
+
+    def draw(worker: int, counter: int) -> None:
+        draw_bands(counter, view, points, faces, starts, entries, band_rows, image, workspaces[worker])
+
+    pool.run(draw)
 
 
 @cache
@@ -97,7 +114,7 @@ def compile_kernels(lanes: int, parallel: bool) -> None:
     mesh = Mesh(np.eye(3, dtype=np.float32), np.array([[0, 1, 2]], np.uint32))
     kind = OrthographicCamera if parallel else Camera
     camera = kind((0, 0, 1), (0, 0, 0), width=1, height=1)
-    out = np.empty((1, SPAN), np.float32), np.empty((1, SPAN), np.uint32)
+    out = np.empty((1, 1), np.float32), np.empty((1, 1), np.uint32)
     pool = WorkerPool(1)
     draw_frame(mesh, camera, (0.5, 0.5), lanes, Scratch.of(mesh), pool, out)
     pool.close()

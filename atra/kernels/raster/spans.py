@@ -8,17 +8,27 @@ from functools import cache
 import numpy as np
 from numba import njit
 
-from atra.kernels.raster.exact import first_beyond, turn
+from atra.kernels.raster.exact import SURELY_NEAREST, crossing_error, first_beyond, turn
 from atra.kernels.raster.image import GENTLE, SPAN
 from atra.kernels.raster.vectors import (
+    bits_of,
     counted,
+    doubles_at,
     larger,
     load,
+    nearest_whole,
+    next_whole,
+    rarely,
     repeated,
     rounded,
+    size,
     smaller,
+    store,
     store_where,
 )
+
+ROWS = 8
+"""Rows whose spans are found at once."""
 
 
 @njit(inline="always")
@@ -66,13 +76,44 @@ def _parallel_plane(points, v0, v1, v2):  # type: ignore[no-untyped-def]
     return a, b, w0 - a * x0 - b * y0
 
 
+@njit
+def _cut(px, py, qx, qy, is_left, top, count, width, workspace):  # type: ignore[no-untyped-def]
+    """Cut the rows top, top + 1, ... off at an edge: before its first sample beyond, or from there on."""
+    address = workspace.first if is_left else workspace.last
+    limits = doubles_at(address)
+    ax, ay = (px, py) if abs(px) + abs(py) < abs(qx) + abs(qy) else (qx, qy)  # the nearer corner errs less
+    slope = (qx - px) / (qy - py)
+    error = crossing_error(ax, slope * max(abs(top - ay), abs(top + count - ay)))
+    if not error < SURELY_NEAREST:
+        for k in range(count):
+            beyond = first_beyond(px, py, qx, qy, float(top + k), width, workspace.exact)
+            limits[k] = max(limits[k], beyond) if is_left else min(limits[k], beyond - 1)
+        return
+    slopes, first_x, first_y = repeated(slope, ROWS), repeated(ax, ROWS), repeated(ay, ROWS)
+    lowest, highest, unsure = repeated(-0.5, ROWS), repeated(width + 0.5, ROWS), repeated(error, ROWS)
+    one = repeated(1.0, ROWS)
+    for k in range(0, count, ROWS):
+        crossing = (counted(float(top + k), ROWS) - first_y) * slopes + first_x
+        crossing = smaller(larger(crossing, lowest), highest)
+        beyond = next_whole(crossing)
+        place = address + k * 8
+        old = load(place, 0.0, ROWS)
+        store(larger(old, beyond) if is_left else smaller(old, beyond - one), place)
+        doubts = bits_of(size(crossing - nearest_whole(crossing)) <= unsure)
+        if rarely(doubts != 0):
+            store(old, place)
+            for row in range(k, min(k + ROWS, count)):
+                exactly = first_beyond(px, py, qx, qy, float(top + row), width, workspace.exact)
+                limits[row] = max(limits[row], exactly) if is_left else min(limits[row], exactly - 1)
+
+
 @cache
 def span_function(lanes: int, parallel: bool) -> Callable[..., None]:
     """What draws a triangle by spans with vectors of so many lanes, both constants of the compiled code."""
 
     @njit
-    def draw_spans(view, points, v0, v1, v2, triangle, top, bottom, image, sum_):  # type: ignore[no-untyped-def]
-        """Draw the rows top ... bottom of a triangle. sum_: as in `turn`.
+    def draw_spans(view, points, v0, v1, v2, triangle, top, bottom, width, band, workspace):  # type: ignore[no-untyped-def]
+        """Draw the rows top ... bottom of a triangle, which are rows of the band.
 
         A corner behind the eye is projected to where its line through the eye meets the image, and turns the side of
         its edges that counts, each corner once; otherwise nothing is different for it.
@@ -80,8 +121,8 @@ def span_function(lanes: int, parallel: bool) -> Callable[..., None]:
         x0, y0, w0 = points[v0, 0], points[v0, 1], points[v0, 2]
         x1, y1, w1 = points[v1, 0], points[v1, 1], points[v1, 2]
         x2, y2, w2 = points[v2, 0], points[v2, 1], points[v2, 2]
-        facing = turn(x0, y0, x1, y1, x2, y2, sum_)
-        if facing == 0:
+        facing = turn(x0, y0, x1, y1, x2, y2, workspace.exact)
+        if facing == 0 or top > bottom:
             return
         nearest, farthest = max(w0, w1, w2), min(w0, w1, w2)
         if parallel:
@@ -95,34 +136,33 @@ def span_function(lanes: int, parallel: bool) -> Callable[..., None]:
                     farthest = min(farthest, w if w > 0.0 else np.inf)
             least = farthest
         gentle = abs(slope_x) * SPAN <= GENTLE * least
-        sides = (
+        firsts, lasts = doubles_at(workspace.first), doubles_at(workspace.last)
+        for k in range(bottom - top + 1):
+            firsts[k], lasts[k] = 0.0, width - 1.0
+        for px, py, qx, qy, wanted in (
             (x1, y1, x2, y2, -facing if not parallel and w0 < 0.0 else facing),
             (x2, y2, x0, y0, -facing if not parallel and w1 < 0.0 else facing),
             (x0, y0, x1, y1, -facing if not parallel and w2 < 0.0 else facing),
-        )
+        ):
+            if qy != py:
+                _cut(px, py, qx, qy, (qy > py) == (wanted < 0), top, bottom - top + 1, width, workspace)
+            else:
+                for k in range(bottom - top + 1):
+                    if qx == px or wanted != (1 if (qx > px) == (top + k >= py) else -1):
+                        lasts[k] = -1.0
         prim_id = repeated(np.uint32(triangle), lanes)
         step = repeated(np.float32(slope_x), lanes)
         step_wide = repeated(slope_x, lanes)
         low, high = repeated(farthest, lanes), repeated(nearest, lanes)
         at_eye = repeated(np.float32(0.0), lanes)
-        for j in range(top, bottom + 1):
-            first, last = 0, image.width - 1
-            for px, py, qx, qy, wanted in sides:
-                if qy == py:
-                    beyond = 1 if (qx > px) == (j >= py) else -1
-                    if qx == px or beyond != wanted:
-                        last = -1
-                elif (qy > py) == (wanted < 0):
-                    first = max(first, first_beyond(px, py, qx, qy, float(j), image.width, sum_))
-                else:
-                    last = min(last, first_beyond(px, py, qx, qy, float(j), image.width, sum_) - 1)
-            if first > last:
-                continue
-            row = slope_y * j + constant
-            place = image.nearness + (j * image.stride) * 4
-            names = image.prim_id + (j * image.stride) * 4
+        for k in range(bottom - top + 1):
+            first, last = int(firsts[k]), int(lasts[k])
+            row = slope_y * (top + k) + constant
+            byte = (top + k - band.top) * band.stride * 4
+            before, end = repeated(np.float32(first - 1), lanes), repeated(np.float32(last), lanes)
             for start in range(first // lanes * lanes, last + 1, lanes):
-                old = load(place + start * 4, np.float32(0.0), lanes)
+                place = byte + start * 4
+                old = load(band.nearness + place, np.float32(0.0), lanes)
                 if gentle:
                     base = start // SPAN * SPAN
                     found = repeated(np.float32(row + slope_x * base), lanes)
@@ -131,11 +171,10 @@ def span_function(lanes: int, parallel: bool) -> Callable[..., None]:
                     wide = repeated(row, lanes) + counted(float(start), lanes) * step_wide
                     found = rounded(smaller(larger(wide, low), high))
                 columns = counted(np.float32(start), lanes)
-                drawn = (found > old) & (columns > repeated(np.float32(first - 1), lanes))
-                drawn = drawn & (columns <= repeated(np.float32(last), lanes))
+                drawn = (found > old) & (columns > before) & (columns <= end)
                 if parallel:
                     drawn = drawn & (at_eye > found)
-                store_where(drawn, found, place + start * 4)
-                store_where(drawn, prim_id, names + start * 4)
+                store_where(drawn, found, band.nearness + place)
+                store_where(drawn, prim_id, band.prim_id + place)
 
     return draw_spans

@@ -132,6 +132,27 @@ larger = _between(">")
 """larger(a, b): of two float vectors the larger in each lane; b where one is NaN."""
 
 
+def _of_each(name: str) -> Any:
+    @intrinsic
+    def changed(typingctx: Any, vector: Any) -> Any:
+        def codegen(context: Any, builder: ir.IRBuilder, signature: Any, values: list[ir.Value]) -> ir.Value:
+            kind = values[0].type
+            bits = vector.element.bitwidth
+            full_name = f"llvm.{name}.v{vector.lanes}f{bits}"
+            function = builder.module.globals.get(full_name) or ir.Function(
+                builder.module, ir.FunctionType(kind, [kind]), full_name
+            )
+            return builder.call(function, values)
+
+        return vector(vector), codegen
+
+    return changed
+
+
+nearest_whole, next_whole, size = _of_each("rint"), _of_each("ceil"), _of_each("fabs")
+"""Of each number of a float vector: the nearest whole number, the next that is not smaller, the absolute value."""
+
+
 @intrinsic(prefer_literal=True)
 def repeated(typingctx: Any, value: Any, lanes: Any) -> Any:
     """The same number in each lane."""
@@ -238,6 +259,16 @@ def mask_of(typingctx: Any, bits: Any, lanes: Any) -> Any:
         return _packed(builder, builder.bitcast(narrow, ir.VectorType(_I1, mask.lanes)))
 
     return mask(types.int64, lanes), codegen
+
+
+@intrinsic
+def doubles_at(typingctx: Any, address: Any) -> Any:
+    """The float64 from an address on, read and written by their number; an array would be counted who holds it."""
+
+    def codegen(context: Any, builder: ir.IRBuilder, signature: Any, values: list[ir.Value]) -> ir.Value:
+        return builder.inttoptr(values[0], context.get_value_type(signature.return_type))
+
+    return types.CPointer(types.float64)(types.int64), codegen
 
 
 @intrinsic
