@@ -84,7 +84,7 @@ def draw_frame(
     least_depth = 0.0 if parallel else _LEAST_DEPTH * float(np.abs(mesh.bounds - eye).max())
     points, faces = scratch.points, mesh.faces
     least_rows, most_rows = _BAND_ROWS
-    band_rows = min(max(_BAND_PIXELS // width, least_rows), most_rows)
+    band_rows = min(max(1 << (_BAND_PIXELS // width).bit_length() >> 1, least_rows), most_rows)  # a power of two
     counts = np.empty((-(-len(faces) // CHUNK), -(-height // band_rows) + 1), np.int64)
     starts = np.empty(counts.shape[1], np.int64)
     view = ViewOfMesh(mesh.vertices, eye, to_pixels)

@@ -12,6 +12,7 @@ from numba import njit
 
 from atra.kernels.caching import kernel
 from atra.kernels.intrinsics import fetch_add
+from atra.kernels.raster.vectors import lane, larger, last_whole, load, next_whole, smaller
 
 CHUNK = 4096
 """Vertices, or triangles, a thread takes at a time."""
@@ -66,13 +67,27 @@ def _reach(a, b, c, wa, wb, wc):  # type: ignore[no-untyped-def]
     return low, high
 
 
+@njit
+def _reaching(points, v0, v1, v2):  # type: ignore[no-untyped-def]
+    """Lowest and highest x and y, pixels, of what is in front of the eye of a triangle that reaches behind it."""
+    w0, w1, w2 = points[v0, 2], points[v1, 2], points[v2, 2]
+    low_x, high_x = _reach(points[v0, 0], points[v1, 0], points[v2, 0], w0, w1, w2)
+    low_y, high_y = _reach(points[v0, 1], points[v1, 1], points[v2, 1], w0, w1, w2)
+    return low_x, high_x, low_y, high_y
+
+
 @kernel
 def list_triangles(  # type: ignore[no-untyped-def]
     counter_address, points, faces, parallel, width, height, band_rows, listed, bands, counts
 ):  # fmt: skip
     """The triangles that may hold a sample: listed (F,) uint32, from the first place of each chunk on; bands (F, 2)
-    int32, their first and last band; counts (chunks, bands + 1) int64, so many in each band and, last, in the chunk."""
+    int32, their first and last band; counts (chunks, bands + 1) int64, so many in each band and, last, in the chunk.
+
+    Nothing branches on what is common: a triangle that is not to be listed is written, and the next one in its place.
+    """
     band_count = counts.shape[1] - 1
+    base, to_band = points.ctypes.data, 1.0 / band_rows
+    last_x, last_y = width - 1.0, height - 1.0
     while True:
         chunk = fetch_add(counter_address, 1)
         start = chunk * CHUNK
@@ -82,28 +97,26 @@ def list_triangles(  # type: ignore[no-untyped-def]
         for band in range(band_count + 1):
             counts[chunk, band] = 0
         for triangle in range(start, min(start + CHUNK, len(faces))):
-            v0, v1, v2 = faces[triangle, 0], faces[triangle, 1], faces[triangle, 2]
-            x0, y0, w0 = points[v0, 0], points[v0, 1], points[v0, 2]
-            x1, y1, w1 = points[v1, 0], points[v1, 1], points[v1, 2]
-            x2, y2, w2 = points[v2, 0], points[v2, 1], points[v2, 2]
+            v0, v1, v2 = np.int64(faces[triangle, 0]), np.int64(faces[triangle, 1]), np.int64(faces[triangle, 2])
+            p0, p1, p2 = load(base + v0 * 32, 0.0, 4), load(base + v1 * 32, 0.0, 4), load(base + v2 * 32, 0.0, 4)
+            low, high = smaller(smaller(p0, p1), p2), larger(larger(p0, p1), p2)
+            first, last = next_whole(low), last_whole(high)
+            left, right, top, bottom = lane(first, 0), lane(last, 0), lane(first, 1), lane(last, 1)
             if parallel:
-                if w0 >= 0.0 and w1 >= 0.0 and w2 >= 0.0:
-                    continue
-            elif w0 < 0.0 and w1 < 0.0 and w2 < 0.0:
-                continue
-            if parallel or min(w0, w1, w2) > 0.0:
-                low_x, high_x = min(x0, x1, x2), max(x0, x1, x2)
-                low_y, high_y = min(y0, y1, y2), max(y0, y1, y2)
+                in_front = lane(low, 2) < 0.0
             else:
-                low_x, high_x = _reach(x0, x1, x2, w0, w1, w2)
-                low_y, high_y = _reach(y0, y1, y2, w0, w1, w2)
-            left, right = max(np.ceil(low_x), 0.0), min(np.floor(high_x), width - 1.0)
-            top, bottom = max(np.ceil(low_y), 0.0), min(np.floor(high_y), height - 1.0)
-            if left <= right and top <= bottom:
-                first, last = int(top) // band_rows, int(bottom) // band_rows
-                listed[place], bands[place, 0], bands[place, 1] = triangle, first, last
-                place += 1
-                for band in range(first, last + 1):
+                in_front = lane(high, 2) > 0.0
+                if in_front and not lane(low, 2) > 0.0:
+                    low_x, high_x, low_y, high_y = _reaching(points, v0, v1, v2)
+                    left, right, top, bottom = np.ceil(low_x), np.floor(high_x), np.ceil(low_y), np.floor(high_y)
+            left, right, top, bottom = max(left, 0.0), min(right, last_x), max(top, 0.0), min(bottom, last_y)
+            is_seen = in_front & (left <= right) & (top <= bottom)
+            first_band, last_band = int(min(top, last_y) * to_band), int(max(bottom, 0.0) * to_band)
+            listed[place], bands[place, 0], bands[place, 1] = triangle, first_band, last_band
+            place += is_seen
+            counts[chunk, first_band] += is_seen
+            if is_seen and last_band > first_band:
+                for band in range(first_band + 1, last_band + 1):
                     counts[chunk, band] += 1
         counts[chunk, band_count] = place - start
 

@@ -149,8 +149,11 @@ def _of_each(name: str) -> Any:
     return changed
 
 
-nearest_whole, next_whole, size = _of_each("rint"), _of_each("ceil"), _of_each("fabs")
-"""Of each number of a float vector: the nearest whole number, the next that is not smaller, the absolute value."""
+nearest_whole, next_whole, last_whole = _of_each("rint"), _of_each("ceil"), _of_each("floor")
+"""Of each number of a float vector: the nearest whole number, the first that is not smaller, the last not larger."""
+
+size = _of_each("fabs")
+"""Of each number of a float vector its absolute value."""
 
 
 @intrinsic(prefer_literal=True)
@@ -174,6 +177,17 @@ def counted(typingctx: Any, first: Any, lanes: Any) -> Any:
         return builder.fadd(start, ir.Constant(start.type, [float(lane) for lane in range(vector.lanes)]))
 
     return vector(first, lanes), codegen
+
+
+@intrinsic(prefer_literal=True)
+def lane(typingctx: Any, vector: Any, number: Any) -> Any:
+    """One number of a vector."""
+    number_ = number.literal_value
+
+    def codegen(context: Any, builder: ir.IRBuilder, signature: Any, values: list[ir.Value]) -> ir.Value:
+        return builder.extract_element(values[0], _I32(number_))
+
+    return vector.element(vector, number), codegen
 
 
 @intrinsic
