@@ -44,13 +44,14 @@ def _homogeneous(view, vertex):  # type: ignore[no-untyped-def]
 
 
 @njit(inline="always")
-def _divided(a, b):  # type: ignore[no-untyped-def]
-    return a / b if b != 0.0 else np.nan
+def _inverse(volume):  # type: ignore[no-untyped-def]
+    """Of a volume of 0 something huge, so that the plane is at the eye."""
+    return 1.0 / volume if volume != 0.0 else 1e200
 
 
 @njit
 def _pinhole_plane(view, v0, v1, v2):  # type: ignore[no-untyped-def]
-    """Nearness A i + B j + C on the plane of a triangle that may reach behind the eye; NaN where it is edge-on.
+    """Nearness A i + B j + C on the plane of a triangle that may reach behind the eye.
 
     The plane of the corners p0, p1, p2, homogeneous, with normal n = (p1 - p0) x (p2 - p0), is met at 1 / depth =
     n . (i, j, 1) / n . p0.
@@ -61,7 +62,7 @@ def _pinhole_plane(view, v0, v1, v2):  # type: ignore[no-untyped-def]
     a1, b1, c1 = a1 - a0, b1 - b0, c1 - c0
     a2, b2, c2 = a2 - a0, b2 - b0, c2 - c0
     na, nb, nc = b1 * c2 - c1 * b2, c1 * a2 - a1 * c2, a1 * b2 - b1 * a2
-    inverse = _divided(1.0, na * a0 + nb * b0 + nc * c0)
+    inverse = _inverse(na * a0 + nb * b0 + nc * c0)
     return na * inverse, nb * inverse, nc * inverse
 
 
@@ -71,7 +72,7 @@ def _parallel_plane(points, v0, v1, v2):  # type: ignore[no-untyped-def]
     x0, y0, w0 = points[v0, 0], points[v0, 1], points[v0, 2]
     x1, y1, w1 = points[v1, 0] - x0, points[v1, 1] - y0, points[v1, 2] - w0
     x2, y2, w2 = points[v2, 0] - x0, points[v2, 1] - y0, points[v2, 2] - w0
-    inverse = _divided(1.0, x1 * y2 - y1 * x2)
+    inverse = _inverse(x1 * y2 - y1 * x2)
     a, b = (w1 * y2 - w2 * y1) * inverse, (w2 * x1 - w1 * x2) * inverse
     return a, b, w0 - a * x0 - b * y0
 
@@ -169,6 +170,8 @@ def span_function(lanes: int, parallel: bool) -> Callable[..., None]:
                     found = found + counted(np.float32(start - base), lanes) * step
                 else:
                     wide = repeated(row, lanes) + counted(float(start), lanes) * step_wide
+                    if not parallel:
+                        wide = size(wide)  # the sign is wrong where the eye is in the plane but for rounding
                     found = rounded(smaller(larger(wide, low), high))
                 columns = counted(np.float32(start), lanes)
                 drawn = (found > old) & (columns > before) & (columns <= end)
