@@ -72,37 +72,29 @@ def _repeated(builder: ir.IRBuilder, value: ir.Value, lanes: int) -> ir.Value:
     return builder.shuffle_vector(one, one, ir.Constant(ir.VectorType(_I32, lanes), [0] * lanes))
 
 
+def _declared(builder: ir.IRBuilder, name: str, kind: ir.FunctionType) -> ir.Function:
+    return builder.module.globals.get(name) or ir.Function(builder.module, kind, name)
+
+
 Emit = Callable[[ir.IRBuilder, ir.Value, ir.Value], ir.Value]
 
 
-def _operator(function: Any, kind: type[types.Type], emit: Emit) -> None:
-    """Python's operator `function` between two equal vectors, or masks, gives one more of them."""
+def _operator(function: Any, kind: type[types.Type], emit: Emit, gives_mask: bool = False) -> None:
+    """Python's operator `function` between two equal vectors, or masks, gives one more of them, or a mask."""
 
     @infer_global(function)
     class _Typing(AbstractTemplate):
         def generic(self, arguments: Any, keywords: Any) -> Any:
             if len(arguments) == 2 and isinstance(arguments[0], kind) and arguments[0] == arguments[1]:
-                return signature(arguments[0], *arguments)
+                return signature(Mask(arguments[0].lanes) if gives_mask else arguments[0], *arguments)
             return None
 
     lower_builtin(function, kind, kind)(lambda context, builder, signature, values: emit(builder, *values))
 
 
 def _comparison(function: Any, sign: str) -> None:
-    """False where a number is NaN."""
-
-    @infer_global(function)
-    class _Typing(AbstractTemplate):
-        def generic(self, arguments: Any, keywords: Any) -> Any:
-            if len(arguments) == 2 and isinstance(arguments[0], Vector) and arguments[0] == arguments[1]:
-                return signature(Mask(arguments[0].lanes), *arguments)
-            return None
-
-    def lower(context: Any, builder: ir.IRBuilder, signature: Any, values: Any) -> ir.Value:
-        compare = builder.fcmp_ordered if isinstance(signature.args[0].element, types.Float) else builder.icmp_signed
-        return _packed(builder, compare(sign, *values))
-
-    lower_builtin(function, Vector, Vector)(lower)
+    """Of floats; False where one is NaN."""
+    _operator(function, Vector, lambda builder, a, b: _packed(builder, builder.fcmp_ordered(sign, a, b)), True)
 
 
 _operator(operator.add, Vector, ir.IRBuilder.fadd)
@@ -136,13 +128,8 @@ def _of_each(name: str) -> Any:
     @intrinsic
     def changed(typingctx: Any, vector: Any) -> Any:
         def codegen(context: Any, builder: ir.IRBuilder, signature: Any, values: list[ir.Value]) -> ir.Value:
-            kind = values[0].type
-            bits = vector.element.bitwidth
-            full_name = f"llvm.{name}.v{vector.lanes}f{bits}"
-            function = builder.module.globals.get(full_name) or ir.Function(
-                builder.module, ir.FunctionType(kind, [kind]), full_name
-            )
-            return builder.call(function, values)
+            kind, suffix = values[0].type, f"v{vector.lanes}f{vector.element.bitwidth}"
+            return builder.call(_declared(builder, f"llvm.{name}.{suffix}", ir.FunctionType(kind, [kind])), values)
 
         return vector(vector), codegen
 
@@ -236,12 +223,10 @@ def store_where(typingctx: Any, mask: Any, vector: Any, address: Any) -> Any:
     def codegen(context: Any, builder: ir.IRBuilder, signature: Any, values: list[ir.Value]) -> ir.Value:
         bits, value, pointer = _unpacked(builder, values[0]), values[1], _pointer(builder, values[2], values[1].type)
         if HAS_MASK_REGISTERS:
-            kinds = [value.type, pointer.type, _I32, bits.type]
+            kind = ir.FunctionType(ir.VoidType(), [value.type, pointer.type, _I32, bits.type])
             suffix = f"v{vector.lanes}{'f32' if isinstance(vector.element, types.Float) else 'i32'}.p0"
-            store = builder.module.globals.get(f"llvm.masked.store.{suffix}") or ir.Function(
-                builder.module, ir.FunctionType(ir.VoidType(), kinds), f"llvm.masked.store.{suffix}"
-            )
-            builder.call(store, [value, pointer, _I32(4), bits])
+            masked_store = _declared(builder, f"llvm.masked.store.{suffix}", kind)
+            builder.call(masked_store, [value, pointer, _I32(4), bits])
         else:
             old = builder.load(pointer)
             old.align = 4
