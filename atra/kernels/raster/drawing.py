@@ -16,6 +16,7 @@ from atra.kernels.raster.image import GENTLE, NARROW, SPAN, Band, band_stride
 from atra.kernels.raster.narrow import narrow_function
 from atra.kernels.raster.spans import span_function
 from atra.kernels.raster.vectors import (
+    fetch,
     load,
     repeated,
     store,
@@ -25,6 +26,9 @@ _UNIT32 = 2.0**-24
 
 _SMALLEST, _LARGEST = 1e-35, 1e35
 """Float32 between these has all its digits."""
+
+AHEAD = 8
+"""Triangles drawn before one whose corners are asked for."""
 
 _SURE = 4.0 * UNIT
 """As in `exact`: the area is the same sum of products."""
@@ -67,7 +71,12 @@ def drawing_kernel(lanes: int, parallel: bool) -> Callable[..., None]:
             for place in range(0, (band.bottom + 1 - band.top) * stride * 4, lanes * 4):
                 store(nothing, band.nearness + place)
                 store(none, band.prim_id + place)
-            for entry in range(starts[number], starts[number + 1]):
+            end_of_band = starts[number + 1]
+            for entry in range(starts[number], end_of_band):
+                if entry + AHEAD < end_of_band:
+                    later = entries[entry + AHEAD]
+                    for corner in range(3):
+                        fetch(points.ctypes.data + np.int64(faces[later, corner]) * 32)
                 triangle = entries[entry]
                 v0, v1, v2 = faces[triangle, 0], faces[triangle, 1], faces[triangle, 2]
                 x0, y0, w0 = points[v0, 0], points[v0, 1], points[v0, 2]

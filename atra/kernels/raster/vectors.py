@@ -271,6 +271,19 @@ def doubles_at(typingctx: Any, address: Any) -> Any:
 
 
 @intrinsic
+def fetch(typingctx: Any, address: Any) -> Any:
+    """Ask for the cache line at an address, which will be read soon; nothing waits for it."""
+
+    def codegen(context: Any, builder: ir.IRBuilder, signature: Any, values: list[ir.Value]) -> ir.Value:
+        pointer = _pointer(builder, values[0], ir.IntType(8))
+        kind = ir.FunctionType(ir.VoidType(), [pointer.type, _I32, _I32, _I32])
+        builder.call(_declared(builder, "llvm.prefetch.p0", kind), [pointer, _I32(0), _I32(3), _I32(1)])
+        return context.get_dummy_value()
+
+    return types.void(types.int64), codegen
+
+
+@intrinsic
 def rarely(typingctx: Any, condition: Any) -> Any:
     """The same condition, which the compiler is to expect to be False."""
 
