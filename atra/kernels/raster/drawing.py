@@ -13,8 +13,8 @@ from atra.kernels.caching import kernel
 from atra.kernels.intrinsics import fetch_add
 from atra.kernels.raster.exact import UNIT
 from atra.kernels.raster.image import GENTLE, NARROW, SPAN, Band, band_stride
-from atra.kernels.raster.narrow import narrow_function
-from atra.kernels.raster.spans import span_function
+from atra.kernels.raster.narrow import draw_narrow
+from atra.kernels.raster.spans import draw_spans
 from atra.kernels.raster.vectors import (
     fetch,
     load,
@@ -38,12 +38,28 @@ _NEAR_AND_FAR = 1e3
 is known well enough. Beyond, it is computed from the corners in space."""
 
 
+@njit
+def _finish(lanes, parallel, band, image):  # type: ignore[no-untyped-def]
+    """Write the rows of a band to the image, nearness as depth."""
+    nothing, one = repeated(np.float32(0.0), lanes), repeated(np.float32(1.0), lanes)
+    whole = image.width // lanes * lanes
+    for y in range(band.top, band.bottom + 1):
+        source, target = (y - band.top) * band.stride * 4, y * image.width * 4
+        for x in range(0, whole, lanes):
+            found = load(band.nearness + source + x * 4, np.float32(0.0), lanes)
+            store(nothing - found if parallel else one / found, image.depth + target + x * 4)
+            store(load(band.prim_id + source + x * 4, np.uint32(0), lanes), image.prim_id + target + x * 4)
+        for x in range(whole, image.width):
+            found = load(band.nearness + source + x * 4, np.float32(0.0), 1)
+            depth = repeated(np.float32(0.0), 1) - found if parallel else repeated(np.float32(1.0), 1) / found
+            store(depth, image.depth + target + x * 4)
+            store(load(band.prim_id + source + x * 4, np.uint32(0), 1), image.prim_id + target + x * 4)
+
+
 @cache
 def drawing_kernel(lanes: int, parallel: bool) -> Callable[..., None]:
     """The loop over bands, with vectors of so many lanes, both constants of the compiled code."""
     half = max(lanes // 2, 4)
-    draw_half, draw_whole = narrow_function(half, parallel), narrow_function(lanes, parallel)
-    draw_spans, finish = span_function(lanes, parallel), _finish_function(lanes, parallel)
 
     @kernel
     def draw_bands(counter_address, view, points, faces, starts, entries, band_rows, image, workspace):  # type: ignore[no-untyped-def]
@@ -107,7 +123,9 @@ def drawing_kernel(lanes: int, parallel: bool) -> Callable[..., None]:
                     first, last = band.top, band.bottom
                     if parallel or farthest > 0.0:
                         first, last = max(int(top), first), min(int(bottom), last)
-                    draw_spans(view, points, v0, v1, v2, triangle, first, last, image.width, band, workspace)
+                    draw_spans(
+                        lanes, parallel, view, points, v0, v1, v2, triangle, first, last, image.width, band, workspace
+                    )
                     continue
                 at_corner = w0 + slope_x * (left - x0) + slope_y * (top - y0)
                 first, last = max(int(top), band.top), min(int(bottom), band.bottom)
@@ -115,37 +133,15 @@ def drawing_kernel(lanes: int, parallel: bool) -> Callable[..., None]:
                 start, end = int(left), int(right)
                 nearness = at_corner + slope_y * (first - top)
                 if end - start < half:
-                    draw_half(
-                        triangle, x0, y0, x1, y1, x2, y2, facing, rounding, nearness, slope_x, slope_y, start, end,
-                        first, last, band, workspace,
+                    draw_narrow(
+                        half, parallel, triangle, x0, y0, x1, y1, x2, y2, facing, rounding, nearness, slope_x, slope_y,
+                        start, end, first, last, band, workspace,
                     )  # fmt: skip
                 else:
-                    draw_whole(
-                        triangle, x0, y0, x1, y1, x2, y2, facing, rounding, nearness, slope_x, slope_y, start, end,
-                        first, last, band, workspace,
+                    draw_narrow(
+                        lanes, parallel, triangle, x0, y0, x1, y1, x2, y2, facing, rounding, nearness, slope_x, slope_y,
+                        start, end, first, last, band, workspace,
                     )  # fmt: skip
-            finish(band, image)
+            _finish(lanes, parallel, band, image)
 
     return draw_bands
-
-
-@cache
-def _finish_function(lanes: int, parallel: bool) -> Callable[..., None]:
-    @njit
-    def finish(band, image):  # type: ignore[no-untyped-def]
-        """Write the rows of a band to the image, nearness as depth."""
-        nothing, one = repeated(np.float32(0.0), lanes), repeated(np.float32(1.0), lanes)
-        whole = image.width // lanes * lanes
-        for y in range(band.top, band.bottom + 1):
-            source, target = (y - band.top) * band.stride * 4, y * image.width * 4
-            for x in range(0, whole, lanes):
-                found = load(band.nearness + source + x * 4, np.float32(0.0), lanes)
-                store(nothing - found if parallel else one / found, image.depth + target + x * 4)
-                store(load(band.prim_id + source + x * 4, np.uint32(0), lanes), image.prim_id + target + x * 4)
-            for x in range(whole, image.width):
-                found = load(band.nearness + source + x * 4, np.float32(0.0), 1)
-                depth = repeated(np.float32(0.0), 1) - found if parallel else repeated(np.float32(1.0), 1) / found
-                store(depth, image.depth + target + x * 4)
-                store(load(band.prim_id + source + x * 4, np.uint32(0), 1), image.prim_id + target + x * 4)
-
-    return finish

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import cache
-
 import numpy as np
 from numba import njit
 
@@ -108,76 +105,70 @@ def _cut(px, py, qx, qy, is_left, top, count, width, workspace):  # type: ignore
                 limits[row] = max(limits[row], exactly) if is_left else min(limits[row], exactly - 1)
 
 
-@cache
-def span_function(lanes: int, parallel: bool) -> Callable[..., None]:
-    """What draws a triangle by spans with vectors of so many lanes, both constants of the compiled code."""
+@njit
+def draw_spans(lanes, parallel, view, points, v0, v1, v2, triangle, top, bottom, width, band, workspace):  # type: ignore[no-untyped-def]
+    """Draw the rows top ... bottom of a triangle, which are rows of the band, with vectors of `lanes`.
 
-    @njit
-    def draw_spans(view, points, v0, v1, v2, triangle, top, bottom, width, band, workspace):  # type: ignore[no-untyped-def]
-        """Draw the rows top ... bottom of a triangle, which are rows of the band.
-
-        A corner behind the eye is projected to where its line through the eye meets the image, and turns the side of
-        its edges that counts, each corner once; otherwise nothing is different for it.
-        """
-        x0, y0, w0 = points[v0, 0], points[v0, 1], points[v0, 2]
-        x1, y1, w1 = points[v1, 0], points[v1, 1], points[v1, 2]
-        x2, y2, w2 = points[v2, 0], points[v2, 1], points[v2, 2]
-        facing = turn(x0, y0, x1, y1, x2, y2, workspace.exact)
-        if facing == 0 or top > bottom:
-            return
-        nearest, farthest = max(w0, w1, w2), min(w0, w1, w2)
-        if parallel:
-            slope_x, slope_y, constant = _parallel_plane(points, v0, v1, v2)
-            least = -nearest
+    A corner behind the eye is projected to where its line through the eye meets the image, and turns the side of
+    its edges that counts, each corner once; otherwise nothing is different for it.
+    """
+    x0, y0, w0 = points[v0, 0], points[v0, 1], points[v0, 2]
+    x1, y1, w1 = points[v1, 0], points[v1, 1], points[v1, 2]
+    x2, y2, w2 = points[v2, 0], points[v2, 1], points[v2, 2]
+    facing = turn(x0, y0, x1, y1, x2, y2, workspace.exact)
+    if facing == 0 or top > bottom:
+        return
+    nearest, farthest = max(w0, w1, w2), min(w0, w1, w2)
+    if parallel:
+        slope_x, slope_y, constant = _parallel_plane(points, v0, v1, v2)
+        least = -nearest
+    else:
+        slope_x, slope_y, constant = _pinhole_plane(view, v0, v1, v2)
+        if farthest < 0.0:
+            nearest, farthest = np.inf, np.inf
+            for w in (w0, w1, w2):
+                farthest = min(farthest, w if w > 0.0 else np.inf)
+        least = farthest
+    gentle = abs(slope_x) * SPAN <= GENTLE * least
+    firsts, lasts = doubles_at(workspace.first), doubles_at(workspace.last)
+    for k in range(bottom - top + 1):
+        firsts[k], lasts[k] = 0.0, width - 1.0
+    for px, py, qx, qy, wanted in (
+        (x1, y1, x2, y2, -facing if not parallel and w0 < 0.0 else facing),
+        (x2, y2, x0, y0, -facing if not parallel and w1 < 0.0 else facing),
+        (x0, y0, x1, y1, -facing if not parallel and w2 < 0.0 else facing),
+    ):
+        if qy != py:
+            _cut(px, py, qx, qy, (qy > py) == (wanted < 0), top, bottom - top + 1, width, workspace)
         else:
-            slope_x, slope_y, constant = _pinhole_plane(view, v0, v1, v2)
-            if farthest < 0.0:
-                nearest, farthest = np.inf, np.inf
-                for w in (w0, w1, w2):
-                    farthest = min(farthest, w if w > 0.0 else np.inf)
-            least = farthest
-        gentle = abs(slope_x) * SPAN <= GENTLE * least
-        firsts, lasts = doubles_at(workspace.first), doubles_at(workspace.last)
-        for k in range(bottom - top + 1):
-            firsts[k], lasts[k] = 0.0, width - 1.0
-        for px, py, qx, qy, wanted in (
-            (x1, y1, x2, y2, -facing if not parallel and w0 < 0.0 else facing),
-            (x2, y2, x0, y0, -facing if not parallel and w1 < 0.0 else facing),
-            (x0, y0, x1, y1, -facing if not parallel and w2 < 0.0 else facing),
-        ):
-            if qy != py:
-                _cut(px, py, qx, qy, (qy > py) == (wanted < 0), top, bottom - top + 1, width, workspace)
+            for k in range(bottom - top + 1):
+                if qx == px or wanted != (1 if (qx > px) == (top + k >= py) else -1):
+                    lasts[k] = -1.0
+    prim_id = repeated(np.uint32(triangle), lanes)
+    step = repeated(np.float32(slope_x), lanes)
+    step_wide = repeated(slope_x, lanes)
+    low, high = repeated(farthest, lanes), repeated(nearest, lanes)
+    at_eye = repeated(np.float32(0.0), lanes)
+    for k in range(bottom - top + 1):
+        first, last = int(firsts[k]), int(lasts[k])
+        row = slope_y * (top + k) + constant
+        byte = (top + k - band.top) * band.stride * 4
+        before, end = repeated(np.float32(first - 1), lanes), repeated(np.float32(last), lanes)
+        for start in range(first // lanes * lanes, last + 1, lanes):
+            place = byte + start * 4
+            old = load(band.nearness + place, np.float32(0.0), lanes)
+            if gentle:
+                base = start // SPAN * SPAN
+                found = repeated(np.float32(row + slope_x * base), lanes)
+                found = found + counted(np.float32(start - base), lanes) * step
             else:
-                for k in range(bottom - top + 1):
-                    if qx == px or wanted != (1 if (qx > px) == (top + k >= py) else -1):
-                        lasts[k] = -1.0
-        prim_id = repeated(np.uint32(triangle), lanes)
-        step = repeated(np.float32(slope_x), lanes)
-        step_wide = repeated(slope_x, lanes)
-        low, high = repeated(farthest, lanes), repeated(nearest, lanes)
-        at_eye = repeated(np.float32(0.0), lanes)
-        for k in range(bottom - top + 1):
-            first, last = int(firsts[k]), int(lasts[k])
-            row = slope_y * (top + k) + constant
-            byte = (top + k - band.top) * band.stride * 4
-            before, end = repeated(np.float32(first - 1), lanes), repeated(np.float32(last), lanes)
-            for start in range(first // lanes * lanes, last + 1, lanes):
-                place = byte + start * 4
-                old = load(band.nearness + place, np.float32(0.0), lanes)
-                if gentle:
-                    base = start // SPAN * SPAN
-                    found = repeated(np.float32(row + slope_x * base), lanes)
-                    found = found + counted(np.float32(start - base), lanes) * step
-                else:
-                    wide = repeated(row, lanes) + counted(float(start), lanes) * step_wide
-                    if not parallel:
-                        wide = size(wide)  # the sign is wrong where the eye is in the plane but for rounding
-                    found = rounded(smaller(larger(wide, low), high))
-                columns = counted(np.float32(start), lanes)
-                drawn = (found > old) & (columns > before) & (columns <= end)
-                if parallel:
-                    drawn = drawn & (at_eye > found)
-                store_where(drawn, found, band.nearness + place)
-                store_where(drawn, prim_id, band.prim_id + place)
-
-    return draw_spans
+                wide = repeated(row, lanes) + counted(float(start), lanes) * step_wide
+                if not parallel:
+                    wide = size(wide)  # the sign is wrong where the eye is in the plane but for rounding
+                found = rounded(smaller(larger(wide, low), high))
+            columns = counted(np.float32(start), lanes)
+            drawn = (found > old) & (columns > before) & (columns <= end)
+            if parallel:
+                drawn = drawn & (at_eye > found)
+            store_where(drawn, found, band.nearness + place)
+            store_where(drawn, prim_id, band.prim_id + place)
