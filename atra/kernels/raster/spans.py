@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from atra.kernels.raster.exact import SURELY_NEAREST, crossing_error, first_beyond, turn
+from atra.kernels.raster.exact import SURELY_NEAREST, UNIT, crossing_error, first_beyond, turn
 from atra.kernels.raster.image import GENTLE, SPAN
 from atra.kernels.raster.vectors import (
     bits_of,
@@ -24,8 +24,23 @@ from atra.kernels.raster.vectors import (
     store_where,
 )
 
+_VOLUME_ROUNDINGS = 8.0
+"""Roundings, of its summands, that a volume may be off by: 3 differences, 2 products and 3 sums, at most."""
+
 ROWS = 8
 """Rows whose spans are found at once."""
+
+
+@njit
+def _holds_eye(view, v0, v1, v2):  # type: ignore[no-untyped-def]
+    """Whether the eye lies in the plane of a triangle, to the last digits of float64: then it is seen edge-on."""
+    vertices, eye = view.vertices, view.eye
+    x0, y0, z0 = vertices[v0, 0] - eye[0], vertices[v0, 1] - eye[1], vertices[v0, 2] - eye[2]
+    x1, y1, z1 = vertices[v1, 0] - eye[0], vertices[v1, 1] - eye[1], vertices[v1, 2] - eye[2]
+    x2, y2, z2 = vertices[v2, 0] - eye[0], vertices[v2, 1] - eye[1], vertices[v2, 2] - eye[2]
+    volume = x0 * (y1 * z2 - z1 * y2) + y0 * (z1 * x2 - x1 * z2) + z0 * (x1 * y2 - y1 * x2)
+    sizes = abs(x0) * (abs(y1 * z2) + abs(z1 * y2)) + abs(y0) * (abs(z1 * x2) + abs(x1 * z2))
+    return abs(volume) <= _VOLUME_ROUNDINGS * UNIT * (sizes + abs(z0) * (abs(x1 * y2) + abs(y1 * x2)))
 
 
 @njit(inline="always")
@@ -125,6 +140,8 @@ def draw_spans(lanes, parallel, view, points, v0, v1, v2, triangle, top, bottom,
     else:
         slope_x, slope_y, constant = _pinhole_plane(view, v0, v1, v2)
         if farthest < 0.0:
+            if _holds_eye(view, v0, v1, v2):
+                return
             nearest, farthest = np.inf, np.inf
             for w in (w0, w1, w2):
                 farthest = min(farthest, w if w > 0.0 else np.inf)
