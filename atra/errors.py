@@ -40,7 +40,7 @@ class StorageError(AtraError, OSError):
 
 
 class RecordError(AtraError, ValueError):
-    """A record's file is there but cannot be used: damaged, changed after it was written, of another version."""
+    """A record's file is there but cannot be used: damaged, or of another version."""
 
 
 class ClockError(AtraError, RuntimeError):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import random
 import sys
-import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -103,8 +102,9 @@ def _run(
 ) -> pd.DataFrame:
     done: dict[str, Record] = {}
     finished = impossible = 0
+    warn = _warn_on(console)
     for point_identity, one in points.items():
-        earlier = _read_earlier(records, point_identity, console)
+        earlier = read_record(records, point_identity, warn)
         if earlier is not None and earlier.finished:
             done[point_identity] = earlier
             finished += 1
@@ -242,8 +242,8 @@ def _launched_records(to_do: dict[str, Point], folder: Path, console: Console) -
     Another machine wrote them under an identity of its own, so they are known by their configuration; those of other
     code, whose numbers are no longer true, are not. make_table refuses if they are of several machines.
     """
-    environment = current_environment()
-    own = {name: _read_earlier(folder, identity(point, environment), console) for name, point in to_do.items()}
+    environment, warn = current_environment(), _warn_on(console)
+    own = {name: read_record(folder, identity(point, environment), warn) for name, point in to_do.items()}
     if all(record is not None for record in own.values()):
         return {name: record for name, record in own.items() if record is not None}
     by_configuration: dict[str, Record] = {}
@@ -260,13 +260,8 @@ def _launched_records(to_do: dict[str, Point], folder: Path, console: Console) -
     return {name: record for name, record in found.items() if record is not None}
 
 
-def _read_earlier(folder: Path, point_identity: str, console: Console) -> Record | None:
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
-        earlier = read_record(folder, point_identity)
-    for warning in caught:
-        say(console, f"warning: {warning.message}")
-    return earlier
+def _warn_on(console: Console) -> Callable[[str], None]:
+    return lambda text: say(console, f"warning: {text}")
 
 
 def _in_order(points: dict[str, SweepPoint], done: dict[str, Record]) -> list[str]:

@@ -11,15 +11,14 @@ import os
 import sys
 import threading
 import traceback
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import psutil
 
-from atra.errors import AtraError, MemoryBudgetError, StorageError
+from atra.errors import AtraError, MemoryBudgetError, StorageError, printable
 from atra.files import write_atomically
 from experiments.harness.options import typed_options
 from experiments.harness.outcome import Outcome
@@ -67,21 +66,19 @@ def measure_point(point: Point) -> Measured:
     return measured
 
 
-@contextmanager
-def _reporting(job: Job) -> Iterator[list[Outcome]]:
-    """Whatever happens inside becomes an outcome in the job's result path."""
-    outcomes: list[Outcome] = []
+def _outcome(point: Point) -> Outcome:
+    """Whatever measuring comes to."""
     try:
-        yield outcomes
+        measured = measure_point(point)
     except MemoryBudgetError as error:
-        outcomes.append(Outcome("skipped", str(error), on_purpose=True))
+        return Outcome("skipped", str(error), on_purpose=True)
     except AtraError as error:
-        outcomes.append(Outcome("failed", str(error), on_purpose=True))
+        return Outcome("failed", str(error), on_purpose=True)
     except Exception as error:
         with suppress(OSError):  # where there is no room for words, the outcome says the most of it
             traceback.print_exc()
-        outcomes.append(Outcome("failed", f"{type(error).__name__}: {error}"))
-    write_atomically(Path(job.result_path), outcomes[-1].to_json(job.point))
+        return Outcome("failed", printable(f"{type(error).__name__}: {error}"))
+    return Outcome("ok", None, True, measured.warmup_samples, measured.samples, measured.results)
 
 
 def _end_with_the_run(run: int) -> None:
@@ -104,9 +101,7 @@ def main() -> None:
     job = Job.from_json(sys.stdin.readline())
     threading.Thread(target=_end_with_the_run, args=(job.run,), daemon=True).start()
     try:
-        with _reporting(job) as outcomes:
-            measured = measure_point(job.point)
-            outcomes.append(Outcome("ok", None, True, measured.warmup_samples, measured.samples, measured.results))
+        write_atomically(Path(job.result_path), _outcome(job.point).to_json())
     except StorageError as error:
         with suppress(OSError):
             print(error, flush=True)

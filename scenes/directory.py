@@ -124,7 +124,8 @@ def _absence(name: str) -> str:
     return f"scene {name!r} was not found: {looked}, and {held}. Ways out: {'; or '.join(ways)}"
 
 
-def _camera_fields(path: Path, name: str) -> dict[str, Any]:
+def read_cameras(path: Path) -> dict[str, Any]:
+    """Scene name -> camera fields. Raises InputError, naming the file, for anything else."""
     try:
         cameras = json.loads(read_regular_file(path))
     except FileNotFoundError:
@@ -133,8 +134,13 @@ def _camera_fields(path: Path, name: str) -> dict[str, Any]:
         raise InputError(f"{path} cannot be read as JSON: {error}") from None
     if not isinstance(cameras, dict):
         raise InputError(f"{path} holds a {type(cameras).__name__}, expected an object: scene name -> camera fields")
+    return cameras
+
+
+def _camera_fields(path: Path, name: str) -> dict[str, Any]:
+    cameras = read_cameras(path)
     if name not in cameras:
-        raise InputError(f"{path} has no camera for scene {name!r}; it has {_listed(cameras)}")
+        raise InputError(f"{path} has no camera for scene {name!r}; it has {', '.join(sorted(cameras)) or 'none'}")
     fields = cameras[name]
     if not isinstance(fields, dict):
         raise InputError(
@@ -146,7 +152,3 @@ def _camera_fields(path: Path, name: str) -> dict[str, Any]:
 def meshes_of(folder: Path) -> str:
     """The names of the meshes in `folder`, or that there is none, for people."""
     return ", ".join(sorted(path.name for path in folder.glob("*.ply"))) or "no .ply file"
-
-
-def _listed(names: Any) -> str:
-    return ", ".join(sorted(names)) or "none"

@@ -17,7 +17,7 @@ from atra.errors import InputError
 from atra.files import write_atomically
 from atra.geometry.mesh import Mesh
 from atra.geometry.mesh_file import load_mesh
-from scenes.directory import CAMERAS_FILE, default_cache
+from scenes.directory import CAMERAS_FILE, default_cache, read_cameras
 from scenes.manifest import FetchableScene, read_manifest
 
 ARCHIVES_FOLDER = "archives"
@@ -110,14 +110,7 @@ def _load_checked(path: Path, source: FetchableScene, advice: str) -> Mesh:
 
 
 def _add_camera(path: Path, source: FetchableScene) -> None:
-    try:
-        cameras = json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        cameras = {}
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"{path} cannot be read as JSON: {error}; mend or delete it") from None
-    if not isinstance(cameras, dict):
-        raise InputError(f"{path} holds a {type(cameras).__name__}, expected an object: scene name -> camera fields")
+    cameras = read_cameras(path) if path.exists() else {}
     if source.name not in cameras:
         cameras[source.name] = source.camera
         write_atomically(path, (json.dumps(cameras, indent=2) + "\n").encode())

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from atra.errors import InputError
 from atra.geometry.mesh import Mesh
 
 Floats = NDArray[np.float64]
@@ -27,18 +26,10 @@ class Part:
     """A piece of a scene.
 
     vertices: (V, 3) float64, metres, y up. faces: (F, 3) int64 indices into them.
-    Raises InputError for other shapes or an index outside the vertices.
     """
 
     vertices: Floats
     faces: NDArray[np.int64]
-
-    def __post_init__(self) -> None:
-        for name, array in (("vertices", self.vertices), ("faces", self.faces)):
-            if array.ndim != 2 or array.shape[1] != 3:
-                raise InputError(f"{name} of a part have shape {array.shape}, expected (N, 3)")
-        if len(self.faces) and not 0 <= self.faces.min() <= self.faces.max() < len(self.vertices):
-            raise InputError(f"a face of a part names a vertex outside its {len(self.vertices)}")
 
     @property
     def triangle_count(self) -> int:

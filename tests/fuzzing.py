@@ -32,7 +32,6 @@ from atra.geometry.mesh_file import load_mesh
 from experiments.harness.records import Record, read_record, write_record
 from experiments.results.table import make_table, read_table, write_table
 from scenes.directory import CAMERAS_FILE, load_scene_from_directory
-from scenes.manifest import MANIFEST_FILE, read_manifest
 from scenes.scene import CAMERA_FIELDS
 from tests.report_samples import small_table
 
@@ -90,12 +89,6 @@ def _read_cameras(path: Path) -> bool:
     fields = load_scene_from_directory("box", path.parent).camera
     assert tuple(fields) == CAMERA_FIELDS
     Camera(**fields, width=8, height=8)
-    return True
-
-
-def _read_manifest(path: Path) -> bool:
-    for source in read_manifest(path).scenes.values():
-        Camera(**source.camera, width=8, height=8)
     return True
 
 
@@ -170,7 +163,6 @@ def kinds() -> dict[str, Kind]:
         "record": Kind("mutated.json", (record,), _read_record),
         "table": Kind("table.parquet", (table,), _read_table),
         "cameras": Kind(CAMERAS_FILE, (cameras,), _read_cameras),
-        "manifest": Kind("manifest.toml", (MANIFEST_FILE.read_bytes(),), _read_manifest),
     }
     return found
 

@@ -19,6 +19,13 @@ def quads(corners: list[list[tuple[float, float, float]]], name: str = "quads") 
     return atra.Mesh(vertices, faces, name)
 
 
+def joined(*meshes: atra.Mesh) -> atra.Mesh:
+    """All triangles, one mesh after the other."""
+    first = np.cumsum([0] + [len(mesh.vertices) for mesh in meshes])
+    faces = [mesh.faces.astype(np.int64) + start for mesh, start in zip(meshes, first[:-1], strict=True)]
+    return atra.Mesh(np.concatenate([mesh.vertices for mesh in meshes]), np.concatenate(faces))
+
+
 def random_triangles(count: int, seed: int, size: float = 1.0, spread: float = 3.0) -> atra.Mesh:
     """Triangles all around the origin: in front of the eye, behind it and through its plane."""
     random = np.random.default_rng(seed)
@@ -48,4 +55,4 @@ def cornell_camera(width: int, height: int) -> atra.Camera:
     return atra.Camera(**CORNELL_BOX_CAMERA, width=width, height=height)
 
 
-__all__ = ["EYE_AT_ORIGIN", "boards", "cornell_box", "cornell_camera", "quads", "random_triangles"]
+__all__ = ["EYE_AT_ORIGIN", "boards", "cornell_box", "cornell_camera", "joined", "quads", "random_triangles"]

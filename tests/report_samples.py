@@ -1,33 +1,29 @@
-"""Contents of a made-up report: a table as large as the paper's sweep, figures, pictures, claims, a machine."""
+"""Contents of a made-up report: a small table, figures, pictures, claims, a machine."""
 
 from __future__ import annotations
 
-import io
-from collections.abc import Iterator, Sequence
-from itertools import product
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 import pandas as pd
-from PIL import Image
 
+from experiments.drawing.figure import DrawnFigure
+from experiments.drawing.shading import encode_png
 from experiments.methods import METHODS, find_method
-from experiments.report import ReportContents, ReportFigure, ScenePictures
+from experiments.report import ReportContents
 from experiments.results.claims import JudgedClaim
 from experiments.results.table import columns, rows_of
 from experiments.workloads import WORKLOADS, find_workload
+from experiments.workloads.picture.pictures import ScenePictures
 
 HOSTILE = "<script>document.title='taken over'</script>"
-POWERS = [2**power for power in range(11)]
-SCENES = {"cornell_box": (1112, None), "material_ball": (61600, "mitsuba"), "atrium": (262267, "sponza")}
-STATISTICS = ("", "_q1", "_q3", "_low", "_high")
+SCENES = {"cornell_box": (1112, None), "material_ball": (61600, "mitsuba")}
 
 ENVIRONMENT: dict[str, Any] = {
-    "cpu": "Some processor", "cpu_extensions": ["sse4.2", "avx2"], "instruction_set": None, "physical_cores": 2,
-    "logical_cores": 4,
-    "affinity": [0, 1], "machine": "x86_64", "system": "Linux", "python_version": "3.11.7", "embree_version": "4.4.0",
-    "numba_version": "0.68.1", "governor": None, "load_average": [0.5, 0.25, 0.1], "memory_total_bytes": 2**34,
-    "git_commit": "0123456789abcdef0123", "git_dirty": True, "taken_at": "2000-01-01T10:00:00+00:00",
+    "cpu": "Some processor", "cpu_extensions": ["sse4.2", "avx2"], "instruction_set": None, "logical_cores": 4,
+    "system": "Linux", "python_version": "3.11.7", "embree_version": "4.4.0", "load_average": [0.5, 0.25, 0.1],
+    "memory_total_bytes": 2**34, "git_commit": "0123456789abcdef0123", "git_dirty": True,
 }  # fmt: skip
 
 
@@ -44,52 +40,18 @@ CLAIMS = (
 
 def small_table() -> pd.DataFrame:
     """Eight rows: two doubtful, one skipped, one failed with an error and a scene of angle brackets and line breaks."""
-    rows = [
-        _time_row("cornell_box", split, random, render_time_s=time)
-        for split, time, random in zip((1, 2, 4, 8), (0.05, 0.009, 0.1, 0.02), _randoms(), strict=False)
-    ]
+    times = zip((1, 2, 4, 8), (0.05, 0.009, 0.1, 0.02), strict=True)
+    rows = [_time_row("cornell_box", split, time) for split, time in times]
     rows[0]["doubts"] = "spread is 12% of the median; shortest sample is below 1 ms"
     rows[1]["doubts"] = "spread is 31% of the median"
     rows[1] |= {"speedup": 20.5, "speedup_low": 20.25, "speedup_high": 20.75, "pixels_wrong": 3}
-    # A number whose shortest text differs between languages.
     rows[2]["plan_time_s"] = 1.5e-7
-    stand_in = _time_row("material_ball", 2, np.random.default_rng(9), packet_width=1)
+    stand_in = _time_row("material_ball", 2, 0.25, packet_width=1)
     skipped = _row("cornell_box", split_x=16, status="skipped", error="needs 9.5 GiB, the budget is 4 GiB")
     hostile = _row(HOSTILE, split_x=2, status="failed", error=f'said "no",\r\nthen {HOSTILE} & more')
     memory = _row("cornell_box", workload="memory", grids="memory", rss_bytes=2**30, peak_rss_bytes=2**30 + 1)
     rows += [stand_in, skipped, hostile, memory]
     return table_of([row | {"point_id": f"{place:020x}"} for place, row in enumerate(rows)])
-
-
-def paper_sized_table(row_count: int = 550) -> pd.DataFrame:
-    """As many rows as the paper's sweep, no number twice: as hard to compress as a real one."""
-    rows = [row for row, _ in zip(_endless_rows(), range(row_count), strict=False)]
-    return table_of(rows)
-
-
-def _endless_rows() -> Iterator[dict[str, Any]]:
-    random = np.random.default_rng(5)
-    while True:
-        for scene in SCENES:
-            for split, culling, width in product(POWERS, (False, True), (1, 8)):
-                if not culling and split == POWERS[-1] and scene == "atrium":
-                    yield _row(scene, split_x=split, status="skipped", error="needs 12.5 GiB, the budget is 4 GiB")
-                else:
-                    row = _time_row(scene, split, random, packet_width=width)
-                    yield row | {"culling": culling, "doubts": _some_doubts(random)}
-            for x, y in product((1, 2, 4, 8, 16), repeat=2):
-                yield _time_row(scene, x, random, packet_width=1) | {"split_y": y, "grids": "grid"}
-            for split, geometry in product(POWERS, ("copied", "instanced")):
-                yield _build_row(scene, split, random) | {"geometry": geometry}
-                yield _memory_row(scene, split, random) | {"geometry": geometry}
-
-
-def _some_doubts(random: np.random.Generator) -> str | None:
-    return f"spread is {random.integers(10, 60)}% of the median" if random.random() < 0.3 else None
-
-
-def _randoms() -> Iterator[np.random.Generator]:
-    return (np.random.default_rng(seed) for seed in range(100))
 
 
 def _row(scene: str, **fields: Any) -> dict[str, Any]:
@@ -102,39 +64,16 @@ def _row(scene: str, **fields: Any) -> dict[str, Any]:
     } | fields  # fmt: skip
 
 
-def _time_row(
-    scene: str, split_x: int, random: np.random.Generator, render_time_s: float | None = None, packet_width: int = 8
-) -> dict[str, Any]:
-    time = float(0.3 * split_x**-0.4 * random.uniform(0.9, 1.1)) if render_time_s is None else render_time_s
-    measured: dict[str, Any] = {}
-    names = ("render_time{}_s", "baseline_render_time{}_s", "packets_render_time{}_s", "speedup{}",
-             "speedup_vs_packets{}")  # fmt: skip
-    for name, middle in zip(names, (time, 0.15, 0.06, 0.15 / time, 0.06 / time), strict=True):
-        for suffix, factor in zip(STATISTICS, (1, 0.97, 1.03, 0.95, 1.06), strict=True):
-            measured[name.format(suffix)] = float(middle * factor * random.uniform(0.999, 1.001))
-    measured["render_time_s"] = time
+def _time_row(scene: str, split_x: int, time_s: float, packet_width: int = 8) -> dict[str, Any]:
+    measured = {}
+    medians = {"render_time{}_s": time_s, "speedup{}": 0.15 / time_s, "speedup_vs_packets{}": 0.06 / time_s}
+    for name, median in medians.items():
+        for end, factor in (("", 1), ("_q1", 0.97), ("_q3", 1.03), ("_low", 0.95), ("_high", 1.06)):
+            measured[name.format(end)] = median * factor
     return _row(
-        scene, split_x=split_x, packet_width=packet_width, triangles_traced=int(random.integers(1e3, 1e6)),
-        plan_time_s=random.random(), build_time_s=random.random(), baseline_build_time_s=random.random(),
-        rss_start_bytes=int(random.integers(1e8, 2e8)), rss_mesh_bytes=int(random.integers(1e8, 2e8)),
-        rss_bytes=int(random.integers(1e8, 2e9)), peak_rss_bytes=int(random.integers(1e8, 2e9)),
-        embree_bytes=int(random.integers(1e6, 1e9)), pixels_equal=1048576, pixels_tied=0, pixels_edge=0,
-        pixels_wrong=0, rounds=9, render_time_spread_s=random.random(), packets_width=8, load_average=random.random(),
-        point_id=random.bytes(10).hex(), **measured,
+        scene, split_x=split_x, packet_width=packet_width, triangles_traced=1234567, plan_time_s=0.5,
+        rss_bytes=3 * 2**20, pixels_equal=1048576, pixels_tied=0, pixels_edge=0, pixels_wrong=0, **measured,
     )  # fmt: skip
-
-
-def _build_row(scene: str, split_x: int, random: np.random.Generator) -> dict[str, Any]:
-    names = ("plan_time{}_s", "build_time{}_s", "baseline_build_time{}_s")
-    times = {name.format(suffix): random.random() * split_x**0.5 for name in names for suffix in STATISTICS}
-    return _row(scene, split_x=split_x, workload="build", grids="build", rounds=9, point_id=random.bytes(10).hex(),
-                **times)  # fmt: skip
-
-
-def _memory_row(scene: str, split_x: int, random: np.random.Generator) -> dict[str, Any]:
-    names = ("rss_start_bytes", "rss_mesh_bytes", "rss_bytes", "peak_rss_bytes", "embree_bytes", "triangles_traced")
-    return _row(scene, split_x=split_x, workload="memory", grids="memory", point_id=random.bytes(10).hex(),
-                **{name: int(random.integers(1e8, 2e9)) for name in names})  # fmt: skip
 
 
 def table_of(rows: Sequence[dict[str, Any]]) -> pd.DataFrame:
@@ -153,37 +92,17 @@ def table_of(rows: Sequence[dict[str, Any]]) -> pd.DataFrame:
     )
 
 
-def png(image: np.ndarray) -> bytes:
-    buffer = io.BytesIO()
-    Image.fromarray(image).save(buffer, "PNG")
-    return buffer.getvalue()
-
-
-def shaded(edge: int = 1024, seed: int = 0) -> np.ndarray:
-    """(edge, edge, 3): facets of many shades, about as busy as a picture of a room."""
-    random = np.random.default_rng(seed)
-    y, x = np.mgrid[:edge, :edge] / edge
-    image = np.full((edge, edge), 0.5)
-    for _ in range(40):
-        normal, offset = random.normal(size=2), random.uniform(-0.3, 1.2)
-        image[(normal[0] * x + normal[1] * y) > offset] *= random.uniform(0.8, 1.2)
-    grey = np.clip(image * 255 * (0.9 + 0.1 * y), 0, 255)
-    return (grey[..., None] * [1.0, 0.95, 0.88]).astype(np.uint8)
-
-
-def scene_pictures(scene: str = "cornell_box", edge: int = 1024, seed: int = 0, **fields: Any) -> ScenePictures:
-    """Two pictures that differ in two pixels far apart."""
-    aligned = shaded(edge, seed)
-    pixel, difference = aligned.copy(), np.zeros_like(aligned)
-    for place in ((edge // 8, edge // 4), (edge // 2 + 1, edge // 2 + 3)):
-        pixel[place] = 255 - pixel[place]
-        difference[place] = (255, 170, 0)
+def scene_pictures(scene: str = "cornell_box", **fields: Any) -> ScenePictures:
+    """Pictures of 16 x 16 pixels that differ in two."""
+    images = {name: encode_png(np.full((16, 16, 3), tone, np.uint8)) for name, tone in _TONES.items()}
     values: dict[str, Any] = {
-        "title": scene.replace("_", " "), "pixels_equal": edge * edge - 2, "pixels_tied": 2, "pixels_edge": 0,
-        "pixels_wrong": 0,
+        "triangles": 1112, "stands_for": None, "width": 16, "height": 16, "pixels_equal": 254, "pixels_tied": 2,
+        "pixels_edge": 0, "pixels_wrong": 0,
     }  # fmt: skip
-    return ScenePictures(scene, aligned=png(aligned), pixel=png(pixel), difference=png(difference), **values | fields)
+    return ScenePictures(**{"scene": scene, **values, **images, **fields})
 
+
+_TONES = {"aligned": 90, "pixel": 120, "difference": 255}
 
 SVG = (
     b'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 600 300">'
@@ -191,19 +110,21 @@ SVG = (
 )
 
 
+def drawn_figure(name: str, caption: str, *point_ids: str) -> DrawnFigure:
+    return DrawnFigure(name, caption, b"", SVG, frozenset(point_ids))
+
+
 def small_contents(**fields: Any) -> ReportContents:
+    """Whose second scene's pictures must not be passed on."""
     table = small_table()
-    times, memory = (frozenset(rows_of(table, grid)["point_id"]) for grid in ("horizontal", "memory"))
+    times, memory = (rows_of(table, grid)["point_id"] for grid in ("horizontal", "memory"))
     values: dict[str, Any] = {
         "title": "The paper on this machine", "command": "python run.py sweep=paper", "table": table,
         "figures": (
-            ReportFigure("figure5", "Frame time over horizontal splits.", SVG, times),
-            ReportFigure("figure7", "Memory over horizontal splits.", png(shaded(64)), memory),
+            drawn_figure("figure5", "Frame time over horizontal splits.", *times),
+            drawn_figure("figure7", "Memory over horizontal splits.", *memory),
         ),
-        "pictures": (
-            scene_pictures(edge=64),
-            scene_pictures("mitsuba", edge=16, withheld="its licence forbids passing on pictures of it"),
-        ),
+        "pictures": (scene_pictures(), scene_pictures("mitsuba")),
         "claims": CLAIMS, "environment": ENVIRONMENT,
     }  # fmt: skip
     return ReportContents(**values | fields)

@@ -29,7 +29,7 @@ from experiments.worker import Job
 from experiments.workloads import rounds
 from experiments.workloads.agreement import AgreementOptions
 from experiments.workloads.agreement import measure as agreement
-from experiments.workloads.agreement.agreement_figure import draw_agreement_figure
+from experiments.workloads.agreement.figures import draw_agreement_figure
 from experiments.workloads.agreement.results import errs_too_often, read_disagreements, write
 from experiments.workloads.agreement.terminal import sweep_lines
 from experiments.workloads.workload import Measured
@@ -118,14 +118,9 @@ def test_every_offset_is_an_image_every_disagreement_a_row(sound: Measured) -> N
 
 
 @pytest.mark.parametrize(("who", "other"), [("method", "baseline"), ("baseline", "method")])
-@pytest.mark.parametrize(
-    ("change", "correctness"),
-    [
-        (name_another_triangle, "wrong triangle"),
-        (see_nothing, "wrong triangle"),
-        (store_another_depth, "wrong depth"),
-    ],
-)
+@pytest.mark.parametrize(("change", "correctness"), [
+    (name_another_triangle, "wrong triangle"), (see_nothing, "wrong triangle"), (store_another_depth, "wrong depth"),
+])  # fmt: skip
 def test_a_fault_in_one_pixel_is_listed_and_counted_against_who_made_it(
     sound: Measured, monkeypatch: pytest.MonkeyPatch, who: str, other: str, change: Any, correctness: str
 ) -> None:

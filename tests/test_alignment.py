@@ -1,13 +1,13 @@
 """The shear of each cell, and where its reference rays lie."""
 
-import re
 from dataclasses import FrozenInstanceError
 
 import numpy as np
 import pytest
 
 import atra
-from tests.meshes import EYE_AT_ORIGIN, random_triangles
+from atra.alignment.instancing import instance_transforms
+from tests.meshes import EYE_AT_ORIGIN
 
 
 @pytest.mark.parametrize("place", [atra.Alignment.of_cells, atra.Alignment.at_first_cell])
@@ -80,14 +80,11 @@ def test_splits_and_alignments_cannot_be_changed_under_a_plan():
 def test_a_split_that_does_not_divide_the_image_is_refused_with_both_values(counts, message):
     with pytest.raises(atra.InputError, match=message):
         atra.Split(*counts, width=1920, height=1080)
-
-
-@pytest.mark.parametrize("size", [0, -8, 8.0, None])
-def test_a_split_of_an_image_without_a_size_is_refused_with_the_value(size):
-    with pytest.raises(atra.InputError, match=f"number of pixels in a row is {size}, expected a whole number"):
-        atra.Split(1, 1, width=size, height=8)
-    with pytest.raises(atra.InputError, match=f"number of pixels in a column is {size}, expected a whole number"):
-        atra.Split(1, 1, width=8, height=size)
+    for size in (0, -8, 8.0, None):
+        with pytest.raises(atra.InputError, match=f"number of pixels in a row is {size}, expected a whole number"):
+            atra.Split(1, 1, width=size, height=8)
+        with pytest.raises(atra.InputError, match=f"number of pixels in a column is {size}, expected a whole number"):
+            atra.Split(1, 1, width=8, height=size)
 
 
 @pytest.mark.parametrize("kind", [np.int8, np.uint8, np.int16, np.uint64])
@@ -96,17 +93,6 @@ def test_counts_in_integers_of_numpys_do_not_overflow(kind):
     assert (split.cell_count, split.cell_width, split.cell_height) == (4096, 1, 1)
     for value in (split.nx, split.ny, split.width, split.height):
         assert type(value) is int
-
-
-TRACERS_OF_CELLS = [atra.AlignedTracer, atra.VisibleFirstTracer, atra.TiledTracer]
-
-
-@pytest.mark.parametrize("split", [4, None, (4,), (4, 1, 1)])
-@pytest.mark.parametrize("tracer", TRACERS_OF_CELLS)
-def test_a_split_that_is_not_two_numbers_is_refused_with_the_value(tracer, split):
-    camera = atra.Camera(**EYE_AT_ORIGIN, width=8, height=8)
-    with pytest.raises(atra.InputError, match=rf"split is {re.escape(repr(split))}, expected two whole numbers"):
-        tracer(random_triangles(1, 0), camera, split, threads=1)
 
 
 SIZE = {"width": 12, "height": 10}
@@ -154,14 +140,9 @@ def test_a_map_that_does_not_carry_the_rays_onto_each_other_is_refused_naming_a_
     place = good.first_x_pixels, good.first_y_pixels, good.shift_x, good.shift_y
     with pytest.raises(atra.InputError, match=rf"image {image}: .* ray of pixel \(0, 0\) .* §3.3"):
         atra.Alignment(good.cameras, good.split, linear, *place)
-    atra.Alignment(good.cameras, good.split, good.linear, *place)
-
-
-def test_a_map_that_changes_the_ray_parameter_is_refused():
-    good = atra.Alignment.of_cells(TURNED, atra.Split(4, 1, **SIZE))
-    place = good.first_x_pixels, good.first_y_pixels, good.shift_x, good.shift_y
     with pytest.raises(atra.InputError, match="parameter kept"):
         atra.Alignment(good.cameras, good.split, 2 * good.linear, *place)
+    atra.Alignment(good.cameras, good.split, good.linear, *place)
 
 
 @pytest.mark.parametrize("axis", ["x", "y"])
@@ -176,24 +157,19 @@ def test_a_shift_that_misses_the_reference_rays_is_refused_naming_the_pixels(axi
         )
 
 
-def test_frames_with_another_number_of_pixels_are_refused_with_the_reason():
-    wide = atra.Camera((0, 0, 0), (0, 0, 1), width=13, height=10)
-    with pytest.raises(atra.InputError, match=r"frame 1 has 13 x 10 pixels, frame 0 has 12 x 10; .* no affine map"):
-        atra.Alignment.of_frames([TURNED, wide], atra.Split(4, 1, **SIZE))
-
-
-def test_frames_of_both_kinds_of_camera_are_refused_with_the_reason():
-    with pytest.raises(atra.InputError, match="frame 1 is a OrthographicCamera, frame 0 a Camera; no affine map"):
-        atra.Alignment.of_frames([TURNED, FLAT], atra.Split(4, 1, **SIZE))
-
-
-def test_eyes_that_look_in_different_directions_are_refused():
-    with pytest.raises(atra.InputError, match=r"use Alignment\.of_frames"):
-        atra.Alignment.of_eyes(LEFT, TURNED, atra.Split(4, 1, **SIZE))
-
-
 def test_the_second_eye_is_a_translation():
     alignment = atra.Alignment.of_eyes(LEFT, RIGHT, atra.Split(1, 1, **SIZE))
     np.testing.assert_array_equal(alignment.linear, [np.eye(3)] * 2)
     left, right = alignment.parts()
     np.testing.assert_allclose(left.transform - right.transform, [[0, 0, 0, 0.06], [0] * 4, [0] * 4], atol=1e-15)
+
+
+def test_the_transform_of_an_instance_is_the_shear_of_its_cell():
+    split = atra.Split(4, 2, **SIZE)
+    alignment = atra.Alignment.of_cells(TURNED, split)
+    points = np.random.default_rng(0).normal(size=(5, 3))
+    transforms = instance_transforms(alignment)
+    assert (transforms[:, :, 3] == 0.0).all()
+    for j, i in np.ndindex(2, 4):
+        sheared = (points @ TURNED.axes) @ transforms[4 * j + i, :, :3].T
+        np.testing.assert_allclose(sheared @ TURNED.axes.T, alignment.shear_points(points, i, j), atol=1e-5)

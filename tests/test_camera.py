@@ -18,21 +18,17 @@ CAMERAS = [
 ]
 
 
-def test_axes_are_orthonormal_and_right_handed():
-    axes = Camera(**TILTED).axes
+def test_axes_are_orthonormal_and_right_handed_and_down_points_away_from_up():
+    axes, up = Camera(**TILTED).axes, np.array(TILTED["up"])
     assert np.allclose(axes @ axes.T, np.eye(3), atol=1e-15)
     assert np.allclose(np.cross(axes[0], axes[1]), axes[2], atol=1e-15)
+    assert axes[1] @ up < 0
+    assert abs(axes[0] @ up) < 1e-15
 
 
 def test_x_is_right_y_is_down_and_z_is_forward():
     axes = Camera(eye=(0, 0, 0), target=(0, 0, -7), up=(0, 3, 0)).axes
     assert np.allclose(axes, [[1, 0, 0], [0, -1, 0], [0, 0, -1]])
-
-
-def test_down_points_away_from_up():
-    camera = Camera(**TILTED)
-    assert camera.axes[1] @ np.array(TILTED["up"]) < 0
-    assert abs(camera.axes[0] @ np.array(TILTED["up"])) < 1e-15
 
 
 def test_the_ray_of_the_centre_pixel_runs_through_the_target():
@@ -107,8 +103,9 @@ def test_to_pixels_maps_every_point_of_a_ray_to_its_pixel(camera):
 
 
 @pytest.mark.parametrize("direction", [(0, -1, 0), (0, 0, 5), (-1e-3, 0, 0), (1, -2, 0.5), (1, 1, 1)])
-@pytest.mark.parametrize("size", [(64, 64), (100, 30), (30, 100)])
-@pytest.mark.parametrize("centre", [(0, 0, 0), (1e6, -3e6, 2e5)])
+@pytest.mark.parametrize(
+    ("size", "centre"), [((64, 64), (0, 0, 0)), ((100, 30), (1e6, -3e6, 2e5)), ((30, 100), (0, 0, 0))]
+)
 def test_the_view_of_a_light_covers_the_box_and_no_more(direction, size, centre):
     bounds = np.add([(-1, -2, -0.5), (3, 2, 0.25)], centre)
     camera = OrthographicCamera.of_light(direction, bounds, *size)
@@ -125,24 +122,24 @@ def test_the_view_of_a_light_covers_the_box_and_no_more(direction, size, centre)
     assert ((position[:, :2] >= 0.0) & (position[:, :2] <= size)).all()
 
 
-def test_the_view_of_a_light_takes_the_up_it_is_given():
+def test_the_view_of_a_light_takes_the_up_it_is_given_and_boxes_of_any_size():
     camera = OrthographicCamera.of_light((0, -1, 0), [(0, 0, 0), (4, 1, 2)], 40, 20, up=(0, 0, 2))
     assert camera.axes[1] @ (0, 0, 1) == pytest.approx(-1.0)
     assert camera.view_height == pytest.approx(2.0)
+    for size in (1e-200, 1e200):
+        camera = OrthographicCamera.of_light((0, 0, 1), [(0, 0, 0), (size, size, 0)], 8, 8)
+        assert camera.view_height == pytest.approx(size)
 
 
-@pytest.mark.parametrize(
-    ("direction", "bounds", "message"),
-    [
-        ((0, 0, 0), [(0, 0, 0), (1, 1, 1)], r"direction is \(0.0, 0.0, 0.0\)"),
-        ((0, 1), [(0, 0, 0), (1, 1, 1)], r"direction is \(0, 1\)"),
-        ((0, 1, 0), [0, 0, 0, 1, 1, 1], r"bounds have shape \(6,\)"),
-        ((0, 1, 0), [(0, 0, 0), (1, -1, 1)], r"bounds are .*-1.0.*lowest first"),
-        ((0, 1, 0), [(0, 0, 0), (1, np.inf, 1)], "bounds are .*inf"),
-        ((0, 1, 0), [(2, 0, 3), (2, 1, 3)], "no extent across the light"),
-        ((0, 1, 0), [(2, 0, 3), (2, 0, 3)], "no extent across the light"),
-    ],
-)
+@pytest.mark.parametrize(("direction", "bounds", "message"), [
+    ((0, 0, 0), [(0, 0, 0), (1, 1, 1)], r"direction is \(0.0, 0.0, 0.0\)"),
+    ((0, 1), [(0, 0, 0), (1, 1, 1)], r"direction is \(0, 1\)"),
+    ((0, 1, 0), [0, 0, 0, 1, 1, 1], r"bounds have shape \(6,\)"),
+    ((0, 1, 0), [(0, 0, 0), (1, -1, 1)], r"bounds are .*-1.0.*lowest first"),
+    ((0, 1, 0), [(0, 0, 0), (1, np.inf, 1)], "bounds are .*inf"),
+    ((0, 1, 0), [(2, 0, 3), (2, 1, 3)], "no extent across the light"),
+    ((0, 1, 0), [(2, 0, 3), (2, 0, 3)], "no extent across the light"),
+])  # fmt: skip
 def test_a_light_or_a_box_without_a_view_is_refused_with_the_value(direction, bounds, message):
     with pytest.raises(InputError, match=message):
         OrthographicCamera.of_light(direction, bounds, 8, 8)
@@ -156,15 +153,6 @@ def test_directions_of_any_length_are_directions(length):
         assert view((0, 0, 0), (0, 0, 1), (0, length, 0)).axes[1].tolist() == [0, -1, 0]
     light = OrthographicCamera.of_light((0, 0, length), [(0, 0, 0), (1, 1, 1)], 8, 8)
     assert light.axes[2].tolist() == [0, 0, 1]
-
-
-def test_the_view_of_a_light_covers_boxes_of_any_size():
-    for size in (1e-200, 1e200):
-        camera = OrthographicCamera.of_light((0, 0, 1), [(0, 0, 0), (size, size, 0)], 8, 8)
-        assert camera.view_height == pytest.approx(size)
-
-
-def test_an_eye_too_far_from_its_target_is_refused_with_the_reason():
     with pytest.raises(InputError, match=r"eye \(-1e\+308, .* and target \(1e\+308, .* too far apart for float64"):
         Camera((-1e308, 0, 0), (1e308, 0, 0))
 
@@ -175,29 +163,18 @@ def test_a_bad_view_height_is_refused_with_the_value(view_height):
         OrthographicCamera(**TILTED, view_height=view_height)
 
 
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"width": 0}, "width is 0"),
-        ({"height": -3}, "height is -3"),
-        ({"width": 2.5}, "width is 2.5"),
-        ({"width": True}, "width is True"),
-        ({"fov_y_degrees": 0.0}, "fov_y_degrees is 0.0"),
-        ({"fov_y_degrees": 180.0}, "fov_y_degrees is 180.0"),
-        ({"fov_y_degrees": float("nan")}, "fov_y_degrees is nan"),
-        ({"fov_y_degrees": "abc"}, "fov_y_degrees is 'abc'"),
-        ({"fov_y_degrees": None}, "fov_y_degrees is None"),
-        ({"eye": (0, 10**400, 0)}, r"eye is \(0, 10"),
-        ({"eye": (1, 2)}, r"eye is \(1, 2\)"),
-        ({"target": "abc"}, "target is 'abc'"),
-        ({"up": None}, "up is None"),
-        ({"eye": (0, float("inf"), 0)}, r"eye is \(0.0, inf, 0.0\)"),
-        ({"target": TILTED["eye"]}, r"eye and target are both \(1.0, 2.0, 5.0\)"),
-        ({"up": (0, 0, 0)}, r"up is \(0.0, 0.0, 0.0\)"),
-        ({"up": (1.5e200, 1.75e200, 8e200)}, r"up .* is parallel"),
-        ({"up": (1.5, 1.75, 8.0)}, r"up \(1.5, 1.75, 8.0\) is parallel"),
-    ],
-)
+@pytest.mark.parametrize(("change", "message"), [
+    ({"width": 0}, "width is 0"), ({"height": -3}, "height is -3"), ({"width": 2.5}, "width is 2.5"),
+    ({"width": True}, "width is True"), ({"fov_y_degrees": 0.0}, "fov_y_degrees is 0.0"),
+    ({"fov_y_degrees": 180.0}, "fov_y_degrees is 180.0"), ({"fov_y_degrees": float("nan")}, "fov_y_degrees is nan"),
+    ({"fov_y_degrees": "abc"}, "fov_y_degrees is 'abc'"), ({"fov_y_degrees": None}, "fov_y_degrees is None"),
+    ({"eye": (0, 10**400, 0)}, r"eye is \(0, 10"), ({"eye": (1, 2)}, r"eye is \(1, 2\)"),
+    ({"target": "abc"}, "target is 'abc'"), ({"up": None}, "up is None"),
+    ({"eye": (0, float("inf"), 0)}, r"eye is \(0.0, inf, 0.0\)"),
+    ({"target": TILTED["eye"]}, r"eye and target are both \(1.0, 2.0, 5.0\)"),
+    ({"up": (0, 0, 0)}, r"up is \(0.0, 0.0, 0.0\)"), ({"up": (1.5e200, 1.75e200, 8e200)}, r"up .* is parallel"),
+    ({"up": (1.5, 1.75, 8.0)}, r"up \(1.5, 1.75, 8.0\) is parallel"),
+])  # fmt: skip
 def test_a_bad_camera_is_refused_with_the_value(change, message):
     with pytest.raises(InputError, match=message):
         Camera(**{**TILTED, **change})
@@ -212,8 +189,6 @@ def test_a_bad_camera_is_refused_with_the_value(change, message):
 def test_an_offset_outside_the_pixel_is_refused_with_the_value(offset):
     with pytest.raises(InputError, match="offset is"):
         check_offset(offset)
-    with pytest.raises(InputError, match="offset is"):
-        Camera(**TILTED).directions(np.array(0), np.array(0), offset)
     for camera in CAMERAS:
         with pytest.raises(InputError, match="offset is"):
             camera.rays(np.array(0), np.array(0), offset)

@@ -78,23 +78,21 @@ def test_without_a_usable_embree_it_says_why_and_fails(tmp_path: Path) -> None:
     assert "Traceback" not in done.stdout + done.stderr
 
 
-def test_an_instruction_set_that_this_machine_lacks_is_an_obstacle(
+def test_a_missing_instruction_set_and_results_that_cannot_be_written_are_obstacles(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    (tmp_path / "taken").touch()
     monkeypatch.setattr(doctor, "load_library", load_library.__wrapped__)
     monkeypatch.setenv(VARIABLE, "avx1024")
-    diagnosis = diagnose(Configuration(results_dir=str(tmp_path)))
-    (obstacle,) = diagnosis.obstacles
-    assert "ATRA_ISA is 'avx1024', expected one of what this machine has" in obstacle
-    assert "held to avx1024 (ATRA_ISA)" in dict(diagnosis.facts)["instructions"]
-
-
-def test_results_that_cannot_be_written_are_an_obstacle_and_the_last_line(tmp_path: Path) -> None:
-    (tmp_path / "taken").touch()
     diagnosis = diagnose(Configuration(results_dir=str(tmp_path / "taken")))
-    assert dict(diagnosis.facts)["results"] == f"cannot be written to {tmp_path / 'taken'}"
+    told, (lacking, taken) = dict(diagnosis.facts), diagnosis.obstacles
+    assert "ATRA_ISA is 'avx1024', expected one of what this machine has" in lacking
+    assert "held to avx1024 (ATRA_ISA)" in told["instructions"]
+    assert told["results"] == f"cannot be written to {tmp_path / 'taken'}"
+    assert taken.startswith(f"results cannot be written to {tmp_path / 'taken'}: ")
     last = render(diagnosis).splitlines()[-1]
-    assert last.startswith(f"nothing can be measured here: results cannot be written to {tmp_path / 'taken'}: ")
+    assert last.startswith(f"nothing can be measured here: {lacking}")
+    assert taken in last
 
 
 def test_without_git_the_commit_is_unknown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -108,24 +106,24 @@ def test_a_system_without_affinity_load_and_proc_is_described(platform: str, mon
     monkeypatch.delattr(os, "sched_getaffinity", raising=False)
     monkeypatch.delattr(os, "getloadavg", raising=False)
     monkeypatch.setattr(environment, "_read", lambda _: None)
+    monkeypatch.setattr(environment, "_cpu_model", lambda: "CPU\x1b[31m")
     diagnosis = diagnose(Configuration())
     assert "this process" not in dict(diagnosis.facts)["cores"]
     assert not any("busy" in doubt for doubt in diagnosis.doubts)
     assert "\nCPU " in render(diagnosis)
+    assert "\x1b" not in render(diagnosis)  # what a machine says of itself cannot steer the terminal
 
 
 @pytest.mark.parametrize(
-    ("logical", "physical", "affinity", "expected"),
+    ("physical", "affinity", "expected"),
     [
-        (2, 1, {0, 1}, "1 physical by the system's account; the second may be a hardware thread of the first"),
-        (2, 2, {0, 1}, "2 physical by the system's account"),
-        (2, None, {1}, "unknown physical by the system's account; this process may use only 1"),
+        (1, {0, 1}, "1 physical by the system's account; the second may be a hardware thread of the first"),
+        (2, {0, 1}, "2 physical by the system's account"),
+        (None, {1}, "unknown physical by the system's account; this process may use only 1"),
     ],
 )
-def test_cores_are_told_from_hardware_threads(
-    logical: int, physical: int | None, affinity: set[int], expected: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(psutil, "cpu_count", lambda logical=True, counts=(physical, logical): counts[bool(logical)])
+def test_cores_are_told_from_hardware_threads(physical, affinity, expected, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(psutil, "cpu_count", lambda logical=True: 2 if logical else physical)
     monkeypatch.setattr(os, "sched_getaffinity", lambda _: affinity, raising=False)
     assert facts()["cores"] == f"2 logical, {expected}"
 
@@ -158,8 +156,3 @@ def test_a_folder_of_many_scenes_and_reasons_of_any_length_still_fit_the_screen(
     assert len(lines) <= 36
     assert max(map(len, lines)) <= 80
     assert not any("do this" in line for line in lines)
-
-
-def test_what_a_machine_says_of_itself_cannot_steer_the_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(environment, "_cpu_model", lambda: "CPU\x1b[31m")
-    assert "\x1b" not in render(diagnose(Configuration()))

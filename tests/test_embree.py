@@ -21,7 +21,6 @@ from atra.geometry.ray_space import padded_vertices
 from atra.kernels.callbacks import memory_monitor
 from tests.meshes import cornell_box
 
-pytestmark = pytest.mark.core
 ROOT = Path(__file__).resolve().parents[1]
 
 
@@ -63,21 +62,14 @@ def test_a_file_that_is_no_library_is_refused_saying_what_to_install(tmp_path):
     assert "pip install" in said.stdout
 
 
-@pytest.mark.parametrize(
-    ("system", "machine", "python", "implementation", "problem"),
-    [
-        ("linux", "x86_64", (3, 11), "CPython", None),
-        ("linux", "x86_64", (3, 15), "CPython", None),
-        ("linux", "x86_64", (3, 16), "CPython", "Python 3.16"),
-        ("linux", "x86_64", (3, 11), "PyPy", "PyPy"),
-        ("linux", "aarch64", (3, 14), "CPython", "Linux on aarch64"),
-        ("darwin", "arm64", (3, 14), "CPython", None),
-        ("darwin", "x86_64", (3, 11), "CPython", None),
-        ("win32", "AMD64", (3, 14), "CPython", None),
-        ("win32", "ARM64", (3, 14), "CPython", "Windows on ARM64"),
-        ("freebsd14", "amd64", (3, 14), "CPython", "FreeBSD on amd64"),
-    ],
-)
+@pytest.mark.parametrize(("system", "machine", "python", "implementation", "problem"), [
+    ("linux", "x86_64", (3, 11), "CPython", None), ("linux", "x86_64", (3, 15), "CPython", None),
+    ("linux", "x86_64", (3, 16), "CPython", "Python 3.16"), ("linux", "x86_64", (3, 11), "PyPy", "PyPy"),
+    ("linux", "aarch64", (3, 14), "CPython", "Linux on aarch64"), ("darwin", "arm64", (3, 14), "CPython", None),
+    ("darwin", "x86_64", (3, 11), "CPython", None), ("win32", "AMD64", (3, 14), "CPython", None),
+    ("win32", "ARM64", (3, 14), "CPython", "Windows on ARM64"),
+    ("freebsd14", "amd64", (3, 14), "CPython", "FreeBSD on amd64"),
+])  # fmt: skip
 def test_without_a_wheel_installing_leaves_embreex_out_and_the_first_run_says_why(
     system, machine, python, implementation, problem, monkeypatch
 ):
@@ -106,23 +98,8 @@ def test_without_a_wheel_installing_leaves_embreex_out_and_the_first_run_says_wh
         assert "pip" not in str(raised.value)
 
 
-@pytest.mark.parametrize("number", [30000, 40303, 50000])
-def test_another_version_is_refused_naming_it_and_what_to_install(number):
-    with pytest.raises(atra.EmbreeError, match=r"pip install"):
-        library._check_version("libembree4.so", number)
-
-
-def test_the_version_in_the_wheel_is_accepted():
-    assert library._check_version("libembree4.so", 40400) == (4, 4, 0)
-    assert library.embree_version().startswith("4.")
-
-
-@pytest.mark.parametrize(("width", "size_bytes"), [(1, 96), (4, 336), (8, 672), (16, 1344)])
-def test_packets_have_the_size_of_the_c_structs(width, size_bytes):
-    assert layout.packet_words(width) * 4 == size_bytes
-
-
-def test_the_context_begins_as_embrees_does_and_the_arguments_have_its_size():
+def test_packets_context_and_arguments_are_laid_out_as_the_c_structs():
+    assert [layout.packet_words(width) * 4 for width in (1, 4, 8, 16)] == [96, 336, 672, 1344]
     assert layout.RayQueryContext.depth_address.offset == 8
     assert layout.ARGUMENTS_BYTES == 32
 
@@ -231,14 +208,12 @@ def with_filter_arguments(**changes):
     return FakeLibrary(rtcSetGeometryIntersectFilterFunction=set_filter)
 
 
+@pytest.mark.core
 def test_a_library_that_answers_as_expected_is_taken_and_nothing_of_the_check_remains(monkeypatch):
     fake = FakeLibrary()
     assert load(fake, monkeypatch).native_packet_widths == library.load_library().native_packet_widths
     assert fake.open == 0
-
-
-def test_a_later_embree_4_is_taken_if_its_structs_are_the_same(monkeypatch):
-    assert load(with_version(40501), monkeypatch).version == (4, 5, 1)
+    assert load(with_version(40501), monkeypatch).version == (4, 5, 1)  # a later one with the same structs
 
 
 @pytest.mark.parametrize(("number", "name"), [(30000, "3.0.0"), (40399, "4.3.99"), (50000, "5.0.0")])
@@ -247,30 +222,27 @@ def test_a_library_of_another_version_is_refused_before_it_is_used_and_let_go(nu
     used = []
     for function in ("rtcNewScene", "rtcNewGeometry", "rtcIntersect1"):
         setattr(fake, function, lambda *arguments: used.append(arguments))
-    with pytest.raises(atra.EmbreeError, match=f"is Embree {name}, expected at least 4.4.0 and below 5.0.0; install"):
+    with pytest.raises(
+        atra.EmbreeError, match=f"is Embree {name}, expected at least 4.4.0 and below 5.0.0; install it with `pip"
+    ):
         load(fake, monkeypatch)
     assert fake.open == 0
     assert not used
 
 
-def test_a_library_without_filters_is_refused(monkeypatch):
-    def device_property(device, which):
-        return 0 if which == layout.DEVICE_FILTER_FUNCTION else REAL.rtcGetDeviceProperty(device, which)
-
-    with pytest.raises(atra.EmbreeError, match="built without filter functions"):
-        load(FakeLibrary(rtcGetDeviceProperty=device_property), monkeypatch)
-
-
-def test_a_library_that_lacks_a_function_is_refused_naming_it(monkeypatch):
-    fake = FakeLibrary()
-    del fake.rtcAttachGeometryByID
-    with pytest.raises(atra.EmbreeError, match="rtcAttachGeometryByID"):
-        load(fake, monkeypatch)
-
-
-def test_a_library_that_cannot_create_a_device_is_refused_with_its_reason(monkeypatch):
-    fake = FakeLibrary(rtcNewDevice=lambda configuration: None, rtcGetDeviceError=lambda device: 5)
-    with pytest.raises(atra.EmbreeError, match="cannot create a device: unsupported CPU"):
+@pytest.mark.parametrize(("replaced", "message"), [
+    ({"rtcGetDeviceProperty": lambda device, which: (
+        0 if which == layout.DEVICE_FILTER_FUNCTION else REAL.rtcGetDeviceProperty(device, which)
+    )}, "built without filter functions"),
+    ({"rtcNewDevice": lambda _: None, "rtcGetDeviceError": lambda _: 5}, "cannot create a device: unsupported CPU"),
+    ({"rtcSetGeometryIntersectFilterFunction": lambda *_: None}, "calls of the filter"),
+    ({"rtcAttachGeometryByID": None}, "rtcAttachGeometryByID"),
+])  # fmt: skip
+def test_a_library_that_lacks_something_is_refused_naming_it(replaced, message, monkeypatch):
+    fake = FakeLibrary(**replaced)
+    for name in [name for name, function in replaced.items() if function is None]:
+        delattr(fake, name)
+    with pytest.raises(atra.EmbreeError, match=message):
         load(fake, monkeypatch)
 
 
@@ -291,6 +263,7 @@ def test_a_field_that_reads_back_wrong_is_named(width, word, field, monkeypatch)
         load(fake, monkeypatch)
 
 
+@pytest.mark.core
 @pytest.mark.parametrize(("words", "field"), [
     ((12, 13), "Ng_x"), ((13, 14), "Ng_y"), ((15, 16), "u"), ((14, 16), "Ng_z"), ((17, 18), "prim_id"),
     ((18, 19), "geom_id"), ((19, 20), "inst_id"), ((3, 8), "tnear"), ((0, 4), "org_x"),
@@ -301,6 +274,7 @@ def test_two_fields_that_changed_places_are_found_out(words, field, monkeypatch)
             load(with_words(width, swapped=words), monkeypatch)
 
 
+@pytest.mark.core
 @pytest.mark.parametrize(("changes", "message"), [
     ({"ray_count": lambda given: 0}, "N of what the filter is given"),
     ({"ray_count": lambda given: given.ray_count + 16}, "N of what the filter is given"),
@@ -317,41 +291,28 @@ def test_a_filter_that_is_given_something_else_is_found_out(changes, message, mo
     assert fake.open == 0
 
 
-def with_occluded(width, change):
-    """A library whose rtcOccluded answers for packets of `width` are changed: `change` gets the words of the rays."""
+def with_occluded(width, word, value):
+    """A library whose rtcOccluded answers for packets of `width` have another value of a word."""
 
     def occluded(*arguments):
         getattr(REAL, f"rtcOccluded{width}")(*arguments)
-        change(np.ctypeslib.as_array((ctypes.c_float * (12 * width)).from_address(arguments[-2])).reshape(12, width))
+        words = np.ctypeslib.as_array((ctypes.c_float * (12 * width)).from_address(arguments[-2])).reshape(12, width)
+        words[word] = value
 
     return FakeLibrary(**{f"rtcOccluded{width}": occluded})
 
 
-def _nobody_is_occluded(words):
-    words[layout.RAY_TFAR] = 1.0
-
-
-def _all_are_occluded(words):
-    words[layout.RAY_TFAR] = -np.inf
-
-
-def _the_mask_is_lost(words):
-    words[layout.RAY_MASK] = 0.0
-
-
-@pytest.mark.parametrize(("width", "change", "field"), [
-    (width, change, field)
-    for width in library.load_library().native_packet_widths
-    for change, field in (
-        (_nobody_is_occluded, "tfar < 0"), (_all_are_occluded, "tfar < 0"), (_the_mask_is_lost, "mask"),
-    )
-    if width > 1 or change is not _all_are_occluded  # as the only ray is
-])  # fmt: skip
-def test_an_occlusion_that_is_answered_otherwise_is_found_out(width, change, field, monkeypatch):
-    fake = with_occluded(width, change)
-    with pytest.raises(atra.EmbreeError, match=rf"{field} of what rtcOccluded{width} returns .* for {width} rays"):
-        load(fake, monkeypatch)
-    assert fake.open == 0
+@pytest.mark.core
+@pytest.mark.parametrize("width", library.load_library().native_packet_widths)
+def test_an_occlusion_that_is_answered_otherwise_is_found_out(width, monkeypatch):
+    nobody, everybody = (layout.RAY_TFAR, 1.0, "tfar < 0"), (layout.RAY_TFAR, -np.inf, "tfar < 0")
+    for word, value, field in (nobody, everybody, (layout.RAY_MASK, 0.0, "mask")):
+        if width == 1 and value == -np.inf:  # the only ray is occluded
+            continue
+        fake = with_occluded(width, word, value)
+        with pytest.raises(atra.EmbreeError, match=rf"{field} of what rtcOccluded{width} returns .* for {width} rays"):
+            load(fake, monkeypatch)
+        assert fake.open == 0
 
 
 def test_packets_are_coherent_or_not_as_they_are_set():
@@ -360,11 +321,6 @@ def test_packets_are_coherent_or_not_as_they_are_set():
     assert arguments.flags == layout.FLAG_COHERENT
     own.set_coherent(False)
     assert arguments.flags == 0
-
-
-def test_a_filter_that_is_not_called_is_found_out(monkeypatch):
-    with pytest.raises(atra.EmbreeError, match="calls of the filter"):
-        load(FakeLibrary(rtcSetGeometryIntersectFilterFunction=lambda *_: None), monkeypatch)
 
 
 RECORDED = Path(__file__).parent / "data" / "avx512_packets_of_16.npz"

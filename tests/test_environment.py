@@ -54,11 +54,6 @@ def test_the_processor_is_named_by_what_each_system_has(
     assert environment._cpu_model.__wrapped__() == expected
 
 
-def test_what_a_program_prints_in_another_encoding_is_no_error() -> None:
-    code = "import sys; sys.stdout.buffer.write(bytes([0x67, 0x81]))"
-    assert environment._output([sys.executable, "-c", code]) == "g\N{REPLACEMENT CHARACTER}"
-
-
 def test_outside_a_repository_there_is_no_commit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(environment, "_PROJECT", tmp_path)
     assert environment._git_state() == (None, None)

@@ -1,12 +1,10 @@
-"""Faults of disk, clock and hand while a sweep runs: a clear refusal or a row, and never a wrong number."""
+"""Faults of disk and hand while a sweep runs: a clear refusal or a row, and never a wrong number."""
 
 from __future__ import annotations
 
 import errno
 import os
-import sys
 import tempfile
-import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -16,10 +14,7 @@ import pandas as pd
 import pytest
 
 from atra.errors import InputError, RecordError, StorageError
-from experiments.harness import identity as measuring
 from experiments.harness.identity import current_environment, identity, measure
-from experiments.harness.outcome import Outcome
-from experiments.harness.point import Point
 from experiments.harness.points import plan_points
 from experiments.harness.records import Record, load_record, record_path, write_record
 from experiments.report.writing import rewrite_report
@@ -28,35 +23,33 @@ from experiments.sweep import GridPoint, run_sweep
 from tests.test_sweep import Runner, configuration, measured_elsewhere
 
 
-def points(folder: Path, *splits: int, grid: str = "one") -> list[GridPoint]:
-    """Of a grid that no figure draws, unless `grid` names one."""
-    return [GridPoint(grid, configuration(folder, split_x=split)) for split in splits]
+def points(folder: Path, *splits: int) -> list[GridPoint]:
+    return [GridPoint("one", configuration(folder, split_x=split)) for split in splits]
 
 
 def files(folder: Path) -> set[str]:
     return {path.name for path in folder.iterdir()} if folder.is_dir() else set()
 
 
-def full_disk(monkeypatch: pytest.MonkeyPatch, concerns: Callable[[str], bool], code: int = errno.ENOSPC) -> None:
+def full_disk(monkeypatch: pytest.MonkeyPatch, concerns: Callable[[str], bool]) -> None:
     """No file whose final name `concerns` says yes to can be put in its place any more."""
     rename = os.replace
 
     def refusing(source: str, target: Path) -> None:
         if concerns(Path(target).name):
-            raise OSError(code, os.strerror(code))
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
         rename(source, target)
 
     monkeypatch.setattr(os, "replace", refusing)
 
 
-@pytest.mark.parametrize("code", [errno.ENOSPC, errno.EROFS])
 def test_a_disk_that_fills_up_between_two_records_loses_no_finished_point(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, code: int
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     records = tmp_path / "records"
     with monkeypatch.context() as filling:
-        full_disk(filling, lambda _: any(not name.startswith(".") for name in files(records)), code)
-        with pytest.raises(StorageError, match=rf"\.json cannot be written: {os.strerror(code)}; .* start again"):
+        full_disk(filling, lambda _: any(not name.startswith(".") for name in files(records)))
+        with pytest.raises(StorageError, match=r"\.json cannot be written: No space left on device; .* start again"):
             run_sweep(points(tmp_path, 1, 2, 4), run=Runner())
     assert len(files(records)) == 1
     assert files(tmp_path / "one") == set()
@@ -66,74 +59,40 @@ def test_a_disk_that_fills_up_between_two_records_loses_no_finished_point(
     assert list(table["status"]) == ["ok", "ok", "ok"]
 
 
-@pytest.mark.parametrize(
-    ("name", "grid"),
-    [
-        ("table.csv", "one"),
-        ("table.parquet", "one"),
-        ("command.txt", "one"),
-        ("figure5.png", "horizontal"),
-        ("figure5.svg", "horizontal"),
-    ],
-)
+@pytest.mark.parametrize("name", ["table.parquet", "figure5.png"])
 def test_a_disk_that_is_full_for_a_result_names_it_and_the_next_run_makes_it_without_measuring(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, grid: str
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
 ) -> None:
+    (point,) = points(tmp_path, 1)
+    point.configuration.sweep.figures = {"figure5": ["one"]}
     with monkeypatch.context() as full:
         full_disk(full, lambda written: written == name)
         with pytest.raises(StorageError, match=f"{name} cannot be written: No space left on device"):
-            run_sweep(points(tmp_path, 1, grid=grid), run=Runner())
+            run_sweep([point], run=Runner())
     assert not [left for left in files(tmp_path / "one") if left.startswith(".")]
     again = Runner()
-    run_sweep(points(tmp_path, 1, grid=grid), run=again)
+    run_sweep([point], run=again)
     assert again.points == []
     assert name in files(tmp_path / "one")
 
 
-@pytest.mark.parametrize("code", [errno.EROFS, errno.EACCES, errno.ENOSPC])
 def test_a_results_folder_that_takes_no_file_is_refused_before_any_work(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, code: int
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def refusing(**_: object) -> NoReturn:
-        raise OSError(code, os.strerror(code))
+        raise OSError(errno.EROFS, os.strerror(errno.EROFS))
 
     monkeypatch.setattr(tempfile, "TemporaryFile", refusing)
     runner = Runner()
-    with pytest.raises(InputError, match=rf"cannot be written to .*: {os.strerror(code)}; choose another results_dir"):
+    with pytest.raises(InputError, match=r"cannot be written to .*: Read-only file system; choose another results_dir"):
         run_sweep(points(tmp_path, 1), run=runner)
     assert runner.points == []
 
 
-@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="a folder that takes no file, not even from root")
-def test_a_folder_that_really_takes_no_file_is_refused_before_any_work() -> None:
-    runner = Runner()
-    with pytest.raises(InputError, match=r"cannot be written to /proc/.*choose another results_dir"):
-        run_sweep(points(Path("/proc/atra"), 1), run=runner)
-    assert runner.points == []
-
-
-def test_a_record_changed_by_hand_is_set_aside_and_the_point_measured_again(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    identity_of_point = run_sweep(points(tmp_path, 1), run=Runner())["point_id"][0]
-    path = record_path(tmp_path / "records", identity_of_point)
-    faster = path.read_text().replace("0.1", "0.01")
-    path.write_text(faster)
-    runner = Runner()
-    table = run_sweep(points(tmp_path, 1), run=runner)
-    assert len(runner.points) == 1
-    assert table["render_time_s"][0] == 0.1
-    assert path.with_name(f"{path.name}.corrupt").read_text() == faster
-    told = capsys.readouterr().err
-    assert f"warning: record {path} was changed after it was written" in told
-    assert "measuring the point again" in told
-
-
-def test_a_report_is_refused_if_a_record_behind_it_was_changed_and_leaves_that_where_it_is(tmp_path: Path) -> None:
-    identity_of_point = run_sweep(points(tmp_path, 1), run=Runner())["point_id"][0]
-    path = record_path(tmp_path / "records", identity_of_point)
-    path.write_text(path.read_text().replace("0.1", "0.01"))
-    with pytest.raises(RecordError, match=rf"{path.name} was changed after it was written.*start its sweep again"):
+def test_a_report_is_refused_if_a_record_behind_it_is_damaged_and_leaves_that_where_it_is(tmp_path: Path) -> None:
+    path = record_path(tmp_path / "records", run_sweep(points(tmp_path, 1), run=Runner())["point_id"][0])
+    path.write_text("{")
+    with pytest.raises(RecordError, match=rf"{path.name} cannot be read .*start its sweep again"):
         rewrite_report(configuration(tmp_path))
     assert path.exists()
     assert "report.html" not in files(tmp_path / "one")
@@ -145,7 +104,7 @@ def test_a_report_without_records_is_made_of_the_table_alone(tmp_path: Path) -> 
     assert "an unknown machine" in rewrite_report(configuration(tmp_path)).read_text(encoding="utf-8")
 
 
-@pytest.mark.parametrize("field", ["cpu", "embree_version", "code_sha256"])
+@pytest.mark.parametrize("field", ["cpu", "code_sha256"])
 def test_a_table_of_another_machine_or_version_is_told_and_its_points_are_measured_anew(
     tmp_path: Path, field: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -197,38 +156,7 @@ def doubts(record: Record) -> str:
     return "" if pd.isna(told) else told
 
 
-@pytest.mark.parametrize("jump_s", [-86_400.0, 3_600.0, -0.5, 0.0])
-def test_a_wall_clock_that_is_set_while_a_point_is_measured_is_a_doubt_and_changes_no_time(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, jump_s: float
-) -> None:
-    (planned,) = plan_points([configuration(tmp_path)])
-    now = time.time
-
-    def run(point: Point) -> Outcome:
-        monkeypatch.setattr(measuring.time, "time", lambda: now() + jump_s)
-        return Runner()(point)
-
-    record = measure(planned, run)
-    assert make_table([record])["render_time_s"][0] == 0.1
-    expected = f"the wall clock jumped by {abs(jump_s):,.0f} s" if abs(jump_s) > 2 else ""
-    assert expected in doubts(record)
-    assert ("wall clock" in doubts(record)) == bool(expected)
-
-
-@pytest.mark.parametrize("moment", ["1970-01-01T00:00:00+00:00", "2999-12-31T23:59:59+00:00"])
-def test_the_date_of_a_record_decides_nothing(tmp_path: Path, moment: str) -> None:
-    (planned,) = plan_points([configuration(tmp_path)])
-    record = measure(planned, Runner())
-    path = write_record(tmp_path / "records", replace(record, environment={**record.environment, "taken_at": moment}))
-    os.utime(path, (0, 0))
-    runner = Runner()
-    table = run_sweep(points(tmp_path, 1), run=runner)
-    assert runner.points == []
-    assert table["measured_at"][0] == moment
-    assert table["render_time_s"][0] == 0.1
-
-
-@pytest.mark.parametrize("method", ["own", "rtcIntersect1", "packets_8"])
+@pytest.mark.parametrize("method", ["own", "packets_8"])
 @pytest.mark.parametrize(
     ("sample", "told"),
     [

@@ -51,20 +51,16 @@ def server(monkeypatch):
             self.server.asked.append((self.path, self.headers["User-Agent"]))
             content = self.server.files.get(self.path)
             self.send_response(404 if content is None else 200)
-            if self.server.says_length:
-                self.send_header("Content-Length", str(len(content or b"") * self.server.times))
             self.end_headers()
             with suppress(ConnectionError):
-                for _ in range(self.server.times):
-                    self.wfile.write(content or b"")
-                    self.server.sent += len(content or b"")
+                self.wfile.write(content or b"")
+                self.server.sent += len(content or b"")
 
         def log_message(self, *_):
             pass
 
     with ThreadingHTTPServer(("127.0.0.1", 0), Handler) as running:
-        running.files, running.asked = {}, []
-        running.says_length, running.times, running.sent = True, 1, 0
+        running.files, running.asked, running.sent = {}, [], 0
         running.url = f"http://127.0.0.1:{running.server_port}/g3d/"
         thread = threading.Thread(target=running.serve_forever, kwargs={"poll_interval": 0.02})
         thread.start()
@@ -91,12 +87,12 @@ def by_hand(tmp_path, describe):
     """Puts an archive where a download would have put it, so that no network is needed."""
     pytest.importorskip("pooch", reason="fetching needs pooch: pip install 'atra[fetch]'")
 
-    def put(content, **fields):
+    def put(content, cache=tmp_path, **fields):
         describe(content, **fields)
-        folder = tmp_path / fetch.ARCHIVES_FOLDER
-        folder.mkdir()
+        folder = cache / fetch.ARCHIVES_FOLDER
+        folder.mkdir(parents=True)
         (folder / "sponza.zip").write_bytes(content)
-        return tmp_path
+        return cache
 
     return put
 
@@ -104,7 +100,7 @@ def by_hand(tmp_path, describe):
 TINY = zipped(("copyright.txt", "mine"), ("crytek/sponza.obj", OBJ))
 
 
-def test_a_fetched_scene_can_be_read_as_one_of_the_scene_folder(server, describe, tmp_path, capsys):
+def test_a_fetched_scene_can_be_read_as_one_of_the_scene_folder(server, describe, tmp_path):
     describe(TINY)
     server.files["/g3d/a/tiny.zip"] = TINY
     path = fetch_scene("sponza", tmp_path / "new" / "cache", server.url)
@@ -113,9 +109,6 @@ def test_a_fetched_scene_can_be_read_as_one_of_the_scene_folder(server, describe
     assert np.array_equal(scene.mesh.vertices, [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)])
     assert np.array_equal(scene.mesh.faces, [(0, 1, 2), (0, 2, 3)])
     assert scene.camera["eye"] == (-1150.0, 250.0, -40.0)
-    told = capsys.readouterr().out
-    assert "Frank Meinl" in told
-    assert "CC BY 3.0" in told
     assert [agent for _, agent in server.asked] == [fetch._USER_AGENT]
     files = sorted(path.name for path in path.parent.rglob("*") if path.is_file())
     assert files == ["cameras.json", "sponza.ply", "sponza.zip"]
@@ -158,15 +151,15 @@ def test_fetching_mitsuba_shows_its_restriction_before_anything_is_downloaded_an
     assert "direct comparisons between the Mitsuba renderer and others" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("base", ["http://127.0.0.1:9/", "SERVER"])
-def test_a_failed_download_says_which_file_to_put_where_by_hand(base, server, describe, tmp_path):
+@pytest.mark.parametrize("content", [None, TINY[:-30]], ids=["nothing there", "breaks off"])
+def test_a_failed_download_says_which_file_to_put_where_by_hand_and_leaves_nothing(content, server, describe, tmp_path):
     describe(TINY)
-    url = server.url if base == "SERVER" else base
+    server.files["/g3d/a/tiny.zip"] = content
     with pytest.raises(InputError) as refused:
-        fetch_scene("sponza", tmp_path, url)
-    assert f"{url}a/tiny.zip cannot be downloaded" in str(refused.value)
+        fetch_scene("sponza", tmp_path, server.url)
+    assert f"{server.url}a/tiny.zip cannot be downloaded" in str(refused.value)
     assert str(tmp_path / "archives" / "sponza.zip") in str(refused.value)
-    assert list((tmp_path / "archives").iterdir()) == []
+    assert [path.name for path in tmp_path.rglob("*")] == ["archives"]
 
 
 def test_a_wrong_hash_is_refused_and_nothing_of_it_is_kept(server, describe, tmp_path):
@@ -179,23 +172,13 @@ def test_a_wrong_hash_is_refused_and_nothing_of_it_is_kept(server, describe, tmp
     assert fetch_scene("sponza", tmp_path, server.url).is_file()
 
 
-@pytest.mark.parametrize("says_length", [True, False])
-def test_a_download_ends_as_soon_as_more_comes_than_the_manifest_states(says_length, server, describe, tmp_path):
+def test_a_download_ends_as_soon_as_more_comes_than_the_manifest_states(server, describe, tmp_path):
     describe(TINY, archive_bytes=224_880)
-    server.files["/g3d/a/tiny.zip"] = bytes(1_000_000)
-    server.times, server.says_length = 600, says_length
+    server.files["/g3d/a/tiny.zip"] = bytes(100_000_000)
     with pytest.raises(InputError, match="more came than the 224880 bytes"):
         fetch_scene("sponza", tmp_path, server.url)
-    assert server.sent <= 30_000_000  # what lies between the two
+    assert server.sent == 0  # of a whole file
     assert list((tmp_path / "archives").iterdir()) == []
-
-
-def test_a_download_that_breaks_off_leaves_nothing(server, describe, tmp_path):
-    describe(TINY)
-    server.files["/g3d/a/tiny.zip"] = TINY[:-30]
-    with pytest.raises(InputError, match="cannot be downloaded"):
-        fetch_scene("sponza", tmp_path, server.url)
-    assert [path.name for path in tmp_path.rglob("*")] == ["archives"]
 
 
 def test_an_archive_put_there_by_hand_is_used_if_its_hash_is_right_and_fetched_again_if_not(by_hand, server):
@@ -208,18 +191,16 @@ def test_an_archive_put_there_by_hand_is_used_if_its_hash_is_right_and_fetched_a
     assert len(server.asked) == 1
 
 
-def test_a_wrong_triangle_count_is_refused_with_both_numbers_and_nothing_is_kept(by_hand):
+def test_a_wrong_triangle_count_is_refused_with_both_numbers_whether_fetched_or_in_the_cache(by_hand, describe):
     folder = by_hand(zipped(("sponza.obj", OBJ + "f 1 2 4\n")))
     with pytest.raises(InputError, match="has 3 triangles, expected 2"):
         fetch_scene("sponza", folder)
     assert [path.name for path in sorted(folder.rglob("*"))] == ["archives", "sponza.zip"]
-
-
-def test_the_triangle_count_of_a_scene_in_the_cache_is_checked_too(by_hand, describe):
-    path = fetch_scene("sponza", by_hand(TINY))
-    describe(TINY, triangles=5)
-    with pytest.raises(InputError, match=f"has 2 triangles, expected 5: delete {re.escape(str(path))}"):
-        fetch_scene("sponza", path.parent)
+    describe((folder / "archives" / "sponza.zip").read_bytes(), triangles=3)
+    path = fetch_scene("sponza", folder)
+    describe(TINY)
+    with pytest.raises(InputError, match=f"has 3 triangles, expected 2: delete {re.escape(str(path))}"):
+        fetch_scene("sponza", folder)
 
 
 @pytest.mark.parametrize("member", ["../evil.txt", "a/../../evil.txt", "/tmp/evil.txt", "C:\\evil.txt"])
@@ -247,11 +228,6 @@ def test_a_camera_of_the_users_own_is_kept_and_other_scenes_stay(by_hand):
         fetch_scene("sponza", folder)
 
 
-def test_an_unknown_scene_is_answered_with_those_there_are(tmp_path):
-    with pytest.raises(InputError, match=r"'bunny'.*cornell_box, fireplace_room, mitsuba, sponza"):
-        fetch_scene("bunny", tmp_path)
-
-
 def test_a_cache_that_is_a_file_is_refused_by_name(tmp_path):
     (tmp_path / "cache").write_text("")
     with pytest.raises(InputError, match=r"cache .*cache cannot be used"):
@@ -266,38 +242,10 @@ def test_the_manifest_names_the_papers_counts_and_usable_cameras_and_one_restric
         Camera(**scene.camera, width=8, height=8)
         assert scene.author
         assert scene.licence
+        assert scene.archive_bytes > 0
+        assert re.fullmatch(r"[0-9a-f]{64}", scene.sha256)
     assert [name for name, scene in scenes.items() if scene.notice] == ["mitsuba"]
-    assert [name for name, scene in scenes.items() if not scene.pictures_may_be_passed_on] == ["mitsuba"]
-
-
-@pytest.mark.parametrize(
-    ("fields", "reason"),
-    [
-        ({"pictures_may_be_passed_on": "false"}, "= 'false', expected true or false"),
-        ({"pictures_may_be_passed_on": False}, "no notice says why"),
-        ({"camera": {"eye": (0, 0, 1)}}, "has the fields eye; expected eye and target"),
-        ({"triangles": 0}, "triangles = 0, expected at least 1"),
-        ({"archive_bytes": None}, "archive_bytes = None, expected at least 1"),
-        ({"sha256": "ABC"}, "'ABC', expected 64"),
-    ],
-)
-def test_a_manifest_entry_that_cannot_be_meant_is_refused(fields, reason):
-    with pytest.raises(InputError, match=reason):
-        replace(manifest.read_manifest().scene("sponza"), **fields)
-
-
-@pytest.mark.parametrize(
-    ("text", "reason"),
-    [
-        ("home = ", "cannot be read"),
-        ('home = "h"\nbase_url = "b"\n[scenes.x]\ntitle = "x"', "missing"),
-        ("[scenes]", "home"),
-    ],
-)
-def test_a_broken_manifest_is_refused_by_name(text, reason, tmp_path):
-    (tmp_path / "m.toml").write_text(text)
-    with pytest.raises(InputError, match=rf"m\.toml.*{reason}"):
-        manifest.read_manifest(tmp_path / "m.toml")
+    assert [name for name, scene in scenes.items() if scene.pictures_may_be_passed_on is not True] == ["mitsuba"]
 
 
 @pytest.fixture
@@ -311,12 +259,8 @@ def asked_for(name, source=SceneSource.directory):
     return Configuration(scene=SceneConfiguration(name=name, source=source))
 
 
-def test_the_fetch_command_leaves_a_scene_every_run_finds_and_says_what_to_run(home, describe, capsys):
-    pytest.importorskip("pooch", reason="fetching needs pooch: pip install 'atra[fetch]'")
-    describe(TINY)
-    archives = default_cache() / fetch.ARCHIVES_FOLDER
-    archives.mkdir(parents=True)
-    (archives / "sponza.zip").write_bytes(TINY)
+def test_the_fetch_command_leaves_a_scene_every_run_finds_and_says_what_to_run(home, by_hand, capsys):
+    by_hand(TINY, default_cache())
     path = run_fetch(asked_for("sponza"))
     assert path == default_cache() / "sponza.ply"
     assert load_scene_from_directory("sponza").mesh.triangle_count == 2

@@ -49,58 +49,63 @@ def test_an_input_is_the_same_every_time_and_no_two_are_equal() -> None:
     assert len(set(inputs) | set(kind.samples)) > 28
 
 
-@pytest.mark.parametrize("fault", ["hang", "hoard", "litter", "crash", "shout"])
-def test_a_reader_that_misbehaves_is_found(fault: str, tmp_path: Path) -> None:
-    faults = {
-        "hang": "import time; time.sleep(60)",
-        "hoard": "import numpy; error = InputError('too large'); error.__cause__ = grab(); raise error",
-        "litter": "(path.parents[1] / 'litter').write_text('')",
-        "crash": "raise KeyError('x')",
-        "shout": "error = InputError('x'); error.args = ('\\x1b[31m',); raise error",
-    }
-    program = f"""
-import json, sys
+MISBEHAVING = """
+import json, sys, time
 from pathlib import Path
 from atra.errors import InputError
 from tests import fuzzing
 
-def grab():
+def hang(path):
+    time.sleep(60)
+
+def hoard(path):
     import numpy
     try:
         numpy.ones(2 * fuzzing.MEMORY_BYTES, numpy.uint8)
     except MemoryError as error:
-        return error
+        raise InputError("too large") from error
 
-def read(path):
-    if healthy:
-        return True
-    {faults[fault]}
+def litter(path):
+    (path.parents[1] / "litter").write_text("")
 
-fuzzing.kinds = lambda: {{"one": fuzzing.Kind("one", (b"x",), read)}}
+def crash(path):
+    raise KeyError("x")
+
+def shout(path):
+    error = InputError("x")
+    error.args = ("\\x1b[31m",)
+    raise error
+
+faults = [globals()[name] for name in sys.argv[1:]]
+healthy = len(faults)  # each is read once before anything counts
+
+def read(fault):
+    def first_well(path):
+        global healthy
+        healthy -= 1
+        return healthy >= 0 or fault(path)
+    return first_well
+
+fuzzing.kinds = lambda: {one.__name__: fuzzing.Kind("one", (b"x",), read(one)) for one in faults}
 fuzzing.TIME_S = 1
-healthy = True
-bound = fuzzing._bound_memory
-def bound_then_fail():
-    global healthy
-    bound()
-    healthy = False
-fuzzing._bound_memory = bound_then_fail
-print(json.dumps(fuzzing.work(1, Path.cwd())["wrong"]))
+print(json.dumps(fuzzing.work(len(faults), Path.cwd())["wrong"]))
 """
+
+
+@pytest.mark.parametrize("faults", [
+    {"hang": None},
+    {"crash": "KeyError", "shout": "raw control", "hoard": "memory was asked for", "litter": "outside the folder"},
+])  # fmt: skip
+def test_a_reader_that_misbehaves_is_found(faults: dict[str, str | None], tmp_path: Path) -> None:
     done = subprocess.run(
-        [sys.executable, "-c", program],
+        [sys.executable, "-c", MISBEHAVING, *faults],
         cwd=tmp_path, env={**os.environ, "PYTHONPATH": str(ROOT)}, capture_output=True, text=True, timeout=60,
     )  # fmt: skip
-    if fault == "hang":
+    if "hang" in faults:
         assert done.returncode == -signal.SIGALRM
         return
     assert done.returncode == 0, done.stderr
-    (wrong,) = json.loads(done.stdout)
-    expected = {
-        "hoard": "memory was asked for",
-        "litter": "outside the folder",
-        "crash": "KeyError",
-        "shout": "raw control",
-    }
-    assert wrong.startswith("one 0: ")
-    assert expected[fault] in wrong
+    told = json.loads(done.stdout)
+    for wrong, (name, expected) in zip(told, faults.items(), strict=True):
+        assert wrong.startswith(f"{name} 0: ")
+        assert str(expected) in wrong

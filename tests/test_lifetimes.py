@@ -14,26 +14,19 @@ import pytest
 import atra
 from atra.embree.device import EmbreeDevice
 from atra.parallel import WorkerPool
+from tests.images import make_tracer
 from tests.meshes import cornell_box, cornell_camera
 from tests.strategies import NIGHTLY
 
 CYCLES = 1000 if NIGHTLY else 100
 
 MESH, CAMERA = cornell_box(), cornell_camera(64, 48)
-TRACERS = {
-    "pixel": (atra.PixelTracer, {"packet_width": 1}),
-    "packets": (atra.PixelTracer, {}),
-    "aligned": (atra.AlignedTracer, {"split": (16, 1)}),
-    "instanced": (atra.AlignedTracer, {"split": (16, 1), "culling": False, "geometry": "instanced"}),
-    "visible_first": (atra.VisibleFirstTracer, {"split": (16, 1)}),
-    "tiles": (atra.TiledTracer, {"split": (4, 4)}),
-}
+TRACERS = ("pixels", "aligned", "instanced", "visible_first", "tiles")
 every_tracer = pytest.mark.parametrize("name", TRACERS)
 
 
 def tracer(name, threads=1):
-    kind, options = TRACERS[name]
-    return kind(MESH, CAMERA, **options, threads=threads)
+    return make_tracer(name, MESH, CAMERA, (16, 1), threads=threads)
 
 
 def image(name):
@@ -67,10 +60,9 @@ def in_threads(*works):
 
 
 @every_tracer
-@pytest.mark.parametrize("threads", [1, 2])
-def test_making_tracing_and_closing_again_and_again_keeps_the_memory(name, threads):
+def test_making_tracing_and_closing_again_and_again_keeps_the_memory(name):
     def cycle():
-        with tracer(name, threads) as one:
+        with tracer(name, threads=2) as one:
             one.trace()
 
     for _ in range(20):
@@ -80,18 +72,6 @@ def test_making_tracing_and_closing_again_and_again_keeps_the_memory(name, threa
         cycle()
     growth = psutil.Process().memory_info().rss / before - 1.0
     assert growth < 0.01, f"{CYCLES} cycles grew the process by {growth:.2%}"
-
-
-@every_tracer
-def test_closing_gives_back_every_byte_that_embree_reported(name):
-    # The monitor has then seen the last allocation go: there is nothing left that could call it.
-    one = tracer(name)
-    with one:
-        held = devices(one)
-        assert all(device.embree_bytes > 0 for device in held)
-        assert held
-    assert [device.embree_bytes for device in held] == [0] * len(held)
-    assert all(device.closed for device in held)
 
 
 @every_tracer
@@ -124,10 +104,18 @@ def test_what_embree_reads_lives_as_long_as_the_scene():
 
 
 @every_tracer
-def test_closing_twice_is_harmless_and_nothing_works_after_it(name):
+def test_nothing_is_traced_before_building_or_after_closing_which_gives_back_every_byte_and_may_come_twice(name):
     one = tracer(name)
+    with pytest.raises(atra.EmbreeError, match="not built"):
+        one.trace()
     with one:
         one.trace()
+        held = devices(one)
+        assert held
+        assert all(device.embree_bytes > 0 for device in held)
+    # The monitor has seen the last allocation go: there is nothing left that could call it.
+    assert [device.embree_bytes for device in held] == [0] * len(held)
+    assert all(device.closed for device in held)
     one.close()
     for call in (one.trace, one.plan, one.build):
         with pytest.raises(atra.EmbreeError, match="closed"):
@@ -161,7 +149,7 @@ def test_frames_of_two_tracers_may_alternate(first):
 
 
 @every_tracer
-def test_python_threads_may_share_a_tracer_and_even_build_it_anew_meanwhile(name):
+def test_python_threads_may_share_a_tracer_and_build_it_anew_meanwhile_or_have_their_own(name):
     expected = image(name)
     with tracer(name, 2) as one:
 
@@ -174,19 +162,12 @@ def test_python_threads_may_share_a_tracer_and_even_build_it_anew_meanwhile(name
                 one.plan()
                 one.build()
 
-        in_threads(trace, trace, build)
+        def have_their_own():
+            for _ in range(5):
+                with tracer(name, 2) as own:
+                    np.testing.assert_array_equal(own.trace().prim_id, expected)
 
-
-@every_tracer
-def test_each_python_thread_may_have_its_own_tracer(name):
-    expected = image(name)
-
-    def work():
-        for _ in range(5):
-            with tracer(name, 2) as one:
-                np.testing.assert_array_equal(one.trace().prim_id, expected)
-
-    in_threads(work, work)
+        in_threads(trace, trace, build, have_their_own)
 
 
 @every_tracer
@@ -222,45 +203,33 @@ class Injected(Exception):
     """What the tests below make go wrong."""
 
 
-def failing_once(function):
-    """`function`, but its first call raises after all of its work is done."""
-    calls = []
-
-    def wrapper(*arguments, **options):
-        result = function(*arguments, **options)
-        calls.append(None)
-        if len(calls) == 1:
-            raise Injected
-        return result
-
-    return wrapper
+def raise_injected(*_):
+    raise Injected
 
 
 @every_tracer
 @pytest.mark.parametrize("step", ["_plan_geometry", "_build_scene", "_run"])
 def test_an_exception_in_the_middle_comes_out_and_the_next_attempt_succeeds(name, step, monkeypatch):
     expected = image(name)
+
+    def attempt(one, fails=False):
+        with monkeypatch.context() as failing:
+            if fails:  # when all of its work is done
+                done = getattr(one, step)
+                failing.setattr(one, step, lambda *arguments: (done(*arguments), raise_injected()))
+            one.plan()
+            one.build()
+            return one.trace().prim_id
+
     one = tracer(name, 2)
-    monkeypatch.setattr(one, step, failing_once(getattr(one, step)))
-
-    def attempt():
-        one.plan()
-        one.build()
-        return one.trace().prim_id
-
     with pytest.raises(Injected):
-        attempt()
-    np.testing.assert_array_equal(attempt(), expected)
+        attempt(one, fails=True)
+    np.testing.assert_array_equal(attempt(one), expected)
     one.close()
-
-
-@every_tracer
-@pytest.mark.parametrize("step", ["_plan_geometry", "_build_scene"])
-def test_a_with_block_that_cannot_be_entered_leaves_no_scene(name, step, monkeypatch):
     one = tracer(name, 2)
-    monkeypatch.setattr(one, step, failing_once(getattr(one, step)))
+    monkeypatch.setattr(one, step, raise_injected)
     with pytest.raises(Injected), one:
-        pass
+        one.trace()
     assert all(device.closed for device in devices(one))
     with pytest.raises(atra.EmbreeError, match="closed"):
         one.trace()
@@ -331,7 +300,7 @@ def test_the_pool_waits_for_its_threads_even_when_the_waiting_is_interrupted(mon
     pool.close()
 
 
-@pytest.mark.parametrize("ending", ["", "import sys; sys.exit()", "one.close(); one.close()"])
+@pytest.mark.parametrize("ending", ["", "one.close(); one.close()"])
 def test_a_process_may_end_with_tracers_open_and_a_thread_still_tracing(ending):
     script = (
         "import threading, time, atra\n"
@@ -352,23 +321,23 @@ def test_a_process_may_end_with_tracers_open_and_a_thread_still_tracing(ending):
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="this system has no fork")
-@pytest.mark.parametrize("name", ["packets", "aligned", "visible_first"])
-def test_a_forked_child_traces_on_and_builds_its_own(name):
+def test_a_forked_child_traces_on_and_builds_its_own():
     """It has none of the threads of its parent."""
     script = (
         "import os, sys, signal, numpy\n"
         "from tests.test_lifetimes import tracer\n"
-        "with tracer(sys.argv[1], 2) as one:\n"
-        "    before = one.trace().prim_id.copy()\n"
-        "    child = os.fork()\n"
-        "    if not child:\n"
-        "        signal.alarm(30)\n"
-        "        with tracer(sys.argv[1], 2) as other:\n"
-        "            images = [one.trace().prim_id, one.trace().prim_id, other.trace().prim_id]\n"
-        "        os._exit(not all(numpy.array_equal(image, before) for image in images))\n"
-        "    status = os.waitpid(child, 0)[1]\n"
-        "    assert numpy.array_equal(one.trace().prim_id, before)\n"
-        "sys.exit(f'the child ended with status {status}' if status else 0)\n"
+        "for name in ('pixels', 'aligned', 'visible_first'):\n"
+        "    with tracer(name, 2) as one:\n"
+        "        before = one.trace().prim_id.copy()\n"
+        "        child = os.fork()\n"
+        "        if not child:\n"
+        "            signal.alarm(30)\n"
+        "            with tracer(name, 2) as other:\n"
+        "                images = [one.trace().prim_id, one.trace().prim_id, other.trace().prim_id]\n"
+        "            os._exit(not all(numpy.array_equal(image, before) for image in images))\n"
+        "        status = os.waitpid(child, 0)[1]\n"
+        "        assert numpy.array_equal(one.trace().prim_id, before)\n"
+        "    if status: sys.exit(f'the child of {name} ended with status {status}')\n"
     )
-    ended = subprocess.run([sys.executable, "-c", script, name], capture_output=True, text=True, timeout=120)
+    ended = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=120)
     assert ended.returncode == 0, ended.stderr

@@ -2,14 +2,7 @@
 
 from __future__ import annotations
 
-import io
-from typing import Any
-
 import numpy as np
-import pandas as pd
-import pytest
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from experiments.drawing.bars import spread
 from experiments.drawing.values import TIMES, say_number
@@ -17,66 +10,9 @@ from experiments.workloads.frame.break_even_figure import draw_break_even_figure
 from experiments.workloads.frame.methods_figure import draw_methods_figure
 from experiments.workloads.frame.peers_figure import draw_peers_figure
 from experiments.workloads.frame.threads_figure import draw_threads_figure
-from tests.report_samples import table_of
-
-COMMON = {
-    "scene": "box", "triangles": 10, "width": 1000, "height": 1000, "split_y": 1, "culling": True,
-    "geometry": "copied", "packet_width": 8, "threads": 1, "build_quality": "medium", "status": "ok",
-    "workload": "frame", "rounds": 9, "pixels_wrong": 0,
-}  # fmt: skip
-
-
-def make_rows(*rows: dict[str, Any]) -> pd.DataFrame:
-    return table_of(rows)
-
-
-def method_row(method: str, split_x: int = 1, time_s: float = 0.02, ratio: Any = 2.0, **fields: Any) -> dict[str, Any]:
-    return COMMON | {
-        "method": method, "split_x": split_x, "render_time_s": time_s, "render_time_q1_s": 0.5 * time_s,
-        "render_time_q3_s": 2 * time_s, "baseline_render_time_s": 0.1, "packets_render_time_s": 0.05,
-        "packets_width": 8,
-        "speedup": 0.1 / time_s, "speedup_vs_packets": ratio, "speedup_vs_packets_low": 1.75,
-        "speedup_vs_packets_high": 2.25, "plan_time_s": 0.001, "build_time_s": 0.002, "first_frame_time_s": 0.03,
-        "embree_bytes": 3000,
-    } | fields  # fmt: skip
-
-
-def skipped(row: dict[str, Any], error: str = "needs 9 GiB, more than the memory budget of 4 GiB") -> dict[str, Any]:
-    """The row as it is when its point could not be measured."""
-    kept = {name: value for name, value in row.items() if not name.endswith(("_s", "_bytes", "_wrong"))}
-    return {name: value for name, value in kept.items() if not name.startswith("speedup")} | {
-        "status": "skipped", "error": error,
-    }  # fmt: skip
-
+from tests.drawn import bars, line, make_rows, method_row, skipped, whiskers, words
 
 PIXEL = method_row("pixel", 1, 0.05, 1.0, plan_time_s=0.0, embree_bytes=2000, first_frame_time_s=0.06)
-
-
-def bars(axis: Axes) -> dict[str, float]:
-    """Label -> length of each bar, in units of the axis, from the top down."""
-    labels = [tick.get_text() for tick in axis.get_yticklabels()]
-    return {labels[round(bar.get_y() + bar.get_height() / 2)]: pytest.approx(bar.get_width()) for bar in axis.patches
-            if bar.get_height() == pytest.approx(0.62)}  # fmt: skip
-
-
-def whiskers(axis: Axes) -> list[list[float]]:
-    return [list(line.get_xdata()) for line in axis.get_lines() if line.get_label() == "_bars"]
-
-
-def line(axis: Axes, label: str) -> dict[float, float]:
-    """Abscissa -> ordinate of the line with this label."""
-    (one,) = [one for one in axis.get_lines() if one.get_label() == label]
-    return {float(x): pytest.approx(float(y)) for x, y in zip(*one.get_data(), strict=True)}
-
-
-def words(figure: Figure) -> str:
-    texts = [text.get_text() for axis in figure.axes for text in (*axis.texts, axis.title, axis._left_title)]
-    ticks = [tick.get_text() for axis in figure.axes for tick in axis.get_yticklabels()]
-    return "\n".join([*texts, *ticks, figure.get_supxlabel()])
-
-
-def save(figure: Figure) -> None:
-    figure.savefig(io.BytesIO(), format="png", dpi=30)
 
 
 def test_the_methods_figure_draws_the_best_split_in_milliseconds_with_quartiles_ratio_and_both_baselines() -> None:
@@ -93,7 +29,7 @@ def test_the_methods_figure_draws_the_best_split_in_milliseconds_with_quartiles_
         f"aligned, packets of 8\n128 {TIMES} 1": 20, f"aligned, single rays\n128 {TIMES} 1": 80,
         f"culled tiles, packets of 8\n4 {TIMES} 4": 40,
     }  # fmt: skip
-    assert whiskers(axis) == [pytest.approx([10, 40]), pytest.approx([40, 160]), pytest.approx([20, 80])]
+    assert whiskers(axis) == [[10, 40], [40, 160], [20, 80]]
     assert f"20.0 ms,  2.50{TIMES} [1.75, 2.25]" in words(figure)
     assert set(line(axis, "rtcIntersect1 per pixel")) == {100}
     assert set(line(axis, "fastest packets per pixel")) == {50}
@@ -104,9 +40,8 @@ def test_a_method_without_a_time_keeps_its_place_and_its_reason() -> None:
     figure = draw_methods_figure(table)
     assert list(bars(figure.axes[0])) == [f"aligned, packets of 8\n2 {TIMES} 1"]
     assert "culled tiles, packets of 8" in [tick.get_text() for tick in figure.axes[0].get_yticklabels()]
-    assert f"{TIMES} culled tiles, packets of 8, 4 {TIMES} 4: skipped, needs more memory than its budget" in words(
-        figure
-    )
+    reason = "skipped, needs more memory than its budget"
+    assert f"{TIMES} culled tiles, packets of 8, 4 {TIMES} 4: {reason}" in words(figure)
 
 
 def test_wrong_pixels_are_told_beside_the_ratio() -> None:
@@ -126,16 +61,8 @@ def test_the_price_figure_draws_cumulative_seconds_marks_the_break_even_and_list
     assert line(axis, "_ring") == {5: 0.18 + 4 * 0.02}
     said = [text.get_text() for text in axis.texts]
     assert said.count("frame 5") == 2
-    for cell in (
-        f"aligned, packets of 8, 128 {TIMES} 1",
-        "30.0",
-        "100",
-        "50.0",
-        "20.0",
-        f"1.50{TIMES}",
-        f"1.00{TIMES}",
-    ):
-        assert cell in said
+    parts = {"30.0", "100", "50.0", "20.0", f"1.50{TIMES}", f"1.00{TIMES}"}
+    assert {f"aligned, packets of 8, 128 {TIMES} 1", *parts} <= set(said)
 
 
 def test_the_price_figure_draws_one_line_a_method_at_its_best_packet_width() -> None:
@@ -153,9 +80,8 @@ def test_the_price_figure_says_never_and_marks_nothing_for_a_method_that_stays_b
 
 
 def test_the_price_figure_without_a_baseline_draws_the_methods_and_says_what_is_missing() -> None:
-    figure = draw_break_even_figure(
-        make_rows(method_row("aligned", 2), method_row("tiles", 2, first_frame_time_s=None))
-    )
+    table = make_rows(method_row("aligned", 2), method_row("tiles", 2, first_frame_time_s=None))
+    figure = draw_break_even_figure(table)
     assert line(figure.axes[0], "aligned")[1] == 0.033
     said = words(figure)
     assert f"{TIMES} culled tiles: plan, build or first frame not measured" in said
@@ -179,9 +105,7 @@ def test_the_threads_figure_divides_the_time_on_one_thread_and_combines_the_quar
     # Quartiles are half and twice the median: 1 / 4 and 4 times the ratio.
     np.testing.assert_allclose(drawn[..., 1], [[1, 1], [0.4, 6.4], [1, 16]])
     assert f"4.00{TIMES} [1.00, 16.00]  128 {TIMES} 1" in words(figure)
-    assert "aligned, packets of 8, threads 8, 128 \N{MULTIPLICATION SIGN} 1: skipped, needs more memory" in words(
-        figure
-    )
+    assert f"aligned, packets of 8, threads 8, 128 {TIMES} 1: skipped, needs more memory" in words(figure)
 
 
 def test_a_series_without_a_time_on_one_thread_is_named_and_not_drawn() -> None:
@@ -204,39 +128,13 @@ def test_the_peers_figure_sorts_by_rays_a_second_and_lists_who_is_missing_once()
         assert list(bars(axis).items()) == [
             (f"aligned, packets of 8, 128 {TIMES} 1", 50), ("packets of 8 per pixel", 20), ("embreex", 5),
         ]  # fmt: skip
-        assert whiskers(axis)[0] == pytest.approx([25, 100])
+        assert whiskers(axis)[0] == [25, 100]
     foot = figure.get_supxlabel()
     reason = "skipped, open3d is not installed; pip install open3d, and Debian's libusb-1.0-0, libgl1"
     assert foot.count("Open3D") == 1
     assert f"{TIMES} Open3D: {reason}" in foot.splitlines()
     needs = "needs 9 GiB, more than the memory budget of 4 GiB"
     assert f"{TIMES} culled tiles, packets of 8, 4 {TIMES} 4: skipped, {needs} (ball)" in foot
-
-
-DRAW = {
-    "methods": draw_methods_figure, "break_even": draw_break_even_figure, "threads": draw_threads_figure,
-    "peers": draw_peers_figure,
-}  # fmt: skip
-LEFT = ["scene", "status", "method", "split_x", "split_y", "culling", "workload", "width", "height", "triangles"]
-
-
-@pytest.mark.parametrize("name", DRAW)
-def test_every_figure_of_methods_copes_with_one_row_with_none_and_with_a_row_of_missing_values(name: str) -> None:
-    row = method_row("visible_first", 4)
-    one = make_rows(row)
-    missing = one.copy()
-    missing[[name for name in one if name not in LEFT]] = pd.NA
-    without = make_rows(skipped(row), skipped(row | {"threads": None, "packet_width": None}))
-    of_older_table = make_rows(row, PIXEL).drop(columns=["first_frame_time_s", "geometry", "stands_for", "grids"])
-    for table in (one, one.iloc[:0], missing, without, of_older_table, pd.concat([one, missing, without])):
-        save(DRAW[name](table))
-
-
-@pytest.mark.parametrize("name", DRAW)
-def test_a_stand_in_is_named_as_one_in_every_figure_of_methods(name: str) -> None:
-    row = method_row("aligned", 4)
-    assert "stand-in for sponza, not that scene" in words(DRAW[name](make_rows(row | {"stands_for": "sponza"})))
-    assert "stand-in" not in words(DRAW[name](make_rows(row)))
 
 
 def test_labels_are_moved_apart_as_little_as_possible_and_keep_their_order() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -46,16 +47,11 @@ def changed(image: Hits, prim_id: int | None = None, depth: float | None = None)
     return replace(image, prim_id=prim_ids, depth=depths)
 
 
-def examined(mesh: atra.Mesh, hits: Hits, reference: Hits, sample: object = None) -> Examination:
-    return examine(mesh, CAMERA, hits, reference, compare(mesh, CAMERA, hits, reference), sample)  # type: ignore[arg-type]
+def examined(mesh: atra.Mesh, hits: Hits, reference: Hits, sample: Any = None) -> Examination:
+    return examine(mesh, CAMERA, hits, reference, compare(mesh, CAMERA, hits, reference), sample)
 
 
-def standings(found: Examination) -> tuple[list[int], list[int]]:
-    return list(found.hits.correctness), list(found.reference.correctness)
-
-
-@pytest.mark.parametrize("offset", [(0.5, 0.5), (0.0, 0.0), (0.25, 0.75)])
-@pytest.mark.parametrize("threads", [1, 2])
+@pytest.mark.parametrize(("offset", "threads"), [((0.5, 0.5), 1), ((0.0, 0.0), 1), ((0.25, 0.75), 2)])
 def test_the_oracle_finds_exactly_the_hits_of_brute_force(offset: tuple[float, float], threads: int) -> None:
     around = atra.Camera(**EYE_AT_ORIGIN, fov_y_degrees=130.0, width=37, height=23)
     parallel = atra.OrthographicCamera(**EYE_AT_ORIGIN, view_height=4.0, width=37, height=23)
@@ -96,81 +92,49 @@ def test_the_oracle_finds_no_hit_on_a_triangle_flattened_by_rounding_only() -> N
         assert (nearest_hits(mesh, camera, x, y).prim_id == MISS).all()
 
 
-def test_images_that_agree_leave_nothing_to_examine(mesh: atra.Mesh, truth: Hits) -> None:
-    found = examined(mesh, truth, truth)
-    assert len(found.x) == len(found.truth.depth) == len(found.hits.correctness) == 0
+RIGHT, WRONG_TRIANGLE, WRONG_DEPTH = Correctness.RIGHT, Correctness.WRONG_TRIANGLE, Correctness.WRONG_DEPTH
+TRUE, HOLE, HIDDEN, OFF = (), (MISS, np.inf), (FAR, 3.0), (None, 2.1)
+# The ray meets the plane at (-1, -1/3): the diagonal of a square 8 wide is 1/12 of it away, the square beside 17/8.
+INSIDE, ASIDE = pytest.approx(1 / 12), pytest.approx(17 / 8)
 
 
-def test_a_wrong_triangle_in_one_pixel_is_told_from_a_right_one(mesh: atra.Mesh, truth: Hits) -> None:
-    found = examined(mesh, changed(truth, FAR, 3.0), truth)
+@pytest.mark.parametrize(("hits", "reference", "correctness", "off_by"), [
+    (HIDDEN, TRUE, (WRONG_TRIANGLE, RIGHT), (INSIDE, 0.0)), (TRUE, HIDDEN, (RIGHT, WRONG_TRIANGLE), (0.0, INSIDE)),
+    (HOLE, HIDDEN, (WRONG_TRIANGLE, WRONG_TRIANGLE), (INSIDE, INSIDE)),
+    ((BESIDE, 2.0), TRUE, (WRONG_TRIANGLE, RIGHT), (ASIDE, 0.0)), (TRUE, HOLE, (RIGHT, WRONG_TRIANGLE), (0.0, INSIDE)),
+    (OFF, TRUE, (WRONG_DEPTH, RIGHT), None), (TRUE, OFF, (RIGHT, WRONG_DEPTH), None),
+])  # fmt: skip
+def test_a_wrong_pixel_is_blamed_on_the_image_that_is_wrong_and_how_far(
+    mesh: atra.Mesh, truth: Hits, hits: Any, reference: Any, correctness: Any, off_by: Any
+) -> None:
+    found = examined(mesh, changed(truth, *hits), changed(truth, *reference))
     assert [(found.x[0], found.y[0])] == [PIXEL]
     assert list(found.verdict) == [Verdict.WRONG]
     assert found.truth.exhaustive.all()
-    assert standings(found) == ([Correctness.WRONG_TRIANGLE], [Correctness.RIGHT])
-    assert (found.truth.prim_id[0], found.truth.depth[0], found.hits.depth[0]) == (NEAR, 2.0, 3.0)
-    # The ray meets the plane at (-1, -1/3), and the diagonal of a square 8 wide is the nearest edge.
-    assert found.hits.off_by[0] == found.truth.edge_distance[0] == pytest.approx(1 / 12)
-    assert found.reference.off_by[0] == 0.0
-
-
-def test_the_reference_is_blamed_where_it_is_the_one_that_is_wrong(mesh: atra.Mesh, truth: Hits) -> None:
-    found = examined(mesh, truth, changed(truth, FAR, 3.0))
-    assert standings(found) == ([Correctness.RIGHT], [Correctness.WRONG_TRIANGLE])
-    assert list(found.hits.wrong) == [False]
-    assert list(found.reference.wrong) == [True]
-
-
-def test_both_are_blamed_where_both_are_wrong(mesh: atra.Mesh, truth: Hits) -> None:
-    found = examined(mesh, changed(truth, MISS, np.inf), changed(truth, FAR, 3.0))
-    assert standings(found) == ([Correctness.WRONG_TRIANGLE], [Correctness.WRONG_TRIANGLE])
-
-
-def test_a_triangle_that_is_missed_is_off_by_how_far_the_ray_passes_beside_it(mesh: atra.Mesh, truth: Hits) -> None:
-    found = examined(mesh, changed(truth, BESIDE, 2.0), truth)
-    assert standings(found) == ([Correctness.WRONG_TRIANGLE], [Correctness.RIGHT])
-    # The ray meets the plane at x = -1, 17 beside an edge at x = 16 of a square 8 wide.
-    assert found.hits.off_by[0] == -found.hits.edge_distance[0] == pytest.approx(17 / 8)
-
-
-def test_a_miss_is_off_by_how_far_inside_the_triangle_the_ray_passes(mesh: atra.Mesh, truth: Hits) -> None:
-    found = examined(mesh, truth, changed(truth, MISS, np.inf))
-    assert standings(found) == ([Correctness.RIGHT], [Correctness.WRONG_TRIANGLE])
-    assert found.reference.off_by[0] == found.truth.edge_distance[0]
-    assert np.isnan(found.reference.edge_distance[0])
-
-
-@pytest.mark.parametrize("blamed", ["hits", "reference"])
-def test_a_depth_that_is_off_is_told_from_a_wrong_triangle_and_blamed_on_its_image(
-    mesh: atra.Mesh, truth: Hits, blamed: str
-) -> None:
-    off = changed(truth, depth=2.1)
-    found = examined(mesh, *((off, truth) if blamed == "hits" else (truth, off)))
-    assert list(found.verdict) == [Verdict.WRONG]
-    expected = ([Correctness.WRONG_DEPTH], [Correctness.RIGHT])
-    assert standings(found) == (expected if blamed == "hits" else expected[::-1])
+    assert (found.truth.prim_id[0], found.truth.depth[0]) == (NEAR, 2.0)
+    assert (*found.hits.correctness, *found.reference.correctness) == correctness
+    assert (*found.hits.wrong, *found.reference.wrong) == tuple(one != RIGHT for one in correctness)
+    assert off_by is None or (*found.hits.off_by, *found.reference.off_by) == off_by
 
 
 def test_nobody_is_wrong_about_equally_deep_triangles(mesh: atra.Mesh, truth: Hits) -> None:
     found = examined(mesh, changed(truth, NEAR_TWIN), truth)
     assert list(found.verdict) == [Verdict.TIED]
-    assert standings(found) == ([Correctness.TIED], [Correctness.RIGHT])
+    assert (*found.hits.correctness, *found.reference.correctness) == (Correctness.TIED, RIGHT)
 
 
 def test_the_sample_finds_where_both_images_are_wrong_alike(mesh: atra.Mesh, truth: Hits) -> None:
     alike = changed(truth, FAR, 3.0)
+    assert len(examined(mesh, alike, alike).x) == 0
     x, y = PIXEL
     pixel, another = y * CAMERA.width + x, 7
+    twice = examined(mesh, alike, truth, np.array([pixel]))  # disputed and sampled: examined once
+    assert (list(twice.sampled), list(twice.disputed)) == ([True], [True])
     found = examined(mesh, alike, alike, np.array([pixel, another]))
     assert not found.disputed.any()
     assert found.sampled.all()
     assert list(found.y * CAMERA.width + found.x) == sorted([pixel, another])
     assert list(found.hits.wrong) == list(found.reference.wrong) == [False, True]
-
-
-def test_a_disputed_pixel_that_is_sampled_too_is_examined_once(mesh: atra.Mesh, truth: Hits) -> None:
-    x, y = PIXEL
-    found = examined(mesh, changed(truth, FAR, 3.0), truth, np.array([y * CAMERA.width + x]))
-    assert (list(found.sampled), list(found.disputed)) == ([True], [True])
 
 
 def test_a_sample_is_distinct_pixels_of_the_image_the_same_for_the_same_seed() -> None:

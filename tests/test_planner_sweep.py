@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -13,11 +14,12 @@ import atra
 from atra.errors import InputError
 from atra.planner.choice import PACKETS, candidates
 from experiments.harness.configuration import Chosen, Configuration, MeasureConfiguration, SceneConfiguration, Ties
+from experiments.harness.point import Point
 from experiments.harness.points import plan_points
 from experiments.methods.pixel import PixelOptions
 from experiments.worker import measure_point
+from experiments.workloads.planner.figures import SERIES, draw_planner_figure
 from experiments.workloads.planner.measure import FRAMES, regrets
-from experiments.workloads.planner.planner_figure import SERIES, draw_planner_figure
 from experiments.workloads.planner.terminal import sweep_lines
 from experiments.workloads.workload import NoOptions
 from scenes.cornell_box import CORNELL_BOX_CAMERA
@@ -25,8 +27,6 @@ from scenes.loading import SceneSource
 from scenes.views import VIEWS, view_fields
 from tests.meshes import cornell_box, cornell_camera
 from tests.report_samples import table_of
-
-# Views
 
 
 @pytest.mark.parametrize("view", VIEWS)
@@ -41,19 +41,13 @@ def test_every_view_shows_the_scene_from_a_place_of_its_own(view: str) -> None:
     assert fields not in others
 
 
-def test_a_view_moved_in_stands_nearer_by_four_tenths_of_what_it_looked_at() -> None:
+def test_a_view_moved_in_stands_nearer_by_four_tenths_of_what_it_looked_at_and_an_unknown_one_is_refused() -> None:
     eye = np.asarray(CORNELL_BOX_CAMERA["eye"])
     moved = np.asarray(view_fields(cornell_box(), CORNELL_BOX_CAMERA, "near")["eye"])
     with atra.PixelTracer(cornell_box(), cornell_camera(1, 1), packet_width=1) as tracer:
         assert np.linalg.norm(moved - eye) == pytest.approx(0.4 * float(tracer.trace().depth[0, 0]))
-
-
-def test_an_unknown_view_is_refused() -> None:
     with pytest.raises(InputError, match=r"scene\.view is 'behind'"):
         view_fields(cornell_box(), CORNELL_BOX_CAMERA, "behind")
-
-
-# Regret
 
 
 def test_regret_is_the_choice_over_the_best_in_frames_and_in_all() -> None:
@@ -66,45 +60,35 @@ def test_regret_is_the_choice_over_the_best_in_frames_and_in_all() -> None:
     assert (found["regret"], found["frame_regret"], found["vs_packets"]) == (144 / 128, 2.0, 144 / 256)
 
 
-def planner_table(rows: list[dict[str, object]]) -> pd.DataFrame:
-    common = {"scene": "cornell_box", "triangles": 1112, "width": 64, "height": 64, "status": "ok", "threads": 1}
-    common |= {
-        "workload": "planner",
-        "method": "pixel",
-        "grids": "planner",
-        "packet_width": 8,
-        "build_quality": "medium",
-    }
-    return table_of([common | row for row in rows])
-
-
-ROWS: list[dict[str, object]] = [
-    {"view": view, "packets_regret": 2.0, "regret": 1.0 + 0.1 * k, "frame_regret": 1.0, "vs_packets": 0.5}
-    for k, view in enumerate(("aside", "around", "wide"))
-]
+def planner_table() -> pd.DataFrame:
+    """Three views; regrets 1.0, 1.1 and 1.2."""
+    common = {
+        "scene": "cornell_box", "triangles": 1112, "width": 64, "height": 64, "status": "ok", "threads": 1,
+        "workload": "planner", "method": "pixel", "grids": "planner", "packet_width": 8, "build_quality": "medium",
+        "packets_regret": 2.0, "frame_regret": 1.0, "vs_packets": 0.5,
+    }  # fmt: skip
+    views = enumerate(("aside", "around", "wide"))
+    return table_of([{**common, "view": view, "regret": 1.0 + 0.1 * place} for place, view in views])
 
 
 def test_the_terminal_says_median_and_worst_of_all_plans() -> None:
-    (told,) = sweep_lines(planner_table(ROWS))
+    (told,) = sweep_lines(planner_table())
     assert told.startswith("plans: regret 1.10, at worst 1.20;")
     assert "over packets at worst 0.50" in told
 
 
 def test_the_figure_shows_every_view_where_it_belongs() -> None:
-    figure = draw_planner_figure(planner_table(ROWS))
+    table = planner_table()
+    figure = draw_planner_figure(table)
     (axis,) = [axis for axis in figure.axes if axis.get_visible()]
     drawn = {line.get_label(): list(line.get_xdata()) for line in axis.lines}
     for label, (name, _) in SERIES.items():
-        expected = {row["view"]: row[name] for row in ROWS}
-        ticks = [text.get_text().partition(",")[0] for text in axis.get_yticklabels()]
-        assert drawn[label] == pytest.approx([expected[view] for view in ticks])
+        views = [text.get_text().partition(",")[0] for text in axis.get_yticklabels()]
+        assert drawn[label] == pytest.approx(list(table.set_index("view")[name][views]))
 
 
-# A point, measured for real at toy size
-
-
-def toy_configuration() -> Configuration:
-    return Configuration(
+def toy_point(**fields: Any) -> Point:
+    configuration = Configuration(
         scene=SceneConfiguration(name="cornell_box", source=SceneSource.procedural, view="near"),
         measure=MeasureConfiguration(rounds=3, warmup=1),
         method=Chosen("pixel", PixelOptions()),
@@ -112,13 +96,16 @@ def toy_configuration() -> Configuration:
         width=32,
         height=32,
         threads=1,
+        **fields,
     )
+    (planned,) = plan_points([configuration])
+    return planned.point
 
 
 def test_a_measured_point_holds_every_candidate_in_the_same_rounds() -> None:
-    (planned,) = plan_points([toy_configuration()])
-    measured = measure_point(planned.point)
-    wanted = {str(one) for one in candidates(planned.point.camera)}
+    point = toy_point()
+    measured = measure_point(point)
+    wanted = {str(one) for one in candidates(point.camera)}
     assert set(measured.samples) == {one["name"] for one in measured.results["candidates"]} == wanted
     assert {len(values) for values in measured.samples.values()} == {3}
     assert measured.results["plan"] in wanted
@@ -127,8 +114,7 @@ def test_a_measured_point_holds_every_candidate_in_the_same_rounds() -> None:
 
 def test_a_point_is_measured_where_processor_time_does_not_tell_frames_apart(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(time, "thread_time", lambda: 0.0)
-    (planned,) = plan_points([toy_configuration()])
-    measured = measure_point(planned.point)
+    measured = measure_point(toy_point())
     assert all(value > 0 for values in measured.samples.values() for value in values)
 
 
@@ -138,13 +124,11 @@ def test_a_point_passes_its_ties_on_to_plans_and_tracers(monkeypatch: pytest.Mon
 
     for module in ("atra.judge.ties", "atra.tracers.base"):
         monkeypatch.setattr(f"{module}.coplanar_overlaps", refuse)
-    (planned,) = plan_points([replace(toy_configuration(), ties=Ties.any)])
-    measured = measure_point(planned.point)
+    measured = measure_point(toy_point(ties=Ties.any))
     assert measured.results["planned"]["ties"] == "any"
 
 
 def test_a_point_leaves_out_what_does_not_fit_into_its_memory_budget() -> None:
-    (planned,) = plan_points([toy_configuration()])
-    measured = measure_point(replace(planned.point, memory_budget_gib=1e-9))
+    measured = measure_point(replace(toy_point(), memory_budget_gib=1e-9))
     assert {one["method"] for one in measured.results["candidates"]} == {PACKETS}
     assert measured.results["plan"] == "packets"

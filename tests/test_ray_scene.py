@@ -14,8 +14,10 @@ from atra.embree.library import load_library
 from atra.geometry.intersection import intersect_rays
 from atra.kernels.brute_force import nearest_triangles
 from atra.kernels.rays import CHUNK
+from tests.images import assert_no_pixel_wrong, assert_same_bits, trace
 from tests.meshes import EYE_AT_ORIGIN, boards, cornell_box, cornell_camera, quads, random_triangles
 from tests.test_axis_near_views import closed_box
+from tests.test_lifetimes import in_threads
 
 WIDTHS = load_library().native_packet_widths
 UNIT = 2.0**-24
@@ -173,7 +175,6 @@ def test_a_ray_is_occluded_where_it_hits_something(width, coherent):
         assert 0.02 < hits.hit.mean() < 0.98
 
 
-@pytest.mark.core
 @each_width
 def test_no_bit_of_a_hit_depends_on_the_length_of_the_direction(width):
     mesh = MESHES["many small"]
@@ -230,7 +231,6 @@ def test_a_packet_that_shares_a_tiny_component_misses_no_wall(width, direction):
         assert occluded(wall, rays, width, coherent=coherent).all()
 
 
-@pytest.mark.core
 @each_width
 @pytest.mark.parametrize("count", [0, 1, 2, 3, 5, 8, 15, 16, 17, 31, CHUNK - 1, CHUNK, CHUNK + 1, 2 * CHUNK + 13])
 def test_a_batch_of_any_size_is_answered_ray_by_ray_and_nothing_else_is_written(width, count):
@@ -257,7 +257,6 @@ def test_a_batch_of_any_size_is_answered_ray_by_ray_and_nothing_else_is_written(
     assert (memory[2, whole_words:] == 7).all()
 
 
-@pytest.mark.core
 @each_width
 def test_any_number_of_threads_gives_the_same_bits(width):
     mesh = MESHES["many small"]
@@ -287,12 +286,9 @@ def test_the_rays_of_a_camera_hit_what_the_pixel_tracer_hits(width, coherent):
         (random_triangles(80, 7), atra.Camera((0.1, 0.2, -6), (0, 0, 0), (0, 1, 0), 50, 40, 27)),
         (random_triangles(80, 7), atra.OrthographicCamera((0.1, 0.2, -6), (0.5, 0, 0), (0, 1, 0), 7.0, 40, 27)),
     ):
-        with atra.PixelTracer(mesh, camera, packet_width=width, threads=1) as tracer:
-            reference = tracer.trace()
         hits = as_image(traced(mesh, camera_rays(camera), width, coherent=coherent), mesh, camera)
-        agreement = atra.compare(mesh, camera, hits, reference)
-        assert agreement.pixels_wrong == 0, str(agreement)
-        assert agreement.pixels_edge < 4
+        reference = trace("pixels", mesh, camera, packet_width=width)
+        assert assert_no_pixel_wrong(mesh, camera, hits, reference).pixels_edge < 4
 
 
 @pytest.mark.core
@@ -300,15 +296,11 @@ def test_the_rays_of_a_camera_hit_what_the_pixel_tracer_hits(width, coherent):
 def test_rays_that_float32_holds_exactly_are_the_pixel_tracers_to_the_bit(width):
     mesh = random_triangles(80, 7)
     camera = atra.OrthographicCamera(**EYE_AT_ORIGIN, view_height=4.0, width=64, height=64)  # pixels of 1 / 16
-    with atra.PixelTracer(mesh, camera, packet_width=width, threads=1, ties="any") as tracer:
-        reference = tracer.trace()
+    reference = trace("pixels", mesh, camera, packet_width=width, ties="any")
     assert reference.hit.mean() > 0.5
-    hits = as_image(traced(mesh, camera_rays(camera), width), mesh, camera)
-    assert hits.depth.tobytes() == reference.depth.tobytes()
-    assert hits.prim_id.tobytes() == reference.prim_id.tobytes()
+    assert_same_bits(as_image(traced(mesh, camera_rays(camera), width), mesh, camera), reference)
 
 
-@pytest.mark.core
 def test_barycentric_weights_lead_to_the_hit():
     mesh = boards()  # whose corners are turned for Embree
     assert (mesh.traced_faces != mesh.faces).any()
@@ -472,7 +464,6 @@ def test_a_scene_is_traced_between_build_and_close():
         scene.build()
 
 
-@pytest.mark.core
 @each_width
 def test_two_threads_may_use_one_scene(width):
     mesh = MESHES["many small"]
@@ -489,11 +480,7 @@ def test_two_threads_may_use_one_scene(width):
                 if (scene.occluded(batches[k]) != np.isfinite(expected[k])).any():
                     wrong.append(k)
 
-        threads = [threading.Thread(target=repeat, args=(k,)) for k in (0, 1)]
-        for thread in threads:
-            thread.start()
-        for thread in threads:
-            thread.join()
+        in_threads(lambda: repeat(0), lambda: repeat(1))
     assert not wrong
 
 

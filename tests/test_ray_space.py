@@ -7,6 +7,7 @@ import atra
 from atra.geometry import ray_space
 from atra.geometry.ray_space import NARROWEST_WORLD_PITCH, from_eye_space, ray_axes, to_ray_space
 from atra.judge.reference import brute_force
+from tests.images import METHODS, PARALLEL, assert_equal_images, assert_no_pixel_wrong, make_tracer, trace
 
 SLANTED = {"eye": (0.1, 0.2, 0.3), "target": (3.1, 2.2, 9.3)}
 """A camera with no axis along one of the world's."""
@@ -20,18 +21,6 @@ def confetti(camera, count=100):
     points = np.concatenate([place * half, np.ones((count, 3, 1))], axis=2) * random.uniform(5, 10, (count, 3, 1))
     vertices = points.reshape(-1, 3) @ camera.axes + camera.eye
     return atra.Mesh(vertices, np.arange(3 * count).reshape(-1, 3), "confetti")
-
-
-METHODS = {
-    "pixel": lambda mesh, camera: atra.PixelTracer(mesh, camera, threads=1),
-    "aligned": lambda mesh, camera: atra.AlignedTracer(mesh, camera, (4, 1), threads=1),
-    "instanced": lambda mesh, camera: atra.AlignedTracer(
-        mesh, camera, (4, 1), culling=False, geometry="instanced", threads=1
-    ),
-    "visible_first": lambda mesh, camera: atra.VisibleFirstTracer(mesh, camera, (4, 1), threads=1),
-    "tiles": lambda mesh, camera: atra.TiledTracer(mesh, camera, (4, 1), threads=1),
-}
-PARALLEL_METHODS = ("pixel", "aligned", "instanced")
 
 
 def pinhole(scale, distance=2.0):
@@ -53,40 +42,34 @@ def bumpy_square(scale, count=20):
     return atra.Mesh((points * scale).astype(np.float32), faces, "bumpy")
 
 
-def assert_float64_image(mesh, camera, method):
+def assert_float64_image(mesh, camera, methods):
     reference = brute_force(mesh, camera)
     assert reference.hit.sum() > 500
-    with METHODS[method](mesh, camera) as tracer:
-        assert atra.compare(mesh, camera, tracer.trace(), reference).pixels_wrong == 0
+    for method in methods:
+        assert_no_pixel_wrong(mesh, camera, trace(method, mesh, camera, (4, 1)), reference)
 
 
 @pytest.mark.parametrize("scale", [ray_space.SMALLEST_SIZE * 0.51, ray_space.FARTHEST_FROM_EYE * 0.48])
-@pytest.mark.parametrize("method", METHODS)
-def test_the_smallest_and_largest_mesh_that_are_not_refused_give_the_float64_image(method, scale):
-    assert_float64_image(bumpy_square(scale), pinhole(scale), method)
-    if method in PARALLEL_METHODS:
-        assert_float64_image(bumpy_square(scale), parallel(scale), method)
+def test_the_smallest_and_largest_mesh_that_are_not_refused_give_the_float64_image(scale):
+    assert_float64_image(bumpy_square(scale), pinhole(scale), METHODS)
+    assert_float64_image(bumpy_square(scale), parallel(scale), PARALLEL)
 
 
 @pytest.mark.parametrize("size", [1.0, 1e6])
+def test_the_farthest_eye_that_is_not_refused_gives_the_float64_image(size):
+    assert_float64_image(bumpy_square(size), pinhole(size, 0.99 * ray_space.FARTHEST_FROM_EYE / size), METHODS)
+
+
 @pytest.mark.parametrize("method", METHODS)
-def test_the_farthest_eye_that_is_not_refused_gives_the_float64_image(method, size):
-    assert_float64_image(bumpy_square(size), pinhole(size, 0.99 * ray_space.FARTHEST_FROM_EYE / size), method)
-
-
-@pytest.mark.parametrize(
-    ("method", "view"),
-    [*((method, pinhole) for method in METHODS), *((method, parallel) for method in PARALLEL_METHODS)],
-)
-def test_a_mesh_too_small_or_too_far_for_float32_is_refused_with_the_reason(method, view):
-    with pytest.raises(atra.InputError, match=r"'bumpy' is 9\.8e-10 in size, expected at least 1e-09.*scale .* up"):
-        METHODS[method](bumpy_square(4.9e-10), view(4.9e-10))
-    with pytest.raises(
-        atra.InputError, match=r"'bumpy' reaches 1\.\d+e\+11 from the eye .* at most 1e\+11.*scale .* down"
-    ):
-        METHODS[method](bumpy_square(5.1e10), view(5.1e10))
-    with pytest.raises(atra.InputError, match=r"reaches 1e\+18 from the eye"):
-        METHODS[method](bumpy_square(1.0), view(1.0, 1e18))
+def test_a_mesh_too_small_or_too_far_for_float32_is_refused_with_the_reason(method):
+    for view in (pinhole, parallel) if method in PARALLEL else (pinhole,):
+        for size, distance, message in (
+            (4.9e-10, 2, r"'bumpy' is 9\.8e-10 in size, expected at least 1e-09.*scale .* up"),
+            (5.1e10, 2, r"'bumpy' reaches 1\.\d+e\+11 from the eye .* at most 1e\+11.*scale .* down"),
+            (1.0, 1e18, r"reaches 1e\+18 from the eye"),
+        ):
+            with pytest.raises(atra.InputError, match=message):
+                make_tracer(method, bumpy_square(size), view(size, distance), (4, 1))
 
 
 def test_every_frame_is_checked():
@@ -122,18 +105,8 @@ def test_a_narrow_slanted_view_is_the_float64_image_by_every_method(fov):
     mesh = confetti(camera)
     reference = brute_force(mesh, camera)
     assert len(np.unique(reference.prim_id)) > 50
-    for tracer in (
-        atra.PixelTracer(mesh, camera, packet_width=1),
-        atra.AlignedTracer(mesh, camera, (12, 2)),
-        atra.AlignedTracer(mesh, camera, (12, 2), culling=False),
-        atra.AlignedTracer(mesh, camera, (12, 2), culling=False, geometry="instanced"),
-        atra.VisibleFirstTracer(mesh, camera, (12, 2)),
-        atra.TiledTracer(mesh, camera, (12, 2)),
-    ):
-        with tracer:
-            agreement = atra.compare(mesh, camera, tracer.trace(), reference)
-        assert agreement.pixels_wrong == 0, str(agreement)
-        assert agreement.pixels_equal >= 0.98 * agreement.pixels, str(agreement)
+    for method in METHODS:
+        assert_equal_images(mesh, camera, trace(method, mesh, camera, (12, 2)), reference)
 
 
 def test_wide_views_keep_the_axes_of_the_world_and_narrow_ones_take_the_cameras():

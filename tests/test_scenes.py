@@ -1,4 +1,4 @@
-"""Scenes from a folder, and the view of a mesh that has none."""
+"""Scenes by source and name, scenes from a folder, and the view of a mesh that has none."""
 
 import json
 import os
@@ -12,9 +12,11 @@ import pytest
 from atra.errors import InputError
 from atra.geometry.camera import Camera
 from atra.geometry.mesh import Mesh
-from atra.judge.reference import brute_force
+from scenes.built_in import BUILT_IN, make_scene, stand_in_for
 from scenes.cornell_box import cornell_box
 from scenes.directory import default_cache, default_camera_fields, find_scene_folder, load_scene_from_directory
+from scenes.loading import SceneSource, load_scene, scene_is_available
+from scenes.manifest import picture_restriction, read_manifest
 from tests.folders import empty_cache
 
 PLY = (
@@ -39,10 +41,12 @@ def cache(tmp_path, monkeypatch):
     return made
 
 
-def test_a_folder_gives_the_mesh_under_its_name_and_fields_a_camera_takes(folder):
+def test_a_folder_gives_the_mesh_under_its_name_and_fields_a_camera_takes_in_any_order(folder):
+    given = {"up": [0, 0, 1], "target": [0, 0, 0], "fov_y_degrees": 30, "eye": [0, 5, 0]}
+    (folder / "cameras.json").write_text(json.dumps({"tri": given}))
     scene = load_scene_from_directory("tri", folder)
     assert (scene.mesh.name, scene.mesh.triangle_count) == ("tri", 1)
-    assert Camera(**scene.camera).eye == (0, 0, 5)
+    assert scene.camera == {"eye": (0, 5, 0), "target": (0, 0, 0), "up": (0, 0, 1), "fov_y_degrees": 30}
 
 
 def test_the_folder_comes_from_the_environment_relative_to_the_working_directory_or_home(folder, monkeypatch):
@@ -166,13 +170,6 @@ def test_an_unknown_scene_or_missing_mesh_is_refused_listing_what_there_is(folde
         load_scene_from_directory("absent", folder)
 
 
-def test_the_fields_of_a_camera_may_stand_in_any_order(folder):
-    given = {"up": [0, 0, 1], "target": [0, 0, 0], "fov_y_degrees": 30, "eye": [0, 5, 0]}
-    (folder / "cameras.json").write_text(json.dumps({"tri": given}))
-    found = load_scene_from_directory("tri", folder).camera
-    assert found == {"eye": (0, 5, 0), "target": (0, 0, 0), "up": (0, 0, 1), "fov_y_degrees": 30}
-
-
 @pytest.mark.parametrize(
     ("field", "value"),
     [
@@ -213,7 +210,41 @@ def test_the_default_camera_exists_for_flat_and_collapsed_meshes(vertices):
     Camera(**default_camera_fields(Mesh(vertices, [(0, 1, 2)])))
 
 
-@pytest.mark.skipif(not os.environ.get("ATRA_SCENES"), reason="ATRA_SCENES is not set")
-def test_the_users_cornell_box_can_be_loaded_and_seen():
-    scene = load_scene_from_directory("cornell_box")
-    assert brute_force(scene.mesh, Camera(**scene.camera, width=16, height=16)).hit.any()
+def test_every_source_gives_a_scene_with_a_whole_camera_and_what_is_known_of_it(cache, monkeypatch):
+    monkeypatch.setenv("ATRA_SCENES", str(cache))
+    (cache / "cameras.json").write_text(json.dumps({"sponza": CAMERA, "mitsuba": CAMERA}))
+    assert not scene_is_available(SceneSource.directory, "sponza")
+    for name in ("sponza", "mitsuba"):
+        (cache / f"{name}.ply").write_text(PLY)
+    assert scene_is_available(SceneSource.directory, "sponza")
+    sponza = load_scene(SceneSource.directory, "sponza", None)
+    assert (sponza.name, sponza.mesh.name, sponza.stands_for) == ("sponza", "sponza", None)
+    assert sponza.picture_restriction is None
+    assert sponza.camera == {"eye": (0, 0, 5), "target": (0, 0, 0), "up": (0.0, 1.0, 0.0), "fov_y_degrees": 60.0}
+    assert "Mitsuba Knob" in load_scene(SceneSource.directory, "mitsuba", None).picture_restriction
+    own = load_scene(SceneSource.file, None, str(cache / "mitsuba.ply"))  # the user's, who is to judge it
+    assert (own.mesh.triangle_count, set(own.camera), own.picture_restriction) == (1, set(sponza.camera), None)
+    assert own.mesh_sha256 == sponza.mesh_sha256
+    box = load_scene(SceneSource.procedural, "cornell_box", None)
+    assert (box.name, set(box.camera), box.stands_for) == ("cornell_box", set(sponza.camera), None)
+    assert box.mesh_sha256 != sponza.mesh_sha256
+
+
+def test_built_in_scenes_are_available_and_each_stand_in_is_found_by_the_scene_it_stands_for():
+    assert all(scene_is_available(SceneSource.procedural, name) for name in BUILT_IN)
+    assert not scene_is_available(SceneSource.procedural, "sponza")
+    assert not scene_is_available(SceneSource.directory, None)
+    assert scene_is_available(SceneSource.file, None)
+    names = {"mitsuba": "material_ball", "fireplace_room": "living_room", "sponza": "atrium"}
+    assert {name: stand_in_for(name) for name in names} == names
+    assert {stand_in_for(name) for name in ("cornell_box", "atrium", None)} == {None}
+    assert make_scene("material_ball").stands_for == "mitsuba"
+
+
+def test_only_pictures_of_mitsuba_are_withheld_and_the_reason_is_one_sentence():
+    withheld = {name for name in (*read_manifest().scenes, *BUILT_IN, "my_model") if picture_restriction(name)}
+    assert withheld == {"mitsuba"}
+    reason = picture_restriction("mitsuba")
+    assert "Mitsuba Knob" in reason
+    assert reason.count(".") == 1
+    assert reason.endswith(".")

@@ -17,16 +17,16 @@ from experiments.harness.points import plan_points
 from experiments.harness.records import Record
 from experiments.methods import METHODS
 from experiments.methods.method import Method
-from experiments.report.columns import IDENTITY, views_of
+from experiments.report.tables import workload_tables
 from experiments.results.settings import settings, settings_that_vary
 from experiments.results.table import columns, make_table
 from experiments.results.terminal import print_sweep
 from experiments.workloads import WORKLOADS
-from experiments.workloads.build.build_figure import draw_build_figure
+from experiments.workloads.build.figures import draw_build_figure
 from experiments.workloads.frame.grid_figure import draw_grid_figure
 from experiments.workloads.frame.split_figure import draw_split_figure
-from experiments.workloads.memory.memory_figure import draw_memory_figure
-from tests.test_figures import build_row, make_rows, memory_row, time_row
+from experiments.workloads.memory.figures import draw_memory_figure
+from tests.drawn import build_row, make_rows, memory_row, time_row
 from tests.test_sweep import Runner, configuration
 from tests.test_table import MEASURED
 
@@ -102,12 +102,12 @@ def test_two_points_that_differ_in_a_setting_differ_in_its_column(name: str) -> 
 
 
 @every_setting
-def test_the_page_shows_a_setting_that_varies_in_every_view(name: str) -> None:
-    for view in views_of(make_table(records_that_differ_in(name))):
-        assert view.columns.count(name) == 1
-    if name not in IDENTITY:
-        frame_times, *_ = views_of(make_table(records_that_differ_in("split_x")))
-        assert name not in frame_times.columns
+def test_the_page_shows_a_setting_that_varies(name: str) -> None:
+    (table,) = workload_tables(make_table(records_that_differ_in(name)))
+    assert [heading.name for heading in table.headings].count(name) == 1
+    if name not in OF_METHODS:
+        (table,) = workload_tables(make_table(records_that_differ_in("split_x")))
+        assert name not in [heading.name for heading in table.headings]
 
 
 @pytest.mark.parametrize("name", [name for name in settings() if name not in ("offsets", "sample_rays")])

@@ -3,25 +3,20 @@
 from __future__ import annotations
 
 import io
-import json
 import subprocess
 from dataclasses import replace
 from pathlib import Path
 
 import pandas as pd
-import pytest
 from rich.console import Console
 
 from atra.errors import InputError, printable
-from experiments.harness import records
 from experiments.harness.launching import WORKER_COMMAND, project_environment
 from experiments.harness.progress import SweepProgress, say
-from experiments.harness.records import FORMAT, Record, read_record, record_path
-from experiments.report import ReportFigure
 from experiments.report.page import render_report
-from experiments.results.table import columns, read_table, write_table
+from experiments.results.table import columns
 from experiments.results.terminal import print_point, print_sweep
-from tests.report_samples import CLAIMS, SVG, scene_pictures, small_contents, small_table
+from tests.report_samples import CLAIMS, drawn_figure, scene_pictures, small_contents, small_table
 
 ROOT = Path(__file__).resolve().parents[1]
 CONTROLS = "\x1b]0;title\x07\x1b[2J\x9b31m\u202edesrever\u2028\x00"
@@ -59,8 +54,8 @@ def test_no_control_character_of_a_name_or_an_error_reaches_the_page() -> None:
             command=CONTROLS,
             table=hostile_table(),
             claims=(claim,),
-            figures=(ReportFigure(CONTROLS, CONTROLS, SVG),),
-            pictures=(scene_pictures(CONTROLS, edge=8, title=CONTROLS, stands_for=CONTROLS, withheld=CONTROLS),),
+            figures=(drawn_figure(CONTROLS, CONTROLS),),
+            pictures=(scene_pictures(CONTROLS, stands_for=CONTROLS),),
             environment={"cpu": CONTROLS, CONTROLS: CONTROLS},
         )
     )
@@ -81,38 +76,6 @@ def test_no_control_character_reaches_the_terminal(tmp_path: Path) -> None:
     say(console, CONTROLS)
     assert controls_in(written.getvalue()) == set()
     assert written.getvalue().count(r"\x1b[2J") > 5
-
-
-def test_a_record_with_hostile_keys_is_set_aside_with_a_printable_warning(tmp_path: Path) -> None:
-    fields = {**vars(Record("x", "ok", None, {}, {})), CONTROLS: 1}
-    text = json.dumps({"format": FORMAT, "sha256": records._sha256(fields), **fields})
-    record_path(tmp_path, "x").write_text(text)
-    with pytest.warns(UserWarning, match="makes no sense") as caught:
-        assert read_record(tmp_path, "x") is None
-    assert str(caught[0].message).isprintable()
-
-
-@pytest.mark.parametrize("start", ["=cmd()", "+1", "-1", "@x"])
-def test_a_spreadsheet_takes_no_scene_for_a_formula(tmp_path: Path, start: str) -> None:
-    table = small_table()
-    table.loc[0, "scene"] = start
-    write_table(tmp_path, table)
-    read = pd.read_csv(tmp_path / "table.csv", dtype=str, keep_default_na=False)
-    assert read["scene"][0] == "'" + start
-    assert list(read["scene"][1:]) == list(table["scene"][1:])
-    assert list(read["speedup"].replace("", "nan").astype(float)) == pytest.approx(
-        list(table["speedup"].to_numpy(float, na_value=float("nan"))), nan_ok=True
-    )
-    kept = read_table(tmp_path)
-    assert kept is not None
-    assert kept["scene"][0] == start
-
-
-def test_a_text_with_line_breaks_stays_in_its_row_of_the_csv(tmp_path: Path) -> None:
-    table = small_table()
-    table["error"] = pd.array(["a\rb\nc\r\nd"] * len(table), dtype="string")
-    write_table(tmp_path, table)
-    assert list(pd.read_csv(tmp_path / "table.csv")["error"]) == ["a\\rb\nc\r\nd"] * len(table)
 
 
 def test_a_worker_imports_nothing_from_the_folder_it_is_started_in(tmp_path: Path) -> None:

@@ -67,24 +67,21 @@ def test_the_baseline_are_the_packets_with_the_shortest_median() -> None:
     assert fastest_packets(samples | {"packets_16": [9.0, 2.0, 2.0]}) == 16
 
 
-@pytest.mark.parametrize(
-    ("native", "expected"), [((1, 4, 8, 16), (8, 16)), ((1, 4, 8), (8,)), ((1, 4), (4,)), ((1,), (1,))]
-)
-def test_an_expert_tries_every_native_width_from_8_on_or_else_the_widest(
-    native: tuple[int, ...], expected: tuple[int, ...], monkeypatch: pytest.MonkeyPatch
+def test_an_expert_tries_every_native_width_from_8_on_or_else_the_widest(monkeypatch: pytest.MonkeyPatch) -> None:
+    expected = {(1, 4, 8, 16): (8, 16), (1, 4, 8): (8,), (1, 4): (4,), (1,): (1,)}
+    for native, widths in expected.items():
+        library = SimpleNamespace(native_packet_widths=native)
+        monkeypatch.setattr(rounds, "load_library", lambda library=library: library)
+        assert expert_packet_widths() == widths
+
+
+def test_a_timed_point_plans_and_builds_five_times_but_not_again_what_takes_long(
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(rounds, "load_library", lambda: SimpleNamespace(native_packet_widths=native))
-    assert expert_packet_widths() == expected
-
-
-def test_a_timed_point_plans_and_builds_five_times_and_tells_the_medians() -> None:
     results = measured("frame").results
-    assert len(results["plan_samples_s"]) == len(results["build_samples_s"]) == 5
-    assert results["plan_time_s"] == sorted(results["plan_samples_s"])[2]
-    assert results["build_time_s"] == sorted(results["build_samples_s"])[2]
-
-
-def test_a_timed_point_does_not_plan_and_build_again_what_takes_long(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("plan", "build"):
+        assert len(results[f"{name}_samples_s"]) == 5
+        assert results[f"{name}_time_s"] == sorted(results[f"{name}_samples_s"])[2]
     monkeypatch.setattr(rounds, "BUILDS_BUDGET_S", 0.0)
     results = measured("frame").results
     assert len(results["plan_samples_s"]) == len(results["build_samples_s"]) == 1
@@ -111,9 +108,7 @@ def test_a_build_is_timed_by_the_method_s_own_clocks(monkeypatch: pytest.MonkeyP
     assert outcome.samples["plan"] == [1000.0] * 3
     assert all(2000 < build < 2100 for build in outcome.samples["build"])
     assert all(0 < build < 100 for build in outcome.samples["baseline_build"])
-    assert {name: len(values) for name, values in outcome.warmup_samples.items()} == {
-        "plan": 1, "build": 1, "baseline_build": 1,
-    }  # fmt: skip
+    assert {len(values) for values in outcome.warmup_samples.values()} == {1}
 
 
 @pytest.mark.parametrize("fields", [{}, {"geometry": Geometry.instanced}, {"method": "pixel"}])
@@ -121,10 +116,8 @@ def test_a_memory_has_the_bytes_of_each_step_and_no_times(fields: dict[str, Any]
     outcome = measured("memory", **fields)
     results = outcome.results
     assert outcome.samples == {}
-    assert results["rss_start_bytes"] > 0
-    assert results["rss_mesh_bytes"] > 0
+    assert min(results[name] for name in ("rss_start_bytes", "rss_mesh_bytes", "embree_bytes")) > 0
     assert results["rss_bytes"] <= results["peak_rss_bytes"]
-    assert results["embree_bytes"] > 0
     assert not [name for name in results if name.endswith("_s")]
 
 
@@ -137,13 +130,10 @@ def test_instances_hold_fewer_triangles_than_copies_without_culling() -> None:
 
 def test_the_pictures_have_the_image_s_size_and_the_difference_marks_what_the_counts_tell() -> None:
     results = measured("picture").results
-    images = {
-        name: np.asarray(Image.open(io.BytesIO(base64.b64decode(text))).convert("RGB"))
-        for name, text in results["pictures"].items()
-    }
-    assert {name: image.shape for name, image in images.items()} == {
-        "aligned": (32, 48, 3), "pixel": (32, 48, 3), "difference": (32, 48, 3),
-    }  # fmt: skip
+    files = {name: io.BytesIO(base64.b64decode(text)) for name, text in results["pictures"].items()}
+    images = {name: np.asarray(Image.open(file).convert("RGB")) for name, file in files.items()}
+    shapes = {name: image.shape for name, image in images.items()}
+    assert shapes == dict.fromkeys(("aligned", "pixel", "difference"), (32, 48, 3))
     assert results["pixels_wrong"] == 0
     assert len(np.unique(images["aligned"].reshape(-1, 3), axis=0)) > 5  # a shaded scene, no blank
     if results["pixels_equal"] == 48 * 32:

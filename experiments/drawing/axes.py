@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Sequence
 from typing import Any, Literal
 
 import numpy as np
@@ -18,7 +18,7 @@ _SPLITS = {"split_x": "horizontal splits", "split_y": "vertical splits"}
 
 def draw_series(
     axis: Axes, splits: NDArray[np.float64], values: NDArray[np.float64], style: dict[str, Any],
-    quartiles: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None, label: str = "",
+    quartiles: Sequence[NDArray[np.float64]] | None = None, label: str = "",
 ) -> None:  # fmt: skip
     """A line over splits with bars from the lower to the upper quartile; what is missing is left out.
 
@@ -47,26 +47,28 @@ def _bars(
     return abscissae.ravel(), ordinates.ravel()
 
 
-def draw_baseline(axis: Axes, values: NDArray[np.float64], style: dict[str, Any], label: str = "") -> None:
-    """A line at the median of all that was measured of something without splits, a band from quartile to quartile."""
+def draw_baseline(
+    axis: Axes, values: NDArray[np.float64], style: dict[str, Any], label: str = "", upright: bool = False
+) -> float:
+    """A line at the median of all that was measured of something without splits, a band from quartile to quartile.
+
+    Returns the upper quartile, 0 where nothing was measured.
+    """
     values = values[drawable(values)]
     if len(values) == 0:
-        return
+        return 0.0
     q1, median, q3 = np.quantile(values, [0.25, 0.5, 0.75])
+    draw_band, draw_line = (axis.axvspan, axis.axvline) if upright else (axis.axhspan, axis.axhline)
     if q3 > q1:
-        axis.axhspan(q1, q3, color=style["color"], alpha=0.15, linewidth=0, zorder=1)
-    axis.axhline(median, linewidth=1.5, zorder=2, label=label, **style)
+        draw_band(q1, q3, color=style["color"], alpha=0.15, linewidth=0, zorder=1)
+    draw_line(median, linewidth=1.5, zorder=2.5 if upright else 2, label=label, **style)
+    return float(q3)
 
 
 def finish_split_axes(axis: Axes, splits: Iterable[int], axis_name: str, quantity: str) -> None:
     """Both axes logarithmic with readable ticks, labels and a light grid. To be called once everything is drawn."""
-    ordered = sorted({int(split) for split in splits}) or [1]
-    axis.set_xscale("log", base=2)
     axis.set_yscale("log")
-    axis.set_xticks(ordered, [str(split) for split in ordered])
-    axis.xaxis.set_minor_formatter(NullFormatter())
-    axis.minorticks_off()
-    axis.set_xlim(ordered[0] / 1.35, ordered[-1] * 1.35)
+    place_counts(axis, splits, 1.35)
     # The crosses of missing points hang on the edge and set no limits: without data these are infinite.
     if np.isfinite(axis.dataLim.intervaly).all() and axis.dataLim.intervaly[0] > 0:
         low, high = axis.get_ylim()
@@ -82,6 +84,17 @@ def finish_split_axes(axis: Axes, splits: Iterable[int], axis_name: str, quantit
     axis.set_xlabel(_SPLITS[axis_name])
     axis.set_ylabel(quantity)
     tidy_axis(axis)
+
+
+def place_counts(axis: Axes, counts: Iterable[int], margin: float) -> list[int]:
+    """A logarithmic abscissa with a tick for each count, wider by the factor `margin` at both ends; returns them."""
+    ordered = sorted({int(count) for count in counts}) or [1]
+    axis.set_xscale("log", base=2)
+    axis.set_xticks(ordered, [str(count) for count in ordered])
+    axis.xaxis.set_minor_formatter(NullFormatter())
+    axis.minorticks_off()
+    axis.set_xlim(ordered[0] / margin, ordered[-1] * margin)
+    return ordered
 
 
 def tidy_axis(

@@ -12,9 +12,9 @@ import pandas as pd
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from experiments.drawing.axes import tidy_axis
+from experiments.drawing.axes import draw_baseline, tidy_axis
 from experiments.drawing.style import BLACK, GREY
-from experiments.drawing.values import drawable, numbers
+from experiments.drawing.values import numbers
 
 
 @dataclass(frozen=True)
@@ -60,23 +60,14 @@ def finish_bar_axes(axis: Axes, bars: Sequence[Bar], quantity: str, furthest: fl
 def draw_upright_lines(
     axis: Axes, rows: pd.DataFrame, lines: Mapping[str, tuple[str, dict[str, Any]]], factor: float
 ) -> float:
-    """Upright lines at the median of a column over all rows, with a band from quartile to quartile.
+    """Upright baselines: the median of a column over all rows, with a band from quartile to quartile.
 
     lines: label -> column and line. factor: seconds -> the units of the axis. Returns where the last one stands, 0
     without any.
     """
-    furthest = 0.0
-    for label, (name, style) in lines.items():
-        values = numbers(rows, name) * factor
-        values = values[drawable(values)]
-        if len(values) == 0:
-            continue
-        q1, median, q3 = np.quantile(values, [0.25, 0.5, 0.75])
-        if q3 > q1:
-            axis.axvspan(q1, q3, color=style["color"], alpha=0.15, linewidth=0, zorder=1)
-        axis.axvline(median, linewidth=1.5, zorder=2.5, label=label, **style)
-        furthest = max(furthest, float(q3))
-    return furthest
+    ends = [draw_baseline(axis, numbers(rows, name) * factor, style, label, upright=True)
+            for label, (name, style) in lines.items()]  # fmt: skip
+    return max(ends, default=0.0)
 
 
 def spread(values: NDArray[np.float64], gap: float) -> NDArray[np.float64]:

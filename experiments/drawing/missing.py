@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from textwrap import fill
 
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from experiments.drawing.style import GREY
+from experiments.drawing.pages import write_notes
 from experiments.drawing.values import TIMES, drawable
 
 
@@ -49,6 +48,14 @@ def undrawable_points(
     return listed
 
 
+def without_value(
+    rows: pd.DataFrame, values: NDArray[np.float64], axis_name: str, series: str, color: str
+) -> list[Missing]:
+    """Both: what was not measured, and what was and cannot be drawn."""
+    skipped = missing_points(rows, axis_name, series, color)
+    return [*skipped, *undrawable_points(rows, values, axis_name, series, color)]
+
+
 def mark_missing(axis: Axes, missing: Sequence[Missing]) -> None:
     """A cross on the upper edge for each point without a value, and the reason in words below the panel."""
     # Each series has its own height, so that one cross does not hide another.
@@ -59,14 +66,8 @@ def mark_missing(axis: Axes, missing: Sequence[Missing]) -> None:
             one.splits, [heights[one.series]] * len(one.splits), "x", color=one.color, markersize=6,
             markeredgewidth=1.8, transform=axis.get_xaxis_transform(), clip_on=False, zorder=5,
         )  # fmt: skip
-        note = f"{TIMES} {one.series}, {_say_splits(one.splits)}: {one.reason}"
-        # A line wider than its panel would make the layout shrink all of them.
-        notes.append(fill(note, 80, subsequent_indent="   "))
-    if notes:
-        axis.annotate(
-            "\n".join(notes), (0, 0), xytext=(0, -36), xycoords="axes fraction", textcoords="offset points",
-            ha="left", va="top", fontsize=7.5, color=GREY,
-        )  # fmt: skip
+        notes.append(f"{TIMES} {one.series}, {_say_splits(one.splits)}: {one.reason}")
+    write_notes(axis, notes)
 
 
 def _whole(splits: pd.Series) -> list[int]:

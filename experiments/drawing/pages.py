@@ -45,41 +45,48 @@ def set_panel_title(axis: Axes, title: str, stands_for: str | None) -> None:
         )  # fmt: skip
 
 
-def add_legend(figure: Figure, axes: Sequence[Axes], order: Sequence[str], heading: str = "") -> None:
-    """One legend above all panels, of the labels that occur, in this order; above it the heading, if there is one."""
+def add_legend(figure: Figure, axes: Sequence[Axes], order: Sequence[str]) -> None:
+    """One legend above all panels, of the labels that occur, in this order."""
     handles: dict[str, Any] = {}
     for axis in axes:
         handles |= {label: handle for handle, label in zip(*axis.get_legend_handles_labels(), strict=True)}
     labels = [label for label in order if label in handles]
     if not labels:
-        figure.suptitle(heading, fontsize=12)
+        figure.suptitle("", fontsize=12)
         return
     wide = figure.get_figwidth() > 8
     per_row = (len(labels) if len(labels) <= 5 else -(-len(labels) // 2)) if wide else 2
-    # The heading is the legend's title: the layout would put a title of the figure on top of a legend outside.
-    figure.legend(
-        [handles[label] for label in labels], labels, loc="outside upper center", ncols=per_row, frameon=False,
-        title=heading or None, title_fontsize=12,
+    shown = [handles[label] for label in labels]
+    figure.legend(shown, labels, loc="outside upper center", ncols=per_row, frameon=False)
+
+
+def write_below(axis: Axes, text: str, drop: float, start: float = 0.0, **style: Any) -> None:
+    """Text whose top is `drop` points under the lower edge of a panel, from `start`, a fraction of its width."""
+    axis.annotate(
+        text, (start, 0), xytext=(0, -drop), xycoords="axes fraction", textcoords="offset points", ha="left", va="top",
+        **style,
     )  # fmt: skip
 
 
-def add_foot(figure: Figure, table: pd.DataFrame, mark: str) -> None:
-    """`describe_measurement` below all panels."""
-    figure.supxlabel(describe_measurement(table, mark), fontsize=8, color=GREY)
+def write_table(axis: Axes, lines: Sequence[tuple[str, Sequence[str]]], starts: Sequence[float], line_points: float,
+                font_points: float) -> None:  # fmt: skip
+    """Lines of cells below a panel, each line in its colour; starts: of the columns, fractions of its width."""
+    for place, (color, cells) in enumerate(lines):
+        for start, text in zip(starts, cells, strict=True):
+            write_below(axis, text, 36 + line_points * place, start, fontsize=font_points, color=color)
 
 
 def write_notes(axis: Axes, notes: Sequence[str], drop: float = 36) -> None:
     """Lines below a panel, from `drop` points under its lower edge, folded to its width."""
     if notes:
-        axis.annotate(
-            "\n".join(fill(note, 80, subsequent_indent="   ") for note in notes), (0, 0), xytext=(0, -drop),
-            xycoords="axes fraction", textcoords="offset points", ha="left", va="top", fontsize=7.5, color=GREY,
-        )  # fmt: skip
+        # A line wider than its panel would make the layout shrink all of them.
+        text = "\n".join(fill(note, 80, subsequent_indent="   ") for note in notes)
+        write_below(axis, text, drop, fontsize=7.5, color=GREY)
 
 
-def write_foot(figure: Figure, rows: pd.DataFrame, *lines: str) -> None:
+def write_foot(figure: Figure, rows: pd.DataFrame, *lines: str, mark: str = "") -> None:
     """`describe_measurement` below all panels, and lines of the figure's own under it."""
-    text = "\n".join(filter(None, [describe_measurement(rows), *lines]))
+    text = "\n".join(filter(None, [describe_measurement(rows, mark), *lines]))
     figure.supxlabel(text, fontsize=8, color=GREY)
 
 

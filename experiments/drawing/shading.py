@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from atra.errors import InputError
 from atra.hits import Hits
 from atra.judge.compare import Verdict
 
@@ -117,15 +116,9 @@ def difference_picture(
     the same one at a depth off by more than a thousandth, is marked as wrong, since nobody has excused it.
     reach_pixels: how far a mark reaches beyond its pixel, so that one pixel in a million is seen; 0 marks the pixels
     alone, None chooses by the image's size. Where marks overlap, the graver verdict is on top.
-    Raises InputError if the images or the verdict differ in size.
     """
-    shape = aligned.prim_id.shape
-    if pixel.prim_id.shape != shape:
-        raise InputError(f"images of shapes {shape} and {pixel.prim_id.shape} have no difference, expected equal sizes")
     if verdict is None:
         verdict = np.where(_differs(aligned, pixel), np.uint8(Verdict.WRONG), np.uint8(Verdict.EQUAL))
-    if verdict.shape != shape:
-        raise InputError(f"verdict has shape {verdict.shape}, expected that of the images, {shape}")
     return mark_verdicts(verdict, reach_pixels)
 
 
@@ -162,12 +155,7 @@ def _mark(kind: Verdict, reach: int) -> list[tuple[int, int]]:
 
 
 def encode_png(image: NDArray[np.uint8]) -> bytes:
-    """The PNG of an (H, W, 3) uint8 RGB image, lossless; with at most 256 colours it is a palette's, and small.
-
-    Raises InputError for another shape or dtype.
-    """
-    if image.dtype != np.uint8 or image.ndim != 3 or image.shape[2] != 3 or image.size == 0:
-        raise InputError(f"image is {image.dtype} of shape {image.shape}, expected uint8 of shape (H, W, 3)")
+    """The PNG of an (H, W, 3) uint8 RGB image, lossless; with at most 256 colours it is a palette's, and small."""
     packed = image.astype(np.uint32) @ np.array([1 << 16, 1 << 8, 1], np.uint32)
     colours, index = np.unique(packed, return_inverse=True)
     if len(colours) <= 256:

@@ -7,11 +7,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 MILLISECONDS = 1e3
-
-
 MEBIBYTES = 2.0**-20
-
-
 TIMES = "\N{MULTIPLICATION SIGN}"
 
 
@@ -23,6 +19,11 @@ def column(table: pd.DataFrame, name: str) -> pd.Series:
 def numbers(table: pd.DataFrame, name: str) -> NDArray[np.float64]:
     """The column as float64, NaN where missing."""
     return pd.to_numeric(column(table, name), errors="coerce").to_numpy(np.float64, na_value=np.nan)
+
+
+def quartiles_ms(table: pd.DataFrame, stem: str) -> tuple[NDArray[np.float64], ...]:
+    """Median, lower and upper quartile of a time as milliseconds."""
+    return tuple(numbers(table, f"{stem}{end}_s") * MILLISECONDS for end in ("", "_q1", "_q3"))
 
 
 def varies(table: pd.DataFrame, name: str) -> bool:

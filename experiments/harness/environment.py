@@ -31,18 +31,19 @@ class Environment:
     """Where and when a point was measured.
 
     The fields up to `code_sha256` are stable: they belong to the machine and its software, and `stable()` returns
-    them alone. The rest describes the moment. A field that cannot be read on this system is None.
+    them alone. The rest describes the moment. A field that cannot be read on this system is None; all are as JSON gives
+    them back.
     instruction_set: the one that Embree and Numba were held to (`atra.embree.instruction_sets`); None: all that there
     are. code_sha256: hash of the library's own source, so that a record of an older kernel never passes for the present
     one.
     """
 
     cpu: str
-    cpu_extensions: tuple[str, ...]
+    cpu_extensions: list[str]
     instruction_set: str | None
     physical_cores: int | None
     logical_cores: int | None
-    affinity: tuple[int, ...] | None
+    affinity: list[int] | None
     machine: str
     system: str
     python_version: str
@@ -54,7 +55,7 @@ class Environment:
     code_sha256: str
     system_release: str
     governor: str | None
-    load_average: tuple[float, ...] | None
+    load_average: list[float] | None
     memory_total_bytes: int
     memory_available_bytes: int
     git_commit: str | None
@@ -73,14 +74,9 @@ STABLE_FIELDS = tuple(_NAMES[: _NAMES.index("code_sha256") + 1])
 def describe_difference(first: Mapping[str, Any], second: Mapping[str, Any]) -> str | None:
     """The first stable field in which two environments (as plain values) differ, with both values; None if none."""
     for name in STABLE_FIELDS:
-        one, other = (_comparable(environment.get(name)) for environment in (first, second))
-        if one != other:
-            return f"{name} is {one!r} in one and {other!r} in the other"
+        if first.get(name) != second.get(name):
+            return f"{name} is {first.get(name)!r} in one and {second.get(name)!r} in the other"
     return None
-
-
-def _comparable(value: Any) -> Any:
-    return list(value) if isinstance(value, tuple) else value
 
 
 def read_environment(embree_version: str | None = None, instruction_set: str | None = None) -> Environment:
@@ -92,11 +88,11 @@ def read_environment(embree_version: str | None = None, instruction_set: str | N
     memory = psutil.virtual_memory()
     return Environment(
         cpu=_cpu_model(),
-        cpu_extensions=tuple(name for name in _CPU_EXTENSIONS if name in cpu_features()),
+        cpu_extensions=[name for name in _CPU_EXTENSIONS if name in cpu_features()],
         instruction_set=instruction_set,
         physical_cores=psutil.cpu_count(logical=False),
         logical_cores=psutil.cpu_count(logical=True),
-        affinity=tuple(sorted(os.sched_getaffinity(0))) if hasattr(os, "sched_getaffinity") else None,
+        affinity=sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else None,
         machine=platform.machine(),
         system=platform.system(),
         python_version=platform.python_version(),
@@ -117,11 +113,11 @@ def read_environment(embree_version: str | None = None, instruction_set: str | N
     )
 
 
-def _load_average() -> tuple[float, ...] | None:
+def _load_average() -> list[float] | None:
     if not hasattr(os, "getloadavg"):
         return None
     try:
-        return tuple(os.getloadavg())
+        return list(os.getloadavg())
     except OSError:  # the system may not tell
         return None
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ast
 import hashlib
-import time
 from collections.abc import Callable
 from dataclasses import asdict
 from functools import cache
@@ -94,12 +93,8 @@ def _imports(path: Path) -> set[str]:
 
 
 def measure(planned: PlannedPoint, run: Runner = run_worker) -> Record:
-    """Measure a point in a fresh process; one with a problem is skipped, and its record says why.
-
-    The results tell by how much the wall clock moved apart from the steady one meanwhile (`clock_jump_s`).
-    """
+    """Measure a point in a fresh process; one with a problem is skipped, and its record says why."""
     environment = current_environment()
-    apart_s = _clocks_apart_s()
     if planned.problem is not None:
         outcome = Outcome("skipped", str(planned.problem), on_purpose=True)
     else:
@@ -109,15 +104,10 @@ def measure(planned: PlannedPoint, run: Runner = run_worker) -> Record:
         status=outcome.status,
         error=outcome.error,
         configuration=planned.point.configuration(),
-        environment=_plain(asdict(environment)),
+        environment=asdict(environment),
         warmup_samples=outcome.warmup_samples,
         samples=outcome.samples,
-        results={
-            **_packets(planned.point),
-            **outcome.results,
-            "on_purpose": outcome.on_purpose,
-            "clock_jump_s": _clocks_apart_s() - apart_s,
-        },
+        results={**_packets(planned.point), **outcome.results, "on_purpose": outcome.on_purpose},
     )
 
 
@@ -126,12 +116,3 @@ def _packets(point: Point) -> dict[str, int]:
     if not find_method(point.method).is_ours:
         return {}
     return {"packet_width": resolve_packet_width(point.options.packet_width)}
-
-
-def _clocks_apart_s() -> float:
-    """The steady clock, which all times are taken with, is never set; on most systems it stands while they sleep."""
-    return time.time() - time.monotonic()
-
-
-def _plain(fields: dict[str, Any]) -> dict[str, Any]:
-    return {name: list(value) if isinstance(value, tuple) else value for name, value in fields.items()}

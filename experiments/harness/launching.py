@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import os
-import shutil
 import signal
 import subprocess
 import sys
@@ -23,14 +22,8 @@ from experiments.worker import CANNOT_WRITE, Job
 
 _ROOT = Path(__file__).resolve().parents[2]
 _OUTPUT_KEPT_BYTES = 4000
-_RESULT_LIMIT_BYTES = 2**28
-"""Pictures of a large image take some 2**25; what is far larger is no result and is not read into memory."""
-
 _WAIT_S = 1.0
 """So long an interrupt may have to wait on Windows."""
-
-_FOLDER_PREFIX = "atra-"
-_ABANDONED_AFTER_S = 86_400.0
 
 WORKER_COMMAND = (sys.executable, "-m", "experiments.worker")
 
@@ -38,15 +31,12 @@ WORKER_COMMAND = (sys.executable, "-m", "experiments.worker")
 def run_worker(point: Point, command: Sequence[str] = WORKER_COMMAND) -> Outcome:
     """Measure `point` in a fresh process; never raises for what happens there.
 
-    A worker that dies, exceeds `point.time_limit_s` or leaves no believable result gives a failed outcome with the
+    A worker that dies, exceeds `point.time_limit_s` or leaves no complete result gives a failed outcome with the
     reason; the end of all it printed is kept in `results["worker_output"]` then. When it ends, or KeyboardInterrupt
     passes through here, the worker and every process it has started are killed.
     """
     try:
-        remove_abandoned_folders()
-        with tempfile.TemporaryDirectory(
-            prefix=f"{_FOLDER_PREFIX}{os.getpid()}-", ignore_cleanup_errors=True
-        ) as folder:
+        with tempfile.TemporaryDirectory(prefix="atra-", ignore_cleanup_errors=True) as folder:
             return _run_in(Path(folder), point, command)
     except OSError as error:
         return Outcome("failed", f"no worker could be started: {error}", on_purpose=True)
@@ -73,11 +63,11 @@ def _run_in(folder: Path, point: Point, command: Sequence[str]) -> Outcome:
     printed = _end_of(output_path)
     if reason is None:
         try:
-            outcome = Outcome.from_json(_read_result(Path(job.result_path)), point)
+            outcome = Outcome.from_json(Path(job.result_path).read_bytes(), point)
         except FileNotFoundError:
             reason = "the worker ended without a result"
-        except (OSError, ValueError, RecursionError) as error:
-            reason = f"the worker's result is not to be believed ({error})"
+        except (ValueError, TypeError) as error:
+            reason = f"the worker's result is not complete ({error})"
         else:
             if outcome.status == "failed" and not outcome.on_purpose:
                 outcome.results["worker_output"] = printed
@@ -129,30 +119,6 @@ def _end_of(output: Path) -> str:
     with output.open("rb") as printed:
         printed.seek(max(0, output.stat().st_size - _OUTPUT_KEPT_BYTES))
         return printed.read().decode(errors="replace").strip()
-
-
-def _read_result(path: Path) -> bytes:
-    size = path.stat().st_size
-    if size > _RESULT_LIMIT_BYTES:
-        raise ValueError(f"it has {size:,} bytes")
-    return path.read_bytes()
-
-
-def remove_abandoned_folders() -> None:
-    """Remove what killed runs left in the system's folder for temporary files.
-
-    Only folders of this user, named after a process that is gone, and more than a day old: where several machines or
-    containers share that folder, a process unknown here may live elsewhere.
-    """
-    for path in Path(tempfile.gettempdir()).glob(f"{_FOLDER_PREFIX}*-*"):
-        owner = path.name.removeprefix(_FOLDER_PREFIX).partition("-")[0]
-        if not owner.isdecimal() or len(owner) > 9 or psutil.pid_exists(int(owner)):
-            continue
-        with contextlib.suppress(OSError):
-            status = path.lstat()
-            ours = not hasattr(os, "getuid") or status.st_uid == os.getuid()
-            if ours and time.time() - status.st_mtime > _ABANDONED_AFTER_S:
-                shutil.rmtree(path)  # refuses a symbolic link
 
 
 def _thread_limits(point: Point) -> dict[str, str]:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import pandas as pd
 
 from experiments.paper import resources, speed
-from experiments.paper.judging import on_every_scene, on_paper_scene, on_paper_scenes, on_some_scene
+from experiments.paper.judging import SceneJudge, on_every_scene, on_paper_scene, on_paper_scenes, on_some_scene
 from experiments.results.claims import Claim, JudgedClaim, judge_claim
 from experiments.results.estimates import NOTICEABLE
 
@@ -94,25 +96,24 @@ _BEST = (
 )
 
 
-def _best_speedup(scene: str, value: float) -> tuple[Claim, Claim]:
-    single, packets = "speedup", "speedup_vs_packets"
-    return (
-        Claim(
-            f"best-speedup-{scene}",
-            "§4, Fig. 5",
-            f"Best speed-up on {scene}, aligned single rays against single rays, as in the paper.",
-            f"{value:.2f}",
-            _BEST.format(column=single, baseline="rtcIntersect1 per pixel"),
-            on_paper_scene(scene, speed.best_speedup_reaches(value, single, packets=False)),
+def _best_speedup(scene: str, value: float) -> tuple[Claim, ...]:
+    kinds = (
+        ("", "single rays against single rays, as in the paper", "", "speedup", "rtcIntersect1 per pixel"),
+        (
+            "packets-", "packets against the fastest packets (the paper's value: single rays)", " (single rays)",
+            "speedup_vs_packets", "the fastest packets per pixel",
         ),
+    )  # fmt: skip
+    return tuple(
         Claim(
-            f"best-speedup-packets-{scene}",
+            f"best-speedup-{kind}{scene}",
             "§4, Fig. 5",
-            f"Best speed-up on {scene}, aligned packets against the fastest packets (the paper's value: single rays).",
-            f"{value:.2f} (single rays)",
-            _BEST.format(column=packets, baseline="the fastest packets per pixel"),
-            on_paper_scene(scene, speed.best_speedup_reaches(value, packets, packets=True)),
-        ),
+            f"Best speed-up on {scene}, aligned {against}.",
+            f"{value:.2f}{note}",
+            _BEST.format(column=column, baseline=baseline),
+            on_paper_scene(scene, speed.best_speedup_reaches(value, column, packets=bool(kind))),
+        )
+        for kind, against, note, column, baseline in kinds
     )
 
 
@@ -127,42 +128,32 @@ _MEMORY = (
     f"split and at {{most}} stands beside it and decides nothing. {_NO_INTERVAL}{_OUR_READING}little = at most "
     f"{resources.LITTLE_EFFECT:g} times. "
 )
-_EVERY_16 = "16 is the lower end of the paper's range: every scene must hold."
-_SOME_64 = "64 is the upper end of the paper's range: one scene is enough."
+
+
+def _little_affected(
+    what: str, figure: str, effect: str, how: str, judge: Callable[[int], SceneJudge]
+) -> tuple[Claim, ...]:
+    """A claim for each end of the paper's range."""
+    ends = (
+        (16, "any scene", on_every_scene, "16 is the lower end of the paper's range: every scene must hold."),
+        (64, "some scenes", on_some_scene, "64 is the upper end of the paper's range: one scene is enough."),
+    )
+    return tuple(
+        Claim(
+            f"{what}-little-affected-to-{most}",
+            f"§4, {figure}",
+            f"With culling, up to {most} splits hardly {effect}, on {where}.",
+            "little effect up to 16 to 64 splits",
+            how.format(most=most) + why,
+            on_scenes(judge(most)),
+        )
+        for most, where, on_scenes, why in ends
+    )
+
 
 _RESOURCES = (
-    Claim(
-        "build-little-affected-to-16",
-        "§4, Fig. 6",
-        "With culling, up to 16 splits hardly lengthen the BVH build, on any scene.",
-        "little effect up to 16 to 64 splits",
-        _BUILD.format(most=16) + _EVERY_16,
-        on_every_scene(resources.build_little_affected(16)),
-    ),
-    Claim(
-        "build-little-affected-to-64",
-        "§4, Fig. 6",
-        "With culling, up to 64 splits hardly lengthen the BVH build, on some scenes.",
-        "little effect up to 16 to 64 splits",
-        _BUILD.format(most=64) + _SOME_64,
-        on_some_scene(resources.build_little_affected(64)),
-    ),
-    Claim(
-        "memory-little-affected-to-16",
-        "§4, Fig. 7",
-        "With culling, up to 16 splits hardly need more memory, on any scene.",
-        "little effect up to 16 to 64 splits",
-        _MEMORY.format(most=16) + _EVERY_16,
-        on_every_scene(resources.memory_little_affected(16)),
-    ),
-    Claim(
-        "memory-little-affected-to-64",
-        "§4, Fig. 7",
-        "With culling, up to 64 splits hardly need more memory, on some scenes.",
-        "little effect up to 16 to 64 splits",
-        _MEMORY.format(most=64) + _SOME_64,
-        on_some_scene(resources.memory_little_affected(64)),
-    ),
+    *_little_affected("build", "Fig. 6", "lengthen the BVH build", _BUILD, resources.build_little_affected),
+    *_little_affected("memory", "Fig. 7", "need more memory", _MEMORY, resources.memory_little_affected),
     Claim(
         "image-without-error",
         "§4",

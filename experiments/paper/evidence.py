@@ -28,22 +28,12 @@ _SETTINGS = ("width", "height", "threads", "build_quality")
 # A copy of a scene from another source may have lost degenerate triangles; a different model differs by far more.
 _TRIANGLES_TOLERANCE = 1e-3
 USED_COLUMNS: tuple[str, ...] = (
-    (
-        "scene",
-        "stands_for",
-        "triangles",
-        "triangles_traced",
-        "workload",
-        "method",
-        "geometry",
-        "culling",
-        "packet_width",
-    )
-    + ("split_x", "split_y", *_SETTINGS, "status", "error", "cpu", "speedup", "speedup_low", "speedup_high")
-    + ("speedup_vs_packets", "speedup_vs_packets_low", "speedup_vs_packets_high", "plan_time_s")
-    + ("build_time_s", "build_time_low_s", "build_time_high_s", "embree_bytes", "rss_mesh_bytes", "rss_bytes")
-    + ("pixels_tied", "pixels_edge", "pixels_wrong", "depth_error_max", "baseline_depth_error_max")
-)
+    "scene", "stands_for", "triangles", "triangles_traced", "workload", "method", "geometry", "culling", "packet_width",
+    "split_x", "split_y", *_SETTINGS, "status", "error", "cpu", "speedup", "speedup_low", "speedup_high",
+    "speedup_vs_packets", "speedup_vs_packets_low", "speedup_vs_packets_high", "plan_time_s", "build_time_s",
+    "build_time_low_s", "build_time_high_s", "embree_bytes", "rss_mesh_bytes", "rss_bytes", "pixels_tied",
+    "pixels_edge", "pixels_wrong", "depth_error_max", "baseline_depth_error_max",
+)  # fmt: skip
 
 
 class NotMeasuredError(Exception):
@@ -117,17 +107,16 @@ class SceneRows:
         row = self.row(FRAME.name, split, culling=culling, packet_width=packet_width, geometry=geometry)
         return read_estimate(row, column, f"{column}_low", f"{column}_high")
 
-    def speedups(
-        self, *, culling: bool, packet_width: int = 1, geometry: str = "copied", column: str = "speedup"
-    ) -> tuple[dict[int, Estimate], dict[int, str]]:
-        """Over horizontal splits 1 ... 1,024: the speed-ups that were measured, and why the others were not."""
+    def speedups(self, **options: Any) -> tuple[dict[int, Estimate], dict[int, str]]:
+        """Over horizontal splits 1 ... 1,024: the speed-ups that were measured, and why the others were not.
+
+        options: those of `speedup`.
+        """
         found: dict[int, Estimate] = {}
         missing: dict[int, str] = {}
         for split in SPLITS:
             try:
-                found[split] = self.speedup(
-                    (split, 1), culling=culling, packet_width=packet_width, geometry=geometry, column=column
-                )
+                found[split] = self.speedup((split, 1), **options)
             except NotMeasuredError as error:
                 missing[split] = str(error)
         return found, missing

@@ -1,15 +1,85 @@
-"""Figures of the paper that draw several workloads."""
+"""Companion of figure 7: memory and frame time of instances against copies, as §4.4 of the paper suggests."""
 
 from __future__ import annotations
 
 import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
+from experiments.drawing.axes import draw_baseline, draw_series, finish_split_axes
 from experiments.drawing.figure import FigureKind, of_table
-from experiments.methods.aligned_forms import INSTANCED, aligned_forms
-from experiments.paper.instancing_figure import draw_instancing_figure
+from experiments.drawing.missing import Missing, mark_missing, without_value
+from experiments.drawing.pages import add_legend, make_figure, set_panel_title, write_foot
+from experiments.drawing.style import BLACK, DASH_DOTTED
+from experiments.drawing.values import numbers
+from experiments.methods.aligned_forms import FORM_OPTIONS, FORM_STYLES, INSTANCED, aligned_forms, aligned_rows
+from experiments.results.settings import say_setting
 from experiments.results.table import workload_rows
+from experiments.workloads.baselines import TIME_BASELINES
 from experiments.workloads.frame import FRAME
+from experiments.workloads.frame.split_figure import draw_times
 from experiments.workloads.memory import MEMORY
+from experiments.workloads.memory.figures import baseline_rows, memory_mib
+from experiments.workloads.panels import Panel, make_panels
+
+_BASELINE_STYLE = {"color": BLACK, "linestyle": DASH_DOTTED}
+_MEMORY_BASELINE = "one ray per pixel (memory)"
+
+
+def draw_instancing_figure(table: pd.DataFrame) -> Figure:
+    """Two panels a scene over horizontal splits, all axes logarithmic: growth of RSS over the mesh, time per frame.
+
+    table: rows of both workloads. Copies are timed at the packet widths at which instances were timed
+    (at all widths if none were); another width or value of any other setting makes another pair of panels.
+    """
+    memory, time = (workload_rows(table, workload.name) for workload in (MEMORY, FRAME))
+    time = _at_widths_of_instances(aligned_rows(time))
+    pairs = _pairs(pd.concat([time, aligned_rows(memory)]))
+    figure, axes = make_figure(2 * len(pairs), columns=2, panel_height=3.8)
+    for (title, panel), left, right in zip(pairs, axes[::2], axes[1::2], strict=True):
+        of_memory = panel.rows["workload"] == MEMORY.name
+        for axis, what in ((left, "memory"), (right, "time")):
+            set_panel_title(axis, f"{title}: {what}", panel.stands_for)
+        _draw_memory(left, panel.rows[of_memory], baseline_rows(memory, panel.rows))
+        draw_times(right, panel.rows[~of_memory], "split_x", mark_best=False)
+    add_legend(figure, axes, [*FORM_STYLES, *TIME_BASELINES, _MEMORY_BASELINE])
+    mark = "memory: growth of RSS over the mesh, each point in a process of its own"
+    write_foot(figure, pd.concat([time, memory]), mark=mark)
+    return figure
+
+
+def _at_widths_of_instances(time: pd.DataFrame) -> pd.DataFrame:
+    widths = aligned_forms(time).get(INSTANCED, time[:0])["packet_width"].dropna().unique()
+    return time[time["packet_width"].isin(widths)] if len(widths) else time
+
+
+def _pairs(rows: pd.DataFrame) -> list[tuple[str, Panel]]:
+    """Title and rows of each pair of panels; memory rows stand beside the times of every packet width."""
+    pairs = []
+    for panel in make_panels(rows, (*FORM_OPTIONS, "split_x", "packet_width")):
+        of_memory = panel.rows["workload"] == MEMORY.name
+        time, memory = panel.rows[~of_memory], panel.rows[of_memory]
+        widths = sorted(time["packet_width"].dropna().unique()) or [None]
+        for width in widths:
+            of_width = time if width is None else time[time["packet_width"] == width]
+            same = memory[memory["packet_width"] == width] if width is not None else memory
+            chosen = pd.concat([of_width, same if len(same) else memory])
+            title = panel.title if len(widths) == 1 else f"{panel.title}, {say_setting('packet_width', width)}"
+            pairs.append((title, Panel(panel.scene, panel.details, chosen)))
+    return pairs
+
+
+def _draw_memory(axis: Axes, rows: pd.DataFrame, baseline: pd.DataFrame) -> None:
+    missing: list[Missing] = []
+    for form, points in aligned_forms(rows).items():
+        style = FORM_STYLES[form]
+        value_mib = memory_mib(points, "rss_bytes", over_mesh=True)
+        draw_series(axis, numbers(points, "split_x"), value_mib, style, label=form)
+        missing += without_value(points, value_mib, "split_x", form.removeprefix("aligned, "), style["color"])
+    baseline_mib = memory_mib(baseline, "rss_bytes", over_mesh=True)
+    draw_baseline(axis, baseline_mib, _BASELINE_STYLE, _MEMORY_BASELINE)
+    mark_missing(axis, missing)
+    finish_split_axes(axis, rows["split_x"], "split_x", "memory in MiB")
 
 
 def _instances(table: pd.DataFrame) -> pd.DataFrame:

@@ -11,6 +11,7 @@ from experiments.paper.evidence import SPLITS, NotMeasuredError, SceneRows, read
 from experiments.paper.judging import DOES_NOT_HOLD, HOLDS, UNDECIDED, Judgement, Outcome, SceneJudge
 from experiments.results.estimates import (
     FEWEST_FITTED,
+    NOTICEABLE,
     Estimate,
     decide_at_most,
     decide_greater,
@@ -64,9 +65,7 @@ def horizontal_slightly_better(scene: SceneRows) -> Outcome:
     """Whether horizontal splits are faster on average than as many vertical ones."""
     ratios = _horizontal_over_vertical(scene)
     mean = geometric_mean(list(ratios.values()))
-    holds = decide_greater(mean, SLIGHTLY)
-    reasons = {True: None, False: f"horizontal is {mean} times as fast", None: _TOO_WIDE}
-    return Outcome(holds, _spell(mean, ratios), mean, reasons[holds])
+    return _gain(mean, _spell(mean, ratios), f"horizontal is {mean} times as fast", SLIGHTLY)
 
 
 def few_splits_gain(scene: SceneRows) -> Outcome:
@@ -78,11 +77,10 @@ def few_splits_gain(scene: SceneRows) -> Outcome:
         raise NotMeasuredError(missing[FEW_SPLITS[0]])
     best = max(few, key=lambda splits: few[splits].value)
     gain = few[best].over(start)
-    holds = decide_greater(gain)
-    if holds is not True and len(few) < len(FEW_SPLITS):
+    outcome = _gain(gain, f"{gain.value:.2f} at {best} splits", f"{best} splits are {gain} times as fast as none")
+    if outcome.holds is not True and len(few) < len(FEW_SPLITS):
         raise NotMeasuredError(next(missing[splits] for splits in FEW_SPLITS if splits in missing))
-    reasons = {True: None, False: f"{best} splits are {gain} times as fast as none", None: _TOO_WIDE}
-    return Outcome(holds, f"{gain.value:.2f} at {best} splits", gain, reasons[holds])
+    return outcome
 
 
 def too_many_splits_slow_down(scene: SceneRows) -> Outcome:
@@ -123,10 +121,11 @@ def too_many_splits_fall_below_start(scene: SceneRows) -> Outcome:
     if later:
         worst = min(later, key=lambda one: found[one].value)
         ratio = start.over(found[worst])
-        holds = decide_greater(ratio)
-        if holds or not missing:
-            reasons = {True: None, False: f"{worst:,} splits are as fast as none or faster", None: _TOO_WIDE}
-            return Outcome(holds, f"{ratio.value:.2f} at {worst:,} splits", ratio, reasons[holds])
+        outcome = _gain(
+            ratio, f"{ratio.value:.2f} at {worst:,} splits", f"{worst:,} splits are as fast as none or faster"
+        )
+        if outcome.holds or not missing:
+            return outcome
     if missing:
         raise NotMeasuredError(next(iter(missing.values())))
     return Outcome(False, f"fastest at {best:,} splits", None, "fastest at the most splits")
@@ -154,9 +153,7 @@ def more_splits_faster(scene: SceneRows) -> Outcome:
         return Outcome(False, value, gain, f"{more:,} splits are slower than {fewer:,}, by a factor of {loss}")
     if gain is None or missing:
         raise NotMeasuredError(next(iter(missing.values())))
-    holds = decide_greater(gain)
-    reasons = {True: None, False: f"{most:,} splits are only {gain} times as fast as none", None: _TOO_WIDE}
-    return Outcome(holds, value, gain, reasons[holds])
+    return _gain(gain, value, f"{most:,} splits are only {gain} times as fast as none")
 
 
 def best_speedup_reaches(paper_value: float, column: str, *, packets: bool) -> SceneJudge:
@@ -256,9 +253,13 @@ def _judge_ratios(ratios: Mapping[int, Estimate], unit: str, opposite: str) -> O
     for count, ratio in ratios.items():
         if decide_at_most(ratio, 1):
             return Outcome(False, value, mean, f"{opposite} at {count} {unit}: ratio {ratio}")
-    holds = decide_greater(mean)
-    reasons = {True: None, False: f"no noticeable gain: {mean}", None: _TOO_WIDE}
-    return Outcome(holds, value, mean, reasons[holds])
+    return _gain(mean, value, f"no noticeable gain: {mean}")
+
+
+def _gain(ratio: Estimate, value: str, otherwise: str, noticeable: float = NOTICEABLE) -> Outcome:
+    """Holds when the whole interval is above 1; otherwise: why it fails where it ends below `noticeable`."""
+    holds = decide_greater(ratio, noticeable)
+    return Outcome(holds, value, ratio, {True: None, False: otherwise, None: _TOO_WIDE}[holds])
 
 
 def _spell(mean: Estimate, ratios: Mapping[int, Estimate]) -> str:

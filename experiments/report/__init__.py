@@ -1,8 +1,7 @@
-"""The HTML report: one self-contained page with the figures, claims, pictures and the whole table of a run."""
+"""The HTML report: one page with the figures, claims and pictures of a run, and a table of each workload."""
 
 from __future__ import annotations
 
-from experiments.report.contents import ReportContents, ReportFigure, ScenePictures
-from experiments.report.page import write_report
+from experiments.report.page import ReportContents, write_report
 
-__all__ = ["ReportContents", "ReportFigure", "ScenePictures", "write_report"]
+__all__ = ["ReportContents", "write_report"]

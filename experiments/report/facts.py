@@ -3,48 +3,17 @@
 from __future__ import annotations
 
 import re
-from collections import Counter
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import pandas as pd
 
-from atra.errors import InputError
 from experiments.methods.aligned import ALIGNED
 from experiments.methods.naming import say_point
-from experiments.results.claims import VERDICTS, JudgedClaim
 from experiments.workloads.frame import FRAME
 
 _NUMBER = re.compile(r"\d+(?:[.,]\d+)*")
 _TO = "\N{EN DASH}"
-
-# Label and unit of an environment's fields; a field that is not here is shown under its own name.
-_ENVIRONMENT_LABELS = {
-    "cpu": "processor",
-    "cpu_extensions": "vector extensions",
-    "instruction_set": "held to instruction set",
-    "physical_cores": "cores",
-    "logical_cores": "hardware threads",
-    "affinity": "may run on",
-    "machine": "architecture",
-    "system": "system",
-    "system_release": "kernel",
-    "memory_total_bytes": "memory",
-    "memory_available_bytes": "memory free at the time",
-    "governor": "frequency governor",
-    "load_average": "load (1, 5, 15 min)",
-    "atra_version": "atra",
-    "git_commit": "commit",
-    "git_dirty": "tree differs from commit",
-    "code_sha256": "hash of the library's source",
-    "embree_version": "Embree",
-    "embreex_version": "embreex",
-    "python_version": "Python",
-    "numpy_version": "NumPy",
-    "numba_version": "Numba",
-    "taken_at": "described at",
-}
 
 
 @dataclass(frozen=True)
@@ -182,35 +151,17 @@ def missing_points(table: pd.DataFrame) -> tuple[MissingPoints, ...]:
     )
 
 
-def count_verdicts(claims: Sequence[JudgedClaim]) -> dict[str, int]:
-    """Number of claims by verdict. Raises InputError for a verdict that is none."""
-    counts = Counter(claim.verdict for claim in claims)
-    for claim in claims:
-        if claim.verdict not in VERDICTS:
-            raise InputError(f"claim {claim.id}: verdict {claim.verdict!r}, expected one of {', '.join(VERDICTS)}")
-    return {verdict: counts[verdict] for verdict in VERDICTS}
-
-
 def measured_between(table: pd.DataFrame) -> str | None:
-    """When the points were measured, to the minute; None if nobody knows."""
-    moments = sorted(str(moment) for moment in table["measured_at"].dropna())
-    if not moments:
-        return None
-    first, last = (_minute(moment) for moment in (moments[0], moments[-1]))
-    return first if first == last else f"{first} to {last}"
+    """When the points were measured, to the minute of UTC; None if nobody knows."""
+    moments = sorted(str(moment)[:16].replace("T", " ") for moment in table["measured_at"].dropna())
+    return f"{' to '.join(dict.fromkeys([moments[0], moments[-1]]))} UTC" if moments else None
 
 
-def _minute(moment: str) -> str:
-    """ "2026-11-21T15:44:25+00:00" -> "2026-11-21 15:44 UTC"; anything else stays as it is."""
-    found = re.fullmatch(r"(\d{4}-\d\d-\d\d)T(\d\d:\d\d):\d\d\+00:00", moment)
-    return f"{found[1]} {found[2]} UTC" if found else moment
-
-
-def environment_lines(environment: dict[str, Any]) -> tuple[tuple[str, str], ...]:
-    """Label and text of every field, the known ones first; a field without a value could not be read."""
-    names = [name for name in _ENVIRONMENT_LABELS if name in environment]
-    names += [name for name in environment if name not in _ENVIRONMENT_LABELS]
-    return tuple((_ENVIRONMENT_LABELS.get(name, name), _in_words(name, environment[name])) for name in names)
+def environment_lines(environment: dict[str, Any]) -> list[tuple[str, str]]:
+    """Label and text of every field; one without a value could not be read."""
+    return [
+        (name.removesuffix("_bytes").replace("_", " "), _in_words(name, value)) for name, value in environment.items()
+    ]
 
 
 def machine_in_short(environment: dict[str, Any]) -> str:
@@ -232,7 +183,7 @@ def software_in_short(environment: dict[str, Any]) -> str:
 
 def _in_words(name: str, value: Any) -> str:
     if value is None:
-        return "unknown"
+        return "all of the machine's" if name == "instruction_set" else "unknown"
     if isinstance(value, bool):
         return "yes" if value else "no"
     if name.endswith("_bytes"):

@@ -1,9 +1,10 @@
-"""Contents -> one HTML page that needs nothing beside itself."""
+"""Contents -> one HTML page, in which nothing runs."""
 
 from __future__ import annotations
 
 import base64
-import hashlib
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -13,13 +14,10 @@ from markupsafe import Markup
 
 from atra.errors import printable
 from atra.files import write_atomically
-from experiments.report.columns import describe_columns, views_of
-from experiments.report.contents import ReportContents, ReportFigure
-from experiments.report.embedding import embed_figure, pack, parquet_bytes
+from experiments.drawing.figure import DrawnFigure
 from experiments.report.facts import (
     Doubts,
     count_doubts,
-    count_verdicts,
     environment_lines,
     machine_in_short,
     measured_between,
@@ -27,9 +25,10 @@ from experiments.report.facts import (
     scenes_in_short,
     software_in_short,
 )
-from experiments.report.pictures import embed_pictures
-from experiments.results.claims import VERDICTS
-from experiments.results.table import csv_bytes
+from experiments.report.tables import workload_tables
+from experiments.results.claims import VERDICTS, JudgedClaim
+from experiments.workloads.picture.pictures import ScenePictures
+from scenes.manifest import picture_restriction
 
 _TEMPLATES = Path(__file__).resolve().parents[2] / "reports"
 
@@ -41,19 +40,32 @@ _MARKS = dict(
 )
 
 
-def write_report(folder: Path, contents: ReportContents) -> Path:
-    """Write `report.html` into `folder` and return its path.
+@dataclass(frozen=True)
+class ReportContents:
+    """Everything the page shows.
 
-    The page asks nothing of the network or of files beside it. Raises InputError for a figure or picture that cannot
-    be read, or a verdict that is none.
+    command: what was run, as typed. table: as `experiments.results.table.make_table` makes it.
+    environment: `experiments.harness.environment.Environment` as a dictionary.
     """
+
+    title: str
+    command: str
+    table: pd.DataFrame
+    figures: Sequence[DrawnFigure]
+    pictures: Sequence[ScenePictures]
+    claims: Sequence[JudgedClaim]
+    environment: dict[str, Any]
+
+
+def write_report(folder: Path, contents: ReportContents) -> Path:
+    """Write `report.html` into `folder`, beside the tables that it links to, and return its path."""
     path = folder / "report.html"
     write_atomically(path, render_report(contents).encode())
     return path
 
 
 def render_report(contents: ReportContents) -> str:
-    """The text of the page; see `write_report`."""
+    """The text of the page. It asks nothing of the network, and holds no picture that must not be passed on."""
     # Everything is escaped unless it is Markup, and only our own files are.
     environment = Environment(
         loader=FileSystemLoader(_TEMPLATES),
@@ -65,15 +77,27 @@ def render_report(contents: ReportContents) -> str:
     )
     environment.filters["thousands"] = lambda value: f"{value:,}"
     environment.filters["ratio"] = lambda value: f"{value:.2f}"
-    script = (_TEMPLATES / "report.js").read_text(encoding="utf-8")
+    environment.filters["svg"] = lambda content: _data_uri(content, "image/svg+xml")
+    environment.filters["png"] = lambda content: _data_uri(content, "image/png")
+    table = contents.table
+    scenes = scenes_in_short(table)
     return environment.get_template("template.html").render(
         contents=contents,
         style=Markup((_TEMPLATES / "report.css").read_text(encoding="utf-8")),
-        script=Markup(script),
-        # The browser runs this script and no other, whatever the data hold.
-        script_sha256=base64.b64encode(hashlib.sha256(script.encode()).digest()).decode(),
         marks=_MARKS,
-        **_facts(contents),
+        scenes=scenes,
+        stand_ins=[scene for scene in scenes if scene.stands_for is not None],
+        statuses=table["status"].value_counts().to_dict(),
+        doubts=count_doubts(table),
+        verdicts={verdict: sum(claim.verdict == verdict for claim in contents.claims) for verdict in VERDICTS},
+        figures=[(figure, _doubts_of(figure, table)) for figure in contents.figures],
+        pictures=[(one, picture_restriction(one.scene)) for one in contents.pictures],
+        missing=missing_points(table),
+        machine=machine_in_short(contents.environment),
+        software=software_in_short(contents.environment),
+        environment_lines=environment_lines(contents.environment),
+        measured_between=measured_between(table),
+        tables=list(workload_tables(table)),
     )
 
 
@@ -82,28 +106,9 @@ def _without_controls(value: Any) -> Any:
     return printable(value) if isinstance(value, str) and not isinstance(value, Markup) else value
 
 
-def _facts(contents: ReportContents) -> dict[str, Any]:
-    table = contents.table
-    scenes = scenes_in_short(table)
-    return {
-        "scenes": scenes,
-        "stand_ins": [scene for scene in scenes if scene.stands_for is not None],
-        "statuses": {str(status): int(count) for status, count in table["status"].value_counts().items()},
-        "doubts": count_doubts(table),
-        "verdicts": count_verdicts(contents.claims),
-        "figures": [(figure, embed_figure(figure), _doubts_of(figure, table)) for figure in contents.figures],
-        "pictures": [(pictures, embed_pictures(pictures)) for pictures in contents.pictures],
-        "missing": missing_points(table),
-        "machine": machine_in_short(contents.environment),
-        "software": software_in_short(contents.environment),
-        "environment_lines": environment_lines(contents.environment),
-        "measured_between": measured_between(table),
-        "columns": [vars(column) for column in describe_columns(table)],
-        "views": [vars(view) for view in views_of(table)],
-        "csv": pack(csv_bytes(table)),
-        "parquet": pack(parquet_bytes(table)),
-    }
+def _data_uri(content: bytes, media_type: str) -> str:
+    return f"data:{media_type};base64,{base64.b64encode(content).decode('ascii')}"
 
 
-def _doubts_of(figure: ReportFigure, table: pd.DataFrame) -> Doubts:
-    return count_doubts(table if figure.point_ids is None else table[table["point_id"].isin(figure.point_ids)])
+def _doubts_of(figure: DrawnFigure, table: pd.DataFrame) -> Doubts:
+    return count_doubts(table[table["point_id"].isin(figure.point_ids)])

@@ -14,14 +14,12 @@ from experiments.harness.configuration import Configuration, records_folder, res
 from experiments.harness.lock import exclusive
 from experiments.harness.records import load_record
 from experiments.paper.claims import judge_claims
-from experiments.report import ReportContents, ReportFigure, write_report
-from experiments.report import ScenePictures as ReportPictures
+from experiments.report import ReportContents, write_report
 from experiments.report.figures import check_figures, draw_figures
 from experiments.results.claims import write_claims
 from experiments.results.table import check_one_environment, make_table, read_table, workload_rows, write_table
 from experiments.workloads import WORKLOADS
-from experiments.workloads.picture.pictures import ScenePictures, read_pictures
-from scenes.manifest import picture_restriction
+from experiments.workloads.picture.pictures import read_pictures
 
 _COMMAND_FILE = "command.txt"
 """Keeps what the user ran, for a report written later."""
@@ -75,34 +73,13 @@ def _write_what_follows(configuration: Configuration, table: pd.DataFrame, *, co
             command=command,
             table=table,
             # The pictures have a section of their own, and some must not be passed on.
-            figures=tuple(
-                ReportFigure(figure.name, figure.caption, figure.svg, figure.point_ids)
-                for figure in figures
-                if figure.in_page
-            ),
-            pictures=tuple(_for_report(one) for one in read_pictures(table, records)),
+            figures=[figure for figure in figures if figure.in_page],
+            pictures=read_pictures(table, records),
             claims=claims,
             environment=environment,
         )
         write_report(folder, contents)
     return page
-
-
-def _for_report(pictures: ScenePictures) -> ReportPictures:
-    """A report is made to be passed on; a picture whose licence forbids that stays out of it."""
-    return ReportPictures(
-        scene=pictures.scene,
-        title=f"{pictures.scene} ({pictures.triangles:,} triangles)",
-        aligned=pictures.aligned,
-        pixel=pictures.pixel,
-        difference=pictures.difference,
-        pixels_equal=pictures.pixels_equal,
-        pixels_tied=pictures.pixels_tied,
-        pixels_edge=pictures.pixels_edge,
-        pixels_wrong=pictures.pixels_wrong,
-        withheld=picture_restriction(pictures.scene),
-        stands_for=pictures.stands_for,
-    )
 
 
 def _environment(table: pd.DataFrame, records: Path) -> dict[str, Any]:

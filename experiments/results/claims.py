@@ -69,21 +69,10 @@ class JudgedClaim:
 
 def judge_claim(claim: Claim, table: pd.DataFrame | None) -> JudgedClaim:
     """What the table says of `claim`; without rows, that it was not measured."""
-    judgement = claim.judge(table)
-    text = claim.text
-    if judgement.stand_ins:
-        text += f" (Judged on stand-ins: {', '.join(judgement.stand_ins)}.)"
-    return JudgedClaim(
-        id=claim.id,
-        section=claim.section,
-        text=text,
-        paper_value=claim.paper_value,
-        how=claim.how,
-        verdict=judgement.verdict,
-        value=judgement.value,
-        interval=judgement.interval,
-        why=judgement.why,
-    )
+    found = claim.judge(table)
+    stand_ins = f" (Judged on stand-ins: {', '.join(found.stand_ins)}.)" if found.stand_ins else ""
+    told = (claim.id, claim.section, claim.text + stand_ins, claim.paper_value, claim.how)
+    return JudgedClaim(*told, found.verdict, found.value, found.interval, found.why)
 
 
 def write_claims(folder: Path, findings: Sequence[JudgedClaim]) -> None:

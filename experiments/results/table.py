@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import re
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -92,9 +91,6 @@ _ALWAYS = ("scene", "workload", "method", "status", "point_id", "grids")
 _OUT_OF_PROPORTION = 10.0
 """A sample so many times longer or shorter than the median of its method is doubted."""
 
-_CLOCK_JUMP_S = 2.0
-"""What the wall clock may move apart from the steady one during a point before it is a doubt; slewing does less."""
-
 
 def make_table(records: Sequence[Record], grids: Mapping[str, Sequence[str]] | None = None) -> pd.DataFrame:
     """One row a record, in the order given.
@@ -124,23 +120,8 @@ def check_one_environment(records: Iterable[Record]) -> None:
 
 
 def csv_bytes(table: pd.DataFrame) -> bytes:
-    """The content of `table.csv`.
-
-    A spreadsheet runs a text that starts like a formula, and a scene is called what its file is called: such a text
-    gets an apostrophe in front, which spreadsheets take for "text follows". A lone carriage return, which would break a
-    row in two, is escaped. Parquet keeps every text as it is.
-    """
-    shown = table.copy()
-    for name in shown.columns:
-        if pd.api.types.is_string_dtype(shown[name].dtype):
-            shown[name] = shown[name].map(_csv_text, na_action="ignore").astype(shown[name].dtype)
-    return shown.to_csv(index=False).encode()
-
-
-def _csv_text(text: Any) -> Any:
-    if not isinstance(text, str):  # a column may hold other things beside texts
-        return text
-    return re.sub(r"\r(?!\n)", r"\\r", f"'{text}" if text.startswith(("=", "+", "-", "@")) else text)
+    """The content of `table.csv`."""
+    return table.to_csv(index=False).encode()
 
 
 def write_table(folder: Path, table: pd.DataFrame) -> None:
@@ -234,9 +215,6 @@ def _doubts(record: Record) -> str | None:
     shortest = max(np.median(values) / min(values) for values in record.samples.values())
     if shortest > _OUT_OF_PROPORTION:
         doubts.append(f"median is {shortest:,.0f} times the shortest sample")
-    jump_s = record.results.get("clock_jump_s", 0.0)
-    if abs(jump_s) > _CLOCK_JUMP_S:
-        doubts.append(f"the wall clock jumped by {abs(jump_s):,.0f} s (set, or the machine slept)")
     asked = record.configuration.get("rounds")
     if asked is not None and len(own) < asked:
         doubts.append(f"{len(own)} of {asked} rounds")

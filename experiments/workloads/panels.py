@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 
 import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
+from experiments.drawing.pages import make_figure, set_panel_title
 from experiments.drawing.values import column
 from experiments.results.settings import say_setting, settings_that_vary
 
@@ -51,6 +54,13 @@ def make_panels(table: pd.DataFrame, shown: Collection[str]) -> list[Panel]:
     return panels
 
 
-def panels_over_splits(table: pd.DataFrame, shown: Collection[str], axis_name: str = "split_x") -> list[Panel]:
-    """`make_panels` for a figure with `axis_name` on the abscissa and a line for each form of the geometry."""
-    return make_panels(table, (axis_name, *shown))
+def draw_panels(
+    panels: Sequence[Panel], draw: Callable[[Axes, pd.DataFrame], object], columns: int | None = None,
+    height: float = 4.1,
+) -> tuple[Figure, list[Axes]]:  # fmt: skip
+    """A figure of titled panels and their axes; `draw` is given each panel's axis and rows."""
+    figure, axes = make_figure(len(panels), columns, height)
+    for axis, panel in zip(axes, panels, strict=True):
+        set_panel_title(axis, panel.title, panel.stands_for)
+        draw(axis, panel.rows)
+    return figure, axes

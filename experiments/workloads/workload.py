@@ -48,7 +48,6 @@ class Workload:
     needed: `measure` (in the worker), and if there is any `figures`, `terminal` and `results`.
     samples: which series a record of a point must hold. optional: series that it may hold beside these, at least one.
     judged: the series whose spread makes a point doubtful. needs: results that a measured record holds at least.
-    images: how many images a point's pixels are counted over, None = none are compared.
     problem: why a point cannot be measured.
     """
 
@@ -61,7 +60,6 @@ class Workload:
     optional: frozenset[str] = frozenset()
     judged: str | None = None
     needs: tuple[str, ...] = ()
-    images: Callable[[Point], int] | None = None
     problem: Callable[[Point], str | None] = no_problem
 
     def part(self, name: str) -> ModuleType | None:

@@ -54,5 +54,4 @@ AGREEMENT = Workload(
     headline=_headline,
     room=__name__,
     needs=(*RESOURCES, *PIXELS, "images", "disagreements", "method_wrong", "baseline_wrong"),
-    images=lambda point: len(point.workload_options.offsets),
 )

@@ -1,17 +1,104 @@
-"""Figures of this workload."""
+"""Who is wrong where a method and rtcIntersect1 differ: counts of the oracle, method beside baseline."""
 
 from __future__ import annotations
 
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, NullLocator
+
+from atra.judge.compare import Verdict
+from experiments.drawing.axes import tidy_axis
 from experiments.drawing.figure import FigureKind, of_table
+from experiments.drawing.pages import add_legend, write_foot, write_notes
+from experiments.drawing.style import BLACK, BLUE, GREY
+from experiments.drawing.values import TIMES, column, numbers
+from experiments.methods.naming import say_kind
+from experiments.results.settings import settings
 from experiments.results.table import workload_rows
 from experiments.workloads.agreement import AGREEMENT
-from experiments.workloads.agreement.agreement_figure import draw_agreement_figure
+from experiments.workloads.agreement.results import TARGET, errs_too_often
+from experiments.workloads.panels import draw_panels, make_panels
+from experiments.workloads.series import say_unmeasured
+
+_SERIES = {"method": ("method_wrong", BLUE), "rtcIntersect1": ("baseline_wrong", BLACK)}
+"""Label -> column and colour, from the top down."""
+
+_BAR = 0.36
+
+
+def draw_agreement_figure(table: pd.DataFrame) -> Figure:
+    """One panel a scene, one pair of bars a method: pixels at which it and rtcIntersect1 are wrong by the oracle.
+
+    Only pixels where the two differ are counted, over all splits, offsets and image sizes. Linear from 0 to 1,
+    logarithmic from there on. Behind each pair: the counts, of how many pixels, and their verdicts.
+    """
+    figure, axes = draw_panels(make_panels(table, settings()), _draw_panel, columns=1, height=4.0)
+    add_legend(figure, axes, list(_SERIES))
+    images = int(numbers(table, "images")[column(table, "images").notna().to_numpy(bool)].sum())
+    write_foot(figure, table, f"{images:,} images, every pixel compared; wrong by float64 where the images differ")
+    return figure
+
+
+def _draw_panel(axis: Axes, rows: pd.DataFrame) -> None:
+    notes, kinds = [], rows.apply(say_kind, axis=1)
+    names = list(dict.fromkeys(kinds))
+    counted = rows["status"].eq("ok") & column(rows, "method_wrong").notna() & column(rows, "baseline_wrong").notna()
+    highest = 1
+    for place, name in enumerate(names):
+        notes += say_unmeasured(rows[kinds == name], name)
+        of_kind = rows[(kinds == name) & counted]
+        if len(of_kind) == 0:
+            _write(axis, 0, place, "not measured", GREY)
+            continue
+        counts = {label: int(of_kind[source].sum()) for label, (source, _) in _SERIES.items()}
+        for offset, (label, (_, color)) in zip((-0.5, 0.5), _SERIES.items(), strict=True):
+            axis.barh(place + offset * _BAR, counts[label], height=_BAR, color=color, label=label, zorder=2)
+        highest = max(highest, *counts.values())
+        _write(axis, max(counts.values()), place, _say(of_kind, counts), BLACK)
+    axis.set_yticks(range(len(names)), names)
+    axis.tick_params(axis="y", length=0)
+    axis.set_ylim(max(len(names), 1) - 0.45, -0.55)
+    _finish(axis, highest)
+    sampled = rows[counted]
+    if len(sampled):
+        wrong = " and ".join(f"{sampled[f'sampled_{who}_wrong'].sum():,}" for who in ("method", "baseline"))
+        notes.append(
+            f"of {sampled['rays_sampled'].sum():,} rays drawn from all pixels and tested with every triangle, the "
+            f"methods and rtcIntersect1 are wrong at {wrong}"
+        )
+    write_notes(axis, notes)
+
+
+def _say(rows: pd.DataFrame, counts: dict[str, int]) -> str:
+    verdicts = {kind: int(rows[f"pixels_{kind.name.lower()}"].sum()) for kind in Verdict}
+    told = ", ".join(f"{verdicts[kind]:,} {kind.name.lower()}" for kind in (Verdict.WRONG, Verdict.EDGE, Verdict.TIED))
+    beyond = f", over {TARGET}{TIMES}" if errs_too_often(rows) else ""
+    method, baseline = counts.values()
+    return f"{method:,} : {baseline:,}{beyond}\nof {sum(verdicts.values()) / 1e6:.3g} M pixels; {told}"
+
+
+def _write(axis: Axes, end: float, place: int, text: str, color: str) -> None:
+    axis.annotate(
+        text, (end, place), xytext=(6, 0), textcoords="offset points", va="center", fontsize=8.5, color=color, zorder=4,
+        bbox={"boxstyle": "square,pad=0", "facecolor": "white", "edgecolor": "none", "alpha": 0.85},
+    )  # fmt: skip
+
+
+def _finish(axis: Axes, highest: int) -> None:
+    axis.set_xscale("symlog", linthresh=1, linscale=0.4)
+    ticks = [0, *(10**power for power in range(len(str(highest)) + 1) if 10**power <= 10 * highest)]
+    axis.set_xticks(ticks)
+    axis.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:,.0f}"))
+    axis.xaxis.set_minor_locator(NullLocator())
+    axis.set_xlim(0, highest**1.7 * 1_000)  # room for the text behind the bars
+    axis.set_xlabel("pixels")
+    tidy_axis(axis, "x", frame=("bottom",))
+
 
 FIGURES = (
     FigureKind(
-        "agreement",
-        "Who is wrong, by float64, where a method and single rays per pixel differ",
-        lambda table: workload_rows(table, AGREEMENT.name),
-        of_table(draw_agreement_figure),
+        "agreement", "Who is wrong, by float64, where a method and single rays per pixel differ",
+        lambda table: workload_rows(table, AGREEMENT.name), of_table(draw_agreement_figure),
     ),
-)
+)  # fmt: skip

@@ -1,17 +1,78 @@
-"""Figures of this workload."""
+"""Figure 6 of the paper: what a view costs once, planning and building the BVH, over horizontal splits."""
 
 from __future__ import annotations
 
+from typing import Any
+
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from experiments.drawing.axes import draw_baseline, draw_series, finish_split_axes
 from experiments.drawing.figure import FigureKind, of_table
+from experiments.drawing.missing import Missing, mark_missing, missing_points, undrawable_points
+from experiments.drawing.pages import add_legend, write_foot
+from experiments.drawing.style import BLACK, BLUE, DASHED, GREEN, PURPLE, VERMILLION
+from experiments.drawing.values import MILLISECONDS, numbers, quartiles_ms
+from experiments.methods.aligned_forms import (
+    COPIED_OFF,
+    COPIED_ON,
+    FORM_OPTIONS,
+    INSTANCED,
+    aligned_forms,
+    aligned_rows,
+)
 from experiments.results.table import workload_rows
 from experiments.workloads.build import BUILD
-from experiments.workloads.build.build_figure import draw_build_figure
+from experiments.workloads.panels import draw_panels, make_panels
+
+# Label -> form of the geometry, stem of the columns, line. The paper's own form, culling on, comes first.
+_SERIES: dict[str, tuple[str, str, dict[str, Any]]] = {
+    "BVH build, culling on": (COPIED_ON, "build_time", {"color": BLUE, "marker": "o"}),
+    "plan (culling and shear), culling on": (COPIED_ON, "plan_time", {"color": GREEN, "marker": "D"}),
+    "BVH build, instanced": (INSTANCED, "build_time", {"color": PURPLE, "marker": "^"}),
+    "BVH build, culling off": (COPIED_OFF, "build_time", {"color": VERMILLION, "marker": "s"}),
+}
+_BASELINE = "BVH build for per-pixel rays"
+
+
+def draw_build_figure(table: pd.DataFrame) -> Figure:
+    """One panel a scene (and a value of any other setting that varies); milliseconds over splits, both logarithmic.
+
+    Points are medians with bars from the lower to the upper quartile over rounds. The baseline is the build of the
+    plain mesh, measured again with every point: its line is the median over all of them, its band reaches from lower
+    to upper quartile. Series that were not measured are left out.
+    """
+    figure, axes = draw_panels(make_panels(aligned_rows(table), ("split_x", *FORM_OPTIONS)), _draw_panel)
+    add_legend(figure, axes, [*_SERIES, _BASELINE])
+    write_foot(figure, table, mark="paid once a view")
+    return figure
+
+
+def _draw_panel(axis: Axes, rows: pd.DataFrame) -> None:
+    forms = aligned_forms(rows)
+    missing: list[Missing] = []
+    marked: set[str] = set()
+    for label, (form, stem, style) in _SERIES.items():
+        if form not in forms:
+            continue
+        points = forms[form]
+        time_ms, *quartiles = quartiles_ms(points, stem)
+        draw_series(axis, numbers(points, "split_x"), time_ms, style, quartiles, label)
+        missing += undrawable_points(points, time_ms, "split_x", label, style["color"])
+        # A form skipped once is said once, not for each of its series.
+        if form not in marked:
+            missing += missing_points(points, "split_x", form.removeprefix("aligned, "), style["color"])
+            marked.add(form)
+    baseline_ms = numbers(rows, "baseline_build_time_s") * MILLISECONDS
+    draw_baseline(axis, baseline_ms, {"color": BLACK, "linestyle": DASHED}, _BASELINE)
+    mark_missing(axis, missing)
+    finish_split_axes(axis, rows["split_x"], "split_x", "time in ms")
+
 
 FIGURES = (
     FigureKind(
-        "figure6",
-        "Figure 6: plan and BVH build over horizontal splits, culling on",
-        lambda table: workload_rows(table, BUILD.name),
-        of_table(draw_build_figure),
+        "figure6", "Figure 6: plan and BVH build over horizontal splits, culling on",
+        lambda table: workload_rows(table, BUILD.name), of_table(draw_build_figure),
     ),
-)
+)  # fmt: skip

@@ -6,14 +6,7 @@ from contextlib import ExitStack
 
 from experiments.harness.point import Point
 from experiments.workloads.build import BASELINE, BVH, PLAN
-from experiments.workloads.rounds import (
-    build_own,
-    make_single,
-    measured,
-    shrunk,
-    timed_rounds,
-    warm_up,
-)
+from experiments.workloads.rounds import build_own, make_single, measured, shrunk, timed_rounds, warm_up
 from experiments.workloads.workload import Measured, make_own
 
 

@@ -34,5 +34,4 @@ FRAME = Workload(
     optional=frozenset(PACKETS.values()),
     judged=OWN,
     needs=(*RESOURCES, *PIXELS, "plan_time_s", "build_time_s", "baseline_build_time_s"),
-    images=lambda point: 1,
 )

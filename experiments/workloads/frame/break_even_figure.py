@@ -11,8 +11,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
 from experiments.drawing.axes import say_nothing_measured, tidy_axis
-from experiments.drawing.pages import add_legend, make_figure, set_panel_title, write_foot, write_notes
-from experiments.drawing.style import BLACK, DOTTED, GREEN, GREY
+from experiments.drawing.pages import add_legend, write_foot, write_notes, write_table
+from experiments.drawing.style import BLACK, DOTTED, GREEN
 from experiments.drawing.values import MILLISECONDS, TIMES, say_number
 from experiments.methods import METHODS
 from experiments.methods.naming import best_of, say_series, say_split
@@ -26,7 +26,7 @@ from experiments.workloads.frame.break_even import (
     cumulative_time_s,
     time_rows,
 )
-from experiments.workloads.panels import make_panels
+from experiments.workloads.panels import draw_panels, make_panels
 from experiments.workloads.series import say_unmeasured, series_of, style_of
 
 LAST_FRAME = 1000
@@ -37,7 +37,7 @@ _COLUMNS = {"": 0.0, "plan": 0.36, "build": 0.465, "first": 0.57, "further": 0.6
 _LINE_POINTS = 11.5
 
 
-def draw_break_even_figure(table: pd.DataFrame, heading: str = "") -> Figure:
+def draw_break_even_figure(table: pd.DataFrame) -> Figure:
     """One panel a scene (and a value of any other setting that varies); seconds over frames.
 
     Both axes are logarithmic. A line is a method at the split and packet width with the largest ratio to packets: plan,
@@ -47,13 +47,10 @@ def draw_break_even_figure(table: pd.DataFrame, heading: str = "") -> Figure:
     rows = time_rows(table)
     rows = rows[rows["method"].isin([*_with_cells(), PIXEL.name])]
     panels = make_panels(rows, (*best_of(), "packet_width"))
-    figure, axes = make_figure(len(panels), panel_height=4.7)
+    figure, axes = draw_panels(panels, _draw_panel, height=4.7)
     # The lines below a panel would touch the next one's title.
     figure.set_layout_engine("constrained", h_pad=0.12)
-    for axis, panel in zip(axes, panels, strict=True):
-        set_panel_title(axis, panel.title, panel.stands_for)
-        _draw_panel(axis, panel.rows)
-    add_legend(figure, axes, [*(say_series(method, None) for method in _with_cells()), _BASELINE], heading)
+    add_legend(figure, axes, [*(say_series(method, None) for method in _with_cells()), _BASELINE])
     write_foot(figure, rows, f"ring: ahead of {_BASELINE} from this frame on; bytes: Embree's, over those of packets")
     return figure
 
@@ -137,17 +134,12 @@ def _write_parts(axis: Axes, entries: list[tuple[str, str, dict[str, Any], Cost]
     """The parts of every cost below the panel: times in ms, bytes over the baseline's, the break-even."""
     if not entries:
         return
-    lines = [(GREY, dict(zip(_COLUMNS, ["times in ms", *list(_COLUMNS)[1:]], strict=True)))]
+    lines = [(BLACK, ["times in ms", *list(_COLUMNS)[1:]])]
     for _, name, style, cost in entries:
         times = (cost.plan_time_s, cost.build_time_s, cost.first_frame_time_s, cost.frame_time_s)
         cells = [name, *(_ms(time_s) for time_s in times), _say_bytes(cost, baseline), _say_even(cost, baseline)]
-        lines.append((style["color"], dict(zip(_COLUMNS, cells, strict=True))))
-    for place, (color, words) in enumerate(lines):
-        for column, text in words.items():
-            axis.annotate(
-                text, (_COLUMNS[column], 0), xytext=(0, -36 - _LINE_POINTS * place), xycoords="axes fraction",
-                textcoords="offset points", ha="left", va="top", fontsize=8, color=color if place else BLACK,
-            )  # fmt: skip
+        lines.append((style["color"], cells))
+    write_table(axis, lines, list(_COLUMNS.values()), _LINE_POINTS, 8)
 
 
 def _say_bytes(cost: Cost, baseline: Cost | None) -> str:

@@ -30,14 +30,10 @@ def _over(table: pd.DataFrame, *axes: str) -> pd.DataFrame:
     return rows if {axis for axis in ("split_x", "split_y") if varies(rows, axis)} == set(axes) else rows[:0]
 
 
-def _methods(table: pd.DataFrame) -> pd.DataFrame:
+def _over_all(table: pd.DataFrame, name: str) -> pd.DataFrame:
+    """All rows, if this column varies."""
     rows = _rows(table)
-    return rows if varies(rows, "method") else rows[:0]
-
-
-def _threads(table: pd.DataFrame) -> pd.DataFrame:
-    rows = _rows(table)
-    return rows if varies(rows, "threads") else rows[:0]
+    return rows if varies(rows, name) else rows[:0]
 
 
 def _peers(table: pd.DataFrame) -> pd.DataFrame:
@@ -60,9 +56,16 @@ FIGURES = (
         "figure5_vertical", "As figure 5, over vertical splits", lambda table: _over(table, "split_y"),
         of_table(partial(draw_split_figure, axis_name="split_y")), per_packet_width=True,
     ),
-    FigureKind("methods", "Time per frame of every method at its fastest split", _methods,
-    of_table(draw_methods_figure)), FigureKind("break_even", "What a view costs in all, from frame 1 to frame 1,000",
-    _methods, of_table(draw_break_even_figure)), FigureKind("threads", "Speed-up over one thread", _threads,
-    of_table(draw_threads_figure)), FigureKind("peers", "Rays per second beside other ray tracers", _peers,
-    of_table(draw_peers_figure)),
+    FigureKind(
+        "methods", "Time per frame of every method at its fastest split", partial(_over_all, name="method"),
+        of_table(draw_methods_figure),
+    ),
+    FigureKind(
+        "break_even", "What a view costs in all, from frame 1 to frame 1,000", partial(_over_all, name="method"),
+        of_table(draw_break_even_figure),
+    ),
+    FigureKind(
+        "threads", "Speed-up over one thread", partial(_over_all, name="threads"), of_table(draw_threads_figure),
+    ),
+    FigureKind("peers", "Rays per second beside other ray tracers", _peers, of_table(draw_peers_figure)),
 )  # fmt: skip

@@ -9,28 +9,24 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from experiments.drawing.pages import add_foot, make_figure, set_panel_title
+from experiments.drawing.pages import write_foot
 from experiments.drawing.style import GREY, VERMILLION
 from experiments.drawing.values import MILLISECONDS, drawable, numbers
 from experiments.methods.aligned_forms import aligned_rows
-from experiments.workloads.panels import make_panels
+from experiments.workloads.panels import draw_panels, make_panels
 
 
-def draw_grid_figure(table: pd.DataFrame, heading: str = "") -> Figure:
+def draw_grid_figure(table: pd.DataFrame) -> Figure:
     """One panel a scene (and a value of any other setting that varies): milliseconds in each cell, the best framed.
 
-    heading: stands above the figure, for one that belongs to a row of figures.
     A split without a time stays empty, marked with its status. Colours are per scene: compare within a panel.
     """
     aligned = aligned_rows(table)
     # A panel without any time would be empty; its points are in the table with their reasons.
     panels = [panel for panel in make_panels(aligned, ("split_x", "split_y")) if drawable(_times(panel.rows)).any()]
-    figure, axes = make_figure(len(panels), panel_height=4.7)
-    for axis, panel in zip(axes, panels, strict=True):
-        set_panel_title(axis, panel.title, panel.stands_for)
-        _draw_panel(figure, axis, panel.rows)
-    figure.suptitle(heading, fontsize=12)
-    add_foot(figure, table, "shortest time framed")
+    figure, _ = draw_panels(panels, _draw_panel, height=4.7)
+    figure.suptitle("", fontsize=12)
+    write_foot(figure, table, mark="shortest time framed")
     return figure
 
 
@@ -39,7 +35,7 @@ def _times(rows: pd.DataFrame) -> np.ndarray:
     return numbers(rows, "render_time_s") * MILLISECONDS
 
 
-def _draw_panel(figure: Figure, axis: Axes, points: pd.DataFrame) -> None:
+def _draw_panel(axis: Axes, points: pd.DataFrame) -> None:
     splits_x = sorted(int(split) for split in points["split_x"].unique())
     splits_y = sorted(int(split) for split in points["split_y"].unique())
     time_ms = np.full((len(splits_y), len(splits_x)), np.nan)
@@ -67,7 +63,7 @@ def _draw_panel(figure: Figure, axis: Axes, points: pd.DataFrame) -> None:
     # One value alone has no scale.
     if high > low * 1.01:
         ticks = np.geomspace(low, high, 4)
-        bar = figure.colorbar(picture, ax=axis, shrink=0.85, label="time per frame in ms")
+        bar = axis.figure.colorbar(picture, ax=axis, shrink=0.85, label="time per frame in ms")
         bar.set_ticks(ticks.tolist(), labels=[_short(tick) for tick in ticks])
         bar.minorticks_off()
 

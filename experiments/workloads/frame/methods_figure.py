@@ -9,18 +9,18 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from experiments.drawing.bars import Bar, draw_bars, draw_upright_lines, finish_bar_axes
-from experiments.drawing.pages import add_legend, make_figure, set_panel_title, write_foot, write_notes
-from experiments.drawing.values import MILLISECONDS, column, numbers, say_number
+from experiments.drawing.pages import add_legend, write_foot, write_notes
+from experiments.drawing.values import MILLISECONDS, column, quartiles_ms, say_number
 from experiments.methods import METHODS
 from experiments.methods.naming import best_of, say_series, say_split
 from experiments.methods.pixel import PIXEL
 from experiments.workloads.baselines import TIME_BASELINES
 from experiments.workloads.frame.break_even import best_rows, time_rows
-from experiments.workloads.panels import make_panels
+from experiments.workloads.panels import draw_panels, make_panels
 from experiments.workloads.series import say_ratio, say_unmeasured, series_of, style_of
 
 
-def draw_methods_figure(table: pd.DataFrame, heading: str = "") -> Figure:
+def draw_methods_figure(table: pd.DataFrame) -> Figure:
     """One panel a scene (and a value of any other setting that varies); milliseconds from zero.
 
     A bar is a method and packet width at the split with the largest ratio to packets, its whisker reaches from the
@@ -30,11 +30,8 @@ def draw_methods_figure(table: pd.DataFrame, heading: str = "") -> Figure:
     rows = time_rows(table)
     rows = rows[rows["method"].isin([method.name for method in METHODS if method.is_ours])]
     panels = make_panels(rows, (*best_of(), "packet_width"))
-    figure, axes = make_figure(len(panels), panel_height=3.3)
-    for axis, panel in zip(axes, panels, strict=True):
-        set_panel_title(axis, panel.title, panel.stands_for)
-        _draw_panel(axis, panel.rows)
-    add_legend(figure, axes, list(TIME_BASELINES), heading)
+    figure, axes = draw_panels(panels, _draw_panel, height=3.3)
+    add_legend(figure, axes, list(TIME_BASELINES))
     write_foot(figure, rows, "beside a bar: packets / method, [95 % interval of the median]")
     return figure
 
@@ -59,9 +56,6 @@ def _make_bar(points: pd.DataFrame, name: str, color: str, faint: bool) -> Bar:
         status = [str(status) for status in points["status"].dropna().unique() if status != "ok"]
         return Bar(name, nan, nan, nan, color, " and ".join(status) or "not measured")
     row = best.iloc[0]
-    time_ms, q1_ms, q3_ms = (
-        float(numbers(best, name)[0] * MILLISECONDS)
-        for name in ("render_time_s", "render_time_q1_s", "render_time_q3_s")
-    )
+    time_ms, q1_ms, q3_ms = (float(values[0]) for values in quartiles_ms(best, "render_time"))
     label = "\n".join(filter(None, [name, say_split(row)]))
     return Bar(label, time_ms, q1_ms, q3_ms, color, f"{say_number(time_ms)} ms,  {say_ratio(row)}", faint)

@@ -12,15 +12,15 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from experiments.drawing.bars import Bar, draw_bars, finish_bar_axes
-from experiments.drawing.pages import make_figure, set_panel_title, write_foot
+from experiments.drawing.pages import write_foot
 from experiments.drawing.values import numbers, say_number
 from experiments.methods.naming import best_of, say_series, say_split
 from experiments.workloads.frame.break_even import best_rows, time_rows
-from experiments.workloads.panels import make_panels
+from experiments.workloads.panels import draw_panels, make_panels
 from experiments.workloads.series import say_ratio, say_unmeasured, series_of, style_of
 
 
-def draw_peers_figure(table: pd.DataFrame, heading: str = "") -> Figure:
+def draw_peers_figure(table: pd.DataFrame) -> Figure:
     """One panel a scene (and a value of any other setting that varies); Mray/s from zero.
 
     A bar is a method or a peer, ours at the split with the largest ratio to packets; its whisker reaches from quartile
@@ -29,11 +29,8 @@ def draw_peers_figure(table: pd.DataFrame, heading: str = "") -> Figure:
     rows = time_rows(table)
     panels = [panel for panel in make_panels(rows, (*best_of(), "packet_width")) if len(best_rows(panel.rows))]
     tallest = max((len(_make_bars(panel.rows)) for panel in panels), default=0)
-    figure, axes = make_figure(len(panels), panel_height=max(2.6, 1.2 + 0.36 * tallest))
-    for axis, panel in zip(axes, panels, strict=True):
-        set_panel_title(axis, panel.title, panel.stands_for)
-        _draw_panel(axis, panel.rows)
-    figure.suptitle(heading, fontsize=12)
+    figure, _ = draw_panels(panels, _draw_panel, height=max(2.6, 1.2 + 0.36 * tallest))
+    figure.suptitle("", fontsize=12)
     mark = "beside a bar: packets / this, [95 % interval of the median]"
     write_foot(figure, rows, mark, *_say_missing(rows, 150 if figure.get_figwidth() > 8 else 95))
     return figure

@@ -2,36 +2,33 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from experiments.drawing.axes import draw_baseline, draw_series, finish_split_axes
-from experiments.drawing.missing import Missing, mark_missing, missing_points, undrawable_points
-from experiments.drawing.pages import add_foot, add_legend, make_figure, set_panel_title
-from experiments.drawing.values import MILLISECONDS, TIMES, drawable, numbers
+from experiments.drawing.missing import Missing, mark_missing, without_value
+from experiments.drawing.pages import add_legend, write_foot
+from experiments.drawing.values import MILLISECONDS, TIMES, drawable, numbers, quartiles_ms
 from experiments.methods.aligned_forms import COPIED_OFF, FORM_OPTIONS, FORM_STYLES, aligned_forms, aligned_rows
 from experiments.workloads.baselines import TIME_BASELINES
-from experiments.workloads.panels import panels_over_splits
+from experiments.workloads.panels import draw_panels, make_panels
 
 
-def draw_split_figure(table: pd.DataFrame, axis_name: str = "split_x", heading: str = "") -> Figure:
+def draw_split_figure(table: pd.DataFrame, axis_name: str = "split_x") -> Figure:
     """One panel a scene (and a value of any other setting that varies); milliseconds over splits, both logarithmic.
 
     axis_name: the column on the abscissa, `split_x` (horizontal splits, the paper's figure 5) or `split_y` (vertical).
-    heading: stands above the figure, for one that belongs to a row of figures.
     Points are medians with bars from the lower to the upper quartile over rounds. A baseline is measured again with
     every point: its line is the median over all of them, its band reaches from lower to upper quartile.
     """
-    aligned = aligned_rows(table)
-    panels = panels_over_splits(aligned, FORM_OPTIONS, axis_name)
-    figure, axes = make_figure(len(panels))
-    for axis, panel in zip(axes, panels, strict=True):
-        set_panel_title(axis, panel.title, panel.stands_for)
-        draw_times(axis, panel.rows, axis_name)
-    add_legend(figure, axes, [*FORM_STYLES, *TIME_BASELINES], heading)
-    add_foot(figure, table, "in bold: speed-up over rtcIntersect1 at the shortest time")
+    panels = make_panels(aligned_rows(table), (axis_name, *FORM_OPTIONS))
+    figure, axes = draw_panels(panels, partial(draw_times, axis_name=axis_name))
+    add_legend(figure, axes, [*FORM_STYLES, *TIME_BASELINES])
+    write_foot(figure, table, mark="in bold: speed-up over rtcIntersect1 at the shortest time")
     return figure
 
 
@@ -43,14 +40,11 @@ def draw_times(axis: Axes, rows: pd.DataFrame, axis_name: str, mark_best: bool =
     missing: list[Missing] = []
     for form, points in aligned_forms(rows).items():
         style = FORM_STYLES[form]
-        time_ms, q1_ms, q3_ms = (
-            numbers(points, name) * MILLISECONDS for name in ("render_time_s", "render_time_q1_s", "render_time_q3_s")
-        )
-        draw_series(axis, numbers(points, axis_name), time_ms, style, (q1_ms, q3_ms), form)
+        time_ms, *quartiles = quartiles_ms(points, "render_time")
+        draw_series(axis, numbers(points, axis_name), time_ms, style, quartiles, form)
         if mark_best:
             _mark_best(axis, points, time_ms, axis_name, form)
-        missing += missing_points(points, axis_name, form.removeprefix("aligned, "), style["color"])
-        missing += undrawable_points(points, time_ms, axis_name, form.removeprefix("aligned, "), style["color"])
+        missing += without_value(points, time_ms, axis_name, form.removeprefix("aligned, "), style["color"])
     for label, (name, style) in TIME_BASELINES.items():
         draw_baseline(axis, numbers(rows, name) * MILLISECONDS, style, label)
     mark_missing(axis, missing)

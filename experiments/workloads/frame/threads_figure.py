@@ -12,14 +12,14 @@ from matplotlib.ticker import FuncFormatter, NullFormatter
 from matplotlib.transforms import offset_copy
 from numpy.typing import NDArray
 
-from experiments.drawing.axes import say_nothing_measured, tidy_axis
+from experiments.drawing.axes import place_counts, say_nothing_measured, tidy_axis
 from experiments.drawing.bars import spread
-from experiments.drawing.pages import add_legend, make_figure, set_panel_title, write_foot, write_notes
+from experiments.drawing.pages import add_legend, write_foot, write_notes
 from experiments.drawing.style import BLACK, DOTTED
 from experiments.drawing.values import TIMES, column, drawable, numbers
 from experiments.methods.naming import best_of, say_series, say_split
 from experiments.workloads.frame.break_even import best_rows, time_rows
-from experiments.workloads.panels import make_panels
+from experiments.workloads.panels import draw_panels, make_panels
 from experiments.workloads.series import say_unmeasured, series_of, style_of
 
 _IDEAL = "ideal"
@@ -40,7 +40,7 @@ class Scaling:
     split: str
 
 
-def draw_threads_figure(table: pd.DataFrame, heading: str = "") -> Figure:
+def draw_threads_figure(table: pd.DataFrame) -> Figure:
     """One panel a scene (and a value of any other setting that varies); both axes logarithmic.
 
     Every series follows the split that was best on one thread. A bar reaches from the lower quartile of the time on one
@@ -48,12 +48,9 @@ def draw_threads_figure(table: pd.DataFrame, heading: str = "") -> Figure:
     """
     rows = time_rows(table)
     panels = make_panels(rows, (*best_of(), "packet_width", "threads"))
-    figure, axes = make_figure(len(panels))
-    order = [_IDEAL]
-    for axis, panel in zip(axes, panels, strict=True):
-        set_panel_title(axis, panel.title, panel.stands_for)
-        order += [label for label in _draw_panel(axis, panel.rows) if label not in order]
-    add_legend(figure, axes, [*order[1:], _IDEAL], heading)
+    drawn: dict[str, None] = {}
+    figure, axes = draw_panels(panels, lambda axis, of_panel: drawn.update(_draw_panel(axis, of_panel)))
+    add_legend(figure, axes, [*drawn, _IDEAL])
     write_foot(figure, rows, "bars: quartiles of both times combined")
     return figure
 
@@ -76,8 +73,8 @@ def scaling_of(rows: pd.DataFrame) -> Scaling | None:
     return Scaling(chosen["threads"].to_numpy(np.int64), time_s[0] / time_s, low, high, say_split(one.iloc[0]))
 
 
-def _draw_panel(axis: Axes, rows: pd.DataFrame) -> list[str]:
-    """Draw one scene; returns the labels drawn."""
+def _draw_panel(axis: Axes, rows: pd.DataFrame) -> dict[str, None]:
+    """Draw one scene; returns the labels drawn, in their order."""
     drawn, notes = [], []
     for method, width, points in series_of(rows):
         name = say_series(method, width)
@@ -104,25 +101,21 @@ def _draw_panel(axis: Axes, rows: pd.DataFrame) -> list[str]:
     _finish(axis, [scaling for _, _, scaling in drawn])
     _write_last(axis, drawn)
     write_notes(axis, notes)
-    return [name for name, _, _ in drawn]
+    return dict.fromkeys(name for name, _, _ in drawn)
 
 
 def _finish(axis: Axes, series: list[Scaling]) -> None:
-    counts = sorted({int(count) for scaling in series for count in scaling.threads}) or [1]
+    counts = place_counts(axis, (count for scaling in series for count in scaling.threads), 1.15)
     values = [value for scaling in series for value in (*scaling.speedup, *scaling.low, *scaling.high)]
     values = [value for value in values if np.isfinite(value) and value > 0]
-    axis.set_xscale("log", base=2)
     axis.set_yscale("log", base=2)
     top = max([1.1, counts[-1], *values])
     axis.plot([1, counts[-1]], [1, counts[-1]], color=BLACK, linestyle=DOTTED, linewidth=1.2, label=_IDEAL, zorder=4)
-    axis.set_xlim(counts[0] / 1.15, counts[-1] * 1.15)
     axis.set_ylim(min([1.0, *values]) / 1.06, top * 1.06)
-    axis.set_xticks(counts, [str(count) for count in counts])
     step = 0.2 if top < 3 else 0.5 if top < 6 else 2
     ticks = [1.0, *(tick for tick in np.arange(0, top * 1.06, step) if tick > 1)] if top < 12 else counts
     axis.set_yticks(ticks)
-    for one in (axis.xaxis, axis.yaxis):
-        one.set_minor_formatter(NullFormatter())
+    axis.yaxis.set_minor_formatter(NullFormatter())
     axis.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.3g}"))
     axis.minorticks_off()
     axis.set_xlabel("threads")

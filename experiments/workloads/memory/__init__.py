@@ -6,10 +6,5 @@ from experiments.workloads.resources import RESOURCE_COLUMNS, RESOURCES, say_mem
 from experiments.workloads.workload import NoOptions, Workload
 
 MEMORY = Workload(
-    name="memory",
-    options=NoOptions,
-    columns=RESOURCE_COLUMNS,
-    headline=say_memory,
-    room=__name__,
-    needs=RESOURCES,
+    name="memory", options=NoOptions, columns=RESOURCE_COLUMNS, headline=say_memory, room=__name__, needs=RESOURCES
 )

@@ -1,17 +1,92 @@
-"""Figures of this workload."""
+"""Figure 7 of the paper: memory over horizontal splits, copied geometry with culling."""
 
 from __future__ import annotations
 
+from functools import partial
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from experiments.drawing.axes import draw_baseline, draw_series, finish_split_axes
 from experiments.drawing.figure import FigureKind, of_table
+from experiments.drawing.missing import Missing, mark_missing, missing_points, undrawable_points
+from experiments.drawing.pages import add_legend, write_foot
+from experiments.drawing.style import BLACK, BLUE, DASHED, GREEN, ORANGE
+from experiments.drawing.values import MEBIBYTES, column, numbers
+from experiments.methods.aligned_forms import COPIED_ON, FORM_OPTIONS, aligned_forms, aligned_rows
+from experiments.methods.naming import best_of
+from experiments.methods.pixel import PIXEL
+from experiments.results.settings import settings
 from experiments.results.table import workload_rows
 from experiments.workloads.memory import MEMORY
-from experiments.workloads.memory.memory_figure import draw_memory_figure
+from experiments.workloads.panels import draw_panels, make_panels
+
+# Label -> the column, and whether the process's size with only the mesh loaded is taken off it.
+_SERIES: dict[str, tuple[str, bool, dict[str, Any]]] = {
+    "peak of RSS over the mesh": ("peak_rss_bytes", True, {"color": ORANGE, "marker": "v"}),
+    "RSS over the mesh, after the build": ("rss_bytes", True, {"color": BLUE, "marker": "o"}),
+    "Embree's own account": ("embree_bytes", False, {"color": GREEN, "marker": "D"}),
+}
+_BASELINE = "one ray per pixel (same colours)"
+
+
+def draw_memory_figure(table: pd.DataFrame) -> Figure:
+    """One panel a scene (and a value of any other setting that varies); MiB over splits, both logarithmic.
+
+    Every point is a process of its own. "Over the mesh" is the growth since the mesh was loaded: what the method adds
+    (the peak may have been reached before, while the mesh was read, and is then not the method's). Dashed lines are
+    the same three quantities of the rows of one ray per pixel. Only the copied geometry with culling is drawn.
+    """
+    panels = make_panels(aligned_rows(table), ("split_x", *FORM_OPTIONS))
+    panels = [panel for panel in panels if COPIED_ON in aligned_forms(panel.rows)]
+    figure, axes = draw_panels(panels, partial(_draw_panel, table))
+    # A line without data stands in the legend for the dashed lines of all colours.
+    for axis in axes[:1]:
+        axis.plot([], [], color=BLACK, linestyle=DASHED, label=_BASELINE)
+    add_legend(figure, axes, [*_SERIES, _BASELINE])
+    write_foot(figure, table, mark="each point in a process of its own")
+    return figure
+
+
+def memory_mib(rows: pd.DataFrame, name: str, over_mesh: bool) -> NDArray[np.float64]:
+    """(N,) float64 MiB of a column in bytes, less `rss_mesh_bytes` if `over_mesh`; NaN where missing."""
+    value_bytes = numbers(rows, name)
+    return (value_bytes - numbers(rows, "rss_mesh_bytes") if over_mesh else value_bytes) * MEBIBYTES
+
+
+def baseline_rows(table: pd.DataFrame, rows: pd.DataFrame) -> pd.DataFrame:
+    """The measured rows of one ray per pixel of the same scene, image and build as the panel's `rows`."""
+    pixel = table[(table["method"] == PIXEL.name) & (table["status"] == "ok")]
+    decisive = ("scene", "mesh_sha256", "width", "height", "build_quality")
+    for name in decisive:
+        pixel = pixel[column(pixel, name).isin(column(rows, name))]
+    # Memory hardly depends on the others: a baseline that was measured with one value serves the rest.
+    for name in settings():
+        if name not in (*decisive, *best_of()):
+            same = pixel[column(pixel, name).isin(column(rows, name))]
+            pixel = same if len(same) else pixel
+    return pixel
+
+
+def _draw_panel(table: pd.DataFrame, axis: Axes, rows: pd.DataFrame) -> None:
+    points, baseline = aligned_forms(rows)[COPIED_ON], baseline_rows(table, rows)
+    missing: list[Missing] = missing_points(points, "split_x", "culling on", BLUE)
+    for label, (name, over_mesh, style) in _SERIES.items():
+        value_mib = memory_mib(points, name, over_mesh)
+        draw_series(axis, numbers(points, "split_x"), value_mib, style, label=label)
+        missing += undrawable_points(points, value_mib, "split_x", label, style["color"])
+        draw_baseline(axis, memory_mib(baseline, name, over_mesh), {"color": style["color"], "linestyle": DASHED})
+    mark_missing(axis, missing)
+    finish_split_axes(axis, points["split_x"], "split_x", "memory in MiB")
+
 
 FIGURES = (
     FigureKind(
-        "figure7",
-        "Figure 7: memory over horizontal splits, culling on",
-        lambda table: workload_rows(table, MEMORY.name),
-        of_table(draw_memory_figure),
+        "figure7", "Figure 7: memory over horizontal splits, culling on",
+        lambda table: workload_rows(table, MEMORY.name), of_table(draw_memory_figure),
     ),
-)
+)  # fmt: skip

@@ -90,6 +90,5 @@ MULTIFRAME = Workload(
     optional=frozenset(PACKETS.values()),
     judged=OWN,
     needs=(*RESOURCES, *PIXELS, "plan_time_s", "build_time_s", "baseline_build_time_s"),
-    images=lambda point: point.workload_options.frames,
     problem=_problem,
 )

@@ -6,10 +6,9 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import NullFormatter
 
-from experiments.drawing.axes import draw_series, say_nothing_measured, tidy_axis
-from experiments.drawing.pages import add_legend, make_figure, set_panel_title, write_foot, write_notes
+from experiments.drawing.axes import draw_series, place_counts, say_nothing_measured, tidy_axis
+from experiments.drawing.pages import add_legend, make_figure, set_panel_title, write_foot, write_notes, write_table
 from experiments.drawing.style import BLACK, DASHED, GREY, PURPLE
 from experiments.drawing.values import MEBIBYTES, MILLISECONDS, column, drawable, numbers
 from experiments.methods.naming import best_of, say_split
@@ -36,7 +35,7 @@ _COLUMNS = {"together over": 0.0, "aligned": 0.27, "visible-first": 0.52, "packe
 _LINE_POINTS = 10.5
 
 
-def draw_multiframe_figure(table: pd.DataFrame, heading: str = "") -> Figure:
+def draw_multiframe_figure(table: pd.DataFrame) -> Figure:
     """One row a scene (and a value of any other setting that varies): a panel for each
     motion, milliseconds per frame over the number of frames, and one of the memory of all frames in MiB.
 
@@ -60,7 +59,7 @@ def draw_multiframe_figure(table: pd.DataFrame, heading: str = "") -> Figure:
     for axis in axes[columns - 1 : columns]:
         if len(motions) > 1:
             axis.plot([], [], color=BLACK, linestyle=DASHED, label=_LATER)
-    add_legend(figure, axes, [*(way.label for way in WAYS), _PEAK, _LATER], heading)
+    add_legend(figure, axes, [*(way.label for way in WAYS), _PEAK, _LATER])
     write_foot(
         figure, table,
         "below a panel: how many times as fast all frames together are at their best split, [95 % interval of the "
@@ -100,17 +99,12 @@ def _say_wrong(timed: pd.DataFrame) -> list[str]:
 
 def _write_speedups(axis: Axes, best: pd.DataFrame) -> int:
     """A small table below the panel; returns its lines."""
-    lines = [dict(zip(_COLUMNS, _COLUMNS, strict=True))] if len(best) else []
+    lines = [(BLACK, list(_COLUMNS))] if len(best) else []
     for _, row in best.iterrows():
         cells = [f"{row['frames']} frames, {say_split(row)}"]
         cells += [say_speedup(row, way) or "-" for way in (SEPARATE_FRAMES, VISIBLE_FRAMES, PACKETS)]
-        lines.append(dict(zip(_COLUMNS, cells, strict=True)))
-    for place, words in enumerate(lines):
-        for name, text in words.items():
-            axis.annotate(
-                text, (_COLUMNS[name], 0), xytext=(0, -36 - _LINE_POINTS * place), xycoords="axes fraction",
-                textcoords="offset points", ha="left", va="top", fontsize=7.5, color=GREY if place else BLACK,
-            )  # fmt: skip
+        lines.append((GREY, cells))
+    write_table(axis, lines, list(_COLUMNS.values()), _LINE_POINTS, 7.5)
     return len(lines)
 
 
@@ -129,12 +123,7 @@ def _draw_memory(axis: Axes, panel: Panel, motions: list[str]) -> None:
 
 def _finish(axis: Axes, rows: pd.DataFrame, quantity: str) -> None:
     """Frames on a logarithmic axis with a tick for each number, the ordinate from zero."""
-    counts = sorted({int(count) for count in column(rows, "frames").dropna()}) or [1]
-    axis.set_xscale("log", base=2)
-    axis.set_xticks(counts, [str(count) for count in counts])
-    axis.xaxis.set_minor_formatter(NullFormatter())
-    axis.minorticks_off()
-    axis.set_xlim(counts[0] / 1.25, counts[-1] * 1.25)
+    place_counts(axis, column(rows, "frames").dropna(), 1.25)
     if any(drawable(np.asarray(line.get_ydata(), np.float64)).any() for line in axis.get_lines()):
         axis.set_ylim(0, 1.08 * axis.dataLim.y1)
     else:

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from experiments.drawing.axes import say_nothing_measured
 from experiments.drawing.bars import Bar, draw_bars, draw_upright_lines, finish_bar_axes
-from experiments.drawing.pages import add_legend, make_figure, set_panel_title, write_foot, write_notes
+from experiments.drawing.pages import add_legend, write_foot, write_notes
 from experiments.drawing.values import MILLISECONDS, say_number
 from experiments.methods.naming import best_of, say_split
 from experiments.workloads.baselines import TIME_BASELINES
@@ -22,7 +22,7 @@ from experiments.workloads.multiframe.frame_parts import (
     best_row,
     say_speedup,
 )
-from experiments.workloads.panels import make_panels
+from experiments.workloads.panels import draw_panels, make_panels
 from experiments.workloads.series import say_ratio, say_unmeasured
 
 _LABELS = {
@@ -30,22 +30,18 @@ _LABELS = {
 }  # fmt: skip
 
 
-def draw_stereo_figure(table: pd.DataFrame, heading: str = "") -> Figure:
+def draw_stereo_figure(table: pd.DataFrame) -> Figure:
     """One panel a scene (and a value of any other setting that varies).
 
     A bar is the time of both images in milliseconds at the way's best split, its whisker reaches from the lower to the
     upper quartile over rounds. Single rays and packets per pixel, eye by eye, are the two lines: the median over all
     points, with a band from lower to upper quartile.
     """
-    rows = table
-    panels = make_panels(rows, (*best_of(), "motion", "frames"))
-    figure, axes = make_figure(len(panels), panel_height=3.0)
-    for axis, panel in zip(axes, panels, strict=True):
-        set_panel_title(axis, panel.title, panel.stands_for)
-        _draw_panel(axis, panel.rows)
-    add_legend(figure, axes, list(TIME_BASELINES), heading)
+    panels = make_panels(table, (*best_of(), "motion", "frames"))
+    figure, axes = draw_panels(panels, _draw_panel, height=3.0)
+    add_legend(figure, axes, list(TIME_BASELINES))
     write_foot(
-        figure, rows,
+        figure, table,
         "beside a bar: packets / both together, below it eye by eye / both together at that split, "
         "[95 % interval of the median]; without plan and build",
     )  # fmt: skip

@@ -13,5 +13,4 @@ PICTURE = Workload(
     headline=say_memory,
     room=__name__,
     needs=(*RESOURCES, *PIXELS, "pictures"),
-    images=lambda point: 1,
 )

@@ -1,19 +1,102 @@
-"""Figures of shaded pictures."""
+"""Figure 3 of the paper: the scenes, traced aligned and per pixel, and the difference of the two images."""
 
 from __future__ import annotations
 
+import io
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from numpy.typing import NDArray
+from PIL import Image
+
+from atra.judge.compare import Verdict
 from experiments.drawing.figure import FigureKind
+from experiments.drawing.pages import stand_in_note
+from experiments.drawing.shading import DIFFERENCE_COLOURS
+from experiments.drawing.style import GREY
+from experiments.drawing.values import TIMES
 from experiments.results.table import workload_rows
 from experiments.workloads.picture import PICTURE
-from experiments.workloads.picture.pictures import read_pictures
-from experiments.workloads.picture.scenes_figure import draw_scenes_figure
+from experiments.workloads.picture.pictures import ScenePictures, read_pictures
 
-_CAPTION = "Figure 3: the scenes, shaded from aligned hits and from single rays per pixel, and their difference"
+_PANEL_INCHES = 3.6
+_MARKERS = {Verdict.TIED: "s", Verdict.EDGE: "D", Verdict.WRONG: "X"}
+_MEANINGS = {
+    Verdict.TIED: "tied (another triangle, equally deep)",
+    Verdict.EDGE: "edge (the ray grazes a triangle's edge)",
+    Verdict.WRONG: "wrong",
+}
+
+
+def draw_scenes_figure(pictures: Sequence[ScenePictures]) -> Figure:
+    """One row a scene: the picture from the aligned hits, the one from one ray per pixel, and where they differ.
+
+    An SVG holds pictures as pixels, at the `dpi` it is saved with: 72 keeps four scenes well below 1 MB.
+    """
+    row_inches = [_PANEL_INCHES * one.height / one.width for one in pictures] or [1.0]
+    figure = Figure(figsize=(3 * _PANEL_INCHES + 0.4, sum(row_inches) + 0.6 * len(row_inches) + 0.8))
+    figure.set_layout_engine("constrained", h_pad=0.09)
+    FigureCanvasAgg(figure)
+    if not pictures:
+        figure.text(0.5, 0.5, "no pictures", ha="center", va="center", color=GREY)
+        return figure
+    axes = figure.subplots(len(pictures), 3, squeeze=False, height_ratios=row_inches)
+    for row, one in zip(axes, pictures, strict=True):
+        _show(row[0], one.aligned, f"{one.scene} ({one.triangles:,} triangles)", _left_note(one))
+        _show(row[1], one.pixel, "", "rtcIntersect1 per pixel")
+        counts = f"{one.pixels_tied:,} tied, {one.pixels_edge:,} edge, {one.pixels_wrong:,} wrong"
+        _show(row[2], one.difference, "", f"difference: {one.pixels_equal:,} pixels equal,\n{counts}")
+    shown = [
+        Line2D(
+            [], [], linestyle="none", marker=_MARKERS[kind], markersize=6, color=np.array(colour) / 255,
+            label=_MEANINGS[kind],
+        )
+        for kind, colour in DIFFERENCE_COLOURS.items()
+    ]  # fmt: skip
+    figure.legend(handles=shown, loc="outside upper center", ncols=3, frameon=False)
+    figure.supxlabel(_foot(pictures), fontsize=8, color=GREY)
+    return figure
+
+
+def _left_note(one: ScenePictures) -> str:
+    note = stand_in_note(one.stands_for)
+    return f"{note}\naligned" if note else "aligned"
+
+
+def _show(axis: Axes, png: bytes, title: str, note: str) -> None:
+    lines = note.count("\n") + 1
+    axis.set_title(title, fontsize=11, loc="left", pad=6 + 12 * lines)
+    axis.annotate(
+        note, (0, 1), xytext=(0, 4), xycoords="axes fraction", textcoords="offset points", ha="left", va="bottom",
+        fontsize=8.5, color=GREY,
+    )  # fmt: skip
+    axis.imshow(_decode(png))
+    axis.set_xticks([])
+    axis.set_yticks([])
+    for spine in axis.spines.values():
+        spine.set_edgecolor("#BBBBBB")
+        spine.set_linewidth(0.6)
+
+
+def _decode(png: bytes) -> NDArray[np.uint8]:
+    """(H, W, 3) uint8."""
+    return np.asarray(Image.open(io.BytesIO(png)).convert("RGB"))
+
+
+def _foot(pictures: Sequence[ScenePictures]) -> str:
+    sizes = {(one.width, one.height) for one in pictures}
+    size = f"{pictures[0].width} {TIMES} {pictures[0].height} pixels, " if len(sizes) == 1 else ""
+    return f"{size}shaded from depth and triangle of each hit; marks in the difference are larger than their pixels"
+
 
 FIGURES = (
     FigureKind(
         "figure3",
-        _CAPTION,
+        "Figure 3: the scenes, shaded from aligned hits and from single rays per pixel, and their difference",
         lambda table: workload_rows(table, PICTURE.name),
         lambda rows, records: draw_scenes_figure(read_pictures(rows, records)),
         in_page=False,

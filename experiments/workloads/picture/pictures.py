@@ -5,10 +5,12 @@ from __future__ import annotations
 import base64
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 
 from experiments.harness.records import load_record
+from experiments.workloads.images import PIXELS
 from experiments.workloads.picture import PICTURE
 
 
@@ -41,21 +43,8 @@ def read_pictures(table: pd.DataFrame, records: Path) -> list[ScenePictures]:
         record = load_record(records, row["point_id"])
         if record is None:
             continue
-        images = {name: base64.b64decode(text) for name, text in record.results["pictures"].items()}
-        found.append(
-            ScenePictures(
-                scene=str(row["scene"]),
-                triangles=int(row["triangles"]),
-                stands_for=None if pd.isna(row["stands_for"]) else str(row["stands_for"]),
-                width=int(row["width"]),
-                height=int(row["height"]),
-                pixels_equal=int(row["pixels_equal"]),
-                pixels_tied=int(row["pixels_tied"]),
-                pixels_edge=int(row["pixels_edge"]),
-                pixels_wrong=int(row["pixels_wrong"]),
-                aligned=images["aligned"],
-                pixel=images["pixel"],
-                difference=images["difference"],
-            )
-        )
+        numbers: dict[str, Any] = {name: int(row[name]) for name in ("triangles", "width", "height", *PIXELS)}
+        images: dict[str, Any] = {name: base64.b64decode(text) for name, text in record.results["pictures"].items()}
+        stands_for = None if pd.isna(row["stands_for"]) else str(row["stands_for"])
+        found.append(ScenePictures(scene=str(row["scene"]), stands_for=stands_for, **numbers, **images))
     return found

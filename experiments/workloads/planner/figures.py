@@ -1,17 +1,73 @@
-"""Figures of this workload."""
+"""Regret of plans, view by view: how far plans, and packets always, stay behind the best of all candidates."""
 
 from __future__ import annotations
 
+from functools import partial
+from typing import Any
+
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, NullFormatter
+
+from experiments.drawing.axes import tidy_axis
 from experiments.drawing.figure import FigureKind, of_table
+from experiments.drawing.pages import add_legend, write_foot
+from experiments.drawing.style import BLACK, BLUE, DOTTED, GREEN, GREY
+from experiments.drawing.values import numbers
+from experiments.results.settings import settings
 from experiments.results.table import workload_rows
+from experiments.workloads.panels import draw_panels, make_panels
 from experiments.workloads.planner import PLANNER
-from experiments.workloads.planner.planner_figure import draw_planner_figure
+
+SERIES: dict[str, tuple[str, dict[str, Any]]] = {
+    "plan": ("regret", {"color": BLUE, "marker": "o", "markersize": 5}),
+    "packets, always": ("packets_regret", {"color": GREEN, "marker": "x", "markersize": 6}),
+}
+"""Label -> column and mark; marks of equal values stay apart."""
+
+TARGET = 1.05
+TARGET_LABEL = f"target: {TARGET}"
+
+
+def draw_planner_figure(table: pd.DataFrame) -> Figure:
+    """One panel a scene, one line a view and image size; a logarithmic axis from 1, the best of all candidates.
+
+    Regret is the time of plan, build and 64 frames of what was chosen, over that of the best candidate in the same
+    rounds.
+    """
+    rows = table[table["status"] == "ok"]
+    panels = make_panels(rows, settings())
+    largest = max([1.3, *(value for name, _ in SERIES.values() for value in numbers(rows, name) if value > 0)])
+    figure, axes = draw_panels(panels, partial(_draw_panel, largest), height=3.0)
+    add_legend(figure, axes, [*SERIES, TARGET_LABEL])
+    write_foot(figure, rows, "plan, build and 64 frames of the choice / those of the best candidate, same rounds")
+    return figure
+
+
+def _draw_panel(largest: float, axis: Axes, rows: pd.DataFrame) -> None:
+    rows = rows.sort_values(["width", "height", "view"], kind="stable")
+    names = [f"{view}, {x} x {y}" for view, x, y in zip(rows["view"], rows["width"], rows["height"], strict=True)]
+    places = range(len(rows))
+    axis.axvline(TARGET, color=BLACK, linestyle=DOTTED, linewidth=1.0, zorder=1, label=TARGET_LABEL)
+    for label, (name, style) in SERIES.items():
+        axis.plot(numbers(rows, name), places, linestyle="none", label=label, zorder=3, **style)
+    axis.set_xscale("log")
+    axis.set_xlim(0.97, largest * 1.1)
+    axis.set_xticks([1.0, *(tick for tick in (1.2, 1.5, 2.0, 3.0, 5.0, 10.0, 20.0) if tick < largest * 1.1)])
+    axis.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.xaxis.set_minor_formatter(NullFormatter())
+    axis.minorticks_off()
+    axis.tick_params(axis="x", labelsize=8)
+    axis.set_yticks(list(places), names, fontsize=8)
+    axis.set_ylim(len(rows) - 0.5, -0.5)
+    axis.set_xlabel("regret", color=GREY)
+    tidy_axis(axis, "y")
+
 
 FIGURES = (
     FigureKind(
-        "planner",
-        "Regret of plans against the best of all candidates",
-        lambda table: workload_rows(table, PLANNER.name),
-        of_table(draw_planner_figure),
+        "planner", "Regret of plans against the best of all candidates",
+        lambda table: workload_rows(table, PLANNER.name), of_table(draw_planner_figure),
     ),
-)
+)  # fmt: skip

@@ -1,0 +1,92 @@
+"""Rows of a table for the tests of figures, and what a figure shows of them."""
+
+from __future__ import annotations
+
+import io
+from typing import Any
+
+import pandas as pd
+import pytest
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from tests.report_samples import table_of
+
+MIB = 2**20
+COMMON = {
+    "scene": "box", "triangles": 10, "width": 1000, "height": 1000, "split_x": 1, "split_y": 1, "culling": True,
+    "method": "aligned", "geometry": "copied", "packet_width": 8, "threads": 1, "build_quality": "medium",
+    "status": "ok", "pixels_wrong": 0,
+}  # fmt: skip
+
+
+def make_rows(*rows: dict[str, Any]) -> pd.DataFrame:
+    return table_of([COMMON | {"point_id": f"{place:020x}"} | row for place, row in enumerate(rows)])
+
+
+def method_row(method: str, split_x: int = 1, time_s: float = 0.02, ratio: Any = 2.0, **fields: Any) -> dict[str, Any]:
+    """A timed frame; quartiles are half and double."""
+    return COMMON | {
+        "workload": "frame", "rounds": 9, "method": method, "split_x": split_x, "render_time_s": time_s,
+        "render_time_q1_s": 0.5 * time_s, "render_time_q3_s": 2 * time_s, "baseline_render_time_s": 0.1,
+        "packets_render_time_s": 0.05, "packets_width": 8, "speedup": 0.1 / time_s, "speedup_vs_packets": ratio,
+        "speedup_vs_packets_low": 1.75, "speedup_vs_packets_high": 2.25, "plan_time_s": 0.001, "build_time_s": 0.002,
+        "first_frame_time_s": 0.03, "embree_bytes": 3000,
+    } | fields  # fmt: skip
+
+
+def time_row(split_x: int, time_s: float, **fields: Any) -> dict[str, Any]:
+    return method_row("aligned", split_x, time_s) | fields
+
+
+def build_row(split_x: int, plan_s: float, build_s: float, **fields: Any) -> dict[str, Any]:
+    return {
+        "workload": "build", "split_x": split_x, "plan_time_s": plan_s, "build_time_s": build_s,
+        "build_time_q1_s": build_s, "build_time_q3_s": 2 * build_s, "baseline_build_time_s": 0.004,
+    } | fields  # fmt: skip
+
+
+def memory_row(split_x: int, mesh_mib: int, after_mib: int, peak_mib: int, **fields: Any) -> dict[str, Any]:
+    return {
+        "workload": "memory", "split_x": split_x, "rss_mesh_bytes": mesh_mib * MIB, "rss_bytes": after_mib * MIB,
+        "peak_rss_bytes": peak_mib * MIB, "embree_bytes": 3 * split_x * MIB,
+    } | fields  # fmt: skip
+
+
+def skipped(row: dict[str, Any], error: str = "needs 9 GiB, more than the memory budget of 4 GiB") -> dict[str, Any]:
+    """The row as it is when its point could not be measured."""
+    measured = [name for name in row if name.endswith(("_s", "_bytes", "_wrong")) or name.startswith("speedup")]
+    return row | dict.fromkeys(measured) | {"status": "skipped", "error": error}
+
+
+def line(axis: Axes, label: str) -> dict[float, float]:
+    """Abscissa -> ordinate of the line with this label."""
+    (one,) = [one for one in axis.get_lines() if one.get_label() == label]
+    return {float(x): pytest.approx(float(y)) for x, y in zip(*one.get_data(), strict=True)}
+
+
+def level(axis: Axes, label: str) -> float:
+    """Where the level line with this label lies."""
+    (ordinate,) = {place.expected for place in line(axis, label).values()}
+    return ordinate
+
+
+def bars(axis: Axes) -> dict[str, float]:
+    """Label -> length of each bar, in units of the axis, from the top down."""
+    labels = [tick.get_text() for tick in axis.get_yticklabels()]
+    return {labels[round(bar.get_y() + bar.get_height() / 2)]: pytest.approx(bar.get_width()) for bar in axis.patches
+            if bar.get_height() == pytest.approx(0.62)}  # fmt: skip
+
+
+def whiskers(axis: Axes) -> list[list[float]]:
+    return [pytest.approx(list(one.get_xdata())) for one in axis.get_lines() if one.get_label() == "_bars"]
+
+
+def words(figure: Figure) -> str:
+    texts = [text.get_text() for axis in figure.axes for text in (*axis.texts, axis.title, axis._left_title)]
+    ticks = [tick.get_text() for axis in figure.axes for tick in axis.get_yticklabels()]
+    return "\n".join([*texts, *ticks, figure.get_supxlabel()])
+
+
+def save(figure: Figure) -> None:
+    figure.savefig(io.BytesIO(), format="png", dpi=30)
