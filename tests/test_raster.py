@@ -6,8 +6,16 @@ import pytest
 import atra
 from atra.judge.reference import brute_force
 from tests.images import assert_equal_images, trace_pixels
-from tests.meshes import EYE_AT_ORIGIN, boards, cornell_box, cornell_camera, quads, random_triangles
-from tests.needles import beams, needle_camera
+from tests.meshes import (
+    EYE_AT_ORIGIN,
+    beams,
+    boards,
+    cornell_box,
+    cornell_camera,
+    needle_camera,
+    quads,
+    random_triangles,
+)
 
 OFFSETS = [(0.5, 0.5), (0.0, 0.0), (0.999999, 0.999999), (0.0, 0.7)]
 LANES = (4, 8, 16)
