@@ -18,12 +18,20 @@ from atra.geometry.orthographic import OrthographicCamera
 from atra.geometry.sampling import sub_pixel_offsets
 from atra.hits import MISS, Hits
 from atra.judge.compare import Agreement, Verdict, compare
-from atra.options import AlignedOptions, CellOptions, Options, RayOptions, ReferenceRayOptions
+from atra.options import AlignedOptions, CellOptions, Options, RasterOptions, RayOptions, ReferenceRayOptions
 from atra.planner.plan import Plan
 from atra.planner.planning import plan
 from atra.rays.rays import RayHits, Rays
 from atra.rays.scene import RayScene
-from atra.tracers import AlignedTracer, FramesTracer, PixelTracer, TiledTracer, Tracer, VisibleFirstTracer
+from atra.tracers import (
+    AlignedTracer,
+    FramesTracer,
+    PixelTracer,
+    RasterTracer,
+    TiledTracer,
+    Tracer,
+    VisibleFirstTracer,
+)
 
 __version__ = "0.1.0"
 
@@ -47,6 +55,8 @@ __all__ = [
     "OrthographicCamera",
     "PixelTracer",
     "Plan",
+    "RasterOptions",
+    "RasterTracer",
     "RayHits",
     "RayOptions",
     "RayScene",

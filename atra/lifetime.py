@@ -63,7 +63,7 @@ class Lifetime(ABC):
             if self._is_closed:
                 raise EmbreeError("this tracer is closed and cannot trace any more; make a new one")
             if not self._is_built:
-                raise EmbreeError("this tracer is not built yet; use it in a `with` block or call build() first")
+                raise EmbreeError("this is not built yet; use it in a `with` block or call build() first")
             yield
 
     def _check_open(self) -> None:

@@ -19,9 +19,33 @@ TIES = ("lowest", "any")
 GEOMETRIES = ("copied", "instanced")
 """How the cells' sheared geometry comes into the scene."""
 
+LANES = (4, 8, 16)
+"""Numbers of pixels that can be drawn at once."""
+
 
 @dataclass(frozen=True)
-class PacketOptions:
+class Choices:
+    """What all options are: values that are changed by naming fields."""
+
+    @classmethod
+    def of(cls, owner: str, options: Choices | None, changes: Mapping[str, Any]) -> Self:
+        """`options`, or the defaults, with the fields `changes` names changed; `owner` is who was given them.
+
+        Raises TypeError for other fields, naming those there are, and for options that lack fields of this type.
+        """
+        names = [field.name for field in fields(cls)]
+        unknown = next((name for name in changes if name not in names), None)
+        if unknown is not None:
+            raise TypeError(f"{owner} has no option {unknown!r}; its options are {', '.join(names)}")
+        if options is None:
+            return cls(**changes)
+        if not isinstance(options, cls):
+            raise TypeError(f"options of {owner} are {options!r}, expected {cls.__name__}, or fields of it by name")
+        return replace(options, **changes)
+
+
+@dataclass(frozen=True)
+class PacketOptions(Choices):
     """What everything that shoots packets of rays into Embree can be told.
 
     packet_width: rays of a packet; 1 is the paper's way, None takes the widest the machine supports natively.
@@ -38,22 +62,6 @@ class PacketOptions:
         check_build_quality(self.build_quality)
         resolve_packet_width(self.packet_width)
         resolve_threads(self.threads)
-
-    @classmethod
-    def of(cls, owner: str, options: PacketOptions | None, changes: Mapping[str, Any]) -> Self:
-        """`options`, or the defaults, with the fields `changes` names changed; `owner` is who was given them.
-
-        Raises TypeError for other fields, naming those there are, and for options that lack fields of this type.
-        """
-        names = [field.name for field in fields(cls)]
-        unknown = next((name for name in changes if name not in names), None)
-        if unknown is not None:
-            raise TypeError(f"{owner} has no option {unknown!r}; its options are {', '.join(names)}")
-        if options is None:
-            return cls(**changes)
-        if not isinstance(options, cls):
-            raise TypeError(f"options of {owner} are {options!r}, expected {cls.__name__}, or fields of it by name")
-        return replace(options, **changes)
 
 
 @dataclass(frozen=True)
@@ -133,6 +141,26 @@ class AlignedOptions(ReferenceRayOptions):
                 "geometry is 'instanced' and culling is on, but an instance is all of the mesh or nothing; "
                 "set culling=False"
             )
+
+
+@dataclass(frozen=True)
+class RasterOptions(Choices):
+    """Options of `RasterTracer`.
+
+    threads, ties: as in `Options`. lanes: pixels drawn at once, 4, 8 or 16; None takes as many as the widest vectors of
+    this machine hold. The image is the same with all of them.
+    Raises InputError, with the value, for other numbers of lanes, for threads and for ties.
+    """
+
+    threads: int | None = None
+    ties: str = "lowest"
+    lanes: int | None = None
+
+    def __post_init__(self) -> None:
+        resolve_threads(self.threads)
+        check_ties(self.ties)
+        if self.lanes not in (None, *LANES):
+            raise InputError(f"lanes is {self.lanes!r}, expected one of {', '.join(map(str, LANES))}, or None")
 
 
 def check_ties(ties: str) -> None:

@@ -13,29 +13,18 @@ from atra.parallel import WorkerPool
 from atra.tracers.aligned import SECOND_PASS_TILE
 from scenes.needles import NEEDLES_CAMERA, needles
 from tests.images import SHEARED, assert_no_pixel_wrong, trace, trace_pixels
-from tests.meshes import EYE_AT_ORIGIN, boards, cornell_box, cornell_camera, quads, random_triangles
+from tests.meshes import (
+    EYE_AT_ORIGIN,
+    beams,
+    boards,
+    cornell_box,
+    cornell_camera,
+    needle_camera,
+    quads,
+    random_triangles,
+)
 
 each_sheared = pytest.mark.parametrize("method", SHEARED)
-
-
-def beams(seed, count=80):
-    """Long thin triangles around the eye, some of them along an axis, as floors and beams are."""
-    random = np.random.default_rng(seed)
-    centre = random.normal(size=(count, 3)) * random.choice([0.3, 1.0, 3.0], (count, 1))
-    along = random.normal(size=(count, 3))
-    straight = random.random(count) < 0.3
-    along[straight] = np.eye(3)[random.integers(0, 3, straight.sum())]
-    along *= random.choice([3.0, 20.0, 100.0], (count, 1)) / np.linalg.norm(along, axis=1, keepdims=True)
-    across = random.normal(size=(count, 3)) * random.choice([0.02, 0.1, 0.5], (count, 1))
-    corners = np.stack([centre - along, centre + along, centre + across + random.random((count, 1)) * along], axis=1)
-    return atra.Mesh(corners.reshape(-1, 3), np.arange(3 * count).reshape(-1, 3), f"beams {seed}")
-
-
-def needle_camera(seed, fov_y_degrees, size=64):
-    """At the origin, along an axis or anywhere."""
-    random = np.random.default_rng([seed, 1])
-    target = np.array([0.0, 0.0, -1.0]) if seed % 2 else random.normal(size=3)
-    return atra.Camera((0, 0, 0), tuple(target), (0.1, 1, 0.2), fov_y_degrees, size, size)
 
 
 def left_out(mesh, camera, split, admitted=COPY_ROUNDINGS):

@@ -51,6 +51,14 @@ def chosen_instruction_set() -> str | None:
     return name
 
 
+def native_lanes() -> int:
+    """Float32 numbers in the widest vectors of what kernels are compiled for: 16, 8 or 4."""
+    here = instruction_sets_here()
+    chosen = os.environ.get(VARIABLE)
+    name = chosen if chosen in here else here[-1] if here else None
+    return 4 if name is None else PACKET_WIDTHS[name][-1]
+
+
 def limit_numba() -> None:
     """Have kernels compiled for the chosen set. To be called before the first is compiled.
 

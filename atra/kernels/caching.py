@@ -26,7 +26,7 @@ from atra.embree.instruction_sets import limit_numba
 
 limit_numba()
 
-_SOURCES = (*sorted(Path(__file__).parent.glob("*.py")), Path(str(layout.__file__)), Path(str(hits.__file__)))
+_SOURCES = (*sorted(Path(__file__).parent.rglob("*.py")), Path(str(layout.__file__)), Path(str(hits.__file__)))
 
 SOURCE_STAMP = zlib.crc32(b"".join(source.read_bytes() for source in _SOURCES))
 """Changes with every file that a kernel may be made of: all kernels, the struct layouts, the constants of hits."""

@@ -2,6 +2,7 @@
 
 from atra.tracers.aligned import AlignedTracer, FramesTracer
 from atra.tracers.pixel import PixelTracer
+from atra.tracers.raster import RasterTracer
 from atra.tracers.reference_rays import choose_packet_shape
 from atra.tracers.tiles import TiledTracer
 from atra.tracers.tracer import Tracer
@@ -11,6 +12,7 @@ __all__ = [
     "AlignedTracer",
     "FramesTracer",
     "PixelTracer",
+    "RasterTracer",
     "TiledTracer",
     "Tracer",
     "VisibleFirstTracer",

@@ -26,7 +26,8 @@ from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.kernels.callbacks import nearest_hit_filter
 from atra.options import AlignedOptions
-from atra.tracers.base import ImageTracer, images_of
+from atra.tracers.base import ImageTracer
+from atra.tracers.images import images_of
 from atra.tracers.reference_rays import ReferenceRayTracer
 from atra.tracers.second_pass import SecondPass
 

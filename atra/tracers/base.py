@@ -15,7 +15,7 @@ from atra.embree.bvh_cost import BvhCost, bvh_cost
 from atra.embree.device import EmbreeDevice
 from atra.embree.scene import EmbreeScene
 from atra.embree.workspace import Workspace
-from atra.errors import EmbreeError, InputError
+from atra.errors import EmbreeError
 from atra.geometry.mesh import Mesh
 from atra.geometry.ray_space import check_range, ray_axes
 from atra.geometry.view import View, check_offset
@@ -25,6 +25,7 @@ from atra.kernels.callbacks import memory_monitor
 from atra.lifetime import Lifetime
 from atra.options import Options, resolve_packet_width
 from atra.parallel import WorkerPool, resolve_threads
+from atra.tracers.images import images_of, outputs
 
 
 class EmbreeTracer(Lifetime):
@@ -149,7 +150,7 @@ class EmbreeTracer(Lifetime):
         """
         check_offset(offset)
         with self._tracing():
-            depth, prim_id = self._outputs(rows, out)
+            depth, prim_id = outputs((rows, self.camera.width), self._row_stride, out)
             for workspace in self._workspaces:
                 workspace.set_row_bytes(depth.strides[0])
             self._run(offset, depth, prim_id)
@@ -158,24 +159,6 @@ class EmbreeTracer(Lifetime):
         if wrong:
             raise EmbreeError(f"Embree handed the filter {wrong} rays instead of {self.packet_width}; hits were lost")
         return depth, prim_id
-
-    def _outputs(
-        self, rows: int, out: tuple[NDArray[np.float32], NDArray[np.uint32]] | None
-    ) -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
-        shape, strides = (rows, self.camera.width), (4 * self._row_stride, 4)
-        if out is None:
-            return new_images(*shape, self._row_stride)
-        # Rows of the right length in memory, not only in shape: packets may reach past the right border.
-        for image, kind in zip(out, (np.float32, np.uint32), strict=True):
-            if (image.dtype, image.shape, image.strides) != (kind, shape, strides) or not image.flags.writeable:
-                given = f"{image.dtype} of {image.shape}, strides {image.strides}"
-                raise InputError(
-                    f"out has an image of {given}{'' if image.flags.writeable else ', read-only'}, expected "
-                    f"{np.dtype(kind)} of {shape}, strides {strides}: pass a result of this tracer"
-                )
-        if np.may_share_memory(*out):
-            raise InputError("out has one memory for depth and prim_id: pass a result of this tracer")
-        return out
 
     @property
     def triangle_count(self) -> int:
@@ -212,19 +195,3 @@ class ImageTracer(EmbreeTracer):
         """
         depth, prim_id = self._trace_rows(offset, self.camera.height, images_of(out))
         return Hits(depth, prim_id, offset, self.mesh, self.camera)
-
-
-def images_of(out: Any) -> tuple[NDArray[np.float32], NDArray[np.uint32]] | None:
-    """depth and prim_id of an earlier result; None of None. Raises InputError for what has no such arrays."""
-    if out is None:
-        return None
-    images = getattr(out, "depth", None), getattr(out, "prim_id", None)
-    if not all(isinstance(image, np.ndarray) for image in images):
-        raise InputError(f"out is {out!r:.100}, expected a result of this tracer, or None")
-    return images  # type: ignore[return-value]
-
-
-def new_images(height: int, width: int, row_stride: int) -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
-    """Uninitialised depth and prim_id, (height, width) each, their rows `row_stride` pixels apart in memory."""
-    shape = (height, row_stride)
-    return np.empty(shape, np.float32)[:, :width], np.empty(shape, np.uint32)[:, :width]

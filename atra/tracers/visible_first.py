@@ -22,7 +22,8 @@ from atra.kernels.callbacks import memory_monitor, nearest_hit_filter
 from atra.kernels.packets import Image, RayGrid
 from atra.kernels.tracing import pixel_kernel
 from atra.options import ReferenceRayOptions
-from atra.tracers.base import ImageTracer, new_images
+from atra.tracers.base import ImageTracer
+from atra.tracers.images import new_images
 from atra.tracers.pixel import SQUAREST_SHAPE
 from atra.tracers.rays import check_pinhole, ray_grid
 from atra.tracers.reference_rays import ReferenceRayTracer

@@ -10,6 +10,7 @@ from experiments.methods.peers.mitsuba_scene import MITSUBA3
 from experiments.methods.peers.open3d_scene import OPEN3D
 from experiments.methods.peers.trimesh_ray import TRIMESH
 from experiments.methods.pixel import PIXEL
+from experiments.methods.raster import RASTER
 from experiments.methods.tiles import TILES
 from experiments.methods.visible_first import VISIBLE_FIRST
 
@@ -18,6 +19,7 @@ METHODS: tuple[Method, ...] = (
     ALIGNED,
     TILES,
     PIXEL,
+    RASTER,
     EMBREEX,
     TRIMESH,
     MITSUBA3,

@@ -183,7 +183,7 @@ def software_in_short(environment: dict[str, Any]) -> str:
 
 def _in_words(name: str, value: Any) -> str:
     if value is None:
-        return "unknown"
+        return "all of the machine's" if name == "instruction_set" else "unknown"
     if isinstance(value, bool):
         return "yes" if value else "no"
     if name.endswith("_bytes"):

@@ -115,6 +115,8 @@ def print_sweep(table: pd.DataFrame, folder: Path, console: Console) -> None:
         say(console, f"{status}: {scene}, {workload}, {'; '.join(dict.fromkeys(map(', '.join, names)))}")
         say(console, f"    {rows['error'].iloc[0]}")
     counts = ", ".join(f"{count} {status}" for status, count in table["status"].value_counts().items())
+    doubtful = int(table["doubts"].notna().sum())
+    counts += f" ({doubtful} with doubts about their times, see the column doubts)" if doubtful else ""
     files = ", ".join(path.name for path in sorted(folder.iterdir()) if path.is_file() and path.name[0] != ".")
     say(console, f"{counts or 'nothing measured'}; in {folder}: {files}")
 

@@ -1,0 +1,1 @@
+"""The rasteriser's kernels: vertices to pixels, triangles to bands of rows, bands to images."""

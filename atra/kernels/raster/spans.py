@@ -1,0 +1,191 @@
+"""Spans: any triangle, row by row, from its first sample to its last; wide ones, and whatever is not quite ordinary."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from atra.kernels.raster.exact import SURELY_NEAREST, UNIT, crossing_error, first_beyond, turn
+from atra.kernels.raster.image import GENTLE, SPAN
+from atra.kernels.raster.vectors import (
+    bits_of,
+    counted,
+    doubles_at,
+    larger,
+    load,
+    nearest_whole,
+    next_whole,
+    rarely,
+    repeated,
+    rounded,
+    size,
+    smaller,
+    store,
+    store_where,
+)
+
+_VOLUME_ROUNDINGS = 8.0
+"""Roundings, of its summands, that a volume may be off by: 3 differences, 2 products and 3 sums, at most."""
+
+ROWS = 8
+"""Rows whose spans are found at once."""
+
+
+@njit
+def _holds_eye(view, v0, v1, v2):  # type: ignore[no-untyped-def]
+    """Whether the eye lies in the plane of a triangle, to the last digits of float64: then it is seen edge-on."""
+    vertices, eye = view.vertices, view.eye
+    x0, y0, z0 = vertices[v0, 0] - eye[0], vertices[v0, 1] - eye[1], vertices[v0, 2] - eye[2]
+    x1, y1, z1 = vertices[v1, 0] - eye[0], vertices[v1, 1] - eye[1], vertices[v1, 2] - eye[2]
+    x2, y2, z2 = vertices[v2, 0] - eye[0], vertices[v2, 1] - eye[1], vertices[v2, 2] - eye[2]
+    volume = x0 * (y1 * z2 - z1 * y2) + y0 * (z1 * x2 - x1 * z2) + z0 * (x1 * y2 - y1 * x2)
+    sizes = abs(x0) * (abs(y1 * z2) + abs(z1 * y2)) + abs(y0) * (abs(z1 * x2) + abs(x1 * z2))
+    return abs(volume) <= _VOLUME_ROUNDINGS * UNIT * (sizes + abs(z0) * (abs(x1 * y2) + abs(y1 * x2)))
+
+
+@njit(inline="always")
+def _homogeneous(view, vertex):  # type: ignore[no-untyped-def]
+    """(x, y, 1) times the depth of a vertex, where x and y are its pixel position; for a pinhole."""
+    u, v = view.vertices[vertex, 0] - view.eye[0], view.vertices[vertex, 1] - view.eye[1]
+    w, m = view.vertices[vertex, 2] - view.eye[2], view.to_pixels
+    return (
+        m[0, 0] * u + m[0, 1] * v + m[0, 2] * w,
+        m[1, 0] * u + m[1, 1] * v + m[1, 2] * w,
+        m[2, 0] * u + m[2, 1] * v + m[2, 2] * w,
+    )
+
+
+@njit(inline="always")
+def _inverse(volume):  # type: ignore[no-untyped-def]
+    """Of a volume of 0 something huge, so that the plane is at the eye."""
+    return 1.0 / volume if volume != 0.0 else 1e200
+
+
+@njit
+def _pinhole_plane(view, v0, v1, v2):  # type: ignore[no-untyped-def]
+    """Nearness A i + B j + C on the plane of a triangle that may reach behind the eye.
+
+    The plane of the corners p0, p1, p2, homogeneous, with normal n = (p1 - p0) x (p2 - p0), is met at 1 / depth =
+    n . (i, j, 1) / n . p0.
+    """
+    a0, b0, c0 = _homogeneous(view, v0)
+    a1, b1, c1 = _homogeneous(view, v1)
+    a2, b2, c2 = _homogeneous(view, v2)
+    a1, b1, c1 = a1 - a0, b1 - b0, c1 - c0
+    a2, b2, c2 = a2 - a0, b2 - b0, c2 - c0
+    na, nb, nc = b1 * c2 - c1 * b2, c1 * a2 - a1 * c2, a1 * b2 - b1 * a2
+    inverse = _inverse(na * a0 + nb * b0 + nc * c0)
+    return na * inverse, nb * inverse, nc * inverse
+
+
+@njit
+def _parallel_plane(points, v0, v1, v2):  # type: ignore[no-untyped-def]
+    """The same where rays are parallel."""
+    x0, y0, w0 = points[v0, 0], points[v0, 1], points[v0, 2]
+    x1, y1, w1 = points[v1, 0] - x0, points[v1, 1] - y0, points[v1, 2] - w0
+    x2, y2, w2 = points[v2, 0] - x0, points[v2, 1] - y0, points[v2, 2] - w0
+    inverse = _inverse(x1 * y2 - y1 * x2)
+    a, b = (w1 * y2 - w2 * y1) * inverse, (w2 * x1 - w1 * x2) * inverse
+    return a, b, w0 - a * x0 - b * y0
+
+
+@njit
+def _cut(px, py, qx, qy, is_left, top, count, width, workspace):  # type: ignore[no-untyped-def]
+    """Cut the rows top, top + 1, ... off at an edge: before its first sample beyond, or from there on."""
+    address = workspace.first if is_left else workspace.last
+    limits = doubles_at(address)
+    ax, ay = (px, py) if abs(px) + abs(py) < abs(qx) + abs(qy) else (qx, qy)  # the nearer corner errs less
+    slope = (qx - px) / (qy - py)
+    error = crossing_error(ax, slope * max(abs(top - ay), abs(top + count - ay)))
+    if not error < SURELY_NEAREST:
+        for k in range(count):
+            beyond = first_beyond(px, py, qx, qy, float(top + k), width, workspace.exact)
+            limits[k] = max(limits[k], beyond) if is_left else min(limits[k], beyond - 1)
+        return
+    slopes, first_x, first_y = repeated(slope, ROWS), repeated(ax, ROWS), repeated(ay, ROWS)
+    lowest, highest, unsure = repeated(-0.5, ROWS), repeated(width + 0.5, ROWS), repeated(error, ROWS)
+    one = repeated(1.0, ROWS)
+    for k in range(0, count, ROWS):
+        crossing = (counted(float(top + k), ROWS) - first_y) * slopes + first_x
+        crossing = smaller(larger(crossing, lowest), highest)
+        beyond = next_whole(crossing)
+        place = address + k * 8
+        old = load(place, 0.0, ROWS)
+        store(larger(old, beyond) if is_left else smaller(old, beyond - one), place)
+        doubts = bits_of(size(crossing - nearest_whole(crossing)) <= unsure)
+        if rarely(doubts != 0):
+            store(old, place)
+            for row in range(k, min(k + ROWS, count)):
+                exactly = first_beyond(px, py, qx, qy, float(top + row), width, workspace.exact)
+                limits[row] = max(limits[row], exactly) if is_left else min(limits[row], exactly - 1)
+
+
+@njit
+def draw_spans(lanes, parallel, view, points, v0, v1, v2, triangle, top, bottom, width, band, workspace):  # type: ignore[no-untyped-def]
+    """Draw the rows top ... bottom of a triangle, which are rows of the band, with vectors of `lanes`.
+
+    A corner behind the eye is projected to where its line through the eye meets the image, and turns the side of
+    its edges that counts, each corner once; otherwise nothing is different for it.
+    """
+    x0, y0, w0 = points[v0, 0], points[v0, 1], points[v0, 2]
+    x1, y1, w1 = points[v1, 0], points[v1, 1], points[v1, 2]
+    x2, y2, w2 = points[v2, 0], points[v2, 1], points[v2, 2]
+    facing = turn(x0, y0, x1, y1, x2, y2, workspace.exact)
+    if facing == 0 or top > bottom:
+        return
+    nearest, farthest = max(w0, w1, w2), min(w0, w1, w2)
+    if parallel:
+        slope_x, slope_y, constant = _parallel_plane(points, v0, v1, v2)
+        least = -nearest
+    else:
+        slope_x, slope_y, constant = _pinhole_plane(view, v0, v1, v2)
+        if farthest < 0.0:
+            if _holds_eye(view, v0, v1, v2):
+                return
+            nearest, farthest = np.inf, np.inf
+            for w in (w0, w1, w2):
+                farthest = min(farthest, w if w > 0.0 else np.inf)
+        least = farthest
+    gentle = abs(slope_x) * SPAN <= GENTLE * least
+    firsts, lasts = doubles_at(workspace.first), doubles_at(workspace.last)
+    for k in range(bottom - top + 1):
+        firsts[k], lasts[k] = 0.0, width - 1.0
+    for px, py, qx, qy, wanted in (
+        (x1, y1, x2, y2, -facing if not parallel and w0 < 0.0 else facing),
+        (x2, y2, x0, y0, -facing if not parallel and w1 < 0.0 else facing),
+        (x0, y0, x1, y1, -facing if not parallel and w2 < 0.0 else facing),
+    ):
+        if qy != py:
+            _cut(px, py, qx, qy, (qy > py) == (wanted < 0), top, bottom - top + 1, width, workspace)
+        else:
+            for k in range(bottom - top + 1):
+                if qx == px or wanted != (1 if (qx > px) == (top + k >= py) else -1):
+                    lasts[k] = -1.0
+    prim_id = repeated(np.uint32(triangle), lanes)
+    step = repeated(np.float32(slope_x), lanes)
+    step_wide = repeated(slope_x, lanes)
+    low, high = repeated(farthest, lanes), repeated(nearest, lanes)
+    at_eye = repeated(np.float32(0.0), lanes)
+    for k in range(bottom - top + 1):
+        first, last = int(firsts[k]), int(lasts[k])
+        row = slope_y * (top + k) + constant
+        byte = (top + k - band.top) * band.stride * 4
+        before, end = repeated(np.float32(first - 1), lanes), repeated(np.float32(last), lanes)
+        for start in range(first // lanes * lanes, last + 1, lanes):
+            place = byte + start * 4
+            old = load(band.nearness + place, np.float32(0.0), lanes)
+            if gentle:
+                base = start // SPAN * SPAN
+                found = repeated(np.float32(row + slope_x * base), lanes)
+                found = found + counted(np.float32(start - base), lanes) * step
+            else:
+                wide = repeated(row, lanes) + counted(float(start), lanes) * step_wide
+                if not parallel:
+                    wide = size(wide)  # the sign is wrong where the eye is in the plane but for rounding
+                found = rounded(smaller(larger(wide, low), high))
+            columns = counted(np.float32(start), lanes)
+            drawn = (found > old) & (columns > before) & (columns <= end)
+            if parallel:
+                drawn = drawn & (at_eye > found)
+            store_where(drawn, found, band.nearness + place)
+            store_where(drawn, prim_id, band.prim_id + place)

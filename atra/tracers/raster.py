@@ -1,0 +1,120 @@
+"""Rasterisation: what the rays through the pixels see, found without shooting any; no BVH, and no Embree."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from atra.alignment.culling import check_image_memory
+from atra.embree.instruction_sets import native_lanes
+from atra.geometry.mesh import Mesh
+from atra.geometry.ray_space import check_range
+from atra.geometry.view import View, check_offset
+from atra.hits import Hits
+from atra.judge.ties import coplanar_overlaps, lowest_of_ties, tie_tiles
+from atra.kernels.raster.frames import Scratch, compile_kernels, draw_frame
+from atra.lifetime import Lifetime
+from atra.options import RasterOptions
+from atra.parallel import WorkerPool, resolve_threads
+from atra.tracers.images import images_of, outputs
+
+
+class RasterTracer(Lifetime):
+    """Every triangle drawn onto the image, exactly where the rays of its pixels meet it, nearest in front.
+
+    RasterTracer(mesh, camera, options=None, **changes): options are of `atra.RasterOptions`, changes fields of it by
+    name. It has nothing to build, so `look` changes the camera from frame to frame at no price.
+    Raises InputError as the options do, and for a mesh smaller than 1e-9 or farther than 1e11 from the eye;
+    MemoryBudgetError for an image that the free memory cannot hold.
+    """
+
+    embree_bytes = 0
+    packet_width = 1
+
+    def __init__(self, mesh: Mesh, camera: View, options: RasterOptions | None = None, **changes: Any) -> None:
+        super().__init__()
+        self.options = RasterOptions.of(type(self).__name__, options, changes)
+        self.mesh = mesh
+        self.lanes = self.options.lanes or native_lanes()
+        self.threads = resolve_threads(self.options.threads)
+        self._pool = WorkerPool(self.threads)
+        self._scratch: Scratch | None = None
+        self._set_camera(camera)
+
+    def _set_camera(self, camera: View) -> None:
+        check_range(self.mesh, camera)
+        check_image_memory(camera.height, camera.width)
+        self.camera = camera
+        self._tie_tiles: NDArray[np.bool_] | None = None  # where to look for ties; found when first needed
+
+    def look(self, camera: View) -> None:
+        """Trace what `camera` sees from the next frame on. Raises InputError and MemoryBudgetError as for a new tracer,
+        EmbreeError after `close`."""
+        with self._lock:
+            self._check_open()
+            self._set_camera(camera)
+            if self._is_built:
+                compile_kernels(self.lanes, camera.is_parallel)
+
+    @property
+    def views(self) -> tuple[tuple[Mesh, View], ...]:
+        """What the image shows, and its camera."""
+        return ((self.mesh, self.camera),)
+
+    def _plan(self) -> float:
+        if self.options.ties == "lowest":  # found once per mesh, like reading it, and so outside the clock of a plan
+            coplanar_overlaps(self.mesh)
+        start = perf_counter()
+        if self.options.ties == "lowest":
+            self._find_ties()
+        return perf_counter() - start
+
+    def _find_ties(self) -> NDArray[np.bool_]:
+        if self._tie_tiles is None:
+            self._tie_tiles = tie_tiles(self.mesh, self.camera)
+        return self._tie_tiles
+
+    def _build(self) -> float:
+        compile_kernels(self.lanes, self.camera.is_parallel)  # before the clock starts
+        start = perf_counter()
+        self._scratch = Scratch.of(self.mesh)
+        return perf_counter() - start
+
+    def trace(self, offset: tuple[float, float] = (0.5, 0.5), out: Hits | None = None) -> Hits:
+        """Draw one frame; all rays go through sub-pixel position `offset` of their pixels, in [0, 1) x [0, 1).
+
+        out: an earlier result of this tracer whose arrays are to be overwritten, which saves allocating an image; it
+        must not be read any more.
+        Raises InputError for an offset outside the pixel or an `out` that does not fit, EmbreeError when the tracer is
+        not built or already closed.
+        """
+        check_offset(offset)
+        with self._tracing():
+            assert self._scratch is not None
+            camera = self.camera
+            images = outputs((camera.height, camera.width), camera.width, images_of(out))
+            draw_frame(self.mesh, camera, offset, self.lanes, self._scratch, self._pool, images)
+            depth, prim_id = images
+            if self.options.ties == "lowest":
+                tiles = self._find_ties()
+                if tiles.any():
+                    lowest_of_ties(self.mesh, camera, tiles, offset, prim_id, self._pool)
+            return Hits(depth, prim_id, offset, self.mesh, camera)
+
+    @property
+    def triangle_count(self) -> int:
+        """Triangles of the mesh: all are looked at."""
+        return self.mesh.triangle_count
+
+    @property
+    def counters(self) -> Mapping[str, float]:
+        """What `atra.Tracer` says of counters."""
+        return {"triangles_traced": self.triangle_count}
+
+    def _release(self) -> None:
+        self._pool.close()
+        self._scratch = None

@@ -1,0 +1,16 @@
+"""Method `raster`: triangles drawn onto the pixels their rays meet; nothing to build."""
+
+from __future__ import annotations
+
+from atra.geometry.mesh import Mesh
+from atra.geometry.view import View
+from atra.tracers import RasterTracer
+from experiments.drawing.style import BLACK
+from experiments.methods.method import Method, NoOptions, Style, Tracing
+
+
+def _make(mesh: Mesh, view: View, options: NoOptions, tracing: Tracing) -> RasterTracer:
+    return RasterTracer(mesh, view, threads=tracing.threads, ties=tracing.ties)
+
+
+RASTER = Method("raster", "rasteriser", Style(BLACK, "*"), NoOptions, _make)
