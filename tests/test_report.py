@@ -138,7 +138,9 @@ def test_readings_that_part_are_seen_at_a_glance_and_an_inference_is_called_one(
     assert re.findall(r'<span class="reading">([^<]*)</span>', best) == ["nearest hit", "all hits"]
     (inferred,) = re.findall(r'<tbody[^>]*id="claim-larger-scenes-gain-less">.*?</tbody>', full_page, re.S)
     assert full_page.count("An inference from the paper") == inferred.count("An inference from the paper") == 1
-    assert "Of 23 claims, inferences not counted: holds 18, holds under one reading only 4, does not hold 1." in full_page
+    assert (
+        "Of 23 claims, inferences not counted: holds 18, holds under one reading only 4, does not hold 1." in full_page
+    )
 
 
 def test_the_page_says_how_many_processes_were_left_out_and_how_busy_the_machine_was() -> None:
