@@ -11,6 +11,7 @@ from experiments.paper.claims import judge_claims
 from experiments.paper.conclusion import conclude
 from experiments.paper.evidence import NotMeasuredError
 from experiments.paper.gains import scene_gains
+from experiments.report.facts import stand_ins
 from tests.paper_table import BEST, agreeing_table, scaled, skipped
 
 SINGLE: dict[str, Any] = {"workload": "frame", "packet_width": 1}
@@ -27,7 +28,7 @@ def concluded(table: pd.DataFrame | None) -> list[str]:
         gains = scene_gains(table)
     except NotMeasuredError:
         gains = ()
-    text = conclude(judge_claims(table), gains)
+    text = conclude(judge_claims(table), gains, [] if table is None else stand_ins(table).values())
     return [f"{sentence.rstrip('.')}." for sentence in text.split(". ")]
 
 
@@ -86,8 +87,7 @@ def test_little_measured_is_a_conclusion_too(agreeing: pd.DataFrame) -> None:
         "None of its other claims was measured.",
     ]
     assert concluded(None) == concluded(agreeing.iloc[:0]) == nothing
-    stand_ins = agreeing.assign(stands_for=agreeing["scene"], scene=agreeing["scene"] + "_like")
-    speed, others = concluded(stand_ins)
+    speed, others = concluded(agreeing.assign(stands_for=agreeing["scene"], scene=agreeing["scene"] + "_like"))
     assert speed == nothing[0]
     assert others.startswith(
         "Of its 19 other claims, judged on stand-ins for cornell_box, mitsuba, fireplace_room and sponza, 17 hold"

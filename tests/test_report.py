@@ -146,9 +146,10 @@ def test_readings_that_part_are_seen_at_a_glance_and_an_inference_is_called_one(
 def test_the_page_says_how_many_processes_were_left_out_and_how_busy_the_machine_was() -> None:
     table = small_table().assign(processes=5, processes_left_out=0, load_average=0.25)
     table.loc[0, ["processes", "processes_left_out", "load_average"]] = [3, 2, 1.75]
-    page = render_report(small_contents(table=table))
-    assert "<b>2 of 30</b> processes left out, of 1 point: rtcIntersect1 over packets more than 5 % off" in page
-    assert "0.2 to 1.8 before a point" in page
+    page = render_report(small_contents(table=table, processes=table))
+    assert "<b>2 of 30</b> processes left out, of 1 point: rtcIntersect1 over packets, where they take" in page
+    assert "is over 5 % off its median" in page
+    assert "0.2 to 1.8 before a process" in page
 
 
 def column(table: WorkloadTable, name: str) -> list[tuple[str, str]]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 from experiments.paper.claims import BEST_SPEEDUPS, best_speedup_id
 from experiments.paper.gains import SceneGains
@@ -28,13 +28,16 @@ _SAID = {
 }
 
 
-def conclude(claims: Sequence[JudgedClaim], gains: Sequence[SceneGains]) -> str:
-    """What became of the paper's speed-ups, and of its other claims. What is only inferred from it is not counted."""
+def conclude(claims: Sequence[JudgedClaim], gains: Sequence[SceneGains], stand_ins: Collection[str] = ()) -> str:
+    """What became of the paper's speed-ups, and of its other claims. What is only inferred from it is not counted.
+
+    stand_ins: scenes of the paper that were replaced.
+    """
     of_speed = {best_speedup_id(scene): scene for scene in BEST_SPEEDUPS}
     speed = [one for one in claims if one.id in of_speed]
     others = by_claim([one for one in claims if one.id not in of_speed and not one.inferred])
     verdicts = Counter(verdict_on(readings) for readings in others)
-    return f"{_say_speed(speed, gains)} {_say_others(verdicts, gains)}"
+    return f"{_say_speed(speed, gains)} {_say_others(verdicts, stand_ins)}"
 
 
 def _say_speed(speed: Sequence[JudgedClaim], gains: Sequence[SceneGains]) -> str:
@@ -65,13 +68,12 @@ def _say_reading(reading: Reading, speed: Sequence[JudgedClaim], gains: Sequence
     )
 
 
-def _say_others(verdicts: Counter[str], gains: Sequence[SceneGains]) -> str:
+def _say_others(verdicts: Counter[str], stand_ins: Collection[str]) -> str:
     number = verdicts.total()
     if verdicts[NOT_MEASURED] == number:
         return "None of its other claims was measured."
     told = [f"{verdicts[one]} {_SAID[one][verdicts[one] != 1]}" for one in _SAID if verdicts[one]]
-    stand_ins = [one.paper_scene for one in gains if one.stand_in]
-    on = f", judged on stand-ins for {_list(stand_ins)}," if stand_ins else ""
+    on = f", judged on stand-ins for {_list(list(stand_ins))}," if stand_ins else ""
     return f"Of its {number} other claims{on} {_list(told)}."
 
 

@@ -11,6 +11,7 @@ from experiments.paper.claims import BEST_SPEEDUPS
 from experiments.paper.evidence import NotMeasuredError, SceneRows, collect_scenes
 from experiments.paper.judging import paper_scene
 from experiments.paper.readings import ALL_HITS, NEAREST, READINGS, BestGain, best_gain
+from experiments.workloads.frame import FRAME
 
 
 @dataclass(frozen=True)
@@ -57,10 +58,13 @@ def scene_gains(processes: pd.DataFrame | None) -> tuple[SceneGains, ...]:
     compare, and where there is not one gain to be had, each with its reason.
     """
     scenes = collect_scenes(processes)
-    found = tuple(_of_scene(name, scene, scenes) for name, scene in scenes.items())
+    timed = {name: scene for name, scene in scenes.items() if any(row["workload"] == FRAME.name for row in scene.rows)}
+    found = tuple(_of_scene(name, scene, scenes) for name, scene in timed.items())
     gains = [gain for one in found for gain in (*one.single.values(), *one.packets)]
     if all(gain.best is None for gain in gains):
-        raise NotMeasuredError(next((gain.why for gain in gains if gain.why), "no scene of the paper is in the table"))
+        raise NotMeasuredError(
+            next((gain.why for gain in gains if gain.why), "no frame of a scene of the paper was timed")
+        )
     return found
 
 

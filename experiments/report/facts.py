@@ -80,9 +80,9 @@ def count_processes(table: pd.DataFrame) -> Processes:
 
 
 def load_in_short(table: pd.DataFrame) -> str | None:
-    """The machine's load before its points, None if nobody knows."""
+    """The machine's load before what its rows tell, None if nobody knows."""
     load = table["load_average"].dropna()
-    return f"{load.min():.1f} to {load.max():.1f} before a point" if len(load) else None
+    return f"{load.min():.1f} to {load.max():.1f} before a process" if len(load) else None
 
 
 def _first(values: pd.Series) -> Any:
@@ -130,7 +130,7 @@ def missing_points(table: pd.DataFrame) -> tuple[MissingPoints, ...]:
 
 
 def measured_between(table: pd.DataFrame) -> str | None:
-    """When the points were measured, to the minute of UTC; None if nobody knows."""
+    """When its rows were measured, to the minute of UTC; None if nobody knows."""
     moments = sorted(str(moment)[:16].replace("T", " ") for moment in table["measured_at"].dropna())
     return f"{' to '.join(dict.fromkeys([moments[0], moments[-1]]))} UTC" if moments else None
 

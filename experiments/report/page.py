@@ -101,22 +101,23 @@ def render_report(contents: ReportContents) -> str:
     environment.filters["png"] = lambda content: _data_uri(content, "image/png")
     table = contents.table
     gains, no_gains = _gains(contents.processes)
+    replaced = stand_ins(table)
     claims = [(readings, verdict_on(readings)) for readings in by_claim(contents.claims)]
     return environment.get_template("template.html").render(
         contents=contents,
         style=Markup((_TEMPLATES / "report.css").read_text(encoding="utf-8")),
         marks=_MARKS,
-        conclusion=conclude(contents.claims, gains) if contents.claims else None,
+        conclusion=conclude(contents.claims, gains, replaced.values()) if contents.claims else None,
         gains=gains,
         no_gains=no_gains,
         readings=READINGS,
         one_reading=ONE_READING,
         packets_over=PACKETS_OVER,
-        stand_ins=stand_ins(table),
+        stand_ins=replaced,
         compared=compared_images(table),
         processes=count_processes(table),
         band=BAND,
-        load=load_in_short(table),
+        load=load_in_short(contents.processes),
         statuses=table["status"].value_counts().to_dict(),
         doubts=count_doubts(table),
         claims=claims,
@@ -127,7 +128,7 @@ def render_report(contents: ReportContents) -> str:
         machine=machine_in_short(contents.environment),
         software=software_in_short(contents.environment),
         environment_lines=environment_lines(contents.environment),
-        measured_between=measured_between(table),
+        measured_between=measured_between(contents.processes),
         tables=list(workload_tables(table)),
     )
 
