@@ -122,6 +122,7 @@ def small_contents(**fields: Any) -> ReportContents:
     times, memory = (rows_of(table, grid)["point_id"] for grid in ("horizontal", "memory"))
     values: dict[str, Any] = {
         "title": "The paper on this machine", "command": "python run.py sweep=paper", "table": table,
+        "processes": table.assign(process=0),
         "figures": (
             drawn_figure("figure5", "Frame time over horizontal splits.", *times),
             drawn_figure("figure7", "Memory over horizontal splits.", *memory),

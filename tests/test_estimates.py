@@ -57,14 +57,29 @@ def heavy_tailed(random: np.random.Generator, count: int) -> np.ndarray:
     return np.exp(0.02 * random.standard_t(3, count))
 
 
-@pytest.mark.parametrize("processes", [3, 5, 9])
-@pytest.mark.parametrize("draw", [log_normal, heavy_tailed])
-def test_what_is_called_95_percent_covers_that_much_of_a_number_and_of_a_ratio(draw: Draw, processes: int) -> None:
+def skewed(random: np.random.Generator, count: int) -> np.ndarray:
+    return np.exp(0.02 * (random.exponential(1.0, count) - 1))
+
+
+QUOTED = [
+    (log_normal, 3, 95, 97), (log_normal, 5, 95, 96), (log_normal, 9, 95, 95),
+    (heavy_tailed, 3, 96, 97), (heavy_tailed, 5, 96, 97), (heavy_tailed, 9, 96, 96),
+    (skewed, 3, 88, 98), (skewed, 5, 88, 97), (skewed, 9, 90, 96),
+]  # fmt: skip
+"""Percent of the intervals of a number and of a ratio that cover it, as docs/trust.md has them, of 300,000 each."""
+
+
+@pytest.mark.parametrize(("draw", "processes", "of_number", "of_ratio"), QUOTED)
+def test_what_is_called_95_percent_covers_that_much_of_a_ratio_and_unless_skewed_of_a_number(
+    draw: Draw, processes: int, of_number: int, of_ratio: int
+) -> None:
     random = np.random.default_rng(1)
     numbers = [Estimate.of(draw(random, processes).tolist()) for _ in range(2 * SIMULATIONS)]
     ratios = [one.over(other) for one, other in zip(numbers[:SIMULATIONS], numbers[SIMULATIONS:], strict=True)]
-    for estimates in (numbers[:SIMULATIONS], ratios):
-        assert np.mean([one.low <= 1 <= one.high for one in estimates]) > 0.95 - EDGE
+    for estimates, percent in ((numbers, of_number), (ratios, of_ratio)):
+        covered = np.mean([one.low <= 1 <= one.high for one in estimates])
+        assert covered == pytest.approx(percent / 100, abs=EDGE + 0.005)
+        assert covered > 0.95 - EDGE or percent < 95
 
 
 def test_resampling_three_processes_cannot_cover_95_percent() -> None:

@@ -10,10 +10,12 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
+from experiments.paper.claims import judge_claims
 from experiments.report import write_report
-from experiments.report.facts import count_doubts, missing_points, scenes_in_short
+from experiments.report.facts import count_doubts, missing_points
 from experiments.report.page import render_report
 from experiments.report.tables import WorkloadTable, workload_tables
+from tests.paper_table import agreeing_table, scaled
 from tests.report_samples import CLAIMS, HOSTILE, drawn_figure, scene_pictures, small_contents, small_table
 
 APOSTROPHE, TIMES = "\N{RIGHT SINGLE QUOTATION MARK}", "\N{MULTIPLICATION SIGN}"
@@ -22,6 +24,14 @@ APOSTROPHE, TIMES = "\N{RIGHT SINGLE QUOTATION MARK}", "\N{MULTIPLICATION SIGN}"
 @pytest.fixture(scope="module")
 def page() -> str:
     return render_report(small_contents())
+
+
+@pytest.fixture(scope="module")
+def full_page() -> str:
+    """Of all four scenes, which agree with the paper but for single rays of one: half as fast, gathering or not."""
+    processes = scaled(agreeing_table(), 0.5, workload="frame", packet_width=1, scene="sponza")
+    points = processes[processes["process"].fillna(0) == 0]
+    return render_report(small_contents(table=points, processes=processes, claims=judge_claims(processes)))
 
 
 class _Page(HTMLParser):
@@ -67,6 +77,7 @@ def test_text_from_data_never_becomes_markup() -> None:
         title=HOSTILE,
         command=HOSTILE,
         table=table,
+        processes=table,
         claims=(hostile_claim,),
         figures=(drawn_figure(HOSTILE, f'"{HOSTILE}', *table["point_id"]),),
         pictures=(scene_pictures(HOSTILE, stands_for=HOSTILE),),
@@ -104,29 +115,41 @@ def test_where_pictures_are_equal_no_empty_one_shows_their_difference() -> None:
 def test_stand_ins_are_called_stand_ins_wherever_their_numbers_stand(page: str) -> None:
     said = f"stand-in, not the paper{APOSTROPHE}s mitsuba"
     assert f'material_ball</strong> is a <span class="stand-in">{said}' in page
-    assert len(re.findall(rf"<th[^>]*>material_ball\b.*?{said}", page)) == 2
+    assert len(re.findall(rf"<th[^>]*>material_ball\b.*?{said}", page)) == 1
     real = small_table().assign(stands_for=pd.array([None] * len(small_table()), dtype="string"))
     assert "stand-in, not" not in render_report(small_contents(table=real))
 
 
-def test_a_scene_s_best_is_the_largest_ratio_of_its_kind() -> None:
-    cornell, ball, _ = scenes_in_short(small_table())
-    assert cornell.packets_vs_single is not None
-    assert (cornell.packets_vs_single.ratio, cornell.packets_vs_single.low, cornell.packets_vs_single.high) == (
-        20.5, 20.25, 20.75,
-    )  # fmt: skip
-    assert cornell.packets_vs_single.point == f"aligned, packets of 8, 2 {TIMES} 1, culling on"
-    assert cornell.single is None
-    assert cornell.pixels_wrong == 3
-    assert ball.single is not None
-    assert ball.packets is None
-    assert ball.stands_for == "mitsuba"
+def test_the_page_begins_with_the_conclusion_and_shows_the_paper_s_number_beside_ours_under_both_readings(
+    full_page: str,
+) -> None:
+    assert re.search(rf"</h1>\s*<p class=.conclusion.>The paper{APOSTROPHE}s best speed-ups", full_page)
+    first, ours, *_ = re.findall(r"<table.*?</table>", full_page, re.S)
+    (sponza,) = re.findall(r"<th[^>]*>sponza.*?</tr>", first, re.S)
+    assert re.findall(rf"<strong>([^<]*){TIMES}</strong>", sponza) == ["1.71", "0.88", "1.75"]
+    assert "no claim of the paper" in ours
+    assert ours.count(f"1,024 {TIMES} 1, packets of 8") == 12
 
 
-def test_memory_and_skipped_rows_give_no_speed_up() -> None:
-    table = small_table()
-    assert scenes_in_short(table[table["workload"] == "memory"])[0].packets is None
-    assert scenes_in_short(table[table["status"] != "ok"])[0].packets_vs_single is None
+def test_readings_that_part_are_seen_at_a_glance_and_an_inference_is_called_one(full_page: str) -> None:
+    (best,) = re.findall(r'<tbody[^>]*id="claim-best-speedup-sponza">.*?</tbody>', full_page, re.S)
+    verdicts = re.findall(r'<span class="verdict [^"]*"><span aria-hidden="true">.</span> ([^<]*)</span>', best)
+    assert verdicts == ["holds under one reading only", "does not hold", "holds"]
+    assert re.findall(r'<span class="reading">([^<]*)</span>', best) == ["nearest hit", "all hits"]
+    (inferred,) = re.findall(r'<tbody[^>]*id="claim-larger-scenes-gain-less">.*?</tbody>', full_page, re.S)
+    assert full_page.count("An inference from the paper") == inferred.count("An inference from the paper") == 1
+    assert (
+        "Of 23 claims, inferences not counted: holds 18, holds under one reading only 4, does not hold 1." in full_page
+    )
+
+
+def test_the_page_says_how_many_processes_were_left_out_and_how_busy_the_machine_was() -> None:
+    table = small_table().assign(processes=5, processes_left_out=0, load_average=0.25)
+    table.loc[0, ["processes", "processes_left_out", "load_average"]] = [3, 2, 1.75]
+    page = render_report(small_contents(table=table, processes=table))
+    assert "<b>2 of 30</b> processes left out, of 1 point: rtcIntersect1 over packets, where they take" in page
+    assert "is over 5 % off its median" in page
+    assert "0.2 to 1.8 before a process" in page
 
 
 def column(table: WorkloadTable, name: str) -> list[tuple[str, str]]:
@@ -197,6 +220,7 @@ def test_reasons_that_differ_in_numbers_alone_are_one() -> None:
 
 
 def test_an_empty_table_still_makes_a_page() -> None:
-    page = render_report(small_contents(table=small_table().iloc[:0], figures=(), pictures=(), claims=()))
-    assert "No frame times were measured" in page
+    empty = small_table().iloc[:0]
+    page = render_report(small_contents(table=empty, processes=empty, figures=(), pictures=(), claims=()))
+    assert "No best speed-up can be told: the table is empty." in page
     assert "No point was measured." in page

@@ -14,16 +14,17 @@ from experiments.results.estimates import Estimate
 
 @dataclass(frozen=True)
 class Reading:
-    """name: as shown. baseline: what a gain is over, in words. gathers: the baseline gathers all hits, being the
-    aligned tracer itself at 1 x 1 without culling, with rays of the same kind."""
+    """name: as shown. rays: those of the baseline, in words. gathers: the baseline gathers all hits, being the
+    aligned tracer itself at 1 x 1 without culling, with rays of the same kind; otherwise it is rtcIntersect1 per pixel,
+    of packets the fastest packets per pixel."""
 
     name: str
-    baseline: str
+    rays: str
     gathers: bool
 
 
-NEAREST = Reading("nearest hit", "rtcIntersect1 per pixel (packets: the fastest packets per pixel)", gathers=False)
-ALL_HITS = Reading("all hits", "1 x 1 of the same tracer without culling, which gathers all hits", gathers=True)
+NEAREST = Reading("nearest hit", "rays that look for the nearest hit alone", gathers=False)
+ALL_HITS = Reading("all hits", "rays that gather all hits", gathers=True)
 
 READINGS = (NEAREST, ALL_HITS)
 
@@ -54,11 +55,12 @@ class BestGain:
     missing: str | None
 
 
-def best_gain(scene: SceneRows, reading: Reading, packet_width: int = 1) -> BestGain:
-    """Raises NotMeasuredError."""
+def best_gain(scene: SceneRows, reading: Reading, packet_width: int = 1, over: int | None = None) -> BestGain:
+    """over: packet width of a baseline that gathers all hits, None = the same. Raises NotMeasuredError."""
     column = "speedup_vs_packets" if packet_width > 1 and not reading.gathers else "speedup"
     found, missing = scene.over_splits(culling=True, packet_width=packet_width, column=column)
     if not found:
         raise NotMeasuredError(next(iter(missing.values())))
     splits, value = best(found)
-    return BestGain(splits, over_start(value, scene, reading, packet_width), next(iter(missing.values()), None))
+    gain = over_start(value, scene, reading, over or packet_width)
+    return BestGain(splits, gain, next(iter(missing.values()), None))

@@ -1,4 +1,4 @@
-"""The table in short: best speed-ups, doubts, missing points, wrong pixels, and the machine in words."""
+"""The table in short: doubts, missing points, processes left out, wrong pixels, and the machine in words."""
 
 from __future__ import annotations
 
@@ -8,41 +8,10 @@ from typing import Any
 
 import pandas as pd
 
-from experiments.methods.aligned import ALIGNED
 from experiments.methods.naming import say_point
-from experiments.workloads.frame import FRAME
 
 _NUMBER = re.compile(r"\d+(?:[.,]\d+)*")
 _TO = "\N{EN DASH}"
-
-
-@dataclass(frozen=True)
-class Best:
-    """The best speed-up of some points: the ratio with its confidence interval, and the point it belongs to."""
-
-    ratio: float
-    low: float | None
-    high: float | None
-    point: str
-
-
-@dataclass(frozen=True)
-class SceneInShort:
-    """What a reader wants first of a scene; a speed-up is None where no such point was measured.
-
-    single: single rays, aligned against rtcIntersect1 per pixel, as in the paper. packets_vs_single: aligned packets
-    against rtcIntersect1. packets: aligned packets against packets per pixel.
-    images, pixels_wrong: compared images, and the wrong pixels of all of them.
-    """
-
-    scene: str
-    stands_for: str | None
-    triangles: int | None
-    single: Best | None
-    packets_vs_single: Best | None
-    packets: Best | None
-    images: int
-    pixels_wrong: int
 
 
 @dataclass(frozen=True)
@@ -74,37 +43,46 @@ class MissingPoints:
     points: tuple[str, ...]
 
 
-def scenes_in_short(table: pd.DataFrame) -> tuple[SceneInShort, ...]:
-    """One entry a scene, in the order of the table."""
-    return tuple(_scene_in_short(str(scene), rows) for scene, rows in table.groupby("scene", sort=False))
+def stand_ins(table: pd.DataFrame) -> dict[str, str]:
+    """Scenes of the table and the paper's that they stand for, in the order of the table."""
+    rows = table[table["stands_for"].notna()]
+    return dict(zip(rows["scene"], rows["stands_for"], strict=True))
 
 
-def _scene_in_short(scene: str, rows: pd.DataFrame) -> SceneInShort:
-    measured = rows[rows["status"] == "ok"]
-    timed = measured[
-        measured["render_time_s"].notna() & (measured["workload"] == FRAME.name) & (measured["method"] == ALIGNED.name)
-    ]
-    packets = timed[timed["packet_width"] > 1]
-    compared = measured["pixels_wrong"].dropna()
-    return SceneInShort(
-        scene=scene,
-        stands_for=_first(rows["stands_for"]),
-        triangles=_first(rows["triangles"]),
-        single=_best(timed[timed["packet_width"] == 1], "speedup"),
-        packets_vs_single=_best(packets, "speedup"),
-        packets=_best(packets, "speedup_vs_packets"),
-        images=len(compared),
-        pixels_wrong=int(compared.sum()),
-    )
+@dataclass(frozen=True)
+class ComparedImages:
+    """How many images were compared with that of rtcIntersect1, and the wrong pixels of all of them."""
+
+    images: int
+    pixels_wrong: int
 
 
-def _best(rows: pd.DataFrame, name: str) -> Best | None:
-    ratios = rows[name].dropna().astype(float)
-    if len(ratios) == 0:
-        return None
-    row = rows.loc[ratios.idxmax()]
-    low, high = (None if pd.isna(row[f"{name}_{end}"]) else float(row[f"{name}_{end}"]) for end in ("low", "high"))
-    return Best(float(row[name]), low, high, say_point(row))
+def compared_images(table: pd.DataFrame) -> ComparedImages:
+    """Of the measured points."""
+    wrong = table.loc[table["status"] == "ok", "pixels_wrong"].dropna()
+    return ComparedImages(len(wrong), int(wrong.sum()))
+
+
+@dataclass(frozen=True)
+class Processes:
+    """Processes that measured timed and other points, those of them that were left out, and the points they are of."""
+
+    all: int
+    left_out: int
+    points: int
+
+
+def count_processes(table: pd.DataFrame) -> Processes:
+    """Of the points that were not skipped and did not fail."""
+    out = table["processes_left_out"].fillna(0)
+    measured = table.loc[table["status"] == "ok", "processes"].sum()
+    return Processes(int(measured + out.sum()), int(out.sum()), int((out > 0).sum()))
+
+
+def load_in_short(table: pd.DataFrame) -> str | None:
+    """The machine's load before what its rows tell, None if nobody knows."""
+    load = table["load_average"].dropna()
+    return f"{load.min():.1f} to {load.max():.1f} before a process" if len(load) else None
 
 
 def _first(values: pd.Series) -> Any:
@@ -152,7 +130,7 @@ def missing_points(table: pd.DataFrame) -> tuple[MissingPoints, ...]:
 
 
 def measured_between(table: pd.DataFrame) -> str | None:
-    """When the points were measured, to the minute of UTC; None if nobody knows."""
+    """When its rows were measured, to the minute of UTC; None if nobody knows."""
     moments = sorted(str(moment)[:16].replace("T", " ") for moment in table["measured_at"].dropna())
     return f"{' to '.join(dict.fromkeys([moments[0], moments[-1]]))} UTC" if moments else None
 

@@ -15,42 +15,62 @@ from markupsafe import Markup
 from atra.errors import printable
 from atra.files import write_atomically
 from experiments.drawing.figure import DrawnFigure
+from experiments.paper.conclusion import conclude
+from experiments.paper.evidence import NotMeasuredError
+from experiments.paper.gains import PACKETS_OVER, SceneGains, scene_gains
+from experiments.paper.readings import READINGS
 from experiments.report.facts import (
     Doubts,
+    compared_images,
     count_doubts,
+    count_processes,
     environment_lines,
+    load_in_short,
     machine_in_short,
     measured_between,
     missing_points,
-    scenes_in_short,
     software_in_short,
+    stand_ins,
 )
 from experiments.report.tables import workload_tables
-from experiments.results.claims import VERDICTS, JudgedClaim
+from experiments.results.canary import BAND
+from experiments.results.claims import (
+    DOES_NOT_HOLD,
+    HOLDS,
+    NOT_MEASURED,
+    ONE_READING,
+    UNDECIDED,
+    JudgedClaim,
+    by_claim,
+    verdict_on,
+)
 from experiments.workloads.picture.pictures import ScenePictures
 from scenes.manifest import picture_restriction
 
 _TEMPLATES = Path(__file__).resolve().parents[2] / "reports"
 
 # Words say the verdict; the mark and the colour repeat it.
-_MARKS = dict(
-    zip(
-        VERDICTS, ("\N{HEAVY CHECK MARK}", "\N{HEAVY BALLOT X}", "\N{ALMOST EQUAL TO}", "\N{WHITE CIRCLE}"), strict=True
-    )
-)
+_MARKS = {
+    HOLDS: "\N{HEAVY CHECK MARK}",
+    ONE_READING: "\N{CIRCLE WITH LEFT HALF BLACK}",
+    DOES_NOT_HOLD: "\N{HEAVY BALLOT X}",
+    UNDECIDED: "\N{ALMOST EQUAL TO}",
+    NOT_MEASURED: "\N{WHITE CIRCLE}",
+}
 
 
 @dataclass(frozen=True)
 class ReportContents:
     """Everything the page shows.
 
-    command: what was run, as typed. table: as `experiments.results.table.make_table` makes it.
+    command: what was run, as typed. table, processes: as `experiments.results.table.make_tables` makes them.
     environment: `experiments.harness.environment.Environment` as a dictionary.
     """
 
     title: str
     command: str
     table: pd.DataFrame
+    processes: pd.DataFrame
     figures: Sequence[DrawnFigure]
     pictures: Sequence[ScenePictures]
     claims: Sequence[JudgedClaim]
@@ -80,25 +100,45 @@ def render_report(contents: ReportContents) -> str:
     environment.filters["svg"] = lambda content: _data_uri(content, "image/svg+xml")
     environment.filters["png"] = lambda content: _data_uri(content, "image/png")
     table = contents.table
-    scenes = scenes_in_short(table)
+    gains, no_gains = _gains(contents.processes)
+    replaced = stand_ins(table)
+    claims = [(readings, verdict_on(readings)) for readings in by_claim(contents.claims)]
     return environment.get_template("template.html").render(
         contents=contents,
         style=Markup((_TEMPLATES / "report.css").read_text(encoding="utf-8")),
         marks=_MARKS,
-        scenes=scenes,
-        stand_ins=[scene for scene in scenes if scene.stands_for is not None],
+        conclusion=conclude(contents.claims, gains, replaced.values()) if contents.claims else None,
+        gains=gains,
+        no_gains=no_gains,
+        readings=READINGS,
+        one_reading=ONE_READING,
+        packets_over=PACKETS_OVER,
+        stand_ins=replaced,
+        compared=compared_images(table),
+        processes=count_processes(table),
+        band=BAND,
+        load=load_in_short(contents.processes),
         statuses=table["status"].value_counts().to_dict(),
         doubts=count_doubts(table),
-        verdicts={verdict: sum(claim.verdict == verdict for claim in contents.claims) for verdict in VERDICTS},
+        claims=claims,
+        verdicts={name: sum(verdict == name for one, verdict in claims if not one[0].inferred) for name in _MARKS},
         figures=[(figure, _doubts_of(figure, table)) for figure in contents.figures],
         pictures=[(one, picture_restriction(one.scene)) for one in contents.pictures],
         missing=missing_points(table),
         machine=machine_in_short(contents.environment),
         software=software_in_short(contents.environment),
         environment_lines=environment_lines(contents.environment),
-        measured_between=measured_between(table),
+        measured_between=measured_between(contents.processes),
         tables=list(workload_tables(table)),
     )
+
+
+def _gains(processes: pd.DataFrame) -> tuple[tuple[SceneGains, ...], str | None]:
+    """And why there are none."""
+    try:
+        return scene_gains(processes), None
+    except NotMeasuredError as error:
+        return (), str(error)
 
 
 def _without_controls(value: Any) -> Any:

@@ -83,6 +83,7 @@ def _write_what_follows(configuration: Configuration, tables: Tables, *, command
             title=f"atra: {folder.name}",
             command=command,
             table=table,
+            processes=tables.processes,
             # The pictures have a section of their own, and some must not be passed on.
             figures=[figure for figure in figures if figure.in_page],
             pictures=read_pictures(table, records),

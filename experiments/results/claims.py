@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
+from itertools import groupby
 from pathlib import Path
 
 import pandas as pd
@@ -13,6 +14,9 @@ from atra.files import write_atomically
 
 HOLDS, DOES_NOT_HOLD, UNDECIDED, NOT_MEASURED = VERDICTS = "holds", "does not hold", "undecided", "not measured"
 """undecided = measured in full, but not precisely enough to say."""
+
+ONE_READING = "holds under one reading only"
+"""Of a claim, where its readings part: under another it does not hold, is undecided or was not measured."""
 
 
 @dataclass(frozen=True)
@@ -80,6 +84,20 @@ def judge_claim(claim: Claim, table: pd.DataFrame | None) -> tuple[JudgedClaim, 
         told = (claim.id, claim.section, claim.text + stand_ins, claim.paper_value, claim.how, claim.inferred, reading)
         judged.append(JudgedClaim(*told, found.verdict, found.value, found.interval, found.why))
     return tuple(judged)
+
+
+def by_claim(judged: Sequence[JudgedClaim]) -> list[tuple[JudgedClaim, ...]]:
+    """What became of each claim under all its readings."""
+    return [tuple(readings) for _, readings in groupby(judged, key=lambda one: one.id)]
+
+
+def verdict_on(readings: Sequence[JudgedClaim]) -> str:
+    """One for all readings of a claim: one of `VERDICTS`, or ONE_READING."""
+    verdicts = [one.verdict for one in readings]
+    if HOLDS in verdicts:
+        return HOLDS if set(verdicts) == {HOLDS} else ONE_READING
+    # Readings that do not agree that it fails leave it open.
+    return next(one for one in (NOT_MEASURED, UNDECIDED, DOES_NOT_HOLD) if one in verdicts)
 
 
 def write_claims(folder: Path, findings: Sequence[JudgedClaim]) -> None:
