@@ -4,6 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
 
 from atra.embree.layout import RAY_TFAR, RayQueryContext
 from atra.kernels.caching import kernel
@@ -21,8 +25,17 @@ from atra.kernels.packets import (
 _CONTEXT_DEPTH = RayQueryContext.depth_address.offset // 8
 _CONTEXT_PRIM_ID = RayQueryContext.prim_id_address.offset // 8
 
-TILE_WIDTH, TILE_HEIGHT = 32, 16
-"""Pixels of a tile of the per-pixel loop: small enough to share out evenly, large enough to stay in cache."""
+
+class PixelTiles(NamedTuple):
+    """What the per-pixel loop shares out: tiles of an image in the order in which they are traced.
+
+    corners: (N, 2) int32, column and row of each tile's upper left pixel. width, height: pixels of a tile, as many as
+    whole packets have; tiles at the image's borders are cut there.
+    """
+
+    corners: NDArray[np.int32]
+    width: int
+    height: int
 
 
 @cache
@@ -34,23 +47,21 @@ def pixel_kernel(shape_x: int, shape_y: int, parallel: bool = False) -> Callable
     width = shape_x * shape_y
 
     @kernel
-    def trace_pixels(counter_address, scene, packet, rays, image):  # type: ignore[no-untyped-def]
+    def trace_pixels(counter_address, scene, packet, rays, tiles, image):  # type: ignore[no-untyped-def]
         """Trace every pixel of an image, tile by tile, until the shared counter runs past the last tile.
 
         packet: its constant fields (origin or direction, tnear, mask, flags, inst_id) are set. rays: filled up to
-        whole packets. image: written completely.
+        whole packets. tiles: `PixelTiles`, which together cover the image. image: written completely.
         """
         depth, prim_id = image.depth, image.prim_id
         height, image_width = depth.shape
-        tiles_x = (image_width + TILE_WIDTH - 1) // TILE_WIDTH
-        tiles_y = (height + TILE_HEIGHT - 1) // TILE_HEIGHT
         while True:
             tile = fetch_add(counter_address, 1)
-            if tile >= tiles_x * tiles_y:
+            if tile >= len(tiles.corners):
                 return
-            tile_x, tile_y = tile % tiles_x * TILE_WIDTH, tile // tiles_x * TILE_HEIGHT
-            for y0 in range(tile_y, min(tile_y + TILE_HEIGHT, height), shape_y):
-                for x0 in range(tile_x, min(tile_x + TILE_WIDTH, image_width), shape_x):
+            tile_x, tile_y = np.int64(tiles.corners[tile, 0]), np.int64(tiles.corners[tile, 1])
+            for y0 in range(tile_y, min(tile_y + tiles.height, height), shape_y):
+                for x0 in range(tile_x, min(tile_x + tiles.width, image_width), shape_x):
                     columns, rows = min(shape_x, image_width - x0), min(shape_y, height - y0)
                     whole = columns == shape_x and rows == shape_y
                     for row in range(shape_y):
