@@ -25,6 +25,8 @@ SWEEPS = {
         ["method.split_x=1,4", "method.split_y=1"],
         {"methods", "break_even"},
     ),
+    "baselines": (["method.packet_width=4", "method.packet_rows=null,1", "measure.processes=1"], set()),
+    "reference_rays": (["method.split_x=1,4", "measure.processes=1"], set(FIGURE5)),
     "threads": ([], {"threads"}),
     "peers": ([], {"peers"}),
     "agreement": (

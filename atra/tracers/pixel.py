@@ -66,7 +66,7 @@ class PixelTracer(ImageTracer):
 
 
 def pixel_tiles(width: int, height: int, order: str = "blocks") -> PixelTiles:
-    """The tiles of an image in one of `TILE_ORDERS`: small enough to share out evenly, large enough to stay in cache."""
+    """An image in tiles, in one of `TILE_ORDERS`: small enough to share out evenly, large enough to stay in cache."""
     tile_width, tile_height = _TILE_SIZES.get(order, (width + -width % _WIDEST_PACKET, _WIDEST_PACKET))
     rows, columns = np.mgrid[0:height:tile_height, 0:width:tile_width]
     corners = np.stack([columns.ravel(), rows.ravel()], axis=1).astype(np.int32)

@@ -11,6 +11,7 @@ from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.tracers import PixelTracer
 from experiments.drawing.style import GREEN
+from experiments.drawing.values import TIMES
 from experiments.methods.method import Method, Style, Tracing, check_packet_width, option
 
 
@@ -76,7 +77,7 @@ def _variant(row: Mapping[str, Any]) -> str:
     rows, width = row.get("packet_rows"), row.get("packet_width")
     words = []
     if rows not in (None, "automatic"):
-        words.append(f"{int(rows)} rows" if width is None else f"{int(width) // int(rows)} x {int(rows)} pixels")
+        words.append(f"{int(rows)} rows" if width is None else f"{int(width) // int(rows)} {TIMES} {int(rows)} pixels")
     words += ["incoherent"] if row.get("coherent") in (False,) else []
     words += [name for name in ("compact", "robust") if row.get(name)]
     words += [f"tiles in {order}" for order in _unusual(row, "tile_order", TileOrder.blocks)]
