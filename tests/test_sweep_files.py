@@ -35,6 +35,7 @@ SWEEPS = {
     ),
     "stereo": (["method.split_x=1,4"], {"stereo"}),
     "multiframe": (["workload.frames=2", "method.split_x=4"], {"multiframe"}),
+    "surface": (["method.split_x=4"], set()),
     "planner": (["scene.view=aside,wide"], {"planner"}),
 }
 PARTS_OF_SMOKE = {"horizontal", "vertical", "grid", "build", "memory", "scenes", "paper"}
