@@ -18,7 +18,15 @@ from atra.geometry.orthographic import OrthographicCamera
 from atra.geometry.sampling import sub_pixel_offsets
 from atra.hits import MISS, Hits
 from atra.judge.compare import Agreement, Verdict, compare
-from atra.options import AlignedOptions, CellOptions, Options, RasterOptions, RayOptions, ReferenceRayOptions
+from atra.options import (
+    AlignedOptions,
+    CellOptions,
+    Options,
+    PixelOptions,
+    RasterOptions,
+    RayOptions,
+    ReferenceRayOptions,
+)
 from atra.planner.plan import Plan
 from atra.planner.planning import plan
 from atra.rays.rays import RayHits, Rays
@@ -53,6 +61,7 @@ __all__ = [
     "Mesh",
     "Options",
     "OrthographicCamera",
+    "PixelOptions",
     "PixelTracer",
     "Plan",
     "RasterOptions",

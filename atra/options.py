@@ -12,9 +12,13 @@ from atra.embree.library import load_library
 from atra.embree.scene import check_build_quality, resolve_packet_width
 from atra.errors import InputError
 from atra.parallel import resolve_threads
+from atra.whole_numbers import is_whole_number
 
 TIES = ("lowest", "any")
 """What a tracer stores where triangles tie: the lowest prim_id, or whichever float32 happens to put in front."""
+
+TILE_ORDERS = ("blocks", "rows", "morton")
+"""Which pixels are traced one after the other: see `PixelOptions`."""
 
 GEOMETRIES = ("copied", "instanced")
 """How the cells' sheared geometry comes into the scene."""
@@ -77,6 +81,34 @@ class Options(PacketOptions):
     def __post_init__(self) -> None:
         super().__post_init__()
         check_ties(self.ties)
+
+
+@dataclass(frozen=True)
+class PixelOptions(Options):
+    """Options of `PixelTracer`: those Embree offers to whoever traces one ray per pixel. All give the same image, up to
+    ties and rims of triangles; by default they are what was fastest on most scenes (docs/methods.md).
+
+    packet_rows: rows of pixels in a packet, so that packets of 8 are 8 x 1, 4 x 2, 2 x 4 or 1 x 8 pixels; None: the
+    squarest, and of two the wider. coherent: Embree takes the rays of a packet through its tree together. compact: a
+    tree that saves memory. robust: no ray slips through between two triangles. tile_order: pixels are traced in tiles;
+    "blocks" of 32 x 16 pixels row by row, "rows" as wide as the image, or 16 x 16 pixels along a "morton" curve.
+    Raises InputError for rows that a packet cannot have, and for an unknown order.
+    """
+
+    packet_rows: int | None = None
+    coherent: bool = True
+    compact: bool = False
+    robust: bool = False
+    tile_order: str = "blocks"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        width, rows = resolve_packet_width(self.packet_width), self.packet_rows
+        if rows is not None and not (is_whole_number(rows) and rows >= 1 and width % rows == 0):
+            possible = ", ".join(str(1 << k) for k in range(width.bit_length()))
+            raise InputError(f"packet_rows is {rows!r}, expected one of {possible} for packets of {width}, or None")
+        if self.tile_order not in TILE_ORDERS:
+            raise InputError(f"tile_order is {self.tile_order!r}, expected one of {', '.join(TILE_ORDERS)}")
 
 
 @dataclass(frozen=True)

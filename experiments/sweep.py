@@ -12,7 +12,7 @@ from typing import Any
 import pandas as pd
 from rich.console import Console
 
-from atra.errors import RecordError
+from atra.errors import MemoryBudgetError, RecordError
 from experiments.harness.configuration import Configuration, check_writable, records_folder, results_folder
 from experiments.harness.identity import Runner, current_environment, identity, identity_of, measure
 from experiments.harness.launching import run_worker
@@ -144,7 +144,7 @@ def _run(
     tables = make_tables([done[name] for name in names], {done[name].point_id: points[name].grids for name in names})
     table = tables.points
     write_results(first, tables, command)
-    print_sweep(table, folder, results_console())
+    print_sweep(tables, folder, results_console())
     left = len(points) - len(done)
     if interrupted:
         print(f"run.py: interrupted; {left} points left, the same command goes on from here", file=sys.stderr)
@@ -198,7 +198,9 @@ def _plan(grid_points: Sequence[GridPoint], console: Console) -> dict[str, Sweep
         point_identity = identity(planned.point, environment)
         before = points[point_identity].grids if point_identity in points else ()
         grids = tuple(dict.fromkeys([*before, grid_point.grid]))
-        repeated = find_workload(planned.point.workload).is_timed and planned.problem is None
+        # One that lacks memory now may have been measured when there was more.
+        possible = planned.problem is None or isinstance(planned.problem, MemoryBudgetError)
+        repeated = possible and find_workload(planned.point.workload).is_timed
         for process in range(grid_point.configuration.measure.processes if repeated else 1):
             of_process = replace(planned, point=replace(planned.point, process=process))
             overrides = (*grid_point.overrides, *(() if process == 0 else (f"measure.process={process}",)))

@@ -21,7 +21,7 @@ import psutil
 from atra.errors import AtraError, MemoryBudgetError, StorageError, printable
 from atra.files import write_atomically
 from experiments.harness.options import typed_options
-from experiments.harness.outcome import Outcome
+from experiments.harness.outcome import Outcome, skipped
 from experiments.harness.point import Point
 from experiments.methods import find_method
 from experiments.workloads import find_workload
@@ -71,7 +71,7 @@ def _outcome(point: Point) -> Outcome:
     try:
         measured = measure_point(point)
     except MemoryBudgetError as error:
-        return Outcome("skipped", str(error), on_purpose=True)
+        return skipped(error)
     except AtraError as error:
         return Outcome("failed", str(error), on_purpose=True)
     except Exception as error:

@@ -6,16 +6,18 @@ import numpy as np
 import pytest
 
 import atra
+from atra.alignment.alignment import REFERENCES
 from atra.alignment.instancing import instance_transforms
-from tests.meshes import EYE_AT_ORIGIN
+from tests.images import assert_equal_images, trace, trace_pixels
+from tests.meshes import EYE_AT_ORIGIN, cornell_box, cornell_camera
 
 
-@pytest.mark.parametrize("place", [atra.Alignment.of_cells, atra.Alignment.at_first_cell])
+@pytest.mark.parametrize("place", REFERENCES)
 @pytest.mark.parametrize("counts", [(1, 1), (5, 1), (1, 3), (3, 9), (15, 9)])
 def test_the_shear_maps_each_ray_of_a_cell_onto_a_reference_ray_and_keeps_its_depth(place, counts):
     camera = atra.Camera(**EYE_AT_ORIGIN, width=15, height=9, fov_y_degrees=70)
     split = atra.Split(*counts, width=15, height=9)
-    alignment = place(camera, split)
+    alignment = atra.Alignment.of_cells(camera, split, place)
     columns, rows = np.meshgrid(np.arange(split.cell_width), np.arange(split.cell_height))
     reference_x = (alignment.first_x_pixels + columns.ravel() + 0.5) * camera.pixel_pitch
     reference_y = (alignment.first_y_pixels + rows.ravel() + 0.5) * camera.pixel_pitch
@@ -30,9 +32,25 @@ def test_the_shear_maps_each_ray_of_a_cell_onto_a_reference_ray_and_keeps_its_de
             np.testing.assert_allclose(sheared[:, 1] / depth, reference_y, atol=1e-14)
 
 
+def test_an_unknown_place_of_the_reference_rays_is_refused():
+    camera = atra.Camera(**EYE_AT_ORIGIN, width=4, height=4)
+    with pytest.raises(atra.InputError, match="reference is 'centre', expected one of off_axis, first_cell"):
+        atra.AlignedTracer(cornell_box(), camera, (2, 1), reference="centre")
+
+
+@pytest.mark.parametrize("options", [{}, {"culling": False}, {"culling": False, "geometry": "instanced"}], ids=str)
+def test_the_papers_reference_gives_the_same_image(options):
+    mesh, camera = cornell_box(), cornell_camera(64, 48)
+    single = trace_pixels(mesh, camera)
+    for split in ((8, 1), (4, 3)):
+        assert_equal_images(
+            mesh, camera, trace("aligned", mesh, camera, split, reference="first_cell", **options), single
+        )
+
+
 def test_the_papers_reference_leaves_the_first_cell_unsheared():
     camera = atra.Camera(**EYE_AT_ORIGIN, width=15, height=9)
-    alignment = atra.Alignment.at_first_cell(camera, atra.Split(5, 3, 15, 9))
+    alignment = atra.Alignment.of_cells(camera, atra.Split(5, 3, 15, 9), "first_cell")
     assert (alignment.first_x_pixels, alignment.first_y_pixels) == (-7.5, -4.5)
     assert alignment.shift_x[0] == 0.0
     assert alignment.shift_y[0] == 0.0
@@ -62,7 +80,7 @@ def test_reference_rays_lie_left_and_above_where_the_world_axis_is_the_view(coun
 
 def test_splits_and_alignments_cannot_be_changed_under_a_plan():
     camera = atra.Camera(**EYE_AT_ORIGIN, width=15, height=9)
-    alignment = atra.Alignment.at_first_cell(camera, atra.Split(5, 3, 15, 9))
+    alignment = atra.Alignment.of_cells(camera, atra.Split(5, 3, 15, 9), "first_cell")
     for value, name in ((alignment, "shift_x"), (alignment.split, "nx")):
         with pytest.raises(FrozenInstanceError):
             setattr(value, name, 1)

@@ -8,7 +8,7 @@ import pytest
 
 from experiments.workloads.frame.break_even import (
     Cost,
-    baseline_cost,
+    baseline_costs,
     best_rows,
     break_even_frames,
     cost_of,
@@ -49,7 +49,7 @@ def test_break_even_is_the_first_frame_from_which_on_the_time_in_all_is_less(
     once_s: float, first_s: float, frame_s: float, expected: int | None
 ) -> None:
     candidate = cost(once_s, first_s, frame_s)
-    assert break_even_frames(candidate, BASELINE) == expected
+    assert break_even_frames(candidate, [BASELINE]) == expected
     frames = np.arange(1, 200)
     ahead = cumulative_time_s(candidate, frames) < cumulative_time_s(BASELINE, frames)
     if expected is None:
@@ -98,10 +98,35 @@ def test_the_baseline_is_the_row_of_8_wide_packets_per_pixel_which_plans_nothing
     single = method_row("pixel", 1, time_s=0.5, packet_width=1, plan_time_s=None)
     packets = method_row("pixel", 1, time_s=0.25, plan_time_s=None, build_time_s=0.5, first_frame_time_s=1.0)
     table = make_rows(method_row("aligned", 64), single, packets)
-    assert baseline_cost(table) == Cost("pixel", 0.0, 0.5, 1.0, 0.25, 3000, 0.05)
-    assert baseline_cost(make_rows(method_row("aligned", 64), single)) is None
+    assert baseline_costs(table) == {"same": Cost("pixel", 0.0, 0.5, 1.0, 0.25, 3000, 0.05)}
+    assert baseline_costs(make_rows(method_row("aligned", 64), single)) == {}
 
 
-def test_a_baseline_frame_from_the_same_rounds_is_preferred_over_one_from_another_process() -> None:
+def test_packets_have_a_baseline_of_each_build_quality_the_usual_one_first() -> None:
+    rows = [
+        method_row("pixel", 1, time_s=0.5, own_build_quality="low", build_time_s=0.25),
+        method_row("pixel", 1, time_s=0.25, own_build_quality="same", build_time_s=0.5),
+        method_row("pixel", 1, time_s=0.125, own_build_quality="same", build_time_s=0.5, packet_width=16),
+    ]
+    found = baseline_costs(make_rows(*rows))
+    assert [(name, one.build_time_s, one.frame_time_s) for name, one in found.items()] == [
+        ("same", 0.5, 0.125), ("low", 0.25, 0.5),
+    ]  # fmt: skip
+
+
+def test_break_even_is_with_whichever_build_of_packets_is_cheapest_so_far() -> None:
+    cheap = Cost("pixel", 0.0, 0.0, 4.0, 5.0)  # of low quality: ahead for the first frame alone
+    candidate = cost(2.0, 4.0, 3.5)
+    assert break_even_frames(candidate, [BASELINE]) == 4  # 1 s behind, 0.5 s gained a frame
+    assert break_even_frames(candidate, [cheap]) == 3  # 2 s behind, 1.5 s gained
+    assert break_even_frames(candidate, [BASELINE, cheap]) == 4
+    assert break_even_frames(cost(1.25, 4.0, 2.0), [BASELINE]) == 2
+    assert break_even_frames(cost(3.5, 4.0, 2.0), [cheap, BASELINE]) == 3
+    assert break_even_frames(cost(1.0, 4.0, 4.5), [BASELINE, cheap]) is None
+
+
+def test_a_baseline_frame_is_carried_over_by_the_packets_that_both_were_timed_with() -> None:
     slow_moment = Cost("aligned", 4.0, 4.0, 4.0, 3.0, None, packets_frame_time_s=8.0)
-    assert break_even_frames(slow_moment, BASELINE) == 3  # 7 s behind, 5 s gained a frame; 1 s a frame would need 9
+    timed = Cost("pixel", 0.0, 1.0, 4.0, 4.0, None, packets_frame_time_s=4.0)
+    assert break_even_frames(slow_moment, [timed]) == 3  # 7 s behind, 5 s gained a frame; 1 s a frame would need 9
+    assert break_even_frames(slow_moment, [BASELINE]) == 9  # whose rounds had none

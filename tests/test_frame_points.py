@@ -20,7 +20,7 @@ from experiments.harness.points import PlannedPoint, plan_points
 from experiments.harness.records import Record
 from experiments.methods import find_method
 from experiments.paper.evidence import NotMeasuredError, collect_scenes
-from experiments.results.table import make_table
+from experiments.results.table import make_table, make_tables
 from experiments.results.terminal import print_sweep, say_label, say_outcome
 from experiments.worker import measure_point
 from experiments.workloads.multiframe import Motion, MultiframeOptions
@@ -159,7 +159,7 @@ def test_the_terminal_tells_the_speed_up_over_separate_frames(tmp_path: Any) -> 
         point_id="s", status="skipped", error="needs 9 GiB", configuration=four, samples={}, results={}
     )
     shown = io.StringIO()
-    print_sweep(make_table([frames_record(), skipped, MEASURED]), tmp_path, Console(file=shown, width=150))
+    print_sweep(make_tables([frames_record(), skipped, MEASURED]), tmp_path, Console(file=shown, width=150))
     lines = [line.split() for line in shown.getvalue().splitlines()]
     expected = "│ box │ eyes │ 2 │ 2 x 1 │ 4,000.0 ms │ 1.50x │ 0.25x │ 1.00x │ 2.00x │ 0 │"
     assert expected.split() in lines

@@ -49,7 +49,7 @@ def test_what_a_tracer_has_not_it_does_not_take():
             TRACERS[make](**{option: 1})
     with pytest.raises(TypeError, match=r"options of AlignedTracer are CellOptions.*expected AlignedOptions"):
         TRACERS["aligned"](atra.CellOptions())
-    assert TRACERS["pixel"](atra.AlignedOptions(threads=1)).threads == 1
+    assert TRACERS["tiles"](atra.AlignedOptions(threads=1)).threads == 1
 
 
 @pytest.mark.parametrize(("kind", "options", "message"), [
@@ -59,6 +59,8 @@ def test_what_a_tracer_has_not_it_does_not_take():
     (atra.Options, {"ties": "none"}, "ties is 'none', expected one of lowest, any"),
     *((atra.CellOptions, {"memory_budget_bytes": bytes_}, rf"budget_bytes is {re.escape(repr(bytes_))}, expected a num")
       for bytes_ in (-1, "1", float("nan"), (1,))),
+    (atra.PixelOptions, {"packet_rows": 3, "packet_width": 4}, "packet_rows is 3, expected one of 1, 2, 4 for packets"),
+    (atra.PixelOptions, {"tile_order": "spiral"}, "tile_order is 'spiral', expected one of blocks, rows, morton"),
     (atra.AlignedOptions, {"geometry": "shared"}, "geometry is 'shared', expected one of copied, instanced"),
     (atra.AlignedOptions, {"geometry": "instanced"}, "culling is on, .*set culling=False"),
 ])  # fmt: skip
@@ -66,7 +68,7 @@ def test_options_refuse_a_value_when_they_are_made(kind, options, message):
     with pytest.raises(atra.InputError, match=message):
         kind(**options)
     with pytest.raises(atra.InputError, match=message):
-        replace(atra.AlignedOptions(), **options)
+        replace((atra.PixelOptions if kind is atra.PixelOptions else atra.AlignedOptions)(), **options)
 
 
 @every_tracer

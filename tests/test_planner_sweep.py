@@ -54,10 +54,21 @@ def test_regret_is_the_choice_over_the_best_in_frames_and_in_all() -> None:
     first_s = {"packets": 4.0, "a": 65.0, "b": 18.0}
     frame_s = {"packets": 4.0, "a": 1.0, "b": 2.0}
     assert FRAMES == 64
-    found = regrets(first_s, frame_s, "packets", "b")
+    found = regrets(first_s, frame_s, "packets", "b", 48.0)
     assert (found["plan"], found["best_plan"], found["best_frame_plan"]) == ("b", "a", "a")
     assert found["packets_regret"] == 256 / 128
     assert (found["regret"], found["frame_regret"], found["vs_packets"]) == (144 / 128, 2.0, 144 / 256)
+    assert found["regret_with_planning"] == (48 + 144) / 128
+
+
+def test_planning_pays_from_the_frame_at_which_its_time_is_made_good() -> None:
+    first_s, frame_s = {"packets": 4.0, "b": 18.0}, {"packets": 4.0, "b": 2.0}
+    frames = np.arange(1, 100)
+    for planning_s in (0.0, 48.0, 49.0):
+        from_frame = regrets(first_s, frame_s, "packets", "b", planning_s)["pays_from_frames"]
+        np.testing.assert_array_equal(frames >= from_frame, planning_s + 18 + 2 * (frames - 1) < 4 * frames)
+    assert regrets(first_s, frame_s, "packets", "packets", 1.0)["pays_from_frames"] is None
+    assert regrets({"packets": 4.0, "b": 1.0}, frame_s, "packets", "b", 1.0)["pays_from_frames"] == 1
 
 
 def planner_table() -> pd.DataFrame:
@@ -65,16 +76,20 @@ def planner_table() -> pd.DataFrame:
     common = {
         "scene": "cornell_box", "triangles": 1112, "width": 64, "height": 64, "status": "ok", "threads": 1,
         "workload": "planner", "method": "pixel", "grids": "planner", "packet_width": 8, "build_quality": "medium",
-        "packets_regret": 2.0, "frame_regret": 1.0, "vs_packets": 0.5,
+        "packets_regret": 2.0, "frame_regret": 1.0, "vs_packets": 0.5, "regret_with_planning": 1.5,
     }  # fmt: skip
     views = enumerate(("aside", "around", "wide"))
     return table_of([{**common, "view": view, "regret": 1.0 + 0.1 * place} for place, view in views])
 
 
 def test_the_terminal_says_median_and_worst_of_all_plans() -> None:
-    (told,) = sweep_lines(planner_table())
+    told, counted = sweep_lines(planner_table().assign(pays_from_frames=pd.array([20, 30, None], "Int64")))
     assert told.startswith("plans: regret 1.10, at worst 1.20;")
     assert "over packets at worst 0.50" in told
+    assert counted == (
+        "planning counted, too: regret 1.50, at worst 1.50; it pays in 2 of 3 views, mostly from 25 frames on, "
+        "at worst from 30"
+    )
 
 
 def test_the_figure_shows_every_view_where_it_belongs() -> None:
@@ -110,6 +125,7 @@ def test_a_measured_point_holds_every_candidate_in_the_same_rounds() -> None:
     assert {len(values) for values in measured.samples.values()} == {3}
     assert measured.results["plan"] in wanted
     assert min(measured.results["regret"], measured.results["frame_regret"]) >= 1.0
+    assert measured.results["regret_with_planning"] > measured.results["regret"]
 
 
 def test_a_point_is_measured_where_processor_time_does_not_tell_frames_apart(monkeypatch: pytest.MonkeyPatch) -> None:

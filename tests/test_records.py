@@ -13,7 +13,15 @@ from typing import Any, NoReturn
 import pytest
 
 from atra.errors import RecordError, StorageError
-from experiments.harness.records import Record, load_record, point_id, read_record, record_path, write_record
+from experiments.harness.records import (
+    LACKED_MEMORY,
+    Record,
+    load_record,
+    point_id,
+    read_record,
+    record_path,
+    write_record,
+)
 
 CONFIGURATION: dict[str, Any] = {"scene": "box", "split_x": 4, "culling": True, "eye": [0.0, 1.0, 2.0], "threads": None}
 MACHINE = {"cpu": "some cpu", "logical_cores": 2}
@@ -114,7 +122,8 @@ def test_a_failed_write_names_the_file_and_leaves_the_earlier_record_and_no_litt
     assert [path.name for path in tmp_path.iterdir()] == [f"{RECORD.point_id}.json"]
 
 
-def test_only_failed_points_are_worth_a_retry() -> None:
+def test_only_points_that_failed_or_lacked_memory_are_worth_a_retry() -> None:
     assert RECORD.finished
     assert replace(RECORD, status="skipped", error="too large").finished
+    assert not replace(RECORD, status="skipped", error="too large", results={LACKED_MEMORY: True}).finished
     assert not replace(RECORD, status="failed", error="killed").finished

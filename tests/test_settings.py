@@ -16,10 +16,11 @@ from experiments.harness.point import Point
 from experiments.harness.points import plan_points
 from experiments.harness.records import Record
 from experiments.methods import METHODS
+from experiments.methods.aligned import ALIGNED
 from experiments.methods.method import Method
 from experiments.report.tables import workload_tables
 from experiments.results.settings import settings, settings_that_vary
-from experiments.results.table import columns, make_table
+from experiments.results.table import columns, make_table, make_tables
 from experiments.results.terminal import print_sweep
 from experiments.workloads import WORKLOADS
 from experiments.workloads.build.figures import draw_build_figure
@@ -54,6 +55,12 @@ VALUES: dict[str, tuple[Any, Any, str]] = {
     "split_y": (1, 2, "split y 2"),
     "packet_width": (1, 8, "packet width 8"),
     "packet_rows": (2, None, "packet rows automatic"),
+    "reference": ("first_cell", "off_axis", "reference off_axis"),
+    "coherent": (False, True, "coherent on"),
+    "compact": (False, True, "compact on"),
+    "robust": (False, True, "robust on"),
+    "tile_order": ("blocks", "rows", "tile order rows"),
+    "own_build_quality": ("low", "same", "own build quality same"),
     "threads": (1, 2, "threads 2"),
     "build_quality": ("high", "low", "low build quality"),
     "ties": ("any", "lowest", "ties lowest"),
@@ -68,13 +75,15 @@ def records_that_differ_in(name: str) -> list[Record]:
 
 
 def record_with(name: str, value: Any) -> Record:
-    """Of the aligned method, and of the workload that knows the setting."""
+    """Of the aligned method, or of the first that has the option, and of the workload that knows the setting."""
     values = {key: first for key, (first, _, _) in VALUES.items()} | {name: value}
     workload = WORKLOAD_OF.get(name, WORKLOADS[0])
     configuration = MEASURED.configuration | {
         key: values[key] for key in values.keys() - OF_METHODS - WORKLOAD_OF.keys()
     }
-    configuration["method_options"] = {key: values[key] for key in OF_METHODS}
+    method = next((one for one in METHODS if one.has(name) and not ALIGNED.has(name)), ALIGNED)
+    configuration["method"] = method.name
+    configuration["method_options"] = {field.name: values[field.name] for field in fields(method.options)}
     configuration["workload"] = workload.name
     configuration["workload_options"] = {field.name: values[field.name] for field in fields(workload.options)}
     ran = {key: result for key, result in MEASURED.results.items() if key != "packet_width"}
@@ -113,7 +122,7 @@ def test_the_page_shows_a_setting_that_varies(name: str) -> None:
 @pytest.mark.parametrize("name", [name for name in settings() if name not in ("offsets", "sample_rays")])
 def test_the_best_of_a_scene_is_told_for_each_value_of_a_setting_but_the_split(tmp_path: Path, name: str) -> None:
     shown = io.StringIO()
-    print_sweep(make_table(records_that_differ_in(name)), tmp_path, Console(file=shown, width=200))
+    print_sweep(make_tables(records_that_differ_in(name)), tmp_path, Console(file=shown, width=200))
     rows = [line for line in shown.getvalue().splitlines() if "│ box" in line]
     assert len(rows) == (1 if name in ("split_x", "split_y") else 2)
 
@@ -121,7 +130,10 @@ def test_the_best_of_a_scene_is_told_for_each_value_of_a_setting_but_the_split(t
 TOLD_APART = ("split_x", "geometry", "culling")  # by the figures themselves: the abscissa, and a line for each
 
 
-@pytest.mark.parametrize("name", [name for name in settings() if name not in {*TOLD_APART, *WORKLOAD_OF}])
+OF_OTHERS = {name for name in OF_METHODS if not ALIGNED.has(name)}
+
+
+@pytest.mark.parametrize("name", [name for name in settings() if name not in {*TOLD_APART, *WORKLOAD_OF, *OF_OTHERS}])
 def test_no_figure_over_splits_draws_two_values_of_a_setting_as_one_line(name: str) -> None:
     values = make_table(records_that_differ_in(name))[name]
     cases = [
@@ -154,7 +166,7 @@ def test_a_method_that_lacks_a_setting_is_told_so(tmp_path: Path) -> None:
     pixel = MEASURED.configuration | {"method": "pixel", "method_options": {"packet_width": 8}}
     shown = io.StringIO()
     records = [*records_that_differ_in("packet_rows"), replace(MEASURED, configuration=pixel)]
-    print_sweep(make_table(records), tmp_path, Console(file=shown, width=200))
+    print_sweep(make_tables(records), tmp_path, Console(file=shown, width=200))
     assert "packets of 8 per pixel, no packet rows" in shown.getvalue()
 
 

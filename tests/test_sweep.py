@@ -8,7 +8,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
+import psutil
 import pytest
+from psutil import virtual_memory
 
 from atra.errors import InputError
 from experiments.harness import identity as identities
@@ -114,6 +116,31 @@ def test_a_failed_point_is_tried_again_and_the_exit_code_tells(tmp_path: Path) -
     again = Runner()
     run_sweep(points, run=again)
     assert len(again.points) == 1
+
+
+def test_a_point_that_lacked_memory_is_tried_again_when_more_is_free_and_not_given_up_when_less_is(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    unculled = Chosen("aligned", AlignedOptions(64, culling=False))
+    points = [GridPoint("a", configuration(tmp_path, method=unculled))]
+    points[0].configuration.measure.processes = 3
+    free = virtual_memory()
+
+    def sweep(available: int) -> tuple[list[str], int]:
+        monkeypatch.setattr(psutil, "virtual_memory", lambda: free._replace(available=available))
+        runner = Runner()
+        return list(run_sweep(points, run=runner)["status"]), len(runner.points)
+
+    assert sweep(10 * 2**20) == (["skipped"], 0)
+    assert sweep(2**34) == (["ok"], 3)
+    assert sweep(10 * 2**20) == (["ok"], 0)
+
+
+def test_the_memory_budget_is_a_share_of_what_is_free_or_what_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    free = virtual_memory()
+    monkeypatch.setattr(psutil, "virtual_memory", lambda: free._replace(available=24 * 2**30))
+    assert replace(POINT, memory_budget_gib=None).tracing.memory_budget_bytes == 18 * 2**30
+    assert replace(POINT, memory_budget_gib=4.0).tracing.memory_budget_bytes == 4 * 2**30
 
 
 def test_a_scene_that_is_not_here_is_replaced_by_its_stand_in_only_where_allowed(

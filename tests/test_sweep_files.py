@@ -25,6 +25,8 @@ SWEEPS = {
         ["method.split_x=1,4", "method.split_y=1"],
         {"methods", "break_even"},
     ),
+    "baselines": (["method.packet_width=4", "method.packet_rows=null,1", "measure.processes=1"], set()),
+    "reference_rays": (["method.split_x=1,4", "measure.processes=1"], set(FIGURE5)),
     "threads": ([], {"threads"}),
     "peers": ([], {"peers"}),
     "agreement": (
@@ -33,6 +35,7 @@ SWEEPS = {
     ),
     "stereo": (["method.split_x=1,4"], {"stereo"}),
     "multiframe": (["workload.frames=2", "method.split_x=4"], {"multiframe"}),
+    "surface": (["method.split_x=4"], set()),
     "planner": (["scene.view=aside,wide"], {"planner"}),
 }
 PARTS_OF_SMOKE = {"horizontal", "vertical", "grid", "build", "memory", "scenes", "paper"}

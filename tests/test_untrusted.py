@@ -14,7 +14,7 @@ from atra.errors import InputError, printable
 from experiments.harness.launching import WORKER_COMMAND, project_environment
 from experiments.harness.progress import SweepProgress, say
 from experiments.report.page import render_report
-from experiments.results.table import columns
+from experiments.results.table import Tables, columns
 from experiments.results.terminal import print_point, print_sweep
 from tests.report_samples import CLAIMS, drawn_figure, scene_pictures, small_contents, small_table
 
@@ -67,7 +67,7 @@ def test_no_control_character_reaches_the_terminal(tmp_path: Path) -> None:
     written = io.StringIO()
     console = Console(file=written, width=200)
     table = hostile_table()
-    print_sweep(table, tmp_path, console)
+    print_sweep(Tables(table, table), tmp_path, console)
     for _, row in table[table["status"] == "ok"].iterrows():
         print_point(row, console)
     with SweepProgress(1, console) as progress:

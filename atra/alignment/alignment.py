@@ -19,6 +19,9 @@ from atra.geometry.view import Vector, View
 TOLERANCE_PIXELS = 1e-6
 """How far beside its reference ray a mapped ray may lie: float64 leaves about 1e-9, float32 tracing 1e-4."""
 
+REFERENCES = ("off_axis", "first_cell")
+"""Where the reference rays lie: a quarter of the image from its centre, or on cell (0, 0) as in the paper."""
+
 
 @dataclass(frozen=True, eq=False)
 class Part:
@@ -77,53 +80,54 @@ class Alignment:
         _check_cells(self)
 
     @classmethod
-    def of_cells(cls, camera: View, split: Split) -> Self:
-        """The cells of one image, a shear each: the paper's alignment (§3.1); translations where rays are parallel."""
-        return cls._of_images((camera,), split)
+    def of_cells(cls, camera: View, split: Split, reference: str = "off_axis") -> Self:
+        """The cells of one image, a shear each: the paper's alignment (§3.1); translations where rays are parallel.
+
+        reference: one of `REFERENCES`. Raises InputError for any other.
+        """
+        return cls._of_images((camera,), split, reference)
 
     @classmethod
-    def of_eyes(cls, left: Camera, right: Camera, split: Split) -> Self:
+    def of_eyes(cls, left: Camera, right: Camera, split: Split, reference: str = "off_axis") -> Self:
         """Two eyes side by side: the right eye's geometry is translated onto the left's (paper §6).
 
-        Raises InputError unless the cameras differ in nothing but the place of the eye.
+        reference: as for `of_cells`. Raises InputError unless the cameras differ in nothing but the place of the eye.
         """
         if not (np.allclose(left.axes, right.axes, rtol=0, atol=1e-9) and left.pixel_pitch == right.pixel_pitch):
             raise InputError(
                 "the two eyes look in different directions or have different fields of view, expected parallel views "
                 "of one field of view; use Alignment.of_frames for other pairs"
             )
-        return cls._of_images((left, right), split)
+        return cls._of_images((left, right), split, reference)
 
     @classmethod
-    def of_frames(cls, cameras: Sequence[View], split: Split) -> Self:
+    def of_frames(cls, cameras: Sequence[View], split: Split, reference: str = "off_axis") -> Self:
         """Frames of a moving camera (paper §6, Fig. 8): it may move, turn and change its field of view.
 
-        Raises InputError for another number of pixels, or a camera of another kind, naming the frame.
+        reference: as for `of_cells`. Raises InputError for another number of pixels, or a camera of another kind,
+        naming the frame.
         """
-        return cls._of_images(tuple(cameras), split)
+        return cls._of_images(tuple(cameras), split, reference)
 
     @classmethod
-    def at_first_cell(cls, camera: View, split: Split) -> Self:
-        """As `of_cells`, with the rays of cell (0, 0) as reference, as the paper has it."""
-        return cls._at((camera,), split, -camera.width / 2, -camera.height / 2)
-
-    @classmethod
-    def _of_images(cls, cameras: tuple[View, ...], split: Split) -> Self:
-        """Reference rays start a quarter of the image from its centre, away from the world axis nearest the view.
+    def _of_images(cls, cameras: tuple[View, ...], split: Split, reference: str) -> Self:
+        """Off the axis, reference rays start a quarter of the image from its centre, away from the world axis nearest
+        the view.
 
         Nearer the border the frustum is more slanted, and boxes fit it less well. Nearer to where a component of the
         direction vanishes, the reciprocals in a packet, which Embree tests boxes with, lie far apart. An image axis
         that is not split stays as it is.
         """
         check_same_grid(cameras)
+        check_reference(reference)
         camera = cameras[0]
         right, down, forward = camera.axes
         nearest = np.argmax(np.abs(forward))
         first_x_pixels, first_y_pixels = -camera.width / 2, -camera.height / 2
-        if split.nx > 1:
+        if reference == "off_axis" and split.nx > 1:
             side = -1 if right[nearest] * forward[nearest] >= 0 else 1
             first_x_pixels = side * camera.width / 4
-        if split.ny > 1:
+        if reference == "off_axis" and split.ny > 1:
             side = -1 if down[nearest] * forward[nearest] >= 0 else 1
             first_y_pixels = side * camera.height / 4
         return cls._at(cameras, split, first_x_pixels, first_y_pixels)
@@ -178,6 +182,12 @@ class Alignment:
         sheared[:, 0] -= self.shift_x[i] * per_depth
         sheared[:, 1] -= self.shift_y[j] * per_depth
         return sheared
+
+
+def check_reference(reference: str) -> None:
+    """Raise InputError for anything but one of `REFERENCES`."""
+    if reference not in REFERENCES:
+        raise InputError(f"reference is {reference!r}, expected one of {', '.join(REFERENCES)}")
 
 
 def check_same_grid(cameras: Sequence[View]) -> None:

@@ -4,8 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
+from typing import NamedTuple
 
-from atra.embree.layout import RAY_TFAR, RayQueryContext
+import numpy as np
+from numpy.typing import NDArray
+
+from atra.embree.layout import HIT_NG_X, HIT_U, HIT_V, RAY_TFAR, RAY_WORDS, RayQueryContext
 from atra.kernels.caching import kernel
 from atra.kernels.intrinsics import fetch_add
 from atra.kernels.packets import (
@@ -21,8 +25,17 @@ from atra.kernels.packets import (
 _CONTEXT_DEPTH = RayQueryContext.depth_address.offset // 8
 _CONTEXT_PRIM_ID = RayQueryContext.prim_id_address.offset // 8
 
-TILE_WIDTH, TILE_HEIGHT = 32, 16
-"""Pixels of a tile of the per-pixel loop: small enough to share out evenly, large enough to stay in cache."""
+
+class PixelTiles(NamedTuple):
+    """What the per-pixel loop shares out: tiles of an image in the order in which they are traced.
+
+    corners: (N, 2) int32, column and row of each tile's upper left pixel. width, height: pixels of a tile, as many as
+    whole packets have; tiles at the image's borders are cut there.
+    """
+
+    corners: NDArray[np.int32]
+    width: int
+    height: int
 
 
 @cache
@@ -34,23 +47,21 @@ def pixel_kernel(shape_x: int, shape_y: int, parallel: bool = False) -> Callable
     width = shape_x * shape_y
 
     @kernel
-    def trace_pixels(counter_address, scene, packet, rays, image):  # type: ignore[no-untyped-def]
+    def trace_pixels(counter_address, scene, packet, rays, tiles, image):  # type: ignore[no-untyped-def]
         """Trace every pixel of an image, tile by tile, until the shared counter runs past the last tile.
 
         packet: its constant fields (origin or direction, tnear, mask, flags, inst_id) are set. rays: filled up to
-        whole packets. image: written completely.
+        whole packets. tiles: `PixelTiles`, which together cover the image. image: written completely.
         """
         depth, prim_id = image.depth, image.prim_id
         height, image_width = depth.shape
-        tiles_x = (image_width + TILE_WIDTH - 1) // TILE_WIDTH
-        tiles_y = (height + TILE_HEIGHT - 1) // TILE_HEIGHT
         while True:
             tile = fetch_add(counter_address, 1)
-            if tile >= tiles_x * tiles_y:
+            if tile >= len(tiles.corners):
                 return
-            tile_x, tile_y = tile % tiles_x * TILE_WIDTH, tile // tiles_x * TILE_HEIGHT
-            for y0 in range(tile_y, min(tile_y + TILE_HEIGHT, height), shape_y):
-                for x0 in range(tile_x, min(tile_x + TILE_WIDTH, image_width), shape_x):
+            tile_x, tile_y = np.int64(tiles.corners[tile, 0]), np.int64(tiles.corners[tile, 1])
+            for y0 in range(tile_y, min(tile_y + tiles.height, height), shape_y):
+                for x0 in range(tile_x, min(tile_x + tiles.width, image_width), shape_x):
                     columns, rows = min(shape_x, image_width - x0), min(shape_y, height - y0)
                     whole = columns == shape_x and rows == shape_y
                     for row in range(shape_y):
@@ -75,6 +86,53 @@ def pixel_kernel(shape_x: int, shape_y: int, parallel: bool = False) -> Callable
                                 prim_id[y0 + row, x0 + column] = hit_prim_id(packet, width, lane)
 
     return trace_pixels
+
+
+class Surface(NamedTuple):
+    """What Embree says of the place of a hit: u, v: (H, W) float32, normal: (H, W, 3) float32 in ray space, of any
+    length."""
+
+    u: NDArray[np.float32]
+    v: NDArray[np.float32]
+    normal: NDArray[np.float32]
+
+
+@cache
+def surface_kernel(shape_x: int, shape_y: int) -> Callable[..., None]:
+    """The per-pixel loop that keeps the places of hits, too; the shape is a constant of the compiled code."""
+    width = shape_x * shape_y
+
+    @kernel
+    def trace_surface(counter_address, scene, packet, rays, tiles, image, surface):  # type: ignore[no-untyped-def]
+        """As `trace_pixels`; surface: `Surface`, written completely, and without meaning where nothing is hit."""
+        height, image_width = image.depth.shape
+        while True:
+            tile = fetch_add(counter_address, 1)
+            if tile >= len(tiles.corners):
+                return
+            tile_x, tile_y = np.int64(tiles.corners[tile, 0]), np.int64(tiles.corners[tile, 1])
+            for y0 in range(tile_y, min(tile_y + tiles.height, height), shape_y):
+                for x0 in range(tile_x, min(tile_x + tiles.width, image_width), shape_x):
+                    columns, rows = min(shape_x, image_width - x0), min(shape_y, height - y0)
+                    for row in range(shape_y):
+                        for column in range(shape_x):
+                            lane = row * shape_x + column
+                            set_pixel_ray(packet, width, lane, False, rays, x0 + column, y0 + row)
+                            packet.valid[lane] = -1 if row < rows and column < columns else 0
+                    set_unlimited(packet, width)
+                    intersect(width, packet.valid, scene, packet)
+                    for row in range(rows):
+                        for column in range(columns):
+                            lane, y, x = row * shape_x + column, y0 + row, x0 + column
+                            image.depth[y, x] = hit_distance(packet, width, lane)
+                            image.prim_id[y, x] = hit_prim_id(packet, width, lane)
+                            surface.u[y, x] = packet.floats[(RAY_WORDS + HIT_U) * width + lane]
+                            surface.v[y, x] = packet.floats[(RAY_WORDS + HIT_V) * width + lane]
+                            for axis in range(3):
+                                word = (RAY_WORDS + HIT_NG_X + axis) * width + lane
+                                surface.normal[y, x, axis] = packet.floats[word]
+
+    return trace_surface
 
 
 @cache

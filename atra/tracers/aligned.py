@@ -132,16 +132,25 @@ class AlignedTracer(_AlignedImages, ImageTracer):
     """Affine-transformed ray alignment: shoot the reference cell's rays, read the nearest hit of every cell.
 
     split: (nx, ny) cells; nx must divide the width, ny the height. options: of `atra.AlignedOptions`, changes: fields
-    of it by name. With instances `triangle_count` is the mesh's own.
-    Raises InputError for a split that does not divide the image, and as the options do; MemoryBudgetError before
-    allocating.
+    of it by name. reference: whose rays are shot, those "off_axis" or, as in the paper, those of the "first_cell"; the
+    image is the same. With instances `triangle_count` is the mesh's own.
+    Raises InputError for a split that does not divide the image, an unknown reference, and as the options do;
+    MemoryBudgetError before allocating.
     Source: paper §3.1, §3.4; instances §4.4.
     """
 
     def __init__(
-        self, mesh: Mesh, camera: View, split: tuple[int, int], options: AlignedOptions | None = None, **changes: Any
+        self,
+        mesh: Mesh,
+        camera: View,
+        split: tuple[int, int],
+        options: AlignedOptions | None = None,
+        *,
+        reference: str = "off_axis",
+        **changes: Any,
     ) -> None:
-        super().__init__((mesh,), Alignment.of_cells(camera, Split.of_image(split, camera)), options, **changes)
+        alignment = Alignment.of_cells(camera, Split.of_image(split, camera), reference)
+        super().__init__((mesh,), alignment, options, **changes)
 
 
 class FramesTracer(_AlignedImages):

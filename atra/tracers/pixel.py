@@ -2,25 +2,47 @@
 
 from __future__ import annotations
 
+from typing import Any
+
+import numpy as np
 from numpy.typing import NDArray
 
 from atra.alignment.culling import AlignedGeometry, plan_plain_geometry
+from atra.embree.device import EmbreeDevice
+from atra.geometry.mesh import Mesh
+from atra.geometry.view import View
 from atra.kernels.packets import Image, RayGrid
-from atra.kernels.tracing import pixel_kernel
+from atra.kernels.tracing import PixelTiles, pixel_kernel
+from atra.options import PixelOptions
 from atra.tracers.base import ImageTracer
 from atra.tracers.rays import image_ray_grid
 
 SQUAREST_SHAPE = {1: (1, 1), 4: (2, 2), 8: (4, 2), 16: (4, 4)}
 """Pixels of a packet when nothing else decides: the narrower the bundle, the more of the traversal its rays share."""
 
+_WIDEST_PACKET = 16
+_TILE_SIZES = {"blocks": (32, 16), "morton": (16, 16)}
+"""Width and height; tiles of rows are as wide as the image."""
+
 
 class PixelTracer(ImageTracer):
     """One ray per pixel through `rtcIntersect1` (packet_width 1, the paper's baseline) or packets (4, 8, 16).
 
-    PixelTracer(mesh, camera, options=None, **changes): options are of `atra.Options`, changes fields of it by name.
+    options: of `atra.PixelOptions`, changes: fields of it by name.
     Raises InputError as the options do, and for a mesh smaller than 1e-9 or farther than 1e11 from the eye, where
     float32 would lose triangles; MemoryBudgetError, when planning, for more overlaps than can be kept.
     """
+
+    options_type = PixelOptions
+    options: PixelOptions
+
+    def __init__(self, mesh: Mesh, camera: View, options: PixelOptions | None = None, **changes: Any) -> None:
+        super().__init__(mesh, camera, options, **changes)
+        rows = self.options.packet_rows
+        self.packet_shape = SQUAREST_SHAPE[self.packet_width] if rows is None else (self.packet_width // rows, rows)
+        self._tiles = pixel_tiles(camera.width, camera.height, self.options.tile_order)
+        for workspace in self._workspaces:
+            workspace.set_coherent(self.options.coherent)
 
     def _plan_geometry(self) -> AlignedGeometry:
         return plan_plain_geometry(self.mesh, self.camera)
@@ -28,15 +50,35 @@ class PixelTracer(ImageTracer):
     def _filter_address(self) -> int:
         return 0
 
-    def _run(self, offset: tuple[float, float], depth: NDArray, prim_id: NDArray) -> None:
-        shape = SQUAREST_SHAPE[self.packet_width]
-        camera = self.camera
-        rays, image = RayGrid(*image_ray_grid(camera, offset, shape)), Image(depth, prim_id)
-        kernel = pixel_kernel(*shape, camera.is_parallel)
+    def _build_scene(self, geometry: AlignedGeometry) -> EmbreeDevice:
+        options = self.options
+        return self._scene_of(geometry, options.build_quality, compact=options.compact, robust=options.robust)
 
-        scene = self._scene_address
+    def _run(self, offset: tuple[float, float], depth: NDArray, prim_id: NDArray) -> None:
+        camera, tiles, scene = self.camera, self._tiles, self._scene_address
+        rays, image = RayGrid(*image_ray_grid(camera, offset, self.packet_shape)), Image(depth, prim_id)
+        kernel = pixel_kernel(*self.packet_shape, camera.is_parallel)
 
         def work(worker: int, counter: int) -> None:
-            kernel(counter, scene, self._workspaces[worker].packet, rays, image)
+            kernel(counter, scene, self._workspaces[worker].packet, rays, tiles, image)
 
         self._pool.run(work)
+
+
+def pixel_tiles(width: int, height: int, order: str = "blocks") -> PixelTiles:
+    """An image in tiles, in one of `TILE_ORDERS`: small enough to share out evenly, large enough to stay in cache."""
+    tile_width, tile_height = _TILE_SIZES.get(order, (width + -width % _WIDEST_PACKET, _WIDEST_PACKET))
+    rows, columns = np.mgrid[0:height:tile_height, 0:width:tile_width]
+    corners = np.stack([columns.ravel(), rows.ravel()], axis=1).astype(np.int32)
+    if order == "morton":
+        corners = corners[np.argsort(_along_curve(corners // (tile_width, tile_height)))]
+    return PixelTiles(corners, tile_width, tile_height)
+
+
+def _along_curve(places: NDArray[np.integer]) -> NDArray[np.int64]:
+    """(N, 2) columns and rows -> their bits in turn: the order of a Morton curve."""
+    curve = np.zeros(len(places), np.int64)
+    for bit in range(int(places.max()).bit_length()):
+        for axis in (0, 1):
+            curve |= (places[:, axis].astype(np.int64) >> bit & 1) << 2 * bit + axis
+    return curve

@@ -24,7 +24,7 @@ from atra.kernels.tracing import pixel_kernel
 from atra.options import ReferenceRayOptions
 from atra.tracers.base import ImageTracer
 from atra.tracers.images import new_images
-from atra.tracers.pixel import SQUAREST_SHAPE
+from atra.tracers.pixel import SQUAREST_SHAPE, pixel_tiles
 from atra.tracers.rays import check_pinhole, ray_grid
 from atra.tracers.reference_rays import ReferenceRayTracer
 from atra.tracers.second_pass import SecondPass
@@ -144,10 +144,10 @@ class VisibleFirstTracer(ReferenceRayTracer, ImageTracer):
 
         columns, rows = positions(width, shape[0], camera.width), positions(height, shape[1], camera.height)
         rays, image = RayGrid(*ray_grid(camera, columns, rows)), Image(*new_images(height, width, width))
-        kernel = pixel_kernel(*shape)
+        kernel, tiles = pixel_kernel(*shape), pixel_tiles(width, height)
 
         def work(worker: int, counter: int) -> None:
-            kernel(counter, scene, self._workspaces[worker].packet, rays, image)
+            kernel(counter, scene, self._workspaces[worker].packet, rays, tiles, image)
 
         self._pool.run(work)
         upper, lower = (pick(image.depth[:-1], image.depth[1:]) for pick in (np.maximum, np.minimum))

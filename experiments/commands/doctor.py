@@ -151,7 +151,7 @@ def _doubts(environment: Environment, configuration: Configuration) -> Iterator[
     load, budget_gib = environment.load_average, configuration.measure.memory_budget_gib
     if load and load[0] > BUSY_LOAD:
         yield f"the machine is busy (load {load[0]:.1f})"
-    if environment.memory_available_bytes < budget_gib * 2**30:
+    if budget_gib is not None and environment.memory_available_bytes < budget_gib * 2**30:
         yield f"less memory is free than a point may take (measure.memory_budget_gib={budget_gib:g})"
     if cache_folder() is None:
         yield "every process compiles its kernels, as Numba may write nowhere; NUMBA_CACHE_DIR can name a folder"

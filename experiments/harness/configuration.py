@@ -99,7 +99,8 @@ class MeasureConfiguration:
     rounds, warmup: rounds of a process that count and rounds before them.
     frame_budget_s: no further round starts past this many seconds of work, but three always run.
     time_limit_s: a worker still running after this long is stopped and its point fails.
-    memory_budget_gib: a point that would need more is skipped.
+    memory_budget_gib: a point that would need more is skipped, and tried again by the next run; null = three quarters
+    of the memory that is free.
     """
 
     processes: int = 3
@@ -108,7 +109,7 @@ class MeasureConfiguration:
     warmup: int = 1
     frame_budget_s: float = 10.0
     time_limit_s: float = 1200.0
-    memory_budget_gib: float = 4.0
+    memory_budget_gib: float | None = None
 
 
 @dataclass
@@ -202,7 +203,7 @@ def check_configuration(configuration: Configuration) -> None:
     _at_least("measure.warmup", measure.warmup, 0)
     for name in ("frame_budget_s", "time_limit_s", "memory_budget_gib"):
         value = getattr(measure, name)
-        if not (isfinite(value) and value > 0):
+        if value is not None and not (isfinite(value) and value > 0):
             raise InputError(f"measure.{name} is {value}, expected a positive number")
     for name in ("eye", "target", "up"):
         vector = getattr(scene, name)

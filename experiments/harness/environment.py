@@ -174,6 +174,18 @@ def _output(command: list[str]) -> str | None:
     return done.stdout.strip()
 
 
+MEMORY_SHARE = 0.75
+"""Of the memory that is free, what a point may take where nobody says how much. Not all of it: what a plan needs is an
+estimate, and the machine has other uses."""
+
+
+def memory_budget_bytes(budget_gib: float | None) -> int:
+    """What a point may take now. budget_gib: None = `MEMORY_SHARE` of the memory that is free."""
+    if budget_gib is None:
+        return int(MEMORY_SHARE * psutil.virtual_memory().available)
+    return int(budget_gib * 2**30)
+
+
 def rss_bytes() -> int:
     """Bytes of this process that are in physical memory now."""
     return int(psutil.Process().memory_info().rss)

@@ -15,7 +15,7 @@ from atra.embree.library import embree_version
 from atra.embree.scene import resolve_packet_width
 from experiments.harness.environment import STABLE_FIELDS, Environment, read_environment
 from experiments.harness.launching import run_worker
-from experiments.harness.outcome import Outcome
+from experiments.harness.outcome import Outcome, skipped
 from experiments.harness.point import Point
 from experiments.harness.points import PlannedPoint
 from experiments.harness.records import Record, point_id
@@ -95,10 +95,7 @@ def _imports(path: Path) -> set[str]:
 def measure(planned: PlannedPoint, run: Runner = run_worker) -> Record:
     """Measure a point in a fresh process; one with a problem is skipped, and its record says why."""
     environment = current_environment()
-    if planned.problem is not None:
-        outcome = Outcome("skipped", str(planned.problem), on_purpose=True)
-    else:
-        outcome = run(planned.point)
+    outcome = skipped(planned.problem) if planned.problem is not None else run(planned.point)
     return Record(
         point_id=identity(planned.point, environment),
         status=outcome.status,

@@ -6,7 +6,9 @@ import json
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
+from atra.errors import AtraError, MemoryBudgetError
 from experiments.harness.point import Point
+from experiments.harness.records import LACKED_MEMORY
 from experiments.workloads import find_workload
 
 
@@ -41,6 +43,12 @@ class Outcome:
         if missing:
             raise ValueError(f"status ok without {', '.join(missing)}")
         return outcome
+
+
+def skipped(problem: AtraError) -> Outcome:
+    """Of a point that cannot be measured, and why."""
+    results = {LACKED_MEMORY: True} if isinstance(problem, MemoryBudgetError) else {}
+    return Outcome("skipped", str(problem), on_purpose=True, results=results)
 
 
 def _missing(outcome: Outcome, point: Point) -> list[str]:

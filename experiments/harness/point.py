@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from atra.geometry.camera import Camera, Vector
+from experiments.harness.environment import memory_budget_bytes
 from experiments.harness.options import plain, plain_options
 from experiments.methods.method import Tracing
 
@@ -17,6 +18,7 @@ class Point:
     """One point to measure: the worker needs nothing else, and the record's identity is a hash of it.
 
     `triangles` and `mesh_sha256` describe the mesh as loaded. process: which of the processes that measure the same.
+    memory_budget_gib: None = a share of what is free when it is traced, which is no part of the point.
     options, workload_options: of the types that the method and the workload name; all else are plain JSON values.
     """
 
@@ -43,7 +45,7 @@ class Point:
     warmup: int
     frame_budget_s: float
     time_limit_s: float
-    memory_budget_gib: float
+    memory_budget_gib: float | None
     process: int = 0
 
     def configuration(self) -> dict[str, Any]:
@@ -61,8 +63,8 @@ class Point:
 
     @property
     def tracing(self) -> Tracing:
-        """What holds for everything traced at the point."""
-        return Tracing(self.threads, self.build_quality, self.ties, int(self.memory_budget_gib * 2**30))
+        """What holds for everything traced at the point, in this process and now: the budget may follow the machine."""
+        return Tracing(self.threads, self.build_quality, self.ties, memory_budget_bytes(self.memory_budget_gib))
 
     @property
     def row(self) -> dict[str, Any]:

@@ -43,10 +43,11 @@ def plan_points(configurations: Sequence[Configuration]) -> list[PlannedPoint]:
             scenes[key] = load_scene(*key)
         point = _resolve(configuration, scenes[key])
         width = getattr(point.options, "packet_width", None)
-        checked_key = (key, point.camera, width, point.tracing)
+        ours = point.tracing.ours
+        checked_key = (key, point.camera, width, *ours.values())
         if checked_key not in checked:
-            mesh, tracing = scenes[key].mesh, point.tracing
-            PixelTracer(mesh, point.camera, packet_width=width, **tracing.ours).close()  # builds nothing, checks all
+            mesh = scenes[key].mesh
+            PixelTracer(mesh, point.camera, packet_width=width, **ours).close()  # builds nothing, checks all
             checked.add(checked_key)
         planned.append(PlannedPoint(point, _problem(point, scenes[key].mesh)))
     if planned and all(isinstance(one.problem, InputError) for one in planned):

@@ -17,13 +17,17 @@ from atra.files import write_atomically
 FORMAT = 2
 """Version of the file's layout. A file of another version is not used."""
 
+LACKED_MEMORY = "lacked_memory"
+"""The result of a point that was skipped because it needed more memory than it was given."""
+
 
 @dataclass(frozen=True)
 class Record:
     """A point's outcome.
 
     point_id: from `point_id`; also the file's name.
-    status: ok = measured; skipped = cannot be measured under this configuration; failed = went wrong, worth a retry.
+    status: ok = measured; skipped = cannot be measured under this configuration, or for want of memory; failed = went
+    wrong, worth a retry.
     error: why, when not ok.
     configuration, environment: plain values; see `experiments.harness.point.Point` and
     `experiments.harness.environment`. warmup_samples, samples: seconds by method name; sample r of every method belongs
@@ -41,8 +45,8 @@ class Record:
 
     @property
     def finished(self) -> bool:
-        """Whether measuring the point again would tell nothing new."""
-        return self.status in ("ok", "skipped")
+        """Whether measuring the point again would tell nothing new. More memory may be free the next time."""
+        return self.status == "ok" or (self.status == "skipped" and not self.results.get(LACKED_MEMORY))
 
 
 def point_id(configuration: Mapping[str, Any], stable_environment: Mapping[str, Any]) -> str:

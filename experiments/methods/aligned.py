@@ -23,16 +23,24 @@ class Geometry(Enum):
     instanced = "instanced"
 
 
+class Reference(Enum):
+    """off_axis = a quarter of the image from its centre; first_cell = the paper's."""
+
+    off_axis = "off_axis"
+    first_cell = "first_cell"
+
+
 @dataclass(frozen=True)
 class AlignedOptions(AlignedCellOptions):
     """culling: each copy keeps only what its cell's frustum meets; an instance is always the whole mesh."""
 
     geometry: Geometry = option(Geometry.copied, "copied = a sheared copy of the triangles per cell; or instanced")
     culling: bool = option(True, "each cell's copy keeps only what its frustum meets")
+    reference: Reference = option(Reference.off_axis, "where the rays that are shot lie; first_cell = as in the paper")
 
 
 def tracer_options(options: AlignedOptions, tracing: Tracing) -> dict[str, Any]:
-    """What an `AlignedTracer`, or a `FramesTracer`, takes beside what is traced and its cells."""
+    """What an `AlignedTracer`, or a `FramesTracer`, takes beside what is traced, its cells and where its rays lie."""
     return {
         "culling": options.culling,
         "geometry": options.geometry.value,
@@ -44,7 +52,8 @@ def tracer_options(options: AlignedOptions, tracing: Tracing) -> dict[str, Any]:
 
 
 def _make(mesh: Mesh, view: View, options: AlignedOptions, tracing: Tracing) -> AlignedTracer:
-    return AlignedTracer(mesh, view, options.split, **tracer_options(options, tracing))
+    given = tracer_options(options, tracing)
+    return AlignedTracer(mesh, view, options.split, reference=options.reference.value, **given)
 
 
 def _resolve(options: AlignedOptions, width: int) -> AlignedOptions:
@@ -53,10 +62,11 @@ def _resolve(options: AlignedOptions, width: int) -> AlignedOptions:
 
 
 def _variant(row: Mapping[str, Any]) -> str:
+    place = ["reference rays of the first cell"] if row.get("reference") == Reference.first_cell.value else []
     if row.get("geometry") == Geometry.instanced.value:
-        return "instanced"
+        return ", ".join(["instanced", *place])
     culling = row.get("culling")
-    return "" if culling is None else f"culling {'on' if culling else 'off'}"
+    return ", ".join([*([] if culling is None else [f"culling {'on' if culling else 'off'}"]), *place])
 
 
 ALIGNED = Method(

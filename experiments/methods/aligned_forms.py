@@ -30,5 +30,6 @@ def aligned_rows(table: pd.DataFrame) -> pd.DataFrame:
 def aligned_forms(table: pd.DataFrame) -> dict[str, pd.DataFrame]:
     """The aligned rows by the label of their geometry's form (`FORM_STYLES`); forms without rows are left out."""
     rows = aligned_rows(table)
-    forms = pd.Series([f"{ALIGNED.label}, {say_variant(row)}" for row in rows.to_dict("records")], index=rows.index)
+    said = [say_variant({**row, "reference": None}) for row in rows.to_dict("records")]
+    forms = pd.Series([f"{ALIGNED.label}, {variant}" for variant in said], index=rows.index, dtype="object")
     return {form: rows[forms == form] for form in FORM_STYLES if (forms == form).any()}

@@ -43,10 +43,11 @@ def say_split(row: Row) -> str:
 
 def say_kind(row: Row) -> str:
     """The method of a row with what distinguishes it but split and packets: "aligned, culling on"; one ray per pixel
-    with its packets, which are all that distinguishes it."""
+    with its packets and what is unusual about it."""
     method, width = find_method(str(row["method"])), _known(row).get("packet_width")
     if not method.has_cells:
-        return say_series(method.name, width)
+        # Their rows are told with the settings that vary, as those of other methods are.
+        return ", ".join(filter(None, [say_series(method.name, width), say_variant({**row, "packet_rows": None})]))
     words = [method.label, say_variant(row), "single rays" if width == 1 else ""]
     return ", ".join(filter(None, words))
 

@@ -6,6 +6,7 @@ from collections.abc import Collection
 from dataclasses import fields
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from experiments.methods import METHODS
@@ -43,8 +44,8 @@ def say_setting(name: str, value: Any) -> str:
     """A setting and its value in words: "culling on", "packet width 8", "no culling" for a method without that."""
     if pd.isna(value):
         return f"no {name.replace('_', ' ')}"
-    if name == "culling":
-        return f"culling {'on' if value else 'off'}"
+    if isinstance(value, bool | np.bool_):
+        return f"{name.replace('_', ' ')} {'on' if value else 'off'}"
     if name == "geometry":
         return f"{value} geometry"
     if name == "build_quality":

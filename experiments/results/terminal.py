@@ -20,7 +20,7 @@ from experiments.methods import find_method
 from experiments.methods.method import Tracing
 from experiments.methods.naming import Row, best_of, say_point
 from experiments.results.settings import say_setting, settings_that_vary
-from experiments.results.table import columns, workload_rows
+from experiments.results.table import Tables, columns, workload_rows
 from experiments.workloads import WORKLOADS, find_workload
 
 _UNITS = {"s": (1e3, "ms"), "bytes": (2.0**-20, "MiB")}
@@ -94,16 +94,19 @@ def _say(value: Any, unit: str, *, unit_shown: bool = True) -> str:
     return f"{text} {name}".strip() if unit_shown else text
 
 
-def print_sweep(table: pd.DataFrame, folder: Path, console: Console) -> None:
-    """What every workload says of its rows, and every row that is missing."""
+def print_sweep(tables: Tables, folder: Path, console: Console) -> None:
+    """What every workload says of its rows and of those of its processes, and every row that is missing."""
+    table = tables.points
     for workload in WORKLOADS:
-        rows = workload_rows(table, workload.name)
-        measured, terminal = rows[rows["status"] == "ok"], workload.part("terminal")
-        for line in terminal.sweep_lines(measured) if terminal is not None and len(measured) else ():
-            if isinstance(line, str):
-                say(console, line)
-            else:
-                console.print(line)
+        terminal = workload.part("terminal")
+        for part, rows in (("sweep_lines", table), ("process_lines", tables.processes)):
+            measured = workload_rows(rows[(rows["status"] == "ok").astype(bool)], workload.name)
+            lines = getattr(terminal, part, None)
+            for line in lines(measured) if lines is not None and len(measured) else ():
+                if isinstance(line, str):
+                    say(console, line)
+                else:
+                    console.print(line)
     missing = table[table["status"] != "ok"]
     reasons = missing["error"].map(_kind_of_error)
     said = [", ".join(_say_workload(row)) for _, row in missing.iterrows()]

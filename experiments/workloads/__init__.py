@@ -10,6 +10,7 @@ from experiments.workloads.memory import MEMORY
 from experiments.workloads.multiframe import MULTIFRAME
 from experiments.workloads.picture import PICTURE
 from experiments.workloads.planner import PLANNER
+from experiments.workloads.surface import SURFACE
 from experiments.workloads.workload import Workload
 
 WORKLOADS: tuple[Workload, ...] = (
@@ -20,6 +21,7 @@ WORKLOADS: tuple[Workload, ...] = (
     AGREEMENT,
     MULTIFRAME,
     PLANNER,
+    SURFACE,
 )
 """In the order of tables and pages."""
 

@@ -41,8 +41,9 @@ def load_mesh(point: Point) -> Mesh:
     return scene.mesh
 
 
-def make_single(point: Point, mesh: Mesh, view: View, packet_width: int = 1) -> PixelTracer:
-    """One ray per pixel with the point's threads, build quality and ties; packets of 1 are the paper's baseline."""
+def make_single(point: Point, mesh: Mesh, view: View, packet_width: int | None = 1) -> PixelTracer:
+    """One ray per pixel with the point's threads, build quality and ties; packets of 1 are the paper's baseline,
+    None = the widest native ones."""
     return make_pixel(mesh, view, PixelOptions(packet_width), point.tracing)
 
 

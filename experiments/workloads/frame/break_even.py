@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from math import floor
 
@@ -9,10 +10,13 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from experiments.methods.pixel import PIXEL
+from experiments.drawing.values import column
+from experiments.methods.pixel import PIXEL, OwnBuildQuality
 from experiments.workloads.frame import FRAME
 
 _CHOICE = ("scene", "width", "height", "method", "packet_width", "threads", "build_quality")
+
+_USUAL = OwnBuildQuality.same.value
 
 
 @dataclass(frozen=True)
@@ -78,12 +82,19 @@ def cost_of(row: pd.Series) -> Cost | None:
     return Cost(str(row["method"]), plan_s, build_s, first_s, frame_s, embree_bytes, packets_s)
 
 
-def baseline_cost(rows: pd.DataFrame) -> Cost | None:
-    """The cost of the fastest packets per pixel among the rows of one scene, or None if it was not measured there."""
-    best = best_rows(rows)
-    chosen = best["method"].eq(PIXEL.name) & best["packet_width"].gt(1)
-    costs = (cost_of(row) for _, row in best[chosen.fillna(False).astype(bool)].iterrows())
-    return min((cost for cost in costs if cost is not None), key=lambda one: one.frame_time_s, default=None)
+def baseline_costs(rows: pd.DataFrame) -> dict[str, Cost]:
+    """What packets per pixel cost on one scene: of each quality of their build the fastest, the usual quality ("same")
+    first. Whoever traces few frames builds cheaply, and whoever traces many does not."""
+    chosen = rows["method"].eq(PIXEL.name) & rows["packet_width"].gt(1)
+    packets = rows[chosen.fillna(False).astype(bool)]
+    qualities = column(packets, "own_build_quality").fillna(_USUAL).astype(str)
+    found: dict[str, Cost] = {}
+    for quality in sorted(qualities.unique(), key=lambda one: (one != _USUAL, one)):
+        costs = [cost_of(row) for _, row in best_rows(packets[(qualities == quality).to_numpy(bool)]).iterrows()]
+        known = [cost for cost in costs if cost is not None]
+        if known:
+            found[quality] = min(known, key=lambda one: one.frame_time_s)
+    return found
 
 
 def cumulative_time_s(cost: Cost, frames: NDArray[np.integer]) -> NDArray[np.float64]:
@@ -94,14 +105,23 @@ def cumulative_time_s(cost: Cost, frames: NDArray[np.integer]) -> NDArray[np.flo
     return cost.once_s + cost.first_frame_time_s + (np.asarray(frames, np.float64) - 1) * cost.frame_time_s
 
 
-def break_even_frames(cost: Cost, baseline: Cost) -> int | None:
-    """The smallest number of frames from which on `cost` has taken less time in all than `baseline`.
+def break_even_frames(cost: Cost, baselines: Iterable[Cost]) -> int | None:
+    """The smallest number of frames from which on `cost` has taken less time in all than each of the baselines, of
+    which there is at least one.
 
     1 = ahead from the first frame on; None = never, which includes a lead that further frames use up.
     """
-    # The two were measured in processes of their own, perhaps an hour apart; where a frame of the baseline was timed in
-    # rounds with this method's, that is the one to compare.
-    baseline_frame_s = cost.packets_frame_time_s or baseline.frame_time_s
+    frames = [_ahead_of(cost, baseline) for baseline in baselines]
+    return None if None in frames else max(one for one in frames if one is not None)
+
+
+def _ahead_of(cost: Cost, baseline: Cost) -> int | None:
+    """As `break_even_frames`, of one baseline."""
+    # The two were measured in processes of their own, perhaps an hour apart; each was timed in rounds with the same
+    # packets, which carry the baseline's frame over.
+    baseline_frame_s = baseline.frame_time_s
+    if cost.packets_frame_time_s and baseline.packets_frame_time_s:
+        baseline_frame_s *= cost.packets_frame_time_s / baseline.packets_frame_time_s
     # After n frames it is behind by `behind_s` - (n - 1) * `gain_s`.
     behind_s = cost.once_s + cost.first_frame_time_s - baseline.once_s - baseline.first_frame_time_s
     gain_s = baseline_frame_s - cost.frame_time_s

@@ -19,7 +19,7 @@ from experiments.methods.naming import best_of, say_series, say_split
 from experiments.methods.pixel import PIXEL
 from experiments.workloads.frame.break_even import (
     Cost,
-    baseline_cost,
+    baseline_costs,
     best_rows,
     break_even_frames,
     cost_of,
@@ -42,7 +42,8 @@ def draw_break_even_figure(table: pd.DataFrame) -> Figure:
 
     Both axes are logarithmic. A line is a method at the split and packet width with the largest ratio to packets: plan,
     build and first frame, then its median frame again and again. A ring marks the frame from which on it is ahead of
-    packets per pixel. Below each panel stand the parts of the cost.
+    packets per pixel, whatever their build quality: their line is of the cheapest. Below each panel stand the parts of
+    the cost.
     """
     rows = time_rows(table)
     rows = rows[rows["method"].isin([*_with_cells(), PIXEL.name])]
@@ -51,7 +52,7 @@ def draw_break_even_figure(table: pd.DataFrame) -> Figure:
     # The lines below a panel would touch the next one's title.
     figure.set_layout_engine("constrained", h_pad=0.12)
     add_legend(figure, axes, [*(say_series(method, None) for method in _with_cells()), _BASELINE])
-    write_foot(figure, rows, f"ring: ahead of {_BASELINE} from this frame on; bytes: Embree's, over those of packets")
+    write_foot(figure, rows, f"ring: ahead of {_BASELINE} from this frame on, whatever their build; bytes: over theirs")
     return figure
 
 
@@ -61,7 +62,7 @@ def _with_cells() -> list[str]:
 
 def _draw_panel(axis: Axes, rows: pd.DataFrame) -> None:
     notes: list[str] = []
-    baseline = baseline_cost(rows)
+    baselines = baseline_costs(rows)
     entries: list[tuple[str, str, dict[str, Any], Cost]] = []
     for method in _with_cells():
         points = rows[rows["method"].eq(method).fillna(False).astype(bool)]
@@ -76,12 +77,13 @@ def _draw_panel(axis: Axes, rows: pd.DataFrame) -> None:
         width = None if pd.isna(row["packet_width"]) else int(row["packet_width"])
         name = ", ".join(filter(None, [say_series(method, width), say_split(row)]))
         entries.append((say_series(method, None), name, style_of(method, None), cost))
-    if baseline is None:
+    if not baselines:
         notes.append(f"{TIMES} {_BASELINE}: not measured in full, so no break-even")
-    else:
-        entries.append((_BASELINE, _BASELINE, {"color": GREEN}, baseline))
-    _draw_lines(axis, entries, baseline)
-    _write_parts(axis, entries, baseline)
+    for quality, baseline in baselines.items():
+        name = _BASELINE if baseline is next(iter(baselines.values())) else f"the same, {quality} build quality"
+        entries.append((_BASELINE, name, {"color": GREEN}, baseline))
+    _draw_lines(axis, entries, list(baselines.values()))
+    _write_parts(axis, entries, list(baselines.values()))
     # Below the axis' own label, the table's heading and its lines.
     write_notes(axis, notes, drop=40 + _LINE_POINTS * (len(entries) + 1))
 
@@ -94,15 +96,18 @@ def _best_of_all(points: pd.DataFrame) -> pd.Series | None:
     return best.iloc[int(np.argmax(best["speedup_vs_packets"].to_numpy(np.float64)))]
 
 
-def _draw_lines(axis: Axes, entries: list[tuple[str, str, dict[str, Any], Cost]], baseline: Cost | None) -> None:
+def _draw_lines(axis: Axes, entries: list[tuple[str, str, dict[str, Any], Cost]], baselines: list[Cost]) -> None:
     frames = np.unique(np.geomspace(1, LAST_FRAME, 200).round().astype(np.int64))
     axis.set_xscale("log")
     axis.set_yscale("log")
     rings = []
     for label, _, style, cost in entries:
-        line = {"color": style["color"], "linestyle": DOTTED if cost is baseline else "-"}
-        axis.plot(frames, cumulative_time_s(cost, frames), linewidth=1.6, label=label, zorder=3, **line)
-        even = None if baseline is None or cost is baseline else break_even_frames(cost, baseline)
+        if cost in baselines[1:]:
+            continue
+        times_s = [cumulative_time_s(one, frames) for one in (baselines if cost in baselines else [cost])]
+        line = {"color": style["color"], "linestyle": DOTTED if cost in baselines else "-"}
+        axis.plot(frames, np.min(times_s, axis=0), linewidth=1.6, label=label, zorder=3, **line)
+        even = None if not baselines or cost in baselines else break_even_frames(cost, baselines)
         if even is not None and even <= LAST_FRAME:
             rings.append((even, float(cumulative_time_s(cost, np.array([even]))[0]), style["color"]))
     if entries:
@@ -130,28 +135,27 @@ def _draw_lines(axis: Axes, entries: list[tuple[str, str, dict[str, Any], Cost]]
         say_nothing_measured(axis)
 
 
-def _write_parts(axis: Axes, entries: list[tuple[str, str, dict[str, Any], Cost]], baseline: Cost | None) -> None:
-    """The parts of every cost below the panel: times in ms, bytes over the baseline's, the break-even."""
+def _write_parts(axis: Axes, entries: list[tuple[str, str, dict[str, Any], Cost]], baselines: list[Cost]) -> None:
+    """The parts of every cost below the panel: times in ms, bytes over those of the usual packets, the break-even."""
     if not entries:
         return
     lines = [(BLACK, ["times in ms", *list(_COLUMNS)[1:]])]
     for _, name, style, cost in entries:
         times = (cost.plan_time_s, cost.build_time_s, cost.first_frame_time_s, cost.frame_time_s)
-        cells = [name, *(_ms(time_s) for time_s in times), _say_bytes(cost, baseline), _say_even(cost, baseline)]
+        cells = [name, *(_ms(time_s) for time_s in times), _say_bytes(cost, baselines), _say_even(cost, baselines)]
         lines.append((style["color"], cells))
     write_table(axis, lines, list(_COLUMNS.values()), _LINE_POINTS, 8)
 
 
-def _say_bytes(cost: Cost, baseline: Cost | None) -> str:
-    if baseline is None or not cost.embree_bytes or not baseline.embree_bytes:
-        return "-"
-    return f"{cost.embree_bytes / baseline.embree_bytes:.2f}{TIMES}"
+def _say_bytes(cost: Cost, baselines: list[Cost]) -> str:
+    stored = baselines[0].embree_bytes if baselines else None
+    return f"{cost.embree_bytes / stored:.2f}{TIMES}" if cost.embree_bytes and stored else "-"
 
 
-def _say_even(cost: Cost, baseline: Cost | None) -> str:
-    if baseline is None or cost is baseline:
+def _say_even(cost: Cost, baselines: list[Cost]) -> str:
+    if not baselines or cost in baselines:
         return "-"
-    even = break_even_frames(cost, baseline)
+    even = break_even_frames(cost, baselines)
     return "never" if even is None else f"frame {even:,}"
 
 

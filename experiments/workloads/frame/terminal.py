@@ -11,6 +11,7 @@ from rich.table import Table
 from atra.errors import printable
 from experiments.methods.naming import TIMES, best_of, say_kind, say_split
 from experiments.results.settings import say_setting, settings_that_vary
+from experiments.workloads.frame.best_baseline import baseline_lines
 from experiments.workloads.resources import say_ms
 
 _LEFT = ("scene", "method")
@@ -41,3 +42,8 @@ def sweep_lines(rows: pd.DataFrame) -> Iterator[Table]:
             str(some["pixels_wrong"].sum()),
         )
     yield best
+
+
+def process_lines(rows: pd.DataFrame) -> Iterator[str]:
+    """Which packets per pixel are the fastest, where several were tried. rows: of every process that measured."""
+    yield from baseline_lines(rows)

@@ -21,8 +21,9 @@ def make_together(point: Point, mesh: Mesh, camera: Camera) -> FramesTracer:
     cameras, meshes = frames_of(camera, mesh, asked.frames, asked.motion)
     split_x, split_y = point.options.split
     of_frame = Split(split_x, split_y, width=camera.width, height=camera.height)
+    reference = point.options.reference.value
     if asked.motion is Motion.eyes:
-        alignment = Alignment.of_eyes(cameras[0], cameras[1], of_frame)
+        alignment = Alignment.of_eyes(cameras[0], cameras[1], of_frame, reference)
     else:
-        alignment = Alignment.of_frames(cameras, of_frame)
+        alignment = Alignment.of_frames(cameras, of_frame, reference)
     return FramesTracer(meshes, alignment, **tracer_options(point.options, point.tracing))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from atra.planner.choice import PACKETS
-from experiments.harness.column import REAL, TEXT, Column
+from experiments.harness.column import REAL, TEXT, WHOLE, Column
 from experiments.harness.records import Record
 from experiments.workloads.workload import NoOptions, Workload
 
@@ -18,6 +18,8 @@ PLANNER = Workload(
     columns=(
         Column("plan", TEXT, "what was chosen"),
         Column("regret", REAL, "its total of plan, build and all frames / that of the best candidate"),
+        Column("regret_with_planning", REAL, "the same, with the time that choosing took added to the choice's total"),
+        Column("pays_from_frames", WHOLE, "frames from which on planning and its choice take less time than packets"),
         Column("frame_regret", REAL, "its frame / the shortest of any"),
         Column("vs_packets", REAL, "its total / that of packets"),
         Column("predicted_time_s", REAL, "the total that was predicted"),

@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import asdict
+from math import floor
 from statistics import median
 from typing import Any
 
 from atra.errors import MemoryBudgetError
+from atra.judge.ties import coplanar_overlaps
 from atra.parallel import resolve_threads
 from atra.planner.choice import candidates
 from atra.planner.measuring import clock_for
@@ -35,6 +37,8 @@ def measure(point: Point) -> Measured:
     mesh, camera = load_mesh(point), point.camera
     threads = resolve_threads(point.threads)
     options: dict[str, Any] = {"ties": point.ties, "memory_budget_bytes": point.tracing.memory_budget_bytes}
+    if point.ties == "lowest":
+        coplanar_overlaps(mesh)  # kept with the mesh, whoever traces it; no part of planning
     clock = clock_for(threads)
     for choice in candidates(camera):  # compiled before any clock starts
         warm_up(choice, camera, threads, point.ties)
@@ -70,16 +74,19 @@ def measure(point: Point) -> Measured:
         "predicted_time_s": planned.predicted_time_s,
     }
     frame = {name: median(samples) for name, samples in timed.samples.items()}
-    return measured(results | regrets(first, frame, str(packets), str(planned.choice)), timed)
+    return measured(results | regrets(first, frame, str(packets), str(planned.choice), planning_s), timed)
 
 
-def regrets(first_s: dict[str, float], frame_time_s: dict[str, float], packets: str, planned: str) -> dict[str, Any]:
+def regrets(
+    first_s: dict[str, float], frame_time_s: dict[str, float], packets: str, planned: str, planning_s: float
+) -> dict[str, Any]:
     """How the choice of a plan compares with the best and with packets.
 
-    first_s, frame_time_s: by name of the choice. planned: the name of the one chosen.
+    first_s, frame_time_s: by name of the choice. planned: the name of the one chosen. planning_s: what choosing took.
     Returns `plan`, which is that name, the ratios `frame_regret` (frame time / the shortest of any), `regret` (total of
-    `FRAMES` frames / the smallest of any), `packets_regret` (the same of packets), `vs_packets` (total / that of
-    packets), and, of both kinds, which choice was best.
+    `FRAMES` frames / the smallest of any), `regret_with_planning` (planning counted, too), `packets_regret` (the same
+    of packets), `vs_packets` (total / that of packets), of both kinds which choice was best, and `pays_from_frames`:
+    from how many frames on planning and what was planned have taken less time than packets, None = never.
     """
     total_s = {name: first_s[name] + (FRAMES - 1) * frame_time_s[name] for name in first_s}
     best, best_frame = min(total_s, key=total_s.__getitem__), min(frame_time_s, key=frame_time_s.__getitem__)
@@ -90,8 +97,19 @@ def regrets(first_s: dict[str, float], frame_time_s: dict[str, float], packets: 
         "plan": planned,
         "frame_regret": frame_time_s[planned] / frame_time_s[best_frame],
         "regret": total_s[planned] / total_s[best],
+        "regret_with_planning": (planning_s + total_s[planned]) / total_s[best],
+        "pays_from_frames": _pays_from(
+            planning_s + first_s[planned] - first_s[packets], frame_time_s[packets] - frame_time_s[planned]
+        ),
         "vs_packets": total_s[planned] / total_s[packets],
     }
+
+
+def _pays_from(behind_s: float, gain_s: float) -> int | None:
+    """The frames from which on it is ahead, `behind_s` after the first one and gaining so much with every further."""
+    if gain_s <= 0:
+        return None
+    return 1 if behind_s < 0 else floor(behind_s / gain_s) + 2
 
 
 def _repeated(tracer: Tracer, clock: Callable[[], float]) -> tuple[list[float], Callable[[], object]]:

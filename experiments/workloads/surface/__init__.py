@@ -1,0 +1,61 @@
+"""Workload `surface`: frames for those who need barycentric weights and normals, too: Embree hands them over with every
+packet, and aligned tracers leave them to be computed on demand."""
+
+from __future__ import annotations
+
+from statistics import median
+from typing import Any
+
+from experiments.harness.records import Record
+from experiments.results.statistics import Series, statistics_columns
+from experiments.workloads.baselines import OWN, series
+from experiments.workloads.resources import RESOURCE_COLUMNS, RESOURCES, say_ms
+from experiments.workloads.workload import NoOptions, Workload
+
+OWN_SURFACE, PLAIN_PACKETS, PACKETS_SURFACE = "own_surface", "packets", "packets_surface"
+"""Names in the samples: the point's own method and then u, v and normals on demand; packets per pixel without them, and
+with those that Embree returns stored beside."""
+
+
+def _headline(record: Record) -> str:
+    own, surface = (median(record.samples[name]) for name in (OWN, OWN_SURFACE))
+    packets, stored = (median(record.samples[name]) for name in (PLAIN_PACKETS, PACKETS_SURFACE))
+    return f"{say_ms(own)}, with u, v and normals {say_ms(surface)}; packets {say_ms(packets)} and {say_ms(stored)}"
+
+
+def _over(name: str, other: str) -> Series:
+    """A record -> the ratios of two series, round by round."""
+
+    def ratios(record: Record) -> Any:
+        values, others = series(name)(record), series(other)(record)
+        return None if values is None or others is None else values / others
+
+    return ratios
+
+
+SURFACE = Workload(
+    name="surface",
+    options=NoOptions,
+    columns=(
+        *RESOURCE_COLUMNS,
+        *statistics_columns("render_time{}_s", "one frame", series(OWN)),
+        *statistics_columns("surface_time{}_s", "one frame, and u, v and normals on demand", series(OWN_SURFACE)),
+        *statistics_columns("packets_time{}_s", "the widest packets per pixel", series(PLAIN_PACKETS)),
+        *statistics_columns(
+            "packets_surface_time{}_s", "the widest packets, storing u, v and normals", series(PACKETS_SURFACE)
+        ),
+        *statistics_columns("surface_over_frame{}", "with u, v and normals / without", _over(OWN_SURFACE, OWN)),
+        *statistics_columns(
+            "packets_surface_over_frame{}", "the same of packets per pixel", _over(PACKETS_SURFACE, PLAIN_PACKETS)
+        ),
+        *statistics_columns(
+            "speedup_vs_packets_with_surface{}", "packets / this, both with u, v and normals",
+            _over(PACKETS_SURFACE, OWN_SURFACE),
+        ),
+    ),
+    headline=_headline,
+    room=__name__,
+    samples=lambda point: frozenset((OWN, OWN_SURFACE, PLAIN_PACKETS, PACKETS_SURFACE)),
+    judged=OWN_SURFACE,
+    needs=RESOURCES,
+)  # fmt: skip

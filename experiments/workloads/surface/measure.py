@@ -1,0 +1,57 @@
+"""Time of frames with u, v and normals: on demand after the point's own method, and as Embree returns them."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+
+import numpy as np
+from numpy.typing import NDArray
+
+from atra.geometry.mesh import Mesh
+from atra.geometry.view import View
+from atra.hits import Hits
+from experiments.harness.point import Point
+from experiments.workloads.baselines import OWN
+from experiments.workloads.rounds import Frames, build_own, make_single, measured, shrunk, timed_rounds, warm_up
+from experiments.workloads.surface import OWN_SURFACE, PACKETS_SURFACE, PLAIN_PACKETS
+from experiments.workloads.surface.packets import SurfacePackets
+from experiments.workloads.workload import Measured, make_own
+
+
+def measure(point: Point) -> Measured:
+    """Raises InputError and MemoryBudgetError as the tracers do."""
+    small = shrunk(point)
+
+    def make_packets(mesh: Mesh, view: View) -> SurfacePackets:
+        return SurfacePackets(mesh, view, **point.tracing.ours)
+
+    warm_up(
+        point,
+        [lambda mesh, view: make_own(small, mesh, view), lambda mesh, view: make_single(small, mesh, view, None),
+         make_packets],
+    )  # fmt: skip
+    with ExitStack() as stack:
+        own, results = build_own(point, stack)
+        plain = stack.enter_context(make_single(point, own.mesh, own.camera, None))
+        storing = stack.enter_context(make_packets(own.mesh, own.camera))
+        frames = {name: Frames(one) for name, one in ((OWN, own), (PLAIN_PACKETS, plain), (PACKETS_SURFACE, storing))}
+        demanded, normals = Frames(own), normals_of(own.mesh)
+
+        def trace_and_ask() -> None:
+            demanded.trace()
+            surface_of(demanded.latest(), normals)
+
+        calls = {name: one.trace for name, one in frames.items()}
+        timed = timed_rounds(point, calls | {OWN_SURFACE: trace_and_ask})
+    return measured(results, timed)
+
+
+def normals_of(mesh: Mesh) -> NDArray[np.float32]:
+    """(F, 3), of any length: made once, as they are the mesh's and not a frame's."""
+    corners = mesh.triangles(np.arange(mesh.triangle_count))
+    return np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]).astype(np.float32)
+
+
+def surface_of(hits: Hits, normals: NDArray[np.float32]) -> tuple[NDArray[np.float32], ...]:
+    """u, v and normal of every pixel; the normal has no meaning where nothing is hit."""
+    return hits.u, hits.v, normals[np.minimum(hits.prim_id, len(normals) - 1)]

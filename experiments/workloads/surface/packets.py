@@ -1,0 +1,35 @@
+"""Packets per pixel that keep what Embree says of the place of each hit."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from atra.geometry.mesh import Mesh
+from atra.geometry.view import View
+from atra.kernels.packets import Image, RayGrid
+from atra.kernels.tracing import Surface, surface_kernel
+from atra.tracers import PixelTracer
+from atra.tracers.rays import image_ray_grid
+
+
+class SurfacePackets(PixelTracer):
+    """surface: of the last frame; what stands where nothing is hit has no meaning. Ties are settled in `prim_id` alone:
+    where triangles tie, it may be that of another than is stored."""
+
+    def __init__(self, mesh: Mesh, camera: View, **changes: Any) -> None:
+        super().__init__(mesh, camera, **changes)
+        size = camera.height, camera.width
+        self.surface = Surface(np.empty(size, np.float32), np.empty(size, np.float32), np.empty((*size, 3), np.float32))
+
+    def _run(self, offset: tuple[float, float], depth: NDArray, prim_id: NDArray) -> None:
+        tiles, scene, surface = self._tiles, self._scene_address, self.surface
+        rays, image = RayGrid(*image_ray_grid(self.camera, offset, self.packet_shape)), Image(depth, prim_id)
+        kernel = surface_kernel(*self.packet_shape)
+
+        def work(worker: int, counter: int) -> None:
+            kernel(counter, scene, self._workspaces[worker].packet, rays, tiles, image, surface)
+
+        self._pool.run(work)
