@@ -86,7 +86,7 @@ class Options(PacketOptions):
 @dataclass(frozen=True)
 class PixelOptions(Options):
     """Options of `PixelTracer`: those Embree offers to whoever traces one ray per pixel. All give the same image, up to
-    ties and rims of triangles; by default they are what was fastest on most scenes (docs/methods.md).
+    ties and rims of triangles; `sweep=baselines` compares their times.
 
     packet_rows: rows of pixels in a packet, so that packets of 8 are 8 x 1, 4 x 2, 2 x 4 or 1 x 8 pixels; None: the
     squarest, and of two the wider. coherent: Embree takes the rays of a packet through its tree together. compact: a
