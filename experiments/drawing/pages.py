@@ -46,7 +46,7 @@ def make_figure(panel_count: int, columns: int, panel_height: float = 4.1) -> tu
 def set_panel_title(axis: Axes, title: str, stands_for: str | None) -> None:
     """The title, and below it, smaller, whose stand-in the scene is."""
     note = stand_in_note(stands_for)
-    axis.set_title(fill(title, 44), fontsize=11, loc="left", pad=18 if note else 6)
+    axis.set_title(fill(title, 48), fontsize=11, loc="left", pad=18 if note else 6)
     if note:
         axis.annotate(
             note, (0, 1), xytext=(0, 4), xycoords="axes fraction", textcoords="offset points", ha="left", va="bottom",
