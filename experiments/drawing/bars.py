@@ -45,7 +45,7 @@ def draw_bars(axis: Axes, bars: Sequence[Bar]) -> None:
                 bbox={"boxstyle": "square,pad=0.1", "facecolor": "white", "edgecolor": "none", "alpha": 0.85},
             )  # fmt: skip
     axis.set_yticks([])
-    axis.set_ylim(len(bars) - 0.5, -0.5)
+    axis.set_ylim(max(len(bars), 1) - 0.5, -0.5)
 
 
 def finish_bar_axes(axis: Axes, bars: Sequence[Bar], quantity: str, furthest: float = 0.0) -> None:
