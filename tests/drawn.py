@@ -25,7 +25,7 @@ def make_rows(*rows: dict[str, Any]) -> pd.DataFrame:
 
 
 def method_row(method: str, split_x: int = 1, time_s: float = 0.02, ratio: Any = 2.0, **fields: Any) -> dict[str, Any]:
-    """A timed frame; quartiles are half and double."""
+    """A timed frame; intervals of times are half and double."""
     return COMMON | {
         "workload": "frame", "rounds": 9, "method": method, "split_x": split_x, "render_time_s": time_s,
         "render_time_low_s": 0.5 * time_s, "render_time_high_s": 2 * time_s, "baseline_render_time_s": 0.1,
@@ -36,7 +36,7 @@ def method_row(method: str, split_x: int = 1, time_s: float = 0.02, ratio: Any =
 
 
 def time_row(split_x: int, time_s: float, **fields: Any) -> dict[str, Any]:
-    return method_row("aligned", split_x, time_s) | fields
+    return method_row(**{"method": "aligned", "split_x": split_x, "time_s": time_s} | fields)
 
 
 def build_row(split_x: int, plan_s: float, build_s: float, **fields: Any) -> dict[str, Any]:
@@ -73,9 +73,7 @@ def level(axis: Axes, label: str) -> float:
 
 def bars(axis: Axes) -> dict[str, float]:
     """Label -> length of each bar, in units of the axis, from the top down."""
-    labels = [tick.get_text() for tick in axis.get_yticklabels()]
-    return {labels[round(bar.get_y() + bar.get_height() / 2)]: pytest.approx(bar.get_width()) for bar in axis.patches
-            if bar.get_height() == pytest.approx(0.62)}  # fmt: skip
+    return {one.get_label(): pytest.approx(one.patches[0].get_width()) for one in axis.containers}
 
 
 def whiskers(axis: Axes) -> list[list[float]]:
@@ -86,6 +84,11 @@ def words(figure: Figure) -> str:
     texts = [text.get_text() for axis in figure.axes for text in (*axis.texts, axis.title, axis._left_title)]
     ticks = [tick.get_text() for axis in figure.axes for tick in axis.get_yticklabels()]
     return "\n".join([*texts, *ticks, figure.get_supxlabel()])
+
+
+def unfolded(figure: Figure) -> str:
+    """The same in one line: what is folded to its panel's or figure's width is whole."""
+    return " ".join(words(figure).split())
 
 
 def save(figure: Figure) -> None:

@@ -2,20 +2,26 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
 
+from experiments.harness.records import Record
+from experiments.results.estimates import best_of
+from experiments.results.table import make_table
 from experiments.workloads.frame.break_even import (
     Cost,
     baseline_costs,
-    best_rows,
     break_even_frames,
     cost_of,
     cumulative_time_s,
     time_rows,
 )
+from experiments.workloads.ratios import best_rows
 from tests.drawn import make_rows, method_row, skipped
+from tests.test_table import MEASURED
 
 BASELINE = Cost("pixel", 0.0, 1.0, 4.0, 4.0)
 
@@ -58,7 +64,7 @@ def test_break_even_is_the_first_frame_from_which_on_the_time_in_all_is_less(
         np.testing.assert_array_equal(ahead, frames >= expected)
 
 
-def test_the_best_row_has_the_largest_ratio_to_packets_not_the_shortest_time_and_is_the_first_of_equals() -> None:
+def test_the_best_row_has_the_largest_ratio_not_the_shortest_time_and_is_the_first_of_equals() -> None:
     table = make_rows(
         method_row("aligned", 64, time_s=0.01, ratio=1.5),
         method_row("aligned", 128, time_s=0.02, ratio=2.5),
@@ -67,14 +73,40 @@ def test_the_best_row_has_the_largest_ratio_to_packets_not_the_shortest_time_and
     assert best_rows(pd.concat([table, table]))["split_x"].tolist() == [128]  # whatever the index of the table
 
 
+def test_single_rays_are_held_against_single_rays_and_all_else_against_packets() -> None:
+    ratios = [{"speedup": 2.0, "speedup_vs_packets": 4.0}, {"speedup": 3.0, "speedup_vs_packets": 1.0}]
+    single, packets = (
+        make_rows(*(method_row("aligned", split, packet_width=width) | one for split, one in enumerate(ratios, 1)))
+        for width in (1, 8)
+    )
+    assert (best_rows(single)["split_x"].tolist(), best_rows(packets)["split_x"].tolist()) == ([2], [1])
+
+
+def test_the_best_is_chosen_by_the_processes_that_choose_it_in_the_claims() -> None:
+    processes = {64: [2.0, 2.0, 9.0, 9.0, 9.0], 128: [3.0, 3.0, 1.0, 1.0, 1.0]}
+    records = [
+        ran(split, process, value) for split, values in processes.items() for process, value in enumerate(values)
+    ]
+    (row,) = best_rows(make_table(records)).to_dict("records")
+    assert row["split_x"] == best_of(processes)[0] == 128
+
+
+def ran(split_x: int, process: int, ratio: float) -> Record:
+    """Packets take so many times as long as the point's own method."""
+    options = MEASURED.configuration["method_options"] | {"split_x": split_x, "packet_width": 8}
+    configuration = MEASURED.configuration | {"method_options": options, "process": process}
+    samples = {"own": [1.0], "rtcIntersect1": [8.0 * ratio], "packets_8": [ratio]}
+    return replace(MEASURED, point_id=f"{split_x}-{process}", configuration=configuration, samples=samples)
+
+
 def test_another_scene_method_width_or_thread_count_has_its_own_best_row() -> None:
-    rows = [method_row("aligned", 64, ratio=2.0), method_row("aligned", 32, ratio=3.0)]
+    rows = [method_row("aligned", 64, 0.03, ratio=2.0), method_row("aligned", 32, 0.02, ratio=3.0)]
     others = {"scene": "b", "method": "tiles", "packet_width": 1, "threads": 2, "width": 16, "build_quality": "high"}
     table = make_rows(*rows, *(row | {name: value} for name, value in others.items() for row in rows))
     assert best_rows(table)["split_x"].tolist() == [32] * 7
 
 
-def test_points_without_a_time_or_of_another_workload_are_no_best_row() -> None:
+def test_points_without_a_ratio_or_of_another_workload_are_no_best_row() -> None:
     good = method_row("aligned", 64, ratio=2.0)
     table = make_rows(
         skipped(method_row("aligned", 128, ratio=9.0)),
@@ -82,7 +114,7 @@ def test_points_without_a_time_or_of_another_workload_are_no_best_row() -> None:
         method_row("aligned", 256, ratio=pd.NA),
         good,
     )
-    assert best_rows(table)["split_x"].tolist() == [64]
+    assert best_rows(time_rows(table))["split_x"].tolist() == [64]
     assert len(time_rows(table)) == 3
     assert len(best_rows(table.iloc[:0])) == 0
 

@@ -9,10 +9,13 @@ import numpy as np
 import pandas as pd
 import pytest
 from matplotlib.axes import Axes
+from matplotlib.axis import Tick
+from matplotlib.text import Text
 
 from atra.errors import InputError
 from experiments.drawing.pages import describe_measurement
 from experiments.drawing.shading import encode_png
+from experiments.drawing.style import PANEL_INCHES, SMALL
 from experiments.drawing.values import TIMES
 from experiments.harness.configuration import Configuration, SweepConfiguration
 from experiments.paper.figures import draw_instancing_figure
@@ -23,27 +26,72 @@ from experiments.workloads.frame.break_even_figure import draw_break_even_figure
 from experiments.workloads.frame.grid_figure import draw_grid_figure
 from experiments.workloads.frame.methods_figure import draw_methods_figure
 from experiments.workloads.frame.peers_figure import draw_peers_figure
-from experiments.workloads.frame.split_figure import draw_split_figure
+from experiments.workloads.frame.split_figure import ALL_HITS, draw_split_figure
 from experiments.workloads.frame.threads_figure import draw_threads_figure
 from experiments.workloads.memory.figures import draw_memory_figure
+from experiments.workloads.multiframe.multiframe_figure import draw_multiframe_figure
+from experiments.workloads.multiframe.stereo_figure import draw_stereo_figure
 from experiments.workloads.picture.figures import draw_scenes_figure
 from experiments.workloads.picture.pictures import ScenePictures
-from tests.drawn import build_row, level, line, make_rows, memory_row, method_row, save, skipped, time_row, words
+from tests.drawn import (
+    MIB,
+    build_row,
+    level,
+    line,
+    make_rows,
+    memory_row,
+    method_row,
+    save,
+    skipped,
+    time_row,
+    unfolded,
+    words,
+)
+from tests.test_frame_figures import walk
 
 
 def crosses(axis: Axes) -> set[float]:
     return {float(x) for line in axis.get_lines() if line.get_marker() == "x" for x in line.get_xdata()}
 
 
-def test_the_split_figure_draws_medians_quartiles_and_baselines_in_milliseconds() -> None:
-    table = make_rows(time_row(1, 0.08), time_row(2, 0.02), time_row(2, 0.04, culling=False))
-    (axis,) = draw_split_figure(table).axes
-    assert line(axis, "aligned, culling on") == {1: 80, 2: 20}
-    assert line(axis, "aligned, culling off") == {2: 40}
-    assert level(axis, "rtcIntersect1 per pixel") == pytest.approx(100)
-    assert level(axis, "fastest packets per pixel") == pytest.approx(50)
-    bars = next(one for one in axis.get_lines() if one.get_label() == "_bars" and len(one.get_xdata()) == 18)
-    assert bars.get_ydata()[[0, 1, 9, 10]] == pytest.approx([40, 160, 10, 40])
+def test_the_split_figure_draws_ratios_with_intervals_and_every_baseline_where_it_lies_among_them() -> None:
+    off = [time_row(1, 0.1, ratio=0.5, culling=False), time_row(2, 0.04, ratio=1.25, culling=False)]
+    figure = draw_split_figure(make_rows(time_row(1, 0.08, ratio=0.625), time_row(2, 0.02, ratio=2.0), *off))
+    (axis,) = figure.axes
+    assert line(axis, "aligned, culling on") == {1: 0.625, 2: 2.0}
+    assert line(axis, "aligned, culling off") == {1: 0.5, 2: 1.25}
+    assert level(axis, "rtcIntersect1 per pixel") == pytest.approx(0.5)
+    assert level(axis, "fastest packets per pixel") == pytest.approx(1)
+    assert level(axis, ALL_HITS) == pytest.approx(0.5)
+    bars = next(one for one in axis.get_lines() if one.get_label() == "_bars")
+    assert bars.get_ydata()[[0, 1, 9, 10]] == pytest.approx([1.75, 2.25, 1.75, 2.25])
+    assert f"culling on: 2 best, 20.0 ms, 2.00{TIMES}; over all hits 4.00{TIMES}" in words(figure)
+
+
+def test_single_rays_are_drawn_over_single_rays() -> None:
+    rows = make_rows(time_row(1, 0.05, packet_width=1), time_row(2, 0.02, packet_width=1, ratio=0.1))
+    (axis,) = draw_split_figure(rows).axes
+    assert line(axis, "aligned, culling on") == {1: 2, 2: 5}
+    assert level(axis, "fastest packets per pixel") == pytest.approx(2)
+    assert "speed-up over rtcIntersect1 per pixel" in axis.get_ylabel()
+
+
+def test_the_grid_figure_writes_ratio_and_time_and_frames_the_best_split_and_the_one_that_splits_nothing() -> None:
+    split = {"split_y": 2}
+    figure = draw_grid_figure(
+        make_rows(time_row(1, 0.08, ratio=0.5), time_row(2, 0.02), skipped(time_row(1, 0.1) | split))
+    )
+    axis = figure.axes[0]
+    assert {f"0.50{TIMES}\n80.0", f"2.00{TIMES}\n20.0", "skipped"} <= {text.get_text() for text in axis.texts}
+    framed = {patch.get_label(): (patch.get_x() + 0.46, patch.get_y() + 0.46) for patch in axis.patches}
+    assert framed == {"best split": (1, 0), f"baseline that gathers all hits: 1 {TIMES} 1": (0, 0)}
+
+
+def test_processes_left_out_are_said_in_the_foot() -> None:
+    unsteady = time_row(2, 0.1) | {"status": "unsteady", "error": "too noisy", "processes_left_out": 3}
+    figure = draw_split_figure(make_rows(time_row(1, 0.1, processes_left_out=1), unsteady))
+    assert "4 processes left out as unsteady" in unfolded(figure)
+    assert "culling on, 2: unsteady, too noisy" in unfolded(figure)
 
 
 @pytest.mark.parametrize("draw", [draw_split_figure, draw_grid_figure])
@@ -63,7 +111,7 @@ def test_the_build_figure_draws_plan_and_build_of_copies_and_the_build_of_instan
     assert line(axis, "BVH build, instanced") == {2: 3}
     assert level(axis, "BVH build for per-pixel rays") == pytest.approx(4)
     assert crosses(axis) == {4}
-    assert "culling on, 4: skipped, needs more memory than its budget" in words(figure)
+    assert "culling on, 4: skipped, needs more memory than its budget" in unfolded(figure)
 
 
 def test_the_memory_figure_takes_the_mesh_off_and_draws_the_pixel_rows_as_baselines() -> None:
@@ -84,12 +132,12 @@ def test_the_memory_figure_takes_the_mesh_off_and_draws_the_pixel_rows_as_baseli
     assert crosses(axis) == {4}
 
 
-def test_a_point_whose_memory_did_not_grow_is_marked_and_not_dropped_in_silence() -> None:
+def test_rss_is_drawn_where_it_grew_by_more_than_the_noise_of_pages_and_embree_s_bytes_everywhere() -> None:
     figure = draw_memory_figure(make_rows(memory_row(1, 100, 100, 130), memory_row(2, 100, 110, 130)))
     (axis,) = figure.axes
     assert line(axis, "RSS over the mesh, after the build") == {2: 10}
-    assert crosses(axis) == {1}
-    assert "RSS over the mesh, after the build, 1: not above zero" in words(figure)
+    assert line(axis, "Embree's own account") == {1: 3, 2: 6}
+    assert "RSS is drawn from 1 MiB on" in unfolded(figure)
 
 
 def test_a_failure_is_told_in_its_own_words_and_a_long_list_of_points_by_its_ends() -> None:
@@ -99,25 +147,25 @@ def test_a_failure_is_told_in_its_own_words_and_a_long_list_of_points_by_its_end
     assert crosses(figure.axes[0]) == {1, 2, 4, 8, 16, 32, 64}
 
 
-def test_the_instancing_figure_sets_memory_beside_time_at_the_width_of_the_instances() -> None:
+def test_the_instancing_figure_sets_embree_s_bytes_beside_the_speed_up_at_the_width_of_the_instances() -> None:
     table = make_rows(
         memory_row(2, 100, 110, 110),
-        memory_row(2, 100, 150, 150, culling=False),
-        memory_row(2, 100, 102, 102, culling=False, geometry="instanced"),
+        memory_row(2, 100, 150, 150, culling=False, embree_bytes=9 * MIB),
+        memory_row(2, 100, 102, 102, culling=False, geometry="instanced", embree_bytes=MIB),
         memory_row(1, 100, 101, 101, culling=False, method="pixel"),
         time_row(2, 0.02),
-        time_row(2, 0.03, culling=False),
-        time_row(2, 0.04, culling=False, geometry="instanced"),
+        time_row(2, 0.03, culling=False, ratio=1.5),
+        time_row(2, 0.04, culling=False, geometry="instanced", ratio=0.5),
         time_row(2, 0.5, packet_width=1),
     )
-    memory, time = draw_instancing_figure(table).axes
-    assert line(memory, "aligned, culling on") == {2: 10}
-    assert line(memory, "aligned, culling off") == {2: 50}
-    assert line(memory, "aligned, instanced") == {2: 2}
-    assert level(memory, "one ray per pixel (memory)") == pytest.approx(1)
-    assert line(time, "aligned, culling on") == {2: 20}
-    assert line(time, "aligned, culling off") == {2: 30}
-    assert line(time, "aligned, instanced") == {2: 40}
+    memory, speed = draw_instancing_figure(table).axes
+    assert line(memory, "aligned, culling on") == {2: 6}
+    assert line(memory, "aligned, culling off") == {2: 9}
+    assert line(memory, "aligned, instanced") == {2: 1}
+    assert level(memory, "one ray per pixel (memory)") == pytest.approx(3)
+    assert line(speed, "aligned, culling on") == {2: 2}
+    assert line(speed, "aligned, culling off") == {2: 1.5}
+    assert line(speed, "aligned, instanced") == {2: 0.5}
 
 
 def drawn_names(*rows: dict[str, Any], grids: dict[str, list[str]] | None = None) -> list[str]:
@@ -190,6 +238,8 @@ ONE_ROW = {
     "break even": (draw_break_even_figure, method_row("visible_first", 4)),
     "threads": (draw_threads_figure, method_row("visible_first", 4)),
     "peers": (draw_peers_figure, method_row("visible_first", 4)),
+    "stereo": (draw_stereo_figure, walk(2, 0.02) | {"motion": "eyes"}),
+    "multiframe": (draw_multiframe_figure, walk(2, 0.02)),
 }
 LEFT = ["scene", "status", "method", "split_x", "split_y", "culling", "workload", "width", "height", "triangles"]
 
@@ -204,6 +254,24 @@ def test_every_figure_copes_with_one_row_with_none_and_with_a_row_of_missing_val
     older = one.drop(columns=["first_frame_time_s", "stands_for", "grids"])
     for table in (one, one.iloc[:0], missing, without, older, pd.concat([one, missing, without])):
         save(draw(table))
+
+
+@pytest.mark.parametrize("columns", [1, 2])
+@pytest.mark.parametrize("name", ONE_ROW)
+def test_every_text_is_large_enough_for_a_page_of_400_px_and_inside_its_figure(name: str, columns: int) -> None:
+    draw, row = ONE_ROW[name]
+    scenes = ("fireplace_room", "living_room")
+    long = [row | {"scene": scene, "triangles": 143_163, "stands_for": "sponza"} for scene in scenes]
+    figure = draw(make_rows(*long, *(skipped(one | {"split_x": 1024}) for one in long)), columns)
+    assert figure.get_figwidth() == pytest.approx(PANEL_INCHES * columns)
+    figure.draw_without_rendering()
+    ticks = {text for tick in figure.findobj(Tick) for text in tick.findobj(Text)}
+    for text in filter(Text.get_text, figure.findobj(Text)):
+        assert text.get_fontsize() >= SMALL, text
+        if text not in ticks:  # those beyond the end of an axis are there, too, and not drawn
+            whole = text.get_window_extent()
+            assert min(whole.x0, whole.y0) >= 0, text
+            assert max(whole.x1 - figure.bbox.x1, whole.y1 - figure.bbox.y1) <= 0, text
 
 
 @pytest.mark.parametrize("name", ONE_ROW)
@@ -221,7 +289,7 @@ def test_the_foot_says_only_what_the_table_tells() -> None:
     doubtful = time_row(1, 1.0, rounds=3, doubts="spread", cpu="some cpu")
     rows = make_rows(doubtful, time_row(2, 1.0, measured_at="2000-01-01T"))
     said = describe_measurement(rows, "mark")
-    assert "median and quartiles of 3 to 9 rounds" in said
+    assert "of each the median of 3 to 9 rounds; bars: 95 % confidence intervals over processes" in said
     assert said.endswith("some cpu, 2000-01-01, mark, 1 of 2 points carry doubts (see table)")
     assert describe_measurement(rows.iloc[:0]) == ""
 

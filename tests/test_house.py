@@ -95,7 +95,7 @@ def measure_game(point: Point) -> Measured:
     return measured(results | {"moves": 7 * point.workload_options.players}, timed)
 
 
-def draw_game(rows: pd.DataFrame) -> Figure:
+def draw_game(rows: pd.DataFrame, columns: int) -> Figure:
     figure = Figure()
     figure.subplots().plot(rows["moves"].to_numpy(float), rows["game_time_s"].to_numpy(float))
     return figure

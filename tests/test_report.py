@@ -178,7 +178,7 @@ def test_a_number_too_small_for_its_decimals_is_not_shown_as_zero() -> None:
     assert column(frame, "plan_time_s")[2] == ("1.5e-04", "")
 
 
-def test_a_table_has_no_quartiles_and_no_column_without_a_value() -> None:
+def test_a_table_has_no_ends_of_intervals_and_no_column_without_a_value() -> None:
     frame, memory = workload_tables(small_table())
     names = [heading.name for heading in frame.headings]
     assert not {"render_time_low_s", "embree_bytes", "point_id"} & set(names)

@@ -9,7 +9,10 @@ from typing import Any
 
 import pytest
 
+from experiments.drawing.style import PANEL_INCHES, SMALL
 from experiments.report import write_report
+from experiments.report.figures import draw_figures
+from tests.drawn import make_rows, time_row
 from tests.report_samples import HOSTILE, small_contents
 
 playwright = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed: pip install -e '.[test]'")
@@ -75,6 +78,16 @@ def test_figures_and_pictures_are_really_drawn(page: Any, address: str) -> None:
     widths = page.eval_on_selector_all("img", "all => all.map(image => image.naturalWidth)")
     assert len(widths) == 5
     assert all(width > 0 for width in widths)
+
+
+@pytest.mark.parametrize(("width", "columns"), [(400, 1), (800, 1), (1280, 2)])
+def test_text_of_a_figure_is_at_least_9_px_on_any_page(page: Any, tmp_path: Path, width: int, columns: int) -> None:
+    table = make_rows(*(time_row(split, 0.01, scene=scene) for scene in "ab" for split in (1, 2)))
+    figures = list(draw_figures(table, tmp_path))
+    page.set_viewport_size({"width": width, "height": 800})
+    page.goto(write_report(tmp_path, small_contents(table=table, figures=figures)).as_uri())
+    shown = page.locator(".sheet img").first.bounding_box()["width"]
+    assert SMALL * shown / (72 * PANEL_INCHES * columns) >= 9
 
 
 @pytest.mark.parametrize("viewport", [PHONE, DESKTOP], ids=["phone", "desktop"])

@@ -206,7 +206,7 @@ def test_the_figure_says_what_is_missing() -> None:
     assert any("culling off, 2: skipped, needs 9 GiB" in text for text in texts)
 
 
-def test_the_grid_figure_writes_each_time_into_its_cell_and_the_status_where_there_is_none() -> None:
+def test_the_grid_figure_writes_each_ratio_and_time_into_its_cell_and_the_status_where_there_is_none() -> None:
     beside = Record("c", "skipped", "does not divide", with_options(split_x=3), MEASURED.environment)
     panel = draw_grid_figure(make_table([MEASURED, beside, SKIPPED])).axes[0]
-    assert {text.get_text() for text in panel.texts} == {"2000", "skipped"}
+    assert {text.get_text() for text in panel.texts} == {"2.00\N{MULTIPLICATION SIGN}\n2,000", "skipped"}

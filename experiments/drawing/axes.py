@@ -18,11 +18,11 @@ _SPLITS = {"split_x": "horizontal splits", "split_y": "vertical splits"}
 
 def draw_series(
     axis: Axes, splits: NDArray[np.float64], values: NDArray[np.float64], style: dict[str, Any],
-    quartiles: Sequence[NDArray[np.float64]] | None = None, label: str = "",
+    interval: Sequence[NDArray[np.float64]] | None = None, label: str = "",
 ) -> None:  # fmt: skip
-    """A line over splits with bars from the lower to the upper quartile; what is missing is left out.
+    """A line over splits with bars from end to end of an interval; what is missing is left out.
 
-    splits, values and each quartile: (N,) float64 in the units of the axis, in any order. Values that are not above
+    splits, values and both ends: (N,) float64 in the units of the axis, in any order. Values that are not above
     zero have no place on a logarithmic axis and must not be handed in: see `drawable`.
     """
     shown = np.flatnonzero(drawable(values))
@@ -30,8 +30,8 @@ def draw_series(
         return
     shown = shown[np.argsort(splits[shown], kind="stable")]
     axis.plot(splits[shown], values[shown], linewidth=1.6, markersize=5, zorder=3, label=label, **style)
-    if quartiles is not None:
-        low, high = (quartile[shown] for quartile in quartiles)
+    if interval is not None:
+        low, high = (end[shown] for end in interval)
         axis.plot(*_bars(splits[shown], low, high), linewidth=1.1, zorder=2.9, color=style["color"], label="_bars")
 
 
@@ -50,7 +50,7 @@ def _bars(
 def draw_baseline(
     axis: Axes, values: NDArray[np.float64], style: dict[str, Any], label: str = "", upright: bool = False
 ) -> float:
-    """A line at the median of all that was measured of something without splits, a band from quartile to quartile.
+    """A line at the median of all points of something without splits, a band from quartile to quartile of the points.
 
     Returns the upper quartile, 0 where nothing was measured.
     """

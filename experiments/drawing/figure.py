@@ -13,8 +13,11 @@ from matplotlib import figure as mpl
 
 from atra.files import write_atomically
 
-Draw = Callable[[pd.DataFrame, Path], mpl.Figure]
-"""Rows of the table and the folder of the records -> figure."""
+Draw = Callable[[pd.DataFrame, Path, int], mpl.Figure]
+"""Rows of the table, the folder of the records, and how many panels stand side by side -> figure."""
+
+_WIDE, _NARROW = 2, 1
+"""So many on a page, and on a narrow one."""
 
 
 @dataclass(frozen=True)
@@ -36,19 +39,21 @@ class FigureKind:
 
 @dataclass(frozen=True)
 class DrawnFigure:
-    """A figure as the contents of its files. point_ids: of the points it shows."""
+    """A figure as the contents of its files. narrow: an SVG of one column, for a page as narrow as 400 px.
+    point_ids: of the points it shows."""
 
     name: str
     caption: str
     png: bytes
     svg: bytes
+    narrow: bytes
     point_ids: frozenset[str]
     in_page: bool = True
 
 
-def of_table(draw: Callable[[pd.DataFrame], mpl.Figure]) -> Draw:
+def of_table(draw: Callable[[pd.DataFrame, int], mpl.Figure]) -> Draw:
     """A figure that needs no records."""
-    return lambda rows, records: draw(rows)
+    return lambda rows, records, columns: draw(rows, columns)
 
 
 def draw_figure(kind: FigureKind, rows: pd.DataFrame, records: Path) -> Iterator[DrawnFigure]:
@@ -64,18 +69,23 @@ def draw_figure(kind: FigureKind, rows: pd.DataFrame, records: Path) -> Iterator
         ]
     for name, caption, part in parts:
         if (part["status"] == "ok").any():
-            png, svg = _files(kind.draw(part, records))
-            yield DrawnFigure(name, caption, png, svg, frozenset(part["point_id"]), kind.in_page)
+            wide = kind.draw(part, records, _WIDE)
+            narrow = _svg(kind.draw(part, records, _NARROW)) if kind.in_page else b""
+            yield DrawnFigure(name, caption, _png(wide), _svg(wide), narrow, frozenset(part["point_id"]), kind.in_page)
 
 
-def _files(figure: mpl.Figure) -> tuple[bytes, bytes]:
-    """PNG and SVG."""
-    png, svg = io.BytesIO(), io.BytesIO()
+def _png(figure: mpl.Figure) -> bytes:
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=150)
+    return buffer.getvalue()
+
+
+def _svg(figure: mpl.Figure) -> bytes:
+    buffer = io.BytesIO()
     # A fixed salt and no date keep the SVG of equal tables equal.
     with matplotlib.rc_context({"svg.hashsalt": "atra", "svg.fonttype": "path"}):
-        figure.savefig(png, format="png", dpi=150)
-        figure.savefig(svg, format="svg", dpi=72, metadata={"Date": None})  # its dots are those of pictures alone
-    return png.getvalue(), svg.getvalue()
+        figure.savefig(buffer, format="svg", dpi=72, metadata={"Date": None})  # its dots are those of pictures alone
+    return buffer.getvalue()
 
 
 def write_figure(folder: Path, figure: DrawnFigure) -> None:

@@ -56,8 +56,11 @@ def without_value(
     return [*skipped, *undrawable_points(rows, values, axis_name, series, color)]
 
 
-def mark_missing(axis: Axes, missing: Sequence[Missing]) -> None:
-    """A cross on the upper edge for each point without a value, and the reason in words below the panel."""
+def mark_missing(axis: Axes, missing: Sequence[Missing], above: int = 0) -> None:
+    """A cross on the upper edge for each point without a value, and the reason in words below the panel.
+
+    above: lines that were written there before.
+    """
     # Each series has its own height, so that one cross does not hide another.
     heights = {series: 0.985 - 0.04 * i for i, series in enumerate(dict.fromkeys(one.series for one in missing))}
     notes = []
@@ -67,7 +70,7 @@ def mark_missing(axis: Axes, missing: Sequence[Missing]) -> None:
             markeredgewidth=1.8, transform=axis.get_xaxis_transform(), clip_on=False, zorder=5,
         )  # fmt: skip
         notes.append(f"{TIMES} {one.series}, {_say_splits(one.splits)}: {one.reason}")
-    write_notes(axis, notes)
+    write_notes(axis, notes, above)
 
 
 def _whole(splits: pd.Series) -> list[int]:

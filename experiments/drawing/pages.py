@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from textwrap import fill
+from textwrap import fill, wrap
 from typing import Any
 
 import pandas as pd
@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from experiments.drawing.style import GREY
+from experiments.drawing.style import BLACK, GREY, PANEL_INCHES, SMALL
 from experiments.drawing.values import TIMES, column, varies
 
 
@@ -20,11 +20,20 @@ def stand_in_note(stands_for: str | None) -> str:
     return f"stand-in for {stands_for}, not that scene" if stands_for else ""
 
 
-def make_figure(panel_count: int, columns: int | None = None, panel_height: float = 4.1) -> tuple[Figure, list[Axes]]:
-    """An empty figure for files only, and its panels; two columns unless told otherwise or there is only one panel."""
-    columns = columns or (1 if panel_count <= 1 else 2)
+_CHARACTERS_PER_INCH = 13.5
+"""Of small text."""
+
+_BELOW, _LINE = 36.0, 11.5
+"""Points from the lower edge of a panel to what is written below its axis, and from line to line there."""
+
+
+def make_figure(panel_count: int, columns: int, panel_height: float = 4.1) -> tuple[Figure, list[Axes]]:
+    """An empty figure for files only, and its panels, in no more columns than there are panels."""
+    columns = max(1, min(columns, panel_count))
     rows = max(1, -(-panel_count // columns))
-    figure = Figure(figsize=(7.2 if columns == 1 else 11.5, panel_height * rows + 1.1), layout="constrained")
+    figure = Figure(figsize=(PANEL_INCHES * columns, panel_height * rows + 1.4), layout="constrained")
+    # What stands below a panel would touch the next one's title.
+    figure.set_layout_engine("constrained", h_pad=0.12)
     FigureCanvasAgg(figure)
     axes = list(figure.subplots(rows, columns, squeeze=False).ravel())
     for axis in axes[panel_count:]:
@@ -37,11 +46,11 @@ def make_figure(panel_count: int, columns: int | None = None, panel_height: floa
 def set_panel_title(axis: Axes, title: str, stands_for: str | None) -> None:
     """The title, and below it, smaller, whose stand-in the scene is."""
     note = stand_in_note(stands_for)
-    axis.set_title(title, fontsize=11, loc="left", pad=18 if note else 6)
+    axis.set_title(fill(title, 48), fontsize=11, loc="left", pad=18 if note else 6)
     if note:
         axis.annotate(
             note, (0, 1), xytext=(0, 4), xycoords="axes fraction", textcoords="offset points", ha="left", va="bottom",
-            fontsize=8.5, color=GREY,
+            fontsize=SMALL, color=GREY,
         )  # fmt: skip
 
 
@@ -54,40 +63,48 @@ def add_legend(figure: Figure, axes: Sequence[Axes], order: Sequence[str]) -> No
     if not labels:
         figure.suptitle("", fontsize=12)
         return
-    wide = figure.get_figwidth() > 8
-    per_row = (len(labels) if len(labels) <= 5 else -(-len(labels) // 2)) if wide else 2
+    room = figure.get_figwidth() * _CHARACTERS_PER_INCH / (max(map(len, labels)) + 8)
+    rows = -(-len(labels) // max(1, int(room)))
     shown = [handles[label] for label in labels]
-    figure.legend(shown, labels, loc="outside upper center", ncols=per_row, frameon=False)
+    columns = -(-len(labels) // rows)
+    figure.legend(shown, labels, loc="outside upper center", ncols=columns, frameon=False, fontsize=SMALL)
 
 
-def write_below(axis: Axes, text: str, drop: float, start: float = 0.0, **style: Any) -> None:
-    """Text whose top is `drop` points under the lower edge of a panel, from `start`, a fraction of its width."""
-    axis.annotate(
-        text, (start, 0), xytext=(0, -drop), xycoords="axes fraction", textcoords="offset points", ha="left", va="top",
-        **style,
-    )  # fmt: skip
+def write_lines(axis: Axes, lines: Sequence[tuple[str, Sequence[str]]], above: int = 0) -> int:
+    """Lines of cells below a panel, each in its colour, the cells evenly over its width; returns how many there are.
+
+    above: lines that were written there before.
+    """
+    for place, (color, cells) in enumerate(lines, above):
+        for cell, text in enumerate(cells):
+            axis.annotate(
+                text, (cell / len(cells), 0), xytext=(0, -_BELOW - _LINE * place), xycoords="axes fraction",
+                textcoords="offset points", ha="left", va="top", fontsize=SMALL, color=color,
+            )  # fmt: skip
+    return above + len(lines)
 
 
-def write_table(axis: Axes, lines: Sequence[tuple[str, Sequence[str]]], starts: Sequence[float], line_points: float,
-                font_points: float) -> None:  # fmt: skip
-    """Lines of cells below a panel, each line in its colour; starts: of the columns, fractions of its width."""
-    for place, (color, cells) in enumerate(lines):
-        for start, text in zip(starts, cells, strict=True):
-            write_below(axis, text, 36 + line_points * place, start, fontsize=font_points, color=color)
+def write_table(axis: Axes, headings: Sequence[str], entries: Sequence[tuple[str, str, Sequence[str]]]) -> int:
+    """A small table below a panel: of each entry its name and, beneath it, its cells, in its colour. Returns its
+    lines."""
+    if not entries:
+        return 0
+    lines = [line for color, name, cells in entries for line in ((color, [name]), (color, cells))]
+    return write_lines(axis, [(BLACK, headings), *lines])
 
 
-def write_notes(axis: Axes, notes: Sequence[str], drop: float = 36) -> None:
-    """Lines below a panel, from `drop` points under its lower edge, folded to its width."""
-    if notes:
-        # A line wider than its panel would make the layout shrink all of them.
-        text = "\n".join(fill(note, 80, subsequent_indent="   ") for note in notes)
-        write_below(axis, text, drop, fontsize=7.5, color=GREY)
+def write_notes(axis: Axes, notes: Sequence[str], above: int = 0) -> None:
+    """Lines below a panel, folded to its width. above: lines that were written there before."""
+    # A line wider than its panel would make the layout shrink all of them.
+    folded = [line for note in notes for line in wrap(note, 62, subsequent_indent="   ")]
+    write_lines(axis, [(GREY, [line]) for line in folded], above)
 
 
 def write_foot(figure: Figure, rows: pd.DataFrame, *lines: str, mark: str = "") -> None:
     """`describe_measurement` below all panels, and lines of the figure's own under it."""
-    text = "\n".join(filter(None, [describe_measurement(rows, mark), *lines]))
-    figure.supxlabel(text, fontsize=8, color=GREY)
+    width = int(figure.get_figwidth() * _CHARACTERS_PER_INCH)
+    said = filter(None, [*describe_measurement(rows, mark).splitlines(), *lines])
+    figure.supxlabel("\n".join(fill(line, width) for line in said), fontsize=SMALL, color=GREY)
 
 
 def describe_measurement(table: pd.DataFrame, mark: str = "") -> str:
@@ -101,19 +118,39 @@ def describe_measurement(table: pd.DataFrame, mark: str = "") -> str:
     packets = _common(measured, ("packet_width",), "packet width {}")
     widths = sorted({int(width) for width in column(measured, "packets_width").dropna()})
     fastest = f"fastest packets per pixel: of {' or '.join(map(str, widths))}" if widths else ""
-    counts = column(measured, "rounds").dropna()
-    rounds = ""
-    if len(counts):
-        fewest, most = int(counts.min()), int(counts.max())
-        rounds = f"median and quartiles of {fewest if fewest == most else f'{fewest} to {most}'} rounds"
+    repeats = ", ".join(filter(None, [_say_repeats(measured), _say_left_out(table)]))
     cpus = " / ".join(sorted(str(cpu) for cpu in column(measured, "cpu").dropna().unique()))
     days = sorted({str(moment)[:10] for moment in column(measured, "measured_at").dropna()})
     date = " to ".join(dict.fromkeys([days[0], days[-1]])) if days else ""
     doubtful = int(column(measured, "doubts").notna().sum())
     doubts = f"{doubtful} of {len(measured)} points carry doubts (see table)" if doubtful else ""
-    first = ", ".join(filter(None, [size, threads, packets, fastest, rounds]))
+    first = ", ".join(filter(None, [size, threads, packets, fastest, repeats]))
     second = ", ".join(filter(None, [cpus, date, mark, doubts]))
     return "\n".join(filter(None, [first, second]))
+
+
+def _say_repeats(measured: pd.DataFrame) -> str:
+    """What a value stands for, and its bars; "" where nothing was timed."""
+    rounds, processes = (_range(column(measured, name)) for name in ("rounds", "processes"))
+    if not rounds:
+        return ""
+    ends = [name for name in measured if name.endswith(("_low", "_low_s"))]
+    bars = "bars: 95 % confidence intervals over processes" if measured[ends].notna().any(axis=None) else "no intervals"
+    of_processes = (
+        f"geometric mean of {processes} {'process' if processes == '1' else 'processes'}" if processes else "processes"
+    )
+    return f"{of_processes}, of each the median of {rounds} rounds; {bars}"
+
+
+def _range(counts: pd.Series) -> str:
+    """ "3", "3 to 5", "" where nothing is counted."""
+    found = sorted({int(count) for count in counts.dropna()})
+    return " to ".join(str(count) for count in dict.fromkeys([found[0], found[-1]])) if found else ""
+
+
+def _say_left_out(table: pd.DataFrame) -> str:
+    count = int(column(table, "processes_left_out").fillna(0).sum())
+    return f"{count} {'process' if count == 1 else 'processes'} left out as unsteady" if count else ""
 
 
 def _common(table: pd.DataFrame, names: Sequence[str], form: str) -> str:

@@ -1,6 +1,11 @@
-"""Colours and dashes of every figure."""
+"""Colours, dashes and sizes of every figure."""
 
 # Okabe and Ito's palette, told apart by the colour-blind too; shapes and dashes say the same again.
 BLACK, BLUE, GREEN, ORANGE, PURPLE, VERMILLION = "#333333", "#0072B2", "#009E73", "#E69F00", "#CC79A7", "#D55E00"
 GREY = "#555555"
 DASHED, DOTTED, DASH_DOTTED = (0, (6, 2)), (0, (1, 1.2)), (0, (5, 1.5, 1, 1.5))
+
+PANEL_INCHES = 4.9
+"""Width of a panel and what belongs to it: one fills a page of 400 px, whose margins leave 358."""
+SMALL = 9.0
+"""Points of the smallest text, which are as many pixels there."""

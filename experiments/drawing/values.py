@@ -21,8 +21,8 @@ def numbers(table: pd.DataFrame, name: str) -> NDArray[np.float64]:
     return pd.to_numeric(column(table, name), errors="coerce").to_numpy(np.float64, na_value=np.nan)
 
 
-def intervals_ms(table: pd.DataFrame, stem: str) -> tuple[NDArray[np.float64], ...]:
-    """Median, lower and upper quartile of a time as milliseconds."""
+def interval_ms(table: pd.DataFrame, stem: str) -> tuple[NDArray[np.float64], ...]:
+    """A time and the ends of its interval as milliseconds."""
     return tuple(numbers(table, f"{stem}{end}_s") * MILLISECONDS for end in ("", "_low", "_high"))
 
 

@@ -16,8 +16,8 @@ from experiments.results.table import columns, workload_rows
 from experiments.workloads import WORKLOADS
 from experiments.workloads.workload import Workload
 
-_ENDS = tuple(f"_{end}{unit}" for end in ("low", "high") for unit in ("", "_s"))
-"""What columns end with that stand in another's cell, as its interval."""
+_ENDS = ("_low", "_high", "_low_s", "_high_s", "_half")
+"""What columns end with that stand in another's cell, as its interval, or in the files alone."""
 
 _SHOWN_IN = {"s": ("ms", 1e3), "bytes": ("MiB", 2.0**-20)}
 
@@ -81,7 +81,7 @@ def _heading(column: Column) -> Heading:
 
 
 def _cell(row: pd.Series, column: Column) -> tuple[str, str]:
-    """The value, and its 95 % confidence interval."""
+    """The value, and its 95 % confidence interval over processes."""
     end = "_s" if column.unit == "s" else ""
     stem = column.name.removesuffix(end)
     _, factor = _SHOWN_IN.get(column.unit, ("", 1.0))

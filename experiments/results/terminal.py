@@ -24,7 +24,7 @@ from experiments.results.table import Tables, columns, workload_rows
 from experiments.workloads import WORKLOADS, find_workload
 
 _UNITS = {"s": (1e3, "ms"), "bytes": (2.0**-20, "MiB")}
-_PARTS = ("_low", "_high", "_low", "_high")
+_PARTS = ("_low", "_high", "_half")
 
 
 def say_label(point: Point) -> str:
@@ -54,7 +54,7 @@ def say_outcome(record: Record) -> str:
 
 
 def print_point(row: pd.Series, console: Console) -> None:
-    """A measured row of the table: every column of its workload that has a value, medians with their quartiles."""
+    """A measured row of the table: every column of its workload that has a value, with its interval."""
     title = escape(printable(f"{row['scene']}, {row['width']} x {row['height']}: {say_point(row)}"))
     shown = Table(title=title, show_header=False, title_justify="left")
     for style in ("bold", "", "dim"):
@@ -74,11 +74,11 @@ def print_point(row: pd.Series, console: Console) -> None:
             continue
         column = known[name]
         stem, end = (name[:-2], "_s") if column.unit == "s" else (name, "")
-        quartiles = [row.get(f"{stem}{part}{end}") for part in ("_low", "_high")]
+        interval = [row.get(f"{stem}{part}{end}") for part in ("_low", "_high")]
         text = _say(row[name], column.unit)
-        if not any(pd.isna(value) for value in quartiles):
-            low, high = (_say(value, column.unit, unit_shown=False) for value in quartiles)
-            text += f"  quartiles {low} to {high}"
+        if not any(pd.isna(value) for value in interval):
+            low, high = (_say(value, column.unit, unit_shown=False) for value in interval)
+            text += f"  [{low}, {high}]"
         heading = stem.removesuffix("_bytes").replace("_", " ")
         shown.add_row(heading, escape(printable(text)), escape(column.help.removeprefix("median of ")))
     console.print(shown)

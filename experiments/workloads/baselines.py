@@ -12,7 +12,7 @@ from experiments.drawing.style import BLACK, DASHED, DOTTED, GREEN
 from experiments.harness.column import REAL, WHOLE, Column
 from experiments.harness.records import Record
 from experiments.methods.method import PACKET_WIDTHS
-from experiments.results.statistics import Series, statistics_columns
+from experiments.results.statistics import Series, choosing_column, statistics_columns
 
 OWN, SINGLE = "own", "rtcIntersect1"
 """Names in the samples of a time: the point's own method, the paper's baseline."""
@@ -88,8 +88,14 @@ TIME_COLUMNS: tuple[Column, ...] = (
     Column("render_time_spread_s", REAL, "distance between the quartiles", _spread),
     *statistics_columns("baseline_render_time{}_s", "rtcIntersect1 per pixel", series(SINGLE)),
     *statistics_columns("packets_render_time{}_s", "the fastest packets per pixel", fastest),
-    *statistics_columns("speedup{}", "rtcIntersect1 / this, in the same rounds", over_own(series(SINGLE))),
-    *statistics_columns("speedup_vs_packets{}", "the fastest packets / this, in the same rounds", over_own(fastest)),
+    *(
+        column
+        for name, help, ratios in (
+            ("speedup", "rtcIntersect1 / this, in the same rounds", over_own(series(SINGLE))),
+            ("speedup_vs_packets", "the fastest packets / this, in the same rounds", over_own(fastest)),
+        )
+        for column in (*statistics_columns(name + "{}", help, ratios), choosing_column(f"{name}_half", help, ratios))
+    ),
     Column("packets_width", WHOLE, "rays of the fastest packets per pixel", packets_width),
     *(
         column

@@ -55,8 +55,7 @@ def make_panels(table: pd.DataFrame, shown: Collection[str]) -> list[Panel]:
 
 
 def draw_panels(
-    panels: Sequence[Panel], draw: Callable[[Axes, pd.DataFrame], object], columns: int | None = None,
-    height: float = 4.1,
+    panels: Sequence[Panel], draw: Callable[[Axes, pd.DataFrame], object], columns: int, height: float = 4.1
 ) -> tuple[Figure, list[Axes]]:  # fmt: skip
     """A figure of titled panels and their axes; `draw` is given each panel's axis and rows."""
     figure, axes = make_figure(len(panels), columns, height)

@@ -42,15 +42,23 @@ def style_of(name: str, packet_width: int | None) -> dict[str, Any]:
 
 
 def say_ratio(row: pd.Series) -> str:
-    """`speedup_vs_packets` with its interval and, should there be any, the pixels that are wrong."""
+    """`speedup_vs_packets` with its interval."""
     value, low, high = (row.get(f"speedup_vs_packets{end}") for end in ("", "_low", "_high"))
     # A peer may be a hundred times slower.
     digits = 2 if pd.isna(value) or value >= 0.095 else 3
     text = "" if pd.isna(value) else f"{value:.{digits}f}{TIMES}"
     if text and not (pd.isna(low) or pd.isna(high)):
         text += f" [{low:.{digits}f}, {high:.{digits}f}]"
-    wrong = row.get("pixels_wrong")
-    return text if pd.isna(wrong) or wrong == 0 else f"{text}, {wrong:,} pixels wrong"
+    return text
+
+
+def say_wrong(rows: pd.DataFrame, name: str) -> list[str]:
+    """A line for each row with pixels that are wrong."""
+    wrong = rows[column(rows, "pixels_wrong").gt(0).fillna(False).astype(bool)]
+    return [
+        f"{', '.join(filter(None, [name, say_split(row)]))}: {row['pixels_wrong']:,} pixels wrong"
+        for _, row in wrong.iterrows()
+    ]
 
 
 def say_unmeasured(rows: pd.DataFrame, name: str, whole: bool = False) -> list[str]:

@@ -11,7 +11,7 @@ from atra.judge.compare import Verdict
 from experiments.drawing.axes import tidy_axis
 from experiments.drawing.figure import FigureKind, of_table
 from experiments.drawing.pages import add_legend, write_foot, write_notes
-from experiments.drawing.style import BLACK, BLUE, GREY
+from experiments.drawing.style import BLACK, BLUE, GREY, SMALL
 from experiments.drawing.values import TIMES, column, numbers
 from experiments.methods.naming import say_kind
 from experiments.results.settings import settings
@@ -24,16 +24,18 @@ from experiments.workloads.series import say_unmeasured
 _SERIES = {"method": ("method_wrong", BLUE), "rtcIntersect1": ("baseline_wrong", BLACK)}
 """Label -> column and colour, from the top down."""
 
-_BAR = 0.36
+_BAR = 0.2
 
 
-def draw_agreement_figure(table: pd.DataFrame) -> Figure:
+def draw_agreement_figure(table: pd.DataFrame, columns: int = 2) -> Figure:
     """One panel a scene, one pair of bars a method: pixels at which it and rtcIntersect1 are wrong by the oracle.
 
     Only pixels where the two differ are counted, over all splits, offsets and image sizes. Linear from 0 to 1,
-    logarithmic from there on. Behind each pair: the counts, of how many pixels, and their verdicts.
+    logarithmic from there on. Above each pair: the counts, of how many pixels, and their verdicts.
     """
-    figure, axes = draw_panels(make_panels(table, settings()), _draw_panel, columns=1, height=4.0)
+    panels = make_panels(table, settings())
+    tallest = max((panel.rows.apply(say_kind, axis=1).nunique() for panel in panels), default=1)
+    figure, axes = draw_panels(panels, _draw_panel, columns, height=1.6 + 0.65 * tallest)
     add_legend(figure, axes, list(_SERIES))
     images = int(numbers(table, "images")[column(table, "images").notna().to_numpy(bool)].sum())
     write_foot(figure, table, f"{images:,} images, every pixel compared; wrong by float64 where the images differ")
@@ -49,16 +51,15 @@ def _draw_panel(axis: Axes, rows: pd.DataFrame) -> None:
         notes += say_unmeasured(rows[kinds == name], name)
         of_kind = rows[(kinds == name) & counted]
         if len(of_kind) == 0:
-            _write(axis, 0, place, "not measured", GREY)
+            _write(axis, place, f"{name}: not measured", GREY)
             continue
         counts = {label: int(of_kind[source].sum()) for label, (source, _) in _SERIES.items()}
         for offset, (label, (_, color)) in zip((-0.5, 0.5), _SERIES.items(), strict=True):
-            axis.barh(place + offset * _BAR, counts[label], height=_BAR, color=color, label=label, zorder=2)
+            axis.barh(place + 0.25 + offset * _BAR, counts[label], height=_BAR, color=color, label=label, zorder=2)
         highest = max(highest, *counts.values())
-        _write(axis, max(counts.values()), place, _say(of_kind, counts), BLACK)
-    axis.set_yticks(range(len(names)), names)
-    axis.tick_params(axis="y", length=0)
-    axis.set_ylim(max(len(names), 1) - 0.45, -0.55)
+        _write(axis, place, f"{name}: {_say(of_kind, counts)}", BLACK)
+    axis.set_yticks([])
+    axis.set_ylim(max(len(names), 1) - 0.5, -0.5)
     _finish(axis, highest)
     sampled = rows[counted]
     if len(sampled):
@@ -78,9 +79,9 @@ def _say(rows: pd.DataFrame, counts: dict[str, int]) -> str:
     return f"{method:,} : {baseline:,}{beyond}\nof {sum(verdicts.values()) / 1e6:.3g} M pixels; {told}"
 
 
-def _write(axis: Axes, end: float, place: int, text: str, color: str) -> None:
-    axis.annotate(
-        text, (end, place), xytext=(6, 0), textcoords="offset points", va="center", fontsize=8.5, color=color, zorder=4,
+def _write(axis: Axes, place: int, text: str, color: str) -> None:
+    axis.text(
+        0, place - 0.18, text, transform=axis.get_yaxis_transform(), va="center", fontsize=SMALL, color=color, zorder=4,
         bbox={"boxstyle": "square,pad=0", "facecolor": "white", "edgecolor": "none", "alpha": 0.85},
     )  # fmt: skip
 
@@ -91,7 +92,7 @@ def _finish(axis: Axes, highest: int) -> None:
     axis.set_xticks(ticks)
     axis.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:,.0f}"))
     axis.xaxis.set_minor_locator(NullLocator())
-    axis.set_xlim(0, highest**1.7 * 1_000)  # room for the text behind the bars
+    axis.set_xlim(0, 1.2 * highest)
     axis.set_xlabel("pixels")
     tidy_axis(axis, "x", frame=("bottom",))
 

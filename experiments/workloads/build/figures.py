@@ -13,7 +13,7 @@ from experiments.drawing.figure import FigureKind, of_table
 from experiments.drawing.missing import Missing, mark_missing, missing_points, undrawable_points
 from experiments.drawing.pages import add_legend, write_foot
 from experiments.drawing.style import BLACK, BLUE, DASHED, GREEN, PURPLE, VERMILLION
-from experiments.drawing.values import MILLISECONDS, intervals_ms, numbers
+from experiments.drawing.values import MILLISECONDS, interval_ms, numbers
 from experiments.methods.aligned_forms import (
     COPIED_OFF,
     COPIED_ON,
@@ -36,14 +36,14 @@ _SERIES: dict[str, tuple[str, str, dict[str, Any]]] = {
 _BASELINE = "BVH build for per-pixel rays"
 
 
-def draw_build_figure(table: pd.DataFrame) -> Figure:
+def draw_build_figure(table: pd.DataFrame, columns: int = 2) -> Figure:
     """One panel a scene (and a value of any other setting that varies); milliseconds over splits, both logarithmic.
 
-    Points are medians with bars from the lower to the upper quartile over rounds. The baseline is the build of the
-    plain mesh, measured again with every point: its line is the median over all of them, its band reaches from lower
-    to upper quartile. Series that were not measured are left out.
+    Points have bars over their intervals. The baseline is the build of the plain mesh, measured again with every point:
+    its line is the median of the points, its band reaches from quartile to quartile. Series that were not measured are
+    left out.
     """
-    figure, axes = draw_panels(make_panels(aligned_rows(table), ("split_x", *FORM_OPTIONS)), _draw_panel)
+    figure, axes = draw_panels(make_panels(aligned_rows(table), ("split_x", *FORM_OPTIONS)), _draw_panel, columns)
     add_legend(figure, axes, [*_SERIES, _BASELINE])
     write_foot(figure, table, mark="paid once a view")
     return figure
@@ -57,8 +57,8 @@ def _draw_panel(axis: Axes, rows: pd.DataFrame) -> None:
         if form not in forms:
             continue
         points = forms[form]
-        time_ms, *quartiles = intervals_ms(points, stem)
-        draw_series(axis, numbers(points, "split_x"), time_ms, style, quartiles, label)
+        time_ms, *interval = interval_ms(points, stem)
+        draw_series(axis, numbers(points, "split_x"), time_ms, style, interval, label)
         missing += undrawable_points(points, time_ms, "split_x", label, style["color"])
         # A form skipped once is said once, not for each of its series.
         if form not in marked:

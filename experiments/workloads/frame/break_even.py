@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 from experiments.drawing.values import column
 from experiments.methods.pixel import PIXEL, OwnBuildQuality
 from experiments.workloads.frame import FRAME
-
-_CHOICE = ("scene", "width", "height", "method", "packet_width", "threads", "build_quality")
+from experiments.workloads.ratios import best_rows
 
 _USUAL = OwnBuildQuality.same.value
 
@@ -47,20 +46,6 @@ def time_rows(table: pd.DataFrame) -> pd.DataFrame:
     if "workload" not in table:
         return table
     return table[table["workload"].fillna(FRAME.name).eq(FRAME.name).astype(bool)]
-
-
-def best_rows(table: pd.DataFrame) -> pd.DataFrame:
-    """The best split of every scene, method, packet width and thread count (and image size and build quality).
-
-    Best is the largest `speedup_vs_packets`, a paired ratio: the shortest time may be a quiet moment's.
-    Points without a ratio are left out. Rows keep the table's order; among equals the first is taken.
-    """
-    rows = time_rows(table)
-    measured = rows[(rows["status"].eq("ok") & rows["speedup_vs_packets"].notna()).astype(bool)]
-    ordered = np.argsort(-measured["speedup_vs_packets"].to_numpy(np.float64), kind="stable")
-    keys = [name for name in _CHOICE if name in measured]
-    first = ~measured.iloc[ordered].duplicated(keys).to_numpy(bool)
-    return measured.iloc[np.sort(ordered[first])]
 
 
 def cost_of(row: pd.Series) -> Cost | None:

@@ -12,7 +12,7 @@ from matplotlib.ticker import FuncFormatter
 
 from experiments.drawing.axes import say_nothing_measured, tidy_axis
 from experiments.drawing.pages import add_legend, write_foot, write_notes, write_table
-from experiments.drawing.style import BLACK, DOTTED, GREEN
+from experiments.drawing.style import DOTTED, GREEN, SMALL
 from experiments.drawing.values import MILLISECONDS, TIMES, say_number
 from experiments.methods import METHODS
 from experiments.methods.naming import best_of, say_series, say_split
@@ -20,39 +20,38 @@ from experiments.methods.pixel import PIXEL
 from experiments.workloads.frame.break_even import (
     Cost,
     baseline_costs,
-    best_rows,
     break_even_frames,
     cost_of,
     cumulative_time_s,
     time_rows,
 )
 from experiments.workloads.panels import draw_panels, make_panels
+from experiments.workloads.ratios import OVER_PACKETS, best_rows, choosing
 from experiments.workloads.series import say_unmeasured, series_of, style_of
 
 LAST_FRAME = 1000
 
 _BASELINE = "fastest packets per pixel"
-# Heading of a column of the note below a panel -> where it starts, as a fraction of the panel's width.
-_COLUMNS = {"": 0.0, "plan": 0.36, "build": 0.465, "first": 0.57, "further": 0.675, "bytes": 0.79, "ahead from": 0.9}
-_LINE_POINTS = 11.5
+_HEADINGS = ("plan", "build", "first", "further", "bytes", "ahead from")
 
 
-def draw_break_even_figure(table: pd.DataFrame) -> Figure:
+def draw_break_even_figure(table: pd.DataFrame, columns: int = 2) -> Figure:
     """One panel a scene (and a value of any other setting that varies); seconds over frames.
 
-    Both axes are logarithmic. A line is a method at the split and packet width with the largest ratio to packets: plan,
-    build and first frame, then its median frame again and again. A ring marks the frame from which on it is ahead of
-    packets per pixel, whatever their build quality: their line is of the cheapest. Below each panel stand the parts of
-    the cost.
+    Both axes are logarithmic. A line is a method at its best split and packet width: plan, build and first frame, then
+    its usual frame again and again. A ring marks the frame from which on it is ahead of packets per pixel, whatever
+    their build quality: their line is of the cheapest. Below each panel stand the parts of the cost.
     """
     rows = time_rows(table)
     rows = rows[rows["method"].isin([*_with_cells(), PIXEL.name])]
     panels = make_panels(rows, (*best_of(), "packet_width"))
-    figure, axes = draw_panels(panels, _draw_panel, height=4.7)
-    # The lines below a panel would touch the next one's title.
-    figure.set_layout_engine("constrained", h_pad=0.12)
+    figure, axes = draw_panels(panels, _draw_panel, columns, height=5.4)
     add_legend(figure, axes, [*(say_series(method, None) for method in _with_cells()), _BASELINE])
-    write_foot(figure, rows, f"ring: ahead of {_BASELINE} from this frame on, whatever their build; bytes: over theirs")
+    write_foot(
+        figure, rows, f"ring: ahead of {_BASELINE} from this frame on, whatever their build",
+        "below a panel: ms once for plan and build, of the first frame and of every further one; Embree's bytes over "
+        "those of packets",
+    )  # fmt: skip
     return figure
 
 
@@ -83,9 +82,7 @@ def _draw_panel(axis: Axes, rows: pd.DataFrame) -> None:
         name = _BASELINE if baseline is next(iter(baselines.values())) else f"the same, {quality} build quality"
         entries.append((_BASELINE, name, {"color": GREEN}, baseline))
     _draw_lines(axis, entries, list(baselines.values()))
-    _write_parts(axis, entries, list(baselines.values()))
-    # Below the axis' own label, the table's heading and its lines.
-    write_notes(axis, notes, drop=40 + _LINE_POINTS * (len(entries) + 1))
+    write_notes(axis, notes, _write_parts(axis, entries, list(baselines.values())))
 
 
 def _best_of_all(points: pd.DataFrame) -> pd.Series | None:
@@ -93,7 +90,7 @@ def _best_of_all(points: pd.DataFrame) -> pd.Series | None:
     best = best_rows(points)
     if len(best) == 0:
         return None
-    return best.iloc[int(np.argmax(best["speedup_vs_packets"].to_numpy(np.float64)))]
+    return best.iloc[int(np.argmax(choosing(best, OVER_PACKETS)))]
 
 
 def _draw_lines(axis: Axes, entries: list[tuple[str, str, dict[str, Any], Cost]], baselines: list[Cost]) -> None:
@@ -119,10 +116,12 @@ def _draw_lines(axis: Axes, entries: list[tuple[str, str, dict[str, Any], Cost]]
             [even], [time_s], "o", color=color, markerfacecolor="white", markersize=8, markeredgewidth=1.8, zorder=5,
             label="_ring",
         )  # fmt: skip
+        late = even**2 > LAST_FRAME
         # Break-evens lie close together: each number has its own height.
         axis.annotate(
-            f"frame {even:,}", (even, 0.03 + 0.055 * place), xycoords=("data", "axes fraction"), xytext=(3, 0),
-            textcoords="offset points", fontsize=8.5, fontweight="bold", color=color, zorder=6,
+            f"frame {even:,}", (even, 0.03 + 0.055 * place), xycoords=("data", "axes fraction"),
+            xytext=(-3 if late else 3, 0), textcoords="offset points", ha="right" if late else "left", fontsize=SMALL,
+            fontweight="bold", color=color, zorder=6,
         )  # fmt: skip
     axis.set_xlim(0.9, LAST_FRAME * 1.05)
     for one in (axis.xaxis, axis.yaxis):
@@ -135,16 +134,14 @@ def _draw_lines(axis: Axes, entries: list[tuple[str, str, dict[str, Any], Cost]]
         say_nothing_measured(axis)
 
 
-def _write_parts(axis: Axes, entries: list[tuple[str, str, dict[str, Any], Cost]], baselines: list[Cost]) -> None:
+def _write_parts(axis: Axes, entries: list[tuple[str, str, dict[str, Any], Cost]], baselines: list[Cost]) -> int:
     """The parts of every cost below the panel: times in ms, bytes over those of the usual packets, the break-even."""
-    if not entries:
-        return
-    lines = [(BLACK, ["times in ms", *list(_COLUMNS)[1:]])]
+    lines = []
     for _, name, style, cost in entries:
         times = (cost.plan_time_s, cost.build_time_s, cost.first_frame_time_s, cost.frame_time_s)
-        cells = [name, *(_ms(time_s) for time_s in times), _say_bytes(cost, baselines), _say_even(cost, baselines)]
-        lines.append((style["color"], cells))
-    write_table(axis, lines, list(_COLUMNS.values()), _LINE_POINTS, 8)
+        cells = [*(_ms(time_s) for time_s in times), _say_bytes(cost, baselines), _say_even(cost, baselines)]
+        lines.append((style["color"], name, cells))
+    return write_table(axis, _HEADINGS, lines)
 
 
 def _say_bytes(cost: Cost, baselines: list[Cost]) -> str:

@@ -44,12 +44,12 @@ def _peers(table: pd.DataFrame) -> pd.DataFrame:
 
 FIGURES = (
     FigureKind(
-        "figure4", "Figure 4: time per frame over the splits of both axes, culling on",
+        "figure4", "Figure 4: speed-up over the splits of both axes, culling on",
         lambda table: _over(table, "split_x", "split_y"),
         of_table(draw_grid_figure), per_packet_width=True,
     ),
     FigureKind(
-        "figure5", "Figure 5: time per frame over horizontal splits, culling off and on",
+        "figure5", "Figure 5: speed-up over horizontal splits, culling off and on",
         lambda table: _over(table, "split_x"), of_table(draw_split_figure), per_packet_width=True,
     ),
     FigureKind(
@@ -57,7 +57,7 @@ FIGURES = (
         of_table(partial(draw_split_figure, axis_name="split_y")), per_packet_width=True,
     ),
     FigureKind(
-        "methods", "Time per frame of every method at its fastest split", partial(_over_all, name="method"),
+        "methods", "Speed-up over packets of every method at its best split", partial(_over_all, name="method"),
         of_table(draw_methods_figure),
     ),
     FigureKind(

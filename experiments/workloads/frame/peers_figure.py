@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from math import isfinite
-from textwrap import fill
 
 import numpy as np
 import pandas as pd
@@ -11,28 +10,27 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from experiments.drawing.bars import Bar, draw_bars, finish_bar_axes
-from experiments.drawing.pages import write_foot
+from experiments.drawing.bars import Bar, draw_bars, finish_bar_axes, panel_height
+from experiments.drawing.pages import write_foot, write_notes
 from experiments.drawing.values import numbers, say_number
 from experiments.methods.naming import best_of, say_series, say_split
-from experiments.workloads.frame.break_even import best_rows, time_rows
+from experiments.workloads.frame.break_even import time_rows
 from experiments.workloads.panels import draw_panels, make_panels
-from experiments.workloads.series import say_ratio, say_unmeasured, series_of, style_of
+from experiments.workloads.ratios import best_rows
+from experiments.workloads.series import say_ratio, say_unmeasured, say_wrong, series_of, style_of
 
 
-def draw_peers_figure(table: pd.DataFrame) -> Figure:
+def draw_peers_figure(table: pd.DataFrame, columns: int = 2) -> Figure:
     """One panel a scene (and a value of any other setting that varies); Mray/s from zero.
 
-    A bar is a method or a peer, ours at the split with the largest ratio to packets; its whisker reaches from quartile
-    to quartile over rounds. What was not measured is listed below all panels with its reason.
+    A bar is a method or a peer, ours at the best split; its whisker is the interval. What was not measured is listed
+    below all panels with its reason.
     """
     rows = time_rows(table)
     panels = [panel for panel in make_panels(rows, (*best_of(), "packet_width")) if len(best_rows(panel.rows))]
     tallest = max((len(_make_bars(panel.rows)) for panel in panels), default=0)
-    figure, _ = draw_panels(panels, _draw_panel, height=max(2.6, 1.2 + 0.36 * tallest))
-    figure.suptitle("", fontsize=12)
-    mark = "beside a bar: packets / this, [95 % interval of the median]"
-    write_foot(figure, rows, mark, *_say_missing(rows, 150 if figure.get_figwidth() > 8 else 95))
+    figure, _ = draw_panels(panels, _draw_panel, columns, panel_height(tallest))
+    write_foot(figure, rows, "right of a label: the rate, packets / this and its interval", *_say_missing(rows))
     return figure
 
 
@@ -47,6 +45,8 @@ def _draw_panel(axis: Axes, rows: pd.DataFrame) -> None:
     bars = _make_bars(rows)
     draw_bars(axis, bars)
     finish_bar_axes(axis, bars, "million rays a second")
+    write_notes(axis, [line for method, width, points in series_of(rows)
+                       for line in say_wrong(best_rows(points), say_series(method, width))])  # fmt: skip
 
 
 def _make_bars(rows: pd.DataFrame) -> list[Bar]:
@@ -61,12 +61,12 @@ def _make_bars(rows: pd.DataFrame) -> list[Bar]:
             float(rays_per_s(best, name)[0]) for name in ("render_time_s", "render_time_high_s", "render_time_low_s")
         )
         label = ", ".join(filter(None, [say_series(method, width), say_split(row)]))
-        text = f"{say_number(value)},  {say_ratio(row)}"
+        text = f"{say_number(value)}, {say_ratio(row)}"
         bars.append(Bar(label, value, low, high, style_of(method, width)["color"], text, faint=width == 1))
     return sorted(bars, key=lambda bar: bar.value if isfinite(bar.value) else 0.0, reverse=True)
 
 
-def _say_missing(rows: pd.DataFrame, width: int) -> list[str]:
+def _say_missing(rows: pd.DataFrame) -> list[str]:
     """Lines on what was not measured; a reason that holds for every scene is said once, without their names."""
     scenes: dict[str, list[str]] = {}
     for scene in rows["scene"].unique():
@@ -74,5 +74,4 @@ def _say_missing(rows: pd.DataFrame, width: int) -> list[str]:
             for line in say_unmeasured(points, say_series(method, packet_width), whole=True):
                 scenes.setdefault(line, []).append(str(scene))
     every = rows["scene"].nunique()
-    lines = [line if len(names) == every else f"{line} ({', '.join(names)})" for line, names in scenes.items()]
-    return [fill(line, width) for line in lines]
+    return [line if len(names) == every else f"{line} ({', '.join(names)})" for line, names in scenes.items()]

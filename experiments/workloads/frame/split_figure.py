@@ -1,67 +1,78 @@
-"""Figure 5 of the paper: render time over the splits of one axis, culling off and on, against both baselines."""
+"""Figure 5 of the paper: speed-up over the splits of one axis, culling off and on, against both baselines."""
 
 from __future__ import annotations
 
 from functools import partial
 
-import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from experiments.drawing.axes import draw_baseline, draw_series, finish_split_axes
+from experiments.drawing.axes import draw_series, finish_split_axes
 from experiments.drawing.missing import Missing, mark_missing, without_value
-from experiments.drawing.pages import add_legend, write_foot
-from experiments.drawing.values import MILLISECONDS, TIMES, drawable, intervals_ms, numbers
-from experiments.methods.aligned_forms import COPIED_OFF, FORM_OPTIONS, FORM_STYLES, aligned_forms, aligned_rows
+from experiments.drawing.pages import add_legend, write_foot, write_lines
+from experiments.drawing.style import DASH_DOTTED, GREY, SMALL
+from experiments.drawing.values import MILLISECONDS, TIMES, numbers, say_number
+from experiments.methods.aligned_forms import (
+    COPIED_OFF,
+    FORM_OPTIONS,
+    FORM_STYLES,
+    aligned_forms,
+    aligned_rows,
+)
 from experiments.workloads.baselines import TIME_BASELINES
 from experiments.workloads.panels import draw_panels, make_panels
+from experiments.workloads.ratios import best_rows, draw_ratio_baselines, own_ratio, say_baseline
+
+ALL_HITS = f"1 {TIMES} 1, culling off: all hits"
+"""The paper's other possible baseline: the method with nothing to align."""
+
+RATIO_LABELS = (*FORM_STYLES, *TIME_BASELINES, ALL_HITS)
+"""In the order of the legends."""
 
 
-def draw_split_figure(table: pd.DataFrame, axis_name: str = "split_x") -> Figure:
-    """One panel a scene (and a value of any other setting that varies); milliseconds over splits, both logarithmic.
+def draw_split_figure(table: pd.DataFrame, columns: int = 2, axis_name: str = "split_x") -> Figure:
+    """One panel a scene (and a value of any other setting that varies); speed-up over splits, both logarithmic.
 
     axis_name: the column on the abscissa, `split_x` (horizontal splits, the paper's figure 5) or `split_y` (vertical).
-    Points are medians with bars from the lower to the upper quartile over rounds. A baseline is measured again with
-    every point: its line is the median over all of them, its band reaches from lower to upper quartile.
+    Points are ratios within rounds, single rays over rtcIntersect1 and packets over packets, with bars over their
+    intervals. A line at another height is another baseline, which makes the distance to it the gain over that one.
     """
     panels = make_panels(aligned_rows(table), (axis_name, *FORM_OPTIONS))
-    figure, axes = draw_panels(panels, partial(draw_times, axis_name=axis_name))
-    add_legend(figure, axes, [*FORM_STYLES, *TIME_BASELINES])
-    write_foot(figure, table, mark="in bold: speed-up over rtcIntersect1 at the shortest time")
+    figure, axes = draw_panels(panels, partial(draw_ratios, axis_name=axis_name), columns)
+    add_legend(figure, axes, RATIO_LABELS)
+    write_foot(figure, table, "in bold, and in words below: the best split")
     return figure
 
 
-def draw_times(axis: Axes, rows: pd.DataFrame, axis_name: str, mark_best: bool = True) -> None:
-    """Frame times of one panel's aligned rows, each form of the geometry a line, with both baselines.
-
-    mark_best: write the speed-up at the shortest time of each line.
-    """
+def draw_ratios(axis: Axes, rows: pd.DataFrame, axis_name: str) -> None:
+    """Ratios of one panel's aligned rows, each form of the geometry a line, with the baselines."""
     missing: list[Missing] = []
+    ratio, lines = own_ratio(rows), []
+    gathering = rows[rows["split_x"].eq(1) & rows["split_y"].eq(1) & ~rows["culling"].fillna(True)]
+    all_hits = numbers(aligned_forms(gathering).get(COPIED_OFF, rows[:0]), ratio)
     for form, points in aligned_forms(rows).items():
-        style = FORM_STYLES[form]
-        time_ms, *quartiles = intervals_ms(points, "render_time")
-        draw_series(axis, numbers(points, axis_name), time_ms, style, quartiles, form)
-        if mark_best:
-            _mark_best(axis, points, time_ms, axis_name, form)
-        missing += without_value(points, time_ms, axis_name, form.removeprefix("aligned, "), style["color"])
-    for label, (name, style) in TIME_BASELINES.items():
-        draw_baseline(axis, numbers(rows, name) * MILLISECONDS, style, label)
-    mark_missing(axis, missing)
-    finish_split_axes(axis, rows[axis_name], axis_name, "time per frame in ms")
+        style, short = FORM_STYLES[form], form.removeprefix("aligned, ")
+        value, *interval = (numbers(points, f"{ratio}{end}") for end in ("", "_low", "_high"))
+        draw_series(axis, numbers(points, axis_name), value, style, interval, form)
+        missing += without_value(points, value, axis_name, short, style["color"])
+        for _, best in best_rows(points).iterrows():
+            _mark(axis, best[axis_name], best[ratio], style["color"], above=form == COPIED_OFF)
+            over = "".join(f"; over all hits {best[ratio] / start:.2f}{TIMES}" for start in all_hits)
+            time_ms = say_number(best["render_time_s"] * MILLISECONDS)
+            lines.append(
+                (style["color"], [f"{short}: {best[axis_name]} best, {time_ms} ms, {best[ratio]:.2f}{TIMES}{over}"])
+            )
+    draw_ratio_baselines(axis, rows, ratio)
+    for start in all_hits:
+        axis.axhline(start, color=GREY, linestyle=DASH_DOTTED, linewidth=1.5, zorder=2, label=ALL_HITS)
+    mark_missing(axis, missing, write_lines(axis, lines))
+    finish_split_axes(axis, rows[axis_name], axis_name, f"speed-up over {say_baseline(ratio)}")
 
 
-def _mark_best(axis: Axes, points: pd.DataFrame, time_ms: np.ndarray, axis_name: str, form: str) -> None:
-    if not drawable(time_ms).any():
-        return
-    best = int(np.nanargmin(np.where(drawable(time_ms), time_ms, np.nan)))
-    speedup = numbers(points, "speedup")[best]
-    if not np.isfinite(speedup):
-        return
+def _mark(axis: Axes, split: int, value: float, color: str, above: bool) -> None:
     axis.annotate(
-        f"{speedup:.2f}{TIMES}",
-        (numbers(points, axis_name)[best], time_ms[best]),
-        xytext=(0, 8 if form == COPIED_OFF else -13), textcoords="offset points", ha="center", fontsize=8.5,
-        color=FORM_STYLES[form]["color"], fontweight="bold",
-        bbox={"boxstyle": "round,pad=0.1", "facecolor": "white", "edgecolor": "none", "alpha": 0.75}, zorder=4,
+        f"{value:.2f}{TIMES}", (split, value), xytext=(0, 8 if above else -13), textcoords="offset points",
+        ha="center", color=color, fontweight="bold", fontsize=SMALL, zorder=4,
+        bbox={"boxstyle": "round,pad=0.1", "facecolor": "white", "edgecolor": "none", "alpha": 0.75},
     )  # fmt: skip

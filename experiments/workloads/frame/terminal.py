@@ -12,13 +12,14 @@ from atra.errors import printable
 from experiments.methods.naming import TIMES, best_of, say_kind, say_split
 from experiments.results.settings import say_setting, settings_that_vary
 from experiments.workloads.frame.best_baseline import baseline_lines
+from experiments.workloads.ratios import best_rows
 from experiments.workloads.resources import say_ms
 
 _LEFT = ("scene", "method")
 
 
 def sweep_lines(rows: pd.DataFrame) -> Iterator[Table]:
-    """The fastest split of each scene, kind of method and packet width, with all that is wrong over the splits. rows:
+    """The best split of each scene, kind of method and packet width, with all that is wrong over the splits. rows:
     those of this workload that were measured."""
     best = Table(title="best split of each scene", title_justify="left")
     for name in (*_LEFT, "packets of", "split", "frame", "vs rtcIntersect1", "vs packets", "pixels wrong"):
@@ -30,7 +31,7 @@ def sweep_lines(rows: pd.DataFrame) -> Iterator[Table]:
         dtype="object",
     )
     for (scene, kind, width), some in rows.groupby(["scene", kinds, "packet_width"], sort=False):
-        row = some.loc[some["render_time_s"].astype(float).idxmin()]
+        row = best_rows(some).iloc[0]
         best.add_row(
             escape(printable(str(scene))),
             escape(printable(kind)),

@@ -13,13 +13,13 @@ from matplotlib.transforms import offset_copy
 from numpy.typing import NDArray
 
 from experiments.drawing.axes import place_counts, say_nothing_measured, tidy_axis
-from experiments.drawing.bars import spread
-from experiments.drawing.pages import add_legend, write_foot, write_notes
+from experiments.drawing.pages import add_legend, write_foot, write_lines, write_notes
 from experiments.drawing.style import BLACK, DOTTED
 from experiments.drawing.values import TIMES, column, drawable, numbers
 from experiments.methods.naming import best_of, say_series, say_split
-from experiments.workloads.frame.break_even import best_rows, time_rows
+from experiments.workloads.frame.break_even import time_rows
 from experiments.workloads.panels import draw_panels, make_panels
+from experiments.workloads.ratios import best_rows
 from experiments.workloads.series import say_unmeasured, series_of, style_of
 
 _IDEAL = "ideal"
@@ -30,7 +30,7 @@ _SAME = ("split_x", "split_y", "culling", "geometry")
 class Scaling:
     """Speed-up of one series over itself on one thread; all arrays (N,), threads ascending from 1.
 
-    low and high: the bounds that the quartiles of both times allow. split: the one that was followed, in words.
+    low and high: the bounds that the intervals of both times allow. split: the one that was followed, in words.
     """
 
     threads: NDArray[np.int64]
@@ -40,18 +40,18 @@ class Scaling:
     split: str
 
 
-def draw_threads_figure(table: pd.DataFrame) -> Figure:
+def draw_threads_figure(table: pd.DataFrame, columns: int = 2) -> Figure:
     """One panel a scene (and a value of any other setting that varies); both axes logarithmic.
 
-    Every series follows the split that was best on one thread. A bar reaches from the lower quartile of the time on one
-    thread over the upper quartile on n, to the upper over the lower: the two were not measured in the same rounds.
+    Every series follows the split that was best on one thread. A bar reaches from the lower end of the time's
+    interval on one thread over the upper end on n, to the upper over the lower: no round has both.
     """
     rows = time_rows(table)
     panels = make_panels(rows, (*best_of(), "packet_width", "threads"))
     drawn: dict[str, None] = {}
-    figure, axes = draw_panels(panels, lambda axis, of_panel: drawn.update(_draw_panel(axis, of_panel)))
+    figure, axes = draw_panels(panels, lambda axis, of_panel: drawn.update(_draw_panel(axis, of_panel)), columns, 4.6)
     add_legend(figure, axes, [*drawn, _IDEAL])
-    write_foot(figure, rows, "bars: quartiles of both times combined")
+    write_foot(figure, rows, "bars here: the intervals of both times combined; below a panel: at the most threads")
     return figure
 
 
@@ -66,9 +66,9 @@ def scaling_of(rows: pd.DataFrame) -> Scaling | None:
         same = values.isna() if pd.isna(value) else values.eq(value).fillna(False)
         chosen = chosen[same.astype(bool)]
     chosen = chosen[chosen["threads"].notna()].sort_values("threads", kind="stable").drop_duplicates("threads")
-    time_s, q1_s, q3_s = (numbers(chosen, f"render_time{end}_s") for end in ("", "_low", "_high"))
+    time_s, low_s, high_s = (numbers(chosen, f"render_time{end}_s") for end in ("", "_low", "_high"))
     # One thread over itself is 1 whatever its spread.
-    low, high = q1_s[0] / q3_s, q3_s[0] / q1_s
+    low, high = low_s[0] / high_s, high_s[0] / low_s
     low[0] = high[0] = 1.0
     return Scaling(chosen["threads"].to_numpy(np.int64), time_s[0] / time_s, low, high, say_split(one.iloc[0]))
 
@@ -99,8 +99,11 @@ def _draw_panel(axis: Axes, rows: pd.DataFrame) -> dict[str, None]:
             **style | {"linestyle": "none"},
         )  # fmt: skip
     _finish(axis, [scaling for _, _, scaling in drawn])
-    _write_last(axis, drawn)
-    write_notes(axis, notes)
+    lines = [
+        (style["color"], [", ".join(filter(None, [name, scaling.split])) + f": {_say_last(scaling)}"])
+        for name, style, scaling in drawn
+    ]
+    write_notes(axis, notes, write_lines(axis, lines))
     return dict.fromkeys(name for name, _, _ in drawn)
 
 
@@ -125,16 +128,7 @@ def _finish(axis: Axes, series: list[Scaling]) -> None:
         say_nothing_measured(axis)
 
 
-def _write_last(axis: Axes, drawn: list[tuple[str, dict, Scaling]]) -> None:
-    """The value at each line's end in words, to the right of the panel."""
-    low, high = np.log2(axis.get_ylim())
-    heights = np.array([(np.log2(scaling.speedup[-1]) - low) / (high - low) for _, _, scaling in drawn])
-    places = spread(heights, 0.06)
-    # The title stands above the panel.
-    places -= max(0.0, float(places.max(initial=0)) - 1)
-    for height, (_, style, scaling) in zip(places, drawn, strict=True):
-        bounds = f" [{scaling.low[-1]:.2f}, {scaling.high[-1]:.2f}]" if np.isfinite(scaling.low[-1]) else ""
-        axis.annotate(
-            f"{scaling.speedup[-1]:.2f}{TIMES}{bounds}" + (f"  {scaling.split}" if scaling.split else ""),
-            (1.01, height), xycoords="axes fraction", va="center", fontsize=8, color=style["color"],
-        )  # fmt: skip
+def _say_last(scaling: Scaling) -> str:
+    """The value at a line's end in words."""
+    bounds = f" [{scaling.low[-1]:.2f}, {scaling.high[-1]:.2f}]" if np.isfinite(scaling.low[-1]) else ""
+    return f"{scaling.speedup[-1]:.2f}{TIMES}{bounds}"

@@ -27,32 +27,34 @@ from experiments.workloads.panels import draw_panels, make_panels
 
 # Label -> the column, and whether the process's size with only the mesh loaded is taken off it.
 _SERIES: dict[str, tuple[str, bool, dict[str, Any]]] = {
+    "Embree's own account": ("embree_bytes", False, {"color": BLUE, "marker": "o"}),
+    "RSS over the mesh, after the build": ("rss_bytes", True, {"color": GREEN, "marker": "D"}),
     "peak of RSS over the mesh": ("peak_rss_bytes", True, {"color": ORANGE, "marker": "v"}),
-    "RSS over the mesh, after the build": ("rss_bytes", True, {"color": BLUE, "marker": "o"}),
-    "Embree's own account": ("embree_bytes", False, {"color": GREEN, "marker": "D"}),
 }
+PAGE_NOISE_MIB = 1.0
+"""Growth of RSS below which it says nothing: builds of 0.1 MiB made it grow by 0.01 to 0.57 MiB."""
 _BASELINE = "one ray per pixel (same colours)"
 
 
-def draw_memory_figure(table: pd.DataFrame) -> Figure:
+def draw_memory_figure(table: pd.DataFrame, columns: int = 2) -> Figure:
     """One panel a scene (and a value of any other setting that varies); MiB over splits, both logarithmic.
 
-    Every point is a process of its own. "Over the mesh" is the growth since the mesh was loaded: what the method adds
-    (the peak may have been reached before, while the mesh was read, and is then not the method's). Dashed lines are
-    the same three quantities of the rows of one ray per pixel. Only the copied geometry with culling is drawn.
+    Every point is a process of its own. Embree counts its own bytes; beside them, where it is more than the noise of
+    pages, how much the process has grown since the mesh was loaded (the peak may have been reached while it was read).
+    Dashed lines are the same three quantities of the rows of one ray per pixel. Only copies with culling are drawn.
     """
     panels = make_panels(aligned_rows(table), ("split_x", *FORM_OPTIONS))
     panels = [panel for panel in panels if COPIED_ON in aligned_forms(panel.rows)]
-    figure, axes = draw_panels(panels, partial(_draw_panel, table))
+    figure, axes = draw_panels(panels, partial(_draw_panel, table), columns)
     # A line without data stands in the legend for the dashed lines of all colours.
     for axis in axes[:1]:
         axis.plot([], [], color=BLACK, linestyle=DASHED, label=_BASELINE)
     add_legend(figure, axes, [*_SERIES, _BASELINE])
-    write_foot(figure, table, mark="each point in a process of its own")
+    write_foot(figure, table, f"each point is one process; RSS is drawn from {PAGE_NOISE_MIB:.0f} MiB on")
     return figure
 
 
-def memory_mib(rows: pd.DataFrame, name: str, over_mesh: bool) -> NDArray[np.float64]:
+def memory_mib(rows: pd.DataFrame, name: str, over_mesh: bool = False) -> NDArray[np.float64]:
     """(N,) float64 MiB of a column in bytes, less `rss_mesh_bytes` if `over_mesh`; NaN where missing."""
     value_bytes = numbers(rows, name)
     return (value_bytes - numbers(rows, "rss_mesh_bytes") if over_mesh else value_bytes) * MEBIBYTES
@@ -76,10 +78,12 @@ def _draw_panel(table: pd.DataFrame, axis: Axes, rows: pd.DataFrame) -> None:
     points, baseline = aligned_forms(rows)[COPIED_ON], baseline_rows(table, rows)
     missing: list[Missing] = missing_points(points, "split_x", "culling on", BLUE)
     for label, (name, over_mesh, style) in _SERIES.items():
-        value_mib = memory_mib(points, name, over_mesh)
-        draw_series(axis, numbers(points, "split_x"), value_mib, style, label=label)
-        missing += undrawable_points(points, value_mib, "split_x", label, style["color"])
-        draw_baseline(axis, memory_mib(baseline, name, over_mesh), {"color": style["color"], "linestyle": DASHED})
+        value_mib, baseline_mib = (memory_mib(some, name, over_mesh) for some in (points, baseline))
+        shown = value_mib >= PAGE_NOISE_MIB if over_mesh else np.full(len(points), True)
+        draw_series(axis, numbers(points[shown], "split_x"), value_mib[shown], style, label=label)
+        missing += undrawable_points(points[shown], value_mib[shown], "split_x", label, style["color"])
+        baseline_mib = baseline_mib[baseline_mib >= PAGE_NOISE_MIB] if over_mesh else baseline_mib
+        draw_baseline(axis, baseline_mib, {"color": style["color"], "linestyle": DASHED})
     mark_missing(axis, missing)
     finish_split_axes(axis, points["split_x"], "split_x", "memory in MiB")
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from experiments.drawing.style import BLUE, GREEN, ORANGE, VERMILLION
 from experiments.drawing.values import TIMES, drawable, numbers
+from experiments.workloads.ratios import OVER_PACKETS, choosing
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,10 +55,7 @@ def best_row(rows: pd.DataFrame, way: Way) -> pd.Series | None:
     measured = rows[(rows["status"].eq("ok").to_numpy(bool)) & drawable(way.times_s(rows))]
     if len(measured) == 0:
         return None
-    if way is TOGETHER:
-        ratios = numbers(measured, "speedup_vs_packets")
-    else:
-        ratios = PACKETS.times_s(measured) / way.times_s(measured)
+    ratios = choosing(measured, OVER_PACKETS) if way is TOGETHER else PACKETS.times_s(measured) / way.times_s(measured)
     return measured.iloc[int(np.argmax(ratios))]
 
 

@@ -8,10 +8,10 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from experiments.drawing.axes import say_nothing_measured
-from experiments.drawing.bars import Bar, draw_bars, draw_upright_lines, finish_bar_axes
+from experiments.drawing.axes import draw_baseline, say_nothing_measured
+from experiments.drawing.bars import Bar, draw_bars, finish_bar_axes, panel_height
 from experiments.drawing.pages import add_legend, write_foot, write_notes
-from experiments.drawing.values import MILLISECONDS, say_number
+from experiments.drawing.values import MILLISECONDS, numbers, say_number
 from experiments.methods.naming import best_of, say_split
 from experiments.workloads.baselines import TIME_BASELINES
 from experiments.workloads.multiframe.frame_parts import (
@@ -23,27 +23,26 @@ from experiments.workloads.multiframe.frame_parts import (
     say_speedup,
 )
 from experiments.workloads.panels import draw_panels, make_panels
-from experiments.workloads.series import say_ratio, say_unmeasured
+from experiments.workloads.series import say_ratio, say_unmeasured, say_wrong
 
 _LABELS = {
-    TOGETHER: "both together", SEPARATE_FRAMES: "aligned\neye by eye", VISIBLE_FRAMES: "visible-first\neye by eye",
+    TOGETHER: "both together", SEPARATE_FRAMES: "aligned, each eye", VISIBLE_FRAMES: "visible-first, each eye",
 }  # fmt: skip
 
 
-def draw_stereo_figure(table: pd.DataFrame) -> Figure:
+def draw_stereo_figure(table: pd.DataFrame, columns: int = 2) -> Figure:
     """One panel a scene (and a value of any other setting that varies).
 
-    A bar is the time of both images in milliseconds at the way's best split, its whisker reaches from the lower to the
-    upper quartile over rounds. Single rays and packets per pixel, eye by eye, are the two lines: the median over all
-    points, with a band from lower to upper quartile.
+    A bar is the time of both images in milliseconds at the way's best split, its whisker the interval. Single rays and
+    packets per pixel, eye by eye, are the two lines: the median of the points, with a band from quartile to quartile.
     """
     panels = make_panels(table, (*best_of(), "motion", "frames"))
-    figure, axes = draw_panels(panels, _draw_panel, height=3.0)
+    figure, axes = draw_panels(panels, _draw_panel, columns, panel_height(len(_LABELS)))
     add_legend(figure, axes, list(TIME_BASELINES))
     write_foot(
         figure, table,
-        "beside a bar: packets / both together, below it eye by eye / both together at that split, "
-        "[95 % interval of the median]; without plan and build",
+        "right of a label: the time, and over both together at that split: packets (first bar), each eye (the others); "
+        "without plan and build",
     )  # fmt: skip
     return figure
 
@@ -51,11 +50,14 @@ def draw_stereo_figure(table: pd.DataFrame) -> Figure:
 def _draw_panel(axis: Axes, rows: pd.DataFrame) -> None:
     bars = [_make_bar(rows, way, label) for way, label in _LABELS.items()]
     draw_bars(axis, bars)
-    furthest = draw_upright_lines(axis, rows, TIME_BASELINES, MILLISECONDS)
+    furthest = max(
+        draw_baseline(axis, numbers(rows, name) * MILLISECONDS, style, label, upright=True)
+        for label, (name, style) in TIME_BASELINES.items()
+    )
     finish_bar_axes(axis, bars, "time of both images in ms", furthest)
     if all(bar.value != bar.value for bar in bars):
         say_nothing_measured(axis)
-    write_notes(axis, say_unmeasured(rows, TOGETHER.label))
+    write_notes(axis, [*say_wrong(rows, ""), *say_unmeasured(rows, TOGETHER.label)])
 
 
 def _make_bar(rows: pd.DataFrame, way: Way, label: str) -> Bar:
@@ -65,4 +67,4 @@ def _make_bar(rows: pd.DataFrame, way: Way, label: str) -> Bar:
     value, low, high = (float(row[f"{way.time}{end}_s"]) * MILLISECONDS for end in ("", "_low", "_high"))
     ratio = say_ratio(row) if way is TOGETHER else say_speedup(row, way)
     name = ", ".join(filter(None, [label, say_split(row)]))
-    return Bar(name, value, low, high, way.style["color"], f"{say_number(value)} ms,  {ratio}")
+    return Bar(name, value, low, high, way.style["color"], f"{say_number(value)} ms, {ratio}")

@@ -10,6 +10,7 @@ from rich.table import Table
 
 from experiments.methods.naming import TIMES, best_of, say_split
 from experiments.results.settings import say_setting, settings_that_vary
+from experiments.workloads.ratios import best_rows
 from experiments.workloads.resources import say_ms
 
 _LEFT = ("scene", "motion")
@@ -34,7 +35,7 @@ def sweep_lines(rows: pd.DataFrame) -> Iterator[Table]:
         dtype="object",
     )
     for (scene, motion, frames), some in rows.groupby(["scene", motions, "frames"], sort=False):
-        row = some.loc[some["speedup_vs_packets"].astype(float).idxmax()]
+        row = best_rows(some).iloc[0]
         best.add_row(
             escape(str(scene)),
             motion,

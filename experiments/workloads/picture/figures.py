@@ -98,7 +98,7 @@ FIGURES = (
         "figure3",
         "Figure 3: the scenes, shaded from aligned hits and from single rays per pixel, and their difference",
         lambda table: workload_rows(table, PICTURE.name),
-        lambda rows, records: draw_scenes_figure(read_pictures(rows, records)),
+        lambda rows, records, columns: draw_scenes_figure(read_pictures(rows, records)),
         in_page=False,
     ),
 )

@@ -13,7 +13,7 @@ from matplotlib.ticker import FuncFormatter, NullFormatter
 from experiments.drawing.axes import tidy_axis
 from experiments.drawing.figure import FigureKind, of_table
 from experiments.drawing.pages import add_legend, write_foot
-from experiments.drawing.style import BLACK, BLUE, DOTTED, GREEN, GREY
+from experiments.drawing.style import BLACK, BLUE, DOTTED, GREEN, GREY, SMALL
 from experiments.drawing.values import numbers
 from experiments.results.settings import settings
 from experiments.results.table import workload_rows
@@ -30,7 +30,7 @@ TARGET = 1.05
 TARGET_LABEL = f"target: {TARGET}"
 
 
-def draw_planner_figure(table: pd.DataFrame) -> Figure:
+def draw_planner_figure(table: pd.DataFrame, columns: int = 2) -> Figure:
     """One panel a scene, one line a view and image size; a logarithmic axis from 1, the best of all candidates.
 
     Regret is the time of plan, build and 64 frames of what was chosen, over that of the best candidate in the same
@@ -39,7 +39,7 @@ def draw_planner_figure(table: pd.DataFrame) -> Figure:
     rows = table[table["status"] == "ok"]
     panels = make_panels(rows, settings())
     largest = max([1.3, *(value for name, _ in SERIES.values() for value in numbers(rows, name) if value > 0)])
-    figure, axes = draw_panels(panels, partial(_draw_panel, largest), height=3.0)
+    figure, axes = draw_panels(panels, partial(_draw_panel, largest), columns, height=3.0)
     add_legend(figure, axes, [*SERIES, TARGET_LABEL])
     write_foot(figure, rows, "plan, build and 64 frames of the choice / those of the best candidate, same rounds")
     return figure
@@ -58,8 +58,8 @@ def _draw_panel(largest: float, axis: Axes, rows: pd.DataFrame) -> None:
     axis.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axis.xaxis.set_minor_formatter(NullFormatter())
     axis.minorticks_off()
-    axis.tick_params(axis="x", labelsize=8)
-    axis.set_yticks(list(places), names, fontsize=8)
+    axis.tick_params(axis="x", labelsize=SMALL)
+    axis.set_yticks(list(places), names, fontsize=SMALL)
     axis.set_ylim(len(rows) - 0.5, -0.5)
     axis.set_xlabel("regret", color=GREY)
     tidy_axis(axis, "y")
