@@ -44,7 +44,7 @@ def run(folder: Path, *arguments: str, scenes: str | None = None, **variables: s
         (["nonsense=1"], "unknown field 'nonsense', expected one of scene, sweep"),
         (["sweep=horizontal", "+nonsense=1"], "unknown field 'nonsense', expected one of scene, sweep"),
         (["scene.nonsense=1"], "unknown field 'nonsense' of scene, expected one of name, source, path"),
-        (["method=nope"], "unknown method 'nope', expected one of aligned, embreex, mitsuba3, open3d, pixel, tiles"),
+        (["method=nope"], "unknown method 'nope', expected one of aligned, embreex, mitsuba3, open3d, pixel, raster"),
         (["workload=nope"], "unknown workload 'nope', expected one of agreement, build, frame, memory, multiframe"),
         (["method=pixel", "method.split_x=4"], "unknown field 'split_x' of method=pixel, expected packet_width"),
         (["sweep=horizontal", "method=pixel"], "unknown field 'split_x' of method=pixel, expected packet_width"),

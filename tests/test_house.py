@@ -64,7 +64,8 @@ def make_toy(mesh: Any, view: Any, options: ToyOptions, tracing: Tracing) -> Toy
 
 
 TOY = Method(
-    "toy", "the toy", Style("#123456", "x"), ToyOptions, make_toy, counters=(Column("waited", WHOLE, "how often"),)
+    "toy", "the toy", Style("#123456", "x"), ToyOptions, make_toy, counters=(Column("waited", WHOLE, "how often"),),
+    is_ours=False,
 )  # fmt: skip
 
 

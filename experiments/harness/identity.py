@@ -110,6 +110,6 @@ def measure(planned: PlannedPoint, run: Runner = run_worker) -> Record:
 
 def _packets(point: Point) -> dict[str, int]:
     """The width of its packets, which a point that comes to nothing does not tell; a peer chooses its own."""
-    if not find_method(point.method).is_ours:
+    if not find_method(point.method).has_packets:
         return {}
     return {"packet_width": resolve_packet_width(point.options.packet_width)}

@@ -79,7 +79,7 @@ class Method:
     variant: a row's options -> what distinguishes it but split and packets, in words, or "". words: width of the
     packets -> the name of such a series, where it is not "<label>, packets of <width>". counters: columns of its own,
     read from its tracer's `counters`. problem: why it cannot run here, None = it can. version: of a foreign package,
-    part of a record's identity.
+    part of a record's identity. is_ours: a method of atra, no other people's tracer.
     """
 
     name: str
@@ -93,6 +93,7 @@ class Method:
     counters: tuple[Column, ...] = ()
     problem: Callable[[], str | None] = always_available
     version: Callable[[], str | None] = always_available
+    is_ours: bool = True
 
     def has(self, name: str) -> bool:
         """Whether its options have a field of this name."""
@@ -104,6 +105,6 @@ class Method:
         return self.has("split_x")
 
     @property
-    def is_ours(self) -> bool:
-        """Whether its packets are ours to choose; another's tracer chooses its own."""
+    def has_packets(self) -> bool:
+        """Whether the width of its packets is ours to choose; other people's tracers choose theirs."""
         return self.has("packet_width")

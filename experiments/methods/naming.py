@@ -21,7 +21,7 @@ def say_series(name: str, packet_width: int | None) -> str:
     method = find_method(name)
     if method.words is not None:
         return method.words(packet_width)
-    if not method.is_ours or packet_width is None:
+    if not method.has_packets or packet_width is None:
         return method.label
     return f"{method.label}, single rays" if packet_width == 1 else f"{method.label}, packets of {packet_width}"
 

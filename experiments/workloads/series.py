@@ -25,7 +25,7 @@ def series_of(rows: pd.DataFrame) -> Iterator[tuple[str, int | None, pd.DataFram
         if len(of_method) == 0:
             continue
         widths = sorted((int(width) for width in column(of_method, "packet_width").dropna().unique()), reverse=True)
-        if not method.is_ours or len(widths) <= 1:
+        if not method.has_packets or len(widths) <= 1:
             yield method.name, widths[0] if widths else None, of_method
             continue
         for width in widths:

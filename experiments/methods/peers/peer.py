@@ -154,5 +154,12 @@ def peer_method(
         return tracer(mesh, view, tracing.threads)
 
     return Method(
-        name, label, Style(PURPLE, "P"), NoOptions, make, problem=problem, version=lambda: package_version(package)
+        name,
+        label,
+        Style(PURPLE, "P"),
+        NoOptions,
+        make,
+        problem=problem,
+        version=lambda: package_version(package),
+        is_ours=False,
     )
