@@ -17,7 +17,7 @@ import pytest
 from experiments.workloads.rounds import expert_packet_widths
 
 ROOT = Path(__file__).resolve().parents[1]
-TOY = ["width=64", "height=64", "measure.rounds=3", "measure.warmup=1"]
+TOY = ["width=64", "height=64", "measure.processes=1", "measure.rounds=3", "measure.warmup=1"]
 # In place of the cache of the person who runs the tests, where scenes may have been fetched to.
 NO_SCENES = tempfile.TemporaryDirectory(prefix="atra-tests-")
 TOY_SWEEP = ["sweep=horizontal", "method.split_x=1,2,3", *TOY]
@@ -46,8 +46,8 @@ def run(folder: Path, *arguments: str, scenes: str | None = None, **variables: s
         (["scene.nonsense=1"], "unknown field 'nonsense' of scene, expected one of name, source, path"),
         (["method=nope"], "unknown method 'nope', expected one of aligned, embreex, mitsuba3, open3d, pixel, raster"),
         (["workload=nope"], "unknown workload 'nope', expected one of agreement, build, frame, memory, multiframe"),
-        (["method=pixel", "method.split_x=4"], "unknown field 'split_x' of method=pixel, expected packet_width"),
-        (["sweep=horizontal", "method=pixel"], "unknown field 'split_x' of method=pixel, expected packet_width"),
+        (["method=pixel", "method.split_x=4"], "unknown field 'split_x' of method=pixel, expected one of packet_width"),
+        (["sweep=horizontal", "method=pixel"], "unknown field 'split_x' of method=pixel, expected one of packet_width"),
         (["+method.nope=4"], "unknown field 'nope' of method=aligned, expected one of split_x, split_y, packet_width"),
         (["method=embreex", "method.split_x=4"], "unknown field 'split_x' of method=embreex, which has none"),
         (["workload.frames=4"], "unknown field 'frames' of workload=frame, which has none"),
@@ -105,7 +105,7 @@ def test_a_sweep_leaves_records_table_and_figure_and_goes_on_where_it_stopped(tm
     assert done.returncode == 0, done.stderr
     folder = tmp_path / "results" / "horizontal"
     assert sorted(path.name for path in folder.iterdir()) == [
-        "command.txt", "figure5.png", "figure5.svg", "table.csv", "table.parquet",
+        "command.txt", "figure5.png", "figure5.svg", "processes.parquet", "table.csv", "table.parquet",
     ]  # fmt: skip
     assert [entry.name for entry in tmp_path.iterdir()] == ["results"]
     table = pd.read_csv(folder / "table.csv")
@@ -127,7 +127,7 @@ def test_a_sweep_leaves_records_table_and_figure_and_goes_on_where_it_stopped(tm
     before = [path.read_bytes() for path in kept]
     again = run(tmp_path, *TOY_SWEEP)
     assert again.returncode == 0, again.stderr
-    assert "6 points: 4 finished before, 0 cannot be measured, 2 to do" in again.stderr
+    assert "6 points in 6 processes: 4 finished before, 0 cannot be measured, 2 to do" in again.stderr
     assert [path.read_bytes() for path in kept] == before
     assert "warning: record" in again.stderr
     assert spoilt.with_name(spoilt.name + ".corrupt").exists()

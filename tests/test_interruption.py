@@ -20,7 +20,7 @@ KILLS = int(os.environ.get("ATRA_KILLS", "0"))
 SWEEP = (
     ["sweep=smoke"]
     if KILLS
-    else ["sweep=horizontal", "method.split_x=1,4", "width=32", "height=32", "measure.rounds=3"]
+    else ["sweep=horizontal", "method.split_x=1,4", "width=32", "height=32", "measure.processes=1", "measure.rounds=3"]
 )
 
 

@@ -16,7 +16,13 @@ import pandas as pd
 import psutil
 import pytest
 
-from experiments.harness.configuration import Chosen, Configuration, SceneConfiguration, SweepConfiguration
+from experiments.harness.configuration import (
+    Chosen,
+    Configuration,
+    MeasureConfiguration,
+    SceneConfiguration,
+    SweepConfiguration,
+)
 from experiments.harness.identity import measure
 from experiments.harness.outcome import Outcome
 from experiments.harness.points import plan_points
@@ -33,6 +39,7 @@ TOY = [
     "method.culling=true",
     "width=32",
     "height=32",
+    "measure.processes=1",
     "measure.rounds=3",
     "measure.warmup=1",
 ]
@@ -73,7 +80,7 @@ def test_launched_jobs_measure_every_point_once_and_litter_only_the_results_fold
 
     again = subprocess.run(start, cwd=tmp_path, capture_output=True, text=True, timeout=120)
     assert again.returncode == 0, again.stderr
-    assert "2 points: 2 finished before, 0 cannot be measured, 0 to do" in again.stderr
+    assert "2 points in 2 processes: 2 finished before, 0 cannot be measured, 0 to do" in again.stderr
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows sends no SIGINT to one process")
@@ -136,6 +143,7 @@ def configuration(folder: Path, split_x: int) -> Configuration:
         sweep=SweepConfiguration(name="toy"),
         method=Chosen("aligned", AlignedOptions(split_x)),
         workload=Chosen("frame", NoOptions()),
+        measure=MeasureConfiguration(processes=1),
         width=64,
         height=64,
         results_dir=str(folder),
