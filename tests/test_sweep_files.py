@@ -13,7 +13,14 @@ import pytest
 from atra.embree.library import load_library
 
 ROOT = Path(__file__).resolve().parents[1]
-TOY = ["scene=cornell_box", "width=32", "height=32", "measure.rounds=3", "measure.warmup=1"]
+TOY = [
+    "scene=cornell_box",
+    "width=32",
+    "height=32",
+    "measure.processes=1",
+    "measure.rounds=3",
+    "measure.warmup=1",
+]
 FIGURE5 = [f"figure5_{rays}" for rays in ("single_rays", f"packets_of_{load_library().native_packet_widths[-1]}")]
 # An image of 32 pixels takes no split of 64: such points are skipped.
 SWEEPS = {
@@ -25,15 +32,15 @@ SWEEPS = {
         ["method.split_x=1,4", "method.split_y=1"],
         {"methods", "break_even"},
     ),
-    "baselines": (["method.packet_width=4", "method.packet_rows=null,1", "measure.processes=1"], set()),
-    "reference_rays": (["method.split_x=1,4", "measure.processes=1"], set(FIGURE5)),
+    "baselines": (["method.packet_width=4", "method.packet_rows=null,1"], set()),
+    "reference_rays": (["method.split_x=1,4"], set(FIGURE5)),
     "threads": ([], {"threads"}),
     "peers": ([], {"peers"}),
     "agreement": (
         ["method=aligned", "method.split_x=4", "method.split_y=1", "scene=cornell_box", "scene.fov_y_degrees=45"],
         {"agreement", *(f"disagreements_cornell_box{view}_32x32" for view in ("", "_along_axis", "_rolled"))},
     ),
-    "stereo": (["method.split_x=1,4"], {"stereo"}),
+    "stereo": (["method.split_x=4", "measure.processes=3"], {"stereo"}),
     "multiframe": (["workload.frames=2", "method.split_x=4"], {"multiframe"}),
     "surface": (["method.split_x=4"], set()),
     "planner": (["scene.view=aside,wide"], {"planner"}),
