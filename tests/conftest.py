@@ -10,8 +10,9 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def pytest_collection_modifyitems(items):
-    """The longest file first, so that no worker is left with it at the end."""
-    items.sort(key=lambda item: item.path.name != "test_instruction_sets.py")
+    """The longest files first, so that no worker is left with one at the end."""
+    longest = ("test_instruction_sets.py", "test_sweep_files.py")
+    items.sort(key=lambda item: item.path.name not in longest)
 
 
 def pytest_terminal_summary(terminalreporter):
