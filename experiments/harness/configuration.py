@@ -168,7 +168,7 @@ def read_configuration(composed: DictConfig) -> Configuration:
         name = given.pop("name")
         if type(getattr(configuration, group)).__name__ != f"{group}={name}":
             raise InputError(f"{group}.name cannot be set, choose with {group}={name}")
-        kind = find_named(kinds(), name)
+        kind = find_named(group, kinds(), name)
         setattr(configuration, group, Chosen(kind.name, typed_options(kind.options, given)))
     check_configuration(configuration)
     return configuration

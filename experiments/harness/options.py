@@ -7,8 +7,9 @@ from dataclasses import asdict, fields, make_dataclass
 from dataclasses import field as new_field
 from enum import Enum
 from functools import partial
-from typing import Any, Protocol, get_args, get_type_hints
+from typing import Any, Protocol, TypeVar, get_args, get_type_hints
 
+from atra.errors import InputError
 from experiments.harness.column import default_of
 
 
@@ -20,6 +21,9 @@ class Named(Protocol):
 
     @property
     def options(self) -> type: ...
+
+
+Kind = TypeVar("Kind", bound=Named)
 
 
 def plain_options(options: Any) -> dict[str, Any]:
@@ -70,5 +74,9 @@ def say_unknown_field(kind: type, path: str) -> str:
     return f"unknown field {name!r}{' of ' * bool(owner)}{owner}, {expected}"
 
 
-def find_named(kinds: Iterable[Named], name: str) -> Any:
-    return next(one for one in kinds if one.name == name)
+def find_named(what: str, kinds: Iterable[Kind], name: str) -> Kind:
+    """The one called `name`. what: "method" or "workload". Raises InputError, naming those there are, for others."""
+    known = {one.name: one for one in kinds}
+    if name not in known:
+        raise InputError(f"unknown {what} {name!r}, expected one of {', '.join(known)}")
+    return known[name]

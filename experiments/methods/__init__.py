@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from atra.errors import InputError
+from experiments.harness.options import find_named
 from experiments.methods.aligned import ALIGNED
 from experiments.methods.method import Method
 from experiments.methods.peers.embreex_run import EMBREEX
@@ -30,7 +30,4 @@ METHODS: tuple[Method, ...] = (
 
 def find_method(name: str) -> Method:
     """The method called `name`. Raises InputError, naming those there are, for any other name."""
-    for method in METHODS:
-        if method.name == name:
-            return method
-    raise InputError(f"unknown method {name!r}, expected one of {', '.join(one.name for one in METHODS)}")
+    return find_named("method", METHODS, name)

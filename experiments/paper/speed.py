@@ -149,9 +149,10 @@ def more_splits_faster(scene: SceneRows, reading: Reading) -> Outcome:
     }
     (fewer, more), loss = best(pairs)
     value = f"{gain.value:.2f} at {most:,} splits over none; largest loss {loss.value:.2f}, {more:,} against {fewer:,}"
-    if decide_greater(loss, LARGEST_LOSS):
+    loses = decide_greater(loss, LARGEST_LOSS)
+    if loses:
         return Outcome(False, value, gain, f"{more:,} splits are slower than {fewer:,}, by a factor of {loss}")
-    if decide_greater(loss, LARGEST_LOSS) is None:
+    if loses is None:
         return Outcome(None, value, gain, f"{more:,} splits may be slower than {fewer:,}, by a factor of {loss}")
     return _gain(gain, value, f"{most:,} splits are {gain} times as fast as none")
 

@@ -33,13 +33,12 @@ def strays(records: Sequence[Record]) -> set[str]:
         if value is not None:
             key = json.dumps([record.configuration.get(name) for name in _ALIKE], sort_keys=True)
             alike.setdefault(key, {})[record.point_id] = math.log(value)
-    return {
-        name
-        for group in alike.values()
-        if len(group) >= FEWEST
-        for name, value in group.items()
-        if abs(value - median(group.values())) > math.log1p(BAND)
-    }
+    out: set[str] = set()
+    for group in alike.values():
+        if len(group) >= FEWEST:
+            usual = median(group.values())
+            out.update(name for name, value in group.items() if abs(value - usual) > math.log1p(BAND))
+    return out
 
 
 def canary(record: Record) -> float | None:

@@ -139,7 +139,7 @@ def make_tables(records: Sequence[Record], grids: Mapping[str, Sequence[str]] | 
         kept = [record for record in of_point if record.point_id not in out]
         left_out = {"processes_left_out": len(of_point) - len(kept)}
         points.append(_row(kept or of_point) | known | left_out | {"process": None} | ({} if kept else _UNSTEADY))
-        processes += [_row([record]) | known | ({} if record in kept else _UNSTEADY) for record in of_point]
+        processes += [_row([record]) | known | (_UNSTEADY if record.point_id in out else {}) for record in of_point]
     return Tables(_frame(points), _frame(processes))
 
 

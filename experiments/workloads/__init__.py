@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from atra.errors import InputError
+from experiments.harness.options import find_named
 from experiments.workloads.agreement import AGREEMENT
 from experiments.workloads.build import BUILD
 from experiments.workloads.frame import FRAME
@@ -28,7 +28,4 @@ WORKLOADS: tuple[Workload, ...] = (
 
 def find_workload(name: str) -> Workload:
     """The workload called `name`. Raises InputError, naming those there are, for any other name."""
-    for workload in WORKLOADS:
-        if workload.name == name:
-            return workload
-    raise InputError(f"unknown workload {name!r}, expected one of {', '.join(one.name for one in WORKLOADS)}")
+    return find_named("workload", WORKLOADS, name)
