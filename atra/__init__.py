@@ -16,7 +16,7 @@ from atra.geometry.mesh import Mesh
 from atra.geometry.mesh_file import load_mesh
 from atra.geometry.orthographic import OrthographicCamera
 from atra.geometry.sampling import sub_pixel_offsets
-from atra.hits import MISS, Hits
+from atra.hits import Hits
 from atra.judge.compare import Agreement, Verdict, compare
 from atra.options import (
     AlignedOptions,
@@ -29,6 +29,7 @@ from atra.options import (
 )
 from atra.planner.plan import Plan
 from atra.planner.planning import plan
+from atra.prim_ids import MISS
 from atra.rays.rays import RayHits, Rays
 from atra.rays.scene import RayScene
 from atra.tracers import (

@@ -11,9 +11,7 @@ from numpy.typing import NDArray
 from atra.geometry.intersection import intersect_pixels
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
-
-MISS = np.uint32(0xFFFFFFFF)
-"""`prim_id` of a ray that hits nothing."""
+from atra.prim_ids import MISS
 
 
 @dataclass(frozen=True, eq=False)

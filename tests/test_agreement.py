@@ -15,9 +15,10 @@ import pytest
 from PIL import Image
 
 import atra
-from atra.hits import MISS, Hits
+from atra.hits import Hits
 from atra.judge.oracle import examine
 from atra.judge.reference import brute_force
+from atra.prim_ids import MISS
 from experiments.harness.configuration import Chosen, Configuration, SceneConfiguration
 from experiments.harness.point import Point
 from experiments.harness.points import plan_points

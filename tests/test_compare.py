@@ -11,9 +11,10 @@ from atra.geometry.camera import Camera
 from atra.geometry.mesh import Mesh
 from atra.geometry.orthographic import OrthographicCamera
 from atra.geometry.ray_space import ray_axes, to_ray_space
-from atra.hits import MISS, Hits
+from atra.hits import Hits
 from atra.judge.compare import Agreement, DepthErrors, Verdict, compare
 from atra.judge.reference import brute_force
+from atra.prim_ids import MISS
 from atra.tracers import AlignedTracer, PixelTracer
 from atra.tracers.rays import image_ray_grid
 from scenes.cornell_box import CORNELL_BOX_CAMERA, cornell_box

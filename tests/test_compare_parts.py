@@ -10,12 +10,13 @@ from atra.geometry.camera import Camera
 from atra.geometry.intersection import Pairs
 from atra.geometry.mesh import Mesh
 from atra.geometry.orthographic import OrthographicCamera
-from atra.hits import MISS, Hits
+from atra.hits import Hits
 from atra.judge import outline as outline_module
 from atra.judge import rounding as rounding_module
 from atra.judge.compare import Verdict
 from atra.judge.reference import brute_force
 from atra.judge.rounding import Rounding
+from atra.prim_ids import MISS
 from tests.meshes import EYE_AT_ORIGIN, random_triangles
 
 judge = import_module("atra.judge.compare")  # the module; `atra.judge.compare` by name is its function

@@ -10,10 +10,11 @@ import pytest
 
 import atra
 import atra.judge.oracle as oracle
-from atra.hits import MISS, Hits
+from atra.hits import Hits
 from atra.judge.compare import Agreement, Verdict, compare
 from atra.judge.oracle import Correctness, Examination, examine, nearest_hits, sample_pixels
 from atra.judge.reference import brute_force
+from atra.prim_ids import MISS
 from scenes.cornell_box import cornell_box
 from tests.meshes import EYE_AT_ORIGIN, cornell_camera, quads, random_triangles
 

@@ -8,8 +8,8 @@ from atra.geometry.camera import Camera
 from atra.geometry.intersection import intersect_pixels
 from atra.geometry.mesh import Mesh
 from atra.geometry.orthographic import OrthographicCamera
-from atra.hits import MISS
 from atra.judge.reference import brute_force
+from atra.prim_ids import MISS
 from scenes.cornell_box import cornell_box
 
 # Looks along -z from the origin: camera (X, Y, Z) = world (x, -y, -z).

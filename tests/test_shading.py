@@ -9,8 +9,9 @@ import pytest
 from PIL import Image
 
 import atra
-from atra.hits import MISS, Hits
+from atra.hits import Hits
 from atra.judge.compare import Verdict
+from atra.prim_ids import MISS
 from experiments.drawing.shading import BACKGROUND, DIFFERENCE_COLOURS, difference_picture, encode_png, shade
 from tests.meshes import EYE_AT_ORIGIN, quads
 

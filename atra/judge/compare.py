@@ -18,10 +18,11 @@ from atra.errors import InputError
 from atra.geometry.intersection import Pairs
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
-from atra.hits import MISS, Hits
+from atra.hits import Hits
 from atra.judge.outline import is_on_outline
 from atra.judge.rounding import Rounding
 from atra.kernels.rounding import ALLOWED_MULTIPLE, FLOAT32_UNIT
+from atra.prim_ids import MISS
 
 TIE_TOLERANCE = 1e-9
 """Relative difference up to which two float64 depths are the same depth."""

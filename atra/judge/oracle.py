@@ -17,10 +17,11 @@ from atra.errors import InputError
 from atra.geometry.intersection import intersect_pixels, triangles_in_camera_space
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
-from atra.hits import MISS, Hits
+from atra.hits import Hits
 from atra.judge.compare import TIE_TOLERANCE, Agreement, Verdict, compare
 from atra.kernels.brute_force import SLACK, nearest_triangles
 from atra.parallel import WorkerPool, resolve_threads
+from atra.prim_ids import MISS
 
 EXHAUSTIVE_TESTS = 2e10
 """Rays times triangles up to which `examine` tests all, a minute's work. Images that disagree at more pixels are

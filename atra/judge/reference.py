@@ -7,7 +7,8 @@ import numpy as np
 from atra.geometry.intersection import divided, triangles_in_camera_space, volumes_of
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
-from atra.hits import MISS, Hits
+from atra.hits import Hits
+from atra.prim_ids import MISS
 
 # Slack in float64 for `inside` and for `equally deep`. A ray through a shared edge must not slip between two triangles
 # because their barycentrics round apart, and must find them equally deep. A million times finer than float32.

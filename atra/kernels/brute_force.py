@@ -9,9 +9,9 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from atra.hits import MISS
 from atra.kernels.caching import kernel
 from atra.kernels.intrinsics import fetch_add
+from atra.prim_ids import MISS
 
 SLACK = 1e-12
 """For `inside` and for `equally deep`, as in `atra.judge.reference`."""

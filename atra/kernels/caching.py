@@ -5,7 +5,9 @@ One can do without: where it cannot be kept, or what was kept is damaged, it is 
 
 from __future__ import annotations
 
+import inspect
 import pickle
+import re
 import warnings
 import zlib
 from collections.abc import Callable
@@ -20,16 +22,36 @@ from numba.core.ccallback import CFunc
 from numba.core.serialize import dumps
 from numba.core.sigutils import normalize_signature
 
-from atra import hits
-from atra.embree import layout
 from atra.embree.instruction_sets import limit_numba
 
 limit_numba()
 
-_SOURCES = (*sorted(Path(__file__).parent.rglob("*.py")), Path(str(layout.__file__)), Path(str(hits.__file__)))
+_PACKAGE = Path(__file__).parents[1]
+_IMPORT = re.compile(rb"^ *(?:from|import) +(atra(?:\.\w+)*)", re.MULTILINE)
 
-SOURCE_STAMP = zlib.crc32(b"".join(source.read_bytes() for source in _SOURCES))
-"""Changes with every file that a kernel may be made of: all kernels, the struct layouts, the constants of hits."""
+
+def source_stamp(path: Path) -> int:
+    """Changes with every file that the kernels in `path` may be made of."""
+    return zlib.crc32(b"".join(source.read_bytes() for source in sorted(sources(path))))
+
+
+@cache
+def sources(path: Path) -> frozenset[Path]:
+    """The file and those of this library that it imports, directly or through others."""
+    found, left = set[Path](), [path]
+    while left:
+        one = left.pop()
+        if one not in found:
+            found.add(one)
+            left += _imported_by(one)
+    return frozenset(found)
+
+
+@cache
+def _imported_by(path: Path) -> tuple[Path, ...]:
+    named = {_PACKAGE.joinpath(*name.decode().split(".")[1:]) for name in _IMPORT.findall(path.read_bytes())}
+    files = [place / "__init__.py" if place.is_dir() else place.with_suffix(".py") for place in named]
+    return tuple(file for file in files if file.exists())
 
 
 def cache_folder() -> str | None:
@@ -97,14 +119,14 @@ class _Index(IndexDataCacheFile):
 
 class _Cache(FunctionCache):
     """Numba runs kept code as long as the file of the function itself is the same. Kernels inline functions of other
-    files and their constants, so here all sources count: an older one would otherwise be run after an update.
+    files and their constants, so here those count, too: an older one would otherwise be run after an update.
     """
 
     _impl_class = _Sealed
 
     def __init__(self, function: Callable[..., Any]) -> None:
         super().__init__(function)
-        stamp = self._impl.locator.get_source_stamp(), SOURCE_STAMP
+        stamp = self._impl.locator.get_source_stamp(), source_stamp(Path(inspect.getfile(function)))
         self._cache_file = _Index(self._cache_path, self._impl.filename_base, stamp)
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:

@@ -13,7 +13,7 @@ from atra.errors import InputError
 from atra.geometry.intersection import intersect_rays
 from atra.geometry.mesh import Mesh
 from atra.geometry.ray_space import FARTHEST_FROM_EYE
-from atra.hits import MISS
+from atra.prim_ids import MISS
 
 SHORTEST, LONGEST = 1e-20, 1e20
 """Sizes of a direction's largest component that are traced: float32 then has room for the t of every hit."""

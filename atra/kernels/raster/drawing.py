@@ -8,7 +8,6 @@ from functools import cache
 import numpy as np
 from numba import njit
 
-from atra.hits import MISS
 from atra.kernels.caching import kernel
 from atra.kernels.intrinsics import fetch_add
 from atra.kernels.raster.exact import UNIT
@@ -21,6 +20,7 @@ from atra.kernels.raster.vectors import (
     repeated,
     store,
 )
+from atra.prim_ids import MISS
 
 _UNIT32 = 2.0**-24
 

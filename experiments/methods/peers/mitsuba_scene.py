@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
-from atra.hits import MISS
+from atra.prim_ids import MISS
 from experiments.methods.peers.availability import reinstall
 from experiments.methods.peers.peer import PeerTracer, peer_method
 

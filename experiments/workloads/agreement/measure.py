@@ -12,9 +12,9 @@ from zlib import crc32
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.hits import MISS
 from atra.judge.compare import Verdict, compare
 from atra.judge.oracle import Correctness, Examination, examine, sample_pixels
+from atra.prim_ids import MISS
 from experiments.harness.point import Point
 from experiments.workloads.agreement import Offset
 from experiments.workloads.images import counts, depth_errors
