@@ -31,7 +31,13 @@ ALL_HITS = f"1 {TIMES} 1, culling off: all hits"
 RATIO_LABELS = (*FORM_STYLES, *TIME_BASELINES, ALL_HITS)
 """In the order of the legends."""
 
-_RING: dict[str, Any] = {"markersize": 13, "markerfacecolor": "none", "markeredgewidth": 1.8, "zorder": 4, "label": "_best"}
+_RING: dict[str, Any] = {
+    "markersize": 13,
+    "markerfacecolor": "none",
+    "markeredgewidth": 1.8,
+    "zorder": 4,
+    "label": "_best",
+}
 """Around the best split: a number there would lie over the lines, and stands below."""
 
 
@@ -72,4 +78,3 @@ def draw_ratios(axis: Axes, rows: pd.DataFrame, axis_name: str) -> None:
         axis.axhline(start, color=GREY, linestyle=DASH_DOTTED, linewidth=1.5, zorder=2, label=ALL_HITS)
     mark_missing(axis, missing, write_lines(axis, lines))
     finish_split_axes(axis, rows[axis_name], axis_name, f"speed-up over {say_baseline(ratio)}")
-
