@@ -43,11 +43,15 @@ class RasterTracer(TracerLifetime):
         self.threads = resolve_threads(self.options.threads)
         self._pool = WorkerPool(self.threads)
         self._scratch: Scratch | None = None
+        self._pixels_checked = 0
         self._set_camera(camera)
 
     def _set_camera(self, camera: View) -> None:
         check_range(self.mesh, camera)
-        check_image_memory(camera.height, camera.width)
+        pixels = camera.width * camera.height
+        if pixels > self._pixels_checked:  # asking how much memory is free takes a tenth of a small frame
+            check_image_memory(camera.height, camera.width)
+            self._pixels_checked = pixels
         self.camera = camera
         self._tie_tiles: NDArray[np.bool_] | None = None  # where to look for ties; found when first needed
 
