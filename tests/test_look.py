@@ -59,8 +59,8 @@ def test_every_camera_of_a_path_is_seen_as_by_a_new_tracer(kind):
 
 @every_kind
 def test_ties_are_settled_where_the_new_camera_sees_them(kind):
-    corners = [(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)]
-    twice = quads([corners, [(x / 2, y / 2, z) for x, y, z in corners]])
+    corners = [(x, y, x / 2 - y / 4) for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
+    twice = quads([corners, [(x / 2, y / 2, z / 2) for x, y, z in corners]])
     mesh = atra.Mesh(twice.vertices, twice.faces[::-1])
     away, before = (replace(CAMERA, eye=(0, 0, 3), target=(x, 0, 0)) for x in (9, 0.2))
     with tracer(kind, away, mesh) as one:
