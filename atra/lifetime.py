@@ -10,6 +10,7 @@ from types import TracebackType
 from typing import Self
 
 from atra.errors import EmbreeError
+from atra.geometry.view import View
 
 
 class Lifetime(ABC):
@@ -90,3 +91,30 @@ class Lifetime(ABC):
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
+
+
+class TracerLifetime(Lifetime):
+    """The lifetime of what sees through a camera, which `look` may change."""
+
+    @abstractmethod
+    def _look(self, camera: View) -> bool:
+        """Take the camera, changing nothing where it is refused; returns whether what is built goes on serving."""
+
+    def look(self, camera: View) -> None:
+        """Trace what `camera` sees from the next frame on; it may be of another size or kind.
+
+        What hangs on the camera is planned and built anew at once, as far as it had been, and the times say what that
+        took. A camera that is refused changes nothing; where planning or building fails, the tracer is as before
+        `plan`.
+        Raises what making, planning and building a new tracer would; EmbreeError after `close`.
+        """
+        with self._lock:
+            self._check_open()
+            if self._look(camera):
+                return
+            was_planned, was_built = self._is_planned, self._is_built
+            self._is_planned = self._is_built = False
+            if was_planned:
+                self.plan()
+            if was_built:
+                self.build()

@@ -29,6 +29,7 @@ from experiments.workloads.frame.peers_figure import draw_peers_figure
 from experiments.workloads.frame.split_figure import ALL_HITS, draw_split_figure
 from experiments.workloads.frame.threads_figure import draw_threads_figure
 from experiments.workloads.memory.figures import draw_memory_figure
+from experiments.workloads.moving.figures import draw_moving_figure
 from experiments.workloads.multiframe.multiframe_figure import draw_multiframe_figure
 from experiments.workloads.multiframe.stereo_figure import draw_stereo_figure
 from experiments.workloads.picture.figures import draw_scenes_figure
@@ -238,6 +239,7 @@ ONE_ROW = {
     "break even": (draw_break_even_figure, method_row("visible_first", 4)),
     "threads": (draw_threads_figure, method_row("visible_first", 4)),
     "peers": (draw_peers_figure, method_row("visible_first", 4)),
+    "moving": (draw_moving_figure, method_row("visible_first", 4, workload="moving", kept_packets_time_s=0.04)),
     "stereo": (draw_stereo_figure, walk(2, 0.02) | {"motion": "eyes"}),
     "multiframe": (draw_multiframe_figure, walk(2, 0.02)),
 }

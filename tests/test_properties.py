@@ -53,6 +53,13 @@ def test_every_method_gives_the_float64_image_and_that_of_single_rays(view, pack
 
 
 @EXAMPLES
+@given(views() | parallel_views())
+def test_triangles_drawn_give_the_float64_image(view):
+    with atra.RasterTracer(view.mesh, view.camera, threads=1) as tracer:
+        assert_agree(view, tracer.trace(view.offset), brute_force(view.mesh, view.camera, view.offset))
+
+
+@EXAMPLES
 @given(parallel_views(), packet_widths)
 def test_parallel_rays_give_the_float64_image(view, packet_width):
     reference = brute_force(view.mesh, view.camera, view.offset)

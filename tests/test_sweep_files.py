@@ -30,7 +30,7 @@ SWEEPS = {
     ),
     "methods": (
         ["method.split_x=1,4", "method.split_y=1"],
-        {"methods", "break_even"},
+        {"methods", "break_even", "moving"},
     ),
     "baselines": (["method.packet_width=4", "method.packet_rows=null,1"], set()),
     "reference_rays": (["method.split_x=1,4"], set(FIGURE5)),

@@ -264,6 +264,15 @@ def test_every_tie_lies_in_a_tile_that_is_looked_at(seed):
         np.testing.assert_array_equal(looked_at, everywhere)
 
 
+def test_a_tie_that_reaches_the_plane_of_the_eye_may_be_anywhere_and_one_behind_it_nowhere():
+    for z, everywhere in (([0, 4, 4], True), ([-1, 4, 4], True), ([-1, -4, -4], False)):
+        corners = [(x, y, depth) for x, y, depth in zip((-1, 1, 1), (-1, -1, 1), z, strict=True)]
+        mesh = atra.Mesh(corners, [[0, 1, 2], [1, 2, 0]])
+        tiles = ties.tie_tiles(mesh, atra.Camera(**EYE_AT_ORIGIN, width=100, height=70))
+        assert tiles.shape == (5, 7)
+        assert tiles.all() if everywhere else not tiles.any()
+
+
 def test_a_small_decal_makes_only_its_own_tiles_worth_a_look():
     mesh = joined(quads([rectangle(-0.1, 0.1, -0.1, 0.1, place=facing)]), quads([FACING_WALL]))
     camera = atra.Camera(**EYE_AT_ORIGIN, width=160, height=160)

@@ -49,6 +49,10 @@ class Split:
             ) from None
         return cls(nx, ny, camera.width, camera.height)
 
+    def of(self, camera: View) -> Split:
+        """Another camera's image in as many cells."""
+        return Split(self.nx, self.ny, camera.width, camera.height)
+
     @property
     def cell_count(self) -> int:
         return self.nx * self.ny

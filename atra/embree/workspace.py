@@ -9,7 +9,8 @@ import numpy as np
 from atra.embree import layout
 from atra.embree.layout import IntersectArguments, Packet, RayQueryContext
 
-_ZERO_RAY_FIELDS = (layout.RAY_ORG_X, layout.RAY_ORG_Y, layout.RAY_ORG_Z, layout.RAY_TNEAR, layout.RAY_TIME)
+_ORIGIN_FIELDS = (layout.RAY_ORG_X, layout.RAY_ORG_Y, layout.RAY_ORG_Z)
+_ZERO_RAY_FIELDS = (*_ORIGIN_FIELDS, layout.RAY_TNEAR, layout.RAY_TIME)
 _DIRECTION_FIELDS = (layout.RAY_DIR_X, layout.RAY_DIR_Y, layout.RAY_DIR_Z)
 
 
@@ -65,6 +66,11 @@ class Workspace:
     def set_coherent(self, coherent: bool) -> None:
         """Whether the rays of a packet start and head alike: Embree then takes them through its tree together."""
         IntersectArguments.from_buffer(self._arguments.data).flags = layout.FLAG_COHERENT if coherent else 0
+
+    def set_origin(self, origin: Sequence[float]) -> None:
+        """Three numbers, where all rays start; zero until told otherwise. Nothing where they share their direction."""
+        for field, value in zip(_ORIGIN_FIELDS, origin, strict=True):
+            self._lanes(self.packet.floats, field, len(self.packet.all_lanes))[:] = value
 
     def set_row_bytes(self, row_bytes: int) -> None:
         """Distance in bytes between the image rows the filter writes to."""

@@ -11,21 +11,22 @@ from numpy.typing import NDArray
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 
-# |d . (e1 x e2)| / (|d| |e1| |e2|) below which the determinant is rounding noise: some fifty units of float64 rounding.
-_PARALLEL = 1e-14
+NOISE = 1e-14
+"""Share of the lengths that go into it below which a volume is noise: some fifty units of float64 rounding."""
 
 
 @dataclass(frozen=True, eq=False)
 class Intersections:
     """Ray i met with the plane of triangle i, unclipped.
 
-    depth: (N,) float64, along the view axis, scene units, >= 0; inf = never hit.
+    depth: (N,) float64, along the view axis, scene units, > 0; inf = never hit.
     u, v: (N,) float64 barycentric weights of the second and third corner; outside [0, 1] beside the triangle; NaN =
         never hit.
     edge_distance: (N,) float64, min(u, v, 1 - u - v): negative beside the triangle; -inf = never hit.
 
     A ray *never hits* a triangle whose plane is behind the eye (for parallel rays, behind the image plane) or parallel
-    to the ray, nor a triangle without area.
+    to the ray, nor a triangle without area. What it starts on it does not hit: a plane that its origin lies in, to the
+    rounding of float64, is never hit either.
     """
 
     depth: NDArray[np.float64]
@@ -42,7 +43,7 @@ class Volumes:
     facing: d . n, zero where the triangle is edge-on.
     ahead: (c - o) . n; over `facing` it is the ray parameter of the hit, the depth.
     u, v: over `facing` they are the barycentric weights of the second and third corner.
-    size: |d| |e1| |e2|, what the rounding of the others is relative to.
+    size: |d| |e1| |e2|, what the rounding of `facing` is relative to. reach: |c - o| |e1| |e2|, the same of `ahead`.
 
     Being products, they say something of every ray and triangle, also where the quotients do not.
     Source: T. Möller, B. Trumbore, "Fast, minimum storage ray/triangle intersection", J. Graphics Tools 2(1), 1997.
@@ -53,6 +54,7 @@ class Volumes:
     u: NDArray[np.float64]
     v: NDArray[np.float64]
     size: NDArray[np.float64]
+    reach: NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,15 +139,17 @@ def volumes_of(
     to_origin = origins - corner
     p = np.cross(directions, edge_2)
     q = np.cross(to_origin, edge_1)
-    size = np.sqrt(_dot(directions, directions) * _dot(edge_1, edge_1) * _dot(edge_2, edge_2))
-    return Volumes(_dot(p, edge_1), _dot(edge_2, q), _dot(p, to_origin), _dot(directions, q), size)
+    area = _dot(edge_1, edge_1) * _dot(edge_2, edge_2)
+    size, reach = np.sqrt(_dot(directions, directions) * area), np.sqrt(_dot(to_origin, to_origin) * area)
+    return Volumes(_dot(p, edge_1), _dot(edge_2, q), _dot(p, to_origin), _dot(directions, q), size, reach)
 
 
 def divided(volumes: Volumes) -> Intersections:
     """The quotients of the volumes; a ray never hits where they are noise."""
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         u, v, depth = (volume / volumes.facing for volume in (volumes.u, volumes.v, volumes.ahead))
-    never = (np.abs(volumes.facing) <= _PARALLEL * volumes.size) | ~(depth >= 0.0)
+    never = (np.abs(volumes.facing) <= NOISE * volumes.size) | (np.abs(volumes.ahead) <= NOISE * volumes.reach)
+    never |= ~(depth > 0.0)
     u = np.where(never, np.nan, u)
     v = np.where(never, np.nan, v)
     edge_distance = np.where(never, -np.inf, np.minimum(np.minimum(u, v), 1.0 - u - v))

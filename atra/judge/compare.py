@@ -118,7 +118,8 @@ def compare(mesh: Mesh, camera: View, hits: Hits, reference: Hits) -> Agreement:
 
     Above all that, a pixel is WRONG if either image stores a depth that differs from that of the plane of its triangle,
     in float64, by more than the rounding of float32 can change it. A ray that lies in a plane through the eye has a
-    quotient of two zeros for a depth, and any depth will do. A miss must store inf.
+    quotient of two zeros for a depth, and any depth will do. A miss must store inf. What a ray starts on it does not
+    hit: a plane that holds the eye, to the rounding of float64, is doubtful wherever it may be named.
 
     The rounding of float32 is that of one ray of the mesh itself, traced with the eye at the origin, and of its
     triangle test, for this very ray and triangle (`atra.judge.rounding`), times ALLOWED_MULTIPLE. Whoever traces other

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.geometry.intersection import Pairs
+from atra.geometry.intersection import NOISE, Pairs
 from atra.geometry.ray_space import ray_axes, to_ray_space
 from atra.kernels.rounding import ALLOWED_MULTIPLE, FLOAT32_UNIT
 
@@ -24,7 +24,8 @@ class Rounding:
     corners: 4 far; error of a corner's place.
     edges: 4 far x longest edge; error of the volume of an edge, the eye and the direction, per length of the direction.
     ahead: of n . (v0 - o). Corners, component by component, times n, as each is rounded, and the products that n is
-        made of times the way from v0 to the hit: an error of n moves the plane about v0.
+        made of times the way from v0 to the hit: an error of n moves the plane about v0. Last, what float64 cannot
+        tell from a plane that holds the eye.
     facing: of n . d, the direction being the sum of a column's and a row's, and three roundings for products and
         quotient.
     depth: relative, of their quotient: each over its volume.
@@ -61,7 +62,7 @@ class Rounding:
         to_hit = np.fmin(to_hit, np.maximum(a, b))  # in the triangle, whatever the plane says
         products = np.roll(a, -1, axis=1) * np.roll(b, 1, axis=1) + np.roll(a, 1, axis=1) * np.roll(b, -1, axis=1)
         places = np.abs(corners).max(axis=1) + (summands if camera.is_parallel else 0.0)
-        of_ahead = ((normal * places) + products * to_hit).sum(axis=1)
+        of_ahead = ((normal * places) + products * to_hit).sum(axis=1) + pairs.volumes.reach * (NOISE / FLOAT32_UNIT)
         of_facing = (normal * (np.abs(directions) + (0.0 if camera.is_parallel else summands))).sum(axis=1)
         of_facing += 3.0 * np.abs(facing)
         with np.errstate(divide="ignore", invalid="ignore"):

@@ -18,7 +18,6 @@ from atra.errors import MemoryBudgetError
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.judge.compare import TIE_TOLERANCE
-from atra.kernels.planning import MARGIN_PIXELS
 from atra.kernels.ties import (
     PLANE_NUMBER_ROUNDING,
     PLANE_TOLERANCE,
@@ -43,12 +42,16 @@ class CoplanarOverlaps:
     twins: (F,) uint32, the lowest triangle with the same three corners in any order, mostly the triangle itself.
     starts: (F + 1,) uint32 and partners: (P,) uint32: those of triangle t are partners[starts[t]:starts[t + 1]],
     ascending. Only a triangle without a lower twin has partners or is one: what holds for it holds for its twins.
+    concerned: (N,) uint32, ascending, the triangles of `pairs`, (P, 2) uint32, which are places among them: each such
+    triangle with its partners, and with itself if it has twins. A tie can only be seen where both of a pair are.
     """
 
     may_tie: NDArray[np.uint8]
     twins: NDArray[np.uint32]
     starts: NDArray[np.uint32]
     partners: NDArray[np.uint32]
+    concerned: NDArray[np.uint32]
+    pairs: NDArray[np.uint32]
 
 
 _found: WeakKeyDictionary[Mesh, CoplanarOverlaps] = WeakKeyDictionary()
@@ -98,7 +101,12 @@ def _find(mesh: Mesh) -> CoplanarOverlaps:
     starts = np.concatenate([[0], np.cumsum(counts)]).astype(np.uint32)
     may_tie = np.zeros(mesh.triangle_count + 1, np.uint8)
     may_tie[:-1] = (np.arange(mesh.triangle_count) != twins) | (counts[twins] > 0)
-    return CoplanarOverlaps(may_tie, twins, starts, pairs[:, 1].copy())
+    with_twins = np.unique(twins[np.arange(mesh.triangle_count) != twins])
+    seen_together = np.concatenate([pairs, np.column_stack([with_twins, with_twins])])
+    concerned, places = np.unique(seen_together, return_inverse=True)
+    return CoplanarOverlaps(
+        may_tie, twins, starts, pairs[:, 1].copy(), concerned, places.reshape(-1, 2).astype(np.uint32)
+    )
 
 
 def _plane_runs(mesh: Mesh) -> tuple[NDArray[np.integer], NDArray[np.integer]]:
@@ -122,33 +130,16 @@ def tie_tiles(mesh: Mesh, camera: View) -> NDArray[np.bool_]:
     behind the eye may be anywhere.
     """
     overlaps = coplanar_overlaps(mesh)
-    shape = -(-camera.height // TILE), -(-camera.width // TILE)
-    marks = np.zeros((shape[0] + 1, shape[1] + 1), np.int64)
-    boxes = np.zeros((mesh.triangle_count, 4), np.int32)
-    tying = np.nonzero(overlaps.may_tie)[0]
-    concerned = np.unique(np.concatenate([tying, overlaps.twins[tying], overlaps.partners]))
-    boxes[concerned] = _tile_boxes(mesh, camera, concerned, shape)
-    mark_ties(overlaps.may_tie, overlaps.twins, overlaps.starts, overlaps.partners, boxes, marks)
+    rows, columns = -(-camera.height // TILE), -(-camera.width // TILE)
+    if not len(overlaps.pairs):
+        return np.zeros((rows, columns), np.bool_)
+    size, boxes = np.array([camera.width, camera.height], np.float64), np.empty((len(overlaps.concerned), 4), np.int64)
+    marks = np.zeros((rows + 1, columns + 1), np.int64)
+    mark_ties(
+        mesh.vertices, mesh.faces, overlaps.concerned, overlaps.pairs,
+        np.array(camera.eye), camera.to_pixels, size, boxes, marks,
+    )  # fmt: skip
     return np.asarray(np.cumsum(np.cumsum(marks, axis=0), axis=1)[:-1, :-1] > 0)
-
-
-def _tile_boxes(mesh: Mesh, camera: View, prim_ids: NDArray[np.integer], shape: tuple[int, int]) -> NDArray[np.integer]:
-    """(N, 4): first and last column, first and last row of the tiles that a triangle may be seen in."""
-    corners = camera.to_eye_space(mesh.triangles(prim_ids).reshape(-1, 3)) @ camera.to_pixels[:, :3].T
-    corners = (corners + camera.to_pixels[:, 3]).reshape(-1, 3, 3)
-    depth = corners[..., 2:]  # or 1, where rays are parallel
-    nearest, farthest = depth.min(axis=(1, 2)), depth.max(axis=(1, 2))
-    size = np.array([camera.width, camera.height])
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        pixels = corners[..., :2] / depth
-    whole = np.array([[0.0], [1.0]]) * size  # low, high
-    lowest = np.where(nearest[:, None] > 0.0, pixels.min(axis=1) - MARGIN_PIXELS, whole[0])
-    highest = np.where(nearest[:, None] > 0.0, pixels.max(axis=1) + MARGIN_PIXELS, whole[1])
-    last_tile = np.array(shape[::-1]) - 1
-    first = np.clip(np.floor(lowest / TILE), 0, last_tile + 1)
-    last = np.clip(np.floor(highest / TILE), -1, last_tile)
-    last[farthest < 0.0] = -1
-    return np.stack([first, last], axis=2).reshape(-1, 4).astype(np.int32)
 
 
 def lowest_of_ties(

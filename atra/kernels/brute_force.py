@@ -16,7 +16,7 @@ from atra.prim_ids import MISS
 SLACK = 1e-12
 """For `inside` and for `equally deep`, as in `atra.judge.reference`."""
 
-_PARALLEL = 1e-14  # of `atra.geometry.intersection`: the determinant below which a triangle is edge-on or has no area
+_NOISE = 1e-14  # of `atra.geometry.intersection`: a triangle edge-on or without area, a plane that holds the origin
 
 # For the test without divisions, as a share of the determinant. A ray inside by the exact test has barycentrics of at
 # least -SLACK, known to some units of rounding (1e-16): a thousand times SLACK lets none of them fail here.
@@ -80,13 +80,16 @@ def nearest_triangles(counter_address, origins, directions, corners, edges_1, ed
                 px, py, pz = _cross(dx[i], dy[i], dz[i], bx, by, bz)
                 determinant = _dot(px, py, pz, ax, ay, az)
                 size = np.sqrt(_dot(dx[i], dy[i], dz[i], dx[i], dy[i], dz[i]) * area[0] * area[1])
-                if abs(determinant) <= _PARALLEL * size:
+                if abs(determinant) <= _NOISE * size:
                     continue
                 tx, ty, tz = ox[i] - cx, oy[i] - cy, oz[i] - cz
                 qx, qy, qz = _cross(tx, ty, tz, ax, ay, az)
+                ahead = _dot(bx, by, bz, qx, qy, qz)
+                if abs(ahead) <= _NOISE * np.sqrt(_dot(tx, ty, tz, tx, ty, tz) * area[0] * area[1]):
+                    continue
                 u = _dot(px, py, pz, tx, ty, tz) / determinant
                 v = _dot(dx[i], dy[i], dz[i], qx, qy, qz) / determinant
-                t = _dot(bx, by, bz, qx, qy, qz) / determinant
+                t = ahead / determinant
                 inside = min(min(u, v), 1.0 - u - v) >= -SLACK and t > 0.0
                 if inside and t < depth[start + i] * (1.0 - SLACK):
                     depth[start + i] = t

@@ -7,6 +7,7 @@ from numba import njit
 
 from atra.kernels.caching import kernel
 from atra.kernels.intrinsics import fetch_add
+from atra.kernels.planning import MARGIN_PIXELS
 
 TILE = 16
 """Pixels along the sides of the squares in which an image is looked at, or left out."""
@@ -221,31 +222,41 @@ def _intersect(vertices, faces, triangle, ox, oy, oz, dx, dy, dz):  # type: igno
 
 
 @kernel
-def mark_ties(may_tie, twins, starts, partners, boxes, marks):  # type: ignore[no-untyped-def]
-    """Add 1 to every tile in which a triangle may tie, as differences: marks is summed up along both axes afterwards.
+def mark_ties(vertices, faces, concerned, pairs, eye, to_pixels, size, boxes, marks):  # type: ignore[no-untyped-def]
+    """Add 1 to every tile in which both triangles of a pair may be seen, as differences: marks, (tile rows + 1, tile
+    columns + 1) int64, is summed up along both axes afterwards.
 
-    may_tie, twins, starts, partners: of `atra.judge.ties.CoplanarOverlaps`. boxes: (F, 4) int32, for triangles that may
-    tie and their partners the first and the last column and row of tiles that they may be seen in; none if last <
-    first. marks: (tile rows + 1, tile columns + 1) int64.
+    concerned: (N,) uint32 prim_ids. pairs: (P, 2) uint32, places among them. eye: (3,), to_pixels: (3, 4), size: (2,)
+    float64, of the camera. boxes: (N, 4) int64, room for the first and last column, then row, of tiles of each.
     """
-    for triangle in range(len(twins)):
-        if not may_tie[triangle]:
-            continue
-        own = twins[triangle]
-        for place in range(starts[own], starts[own + 1] + 1):
-            if place < starts[own + 1]:
-                other = partners[place]  # a tie can only be seen where both are
-            elif own != triangle:
-                other = own
-            else:
-                continue
-            left, right = max(boxes[triangle, 0], boxes[other, 0]), min(boxes[triangle, 1], boxes[other, 1])
-            top, bottom = max(boxes[triangle, 2], boxes[other, 2]), min(boxes[triangle, 3], boxes[other, 3])
-            if left <= right and top <= bottom:
-                marks[top, left] += 1
-                marks[top, right + 1] -= 1
-                marks[bottom + 1, left] -= 1
-                marks[bottom + 1, right + 1] += 1
+    m = to_pixels
+    for place in range(len(concerned)):
+        low_x = low_y = nearest = np.inf
+        high_x = high_y = farthest = -np.inf
+        for corner in range(3):
+            vertex = faces[concerned[place], corner]
+            u, v, w = vertices[vertex, 0] - eye[0], vertices[vertex, 1] - eye[1], vertices[vertex, 2] - eye[2]
+            depth = m[2, 0] * u + m[2, 1] * v + m[2, 2] * w + m[2, 3]  # 1 where rays are parallel
+            nearest, farthest = min(nearest, depth), max(farthest, depth)
+            nearness = 1.0 / depth if depth != 0.0 else np.inf
+            x = (m[0, 0] * u + m[0, 1] * v + m[0, 2] * w + m[0, 3]) * nearness
+            y = (m[1, 0] * u + m[1, 1] * v + m[1, 2] * w + m[1, 3]) * nearness
+            low_x, high_x, low_y, high_y = min(low_x, x), max(high_x, x), min(low_y, y), max(high_y, y)
+        for axis, low, high in ((0, low_x, high_x), (1, low_y, high_y)):
+            first, last = low - MARGIN_PIXELS, high + MARGIN_PIXELS
+            if not nearest > 0.0:  # it reaches behind the eye, and may be anywhere
+                first, last = 0.0, size[axis] if farthest >= 0.0 else -1.0
+            boxes[place, 2 * axis] = int(min(max(first, 0.0), size[axis] + TILE)) // TILE
+            boxes[place, 2 * axis + 1] = int(max(min(last, size[axis] - 1.0), -1.0)) // TILE
+    for pair in range(len(pairs)):
+        a, b = pairs[pair, 0], pairs[pair, 1]
+        left, right = max(boxes[a, 0], boxes[b, 0]), min(boxes[a, 1], boxes[b, 1])
+        top, bottom = max(boxes[a, 2], boxes[b, 2]), min(boxes[a, 3], boxes[b, 3])
+        if left <= right and top <= bottom:
+            marks[top, left] += 1
+            marks[top, right + 1] -= 1
+            marks[bottom + 1, left] -= 1
+            marks[bottom + 1, right + 1] += 1
 
 
 @kernel
@@ -255,7 +266,8 @@ def settle_ties(  # type: ignore[no-untyped-def]
 ):  # fmt: skip
     """Store the lowest of the tied triangles in every pixel, until the shared counter runs past the last row of tiles.
 
-    tiles: (tile rows, tile columns) bool, those to look at. may_tie, twins, starts, partners: as in `mark_ties`.
+    tiles: (tile rows, tile columns) bool, those to look at. may_tie, twins, starts, partners: of
+    `atra.judge.ties.CoplanarOverlaps`.
     vertices: (V, 3) float32, faces: (F, 3) uint32.
     column_origins, column_directions: (3, W), row_origins, row_directions: (3, H) float64; a pixel's ray is the sum of
     its column's and its row's, in the space of the vertices.

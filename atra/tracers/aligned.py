@@ -49,7 +49,8 @@ class _AlignedImages(ReferenceRayTracer):
         if len(self.meshes) != count:
             raise InputError(f"{len(self.meshes)} meshes for {count} frames; expected one for each, or one for all")
         first = self.meshes[0]
-        super().__init__(first, alignment, options, **changes)
+        super().__init__(options, **changes)
+        self._align(self.meshes, alignment)
         self._second_passes: list[SecondPass | None] = []  # of each image that copies cannot show all of
         cells = self.split.cell_count * count
         if self.options.geometry == "instanced":
@@ -67,11 +68,6 @@ class _AlignedImages(ReferenceRayTracer):
         if self.options.geometry == "instanced":
             return plan_instanced_geometry(self.mesh, self.alignment, self.options, self._row_stride, self._pool)
         return plan_aligned_geometry(self.meshes, self.alignment, self.options, self._row_stride, self._pool)
-
-    @property
-    def views(self) -> tuple[tuple[Mesh, View], ...]:
-        """What each image shows, and its camera."""
-        return tuple(zip(self.meshes, self.alignment.cameras, strict=True))
 
     def _filter_address(self) -> int:
         return nearest_hit_filter(*self.packet_shape, self.options.geometry == "instanced")
@@ -123,8 +119,8 @@ class _AlignedImages(ReferenceRayTracer):
                 second_pass.close()
         self._second_passes = []
 
-    def _release(self) -> None:
-        super()._release()
+    def _forget(self) -> None:
+        super()._forget()
         self._close_second_passes()
 
 
@@ -149,8 +145,13 @@ class AlignedTracer(_AlignedImages, ImageTracer):
         reference: str = "off_axis",
         **changes: Any,
     ) -> None:
-        alignment = Alignment.of_cells(camera, Split.of_image(split, camera), reference)
-        super().__init__((mesh,), alignment, options, **changes)
+        self.reference = reference
+        super().__init__(
+            (mesh,), Alignment.of_cells(camera, Split.of_image(split, camera), reference), options, **changes
+        )
+
+    def _set_camera(self, camera: View) -> None:
+        self._align(self.meshes, Alignment.of_cells(camera, self.split.of(camera), self.reference))
 
 
 class FramesTracer(_AlignedImages):
@@ -158,10 +159,16 @@ class FramesTracer(_AlignedImages):
 
     meshes: one for all frames, or one per frame, so that geometry may move, too. alignment: `Alignment.of_eyes`,
     `Alignment.of_frames`, or any other. options: of `atra.AlignedOptions`, changes: fields of it by name; instances
-    need one mesh for all frames.
+    need one mesh for all frames. `look` takes one camera, and there are several: it is refused.
     Raises InputError for another number of meshes than frames, and as `AlignedTracer` does.
     Source: paper §6, Fig. 8.
     """
+
+    def _set_camera(self, camera: View) -> None:
+        raise InputError(
+            f"FramesTracer shows {self.alignment.image_count} cameras at once and cannot look through one; make a new "
+            "one with Alignment.of_frames, or take AlignedTracer"
+        )
 
     def trace(self, offset: tuple[float, float] = (0.5, 0.5), out: Frames | None = None) -> Frames:
         """Trace all frames; all rays go through sub-pixel position `offset` of their pixels, in [0, 1) x [0, 1).

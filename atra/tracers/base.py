@@ -22,13 +22,16 @@ from atra.geometry.view import View, check_offset
 from atra.hits import Hits
 from atra.judge.ties import coplanar_overlaps, lowest_of_ties, tie_tiles
 from atra.kernels.callbacks import memory_monitor
-from atra.lifetime import Lifetime
+from atra.lifetime import TracerLifetime
 from atra.options import Options, resolve_packet_width
 from atra.parallel import WorkerPool, resolve_threads
 from atra.tracers.images import images_of, outputs
 
+Views = tuple[tuple[Mesh, View], ...]
+"""What each image shows, and its camera."""
 
-class EmbreeTracer(Lifetime):
+
+class EmbreeTracer(TracerLifetime):
     """Options, buffers and scene that the tracers share; `camera` is that of the rays shot.
 
     options, changes: a value of `options_type`, and fields of it by name that are to be others.
@@ -38,25 +41,38 @@ class EmbreeTracer(Lifetime):
 
     options_type: ClassVar[type[Options]] = Options
     options: Options
+    mesh: Mesh
+    camera: View
+    views: Views
 
-    def __init__(self, mesh: Mesh, camera: View, options: Options | None = None, **changes: Any) -> None:
+    def __init__(self, options: Options | None = None, **changes: Any) -> None:
         super().__init__()
         self.options = self.options_type.of(type(self).__name__, options, changes)
-        self.mesh = mesh
-        self.camera = camera
-        for seen, view in self.views:
-            check_range(seen, view)
-        check_image_memory(sum(view.height for _, view in self.views), camera.width)
         self.packet_width = resolve_packet_width(self.options.packet_width)
         self.threads = resolve_threads(self.options.threads)
+        self._geometry: AlignedGeometry | None = None
+        self._scene: EmbreeDevice | None = None
+        self._tie_tiles: list[NDArray[np.bool_] | None] = []  # of each image: where to look for ties, if anywhere
         self._pool = WorkerPool(self.threads)
+
+    def _show(self, views: Views) -> None:
+        """Take what each image shows, and its camera."""
+        self.views = views
+        self.mesh, camera = views[0]
+        self.camera = camera
         direction = ray_axes(camera)[2].tolist() if camera.is_parallel else None
         self._workspaces = [
             Workspace(self.packet_width, coherent=True, direction=direction) for _ in range(self.threads)
         ]
-        self._geometry: AlignedGeometry | None = None
-        self._scene: EmbreeDevice | None = None
-        self._tie_tiles: list[NDArray[np.bool_] | None] = []  # of each image: where to look for ties, if anywhere
+
+    def _look(self, camera: View) -> bool:
+        self._set_camera(camera)
+        self._forget()  # before anything is built: both together may not fit
+        return False
+
+    @abstractmethod
+    def _set_camera(self, camera: View) -> None:
+        """Take the camera and all that hangs on it; changes nothing where it is refused."""
 
     @abstractmethod
     def _plan_geometry(self) -> AlignedGeometry: ...
@@ -71,11 +87,6 @@ class EmbreeTracer(Lifetime):
     def _row_stride(self) -> int:
         """Pixels from one row of the output to the next."""
         return self.camera.width
-
-    @property
-    def views(self) -> tuple[tuple[Mesh, View], ...]:
-        """What each image shows, and its camera."""
-        return ((self.mesh, self.camera),)
 
     def _plan(self) -> float:
         if self.options.ties == "lowest":  # found once per mesh, like reading it, and so outside the clock of a plan
@@ -175,11 +186,22 @@ class EmbreeTracer(Lifetime):
         """What `atra.Tracer` says of counters."""
         return {"triangles_traced": self.triangle_count, "embree_bytes": self.embree_bytes}
 
-    def _release(self) -> None:
-        self._pool.close()  # first, so that none of its threads is in a scene that goes
+    def _forget(self) -> None:
+        """Let go of all that was planned and built."""
         if self._scene is not None:
             self._scene.close()
         self._geometry = None
+
+    def _release(self) -> None:
+        self._pool.close()  # first, so that none of its threads is in a scene that goes
+        self._forget()
+
+
+def check_views(views: Views) -> None:
+    """Raise InputError for what float32 cannot trace, MemoryBudgetError for images larger than the free memory."""
+    for mesh, camera in views:
+        check_range(mesh, camera)
+    check_image_memory(sum(camera.height for _, camera in views), views[0][1].width)
 
 
 class ImageTracer(EmbreeTracer):

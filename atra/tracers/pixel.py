@@ -10,11 +10,12 @@ from numpy.typing import NDArray
 from atra.alignment.culling import AlignedGeometry, plan_plain_geometry
 from atra.embree.device import EmbreeDevice
 from atra.geometry.mesh import Mesh
+from atra.geometry.ray_space import from_eye_space
 from atra.geometry.view import View
 from atra.kernels.packets import Image, RayGrid
 from atra.kernels.tracing import PixelTiles, pixel_kernel
 from atra.options import PixelOptions
-from atra.tracers.base import ImageTracer
+from atra.tracers.base import ImageTracer, check_views
 from atra.tracers.rays import image_ray_grid
 
 SQUAREST_SHAPE = {1: (1, 1), 4: (2, 2), 8: (4, 2), 16: (4, 4)}
@@ -31,18 +32,38 @@ class PixelTracer(ImageTracer):
     options: of `atra.PixelOptions`, changes: fields of it by name.
     Raises InputError as the options do, and for a mesh smaller than 1e-9 or farther than 1e11 from the eye, where
     float32 would lose triangles; MemoryBudgetError, when planning, for more overlaps than can be kept.
+
+    `look` keeps the BVH while the eye stays where it is: turning or zooming costs nothing. Rays start at the origin of
+    what Embree is given, so another place of the eye needs another BVH (docs/methods.md says why).
     """
 
     options_type = PixelOptions
     options: PixelOptions
 
     def __init__(self, mesh: Mesh, camera: View, options: PixelOptions | None = None, **changes: Any) -> None:
-        super().__init__(mesh, camera, options, **changes)
+        super().__init__(options, **changes)
         rows = self.options.packet_rows
         self.packet_shape = SQUAREST_SHAPE[self.packet_width] if rows is None else (self.packet_width // rows, rows)
+        self.mesh = mesh
+        self._set_camera(camera)
+
+    def _set_camera(self, camera: View) -> None:
+        views = ((self.mesh, camera),)
+        check_views(views)
+        self._show(views)
         self._tiles = pixel_tiles(camera.width, camera.height, self.options.tile_order)
         for workspace in self._workspaces:
             workspace.set_coherent(self.options.coherent)
+
+    def _look(self, camera: View) -> bool:
+        """A camera that turns about its eye sees the same ray space, and keeps the BVH."""
+        before = self.camera
+        if camera.eye != before.eye or not np.array_equal(from_eye_space(camera), from_eye_space(before)):
+            return super()._look(camera)
+        self._set_camera(camera)
+        if self._is_planned:
+            self._plan_ties()
+        return True
 
     def _plan_geometry(self) -> AlignedGeometry:
         return plan_plain_geometry(self.mesh, self.camera)

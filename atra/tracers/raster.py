@@ -17,13 +17,13 @@ from atra.geometry.view import View, check_offset
 from atra.hits import Hits
 from atra.judge.ties import coplanar_overlaps, lowest_of_ties, tie_tiles
 from atra.kernels.raster.frames import Scratch, compile_kernels, draw_frame
-from atra.lifetime import Lifetime
+from atra.lifetime import TracerLifetime
 from atra.options import RasterOptions
 from atra.parallel import WorkerPool, resolve_threads
 from atra.tracers.images import images_of, outputs
 
 
-class RasterTracer(Lifetime):
+class RasterTracer(TracerLifetime):
     """Every triangle drawn onto the image, exactly where the rays of its pixels meet it, nearest in front.
 
     RasterTracer(mesh, camera, options=None, **changes): options are of `atra.RasterOptions`, changes fields of it by
@@ -43,22 +43,23 @@ class RasterTracer(Lifetime):
         self.threads = resolve_threads(self.options.threads)
         self._pool = WorkerPool(self.threads)
         self._scratch: Scratch | None = None
+        self._pixels_checked = 0
         self._set_camera(camera)
 
     def _set_camera(self, camera: View) -> None:
         check_range(self.mesh, camera)
-        check_image_memory(camera.height, camera.width)
+        pixels = camera.width * camera.height
+        if pixels > self._pixels_checked:  # asking how much memory is free takes a tenth of a small frame
+            check_image_memory(camera.height, camera.width)
+            self._pixels_checked = pixels
         self.camera = camera
         self._tie_tiles: NDArray[np.bool_] | None = None  # where to look for ties; found when first needed
 
-    def look(self, camera: View) -> None:
-        """Trace what `camera` sees from the next frame on. Raises InputError and MemoryBudgetError as for a new tracer,
-        EmbreeError after `close`."""
-        with self._lock:
-            self._check_open()
-            self._set_camera(camera)
-            if self._is_built:
-                compile_kernels(self.lanes, camera.is_parallel)
+    def _look(self, camera: View) -> bool:
+        self._set_camera(camera)
+        if self._is_built:
+            compile_kernels(self.lanes, camera.is_parallel)
+        return True
 
     @property
     def views(self) -> tuple[tuple[Mesh, View], ...]:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from collections.abc import Sequence
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +16,7 @@ from atra.geometry.mesh import Mesh
 from atra.kernels.packets import Image, RayGrid
 from atra.kernels.tracing import aligned_kernel
 from atra.options import ReferenceRayOptions
-from atra.tracers.base import EmbreeTracer
+from atra.tracers.base import EmbreeTracer, check_views
 from atra.tracers.rays import ray_grid
 from atra.whole_numbers import is_whole_number
 
@@ -29,19 +30,18 @@ class ReferenceRayTracer(EmbreeTracer):
     options_type: ClassVar[type[ReferenceRayOptions]] = ReferenceRayOptions
     options: ReferenceRayOptions
 
-    def __init__(
-        self, mesh: Mesh, alignment: Alignment, options: ReferenceRayOptions | None = None, **changes: Any
-    ) -> None:
-        self.alignment = alignment
-        self.split = alignment.split
-        super().__init__(mesh, alignment.cameras[0], options, **changes)
-        self.packet_shape = choose_packet_shape(self.packet_width, self.split, self.options.packet_rows)
-        check_image_size(self.camera.height * alignment.image_count, self._row_stride)
+    def _align(self, meshes: Sequence[Mesh], alignment: Alignment) -> None:
+        """Take an alignment and the mesh of each of its images; changes nothing where they are refused."""
+        split, views = alignment.split, tuple(zip(meshes, alignment.cameras, strict=True))
+        check_views(views)
+        packet_shape = choose_packet_shape(self.packet_width, split, self.options.packet_rows)
+        check_image_size(split.height * alignment.image_count, _row_stride(split, packet_shape))
+        self._show(views)
+        self.alignment, self.split, self.packet_shape = alignment, split, packet_shape
 
     @property
     def _row_stride(self) -> int:
-        spare = -self.split.cell_width % self.packet_shape[0]  # lanes the last packet of a row reaches past the image
-        return self.camera.width + spare
+        return _row_stride(self.split, self.packet_shape)
 
     def _trace_reference_rays(self, offset: tuple[float, float], depth: NDArray, prim_id: NDArray) -> None:
         split = self.split
@@ -56,6 +56,10 @@ class ReferenceRayTracer(EmbreeTracer):
             kernel(counter, scene, self._workspaces[worker].packet, rays, cell_rows, image)
 
         self._pool.run(work)
+
+
+def _row_stride(split: Split, packet_shape: tuple[int, int]) -> int:
+    return split.width + -split.cell_width % packet_shape[0]  # lanes the last packet of a row reaches past the image
 
 
 def choose_packet_shape(packet_width: int, split: Split, packet_rows: int | None = None) -> tuple[int, int]:

@@ -17,7 +17,7 @@ from atra.kernels.callbacks import memory_monitor
 from atra.kernels.packets import Image, RayGrid
 from atra.kernels.tiles import CellScenes, list_cells, sort_by_cell, tile_kernel
 from atra.options import CellOptions
-from atra.tracers.base import ImageTracer
+from atra.tracers.base import ImageTracer, check_views
 from atra.tracers.pixel import SQUAREST_SHAPE
 from atra.tracers.rays import check_pinhole, image_ray_grid
 
@@ -39,8 +39,17 @@ class TiledTracer(ImageTracer):
     ) -> None:
         check_pinhole(camera, "TiledTracer")
         self.split = Split.of_image(split, camera)
-        super().__init__(mesh, camera, options, **changes)
+        super().__init__(options, **changes)
+        self.mesh = mesh
+        self._set_camera(camera)
         self._cell_starts = np.zeros(self.split.cell_count + 1, np.int64)
+
+    def _set_camera(self, camera: View) -> None:
+        check_pinhole(camera, "TiledTracer")
+        split, views = self.split.of(camera), ((self.mesh, camera),)
+        check_views(views)
+        self._show(views)
+        self.split = split
 
     def _plan_geometry(self) -> AlignedGeometry:
         mesh, split = self.mesh, self.split

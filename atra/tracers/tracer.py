@@ -26,6 +26,7 @@ class Tracer(Protocol[Traced]):
     """What every method of tracing offers.
 
     `plan` and `build` are called once, in this order, by `with` or by hand; `trace` any number of times after them.
+    `look` changes the camera, and plans and builds anew what hangs on it and has been planned and built.
     mesh, camera: those of the rays, of the first image where there are several. views: what each image shows, and its
     camera, in the order of `images` of what `trace` returns. packet_width: rays of a packet.
     plan_time_s, build_time_s: seconds each took. embree_bytes: what Embree holds by its own account, bytes.
@@ -60,6 +61,8 @@ class Tracer(Protocol[Traced]):
     def plan(self) -> None: ...
 
     def build(self) -> None: ...
+
+    def look(self, camera: View) -> None: ...
 
     def trace(self, offset: tuple[float, float] = (0.5, 0.5), out: Traced | None = None) -> Traced: ...
 

@@ -73,19 +73,25 @@ class VisibleFirstTracer(ReferenceRayTracer, ImageTracer):
     ) -> None:
         check_pinhole(camera, "VisibleFirstTracer")
         self.probe = probe if probe is None or isinstance(probe, Hits) else _checked_prim_ids(mesh, probe)
-        if isinstance(probe, Hits) and probe.depth.shape != (camera.height, camera.width):
-            raise InputError(
-                f"the probe is an image of {probe.depth.shape}, "
-                f"expected {(camera.height, camera.width)} (height, width)"
-            )
-        alignment = Alignment.of_cells(camera, Split.of_image(split, camera))
-        super().__init__(mesh, alignment, options, **changes)
+        self.split = Split.of_image(split, camera)
+        super().__init__(options, **changes)
+        self.mesh = mesh
+        self._set_camera(camera)
         self._probe_time_s = 0.0
-        tile_width = TILE_WIDTHS[0] if self.split.cell_width <= TILE_WIDTHS[0] else TILE_WIDTHS[1]
-        self.tiles = Tiles(tile_width, TILE_HEIGHT, camera.width, camera.height)
         self._whole_build_time_s = 0.0
         self._whole: EmbreeScene | None = None
         self._second_pass: SecondPass | None = None
+
+    def _set_camera(self, camera: View) -> None:
+        check_pinhole(camera, "VisibleFirstTracer")
+        if isinstance(self.probe, Hits) and self.probe.depth.shape != (camera.height, camera.width):
+            raise InputError(
+                f"the probe is an image of {self.probe.depth.shape}, "
+                f"expected {(camera.height, camera.width)} (height, width)"
+            )
+        self._align((self.mesh,), Alignment.of_cells(camera, self.split.of(camera)))
+        tile_width = TILE_WIDTHS[0] if self.split.cell_width <= TILE_WIDTHS[0] else TILE_WIDTHS[1]
+        self.tiles = Tiles(tile_width, TILE_HEIGHT, camera.width, camera.height)
 
     def _plan(self) -> float:
         return super()._plan() - self._whole_build_time_s
@@ -190,8 +196,8 @@ class VisibleFirstTracer(ReferenceRayTracer, ImageTracer):
         """Bytes Embree holds for both scenes by its own account; 0 before `plan`."""
         return super().embree_bytes + (0 if self._whole is None else self._whole.embree_bytes)
 
-    def _release(self) -> None:
-        super()._release()
+    def _forget(self) -> None:
+        super()._forget()
         if self._whole is not None:
             self._whole.close()
         self._second_pass = None

@@ -7,6 +7,7 @@ from experiments.workloads.agreement import AGREEMENT
 from experiments.workloads.build import BUILD
 from experiments.workloads.frame import FRAME
 from experiments.workloads.memory import MEMORY
+from experiments.workloads.moving import MOVING
 from experiments.workloads.multiframe import MULTIFRAME
 from experiments.workloads.picture import PICTURE
 from experiments.workloads.planner import PLANNER
@@ -22,6 +23,7 @@ WORKLOADS: tuple[Workload, ...] = (
     MULTIFRAME,
     PLANNER,
     SURFACE,
+    MOVING,
 )
 """In the order of tables and pages."""
 

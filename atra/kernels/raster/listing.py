@@ -27,7 +27,8 @@ def project(counter_address, vertices, eye, to_pixels, depth_axis, least_depth, 
 
     to_pixels: (3, 4) float64, of homogeneous eye space. depth_axis: (3,) float64, the view axis in eye space. Nearness
     is 1 / depth, or -depth where rays are parallel: linear across the image either way, and the larger, the nearer.
-    least_depth: what smaller depths count as, on either side of the eye plane; 0 where rays are parallel.
+    least_depth: what smaller depths count as, on either side of the eye plane; 0 where rays are parallel. What lies in
+    the eye plane counts as behind it: no ray meets it.
     """
     m = to_pixels
     while True:
@@ -42,7 +43,7 @@ def project(counter_address, vertices, eye, to_pixels, depth_axis, least_depth, 
             nearness = -depth
             if least_depth > 0.0:
                 if abs(depth) < least_depth:
-                    depth = least_depth if depth >= 0.0 else -least_depth
+                    depth = least_depth if depth > 0.0 else -least_depth
                 nearness = 1.0 / depth
                 x, y = x * nearness, y * nearness
             points[point, 0] = x if abs(x) >= _NOTHING else 0.0

@@ -20,7 +20,7 @@ from atra.geometry.mesh import Mesh
 from atra.geometry.ray_space import from_eye_space
 from atra.geometry.view import View, check_offset
 from atra.hits import Hits
-from atra.lifetime import Lifetime
+from atra.lifetime import TracerLifetime
 from atra.parallel import resolve_threads
 from atra.tracers.rays import image_ray_grid
 from experiments.drawing.style import PURPLE
@@ -30,7 +30,7 @@ from experiments.methods.peers.availability import package_problem, package_vers
 _PIXEL_CENTRE = (0.5, 0.5)
 
 
-class PeerTracer(Lifetime):
+class PeerTracer(TracerLifetime):
     """A foreign ray tracer that offers what `atra.Tracer` asks for. The world is the peer's, the eye its rays' origin.
 
     plan: makes the rays through the pixel centres, in the form the peer wants. build: hands over the triangles and
@@ -48,12 +48,16 @@ class PeerTracer(Lifetime):
     def __init__(self, mesh: Mesh, camera: View, threads: int | None = None) -> None:
         super().__init__()
         self.mesh = mesh
-        self.camera = camera
         self.threads = resolve_threads(threads)
-        check_image_memory(camera.height, camera.width)
         self._rays: Any = None
-        self._rays_offset: tuple[float, float] | None = None
         self._scene: Any = None
+        self._look(camera)
+
+    def _look(self, camera: View) -> bool:
+        check_image_memory(camera.height, camera.width)
+        self.camera = camera
+        self._rays_offset: tuple[float, float] | None = None
+        return True
 
     @abstractmethod
     def _make_rays(self, directions: NDArray[np.float32]) -> Any:

@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
+from typing import Any
 
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
@@ -132,7 +133,7 @@ def measure(point: Point) -> Measured:
         def for_each_frame(make: Make) -> SeparateFrames:
             return stack.enter_context(SeparateFrames([make(mesh, view) for mesh, view in own.views]))
 
-        tracers: dict[str, Tracer] = {OWN: own}
+        tracers: dict[str, Any] = {OWN: own}
         for name, width in ((SINGLE, 1), *((PACKETS[width], width) for width in packets)):
             tracers[name] = for_each_frame(partial(_single, point, width))
         tracers |= {name: for_each_frame(make) for name, make in separate_makers(point).items()}

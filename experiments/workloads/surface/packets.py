@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.kernels.packets import Image, RayGrid
 from atra.kernels.tracing import Surface, surface_kernel
@@ -19,8 +16,8 @@ class SurfacePackets(PixelTracer):
     """surface: of the last frame; what stands where nothing is hit has no meaning. Ties are settled in `prim_id` alone:
     where triangles tie, it may be that of another than is stored."""
 
-    def __init__(self, mesh: Mesh, camera: View, **changes: Any) -> None:
-        super().__init__(mesh, camera, **changes)
+    def _set_camera(self, camera: View) -> None:
+        super()._set_camera(camera)
         size = camera.height, camera.width
         self.surface = Surface(np.empty(size, np.float32), np.empty(size, np.float32), np.empty((*size, 3), np.float32))
 

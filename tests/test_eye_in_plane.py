@@ -1,0 +1,83 @@
+"""What a ray starts on it does not hit: planes that hold the eye, exactly or to the last bit of its coordinates."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import atra
+from atra.hits import Hits
+from atra.judge.compare import Verdict
+from atra.judge.oracle import examine
+from atra.judge.reference import brute_force
+from tests.images import assert_no_pixel_wrong, trace, trace_pixels
+from tests.meshes import EYE_AT_ORIGIN, joined, quads
+
+WALL = quads([[(-9, -9, 5), (9, -9, 5), (9, 9, 5), (-9, 9, 5)]])
+PANE = quads([[(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)]])
+CAMERA = atra.Camera(**EYE_AT_ORIGIN, width=16, height=12)
+
+
+def draw(mesh, camera, **options):
+    with atra.RasterTracer(mesh, camera, threads=1, **options) as tracer:
+        return tracer.trace()
+
+
+def test_who_stands_in_a_pane_sees_through_it_whatever_it_is_traced_with():
+    mesh = joined(PANE, WALL)
+    reference = brute_force(mesh, CAMERA)
+    assert set(np.unique(reference.prim_id)) == {2, 3}
+    for hits in (draw(mesh, CAMERA), trace_pixels(mesh, CAMERA), trace("aligned", mesh, CAMERA, (16, 1))):
+        np.testing.assert_array_equal(hits.depth, reference.depth)
+        assert_no_pixel_wrong(mesh, CAMERA, hits, reference)
+
+
+def image_of(prim_id, depth, mesh, camera):
+    shape = camera.height, camera.width
+    return Hits(np.full(shape, depth, np.float32), np.full(shape, prim_id, np.uint32), (0.5, 0.5), mesh, camera)
+
+
+@pytest.mark.parametrize("before", [1e-17, 1e-19, 1e-30])
+def test_a_pane_no_farther_from_the_eye_than_float64_can_tell_may_be_named_or_not(before):
+    pane = atra.Mesh([(-9, -9, 0), (9, -9, 0), (0, 9, 0)], [[0, 1, 2]])
+    mesh, camera = joined(pane, WALL), replace(CAMERA, eye=(0, 0, -before))
+    near, far = image_of(0, before, mesh, camera), brute_force(mesh, camera)
+    assert (far.depth == 5.0).all()
+    agreement = atra.compare(mesh, camera, near, far)
+    assert set(np.unique(agreement.verdict)) == {Verdict.EDGE}
+    assert not examine(mesh, camera, far, near, agreement).hits.wrong.any()
+
+
+def test_a_pane_that_float64_tells_from_the_eye_must_be_named():
+    pane = atra.Mesh([(-9, -9, 0), (9, -9, 0), (0, 9, 0)], [[0, 1, 2]])
+    mesh, camera = joined(pane, WALL), replace(CAMERA, eye=(0, 0, -1e-9))
+    for hits in (draw(mesh, camera), trace_pixels(mesh, camera)):
+        assert not hits.prim_id.any()
+        assert_no_pixel_wrong(mesh, camera, hits, brute_force(mesh, camera))
+    through = image_of(2, 5.0, mesh, camera)
+    assert atra.compare(mesh, camera, through, brute_force(mesh, camera)).pixels_wrong == through.depth.size
+
+
+def panes(random):
+    """Twelve triangles between points of a coarse grid, of which half lie along an axis."""
+    points = (random.integers(-8, 9, (12, 3, 3)) / random.choice([4, 7, 10])).astype(np.float32)
+    for triangle in range(0, 12, 2):
+        axis = random.integers(3)
+        points[triangle, :, axis] = points[triangle, 0, axis]
+    return atra.Mesh(points.reshape(-1, 3), np.arange(36).reshape(-1, 3))
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_an_eye_a_bit_beside_a_plane_sees_the_float64_image(seed):
+    random = np.random.default_rng(seed)
+    mesh = panes(random)
+    eye = mesh.triangles(np.array([2 * random.integers(6)]))[0].mean(axis=0)
+    if seed % 2:
+        eye = np.nextafter(eye, eye + random.normal(size=3))
+    if seed % 5 == 0:
+        eye += random.choice([1e-17, -1e-17, 1e-13], 3)
+    forward = np.eye(3)[random.integers(3)] if seed % 3 else random.normal(size=3)
+    camera = atra.Camera(tuple(eye), tuple(eye + forward), (0.1, 1, 0.2), 20 + 4 * seed % 130, 24, 16)
+    reference = brute_force(mesh, camera)
+    for hits in (draw(mesh, camera), trace_pixels(mesh, camera), trace("pixels", mesh, camera)):
+        assert_no_pixel_wrong(mesh, camera, hits, reference)
