@@ -32,6 +32,9 @@ from experiments.workloads.series import say_unmeasured, say_wrong, series_of, s
 _HEADINGS = ("frame", "grows", "prepared", "grows", "MiB", "grows")
 _PREPARATION = "its plan and build"
 
+_ROOM = 20.0
+"""How far the axis reaches below the shortest time, for numbers of crossings."""
+
 
 def draw_growth_figure(table: pd.DataFrame, columns: int = 2) -> Figure:
     """One panel a scene and a thing that grows; both axes logarithmic.
@@ -89,20 +92,21 @@ def _cells(one: Growth) -> list[str]:
 
 
 def _draw_crossings(axis: Axes, drawn: list[Growth]) -> None:
-    for one, other in combinations(drawn, 2):
-        for crossing in crossings(one, other):
-            # Where the two lines pass, or nearly: they were measured hours apart.
-            place = np.log(crossing.size)
-            times = [np.interp(place, np.log(of.sizes), np.log(of.time_s)) for of in (one, other)]
-            time_ms = float(np.exp(np.mean(times))) * MILLISECONDS
-            axis.plot(
-                [crossing.size], [time_ms], "o", color=BLACK, markerfacecolor="none", markersize=9,
-                markeredgewidth=1.5, zorder=5, label="_ring",
-            )  # fmt: skip
-            axis.annotate(
-                say_count(crossing.size), (crossing.size, time_ms), xytext=(0, 8), textcoords="offset points",
-                ha="center", fontsize=SMALL, fontweight="bold", zorder=6,
-            )  # fmt: skip
+    found = [(one, other, at.size) for one, other in combinations(drawn, 2) for at in crossings(one, other)]
+    for place, (one, other, size) in enumerate(sorted(found, key=lambda crossing: crossing[2])):
+        # Where the two lines pass, or nearly: they were measured hours apart.
+        times = [np.interp(np.log(size), np.log(of.sizes), np.log(of.time_s)) for of in (one, other)]
+        time_ms = float(np.exp(np.mean(times))) * MILLISECONDS
+        axis.plot([size, size], [1e-9, time_ms], color=BLACK, linewidth=1, linestyle=DOTTED, zorder=2, label="_line")
+        axis.plot(
+            [size], [time_ms], "o", color=BLACK, markerfacecolor="none", markersize=9, markeredgewidth=1.5, zorder=5,
+            label="_ring",
+        )  # fmt: skip
+        # Crossings lie close together: each number has its own height.
+        axis.annotate(
+            say_count(size), (size, 0.03 + 0.075 * place), xycoords=("data", "axes fraction"), xytext=(3, 0),
+            textcoords="offset points", fontsize=SMALL, fontweight="bold", zorder=6,
+        )  # fmt: skip
 
 
 def _finish(axis: Axes, panel: Panel, drawn: list[Growth]) -> None:
@@ -111,6 +115,10 @@ def _finish(axis: Axes, panel: Panel, drawn: list[Growth]) -> None:
     axis.xaxis.set_minor_formatter(NullFormatter())
     axis.minorticks_off()
     axis.set_xlim(sizes[0] / 1.3, sizes[-1] * 1.3)
+    least = [one.time_s[drawable(one.time_s)].min() for one in drawn if drawable(one.time_s).any()]
+    if least:
+        # Where nearly nothing is prepared, the table below says so.
+        axis.set_ylim(bottom=min(least) * MILLISECONDS / _ROOM)
     axis.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:,.10g}"))
     axis.set_xlabel(panel.unit)
     axis.set_ylabel("ms")
