@@ -22,11 +22,6 @@ CELL_WIDTHS = {VISIBLE_FIRST: (16, 8, 4, 2), ALIGNED: (8, 4, 2)}
 """Pixels; an image that one of them does not divide takes the next width below twice of it that does."""
 
 
-DRAWN_NS, BUILT_NS, RAY_NS = 35.0, 200.0, 20.0
-"""Of one thread, roughly: a triangle drawn, one put into a BVH, and what a ray in a packet takes more than a pixel that
-is drawn. All are shared out among threads alike."""
-
-
 @dataclass(frozen=True)
 class Choice:
     """A method and all that it is built with.
@@ -105,10 +100,10 @@ class Choice:
 
 
 def candidates(camera: View) -> tuple[Choice, ...]:
-    """Packets of the widest native width, the rasteriser, then each method at every split worth trying, its widest
-    cells first; all of medium build quality."""
+    """The rasteriser, which builds nothing; packets of the widest native width; then each method at every split worth
+    trying, its widest cells first; all of medium build quality."""
     width = native_packet_widths()[-1]
-    choices = [Choice(PACKETS, (1, 1), width, SQUAREST_SHAPE[width][1]), Choice(RASTER, (1, 1), 1, 1)]
+    choices = [Choice(RASTER, (1, 1), 1, 1), Choice(PACKETS, (1, 1), width, SQUAREST_SHAPE[width][1])]
     for method, cell_widths in CELL_WIDTHS.items():
         if method == VISIBLE_FIRST and camera.is_parallel:
             continue
@@ -116,16 +111,6 @@ def candidates(camera: View) -> tuple[Choice, ...]:
             split = Split(nx, 1, camera.width, camera.height)
             choices.append(Choice(method, (nx, 1), width, choose_packet_shape(width, split)[1]))
     return tuple(choices)
-
-
-def at_once(mesh: Mesh, camera: View, frames: int) -> Choice:
-    """The likely best without a trial: packets where triangles are so much smaller than pixels, and frames so many,
-    that a BVH is paid back; otherwise the rasteriser, which builds none."""
-    packets, raster = candidates(camera)[:2]
-    triangles, pixels = mesh.triangle_count, camera.width * camera.height
-    drawing_ns = frames * DRAWN_NS * triangles
-    tracing_ns = BUILT_NS * triangles + frames * RAY_NS * pixels
-    return packets if tracing_ns < drawing_ns else raster
 
 
 def _splits(width: int, cell_widths: tuple[int, ...]) -> list[int]:

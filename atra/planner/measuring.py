@@ -34,6 +34,9 @@ MORE_COPIES = 2.0
 copies.
 For the widest cells of a method, a guess: as many times as long as the longest trial without cells."""
 
+BUILDING = 2.0
+"""How many times as long as a trial that builds no BVH one that does may take, at least: often 6 to 10 times."""
+
 HIGH_QUALITY_FRAMES, HIGH_QUALITY_COST = 1000, 40.0
 """From so many frames on a slow build may pay, which takes Embree 3 to 40 times as long and saves up to a tenth of a
 frame."""
@@ -142,7 +145,7 @@ def measure(
         def pays(expected_s: float) -> bool:
             return expected_s <= min(budget_s - spent_s, HOPED_GAIN * min(map(total_s, done.values())))
 
-        longest_s = try_out(choices[0])
+        longest_s = try_out(choices[0]) * (BUILDING if choices[0].method == RASTER else 1.0)
         for _, of_method in groupby(choices[1:], lambda choice: choice.method):
             taken_s, shortest_s = longest_s, inf
             for choice in of_method:

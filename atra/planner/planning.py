@@ -14,15 +14,15 @@ from atra.geometry.view import View, as_number
 from atra.judge.ties import coplanar_overlaps
 from atra.options import check_ties
 from atra.parallel import resolve_threads
-from atra.planner.choice import Choice, at_once, candidates
+from atra.planner.choice import Choice, candidates
 from atra.planner.measuring import clock_for, measure
 from atra.planner.plan import MOST, Plan
 from atra.tracers import Tracer
 from atra.whole_numbers import is_whole_number
 
 FEWEST_FRAMES = 16
-"""Below so many, measuring cannot pay: the trials alone, two frames and a build of each candidate, cost more than any
-choice can save."""
+"""Below so many, nothing can pay that is built: a BVH takes as long as the rasteriser's frames, however small triangles
+are."""
 
 
 def plan(
@@ -36,8 +36,8 @@ def plan(
 ) -> Plan:
     """The method, split, packets and build quality that trace so many frames of a view soonest, by measurement.
 
-    Builds and times candidates, the likely best first, for about budget_s seconds and no longer than that may save;
-    another method must gain 2 %. Below `FEWEST_FRAMES` frames it is the likely best, and nothing is tried.
+    Builds and times candidates, the rasteriser first, for about budget_s seconds and no longer than that may save;
+    another method must gain 2 %. Below `FEWEST_FRAMES` frames it is the rasteriser, and nothing is tried.
 
     threads: None takes every core. With one thread budget_s is of its processor time, so that what other processes do
     does not count, else of the wall clock (`clock_for`). Not on the budget: compiling kernels, and finding what is
@@ -55,10 +55,9 @@ def plan(
         raise InputError(f"budget_s is {budget_s!r}, expected a positive number of seconds")
     check_ties(ties)
     frames, threads = int(frames), resolve_threads(threads)
-    likely = at_once(mesh, camera, frames)
+    choices = candidates(camera)
     if frames < FEWEST_FRAMES:
-        return Plan(frames, threads, camera.width, camera.height, likely, ties=ties)
-    choices = [likely, *(choice for choice in candidates(camera) if choice != likely)]
+        return Plan(frames, threads, camera.width, camera.height, choices[0], ties=ties)
     # No choice is to pay for what is kept with the mesh.
     _ = mesh.without_area
     if ties == "lowest":
