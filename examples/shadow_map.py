@@ -1,8 +1,8 @@
-"""A directional light's shadow map: parallel rays, aligned by translations.
+"""A directional light's shadow map: parallel rays, drawn by the rasteriser.
 
     python -m examples.shadow_map --scene material_ball
 
-The light's view of the whole scene is traced as an orthographic image; a point that the camera sees is lit if nothing
+The light's view of the whole scene is drawn as an orthographic image; a point that the camera sees is lit if nothing
 in that image lies before it. Writes `shadow_map.png`: the camera's view with shadows, and what the light sees.
 """
 
@@ -45,7 +45,7 @@ def main(arguments: list[str] | None = None) -> atra.Hits:
     with atra.PixelTracer(mesh, camera, threads=options.threads) as tracer:
         seen = tracer.trace()
     sun = atra.OrthographicCamera.of_light(tuple(options.direction), mesh.bounds, options.map, options.map)
-    with atra.AlignedTracer(mesh, sun, parts.largest_split(options.map, 128), threads=options.threads) as tracer:
+    with atra.RasterTracer(mesh, sun, threads=options.threads) as tracer:
         light = tracer.trace()
     diagonal = float(np.linalg.norm(mesh.bounds[1] - mesh.bounds[0]))
     lit = is_lit(points_seen(seen), light, _BIAS * diagonal)

@@ -14,13 +14,14 @@ from experiments.workloads.multiframe.multiframe_figure import draw_multiframe_f
 from experiments.workloads.multiframe.stereo_figure import draw_stereo_figure
 from tests.drawn import bars, line, make_rows, method_row, save, skipped, whiskers, words
 
-NAMES = ("separate", "visible_first")
+NAMES = ("separate", "visible_first", "rasteriser")
+RASTER_S = 0.004
 
 
 def frames_row(split_x: int, together_s: float, separate_s: float, visible_s: float, **fields: Any) -> dict[str, Any]:
     """A row of several frames; packets take 0.05 s. Intervals of times are half and double."""
     row = method_row("aligned", split_x, together_s, 0.05 / together_s, frames=2, motion="eyes", workload="multiframe")
-    for name, time_s in zip(NAMES, (separate_s, visible_s), strict=True):
+    for name, time_s in zip(NAMES, (separate_s, visible_s, RASTER_S), strict=True):
         row |= {f"{name}_render_time_s": time_s, f"{name}_render_time_low_s": 0.5 * time_s}
         row |= {f"{name}_render_time_high_s": 2 * time_s, f"speedup_vs_{name}": time_s / together_s}
         row |= {f"speedup_vs_{name}_low": 0.75, f"speedup_vs_{name}_high": 1.25}
@@ -49,9 +50,9 @@ def test_the_stereo_figure_draws_every_way_at_its_best_split_in_milliseconds_wit
     (axis,) = figure.axes
     assert bars(axis) == {
         f"both together, 64 {TIMES} 1": 20, f"aligned, each eye, 128 {TIMES} 1": 20,
-        f"visible-first, each eye, 128 {TIMES} 1": 10,
+        f"visible-first, each eye, 128 {TIMES} 1": 10, "rasteriser, each eye": 4,
     }  # fmt: skip
-    assert whiskers(axis) == [[10, 40], [10, 40], [5, 20]]
+    assert whiskers(axis) == [[10, 40], [10, 40], [5, 20], [2, 8]]
     assert f"20.0 ms, 2.50{TIMES} [1.75, 2.25]" in words(figure)
     assert f"20.0 ms, 0.50{TIMES} [0.75, 1.25]" in words(figure)
     assert f"10.0 ms, 0.25{TIMES} [0.75, 1.25]" in words(figure)
@@ -87,6 +88,7 @@ def test_the_multiframe_figure_draws_the_time_of_one_frame_of_each_way_and_motio
     assert line(walked, "all frames together") == {2.0: 10, 4.0: 5}
     assert line(walked, "aligned, frame by frame") == {2.0: 20, 4.0: 10}
     assert line(walked, "visible-first, frame by frame") == {2.0: 5, 4.0: 2.5}
+    assert line(walked, "rasteriser, frame by frame") == {2.0: 2, 4.0: 1}
     assert line(walked, "fastest packets per pixel, frame by frame") == {2.0: 25, 4.0: 12.5}
     assert line(turned, "all frames together") == {2.0: 10}
     low, high = 5, 20  # interval of the first point of the first line

@@ -11,8 +11,7 @@ from atra.geometry.ray_space import NARROWEST_WORLD_PITCH
 from atra.judge.reference import brute_force
 from experiments.methods import METHODS, find_method
 from experiments.methods.method import NoOptions, Tracing
-from experiments.methods.peers import embreex_run
-from tests import images
+from experiments.methods.peers import embreex_run, llvmpipe
 from tests.images import trace_pixels
 from tests.meshes import EYE_AT_ORIGIN, cornell_box, cornell_camera, quads, random_triangles
 
@@ -36,8 +35,16 @@ def trace_peer(peer, mesh, camera, threads=1):
         return tracer.trace()
 
 
-def assert_equal_images(hits, reference):
-    images.assert_equal_images(hits.mesh, hits.camera, hits, reference)
+ROUNDED = 0.005
+"""Share of pixels that a peer gets wrong at most that rounds corners to a part of a pixel."""
+
+
+def assert_equal_images(peer, hits, reference):
+    """No pixel is wrong, or few where it is known that outlines are not exact."""
+    agreement = atra.compare(hits.mesh, hits.camera, hits, reference)
+    wrong = ROUNDED if peer is llvmpipe.LLVMPIPE else 0
+    assert agreement.pixels_wrong <= wrong * agreement.pixels, str(agreement)
+    assert agreement.pixels_equal >= 0.98 * agreement.pixels, str(agreement)
     assert (hits.depth.dtype, hits.prim_id.dtype) == (np.float32, np.uint32)
 
 
@@ -47,7 +54,7 @@ def test_what_atra_itself_needs_can_always_be_used_as_a_peer():
 
 def test_a_peer_returns_the_image_of_single_rays(peer):
     mesh, camera = cornell_box(), cornell_camera(256, 256)
-    assert_equal_images(trace_peer(peer, mesh, camera), trace_pixels(mesh, camera))
+    assert_equal_images(peer, trace_peer(peer, mesh, camera), trace_pixels(mesh, camera))
 
 
 @pytest.mark.parametrize("offset", [(0.0, 0.0), (0.1, 0.9)])
@@ -58,7 +65,7 @@ def test_a_peer_traces_the_rays_of_any_offset_in_any_order(peer, offset):
         kept = first.prim_id.copy()
         moved = tracer.trace(offset, out=first)
         again = tracer.trace(out=moved)
-    assert_equal_images(moved, trace_pixels(mesh, camera, offset))
+    assert_equal_images(peer, moved, trace_pixels(mesh, camera, offset))
     np.testing.assert_array_equal(again.prim_id, kept)
 
 
@@ -74,7 +81,7 @@ def test_a_miss_has_infinite_depth_and_a_hit_the_depth_along_the_view_axis(peer)
 def test_triangles_behind_around_and_through_the_eye_give_the_float64_image(peer, seed):
     mesh = random_triangles(60, seed)
     camera = atra.Camera(**EYE_AT_ORIGIN, width=40, height=24, fov_y_degrees=[60, 120, 165][seed])
-    assert_equal_images(trace_peer(peer, mesh, camera), brute_force(mesh, camera))
+    assert_equal_images(peer, trace_peer(peer, mesh, camera), brute_force(mesh, camera))
 
 
 def test_a_narrow_view_is_traced_in_the_world_too(peer):
@@ -83,8 +90,7 @@ def test_a_narrow_view_is_traced_in_the_world_too(peer):
     assert camera.pixel_pitch < NARROWEST_WORLD_PITCH
     reference = brute_force(mesh, camera)
     assert reference.hit.mean() > 0.5
-    agreement = atra.compare(mesh, camera, trace_peer(peer, mesh, camera), reference)
-    assert agreement.pixels_wrong == 0, str(agreement)
+    assert_equal_images(peer, trace_peer(peer, mesh, camera), reference)
 
 
 @pytest.mark.parametrize("threads", [2, 3])
@@ -122,6 +128,7 @@ def test_misuse_is_an_error_and_closing_twice_is_not(peer):
 
 @pytest.mark.parametrize(("name", "module"), [
     ("embreex", "embreex.rtcore_scene"), ("trimesh", "trimesh"), ("mitsuba3", "mitsuba"), ("open3d", "open3d"),
+    ("llvmpipe", "moderngl"),
 ])  # fmt: skip
 def test_a_missing_package_is_a_reason_not_a_crash(monkeypatch, name, module):
     monkeypatch.setitem(sys.modules, module, None)  # as if it were not installed
@@ -175,3 +182,61 @@ def test_a_broken_package_is_a_reason_of_one_line_not_a_crash(monkeypatch, tmp_p
     sys.modules.pop(module, None)  # not by monkeypatch, whose undoing would bring the fake back
     assert expected in problem
     assert "\n" not in problem
+
+
+@pytest.fixture
+def _drawn_by_llvmpipe():
+    problem = llvmpipe.LLVMPIPE.problem()
+    if problem is not None:
+        pytest.skip(problem)
+
+
+@pytest.mark.usefixtures("_drawn_by_llvmpipe")
+@pytest.mark.parametrize("offset", [(0.5, 0.5), (0.1, 0.9)])
+def test_llvmpipe_draws_parallel_views(offset):
+    mesh = cornell_box()
+    camera = atra.OrthographicCamera((2, 3, 4), (0, 0.5, 0), view_height=4, width=96, height=64)
+    with make_peer(llvmpipe.LLVMPIPE, mesh, camera) as tracer:
+        hits = tracer.trace(offset)
+    assert 0.2 < hits.hit.mean() < 0.9
+    assert_equal_images(llvmpipe.LLVMPIPE, hits, trace_pixels(mesh, camera, offset))
+
+
+@pytest.mark.usefixtures("_drawn_by_llvmpipe")
+def test_llvmpipe_is_called_wrong_where_it_rounds_outlines():
+    mesh = random_triangles(3000, 5, size=0.05, spread=1)
+    camera = atra.Camera((0, 0, -3), (0, 0, 0), width=256, height=256)
+    agreement = atra.compare(mesh, camera, trace_peer(llvmpipe.LLVMPIPE, mesh, camera), trace_pixels(mesh, camera))
+    assert agreement.pixels_wrong > 0
+
+
+@pytest.mark.usefixtures("_drawn_by_llvmpipe")
+def test_llvmpipe_tells_triangles_apart_that_are_a_millionth_apart_in_depth():
+    behind, before = ([(-9, -9, z), (9, -9, z), (9, 9, z), (-9, 9, z)] for z in (5.00002, 5.0))
+    camera = atra.Camera(**EYE_AT_ORIGIN, width=64, height=64)
+    for order, first in (([behind, before], 2), ([before, behind], 0)):
+        assert set(np.unique(trace_peer(llvmpipe.LLVMPIPE, quads(order), camera).prim_id)) == {first, first + 1}
+
+
+class OtherContext:
+    info = {"GL_RENDERER": "A fast card"}  # noqa: RUF012
+
+    def release(self):
+        pass
+
+
+def test_another_opengl_than_llvmpipe_is_named(monkeypatch):
+    monkeypatch.setattr(llvmpipe, "_context", lambda threads: OtherContext())
+    monkeypatch.setitem(sys.modules, "moderngl", sys)
+    problem = llvmpipe.LLVMPIPE.problem()
+    assert problem.startswith("OpenGL is A fast card, not llvmpipe; ")
+
+
+def test_no_egl_is_a_reason_with_the_packages_that_have_it(monkeypatch):
+    pytest.importorskip("moderngl")
+    monkeypatch.setattr(llvmpipe, "_EGL", "libnone.so.1")
+    problem = llvmpipe.LLVMPIPE.problem()
+    assert problem == (
+        "moderngl gets no OpenGL 4.5 through EGL (libnone.so.1 not loaded); "
+        "install Debian's libegl1 libgl1-mesa-dri libgles2"
+    )

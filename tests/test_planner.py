@@ -15,7 +15,8 @@ import pytest
 import atra
 from atra.embree.scene import EmbreeScene
 from atra.errors import InputError, MemoryBudgetError
-from atra.planner.choice import ALIGNED, PACKETS, VISIBLE_FIRST, Choice, candidates
+from atra.kernels.raster.frames import Scratch
+from atra.planner.choice import ALIGNED, PACKETS, RASTER, VISIBLE_FIRST, Choice, candidates
 from atra.planner.measuring import HIGH_QUALITY_COST, Trial, clock_for, measure
 from atra.planner.plan import Forecast, Plan
 from atra.planner.planning import FEWEST_FRAMES, warm_up
@@ -37,33 +38,41 @@ def square_camera(width: int = 64, height: int = 64) -> atra.Camera:
 # Candidates
 
 
-def test_candidates_divide_the_image_and_begin_with_packets() -> None:
+def test_candidates_divide_the_image_and_begin_with_what_has_no_cells() -> None:
     for width in (1024, 1280, 1365, 1366, 1009):
         choices = candidates(square_camera(width, 32))
-        assert choices[0].method == PACKETS
+        assert [choice.method for choice in choices[:2]] == [RASTER, PACKETS]
         assert all(width % choice.split[0] == 0 for choice in choices)
     splits = [(choice.method, choice.split[0]) for choice in candidates(square_camera(1280, 720))]
     visible_first, aligned_ones = (80, 160, 320, 640), (160, 320, 640)
     assert splits == [
-        (PACKETS, 1), *((VISIBLE_FIRST, nx) for nx in visible_first), *((ALIGNED, nx) for nx in aligned_ones)
+        (RASTER, 1), (PACKETS, 1), *((VISIBLE_FIRST, nx) for nx in visible_first),
+        *((ALIGNED, nx) for nx in aligned_ones),
     ]  # fmt: skip
 
 
 def test_parallel_rays_have_no_visible_first_candidate() -> None:
     camera = atra.OrthographicCamera(**EYE_AT_ORIGIN, width=64, height=64)
-    assert {choice.method for choice in candidates(camera)} == {PACKETS, ALIGNED}
-    assert atra.plan(cornell_box(), camera, budget_s=0.05).method in (PACKETS, ALIGNED)
+    assert {choice.method for choice in candidates(camera)} == {PACKETS, RASTER, ALIGNED}
+    assert atra.plan(cornell_box(), camera, budget_s=0.05).method in (PACKETS, RASTER, ALIGNED)
 
 
-def test_for_few_frames_packets_are_chosen_and_nothing_is_built(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_for_few_frames_the_rasteriser_is_chosen_and_nothing_is_built(monkeypatch: pytest.MonkeyPatch) -> None:
     def refuse(*_: object, **__: object) -> None:
         raise AssertionError("no candidate may be built")
 
     monkeypatch.setattr(EmbreeScene, "__init__", refuse)
+    monkeypatch.setattr(Scratch, "of", refuse)
     plan = atra.plan(cornell_box(), cornell_camera(64, 64), FEWEST_FRAMES - 1)
-    assert (plan.method, plan.considered, plan.predicted_time_s) == (PACKETS, (), None)
+    assert (plan.method, plan.considered, plan.predicted_time_s) == (RASTER, (), None)
     with pytest.raises(AssertionError, match="no candidate"):
         atra.plan(cornell_box(), cornell_camera(64, 64), FEWEST_FRAMES)
+
+
+def test_every_core_is_planned_for_unless_told_otherwise() -> None:
+    mesh, camera = cornell_box(), cornell_camera(64, 64)
+    assert atra.plan(mesh, camera, 1).threads == atra.PixelTracer(mesh, camera).threads
+    assert atra.plan(mesh, camera, 1, threads=1).threads == 1
 
 
 # Measuring
@@ -146,6 +155,17 @@ def test_cells_that_may_take_too_long_are_not_tried_and_the_next_method_is() -> 
     assert tried == [PACKETS_CHOICE, VISIBLE, aligned(64)]
 
 
+def test_what_costs_more_to_try_than_it_may_save_is_not_tried() -> None:
+    raster = Choice(RASTER, (1, 1), 1, 1)
+    # A trial of the rasteriser takes 0.02 s and all its frames 0.64; of packets 1.2, and cells are likely to take more.
+    true = {raster: (0.0, 0.01), PACKETS_CHOICE: (1.0, 0.1), VISIBLE: (0.1, 0.001)}
+    found, tried, spent_s, _ = measured(true, budget_s=10.0)
+    assert tried == [raster, PACKETS_CHOICE]
+    assert found[0].choice == raster
+    assert spent_s < 1.3
+    assert VISIBLE in measured(true, budget_s=10.0, frames=999)[1]
+
+
 def test_narrower_cells_are_left_out_once_they_are_surely_slower() -> None:
     slower = {**TRUE, aligned(128): (0.2, 0.09)}
     assert measured(slower, budget_s=10.0)[1] == [PACKETS_CHOICE, aligned(64), aligned(128)]
@@ -169,9 +189,9 @@ def test_packets_are_kept_where_the_gain_is_within_the_noise() -> None:
     assert found[0].choice == PACKETS_CHOICE
 
 
-def test_only_packets_are_considered_for_a_memory_budget_that_holds_no_copies() -> None:
-    plan = atra.plan(cornell_box(), cornell_camera(64, 64), budget_s=1.0, memory_budget_bytes=1)
-    assert [one.choice.method for one in plan.considered] == [PACKETS]
+def test_only_what_needs_no_copies_is_considered_for_a_memory_budget_that_holds_none() -> None:
+    plan = atra.plan(cornell_box(), cornell_camera(64, 64), 100_000, budget_s=1.0, memory_budget_bytes=1)
+    assert {one.choice.method for one in plan.considered} == {PACKETS, RASTER}
 
 
 def test_where_cells_do_not_fit_into_memory_narrower_ones_are_not_tried(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -204,10 +224,10 @@ def test_measuring_for_real_tells_frames_apart_even_where_processor_time_does_no
     threads: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(time, "thread_time", lambda: 0.0)
-    found = atra.plan(cornell_box(), cornell_camera(64, 64), budget_s=0.1, threads=threads)
+    found = atra.plan(cornell_box(), cornell_camera(64, 64), 100_000, budget_s=0.1, threads=threads)
     assert found.threads == threads
     assert all(one.frame_time_s > 0 for one in found.considered)
-    assert PACKETS in {one.choice.method for one in found.considered}
+    assert {PACKETS, RASTER} <= {one.choice.method for one in found.considered}
 
 
 def test_no_trial_pays_for_what_is_kept_with_the_mesh(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -279,8 +299,8 @@ def test_the_tracer_of_every_choice_traces_the_image_of_single_rays(choice: Choi
     mesh, camera = cornell_box(), cornell_camera(64, 64)
     with a_plan(choice).tracer(mesh, camera, ties="any", memory_budget_bytes=2**30) as tracer:
         assert (tracer.packet_width, tracer.options.ties) == (choice.packet_width, "any")  # type: ignore[attr-defined]
-        assert choice.method == PACKETS or tracer.options.memory_budget_bytes == 2**30  # type: ignore[attr-defined]
-        if choice.method != PACKETS:
+        if choice.method not in (PACKETS, RASTER):
+            assert tracer.options.memory_budget_bytes == 2**30  # type: ignore[attr-defined]
             assert tracer.packet_shape[1] == choice.packet_rows  # type: ignore[attr-defined]
             assert (tracer.split.nx, tracer.split.ny) == choice.split  # type: ignore[attr-defined]
         assert_no_pixel_wrong(mesh, camera, tracer.trace(), trace_pixels(mesh, camera))

@@ -37,6 +37,8 @@ EFFORT = {"process", "rounds", "warmup", "frame_budget_s", "time_limit_s", "memo
 
 # Two values of each setting, as a record's configuration holds them, and the second one in words.
 VALUES: dict[str, tuple[Any, Any, str]] = {
+    "subdivided": (0, 1, "subdivided 1"),
+    "copies": (1, 4, "copies 4"),
     "mesh_sha256": ("ab" * 32, "cd" * 32, "mesh cdcdcdcd"),
     "view": ("own", "turned", "view turned"),
     "eye": ([0.0, 1.0, 3.0], [0.0, 1.5, 3.0], "eye 0, 1.5, 3"),
@@ -87,7 +89,7 @@ def record_with(name: str, value: Any) -> Record:
     configuration["workload"] = workload.name
     configuration["workload_options"] = {field.name: values[field.name] for field in fields(workload.options)}
     ran = {key: result for key, result in MEASURED.results.items() if key != "packet_width"}
-    samples = MEASURED.samples | {key: [1.0, 2.0, 3.0] for key in ("separate", "visible_first")}
+    samples = MEASURED.samples | {key: [1.0, 2.0, 3.0] for key in ("separate", "visible_first", "rasteriser")}
     return replace(MEASURED, point_id=str(value), configuration=configuration, samples=samples, results=ran)
 
 

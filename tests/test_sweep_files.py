@@ -11,6 +11,7 @@ import pandas as pd
 import pytest
 
 from atra.embree.library import load_library
+from experiments.methods.peers.llvmpipe import LLVMPIPE
 
 ROOT = Path(__file__).resolve().parents[1]
 TOY = [
@@ -22,6 +23,7 @@ TOY = [
     "measure.warmup=1",
 ]
 FIGURE5 = [f"figure5_{rays}" for rays in ("single_rays", f"packets_of_{load_library().native_packet_widths[-1]}")]
+WRONG = () if LLVMPIPE.problem() else ("disagreements_cornell_box_32x32",)
 # An image of 32 pixels takes no split of 64: such points are skipped.
 SWEEPS = {
     "smoke": (
@@ -35,7 +37,11 @@ SWEEPS = {
     "baselines": (["method.packet_width=4", "method.packet_rows=null,1"], set()),
     "reference_rays": (["method.split_x=1,4"], set(FIGURE5)),
     "threads": ([], {"threads"}),
-    "peers": ([], {"peers"}),
+    "peers": ([], {"peers", "agreement", *WRONG}),
+    "growth": (
+        ["method=pixel,raster", "scene.subdivided=0,1", "scene.copies=1", "width=16,32", "height=${width}"],
+        {"growth"},
+    ),
     "agreement": (
         ["method=aligned", "method.split_x=4", "method.split_y=1", "scene=cornell_box", "scene.fov_y_degrees=45"],
         {"agreement", *(f"disagreements_cornell_box{view}_32x32" for view in ("", "_along_axis", "_rolled"))},
@@ -64,5 +70,5 @@ def test_a_sweep_runs_and_leaves_its_figures(name: str, tmp_path: Path) -> None:
     assert {path.stem for path in folder.glob("*.png")} == figures
     table = pd.read_parquet(folder / "table.parquet")
     assert (table["status"] != "failed").all()
-    assert (table["pixels_wrong"].dropna() == 0).all()
+    assert (table[table["method"] != LLVMPIPE.name]["pixels_wrong"].dropna() == 0).all()
     assert (folder / "report.html").exists() == (name == "smoke")

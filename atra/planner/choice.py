@@ -9,12 +9,14 @@ from atra.errors import InputError
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.options import check_build_quality, native_packet_widths
-from atra.tracers import AlignedTracer, PixelTracer, Tracer, VisibleFirstTracer, choose_packet_shape
+from atra.tracers import AlignedTracer, PixelTracer, RasterTracer, Tracer, VisibleFirstTracer, choose_packet_shape
 from atra.tracers.pixel import SQUAREST_SHAPE
 from atra.whole_numbers import is_whole_number
 
-PACKETS, ALIGNED, VISIBLE_FIRST = "packets", "aligned", "visible_first"
-METHODS = (PACKETS, ALIGNED, VISIBLE_FIRST)
+PACKETS, RASTER, ALIGNED, VISIBLE_FIRST = "packets", "raster", "aligned", "visible_first"
+METHODS = (PACKETS, RASTER, ALIGNED, VISIBLE_FIRST)
+
+_WITHOUT_CELLS = (PACKETS, RASTER)
 
 CELL_WIDTHS = {VISIBLE_FIRST: (16, 8, 4, 2), ALIGNED: (8, 4, 2)}
 """Pixels; an image that one of them does not divide takes the next width below twice of it that does."""
@@ -24,8 +26,9 @@ CELL_WIDTHS = {VISIBLE_FIRST: (16, 8, 4, 2), ALIGNED: (8, 4, 2)}
 class Choice:
     """A method and all that it is built with.
 
-    method: "packets" (`PixelTracer`), "aligned" or "visible_first". split: (nx, ny) cells, (1, 1) for packets.
-    packet_width, packet_rows: rays of a packet, and the rows of pixels they come from. build_quality: Embree's.
+    method: "packets" (`PixelTracer`), "raster", "aligned" or "visible_first". split: (nx, ny) cells, (1, 1) for packets
+    and raster. packet_width, packet_rows: rays of a packet, and the rows of pixels they come from, 1 for raster.
+    build_quality: Embree's.
     Raises InputError for an unknown method or quality, packets that are split, and counts below 1.
     """
 
@@ -48,21 +51,26 @@ class Choice:
         object.__setattr__(self, "split", (int(self.split[0]), int(self.split[1])))
         object.__setattr__(self, "packet_width", int(self.packet_width))
         object.__setattr__(self, "packet_rows", int(self.packet_rows))
-        if self.method == PACKETS and self.split != (1, 1):
-            raise InputError(f"method is 'packets' with split {self.split}, but packets have no cells; expected (1, 1)")
+        if self.method in _WITHOUT_CELLS and self.split != (1, 1):
+            raise InputError(
+                f"method is {self.method!r} with split {self.split}, but {self.method} have no cells; expected (1, 1)"
+            )
 
     def tracer(
         self,
         mesh: Mesh,
         camera: View,
-        threads: int | None = 1,
+        threads: int | None = None,
         ties: str = "lowest",
         memory_budget_bytes: int | None = None,
     ) -> Tracer:
-        """The tracer, neither planned nor built. Arguments as for the tracers, of which packets need no memory budget.
+        """The tracer, neither planned nor built. Arguments as for the tracers, of which those without cells need no
+        memory budget.
 
         Raises InputError as its constructor does.
         """
+        if self.method == RASTER:
+            return RasterTracer(mesh, camera, threads=threads, ties=ties)
         if self.method == PACKETS:
             return PixelTracer(
                 mesh,
@@ -86,16 +94,16 @@ class Choice:
         )
 
     def __str__(self) -> str:
-        cells = "" if self.method == PACKETS else f" {self.split[0]} x {self.split[1]}"
+        cells = "" if self.method in _WITHOUT_CELLS else f" {self.split[0]} x {self.split[1]}"
         quality = "" if self.build_quality == "medium" else f", {self.build_quality} build quality"
         return f"{self.method}{cells}{quality}"
 
 
 def candidates(camera: View) -> tuple[Choice, ...]:
-    """Packets of the widest native width, then each method at every split worth trying, its widest cells first; all
-    of medium build quality."""
+    """The rasteriser, which builds nothing; packets of the widest native width; then each method at every split worth
+    trying, its widest cells first; all of medium build quality."""
     width = native_packet_widths()[-1]
-    choices = [Choice(PACKETS, (1, 1), width, SQUAREST_SHAPE[width][1])]
+    choices = [Choice(RASTER, (1, 1), 1, 1), Choice(PACKETS, (1, 1), width, SQUAREST_SHAPE[width][1])]
     for method, cell_widths in CELL_WIDTHS.items():
         if method == VISIBLE_FIRST and camera.is_parallel:
             continue

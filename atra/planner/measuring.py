@@ -11,7 +11,7 @@ from math import inf
 
 from atra.errors import MemoryBudgetError
 from atra.hits import Hits
-from atra.planner.choice import Choice
+from atra.planner.choice import RASTER, Choice
 from atra.planner.plan import Forecast
 from atra.tracers import Tracer
 
@@ -21,7 +21,10 @@ FIRST_FRAMES = 2
 """Frames of a trial before it is compared: the first, which finds caches cold, and another."""
 
 LEAST_GAIN = 0.02
-"""What another method must gain over packets by measurement; frames of one and the same tracer differ by as much."""
+"""What another method must gain over the first by measurement; frames of one and the same tracer differ by as much."""
+
+HOPED_GAIN = 0.25
+"""Share of all frames' time that another choice is hoped to save: a trial that is likely to take longer cannot pay."""
 
 SURELY_SLOWER = 0.1
 """How much a method may lose from wider cells to narrower ones before even narrower ones are left out."""
@@ -29,7 +32,10 @@ SURELY_SLOWER = 0.1
 MORE_COPIES = 2.0
 """How many times as long a trial may take as that of the next wider cells: halved, they keep at most about twice the
 copies.
-For the widest cells of a method, a guess: as many times as long as packets."""
+For the widest cells of a method, a guess: as many times as long as the longest trial without cells."""
+
+BUILDING = 2.0
+"""How many times as long as a trial that builds no BVH one that does may take, at least: often 6 to 10 times."""
 
 HIGH_QUALITY_FRAMES, HIGH_QUALITY_COST = 1000, 40.0
 """From so many frames on a slow build may pay, which takes Embree 3 to 40 times as long and saves up to a tenth of a
@@ -102,9 +108,9 @@ def measure(
     cells of each first. make: a choice -> its tracer, neither planned nor built, with its kernels compiled.
 
     A method's narrower cells follow as long as plan, build and first frames are likely to fit into the budget and the
-    memory, and until they are surely slower. From `HIGH_QUALITY_FRAMES` on the best is tried with a slow build, too.
-    Then frames of all that come near the best take turns, the bound drawn tighter each round, until one is left or the
-    budget is spent.
+    memory and to cost less than they may save, and until they are surely slower. From `HIGH_QUALITY_FRAMES` on the best
+    is tried with a slow build, too. Then frames of all that come near the best take turns, the bound drawn tighter each
+    round, until one is left or the budget is spent.
     """
     spent_s = 0.0
     alive: list[Trial] = []
@@ -136,11 +142,14 @@ def measure(
             drop_slower(DROPPED_BEYOND[0])
             return taken_s
 
-        packets_s = try_out(choices[0])
+        def pays(expected_s: float) -> bool:
+            return expected_s <= min(budget_s - spent_s, HOPED_GAIN * min(map(total_s, done.values())))
+
+        longest_s = try_out(choices[0]) * (BUILDING if choices[0].method == RASTER else 1.0)
         for _, of_method in groupby(choices[1:], lambda choice: choice.method):
-            taken_s, shortest_s = packets_s, inf
+            taken_s, shortest_s = longest_s, inf
             for choice in of_method:
-                if spent_s + MORE_COPIES * taken_s > budget_s:
+                if not pays(MORE_COPIES * taken_s):
                     break
                 try:
                     taken_s = try_out(choice)
@@ -149,8 +158,11 @@ def measure(
                 if total_s(done[choice]) > (1.0 + SURELY_SLOWER) * shortest_s:
                     break
                 shortest_s = min(shortest_s, total_s(done[choice]))
+                if choice.split == (1, 1):
+                    longest_s = max(longest_s, taken_s)
         best = min(done.values(), key=total_s)
-        if frames >= HIGH_QUALITY_FRAMES and spent_s + HIGH_QUALITY_COST * best.first_s <= budget_s:
+        builds = best.choice.method != RASTER
+        if frames >= HIGH_QUALITY_FRAMES and builds and spent_s + HIGH_QUALITY_COST * best.first_s <= budget_s:
             with suppress(MemoryBudgetError):
                 try_out(replace(best.choice, build_quality="high"))
         for beyond in DROPPED_BEYOND:
@@ -162,6 +174,6 @@ def measure(
                     done[trial.choice] = trial.forecast
             drop_slower(beyond)
     ordered = sorted(done.values(), key=total_s)
-    packets = done[choices[0]]
-    best = ordered[0] if total_s(ordered[0]) <= (1.0 - LEAST_GAIN) * total_s(packets) else packets
+    first = done[choices[0]]
+    best = ordered[0] if total_s(ordered[0]) <= (1.0 - LEAST_GAIN) * total_s(first) else first
     return [best, *(one for one in ordered if one is not best)]

@@ -21,8 +21,8 @@ from atra.tracers import Tracer
 from atra.whole_numbers import is_whole_number
 
 FEWEST_FRAMES = 16
-"""Below so many, measuring cannot pay: the trials alone, two frames and a build of each of eight candidates, cost more
-than any choice can save."""
+"""Below so many, nothing can pay that is built: a BVH takes as long as the rasteriser's frames, however small triangles
+are."""
 
 
 def plan(
@@ -30,14 +30,14 @@ def plan(
     camera: View,
     frames: int = 64,
     budget_s: float = 2.0,
-    threads: int | None = 1,
+    threads: int | None = None,
     ties: str = "lowest",
     memory_budget_bytes: int | None = None,
 ) -> Plan:
     """The method, split, packets and build quality that trace so many frames of a view soonest, by measurement.
 
-    Builds and times candidates, packets per pixel first, for about budget_s seconds; another method must gain 2 %.
-    Below `FEWEST_FRAMES` frames it is packets, and nothing is tried.
+    Builds and times candidates, the rasteriser first, for about budget_s seconds and no longer than that may save;
+    another method must gain 2 %. Below `FEWEST_FRAMES` frames it is the rasteriser, and nothing is tried.
 
     threads: None takes every core. With one thread budget_s is of its processor time, so that what other processes do
     does not count, else of the wall clock (`clock_for`). Not on the budget: compiling kernels, and finding what is

@@ -113,8 +113,10 @@ class RasterTracer(TracerLifetime):
 
     @property
     def counters(self) -> Mapping[str, float]:
-        """What `atra.Tracer` says of counters."""
-        return {"triangles_traced": self.triangle_count}
+        """What `atra.Tracer` says of counters; scratch_bytes, the memory that frames share, is known, too."""
+        scratch = () if self._scratch is None else vars(self._scratch).values()
+        arrays = [array for part in scratch for array in (part if isinstance(part, list) else [part])]
+        return {"triangles_traced": self.triangle_count, "scratch_bytes": sum(array.nbytes for array in arrays)}
 
     def _release(self) -> None:
         self._pool.close()

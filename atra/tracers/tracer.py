@@ -36,7 +36,7 @@ class Tracer(Protocol[Traced]):
     triangles_traced: `triangle_count`. embree_bytes: as above, only where it is known. Methods may tell more:
     triangles_left_out: over all images, traced pixel by pixel because float32 cannot show sheared copies of them
     exactly enough. packets_verified: that the second pass of the last frame had to trace. probe_time_s: seconds of
-    plan_time_s that the probe took.
+    plan_time_s that the probe took. scratch_bytes: memory that the frames of the rasteriser share.
     """
 
     mesh: Mesh

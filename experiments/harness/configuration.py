@@ -56,7 +56,7 @@ class BuildQuality(Enum):
 @dataclass
 class SceneConfiguration:
     """What is looked at. view: the scene's own, or another made from it (`scenes.views`); eye, target, up
-    and fov_y_degrees override its camera one by one."""
+    and fov_y_degrees override its camera one by one. subdivided, copies: as of `scenes.loading.enlarged`."""
 
     name: str | None = None
     source: SceneSource = MISSING
@@ -66,6 +66,8 @@ class SceneConfiguration:
     target: list[float] | None = None
     up: list[float] | None = None
     fov_y_degrees: float | None = None
+    subdivided: int = 0
+    copies: int = 1
 
 
 @dataclass
@@ -197,6 +199,8 @@ def check_configuration(configuration: Configuration) -> None:
     _at_least("width", configuration.width, 1)
     _at_least("height", configuration.height, 1)
     resolve_threads(configuration.threads)
+    _at_least("scene.subdivided", scene.subdivided, 0)
+    _at_least("scene.copies", scene.copies, 1)
     _at_least("measure.processes", measure.processes, 1)
     _at_least("measure.process", measure.process, 0)
     _at_least("measure.rounds", measure.rounds, 1)

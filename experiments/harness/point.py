@@ -17,7 +17,7 @@ _TYPED = ("options", "workload_options")
 class Point:
     """One point to measure: the worker needs nothing else, and the record's identity is a hash of it.
 
-    `triangles` and `mesh_sha256` describe the mesh as loaded. process: which of the processes that measure the same.
+    `triangles` and `mesh_sha256` describe the mesh as traced. process: which of the processes that measure the same.
     memory_budget_gib: None = a share of what is free when it is traced, which is no part of the point.
     options, workload_options: of the types that the method and the workload name; all else are plain JSON values.
     """
@@ -47,6 +47,8 @@ class Point:
     time_limit_s: float
     memory_budget_gib: float | None
     process: int = 0
+    subdivided: int = 0
+    copies: int = 1
 
     def configuration(self) -> dict[str, Any]:
         """All fields as plain values; options by name of their section, `method_options` and `workload_options`."""

@@ -28,31 +28,37 @@ class PlannedPoint:
 
 
 def plan_points(configurations: Sequence[Configuration]) -> list[PlannedPoint]:
-    """Resolve and check every configuration; loads each scene once and measures nothing.
+    """Resolve and check every configuration; loads each scene once, one at a time, and measures nothing.
 
     Raises InputError at once for what no other point can make good: an unknown scene, an unusable file, camera,
     packet width or thread count. A split that does not suit its image, or copies that exceed the memory budget,
     concern that point alone and become its `problem`; if no split suits, the first such error is raised.
     """
-    scenes: dict[tuple[SceneSource, str | None, str | None], Scene] = {}
-    checked: set[tuple[Any, ...]] = set()
-    planned = []
-    for configuration in configurations:
-        key = (configuration.scene.source, configuration.scene.name, configuration.scene.path)
-        if key not in scenes:
-            scenes[key] = load_scene(*key)
-        point = _resolve(configuration, scenes[key])
-        width = getattr(point.options, "packet_width", None)
-        ours = point.tracing.ours
-        checked_key = (key, point.camera, width, *ours.values())
-        if checked_key not in checked:
-            mesh = scenes[key].mesh
-            PixelTracer(mesh, point.camera, packet_width=width, **ours).close()  # builds nothing, checks all
-            checked.add(checked_key)
-        planned.append(PlannedPoint(point, _problem(point, scenes[key].mesh)))
-    if planned and all(isinstance(one.problem, InputError) for one in planned):
+    places: dict[tuple[Any, ...], list[int]] = {}
+    for place, configuration in enumerate(configurations):
+        places.setdefault(_scene_of(configuration), []).append(place)
+    planned: dict[int, PlannedPoint] = {}
+    for key, of_scene in places.items():
+        scene = load_scene(*key)
+        checked: set[tuple[Any, ...]] = set()
+        for place in of_scene:
+            point = _resolve(configurations[place], scene)
+            width = getattr(point.options, "packet_width", None)
+            ours = point.tracing.ours
+            checked_key = (point.camera, width, *ours.values())
+            if checked_key not in checked:
+                # Builds nothing, checks all.
+                PixelTracer(scene.mesh, point.camera, packet_width=width, **ours).close()
+                checked.add(checked_key)
+            planned[place] = PlannedPoint(point, _problem(point, scene.mesh))
+    if planned and all(isinstance(one.problem, InputError) for one in planned.values()):
         raise InputError(str(planned[0].problem))
-    return planned
+    return [planned[place] for place in range(len(configurations))]
+
+
+def _scene_of(configuration: Configuration) -> tuple[SceneSource, str | None, str | None, int, int]:
+    scene = configuration.scene
+    return scene.source, scene.name, scene.path, scene.subdivided, scene.copies
 
 
 def _resolve(configuration: Configuration, scene: Scene) -> Point:
@@ -64,6 +70,8 @@ def _resolve(configuration: Configuration, scene: Scene) -> Point:
         scene_source=given.source.value,
         scene_path=path,
         mesh_sha256=scene.mesh_sha256,
+        subdivided=given.subdivided,
+        copies=given.copies,
         triangles=int(scene.mesh.triangle_count),
         view=given.view,
         **_camera_fields(given, view_fields(scene.mesh, scene.camera, given.view)),

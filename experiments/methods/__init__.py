@@ -6,6 +6,7 @@ from experiments.harness.options import find_named
 from experiments.methods.aligned import ALIGNED
 from experiments.methods.method import Method
 from experiments.methods.peers.embreex_run import EMBREEX
+from experiments.methods.peers.llvmpipe import LLVMPIPE
 from experiments.methods.peers.mitsuba_scene import MITSUBA3
 from experiments.methods.peers.open3d_scene import OPEN3D
 from experiments.methods.peers.trimesh_ray import TRIMESH
@@ -24,6 +25,7 @@ METHODS: tuple[Method, ...] = (
     TRIMESH,
     MITSUBA3,
     OPEN3D,
+    LLVMPIPE,
 )
 """In the order of figures and legends."""
 

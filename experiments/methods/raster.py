@@ -6,6 +6,7 @@ from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.tracers import RasterTracer
 from experiments.drawing.style import BLACK
+from experiments.harness.column import WHOLE, Column
 from experiments.methods.method import Method, NoOptions, Style, Tracing
 
 
@@ -13,4 +14,11 @@ def _make(mesh: Mesh, view: View, options: NoOptions, tracing: Tracing) -> Raste
     return RasterTracer(mesh, view, threads=tracing.threads, ties=tracing.ties)
 
 
-RASTER = Method("raster", "rasteriser", Style(BLACK, "*"), NoOptions, _make)
+RASTER = Method(
+    "raster",
+    "rasteriser",
+    Style(BLACK, "*"),
+    NoOptions,
+    _make,
+    counters=(Column("scratch_bytes", WHOLE, "what frames share: projected corners, lists of triangles"),),
+)

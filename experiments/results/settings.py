@@ -12,7 +12,7 @@ import pandas as pd
 from experiments.methods import METHODS
 from experiments.workloads import WORKLOADS
 
-_FIRST = ("mesh_sha256", "view", "eye", "target", "up", "fov_y_degrees", "width", "height")
+_FIRST = ("subdivided", "copies", "mesh_sha256", "view", "eye", "target", "up", "fov_y_degrees", "width", "height")
 _LAST = ("threads", "build_quality", "ties")
 
 

@@ -16,7 +16,7 @@ OVER_SINGLE, OVER_PACKETS = "speedup", "speedup_vs_packets"
 
 _BASELINES = dict(zip((OVER_SINGLE, OVER_PACKETS), TIME_BASELINES, strict=True))
 
-_POINTS = ("scene", "width", "height", "method", "packet_width", "threads", "build_quality")
+_POINTS = ("scene", "mesh_sha256", "width", "height", "method", "packet_width", "threads", "build_quality")
 """Of each value of these there is a best row."""
 
 

@@ -35,7 +35,7 @@ MakeTracer = Callable[[Mesh, Camera], Any]
 
 def load_mesh(point: Point) -> Mesh:
     """The mesh of the point's scene. Raises InputError if it is not the one that the run began with."""
-    scene = load_scene(SceneSource(point.scene_source), point.scene, point.scene_path)
+    scene = load_scene(SceneSource(point.scene_source), point.scene, point.scene_path, point.subdivided, point.copies)
     if scene.mesh_sha256 != point.mesh_sha256:
         raise InputError(f"scene {point.scene} changed since this run began; start it again")
     return scene.mesh

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
-from experiments.methods.peers.peer import PeerTracer, interleaved
+from experiments.methods.peers.peer import RayPeerTracer, interleaved
 
 _BLOCKS_PER_THREAD = 8  # rows differ in cost; few enough that a call's own price does not show
 
@@ -27,7 +27,7 @@ class RayArrays:
     directions: NDArray[np.float32]
 
 
-class BlockwiseTracer(PeerTracer):
+class BlockwiseTracer(RayPeerTracer):
     """With one thread all rays go into one call. With more, the rays are cut into blocks of neighbours, each
     with a call of its own, and the threads share the blocks: the peer has no threads, but releases Python's lock while
     it traverses."""

@@ -12,13 +12,13 @@ from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.prim_ids import MISS
 from experiments.methods.peers.availability import reinstall
-from experiments.methods.peers.peer import PeerTracer, peer_method
+from experiments.methods.peers.peer import RayPeerTracer, peer_method
 
 MITSUBA_VARIANT = "llvm_ad_mono"
 """Vectorised, on the CPU, one colour channel; queries of rays do not depend on colour. Nothing is differentiated."""
 
 
-class MitsubaTracer(PeerTracer):
+class MitsubaTracer(RayPeerTracer):
     """`Scene.ray_intersect_preliminary(rays, coherent=True)` in the variant `llvm_ad_mono`.
 
     Inside `trace`: recording the query, Dr.Jit's look-up of the compiled kernel, its run until all threads are done,

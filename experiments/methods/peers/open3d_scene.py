@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from experiments.methods.peers.availability import reinstall
-from experiments.methods.peers.peer import PeerTracer, interleaved, peer_method
+from experiments.methods.peers.peer import RayPeerTracer, interleaved, peer_method
 
 _FIRST_PYTHON_WITHOUT_WHEEL = (3, 15)  # of Open3D 0.20
 
 
-class Open3DTracer(PeerTracer):
+class Open3DTracer(RayPeerTracer):
     """`RaycastingScene.cast_rays(rays, nthreads=threads)`: single rays, shared out among TBB's threads.
 
     Inside `trace`: that call, which also stores geometry, u, v and the normal of each hit, and numpy views of depth

@@ -1,7 +1,7 @@
-"""Other people's ray tracers behind the `Tracer` protocol: their lifetime, their timing and their rays.
+"""Other people's tracers behind the `Tracer` protocol: their lifetime, their timing and their rays.
 
-All run on an Embree of their own: `embreex` and `trimesh` on the one `atra` loads, too, Mitsuba 3 and Open3D on copies
-in their wheels. They get the rays of `PixelTracer` ready made, in the order of the image's rows.
+Ray tracers run on an Embree of their own: `embreex` and `trimesh` on the one `atra` loads, too, Mitsuba 3 and Open3D on
+copies in their wheels. They get the rays of `PixelTracer` ready made, in the order of the image's rows.
 """
 
 from __future__ import annotations
@@ -31,13 +31,13 @@ _PIXEL_CENTRE = (0.5, 0.5)
 
 
 class PeerTracer(TracerLifetime):
-    """A foreign ray tracer that offers what `atra.Tracer` asks for. The world is the peer's, the eye its rays' origin.
+    """A foreign tracer that offers what `atra.Tracer` asks for.
 
-    plan: makes the rays through the pixel centres, in the form the peer wants. build: hands over the triangles and
+    plan: makes what it needs to know of the rays through the pixel centres. build: hands over the triangles and
     has the BVH built, also where the peer would put that off until the first query.
-    trace: the peer's own query of all rays at once and what it takes to have its answer as `Hits`, nothing else. The
-    rays are ready made: those of the last offset are kept, so only a frame at another offset than the one before
-    makes them anew, inside the call. Measure a standing camera with one offset.
+    trace: the peer's own query of all rays at once and what it takes to have its answer as `Hits`, nothing else. What
+    was made for the last offset is kept, so only a frame at another offset than the one before
+    makes it anew, inside the call. Measure a standing camera with one offset.
 
     packet_width: rays per query of Embree, 0 where the peer decides and does not tell. embree_bytes: 0, no peer tells.
     threads: None takes every core; how many build the BVH is up to the peer.
@@ -60,8 +60,8 @@ class PeerTracer(TracerLifetime):
         return True
 
     @abstractmethod
-    def _make_rays(self, directions: NDArray[np.float32]) -> Any:
-        """The peer's rays from world-space directions (3, H, W), of length 1 along the view axis."""
+    def _rays_through(self, offset: tuple[float, float]) -> Any:
+        """What the peer needs to know of the rays through this position of each pixel."""
 
     @abstractmethod
     def _build_scene(self) -> Any:
@@ -118,6 +118,21 @@ class PeerTracer(TracerLifetime):
         return Hits(depth.reshape(shape), prim_id.reshape(shape), offset, self.mesh, self.camera)
 
     def _prepare_rays(self, offset: tuple[float, float]) -> None:
+        self._rays = self._rays_through(offset)
+        self._rays_offset = (float(offset[0]), float(offset[1]))
+
+    def _release(self) -> None:
+        self._scene = self._rays = self._rays_offset = None
+
+
+class RayPeerTracer(PeerTracer):
+    """A foreign ray tracer, given rays ready made. The world is the peer's, the eye its rays' origin."""
+
+    @abstractmethod
+    def _make_rays(self, directions: NDArray[np.float32]) -> Any:
+        """The peer's rays from world-space directions (3, H, W), of length 1 along the view axis."""
+
+    def _rays_through(self, offset: tuple[float, float]) -> Any:
         camera = self.camera
         # Summed in float32 as the kernels of atra do, so that the rays are the same bit by bit.
         column_rays, row_rays = image_ray_grid(camera, offset)
@@ -126,11 +141,7 @@ class PeerTracer(TracerLifetime):
         to_ray_space = from_eye_space(camera)
         if not np.array_equal(to_ray_space, np.eye(3)):
             directions = np.tensordot(to_ray_space.T, directions, 1).astype(np.float32)
-        self._rays = self._make_rays(directions)
-        self._rays_offset = (float(offset[0]), float(offset[1]))
-
-    def _release(self) -> None:
-        self._scene = self._rays = self._rays_offset = None
+        return self._make_rays(directions)
 
 
 def interleaved(directions: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -14,6 +14,8 @@ from experiments.results.table import workload_rows
 from experiments.workloads.frame import FRAME
 from experiments.workloads.frame.break_even_figure import draw_break_even_figure
 from experiments.workloads.frame.grid_figure import draw_grid_figure
+from experiments.workloads.frame.growth import growing_rows
+from experiments.workloads.frame.growth_figure import draw_growth_figure
 from experiments.workloads.frame.methods_figure import draw_methods_figure
 from experiments.workloads.frame.peers_figure import draw_peers_figure
 from experiments.workloads.frame.split_figure import draw_split_figure
@@ -66,6 +68,10 @@ FIGURES = (
     ),
     FigureKind(
         "threads", "Speed-up over one thread", partial(_over_all, name="threads"), of_table(draw_threads_figure),
+    ),
+    FigureKind(
+        "growth", "Time, preparation and bytes over triangles and pixels",
+        lambda table: growing_rows(_rows(table)), of_table(draw_growth_figure),
     ),
     FigureKind("peers", "Rays per second beside other ray tracers", _peers, of_table(draw_peers_figure)),
 )  # fmt: skip

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from contextlib import ExitStack
 
+from atra.alignment.culling import EMBREE_BYTES_PER_COPY, check_needed_bytes
+from atra.geometry.mesh import Mesh
 from atra.judge.compare import compare
+from atra.tracers import Tracer
 from experiments.harness.point import Point
 from experiments.workloads.baselines import OWN, PACKETS, SINGLE
 from experiments.workloads.images import counts, depth_errors
@@ -20,6 +23,19 @@ from experiments.workloads.rounds import (
     warm_up,
 )
 from experiments.workloads.workload import Measured, make_own
+
+_BYTES_PER_PIXEL = 8
+
+
+def make(point: Point, mesh: Mesh) -> Tracer:
+    """The point's own method. Raises MemoryBudgetError where its baselines alone need more, and as the tracers do."""
+    baselines = 1 + len(expert_packet_widths())
+    pixels = point.width * point.height
+    needed = mesh.triangle_count * EMBREE_BYTES_PER_COPY[point.build_quality] + pixels * _BYTES_PER_PIXEL
+    what = f"{baselines} baselines of {mesh.triangle_count:,} triangles and {pixels:,} pixels each"
+    cure = "use fewer triangles or pixels, or more memory"
+    check_needed_bytes(baselines * needed, point.tracing.memory_budget_bytes, what, cure)
+    return make_own(point, mesh)
 
 
 def measure(point: Point) -> Measured:

@@ -12,15 +12,16 @@ from atra.errors import printable
 from experiments.methods.naming import TIMES, best_of, say_kind, say_split
 from experiments.results.settings import say_setting, settings_that_vary
 from experiments.workloads.frame.best_baseline import baseline_lines
+from experiments.workloads.frame.growth import growth_lines
 from experiments.workloads.ratios import best_rows
 from experiments.workloads.resources import say_ms
 
 _LEFT = ("scene", "method")
 
 
-def sweep_lines(rows: pd.DataFrame) -> Iterator[Table]:
-    """The best split of each scene, kind of method and packet width, with all that is wrong over the splits. rows:
-    those of this workload that were measured."""
+def sweep_lines(rows: pd.DataFrame) -> Iterator[Table | str]:
+    """The best split of each scene, kind of method and packet width, with all that is wrong over the splits; and how
+    times grow, where triangles or pixels do. rows: those of this workload that were measured."""
     best = Table(title="best split of each scene", title_justify="left")
     for name in (*_LEFT, "packets of", "split", "frame", "vs rtcIntersect1", "vs packets", "pixels wrong"):
         best.add_column(name, justify="left" if name in _LEFT else "right")
@@ -43,6 +44,7 @@ def sweep_lines(rows: pd.DataFrame) -> Iterator[Table]:
             str(some["pixels_wrong"].sum()),
         )
     yield best
+    yield from growth_lines(rows)
 
 
 def process_lines(rows: pd.DataFrame) -> Iterator[str]:

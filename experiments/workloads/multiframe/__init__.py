@@ -19,8 +19,8 @@ from experiments.workloads.images import IMAGE_COLUMNS, PIXELS
 from experiments.workloads.resources import RESOURCE_COLUMNS, RESOURCES
 from experiments.workloads.workload import Workload
 
-SEPARATE, SEPARATE_VISIBLE = "separate", "visible_first"
-"""Names in the samples: one aligned tracer a frame, and one visible-first tracer a frame."""
+SEPARATE, SEPARATE_VISIBLE, SEPARATE_RASTER = "separate", "visible_first", "rasteriser"
+"""Names in the samples: one aligned tracer a frame, one visible-first tracer a frame, and one rasteriser a frame."""
 
 
 class Motion(Enum):
@@ -78,15 +78,19 @@ MULTIFRAME = Workload(
         *statistics_columns(
             "visible_first_render_time{}_s", "one visible-first tracer a frame", series(SEPARATE_VISIBLE)
         ),
+        *statistics_columns("rasteriser_render_time{}_s", "one rasteriser a frame", series(SEPARATE_RASTER)),
         *statistics_columns("speedup_vs_separate{}", "one aligned tracer a frame / this", over_own(series(SEPARATE))),
         *statistics_columns(
             "speedup_vs_visible_first{}", "one visible-first tracer a frame / this", over_own(series(SEPARATE_VISIBLE))
+        ),
+        *statistics_columns(
+            "speedup_vs_rasteriser{}", "one rasteriser a frame / this", over_own(series(SEPARATE_RASTER))
         ),
         Column("separate_embree_bytes", WHOLE, "what Embree holds for one aligned tracer a frame"),
     ),
     headline=_headline,
     room=__name__,
-    samples=lambda point: frozenset((OWN, SINGLE, SEPARATE, SEPARATE_VISIBLE)),
+    samples=lambda point: frozenset((OWN, SINGLE, SEPARATE, SEPARATE_VISIBLE, SEPARATE_RASTER)),
     optional=frozenset(PACKETS.values()),
     judged=OWN,
     canary=single_over_packets,

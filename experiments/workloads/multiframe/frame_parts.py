@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from experiments.drawing.style import BLUE, GREEN, ORANGE, VERMILLION
+from experiments.drawing.style import BLACK, BLUE, GREEN, ORANGE, VERMILLION
 from experiments.drawing.values import TIMES, drawable, numbers
 from experiments.workloads.ratios import OVER_PACKETS, choosing
 
@@ -37,20 +37,23 @@ VISIBLE_FRAMES = Way(
     "visible-first, frame by frame", "visible_first_render_time", "speedup_vs_visible_first",
     {"color": VERMILLION, "marker": "D"},
 )  # fmt: skip
+RASTER_FRAMES = Way(
+    "rasteriser, frame by frame", "rasteriser_render_time", "speedup_vs_rasteriser", {"color": BLACK, "marker": "*"}
+)
 PACKETS = Way(
     "fastest packets per pixel, frame by frame",
     "packets_render_time",
     "speedup_vs_packets",
     {"color": GREEN, "marker": "v"},
 )
-WAYS = (TOGETHER, SEPARATE_FRAMES, VISIBLE_FRAMES, PACKETS)
+WAYS = (TOGETHER, SEPARATE_FRAMES, VISIBLE_FRAMES, RASTER_FRAMES, PACKETS)
 """In the order of the legends."""
 
 
 def best_row(rows: pd.DataFrame, way: Way) -> pd.Series | None:
     """The row whose split suits `way` best: the largest ratio of packets to it, which the same rounds give.
 
-    None where nothing was measured. Packets have no split: for them it is any row.
+    None where nothing was measured. Packets and the rasteriser have no split: for them it is any row.
     """
     measured = rows[(rows["status"].eq("ok").to_numpy(bool)) & drawable(way.times_s(rows))]
     if len(measured) == 0:

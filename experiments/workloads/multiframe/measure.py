@@ -17,10 +17,12 @@ from atra.lifetime import Lifetime
 from atra.tracers import FramesTracer, Tracer
 from experiments.harness.point import Point
 from experiments.methods.cells import AlignedCellOptions
+from experiments.methods.method import NoOptions
+from experiments.methods.raster import RASTER
 from experiments.methods.visible_first import VISIBLE_FIRST
 from experiments.workloads.baselines import OWN, PACKETS, SINGLE
 from experiments.workloads.images import counts, depth_errors
-from experiments.workloads.multiframe import SEPARATE, SEPARATE_VISIBLE
+from experiments.workloads.multiframe import SEPARATE, SEPARATE_RASTER, SEPARATE_VISIBLE
 from experiments.workloads.multiframe.together import make_together
 from experiments.workloads.rounds import (
     Frames,
@@ -101,13 +103,14 @@ def make(point: Point, mesh: Mesh) -> FramesTracer:
 
 
 def separate_makers(point: Point) -> dict[str, Make]:
-    """How one frame is traced alone with the point's split, by name in the samples. Each frame alone has the whole of
-    the point's memory budget."""
+    """How one frame is traced alone, with the point's split where there are cells, by name in the samples. Each frame
+    alone has the whole of the point's memory budget."""
     own = point.options
     visible = AlignedCellOptions(own.split_x, own.split_y, own.packet_width, own.packet_rows)
     return {
         SEPARATE: lambda mesh, view: make_own(point, mesh, view),
         SEPARATE_VISIBLE: lambda mesh, view: VISIBLE_FIRST.make(mesh, view, visible, point.tracing),
+        SEPARATE_RASTER: lambda mesh, view: RASTER.make(mesh, view, NoOptions(), point.tracing),
     }
 
 

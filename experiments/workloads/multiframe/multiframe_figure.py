@@ -27,7 +27,7 @@ MOTIONS = {"eyes": "two eyes", "walk": "the camera walks", "turn": "the mesh tur
 """In words, in the order of the panels."""
 
 _PEAK = "peak of RSS over the mesh"
-_HEADINGS = ("over aligned", "visible-first", "packets")
+_HEADINGS = ("over aligned", "visible-first", "rasteriser", "packets")
 
 
 def draw_multiframe_figure(table: pd.DataFrame, columns: int = 2) -> Figure:

@@ -15,6 +15,7 @@ from experiments.drawing.values import MILLISECONDS, numbers, say_number
 from experiments.methods.naming import best_of, say_split
 from experiments.workloads.baselines import TIME_BASELINES
 from experiments.workloads.multiframe.frame_parts import (
+    RASTER_FRAMES,
     SEPARATE_FRAMES,
     TOGETHER,
     VISIBLE_FRAMES,
@@ -27,6 +28,7 @@ from experiments.workloads.series import say_ratio, say_unmeasured, say_wrong
 
 _LABELS = {
     TOGETHER: "both together", SEPARATE_FRAMES: "aligned, each eye", VISIBLE_FRAMES: "visible-first, each eye",
+    RASTER_FRAMES: "rasteriser, each eye",
 }  # fmt: skip
 
 
@@ -66,5 +68,6 @@ def _make_bar(rows: pd.DataFrame, way: Way, label: str) -> Bar:
         return Bar(label, nan, nan, nan, way.style["color"], "not measured")
     value, low, high = (float(row[f"{way.time}{end}_s"]) * MILLISECONDS for end in ("", "_low", "_high"))
     ratio = say_ratio(row) if way is TOGETHER else say_speedup(row, way)
-    name = ", ".join(filter(None, [label, say_split(row)]))
+    split = "" if way is RASTER_FRAMES else say_split(row)
+    name = ", ".join(filter(None, [label, split]))
     return Bar(name, value, low, high, way.style["color"], f"{say_number(value)} ms, {ratio}")

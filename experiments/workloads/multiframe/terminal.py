@@ -17,6 +17,7 @@ _LEFT = ("scene", "motion")
 _RATIOS = {
     "separate": "speedup_vs_separate",
     "visible-first": "speedup_vs_visible_first",
+    "rasteriser": "speedup_vs_rasteriser",
     "packets": "speedup_vs_packets",
     "rtcIntersect1": "speedup",
 }

@@ -12,7 +12,7 @@ from typing import Any
 from atra.errors import MemoryBudgetError
 from atra.judge.ties import coplanar_overlaps
 from atra.parallel import resolve_threads
-from atra.planner.choice import candidates
+from atra.planner.choice import PACKETS, candidates
 from atra.planner.measuring import clock_for
 from atra.planner.planning import plan, warm_up
 from atra.tracers import Tracer
@@ -63,7 +63,7 @@ def measure(point: Point) -> Measured:
             budget_s=point.frame_budget_s,
             clock=clock,
         )
-    packets = choices[0]
+    packets = next(choice for choice in choices if choice.method == PACKETS)
     first = {str(choice): median(samples) for choice, samples in first_s.items()}
     results: dict[str, Any] = {
         "threads": threads,

@@ -1,0 +1,203 @@
+"""Growth: how time, preparation and bytes follow triangles or pixels, and where one method overtakes another."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import combinations, pairwise
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from experiments.drawing.values import TIMES, column, drawable, numbers, varies
+from experiments.methods import find_method
+from experiments.methods.naming import best_of, say_series
+from experiments.results.settings import say_setting, settings_that_vary
+from experiments.workloads.frame.break_even import time_rows
+from experiments.workloads.ratios import OVER_PACKETS, best_rows
+from experiments.workloads.series import series_of
+
+_PIXELS = ("width", "height")
+AXES = {"subdivided": ("subdivided",), "copies": ("copies",), "pixels": _PIXELS}
+"""What grows -> the settings by which it does."""
+
+UNITS = {"subdivided": "triangles", "copies": "triangles", "pixels": "pixels"}
+
+_TITLES = {"subdivided": "subdivided", "copies": "copies of it as one mesh", "pixels": "larger images"}
+
+TOO_CLOSE = 0.02
+"""Methods whose times differ by no more are as fast: neither has overtaken the other."""
+
+
+@dataclass(frozen=True, eq=False)
+class Growth:
+    """A method and packet width at its best split; all arrays (N,), sizes ascending.
+
+    over_packets: how many times as fast as packets in the same rounds. preparation_s: plan and build. bytes: what the
+    method holds by its own account, NaN where it does not tell.
+    """
+
+    method: str
+    packet_width: int | None
+    sizes: NDArray[np.float64]
+    time_s: NDArray[np.float64]
+    low_s: NDArray[np.float64]
+    high_s: NDArray[np.float64]
+    over_packets: NDArray[np.float64]
+    preparation_s: NDArray[np.float64]
+    bytes: NDArray[np.float64]
+
+    @property
+    def name(self) -> str:
+        return say_series(self.method, self.packet_width)
+
+
+@dataclass(frozen=True, eq=False)
+class Panel:
+    """Rows of one scene that differ in one of `AXES`; `details` are the settings that hold for all of them."""
+
+    scene: str
+    axis: str
+    details: str
+    rows: pd.DataFrame
+
+    @property
+    def title(self) -> str:
+        return ", ".join(filter(None, [f"{self.scene}, {_TITLES[self.axis]}", self.details]))
+
+    @property
+    def unit(self) -> str:
+        return UNITS[self.axis]
+
+
+def growth_panels(table: pd.DataFrame) -> list[Panel]:
+    """One a scene, an axis, and a value of every other setting that varies, where at least two sizes are."""
+    rows = time_rows(table)
+    panels = []
+    for scene in rows["scene"].unique():
+        of_scene = rows[rows["scene"] == scene]
+        for axis, names in AXES.items():
+            # The mesh is another one because it was enlarged, which is said.
+            besides = (*best_of(), "packet_width", *names, *(() if names == _PIXELS else ("mesh_sha256",)))
+            others = settings_that_vary(of_scene, besides)
+            groups = of_scene.groupby(others, sort=True, dropna=False) if others else [((), of_scene)]
+            for key, some in groups:
+                if any(varies(some, name) for name in names):
+                    words = [say_setting(name, value) for name, value in zip(others, key, strict=True)]
+                    panels.append(Panel(str(scene), axis, ", ".join(words), some))
+    return panels
+
+
+def growths(panel: Panel) -> Iterator[Growth]:
+    """One a method and packet width that was measured in the panel."""
+    for method, width, points in series_of(panel.rows):
+        best = best_rows(points)
+        sizes = numbers(best, "triangles")
+        if panel.unit == "pixels":
+            sizes = numbers(best, "width") * numbers(best, "height")
+        order = np.argsort(sizes, kind="stable")
+        best, sizes = best.iloc[order], sizes[order]
+        if len(best):
+            time_s, low_s, high_s = (numbers(best, f"render_time{end}_s") for end in ("", "_low", "_high"))
+            prepared_s = np.nan_to_num(numbers(best, "plan_time_s")) + numbers(best, "build_time_s")
+            over = numbers(best, OVER_PACKETS)
+            yield Growth(method, width, sizes, time_s, low_s, high_s, over, prepared_s, _bytes(best, method))
+
+
+def _bytes(rows: pd.DataFrame, method: str) -> NDArray[np.float64]:
+    names = ["embree_bytes", *(one.name for one in find_method(method).counters if one.name.endswith("_bytes"))]
+    held = np.nansum([numbers(rows, name) for name in names], axis=0)
+    return np.where(held > 0, held, np.nan)
+
+
+def fitted_slope(sizes: NDArray[np.float64], values: NDArray[np.float64]) -> float | None:
+    """k of the values' growth as size^k, by least squares of the logarithms; None with fewer than two sizes."""
+    known = drawable(values)
+    if len(np.unique(sizes[known])) < 2:
+        return None
+    return float(np.polyfit(np.log(sizes[known]), np.log(values[known]), 1)[0])
+
+
+@dataclass(frozen=True)
+class Crossing:
+    """ahead: the method that is faster above `size`, of which `behind` was below."""
+
+    size: float
+    ahead: Growth
+    behind: Growth
+
+
+def crossings(one: Growth, other: Growth) -> list[Crossing]:
+    """Where one overtakes the other: between two sizes that both were measured at, on straight lines of logarithms.
+
+    Both are held against packets in their own rounds, so that a slow hour of the machine is no crossing.
+    """
+    sizes, ratio = advantage(one, other)
+    sizes, ratio = sizes[(decided := np.abs(np.log(ratio)) > TOO_CLOSE)], ratio[decided]
+    found = []
+    for (low, before), (high, after) in pairwise(zip(np.log(sizes), np.log(ratio), strict=True)):
+        if before * after < 0:
+            size = float(np.exp(low + (high - low) * before / (before - after)))
+            found.append(Crossing(size, *((one, other) if after > 0 else (other, one))))
+    return found
+
+
+def advantage(one: Growth, other: Growth) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Sizes at which both were measured, and how many times as fast `one` is there; (N,) each."""
+    sizes, own, others = np.intersect1d(one.sizes, other.sizes, return_indices=True)
+    ratio = one.over_packets[own] / other.over_packets[others]
+    return sizes[(known := drawable(ratio))], ratio[known]
+
+
+def say_crossings(panel: Panel) -> Iterator[str]:
+    """Of every two methods: where one overtakes the other, or by how much it leads everywhere."""
+    for one, other in combinations(growths(panel), 2):
+        sizes, ratio = advantage(one, other)
+        if len(sizes) == 0:
+            continue
+        found = crossings(one, other)
+        for crossing in found:
+            yield (
+                f"{crossing.ahead.name} overtakes {crossing.behind.name} at about {say_count(crossing.size)} "
+                f"{panel.unit}"
+            )
+        if found:
+            continue
+        leads = float(np.exp(np.log(ratio).mean())) >= 1
+        ahead, behind = (one, other) if leads else (other, one)
+        least, most = (ratio.min(), ratio.max()) if leads else (1 / ratio.max(), 1 / ratio.min())
+        yield (
+            f"{ahead.name} is {least:.2f} to {most:.2f}{TIMES} as fast as {behind.name} from {say_count(sizes[0])} to "
+            f"{say_count(sizes[-1])} {panel.unit}"
+        )
+
+
+def growth_lines(rows: pd.DataFrame) -> Iterator[str]:
+    """What grows how, for the terminal."""
+    for panel in growth_panels(rows):
+        for one in growths(panel):
+            slope = fitted_slope(one.sizes, one.time_s)
+            if slope is not None:
+                yield f"{panel.title}: a frame of {one.name} grows as {panel.unit}^{slope:.2f}"
+        yield from (f"{panel.title}: {line}" for line in say_crossings(panel))
+
+
+def say_count(count: float) -> str:
+    """ "17.8k", "1.05M"."""
+    for unit, letter in ((1e6, "M"), (1e3, "k")):
+        if count >= 0.9995 * unit:
+            return f"{count / unit:.3g}{letter}"
+    return f"{count:.3g}"
+
+
+def growing_rows(table: pd.DataFrame) -> pd.DataFrame:
+    """The rows that some panel shows."""
+    rows = time_rows(table)
+    shown = {place for panel in growth_panels(rows) for place in panel.rows.index}
+    return rows[[place in shown for place in rows.index]]
+
+
+def stands_for(panel: Panel) -> str | None:
+    names = column(panel.rows, "stands_for").dropna()
+    return str(names.iloc[0]) if len(names) else None
