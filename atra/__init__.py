@@ -9,9 +9,13 @@ Implementation with Embree".
 
 from atra.alignment.alignment import Alignment
 from atra.alignment.split import Split
+from atra.cameras.colmap import read_colmap
+from atra.cameras.nerf import read_transforms
+from atra.cameras.trimesh_scene import read_trimesh
 from atra.errors import AtraError, EmbreeError, InputError, MemoryBudgetError
 from atra.frames import Frames
-from atra.geometry.camera import Camera
+from atra.geometry.camera import CalibratedCamera, Camera
+from atra.geometry.image_plane import ImagePlane
 from atra.geometry.mesh import Mesh
 from atra.geometry.mesh_file import load_mesh
 from atra.geometry.orthographic import OrthographicCamera
@@ -51,12 +55,14 @@ __all__ = [
     "AlignedTracer",
     "Alignment",
     "AtraError",
+    "CalibratedCamera",
     "Camera",
     "CellOptions",
     "EmbreeError",
     "Frames",
     "FramesTracer",
     "Hits",
+    "ImagePlane",
     "InputError",
     "MemoryBudgetError",
     "Mesh",
@@ -80,5 +86,8 @@ __all__ = [
     "compare",
     "load_mesh",
     "plan",
+    "read_colmap",
+    "read_transforms",
+    "read_trimesh",
     "sub_pixel_offsets",
 ]
