@@ -36,6 +36,7 @@ from atra.planner.planning import plan
 from atra.prim_ids import MISS
 from atra.rays.rays import RayHits, Rays
 from atra.rays.scene import RayScene
+from atra.rendering.render_views import render_views
 from atra.tracers import (
     AlignedTracer,
     FramesTracer,
@@ -89,5 +90,6 @@ __all__ = [
     "read_colmap",
     "read_transforms",
     "read_trimesh",
+    "render_views",
     "sub_pixel_offsets",
 ]

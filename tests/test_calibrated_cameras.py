@@ -158,7 +158,7 @@ def test_an_image_plane_refuses_what_is_none_and_a_camera_what_is_no_image_plane
     ):
         with pytest.raises(atra.InputError, match=message):
             atra.ImagePlane(*fields)
-    with pytest.raises(atra.InputError, match="plane is None, expected atra.ImagePlane"):
+    with pytest.raises(atra.InputError, match=r"plane is None, expected atra\.ImagePlane"):
         atra.CalibratedCamera((0, 0, 0), (0, 0, 1), plane=None)
 
 

@@ -67,6 +67,11 @@ def coplanar_overlaps(mesh: Mesh) -> CoplanarOverlaps:
     return overlaps
 
 
+def keep_overlaps(mesh: Mesh, overlaps: CoplanarOverlaps) -> None:
+    """Keep with `mesh` what `coplanar_overlaps` found for an equal one, so that it is not looked for again."""
+    _found[mesh] = overlaps
+
+
 def _find(mesh: Mesh) -> CoplanarOverlaps:
     prim_ids, runs = _plane_runs(mesh)
     corners = mesh.triangles(prim_ids)
