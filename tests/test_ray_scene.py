@@ -407,8 +407,15 @@ def test_scenes_refuse_what_they_cannot_trace():
         atra.RayScene(atra.Mesh(box.vertices.astype(float) * 1e11 + 1e11, box.faces))
     with pytest.raises(atra.InputError, match="scale mesh and rays up"):
         atra.RayScene(atra.Mesh(box.vertices.astype(float) * 1e-13, box.faces))
-    with atra.RayScene(box) as scene, pytest.raises(atra.InputError, match=r"expected atra\.Rays"):
-        scene.intersect((box.vertices, box.vertices))
+    rays = random_rays(3, 0, box)
+    with atra.RayScene(box, threads=1) as scene:
+        for call in (scene.intersect, scene.occluded):
+            with pytest.raises(atra.InputError, match=r"expected atra\.Rays, or origins and directions"):
+                call((box.vertices, box.vertices))
+            with pytest.raises(atra.InputError, match=r"tnear and tfar are part of atra\.Rays"):
+                call(rays, tfar=1.0)
+            with pytest.raises(atra.InputError, match=r"ray 1 has the direction \(0.0, 0.0, 0.0\)"):
+                call(np.zeros((2, 3)), [[1, 0, 0], [0, 0, 0]])
 
 
 def test_an_out_that_does_not_fit_is_refused():
@@ -442,13 +449,45 @@ def test_an_out_that_does_not_fit_is_refused():
         assert again.t is first.t
 
 
+def test_origins_and_directions_are_traced_as_the_rays_made_of_them():
+    mesh = cornell_box()
+    rays = random_rays(300, 3, mesh)
+    arrays = rays.origins.astype(np.float64), rays.directions.tolist()
+    scene = atra.RayScene(mesh, threads=1)
+    for given in ({}, {"tnear": 0.2, "tfar": np.linspace(0.1, 2.0, 300)}):
+        expected = atra.Rays(rays.origins, rays.directions, **given)
+        found = scene.intersect(*arrays, **given)
+        assert_same_bits_of_rays(found, scene.intersect(expected))
+        assert (scene.occluded(*arrays, **given) == scene.occluded(expected)).all()
+        assert 0 < found.hit.sum() < 300
+
+
+def assert_same_bits_of_rays(found, expected):
+    assert (found.t.tobytes(), found.prim_id.tobytes()) == (expected.t.tobytes(), expected.prim_id.tobytes())
+
+
+def test_the_first_batch_builds_a_scene_that_is_not_built_and_none_builds_a_closed_one():
+    mesh = cornell_box()
+    rays = random_rays(100, 0, mesh)
+    scene = atra.RayScene(mesh, threads=1)
+    assert (scene.embree_bytes, scene.build_time_s) == (0, 0)
+    assert scene.occluded(rays).any()
+    assert scene.embree_bytes > 1000
+    taken = scene.build_time_s
+    scene.intersect(rays)
+    assert scene.build_time_s == taken > 0
+    scene.close()
+    unbuilt = atra.RayScene(mesh, threads=1)
+    unbuilt.close()
+    for closed in (scene, unbuilt):
+        with pytest.raises(atra.EmbreeError, match="closed"):
+            closed.intersect(rays)
+
+
 def test_a_scene_is_traced_between_build_and_close():
     mesh = cornell_box()
     rays = random_rays(100, 0, mesh)
     scene = atra.RayScene(mesh)
-    with pytest.raises(atra.EmbreeError, match="not built yet"):
-        scene.intersect(rays)
-    assert scene.embree_bytes == 0
     with scene:
         assert scene.build_time_s > 0
         assert scene.embree_bytes > 1000

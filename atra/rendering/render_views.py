@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from collections import deque
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
@@ -99,15 +100,18 @@ def _rendered(
                 try:
                     images = future.result()
                     if images is None:  # a worker on another machine, which is sent the mesh
-                        images = _submitted(executor, where, Parcel(mesh, overlaps), camera, job).result()
+                        parcel = pickle.dumps(Parcel(mesh, overlaps))
+                        images = _submitted(executor, where, parcel, camera, job).result()
                     assert images is not None
+                    # Ray's are read-only, and kept in its memory.
+                    depth, prim_id = (np.require(images[0], requirements="W"), np.require(images[1], requirements="W"))
                 except TypeError:
                     raise
                 except Exception as error:
                     error.add_note(f"in view {name!r}")
                     failures.append(error)
                     continue
-                yield name, Hits(*images, job[1], mesh, camera)
+                yield name, Hits(depth, prim_id, job[1], mesh, camera)
         finally:
             for _, _, future in pending:
                 future.cancel()
@@ -126,7 +130,7 @@ def _found_once(mesh: Mesh, job: _Job) -> CoplanarOverlaps | None:
 
 
 def _submitted(
-    executor: Executor, where: SharedMesh, parcel: Parcel | None, camera: View, job: _Job
+    executor: Executor, where: SharedMesh, parcel: bytes | None, camera: View, job: _Job
 ) -> Future[_Images | None]:
     try:
         return executor.submit(trace_view, where, parcel, camera, job)
@@ -136,7 +140,7 @@ def _submitted(
         return failed
 
 
-def trace_view(where: SharedMesh, parcel: Parcel | None, camera: View, job: _Job) -> _Images | None:
+def trace_view(where: SharedMesh, parcel: bytes | None, camera: View, job: _Job) -> _Images | None:
     """What a worker does: depth and prim_id, (H, W) each, of one view; None if it finds no mesh and was sent none."""
     stage = stage_of(where, parcel)
     if stage is None:

@@ -108,12 +108,12 @@ def _written(key: str, path: Path, parcel: Parcel) -> SharedMesh:
     return SharedMesh(key, path, contents, places)
 
 
-def stage_of(shared_mesh: SharedMesh, parcel: Parcel | None) -> Stage | None:
-    """The mesh in this process; parcel: what to take where it is not found. None where there is none either."""
+def stage_of(shared_mesh: SharedMesh, parcel: bytes | None) -> Stage | None:
+    """The mesh in this process; parcel: pickled, to be taken where it is not found. None where there is none either."""
     stage = _stages.get(shared_mesh.key)
     if stage is not None:
         return stage
-    found = parcel or _mapped(shared_mesh)
+    found = _mapped(shared_mesh) if parcel is None else pickle.loads(parcel)
     if found is None:
         return None
     if found.overlaps is not None:
@@ -134,6 +134,4 @@ def _mapped(shared_mesh: SharedMesh) -> Parcel | None:
     parts = (memory[start:end] for start, end, _ in shared_mesh.places)
     # Read-only where they were so: kernels are compiled for one or the other.
     buffers = [part.toreadonly() if place[2] else part for part, place in zip(parts, shared_mesh.places, strict=True)]
-    found = pickle.loads(shared_mesh.contents, buffers=buffers)
-    assert isinstance(found, Parcel)
-    return found
+    return pickle.loads(shared_mesh.contents, buffers=buffers)  # type: ignore[no-any-return]
