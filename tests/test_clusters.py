@@ -12,7 +12,7 @@ NEEDS = {"dask": "distributed", "ray": "ray"}
 
 @pytest.mark.parametrize("cluster", CLUSTERS)
 def test_a_cluster_gives_the_same_images(cluster):
-    pytest.importorskip(NEEDS[cluster], reason=f"{NEEDS[cluster]} is not installed: pip install 'atra[{cluster}]'")
+    pytest.importorskip(NEEDS[cluster], reason=f"{NEEDS[cluster]} is not installed")
     mesh, whole = cornell_box(), cornell_camera(64, 48)
     cameras = {f"part {left}": whole.crop(left, 0, 32, 48) for left in (0, 16, 32)}
     with CLUSTERS[cluster](1) as executor:

@@ -10,10 +10,12 @@ import pytest
 import atra
 import atra.rays.scene
 from atra.embree.instruction_sets import chosen_instruction_set, cpu_features
+from atra.embree.layout import FLAG_COHERENT
 from atra.embree.library import load_library
 from atra.geometry.intersection import intersect_rays
 from atra.kernels.brute_force import nearest_triangles
-from atra.kernels.rays import CHUNK
+from atra.kernels.rays import CHUNK, SORTED_CHUNK
+from atra.rays.scene import FEWEST_SORTED
 from tests.images import assert_no_pixel_wrong, assert_same_bits, trace
 from tests.meshes import EYE_AT_ORIGIN, boards, cornell_box, cornell_camera, quads, random_triangles
 from tests.test_axis_near_views import closed_box
@@ -464,6 +466,47 @@ def test_origins_and_directions_are_traced_as_the_rays_made_of_them():
 
 def assert_same_bits_of_rays(found, expected):
     assert (found.t.tobytes(), found.prim_id.tobytes()) == (expected.t.tobytes(), expected.prim_id.tobytes())
+
+
+@each_width
+def test_the_order_that_a_large_batch_is_traced_in_changes_no_bit(width):
+    mesh = MESHES["many small"]
+    rays = random_rays(FEWEST_SORTED + 77, 9, mesh, tnear=0.01)
+    assert_same_bits_of_rays(traced(mesh, rays, width, coherent=None), traced(mesh, rays, width))
+    with atra.RayScene(mesh, packet_width=width, threads=1) as scene:
+        assert (scene.occluded(rays) == scene.occluded(rays, coherent=False)).all()
+
+
+def test_a_large_batch_is_ordered_by_where_rays_start_and_head_whoever_orders_it():
+    mesh = MESHES["many small"]
+    rays = random_rays(2 * SORTED_CHUNK + 5, 9, mesh)
+    orders = []
+    for threads in (1, 3):
+        with atra.RayScene(mesh, threads=threads) as scene:
+            orders.append(scene._order(rays))
+            assert len(scene._order(random_rays(FEWEST_SORTED - 1, 1, mesh))) == 0
+    np.testing.assert_array_equal(*orders)
+    np.testing.assert_array_equal(np.sort(orders[0]), np.arange(len(rays)))
+    origins, octants = rays.origins[orders[0]], np.signbit(rays.directions[orders[0]])
+    low, high = rays.origins.min(axis=0), rays.origins.max(axis=0)
+    cells = np.minimum((origins - low) / (high - low) * 8 + 1e-5, 7.99999).astype(int)
+    bucket = np.column_stack([cells, octants])
+    changes = (bucket[1:] != bucket[:-1]).any(axis=1).sum()
+    assert changes < 1.02 * len(np.unique(bucket, axis=0))
+
+
+@each_width
+def test_packets_of_rays_that_are_alike_go_together_and_others_do_not(width):
+    mesh, camera = cornell_box(), cornell_camera(256, 16)
+    y, x = np.divmod(np.arange(camera.width * camera.height), camera.width)
+    directions = camera.directions(x, y) @ camera.axes
+    origins = np.broadcast_to(camera.eye, directions.shape)
+    with atra.RayScene(mesh, packet_width=width, threads=1) as scene:
+        found = scene.intersect(origins, directions)
+        assert scene._workspaces[0].flags[0] == FLAG_COHERENT
+        assert_same_bits_of_rays(found, scene.intersect(origins, directions, coherent=True))
+        scene.intersect(random_rays(64, 1, mesh))
+        assert scene._workspaces[0].flags[0] == (FLAG_COHERENT if width == 1 else 0)
 
 
 def test_the_first_batch_builds_a_scene_that_is_not_built_and_none_builds_a_closed_one():
