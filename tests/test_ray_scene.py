@@ -497,7 +497,7 @@ def test_a_large_batch_is_ordered_by_where_rays_start_and_head_whoever_orders_it
 
 @each_width
 def test_packets_of_rays_that_are_alike_go_together_and_others_do_not(width):
-    mesh, camera = cornell_box(), cornell_camera(256, 16)
+    mesh, camera = cornell_box(), cornell_camera(256, 256).crop(0, 100, 256, 16)
     y, x = np.divmod(np.arange(camera.width * camera.height), camera.width)
     directions = camera.directions(x, y) @ camera.axes
     origins = np.broadcast_to(camera.eye, directions.shape)
