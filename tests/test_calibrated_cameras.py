@@ -9,7 +9,7 @@ import pytest
 import atra
 from atra.judge.reference import brute_force
 from tests.images import METHODS, assert_no_pixel_wrong, assert_same_bits, trace, trace_pixels
-from tests.meshes import EYE_AT_ORIGIN, random_triangles
+from tests.meshes import EYE_AT_ORIGIN, cornell_box, cornell_camera, quads, random_triangles
 
 cv2 = pytest.importorskip("cv2", reason="OpenCV, a test dependency, is what calibrated cameras are held against")
 
@@ -192,6 +192,29 @@ def test_every_method_takes_any_image_plane(camera):
         assert_no_pixel_wrong(mesh, camera, trace(method, mesh, camera, (6, 2), (0.3, 0.6)), reference)
     with atra.RasterTracer(mesh, camera, threads=1) as tracer:
         assert_no_pixel_wrong(mesh, camera, tracer.trace((0.3, 0.6)), reference)
+
+
+@pytest.mark.parametrize("name", ["off-centre", "wide pixels", "crop of a crop"])
+def test_ties_are_decided_where_the_image_plane_has_them(name):
+    camera = VIEWS[name]
+    corners = [(-90, -90, 90, 90), (-5, -1, 9, 7)]
+    walls = quads([[(x0, y0, -4), (x1, y0, -4), (x1, y1, -4), (x0, y1, -4)] for x0, y0, x1, y1 in corners[::-1]])
+    reference = brute_force(walls, camera)
+    assert {0, 2} < set(np.unique(reference.prim_id).tolist())
+    for method in METHODS:
+        hits = trace(method, walls, camera, (6, 2))
+        agreement = assert_no_pixel_wrong(walls, camera, hits, reference)
+        assert agreement.pixels_tied == 0, method
+
+
+def test_the_probe_looks_through_the_pixels_of_the_image_plane():
+    mesh, whole = cornell_box(), cornell_camera(256, 256)
+    verified = []
+    for camera in (whole, whole.crop(10, 20, 128, 128)):
+        with atra.VisibleFirstTracer(mesh, camera, (32, 1), threads=1) as tracer:
+            tracer.trace()
+            verified.append(tracer.counters["packets_verified"])
+    assert verified[1] <= verified[0] > 0
 
 
 def part_of(hits, left, top, camera):

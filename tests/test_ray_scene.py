@@ -14,7 +14,7 @@ from atra.embree.layout import FLAG_COHERENT
 from atra.embree.library import load_library
 from atra.geometry.intersection import intersect_rays
 from atra.kernels.brute_force import nearest_triangles
-from atra.kernels.rays import CHUNK, SORTED_CHUNK
+from atra.kernels.rays import CHUNK, SORTED_CHUNK, RayArrays
 from atra.rays.scene import FEWEST_SORTED
 from tests.images import assert_no_pixel_wrong, assert_same_bits, trace
 from tests.meshes import EYE_AT_ORIGIN, boards, cornell_box, cornell_camera, quads, random_triangles
@@ -471,7 +471,8 @@ def assert_same_bits_of_rays(found, expected):
 @each_width
 def test_the_order_that_a_large_batch_is_traced_in_changes_no_bit(width):
     mesh = MESHES["many small"]
-    rays = random_rays(FEWEST_SORTED + 77, 9, mesh, tnear=0.01)
+    nearest = np.linspace(0.0, 0.1, FEWEST_SORTED + 77)
+    rays = random_rays(len(nearest), 9, mesh, tnear=nearest, tfar=nearest + 2)
     assert_same_bits_of_rays(traced(mesh, rays, width, coherent=None), traced(mesh, rays, width))
     with atra.RayScene(mesh, packet_width=width, threads=1) as scene:
         assert (scene.occluded(rays) == scene.occluded(rays, coherent=False)).all()
@@ -480,17 +481,19 @@ def test_the_order_that_a_large_batch_is_traced_in_changes_no_bit(width):
 def test_a_large_batch_is_ordered_by_where_rays_start_and_head_whoever_orders_it():
     mesh = MESHES["many small"]
     rays = random_rays(2 * SORTED_CHUNK + 5, 9, mesh)
+    given = RayArrays(rays.origins, rays.directions, rays.tnear, rays.tfar, np.empty(0, np.uint32), 0, np.float32(0))
     orders = []
     for threads in (1, 3):
         with atra.RayScene(mesh, threads=threads) as scene:
-            orders.append(scene._order(rays))
-            assert len(scene._order(random_rays(FEWEST_SORTED - 1, 1, mesh))) == 0
-    np.testing.assert_array_equal(*orders)
-    np.testing.assert_array_equal(np.sort(orders[0]), np.arange(len(rays)))
-    origins, octants = rays.origins[orders[0]], np.signbit(rays.directions[orders[0]])
+            orders.append(scene._ordered(given))
+    ordered = orders[0]
+    np.testing.assert_array_equal(ordered.places, orders[1].places)
+    np.testing.assert_array_equal(np.sort(ordered.places), np.arange(len(rays)))
+    np.testing.assert_array_equal(ordered.origins, rays.origins[ordered.places])
+    np.testing.assert_array_equal(ordered.directions, rays.directions[ordered.places])
     low, high = rays.origins.min(axis=0), rays.origins.max(axis=0)
-    cells = np.minimum((origins - low) / (high - low) * 8 + 1e-5, 7.99999).astype(int)
-    bucket = np.column_stack([cells, octants])
+    cells = np.minimum((ordered.origins - low) / (high - low) * 8 + 1e-5, 7.99999).astype(int)
+    bucket = np.column_stack([cells, np.signbit(ordered.directions)])
     changes = (bucket[1:] != bucket[:-1]).any(axis=1).sum()
     assert changes < 1.02 * len(np.unique(bucket, axis=0))
 

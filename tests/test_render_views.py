@@ -64,6 +64,27 @@ def test_threads_give_the_same_images(expected):
         assert_as_expected(list(atra.render_views(BOX, CAMERAS, executor=executor)), expected)
 
 
+def test_all_tracers_are_closed_in_the_end_busy_ones_when_they_come_back(monkeypatch):
+    made = []
+
+    def make(*given, **options):
+        made.append(atra.RasterTracer(*given, **options))
+        return made[-1]
+
+    monkeypatch.setitem(METHODS, "raster", make)
+    with ThreadPoolExecutor(2) as executor:
+        assert len(list(atra.render_views(BOX, CAMERAS, executor=executor))) == len(CAMERAS)
+    assert made
+    stage, busy = shared_mesh.Stage(BOX), atra.RasterTracer(BOX, CAMERAS["view 0.png"], threads=1)
+    stage.put(busy)
+    assert stage.take() is busy
+    stage.strike()
+    stage.put(busy)
+    for tracer in (*made, busy):
+        with pytest.raises(atra.EmbreeError, match="closed"):
+            tracer.build()
+
+
 def look_around(where):
     """In a worker: what it knows of the mesh before any view, and whose memory that is."""
     mesh = shared_mesh.stage_of(where, None).mesh

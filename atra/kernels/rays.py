@@ -55,9 +55,10 @@ _ALIKE_DIRECTIONS = np.float32(0.125)
 
 
 class RayArrays(NamedTuple):
-    """N rays. origins, directions: (N, 3) float32. tnear, tfar: (N,) float32, in lengths of the direction.
+    """N rays, as they are traced one after the other.
 
-    order: (N,) uint32, which is traced after which; empty for their own.
+    origins, directions: (N, 3) float32. tnear, tfar: (N,) float32, in lengths of the direction.
+    places: (N,) uint32, whose answer each one's is; empty where they have the order of the answers.
     together: `NEVER`, `ALWAYS` or `WHERE_ALIKE`. near_by: how far apart origins are at most to count as alike.
     """
 
@@ -65,7 +66,7 @@ class RayArrays(NamedTuple):
     directions: NDArray[np.float32]
     tnear: NDArray[np.float32]
     tfar: NDArray[np.float32]
-    order: NDArray[np.uint32]
+    places: NDArray[np.uint32]
     together: int
     near_by: np.float32
 
@@ -93,16 +94,25 @@ def number_rays(counter_address, origins, directions, low, inverse, keys, counts
 
 
 @kernel
-def order_rays(counter_address, keys, starts, order):  # type: ignore[no-untyped-def]
-    """Bucket by bucket, and within each as they came; starts: (chunks, BUCKETS) int64, which is used up."""
+def order_rays(counter_address, keys, starts, rays, ordered):  # type: ignore[no-untyped-def]
+    """Copy rays bucket by bucket, and within each as they came; starts: (chunks, BUCKETS) int64, which is used up.
+
+    Buckets are written side by side and read one after the other, both of which the cache likes better than to pick
+    rays from all over the batch while they are traced.
+    """
     while True:
         chunk = fetch_add(counter_address, 1)
         if chunk >= len(starts):
             return
         for ray in range(chunk * SORTED_CHUNK, min((chunk + 1) * SORTED_CHUNK, len(keys))):
             key = keys[ray]
-            order[starts[chunk, key]] = ray
-            starts[chunk, key] += 1
+            place = starts[chunk, key]
+            starts[chunk, key] = place + 1
+            for axis in range(3):
+                ordered.origins[place, axis] = rays.origins[ray, axis]
+                ordered.directions[place, axis] = rays.directions[ray, axis]
+            ordered.tnear[place], ordered.tfar[place] = rays.tnear[ray], rays.tfar[ray]
+            ordered.places[place] = ray
 
 
 @njit(inline="always")
@@ -139,20 +149,18 @@ def _load(packet, width, lane, rays, ray):  # type: ignore[no-untyped-def]
 
 
 @njit(inline="always")
-def _at(rays, place):  # type: ignore[no-untyped-def]
-    return np.int64(rays.order[place]) if len(rays.order) else place
+def _place(rays, ray):  # type: ignore[no-untyped-def]
+    return np.int64(rays.places[ray]) if len(rays.places) else ray
 
 
 @njit(inline="always")
 def _are_alike(rays, first, lanes):  # type: ignore[no-untyped-def]
     """Whether so many rays start and head alike, as neighbours of a camera do."""
-    ray = _at(rays, first)
-    _, inverse = _length(rays.directions, ray)
-    for lane in range(1, lanes):
-        other = _at(rays, first + lane)
+    _, inverse = _length(rays.directions, first)
+    for ray in range(first + 1, first + lanes):
         for axis in range(3):
-            turned = abs(rays.directions[other, axis] - rays.directions[ray, axis]) * inverse
-            moved = abs(rays.origins[other, axis] - rays.origins[ray, axis])
+            turned = abs(rays.directions[ray, axis] - rays.directions[first, axis]) * inverse
+            moved = abs(rays.origins[ray, axis] - rays.origins[first, axis])
             if not (turned <= _ALIKE_DIRECTIONS and moved <= rays.near_by):
                 return False
     return True
@@ -187,15 +195,15 @@ def closest_hit_kernel(width: int) -> Callable[..., None]:
                     set_no_hit(packet, width, lane)
                     packet.valid[lane] = 0
                 for lane in range(lanes):
-                    anyone |= _load(packet, width, lane, rays, _at(rays, first + lane))
+                    anyone |= _load(packet, width, lane, rays, first + lane)
                 if anyone:
                     _set_flags(flags, rays, first, lanes)
                     intersect(width, packet.valid, scene, packet)
                 for lane in range(lanes):
-                    ray, found = _at(rays, first + lane), hit_prim_id(packet, width, lane)
-                    prim_id[ray] = found
-                    _, inverse = _length(rays.directions, ray)
-                    t[ray] = hit_distance(packet, width, lane) * inverse if found != MISS else INFINITY
+                    place, found = _place(rays, first + lane), hit_prim_id(packet, width, lane)
+                    prim_id[place] = found
+                    _, inverse = _length(rays.directions, first + lane)
+                    t[place] = hit_distance(packet, width, lane) * inverse if found != MISS else INFINITY
 
     return intersect_rays
 
@@ -217,12 +225,12 @@ def occlusion_kernel(width: int) -> Callable[..., None]:
                 for lane in range(width):
                     packet.valid[lane] = 0
                 for lane in range(lanes):
-                    anyone |= _load(packet, width, lane, rays, _at(rays, first + lane))
+                    anyone |= _load(packet, width, lane, rays, first + lane)
                 if anyone:
                     _set_flags(flags, rays, first, lanes)
                     occluded(width, packet.valid, scene, packet)
                 for lane in range(lanes):
                     is_open = packet.valid[lane] != 0
-                    is_occluded[_at(rays, first + lane)] = is_open and hit_distance(packet, width, lane) < 0.0
+                    is_occluded[_place(rays, first + lane)] = is_open and hit_distance(packet, width, lane) < 0.0
 
     return occlude_rays

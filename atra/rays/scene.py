@@ -154,11 +154,12 @@ class RayScene(Lifetime):
         with self._tracing():
             assert self._scene is not None
             scene = self._scene.address
-            given = rays.origins, rays.directions, rays.tnear, rays.tfar
-            order = self._order(rays) if coherent is None else np.empty(0, np.uint32)
             together = WHERE_ALIKE if coherent is None else ALWAYS if coherent else NEVER
             size = float((self.mesh.bounds[1] - self.mesh.bounds[0]).max())
-            arrays = RayArrays(*given, order, together, np.float32(NEAR_BY * size))
+            near_by, places = np.float32(NEAR_BY * size), np.empty(0, np.uint32)
+            arrays = RayArrays(rays.origins, rays.directions, rays.tnear, rays.tfar, places, together, near_by)
+            if coherent is None and len(rays) >= FEWEST_SORTED:
+                arrays = self._ordered(arrays)
             for workspace in self._workspaces:
                 workspace.set_coherent(bool(coherent))
 
@@ -168,21 +169,29 @@ class RayScene(Lifetime):
 
             self._pool.run(work)
 
-    def _order(self, rays: Rays) -> NDArray[np.uint32]:
-        """(N,) uint32: rays that start near each other and head the same way follow each other; empty for few rays."""
-        if len(rays) < FEWEST_SORTED:
-            return np.empty(0, np.uint32)
-        low, high = rays.origins.min(axis=0), rays.origins.max(axis=0)
+    def _ordered(self, rays: RayArrays) -> RayArrays:
+        """The same rays; those that start near each other and head the same way follow each other."""
+        count = len(rays.origins)
+        low, high = (np.array([pick(axis) for axis in rays.origins.T]) for pick in (np.min, np.max))
         with np.errstate(divide="ignore", over="ignore"):
             inverse = np.where(high > low, CELLS / (high - low), 0.0).astype(np.float32)
-        keys, order = np.empty(len(rays), np.uint16), np.empty(len(rays), np.uint32)
-        counts = np.zeros((-(-len(rays) // SORTED_CHUNK), BUCKETS), np.int64)
+        keys, counts = np.empty(count, np.uint16), np.zeros((-(-count // SORTED_CHUNK), BUCKETS), np.int64)
         ways = rays.origins, rays.directions
         self._pool.run(lambda _, counter: number_rays(counter, *ways, low, inverse, keys, counts))
         ends = np.cumsum(counts.T).reshape(BUCKETS, -1).T  # bucket by bucket, in each chunk by chunk
         starts = np.ascontiguousarray(ends - counts)
-        self._pool.run(lambda _, counter: order_rays(counter, keys, starts, order))
-        return order
+        vectors, numbers = (np.empty((2, count, 3), np.float32), np.empty((2, count), np.float32))
+        ordered = rays._replace(
+            origins=vectors[0],
+            directions=vectors[1],
+            tnear=numbers[0],
+            tfar=numbers[1],
+            places=np.empty(count, np.uint32),
+        )
+        self._pool.run(lambda _, counter: order_rays(counter, keys, starts, rays, ordered))
+        for array in ordered[:4]:
+            array.setflags(write=False)  # kernels are compiled for what `Rays` holds
+        return ordered
 
     @property
     def embree_bytes(self) -> int:

@@ -32,14 +32,13 @@ class Parcel:
 class SharedMesh:
     """Where workers find a mesh: under `key` in a process that has it, or else in a file that they map.
 
-    contents: the pickled `Parcel` without its arrays. places: start, end and whether it is read-only, of each array in
-    the file.
+    contents: the pickled `Parcel` without its arrays. places: start and end of each array in the file.
     """
 
     key: str
     path: Path
     contents: bytes
-    places: tuple[tuple[int, int, bool], ...]
+    places: tuple[tuple[int, int], ...]
 
 
 @dataclass(eq=False)
@@ -104,7 +103,7 @@ def _written(key: str, path: Path, parcel: Parcel) -> SharedMesh:
             file.seek(start)
             file.write(array)
         file.truncate(max(starts[-1], 1))
-    places = tuple((start, start + one.nbytes, one.readonly) for start, one in zip(starts, arrays, strict=False))
+    places = tuple((start, start + array.nbytes) for start, array in zip(starts, arrays, strict=False))
     return SharedMesh(key, path, contents, places)
 
 
@@ -131,7 +130,5 @@ def _mapped(shared_mesh: SharedMesh) -> Parcel | None:
             memory = memoryview(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_COPY))
     except FileNotFoundError:
         return None
-    parts = (memory[start:end] for start, end, _ in shared_mesh.places)
-    # Read-only where they were so: kernels are compiled for one or the other.
-    buffers = [part.toreadonly() if place[2] else part for part, place in zip(parts, shared_mesh.places, strict=True)]
+    buffers = [memory[start:end] for start, end in shared_mesh.places]
     return pickle.loads(shared_mesh.contents, buffers=buffers)  # type: ignore[no-any-return]
