@@ -67,9 +67,9 @@ class LlvmpipeTracer(PeerTracer):
 
     Inside `trace`: clearing, drawing with a depth buffer of 32-bit floats, nearer ones larger, and reading both images
     back. The corners are rounded to float32 relative to the eye, and to 1/256 pixel by the rasteriser, so outlines are
-    not exact, nor are depths, which it interpolates in float32; what is nearer to the eye than a millionth of the mesh's distance is cut away. No BVH is built; the
-    build hands over the triangles and compiles the shaders. `LP_NUM_THREADS` says how many threads draw: with one it
-    is the calling one. Mesa reads it when a context is made.
+    not exact, nor are depths, which it interpolates in float32; what is nearer to the eye than a millionth of the
+    mesh's distance is cut away. No BVH is built; the build hands over the triangles and compiles the shaders.
+    `LP_NUM_THREADS` says how many threads draw: with one it is the calling one. Mesa reads it when a context is made.
     """
 
     packet_width = 0
