@@ -12,11 +12,12 @@ from atra.alignment.split import Split
 from atra.errors import AtraError, EmbreeError, InputError, MemoryBudgetError
 from atra.frames import Frames
 from atra.geometry.camera import Camera
+from atra.geometry.face_sources import FaceSources, load_face_sources
 from atra.geometry.mesh import Mesh
 from atra.geometry.mesh_file import load_mesh
 from atra.geometry.orthographic import OrthographicCamera
 from atra.geometry.sampling import sub_pixel_offsets
-from atra.hits import Hits
+from atra.hits import Hits, VisibleTriangles
 from atra.judge.compare import Agreement, Verdict, compare
 from atra.options import (
     AlignedOptions,
@@ -54,6 +55,7 @@ __all__ = [
     "Camera",
     "CellOptions",
     "EmbreeError",
+    "FaceSources",
     "Frames",
     "FramesTracer",
     "Hits",
@@ -77,7 +79,9 @@ __all__ = [
     "Tracer",
     "Verdict",
     "VisibleFirstTracer",
+    "VisibleTriangles",
     "compare",
+    "load_face_sources",
     "load_mesh",
     "plan",
     "sub_pixel_offsets",

@@ -12,7 +12,7 @@ import atra.rays.scene
 from atra.embree.instruction_sets import chosen_instruction_set, cpu_features
 from atra.embree.library import load_library
 from atra.geometry.intersection import intersect_rays
-from atra.kernels.brute_force import nearest_triangles
+from atra.kernels.exact.brute_force import nearest_triangles
 from atra.kernels.rays import CHUNK
 from tests.images import assert_no_pixel_wrong, assert_same_bits, trace
 from tests.meshes import EYE_AT_ORIGIN, boards, cornell_box, cornell_camera, quads, random_triangles
