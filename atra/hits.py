@@ -126,10 +126,8 @@ class Hits:
         on_plane = 0 if camera.is_parallel else 1  # origins lie on the image plane, or directions end there
         columns = camera.rays(np.arange(width), np.zeros(width, int), self.offset)[on_plane][:, 0]
         rows = camera.rays(np.zeros(height, int), np.arange(height), self.offset)[on_plane][:, 1]
-        eye, axes, columns, rows = (
-            read_only(np.array(part, float)) for part in (camera.eye, camera.axes, columns, rows)
-        )
-        return PixelGrid(eye, axes, columns, rows, camera.is_parallel)
+        axes = tuple(tuple(axis) for axis in camera.axes.tolist())
+        return PixelGrid(camera.eye, axes, read_only(columns.copy()), read_only(rows.copy()), camera.is_parallel)
 
 
 def read_only(array: NDArray[Any]) -> NDArray[Any]:

@@ -33,12 +33,12 @@ class Triangles(NamedTuple):
 
 
 class PixelGrid(NamedTuple):
-    """eye: (3,) and axes: (3, 3) float64, a camera's place, and right, down, forward as rows. columns: (W,) and rows:
-    (H,) float64, where the rays of pixels pass its image plane. is_parallel: they start there and go along forward;
-    otherwise they start at the eye, and the plane is at a distance of 1."""
+    """eye and axes: a camera's place, and right, down, forward. columns: (W,) and rows: (H,) float64, where the rays of
+    pixels pass its image plane. is_parallel: they start there and go along forward; otherwise they start at the eye,
+    and the plane is at a distance of 1."""
 
-    eye: NDArray[np.float64]
-    axes: NDArray[np.float64]
+    eye: tuple[float, float, float]
+    axes: tuple[tuple[float, float, float], ...]
     columns: NDArray[np.float64]
     rows: NDArray[np.float64]
     is_parallel: bool
@@ -69,28 +69,27 @@ def _turned(axes, a):  # type: ignore[no-untyped-def]
 
 
 @njit(inline="always")
-def _triangle(mesh, prim_id):  # type: ignore[no-untyped-def]
+def _triangle(vertices, faces, prim_id):  # type: ignore[no-untyped-def]
     """First corner and the two edges leaving it, float64, world space."""
-    first, vertices = mesh.faces[prim_id, 0], mesh.vertices
+    first = faces[prim_id, 0]
     corner = np.float64(vertices[first, 0]), np.float64(vertices[first, 1]), np.float64(vertices[first, 2])
     return (
         corner,
-        _difference(vertices, mesh.faces[prim_id, 1], first),
-        _difference(vertices, mesh.faces[prim_id, 2], first),
+        _difference(vertices, faces[prim_id, 1], first),
+        _difference(vertices, faces[prim_id, 2], first),
     )
 
 
 @njit(inline="always")
-def _along_row(camera, triangle, y):  # type: ignore[no-untyped-def]
-    """What pixels of row `y` that see the triangle have in common: the column that they are counted from, and slope and
+def _along_row(eye, axes, is_parallel, triangle, row):  # type: ignore[no-untyped-def]
+    """What pixels of a row that see the triangle have in common: the column that they are counted from, and slope and
     start there of the volumes `facing`, `u`, `v` and `ahead`, and of the square up to which `facing` is noise."""
     corner, e1, e2 = triangle
-    cx, cy, cz = _turned(camera.axes, (corner[0] - camera.eye[0], corner[1] - camera.eye[1], corner[2] - camera.eye[2]))
-    e1, e2 = _turned(camera.axes, e1), _turned(camera.axes, e2)
+    cx, cy, cz = _turned(axes, (corner[0] - eye[0], corner[1] - eye[1], corner[2] - eye[2]))
+    e1, e2 = _turned(axes, e1), _turned(axes, e2)
     normal = _cross(e2, e1)
     noise = _PARALLEL * _PARALLEL * _dot(e1, e1) * _dot(e2, e2)
-    row = camera.rows[y]
-    if camera.is_parallel:
+    if is_parallel:
         down = row - cy
         return (
             cx,
@@ -145,65 +144,19 @@ def _weights_of_block(address, along):  # type: ignore[no-untyped-def]
 
 
 @njit(inline="always")
-def _weigh(columns, start, end, along, u, v):  # type: ignore[no-untyped-def]
-    x = start
-    while x < end:
-        if x + _LANES <= len(columns):
-            block_u, block_v, has_some = _weights_of_block(columns.ctypes.data + 8 * x, along)
-            if has_some:
-                store(rounded(block_u), u.ctypes.data + 4 * x)
-                store(rounded(block_v), v.ctypes.data + 4 * x)
-                x += _LANES
-                continue
-        u[x], v[x] = _weights(columns[x], along)
-        x += 1
-
-
-@njit(inline="always")
 def _linear_in_two(corner, e1, e2, u, v):  # type: ignore[no-untyped-def]
     return rounded(repeated(corner, _LANES) + repeated(e1, _LANES) * u + repeated(e2, _LANES) * v)
 
 
 @njit(inline="always")
-def _place(columns, start, end, along, triangle, block, points):  # type: ignore[no-untyped-def]
-    corner, e1, e2 = triangle
-    x = start
-    while x < end:
-        if x + _LANES <= len(columns):
-            u, v, has_some = _weights_of_block(columns.ctypes.data + 8 * x, along)
-            if has_some:
-                for axis in range(3):
-                    place = _linear_in_two(corner[axis], e1[axis], e2[axis], u, v)
-                    store(place, block.ctypes.data + 4 * _LANES * axis)
-                for lane in range(_LANES):
-                    points[x + lane, 0] = block[0, lane]
-                    points[x + lane, 1] = block[1, lane]
-                    points[x + lane, 2] = block[2, lane]
-                x += _LANES
-                continue
-        at_u, at_v = _weights(columns[x], along)
-        for axis in range(3):
-            points[x, axis] = corner[axis] + at_u * e1[axis] + at_v * e2[axis]
-        x += 1
-
-
-@njit(inline="always")
-def _orient(triangle, normals):  # type: ignore[no-untyped-def]
-    x, y, z = _cross(triangle[1], triangle[2])
-    length = np.sqrt(x * x + y * y + z * z)
-    scale = 1.0 / length if length > 0.0 else np.nan
-    for i in range(len(normals)):
-        normals[i, 0] = x * scale
-        normals[i, 1] = y * scale
-        normals[i, 2] = z * scale
-
-
-@njit(inline="always")
-def _end_of_run(prim_id, start):  # type: ignore[no-untyped-def]
+def _end_of_run(prim_id, y, start):  # type: ignore[no-untyped-def]
     end = start + 1
-    while end < len(prim_id) and prim_id[end] == prim_id[start]:
+    while end < prim_id.shape[1] and prim_id[y, end] == prim_id[y, start]:
         end += 1
     return end
+
+
+# Below, rows are addressed by their place in the whole array: to count who holds a slice takes as long as a triangle.
 
 
 @kernel
@@ -213,22 +166,37 @@ def weigh_corners(counter_address, mesh, camera, prim_id, absent, weights):  # t
     prim_id: (H, W) uint32. weights: (2, H, W) float32, u and v, written completely, NaN = miss. absent: (1,) uint32, is
     given a `prim_id` that the mesh does not have, if there is one.
     """
+    height, width = prim_id.shape
+    vertices, faces = mesh
+    eye, axes, columns, rows, is_parallel = camera
+    column_address, u_address, v_address = columns.ctypes.data, weights[0].ctypes.data, weights[1].ctypes.data
     while True:
         top = fetch_add(counter_address, 1) * ROWS
-        if top >= len(prim_id):
+        if top >= height:
             return
-        for y in range(top, min(top + ROWS, len(prim_id))):
-            start = 0
-            while start < prim_id.shape[1]:
-                end = _end_of_run(prim_id[y], start)
-                if prim_id[y, start] >= len(mesh.faces):
-                    if prim_id[y, start] != _MISS:
-                        absent[0] = prim_id[y, start]
-                    weights[:, y, start:end] = np.nan
-                else:
-                    along = _along_row(camera, _triangle(mesh, prim_id[y, start]), y)
-                    _weigh(camera.columns, start, end, along, weights[0, y], weights[1, y])
-                start = end
+        for y in range(top, min(top + ROWS, height)):
+            x = 0
+            while x < width:
+                end, seen = _end_of_run(prim_id, y, x), prim_id[y, x]
+                if seen >= len(faces):
+                    if seen != _MISS:
+                        absent[0] = seen
+                    for i in range(x, end):
+                        weights[0, y, i] = weights[1, y, i] = np.nan
+                    x = end
+                    continue
+                along = _along_row(eye, axes, is_parallel, _triangle(vertices, faces, seen), rows[y])
+                while x < end:
+                    if x + _LANES <= width:
+                        u, v, has_some = _weights_of_block(column_address + 8 * x, along)
+                        if has_some:
+                            store(rounded(u), u_address + 4 * (y * width + x))
+                            store(rounded(v), v_address + 4 * (y * width + x))
+                            x += _LANES
+                            continue
+                    weights[0, y, x], weights[1, y, x] = _weights(columns[x], along)
+                    x += 1
+                x = end
 
 
 @kernel
@@ -237,24 +205,48 @@ def place_hits(counter_address, mesh, camera, prim_id, absent, points):  # type:
 
     points: (H, W, 3) float32, world space, written completely, NaN = miss.
     """
+    height, width = prim_id.shape
+    vertices, faces = mesh
+    eye, axes, columns, rows, is_parallel = camera
     block = np.empty((3, _LANES), np.float32)
+    column_address, block_address = columns.ctypes.data, block.ctypes.data
     while True:
         top = fetch_add(counter_address, 1) * ROWS
-        if top >= len(prim_id):
+        if top >= height:
             return
-        for y in range(top, min(top + ROWS, len(prim_id))):
-            start = 0
-            while start < prim_id.shape[1]:
-                end = _end_of_run(prim_id[y], start)
-                if prim_id[y, start] >= len(mesh.faces):
-                    if prim_id[y, start] != _MISS:
-                        absent[0] = prim_id[y, start]
-                    points[y, start:end] = np.nan
-                else:
-                    triangle = _triangle(mesh, prim_id[y, start])
-                    along = _along_row(camera, triangle, y)
-                    _place(camera.columns, start, end, along, triangle, block, points[y])
-                start = end
+        for y in range(top, min(top + ROWS, height)):
+            x = 0
+            while x < width:
+                end, seen = _end_of_run(prim_id, y, x), prim_id[y, x]
+                if seen >= len(faces):
+                    if seen != _MISS:
+                        absent[0] = seen
+                    for i in range(x, end):
+                        points[y, i, 0] = points[y, i, 1] = points[y, i, 2] = np.nan
+                    x = end
+                    continue
+                triangle = _triangle(vertices, faces, seen)
+                corner, e1, e2 = triangle
+                along = _along_row(eye, axes, is_parallel, triangle, rows[y])
+                while x < end:
+                    if x + _LANES <= width:
+                        u, v, has_some = _weights_of_block(column_address + 8 * x, along)
+                        if has_some:
+                            store(_linear_in_two(corner[0], e1[0], e2[0], u, v), block_address)
+                            store(_linear_in_two(corner[1], e1[1], e2[1], u, v), block_address + 4 * _LANES)
+                            store(_linear_in_two(corner[2], e1[2], e2[2], u, v), block_address + 8 * _LANES)
+                            for lane in range(min(_LANES, end - x)):
+                                points[y, x + lane, 0] = block[0, lane]
+                                points[y, x + lane, 1] = block[1, lane]
+                                points[y, x + lane, 2] = block[2, lane]
+                            x += _LANES
+                            continue
+                    at_u, at_v = _weights(columns[x], along)
+                    points[y, x, 0] = corner[0] + at_u * e1[0] + at_v * e2[0]
+                    points[y, x, 1] = corner[1] + at_u * e1[1] + at_v * e2[1]
+                    points[y, x, 2] = corner[2] + at_u * e1[2] + at_v * e2[2]
+                    x += 1
+                x = end
 
 
 @kernel
@@ -263,18 +255,27 @@ def orient_hits(counter_address, mesh, camera, prim_id, absent, normals):  # typ
 
     normals: (H, W, 3) float32, world space, written completely, NaN = miss, or a triangle without area.
     """
+    height, width = prim_id.shape
+    vertices, faces = mesh
     while True:
         top = fetch_add(counter_address, 1) * ROWS
-        if top >= len(prim_id):
+        if top >= height:
             return
-        for y in range(top, min(top + ROWS, len(prim_id))):
-            start = 0
-            while start < prim_id.shape[1]:
-                end = _end_of_run(prim_id[y], start)
-                if prim_id[y, start] >= len(mesh.faces):
-                    if prim_id[y, start] != _MISS:
-                        absent[0] = prim_id[y, start]
-                    normals[y, start:end] = np.nan
-                else:
-                    _orient(_triangle(mesh, prim_id[y, start]), normals[y, start:end])
-                start = end
+        for y in range(top, min(top + ROWS, height)):
+            x = 0
+            while x < width:
+                end, seen = _end_of_run(prim_id, y, x), prim_id[y, x]
+                normal, scale = (0.0, 0.0, 0.0), np.nan
+                if seen < len(faces):
+                    _, e1, e2 = _triangle(vertices, faces, seen)
+                    normal = _cross(e1, e2)
+                    length = np.sqrt(_dot(normal, normal))
+                    if length > 0.0:
+                        scale = 1.0 / length
+                elif seen != _MISS:
+                    absent[0] = seen
+                for i in range(x, end):
+                    normals[y, i, 0] = normal[0] * scale
+                    normals[y, i, 1] = normal[1] * scale
+                    normals[y, i, 2] = normal[2] * scale
+                x = end
