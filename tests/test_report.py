@@ -15,6 +15,7 @@ from experiments.report import write_report
 from experiments.report.facts import count_doubts, missing_points
 from experiments.report.page import render_report
 from experiments.report.tables import WorkloadTable, workload_tables
+from experiments.results.canary import BAND
 from tests.paper_table import agreeing_table, scaled
 from tests.report_samples import CLAIMS, HOSTILE, drawn_figure, scene_pictures, small_contents, small_table
 
@@ -148,8 +149,22 @@ def test_the_page_says_how_many_processes_were_left_out_and_how_busy_the_machine
     table.loc[0, ["processes", "processes_left_out", "load_average"]] = [3, 2, 1.75]
     page = render_report(small_contents(table=table, processes=table))
     assert "<b>2 of 30</b> processes left out, of 1 point: rtcIntersect1 over packets, where they take" in page
-    assert "is over 5 % off its median" in page
+    assert f"is over {BAND * 100:.0f} % off its median" in page
     assert "0.2 to 1.8 before a process" in page
+    assert "nothing else" not in page
+
+
+@pytest.mark.parametrize(
+    ("most", "said"),
+    [
+        (0.03, "nothing else was running: others took 1.0% to 3.0% of its cores while it measured"),
+        (0.2, "<dd>others took 1.0% to 20.0% of its cores while it measured"),
+    ],
+)
+def test_that_nothing_else_was_running_is_said_only_where_it_was_measured(most: float, said: str) -> None:
+    table = small_table().assign(load_average=0.1, others_share=0.01, stolen_share=pd.NA)
+    table.loc[0, "stolen_share"] = most - 0.01
+    assert said in render_report(small_contents(table=table, processes=table))
 
 
 def column(table: WorkloadTable, name: str) -> list[tuple[str, str]]:

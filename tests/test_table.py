@@ -178,18 +178,21 @@ def test_a_stand_in_says_whose_place_it_takes() -> None:
     assert pd.isna(row("cornell_box", "procedural")["stands_for"])
 
 
-def test_a_busy_machine_is_a_doubt() -> None:
-    def doubts(load: float) -> object:
+def test_a_machine_that_was_busy_while_it_measured_is_a_doubt_and_one_that_was_before_is_none() -> None:
+    def row(**results: float | None) -> pd.Series:
         busy = replace(
             MEASURED,
             samples={name: [1.0, 1.0, 1.0] for name in MEASURED.samples},
-            environment={**MEASURED.environment, "load_average": [load, 0.0, 0.0]},
-            results={**MEASURED.results, "threads": 1},
+            environment={**MEASURED.environment, "load_average": [9.0, 0.0, 0.0]},
+            results={**MEASURED.results, "threads": 1, **results},
         )
-        return make_table([busy]).iloc[0]["doubts"]
+        return make_table([busy]).iloc[0]
 
-    assert doubts(2.4) == "the machine was busy (load 2.4)"
-    assert pd.isna(doubts(1.2))
+    assert row(others_share=0.04, stolen_share=0.26)["doubts"] == "others took 30% of its cores"
+    assert row(others_share=0.3, stolen_share=None)["doubts"] == "others took 30% of its cores"
+    assert pd.isna(row(others_share=0.01, stolen_share=0.03)["doubts"])
+    assert row(others_share=0.01)["others_share"] == 0.01
+    assert row()[["doubts", "others_share"]].isna().all()  # an old record does not tell
 
 
 @pytest.mark.parametrize("records", [[], [SKIPPED]])

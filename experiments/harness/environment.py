@@ -7,13 +7,14 @@ import os
 import platform
 import subprocess
 import sys
+import time
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from datetime import UTC, datetime
 from functools import cache
 from importlib import metadata
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import psutil
 
@@ -21,7 +22,7 @@ from atra.embree.instruction_sets import cpu_features
 
 _CPU_EXTENSIONS = ("sse4.2", "avx", "avx2", "fma", "avx512f", "avx512vl", "neon", "sve")
 BUSY_LOAD = 1.0
-"""Load above a measurement's own threads from which on its times are doubted."""
+"""Load from which on a machine is busy before anything is measured."""
 
 _PROJECT = Path(__file__).resolve().parents[2]
 
@@ -214,3 +215,56 @@ def reset_peak_rss() -> bool:
     except OSError:
         return False
     return True
+
+
+BUSY_SHARE = 0.05
+"""Of its cores, what others may take before times are doubted: more than an idle system takes by itself, and far less
+than one busy neighbour does, which is half of two cores."""
+
+_SHORTEST_S = 0.1
+"""Systems count busy cores in hundredths of a second."""
+
+_NOT_BUSY = ("idle", "iowait", "steal", "guest", "guest_nice")  # guests count in `user` and `nice`, too
+
+
+@dataclass(frozen=True)
+class Occupancy:
+    """Shares of the time of all cores that the process may use, 0 to 1.
+
+    others_share: of other processes. stolen_share: of other machines on the same hardware, None where unknown.
+    """
+
+    others_share: float
+    stolen_share: float | None
+
+
+@dataclass(frozen=True)
+class Moment:
+    """Seconds that have gone by on the clock, and that the process, all processes on its cores, and other machines on
+    the same hardware have been busy."""
+
+    clock_s: float
+    own_s: float
+    busy_s: float
+    stolen_s: float | None
+    cores: int
+
+    @classmethod
+    def now(cls) -> Self:
+        process, cores = psutil.Process(), psutil.cpu_times(percpu=True)
+        if hasattr(process, "cpu_affinity"):  # macOS has none
+            cores = [cores[number] for number in process.cpu_affinity()]
+        busy_s = sum(getattr(core, name) for core in cores for name in core._fields if name not in _NOT_BUSY)
+        stolen_s = sum(core.steal for core in cores) if hasattr(cores[0], "steal") else None
+        return cls(time.perf_counter(), time.process_time(), busy_s, stolen_s, len(cores))
+
+    def until(self, later: Moment) -> Occupancy | None:
+        """Between the two moments; None where they are too close to tell."""
+        between_s = later.clock_s - self.clock_s
+        if between_s < _SHORTEST_S:
+            return None
+        of_all = 1 / (between_s * self.cores)
+        others_s = (later.busy_s - self.busy_s) - (later.own_s - self.own_s)
+        stolen_s = None if self.stolen_s is None or later.stolen_s is None else later.stolen_s - self.stolen_s
+        # The clocks are not read at the very same moment.
+        return Occupancy(max(others_s * of_all, 0.0), None if stolen_s is None else max(stolen_s * of_all, 0.0))

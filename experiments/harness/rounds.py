@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from math import inf
 
 from atra.errors import ClockError
+from experiments.harness.environment import Moment, Occupancy
 
 MINIMUM_ROUNDS = 3
 """A time budget never cuts below this many rounds: a median of fewer has no spread to show."""
@@ -19,10 +20,12 @@ class RoundSamples:
 
     warmup: the rounds that ran before, apart from the samples.
     samples: the rounds that count, as many as `rounds`.
+    occupancy: of the machine during these; None where they were too short to tell.
     """
 
     warmup: dict[str, tuple[float, ...]]
     samples: dict[str, tuple[float, ...]]
+    occupancy: Occupancy | None = None
 
     @property
     def rounds(self) -> int:
@@ -49,7 +52,7 @@ def measure_rounds(
     samples: dict[str, list[float]] = {name: [] for name in methods}
     for number in range(warmup):
         _run_round(methods, number, warmup_samples, clock)
-    spent_s = 0.0
+    spent_s, start = 0.0, Moment.now()
     for number in range(rounds):
         if number >= MINIMUM_ROUNDS and spent_s >= budget_s:
             break
@@ -57,6 +60,7 @@ def measure_rounds(
     return RoundSamples(
         {name: tuple(values) for name, values in warmup_samples.items()},
         {name: tuple(values) for name, values in samples.items()},
+        start.until(Moment.now()),
     )
 
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import pandas as pd
 
+from experiments.harness.environment import BUSY_SHARE
 from experiments.methods.naming import say_point
 
 _NUMBER = re.compile(r"\d+(?:[.,]\d+)*")
@@ -80,9 +81,14 @@ def count_processes(table: pd.DataFrame) -> Processes:
 
 
 def load_in_short(table: pd.DataFrame) -> str | None:
-    """The machine's load before what its rows tell, None if nobody knows."""
-    load = table["load_average"].dropna()
-    return f"{load.min():.1f} to {load.max():.1f} before a process" if len(load) else None
+    """How busy others kept the cores while processes measured or, of rows that do not tell, the load before; None if
+    nobody knows."""
+    taken = (table["others_share"] + table["stolen_share"].fillna(0.0)).dropna()
+    if len(taken) == 0:
+        load = table["load_average"].dropna()
+        return f"{load.min():.1f} to {load.max():.1f} before a process" if len(load) else None
+    said = f"others took {taken.min():.1%} to {taken.max():.1%} of its cores while it measured"
+    return f"nothing else was running: {said}" if taken.max() <= BUSY_SHARE else said
 
 
 def _first(values: pd.Series) -> Any:

@@ -10,9 +10,10 @@ from statistics import median
 from experiments.harness.records import Record
 from experiments.workloads import find_workload
 
-BAND = 0.05
+BAND = 0.1
 """A process whose canary strays by more than this from the median of all is measured again, and left out if it still
-strays. On a quiet machine of two cores 2 % of all strayed; on a shared one, which was bimodal, two thirds did."""
+strays. About three standard errors: on a quiet machine the rounds of one process scatter by 4 to 7 %, and the median of
+three, as `sweep=paper` has, by two thirds of that. Within the band, noise is left to intervals."""
 
 FEWEST = 5
 """Records of one scene and view below which their median says nothing about any of them."""

@@ -15,7 +15,7 @@ import pandas as pd
 from atra.errors import InputError
 from atra.files import write_atomically
 from experiments.harness.column import REAL, TEXT, WHOLE, Column, option_columns
-from experiments.harness.environment import BUSY_LOAD, describe_difference
+from experiments.harness.environment import BUSY_SHARE, describe_difference
 from experiments.harness.records import Record
 from experiments.methods import METHODS, find_method
 from experiments.results.canary import BAND, strays
@@ -77,6 +77,8 @@ _OUTCOME_COLUMNS = (
     Column("processes_left_out", WHOLE, "processes left out, the machine not being as it mostly was"),
     Column("rounds", WHOLE, "rounds that ran in every process", over=min),
     Column("doubts", TEXT, "what makes the times less trustworthy", lambda record: _doubts(record), _longest),
+    Column("others_share", REAL, "of the cores it may use, what other processes took during the rounds", over=max),
+    Column("stolen_share", REAL, "of these cores, what other machines on the same hardware took", over=max),
     Column("load_average", REAL, "load of the machine before the point", lambda record: _load(record), max),
     _of_environment("cpu", "cpu", TEXT, "processor"),
     Column("measured_at", TEXT, "when", lambda record: record.environment.get("taken_at"), min),
@@ -286,8 +288,7 @@ def _doubts(record: Record) -> str | None:
     asked = record.configuration.get("rounds")
     if asked is not None and len(own) < asked:
         doubts.append(f"{len(own)} of {asked} rounds")
-    load, threads = record.environment.get("load_average"), record.results.get("threads")
-    # The point measured just before leaves a load of its own threads.
-    if load and threads and load[0] > threads + BUSY_LOAD:
-        doubts.append(f"the machine was busy (load {load[0]:.1f})")
+    taken = sum(record.results.get(name) or 0.0 for name in ("others_share", "stolen_share"))
+    if taken > BUSY_SHARE:
+        doubts.append(f"others took {taken:.0%} of its cores")
     return "; ".join(doubts) or None

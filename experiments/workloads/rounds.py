@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import ExitStack
-from dataclasses import replace
+from dataclasses import asdict, replace
 from statistics import median
 from typing import Any
 
@@ -152,8 +152,9 @@ def measured(results: dict[str, Any], timed: RoundSamples | None = None) -> Meas
     """Results and the samples of the rounds, if there were any, as a record holds them."""
     if timed is None:
         return Measured(results)
+    occupancy = {} if timed.occupancy is None else asdict(timed.occupancy)
     return Measured(
-        results | {"rounds": timed.rounds},
+        results | {"rounds": timed.rounds} | occupancy,
         {name: list(values) for name, values in timed.warmup.items()},
         {name: list(values) for name, values in timed.samples.items()},
     )
