@@ -13,6 +13,7 @@ import pandas as pd
 from rich.console import Console
 
 from atra.errors import MemoryBudgetError, RecordError
+from experiments.commands.program import PROGRAM
 from experiments.harness.configuration import Configuration, check_writable, records_folder, results_folder
 from experiments.harness.identity import Runner, current_environment, identity, identity_of, measure
 from experiments.harness.launching import run_worker
@@ -147,12 +148,12 @@ def _run(
     print_sweep(tables, folder, results_console())
     left = len(points) - len(done)
     if interrupted:
-        print(f"run.py: interrupted; {left} points left, the same command goes on from here", file=sys.stderr)
+        print(f"{PROGRAM}: interrupted; {left} points left, the same command goes on from here", file=sys.stderr)
         raise SystemExit(130)
     failed = int((table["status"] == "failed").sum())
     if failed or left:
         what = ", ".join([f"{failed} points failed"] * bool(failed) + [f"{left} points have no record"] * bool(left))
-        print(f"run.py: {what}; the same command tries them again", file=sys.stderr)
+        print(f"{PROGRAM}: {what}; the same command tries them again", file=sys.stderr)
         raise SystemExit(1)
     return table
 

@@ -13,7 +13,7 @@ from rich.console import Console
 from atra.errors import InputError
 from atra.hits import Hits
 from atra.judge.compare import compare
-from experiments.drawing.values import TIMES
+from experiments.drawing.style import TIMES
 from experiments.harness.configuration import Chosen, Configuration, MeasureConfiguration, SceneConfiguration
 from experiments.harness.point import Point
 from experiments.harness.points import PlannedPoint, plan_points

@@ -7,6 +7,7 @@ import sys
 from rich.console import Console
 
 from atra.errors import InputError, printable
+from experiments.commands.program import PROGRAM
 from experiments.harness.configuration import Configuration, check_writable, records_folder
 from experiments.harness.identity import measure
 from experiments.harness.lock import exclusive
@@ -41,5 +42,5 @@ def run_single_point(configuration: Configuration) -> Record:
         raise InputError(str(record.error))
     for line in str(record.results.get("worker_output", "")).splitlines():
         print(printable(line), file=sys.stderr)
-    print(f"run.py: {printable(str(record.error))}; record: {path}", file=sys.stderr)
+    print(f"{PROGRAM}: {printable(str(record.error))}; record: {path}", file=sys.stderr)
     raise SystemExit(1)
