@@ -17,6 +17,7 @@ from atra.command.doctor import (
 )
 from atra.embree.library import embree_version
 from atra.errors import InputError
+from atra.parallel import resolve_threads
 from experiments.harness.configuration import Configuration, check_writable
 from experiments.harness.environment import BUSY_LOAD, Environment, read_environment
 from experiments.methods import METHODS
@@ -107,6 +108,9 @@ def _results(configuration: Configuration) -> tuple[str, list[str]]:
 
 def _doubts(environment: Environment, configuration: Configuration) -> Iterator[str]:
     load, budget_gib = environment.load_average, configuration.measure.memory_budget_gib
+    cores, threads = resolve_threads(None), configuration.threads
+    if threads is not None and threads > cores:
+        yield f"more threads are asked for than there are cores ({threads} on {cores})"
     if load and load[0] > BUSY_LOAD:
         yield f"the machine is busy (load {load[0]:.1f})"
     if budget_gib is not None and environment.memory_available_bytes < budget_gib * 2**30:

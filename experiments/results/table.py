@@ -258,6 +258,12 @@ def _load(record: Record) -> float | None:
     return load[0] if load else None
 
 
+def _cores(record: Record) -> int | None:
+    """Those that the process could run on, hardware threads counted; None where nobody knows."""
+    affinity = record.environment.get("affinity")
+    return len(affinity) if affinity else record.environment.get("logical_cores")
+
+
 def _say_vector(vector: Sequence[float] | None) -> str | None:
     """ "0, 1, 3.5", every digit kept; None where a record holds none."""
     return None if vector is None else ", ".join(repr(float(value)).removesuffix(".0") for value in vector)
@@ -285,6 +291,9 @@ def _doubts(record: Record) -> str | None:
     if asked is not None and len(own) < asked:
         doubts.append(f"{len(own)} of {asked} rounds")
     load, threads = record.environment.get("load_average"), record.results.get("threads")
+    cores = _cores(record)
+    if cores and threads and threads > cores:
+        doubts.append(f"{threads} threads on {cores} cores")
     # The point measured just before leaves a load of its own threads.
     if load and threads and load[0] > threads + BUSY_LOAD:
         doubts.append(f"the machine was busy (load {load[0]:.1f})")

@@ -1,0 +1,23 @@
+"""The pictures of one point as files."""
+
+from __future__ import annotations
+
+import base64
+from pathlib import Path
+
+from atra.files import write_atomically
+from experiments.harness.records import Record
+from experiments.workloads.baselines import SINGLE
+
+
+def write(folder: Path, record: Record) -> list[Path]:
+    """`<scene>_<method>.png`, `<scene>_rtcIntersect1.png` and `<scene>_difference.png` in `folder`, made if missing;
+    returns their paths. Raises StorageError."""
+    scene, method = (record.configuration[name] for name in ("scene", "method"))
+    names = {"aligned": method, "pixel": SINGLE}
+    written = []
+    for name, picture in record.results["pictures"].items():
+        path = folder / f"{scene}_{names.get(name, name)}.png"
+        write_atomically(path, base64.b64decode(picture))
+        written.append(path)
+    return written
