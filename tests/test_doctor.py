@@ -16,6 +16,7 @@ from atra.command.doctor import render
 from atra.embree.instruction_sets import VARIABLE, instruction_sets_here
 from atra.embree.library import OVERRIDE_VARIABLE, embree_version, load_library
 from atra.kernels.caching import cache_folder
+from atra.parallel import resolve_threads
 from experiments.commands import doctor
 from experiments.commands.doctor import diagnose
 from experiments.harness import environment
@@ -138,9 +139,11 @@ def test_what_may_spoil_times_is_doubted(tmp_path: Path, monkeypatch: pytest.Mon
     monkeypatch.setenv("ATRA_SCENES", str(tmp_path / "nowhere"))
     configuration = Configuration(results_dir=str(tmp_path))
     configuration.measure.memory_budget_gib = 1e9
+    configuration.threads = 1025
     diagnosis = diagnose(configuration)
-    scenes, load, memory, kernels = diagnosis.doubts
+    scenes, threads, load, memory, kernels = diagnosis.doubts
     assert "ATRA_SCENES is" in scenes
+    assert threads == f"more threads are asked for than there are cores (1025 on {resolve_threads(None)})"
     assert load == "the machine is busy (load 3.2)"
     assert "memory_budget_gib=1e+09" in memory
     assert "NUMBA_CACHE_DIR" in kernels

@@ -74,7 +74,7 @@ _TELLING = (
 def _untold(table: pd.DataFrame) -> pd.DataFrame:
     """All rows, where no other figure has anything to show: a sweep over scenes, views, packets or pixels alone."""
     rows = _rows(table)
-    return rows[:0] if any(len(kind.rows(table)) for kind in _TELLING) else rows
+    return rows[:0] if len(rows) < 2 or any(len(kind.rows(table)) for kind in _TELLING) else rows
 
 
 FIGURES = (*_TELLING, FigureKind("rates", "Rays per second", _untold, of_table(draw_peers_figure)))

@@ -14,10 +14,9 @@ def write(folder: Path, record: Record) -> list[Path]:
     """`<scene>_<method>.png`, `<scene>_rtcIntersect1.png` and `<scene>_difference.png` in `folder`, made if missing;
     returns their paths. Raises StorageError."""
     scene, method = (record.configuration[name] for name in ("scene", "method"))
-    names = {"aligned": method, "pixel": SINGLE}
     written = []
-    for name, picture in record.results["pictures"].items():
-        path = folder / f"{scene}_{names.get(name, name)}.png"
+    for name, picture in zip((method, SINGLE, "difference"), record.results["pictures"].values(), strict=True):
+        path = folder / f"{scene}_{name}.png"
         write_atomically(path, base64.b64decode(picture))
         written.append(path)
     return written
