@@ -9,9 +9,13 @@ Implementation with Embree".
 
 from atra.alignment.alignment import Alignment
 from atra.alignment.split import Split
+from atra.cameras.colmap import read_colmap
+from atra.cameras.nerf import read_transforms
+from atra.cameras.trimesh_scene import read_trimesh
 from atra.errors import AtraError, EmbreeError, InputError, MemoryBudgetError
 from atra.frames import Frames
-from atra.geometry.camera import Camera
+from atra.geometry.camera import CalibratedCamera, Camera
+from atra.geometry.image_plane import ImagePlane
 from atra.geometry.mesh import Mesh
 from atra.geometry.mesh_file import load_mesh
 from atra.geometry.orthographic import OrthographicCamera
@@ -32,6 +36,7 @@ from atra.planner.planning import plan
 from atra.prim_ids import MISS
 from atra.rays.rays import RayHits, Rays
 from atra.rays.scene import RayScene
+from atra.rendering.render_views import render_views
 from atra.tracers import (
     AlignedTracer,
     FramesTracer,
@@ -51,12 +56,14 @@ __all__ = [
     "AlignedTracer",
     "Alignment",
     "AtraError",
+    "CalibratedCamera",
     "Camera",
     "CellOptions",
     "EmbreeError",
     "Frames",
     "FramesTracer",
     "Hits",
+    "ImagePlane",
     "InputError",
     "MemoryBudgetError",
     "Mesh",
@@ -80,5 +87,9 @@ __all__ = [
     "compare",
     "load_mesh",
     "plan",
+    "read_colmap",
+    "read_transforms",
+    "read_trimesh",
+    "render_views",
     "sub_pixel_offsets",
 ]

@@ -73,7 +73,7 @@ def meshes(draw: st.DrawFn, max_triangles: int = 40) -> atra.Mesh:
 @st.composite
 def views(draw: st.DrawFn, *, max_triangles: int = 40) -> View:
     """A mesh seen from outside, from inside, from one of its corners or from on a face, or lying behind the eye; along
-    an axis of the world or not, or all but along it.
+    an axis of the world or not, or all but along it; through any image plane.
 
     All of it is then scaled by up to a million either way, and moved up to a million times its size from the origin,
     where float32 leaves its vertices only a coarse grid.
@@ -103,9 +103,23 @@ def views(draw: st.DrawFn, *, max_triangles: int = 40) -> View:
         width=width,
         height=height,
     )
+    if draw(st.booleans()):
+        camera = draw(calibrated(camera))
     split = (draw(st.sampled_from(divisors(width))), draw(st.sampled_from(divisors(height))))
     moved = atra.Mesh((mesh.vertices.astype(np.float64) + place) * scale, mesh.faces, mesh.name)
     return View(moved, camera, split, draw(offsets()))
+
+
+@st.composite
+def calibrated(draw: st.DrawFn, camera: atra.Camera) -> atra.CalibratedCamera:
+    """The same camera with pixels that may not be square and a view axis that may pass beside the image, cropped."""
+    stretched = draw(st.sampled_from([1.0, 0.5, 3.0]))
+    axis_x, axis_y = (
+        size * draw(st.sampled_from([0.5, 0.0, 0.37, -2.0, 9.0])) for size in (camera.width, camera.height)
+    )
+    left, top = draw(st.tuples(st.integers(0, 5), st.integers(0, 5)))
+    plane = atra.ImagePlane(camera.pixel_pitch * stretched, camera.pixel_pitch, axis_x, axis_y, left, top)
+    return atra.CalibratedCamera(camera.eye, camera.target, camera.up, camera.width, camera.height, plane=plane)
 
 
 def offsets() -> st.SearchStrategy[tuple[float, float]]:

@@ -7,7 +7,7 @@ import pytest
 from PIL import Image
 
 import atra
-from examples import alignment_drawing, frames, progressive, shadow_map, stereo
+from examples import alignment_drawing, calibrated_views, frames, progressive, shadow_map, stereo
 
 TOY = ["--scene", "cornell_box", "--width", "64", "--height", "48"]
 
@@ -107,3 +107,11 @@ def test_a_point_behind_another_as_the_light_goes_is_in_shadow() -> None:
         light = tracer.trace()
     points = np.array([(-0.5, 0, 0), (0.5, 0, 0), (-0.5, 1, 0), (-0.5, 1.5, 0)], float)
     np.testing.assert_array_equal(shadow_map.is_lit(points, light, 1e-3), [False, True, True, True])
+
+
+def test_calibrated_views_are_those_of_single_rays(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    found = calibrated_views.main([*TOY, "--views", "3", "--out", str(tmp_path)])
+    assert list(found) == ["view_000", "view_001", "view_002"]
+    assert all(isinstance(hits.camera, atra.CalibratedCamera) for hits in found.values())
+    assert "0 wrong" in capsys.readouterr().out
+    assert picture(tmp_path / "calibrated_views.png").shape == (180, 3 * 240 + 2 * 4, 3)

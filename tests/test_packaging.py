@@ -53,7 +53,8 @@ def test_the_library_depends_on_what_it_imports() -> None:
 
 def test_the_harness_adds_what_it_imports() -> None:
     harness, extras = imported("experiments", "scenes", "examples", "hydra_plugins"), PROJECT["optional-dependencies"]
-    optional = named([*extras["fetch"], *extras["peers"], "requests"])  # which comes with pooch
+    # requests comes with pooch, ray with its launcher
+    optional = named([*extras["fetch"], *extras["peers"], *extras["dask"], "requests", "ray"])
     parquet = {"pyarrow"}  # with which pandas reads and writes tables
     assert named(extras["harness"]) == (harness | parquet) - named(PROJECT["dependencies"]) - optional
 
@@ -61,7 +62,7 @@ def test_the_harness_adds_what_it_imports() -> None:
 def test_every_version_that_the_two_commands_install_is_stated() -> None:
     pinned = {re.sub("[-_]", "-", name.lower()) for name in named(constraint_lines())}
     extras = PROJECT["optional-dependencies"]
-    asked = named([*PROJECT["dependencies"], *extras["harness"], *extras["test"], *extras["fetch"]]) - {"atra"}
+    asked = named([*PROJECT["dependencies"], *extras["harness"], *extras["test"], *extras["fetch"], *extras["dask"]]) - {"atra"}
     assert {name.replace("_", "-") for name in asked} <= pinned
 
 

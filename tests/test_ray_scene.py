@@ -10,10 +10,12 @@ import pytest
 import atra
 import atra.rays.scene
 from atra.embree.instruction_sets import chosen_instruction_set, cpu_features
+from atra.embree.layout import FLAG_COHERENT
 from atra.embree.library import load_library
 from atra.geometry.intersection import intersect_rays
 from atra.kernels.brute_force import nearest_triangles
-from atra.kernels.rays import CHUNK
+from atra.kernels.rays import CHUNK, SORTED_CHUNK
+from atra.rays.scene import FEWEST_SORTED
 from tests.images import assert_no_pixel_wrong, assert_same_bits, trace
 from tests.meshes import EYE_AT_ORIGIN, boards, cornell_box, cornell_camera, quads, random_triangles
 from tests.test_axis_near_views import closed_box
@@ -407,8 +409,15 @@ def test_scenes_refuse_what_they_cannot_trace():
         atra.RayScene(atra.Mesh(box.vertices.astype(float) * 1e11 + 1e11, box.faces))
     with pytest.raises(atra.InputError, match="scale mesh and rays up"):
         atra.RayScene(atra.Mesh(box.vertices.astype(float) * 1e-13, box.faces))
-    with atra.RayScene(box) as scene, pytest.raises(atra.InputError, match=r"expected atra\.Rays"):
-        scene.intersect((box.vertices, box.vertices))
+    rays = random_rays(3, 0, box)
+    with atra.RayScene(box, threads=1) as scene:
+        for call in (scene.intersect, scene.occluded):
+            with pytest.raises(atra.InputError, match=r"expected atra\.Rays, or origins and directions"):
+                call((box.vertices, box.vertices))
+            with pytest.raises(atra.InputError, match=r"tnear and tfar are part of atra\.Rays"):
+                call(rays, tfar=1.0)
+            with pytest.raises(atra.InputError, match=r"ray 1 has the direction \(0.0, 0.0, 0.0\)"):
+                call(np.zeros((2, 3)), [[1, 0, 0], [0, 0, 0]])
 
 
 def test_an_out_that_does_not_fit_is_refused():
@@ -442,13 +451,86 @@ def test_an_out_that_does_not_fit_is_refused():
         assert again.t is first.t
 
 
+def test_origins_and_directions_are_traced_as_the_rays_made_of_them():
+    mesh = cornell_box()
+    rays = random_rays(300, 3, mesh)
+    arrays = rays.origins.astype(np.float64), rays.directions.tolist()
+    scene = atra.RayScene(mesh, threads=1)
+    for given in ({}, {"tnear": 0.2, "tfar": np.linspace(0.1, 2.0, 300)}):
+        expected = atra.Rays(rays.origins, rays.directions, **given)
+        found = scene.intersect(*arrays, **given)
+        assert_same_bits_of_rays(found, scene.intersect(expected))
+        assert (scene.occluded(*arrays, **given) == scene.occluded(expected)).all()
+        assert 0 < found.hit.sum() < 300
+
+
+def assert_same_bits_of_rays(found, expected):
+    assert (found.t.tobytes(), found.prim_id.tobytes()) == (expected.t.tobytes(), expected.prim_id.tobytes())
+
+
+@each_width
+def test_the_order_that_a_large_batch_is_traced_in_changes_no_bit(width):
+    mesh = MESHES["many small"]
+    rays = random_rays(FEWEST_SORTED + 77, 9, mesh, tnear=0.01)
+    assert_same_bits_of_rays(traced(mesh, rays, width, coherent=None), traced(mesh, rays, width))
+    with atra.RayScene(mesh, packet_width=width, threads=1) as scene:
+        assert (scene.occluded(rays) == scene.occluded(rays, coherent=False)).all()
+
+
+def test_a_large_batch_is_ordered_by_where_rays_start_and_head_whoever_orders_it():
+    mesh = MESHES["many small"]
+    rays = random_rays(2 * SORTED_CHUNK + 5, 9, mesh)
+    orders = []
+    for threads in (1, 3):
+        with atra.RayScene(mesh, threads=threads) as scene:
+            orders.append(scene._order(rays))
+            assert len(scene._order(random_rays(FEWEST_SORTED - 1, 1, mesh))) == 0
+    np.testing.assert_array_equal(*orders)
+    np.testing.assert_array_equal(np.sort(orders[0]), np.arange(len(rays)))
+    origins, octants = rays.origins[orders[0]], np.signbit(rays.directions[orders[0]])
+    low, high = rays.origins.min(axis=0), rays.origins.max(axis=0)
+    cells = np.minimum((origins - low) / (high - low) * 8 + 1e-5, 7.99999).astype(int)
+    bucket = np.column_stack([cells, octants])
+    changes = (bucket[1:] != bucket[:-1]).any(axis=1).sum()
+    assert changes < 1.02 * len(np.unique(bucket, axis=0))
+
+
+@each_width
+def test_packets_of_rays_that_are_alike_go_together_and_others_do_not(width):
+    mesh, camera = cornell_box(), cornell_camera(256, 256).crop(0, 100, 256, 16)
+    y, x = np.divmod(np.arange(camera.width * camera.height), camera.width)
+    directions = camera.directions(x, y) @ camera.axes
+    origins = np.broadcast_to(camera.eye, directions.shape)
+    with atra.RayScene(mesh, packet_width=width, threads=1) as scene:
+        found = scene.intersect(origins, directions)
+        assert scene._workspaces[0].flags[0] == FLAG_COHERENT
+        assert_same_bits_of_rays(found, scene.intersect(origins, directions, coherent=True))
+        scene.intersect(random_rays(64, 1, mesh))
+        assert scene._workspaces[0].flags[0] == (FLAG_COHERENT if width == 1 else 0)
+
+
+def test_the_first_batch_builds_a_scene_that_is_not_built_and_none_builds_a_closed_one():
+    mesh = cornell_box()
+    rays = random_rays(100, 0, mesh)
+    scene = atra.RayScene(mesh, threads=1)
+    assert (scene.embree_bytes, scene.build_time_s) == (0, 0)
+    assert scene.occluded(rays).any()
+    assert scene.embree_bytes > 1000
+    taken = scene.build_time_s
+    scene.intersect(rays)
+    assert scene.build_time_s == taken > 0
+    scene.close()
+    unbuilt = atra.RayScene(mesh, threads=1)
+    unbuilt.close()
+    for closed in (scene, unbuilt):
+        with pytest.raises(atra.EmbreeError, match="closed"):
+            closed.intersect(rays)
+
+
 def test_a_scene_is_traced_between_build_and_close():
     mesh = cornell_box()
     rays = random_rays(100, 0, mesh)
     scene = atra.RayScene(mesh)
-    with pytest.raises(atra.EmbreeError, match="not built yet"):
-        scene.intersect(rays)
-    assert scene.embree_bytes == 0
     with scene:
         assert scene.build_time_s > 0
         assert scene.embree_bytes > 1000

@@ -68,8 +68,13 @@ WALLS = (
     ),
     Wall(
         "atra.geometry",
-        ("atra.alignment", "atra.embree", "atra.judge", "atra.kernels", "atra.planner", "atra.tracers"),
+        ("atra.alignment", "atra.cameras", "atra.embree", "atra.judge", "atra.kernels", "atra.planner", "atra.tracers"),
         reason="geometry is the first room",
+    ),
+    Wall(
+        "atra.cameras",
+        ("atra.alignment", "atra.embree", "atra.judge", "atra.kernels", "atra.planner", "atra.rays", "atra.tracers"),
+        reason="who reads cameras knows nobody who uses them",
     ),
     Wall(
         "atra.alignment",

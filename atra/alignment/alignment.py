@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 from atra.alignment.split import Split
 from atra.errors import InputError
 from atra.geometry.camera import Camera
+from atra.geometry.numbers import Vector
 from atra.geometry.ray_space import from_eye_space, ray_axes
-from atra.geometry.view import Vector, View
+from atra.geometry.view import View
 
 TOLERANCE_PIXELS = 1e-6
 """How far beside its reference ray a mapped ray may lie: float64 leaves about 1e-9, float32 tracing 1e-4."""
@@ -93,10 +94,10 @@ class Alignment:
 
         reference: as for `of_cells`. Raises InputError unless the cameras differ in nothing but the place of the eye.
         """
-        if not (np.allclose(left.axes, right.axes, rtol=0, atol=1e-9) and left.pixel_pitch == right.pixel_pitch):
+        if not (np.allclose(left.axes, right.axes, rtol=0, atol=1e-9) and left.plane == right.plane):
             raise InputError(
-                "the two eyes look in different directions or have different fields of view, expected parallel views "
-                "of one field of view; use Alignment.of_frames for other pairs"
+                "the two eyes look in different directions or have different fields of view or principal points, "
+                "expected parallel views of one image plane; use Alignment.of_frames for other pairs"
             )
         return cls._of_images((left, right), split, reference)
 
@@ -116,30 +117,34 @@ class Alignment:
 
         Nearer the border the frustum is more slanted, and boxes fit it less well. Nearer to where a component of the
         direction vanishes, the reciprocals in a packet, which Embree tests boxes with, lie far apart. An image axis
-        that is not split stays as it is.
+        that is not split stays as it is. The centre is the image's, wherever the view axis meets the plane: so the
+        shears, which lengthen edges, are no longer for an image beside the axis.
         """
         check_same_grid(cameras)
         check_reference(reference)
-        camera = cameras[0]
+        camera, plane = cameras[0], cameras[0].plane
         right, down, forward = camera.axes
-        nearest = np.argmax(np.abs(forward))
-        first_x_pixels, first_y_pixels = -camera.width / 2, -camera.height / 2
+        first_x_pixels, first_y_pixels = float(plane.columns(0)), float(plane.rows(0))
+        centre_x, centre_y = first_x_pixels + camera.width / 2, first_y_pixels + camera.height / 2
+        # Rays through the centre head there; parallel ones head forward from wherever they start.
+        slope_x, slope_y = (0.0, 0.0) if camera.is_parallel else (centre_x * plane.pitch_x, centre_y * plane.pitch_y)
+        towards = forward + slope_x * right + slope_y * down
+        nearest = np.argmax(np.abs(towards))
         if reference == "off_axis" and split.nx > 1:
-            side = -1 if right[nearest] * forward[nearest] >= 0 else 1
-            first_x_pixels = side * camera.width / 4
+            side = -1 if (right - slope_x * forward)[nearest] * forward[nearest] >= 0 else 1
+            first_x_pixels = centre_x + side * camera.width / 4
         if reference == "off_axis" and split.ny > 1:
-            side = -1 if down[nearest] * forward[nearest] >= 0 else 1
-            first_y_pixels = side * camera.height / 4
+            side = -1 if (down - slope_y * forward)[nearest] * forward[nearest] >= 0 else 1
+            first_y_pixels = centre_y + side * camera.height / 4
         return cls._at(cameras, split, first_x_pixels, first_y_pixels)
 
     @classmethod
     def _at(cls, cameras: tuple[View, ...], split: Split, first_x_pixels: float, first_y_pixels: float) -> Self:
-        first = cameras[0]
-        shift_x = np.arange(split.nx) * split.cell_width - first.width / 2 - first_x_pixels
-        shift_y = np.arange(split.ny) * split.cell_height - first.height / 2 - first_y_pixels
-        shifts = ((shift * first.pixel_pitch).astype(np.float64) for shift in (shift_x, shift_y))
+        first, plane = cameras[0], cameras[0].plane
+        shift_x = (plane.columns(np.arange(split.nx) * split.cell_width) - first_x_pixels) * plane.pitch_x
+        shift_y = (plane.rows(np.arange(split.ny) * split.cell_height) - first_y_pixels) * plane.pitch_y
         linear = np.stack([_onto(first, camera) for camera in cameras])
-        return cls(cameras, split, linear, first_x_pixels, first_y_pixels, *shifts)
+        return cls(cameras, split, linear, first_x_pixels, first_y_pixels, shift_x, shift_y)
 
     @property
     def image_count(self) -> int:
@@ -211,13 +216,18 @@ def check_same_grid(cameras: Sequence[View]) -> None:
 def _onto(first: View, camera: View) -> NDArray[np.float64]:
     """(3, 3): eye space of `camera` -> ray space of `first`, so that pixel (x, y) has the same ray in both.
 
-    In camera space rays of equal pixels differ by the ratio of the pixel pitches, across the view only.
+    In camera space rays of equal pixels differ, across the view, by the ratio of the pixel pitches and by how far apart
+    the view axes meet the two image planes; not by the latter where rays are parallel.
     """
-    same_pitch = camera.pixel_pitch == first.pixel_pitch
-    if same_pitch and np.array_equal(camera.axes, first.axes):
+    plane, own = first.plane, camera.plane
+    apart_x, apart_y = float(plane.columns(0) - own.columns(0)), float(plane.rows(0) - own.rows(0))
+    same_pixels = (plane.pitch_x, plane.pitch_y, apart_x, apart_y) == (own.pitch_x, own.pitch_y, 0.0, 0.0)
+    if same_pixels and np.array_equal(camera.axes, first.axes):
         return from_eye_space(first)  # exactly, so that walls along the world's axes stay flat
-    ratio = first.pixel_pitch / camera.pixel_pitch
-    return ray_axes(first).T @ np.diag([ratio, ratio, 1.0]) @ camera.axes
+    onto = np.diag([plane.pitch_x / own.pitch_x, plane.pitch_y / own.pitch_y, 1.0])
+    if not first.is_parallel:
+        onto[:2, 2] = plane.pitch_x * apart_x, plane.pitch_y * apart_y
+    return ray_axes(first).T @ onto @ camera.axes
 
 
 def _check_shapes(alignment: Alignment) -> None:
@@ -268,12 +278,13 @@ def _check_ray(
 def _check_cells(alignment: Alignment) -> None:
     """The borders of every cell must come to lie on those of the reference cell."""
     split, first = alignment.split, alignment.cameras[0]
-    for axis, shifts, cell, start, pixels in (
-        ("x", alignment.shift_x, split.cell_width, alignment.first_x_pixels, split.width),
-        ("y", alignment.shift_y, split.cell_height, alignment.first_y_pixels, split.height),
+    plane = first.plane
+    for axis, shifts, cell, on_plane, pitch, start, pixels in (
+        ("x", alignment.shift_x, split.cell_width, plane.columns, plane.pitch_x, alignment.first_x_pixels, split.width),
+        ("y", alignment.shift_y, split.cell_height, plane.rows, plane.pitch_y, alignment.first_y_pixels, split.height),
     ):
         borders = np.arange(len(shifts)) * cell
-        beside = borders - pixels / 2 - shifts / first.pixel_pitch - start
+        beside = on_plane(borders) - shifts / pitch - start
         wrong = ~(np.abs(beside) <= TOLERANCE_PIXELS * pixels)
         if wrong.any():
             index = int(np.nonzero(wrong)[0][0])

@@ -18,7 +18,8 @@ class Workspace:
 
     coherent: as for `set_coherent`. direction: three numbers, the direction that all rays share; None: they share their
     origin, which is zero. A kernel that sets both for every ray needs neither.
-    packet: as kernels take it; the constant fields are set here, once, and every lane is active.
+    packet: as kernels take it; the constant fields are set here, once, and every lane is active. flags: (1,) uint32, of
+    the query, as `set_coherent` sets them.
     """
 
     def __init__(self, width: int, *, coherent: bool, direction: Sequence[float] | None = None) -> None:
@@ -26,6 +27,7 @@ class Workspace:
         sizes = (packet_bytes, width * 4, width * 4, layout.CONTEXT_BYTES, layout.ARGUMENTS_BYTES)
         packet, all_lanes, valid, context, arguments = (_aligned_bytes(size) for size in sizes)
         self._arguments = arguments  # kept alive: its address is what travels
+        self.flags = arguments[:4].view(np.uint32)  # the first field of IntersectArguments
         self.packet = Packet(
             packet.view(np.float32),
             packet.view(np.uint32),

@@ -1,19 +1,26 @@
-"""Pinhole camera: pixel -> ray."""
+"""Pinhole cameras: pixel -> ray."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from math import radians, tan
+from math import atan, degrees, radians, tan
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from atra.errors import InputError
-from atra.geometry.view import Vector, View, as_number, check_offset
+from atra.geometry.calibration import image_plane_of, pose_of, pose_of_matrix, target_of
+from atra.geometry.image_plane import ImagePlane
+from atra.geometry.numbers import Vector, as_number
+from atra.geometry.view import View, check_offset
+from atra.whole_numbers import is_whole_number
 
-__all__ = ["Camera", "Vector", "check_offset"]
+__all__ = ["CalibratedCamera", "Camera", "Vector", "check_offset"]
+
+FARTHEST_AXIS_PIXELS = 1e6
+"""How far outside of the image the view axis may meet its plane: float32 moves rays there by a tenth of a pixel."""
 
 
 @dataclass(frozen=True)
@@ -23,7 +30,7 @@ class Camera(View):
     Camera space has the eye at the origin, X to the right (forward x up), Y down (down = forward x right) and Z along
     the view axis; the image plane lies at Z = 1. The ray of pixel (x, y) at sub-pixel `offset` (ox, oy) has direction
     ((x + ox - W/2) p, (y + oy - H/2) p, 1) with pixel pitch p = 2 tan(fov_y / 2) / H, so a ray parameter *is* a depth
-    along the view axis.
+    along the view axis. `from_opencv`, `from_matrix` and `crop` make cameras whose image plane is another.
 
     eye, target, up: three finite floats each, scene units.
     fov_y_degrees: full vertical field of view, in (0, 180).
@@ -49,23 +56,74 @@ class Camera(View):
             raise InputError(f"fov_y_degrees is {self.fov_y_degrees!r}, expected an angle between 0 and 180 degrees")
         object.__setattr__(self, "fov_y_degrees", fov)
 
+    @staticmethod
+    def from_opencv(K: ArrayLike, R: ArrayLike, t: ArrayLike, width: int, height: int) -> CalibratedCamera:
+        """The camera of OpenCV's calibration: x = K (R X + t), without lens distortion.
+
+        OpenCV's camera looks along +Z, X to the right and Y down, and the *centre* of its first pixel is (0, 0); so a
+        world point that `cv2.projectPoints` puts at (u, v) is seen at the pixel position (u + 0.5, v + 0.5) here, where
+        (0, 0) is the corner of that pixel. Undistort images first: `cv2.undistort(image, K, distortion)`.
+
+        K: (3, 3), focal lengths fx and fy, principal point cx, cy, in pixels; no skew. R: (3, 3), t: three numbers,
+        world -> camera. width, height: of the image, pixels.
+        Raises InputError, with the value, for a K that is singular, has skew or another last row, an R that is no
+        rotation, and what is not finite.
+        """
+        return CalibratedCamera.at(*pose_of(R, t), image_plane_of(K), width, height)
+
+    @staticmethod
+    def from_matrix(
+        camera_to_world: ArrayLike,
+        width: int,
+        height: int,
+        *,
+        axes: str,
+        fov_y_degrees: float | None = None,
+        K: ArrayLike | None = None,
+    ) -> Camera:
+        """The camera whose own space a matrix carries into the world.
+
+        camera_to_world: (4, 4) or (3, 4), a rotation and the place of the eye. axes: of the camera's own space,
+        "opengl" for X right, Y up, Z backward, as OpenGL, Blender and NeRF have it; "opencv" for X right, Y down, Z
+        forward. Give either fov_y_degrees, or K as for `from_opencv`.
+        Raises InputError, with the value, for a matrix that holds no rotation, or a reflection or scale, for other
+        axes, and unless one of fov_y_degrees and K is given.
+        """
+        eye, rotation = pose_of_matrix(camera_to_world, axes)
+        if (fov_y_degrees is None) == (K is None):
+            raise InputError("expected either fov_y_degrees or K, neither or both were given")
+        if K is not None:
+            return CalibratedCamera.at(eye, rotation, image_plane_of(K), width, height)
+        return Camera(*_placed(eye, rotation), as_number(fov_y_degrees), width, height)
+
     @cached_property
-    def pixel_pitch(self) -> float:
-        """Distance between neighbouring pixels on the image plane Z = 1."""
-        return 2.0 * tan(radians(self.fov_y_degrees) / 2.0) / self.height
+    def plane(self) -> ImagePlane:
+        """The image plane at Z = 1."""
+        pitch = 2.0 * tan(radians(self.fov_y_degrees) / 2.0) / self.height
+        return ImagePlane.centred(pitch, self.width, self.height)
 
     @cached_property
     def to_pixels(self) -> NDArray[np.float64]:
         """(3, 4) float64: eye-space point (X, Y, Z, 1) -> (a, b, c), pixel position (a / c, b / c) and depth c."""
         right, down, forward = self.axes
+        axis_x, axis_y = self.plane.axis_in_image
         rows = np.stack(
-            [
-                right / self.pixel_pitch + self.width / 2 * forward,
-                down / self.pixel_pitch + self.height / 2 * forward,
-                forward,
-            ]
+            [right / self.plane.pitch_x + axis_x * forward, down / self.plane.pitch_y + axis_y * forward, forward]
         )
         return np.column_stack([rows, np.zeros(3)])
+
+    def crop(self, left: int, top: int, width: int, height: int) -> CalibratedCamera:
+        """The camera of a part of the image: its pixel (x, y) is pixel (left + x, top + y) here, with the same ray.
+
+        Raises InputError for a part that is not wholly inside of the image.
+        """
+        for name, start, size, pixels in (("left", left, width, self.width), ("top", top, height, self.height)):
+            if not (is_whole_number(start) and is_whole_number(size) and start >= 0 and size >= 1):
+                raise InputError(f"{name} is {start!r} and the size {size!r}, expected whole numbers of pixels")
+            if start + size > pixels:
+                raise InputError(f"{name} {start} and {size} pixels reach beyond the {pixels} of the image")
+        plane = replace(self.plane, left=self.plane.left + int(left), top=self.plane.top + int(top))
+        return CalibratedCamera(self.eye, self.target, self.up, width, height, plane=plane)
 
     def rays(
         self, x: NDArray[np.integer], y: NDArray[np.integer], offset: tuple[float, float] = (0.5, 0.5)
@@ -78,3 +136,46 @@ class Camera(View):
     ) -> NDArray[np.float64]:
         """Camera-space directions (..., 3) float64, unit Z, of pixels (x, y) at sub-pixel `offset`."""
         return self._on_image_plane(x, y, offset, 1.0)
+
+
+@dataclass(frozen=True)
+class CalibratedCamera(Camera):
+    """A pinhole camera with any image plane: pixels that are not square, a view axis that passes beside the middle of
+    the image or outside of it. `Camera.from_opencv`, `Camera.from_matrix`, `Camera.crop` and the readers of
+    `atra.cameras` make it.
+
+    eye, target, up, width, height: as for `Camera`. plane: where the pixels lie.
+    fov_y_degrees: follows from them, between the upper and the lower border of the image.
+
+    Raises InputError as `Camera` does, and for a view axis beyond 1e6 pixels from the image.
+    """
+
+    fov_y_degrees: float = field(init=False)
+    plane: ImagePlane = field(kw_only=True)  # type: ignore[misc]  # what `Camera` computes is given here
+
+    def __post_init__(self) -> None:
+        View.__post_init__(self)
+        if not isinstance(self.plane, ImagePlane):
+            raise InputError(f"plane is {self.plane!r}, expected atra.ImagePlane")
+        for name, axis, pixels in zip("xy", self.plane.axis_in_image, (self.width, self.height), strict=True):
+            if max(-axis, axis - pixels) > FARTHEST_AXIS_PIXELS:
+                raise InputError(
+                    f"the view axis meets the image plane at {name} = {axis:g} pixels, expected at most "
+                    f"{FARTHEST_AXIS_PIXELS:g} outside of the image: beyond, float32 cannot tell rays apart"
+                )
+        upper, lower = (float(self.plane.rows(y)) * self.plane.pitch_y for y in (0, self.height))
+        object.__setattr__(self, "fov_y_degrees", degrees(atan(lower) - atan(upper)))
+
+    @classmethod
+    def at(
+        cls, eye: NDArray[np.float64], axes: NDArray[np.float64], plane: ImagePlane, width: int, height: int
+    ) -> CalibratedCamera:
+        """The camera at `eye` (3,) whose axes right, down, forward are the rows of `axes` (3, 3), a rotation."""
+        return cls(*_placed(eye, axes), width, height, plane=plane)
+
+
+def _placed(eye: NDArray[np.float64], axes: NDArray[np.float64]) -> tuple[Vector, Vector, Vector]:
+    """eye, target and up of a camera whose axes right, down, forward are the rows of `axes`."""
+    x, y, z = eye.tolist()
+    up_x, up_y, up_z = (-axes[1]).tolist()
+    return (x, y, z), target_of(eye, axes[2]), (up_x, up_y, up_z)

@@ -44,8 +44,9 @@ class Mesh:
     def __setstate__(self, state: dict[str, Any]) -> None:
         # Copies and unpickled arrays can be written to, whatever the original was.
         self.__dict__.update(state)
-        for array in (self.vertices, self.faces):
-            array.setflags(write=False)
+        for name in ("vertices", "faces", "traced_faces"):
+            if name in state:
+                state[name].setflags(write=False)
 
     @property
     def triangle_count(self) -> int:

@@ -10,7 +10,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from atra.errors import InputError
-from atra.geometry.view import Vector, View, as_number, checked_vector, unit_vector
+from atra.geometry.image_plane import ImagePlane
+from atra.geometry.numbers import Vector, as_number, checked_vector, unit_vector
+from atra.geometry.view import View
 
 # Share by which `of_light` widens the view, so that rounding leaves no corner of the box outside.
 _WIDENING = 1e-9
@@ -79,9 +81,9 @@ class OrthographicCamera(View):
         return cls(unit.eye, unit.target, unit.up, view_height, width, height)
 
     @property
-    def pixel_pitch(self) -> float:
-        """Distance between neighbouring rays, scene units."""
-        return self.view_height / self.height
+    def plane(self) -> ImagePlane:
+        """The image plane at Z = 0; distances in scene units."""
+        return ImagePlane.centred(self.view_height / self.height, self.width, self.height)
 
     @property
     def to_pixels(self) -> NDArray[np.float64]:

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from functools import cached_property
-from math import isfinite, nan
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from atra.errors import InputError
+from atra.geometry.image_plane import ImagePlane
+from atra.geometry.numbers import Vector, checked_vector, unit_vector
 from atra.whole_numbers import is_whole_number
-
-Vector = tuple[float, float, float]
 
 # sin of the angle below which `up` counts as parallel to the view direction; float64 leaves ten digits above it.
 _PARALLEL_SINE = 1e-6
@@ -71,8 +70,13 @@ class View(ABC):
 
     @property
     @abstractmethod
+    def plane(self) -> ImagePlane:
+        """Where the pixels lie on the image plane."""
+
+    @property
     def pixel_pitch(self) -> float:
-        """Distance between neighbouring pixels on the image plane."""
+        """Distance between neighbouring pixels on the image plane; the smaller one where pixels are not square."""
+        return min(self.plane.pitch_x, self.plane.pitch_y)
 
     @property
     @abstractmethod
@@ -104,8 +108,8 @@ class View(ABC):
     ) -> NDArray[np.float64]:
         """(..., 3) float64: where the image plane, put at depth `z`, has the pixels (x, y) at sub-pixel `offset`."""
         check_offset(offset)
-        plane_x = (np.asarray(x) + (offset[0] - self.width / 2)) * self.pixel_pitch
-        plane_y = (np.asarray(y) + (offset[1] - self.height / 2)) * self.pixel_pitch
+        plane = self.plane
+        plane_x, plane_y = plane.columns(x, offset[0]) * plane.pitch_x, plane.rows(y, offset[1]) * plane.pitch_y
         return np.stack(np.broadcast_arrays(plane_x, plane_y, z), axis=-1)
 
 
@@ -118,33 +122,3 @@ def check_offset(offset: tuple[float, float], name: str = "offset") -> None:
         inside = False
     if not inside:
         raise InputError(f"{name} is {offset!r}, expected two numbers in [0, 1), such as (0.5, 0.5) for pixel centres")
-
-
-def as_number(value: Any) -> float:
-    """`value` as a float; NaN, which no range contains, where it is no number."""
-    try:
-        return float(value)
-    except (TypeError, ValueError, OverflowError):
-        return nan
-
-
-def unit_vector(name: str, vector: ArrayLike) -> NDArray[np.float64]:
-    """(3,) float64, the direction of three finite numbers. Raises InputError, naming it, if all of them are zero."""
-    components = np.asarray(vector, np.float64)
-    largest = np.abs(components).max()
-    if largest == 0.0:
-        raise InputError(f"{name} is {tuple(components.tolist())}, expected a direction of non-zero length")
-    # By a power of two, which keeps every digit: squares of very large or small numbers would leave float64.
-    scaled = np.ldexp(components, -np.frexp(largest)[1])
-    return np.asarray(scaled / np.linalg.norm(scaled))
-
-
-def checked_vector(name: str, value: object) -> Vector:
-    """`value` as three finite floats; raises InputError naming it otherwise."""
-    try:
-        x, y, z = (float(v) for v in value)  # type: ignore[attr-defined]
-    except (TypeError, ValueError, OverflowError):
-        raise InputError(f"{name} is {value!r}, expected three numbers") from None
-    if not (isfinite(x) and isfinite(y) and isfinite(z)):
-        raise InputError(f"{name} is {(x, y, z)}, expected finite numbers")
-    return x, y, z

@@ -228,9 +228,9 @@ def _relative_depth_error(mesh: Mesh, camera: View, image: Hits) -> NDArray[np.f
     corners = camera.to_camera_space(mesh.triangles(used).reshape(-1, 3)).reshape(-1, 3, 3)
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     height, along = (normal * corners[:, 0]).sum(axis=1)[row], normal[row, 2]
-    across = normal[row, 0] * (x + (image.offset[0] - camera.width / 2))
-    across += normal[row, 1] * (y + (image.offset[1] - camera.height / 2))
-    across *= camera.pixel_pitch
+    plane = camera.plane
+    across = (normal[:, 0] * plane.pitch_x)[row] * plane.columns(x, image.offset[0])
+    across += (normal[:, 1] * plane.pitch_y)[row] * plane.rows(y, image.offset[1])
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         t = (height - across) / along if camera.is_parallel else height / (across + along)
         error[y, x] = np.abs(depth - t) / np.abs(t)

@@ -34,7 +34,7 @@ def is_on_outline(pairs: Pairs) -> NDArray[np.bool_]:
         t = np.where(length_squared > 0.0, t, 0.0)
         distance = np.linalg.norm(p + t[:, None] * along - point, axis=1)
         closest = np.where(visible, np.minimum(closest, distance), closest)
-    return closest <= OUTLINE_TOLERANCE_PIXELS * camera.pixel_pitch
+    return closest <= OUTLINE_TOLERANCE_PIXELS
 
 
 def _cut(point: NDArray[np.float64], other: NDArray[np.float64], near: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -48,4 +48,6 @@ def _cut(point: NDArray[np.float64], other: NDArray[np.float64], near: NDArray[n
 
 
 def _on_image_plane(camera: View, point: NDArray[np.float64]) -> NDArray[np.float64]:
-    return point[:, :2] if camera.is_parallel else point[:, :2] / point[:, 2:]
+    """(N, 2) float64, in pixels."""
+    on_plane = point[:, :2] if camera.is_parallel else point[:, :2] / point[:, 2:]
+    return on_plane / [camera.plane.pitch_x, camera.plane.pitch_y]

@@ -67,6 +67,11 @@ def coplanar_overlaps(mesh: Mesh) -> CoplanarOverlaps:
     return overlaps
 
 
+def keep_overlaps(mesh: Mesh, overlaps: CoplanarOverlaps) -> None:
+    """Keep with `mesh` what `coplanar_overlaps` found for an equal one, so that it is not looked for again."""
+    _found[mesh] = overlaps
+
+
 def _find(mesh: Mesh) -> CoplanarOverlaps:
     prim_ids, runs = _plane_runs(mesh)
     corners = mesh.triangles(prim_ids)
@@ -167,10 +172,10 @@ def lowest_of_ties(
     """
     overlaps = coplanar_overlaps(mesh)
     right, down, forward = camera.axes[:, :, None]
-    columns, rows = np.arange(camera.width), np.arange(camera.height)
-    across = right * ((columns + offset[0] - camera.width / 2) * camera.pixel_pitch)
-    along = down * ((rows + offset[1] - camera.height / 2) * camera.pixel_pitch)
-    at_eye, ahead = np.tile(np.array(camera.eye)[:, None], len(rows)), np.tile(forward, len(rows))
+    plane, height = camera.plane, camera.height
+    across = right * (plane.columns(np.arange(camera.width), offset[0]) * plane.pitch_x)
+    along = down * (plane.rows(np.arange(height), offset[1]) * plane.pitch_y)
+    at_eye, ahead = np.tile(np.array(camera.eye)[:, None], height), np.tile(forward, height)
     nothing = np.zeros_like(across)
     parallel, pinhole = (across, along + at_eye, nothing, ahead), (nothing, at_eye, across, along + ahead)
     rays = parallel if camera.is_parallel else pinhole

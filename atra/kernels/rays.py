@@ -1,4 +1,4 @@
-"""The loops over batches of rays that come from no camera: closest hits, and occlusion."""
+"""The loops over batches of rays that come from no camera: an order, closest hits, and occlusion."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from atra.embree.layout import (
+    FLAG_COHERENT,
     RAY_DIR_X,
     RAY_DIR_Y,
     RAY_DIR_Z,
@@ -37,13 +38,71 @@ CHUNK = 512
 """Rays a thread takes at a time: whole packets of any width, so that any number of threads makes the same packets."""
 
 
+SORTED_CHUNK = 1 << 16
+"""Rays a thread orders at a time."""
+
+CELLS = 8
+"""Along each axis, of the box that rays are ordered in; finer ones gain nothing."""
+
+BUCKETS = 8 * CELLS**3
+"""A bucket for every cell that a ray may start in, and every octant that it may head for."""
+
+NEVER, ALWAYS, WHERE_ALIKE = 0, 1, 2
+"""Whether Embree takes the rays of a packet through its tree together."""
+
+_ALIKE_DIRECTIONS = np.float32(0.125)
+"""How far apart the components of directions of 1 to 2 in size are for rays of a packet to head alike."""
+
+
 class RayArrays(NamedTuple):
-    """N rays. origins, directions: (N, 3) float32. tnear, tfar: (N,) float32, in lengths of the direction."""
+    """N rays. origins, directions: (N, 3) float32. tnear, tfar: (N,) float32, in lengths of the direction.
+
+    order: (N,) uint32, which is traced after which; empty for their own.
+    together: `NEVER`, `ALWAYS` or `WHERE_ALIKE`. near_by: how far apart origins are at most to count as alike.
+    """
 
     origins: NDArray[np.float32]
     directions: NDArray[np.float32]
     tnear: NDArray[np.float32]
     tfar: NDArray[np.float32]
+    order: NDArray[np.uint32]
+    together: int
+    near_by: np.float32
+
+
+@kernel
+def number_rays(counter_address, origins, directions, low, inverse, keys, counts):  # type: ignore[no-untyped-def]
+    """The bucket of every ray, and how many rays of each chunk have it.
+
+    origins, directions: (N, 3) float32. low, inverse: (3,) float32, cells of the box per unit of length.
+    keys: (N,) uint16. counts: (chunks, BUCKETS) int64, zeroed.
+    """
+    while True:
+        chunk = fetch_add(counter_address, 1)
+        if chunk >= len(counts):
+            return
+        for ray in range(chunk * SORTED_CHUNK, min((chunk + 1) * SORTED_CHUNK, len(keys))):
+            key = 0
+            for axis in range(3):
+                cell = int((origins[ray, axis] - low[axis]) * inverse[axis])
+                key = key * CELLS + min(max(cell, 0), CELLS - 1)
+            for axis in range(3):
+                key = 2 * key + (1 if directions[ray, axis] < 0 else 0)
+            keys[ray] = key
+            counts[chunk, key] += 1
+
+
+@kernel
+def order_rays(counter_address, keys, starts, order):  # type: ignore[no-untyped-def]
+    """Bucket by bucket, and within each as they came; starts: (chunks, BUCKETS) int64, which is used up."""
+    while True:
+        chunk = fetch_add(counter_address, 1)
+        if chunk >= len(starts):
+            return
+        for ray in range(chunk * SORTED_CHUNK, min((chunk + 1) * SORTED_CHUNK, len(keys))):
+            key = keys[ray]
+            order[starts[chunk, key]] = ray
+            starts[chunk, key] += 1
 
 
 @njit(inline="always")
@@ -79,15 +138,42 @@ def _load(packet, width, lane, rays, ray):  # type: ignore[no-untyped-def]
     return is_open
 
 
+@njit(inline="always")
+def _at(rays, place):  # type: ignore[no-untyped-def]
+    return np.int64(rays.order[place]) if len(rays.order) else place
+
+
+@njit(inline="always")
+def _are_alike(rays, first, lanes):  # type: ignore[no-untyped-def]
+    """Whether so many rays start and head alike, as neighbours of a camera do."""
+    ray = _at(rays, first)
+    _, inverse = _length(rays.directions, ray)
+    for lane in range(1, lanes):
+        other = _at(rays, first + lane)
+        for axis in range(3):
+            turned = abs(rays.directions[other, axis] - rays.directions[ray, axis]) * inverse
+            moved = abs(rays.origins[other, axis] - rays.origins[ray, axis])
+            if not (turned <= _ALIKE_DIRECTIONS and moved <= rays.near_by):
+                return False
+    return True
+
+
+@njit(inline="always")
+def _set_flags(flags, rays, first, lanes):  # type: ignore[no-untyped-def]
+    if rays.together == WHERE_ALIKE:
+        flags[0] = FLAG_COHERENT if _are_alike(rays, first, lanes) else 0
+
+
 @cache
 def closest_hit_kernel(width: int) -> Callable[..., None]:
     """The loop over rays for their closest hits, in packets of `width`, a constant of the compiled code."""
 
     @kernel
-    def intersect_rays(counter_address, scene, packet, rays, t, prim_id):  # type: ignore[no-untyped-def]
+    def intersect_rays(counter_address, scene, packet, flags, rays, t, prim_id):  # type: ignore[no-untyped-def]
         """Trace all rays, chunk by chunk, until the shared counter runs past the last.
 
-        packet: its constant fields (mask, flags, inst_id) are set. rays: `RayArrays`.
+        packet: its constant fields (mask, flags, inst_id) are set. flags: (1,) uint32, of the query, which are set for
+        each packet where that is asked for. rays: `RayArrays`.
         t: (N,) float32 and prim_id: (N,) uint32 are written completely, inf and MISS where nothing is hit.
         """
         while True:
@@ -101,14 +187,15 @@ def closest_hit_kernel(width: int) -> Callable[..., None]:
                     set_no_hit(packet, width, lane)
                     packet.valid[lane] = 0
                 for lane in range(lanes):
-                    anyone |= _load(packet, width, lane, rays, first + lane)
+                    anyone |= _load(packet, width, lane, rays, _at(rays, first + lane))
                 if anyone:
+                    _set_flags(flags, rays, first, lanes)
                     intersect(width, packet.valid, scene, packet)
                 for lane in range(lanes):
-                    found = hit_prim_id(packet, width, lane)
-                    prim_id[first + lane] = found
-                    _, inverse = _length(rays.directions, first + lane)
-                    t[first + lane] = hit_distance(packet, width, lane) * inverse if found != MISS else INFINITY
+                    ray, found = _at(rays, first + lane), hit_prim_id(packet, width, lane)
+                    prim_id[ray] = found
+                    _, inverse = _length(rays.directions, ray)
+                    t[ray] = hit_distance(packet, width, lane) * inverse if found != MISS else INFINITY
 
     return intersect_rays
 
@@ -118,7 +205,7 @@ def occlusion_kernel(width: int) -> Callable[..., None]:
     """The loop over rays for whether they hit anything, in packets of `width`, a constant of the compiled code."""
 
     @kernel
-    def occlude_rays(counter_address, scene, packet, rays, is_occluded):  # type: ignore[no-untyped-def]
+    def occlude_rays(counter_address, scene, packet, flags, rays, is_occluded):  # type: ignore[no-untyped-def]
         """As `closest_hit_kernel`; is_occluded: (N,) bool, written completely."""
         while True:
             start = fetch_add(counter_address, 1) * CHUNK
@@ -130,11 +217,12 @@ def occlusion_kernel(width: int) -> Callable[..., None]:
                 for lane in range(width):
                     packet.valid[lane] = 0
                 for lane in range(lanes):
-                    anyone |= _load(packet, width, lane, rays, first + lane)
+                    anyone |= _load(packet, width, lane, rays, _at(rays, first + lane))
                 if anyone:
+                    _set_flags(flags, rays, first, lanes)
                     occluded(width, packet.valid, scene, packet)
                 for lane in range(lanes):
                     is_open = packet.valid[lane] != 0
-                    is_occluded[first + lane] = is_open and hit_distance(packet, width, lane) < 0.0
+                    is_occluded[_at(rays, first + lane)] = is_open and hit_distance(packet, width, lane) < 0.0
 
     return occlude_rays

@@ -9,8 +9,9 @@ import numpy as np
 from atra.errors import InputError
 from atra.geometry.camera import Camera
 from atra.geometry.mesh import Mesh
+from atra.geometry.numbers import as_number
 from atra.geometry.orthographic import OrthographicCamera
-from atra.geometry.view import View, as_number
+from atra.geometry.view import View
 from atra.judge.ties import coplanar_overlaps
 from atra.options import check_ties
 from atra.parallel import resolve_threads

@@ -44,13 +44,13 @@ class Rays:
         if len(origins) != len(directions):
             raise InputError(f"there are {len(origins)} origins and {len(directions)} directions, expected as many")
         tnear, tfar = _numbers("tnear", self.tnear, len(origins)), _numbers("tfar", self.tfar, len(origins))
-        far = np.abs(origins).max(axis=1, initial=0.0)
+        far, size = _largest(origins), _largest(directions)
         _check("origin", origins, far <= FARTHEST_FROM_EYE, f"finite numbers of at most {FARTHEST_FROM_EYE:g} in size")
-        size = np.abs(directions).max(axis=1, initial=0.0)
         expected = f"finite numbers, the largest of a size from {SHORTEST:g} to {LONGEST:g}"
         _check("direction", directions, (size >= SHORTEST) & (size <= LONGEST), expected)
         _check("tnear", tnear, (tnear >= 0.0) & (tnear < np.inf), "a finite number of at least 0")
         _check("tfar", tfar, ~np.isnan(tfar), "a number (inf: no limit; not above tnear: the ray hits nothing)")
+        tnear, tfar = np.broadcast_to(tnear, len(origins)), np.broadcast_to(tfar, len(origins))
         for name, array in (("origins", origins), ("directions", directions), ("tnear", tnear), ("tfar", tfar)):
             with np.errstate(over="ignore", under="ignore"):  # a tfar beyond float32 is inf, and means the same
                 copied = np.array(array, np.float32, order="C")
@@ -121,7 +121,13 @@ def _numbers(name: str, given: ArrayLike, count: int) -> NDArray[Any]:
     array = _real(name, given)
     if array.shape not in ((), (count,)):
         raise InputError(f"{name} has shape {array.shape}, expected a number, or ({count},) like the rays")
-    return np.broadcast_to(array, (count,))
+    return array.reshape(-1) if count else array.reshape(-1)[:0]
+
+
+def _largest(vectors: NDArray[Any]) -> NDArray[Any]:
+    """(N,), the largest component in size, NaN where there is one; axis by axis is several times faster."""
+    x, y, z = np.abs(vectors).T
+    return np.asarray(np.maximum(np.maximum(x, y), z))
 
 
 def _real(name: str, given: ArrayLike) -> NDArray[Any]:

@@ -7,7 +7,7 @@ from time import perf_counter
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from atra.embree.scene import EmbreeScene, resolve_packet_width
 from atra.embree.workspace import Workspace
@@ -15,24 +15,40 @@ from atra.errors import InputError
 from atra.geometry.mesh import Mesh
 from atra.geometry.ray_space import check_world_range, padded_vertices
 from atra.kernels.callbacks import memory_monitor
-from atra.kernels.rays import RayArrays, closest_hit_kernel, occlusion_kernel
+from atra.kernels.rays import (
+    ALWAYS,
+    BUCKETS,
+    CELLS,
+    NEVER,
+    SORTED_CHUNK,
+    WHERE_ALIKE,
+    RayArrays,
+    closest_hit_kernel,
+    number_rays,
+    occlusion_kernel,
+    order_rays,
+)
 from atra.lifetime import Lifetime
 from atra.options import RayOptions
 from atra.parallel import WorkerPool, resolve_threads
 from atra.rays.rays import RayHits, Rays
 
+FEWEST_SORTED = 1 << 14
+"""Batches with fewer rays are traced as they come: all they touch stays in the cache."""
+
+NEAR_BY = 1 / 64
+"""Of the size of the mesh: rays that start nearer to each other than this may be taken through the tree together."""
+
 
 class RayScene(Lifetime):
     """Closest hits and occlusion for rays that come from no camera: shadows, ambient occlusion, line of sight.
 
-        rays = atra.Rays(origins, directions, tnear=1e-3)
-        with atra.RayScene(mesh) as scene:
-            hits = scene.intersect(rays)
-            in_shadow = scene.occluded(atra.Rays(points, to_light, tnear=1e-3, tfar=1.0))
+        scene = atra.RayScene(mesh)
+        hits = scene.intersect(origins, directions)
+        in_shadow = scene.occluded(points, to_light, tnear=1e-3, tfar=1.0)
 
-    `with` builds on entry and closes on exit; `build` and `close` do so by hand. Several threads may use one scene;
-    their batches wait for each other. Rays are traced in packets in the order they have in the batch: neighbours that
-    are alike make it faster.
+    The first batch builds; `with` builds on entry and closes on exit, and `build` and `close` do so by hand. Several
+    threads may use one scene; their batches wait for each other.
 
     options: see `atra.RayOptions`; changes: fields of it by name.
 
@@ -78,18 +94,31 @@ class RayScene(Lifetime):
         self._scene = scene
         return taken_s
 
-    def intersect(self, rays: Rays, *, coherent: bool = False, out: RayHits | None = None) -> RayHits:
+    def intersect(
+        self,
+        origins: Rays | ArrayLike,
+        directions: ArrayLike | None = None,
+        *,
+        tnear: ArrayLike | None = None,
+        tfar: ArrayLike | None = None,
+        coherent: bool | None = None,
+        out: RayHits | None = None,
+    ) -> RayHits:
         """The closest hit of every ray between its `tnear` and `tfar`.
 
-        coherent: neighbours in the batch start and head alike, as camera rays and those to the sun do; they are then
-        traced 1.5 to 2.3 times as fast in packets, but others take two to three times as long. The hits are as right
-        either way.
+        origins, directions: (N, 3) each, with tnear (None: 0) and tfar (None: inf) as for `atra.Rays`; or `atra.Rays`
+        in their place, which are not checked and copied anew at every call.
+        coherent: whether neighbours in the batch start and head alike, as camera rays and those to the sun do, and are
+        taken through the tree together: packets are then traced up to twice as fast, but others take two to three times
+        as long. None: where they are found to, packet by packet, and large batches are traced in an order in which rays
+        near by follow each other. The hits are as right either way.
         out: an earlier result of as many rays whose arrays are to be overwritten, which saves allocating them; it must
         not be read any more.
-        Raises InputError for what is no `Rays` and an `out` that does not fit, EmbreeError when the scene is not built
-        or already closed.
+        Raises InputError for rays that `atra.Rays` refuses and an `out` that does not fit, EmbreeError when the scene
+        is closed.
         """
-        count = _checked_count(rays)
+        rays = _rays_of(origins, directions, tnear, tfar)
+        count = len(rays)
         t, prim_id = (None, None) if out is None else (getattr(out, "t", None), getattr(out, "prim_id", None))
         t = np.empty(count, np.float32) if out is None else _checked_out("out.t", t, np.float32, count)
         prim_id = np.empty(count, np.uint32) if out is None else _checked_out("out.prim_id", prim_id, np.uint32, count)
@@ -99,29 +128,61 @@ class RayScene(Lifetime):
         return RayHits(t, prim_id, rays, self.mesh)
 
     def occluded(
-        self, rays: Rays, *, coherent: bool = False, out: NDArray[np.bool_] | None = None
+        self,
+        origins: Rays | ArrayLike,
+        directions: ArrayLike | None = None,
+        *,
+        tnear: ArrayLike | None = None,
+        tfar: ArrayLike | None = None,
+        coherent: bool | None = None,
+        out: NDArray[np.bool_] | None = None,
     ) -> NDArray[np.bool_]:
         """(N,) bool: whether a ray hits anything between its `tnear` and `tfar`; faster than finding what.
 
-        coherent, errors: as for `intersect`. out: an (N,) bool array to be overwritten and returned.
+        Arguments and errors as for `intersect`. out: an (N,) bool array to be overwritten and returned.
         """
-        count = _checked_count(rays)
+        rays = _rays_of(origins, directions, tnear, tfar)
+        count = len(rays)
         found = np.empty(count, np.bool_) if out is None else _checked_out("out", out, np.bool_, count)
         self._run(occlusion_kernel(self.packet_width), coherent, rays, found)
         return found
 
-    def _run(self, kernel: Callable[..., None], coherent: bool, rays: Rays, *outputs: NDArray[Any]) -> None:
-        arrays = RayArrays(rays.origins, rays.directions, rays.tnear, rays.tfar)
+    def _run(self, kernel: Callable[..., None], coherent: bool | None, rays: Rays, *outputs: NDArray[Any]) -> None:
+        with self._lock:
+            if not (self._is_built or self._is_closed):
+                self.build()
         with self._tracing():
             assert self._scene is not None
             scene = self._scene.address
+            given = rays.origins, rays.directions, rays.tnear, rays.tfar
+            order = self._order(rays) if coherent is None else np.empty(0, np.uint32)
+            together = WHERE_ALIKE if coherent is None else ALWAYS if coherent else NEVER
+            size = float((self.mesh.bounds[1] - self.mesh.bounds[0]).max())
+            arrays = RayArrays(*given, order, together, np.float32(NEAR_BY * size))
             for workspace in self._workspaces:
-                workspace.set_coherent(coherent)
+                workspace.set_coherent(bool(coherent))
 
             def work(worker: int, counter: int) -> None:
-                kernel(counter, scene, self._workspaces[worker].packet, arrays, *outputs)
+                own = self._workspaces[worker]
+                kernel(counter, scene, own.packet, own.flags, arrays, *outputs)
 
             self._pool.run(work)
+
+    def _order(self, rays: Rays) -> NDArray[np.uint32]:
+        """(N,) uint32: rays that start near each other and head the same way follow each other; empty for few rays."""
+        if len(rays) < FEWEST_SORTED:
+            return np.empty(0, np.uint32)
+        low, high = rays.origins.min(axis=0), rays.origins.max(axis=0)
+        with np.errstate(divide="ignore", over="ignore"):
+            inverse = np.where(high > low, CELLS / (high - low), 0.0).astype(np.float32)
+        keys, order = np.empty(len(rays), np.uint16), np.empty(len(rays), np.uint32)
+        counts = np.zeros((-(-len(rays) // SORTED_CHUNK), BUCKETS), np.int64)
+        ways = rays.origins, rays.directions
+        self._pool.run(lambda _, counter: number_rays(counter, *ways, low, inverse, keys, counts))
+        ends = np.cumsum(counts.T).reshape(BUCKETS, -1).T  # bucket by bucket, in each chunk by chunk
+        starts = np.ascontiguousarray(ends - counts)
+        self._pool.run(lambda _, counter: order_rays(counter, keys, starts, order))
+        return order
 
     @property
     def embree_bytes(self) -> int:
@@ -134,10 +195,17 @@ class RayScene(Lifetime):
             self._scene.close()
 
 
-def _checked_count(rays: Rays) -> int:
-    if not isinstance(rays, Rays):
-        raise InputError(f"rays is {rays!r:.100}, expected atra.Rays")
-    return len(rays)
+def _rays_of(
+    origins: Rays | ArrayLike, directions: ArrayLike | None, tnear: ArrayLike | None, tfar: ArrayLike | None
+) -> Rays:
+    interval = {name: value for name, value in (("tnear", tnear), ("tfar", tfar)) if value is not None}
+    if isinstance(origins, Rays):
+        if directions is not None or interval:
+            raise InputError("directions, tnear and tfar are part of atra.Rays, expected nothing beside them")
+        return origins
+    if directions is None:
+        raise InputError(f"rays is {origins!r:.100}, expected atra.Rays, or origins and directions")
+    return Rays(origins, directions, **interval)  # type: ignore[arg-type]
 
 
 def _checked_out(name: str, array: Any, kind: type, count: int) -> NDArray[Any]:

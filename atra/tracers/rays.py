@@ -19,8 +19,8 @@ def ray_grid(
     columns, rows: positions on the image plane in pixels, measured from the view axis.
     """
     right, down, forward = ray_axes(camera)[:, :, None]
-    column_rays = right * (columns * camera.pixel_pitch)
-    row_rays = down * (rows * camera.pixel_pitch)
+    column_rays = right * (columns * camera.plane.pitch_x)
+    row_rays = down * (rows * camera.plane.pitch_y)
     if not camera.is_parallel:
         row_rays = row_rays + forward
     return column_rays.astype(np.float32), row_rays.astype(np.float32)
@@ -30,11 +30,11 @@ def image_ray_grid(
     camera: View, offset: tuple[float, float], packet_shape: tuple[int, int] = (1, 1)
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """`ray_grid` of every pixel of the image at sub-pixel `offset`, filled up to whole packets of `packet_shape`."""
-    columns, rows = (
-        np.arange(pixels + -pixels % lanes) - pixels / 2 + shift
-        for pixels, lanes, shift in zip((camera.width, camera.height), packet_shape, offset, strict=True)
+    x, y = (
+        np.arange(pixels + -pixels % lanes)
+        for pixels, lanes in zip((camera.width, camera.height), packet_shape, strict=True)
     )
-    return ray_grid(camera, columns, rows)
+    return ray_grid(camera, camera.plane.columns(x, offset[0]), camera.plane.rows(y, offset[1]))
 
 
 def check_pinhole(camera: View, method: str) -> None:

@@ -139,10 +139,11 @@ class VisibleFirstTracer(ReferenceRayTracer, ImageTracer):
         steps_x, steps_y = self.tiles.tile_width // PROBE_STEP, self.tiles.tile_height // PROBE_STEP
         width, height = tile_columns * steps_x + 1, tile_rows * steps_y + 1
 
-        def positions(count: int, packet: int, pixels: int) -> NDArray[np.float64]:
-            return np.minimum(np.arange(count + -count % packet) * PROBE_STEP, pixels) - pixels / 2
+        def positions(count: int, packet: int, pixels: int) -> NDArray[np.integer]:
+            return np.minimum(np.arange(count + -count % packet) * PROBE_STEP, pixels)
 
-        columns, rows = positions(width, shape[0], camera.width), positions(height, shape[1], camera.height)
+        columns = camera.plane.columns(positions(width, shape[0], camera.width))
+        rows = camera.plane.rows(positions(height, shape[1], camera.height))
         rays, image = RayGrid(*ray_grid(camera, columns, rows)), Image(*new_images(height, width, width))
         kernel, tiles = pixel_kernel(*shape), pixel_tiles(width, height)
 

@@ -1,0 +1,43 @@
+"""Numbers and vectors as users give them: converted, or refused by name."""
+
+from __future__ import annotations
+
+from math import isfinite, nan
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from atra.errors import InputError
+
+Vector = tuple[float, float, float]
+
+
+def as_number(value: Any) -> float:
+    """`value` as a float; NaN, which no range contains, where it is no number."""
+    try:
+        return float(value)
+    except (TypeError, ValueError, OverflowError):
+        return nan
+
+
+def unit_vector(name: str, vector: ArrayLike) -> NDArray[np.float64]:
+    """(3,) float64, the direction of three finite numbers. Raises InputError, naming it, if all of them are zero."""
+    components = np.asarray(vector, np.float64)
+    largest = np.abs(components).max()
+    if largest == 0.0:
+        raise InputError(f"{name} is {tuple(components.tolist())}, expected a direction of non-zero length")
+    # By a power of two, which keeps every digit: squares of very large or small numbers would leave float64.
+    scaled = np.ldexp(components, -np.frexp(largest)[1])
+    return np.asarray(scaled / np.linalg.norm(scaled))
+
+
+def checked_vector(name: str, value: object) -> Vector:
+    """`value` as three finite floats; raises InputError naming it otherwise."""
+    try:
+        x, y, z = (float(v) for v in value)  # type: ignore[attr-defined]
+    except (TypeError, ValueError, OverflowError):
+        raise InputError(f"{name} is {value!r}, expected three numbers") from None
+    if not (isfinite(x) and isfinite(y) and isfinite(z)):
+        raise InputError(f"{name} is {(x, y, z)}, expected finite numbers")
+    return x, y, z

@@ -1,0 +1,1 @@
+"""Many views of one mesh, here or by any executor."""

@@ -1,0 +1,178 @@
+"""Many views of one mesh, one after the other or by any executor."""
+
+from __future__ import annotations
+
+import pickle
+from collections import deque
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from atra.errors import InputError
+from atra.geometry.mesh import Mesh
+from atra.geometry.view import View, check_offset
+from atra.hits import Hits
+from atra.judge.ties import CoplanarOverlaps, coplanar_overlaps
+from atra.parallel import resolve_threads
+from atra.rendering.shared_mesh import Parcel, SharedMesh, shared, stage_of
+from atra.tracers import AlignedTracer, PixelTracer, RasterTracer, TiledTracer, Tracer, VisibleFirstTracer
+from atra.whole_numbers import is_whole_number
+
+METHODS: Mapping[str, Callable[..., Tracer]] = {
+    "raster": RasterTracer,
+    "pixel": PixelTracer,
+    "aligned": AlignedTracer,
+    "visible_first": VisibleFirstTracer,
+    "tiles": TiledTracer,
+}
+"""What `render_views` knows by name."""
+
+_Images = tuple[NDArray[np.float32], NDArray[np.uint32]]
+
+
+def render_views(
+    mesh: Mesh,
+    cameras: Mapping[Any, View] | Iterable[View],
+    method: str = "raster",
+    executor: Executor | None = None,
+    *,
+    offset: tuple[float, float] = (0.5, 0.5),
+    in_flight: int | None = None,
+    **options: Any,
+) -> Iterator[tuple[Any, Hits]]:
+    """The name and the hits of every view, in order, as they become ready.
+
+        for name, hits in atra.render_views(mesh, atra.read_colmap("sparse/0")):
+            ...
+
+    cameras: by name, such as a reader returns; the names of others are 0, 1, ... They are taken one by one, so that
+    they may come from a generator. method: one of `METHODS`. options: of its tracer, such as threads, ties or split.
+    executor: any of `concurrent.futures` or with its `submit`, Dask's and Ray's too; None: this process, a view at a
+    time, on every core. With an executor a view takes one thread unless `threads` says otherwise, and processes of one
+    machine share the mesh; others are sent it once. in_flight: views that are at most under way or wait to be taken
+    (None: two for each core of this machine; raise it for a cluster), which bounds the memory.
+
+    A view that fails does not end the others: at the end an ExceptionGroup holds the error of each, which names it.
+    Raises InputError for an unknown method, an offset outside the pixel and an in_flight below 1, MemoryBudgetError for
+    more overlaps than can be kept, and TypeError for options that the method has not.
+    """
+    if method not in METHODS:
+        raise InputError(f"method is {method!r}, expected one of {', '.join(METHODS)}")
+    check_offset(offset)
+    if isinstance(cameras, View) or not isinstance(cameras, Iterable):
+        raise InputError(f"cameras is {cameras!r:.100}, expected several: by name, or a list of them")
+    if in_flight is None:
+        in_flight = 1 if executor is None else 2 * resolve_threads(None)
+    if not is_whole_number(in_flight) or in_flight < 1:
+        raise InputError(f"in_flight is {in_flight!r}, expected a whole number of at least 1")
+    if executor is not None and "options" not in options:
+        options.setdefault("threads", 1)
+    named = cameras.items() if isinstance(cameras, Mapping) else enumerate(cameras)
+    return _rendered(mesh, iter(named), (method, offset, options), executor or _Here(), in_flight)
+
+
+_Job = tuple[str, tuple[float, float], Mapping[str, Any]]
+
+
+def _rendered(
+    mesh: Mesh, named: Iterator[tuple[Hashable, View]], job: _Job, executor: Executor, in_flight: int
+) -> Iterator[tuple[Hashable, Hits]]:
+    overlaps = _found_once(mesh, job)
+    failures: list[Exception] = []
+    count = 0
+    pending: deque[tuple[Hashable, View, Future[_Images | None]]] = deque()
+    between_processes = not isinstance(executor, (_Here, ThreadPoolExecutor))
+    with shared(mesh, overlaps, between_processes) as where:
+        try:
+            more = True
+            while more or pending:
+                while more and len(pending) < in_flight:
+                    if more := (following := next(named, None)) is not None:
+                        name, camera = following
+                        pending.append((name, camera, _submitted(executor, where, None, camera, job)))
+                        count += 1
+                if not pending:
+                    break
+                name, camera, future = pending.popleft()
+                try:
+                    images = future.result()
+                    if images is None:  # a worker on another machine, which is sent the mesh
+                        parcel = pickle.dumps(Parcel(mesh, overlaps))
+                        images = _submitted(executor, where, parcel, camera, job).result()
+                    assert images is not None
+                    # Ray's are read-only, and kept in its memory.
+                    depth, prim_id = (np.require(images[0], requirements="W"), np.require(images[1], requirements="W"))
+                except TypeError:
+                    raise
+                except Exception as error:
+                    error.add_note(f"in view {name!r}")
+                    failures.append(error)
+                    continue
+                yield name, Hits(depth, prim_id, job[1], mesh, camera)
+        finally:
+            for _, _, future in pending:
+                future.cancel()
+    if failures:
+        raise ExceptionGroup(f"{len(failures)} of {count} views failed", failures)
+
+
+def _found_once(mesh: Mesh, job: _Job) -> CoplanarOverlaps | None:
+    """What belongs to the mesh, found before workers would each find it; the overlaps, if ties are decided."""
+    method, _, options = job
+    _ = mesh.bounds
+    if method != "raster":
+        _ = mesh.without_area, mesh.traced_faces
+    ties = options.get("ties", getattr(options.get("options"), "ties", "lowest"))
+    return coplanar_overlaps(mesh) if ties == "lowest" else None
+
+
+def _submitted(
+    executor: Executor, where: SharedMesh, parcel: bytes | None, camera: View, job: _Job
+) -> Future[_Images | None]:
+    try:
+        return executor.submit(trace_view, where, parcel, camera, job)
+    except Exception as error:  # a broken executor fails the views that are left
+        failed: Future[_Images | None] = Future()
+        failed.set_exception(error)
+        return failed
+
+
+def trace_view(where: SharedMesh, parcel: bytes | None, camera: View, job: _Job) -> _Images | None:
+    """What a worker does: depth and prim_id, (H, W) each, of one view; None if it finds no mesh and was sent none."""
+    stage = stage_of(where, parcel)
+    if stage is None:
+        return None
+    method, offset, options = job
+    tracer = stage.take()
+    try:
+        if tracer is None:
+            tracer = METHODS[method](stage.mesh, camera, **options)
+            tracer.plan()
+            tracer.build()
+        else:
+            tracer.look(camera)  # type: ignore[attr-defined]
+        hits = tracer.trace(offset)
+    except BaseException:
+        if tracer is not None:
+            tracer.close()
+        raise
+    if hasattr(tracer, "look"):  # the next view's, too
+        stage.put(tracer)
+    else:
+        tracer.close()
+    return hits.depth, hits.prim_id
+
+
+class _Here(Executor):
+    """Does at once, in this thread, what is submitted."""
+
+    def submit(self, call: Callable[..., Any], /, *arguments: Any, **named: Any) -> Future[Any]:
+        future: Future[Any] = Future()
+        try:
+            future.set_result(call(*arguments, **named))
+        except Exception as error:
+            future.set_exception(error)
+        return future

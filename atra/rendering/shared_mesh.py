@@ -1,0 +1,137 @@
+"""A mesh that the workers of an executor share: one memory for all processes of a machine, and what was found once."""
+
+from __future__ import annotations
+
+import mmap
+import pickle
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from itertools import accumulate
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from threading import Lock
+from uuid import uuid4
+
+from atra.geometry.mesh import Mesh
+from atra.judge.ties import CoplanarOverlaps, keep_overlaps
+from atra.tracers import Tracer
+
+_ALIGNMENT = 64
+
+
+@dataclass(frozen=True, eq=False)
+class Parcel:
+    """A mesh, with all that is kept on it, and its overlaps, if they were looked for."""
+
+    mesh: Mesh
+    overlaps: CoplanarOverlaps | None
+
+
+@dataclass(frozen=True)
+class SharedMesh:
+    """Where workers find a mesh: under `key` in a process that has it, or else in a file that they map.
+
+    contents: the pickled `Parcel` without its arrays. places: start, end and whether it is read-only, of each array in
+    the file.
+    """
+
+    key: str
+    path: Path
+    contents: bytes
+    places: tuple[tuple[int, int, bool], ...]
+
+
+@dataclass(eq=False)
+class Stage:
+    """A mesh in one process, and the tracers of it that are idle."""
+
+    mesh: Mesh
+    _idle: list[Tracer] = field(default_factory=list)
+    _is_struck: bool = False
+    _lock: Lock = field(default_factory=Lock)
+
+    def take(self) -> Tracer | None:
+        """An idle tracer, if there is one; the caller's until `put`."""
+        with self._lock:
+            return self._idle.pop() if self._idle else None
+
+    def put(self, tracer: Tracer) -> None:
+        with self._lock:
+            if not self._is_struck:
+                self._idle.append(tracer)
+                return
+        tracer.close()
+
+    def strike(self) -> None:
+        """Close the tracers, and those that are still busy when they come back."""
+        with self._lock:
+            idle, self._idle, self._is_struck = self._idle, [], True
+        for tracer in idle:
+            tracer.close()
+
+
+_stages: dict[str, Stage] = {}
+"""Of this process, by key: those of the calls in progress here, and in a worker the one it was used for last."""
+
+_own: set[str] = set()
+"""Keys of the calls in progress in this process."""
+
+
+@contextmanager
+def shared(mesh: Mesh, overlaps: CoplanarOverlaps | None, between_processes: bool) -> Iterator[SharedMesh]:
+    """Workers can find the mesh as long as this lasts. between_processes: by way of a temporary file."""
+    key = uuid4().hex
+    _stages[key] = Stage(mesh)
+    _own.add(key)
+    try:
+        with TemporaryDirectory(prefix="atra-", ignore_cleanup_errors=True) as folder:
+            path = Path(folder) / key
+            yield _written(key, path, Parcel(mesh, overlaps)) if between_processes else SharedMesh(key, path, b"", ())
+    finally:
+        _own.discard(key)
+        _stages.pop(key).strike()
+
+
+def _written(key: str, path: Path, parcel: Parcel) -> SharedMesh:
+    buffers: list[pickle.PickleBuffer] = []
+    contents = pickle.dumps(parcel, protocol=5, buffer_callback=buffers.append)
+    arrays = [buffer.raw() for buffer in buffers]
+    ends = list(accumulate(-(-array.nbytes // _ALIGNMENT) * _ALIGNMENT for array in arrays))
+    starts = [0, *ends]
+    with path.open("wb") as file:
+        for start, array in zip(starts, arrays, strict=False):
+            file.seek(start)
+            file.write(array)
+        file.truncate(max(starts[-1], 1))
+    places = tuple((start, start + one.nbytes, one.readonly) for start, one in zip(starts, arrays, strict=False))
+    return SharedMesh(key, path, contents, places)
+
+
+def stage_of(shared_mesh: SharedMesh, parcel: bytes | None) -> Stage | None:
+    """The mesh in this process; parcel: pickled, to be taken where it is not found. None where there is none either."""
+    stage = _stages.get(shared_mesh.key)
+    if stage is not None:
+        return stage
+    found = _mapped(shared_mesh) if parcel is None else pickle.loads(parcel)
+    if found is None:
+        return None
+    if found.overlaps is not None:
+        keep_overlaps(found.mesh, found.overlaps)
+    for key in set(_stages) - _own:
+        if (old := _stages.pop(key, None)) is not None:
+            old.strike()
+    return _stages.setdefault(shared_mesh.key, Stage(found.mesh))
+
+
+def _mapped(shared_mesh: SharedMesh) -> Parcel | None:
+    """The arrays stay in the file, whose pages all processes share; none on another machine."""
+    try:
+        with shared_mesh.path.open("rb") as file:
+            memory = memoryview(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_COPY))
+    except FileNotFoundError:
+        return None
+    parts = (memory[start:end] for start, end, _ in shared_mesh.places)
+    # Read-only where they were so: kernels are compiled for one or the other.
+    buffers = [part.toreadonly() if place[2] else part for part, place in zip(parts, shared_mesh.places, strict=True)]
+    return pickle.loads(shared_mesh.contents, buffers=buffers)  # type: ignore[no-any-return]
