@@ -15,12 +15,13 @@ from atra.cameras.trimesh_scene import read_trimesh
 from atra.errors import AtraError, EmbreeError, InputError, MemoryBudgetError
 from atra.frames import Frames
 from atra.geometry.camera import CalibratedCamera, Camera
+from atra.geometry.face_sources import FaceSources, load_face_sources
 from atra.geometry.image_plane import ImagePlane
 from atra.geometry.mesh import Mesh
 from atra.geometry.mesh_file import load_mesh
 from atra.geometry.orthographic import OrthographicCamera
 from atra.geometry.sampling import sub_pixel_offsets
-from atra.hits import Hits
+from atra.hits import Hits, VisibleTriangles
 from atra.judge.compare import Agreement, Verdict, compare
 from atra.options import (
     AlignedOptions,
@@ -60,6 +61,7 @@ __all__ = [
     "Camera",
     "CellOptions",
     "EmbreeError",
+    "FaceSources",
     "Frames",
     "FramesTracer",
     "Hits",
@@ -84,7 +86,9 @@ __all__ = [
     "Tracer",
     "Verdict",
     "VisibleFirstTracer",
+    "VisibleTriangles",
     "compare",
+    "load_face_sources",
     "load_mesh",
     "plan",
     "read_colmap",

@@ -19,6 +19,7 @@ class Frames:
 
     depth: (K, H, W) float32, along each frame's own view axis, inf = miss. prim_id: (K, H, W) uint32 in the numbering
     of the frame's mesh, `MISS` = miss. offset: the sub-pixel position of the rays. meshes, cameras: of each frame.
+    threads: as of `Hits`.
     """
 
     depth: NDArray[np.float32]
@@ -26,6 +27,7 @@ class Frames:
     offset: tuple[float, float]
     meshes: tuple[Mesh, ...] = field(repr=False)
     cameras: tuple[View, ...] = field(repr=False)
+    threads: int | None = field(default=None, repr=False)
 
     @property
     def images(self) -> tuple[Hits, ...]:
@@ -36,7 +38,8 @@ class Frames:
         return len(self.cameras)
 
     def __getitem__(self, frame: int) -> Hits:
-        return Hits(self.depth[frame], self.prim_id[frame], self.offset, self.meshes[frame], self.cameras[frame])
+        mesh, camera = self.meshes[frame], self.cameras[frame]
+        return Hits(self.depth[frame], self.prim_id[frame], self.offset, mesh, camera, self.threads)
 
     def __iter__(self) -> Iterator[Hits]:
         return (self[frame] for frame in range(len(self)))

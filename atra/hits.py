@@ -2,33 +2,50 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from functools import cached_property
+import os
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property, partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.geometry.intersection import intersect_pixels
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
+from atra.kernels.exact.surface import ROWS, PixelGrid, Triangles, orient_hits, place_hits, weigh_corners
+from atra.parallel import WorkerPool, resolve_threads
 from atra.prim_ids import MISS
+from atra.saving import save_layers
 
 
 @dataclass(frozen=True, eq=False)
+class VisibleTriangles:
+    """The triangles that an image shows. prim_id: (N,) uint32, ascending. pixels: (N,) int64, how many show each."""
+
+    prim_id: NDArray[np.uint32]
+    pixels: NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
 class Hits:
     """The nearest hit of every pixel; row 0 is the top of the image.
 
     depth: (H, W) float32, distance along the view axis in scene units, inf = miss.
     prim_id: (H, W) uint32 in the mesh's own numbering, `MISS` (0xFFFFFFFF) = miss.
     offset: the sub-pixel position of the rays.
-    mesh, camera: what was traced, by a camera of either kind; `u` and `v` are computed from them when first asked for.
+    mesh, camera: what was traced, by a camera of either kind; what the properties below say is computed from them, in
+    float64, when first asked for. It is NaN for a miss, and apart from `normals` also where the ray lies in the plane
+    of the triangle that it hits. Raises InputError, then, for a bad offset and a `prim_id` that the mesh does not have.
+    threads: those of that computation; None = every core.
     """
 
     depth: NDArray[np.float32]
     prim_id: NDArray[np.uint32]
     offset: tuple[float, float]
-    mesh: Mesh = field(repr=False)
-    camera: View = field(repr=False)
+    mesh: Mesh
+    camera: View
+    threads: int | None = None
 
     @property
     def images(self) -> tuple[Hits]:
@@ -42,19 +59,81 @@ class Hits:
 
     @property
     def u(self) -> NDArray[np.float32]:
-        """(H, W) float32 barycentric weight of the triangle's second vertex, NaN = miss."""
+        """(H, W) float32 barycentric weight of the triangle's second vertex."""
         return self._barycentric[0]
 
     @property
     def v(self) -> NDArray[np.float32]:
-        """(H, W) float32 barycentric weight of the triangle's third vertex, NaN = miss."""
+        """(H, W) float32 barycentric weight of the triangle's third vertex."""
         return self._barycentric[1]
 
     @cached_property
-    def _barycentric(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        u = np.full(self.depth.shape, np.nan, np.float32)
-        v = np.full(self.depth.shape, np.nan, np.float32)
-        y, x = np.nonzero(self.hit)
-        found = intersect_pixels(self.mesh, self.camera, x, y, self.prim_id[y, x], self.offset)
-        u[y, x], v[y, x] = found.u, found.v
-        return u, v
+    def points(self) -> NDArray[np.float32]:
+        """(H, W, 3) float32, where the rays meet the planes of their triangles, world space, scene units."""
+        return self._computed(place_hits, (*self.prim_id.shape, 3))
+
+    @cached_property
+    def normals(self) -> NDArray[np.float32]:
+        """(H, W, 3) float32, unit normals of the triangles, world space. They point to the side from which the corners
+        a, b, c run anticlockwise, along (b - a) x (c - a), wherever the camera is."""
+        return self._computed(orient_hits, (*self.prim_id.shape, 3))
+
+    def visible_triangles(self) -> VisibleTriangles:
+        """The triangles that are hit, and by how many pixels."""
+        pixels = np.bincount(self.prim_id[self.hit])
+        seen = np.flatnonzero(pixels)
+        return VisibleTriangles(seen.astype(np.uint32), pixels[seen])
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the image, so that a reader sees all of it or none, in the format that the suffix names.
+
+        ".npz": depth, prim_id, u, v, points and normals, as here, for `np.load`. ".exr": channels Z (depth), prim_id,
+        N.X, N.Y and N.Z; needs the package OpenEXR. ".png": the depth as grey, for the eye alone: white is the nearest
+        hit, dark grey the farthest, black a miss; needs Pillow. ".ply": a point cloud with normals, of the hits alone.
+        Raises InputError for another suffix, a missing package and a point cloud without points, StorageError where the
+        file cannot be written.
+        """
+        save_layers(path, partial(getattr, self))
+
+    def __repr__(self) -> str:
+        height, width = self.depth.shape
+        hit = np.isfinite(self.depth)
+        range_ = f", depth {self.depth[hit].min():.4g} to {self.depth[hit].max():.4g}" if hit.any() else ""
+        return (
+            f"Hits({width} x {height} pixels of {self.mesh.name!r}, {hit.mean():.1%} hit{range_}, offset {self.offset})"
+        )
+
+    @cached_property
+    def _barycentric(self) -> NDArray[np.float32]:
+        return self._computed(weigh_corners, (2, *self.prim_id.shape))
+
+    def _computed(self, kernel: Callable[..., Any], shape: tuple[int, ...]) -> NDArray[np.float32]:
+        prim_id, found = read_only(np.ascontiguousarray(self.prim_id, np.uint32)), np.empty(shape, np.float32)
+        triangles, pixels = Triangles(self.mesh.vertices, self.mesh.faces), self._pixels
+        absent = np.full(1, MISS, np.uint32)
+        pool = WorkerPool(min(resolve_threads(self.threads), -(-len(prim_id) // ROWS)))
+        try:
+            pool.run(lambda _, counter: kernel(counter, triangles, pixels, prim_id, absent, found))
+        finally:
+            pool.close()
+        if absent[0] != MISS:
+            self.mesh.triangles(absent)  # raises, naming it
+        return found
+
+    @property
+    def _pixels(self) -> PixelGrid:
+        camera, (height, width) = self.camera, self.prim_id.shape
+        on_plane = 0 if camera.is_parallel else 1  # origins lie on the image plane, or directions end there
+        columns = camera.rays(np.arange(width), np.zeros(width, int), self.offset)[on_plane][:, 0]
+        rows = camera.rays(np.zeros(height, int), np.arange(height), self.offset)[on_plane][:, 1]
+        eye, axes, columns, rows = (
+            read_only(np.array(part, float)) for part in (camera.eye, camera.axes, columns, rows)
+        )
+        return PixelGrid(eye, axes, columns, rows, camera.is_parallel)
+
+
+def read_only(array: NDArray[Any]) -> NDArray[Any]:
+    """A view that cannot be written to: Numba compiles anew for one that can."""
+    view = array.view()
+    view.setflags(write=False)
+    return view

@@ -15,12 +15,13 @@ import numba
 import pytest
 
 from atra.embree import layout
-from atra.kernels import brute_force, caching, planning, rays, ties, tiles, tracing, verifying, visible
+from atra.kernels import caching, planning, rays, ties, tiles, tracing, verifying, visible
+from atra.kernels.exact import brute_force, surface
 
 KERNELS = {
     **{
         f"{module.__name__}.{name}": value
-        for module in (brute_force, planning, ties, tiles, tracing, visible)
+        for module in (brute_force, surface, planning, ties, tiles, tracing, visible)
         for name, value in vars(module).items()
         if getattr(value, "targetoptions", {}).get("nogil")
     },

@@ -62,7 +62,9 @@ def test_the_harness_adds_what_it_imports() -> None:
 def test_every_version_that_the_two_commands_install_is_stated() -> None:
     pinned = {re.sub("[-_]", "-", name.lower()) for name in named(constraint_lines())}
     extras = PROJECT["optional-dependencies"]
-    asked = named([*PROJECT["dependencies"], *extras["harness"], *extras["test"], *extras["fetch"], *extras["dask"]]) - {"atra"}
+    asked = named(
+        [*PROJECT["dependencies"], *extras["harness"], *extras["test"], *extras["fetch"], *extras["dask"]]
+    ) - {"atra"}
     assert {name.replace("_", "-") for name in asked} <= pinned
 
 

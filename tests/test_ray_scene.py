@@ -13,7 +13,7 @@ from atra.embree.instruction_sets import chosen_instruction_set, cpu_features
 from atra.embree.layout import FLAG_COHERENT
 from atra.embree.library import load_library
 from atra.geometry.intersection import intersect_rays
-from atra.kernels.brute_force import nearest_triangles
+from atra.kernels.exact.brute_force import nearest_triangles
 from atra.kernels.rays import CHUNK, SORTED_CHUNK
 from atra.rays.scene import FEWEST_SORTED
 from tests.images import assert_no_pixel_wrong, assert_same_bits, trace

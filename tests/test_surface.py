@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from experiments.workloads.surface.measure import normals_of, surface_of
+from experiments.workloads.surface.measure import surface_of
 from experiments.workloads.surface.packets import SurfacePackets
 from tests.images import assert_same_bits, trace
 from tests.meshes import cornell_box, cornell_camera
@@ -15,7 +15,7 @@ def test_what_is_computed_on_demand_is_what_embree_hands_over() -> None:
     with SurfacePackets(mesh, camera, threads=2, ties="any") as tracer:
         stored = tracer.trace()
     assert_same_bits(stored, trace("pixels", mesh, camera, ties="any"))
-    u, v, normal = surface_of(trace("aligned", mesh, camera, (67, 1)), normals_of(mesh))
+    u, v, normal = surface_of(trace("aligned", mesh, camera, (67, 1)))
     same = (stored.prim_id == trace("aligned", mesh, camera, (67, 1)).prim_id) & stored.hit
     assert same.mean() > 0.9
     # Triangles are handed over as `Mesh.traced_faces` has them, whose corners may be turned.

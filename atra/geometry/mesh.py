@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -20,7 +20,7 @@ _LONGER_PRODUCT = 4.0
 """How many times the product of the shortest two edges that of the two at the first corner is in a needle."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Mesh:
     """Indexed triangles in world space.
 
@@ -47,6 +47,18 @@ class Mesh:
         for name in ("vertices", "faces", "traced_faces"):
             if name in state:
                 state[name].setflags(write=False)
+
+    @classmethod
+    def from_trimesh(cls, mesh: Any, name: str = "mesh") -> Self:
+        """The triangles of a `trimesh.Trimesh`, in their order. Raises InputError for anything else, and as Mesh."""
+        if not (hasattr(mesh, "vertices") and hasattr(mesh, "faces")):
+            raise InputError(
+                f"mesh is a {type(mesh).__name__}, expected a trimesh.Trimesh; of a Scene take `to_mesh()`"
+            )
+        return cls(mesh.vertices, mesh.faces, name)
+
+    def __repr__(self) -> str:
+        return f"Mesh({self.name!r}, {self.triangle_count:,} triangles, {len(self.vertices):,} vertices)"
 
     @property
     def triangle_count(self) -> int:

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,20 +19,29 @@ from atra.geometry.mesh import Mesh
 from atra.geometry.mesh_claims import check_claims, check_memory
 from atra.geometry.mesh_geometry import geometry_of
 
-Part = tuple[NDArray[np.float64], NDArray[np.int64]]
-"""Vertices and faces."""
+
+class Part(NamedTuple):
+    """Vertices and faces of one mesh instance, the name of its node, and what a reader of PLY has found."""
+
+    vertices: NDArray[np.float64]
+    faces: NDArray[np.int64]
+    node: str
+    raw: Any = None
+
 
 # Warnings of NumPy's by which text that is no number, or no index, goes on as another value.
 _DAMAGE = ("string or file could not be read to its end", "invalid value encountered in cast")
 
 
 def load_mesh(path: str | Path) -> Mesh:
-    """Read the triangles of a file, in file order: nothing merged, reordered or dropped.
+    """Read the triangles of a file: nothing merged or dropped, and triangles in file order.
 
     path: a mesh file of a format trimesh reads (PLY, OBJ, STL, OFF, glTF, …); `~` is expanded. Polygons are cut into
-    triangles; where PLY or OFF mix them with triangles, their pieces come last. A scene graph is flattened, each
-    instance moved by its transform. Materials and textures are not read; a glTF may name buffers in its own folder
-    only. STL has no shared vertices, so its mesh has none.
+    triangles. In PLY and OFF, and in an OBJ all of whose faces are alike, triangles come first, then one half of every
+    quad, then the other halves, then fans of larger polygons; an OBJ with faces of several kinds keeps their order.
+    `load_face_sources` says which face of the file each triangle is of. A scene graph is flattened, each instance moved
+    by its transform. Materials and textures are not read; a glTF may name buffers in its own folder only. STL has no
+    shared vertices, so its mesh has none.
 
     The file need not be trusted (docs/trust.md). Raises InputError naming the path: missing, no regular file, an
     unknown format, unreadable, cut short, without triangles, with instances that the free memory cannot hold, or with
@@ -41,16 +50,10 @@ def load_mesh(path: str | Path) -> Mesh:
     since trimesh skips the members it cannot read.
     """
     path = Path(path).expanduser()
-    if path.is_dir():
-        raise InputError(f"{path} is a folder, expected a mesh file")
-    if not path.exists():
-        raise InputError(f"{path} does not exist, expected a mesh file")
-    parts, promised = _read(path)
-    if not parts:
-        raise InputError(f"{path} holds no triangles (a point cloud or a path has none), expected a triangle mesh")
-    first_vertex = np.cumsum([0] + [len(vertices) for vertices, _ in parts[:-1]])
-    vertices = np.concatenate([vertices for vertices, _ in parts])
-    faces = np.concatenate([faces + start for (_, faces), start in zip(parts, first_vertex, strict=True)])
+    parts, promised = read_parts(path)
+    first_vertex = np.cumsum([0] + [len(part.vertices) for part in parts[:-1]])
+    vertices = np.concatenate([part.vertices for part in parts])
+    faces = np.concatenate([part.faces + start for part, start in zip(parts, first_vertex, strict=True)])
     if len(faces) < promised:
         raise InputError(f"{path} gives {len(faces)} faces, but promises {promised}: it seems cut short or damaged")
     try:
@@ -59,8 +62,20 @@ def load_mesh(path: str | Path) -> Mesh:
         raise InputError(f"{path}: {error}") from None
 
 
+def read_parts(path: Path) -> tuple[list[Part], int]:
+    """The parts of a file in the order of its scene graph, one at least, and how many faces it promises. Raises
+    InputError as `load_mesh`."""
+    if path.is_dir():
+        raise InputError(f"{path} is a folder, expected a mesh file")
+    if not path.exists():
+        raise InputError(f"{path} does not exist, expected a mesh file")
+    parts, promised = _read(path)
+    if not parts:
+        raise InputError(f"{path} holds no triangles (a point cloud or a path has none), expected a triangle mesh")
+    return parts, promised
+
+
 def _read(path: Path) -> tuple[list[Part], int]:
-    """The parts of a file in the order of its scene graph, and how many faces it promises."""
     import trimesh  # slow to import, and needed only where a file is read
     from trimesh.exchange.load import mesh_formats
 
@@ -137,14 +152,15 @@ def _flattened(scene: Any) -> Iterator[Part]:
         if isinstance(part, trimesh.Trimesh) and len(part.faces)
     }
     world, nodes = _world_transforms(scene.graph), scene.graph.transforms.node_data
-    placed = [(world[node], nodes[node]["geometry"]) for node in scene.graph.nodes_geometry]
-    placed = [(transform, parts[name]) for transform, name in placed if name in parts]
-    check_memory(sum(len(vertices) + len(faces) for _, (vertices, faces) in placed))
+    placed = [(node, parts[nodes[node]["geometry"]]) for node in scene.graph.nodes_geometry
+              if nodes[node]["geometry"] in parts]  # fmt: skip
+    check_memory(sum(len(part.vertices) + len(part.faces) for _, part in placed))
     identity = np.eye(4)
-    for transform, (vertices, faces) in placed:
+    for node, part in placed:
+        transform, vertices = world[node], part.vertices
         if not np.array_equal(transform, identity):  # identity keeps the file's bits
             vertices = vertices @ transform[:3, :3].T + transform[:3, 3]
-        yield vertices, faces
+        yield Part(vertices, part.faces, str(node), part.raw)
 
 
 def _checked_part(part: Any) -> Part:
@@ -152,7 +168,7 @@ def _checked_part(part: Any) -> Part:
     if faces.min() < 0 or faces.max() >= len(vertices):  # before parts are joined and hide it
         face = int(np.nonzero(((faces < 0) | (faces >= len(vertices))).any(axis=1))[0][0])
         raise InputError(f"face {face} names {faces[face].tolist()}, but there are {len(vertices)} vertices")
-    return vertices, faces
+    return Part(vertices, faces, "", part.metadata.get("_ply_raw"))
 
 
 def _world_transforms(graph: Any) -> dict[Any, NDArray[np.float64]]:

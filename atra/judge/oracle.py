@@ -19,7 +19,7 @@ from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.hits import Hits
 from atra.judge.compare import TIE_TOLERANCE, Agreement, Verdict, compare
-from atra.kernels.brute_force import SLACK, nearest_triangles
+from atra.kernels.exact.brute_force import SLACK, nearest_triangles
 from atra.parallel import WorkerPool, resolve_threads
 from atra.prim_ids import MISS
 

@@ -50,7 +50,7 @@ class Forecast:
         return self.first_s + (frames - 1) * self.frame_time_s
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Plan:
     """The best choice found for a view.
 
@@ -79,6 +79,13 @@ class Plan:
         if self.considered and self.considered[0].choice != self.choice:
             raise InputError(f"choice is {self.choice}, expected the first considered, {self.considered[0].choice}")
         check_ties(self.ties)
+
+    def __repr__(self) -> str:
+        time_s = self.predicted_time_s
+        predicted = "nothing tried" if time_s is None else f"{time_s:.3g} s predicted, {len(self.considered)} tried"
+        view = f"{self.frames} frames of {self.width} x {self.height} pixels, {self.threads} threads"
+        cells = "" if self.split == (1, 1) else f" {self.split[0]} x {self.split[1]}"
+        return f"Plan({self.method}{cells}, packets of {self.packet_width}; {view}; {predicted})"
 
     @property
     def method(self) -> str:

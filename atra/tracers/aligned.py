@@ -175,7 +175,8 @@ class FramesTracer(_AlignedImages):
         stacked = None if images is None else (_stacked(images[0]), _stacked(images[1]))
         depth, prim_id = self._trace_rows(offset, rows, stacked)
         shape = (len(cameras), height, width)
-        return Frames(_unstacked(depth, shape), _unstacked(prim_id, shape), offset, self.meshes, cameras)
+        depth, prim_id = _unstacked(depth, shape), _unstacked(prim_id, shape)
+        return Frames(depth, prim_id, offset, self.meshes, cameras, self.threads)
 
 
 def _unstacked(images: NDArray, shape: tuple[int, int, int]) -> NDArray:

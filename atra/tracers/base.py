@@ -194,4 +194,4 @@ class ImageTracer(EmbreeTracer):
         not built or already closed.
         """
         depth, prim_id = self._trace_rows(offset, self.camera.height, images_of(out))
-        return Hits(depth, prim_id, offset, self.mesh, self.camera)
+        return Hits(depth, prim_id, offset, self.mesh, self.camera, self.threads)

@@ -103,7 +103,7 @@ class RasterTracer(Lifetime):
                 tiles = self._find_ties()
                 if tiles.any():
                     lowest_of_ties(self.mesh, camera, tiles, offset, prim_id, self._pool)
-            return Hits(depth, prim_id, offset, self.mesh, camera)
+            return Hits(depth, prim_id, offset, self.mesh, camera, self.threads)
 
     @property
     def triangle_count(self) -> int:

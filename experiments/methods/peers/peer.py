@@ -111,7 +111,7 @@ class PeerTracer(Lifetime):
                 self._prepare_rays(offset)
             depth, prim_id = self._cast(self._scene, self._rays)
         shape = (self.camera.height, self.camera.width)
-        return Hits(depth.reshape(shape), prim_id.reshape(shape), offset, self.mesh, self.camera)
+        return Hits(depth.reshape(shape), prim_id.reshape(shape), offset, self.mesh, self.camera, self.threads)
 
     def _prepare_rays(self, offset: tuple[float, float]) -> None:
         camera = self.camera

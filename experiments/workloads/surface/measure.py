@@ -35,23 +35,18 @@ def measure(point: Point) -> Measured:
         plain = stack.enter_context(make_single(point, own.mesh, own.camera, None))
         storing = stack.enter_context(make_packets(own.mesh, own.camera))
         frames = {name: Frames(one) for name, one in ((OWN, own), (PLAIN_PACKETS, plain), (PACKETS_SURFACE, storing))}
-        demanded, normals = Frames(own), normals_of(own.mesh)
+        demanded = Frames(own)
 
         def trace_and_ask() -> None:
             demanded.trace()
-            surface_of(demanded.latest(), normals)
+            surface_of(demanded.latest())
 
+        trace_and_ask()  # compiles what computes them
         calls = {name: one.trace for name, one in frames.items()}
         timed = timed_rounds(point, calls | {OWN_SURFACE: trace_and_ask})
     return measured(results, timed)
 
 
-def normals_of(mesh: Mesh) -> NDArray[np.float32]:
-    """(F, 3), of any length: made once, as they are the mesh's and not a frame's."""
-    corners = mesh.triangles(np.arange(mesh.triangle_count))
-    return np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]).astype(np.float32)
-
-
-def surface_of(hits: Hits, normals: NDArray[np.float32]) -> tuple[NDArray[np.float32], ...]:
-    """u, v and normal of every pixel; the normal has no meaning where nothing is hit."""
-    return hits.u, hits.v, normals[np.minimum(hits.prim_id, len(normals) - 1)]
+def surface_of(hits: Hits) -> tuple[NDArray[np.float32], ...]:
+    """u, v and unit normal of every pixel, computed by as many threads as have traced."""
+    return hits.u, hits.v, hits.normals
