@@ -12,6 +12,7 @@ from pathlib import Path
 
 import atra
 from atra.command.doctor import run_doctor
+from atra.command.render import add_render, run_render
 from atra.errors import AtraError
 
 _CLONE = Path(__file__).resolve().parents[2]
@@ -64,4 +65,7 @@ def _parser() -> ArgumentParser:
     verbs = parser.add_subparsers(metavar="verb", required=True)
     doctor = verbs.add_parser("doctor", help="say what this machine has and lacks; a bug report needs it")
     doctor.set_defaults(run=lambda arguments: run_doctor())
+    render = verbs.add_parser("render", help="write what every view of a mesh sees: depth, triangles, normals, points")
+    add_render(render)
+    render.set_defaults(run=run_render)
     return parser
