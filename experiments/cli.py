@@ -1,6 +1,7 @@
 """Command line: `python run.py` measures one point, `python run.py sweep=horizontal` sweeps, `python run.py fetch
 scene=sponza` downloads a scene, `python run.py report sweep=paper` writes a sweep's figures and page anew,
-`python run.py doctor` says what this machine has and lacks.
+`python run.py doctor` says what this machine has and lacks. With `atra` in place of `python run.py` the first is
+`atra measure`.
 
 Exit codes: 0 done, 1 something failed, 2 the input cannot be used, 130 interrupted.
 """
@@ -14,6 +15,8 @@ import sys
 import traceback
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+from experiments.commands.program import PROGRAM
 
 # What takes time to import is imported in functions: Ctrl-C may come before that is done.
 if TYPE_CHECKING:
@@ -29,6 +32,8 @@ def main() -> int:
     """Run the command line and return its exit code."""
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, _leave)
+    if sys.argv[1:2] == ["measure"]:
+        del sys.argv[1]  # what a run does that says no other
     if len(sys.argv) > 1 and sys.argv[1] in _VERBS:
         # hydra.mode: a sweep's file asks for many runs, but there is one thing to do.
         sys.argv[1:2] = [f"action={sys.argv[1]}", "hydra.mode=RUN"]
@@ -38,7 +43,11 @@ def main() -> int:
     # Hydra then raises its errors instead of printing them at length; they are shown below, shortened.
     os.environ["HYDRA_FULL_ERROR"] = "1"
 
-    import hydra
+    try:
+        import hydra
+    except ModuleNotFoundError:
+        print(f"{PROGRAM}: the harness's packages are not installed; run: pip install -e '.[harness]'", file=sys.stderr)
+        return 2
     from hydra.errors import HydraException
     from omegaconf.errors import OmegaConfBaseException
 
@@ -54,14 +63,14 @@ def main() -> int:
     except (AtraError, HydraException, OmegaConfBaseException) as error:
         return _refuse(error)
     except KeyboardInterrupt:
-        print("run.py: interrupted", file=sys.stderr)
+        print(f"{PROGRAM}: interrupted", file=sys.stderr)
         return 130
     return 0
 
 
 def _leave(*_: object) -> None:
     """Nothing has begun, and KeyboardInterrupt inside an import may be taken for a missing package."""
-    os.write(sys.stderr.fileno(), b"run.py: interrupted\n")
+    os.write(sys.stderr.fileno(), f"{PROGRAM}: interrupted\n".encode())
     os._exit(130)
 
 
@@ -113,5 +122,5 @@ def _refuse(error: Exception) -> int:
     if "debug=true" in (argument.lower() for argument in sys.argv):
         traceback.print_exception(error)
     message = str(error) if isinstance(error, AtraError) else shorten_configuration_error(error)
-    print(f"run.py: {printable(message)}", file=sys.stderr)
+    print(f"{PROGRAM}: {printable(message)}", file=sys.stderr)
     return 2

@@ -13,7 +13,8 @@ import pandas as pd
 from rich.console import Console
 
 from atra.errors import MemoryBudgetError, RecordError
-from experiments.harness.configuration import Configuration, check_writable, records_folder, results_folder
+from experiments.commands.program import PROGRAM
+from experiments.harness.configuration import Configuration, check_writable, records_folder
 from experiments.harness.identity import Runner, current_environment, identity, identity_of, measure
 from experiments.harness.launching import run_worker
 from experiments.harness.lock import exclusive
@@ -23,7 +24,7 @@ from experiments.harness.points import PlannedPoint, plan_points
 from experiments.harness.progress import SweepProgress, say
 from experiments.harness.records import Record, load_record, read_record, record_path, write_record
 from experiments.report.figures import check_figures
-from experiments.report.writing import tell_whose_tables_are_replaced, write_results
+from experiments.report.writing import choose_folder, tell_whose_tables_are_replaced, write_results
 from experiments.results.canary import BAND, strays
 from experiments.results.table import make_tables
 from experiments.results.terminal import print_sweep, results_console, say_label, say_outcome
@@ -81,7 +82,7 @@ def run_sweep(
     first = grid_points[0].configuration
     check_figures(first.sweep.figures, tuple(dict.fromkeys(one.grid for one in grid_points)))
     points = _plan(grid_points, console)
-    folder, records = results_folder(first), records_folder(first)
+    folder, records = choose_folder(first, points, command, console), records_folder(first)
     check_writable(folder)
     check_writable(records)
     with exclusive(Path(first.results_dir), records, folder):
@@ -147,12 +148,12 @@ def _run(
     print_sweep(tables, folder, results_console())
     left = len(points) - len(done)
     if interrupted:
-        print(f"run.py: interrupted; {left} points left, the same command goes on from here", file=sys.stderr)
+        print(f"{PROGRAM}: interrupted; {left} points left, the same command goes on from here", file=sys.stderr)
         raise SystemExit(130)
     failed = int((table["status"] == "failed").sum())
     if failed or left:
         what = ", ".join([f"{failed} points failed"] * bool(failed) + [f"{left} points have no record"] * bool(left))
-        print(f"run.py: {what}; the same command tries them again", file=sys.stderr)
+        print(f"{PROGRAM}: {what}; the same command tries them again", file=sys.stderr)
         raise SystemExit(1)
     return table
 
@@ -217,7 +218,8 @@ def _measure_here(
             record = measure(planned, run)
             write_record(folder, record)
             done[point_identity] = record
-            progress.end(say_label(planned.point), say_outcome(record))
+            kind = f"{planned.point.workload} {planned.point.method}"
+            progress.end(say_label(planned.point), say_outcome(record), kind)
 
 
 def _measure_elsewhere(

@@ -41,6 +41,7 @@ class PointsSweeper(BasicSweeper):
         Hydra's default launcher is not asked: points run one by one here, as two at once would spoil each other's
         times. Any other launcher gets one job a point, `max_batch_size` of them at once.
         """
+        from experiments.commands.program import COMMAND
         from experiments.sweep import GridPoint, run_sweep
 
         assert self.config is not None
@@ -55,7 +56,7 @@ class PointsSweeper(BasicSweeper):
         asked = {argument.partition("=")[0] for argument in arguments}
         kept = self._where_they_fit([job for _, job in jobs], asked)
         points = [GridPoint(grid, compose(job), tuple(job)) for (grid, _), job in zip(jobs, kept, strict=True)]
-        command = " ".join(["python run.py", *self.config.hydra.overrides.task, *self.config.hydra.overrides.hydra])
+        command = " ".join([COMMAND, *self.config.hydra.overrides.task, *self.config.hydra.overrides.hydra])
         launcher = self.config.hydra.launcher._target_
         if launcher == _LAUNCHER_HERE:
             return run_sweep(points, command=command)

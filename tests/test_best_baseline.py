@@ -7,7 +7,7 @@ from typing import Any
 import pandas as pd
 import pytest
 
-from experiments.drawing.values import TIMES
+from experiments.drawing.style import TIMES
 from experiments.workloads.frame.best_baseline import baseline_lines, best_baselines
 from tests.drawn import make_rows, method_row
 

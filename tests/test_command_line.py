@@ -13,6 +13,7 @@ from pathlib import Path
 import matplotlib
 import pandas as pd
 import pytest
+from PIL import Image
 
 from experiments.workloads.rounds import expert_packet_widths
 
@@ -43,6 +44,18 @@ def run(folder: Path, *arguments: str, scenes: str | None = None, **variables: s
         (["scene.fov_y_degrees=180"], "fov_y_degrees is 180.0"),
         (["nonsense=1"], "unknown field 'nonsense', expected one of scene, sweep"),
         (["sweep=horizontal", "+nonsense=1"], "unknown field 'nonsense', expected one of scene, sweep"),
+        (["+nonsense=1"], "unknown field 'nonsense', expected one of scene, sweep"),
+        (["-m", "+nonsense=1,2"], "unknown field 'nonsense', expected one of scene, sweep"),
+        (["heigth=100"], "debug; did you mean height?"),
+        (["sweep=horizontal", "method.spilt_x=2"], "reference; did you mean method.split_x?"),
+        (["packet_width=8"], "debug; did you mean method.packet_width?"),
+        (["+eye=[0,1,3]"], "debug; did you mean scene.eye?"),
+        (["measure.round=3"], "memory_budget_gib; did you mean measure.rounds?"),
+        (
+            ["scene.eye=3,1,3"],
+            "scene.eye is a list, which brackets hold together, and quotes the brackets: 'scene.eye=[",
+        ),
+        (["sweep=horizontal", "scene.up=0,1,0"], "scene.up is a list, which brackets hold together, and quotes"),
         (["scene.nonsense=1"], "unknown field 'nonsense' of scene, expected one of name, source, path"),
         (["method=nope"], "unknown method 'nope', expected one of aligned, embreex, mitsuba3, open3d, pixel, raster"),
         (["workload=nope"], "unknown workload 'nope', expected one of agreement, build, frame, memory, multiframe"),
@@ -98,6 +111,17 @@ def test_a_lone_point_prints_its_table_and_writes_its_record(tmp_path: Path) -> 
     assert record["results"]["pixels_equal"] == 64 * 64
     assert record["environment"]["embree_version"]
     assert [entry.name for entry in tmp_path.iterdir()] == ["results"]
+
+
+def test_measuring_a_picture_writes_it_and_says_where(tmp_path: Path) -> None:
+    done = run(tmp_path, *TOY, "workload=picture", "method=pixel")
+    assert done.returncode == 0, done.stderr
+    written = [Path(line[9:]) for line in done.stdout.splitlines() if line.startswith("written: ")]
+    assert [path.name for path in written] == [
+        "cornell_box_pixel.png", "cornell_box_rtcIntersect1.png", "cornell_box_difference.png"
+    ]  # fmt: skip
+    for path in written:
+        assert Image.open(tmp_path / path).size == (64, 64)
 
 
 def test_a_sweep_leaves_records_table_and_figure_and_goes_on_where_it_stopped(tmp_path: Path) -> None:

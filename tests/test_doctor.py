@@ -11,11 +11,14 @@ from pathlib import Path
 import psutil
 import pytest
 
+from atra.command import doctor as library_doctor
+from atra.command.doctor import render
 from atra.embree.instruction_sets import VARIABLE, instruction_sets_here
 from atra.embree.library import OVERRIDE_VARIABLE, embree_version, load_library
 from atra.kernels.caching import cache_folder
+from atra.parallel import resolve_threads
 from experiments.commands import doctor
-from experiments.commands.doctor import diagnose, render
+from experiments.commands.doctor import diagnose
 from experiments.harness import environment
 from experiments.harness.configuration import Configuration
 from experiments.methods import METHODS
@@ -82,7 +85,7 @@ def test_a_missing_instruction_set_and_results_that_cannot_be_written_are_obstac
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (tmp_path / "taken").touch()
-    monkeypatch.setattr(doctor, "load_library", load_library.__wrapped__)
+    monkeypatch.setattr(library_doctor, "load_library", load_library.__wrapped__)
     monkeypatch.setenv(VARIABLE, "avx1024")
     diagnosis = diagnose(Configuration(results_dir=str(tmp_path / "taken")))
     told, (lacking, taken) = dict(diagnosis.facts), diagnosis.obstacles
@@ -90,7 +93,7 @@ def test_a_missing_instruction_set_and_results_that_cannot_be_written_are_obstac
     assert "held to avx1024 (ATRA_ISA)" in told["instructions"]
     assert told["results"] == f"cannot be written to {tmp_path / 'taken'}"
     assert taken.startswith(f"results cannot be written to {tmp_path / 'taken'}: ")
-    last = render(diagnosis).splitlines()[-1]
+    last = render(diagnosis, "points", "measured").splitlines()[-1]
     assert last.startswith(f"nothing can be measured here: {lacking}")
     assert taken in last
 
@@ -110,8 +113,10 @@ def test_a_system_without_affinity_load_and_proc_is_described(platform: str, mon
     diagnosis = diagnose(Configuration())
     assert "this process" not in dict(diagnosis.facts)["cores"]
     assert not any("busy" in doubt for doubt in diagnosis.doubts)
-    assert "\nCPU " in render(diagnosis)
-    assert "\x1b" not in render(diagnosis)  # what a machine says of itself cannot steer the terminal
+    assert "\nCPU " in render(diagnosis, "points", "measured")
+    assert "\x1b" not in render(
+        diagnosis, "points", "measured"
+    )  # what a machine says of itself cannot steer the terminal
 
 
 @pytest.mark.parametrize(
@@ -130,13 +135,15 @@ def test_cores_are_told_from_hardware_threads(physical, affinity, expected, monk
 
 def test_what_may_spoil_times_is_doubted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(os, "getloadavg", lambda: (3.25, 1.0, 1.0), raising=False)
-    monkeypatch.setattr(doctor, "cache_folder", lambda: None)
+    monkeypatch.setattr(library_doctor, "cache_folder", lambda: None)
     monkeypatch.setenv("ATRA_SCENES", str(tmp_path / "nowhere"))
     configuration = Configuration(results_dir=str(tmp_path))
     configuration.measure.memory_budget_gib = 1e9
+    configuration.threads = 1025
     diagnosis = diagnose(configuration)
-    scenes, load, memory, kernels = diagnosis.doubts
+    scenes, threads, load, memory, kernels = diagnosis.doubts
     assert "ATRA_SCENES is" in scenes
+    assert threads == f"more threads are asked for than there are cores (1025 on {resolve_threads(None)})"
     assert load == "the machine is busy (load 3.2)"
     assert "memory_budget_gib=1e+09" in memory
     assert "NUMBA_CACHE_DIR" in kernels
@@ -152,7 +159,7 @@ def test_a_folder_of_many_scenes_and_reasons_of_any_length_still_fit_the_screen(
     monkeypatch.setenv("ATRA_SCENES", str(tmp_path))
     wordy = [replace(one, problem=lambda: f"it says {'much ' * 500}; do this") for one in METHODS]
     monkeypatch.setattr(doctor, "METHODS", wordy)
-    lines = render(diagnose(Configuration())).splitlines()
+    lines = render(diagnose(Configuration()), "points", "measured").splitlines()
     assert len(lines) <= 36
     assert max(map(len, lines)) <= 80
     assert not any("do this" in line for line in lines)

@@ -15,8 +15,7 @@ from matplotlib.text import Text
 from atra.errors import InputError
 from experiments.drawing.pages import describe_measurement
 from experiments.drawing.shading import encode_png
-from experiments.drawing.style import PANEL_INCHES, SMALL
-from experiments.drawing.values import TIMES
+from experiments.drawing.style import PANEL_INCHES, SMALL, TIMES
 from experiments.harness.configuration import Configuration, SweepConfiguration
 from experiments.paper.figures import draw_instancing_figure
 from experiments.report.figures import draw_figures

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from matplotlib.axes import Axes
 
-from experiments.drawing.values import TIMES
+from experiments.drawing.style import TIMES
 from experiments.workloads.multiframe.frame_parts import PACKETS, SEPARATE_FRAMES, TOGETHER, VISIBLE_FRAMES, best_row
 from experiments.workloads.multiframe.multiframe_figure import draw_multiframe_figure
 from experiments.workloads.multiframe.stereo_figure import draw_stereo_figure

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from experiments.drawing.values import TIMES, say_number
+from experiments.drawing.style import TIMES
+from experiments.drawing.values import say_number
 from experiments.workloads.frame.break_even_figure import draw_break_even_figure
 from experiments.workloads.frame.methods_figure import draw_methods_figure
 from experiments.workloads.frame.peers_figure import draw_peers_figure

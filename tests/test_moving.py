@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import atra
-from experiments.drawing.values import TIMES
+from experiments.drawing.style import TIMES
 from experiments.results.terminal import results_console
 from experiments.workloads.baselines import OWN, SINGLE
 from experiments.workloads.moving import KEPT, STILL

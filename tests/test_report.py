@@ -16,6 +16,7 @@ from experiments.report.facts import count_doubts, missing_points
 from experiments.report.page import render_report
 from experiments.report.tables import WorkloadTable, workload_tables
 from experiments.results.canary import BAND
+from experiments.results.claims import NOT_MEASURED
 from tests.paper_table import agreeing_table, scaled
 from tests.report_samples import CLAIMS, HOSTILE, drawn_figure, scene_pictures, small_contents, small_table
 
@@ -91,8 +92,8 @@ def test_text_from_data_never_becomes_markup() -> None:
 
 @pytest.mark.parametrize("verdict", ["holds", "does not hold", "undecided", "not measured"])
 def test_a_verdict_is_said_in_words(verdict: str) -> None:
-    page = render_report(small_contents(claims=(replace(CLAIMS[0], verdict=verdict),)))
-    (shown,) = re.findall(r'<span class="verdict [^"]*"><span aria-hidden="true">(.)</span> ([^<]*)</span>', page)
+    page = render_report(small_contents(claims=(replace(CLAIMS[0], verdict=verdict), CLAIMS[1])))
+    shown, _ = re.findall(r'<span class="verdict [^"]*"><span aria-hidden="true">(.)</span> ([^<]*)</span>', page)
     assert shown[1] == verdict
     assert shown[0] in "✔✘≈○"
 
@@ -232,6 +233,15 @@ def test_reasons_that_differ_in_numbers_alone_are_one() -> None:
         [skipped, skipped.assign(error="needs 11 GiB, the budget is 4 GiB", split_x=32)], ignore_index=True
     )
     assert [len(group.points) for group in missing_points(more)] == [2]
+
+
+def test_a_page_on_which_no_claim_was_judged_speaks_of_none() -> None:
+    unjudged = tuple(replace(one, verdict=NOT_MEASURED) for one in CLAIMS)
+    page = render_report(small_contents(claims=unjudged))
+    assert "claims of the paper hold" not in page
+    assert 'id="claims"' not in page
+    assert 'href="#claims"' not in page
+    assert 'class="conclusion"' not in page
 
 
 def test_an_empty_table_still_makes_a_page() -> None:

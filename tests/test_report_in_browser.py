@@ -76,7 +76,7 @@ def test_hostile_text_is_shown_and_not_run(page: Any, address: str) -> None:
 def test_figures_and_pictures_are_really_drawn(page: Any, address: str) -> None:
     page.goto(address)
     widths = page.eval_on_selector_all("img", "all => all.map(image => image.naturalWidth)")
-    assert len(widths) == 5
+    assert len(widths) == 7  # two of them for narrow pages
     assert all(width > 0 for width in widths)
 
 
@@ -86,7 +86,7 @@ def test_text_of_a_figure_is_at_least_9_px_on_any_page(page: Any, tmp_path: Path
     figures = list(draw_figures(table, tmp_path))
     page.set_viewport_size({"width": width, "height": 800})
     page.goto(write_report(tmp_path, small_contents(table=table, figures=figures)).as_uri())
-    shown = page.locator(".sheet img").first.bounding_box()["width"]
+    shown = page.locator(".sheet img >> visible=true").first.bounding_box()["width"]
     assert SMALL * shown / (72 * PANEL_INCHES * columns) >= 9
 
 
@@ -110,6 +110,18 @@ def test_a_table_unfolds_and_its_scene_stays_in_sight_when_it_is_scrolled(page: 
     before = scene.bounding_box()["x"]
     page.eval_on_selector("#tables .scroll", "one => one.scrollLeft = 500")
     assert scene.bounding_box()["x"] == pytest.approx(before, abs=1)
+
+
+@pytest.mark.parametrize("width", [400, 1280])
+def test_the_figures_of_the_printed_page_are_there_before_anyone_prints(page: Any, address: str, width: int) -> None:
+    page.set_viewport_size({"width": width, "height": 800})
+    page.goto(address)
+    there = set(page.eval_on_selector_all("img", "all => all.filter(one => one.complete).map(one => one.currentSrc)"))
+    page.emulate_media(media="print")
+    for sheet in page.locator(".sheet").all():
+        (shown,) = sheet.locator("img >> visible=true").all()
+        assert shown.evaluate("one => one.currentSrc") in there
+        assert "wide" in shown.get_attribute("class")
 
 
 def _brightness(page: Any, selector: str, field: str) -> float:

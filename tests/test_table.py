@@ -88,6 +88,15 @@ def test_ratios_are_medians_of_ratios_not_ratios_of_medians() -> None:
     assert row["speedup_vs_packets"] == 2.0  # of 2, 2, 1
 
 
+@pytest.mark.parametrize(("affinity", "logical", "told"), [([1], 8, 1), (None, 2, 2), ([0, 1, 2], 3, None)])
+def test_more_threads_than_cores_are_a_doubt(affinity: list[int] | None, logical: int, told: int | None) -> None:
+    environment = MEASURED.environment | {"affinity": affinity, "logical_cores": logical}
+    calm = {name: [1.0, 1.0, 1.0] for name in MEASURED.samples}
+    record = replace(MEASURED, environment=environment, samples=calm, results=MEASURED.results | {"threads": 3})
+    doubts = make_table([record]).iloc[0]["doubts"]
+    assert pd.isna(doubts) if told is None else doubts == f"3 threads on {told} cores"
+
+
 def test_a_wide_spread_and_missing_rounds_are_doubts() -> None:
     doubts = make_table([replace(MEASURED, configuration={**MEASURED.configuration, "rounds": 9})]).iloc[0]["doubts"]
     assert "spread" in doubts

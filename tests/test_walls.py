@@ -48,8 +48,10 @@ WALLS = (
     Wall(
         "atra",
         ("experiments", "scenes", "examples", "tests", "hydra", "omegaconf"),
+        apart_from=("atra.command",),
         reason="the library knows no configuration and none of its users",
     ),
+    Wall("atra", ("atra.command",), apart_from=("atra.command",), reason="the library does not know its command"),
     Wall(
         "atra",
         ("ctypes", "embreex", "llvmlite", "numba", "atra.embree.layout", "atra.embree.self_check"),
@@ -60,9 +62,9 @@ WALLS = (
         "atra",
         ("atra.embree",),
         # Tracers and ray batches hold scenes and workspaces; options ask which packets are native and which qualities
-        # there are.
-        apart_from=("atra.embree", "atra.kernels", "atra.tracers", "atra.rays", "atra.options"),
-        reason="only tracers, ray batches and options use embree/, and of it what is not the C API",
+        # there are; the doctor tells what is here.
+        apart_from=("atra.embree", "atra.kernels", "atra.tracers", "atra.rays", "atra.options", "atra.command.doctor"),
+        reason="only tracers, ray batches, options and the doctor use embree/, and of it what is not the C API",
     ),
     Wall(
         "atra.geometry",

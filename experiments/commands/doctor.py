@@ -3,76 +3,55 @@
 from __future__ import annotations
 
 import os
-import textwrap
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 
-from atra.embree.instruction_sets import VARIABLE, instruction_sets_here
-from atra.embree.library import OVERRIDE_VARIABLE, Library, embree_version, load_library
-from atra.errors import AtraError, InputError, printable
-from atra.kernels.caching import cache_folder
+from atra.command.doctor import (
+    Diagnosis,
+    embree_facts,
+    kernel_doubts,
+    load_embree,
+    render,
+    say_instructions,
+    say_kernels,
+)
+from atra.embree.library import embree_version
+from atra.errors import InputError
+from atra.parallel import resolve_threads
 from experiments.harness.configuration import Configuration, check_writable
 from experiments.harness.environment import BUSY_LOAD, Environment, read_environment
 from experiments.methods import METHODS
 from scenes.built_in import BUILT_IN
 from scenes.directory import SCENES_VARIABLE, meshes_of, scene_folders
 
-_COLUMNS, _NAME_COLUMNS = 80, 14
 _LONGEST_LIST = 120
 """A folder may hold any number of meshes, and a package give any reason."""
-
-
-@dataclass(frozen=True)
-class Diagnosis:
-    """facts: names and what is here, in the order shown. doubts: what may spoil times, or a sweep. obstacles: why
-    nothing can be measured here; empty = it can."""
-
-    facts: tuple[tuple[str, str], ...]
-    doubts: tuple[str, ...]
-    obstacles: tuple[str, ...]
 
 
 def run_doctor(configuration: Configuration) -> None:
     """Print the diagnosis; raises SystemExit(1) when nothing can be measured here, the reason being the last line."""
     diagnosis = diagnose(configuration)
-    print(render(diagnosis))
+    print(render(diagnosis, "points", "measured"))
     if diagnosis.obstacles:
         raise SystemExit(1)
 
 
 def diagnose(configuration: Configuration) -> Diagnosis:
     """Look at all that a run relies on. Nothing is measured or written, and what is missing is no error."""
-    library, embree_obstacles = _load_embree()
+    library, embree_obstacles = load_embree()
     results, results_obstacles = _results(configuration)
     scenes, scene_doubts = _scenes()
     environment = read_environment(None if library is None else embree_version())
     facts = [
         *_machine(environment),
-        *_embree(library),
+        *embree_facts(library),
         *scenes,
         ("peers", "; ".join(_peers())),
-        ("kernels", f"kept in {cache_folder()}" if cache_folder() else "not kept"),
+        ("kernels", say_kernels()),
         ("results", results),
     ]
-    doubts = [*scene_doubts, *_doubts(environment, configuration)]
+    doubts = [*scene_doubts, *_doubts(environment, configuration), *kernel_doubts()]
     return Diagnosis(tuple(facts), tuple(doubts), (*embree_obstacles, *results_obstacles))
-
-
-def render(diagnosis: Diagnosis) -> str:
-    """Lines of 80 columns, and as the last one, of any length, whether points can be measured or why not."""
-    lines = [
-        textwrap.fill(
-            printable(text),
-            _COLUMNS,
-            initial_indent=name.ljust(_NAME_COLUMNS),
-            subsequent_indent=" " * _NAME_COLUMNS,
-            break_on_hyphens=False,
-        )
-        for name, text in [*diagnosis.facts, ("doubts", "; ".join(diagnosis.doubts) or "none")]
-    ]
-    why_not = printable("; and ".join(diagnosis.obstacles))
-    return "\n".join([*lines, f"nothing can be measured here: {why_not}" if why_not else "points can be measured here"])
 
 
 def _machine(environment: Environment) -> Iterator[tuple[str, str]]:
@@ -82,10 +61,7 @@ def _machine(environment: Environment) -> Iterator[tuple[str, str]]:
     yield "Python", f"{environment.python_version}, {versions}"
     yield "system", f"{environment.system} {environment.system_release}, {environment.machine}"
     yield "CPU", environment.cpu
-    here = ", ".join(instruction_sets_here() or environment.cpu_extensions) or "none that is known"
-    held = os.environ.get(VARIABLE)
-    used = f"Embree and Numba are held to {held} ({VARIABLE})" if held else f"all are used ({VARIABLE} is not set)"
-    yield "instructions", f"{here}; {used}"
+    yield "instructions", say_instructions(environment.cpu_extensions)
     yield "cores", _cores(environment)
     total_gib, free_gib = environment.memory_total_bytes / 2**30, environment.memory_available_bytes / 2**30
     yield "memory", f"{total_gib:.1f} GiB, {free_gib:.1f} GiB free"
@@ -99,23 +75,6 @@ def _cores(environment: Environment) -> str:
     if affinity is not None and len(affinity) != logical:
         told += f"; this process may use only {_cut(', '.join(map(str, affinity)))}"
     return told
-
-
-def _load_embree() -> tuple[Library | None, list[str]]:
-    try:
-        return load_library(), []
-    except AtraError as error:
-        return None, [str(error)]
-
-
-def _embree(library: Library | None) -> Iterator[tuple[str, str]]:
-    if library is None:
-        yield "Embree", "cannot be used, see the last line"
-    else:
-        widths = ", ".join(map(str, library.native_packet_widths))
-        by = f"; named by {OVERRIDE_VARIABLE}" if os.environ.get(OVERRIDE_VARIABLE) else ""
-        yield "Embree", f"{embree_version()}, native packets of {widths}{by}"
-        yield "libembree4", str(library.path)
 
 
 def _scenes() -> tuple[list[tuple[str, str]], list[str]]:
@@ -149,12 +108,13 @@ def _results(configuration: Configuration) -> tuple[str, list[str]]:
 
 def _doubts(environment: Environment, configuration: Configuration) -> Iterator[str]:
     load, budget_gib = environment.load_average, configuration.measure.memory_budget_gib
+    cores, threads = resolve_threads(None), configuration.threads
+    if threads is not None and threads > cores:
+        yield f"more threads are asked for than there are cores ({threads} on {cores})"
     if load and load[0] > BUSY_LOAD:
         yield f"the machine is busy (load {load[0]:.1f})"
     if budget_gib is not None and environment.memory_available_bytes < budget_gib * 2**30:
         yield f"less memory is free than a point may take (measure.memory_budget_gib={budget_gib:g})"
-    if cache_folder() is None:
-        yield "every process compiles its kernels, as Numba may write nowhere; NUMBA_CACHE_DIR can name a folder"
 
 
 def _cut(text: str) -> str:

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import sys
+from pathlib import Path
 
 from rich.console import Console
 
 from atra.errors import InputError, printable
+from experiments.commands.program import PROGRAM
 from experiments.harness.configuration import Configuration, check_writable, records_folder
 from experiments.harness.identity import measure
 from experiments.harness.lock import exclusive
@@ -15,10 +17,11 @@ from experiments.harness.progress import SweepProgress
 from experiments.harness.records import Record, write_record
 from experiments.results.table import make_table
 from experiments.results.terminal import print_point, results_console, say_label, say_outcome
+from experiments.workloads import find_workload
 
 
 def run_single_point(configuration: Configuration) -> Record:
-    """Measure the point (always anew), write its record, print its table.
+    """Measure the point (always anew), write its record and files, print its table.
 
     Raises InputError, MemoryBudgetError or EmbreeError for what cannot be measured, and SystemExit(1), with what the
     worker printed on stderr, when measuring itself went wrong.
@@ -36,10 +39,18 @@ def run_single_point(configuration: Configuration) -> Record:
     if record.status == "ok":
         print_point(make_table([record]).iloc[0], results_console())
         print(f"record: {path}")
+        for written in _write_files(configuration, record):
+            print(f"written: {written}")
         return record
     if record.results.get("on_purpose"):
         raise InputError(str(record.error))
     for line in str(record.results.get("worker_output", "")).splitlines():
         print(printable(line), file=sys.stderr)
-    print(f"run.py: {printable(str(record.error))}; record: {path}", file=sys.stderr)
+    print(f"{PROGRAM}: {printable(str(record.error))}; record: {path}", file=sys.stderr)
     raise SystemExit(1)
+
+
+def _write_files(configuration: Configuration, record: Record) -> list[Path]:
+    """What a workload makes of a point beside numbers, in a folder of its name."""
+    room = find_workload(configuration.workload.name).part("files")
+    return [] if room is None else room.write(Path(configuration.results_dir) / configuration.workload.name, record)

@@ -11,7 +11,8 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from experiments.drawing.pages import write_notes
-from experiments.drawing.values import TIMES, drawable
+from experiments.drawing.style import TIMES
+from experiments.drawing.values import drawable
 
 
 @dataclass(frozen=True)

@@ -11,8 +11,8 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from experiments.drawing.style import BLACK, GREY, PANEL_INCHES, SMALL
-from experiments.drawing.values import TIMES, column, varies
+from experiments.drawing.style import BLACK, GREY, PANEL_INCHES, SMALL, TIMES
+from experiments.drawing.values import column, varies
 
 
 def stand_in_note(stands_for: str | None) -> str:

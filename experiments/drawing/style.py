@@ -9,3 +9,5 @@ PANEL_INCHES = 4.9
 """Width of a panel and what belongs to it: one fills a page of 400 px, whose margins leave 358."""
 SMALL = 9.0
 """Points of the smallest text, which are as many pixels there."""
+
+TIMES = "\N{MULTIPLICATION SIGN}"

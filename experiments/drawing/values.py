@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 
 MILLISECONDS = 1e3
 MEBIBYTES = 2.0**-20
-TIMES = "\N{MULTIPLICATION SIGN}"
 
 
 def column(table: pd.DataFrame, name: str) -> pd.Series:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, is_dataclass
+from dataclasses import dataclass, field, fields, is_dataclass
+from difflib import get_close_matches
 from enum import Enum
 from math import isfinite
 from pathlib import Path
@@ -188,9 +189,29 @@ def _check_fields(section: Any, path: str = "") -> None:
     """Raise InputError for a field that Hydra was made to add, as by `+field=value`."""
     for name, value in vars(section).items():
         if name not in section.__dataclass_fields__:
-            raise InputError(say_unknown_field(type(section), path + name))
+            raise InputError(say_unknown(type(section), path + name))
         if is_dataclass(value):
             _check_fields(value, f"{path}{name}.")
+
+
+def say_unknown(kind: type, path: str) -> str:
+    """That `kind` has no such field, which it has, and which was perhaps meant: one of that name elsewhere, or of a
+    name much like it."""
+    known = [one for one in _fields_of(Configuration) if one != path]
+    name = path.rpartition(".")[2]
+    meant = [one for one in known if one.rpartition(".")[2] == name] or get_close_matches(path, known, 1, 0.8)
+    return say_unknown_field(kind, path) + (f"; did you mean {' or '.join(meant)}?" if meant else "")
+
+
+def _fields_of(kind: type, path: str = "") -> list[str]:
+    """Every field that can be set, as it is written on the command line, each once."""
+    found = []
+    for one in fields(kind):
+        sections = [one.default_factory] if is_dataclass(one.default_factory) else []
+        sections += [chosen.options for chosen in _GROUPS[one.name]()] if one.name in _GROUPS else []
+        below = [name for section in sections for name in _fields_of(section, f"{path}{one.name}.")]
+        found += [f"{path}{one.name}", *below]
+    return list(dict.fromkeys(found))
 
 
 def check_configuration(configuration: Configuration) -> None:

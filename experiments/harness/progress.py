@@ -12,6 +12,9 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn
 
 from atra.errors import printable
 
+_ENOUGH = 3
+"""Points whose mean says how long the others will take."""
+
 
 class SweepProgress:
     """Progress over `total` points; a context manager.
@@ -24,7 +27,9 @@ class SweepProgress:
         self._console = console
         self._clock = clock
         self._done = 0
-        self._started_s = clock()
+        self._begun_s = clock()
+        self._kinds: set[str] = set()
+        self._typical_s: list[float] = []
         self._bar = Progress(
             SpinnerColumn(),
             BarColumn(bar_width=24),
@@ -51,9 +56,19 @@ class SweepProgress:
         """A point starts."""
         self._bar.update(self._task, description=escape(printable(label)), left=self._left())
 
-    def end(self, label: str, outcome: str) -> None:
-        """The point begun last is done."""
+    def end(self, label: str, outcome: str, kind: str | None = None) -> None:
+        """The point begun last is done, or the next of several begun together.
+
+        kind: of points that compile the same kernels. The first of a kind may have waited for them, so how long it took
+        says nothing of the others; None = it says as much as any.
+        """
         self._done += 1
+        now_s = self._clock()
+        if kind is None or kind in self._kinds:
+            self._typical_s.append(now_s - self._begun_s)
+        elif kind is not None:
+            self._kinds.add(kind)
+        self._begun_s = now_s
         self._bar.update(self._task, completed=self._done, left=self._left())
         count = f"[{self._done:>{len(str(self._total))}}/{self._total}]"
         left = "" if self._console.is_terminal else f" ({self._left()})"
@@ -63,9 +78,9 @@ class SweepProgress:
         remaining = self._total - self._done
         if remaining == 0:
             return "none left"
-        if self._done == 0:
+        if len(self._typical_s) < _ENOUGH:
             return f"{remaining} left"
-        eta_s = (self._clock() - self._started_s) / self._done * remaining
+        eta_s = sum(self._typical_s) / len(self._typical_s) * remaining
         return f"{remaining} left, about {_duration(eta_s)}"
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import pandas as pd
 
-from experiments.drawing.values import TIMES
+from experiments.drawing.style import TIMES
 from experiments.harness.options import plain_options
 from experiments.methods import METHODS, find_method
 from experiments.methods.method import Method

@@ -102,12 +102,14 @@ def render_report(contents: ReportContents) -> str:
     table = contents.table
     gains, no_gains = _gains(contents.processes)
     replaced = stand_ins(table)
-    claims = [(readings, verdict_on(readings)) for readings in by_claim(contents.claims)]
+    # A sweep that measures nothing of what the paper claims has no verdict to show.
+    judged = contents.claims if any(one.verdict != NOT_MEASURED for one in contents.claims) else ()
+    claims = [(readings, verdict_on(readings)) for readings in by_claim(judged)]
     return environment.get_template("template.html").render(
         contents=contents,
         style=Markup((_TEMPLATES / "report.css").read_text(encoding="utf-8")),
         marks=_MARKS,
-        conclusion=conclude(contents.claims, gains, replaced.values()) if contents.claims else None,
+        conclusion=conclude(judged, gains, replaced.values()) if judged else None,
         gains=gains,
         no_gains=no_gains,
         readings=READINGS,

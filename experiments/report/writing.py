@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import asdict
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -37,6 +39,28 @@ _COMMAND_FILE = "command.txt"
 """Keeps what the user ran, for a report written later."""
 
 
+def choose_folder(configuration: Configuration, points: Collection[str], command: str, console: Console) -> Path:
+    """The sweep's folder: that of its name, or where that holds another sweep's table, one with a number behind the
+    name, which `configuration.sweep.name` then has, too.
+
+    points: identities of all that the sweep measures. A table is this sweep's if the same command made it, or if it
+    holds none but these.
+    """
+    name = configuration.sweep.name
+    for number in count(2):
+        folder = results_folder(configuration)
+        tables = _readable_tables(folder, console)
+        if tables is None or _command_of(folder) == command or set(tables.points["point_id"]) <= set(points):
+            return folder
+        configuration.sweep.name = f"{name}_{number}"
+        say(
+            console,
+            f"{folder} holds the table of `{_command_of(folder)}`, which stays; this sweep goes to "
+            f"{results_folder(configuration)}, unless sweep.name=... says otherwise",
+        )
+    raise AssertionError("numbers do not end")
+
+
 def write_results(configuration: Configuration, tables: Tables, command: str) -> None:
     """Write tables, figures and, where the sweep asks for it, claims and page into its folder."""
     folder = results_folder(configuration)
@@ -59,9 +83,13 @@ def rewrite_report(configuration: Configuration) -> Path:
     check_figures(configuration.sweep.figures, configuration.sweep.grids)
     with exclusive(folder.parent, folder):
         tables = read_tables(folder) or make_tables([])
-        command_file = folder / _COMMAND_FILE
-        command = command_file.read_text(encoding="utf-8").strip() if command_file.exists() else ""
-        return _write_what_follows(configuration, tables, command=command, report=True)
+        return _write_what_follows(configuration, tables, command=_command_of(folder), report=True)
+
+
+def _command_of(folder: Path) -> str:
+    """What the user ran, "" where nobody knows."""
+    path = folder / _COMMAND_FILE
+    return path.read_text(encoding="utf-8").strip() if path.exists() else ""
 
 
 def _write_what_follows(configuration: Configuration, tables: Tables, *, command: str, report: bool) -> Path:
@@ -109,11 +137,7 @@ def _environment(table: pd.DataFrame, records: Path) -> dict[str, Any]:
 
 def tell_whose_tables_are_replaced(folder: Path, records: Path, console: Console) -> None:
     """Say so if the sweep's earlier table is of another machine or version, which is why points are measured anew."""
-    try:
-        tables = read_tables(folder)
-    except InputError as error:
-        say(console, f"warning: {error}")
-        return
+    tables = _readable_tables(folder, console)
     for point_identity in [] if tables is None else tables.points["point_id"]:
         try:
             record = load_record(records, point_identity)
@@ -128,3 +152,11 @@ def tell_whose_tables_are_replaced(folder: Path, records: Path, console: Console
                     f"points are measured anew and it is replaced, but its records stay in {records}",
                 )
             return
+
+
+def _readable_tables(folder: Path, console: Console) -> Tables | None:
+    try:
+        return read_tables(folder)
+    except InputError as error:
+        say(console, f"warning: {error}")
+        return None

@@ -262,6 +262,12 @@ def _load(record: Record) -> float | None:
     return load[0] if load else None
 
 
+def _cores(record: Record) -> int | None:
+    """Those that the process could run on, hardware threads counted; None where nobody knows."""
+    affinity = record.environment.get("affinity")
+    return len(affinity) if affinity else record.environment.get("logical_cores")
+
+
 def _say_vector(vector: Sequence[float] | None) -> str | None:
     """ "0, 1, 3.5", every digit kept; None where a record holds none."""
     return None if vector is None else ", ".join(repr(float(value)).removesuffix(".0") for value in vector)
@@ -291,4 +297,7 @@ def _doubts(record: Record) -> str | None:
     taken = sum(record.results.get(name) or 0.0 for name in ("others_share", "stolen_share"))
     if taken > BUSY_SHARE:
         doubts.append(f"others took {taken:.0%} of its cores")
+    cores, threads = _cores(record), record.results.get("threads")
+    if cores and threads and threads > cores:
+        doubts.append(f"{threads} threads on {cores} cores")
     return "; ".join(doubts) or None

@@ -58,7 +58,7 @@ def print_point(row: pd.Series, console: Console) -> None:
     title = escape(printable(f"{row['scene']}, {row['width']} x {row['height']}: {say_point(row)}"))
     shown = Table(title=title, show_header=False, title_justify="left")
     for style in ("bold", "", "dim"):
-        shown.add_column(style=style)
+        shown.add_column(style=style, overflow="fold")
     workload, counters = find_workload(str(row["workload"])), find_method(str(row["method"])).counters
     names = [
         "triangles",
@@ -130,6 +130,5 @@ def _kind_of_error(error: str) -> str:
 
 
 def results_console() -> Console:
-    """Where results are printed; wide enough for the tables where there is no terminal to ask."""
-    console = Console()
-    return console if console.is_terminal else Console(width=120)
+    """Where results are printed: as wide as the terminal, and 80 columns where there is none to ask."""
+    return Console()

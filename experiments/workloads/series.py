@@ -8,8 +8,8 @@ from typing import Any
 import pandas as pd
 
 from experiments.drawing.missing import missing_points
-from experiments.drawing.style import BLACK, DASHED, GREY
-from experiments.drawing.values import TIMES, column
+from experiments.drawing.style import BLACK, DASHED, GREY, TIMES
+from experiments.drawing.values import column
 from experiments.methods import METHODS, find_method
 from experiments.methods.naming import say_split
 from experiments.methods.pixel import PIXEL

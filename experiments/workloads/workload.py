@@ -50,7 +50,8 @@ class Workload:
 
     name: as configured. options: its own typed settings, with defaults. columns: of the table, each read from a record.
     headline: a measured record -> its line on the terminal. room: the package with what is imported only where it is
-    needed: `measure` (in the worker), and if there is any `figures`, `terminal` and `results`.
+    needed: `measure` (in the worker), and if there is any `figures`, `terminal`, `results` (files of a sweep) and
+    `files` (of a single point).
     samples: which series a record of a point must hold. optional: series that it may hold beside these, at least one.
     judged: the series whose spread makes a point doubtful. needs: results that a measured record holds at least.
     canary: what a measured record says of the machine alone (`experiments.results.canary`).

@@ -11,8 +11,8 @@ from atra.judge.compare import Verdict
 from experiments.drawing.axes import tidy_axis
 from experiments.drawing.figure import FigureKind, of_table
 from experiments.drawing.pages import add_legend, write_foot, write_notes
-from experiments.drawing.style import BLACK, BLUE, GREY, SMALL
-from experiments.drawing.values import TIMES, column, numbers
+from experiments.drawing.style import BLACK, BLUE, GREY, SMALL, TIMES
+from experiments.drawing.values import column, numbers
 from experiments.methods.naming import say_kind
 from experiments.results.settings import settings
 from experiments.results.table import workload_rows

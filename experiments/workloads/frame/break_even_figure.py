@@ -12,8 +12,8 @@ from matplotlib.ticker import FuncFormatter
 
 from experiments.drawing.axes import say_nothing_measured, tidy_axis
 from experiments.drawing.pages import add_legend, write_foot, write_notes, write_table
-from experiments.drawing.style import DOTTED, GREEN, SMALL
-from experiments.drawing.values import MILLISECONDS, TIMES, say_number
+from experiments.drawing.style import DOTTED, GREEN, SMALL, TIMES
+from experiments.drawing.values import MILLISECONDS, say_number
 from experiments.methods import METHODS
 from experiments.methods.naming import best_of, say_series, say_split
 from experiments.methods.pixel import PIXEL

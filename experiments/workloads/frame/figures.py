@@ -44,7 +44,7 @@ def _peers(table: pd.DataFrame) -> pd.DataFrame:
     return rows if rows["method"].isin(others).any() else rows[:0]
 
 
-FIGURES = (
+_TELLING = (
     FigureKind(
         "figure4", "Figure 4: speed-up over the splits of both axes, culling on",
         lambda table: _over(table, "split_x", "split_y"),
@@ -75,3 +75,12 @@ FIGURES = (
     ),
     FigureKind("peers", "Rays per second beside other ray tracers", _peers, of_table(draw_peers_figure)),
 )  # fmt: skip
+
+
+def _untold(table: pd.DataFrame) -> pd.DataFrame:
+    """All rows, where no other figure has anything to show: a sweep over scenes, views, packets or pixels alone."""
+    rows = _rows(table)
+    return rows[:0] if len(rows) < 2 or any(len(kind.rows(table)) for kind in _TELLING) else rows
+
+
+FIGURES = (*_TELLING, FigureKind("rates", "Rays per second", _untold, of_table(draw_peers_figure)))

@@ -10,8 +10,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from experiments.drawing.pages import add_legend, write_foot
-from experiments.drawing.style import DASHED, GREY, PURPLE, SMALL, VERMILLION
-from experiments.drawing.values import MILLISECONDS, TIMES, drawable, numbers, say_number
+from experiments.drawing.style import DASHED, GREY, PURPLE, SMALL, TIMES, VERMILLION
+from experiments.drawing.values import MILLISECONDS, drawable, numbers, say_number
 from experiments.methods.aligned_forms import aligned_rows
 from experiments.workloads.panels import draw_panels, make_panels
 from experiments.workloads.ratios import best_rows, own_ratio, say_baseline

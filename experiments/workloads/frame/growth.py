@@ -10,7 +10,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from experiments.drawing.values import TIMES, column, drawable, numbers, varies
+from experiments.drawing.style import TIMES
+from experiments.drawing.values import column, drawable, numbers, varies
 from experiments.methods import find_method
 from experiments.methods.naming import best_of, say_series
 from experiments.results.settings import say_setting, settings_that_vary

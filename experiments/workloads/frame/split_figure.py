@@ -12,8 +12,8 @@ from matplotlib.figure import Figure
 from experiments.drawing.axes import draw_series, finish_split_axes
 from experiments.drawing.missing import Missing, mark_missing, without_value
 from experiments.drawing.pages import add_legend, write_foot, write_lines
-from experiments.drawing.style import DASH_DOTTED, GREY
-from experiments.drawing.values import MILLISECONDS, TIMES, numbers, say_number
+from experiments.drawing.style import DASH_DOTTED, GREY, TIMES
+from experiments.drawing.values import MILLISECONDS, numbers, say_number
 from experiments.methods.aligned_forms import (
     COPIED_OFF,
     FORM_OPTIONS,

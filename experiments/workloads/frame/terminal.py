@@ -15,16 +15,14 @@ from experiments.workloads.frame.best_baseline import baseline_lines
 from experiments.workloads.frame.growth import growth_lines
 from experiments.workloads.ratios import best_rows
 from experiments.workloads.resources import say_ms
-
-_LEFT = ("scene", "method")
+from experiments.workloads.screen import narrow_table
 
 
 def sweep_lines(rows: pd.DataFrame) -> Iterator[Table | str]:
     """The best split of each scene, kind of method and packet width, with all that is wrong over the splits; and how
     times grow, where triangles or pixels do. rows: those of this workload that were measured."""
-    best = Table(title="best split of each scene", title_justify="left")
-    for name in (*_LEFT, "packets of", "split", "frame", "vs rtcIntersect1", "vs packets", "pixels wrong"):
-        best.add_column(name, justify="left" if name in _LEFT else "right")
+    numbers = ("packets\nof", "split", "frame", "single\nrays", "packets", "pixels\nwrong")
+    best = narrow_table("best split of each scene, and speed-up over single rays and packets", "scene, method", numbers)
     varying = settings_that_vary(rows, (*best_of(), "packet_width"))
     kinds = pd.Series(
         [", ".join([say_kind(row), *(say_setting(name, row[name]) for name in varying)]) for _, row in rows.iterrows()],
@@ -34,8 +32,7 @@ def sweep_lines(rows: pd.DataFrame) -> Iterator[Table | str]:
     for (scene, kind, width), some in rows.groupby(["scene", kinds, "packet_width"], sort=False):
         row = best_rows(some).iloc[0]
         best.add_row(
-            escape(printable(str(scene))),
-            escape(printable(kind)),
+            escape(printable(f"{scene}, {kind}")),
             str(width),
             say_split(row).partition(",")[0].replace(TIMES, "x"),
             say_ms(row["render_time_s"]),

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from experiments.drawing.axes import place_counts, say_nothing_measured, tidy_axis
 from experiments.drawing.pages import add_legend, write_foot, write_lines, write_notes
-from experiments.drawing.style import BLACK, DOTTED
-from experiments.drawing.values import TIMES, column, drawable, numbers
+from experiments.drawing.style import BLACK, DOTTED, TIMES
+from experiments.drawing.values import column, drawable, numbers
 from experiments.methods.naming import best_of, say_series, say_split
 from experiments.workloads.frame.break_even import time_rows
 from experiments.workloads.panels import draw_panels, make_panels

@@ -9,8 +9,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from experiments.drawing.style import BLACK, BLUE, GREEN, ORANGE, VERMILLION
-from experiments.drawing.values import TIMES, drawable, numbers
+from experiments.drawing.style import BLACK, BLUE, GREEN, ORANGE, TIMES, VERMILLION
+from experiments.drawing.values import drawable, numbers
 from experiments.workloads.ratios import OVER_PACKETS, choosing
 
 

@@ -17,8 +17,7 @@ from atra.judge.compare import Verdict
 from experiments.drawing.figure import FigureKind
 from experiments.drawing.pages import stand_in_note
 from experiments.drawing.shading import DIFFERENCE_COLOURS
-from experiments.drawing.style import GREY
-from experiments.drawing.values import TIMES
+from experiments.drawing.style import GREY, TIMES
 from experiments.results.table import workload_rows
 from experiments.workloads.picture import PICTURE
 from experiments.workloads.picture.pictures import ScenePictures, read_pictures

@@ -1,0 +1,55 @@
+"""Cameras for `atra render`: a COLMAP model, a transforms.json, or a JSON file of cameras by name."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from atra.cameras.colmap import read_colmap
+from atra.cameras.entries import entry, pixels, read_json
+from atra.cameras.nerf import read_transforms
+from atra.errors import InputError
+from atra.geometry.camera import Camera
+from atra.geometry.view import View
+
+_SIZE = ("width", "height")
+_KINDS = (("eye", "target"), ("K", "R", "t"))
+"""What a camera must have, beside its size: it looks at something, or was calibrated as OpenCV does."""
+_OPTIONAL = ("up", "fov_y_degrees")
+
+
+def read_cameras(path: Path, size: tuple[int, int] | None = None) -> dict[str, View]:
+    """The cameras at `path` by name, in its order. size: width and height of those that do not tell theirs.
+
+    A folder is a COLMAP model; a JSON file with frames a transforms.json; another maps names to what `atra.Camera`
+    takes (eye, target, up, fov_y_degrees, width, height) or `atra.Camera.from_opencv` (K, R, t, width, height).
+    Raises InputError, naming file and entry, for whatever cannot be used.
+    """
+    if path.is_dir():
+        return dict(read_colmap(path))
+    given = read_json(path)
+    if "frames" in given:
+        return dict(read_transforms(path, size))
+    cameras: dict[str, View] = {}
+    for name, fields in given.items():
+        with entry(f"{path}, camera {name!r:.100}"):
+            cameras[name] = _camera(fields, size)
+    if not cameras:
+        raise InputError(f"{path} has no camera, expected at least one")
+    return cameras
+
+
+def _camera(fields: Any, size: tuple[int, int] | None) -> View:
+    told: dict[str, Any] = dict(zip(_SIZE, size or (), strict=False)) | (fields if isinstance(fields, dict) else {})
+    kind = next((names for names in _KINDS if set(names) <= set(told)), None)
+    if kind is None:
+        raise InputError("it has neither eye and target nor K, R and t")
+    for name in told:
+        if name not in (*kind, *_SIZE) and (name not in _OPTIONAL or kind is not _KINDS[0]):
+            raise InputError(f"its field {name!r} is unknown, expected {', '.join((*kind, *_SIZE))}")
+    if not set(_SIZE) <= set(told):
+        raise InputError("the size of the image is not told, expected width and height; or give --size 1920 1080")
+    width, height = (pixels(name, told.pop(name)) for name in _SIZE)
+    if kind is _KINDS[0]:
+        return Camera(**told, width=width, height=height)
+    return Camera.from_opencv(**told, width=width, height=height)

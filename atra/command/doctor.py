@@ -1,0 +1,107 @@
+"""`atra doctor`: what this machine has and what it lacks, on one screen, as a bug report needs it."""
+
+from __future__ import annotations
+
+import os
+import platform
+import textwrap
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from importlib.metadata import version
+
+import atra
+from atra.embree.instruction_sets import VARIABLE, instruction_sets_here
+from atra.embree.library import OVERRIDE_VARIABLE, Library, embree_version, load_library
+from atra.errors import AtraError, printable
+from atra.kernels.caching import cache_folder
+from atra.parallel import resolve_threads
+
+_COLUMNS, _NAME_COLUMNS = 80, 14
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """facts: names and what is here, in the order shown. doubts: what may spoil results. obstacles: why nothing can be
+    done here; empty = it can."""
+
+    facts: tuple[tuple[str, str], ...]
+    doubts: tuple[str, ...]
+    obstacles: tuple[str, ...]
+
+
+def run_doctor() -> int:
+    """Print what the library needs of this machine; returns 1 when nothing can be traced, the reason being the last
+    line, else 0."""
+    diagnosis = diagnose()
+    print(render(diagnosis, "views", "traced"))
+    return 1 if diagnosis.obstacles else 0
+
+
+def diagnose() -> Diagnosis:
+    """Look at all that the library relies on. Nothing is traced or written, and what is missing is no error."""
+    library, obstacles = load_embree()
+    facts = [
+        ("atra", atra.__version__),
+        ("Python", f"{platform.python_version()}, NumPy {version('numpy')}, Numba {version('numba')}"),
+        ("system", f"{platform.system()} {platform.release()}, {platform.machine()}"),
+        ("instructions", say_instructions()),
+        ("cores", f"{resolve_threads(None)} for this process"),
+        *embree_facts(library),
+        ("kernels", say_kernels()),
+    ]
+    return Diagnosis(tuple(facts), tuple(kernel_doubts()), tuple(obstacles))
+
+
+def render(diagnosis: Diagnosis, things: str, done: str) -> str:
+    """Lines of 80 columns, and as the last one, of any length, that `things` can be `done` here, or why not."""
+    lines = [
+        textwrap.fill(
+            printable(text),
+            _COLUMNS,
+            initial_indent=name.ljust(_NAME_COLUMNS),
+            subsequent_indent=" " * _NAME_COLUMNS,
+            break_on_hyphens=False,
+        )
+        for name, text in [*diagnosis.facts, ("doubts", "; ".join(diagnosis.doubts) or "none")]
+    ]
+    why_not = printable("; and ".join(diagnosis.obstacles))
+    last = f"nothing can be {done} here: {why_not}" if why_not else f"{things} can be {done} here"
+    return "\n".join([*lines, last])
+
+
+def load_embree() -> tuple[Library | None, list[str]]:
+    """Embree, or why it cannot be used."""
+    try:
+        return load_library(), []
+    except AtraError as error:
+        return None, [str(error)]
+
+
+def embree_facts(library: Library | None) -> Iterator[tuple[str, str]]:
+    """Its version, its packets, and where it is."""
+    if library is None:
+        yield "Embree", "cannot be used, see the last line"
+    else:
+        widths = ", ".join(map(str, library.native_packet_widths))
+        by = f"; named by {OVERRIDE_VARIABLE}" if os.environ.get(OVERRIDE_VARIABLE) else ""
+        yield "Embree", f"{embree_version()}, native packets of {widths}{by}"
+        yield "libembree4", str(library.path)
+
+
+def say_instructions(extensions: Sequence[str] = ()) -> str:
+    """Instruction sets, or what else the processor is known to have where they have other names, and which are used."""
+    here = ", ".join(instruction_sets_here() or extensions) or "none that is known"
+    held = os.environ.get(VARIABLE)
+    used = f"Embree and Numba are held to {held} ({VARIABLE})" if held else f"all are used ({VARIABLE} is not set)"
+    return f"{here}; {used}"
+
+
+def say_kernels() -> str:
+    """Where compiled kernels are kept."""
+    return f"kept in {cache_folder()}" if cache_folder() else "not kept"
+
+
+def kernel_doubts() -> Iterator[str]:
+    """That they are kept nowhere."""
+    if cache_folder() is None:
+        yield "every process compiles its kernels, as Numba may write nowhere; NUMBA_CACHE_DIR can name a folder"

@@ -1,0 +1,71 @@
+"""Entry of the console command: `atra doctor`, `atra render`, and whatever the harness does, where that is installed.
+
+Exit codes: 0 done, 1 something failed, 2 the input cannot be used, 130 interrupted.
+"""
+
+from __future__ import annotations
+
+import sys
+from argparse import ArgumentParser, RawDescriptionHelpFormatter
+from importlib.util import find_spec
+from pathlib import Path
+
+import atra
+from atra.command.doctor import run_doctor
+from atra.command.render import add_render, run_render
+from atra.errors import AtraError
+
+_CLONE = Path(__file__).resolve().parents[2]
+_OF_THE_HARNESS = ("measure", "report", "fetch", "-m", "--multirun")
+_NEEDS_THE_HARNESS = "needs the harness; in a clone of atra's repository, run: pip install -e '.[harness]'"
+_WITH_THE_HARNESS = """\
+with the harness, in a clone of atra's repository where `pip install -e '.[harness]'` was run:
+  atra measure method=pixel      measure one point and print it
+  atra sweep=horizontal          measure a sweep; table and figures are in results/horizontal
+  atra report sweep=horizontal   write its figures, claims and page anew, without measuring
+  atra fetch scene=sponza        download a scene
+  atra measure --help            every field
+"""
+
+
+def main() -> int:
+    """Run the command line and return its exit code."""
+    verb = sys.argv[1] if len(sys.argv) > 1 else "--help"
+    if "=" in verb or verb in _OF_THE_HARNESS or (verb == "doctor" and _harness_is_here()):
+        if not _harness_is_here():
+            print(f"atra: {verb} {_NEEDS_THE_HARNESS}", file=sys.stderr)
+            return 2
+        from experiments.cli import main as run_harness
+
+        return run_harness()
+    arguments = _parser().parse_args(sys.argv[1:] or [verb])
+    try:
+        return int(arguments.run(arguments))
+    except AtraError as error:
+        print(f"atra: {error}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print("atra: interrupted", file=sys.stderr)
+        return 130
+
+
+def _harness_is_here() -> bool:
+    """It lies beside the library, in a clone, and has packages of its own."""
+    return (_CLONE / "experiments" / "cli.py").is_file() and find_spec("hydra") is not None
+
+
+def _parser() -> ArgumentParser:
+    parser = ArgumentParser(
+        "atra",
+        description="What every pixel of a view sees: exact primary visibility.",
+        epilog=_WITH_THE_HARNESS,
+        formatter_class=RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--version", action="version", version=f"atra {atra.__version__}")
+    verbs = parser.add_subparsers(metavar="verb", required=True)
+    doctor = verbs.add_parser("doctor", help="say what this machine has and lacks; a bug report needs it")
+    doctor.set_defaults(run=lambda arguments: run_doctor())
+    render = verbs.add_parser("render", help="write what every view of a mesh sees: depth, triangles, normals, points")
+    add_render(render)
+    render.set_defaults(run=run_render)
+    return parser

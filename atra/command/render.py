@@ -1,0 +1,84 @@
+"""`atra render`: what every view of a mesh sees, as files, one view after the other."""
+
+from __future__ import annotations
+
+import re
+import sys
+from argparse import ArgumentParser, Namespace
+from collections.abc import Iterable
+from pathlib import Path, PurePosixPath
+
+from atra.command.cameras import read_cameras
+from atra.errors import InputError, StorageError, printable
+from atra.geometry.mesh_file import load_mesh
+from atra.rendering.render_views import render_views
+
+FORMATS = ("npz", "exr", "png", "ply")
+
+
+def add_render(parser: ArgumentParser) -> None:
+    """The arguments of `run_render`."""
+    parser.add_argument("mesh", type=Path, help="a file of any format that trimesh reads: model.glb, .obj, .ply, …")
+    parser.add_argument(
+        "--camera", type=Path, required=True, metavar="CAMERAS",
+        help="a COLMAP model's folder; a transforms.json; or a JSON file of cameras by name, each with eye and target "
+        "(and up, fov_y_degrees) or OpenCV's K, R and t, and with width and height",
+    )  # fmt: skip
+    parser.add_argument("--out", type=Path, required=True, metavar="FOLDER", help="where the files go, made if missing")
+    parser.add_argument(
+        "--format", nargs="+", choices=FORMATS, default=["npz"],
+        help="npz (the default): depth, prim_id, u, v, points, normals; exr: depth, prim_id, normals; png: depth to "
+        "look at; ply: points and normals",
+    )  # fmt: skip
+    parser.add_argument("--size", nargs=2, type=int, metavar=("WIDTH", "HEIGHT"), help="of cameras that tell none")
+    parser.add_argument("--threads", type=int, help="every core, unless told otherwise")
+
+
+def run_render(given: Namespace) -> int:
+    """Trace and write view after view, a line for each; returns 1 if some could not be traced, 0 else.
+
+    Raises InputError for what cannot be used, before anything is traced, and StorageError.
+    """
+    cameras = read_cameras(given.camera, None if given.size is None else tuple(given.size))
+    stems = file_stems(cameras)
+    mesh = load_mesh(given.mesh)
+    _make_folder(given.out)
+    print(f"{printable(str(given.mesh))}: {mesh.triangle_count:,} triangles; {len(cameras)} views", file=sys.stderr)
+    done = 0
+    try:
+        for name, hits in render_views(mesh, cameras, threads=given.threads):
+            paths = [given.out / f"{stems[name]}.{suffix}" for suffix in given.format]
+            for path in paths:
+                hits.save(path)
+            done += 1
+            written = ", ".join(printable(str(path)) for path in paths)
+            print(f"[{done:>{len(str(len(cameras)))}}/{len(cameras)}] {written}: {hits.hit.mean():.1%} hit", flush=True)
+    except ExceptionGroup as failures:
+        for error in failures.exceptions:
+            where = "; ".join(getattr(error, "__notes__", ()))
+            print(f"atra: {printable(f'{error} ({where})')}", file=sys.stderr)
+        print(f"atra: {done} of {len(cameras)} views are written", file=sys.stderr)
+        return 1
+    return 0
+
+
+def file_stems(names: Iterable[str]) -> dict[str, str]:
+    """Names of views -> names of files without suffix: no folders, and nothing that a file system treats as special.
+
+    Raises InputError where two views would share a file.
+    """
+    stems: dict[str, str] = {}
+    for name in names:
+        stem = re.sub(r"[^\w.-]+", "_", str(PurePosixPath(name).with_suffix("")) if name else "").strip("._") or "view"
+        if stem in stems.values():
+            other = next(one for one, taken in stems.items() if taken == stem)
+            raise InputError(f"the views {other!r} and {name!r} would both be written to {stem}; rename one of them")
+        stems[name] = stem
+    return stems
+
+
+def _make_folder(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise StorageError(f"{folder} cannot be made: {error.strerror}; choose another --out") from None
