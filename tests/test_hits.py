@@ -13,7 +13,7 @@ from PIL import Image
 
 import atra
 from atra.errors import InputError
-from atra.geometry.intersection import Intersections, intersect_pixels
+from atra.geometry.intersection import Intersections, Pairs, intersect_pixels
 from tests.images import make_tracer, trace
 from tests.meshes import EYE_AT_ORIGIN, cornell_box, cornell_camera, random_triangles
 
@@ -116,6 +116,19 @@ def test_a_triangle_whose_plane_holds_the_eye_or_lies_behind_it_has_a_normal_and
     np.testing.assert_array_equal(np.abs(hits.normals[hits.prim_id == 0]), [(1, 0, 0)] * (hits.prim_id == 0).sum())
     np.testing.assert_array_equal(hits.normals[hits.prim_id == 1], [(0, 0, 1)] * (hits.prim_id == 1).sum())
     assert np.isnan(hits.normals[hits.prim_id == 2]).all()
+
+
+def test_what_is_edge_on_but_for_rounding_has_no_weights() -> None:
+    forward = np.array((54.0, 41.0, 33.0))
+    camera = atra.OrthographicCamera((0, 0, 0), tuple(forward), view_height=4.0, width=21, height=9)
+    corners = (0.125, 0.25, 0.5) + np.array([2 * forward, 7 * forward, 3 * forward - (5.75, 4.875, 11.375)])
+    hits = hits_of(atra.Mesh(corners, [(0, 1, 2)]), camera, 0)
+    y, x, found = old_way(hits)
+    volumes = Pairs(hits.mesh, camera, x, y, hits.prim_id[y, x], hits.offset).volumes
+    assert (volumes.facing * volumes.ahead > 0).any()  # neither zero nor behind the eye
+    assert np.isnan(found.u).all()
+    assert np.isnan(hits.u).all()
+    assert np.isnan(hits.points).all()
 
 
 LIGHT = atra.OrthographicCamera.of_light((0.1, -0.2, -1), cornell_box().bounds, 67, 45)
