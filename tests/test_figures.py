@@ -10,6 +10,7 @@ import pandas as pd
 import pytest
 from matplotlib.axes import Axes
 from matplotlib.axis import Tick
+from matplotlib.figure import Figure
 from matplotlib.text import Text
 
 from atra.errors import InputError
@@ -23,6 +24,7 @@ from experiments.sweep import GridPoint, run_sweep
 from experiments.workloads.build.figures import draw_build_figure
 from experiments.workloads.frame.break_even_figure import draw_break_even_figure
 from experiments.workloads.frame.grid_figure import draw_grid_figure
+from experiments.workloads.frame.growth_figure import draw_growth_figure
 from experiments.workloads.frame.methods_figure import draw_methods_figure
 from experiments.workloads.frame.peers_figure import draw_peers_figure
 from experiments.workloads.frame.split_figure import ALL_HITS, draw_split_figure
@@ -227,6 +229,12 @@ def test_an_unknown_figure_or_grid_is_refused_with_the_known_names_before_anythi
     assert list(tmp_path.iterdir()) == []
 
 
+def draw_growth_to_larger_images(rows: pd.DataFrame, columns: int = 2) -> Figure:
+    """Growth takes two sizes: each row is there again with four times the pixels."""
+    larger = rows.assign(width=2 * rows["width"], height=2 * rows["height"])
+    return draw_growth_figure(pd.concat([rows, larger], ignore_index=True), columns)
+
+
 ONE_ROW = {
     "split": (draw_split_figure, time_row(1, 0.08)),
     "grid": (draw_grid_figure, time_row(1, 0.08)),
@@ -239,6 +247,7 @@ ONE_ROW = {
     "threads": (draw_threads_figure, method_row("visible_first", 4)),
     "peers": (draw_peers_figure, method_row("visible_first", 4)),
     "moving": (draw_moving_figure, method_row("visible_first", 4, workload="moving", kept_packets_time_s=0.04)),
+    "growth": (draw_growth_to_larger_images, method_row("visible_first", 4)),
     "stereo": (draw_stereo_figure, walk(2, 0.02) | {"motion": "eyes"}),
     "multiframe": (draw_multiframe_figure, walk(2, 0.02)),
 }

@@ -50,7 +50,7 @@ def timed(*names: str) -> dict[str, Any]:
         (replace(POINT, workload="picture"), timed() | {"results": MEMORY | COUNTS | {"pictures": {}}}),
         (
             replace(POINT, workload="multiframe", workload_options=MultiframeOptions()),
-            timed(*METHODS, "separate", "visible_first")
+            timed(*METHODS, "separate", "visible_first", "rasteriser")
             | {"results": MEMORY | COUNTS | TIMES | ROUNDS | {"pixels_equal": 124}},
         ),
     ],
