@@ -200,7 +200,7 @@ def test_ties_are_decided_where_the_image_plane_has_them(name):
     corners = [(-90, -90, 90, 90), (-5, -1, 9, 7)]
     walls = quads([[(x0, y0, -4), (x1, y0, -4), (x1, y1, -4), (x0, y1, -4)] for x0, y0, x1, y1 in corners[::-1]])
     reference = brute_force(walls, camera)
-    assert {0, 2} < set(np.unique(reference.prim_id).tolist())
+    assert (reference.prim_id < 2).any()  # on the small wall, where both are as deep
     for method in METHODS:
         hits = trace(method, walls, camera, (6, 2))
         agreement = assert_no_pixel_wrong(walls, camera, hits, reference)

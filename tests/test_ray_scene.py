@@ -15,7 +15,7 @@ from atra.embree.library import load_library
 from atra.geometry.intersection import intersect_rays
 from atra.kernels.exact.brute_force import nearest_triangles
 from atra.kernels.rays import CHUNK, SORTED_CHUNK, RayArrays
-from atra.rays.scene import FEWEST_SORTED
+from atra.rays.scene import FEWEST_RAYS
 from tests.images import assert_no_pixel_wrong, assert_same_bits, trace
 from tests.meshes import EYE_AT_ORIGIN, boards, cornell_box, cornell_camera, quads, random_triangles
 from tests.test_axis_near_views import closed_box
@@ -469,13 +469,20 @@ def assert_same_bits_of_rays(found, expected):
 
 
 @each_width
-def test_the_order_that_a_large_batch_is_traced_in_changes_no_bit(width):
-    mesh = MESHES["many small"]
-    nearest = np.linspace(0.0, 0.1, FEWEST_SORTED + 77)
+def test_the_order_that_a_large_batch_is_traced_in_changes_no_bit(width, monkeypatch):
+    monkeypatch.setattr(atra.rays.scene, "FEWEST_TRIANGLES", 1)
+    mesh, ordered = MESHES["many small"], []
+    order = atra.RayScene._ordered
+    monkeypatch.setattr(atra.RayScene, "_ordered", lambda *given: ordered.append(1) or order(*given))
+    nearest = np.linspace(0.0, 0.1, FEWEST_RAYS + 77)
     rays = random_rays(len(nearest), 9, mesh, tnear=nearest, tfar=nearest + 2)
     assert_same_bits_of_rays(traced(mesh, rays, width, coherent=None), traced(mesh, rays, width))
     with atra.RayScene(mesh, packet_width=width, threads=1) as scene:
         assert (scene.occluded(rays) == scene.occluded(rays, coherent=False)).all()
+        assert len(ordered) == 2
+        scene.intersect(atra.Rays(np.zeros((FEWEST_RAYS, 3)), np.ones((FEWEST_RAYS, 3))))  # has an order
+        scene.intersect(random_rays(FEWEST_RAYS - 1, 1, mesh))
+        assert len(ordered) == 2
 
 
 def test_a_large_batch_is_ordered_by_where_rays_start_and_head_whoever_orders_it():

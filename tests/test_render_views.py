@@ -128,13 +128,17 @@ class Elsewhere(Executor):
         return future
 
 
-def test_a_worker_on_another_machine_is_sent_the_mesh_once(expected, tmp_path):
-    executor = Elsewhere(tmp_path)
+def test_a_worker_on_another_machine_is_sent_the_mesh_once_with_what_was_found_of_it(expected, tmp_path, monkeypatch):
+    calls, find = [], ties._find
+    monkeypatch.setattr(ties, "_find", lambda mesh: calls.append(mesh) or find(mesh))
+    executor, mesh = Elsewhere(tmp_path), atra.Mesh(BOX.vertices, BOX.faces)
     try:
-        assert_as_expected(list(atra.render_views(BOX, CAMERAS, executor=executor, in_flight=1)), expected)
+        for name, hits in atra.render_views(mesh, CAMERAS, executor=executor, in_flight=1):
+            assert_same_bits(hits, expected[name])
     finally:
         shared_mesh._stages.pop("elsewhere").strike()
     assert executor.parcels == 1
+    assert calls == [mesh]
 
 
 def test_what_belongs_to_the_mesh_is_found_once(monkeypatch):

@@ -50,7 +50,7 @@ BUCKETS = 8 * CELLS**3
 NEVER, ALWAYS, WHERE_ALIKE = 0, 1, 2
 """Whether Embree takes the rays of a packet through its tree together."""
 
-_ALIKE_DIRECTIONS = np.float32(0.125)
+ALIKE_DIRECTIONS = np.float32(0.125)
 """How far apart the components of directions of 1 to 2 in size are for rays of a packet to head alike."""
 
 
@@ -161,7 +161,7 @@ def _are_alike(rays, first, lanes):  # type: ignore[no-untyped-def]
         for axis in range(3):
             turned = abs(rays.directions[ray, axis] - rays.directions[first, axis]) * inverse
             moved = abs(rays.origins[ray, axis] - rays.origins[first, axis])
-            if not (turned <= _ALIKE_DIRECTIONS and moved <= rays.near_by):
+            if not (turned <= ALIKE_DIRECTIONS and moved <= rays.near_by):
                 return False
     return True
 

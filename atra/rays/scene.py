@@ -16,6 +16,7 @@ from atra.geometry.mesh import Mesh
 from atra.geometry.ray_space import check_world_range, padded_vertices
 from atra.kernels.callbacks import memory_monitor
 from atra.kernels.rays import (
+    ALIKE_DIRECTIONS,
     ALWAYS,
     BUCKETS,
     CELLS,
@@ -33,8 +34,11 @@ from atra.options import RayOptions
 from atra.parallel import WorkerPool, resolve_threads
 from atra.rays.rays import RayHits, Rays
 
-FEWEST_SORTED = 1 << 14
-"""Batches with fewer rays are traced as they come: all they touch stays in the cache."""
+FEWEST_RAYS, FEWEST_TRIANGLES = 1 << 14, 1 << 18
+"""Of a batch and of a mesh, for rays to be put in an order: otherwise all they touch is in the cache anyway."""
+
+_SAMPLES, _NEIGHBOURS = 64, 16
+"""Places in a batch, and rays at each, that say whether it has an order already."""
 
 NEAR_BY = 1 / 64
 """Of the size of the mesh: rays that start nearer to each other than this may be taken through the tree together."""
@@ -110,8 +114,8 @@ class RayScene(Lifetime):
         in their place, which are not checked and copied anew at every call.
         coherent: whether neighbours in the batch start and head alike, as camera rays and those to the sun do, and are
         taken through the tree together: packets are then traced up to twice as fast, but others take two to three times
-        as long. None: where they are found to, packet by packet, and large batches are traced in an order in which rays
-        near by follow each other. The hits are as right either way.
+        as long. None: where they are found to, packet by packet; and many rays at a large mesh, unless they have an
+        order, are put in one in which rays near by follow each other. The hits are as right either way.
         out: an earlier result of as many rays whose arrays are to be overwritten, which saves allocating them; it must
         not be read any more.
         Raises InputError for rays that `atra.Rays` refuses and an `out` that does not fit, EmbreeError when the scene
@@ -158,7 +162,8 @@ class RayScene(Lifetime):
             size = float((self.mesh.bounds[1] - self.mesh.bounds[0]).max())
             near_by, places = np.float32(NEAR_BY * size), np.empty(0, np.uint32)
             arrays = RayArrays(rays.origins, rays.directions, rays.tnear, rays.tfar, places, together, near_by)
-            if coherent is None and len(rays) >= FEWEST_SORTED:
+            large = len(rays) >= FEWEST_RAYS and self.mesh.triangle_count >= FEWEST_TRIANGLES
+            if coherent is None and large and not _has_order(arrays):
                 arrays = self._ordered(arrays)
             for workspace in self._workspaces:
                 workspace.set_coherent(bool(coherent))
@@ -202,6 +207,16 @@ class RayScene(Lifetime):
         self._pool.close()  # first, so that none of its threads is in a scene that goes
         if self._scene is not None:
             self._scene.close()
+
+
+def _has_order(rays: RayArrays) -> bool:
+    """Whether neighbours start and head alike at most places of a batch."""
+    places = np.linspace(0, len(rays.origins) - _NEIGHBOURS, _SAMPLES).astype(int)[:, None] + np.arange(_NEIGHBOURS)
+    starts, ways = rays.origins[places], rays.directions[places]
+    sizes = np.abs(ways[:, :1]).max(axis=2, keepdims=True)
+    moved, turned = np.abs(starts - starts[:, :1]), np.abs(ways - ways[:, :1])
+    alike = (moved <= rays.near_by) & (turned <= ALIKE_DIRECTIONS * sizes)
+    return bool(alike.all(axis=(1, 2)).mean() > 0.5)
 
 
 def _rays_of(
