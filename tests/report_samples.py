@@ -113,7 +113,7 @@ SVG = (
 
 
 def drawn_figure(name: str, caption: str, *point_ids: str) -> DrawnFigure:
-    return DrawnFigure(name, caption, b"", SVG, SVG, frozenset(point_ids))
+    return DrawnFigure(name, caption, b"", SVG, SVG.replace(b"0 0 600", b"0 0 300"), frozenset(point_ids))
 
 
 def small_contents(**fields: Any) -> ReportContents:
