@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import ctypes
 import os
-import threading
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -31,17 +28,8 @@ def resolve_threads(threads: int | None) -> int:
     return int(threads)
 
 
-_core_of_caller: Callable[[], int] | None = None
-if hasattr(os, "sched_setaffinity"):
-    _core_of_caller = getattr(ctypes.CDLL(None), "sched_getcpu", None)
-
-
 class WorkerPool:
-    """`threads` threads, the caller among them, that run a kernel side by side until its shared counter is used up.
-
-    On Linux the others are kept off the core that the caller is on: a scheduler that wakes them there has two of them
-    take turns for milliseconds, which is longer than a frame, while another core is idle.
-    """
+    """`threads` threads, the caller among them, that run a kernel side by side until its shared counter is used up."""
 
     def __init__(self, threads: int) -> None:
         self.threads = threads
@@ -49,25 +37,7 @@ class WorkerPool:
 
     def _start(self) -> None:
         self._process = os.getpid()
-        self._executor = None
-        self._helpers: list[int] = []  # as the system counts threads
-        self._kept_off: tuple[int, int] | None = None  # a core, and how many helpers are kept off it
-        if self.threads > 1:
-            self._executor = ThreadPoolExecutor(self.threads - 1, "atra", self._note_helper)
-
-    def _note_helper(self) -> None:
-        self._helpers.append(threading.get_native_id())
-
-    def _keep_helpers_off_this_core(self) -> None:
-        if _core_of_caller is None:
-            return
-        wanted = _core_of_caller(), len(self._helpers)
-        if wanted != self._kept_off:
-            self._kept_off = wanted
-            others = os.sched_getaffinity(0) - {wanted[0]}
-            for helper in self._helpers if others else ():
-                with suppress(OSError):  # not allowed to
-                    os.sched_setaffinity(helper, others)
+        self._executor = ThreadPoolExecutor(self.threads - 1, "atra") if self.threads > 1 else None
 
     def run(self, kernel: Callable[[int, int], Any]) -> None:
         """Call kernel(worker, counter_address) once per thread; the counter at the address starts at zero.
@@ -81,7 +51,6 @@ class WorkerPool:
         others: list[Future[Any]] = []
         try:
             if self._executor:
-                self._keep_helpers_off_this_core()
                 for worker in range(1, self.threads):
                     others.append(self._executor.submit(kernel, worker, address))
             kernel(0, address)

@@ -275,25 +275,6 @@ def test_the_pool_raises_what_a_thread_raised_only_when_all_are_done(faulty):
     pool.close()
 
 
-@pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="needs Linux")
-def test_the_pool_keeps_its_other_threads_off_the_core_of_the_caller(monkeypatch):
-    cores = os.sched_getaffinity(0)
-    allowed = {}
-
-    def kernel(worker, counter):
-        allowed[worker] = os.sched_getaffinity(0)
-
-    for threads in (2, 3):
-        pool = WorkerPool(threads)
-        pool.run(kernel)  # starts them
-        for core in sorted(cores)[:2]:
-            monkeypatch.setattr(atra.parallel, "_core_of_caller", lambda core=core: core)
-            pool.run(kernel)
-            assert allowed.pop(0) == cores
-            assert all(one == (cores - {core} or cores) for one in allowed.values())
-        pool.close()
-
-
 def test_the_pool_waits_for_its_threads_even_when_the_waiting_is_interrupted(monkeypatch):
     # Ctrl-C comes to the waiting thread, while others still write to memory that it is about to free.
     pool = WorkerPool(2)
