@@ -186,7 +186,8 @@ class RayScene(Lifetime):
         ends = np.cumsum(counts.T).reshape(BUCKETS, -1).T  # bucket by bucket, in each chunk by chunk
         starts = np.ascontiguousarray(ends - counts)
         vectors, numbers = np.empty((2, count, 3), np.float32), np.empty((2, count), np.float32)
-        ordered = RayArrays(*vectors, *numbers, np.empty(count, np.uint32), rays.together, rays.near_by)
+        places = np.empty(count, np.uint32)
+        ordered = RayArrays(vectors[0], vectors[1], numbers[0], numbers[1], places, rays.together, rays.near_by)
         self._pool.run(lambda _, counter: order_rays(counter, keys, starts, rays, ordered))
         for array in ordered[:4]:
             array.setflags(write=False)  # kernels are compiled for what `Rays` holds
