@@ -185,14 +185,9 @@ class RayScene(Lifetime):
         self._pool.run(lambda _, counter: number_rays(counter, *ways, low, inverse, keys, counts))
         ends = np.cumsum(counts.T).reshape(BUCKETS, -1).T  # bucket by bucket, in each chunk by chunk
         starts = np.ascontiguousarray(ends - counts)
-        vectors, numbers = (np.empty((2, count, 3), np.float32), np.empty((2, count), np.float32))
-        ordered = rays._replace(
-            origins=vectors[0],
-            directions=vectors[1],
-            tnear=numbers[0],
-            tfar=numbers[1],
-            places=np.empty(count, np.uint32),
-        )
+        vectors, numbers = np.empty((2, count, 3), np.float32), np.empty((2, count), np.float32)
+        places = np.empty(count, np.uint32)
+        ordered = RayArrays(vectors[0], vectors[1], numbers[0], numbers[1], places, rays.together, rays.near_by)
         self._pool.run(lambda _, counter: order_rays(counter, keys, starts, rays, ordered))
         for array in ordered[:4]:
             array.setflags(write=False)  # kernels are compiled for what `Rays` holds
