@@ -81,7 +81,7 @@ class RasterTracer(Lifetime):
     def _build(self) -> float:
         compile_kernels(self.lanes, self.camera.is_parallel)  # before the clock starts
         start = perf_counter()
-        self._scratch = Scratch.of(self.mesh)
+        self._scratch = Scratch.of(self.mesh, self._pool)
         return perf_counter() - start
 
     def trace(self, offset: tuple[float, float] = (0.5, 0.5), out: Hits | None = None) -> Hits:

@@ -102,7 +102,9 @@ _operator(operator.sub, Vector, ir.IRBuilder.fsub)
 _operator(operator.mul, Vector, ir.IRBuilder.fmul)
 _operator(operator.truediv, Vector, ir.IRBuilder.fdiv)
 _operator(operator.and_, Mask, ir.IRBuilder.and_)
+_operator(operator.or_, Mask, ir.IRBuilder.or_)
 _comparison(operator.gt, ">")
+_comparison(operator.ge, ">=")
 _comparison(operator.le, "<=")
 
 
@@ -143,6 +145,45 @@ size = _of_each("fabs")
 """Of each number of a float vector its absolute value."""
 
 
+@intrinsic
+def where(typingctx: Any, mask: Any, a: Any, b: Any) -> Any:
+    """a in the lanes of a mask, b in the others."""
+
+    def codegen(context: Any, builder: ir.IRBuilder, signature: Any, values: list[ir.Value]) -> ir.Value:
+        return builder.select(_unpacked(builder, values[0]), values[1], values[2])
+
+    return a(mask, a, b), codegen
+
+
+@intrinsic
+def signed_like(typingctx: Any, vector: Any, other: Any) -> Any:
+    """The numbers of a float vector with the signs of another's."""
+
+    def codegen(context: Any, builder: ir.IRBuilder, signature: Any, values: list[ir.Value]) -> ir.Value:
+        kind, suffix = values[0].type, f"v{vector.lanes}f{vector.element.bitwidth}"
+        copied = _declared(builder, f"llvm.copysign.{suffix}", ir.FunctionType(kind, [kind, kind]))
+        return builder.call(copied, values)
+
+    return vector(vector, vector), codegen
+
+
+@intrinsic
+def folded(typingctx: Any, vector: Any) -> Any:
+    """The smaller of each pair of neighbours: half as many lanes."""
+    half = Vector(vector.element, vector.lanes // 2)
+
+    def codegen(context: Any, builder: ir.IRBuilder, signature: Any, values: list[ir.Value]) -> ir.Value:
+        even, odd = (
+            builder.shuffle_vector(
+                values[0], values[0], ir.Constant(ir.VectorType(_I32, half.lanes), list(range(first, vector.lanes, 2)))
+            )
+            for first in (0, 1)
+        )
+        return builder.select(builder.fcmp_ordered("<", even, odd), even, odd)
+
+    return half(vector), codegen
+
+
 @intrinsic(prefer_literal=True)
 def repeated(typingctx: Any, value: Any, lanes: Any) -> Any:
     """The same number in each lane."""
@@ -177,6 +218,17 @@ def lane(typingctx: Any, vector: Any, number: Any) -> Any:
     return vector.element(vector, number), codegen
 
 
+@intrinsic(prefer_literal=True)
+def with_lane(typingctx: Any, vector: Any, number: Any, value: Any) -> Any:
+    """A vector with another value in one lane."""
+    number_ = number.literal_value
+
+    def codegen(context: Any, builder: ir.IRBuilder, signature: Any, values: list[ir.Value]) -> ir.Value:
+        return builder.insert_element(values[0], values[2], _I32(number_))
+
+    return vector(vector, number, vector.element), codegen
+
+
 @intrinsic
 def rounded(typingctx: Any, vector: Any) -> Any:
     """float64 -> float32."""
@@ -186,6 +238,17 @@ def rounded(typingctx: Any, vector: Any) -> Any:
         return builder.fptrunc(values[0], context.get_value_type(narrow))
 
     return narrow(vector), codegen
+
+
+@intrinsic
+def widened(typingctx: Any, vector: Any) -> Any:
+    """float32 -> float64."""
+    wide = Vector(types.float64, vector.lanes)
+
+    def codegen(context: Any, builder: ir.IRBuilder, signature: Any, values: list[ir.Value]) -> ir.Value:
+        return builder.fpext(values[0], context.get_value_type(wide))
+
+    return wide(vector), codegen
 
 
 def _pointer(builder: ir.IRBuilder, address: ir.Value, kind: ir.Type) -> ir.Value:
@@ -203,6 +266,65 @@ def load(typingctx: Any, address: Any, like: Any, lanes: Any) -> Any:
         return loaded
 
     return vector(types.int64, vector.element, lanes), codegen
+
+
+def _gathered(builder: ir.IRBuilder, addresses: ir.Value, kind: ir.VectorType, name: str, size: int) -> ir.Value:
+    pointers = builder.inttoptr(addresses, ir.VectorType(kind.element.as_pointer(), kind.count))
+    all_ = ir.Constant(ir.VectorType(_I1, kind.count), [1] * kind.count)
+    gather = _declared(
+        builder, f"llvm.masked.gather.{name}.v{kind.count}p0", ir.FunctionType(kind, [pointers.type, _I32, all_.type, kind])
+    )
+    return builder.call(gather, [pointers, _I32(size), all_, ir.Constant(kind, ir.Undefined)])
+
+
+@intrinsic(prefer_literal=True)
+def gather(typingctx: Any, base: Any, packed_address: Any, part: Any) -> Any:
+    """8 float64, each so many bytes from an address as the 16 bits of one part, 0 ... 3, of 8 uint64 say."""
+    vector, number = Vector(types.float64, 8), part.literal_value
+
+    def codegen(context: Any, builder: ir.IRBuilder, signature: Any, values: list[ir.Value]) -> ir.Value:
+        integers = ir.VectorType(_I64, 8)
+        packed = builder.load(_pointer(builder, values[1], integers))
+        packed.align = 8
+        shifted = builder.lshr(packed, ir.Constant(integers, [16 * number] * 8))
+        distances = builder.and_(shifted, ir.Constant(integers, [0xFFFF] * 8))
+        addresses = builder.add(distances, _repeated(builder, values[0], 8))
+        return _gathered(builder, addresses, context.get_value_type(vector), "v8f64", 8)
+
+    return vector(types.int64, types.int64, part), codegen
+
+
+@intrinsic
+def gather_at(typingctx: Any, base: Any, places: Any) -> Any:
+    """8 float32 from an address on, at the places that a vector of whole numbers, in float64, says."""
+    vector = Vector(types.float32, 8)
+
+    def codegen(context: Any, builder: ir.IRBuilder, signature: Any, values: list[ir.Value]) -> ir.Value:
+        distances = builder.shl(builder.fptosi(values[1], ir.VectorType(_I64, 8)), ir.Constant(ir.VectorType(_I64, 8), [2] * 8))
+        addresses = builder.add(distances, _repeated(builder, values[0], 8))
+        return _gathered(builder, addresses, context.get_value_type(vector), "v8f32", 4)
+
+    return vector(types.int64, places), codegen
+
+
+@intrinsic
+def store_points(typingctx: Any, x: Any, y: Any, w: Any, address: Any) -> Any:
+    """Store x, y, w, w of the first lane of three vectors of 8, then those of the next, and so on."""
+
+    def codegen(context: Any, builder: ir.IRBuilder, signature: Any, values: list[ir.Value]) -> ir.Value:
+        x_, y_, w_, address_ = values
+
+        def mixed(a: ir.Value, b: ir.Value, lanes: list[int]) -> ir.Value:
+            return builder.shuffle_vector(a, b, ir.Constant(ir.VectorType(_I32, 8), lanes))
+
+        for k in range(0, 8, 2):
+            two = mixed(x_, y_, [k, 8 + k, k, k, k + 1, 9 + k, k + 1, k + 1])
+            points = mixed(two, w_, [0, 1, 8 + k, 8 + k, 4, 5, 9 + k, 9 + k])
+            place = builder.add(address_, _I64(32 * k))
+            builder.store(points, _pointer(builder, place, points.type)).align = 8
+        return context.get_dummy_value()
+
+    return types.void(x, y, w, types.int64), codegen
 
 
 @intrinsic
@@ -260,14 +382,20 @@ def mask_of(typingctx: Any, bits: Any, lanes: Any) -> Any:
     return mask(types.int64, lanes), codegen
 
 
-@intrinsic
-def doubles_at(typingctx: Any, address: Any) -> Any:
-    """The float64 from an address on, read and written by their number; an array would be counted who holds it."""
+def _numbers_at(kind: types.Type) -> Any:
+    @intrinsic
+    def numbers(typingctx: Any, address: Any) -> Any:
+        def codegen(context: Any, builder: ir.IRBuilder, signature: Any, values: list[ir.Value]) -> ir.Value:
+            return builder.inttoptr(values[0], context.get_value_type(signature.return_type))
 
-    def codegen(context: Any, builder: ir.IRBuilder, signature: Any, values: list[ir.Value]) -> ir.Value:
-        return builder.inttoptr(values[0], context.get_value_type(signature.return_type))
+        return types.CPointer(kind)(types.int64), codegen
 
-    return types.CPointer(types.float64)(types.int64), codegen
+    return numbers
+
+
+doubles_at, floats_at = _numbers_at(types.float64), _numbers_at(types.float32)
+integers_at, identities_at = _numbers_at(types.int64), _numbers_at(types.uint32)
+"""The numbers from an address on, read and written by their place; an array would be counted who holds it."""
 
 
 @intrinsic
