@@ -23,8 +23,8 @@ from atra.kernels.raster.triangles import BATCH, LEFT, RIGHT, list_triangles, pr
 from atra.kernels.raster.vectors import fetch, floats_at, identities_at, integers_at, load, repeated, store
 from atra.prim_ids import MISS
 
-_STALE = 16
-"""Clusters drawn until tiles are looked at again."""
+_STALE = 1024
+"""Triangles listed until tiles are looked at again."""
 
 
 @njit
@@ -60,7 +60,26 @@ def _finish(lanes, parallel, band, image):  # type: ignore[no-untyped-def]
 
 
 @njit
+def _list_clusters(order, rectangles, band, here):  # type: ignore[no-untyped-def]
+    """List those of `order` whose rectangle meets the band, at an address of int64; returns how many."""
+    list_, place = integers_at(here), 0
+    for cluster in order:
+        list_[place] = cluster
+        place += (rectangles[cluster, 2] <= band.bottom) & (rectangles[cluster, 3] >= band.top)
+    return place
+
+
+@njit(inline="always")
+def _fetch_vertices(clusters, cluster):  # type: ignore[no-untyped-def]
+    """Ask for the vertices of a cluster that may be drawn next."""
+    firsts = integers_at(clusters.firsts)
+    for place in range(firsts[cluster] * 12, firsts[cluster + 1] * 12, CACHE_LINE):
+        fetch(clusters.vertices + place)
+
+
+@njit
 def _draw_cluster(lanes, half, parallel, eye, clusters, cluster, width, band, workspace):  # type: ignore[no-untyped-def]
+    """Draw what a cluster has in a band; returns how many triangles were listed for it."""
     start, firsts = cluster * CLUSTER, integers_at(clusters.firsts)
     corners, prim_ids = clusters.corners + start * 8, clusters.prim_ids + start * 4
     for line in range(0, CLUSTER * 8, CACHE_LINE):
@@ -85,6 +104,7 @@ def _draw_cluster(lanes, half, parallel, eye, clusters, cluster, width, band, wo
                 draw_narrow(half, parallel, prim_id, packed, k, band, workspace)
             else:
                 draw_narrow(lanes, parallel, prim_id, packed, k, band, workspace)
+    return count
 
 
 @cache
@@ -93,14 +113,11 @@ def drawing_kernel(lanes: int, parallel: bool) -> Callable[..., None]:
     half = max(lanes // 2, 4)
 
     @kernel
-    def draw_bands(  # type: ignore[no-untyped-def]
-        counter_address, eye, clusters, rectangles, bounds, order, seen_count, are_seen, band_rows, image, workspace
-    ):  # fmt: skip
+    def draw_bands(counter_address, eye, clusters, rectangles, bounds, order, band_rows, image, workspace):  # type: ignore[no-untyped-def]
         """Draw all bands, until the shared counter runs past the last.
 
-        rectangles, bounds: of `cull_clusters`. order (N,) int64: the clusters to be drawn, the first `seen_count` of
-        them at once, the others unless they are hidden. are_seen (C,) uint8: set to 1 for those that are not hidden in
-        the end, as far as is known. image: written completely.
+        rectangles, bounds: of `cull_clusters`. order (N,) int64: the clusters to be drawn unless they are hidden, the
+        nearest first. image: written completely.
         Whatever the order, a sample gets the nearest triangle, and of several the lowest prim_id.
         """
         stride = band_stride(image.width)
@@ -117,34 +134,20 @@ def drawing_kernel(lanes: int, parallel: bool) -> Callable[..., None]:
                 min(top + band_rows, image.height) - 1,
             )
             _clear(lanes, parallel, band, image.width)
-            drawn = _STALE
-            for place in range(len(order)):
-                cluster = order[place]
-                first, last = max(rectangles[cluster, 2], band.top), min(rectangles[cluster, 3], band.bottom)
-                if first > last:
-                    continue
-                if drawn >= _STALE:
+            here, count = integers_at(workspace.here), _list_clusters(order, rectangles, band, workspace.here)
+            listed = _STALE
+            for place in range(count):
+                cluster = here[place]
+                if place + 1 < count:
+                    _fetch_vertices(clusters, here[place + 1])
+                if listed >= _STALE:
                     find_farthest(band, image.width, workspace.tiles)
-                    drawn = 0
-                if is_hidden(
-                    rectangles[cluster, 0], rectangles[cluster, 1], first - band.top, last - band.top, bounds[cluster],
-                    image.width, workspace.tiles,
-                ):  # fmt: skip
-                    continue
-                if place >= seen_count:
-                    are_seen[cluster] = 1
-                _draw_cluster(lanes, half, parallel, eye, clusters, cluster, image.width, band, workspace)
-                drawn += 1
-            if drawn > 0:
-                find_farthest(band, image.width, workspace.tiles)
-            for place in range(seen_count):
-                cluster = order[place]
-                first, last = max(rectangles[cluster, 2], band.top), min(rectangles[cluster, 3], band.bottom)
-                if first <= last and are_seen[cluster] == 0 and not is_hidden(
-                    rectangles[cluster, 0], rectangles[cluster, 1], first - band.top, last - band.top, bounds[cluster],
-                    image.width, workspace.tiles,
-                ):  # fmt: skip
-                    are_seen[cluster] = 1
+                    listed = 0
+                left, right = rectangles[cluster, 0], rectangles[cluster, 1]
+                top = max(rectangles[cluster, 2], band.top) - band.top
+                bottom = min(rectangles[cluster, 3], band.bottom) - band.top
+                if not is_hidden(left, right, top, bottom, bounds[cluster], image.width, workspace.tiles):
+                    listed += _draw_cluster(lanes, half, parallel, eye, clusters, cluster, image.width, band, workspace)
             _finish(lanes, parallel, band, image)
 
     return draw_bands

@@ -32,11 +32,9 @@ _LEAST_DEPTH = 1e-25
 
 @dataclass(frozen=True, eq=False)
 class Scratch:
-    """A mesh in clusters, and memory of its frames. are_seen: (C,) uint8, clusters to be drawn first, as the last frame
-    saw them. rectangles, bounds: of `cull_clusters`."""
+    """A mesh in clusters, and memory of its frames. rectangles, bounds: of `cull_clusters`."""
 
     clusters: Clusters
-    are_seen: NDArray[np.uint8]
     rectangles: NDArray[np.int32]
     bounds: NDArray[np.float32]
     workspaces: list[NDArray[np.uint8]] = field(default_factory=list)
@@ -45,14 +43,12 @@ class Scratch:
     def of(cls, mesh: Mesh, pool: WorkerPool) -> Scratch:
         """Make the clusters of a mesh."""
         clusters = clusters_of(mesh, pool)
-        count = clusters.count
-        return cls(clusters, np.zeros(count, np.uint8), np.empty((count, 4), np.int32), np.empty(count, np.float32))
+        return cls(clusters, np.empty((clusters.count, 4), np.int32), np.empty(clusters.count, np.float32))
 
     @property
     def bytes(self) -> int:
         """Memory of all arrays."""
-        own = (self.are_seen, self.rectangles, self.bounds, *self.workspaces)
-        return self.clusters.bytes + sum(array.nbytes for array in own)
+        return self.clusters.bytes + sum(a.nbytes for a in (self.rectangles, self.bounds, *self.workspaces))
 
     def workspaces_for(self, threads: int, width: int, band_rows: int) -> list[Workspace]:
         """One for each thread. Zeros at first, so that no list ever leads outside of the points."""
@@ -66,6 +62,7 @@ class Scratch:
             8 * BATCH * DOUBLES,
             4 * BATCH * FLOATS,
             4 * -(-band_rows // TILE) * tile_stride(width),
+            8 * (self.clusters.count + 1),
         )
         parts = tuple(-(-part // CACHE_LINE) * CACHE_LINE for part in parts)
         wanted = sum(parts) + CACHE_LINE
@@ -77,12 +74,10 @@ class Scratch:
             made.append(Workspace(*accumulate((start, *parts[:-1]))))
         return made
 
-    def order(self) -> tuple[NDArray[np.int64], int]:
-        """The clusters that may be seen, the nearest first, those that were seen before the others; and how many were."""
-        may_be_seen = self.rectangles[:, 2] <= self.rectangles[:, 3]
-        seen, others = np.flatnonzero(may_be_seen & (self.are_seen != 0)), np.flatnonzero(may_be_seen & (self.are_seen == 0))
-        sorted_ = [places[np.argsort(-self.bounds[places])] for places in (seen, others)]
-        return np.concatenate(sorted_), len(seen)
+    def order(self) -> NDArray[np.int64]:
+        """The clusters that may be seen, the nearest first."""
+        may_be_seen = np.flatnonzero(self.rectangles[:, 2] <= self.rectangles[:, 3])
+        return may_be_seen[np.argsort(-self.bounds[may_be_seen])]
 
 
 def draw_frame(
@@ -114,15 +109,11 @@ def draw_frame(
             counter, clusters.boxes, eye, parallel, width, height, band_rows, rectangles, bounds
         )
     )  # fmt: skip
-    order, seen_count = scratch.order()
-    scratch.are_seen[:] = 0
+    order = scratch.order()
     workspaces = scratch.workspaces_for(pool.threads, width, band_rows)
 
     def draw(worker: int, counter: int) -> None:
-        draw_bands(
-            counter, eye, addresses, rectangles, bounds, order, seen_count, scratch.are_seen, band_rows, image,
-            workspaces[worker],
-        )  # fmt: skip
+        draw_bands(counter, eye, addresses, rectangles, bounds, order, band_rows, image, workspaces[worker])
 
     pool.run(draw)
 

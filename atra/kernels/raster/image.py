@@ -69,7 +69,8 @@ class Eye(NamedTuple):
 class Workspace(NamedTuple):
     """Addresses of memory of one thread. band: nearness, then prim_id of a band. exact: SUMMANDS float64 of `exact`.
     first, last: float64, where each row of a triangle starts and ends, with room for whole vectors. points: a cluster's
-    vertices in pixels. listed, doubles, floats: of `triangles`. tiles: of `culling`."""
+    vertices in pixels. listed, doubles, floats: of `triangles`. tiles: of `culling`. here: int64, the
+    clusters of a band."""
 
     band: int
     exact: int
@@ -80,6 +81,7 @@ class Workspace(NamedTuple):
     doubles: int
     floats: int
     tiles: int
+    here: int
 
 
 @njit
