@@ -13,7 +13,8 @@ from atra.kernels.caching import kernel
 from atra.kernels.intrinsics import fetch_add
 from atra.kernels.raster.exact import UNIT
 from atra.kernels.raster.image import SPAN
-from atra.kernels.raster.vectors import bits_of, counted, doubles_at, folded, load, repeated, smaller, store
+from atra.kernels.raster.memory import doubles_at, load, store
+from atra.kernels.raster.vectors import bits_of, counted, folded, lane, mask_of, repeated, smaller, where
 
 TILE = 8
 """Pixels along the sides of the squares whose farthest sample is known."""
@@ -39,16 +40,16 @@ def _extent(a, b, c, box):  # type: ignore[no-untyped-def]
     return low, high, size
 
 
-@njit
+@njit(inline="always")
 def _corners(a, b, c, d, e, f, box):  # type: ignore[no-untyped-def]
     """Lowest and highest (a x + b y + c z) / (d x + e y + f z) of a box that lies where the divisor is above 0."""
-    low, high = np.inf, -np.inf
-    for x in (box[0], box[3]):
-        for y in (box[1], box[4]):
-            for z in (box[2], box[5]):
-                position = (a * x + b * y + c * z) / (d * x + e * y + f * z)
-                low, high = min(low, position), max(high, position)
-    return low, high
+    x = where(mask_of(0b10101010, 8), repeated(box[3], 8), repeated(box[0], 8))
+    y = where(mask_of(0b11001100, 8), repeated(box[4], 8), repeated(box[1], 8))
+    z = where(mask_of(0b11110000, 8), repeated(box[5], 8), repeated(box[2], 8))
+    above = repeated(a, 8) * x + repeated(b, 8) * y + repeated(c, 8) * z
+    position = above / (repeated(d, 8) * x + repeated(e, 8) * y + repeated(f, 8) * z)
+    low, high = folded(folded(folded(position))), folded(folded(folded(repeated(0.0, 8) - position)))
+    return lane(low, 0), -lane(high, 0)
 
 
 @njit
@@ -99,7 +100,11 @@ def cull_clusters(  # type: ignore[no-untyped-def]
                         first = row
                     if high < 0.0:
                         last = min(last, row - 1)
-                if _beyond(m[0], m[1], m[2], d, 0, least_depth, box)[1] >= 0.0 >= _beyond(m[0], m[1], m[2], d, width - 1, least_depth, box)[0]:
+                if (
+                    _beyond(m[0], m[1], m[2], d, 0, least_depth, box)[1]
+                    >= 0.0
+                    >= _beyond(m[0], m[1], m[2], d, width - 1, least_depth, box)[0]
+                ):
                     rectangles[cluster, 2], rectangles[cluster, 3] = first, last
                 continue
             if parallel:
@@ -123,6 +128,13 @@ def cull_clusters(  # type: ignore[no-untyped-def]
 def tile_stride(width):  # type: ignore[no-untyped-def]
     """Tiles from one row of them to the next in memory: a vector more than the image has."""
     return ((width + SPAN - 1) // SPAN + SPAN // 2) * (SPAN // TILE)
+
+
+@njit
+def forget_tiles(nothing, rows, width, tiles):  # type: ignore[no-untyped-def]
+    """Nothing is drawn in any tile of so many rows of pixels yet; nothing: the nearness of that."""
+    for place in range(0, (rows + TILE - 1) // TILE * tile_stride(width), SPAN):
+        store(repeated(nothing, SPAN), tiles + place * 4)
 
 
 @njit

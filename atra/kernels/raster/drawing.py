@@ -15,12 +15,13 @@ from numba import njit
 from atra.kernels.caching import kernel
 from atra.kernels.intrinsics import fetch_add
 from atra.kernels.raster.clusters import CLUSTER
-from atra.kernels.raster.culling import find_farthest, is_hidden
+from atra.kernels.raster.culling import find_farthest, forget_tiles, is_hidden
 from atra.kernels.raster.image import CACHE_LINE, Band, band_stride
+from atra.kernels.raster.memory import fetch, floats_at, identities_at, integers_at, load, store
 from atra.kernels.raster.narrow import draw_narrow
 from atra.kernels.raster.spans import draw_spans
 from atra.kernels.raster.triangles import BATCH, LEFT, RIGHT, list_triangles, project_vertices, set_up
-from atra.kernels.raster.vectors import fetch, floats_at, identities_at, integers_at, load, repeated, store
+from atra.kernels.raster.vectors import repeated
 from atra.prim_ids import MISS
 
 _STALE = 1024
@@ -28,8 +29,9 @@ _STALE = 1024
 
 
 @njit
-def _clear(lanes, parallel, band, width):  # type: ignore[no-untyped-def]
+def _clear(lanes, parallel, band, width, tiles):  # type: ignore[no-untyped-def]
     """Nothing is drawn yet, and what lies beyond the image is nearest, so that it counts as hidden."""
+    forget_tiles(np.float32(-np.inf if parallel else 0.0), band.bottom + 1 - band.top, width, tiles)
     nothing = repeated(np.float32(-np.inf if parallel else 0.0), lanes)
     beyond, none = repeated(np.float32(np.inf), lanes), repeated(np.uint32(MISS), lanes)
     for y in range(band.bottom + 1 - band.top):
@@ -133,9 +135,9 @@ def drawing_kernel(lanes: int, parallel: bool) -> Callable[..., None]:
                 top,
                 min(top + band_rows, image.height) - 1,
             )
-            _clear(lanes, parallel, band, image.width)
+            _clear(lanes, parallel, band, image.width, workspace.tiles)
             here, count = integers_at(workspace.here), _list_clusters(order, rectangles, band, workspace.here)
-            listed = _STALE
+            listed = 0
             for place in range(count):
                 cluster = here[place]
                 if place + 1 < count:

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-from atra.kernels.raster.vectors import identities_at
+from atra.kernels.raster.memory import identities_at
 
 SPAN = 16
 """Pixels along a row over which nearness is a float32 multiple of its slope; no function of `lanes`, so that the

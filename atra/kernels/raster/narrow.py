@@ -7,6 +7,7 @@ from numba import njit
 
 from atra.kernels.raster.exact import side
 from atra.kernels.raster.image import without_lower
+from atra.kernels.raster.memory import doubles_at, floats_at, load, store_where
 from atra.kernels.raster.triangles import (
     BATCH,
     CAP,
@@ -23,18 +24,7 @@ from atra.kernels.raster.triangles import (
     SLOPE_Y,
     corner_at,
 )
-from atra.kernels.raster.vectors import (
-    bits_of,
-    counted,
-    doubles_at,
-    floats_at,
-    load,
-    mask_of,
-    rarely,
-    repeated,
-    smaller,
-    store_where,
-)
+from atra.kernels.raster.vectors import bits_of, counted, mask_of, rarely, repeated, smaller
 
 
 @njit

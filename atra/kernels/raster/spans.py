@@ -6,16 +6,15 @@ import numpy as np
 from numba import njit
 
 from atra.kernels.raster.clusters import POINT_BYTES
+from atra.kernels.raster.culling import is_hidden
 from atra.kernels.raster.exact import SURELY_NEAREST, UNIT, crossing_error, first_beyond, turn
 from atra.kernels.raster.image import GENTLE, SPAN, without_lower
+from atra.kernels.raster.memory import doubles_at, floats_at, load, store, store_where
 from atra.kernels.raster.triangles import corner_at
 from atra.kernels.raster.vectors import (
     bits_of,
     counted,
-    doubles_at,
-    floats_at,
     larger,
-    load,
     mask_of,
     nearest_whole,
     next_whole,
@@ -24,8 +23,6 @@ from atra.kernels.raster.vectors import (
     rounded,
     size,
     smaller,
-    store,
-    store_where,
 )
 
 _VOLUME_ROUNDINGS = 8.0
@@ -144,6 +141,11 @@ def draw_spans(lanes, parallel, eye, vertices, vertex_count, prim_id, packed, wi
     top, bottom = band.top, band.bottom
     if parallel or min(w0, w1, w2) > 0.0:
         top, bottom = int(max(np.ceil(min(y0, y1, y2)), top)), int(min(np.floor(max(y0, y1, y2)), bottom))
+        left, right = int(max(np.ceil(min(x0, x1, x2)), 0.0)), int(min(np.floor(max(x0, x1, x2)), width - 1.0))
+        if is_hidden(
+            left, right, top - band.top, bottom - band.top, np.float32(max(w0, w1, w2)), width, workspace.tiles
+        ):
+            return
     facing = turn(x0, y0, x1, y1, x2, y2, workspace.exact)
     if facing == 0 or top > bottom:
         return

@@ -9,24 +9,18 @@ from atra.kernels.raster.clusters import CLUSTER, POINT_BYTES, VERTICES
 from atra.kernels.raster.culling import TILE, tile_stride
 from atra.kernels.raster.exact import UNIT
 from atra.kernels.raster.image import GENTLE, NARROW, SPAN
+from atra.kernels.raster.memory import doubles_at, gather, gather_at, integers_at, load, store, store_points
 from atra.kernels.raster.vectors import (
     bits_of,
-    doubles_at,
-    gather,
-    gather_at,
-    integers_at,
     lane,
     larger,
     last_whole,
-    load,
     next_whole,
     repeated,
     rounded,
     signed_like,
     size,
     smaller,
-    store,
-    store_points,
     where,
     widened,
     with_lane,
@@ -130,9 +124,8 @@ def _may_be_seen(points, packed, last_column, top, bottom):  # type: ignore[no-u
         return False
     low_x, high_x = _reach(x0, x1, x2, w0, w1, w2)
     low_y, high_y = _reach(y0, y1, y2, w0, w1, w2)
-    return (
-        np.ceil(max(low_x, 0.0)) <= np.floor(min(high_x, last_column))
-        and np.ceil(max(low_y, top)) <= np.floor(min(high_y, bottom))
+    return np.ceil(max(low_x, 0.0)) <= np.floor(min(high_x, last_column)) and np.ceil(max(low_y, top)) <= np.floor(
+        min(high_y, bottom)
     )
 
 
