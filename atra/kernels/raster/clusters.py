@@ -7,6 +7,7 @@ piece of memory, and nothing of those that are left out.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -46,13 +47,14 @@ _CHUNK = 8192
 """Triangles a thread takes at a time."""
 
 
-class Clusters(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Clusters:
     """C clusters of F triangles; cluster c has the places c CLUSTER ... (c + 1) CLUSTER - 1, as far as there are any.
 
     prim_ids: (F,) uint32, of the triangle in each place. corners: (F,) uint64, 16 bits each: where its cluster's
-    vertices lie that are its corners, in bytes of projected points, and above them its place in the cluster. vertices: (3 N + VERTICES,) float32: of each cluster all x, then all y, then all z. firsts: (C + 1,) int64, how
-    many vertices come before each cluster's. boxes: (C, 6) float32, lowest x,
-    y, z, highest x, y, z.
+    vertices lie that are its corners, in bytes of projected points, and above them its place in the cluster.
+    vertices: (3 N + VERTICES,) float32: of each cluster all x, then all y, then all z. firsts: (C + 1,) int64, how many
+    vertices come before each cluster's. boxes: (C, 6) float32, lowest x, y, z, highest x, y, z.
     """
 
     prim_ids: NDArray[np.uint32]
@@ -75,7 +77,7 @@ class Clusters(NamedTuple):
     @property
     def bytes(self) -> int:
         """Memory of all arrays."""
-        return sum(array.nbytes for array in self)
+        return sum(array.nbytes for array in vars(self).values())
 
 
 class ClusterAddresses(NamedTuple):

@@ -20,7 +20,7 @@ from atra.kernels.raster.image import CACHE_LINE, Band, band_stride
 from atra.kernels.raster.memory import fetch, floats_at, identities_at, integers_at, load, store
 from atra.kernels.raster.narrow import draw_narrow
 from atra.kernels.raster.spans import draw_spans
-from atra.kernels.raster.triangles import BATCH, LEFT, RIGHT, list_triangles, project_vertices, set_up
+from atra.kernels.raster.triangles import BATCH, LEFT, LIST_ROOM, RIGHT, list_triangles, project_vertices, set_up
 from atra.kernels.raster.vectors import repeated
 from atra.prim_ids import MISS
 
@@ -29,36 +29,39 @@ _STALE = 1024
 
 
 @njit
-def _clear(lanes, parallel, band, width, tiles):  # type: ignore[no-untyped-def]
+def _clear(lanes, nothing, rows, stride, width, band):  # type: ignore[no-untyped-def]
     """Nothing is drawn yet, and what lies beyond the image is nearest, so that it counts as hidden."""
-    forget_tiles(np.float32(-np.inf if parallel else 0.0), band.bottom + 1 - band.top, width, tiles)
-    nothing = repeated(np.float32(-np.inf if parallel else 0.0), lanes)
-    beyond, none = repeated(np.float32(np.inf), lanes), repeated(np.uint32(MISS), lanes)
-    for y in range(band.bottom + 1 - band.top):
-        row = y * band.stride * 4
-        for x in range(0, band.stride, lanes):
-            store(beyond if x >= width else nothing, band.nearness + row + x * 4)
-            store(none, band.prim_id + row + x * 4)
-        for x in range(width, (width + lanes - 1) // lanes * lanes):
-            floats_at(band.nearness + row)[x] = np.inf
+    none, prim_ids = repeated(np.uint32(MISS), lanes), band + rows * stride * 4
+    for place in range(0, rows * stride, lanes):
+        store(repeated(nothing, lanes), band + place * 4)
+        store(none, prim_ids + place * 4)
+    for row in range(rows):
+        for column in range(width, stride):
+            floats_at(band)[row * stride + column] = np.inf
 
 
 @njit
-def _finish(lanes, parallel, band, image):  # type: ignore[no-untyped-def]
-    """Write the rows of a band to the image, nearness as depth."""
-    nothing, one = repeated(np.float32(0.0), lanes), repeated(np.float32(1.0), lanes)
+def _finish(lanes, parallel, nothing, band, image):  # type: ignore[no-untyped-def]
+    """Write the rows of a band to the image, nearness as depth, and leave nothing behind for the next band."""
+    zero, one = repeated(np.float32(0.0), lanes), repeated(np.float32(1.0), lanes)
+    farthest, none = repeated(nothing, lanes), repeated(np.uint32(MISS), lanes)
     whole = image.width // lanes * lanes
     for y in range(band.top, band.bottom + 1):
-        source, target = (y - band.top) * band.stride * 4, y * image.width * 4
-        for x in range(0, whole, lanes):
-            found = load(band.nearness + source + x * 4, np.float32(0.0), lanes)
-            store(nothing - found if parallel else one / found, image.depth + target + x * 4)
-            store(load(band.prim_id + source + x * 4, np.uint32(0), lanes), image.prim_id + target + x * 4)
+        nearness = band.nearness + (y - band.top) * band.stride * 4
+        prim_id = band.prim_id + (y - band.top) * band.stride * 4
+        target = y * image.width * 4
+        for x in range(0, whole * 4, lanes * 4):
+            found, prim_ids = load(nearness + x, np.float32(0.0), lanes), load(prim_id + x, np.uint32(0), lanes)
+            store(zero - found if parallel else one / found, image.depth + target + x)
+            store(prim_ids, image.prim_id + target + x)
+            store(farthest, nearness + x)
+            store(none, prim_id + x)
         for x in range(whole, image.width):
-            found = load(band.nearness + source + x * 4, np.float32(0.0), 1)
-            depth = repeated(np.float32(0.0), 1) - found if parallel else repeated(np.float32(1.0), 1) / found
-            store(depth, image.depth + target + x * 4)
-            store(load(band.prim_id + source + x * 4, np.uint32(0), 1), image.prim_id + target + x * 4)
+            found = floats_at(nearness)[x]
+            depth = np.float32(0.0) - found if parallel else np.float32(1.0) / found if found != 0.0 else np.inf
+            floats_at(image.depth + target)[x], floats_at(nearness)[x] = depth, nothing
+            identities_at(image.prim_id + target)[x] = identities_at(prim_id)[x]
+            identities_at(prim_id)[x] = MISS
 
 
 @njit
@@ -122,7 +125,10 @@ def drawing_kernel(lanes: int, parallel: bool) -> Callable[..., None]:
         nearest first. image: written completely.
         Whatever the order, a sample gets the nearest triangle, and of several the lowest prim_id.
         """
-        stride = band_stride(image.width)
+        stride, nothing = band_stride(image.width), np.float32(-np.inf if parallel else 0.0)
+        _clear(lanes, nothing, band_rows, stride, image.width, workspace.band)
+        for place in range(LIST_ROOM):  # a batch reads beyond its list, and there has to be the corners of a triangle
+            integers_at(workspace.listed)[place] = 0
         while True:
             number = fetch_add(counter_address, 1)
             top = number * band_rows
@@ -135,7 +141,7 @@ def drawing_kernel(lanes: int, parallel: bool) -> Callable[..., None]:
                 top,
                 min(top + band_rows, image.height) - 1,
             )
-            _clear(lanes, parallel, band, image.width, workspace.tiles)
+            forget_tiles(nothing, band_rows, image.width, workspace.tiles)
             here, count = integers_at(workspace.here), _list_clusters(order, rectangles, band, workspace.here)
             listed = 0
             for place in range(count):
@@ -150,6 +156,6 @@ def drawing_kernel(lanes: int, parallel: bool) -> Callable[..., None]:
                 bottom = min(rectangles[cluster, 3], band.bottom) - band.top
                 if not is_hidden(left, right, top, bottom, bounds[cluster], image.width, workspace.tiles):
                     listed += _draw_cluster(lanes, half, parallel, eye, clusters, cluster, image.width, band, workspace)
-            _finish(lanes, parallel, band, image)
+            _finish(lanes, parallel, nothing, band, image)
 
     return draw_bands

@@ -48,11 +48,12 @@ class Scratch:
     @property
     def bytes(self) -> int:
         """Memory of all arrays."""
-        return self.clusters.bytes + sum(a.nbytes for a in (self.rectangles, self.bounds, *self.workspaces))
+        own = self.rectangles.nbytes + self.bounds.nbytes + sum(memory.nbytes for memory in self.workspaces)
+        return self.clusters.bytes + own
 
     def workspaces_for(self, threads: int, width: int, band_rows: int) -> list[Workspace]:
-        """One for each thread. Zeros at first, so that no list ever leads outside of the points."""
-        parts = (
+        """One for each thread."""
+        sizes = (
             8 * band_rows * band_stride(width),
             8 * SUMMANDS,
             8 * (band_rows + ROWS),
@@ -64,10 +65,10 @@ class Scratch:
             4 * -(-band_rows // TILE) * tile_stride(width),
             8 * (self.clusters.count + 1),
         )
-        parts = tuple(-(-part // CACHE_LINE) * CACHE_LINE for part in parts)
+        parts = [-(-part // CACHE_LINE) * CACHE_LINE for part in sizes]
         wanted = sum(parts) + CACHE_LINE
         if len(self.workspaces) != threads or len(self.workspaces[0]) != wanted:
-            self.workspaces[:] = [np.zeros(wanted, np.uint8) for _ in range(threads)]
+            self.workspaces[:] = [np.empty(wanted, np.uint8) for _ in range(threads)]
         made = []
         for memory in self.workspaces:
             start = -(-memory.ctypes.data // CACHE_LINE) * CACHE_LINE

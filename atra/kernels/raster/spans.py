@@ -185,12 +185,13 @@ def draw_spans(lanes, parallel, eye, vertices, vertex_count, prim_id, packed, wi
     step_wide = repeated(slope_x, lanes)
     low, high = repeated(farthest, lanes), repeated(nearest, lanes)
     cap = repeated(np.float32(nearest), lanes)
-    at_eye = repeated(np.float32(0.0), lanes)
+    at_eye, next_columns = repeated(np.float32(0.0), lanes), repeated(np.float32(lanes), lanes)
     for k in range(bottom - top + 1):
         first, last = int(firsts[k]), int(lasts[k])
         row = slope_y * (top + k) + constant
         byte = (top + k - band.top) * band.stride * 4
         before, end = repeated(np.float32(first - 1), lanes), repeated(np.float32(last), lanes)
+        columns = counted(np.float32(first // lanes * lanes), lanes)
         for start in range(first // lanes * lanes, last + 1, lanes):
             place = byte + start * 4
             old = load(band.nearness + place, np.float32(0.0), lanes)
@@ -203,7 +204,6 @@ def draw_spans(lanes, parallel, eye, vertices, vertex_count, prim_id, packed, wi
                 if not parallel:
                     wide = size(wide)  # the sign is wrong where the eye is in the plane but for rounding
                 found = rounded(smaller(larger(wide, low), high))
-            columns = counted(np.float32(start), lanes)
             drawn = (found >= old) & (columns > before) & (columns <= end)
             if parallel:
                 drawn = drawn & (at_eye > found)
@@ -212,3 +212,4 @@ def draw_spans(lanes, parallel, eye, vertices, vertex_count, prim_id, packed, wi
                 drawn = mask_of(without_lower(bits_of(drawn), same, prim_id, band.prim_id + place), lanes)
             store_where(drawn, found, band.nearness + place)
             store_where(drawn, prim_ids, band.prim_id + place)
+            columns = columns + next_columns
