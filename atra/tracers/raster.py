@@ -27,7 +27,7 @@ class RasterTracer(Lifetime):
     """Every triangle drawn onto the image, exactly where the rays of its pixels meet it, nearest in front.
 
     RasterTracer(mesh, camera, options=None, **changes): options are of `atra.RasterOptions`, changes fields of it by
-    name. It has nothing to build, so `look` changes the camera from frame to frame at no price.
+    name. What it builds, clusters of triangles, are of the mesh alone, so `look` changes the camera at no price.
     Raises InputError as the options do, and for a mesh smaller than 1e-9 or farther than 1e11 from the eye;
     MemoryBudgetError for an image that the free memory cannot hold.
     """
@@ -107,7 +107,7 @@ class RasterTracer(Lifetime):
 
     @property
     def triangle_count(self) -> int:
-        """Triangles of the mesh: all are looked at."""
+        """Triangles of the mesh, hidden ones included."""
         return self.mesh.triangle_count
 
     @property
