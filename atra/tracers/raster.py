@@ -27,7 +27,7 @@ class RasterTracer(TracerLifetime):
     """Every triangle drawn onto the image, exactly where the rays of its pixels meet it, nearest in front.
 
     RasterTracer(mesh, camera, options=None, **changes): options are of `atra.RasterOptions`, changes fields of it by
-    name. It has nothing to build, so `look` changes the camera from frame to frame at no price.
+    name. What it builds, clusters of triangles, are of the mesh alone, so `look` changes the camera at no price.
     Raises InputError as the options do, and for a mesh smaller than 1e-9 or farther than 1e11 from the eye;
     MemoryBudgetError for an image that the free memory cannot hold.
     """
@@ -82,7 +82,7 @@ class RasterTracer(TracerLifetime):
     def _build(self) -> float:
         compile_kernels(self.lanes, self.camera.is_parallel)  # before the clock starts
         start = perf_counter()
-        self._scratch = Scratch.of(self.mesh)
+        self._scratch = Scratch.of(self.mesh, self._pool)
         return perf_counter() - start
 
     def trace(self, offset: tuple[float, float] = (0.5, 0.5), out: Hits | None = None) -> Hits:
@@ -108,15 +108,14 @@ class RasterTracer(TracerLifetime):
 
     @property
     def triangle_count(self) -> int:
-        """Triangles of the mesh: all are looked at."""
+        """Triangles of the mesh, hidden ones included."""
         return self.mesh.triangle_count
 
     @property
     def counters(self) -> Mapping[str, float]:
         """What `atra.Tracer` says of counters; scratch_bytes, the memory that frames share, is known, too."""
-        scratch = () if self._scratch is None else vars(self._scratch).values()
-        arrays = [array for part in scratch for array in (part if isinstance(part, list) else [part])]
-        return {"triangles_traced": self.triangle_count, "scratch_bytes": sum(array.nbytes for array in arrays)}
+        scratch_bytes = 0 if self._scratch is None else self._scratch.bytes
+        return {"triangles_traced": self.triangle_count, "scratch_bytes": scratch_bytes}
 
     def _release(self) -> None:
         self._pool.close()

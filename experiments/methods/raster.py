@@ -1,4 +1,4 @@
-"""Method `raster`: triangles drawn onto the pixels their rays meet; nothing to build."""
+"""Method `raster`: triangles drawn onto the pixels their rays meet; clusters of them are built once per mesh."""
 
 from __future__ import annotations
 

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from atra.kernels.caching import kernel
 from atra.kernels.intrinsics import fetch_add
-from atra.kernels.raster.vectors import bits_of, load, repeated, rounded, store
+from atra.kernels.raster.memory import load, store
+from atra.kernels.raster.vectors import bits_of, repeated, rounded
 from atra.prim_ids import MISS
 
 ROWS = 16

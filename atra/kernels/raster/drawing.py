@@ -1,4 +1,8 @@
-"""Drawing: band after band of the image, and in it the ordinary triangle, at most a span wide, one vector a row."""
+"""Drawing: band after band of the image, and in it cluster after cluster, unless what is drawn already hides it.
+
+A band is so many rows that its part of the image stays in the cache of the thread that draws it. It decides alone
+which clusters it needs, so that threads wait for each other once a frame only.
+"""
 
 from __future__ import annotations
 
@@ -10,50 +14,102 @@ from numba import njit
 
 from atra.kernels.caching import kernel
 from atra.kernels.intrinsics import fetch_add
-from atra.kernels.raster.exact import UNIT
-from atra.kernels.raster.image import GENTLE, NARROW, SPAN, Band, band_stride
+from atra.kernels.raster.clusters import CLUSTER
+from atra.kernels.raster.culling import find_farthest, forget_tiles, is_hidden
+from atra.kernels.raster.image import CACHE_LINE, Band, band_stride
+from atra.kernels.raster.memory import fetch, floats_at, identities_at, integers_at, load, store
 from atra.kernels.raster.narrow import draw_narrow
 from atra.kernels.raster.spans import draw_spans
-from atra.kernels.raster.vectors import (
-    fetch,
-    load,
-    repeated,
-    store,
-)
+from atra.kernels.raster.triangles import BATCH, LEFT, LIST_ROOM, RIGHT, list_triangles, project_vertices, set_up
+from atra.kernels.raster.vectors import repeated
 from atra.prim_ids import MISS
 
-_UNIT32 = 2.0**-24
-
-_SMALLEST, _LARGEST = 1e-35, 1e35
-"""Float32 between these has all its digits."""
-
-AHEAD = 8
-"""Triangles drawn before one whose corners are asked for."""
-
-_SURE = 4.0 * UNIT
-"""As in `exact`: the area is the same sum of products."""
-
-_NEAR_AND_FAR = 1e3
-"""Times that the nearest corner is as near as the farthest, up to which the plane through the three projected corners
-is known well enough. Beyond, it is computed from the corners in space."""
+_STALE = 1024
+"""Triangles listed until tiles are looked at again."""
 
 
 @njit
-def _finish(lanes, parallel, band, image):  # type: ignore[no-untyped-def]
-    """Write the rows of a band to the image, nearness as depth."""
-    nothing, one = repeated(np.float32(0.0), lanes), repeated(np.float32(1.0), lanes)
+def _clear(lanes, nothing, rows, stride, width, band):  # type: ignore[no-untyped-def]
+    """Nothing is drawn yet, and what lies beyond the image is nearest, so that it counts as hidden."""
+    none, prim_ids = repeated(np.uint32(MISS), lanes), band + rows * stride * 4
+    for place in range(0, rows * stride, lanes):
+        store(repeated(nothing, lanes), band + place * 4)
+        store(none, prim_ids + place * 4)
+    for row in range(rows):
+        for column in range(width, stride):
+            floats_at(band)[row * stride + column] = np.inf
+
+
+@njit
+def _finish(lanes, parallel, nothing, band, image):  # type: ignore[no-untyped-def]
+    """Write the rows of a band to the image, nearness as depth, and leave nothing behind for the next band."""
+    zero, one = repeated(np.float32(0.0), lanes), repeated(np.float32(1.0), lanes)
+    farthest, none = repeated(nothing, lanes), repeated(np.uint32(MISS), lanes)
     whole = image.width // lanes * lanes
     for y in range(band.top, band.bottom + 1):
-        source, target = (y - band.top) * band.stride * 4, y * image.width * 4
-        for x in range(0, whole, lanes):
-            found = load(band.nearness + source + x * 4, np.float32(0.0), lanes)
-            store(nothing - found if parallel else one / found, image.depth + target + x * 4)
-            store(load(band.prim_id + source + x * 4, np.uint32(0), lanes), image.prim_id + target + x * 4)
+        nearness = band.nearness + (y - band.top) * band.stride * 4
+        prim_id = band.prim_id + (y - band.top) * band.stride * 4
+        target = y * image.width * 4
+        for x in range(0, whole * 4, lanes * 4):
+            found, prim_ids = load(nearness + x, np.float32(0.0), lanes), load(prim_id + x, np.uint32(0), lanes)
+            store(zero - found if parallel else one / found, image.depth + target + x)
+            store(prim_ids, image.prim_id + target + x)
+            store(farthest, nearness + x)
+            store(none, prim_id + x)
         for x in range(whole, image.width):
-            found = load(band.nearness + source + x * 4, np.float32(0.0), 1)
-            depth = repeated(np.float32(0.0), 1) - found if parallel else repeated(np.float32(1.0), 1) / found
-            store(depth, image.depth + target + x * 4)
-            store(load(band.prim_id + source + x * 4, np.uint32(0), 1), image.prim_id + target + x * 4)
+            found = floats_at(nearness)[x]
+            depth = np.float32(0.0) - found if parallel else np.float32(1.0) / found if found != 0.0 else np.inf
+            floats_at(image.depth + target)[x], floats_at(nearness)[x] = depth, nothing
+            identities_at(image.prim_id + target)[x] = identities_at(prim_id)[x]
+            identities_at(prim_id)[x] = MISS
+
+
+@njit
+def _list_clusters(order, rectangles, band, here):  # type: ignore[no-untyped-def]
+    """List those of `order` whose rectangle meets the band, at an address of int64; returns how many."""
+    list_, place = integers_at(here), 0
+    for cluster in order:
+        list_[place] = cluster
+        place += (rectangles[cluster, 2] <= band.bottom) & (rectangles[cluster, 3] >= band.top)
+    return place
+
+
+@njit(inline="always")
+def _fetch_vertices(clusters, cluster):  # type: ignore[no-untyped-def]
+    """Ask for the vertices of a cluster that may be drawn next."""
+    firsts = integers_at(clusters.firsts)
+    for place in range(firsts[cluster] * 12, firsts[cluster + 1] * 12, CACHE_LINE):
+        fetch(clusters.vertices + place)
+
+
+@njit
+def _draw_cluster(lanes, half, parallel, eye, clusters, cluster, width, band, workspace):  # type: ignore[no-untyped-def]
+    """Draw what a cluster has in a band; returns how many triangles were listed for it."""
+    start, firsts = cluster * CLUSTER, integers_at(clusters.firsts)
+    corners, prim_ids = clusters.corners + start * 8, clusters.prim_ids + start * 4
+    for line in range(0, CLUSTER * 8, CACHE_LINE):
+        fetch(corners + line)
+    for line in range(0, CLUSTER * 4, CACHE_LINE):
+        fetch(prim_ids + line)
+    vertices, vertex_count = clusters.vertices + firsts[cluster] * 12, firsts[cluster + 1] - firsts[cluster]
+    project_vertices(parallel, vertices, vertex_count, eye, workspace.points)
+    triangles = min(CLUSTER, clusters.triangles - start)
+    count = list_triangles(parallel, corners, triangles, workspace.points, width, band, workspace.listed)
+    listed, floats, identities = integers_at(workspace.listed), floats_at(workspace.floats), identities_at(prim_ids)
+    for batch in range(0, count, BATCH):
+        may_be_seen, ordinary = set_up(parallel, width, batch, band, workspace)
+        for k in range(min(BATCH, count - batch)):
+            if not (may_be_seen >> k) & 1:
+                continue
+            packed = listed[batch + k]
+            prim_id = identities[packed >> 48]
+            if not (ordinary >> k) & 1:
+                draw_spans(lanes, parallel, eye, vertices, vertex_count, prim_id, packed, width, band, workspace)
+            elif floats[RIGHT * BATCH + k] - floats[LEFT * BATCH + k] < half:
+                draw_narrow(half, parallel, prim_id, packed, k, band, workspace)
+            else:
+                draw_narrow(lanes, parallel, prim_id, packed, k, band, workspace)
+    return count
 
 
 @cache
@@ -62,86 +118,44 @@ def drawing_kernel(lanes: int, parallel: bool) -> Callable[..., None]:
     half = max(lanes // 2, 4)
 
     @kernel
-    def draw_bands(counter_address, view, points, faces, starts, entries, band_rows, image, workspace):  # type: ignore[no-untyped-def]
+    def draw_bands(counter_address, eye, clusters, rectangles, bounds, order, band_rows, image, workspace):  # type: ignore[no-untyped-def]
         """Draw all bands, until the shared counter runs past the last.
 
-        points: of `project`. starts, entries: the triangles of each band. image: written completely.
-        Whether a sample lies in a triangle is decided exactly. Three float32 sums say how far it lies inside of the
-        edges; the few that are within their rounding of one are decided by `side`.
+        rectangles, bounds: of `cull_clusters`. order (N,) int64: the clusters to be drawn unless they are hidden, the
+        nearest first. image: written completely.
+        Whatever the order, a sample gets the nearest triangle, and of several the lowest prim_id.
         """
-        stride = band_stride(image.width)
-        address = workspace.band
-        nothing = repeated(np.float32(-np.inf if parallel else 0.0), lanes)
-        none = repeated(np.uint32(MISS), lanes)
+        stride, nothing = band_stride(image.width), np.float32(-np.inf if parallel else 0.0)
+        _clear(lanes, nothing, band_rows, stride, image.width, workspace.band)
+        for place in range(LIST_ROOM):  # a batch reads beyond its list, and there has to be the corners of a triangle
+            integers_at(workspace.listed)[place] = 0
         while True:
             number = fetch_add(counter_address, 1)
-            if number >= len(starts) - 1:
+            top = number * band_rows
+            if top >= image.height:
                 return
             band = Band(
-                address,
-                address + band_rows * stride * 4,
+                workspace.band,
+                workspace.band + band_rows * stride * 4,
                 stride,
-                number * band_rows,
-                min((number + 1) * band_rows, image.height) - 1,
+                top,
+                min(top + band_rows, image.height) - 1,
             )
-            for place in range(0, (band.bottom + 1 - band.top) * stride * 4, lanes * 4):
-                store(nothing, band.nearness + place)
-                store(none, band.prim_id + place)
-            end_of_band = starts[number + 1]
-            for entry in range(starts[number], end_of_band):
-                if entry + AHEAD < end_of_band:
-                    later = entries[entry + AHEAD]
-                    for corner in range(3):
-                        fetch(points.ctypes.data + np.int64(faces[later, corner]) * 32)
-                triangle = entries[entry]
-                v0, v1, v2 = faces[triangle, 0], faces[triangle, 1], faces[triangle, 2]
-                x0, y0, w0 = points[v0, 0], points[v0, 1], points[v0, 2]
-                x1, y1, w1 = points[v1, 0], points[v1, 1], points[v1, 2]
-                x2, y2, w2 = points[v2, 0], points[v2, 1], points[v2, 2]
-                nearest, farthest = max(w0, w1, w2), min(w0, w1, w2)
-                low_x, high_x, low_y, high_y = min(x0, x1, x2), max(x0, x1, x2), min(y0, y1, y2), max(y0, y1, y2)
-                left, right = max(np.ceil(low_x), 0.0), min(np.floor(high_x), image.width - 1.0)
-                top, bottom = max(np.ceil(low_y), 0.0), min(np.floor(high_y), image.height - 1.0)
-                # Edge k lies opposite corner k.
-                dx1, dy1, dx2, dy2 = x0 - x2, y0 - y2, x1 - x0, y1 - y0
-                one_way, other_way = dx2 * dy1, dy2 * dx1
-                area = other_way - one_way
-                facing = 1.0 if area > 0.0 else -1.0
-                inverse = 1.0 / area if area != 0.0 else np.inf
-                slope_x = -((w2 - w0) * dy2 + (w1 - w0) * dy1) * inverse
-                slope_y = ((w2 - w0) * dx2 + (w1 - w0) * dx1) * inverse
-                least = -nearest if parallel else farthest
-                # No sum and no summand is larger, from the first row and column to the last of a vector.
-                largest = (high_y - low_y) * (2.0 * (high_x - low_x) + SPAN)
-                if not (
-                    right - left < NARROW
-                    and largest < _LARGEST
-                    and abs(slope_x) * NARROW <= GENTLE * least
-                    and (parallel or nearest <= _NEAR_AND_FAR * farthest)
-                    and abs(area) > _SURE * (abs(one_way) + abs(other_way))
-                ):
-                    first, last = band.top, band.bottom
-                    if parallel or farthest > 0.0:
-                        first, last = max(int(top), first), min(int(bottom), last)
-                    draw_spans(
-                        lanes, parallel, view, points, v0, v1, v2, triangle, first, last, image.width, band, workspace
-                    )
-                    continue
-                at_corner = w0 + slope_x * (left - x0) + slope_y * (top - y0)
-                first, last = max(int(top), band.top), min(int(bottom), band.bottom)
-                rounding = np.float32((last - first + 8) * _UNIT32 * largest + _SMALLEST)
-                start, end = int(left), int(right)
-                nearness = at_corner + slope_y * (first - top)
-                if end - start < half:
-                    draw_narrow(
-                        half, parallel, triangle, x0, y0, x1, y1, x2, y2, facing, rounding, nearness, slope_x, slope_y,
-                        start, end, first, last, band, workspace,
-                    )  # fmt: skip
-                else:
-                    draw_narrow(
-                        lanes, parallel, triangle, x0, y0, x1, y1, x2, y2, facing, rounding, nearness, slope_x, slope_y,
-                        start, end, first, last, band, workspace,
-                    )  # fmt: skip
-            _finish(lanes, parallel, band, image)
+            forget_tiles(nothing, band_rows, image.width, workspace.tiles)
+            here, count = integers_at(workspace.here), _list_clusters(order, rectangles, band, workspace.here)
+            listed = 0
+            for place in range(count):
+                cluster = here[place]
+                if place + 1 < count:
+                    _fetch_vertices(clusters, here[place + 1])
+                if listed >= _STALE:
+                    find_farthest(band, image.width, workspace.tiles)
+                    listed = 0
+                left, right = rectangles[cluster, 0], rectangles[cluster, 1]
+                top = max(rectangles[cluster, 2], band.top) - band.top
+                bottom = min(rectangles[cluster, 3], band.bottom) - band.top
+                if not is_hidden(left, right, top, bottom, bounds[cluster], image.width, workspace.tiles):
+                    listed += _draw_cluster(lanes, half, parallel, eye, clusters, cluster, image.width, band, workspace)
+            _finish(lanes, parallel, nothing, band, image)
 
     return draw_bands

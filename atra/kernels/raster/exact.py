@@ -18,7 +18,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from atra.kernels.raster.vectors import doubles_at, multiply_add
+from atra.kernels.raster.memory import doubles_at
+from atra.kernels.raster.vectors import multiply_add
 
 SUMMANDS = 12
 """Of an exact sum: callers hand over the address of room for so many float64."""

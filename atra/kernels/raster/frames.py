@@ -1,9 +1,10 @@
-"""A frame: vertices projected, triangles listed, bands drawn; and the memory that frames share."""
+"""A frame: clusters culled, bands drawn; and the memory that frames share."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cache
+from itertools import accumulate
 from typing import Any
 
 import numpy as np
@@ -13,18 +14,17 @@ from atra.geometry.camera import Camera
 from atra.geometry.mesh import Mesh
 from atra.geometry.orthographic import OrthographicCamera
 from atra.geometry.view import View
+from atra.kernels.raster.clusters import CLUSTER, POINT_BYTES, VERTICES, Clusters, clusters_of
+from atra.kernels.raster.culling import TILE, cull_clusters, tile_stride
 from atra.kernels.raster.drawing import drawing_kernel
 from atra.kernels.raster.exact import SUMMANDS
-from atra.kernels.raster.image import Image, ViewOfMesh, Workspace, band_stride
-from atra.kernels.raster.listing import CHUNK, fill_bands, list_triangles, place_bands, project
+from atra.kernels.raster.image import CACHE_LINE, Eye, Image, Workspace, band_stride
 from atra.kernels.raster.spans import ROWS
+from atra.kernels.raster.triangles import BATCH, DOUBLES, FLOATS, LIST_ROOM
 from atra.parallel import WorkerPool
 
 _BAND_PIXELS, _BAND_ROWS = 1 << 16, (16, 64)
 """Pixels of a band, half a megabyte of image; and its least and most rows."""
-
-_CACHE_LINE = 8
-"""Float64 numbers in one."""
 
 _LEAST_DEPTH = 1e-25
 """Depth that a corner has at least, of the mesh's distance from the eye: its inverse has to be a float32."""
@@ -32,38 +32,53 @@ _LEAST_DEPTH = 1e-25
 
 @dataclass(frozen=True, eq=False)
 class Scratch:
-    """Memory of the frames of one mesh. points: (V, 4) float64. listed: (F,) uint32, bands: (F, 2) int32."""
+    """A mesh in clusters, and memory of its frames. rectangles, bounds: of `cull_clusters`."""
 
-    points: NDArray[np.float64]
-    listed: NDArray[np.uint32]
-    bands: NDArray[np.int32]
-    entries: list[NDArray[np.uint32]] = field(default_factory=list)
-    workspaces: list[NDArray[np.float64]] = field(default_factory=list)
+    clusters: Clusters
+    rectangles: NDArray[np.int32]
+    bounds: NDArray[np.float32]
+    workspaces: list[NDArray[np.uint8]] = field(default_factory=list)
 
     @classmethod
-    def of(cls, mesh: Mesh) -> Scratch:
-        triangles = mesh.triangle_count
-        return cls(
-            np.empty((len(mesh.vertices), 4)), np.empty(triangles, np.uint32), np.empty((triangles, 2), np.int32)
-        )
+    def of(cls, mesh: Mesh, pool: WorkerPool) -> Scratch:
+        """Make the clusters of a mesh."""
+        clusters = clusters_of(mesh, pool)
+        return cls(clusters, np.empty((clusters.count, 4), np.int32), np.empty(clusters.count, np.float32))
 
-    def room_for(self, count: int) -> NDArray[np.uint32]:
-        """At least `count` entries of bands."""
-        if not self.entries or len(self.entries[0]) < count:
-            self.entries[:] = [np.empty(count + count // 4, np.uint32)]
-        return self.entries[0]
+    @property
+    def bytes(self) -> int:
+        """Memory of all arrays."""
+        own = self.rectangles.nbytes + self.bounds.nbytes + sum(memory.nbytes for memory in self.workspaces)
+        return self.clusters.bytes + own
 
     def workspaces_for(self, threads: int, width: int, band_rows: int) -> list[Workspace]:
         """One for each thread."""
-        parts = band_rows * band_stride(width), SUMMANDS, band_rows + ROWS, band_rows + ROWS
-        wanted = sum(parts) + _CACHE_LINE
+        sizes = (
+            8 * band_rows * band_stride(width),
+            8 * SUMMANDS,
+            8 * (band_rows + ROWS),
+            8 * (band_rows + ROWS),
+            (3 * CLUSTER + VERTICES) * POINT_BYTES,
+            8 * LIST_ROOM,
+            8 * BATCH * DOUBLES,
+            4 * BATCH * FLOATS,
+            4 * -(-band_rows // TILE) * tile_stride(width),
+            8 * (self.clusters.count + 1),
+        )
+        parts = [-(-part // CACHE_LINE) * CACHE_LINE for part in sizes]
+        wanted = sum(parts) + CACHE_LINE
         if len(self.workspaces) != threads or len(self.workspaces[0]) != wanted:
-            self.workspaces[:] = [np.empty(wanted) for _ in range(threads)]
-        starts = 8 * np.cumsum([0, *parts[:-1]])
-        return [
-            Workspace(*(starts + memory.ctypes.data + -memory.ctypes.data % (8 * _CACHE_LINE)).tolist())
-            for memory in self.workspaces
-        ]
+            self.workspaces[:] = [np.empty(wanted, np.uint8) for _ in range(threads)]
+        made = []
+        for memory in self.workspaces:
+            start = -(-memory.ctypes.data // CACHE_LINE) * CACHE_LINE
+            made.append(Workspace(*accumulate((start, *parts[:-1]))))
+        return made
+
+    def order(self) -> NDArray[np.int64]:
+        """The clusters that may be seen, the nearest first."""
+        may_be_seen = np.flatnonzero(self.rectangles[:, 2] <= self.rectangles[:, 3])
+        return may_be_seen[np.argsort(-self.bounds[may_be_seen])]
 
 
 def draw_frame(
@@ -80,30 +95,26 @@ def draw_frame(
     width, height, parallel = camera.width, camera.height, camera.is_parallel
     to_pixels = camera.to_pixels.copy()
     to_pixels[:2] -= np.outer(offset, to_pixels[2])
-    eye = np.array(camera.eye)
-    least_depth = 0.0 if parallel else _LEAST_DEPTH * float(np.abs(mesh.bounds - eye).max())
-    points, faces = scratch.points, mesh.faces
+    position, depth_axis = np.array(camera.eye), camera.axes[2].copy()
+    least_depth = 0.0 if parallel else _LEAST_DEPTH * float(np.abs(mesh.bounds - position).max())
+    eye = Eye(position.ctypes.data, to_pixels.ctypes.data, depth_axis.ctypes.data, least_depth)
     least_rows, most_rows = _BAND_ROWS
     band_rows = min(max(1 << (_BAND_PIXELS // width).bit_length() >> 1, least_rows), most_rows)  # a power of two
-    counts = np.empty((-(-len(faces) // CHUNK), -(-height // band_rows) + 1), np.int64)
-    starts = np.empty(counts.shape[1], np.int64)
-    view = ViewOfMesh(mesh.vertices, eye, to_pixels)
     image = Image(depth.ctypes.data, prim_id.ctypes.data, width, height)
+    clusters, rectangles, bounds = scratch.clusters, scratch.rectangles, scratch.bounds
+    addresses = clusters.addresses
     draw_bands: Any = drawing_kernel(lanes, parallel)
 
-    pool.run(lambda _, counter: project(counter, mesh.vertices, eye, to_pixels, camera.axes[2], least_depth, points))
     pool.run(
-        lambda _, counter: list_triangles(
-            counter, points, faces, parallel, width, height, band_rows, scratch.listed, scratch.bands, counts
+        lambda _, counter: cull_clusters(
+            counter, clusters.boxes, eye, parallel, width, height, band_rows, rectangles, bounds
         )
-    )
-    place_bands(counts, starts)
-    entries = scratch.room_for(int(starts[-1]))
-    pool.run(lambda _, counter: fill_bands(counter, scratch.listed, scratch.bands, counts, entries))
+    )  # fmt: skip
+    order = scratch.order()
     workspaces = scratch.workspaces_for(pool.threads, width, band_rows)
 
     def draw(worker: int, counter: int) -> None:
-        draw_bands(counter, view, points, faces, starts, entries, band_rows, image, workspaces[worker])
+        draw_bands(counter, eye, addresses, rectangles, bounds, order, band_rows, image, workspaces[worker])
 
     pool.run(draw)
 
@@ -111,10 +122,10 @@ def draw_frame(
 @cache
 def compile_kernels(lanes: int, parallel: bool) -> None:
     """Have everything that `draw_frame` calls compiled: draw one triangle."""
-    mesh = Mesh(np.eye(3, dtype=np.float32), np.array([[0, 1, 2]], np.uint32))
+    mesh = Mesh(np.eye(3, dtype=np.float32), np.array([[0, 1, 2]] * (CLUSTER + 1), np.uint32))
     kind = OrthographicCamera if parallel else Camera
     camera = kind((0, 0, 1), (0, 0, 0), width=1, height=1)
     out = np.empty((1, 1), np.float32), np.empty((1, 1), np.uint32)
     pool = WorkerPool(1)
-    draw_frame(mesh, camera, (0.5, 0.5), lanes, Scratch.of(mesh), pool, out)
+    draw_frame(mesh, camera, (0.5, 0.5), lanes, Scratch.of(mesh, pool), pool, out)
     pool.close()

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
 from numba import njit
-from numpy.typing import NDArray
+
+from atra.kernels.raster.memory import identities_at
 
 SPAN = 16
 """Pixels along a row over which nearness is a float32 multiple of its slope; no function of `lanes`, so that the
@@ -18,6 +18,10 @@ NARROW = 32
 GENTLE = 2.0
 """Nearness whose slope over so many pixels is at most so many times the least it has is gentle: rounding to float32
 along the row changes it by few units of itself. What is steeper is computed in float64, between its corners'."""
+
+
+CACHE_LINE = 64
+"""Bytes of one."""
 
 
 @njit
@@ -49,19 +53,41 @@ class Band(NamedTuple):
     bottom: int
 
 
-class ViewOfMesh(NamedTuple):
-    """vertices: (V, 3) float32. eye: (3,) float64. to_pixels: (3, 4) float64, with the samples at whole numbers."""
+class Eye(NamedTuple):
+    """What triangles are drawn from. Addresses of float64: position (3), to_pixels (3 x 4), of homogeneous eye space,
+    with the samples at whole numbers, and depth_axis (3), the view axis in eye space. least_depth: what smaller depths
+    count as, on either side of the eye plane; 0 where rays are parallel."""
 
-    vertices: NDArray[np.float32]
-    eye: NDArray[np.float64]
-    to_pixels: NDArray[np.float64]
+    position: int
+    to_pixels: int
+    depth_axis: int
+    least_depth: float
 
 
 class Workspace(NamedTuple):
     """Addresses of memory of one thread. band: nearness, then prim_id of a band. exact: SUMMANDS float64 of `exact`.
-    first, last: float64, where each row of a triangle starts and ends, with room for whole vectors."""
+    first, last: float64, where each row of a triangle starts and ends, with room for whole vectors. points: a cluster's
+    vertices in pixels. listed, doubles, floats: of `triangles`. tiles: of `culling`. here: int64, the
+    clusters of a band."""
 
     band: int
     exact: int
     first: int
     last: int
+    points: int
+    listed: int
+    doubles: int
+    floats: int
+    tiles: int
+    here: int
+
+
+@njit
+def without_lower(bits, same, prim_id, address):  # type: ignore[no-untyped-def]
+    """`bits` of the lanes to be drawn without those of `same` where a lower prim_id, from the address on, is stored."""
+    lane = 0
+    while same >> lane != 0:
+        if (same >> lane) & 1 and identities_at(address)[lane] < prim_id:
+            bits &= ~(1 << lane)
+        lane += 1
+    return bits

@@ -6,21 +6,34 @@ import numpy as np
 from numba import njit
 
 from atra.kernels.raster.exact import side
-from atra.kernels.raster.vectors import (
-    bits_of,
-    counted,
-    load,
-    mask_of,
-    rarely,
-    repeated,
-    smaller,
-    store_where,
+from atra.kernels.raster.image import without_lower
+from atra.kernels.raster.memory import doubles_at, floats_at, load, store_where
+from atra.kernels.raster.triangles import (
+    BATCH,
+    CAP,
+    COLUMN,
+    FIRST,
+    INSIDE,
+    LAST,
+    LEFT,
+    NEARNESS,
+    RIGHT,
+    ROUNDING,
+    ROW,
+    SLOPE_X,
+    SLOPE_Y,
+    corner_at,
 )
+from atra.kernels.raster.vectors import bits_of, counted, mask_of, rarely, repeated, smaller
 
 
 @njit
-def _decided(x0, y0, x1, y1, x2, y2, facing, left, j, lanes, exact):  # type: ignore[no-untyped-def]
+def _decided(points, packed, left, j, lanes, exact):  # type: ignore[no-untyped-def]
     """Bits of the samples of row j from column `left` on that lie in the triangle, exactly."""
+    x0, y0, _ = corner_at(points, packed, 0)
+    x1, y1, _ = corner_at(points, packed, 1)
+    x2, y2, _ = corner_at(points, packed, 2)
+    facing = 1 if (y1 - y0) * (x0 - x2) > (x1 - x0) * (y0 - y2) else -1
     bits = 0
     for lane in range(lanes):
         i = float(left + lane)
@@ -34,48 +47,45 @@ def _decided(x0, y0, x1, y1, x2, y2, facing, left, j, lanes, exact):  # type: ig
 
 
 @njit(inline="always")
-def draw_narrow(  # type: ignore[no-untyped-def]
-    lanes, parallel, triangle, x0, y0, x1, y1, x2, y2, facing, rounding, nearness, slope_x, slope_y, left, right,
-    first, last, band, workspace,
-):  # fmt: skip
-    """Draw the rows first ... last of a triangle whose corners all are in front of the eye, with vectors of `lanes`.
+def draw_narrow(lanes, parallel, prim_id, packed, k, band, workspace):  # type: ignore[no-untyped-def]
+    """Draw an ordinary triangle, the k-th of its batch and with these corners, with vectors of `lanes`.
 
-    facing: 1 or -1, the sign of its area. left, right: its first and last column. nearness: of its plane in the
-    first of both. rounding: what the sums may be wrong by, in float32. Where one is not larger, `side` decides.
+    Where a sum is within its rounding of 0, `side` decides; where a sample has the same nearness already, the lower
+    prim_id stays. Nothing is drawn nearer than the nearest corner, whatever rounding makes of the plane.
     """
-    j = float(first)
-    prim_id, at_eye = repeated(np.uint32(triangle), lanes), repeated(np.float32(0.0), lanes)
+    values, doubles = floats_at(workspace.floats + k * 4), doubles_at(workspace.doubles + k * 8)
+    left, right = int(values[LEFT * BATCH]), int(values[RIGHT * BATCH])
+    first, last = int(values[FIRST * BATCH]), int(values[LAST * BATCH])
+    slope_y, rounding = doubles[SLOPE_Y * BATCH], values[ROUNDING * BATCH]
+    prim_ids, at_eye = repeated(prim_id, lanes), repeated(np.float32(0.0), lanes)
     surely, hardly = repeated(rounding, lanes), repeated(-rounding, lanes)
-    # Edge k lies opposite corner k.
-    dx0, dy0 = facing * (x2 - x1), facing * (y2 - y1)
-    dx1, dy1 = facing * (x0 - x2), facing * (y0 - y2)
-    dx2, dy2 = facing * (x1 - x0), facing * (y1 - y0)
-    columns = counted(np.float32(0.0), lanes)
-    column0 = columns * repeated(np.float32(-dy0), lanes)
-    column1 = columns * repeated(np.float32(-dy1), lanes)
-    column2 = columns * repeated(np.float32(-dy2), lanes)
-    row0 = repeated(np.float32(dx0), lanes)
-    row1 = repeated(np.float32(dx1), lanes)
-    row2 = repeated(np.float32(dx2), lanes)
-    slope = repeated(np.float32(slope_x), lanes)
+    cap, slope = repeated(values[CAP * BATCH], lanes), repeated(values[SLOPE_X * BATCH], lanes)
+    column0 = repeated(values[COLUMN * BATCH], lanes)
+    column1 = repeated(values[(COLUMN + 1) * BATCH], lanes)
+    column2 = repeated(values[(COLUMN + 2) * BATCH], lanes)
+    row0 = repeated(values[ROW * BATCH], lanes)
+    row1 = repeated(values[(ROW + 1) * BATCH], lanes)
+    row2 = repeated(values[(ROW + 2) * BATCH], lanes)
     for start in range(left, right + 1, lanes):
-        inside0 = repeated(np.float32(dx0 * (j - y1) - dy0 * (start - x1)), lanes) + column0
-        inside1 = repeated(np.float32(dx1 * (j - y2) - dy1 * (start - x2)), lanes) + column1
-        inside2 = repeated(np.float32(dx2 * (j - y0) - dy2 * (start - x0)), lanes) + column2
-        along = counted(np.float32(start - left), lanes) * slope
-        place, row = ((first - band.top) * band.stride + start) * 4, nearness
+        columns = counted(np.float32(start - left), lanes)
+        inside0 = repeated(values[INSIDE * BATCH], lanes) + columns * column0
+        inside1 = repeated(values[(INSIDE + 1) * BATCH], lanes) + columns * column1
+        inside2 = repeated(values[(INSIDE + 2) * BATCH], lanes) + columns * column2
+        along = columns * slope
+        place, row = ((first - band.top) * band.stride + start) * 4, doubles[NEARNESS * BATCH]
         for y in range(first, last + 1):
             inside = smaller(smaller(inside0, inside1), inside2)
-            found = repeated(np.float32(row), lanes) + along
+            found = smaller(cap, repeated(np.float32(row), lanes) + along)
             old = load(band.nearness + place, np.float32(0.0), lanes)
-            drawn = (inside > hardly) & (found > old)
+            drawn = (inside > hardly) & (found >= old)
             if parallel:
                 drawn = drawn & (at_eye > found)
-            if rarely(bits_of(drawn & (inside <= surely)) != 0):
-                exactly = _decided(x0, y0, x1, y1, x2, y2, int(facing), start, float(y), lanes, workspace.exact)
-                drawn = drawn & mask_of(exactly, lanes)
+            if rarely(bits_of(drawn & ((inside <= surely) | (found <= old))) != 0):
+                exactly = _decided(workspace.points, packed, start, float(y), lanes, workspace.exact)
+                same = bits_of(drawn & (found <= old)) & exactly
+                drawn = drawn & mask_of(without_lower(exactly, same, prim_id, band.prim_id + place), lanes)
             store_where(drawn, found, band.nearness + place)
-            store_where(drawn, prim_id, band.prim_id + place)
+            store_where(drawn, prim_ids, band.prim_id + place)
             inside0, inside1, inside2 = inside0 + row0, inside1 + row1, inside2 + row2
             place += band.stride * 4
             row += slope_y

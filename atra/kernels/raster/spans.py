@@ -5,14 +5,17 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from atra.kernels.raster.clusters import POINT_BYTES
+from atra.kernels.raster.culling import is_hidden
 from atra.kernels.raster.exact import SURELY_NEAREST, UNIT, crossing_error, first_beyond, turn
-from atra.kernels.raster.image import GENTLE, SPAN
+from atra.kernels.raster.image import GENTLE, SPAN, without_lower
+from atra.kernels.raster.memory import doubles_at, floats_at, load, store, store_where
+from atra.kernels.raster.triangles import corner_at
 from atra.kernels.raster.vectors import (
     bits_of,
     counted,
-    doubles_at,
     larger,
-    load,
+    mask_of,
     nearest_whole,
     next_whole,
     rarely,
@@ -20,8 +23,6 @@ from atra.kernels.raster.vectors import (
     rounded,
     size,
     smaller,
-    store,
-    store_where,
 )
 
 _VOLUME_ROUNDINGS = 8.0
@@ -32,26 +33,34 @@ ROWS = 8
 
 
 @njit
-def _holds_eye(view, v0, v1, v2):  # type: ignore[no-untyped-def]
-    """Whether the eye lies in the plane of a triangle, to the last digits of float64: then it is seen edge-on."""
-    vertices, eye = view.vertices, view.eye
-    x0, y0, z0 = vertices[v0, 0] - eye[0], vertices[v0, 1] - eye[1], vertices[v0, 2] - eye[2]
-    x1, y1, z1 = vertices[v1, 0] - eye[0], vertices[v1, 1] - eye[1], vertices[v1, 2] - eye[2]
-    x2, y2, z2 = vertices[v2, 0] - eye[0], vertices[v2, 1] - eye[1], vertices[v2, 2] - eye[2]
+def _holds_eye(a, b, c):  # type: ignore[no-untyped-def]
+    """Whether the eye lies in the plane of a triangle, to the last digits of float64: then it is seen edge-on.
+
+    a, b, c: its corners, seen from the eye.
+    """
+    (x0, y0, z0), (x1, y1, z1), (x2, y2, z2) = a, b, c
     volume = x0 * (y1 * z2 - z1 * y2) + y0 * (z1 * x2 - x1 * z2) + z0 * (x1 * y2 - y1 * x2)
     sizes = abs(x0) * (abs(y1 * z2) + abs(z1 * y2)) + abs(y0) * (abs(z1 * x2) + abs(x1 * z2))
     return abs(volume) <= _VOLUME_ROUNDINGS * UNIT * (sizes + abs(z0) * (abs(x1 * y2) + abs(y1 * x2)))
 
 
 @njit(inline="always")
-def _homogeneous(view, vertex):  # type: ignore[no-untyped-def]
-    """(x, y, 1) times the depth of a vertex, where x and y are its pixel position; for a pinhole."""
-    u, v = view.vertices[vertex, 0] - view.eye[0], view.vertices[vertex, 1] - view.eye[1]
-    w, m = view.vertices[vertex, 2] - view.eye[2], view.to_pixels
+def _from_eye(eye, vertices, count, packed, corner):  # type: ignore[no-untyped-def]
+    """A corner, in the world's axes, seen from the eye; vertices: address of the `count` of its cluster."""
+    values, position = floats_at(vertices), doubles_at(eye.position)
+    place = ((packed >> (16 * corner)) & 0xFFFF) // POINT_BYTES
+    x, y, z = values[place], values[place + count], values[place + 2 * count]
+    return x - position[0], y - position[1], z - position[2]
+
+
+@njit(inline="always")
+def _homogeneous(m, corner):  # type: ignore[no-untyped-def]
+    """(x, y, 1) times the depth of a corner, where x and y are its pixel position; for a pinhole."""
+    u, v, w = corner
     return (
-        m[0, 0] * u + m[0, 1] * v + m[0, 2] * w,
-        m[1, 0] * u + m[1, 1] * v + m[1, 2] * w,
-        m[2, 0] * u + m[2, 1] * v + m[2, 2] * w,
+        m[0] * u + m[1] * v + m[2] * w,
+        m[4] * u + m[5] * v + m[6] * w,
+        m[8] * u + m[9] * v + m[10] * w,
     )
 
 
@@ -62,15 +71,15 @@ def _inverse(volume):  # type: ignore[no-untyped-def]
 
 
 @njit
-def _pinhole_plane(view, v0, v1, v2):  # type: ignore[no-untyped-def]
+def _pinhole_plane(m, a, b, c):  # type: ignore[no-untyped-def]
     """Nearness A i + B j + C on the plane of a triangle that may reach behind the eye.
 
     The plane of the corners p0, p1, p2, homogeneous, with normal n = (p1 - p0) x (p2 - p0), is met at 1 / depth =
     n . (i, j, 1) / n . p0.
     """
-    a0, b0, c0 = _homogeneous(view, v0)
-    a1, b1, c1 = _homogeneous(view, v1)
-    a2, b2, c2 = _homogeneous(view, v2)
+    a0, b0, c0 = _homogeneous(m, a)
+    a1, b1, c1 = _homogeneous(m, b)
+    a2, b2, c2 = _homogeneous(m, c)
     a1, b1, c1 = a1 - a0, b1 - b0, c1 - c0
     a2, b2, c2 = a2 - a0, b2 - b0, c2 - c0
     na, nb, nc = b1 * c2 - c1 * b2, c1 * a2 - a1 * c2, a1 * b2 - b1 * a2
@@ -79,11 +88,9 @@ def _pinhole_plane(view, v0, v1, v2):  # type: ignore[no-untyped-def]
 
 
 @njit
-def _parallel_plane(points, v0, v1, v2):  # type: ignore[no-untyped-def]
+def _parallel_plane(x0, y0, w0, x1, y1, w1, x2, y2, w2):  # type: ignore[no-untyped-def]
     """The same where rays are parallel."""
-    x0, y0, w0 = points[v0, 0], points[v0, 1], points[v0, 2]
-    x1, y1, w1 = points[v1, 0] - x0, points[v1, 1] - y0, points[v1, 2] - w0
-    x2, y2, w2 = points[v2, 0] - x0, points[v2, 1] - y0, points[v2, 2] - w0
+    x1, y1, w1, x2, y2, w2 = x1 - x0, y1 - y0, w1 - w0, x2 - x0, y2 - y0, w2 - w0
     inverse = _inverse(x1 * y2 - y1 * x2)
     a, b = (w1 * y2 - w2 * y1) * inverse, (w2 * x1 - w1 * x2) * inverse
     return a, b, w0 - a * x0 - b * y0
@@ -121,26 +128,38 @@ def _cut(px, py, qx, qy, is_left, top, count, width, workspace):  # type: ignore
 
 
 @njit
-def draw_spans(lanes, parallel, view, points, v0, v1, v2, triangle, top, bottom, width, band, workspace):  # type: ignore[no-untyped-def]
-    """Draw the rows top ... bottom of a triangle, which are rows of the band, with vectors of `lanes`.
+def draw_spans(lanes, parallel, eye, vertices, vertex_count, prim_id, packed, width, band, workspace):  # type: ignore[no-untyped-def]
+    """Draw a triangle with these corners, of a cluster with the vertices from an address on, with vectors of `lanes`.
 
     A corner behind the eye is projected to where its line through the eye meets the image, and turns the side of
     its edges that counts, each corner once; otherwise nothing is different for it.
     """
-    x0, y0, w0 = points[v0, 0], points[v0, 1], points[v0, 2]
-    x1, y1, w1 = points[v1, 0], points[v1, 1], points[v1, 2]
-    x2, y2, w2 = points[v2, 0], points[v2, 1], points[v2, 2]
+    points = workspace.points
+    x0, y0, w0 = corner_at(points, packed, 0)
+    x1, y1, w1 = corner_at(points, packed, 1)
+    x2, y2, w2 = corner_at(points, packed, 2)
+    top, bottom = band.top, band.bottom
+    if parallel or min(w0, w1, w2) > 0.0:
+        top, bottom = int(max(np.ceil(min(y0, y1, y2)), top)), int(min(np.floor(max(y0, y1, y2)), bottom))
+        left, right = int(max(np.ceil(min(x0, x1, x2)), 0.0)), int(min(np.floor(max(x0, x1, x2)), width - 1.0))
+        if is_hidden(
+            left, right, top - band.top, bottom - band.top, np.float32(max(w0, w1, w2)), width, workspace.tiles
+        ):
+            return
     facing = turn(x0, y0, x1, y1, x2, y2, workspace.exact)
     if facing == 0 or top > bottom:
         return
     nearest, farthest = max(w0, w1, w2), min(w0, w1, w2)
     if parallel:
-        slope_x, slope_y, constant = _parallel_plane(points, v0, v1, v2)
+        slope_x, slope_y, constant = _parallel_plane(x0, y0, w0, x1, y1, w1, x2, y2, w2)
         least = -nearest
     else:
-        slope_x, slope_y, constant = _pinhole_plane(view, v0, v1, v2)
+        a = _from_eye(eye, vertices, vertex_count, packed, 0)
+        b = _from_eye(eye, vertices, vertex_count, packed, 1)
+        c = _from_eye(eye, vertices, vertex_count, packed, 2)
+        slope_x, slope_y, constant = _pinhole_plane(doubles_at(eye.to_pixels), a, b, c)
         if farthest < 0.0:
-            if _holds_eye(view, v0, v1, v2):
+            if _holds_eye(a, b, c):
                 return
             nearest, farthest = np.inf, np.inf
             for w in (w0, w1, w2):
@@ -161,31 +180,36 @@ def draw_spans(lanes, parallel, view, points, v0, v1, v2, triangle, top, bottom,
             for k in range(bottom - top + 1):
                 if qx == px or wanted != (1 if (qx > px) == (top + k >= py) else -1):
                     lasts[k] = -1.0
-    prim_id = repeated(np.uint32(triangle), lanes)
+    prim_ids = repeated(prim_id, lanes)
     step = repeated(np.float32(slope_x), lanes)
     step_wide = repeated(slope_x, lanes)
     low, high = repeated(farthest, lanes), repeated(nearest, lanes)
-    at_eye = repeated(np.float32(0.0), lanes)
+    cap = repeated(np.float32(nearest), lanes)
+    at_eye, next_columns = repeated(np.float32(0.0), lanes), repeated(np.float32(lanes), lanes)
     for k in range(bottom - top + 1):
         first, last = int(firsts[k]), int(lasts[k])
         row = slope_y * (top + k) + constant
         byte = (top + k - band.top) * band.stride * 4
         before, end = repeated(np.float32(first - 1), lanes), repeated(np.float32(last), lanes)
+        columns = counted(np.float32(first // lanes * lanes), lanes)
         for start in range(first // lanes * lanes, last + 1, lanes):
             place = byte + start * 4
             old = load(band.nearness + place, np.float32(0.0), lanes)
             if gentle:
                 base = start // SPAN * SPAN
                 found = repeated(np.float32(row + slope_x * base), lanes)
-                found = found + counted(np.float32(start - base), lanes) * step
+                found = smaller(cap, found + counted(np.float32(start - base), lanes) * step)
             else:
                 wide = repeated(row, lanes) + counted(float(start), lanes) * step_wide
                 if not parallel:
                     wide = size(wide)  # the sign is wrong where the eye is in the plane but for rounding
                 found = rounded(smaller(larger(wide, low), high))
-            columns = counted(np.float32(start), lanes)
-            drawn = (found > old) & (columns > before) & (columns <= end)
+            drawn = (found >= old) & (columns > before) & (columns <= end)
             if parallel:
                 drawn = drawn & (at_eye > found)
+            same = bits_of(drawn & (found <= old))
+            if rarely(same != 0):
+                drawn = mask_of(without_lower(bits_of(drawn), same, prim_id, band.prim_id + place), lanes)
             store_where(drawn, found, band.nearness + place)
-            store_where(drawn, prim_id, band.prim_id + place)
+            store_where(drawn, prim_ids, band.prim_id + place)
+            columns = columns + next_columns

@@ -63,16 +63,19 @@ def _packed(builder: ir.IRBuilder, bits: ir.Value) -> ir.Value:
     return bits if HAS_MASK_REGISTERS else builder.sext(bits, ir.VectorType(_I32, bits.type.count))
 
 
-def _unpacked(builder: ir.IRBuilder, mask: ir.Value) -> ir.Value:
+def unpacked(builder: ir.IRBuilder, mask: ir.Value) -> ir.Value:
+    """A mask -> a bit for each lane."""
     return mask if HAS_MASK_REGISTERS else builder.icmp_signed("<", mask, ir.Constant(mask.type, [0] * mask.type.count))
 
 
-def _repeated(builder: ir.IRBuilder, value: ir.Value, lanes: int) -> ir.Value:
+def splat(builder: ir.IRBuilder, value: ir.Value, lanes: int) -> ir.Value:
+    """One value in each lane."""
     one = builder.insert_element(ir.Constant(ir.VectorType(value.type, lanes), ir.Undefined), value, _I32(0))
     return builder.shuffle_vector(one, one, ir.Constant(ir.VectorType(_I32, lanes), [0] * lanes))
 
 
-def _declared(builder: ir.IRBuilder, name: str, kind: ir.FunctionType) -> ir.Function:
+def declared(builder: ir.IRBuilder, name: str, kind: ir.FunctionType) -> ir.Function:
+    """A function of LLVM's own."""
     return builder.module.globals.get(name) or ir.Function(builder.module, kind, name)
 
 
@@ -102,7 +105,9 @@ _operator(operator.sub, Vector, ir.IRBuilder.fsub)
 _operator(operator.mul, Vector, ir.IRBuilder.fmul)
 _operator(operator.truediv, Vector, ir.IRBuilder.fdiv)
 _operator(operator.and_, Mask, ir.IRBuilder.and_)
+_operator(operator.or_, Mask, ir.IRBuilder.or_)
 _comparison(operator.gt, ">")
+_comparison(operator.ge, ">=")
 _comparison(operator.le, "<=")
 
 
@@ -129,7 +134,7 @@ def _of_each(name: str) -> Any:
     def changed(typingctx: Any, vector: Any) -> Any:
         def codegen(context: Any, builder: ir.IRBuilder, signature: Any, values: list[ir.Value]) -> ir.Value:
             kind, suffix = values[0].type, f"v{vector.lanes}f{vector.element.bitwidth}"
-            return builder.call(_declared(builder, f"llvm.{name}.{suffix}", ir.FunctionType(kind, [kind])), values)
+            return builder.call(declared(builder, f"llvm.{name}.{suffix}", ir.FunctionType(kind, [kind])), values)
 
         return vector(vector), codegen
 
@@ -143,13 +148,52 @@ size = _of_each("fabs")
 """Of each number of a float vector its absolute value."""
 
 
+@intrinsic
+def where(typingctx: Any, mask: Any, a: Any, b: Any) -> Any:
+    """a in the lanes of a mask, b in the others."""
+
+    def codegen(context: Any, builder: ir.IRBuilder, signature: Any, values: list[ir.Value]) -> ir.Value:
+        return builder.select(unpacked(builder, values[0]), values[1], values[2])
+
+    return a(mask, a, b), codegen
+
+
+@intrinsic
+def signed_like(typingctx: Any, vector: Any, other: Any) -> Any:
+    """The numbers of a float vector with the signs of another's."""
+
+    def codegen(context: Any, builder: ir.IRBuilder, signature: Any, values: list[ir.Value]) -> ir.Value:
+        kind, suffix = values[0].type, f"v{vector.lanes}f{vector.element.bitwidth}"
+        copied = declared(builder, f"llvm.copysign.{suffix}", ir.FunctionType(kind, [kind, kind]))
+        return builder.call(copied, values)
+
+    return vector(vector, vector), codegen
+
+
+@intrinsic
+def folded(typingctx: Any, vector: Any) -> Any:
+    """The smaller of each pair of neighbours: half as many lanes."""
+    half = Vector(vector.element, vector.lanes // 2)
+
+    def codegen(context: Any, builder: ir.IRBuilder, signature: Any, values: list[ir.Value]) -> ir.Value:
+        even, odd = (
+            builder.shuffle_vector(
+                values[0], values[0], ir.Constant(ir.VectorType(_I32, half.lanes), list(range(first, vector.lanes, 2)))
+            )
+            for first in (0, 1)
+        )
+        return builder.select(builder.fcmp_ordered("<", even, odd), even, odd)
+
+    return half(vector), codegen
+
+
 @intrinsic(prefer_literal=True)
 def repeated(typingctx: Any, value: Any, lanes: Any) -> Any:
     """The same number in each lane."""
     vector = Vector(types.unliteral(value), lanes.literal_value)
 
     def codegen(context: Any, builder: ir.IRBuilder, signature: Any, values: list[ir.Value]) -> ir.Value:
-        return _repeated(builder, values[0], vector.lanes)
+        return splat(builder, values[0], vector.lanes)
 
     return vector(vector.element, lanes), codegen
 
@@ -160,7 +204,7 @@ def counted(typingctx: Any, first: Any, lanes: Any) -> Any:
     vector = Vector(first, lanes.literal_value)
 
     def codegen(context: Any, builder: ir.IRBuilder, signature: Any, values: list[ir.Value]) -> ir.Value:
-        start = _repeated(builder, values[0], vector.lanes)
+        start = splat(builder, values[0], vector.lanes)
         return builder.fadd(start, ir.Constant(start.type, [float(lane) for lane in range(vector.lanes)]))
 
     return vector(first, lanes), codegen
@@ -177,6 +221,17 @@ def lane(typingctx: Any, vector: Any, number: Any) -> Any:
     return vector.element(vector, number), codegen
 
 
+@intrinsic(prefer_literal=True)
+def with_lane(typingctx: Any, vector: Any, number: Any, value: Any) -> Any:
+    """A vector with another value in one lane."""
+    number_ = number.literal_value
+
+    def codegen(context: Any, builder: ir.IRBuilder, signature: Any, values: list[ir.Value]) -> ir.Value:
+        return builder.insert_element(values[0], values[2], _I32(number_))
+
+    return vector(vector, number, vector.element), codegen
+
+
 @intrinsic
 def rounded(typingctx: Any, vector: Any) -> Any:
     """float64 -> float32."""
@@ -188,54 +243,15 @@ def rounded(typingctx: Any, vector: Any) -> Any:
     return narrow(vector), codegen
 
 
-def _pointer(builder: ir.IRBuilder, address: ir.Value, kind: ir.Type) -> ir.Value:
-    return builder.inttoptr(address, kind.as_pointer())
-
-
-@intrinsic(prefer_literal=True)
-def load(typingctx: Any, address: Any, like: Any, lanes: Any) -> Any:
-    """The numbers at an address, any alignment; like: a number of their type."""
-    vector = Vector(types.unliteral(like), lanes.literal_value)
-
-    def codegen(context: Any, builder: ir.IRBuilder, signature: Any, values: list[ir.Value]) -> ir.Value:
-        loaded = builder.load(_pointer(builder, values[0], context.get_value_type(vector)))
-        loaded.align = vector.element.bitwidth // 8
-        return loaded
-
-    return vector(types.int64, vector.element, lanes), codegen
-
-
 @intrinsic
-def store(typingctx: Any, vector: Any, address: Any) -> Any:
-    """Store all lanes at an address, any alignment."""
+def widened(typingctx: Any, vector: Any) -> Any:
+    """float32 -> float64."""
+    wide = Vector(types.float64, vector.lanes)
 
     def codegen(context: Any, builder: ir.IRBuilder, signature: Any, values: list[ir.Value]) -> ir.Value:
-        builder.store(values[0], _pointer(builder, values[1], values[0].type)).align = vector.element.bitwidth // 8
-        return context.get_dummy_value()
+        return builder.fpext(values[0], context.get_value_type(wide))
 
-    return types.void(vector, types.int64), codegen
-
-
-@intrinsic
-def store_where(typingctx: Any, mask: Any, vector: Any, address: Any) -> Any:
-    """Store the lanes of a mask at an address, of 4-byte numbers, any alignment; the others stay."""
-
-    def codegen(context: Any, builder: ir.IRBuilder, signature: Any, values: list[ir.Value]) -> ir.Value:
-        bits, value, pointer = _unpacked(builder, values[0]), values[1], _pointer(builder, values[2], values[1].type)
-        if HAS_MASK_REGISTERS:
-            kind = ir.FunctionType(ir.VoidType(), [value.type, pointer.type, _I32, bits.type])
-            suffix = f"v{vector.lanes}{'f32' if isinstance(vector.element, types.Float) else 'i32'}.p0"
-            masked_store = _declared(builder, f"llvm.masked.store.{suffix}", kind)
-            builder.call(masked_store, [value, pointer, _I32(4), bits])
-        else:
-            old = builder.load(pointer)
-            old.align = 4
-            stored = builder.store(builder.select(bits, value, old), pointer)
-            stored.align = 4
-            stored.volatile = True  # or LLVM makes a masked store of it
-        return context.get_dummy_value()
-
-    return types.void(mask, vector, types.int64), codegen
+    return wide(vector), codegen
 
 
 @intrinsic
@@ -243,7 +259,7 @@ def bits_of(typingctx: Any, mask: Any) -> Any:
     """An int64 with bit k set where lane k is True."""
 
     def codegen(context: Any, builder: ir.IRBuilder, signature: Any, values: list[ir.Value]) -> ir.Value:
-        return builder.zext(builder.bitcast(_unpacked(builder, values[0]), ir.IntType(mask.lanes)), _I64)
+        return builder.zext(builder.bitcast(unpacked(builder, values[0]), ir.IntType(mask.lanes)), _I64)
 
     return types.int64(mask), codegen
 
@@ -258,29 +274,6 @@ def mask_of(typingctx: Any, bits: Any, lanes: Any) -> Any:
         return _packed(builder, builder.bitcast(narrow, ir.VectorType(_I1, mask.lanes)))
 
     return mask(types.int64, lanes), codegen
-
-
-@intrinsic
-def doubles_at(typingctx: Any, address: Any) -> Any:
-    """The float64 from an address on, read and written by their number; an array would be counted who holds it."""
-
-    def codegen(context: Any, builder: ir.IRBuilder, signature: Any, values: list[ir.Value]) -> ir.Value:
-        return builder.inttoptr(values[0], context.get_value_type(signature.return_type))
-
-    return types.CPointer(types.float64)(types.int64), codegen
-
-
-@intrinsic
-def fetch(typingctx: Any, address: Any) -> Any:
-    """Ask for the cache line at an address, which will be read soon; nothing waits for it."""
-
-    def codegen(context: Any, builder: ir.IRBuilder, signature: Any, values: list[ir.Value]) -> ir.Value:
-        pointer = _pointer(builder, values[0], ir.IntType(8))
-        kind = ir.FunctionType(ir.VoidType(), [pointer.type, _I32, _I32, _I32])
-        builder.call(_declared(builder, "llvm.prefetch.p0", kind), [pointer, _I32(0), _I32(3), _I32(1)])
-        return context.get_dummy_value()
-
-    return types.void(types.int64), codegen
 
 
 @intrinsic
