@@ -21,7 +21,7 @@ from atra.prim_ids import MISS
 ROWS = 16
 """Rows of pixels that a worker takes at a time."""
 
-_PARALLEL = 1e-14  # of `atra.geometry.intersection`: the determinant below which a triangle is edge-on or has no area
+_NOISE = 1e-14  # of `atra.geometry.intersection`
 _MISS = int(MISS)
 _LANES = 8  # pixels computed together; those behind the end of a run are overwritten by the next
 
@@ -84,12 +84,13 @@ def _triangle(vertices, faces, prim_id):  # type: ignore[no-untyped-def]
 @njit(inline="always")
 def _along_row(eye, axes, is_parallel, triangle, row):  # type: ignore[no-untyped-def]
     """What pixels of a row that see the triangle have in common: the column that they are counted from, and slope and
-    start there of the volumes `facing`, `u`, `v` and `ahead`, and of the square up to which `facing` is noise."""
+    start there of the volumes `facing`, `u`, `v` and `ahead`, and of the squares up to which `facing` and `ahead` are
+    noise."""
     corner, e1, e2 = triangle
     cx, cy, cz = _turned(axes, (corner[0] - eye[0], corner[1] - eye[1], corner[2] - eye[2]))
     e1, e2 = _turned(axes, e1), _turned(axes, e2)
     normal = _cross(e2, e1)
-    noise = _PARALLEL * _PARALLEL * _dot(e1, e1) * _dot(e2, e2)
+    noise = _NOISE * _NOISE * _dot(e1, e1) * _dot(e2, e2)
     if is_parallel:
         down = row - cy
         return (
@@ -99,6 +100,7 @@ def _along_row(eye, axes, is_parallel, triangle, row):  # type: ignore[no-untype
             (e1[1], -e1[0] * down),
             (-normal[0], normal[2] * cz - normal[1] * down),
             (0.0, noise),
+            (noise, noise * (down * down + cz * cz)),
         )
     to_origin = -cx, -cy, -cz
     u, v = _cross(e2, to_origin), _cross(to_origin, e1)
@@ -109,19 +111,20 @@ def _along_row(eye, axes, is_parallel, triangle, row):  # type: ignore[no-untype
         (v[0], v[1] * row + v[2]),
         (0.0, _dot(e2, v)),
         (noise, noise * (row * row + 1.0)),
+        (0.0, noise * _dot(to_origin, to_origin)),
     )
 
 
 @njit
 def _weights(column, along):  # type: ignore[no-untyped-def]
     """u and v of one pixel; NaN where its ray never hits the triangle's plane."""
-    start, facing, u, v, ahead, noise = along
+    start, facing, u, v, ahead, noise, near = along
     x = column - start
     determinant = facing[0] * x + facing[1]
     if not determinant * determinant > noise[0] * x * x + noise[1]:
         return np.nan, np.nan
-    reciprocal = 1.0 / determinant
-    if not (ahead[0] * x + ahead[1]) * reciprocal >= 0.0:
+    reciprocal, way = 1.0 / determinant, ahead[0] * x + ahead[1]
+    if not (way * reciprocal > 0.0 and way * way > near[0] * x * x + near[1]):
         return np.nan, np.nan
     return (u[0] * x + u[1]) * reciprocal, (v[0] * x + v[1]) * reciprocal
 
@@ -134,13 +137,12 @@ def _linear(slope_and_start, x):  # type: ignore[no-untyped-def]
 @njit(inline="always")
 def _weights_of_block(address, along):  # type: ignore[no-untyped-def]
     """u and v of a block of pixels, and whether they all have some; address: of their columns."""
-    start, facing, u, v, ahead, noise = along
+    start, facing, u, v, ahead, noise, near = along
     x = load(address, 0.0, _LANES) - repeated(start, _LANES)
     determinant = _linear(facing, x)
-    reciprocal = repeated(1.0, _LANES) / determinant
-    has_some = (determinant * determinant > _linear(noise, x * x)) & (
-        repeated(0.0, _LANES) <= _linear(ahead, x) * reciprocal
-    )
+    reciprocal, way = repeated(1.0, _LANES) / determinant, _linear(ahead, x)
+    is_sure = (determinant * determinant > _linear(noise, x * x)) & (way * way > _linear(near, x * x))
+    has_some = is_sure & (way * reciprocal > repeated(0.0, _LANES))
     return _linear(u, x) * reciprocal, _linear(v, x) * reciprocal, bits_of(has_some) == (1 << _LANES) - 1
 
 
