@@ -34,7 +34,7 @@ SWEEPS = {
         ["method.split_x=1,4", "method.split_y=1"],
         {"methods", "break_even", "moving"},
     ),
-    "baselines": (["method.packet_width=4", "method.packet_rows=null,1"], set()),
+    "baselines": (["method.packet_width=4", "method.packet_rows=null,1"], {"rates"}),
     "reference_rays": (["method.split_x=1,4"], set(FIGURE5)),
     "threads": ([], {"threads"}),
     "peers": ([], {"peers", "agreement", *WRONG}),
