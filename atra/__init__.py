@@ -15,14 +15,14 @@ from atra.cameras.trimesh_scene import read_trimesh
 from atra.errors import AtraError, EmbreeError, InputError, MemoryBudgetError
 from atra.frames import Frames
 from atra.geometry.camera import CalibratedCamera, Camera
-from atra.geometry.face_sources import FaceSources, load_face_sources
 from atra.geometry.image_plane import ImagePlane
 from atra.geometry.mesh import Mesh
-from atra.geometry.mesh_file import load_mesh
 from atra.geometry.orthographic import OrthographicCamera
 from atra.geometry.sampling import sub_pixel_offsets
 from atra.hits import Hits, VisibleTriangles
 from atra.judge.compare import Agreement, Verdict, compare
+from atra.mesh_files.face_sources import FaceSources, load_face_sources
+from atra.mesh_files.loading import load_mesh
 from atra.options import (
     AlignedOptions,
     CellOptions,
@@ -37,7 +37,6 @@ from atra.planner.planning import plan
 from atra.prim_ids import MISS
 from atra.rays.rays import RayHits, Rays
 from atra.rays.scene import RayScene
-from atra.rendering.render_views import render_views
 from atra.tracers import (
     AlignedTracer,
     FramesTracer,
@@ -47,6 +46,7 @@ from atra.tracers import (
     Tracer,
     VisibleFirstTracer,
 )
+from atra.views.render_views import render_views
 
 __version__ = "0.1.0"
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from atra.errors import InputError
 from atra.geometry.mesh import Mesh
-from atra.geometry.mesh_file import load_mesh, read_regular_file
+from atra.mesh_files.loading import load_mesh, read_regular_file
 from scenes.built_in import stand_in_for
 from scenes.manifest import picture_restriction, read_manifest
 from scenes.scene import Scene, camera_fields

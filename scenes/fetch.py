@@ -16,7 +16,7 @@ import trimesh
 from atra.errors import InputError
 from atra.files import write_atomically
 from atra.geometry.mesh import Mesh
-from atra.geometry.mesh_file import load_mesh
+from atra.mesh_files.loading import load_mesh
 from scenes.directory import CAMERAS_FILE, default_cache, read_cameras
 from scenes.manifest import FetchableScene, read_manifest
 

@@ -28,7 +28,7 @@ import trimesh
 
 from atra.errors import InputError
 from atra.geometry.camera import Camera
-from atra.geometry.mesh_file import load_mesh
+from atra.mesh_files.loading import load_mesh
 from experiments.harness.records import Record, read_record, write_record
 from experiments.results.table import Tables, make_table, read_table, write_tables
 from scenes.directory import CAMERAS_FILE, load_scene_from_directory

@@ -18,7 +18,7 @@ import pytest
 
 from atra.errors import InputError
 from atra.geometry.camera import Camera
-from atra.geometry.mesh_file import load_mesh
+from atra.mesh_files.loading import load_mesh
 from experiments.commands import fetching
 from experiments.commands.fetching import run_fetch
 from experiments.harness.configuration import Configuration, SceneConfiguration

@@ -17,7 +17,7 @@ import pytest
 import trimesh
 
 from atra.errors import InputError
-from atra.geometry.mesh_file import load_mesh
+from atra.mesh_files.loading import load_mesh
 
 ROOT = Path(__file__).resolve().parents[1]
 TRIANGLE = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], "<f4")
@@ -69,7 +69,7 @@ def many_materials_in_comments(folder: Path) -> Path:
 
 READ = """
 import sys
-from atra.geometry.mesh_file import load_mesh
+from atra.mesh_files.loading import load_mesh
 for path in sys.argv[1:]:
     try: print(load_mesh(path).triangle_count)
     except Exception as error: print(error)
@@ -172,7 +172,7 @@ def test_a_gltf_that_names_its_bytes_or_parts_too_often_is_refused_before_it_is_
 ) -> None:
     monkeypatch.setattr(trimesh, "load_scene", lambda *_, **__: pytest.fail("read before it was counted"))
     memory = type("", (), {"available": 2**33})()
-    monkeypatch.setattr("atra.geometry.mesh_claims.psutil.virtual_memory", lambda: memory)
+    monkeypatch.setattr("atra.mesh_files.claims.psutil.virtual_memory", lambda: memory)
     with pytest.raises(InputError, match=message):
         load_mesh(gltf(tmp_path, roots=list(range(len(more.get("nodes", [0])))), **{"nodes": [{"mesh": 0}], **more}))
 

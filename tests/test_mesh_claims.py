@@ -8,8 +8,8 @@ import pytest
 import trimesh
 
 from atra.errors import InputError
-from atra.geometry import mesh_claims
-from atra.geometry.mesh_file import load_mesh
+from atra.mesh_files import claims as mesh_claims
+from atra.mesh_files.loading import load_mesh
 
 BOX = trimesh.creation.box()
 

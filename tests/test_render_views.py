@@ -10,8 +10,8 @@ import pytest
 
 import atra
 from atra.judge import ties
-from atra.rendering import shared_mesh
-from atra.rendering.render_views import METHODS, trace_view
+from atra.views import shared_mesh
+from atra.views.render_views import METHODS, trace_view
 from tests.images import assert_same_bits
 from tests.meshes import cornell_box
 

@@ -10,8 +10,8 @@ from pathlib import Path, PurePosixPath
 
 from atra.command.cameras import read_cameras
 from atra.errors import InputError, StorageError, printable
-from atra.geometry.mesh_file import load_mesh
-from atra.rendering.render_views import render_views
+from atra.mesh_files.loading import load_mesh
+from atra.views.render_views import render_views
 
 FORMATS = ("npz", "exr", "png", "ply")
 

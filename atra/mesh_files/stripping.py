@@ -11,7 +11,7 @@ import re
 from typing import Any
 
 from atra.errors import InputError
-from atra.geometry.mesh_claims import GLTF_TRIANGLES, glb_chunks, is_binary_stl
+from atra.mesh_files.claims import GLTF_TRIANGLES, glb_chunks, is_binary_stl
 
 _OBJ_NOT_GEOMETRY = re.compile(rb"(?m)^[ \t]*(?:mtllib|o|g|s)\b[^\r\n]*|(?:usemtl\b|#)[^\r\n]*")
 _OBJ_RELATIVE_FACE = re.compile(rb"(?m)^[ \t]*f\b[^\r\n]*[ \t]-\d[^\r\n]*")

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from atra.errors import InputError, printable
 from atra.geometry.mesh import Mesh
-from atra.geometry.mesh_claims import check_claims, check_memory
-from atra.geometry.mesh_geometry import geometry_of
+from atra.mesh_files.claims import check_claims, check_memory
+from atra.mesh_files.stripping import geometry_of
 
 
 class Part(NamedTuple):

@@ -17,8 +17,8 @@ from atra.geometry.view import View, check_offset
 from atra.hits import Hits
 from atra.judge.ties import CoplanarOverlaps, coplanar_overlaps
 from atra.parallel import resolve_threads
-from atra.rendering.shared_mesh import Parcel, SharedMesh, shared, stage_of
 from atra.tracers import AlignedTracer, PixelTracer, RasterTracer, TiledTracer, Tracer, VisibleFirstTracer
+from atra.views.shared_mesh import Parcel, SharedMesh, shared, stage_of
 from atra.whole_numbers import is_whole_number
 
 METHODS: Mapping[str, Callable[..., Tracer]] = {

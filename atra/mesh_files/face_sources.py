@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.errors import InputError, printable
-from atra.geometry.mesh_claims import GLTF_TRIANGLES, glb_chunks
-from atra.geometry.mesh_file import Part, read_parts, read_regular_file
+from atra.mesh_files.claims import GLTF_TRIANGLES, glb_chunks
+from atra.mesh_files.loading import Part, read_parts, read_regular_file
 
 _OBJ_LINE = re.compile(rb"(?m)^[ \t]*(f|usemtl)\b[ \t]*([^\r\n#]*)")
 _NONE = -1
