@@ -1,6 +1,7 @@
 """Clusters leave nothing out: the image is that of all triangles, whatever is culled, and in whatever order."""
 
 from contextlib import contextmanager
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -67,6 +68,32 @@ def test_a_camera_that_walks_and_jumps_sees_the_image_of_all_triangles(seed):
             expected = all_drawn.trace(offset)
             assert_same_bits(tracer.trace(offset), expected)
             assert_same_bits(tracer.trace(offset), expected)  # and once more, for what a frame might remember
+
+
+@pytest.mark.core
+@pytest.mark.parametrize("seed", range(3))
+def test_what_hangs_out_from_behind_a_curtain_is_seen(seed):
+    """Slats of any length before a crowd of small triangles: every tile has another border of what hides them."""
+    random = np.random.default_rng(seed)
+    x, slats = np.linspace(-2, 2, 60), []
+    for left, right in pairwise(x.tolist()):
+        top, bottom = sorted(random.uniform(-2, 2, 2))
+        slats.append([(left, top, 2), (right, top, 2), (right, bottom, 2), (left, bottom, 2)])
+    curtain = joined(*[quads(slats)] * 20)  # twenty times, so that tiles are looked at again after it
+    crowd = random_triangles(30_000, seed, size=0.01, spread=3.0)
+    crowd = atra.Mesh(crowd.vertices + np.float32([0, 0, 5.5]), crowd.faces)
+    mesh = joined(curtain, crowd)
+    for camera in (
+        atra.Camera(**EYE_AT_ORIGIN, width=200, height=150, fov_y_degrees=80),
+        atra.OrthographicCamera((0, 0, 0), (0, 0, 1), view_height=4.0, width=150, height=200),
+    ):
+        with (
+            atra.RasterTracer(mesh, camera, threads=1, ties="any") as tracer,
+            unculled(mesh, camera) as all_drawn,
+        ):
+            hits = tracer.trace()
+            assert_same_bits(hits, all_drawn.trace())
+            assert 0.1 < (hits.prim_id < curtain.triangle_count).mean() < 0.9
 
 
 @pytest.mark.parametrize("lanes", LANES)
