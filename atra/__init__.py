@@ -11,6 +11,8 @@ from atra.alignment.alignment import Alignment
 from atra.alignment.split import Split
 from atra.errors import AtraError, EmbreeError, InputError, MemoryBudgetError
 from atra.frames import Frames
+from atra.gathering.gathered import Counts, LayerHits, Thicknesses, Transmittances
+from atra.gathering.reductions import Count, Layers, Thickness, Transmittance
 from atra.geometry.camera import Camera
 from atra.geometry.mesh import Mesh
 from atra.geometry.mesh_file import load_mesh
@@ -53,11 +55,15 @@ __all__ = [
     "AtraError",
     "Camera",
     "CellOptions",
+    "Count",
+    "Counts",
     "EmbreeError",
     "Frames",
     "FramesTracer",
     "Hits",
     "InputError",
+    "LayerHits",
+    "Layers",
     "MemoryBudgetError",
     "Mesh",
     "Options",
@@ -73,8 +79,12 @@ __all__ = [
     "Rays",
     "ReferenceRayOptions",
     "Split",
+    "Thickness",
+    "Thicknesses",
     "TiledTracer",
     "Tracer",
+    "Transmittance",
+    "Transmittances",
     "Verdict",
     "VisibleFirstTracer",
     "compare",

@@ -27,6 +27,7 @@ from atra.geometry.view import View
 from atra.kernels.callbacks import nearest_hit_filter
 from atra.options import AlignedOptions
 from atra.tracers.base import ImageTracer
+from atra.tracers.gathering import Gathering, NoGathering
 from atra.tracers.images import images_of
 from atra.tracers.reference_rays import ReferenceRayTracer
 from atra.tracers.second_pass import SecondPass
@@ -128,7 +129,7 @@ class _AlignedImages(ReferenceRayTracer):
         self._close_second_passes()
 
 
-class AlignedTracer(_AlignedImages, ImageTracer):
+class AlignedTracer(Gathering, _AlignedImages, ImageTracer):
     """Affine-transformed ray alignment: shoot the reference cell's rays, read the nearest hit of every cell.
 
     split: (nx, ny) cells; nx must divide the width, ny the height. options: of `atra.AlignedOptions`, changes: fields
@@ -153,7 +154,7 @@ class AlignedTracer(_AlignedImages, ImageTracer):
         super().__init__((mesh,), alignment, options, **changes)
 
 
-class FramesTracer(_AlignedImages):
+class FramesTracer(NoGathering, _AlignedImages):
     """Several images from one set of rays: two eyes, or frames of a moving camera, each with its own cells.
 
     meshes: one for all frames, or one per frame, so that geometry may move, too. alignment: `Alignment.of_eyes`,
@@ -162,6 +163,8 @@ class FramesTracer(_AlignedImages):
     Raises InputError for another number of meshes than frames, and as `AlignedTracer` does.
     Source: paper §6, Fig. 8.
     """
+
+    why_not = "its result is several images; gather each with a tracer of its own"
 
     def trace(self, offset: tuple[float, float] = (0.5, 0.5), out: Frames | None = None) -> Frames:
         """Trace all frames; all rays go through sub-pixel position `offset` of their pixels, in [0, 1) x [0, 1).

@@ -15,6 +15,7 @@ from atra.kernels.packets import Image, RayGrid
 from atra.kernels.tracing import PixelTiles, pixel_kernel
 from atra.options import PixelOptions
 from atra.tracers.base import ImageTracer
+from atra.tracers.gathering import Gathering
 from atra.tracers.rays import image_ray_grid
 
 SQUAREST_SHAPE = {1: (1, 1), 4: (2, 2), 8: (4, 2), 16: (4, 4)}
@@ -25,7 +26,7 @@ _TILE_SIZES = {"blocks": (32, 16), "morton": (16, 16)}
 """Width and height; tiles of rows are as wide as the image."""
 
 
-class PixelTracer(ImageTracer):
+class PixelTracer(Gathering, ImageTracer):
     """One ray per pixel through `rtcIntersect1` (packet_width 1, the paper's baseline) or packets (4, 8, 16).
 
     options: of `atra.PixelOptions`, changes: fields of it by name.

@@ -17,13 +17,13 @@ from atra.geometry.view import View, check_offset
 from atra.hits import Hits
 from atra.judge.ties import coplanar_overlaps, lowest_of_ties, tie_tiles
 from atra.kernels.raster.frames import Scratch, compile_kernels, draw_frame
-from atra.lifetime import Lifetime
 from atra.options import RasterOptions
 from atra.parallel import WorkerPool, resolve_threads
+from atra.tracers.gathering import Gathering
 from atra.tracers.images import images_of, outputs
 
 
-class RasterTracer(Lifetime):
+class RasterTracer(Gathering):
     """Every triangle drawn onto the image, exactly where the rays of its pixels meet it, nearest in front.
 
     RasterTracer(mesh, camera, options=None, **changes): options are of `atra.RasterOptions`, changes fields of it by
