@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View, check_offset
-from atra.kernels.gathering.crossings import list_crossings
-from atra.kernels.gathering.view import projected
+from atra.kernels.gathering.crossings import list_crossings, projected
 from atra.kernels.raster.exact import SUMMANDS
 from atra.parallel import WorkerPool
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
-from typing import Any, Generic, TypeVar
+from typing import Any, ClassVar, Generic, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,6 +19,8 @@ from atra.errors import InputError
 from atra.gathering.closed import check_closed
 from atra.gathering.gathered import Counts, LayerHits, Thicknesses, Transmittances
 from atra.geometry.mesh import Mesh
+from atra.kernels.gathering.taking import COUNT, LAYERS, THICKNESS, TRANSMITTANCE
+from atra.prim_ids import MISS
 from atra.whole_numbers import is_whole_number
 
 MOST_LAYERS = 1024
@@ -27,14 +29,23 @@ MOST_LAYERS = 1024
 Gathered = TypeVar("Gathered", Counts, Thicknesses, Transmittances, LayerHits)
 
 
+class Plane(NamedTuple):
+    """An array of a result. before: what stands before (H, W) in its shape. kind: of number. start: with no hit."""
+
+    before: tuple[int, ...]
+    kind: type[np.generic]
+    start: float
+
+
 class Reduction(ABC, Generic[Gathered]):
-    """What is gathered; `result` is the type of what `gather` returns."""
+    """What is gathered; `result` is the type of what `gather` returns, `kind` the number kernels know it by."""
 
     result: type[Gathered]
+    kind: ClassVar[int]
 
     @abstractmethod
-    def planes(self) -> dict[str, tuple[tuple[int, ...], type[np.generic]]]:
-        """Arrays of the result by name: what stands before (H, W) in their shape, and their kind of number."""
+    def planes(self) -> dict[str, Plane]:
+        """Arrays of the result by name."""
 
     def weights(self, mesh: Mesh) -> NDArray[np.float32] | None:
         """(F,) float32, a number for each triangle, or None. Raises InputError for a mesh that this is not for."""
@@ -46,9 +57,10 @@ class Count(Reduction[Counts]):
     """How many triangles each ray crosses."""
 
     result = Counts
+    kind = COUNT
 
-    def planes(self) -> dict[str, tuple[tuple[int, ...], type[np.generic]]]:
-        return {"count": ((), np.uint32)}
+    def planes(self) -> dict[str, Plane]:
+        return {"count": Plane((), np.uint32, 0)}
 
 
 @dataclass(frozen=True)
@@ -59,9 +71,10 @@ class Thickness(Reduction[Thicknesses]):
     """
 
     result = Thicknesses
+    kind = THICKNESS
 
-    def planes(self) -> dict[str, tuple[tuple[int, ...], type[np.generic]]]:
-        return {"thickness": ((), np.float32)}
+    def planes(self) -> dict[str, Plane]:
+        return {"thickness": Plane((), np.float32, 0.0)}
 
     def weights(self, mesh: Mesh) -> None:
         check_closed(mesh)
@@ -77,12 +90,13 @@ class Transmittance(Reduction[Transmittances]):
 
     factors: NDArray[np.float32] = field(repr=False)
     result = Transmittances
+    kind = TRANSMITTANCE
 
     def __init__(self, factors: ArrayLike) -> None:
         object.__setattr__(self, "factors", _checked_factors(factors))
 
-    def planes(self) -> dict[str, tuple[tuple[int, ...], type[np.generic]]]:
-        return {"transmittance": ((), np.float32)}
+    def planes(self) -> dict[str, Plane]:
+        return {"transmittance": Plane((), np.float32, 1.0)}
 
     def weights(self, mesh: Mesh) -> NDArray[np.float32]:
         if self.factors.ndim == 0:
@@ -104,14 +118,19 @@ class Layers(Reduction[LayerHits]):
 
     k: int
     result = LayerHits
+    kind = LAYERS
 
     def __post_init__(self) -> None:
         if not is_whole_number(self.k) or not 1 <= self.k <= MOST_LAYERS:
             raise InputError(f"k is {self.k!r}, expected a whole number of layers from 1 to {MOST_LAYERS}")
         object.__setattr__(self, "k", int(self.k))
 
-    def planes(self) -> dict[str, tuple[tuple[int, ...], type[np.generic]]]:
-        return {"depth": ((self.k,), np.float32), "prim_id": ((self.k,), np.uint32), "count": ((), np.uint32)}
+    def planes(self) -> dict[str, Plane]:
+        return {
+            "depth": Plane((self.k,), np.float32, np.inf),
+            "prim_id": Plane((self.k,), np.uint32, int(MISS)),
+            "count": Plane((), np.uint32, 0),
+        }
 
 
 def check_reduction(what: Any) -> None:

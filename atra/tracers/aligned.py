@@ -25,10 +25,15 @@ from atra.frames import Frames
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.kernels.callbacks import nearest_hit_filter
+from atra.kernels.gathering.doubts import Precision
+from atra.kernels.tracing import PixelTiles
 from atra.options import AlignedOptions
 from atra.tracers.base import ImageTracer
-from atra.tracers.gathering import Gathering, NoGathering
+from atra.tracers.gathering import NoGathering
+from atra.tracers.gathering_rays import EmbreeGathering, Shots
 from atra.tracers.images import images_of
+from atra.tracers.pixel import SQUAREST_SHAPE, image_shots, pixel_tiles
+from atra.tracers.rays import longest_ray
 from atra.tracers.reference_rays import ReferenceRayTracer
 from atra.tracers.second_pass import SecondPass
 
@@ -129,7 +134,7 @@ class _AlignedImages(ReferenceRayTracer):
         self._close_second_passes()
 
 
-class AlignedTracer(Gathering, _AlignedImages, ImageTracer):
+class AlignedTracer(EmbreeGathering, _AlignedImages, ImageTracer):
     """Affine-transformed ray alignment: shoot the reference cell's rays, read the nearest hit of every cell.
 
     split: (nx, ny) cells; nx must divide the width, ny the height. options: of `atra.AlignedOptions`, changes: fields
@@ -152,6 +157,35 @@ class AlignedTracer(Gathering, _AlignedImages, ImageTracer):
     ) -> None:
         alignment = Alignment.of_cells(camera, Split.of_image(split, camera), reference)
         super().__init__((mesh,), alignment, options, **changes)
+
+    @property
+    def _gathering_row(self) -> int:
+        return self._row_stride  # of the records
+
+    def _planned_shots(self) -> list[Shots]:
+        geometry, split, camera = self._geometry, self.split, self.camera
+        assert geometry is not None
+        strips = np.zeros((split.cell_height // self.packet_shape[1], 2), np.int32)
+        strips[:, 1] = np.arange(0, split.cell_height, self.packet_shape[1])
+        tiles = PixelTiles(strips, split.cell_width, self.packet_shape[1])
+        cell = split.cell_width, split.cell_height
+        shots = [Shots(geometry, self.options.geometry, self.packet_shape, self._reference_rays, tiles, cell)]
+        for left_out in geometry.left_out:
+            if left_out is not None:
+                others = np.ones(self.mesh.triangle_count, np.bool_)
+                others[left_out.prim_ids] = False
+                plain = plan_plain_geometry(self.mesh, camera, others)
+                shape = SQUAREST_SHAPE[self.packet_width]
+                whole = camera.width % shape[0] == 0
+                image_tiles = pixel_tiles(camera.width, camera.height)
+                shots.append(image_shots(plain, camera, shape, image_tiles, is_alone=not whole))
+        return shots
+
+    def _precision(self) -> Precision:
+        direction, origin = longest_ray(self.camera)
+        shift = sum(float(np.linalg.norm(shears, axis=1).max()) for shears in self.alignment.shears)
+        stretch, shift = (1.0, origin + shift) if self.camera.is_parallel else (1.0 + shift, 0.0)
+        return Precision(self.camera.pixel_pitch, direction, stretch, shift)
 
 
 class FramesTracer(NoGathering, _AlignedImages):

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from atra.errors import InputError
-from atra.gathering.plain import gather_plainly
+from atra.gathering.images import target_images
 from atra.gathering.reductions import Gathered, Reduction, check_reduction
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View, check_offset
+from atra.kernels.raster.image import band_stride
 from atra.lifetime import Lifetime
 
 
@@ -19,7 +22,24 @@ class Gathering(Lifetime):
 
     mesh: Mesh
     camera: View
-    options: Any
+
+    @abstractmethod
+    def _gather(
+        self,
+        kind: int,
+        offset: tuple[float, float],
+        images: dict[str, NDArray],
+        weights: NDArray[np.float32] | None,
+    ) -> None:
+        """Take all hits. kind: of `kernels.gathering.taking`. images: of `target_images`."""
+
+    def _check_gathering(self) -> None:
+        """Raise InputError where the options do not allow it."""
+
+    @property
+    def _gathering_row(self) -> int:
+        """Pixels from one row of what is gathered into to the next."""
+        return int(band_stride(self.camera.width))
 
     def gather(
         self, what: Reduction[Gathered], offset: tuple[float, float] = (0.5, 0.5), out: Gathered | None = None
@@ -35,25 +55,14 @@ class Gathering(Lifetime):
         """
         check_reduction(what)
         check_offset(offset)
-        if getattr(self.options, "build_quality", "medium") == "high":
-            raise InputError(
-                "build_quality is 'high', which cuts triangles in two and would count them twice; gather with 'medium'"
-            )
+        self._check_gathering()
+        weights = what.weights(self.mesh)
         with self._tracing():
-            found = gather_plainly(self.mesh, self.camera, what, offset)
-            return found if out is None else _moved(found, out, what)
-
-
-def _moved(found: Gathered, out: Gathered, what: Reduction[Gathered]) -> Gathered:
-    if type(out) is not what.result:
-        raise InputError(f"out is {out!r:.100}, expected {what.result.__name__} of this tracer, or None")
-    for name in what.planes():
-        given, wanted = getattr(out, name), getattr(found, name)
-        if given.shape != wanted.shape:
-            raise InputError(f"out has {name} of {given.shape}, expected {wanted.shape}: pass a result of this tracer")
-        np.copyto(given, wanted)
-    arrays = {name: getattr(out, name) for name in what.planes()}
-    return what.result(**arrays, offset=found.offset, mesh=found.mesh, camera=found.camera)
+            height, width = self.camera.height, self.camera.width
+            images = target_images(what, height, width, self._gathering_row, out)
+            self._gather(what.kind, offset, images, weights)
+            arrays = {name: image[..., :height, :width] for name, image in images.items()}
+            return what.result(**arrays, offset=offset, mesh=self.mesh, camera=self.camera)
 
 
 class NoGathering:

@@ -11,11 +11,14 @@ from numpy.typing import NDArray
 
 from atra.alignment.culling import check_image_memory
 from atra.embree.instruction_sets import native_lanes
+from atra.gathering.images import target_of
 from atra.geometry.mesh import Mesh
 from atra.geometry.ray_space import check_range
 from atra.geometry.view import View, check_offset
 from atra.hits import Hits
 from atra.judge.ties import coplanar_overlaps, lowest_of_ties, tie_tiles
+from atra.kernels.gathering.frames import Scratch as GatheringScratch
+from atra.kernels.gathering.frames import gather_frame
 from atra.kernels.raster.frames import Scratch, compile_kernels, draw_frame
 from atra.options import RasterOptions
 from atra.parallel import WorkerPool, resolve_threads
@@ -43,6 +46,7 @@ class RasterTracer(Gathering):
         self.threads = resolve_threads(self.options.threads)
         self._pool = WorkerPool(self.threads)
         self._scratch: Scratch | None = None
+        self._gathering: GatheringScratch | None = None
         self._set_camera(camera)
 
     def _set_camera(self, camera: View) -> None:
@@ -105,6 +109,18 @@ class RasterTracer(Gathering):
                     lowest_of_ties(self.mesh, camera, tiles, offset, prim_id, self._pool)
             return Hits(depth, prim_id, offset, self.mesh, camera)
 
+    def _gather(
+        self,
+        kind: int,
+        offset: tuple[float, float],
+        images: dict[str, NDArray],
+        weights: NDArray[np.float32] | None,
+    ) -> None:
+        if self._gathering is None:
+            self._gathering = GatheringScratch.of(self.mesh, self.threads)
+        block = target_of(images, weights, None).block()
+        gather_frame(self.mesh, self.camera, offset, self.lanes, self._gathering, self._pool, kind, block)
+
     @property
     def triangle_count(self) -> int:
         """Triangles of the mesh: all are looked at."""
@@ -117,4 +133,4 @@ class RasterTracer(Gathering):
 
     def _release(self) -> None:
         self._pool.close()
-        self._scratch = None
+        self._scratch = self._gathering = None
