@@ -59,9 +59,9 @@ def target_at(block):  # type: ignore[no-untyped-def]
 
 
 @njit
-def _not_listed(bits, nx, prim_id, pixel, target):  # type: ignore[no-untyped-def]
-    """Of these lanes those in whose pixel's list the triangle is not."""
-    kept, left, lane = bits, bits, 0
+def _listed(marked, nx, prim_id, pixel, target):  # type: ignore[no-untyped-def]
+    """Of these lanes, bit by bit, those in whose pixel's list the triangle is."""
+    found, left, lane = 0, marked, 0
     while left != 0:
         if left & 1:
             at = pixel + lane // nx * target.row + lane % nx
@@ -69,12 +69,12 @@ def _not_listed(bits, nx, prim_id, pixel, target):  # type: ignore[no-untyped-de
             listed = uint32_at(place)
             while listed != LIST_END:
                 if listed == prim_id:
-                    kept &= ~(1 << lane)
+                    found |= 1 << lane
                 place += 4
                 listed = uint32_at(place)
         left >>= 1
         lane += 1
-    return kept
+    return found
 
 
 @njit(inline="always")
@@ -82,6 +82,7 @@ def without_doubts(lanes, nx, taken, prim_id, pixel, target):  # type: ignore[no
     """Of a mask of `lanes` pixels, in rows of nx, those where the triangle is not in doubt. pixel: the first."""
     mark = 1 << np.int64(prim_id % np.uint32(MARKS))
     marked = taken & marked_rows(target.marks + pixel, target.row, mark, lanes, nx)
-    if rarely(bits_of(marked) != 0):
-        taken = taken & mask_of(_not_listed(bits_of(taken), nx, prim_id, pixel, target), lanes)
+    bits = bits_of(marked)
+    if rarely(bits != 0):
+        taken = taken & mask_of(~_listed(bits, nx, prim_id, pixel, target), lanes)
     return taken
