@@ -36,7 +36,7 @@ def test_a_hit_that_is_taken_twice_or_lost_is_seen():
     y, x = (int(place[0]) for place in np.nonzero(found.count))
     for more in (-1, 1):
         count = found.count.copy()
-        count[y, x] += more
+        count[y, x] = int(count[y, x]) + more
         assert list(zip(*np.nonzero(wrong_counts(replace(found, count=count))), strict=True)) == [(y, x)]
 
 

@@ -115,7 +115,7 @@ def test_nothing_hangs_on_how_many_samples_are_held_to_be_in_doubt(method, monke
     with METHODS[method](mesh, camera) as tracer:
         monkeypatch.setattr(tracer, "_precision", lambda: coarse(tracer, own))
         many = tracer.gather(atra.Count())
-        assert len(tracer._doubts[1].keys) > max(10 * before, 5000)
+        assert len(tracer._doubts[1].keys) > 10 * before + 1000
     np.testing.assert_array_equal(many.count, few.count)
 
 
@@ -164,7 +164,7 @@ def test_layers_are_the_nearest_hits_in_order_and_the_others_are_counted(camera,
     np.testing.assert_array_equal(found.count, wanted.count)
     assert (found.count > 4).any()
     np.testing.assert_array_equal(found.prim_id, wanted.prim_id)
-    np.testing.assert_allclose(found.depth, wanted.depth, rtol=2e-5)
+    np.testing.assert_allclose(found.depth, wanted.depth, rtol=2e-5, atol=1e-5)
 
 
 @pytest.mark.parametrize("method", METHODS.values(), ids=METHODS)

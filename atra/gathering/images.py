@@ -27,14 +27,13 @@ def target_images(
     images = {}
     for name, plane in what.planes().items():
         shape = (*plane.before, height + ROOM, row)
-        images[name] = (
-            np.empty(shape, plane.kind) if out is None else _memory(name, getattr(out, name), shape, plane.kind)
-        )
-        if out is not None and getattr(out, name).shape != (*plane.before, height, width):
-            raise InputError(
-                f"out has {name} of {getattr(out, name).shape}, expected {(*plane.before, height, width)}: pass a "
-                "result of this tracer"
-            )
+        if out is None:
+            images[name] = np.empty(shape, plane.kind)
+        else:
+            given, wanted = getattr(out, name), (*plane.before, height, width)
+            if given.shape != wanted:
+                raise InputError(f"out has {name} of {given.shape}, expected {wanted}: pass a result of this tracer")
+            images[name] = _memory(name, given, shape, plane.kind)
         images[name].fill(plane.start)
     return images
 

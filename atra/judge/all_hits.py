@@ -15,11 +15,11 @@ from atra.kernels.gathering.judging import judge_rays
 from atra.parallel import WorkerPool, resolve_threads
 from atra.prim_ids import MISS
 
-THICKNESS_TOLERANCE, DEPTH_TOLERANCE = 1e-5, 1e-6
-"""Of a thickness, relative to itself, and to the farthest depth it is the difference of."""
+TOLERANCE = 1e-5
+"""Of a thickness, relative to itself; and of depths, up to which float32 may put either in front."""
 
-ORDER_TOLERANCE = 1e-5
-"""Relative difference of two depths up to which float32 may put either in front."""
+ROUNDINGS = 4.0 * 2.0**-24
+"""Four roundings in float32 of the products that a depth is made of."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,13 +27,15 @@ class AllHits:
     """What the ray of every pixel meets, by volumes in float64.
 
     least, most: (H, W) int64, how many triangles it crosses: without and with those that float64 cannot decide about.
-    nearer: (H, W) int64, of the least, those nearer than the limit. thickness: (H, W) float64, where both are equal.
+    nearer: (H, W) int64, of the least, those nearer than the limit. thickness: (H, W) float64, where both are equal;
+    products: (H, W) float64, of the depths it consists of, what their roundings are relative to.
     """
 
     least: NDArray[np.int64]
     most: NDArray[np.int64]
     nearer: NDArray[np.int64]
     thickness: NDArray[np.float64]
+    products: NDArray[np.float64]
 
 
 def all_hits(
@@ -54,14 +56,14 @@ def all_hits(
     geometry = triangles_in_camera_space(mesh, camera, np.arange(mesh.triangle_count))
     limits = np.ascontiguousarray(np.broadcast_to(limits, shape), np.float64).reshape(-1)
     sure, unsure, nearer = (np.empty(len(directions), np.int64) for _ in range(3))
-    thickness = np.empty(len(directions))
+    thickness, products = np.empty(len(directions)), np.empty(len(directions))
     pool = WorkerPool(resolve_threads(threads))
-    out = limits, sure, unsure, nearer, thickness
+    out = limits, sure, unsure, nearer, thickness, products
     try:
         pool.run(lambda _, counter: judge_rays(counter, origins, directions, *geometry, *out))
     finally:
         pool.close()
-    found = sure, sure + unsure, nearer, thickness
+    found = sure, sure + unsure, nearer, thickness, products
     return AllHits(*(array.reshape(shape) for array in found))
 
 
@@ -72,11 +74,10 @@ def wrong_counts(counts: Counts, threads: int | None = 1) -> NDArray[np.bool_]:
 
 
 def wrong_thicknesses(found: Thicknesses, threads: int | None = 1) -> NDArray[np.bool_]:
-    """(H, W) bool, where a thickness is farther off than THICKNESS_TOLERANCE and DEPTH_TOLERANCE allow; nowhere that
+    """(H, W) bool, where a thickness is farther off than TOLERANCE of itself and ROUNDINGS of its depths; nowhere that
     float64 cannot decide what is hit."""
     truth = all_hits(found.mesh, found.camera, found.offset, threads=threads)
-    corners = found.camera.to_camera_space(found.mesh.vertices[np.unique(found.mesh.faces)])
-    allowed = THICKNESS_TOLERANCE * truth.thickness + DEPTH_TOLERANCE * np.abs(corners[:, 2]).max()
+    allowed = TOLERANCE * truth.thickness + ROUNDINGS * truth.products
     return (truth.least == truth.most) & ~(np.abs(found.thickness - truth.thickness) <= allowed)
 
 
@@ -85,18 +86,20 @@ def wrong_layers(found: LayerHits, threads: int | None = 1) -> NDArray[np.bool_]
     `count` is none that float64 allows."""
     depth, prim_id = found.depth.astype(np.float64), found.prim_id
     given = prim_id != MISS
-    limits = np.where(given.all(axis=0), depth[-1], np.inf) * (1.0 - ORDER_TOLERANCE)
+    full = given.all(axis=0)
+    limits = np.where(full, depth[-1], np.inf) * (1.0 - TOLERANCE)
     truth = all_hits(found.mesh, found.camera, found.offset, limits, threads)
     layers = np.minimum(found.count, len(depth))
     wrong = (given.sum(axis=0) != layers) | (found.count < truth.least) | (found.count > truth.most)
     wrong |= (given != np.isfinite(depth)).any(axis=0) | (given[1:] & ~given[:-1]).any(axis=0)
     wrong |= (given[1:] & (depth[1:] < depth[:-1])).any(axis=0)
-    wrong |= truth.nearer > layers
+    wrong |= truth.nearer > layers - full
     ordered = np.sort(prim_id, axis=0)
     wrong |= ((ordered[1:] == ordered[:-1]) & (ordered[1:] != MISS)).any(axis=0)
     y, x = np.nonzero(given)[1:]
     met = intersect_pixels(found.mesh, found.camera, x, y, prim_id[given], found.offset)
-    off = np.abs(met.depth - depth[given]) > ORDER_TOLERANCE * met.depth
-    beside = met.edge_distance < -ORDER_TOLERANCE
+    far = np.abs(found.camera.to_camera_space(found.mesh.vertices)).max()
+    off = np.abs(met.depth - depth[given]) > TOLERANCE * met.depth + ROUNDINGS * far
+    beside = met.edge_distance < -TOLERANCE
     wrong[y[off | beside], x[off | beside]] = True
     return wrong

@@ -32,7 +32,7 @@ from atra.tracers.base import ImageTracer
 from atra.tracers.gathering import NoGathering
 from atra.tracers.gathering_rays import EmbreeGathering, Shots
 from atra.tracers.images import images_of
-from atra.tracers.pixel import SQUAREST_SHAPE, image_shots, pixel_tiles
+from atra.tracers.pixel import SQUAREST_SHAPE, image_shots
 from atra.tracers.rays import longest_ray
 from atra.tracers.reference_rays import ReferenceRayTracer
 from atra.tracers.second_pass import SecondPass
@@ -163,7 +163,7 @@ class AlignedTracer(EmbreeGathering, _AlignedImages, ImageTracer):
         return self._row_stride  # of the records
 
     def _planned_shots(self) -> list[Shots]:
-        geometry, split, camera = self._geometry, self.split, self.camera
+        geometry, split = self._geometry, self.split
         assert geometry is not None
         strips = np.zeros((split.cell_height // self.packet_shape[1], 2), np.int32)
         strips[:, 1] = np.arange(0, split.cell_height, self.packet_shape[1])
@@ -172,14 +172,20 @@ class AlignedTracer(EmbreeGathering, _AlignedImages, ImageTracer):
         shots = [Shots(geometry, self.options.geometry, self.packet_shape, self._reference_rays, tiles, cell)]
         for left_out in geometry.left_out:
             if left_out is not None:
-                others = np.ones(self.mesh.triangle_count, np.bool_)
-                others[left_out.prim_ids] = False
-                plain = plan_plain_geometry(self.mesh, camera, others)
-                shape = SQUAREST_SHAPE[self.packet_width]
-                whole = camera.width % shape[0] == 0
-                image_tiles = pixel_tiles(camera.width, camera.height)
-                shots.append(image_shots(plain, camera, shape, image_tiles, is_alone=not whole))
+                shots.append(self._shots_at(left_out))
         return shots
+
+    def _shots_at(self, left_out: LeftOut) -> Shots:
+        """Those of the second pass, in tiles where something was left out."""
+        mesh, camera, shape = self.mesh, self.camera, SQUAREST_SHAPE[self.packet_width]
+        tiles = Tiles(*SECOND_PASS_TILE, camera.width, camera.height)
+        rows, columns = np.nonzero(np.isfinite(nearest_in_tiles(mesh, camera, tiles, left_out)))
+        corners = np.stack([columns * tiles.tile_width, rows * tiles.tile_height], axis=1).astype(np.int32)
+        others = np.ones(mesh.triangle_count, np.bool_)
+        others[left_out.prim_ids] = False
+        plain = plan_plain_geometry(mesh, camera, others)
+        image_tiles = PixelTiles(corners, tiles.tile_width, tiles.tile_height)
+        return image_shots(plain, camera, shape, image_tiles, is_alone=camera.width % shape[0] != 0)
 
     def _precision(self) -> Precision:
         direction, origin = longest_ray(self.camera)

@@ -31,6 +31,9 @@ _BEYOND = 8.0
 """Times the length of an edge up to which, beyond its ends, Embree may find a triangle that is seen edge-on: there all
 volumes are rounding, and only the boxes of the few triangles of a leaf keep rays away."""
 
+_ROUNDING = 1e-6
+"""Pixels that boxes are enlarged by for the rounding of float64."""
+
 _CHUNK = 1024
 """Triangles a thread takes at a time."""
 
@@ -51,31 +54,36 @@ def _whole(low, high, last):  # type: ignore[no-untyped-def]
     return int(np.ceil(min(max(low, 0.0), last + 1.0))), int(np.floor(max(min(high, last), -1.0)))
 
 
+@njit(inline="always")
+def _is_beside(i, j, edge, tolerance):  # type: ignore[no-untyped-def]
+    return edge[0] * i + edge[1] * j + edge[2] < -tolerance
+
+
 @njit
-def _walk(a, b, c, tolerance, left, right, top, bottom, width, height, triangle, keys, size):  # type: ignore[no-untyped-def]
-    """List the samples of a box where |a i + b j + c| <= tolerance."""
-    if abs(b) >= abs(a):
-        if b == 0.0:
-            return
-        slope, start, reach = -a / b, -c / b, tolerance / abs(b)
-        first, last = _whole(left, right, width - 1.0)
-        for i in range(first, last + 1):
-            y = start + slope * i
-            low, high = _whole(max(y - reach, top), min(y + reach, bottom), height - 1.0)
-            for j in range(low, high + 1):
-                place = fetch_add(size, 1)
-                if place < len(keys):
-                    keys[place] = (j * width + i) << 32 | triangle
-    else:
-        slope, start, reach = -b / a, -c / a, tolerance / abs(a)
-        first, last = _whole(top, bottom, height - 1.0)
-        for j in range(first, last + 1):
-            x = start + slope * j
-            low, high = _whole(max(x - reach, left), min(x + reach, right), width - 1.0)
-            for i in range(low, high + 1):
-                place = fetch_add(size, 1)
-                if place < len(keys):
-                    keys[place] = (j * width + i) << 32 | triangle
+def _walk(edge, tolerance, second, second_tolerance, third, third_tolerance, box, size, triangle, keys, count):  # type: ignore[no-untyped-def]
+    """List the samples of a box where |a i + b j + c| <= tolerance of an edge, and that are not surely beside the
+    other two. box: left, right, top, bottom. size: width, height of the image. count: address of their number."""
+    a, b, c = edge
+    left, right, top, bottom = box
+    width, height = size
+    if a == 0.0 and b == 0.0:
+        return
+    is_flat = abs(b) >= abs(a)
+    across, along = (b, a) if is_flat else (a, b)
+    slope, start, reach = -along / across, -c / across, tolerance / abs(across)
+    low, high, low_across, high_across = (left, right, top, bottom) if is_flat else (top, bottom, left, right)
+    last_along, last_across = (width - 1.0, height - 1.0) if is_flat else (height - 1.0, width - 1.0)
+    first, last = _whole(low, high, last_along)
+    for at in range(first, last + 1):
+        middle = start + slope * at
+        near, far = _whole(max(middle - reach, low_across), min(middle + reach, high_across), last_across)
+        for other in range(near, far + 1):
+            i, j = (at, other) if is_flat else (other, at)
+            if _is_beside(i, j, second, second_tolerance) or _is_beside(i, j, third, third_tolerance):
+                continue
+            place = fetch_add(count, 1)
+            if place < len(keys):
+                keys[place] = (j * width + i) << 32 | triangle
 
 
 @njit(inline="always")
@@ -101,102 +109,109 @@ def _sizes(view, v0, v1, v2):  # type: ignore[no-untyped-def]
 
 
 @njit
-def _through_eye_plane(view, v0, v1, v2, tolerance, thinnest, width, height, triangle, keys, size):  # type: ignore[no-untyped-def]
-    """A triangle on both sides of the eye; thinnest: volume of the eye and the triangle below which its plane is
-    so near the eye that all of its samples are in doubt."""
-    a0, b0, c0 = _normal(view, v1, v2)
-    a1, b1, c1 = _normal(view, v2, v0)
-    a2, b2, c2 = _normal(view, v0, v1)
-    x, y, z = homogeneous(view, v0)
-    right, bottom = width - 1.0, height - 1.0
-    if abs(a0 * x + b0 * y + c0 * z) > thinnest:
-        for a, b, c in ((a0, b0, c0), (a1, b1, c1), (a2, b2, c2)):
-            _walk(a, b, c, tolerance, 0.0, right, 0.0, bottom, width, height, triangle, keys, size)
-        return
+def _list_edges(edges, tolerances, beyond, box, size, triangle, keys, count):  # type: ignore[no-untyped-def]
+    """List what is near the edges of a triangle. edges: (a, b, c) each, not negative inside. beyond: whether samples
+    past the ends of edges are to be listed, too: which side is inside is not known then."""
+    free = np.inf if beyond else 1.0
+    for k in range(3):
+        one, two, three = edges[k], edges[(k + 1) % 3], edges[(k + 2) % 3]
+        t1, t2, t3 = tolerances[k], free * tolerances[(k + 1) % 3], free * tolerances[(k + 2) % 3]
+        _walk(one, t1, two, t2, three, t3, box, size, triangle, keys, count)
+
+
+@njit
+def _list_all(edges, tolerance, size, triangle, keys, count):  # type: ignore[no-untyped-def]
+    """List all samples of the image that are beside no edge for sure, whichever side is inside."""
+    width, height = size
+    (a0, b0, c0), (a1, b1, c1), (a2, b2, c2) = edges
     for j in range(height):
         for i in range(width):
             u, v, w = a0 * i + b0 * j + c0, a1 * i + b1 * j + c1, a2 * i + b2 * j + c2
             if min(u, v, w) >= -tolerance or max(u, v, w) <= tolerance:
-                place = fetch_add(size, 1)
+                place = fetch_add(count, 1)
                 if place < len(keys):
                     keys[place] = (j * width + i) << 32 | triangle
 
 
-@njit
-def _at_image_plane(points, v0, v1, v2, tolerance, box, width, height, triangle, keys, size):  # type: ignore[no-untyped-def]
-    """Samples where a triangle on both sides of a parallel image plane is next to it; tolerance: of volumes."""
-    x0, y0, w0 = points[v0, 0], points[v0, 1], points[v0, 2]
-    x1, y1, w1 = points[v1, 0] - x0, points[v1, 1] - y0, points[v1, 2] - w0
-    x2, y2, w2 = points[v2, 0] - x0, points[v2, 1] - y0, points[v2, 2] - w0
+@njit(inline="always")
+def _line(px, py, qx, qy, sign):  # type: ignore[no-untyped-def]
+    """(a, b, c) of the line through two pixel positions."""
+    dx, dy = sign * (qx - px), sign * (qy - py)
+    return -dy, dx, dy * px - dx * py
+
+
+@njit(inline="always")
+def _depth_line(x0, y0, w0, x1, y1, w1, x2, y2, w2):  # type: ignore[no-untyped-def]
+    """(a, b, c) of the line where the plane of a triangle meets a parallel image plane; times the area its depth."""
+    x1, y1, w1, x2, y2, w2 = x1 - x0, y1 - y0, w1 - w0, x2 - x0, y2 - y0, w2 - w0
     a, b, area = w1 * y2 - w2 * y1, w2 * x1 - w1 * x2, x1 * y2 - y1 * x2
-    c = w0 * area - a * x0 - b * y0
-    _walk(a, b, c, tolerance, box[0], box[1], box[2], box[3], width, height, triangle, keys, size)
+    return a, b, w0 * area - a * x0 - b * y0
+
+
+@njit(inline="always")
+def _turned(edge, sign):  # type: ignore[no-untyped-def]
+    return edge[0] * sign, edge[1] * sign, edge[2] * sign
 
 
 @kernel
-def list_doubts(counter_address, parallel, view, points, faces, width, height, precision, keys, size):  # type: ignore[no-untyped-def]
-    """List samples in doubt, some of them twice; the int64 at `size` counts them.
+def list_doubts(counter_address, parallel, view, points, faces, width, height, precision, keys, count):  # type: ignore[no-untyped-def]
+    """List samples in doubt, some of them twice; the int64 at `count` counts them.
 
     points: of `project`. keys: (N,) int64, (y * width + x) << 32 | triangle, written as far as they reach.
     """
     unit = ROUNDINGS * _FLOAT32_UNIT
-    per_pixel = precision.direction / precision.pitch**2
+    per_pixel, size = precision.direction / precision.pitch**2, (width, height)
     while True:
         start = fetch_add(counter_address, 1) * _CHUNK
         if start >= len(faces):
             return
         for triangle in range(start, min(start + _CHUNK, len(faces))):
             v0, v1, v2 = np.int64(faces[triangle, 0]), np.int64(faces[triangle, 1]), np.int64(faces[triangle, 2])
-            w0, w1, w2 = points[v0, 2], points[v1, 2], points[v2, 2]
-            behind = parallel and min(w0, w1, w2) >= 0.0
-            if behind or (not parallel and max(w0, w1, w2) < 0.0):
+            x0, y0, w0 = points[v0, 0], points[v0, 1], points[v0, 2]
+            x1, y1, w1 = points[v1, 0], points[v1, 1], points[v1, 2]
+            x2, y2, w2 = points[v2, 0], points[v2, 1], points[v2, 2]
+            nearest, farthest = max(w0, w1, w2), min(w0, w1, w2)
+            if farthest >= 0.0 if parallel else nearest < 0.0:
                 continue
-            is_in_front = parallel or min(w0, w1, w2) > 0.0
-            x0, y0, x1, y1, x2, y2 = (
-                points[v0, 0],
-                points[v0, 1],
-                points[v1, 0],
-                points[v1, 1],
-                points[v2, 0],
-                points[v2, 1],
-            )
-            if is_in_front:
-                low_x, high_x, low_y, high_y = min(x0, x1, x2), max(x0, x1, x2), min(y0, y1, y2), max(y0, y1, y2)
-                far_x, far_y = _BEYOND * (high_x - low_x) + 1.0, _BEYOND * (high_y - low_y) + 1.0
-                if low_x - far_x > width or high_x + far_x < -1.0 or low_y - far_y > height or high_y + far_y < -1.0:
-                    continue
             far, long = _sizes(view, v0, v1, v2)
             far, long = far * precision.stretch + precision.shift, long * precision.stretch
             largest = unit * per_pixel * far * long
-            if not is_in_front:
-                thinnest = unit * far * long * long / precision.pitch**2
-                _through_eye_plane(view, v0, v1, v2, largest, thinnest, width, height, triangle, keys, size)
-                continue
-            area = abs((x1 - x0) * (y2 - y0) - (y1 - y0) * (x2 - x0))
-            of_all = largest if parallel else largest * max(w0, w1, w2) ** 2
-            beyond = min(2.0 * of_all / area, _BEYOND) if area > 0.0 else _BEYOND
-            more = 1.0 if beyond > 0.5 else 0.0
-            for px, py, qx, qy, both in (
-                (x0, y0, x1, y1, w0 * w1),
-                (x1, y1, x2, y2, w1 * w2),
-                (x2, y2, x0, y0, w2 * w0),
-            ):
-                tolerance = largest if parallel else largest * both
-                dx, dy = qx - px, qy - py
-                steepest = max(abs(dx), abs(dy))
-                if steepest == 0.0:
+            of_depth = unit * far * long * long / precision.pitch**2
+            if not parallel and not farthest > 0.0:
+                edges = _normal(view, v1, v2), _normal(view, v2, v0), _normal(view, v0, v1)
+                x, y, z = homogeneous(view, v0)
+                volume = edges[0][0] * x + edges[0][1] * y + edges[0][2] * z
+                if abs(volume) <= of_depth:  # the plane is so near the eye that all of it is in doubt
+                    _list_all(edges, largest, size, triangle, keys, count)
                     continue
-                aside = tolerance / steepest + more
-                at_x, at_y = aside + beyond * abs(dx), aside + beyond * abs(dy)
-                _walk(
-                    -dy, dx, dy * px - dx * py, tolerance,
-                    min(px, qx) - at_x, max(px, qx) + at_x, min(py, qy) - at_y, max(py, qy) + at_y,
-                    width, height, triangle, keys, size,
-                )  # fmt: skip
-            if parallel and max(w0, w1, w2) >= 0.0:
-                box = low_x - 1.0, high_x + 1.0, low_y - 1.0, high_y + 1.0
-                of_depth = unit * far * long * long / precision.pitch**2
-                _at_image_plane(points, v0, v1, v2, of_depth, box, width, height, triangle, keys, size)
+                sign = 1.0 if volume > 0.0 else -1.0
+                turned = _turned(edges[0], sign), _turned(edges[1], sign), _turned(edges[2], sign)
+                box = 0.0, width - 1.0, 0.0, height - 1.0
+                _list_edges(turned, (largest, largest, largest), False, box, size, triangle, keys, count)
+                continue
+            area = (x1 - x0) * (y2 - y0) - (y1 - y0) * (x2 - x0)
+            tolerances = (
+                (largest, largest, largest) if parallel else (largest * w1 * w2, largest * w2 * w0, largest * w0 * w1)
+            )
+            worst = max(tolerances)
+            is_thin = not abs(area) > 4.0 * worst
+            low_x, high_x, low_y, high_y = min(x0, x1, x2), max(x0, x1, x2), min(y0, y1, y2), max(y0, y1, y2)
+            wide, high = high_x - low_x, high_y - low_y
+            # What is beside no edge by more than a tolerance is the triangle, enlarged by their sum over its area.
+            share = _BEYOND if is_thin else 3.0 * worst / abs(area)
+            aside = 1.0 if is_thin else _ROUNDING
+            at_x, at_y = share * wide + aside, share * high + aside
+            box = low_x - at_x, high_x + at_x, low_y - at_y, high_y + at_y
+            if not (box[1] >= 0.0 and box[0] <= width - 1.0 and box[3] >= 0.0 and box[2] <= height - 1.0):
+                continue
+            if max(np.ceil(box[0]), 0.0) > box[1] or max(np.ceil(box[2]), 0.0) > box[3]:
+                continue
+            sign = 1.0 if area > 0.0 else -1.0
+            edges = _line(x1, y1, x2, y2, sign), _line(x2, y2, x0, y0, sign), _line(x0, y0, x1, y1, sign)
+            _list_edges(edges, tolerances, is_thin, box, size, triangle, keys, count)
+            if parallel and nearest >= 0.0:
+                plane = _depth_line(x0, y0, w0, x1, y1, w1, x2, y2, w2)
+                _walk(plane, of_depth, plane, np.inf, plane, np.inf, box, size, triangle, keys, count)
 
 
 @kernel

@@ -27,14 +27,15 @@ def _length(x, y, z):  # type: ignore[no-untyped-def]
 
 @kernel
 def judge_rays(
-    counter_address, origins, directions, corners, edges_1, edges_2, limits, sure, unsure, nearer, thickness
+    counter_address, origins, directions, corners, edges_1, edges_2, limits, sure, unsure, nearer, thickness, products
 ):  # type: ignore[no-untyped-def]
     """What every ray meets, until the shared counter runs past the last.
 
     origins, directions: (N, 3) float64. corners, edges_1, edges_2: (F, 3) float64, in the rays' space. limits: (N,)
     float64, ray parameters. sure: (N,) int64, the hits that are beyond doubt, and nearer: those of them before the
     limit. unsure: (N,) int64, hits that float64 cannot decide about. thickness: (N,) float64, of the sure hits, the
-    parameters at which the ray leaves less those at which it enters.
+    parameters at which the ray leaves less those at which it enters; products: (N,) float64, over all of them, the
+    largest product that the parameter is made of over what it is divided by: what roundings are relative to.
     """
     while True:
         start = fetch_add(counter_address, 1) * _CHUNK
@@ -45,7 +46,7 @@ def judge_rays(
             dx, dy, dz = directions[ray, 0], directions[ray, 1], directions[ray, 2]
             size = _length(dx, dy, dz)
             sure[ray] = unsure[ray] = nearer[ray] = 0
-            thickness[ray] = 0.0
+            thickness[ray] = products[ray] = 0.0
             for triangle in range(len(corners)):
                 ax, ay, az = edges_1[triangle, 0], edges_1[triangle, 1], edges_1[triangle, 2]
                 bx, by, bz = edges_2[triangle, 0], edges_2[triangle, 1], edges_2[triangle, 2]
@@ -72,3 +73,4 @@ def judge_rays(
                 sure[ray] += 1
                 nearer[ray] += parameter < limits[ray]
                 thickness[ray] += sign * parameter
+                products[ray] += longest * longest * (_length(tx, ty, tz) + size * parameter) / facing
