@@ -26,7 +26,7 @@ from atra.whole_numbers import is_whole_number
 MOST_LAYERS = 1024
 """Layers of one image; a layer takes eight bytes a pixel."""
 
-Gathered = TypeVar("Gathered", Counts, Thicknesses, Transmittances, LayerHits)
+Gathered = TypeVar("Gathered", bound=Counts | Thicknesses | Transmittances | LayerHits)
 
 
 class Plane(NamedTuple):

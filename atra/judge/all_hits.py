@@ -63,8 +63,8 @@ def all_hits(
         pool.run(lambda _, counter: judge_rays(counter, origins, directions, *geometry, *out))
     finally:
         pool.close()
-    found = sure, sure + unsure, nearer, thickness, products
-    return AllHits(*(array.reshape(shape) for array in found))
+    least, most = sure.reshape(shape), (sure + unsure).reshape(shape)
+    return AllHits(least, most, nearer.reshape(shape), thickness.reshape(shape), products.reshape(shape))
 
 
 def wrong_counts(counts: Counts, threads: int | None = 1) -> NDArray[np.bool_]:

@@ -26,9 +26,9 @@ def _length(x, y, z):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def judge_rays(
+def judge_rays(  # type: ignore[no-untyped-def]
     counter_address, origins, directions, corners, edges_1, edges_2, limits, sure, unsure, nearer, thickness, products
-):  # type: ignore[no-untyped-def]
+):
     """What every ray meets, until the shared counter runs past the last.
 
     origins, directions: (N, 3) float64. corners, edges_1, edges_2: (F, 3) float64, in the rays' space. limits: (N,)

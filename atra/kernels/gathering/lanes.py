@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 from llvmlite import ir
@@ -72,6 +73,24 @@ def store_rows(typingctx: Any, vector: Any, address: Any, row_bytes: Any, nx: An
         return context.get_dummy_value()
 
     return types.void(vector, types.int64, types.int64, nx), codegen
+
+
+def _places(of_lane: Callable[[int, int], int]) -> Any:
+    @intrinsic(prefer_literal=True)
+    def places(typingctx: Any, lanes: Any, nx: Any) -> Any:
+        vector, columns = Vector(types.float32, lanes.literal_value), nx.literal_value
+
+        def codegen(context: Any, builder: ir.IRBuilder, signature: Any, values: list[ir.Value]) -> ir.Value:
+            kind = context.get_value_type(vector)
+            return ir.Constant(kind, [float(of_lane(lane, columns)) for lane in range(vector.lanes)])
+
+        return vector(lanes, nx), codegen
+
+    return places
+
+
+columns_of, rows_of = _places(lambda lane, nx: lane % nx), _places(lambda lane, nx: lane // nx)
+"""columns_of(lanes, nx), rows_of(lanes, nx): float32 vectors, which column and row each pixel is in."""
 
 
 @intrinsic(prefer_literal=True)
