@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from atra.alignment.culling import check_needed_bytes
 from atra.gathering.images import ROOM
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
@@ -35,7 +36,10 @@ class Doubts:
 def find_doubts(
     mesh: Mesh, camera: View, offset: tuple[float, float], precision: Precision, row: int, pool: WorkerPool
 ) -> Doubts:
-    """row: pixels from one row of the images that are gathered into to the next."""
+    """row: pixels from one row of the images that are gathered into to the next.
+
+    Raises MemoryBudgetError for more samples in doubt than the free memory holds.
+    """
     points = np.empty((len(mesh.vertices), 4))
     view = projected(mesh, camera, offset, pool, points)
     parallel, width, height = camera.is_parallel, camera.width, camera.height
@@ -47,6 +51,8 @@ def find_doubts(
         if size[0] <= room:
             break
         room = int(size[0])
+        what = f"{room:,} samples so near an edge that float32 cannot decide about them"
+        check_needed_bytes(3 * 8 * room, None, what, "use RasterTracer, or fewer pixels")
     keys = np.unique(found[: size[0]])
     exact = np.empty((pool.threads, 2 * SUMMANDS))
     facings, depths = np.empty(len(keys), np.float32), np.empty(len(keys), np.float32)

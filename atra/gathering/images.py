@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from math import prod
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from atra.alignment.culling import check_needed_bytes
 from atra.errors import InputError
 from atra.gathering.reductions import Gathered, Reduction
 from atra.kernels.gathering.target import Target
@@ -20,10 +22,16 @@ def target_images(
 ) -> dict[str, NDArray]:
     """Memory of the arrays of a result by name, (..., height + ROOM, row), with the values of no hits.
 
-    out: an earlier result, whose memory it is then. Raises InputError for one that does not fit.
+    out: an earlier result, whose memory it is then. Raises InputError for one that does not fit, MemoryBudgetError for
+    more than the memory that is free.
     """
     if out is not None and type(out) is not what.result:
         raise InputError(f"out is {out!r:.100}, expected {what.result.__name__} of this tracer, or None")
+    if out is None:
+        needed = sum(prod(one.before) * (height + ROOM) * row * 4 for one in what.planes().values())
+        check_needed_bytes(
+            needed, None, f"results of {height:,} rows of {width:,} pixels", "use fewer pixels or layers"
+        )
     images = {}
     for name, plane in what.planes().items():
         shape = (*plane.before, height + ROOM, row)

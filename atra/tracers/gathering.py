@@ -50,8 +50,8 @@ class Gathering(Lifetime):
         of this tracer for as much of the same, whose arrays are to be overwritten; it must not be read any more.
         Which triangles a ray crosses at edges and corners: `atra.gathering.reductions`.
         Raises InputError for an offset outside the pixel, an `out` that does not fit, a mesh that `what` is not for,
-        and build quality "high", with which Embree finds some triangles twice; EmbreeError when the tracer is not built
-        or already closed.
+        and build quality "high", with which Embree finds some triangles twice; MemoryBudgetError for a result that the
+        free memory does not hold; EmbreeError when the tracer is not built or already closed.
         """
         check_reduction(what)
         check_offset(offset)

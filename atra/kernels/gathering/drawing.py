@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 
 from atra.kernels.caching import kernel
-from atra.kernels.gathering.narrow import MOST_ROWS, take_narrow
+from atra.kernels.gathering.narrow import BLOCK_ROWS, take_narrow
 from atra.kernels.gathering.spans import take_spans
 from atra.kernels.gathering.taking import LAYERS, THICKNESS, TRANSMITTANCE
 from atra.kernels.gathering.target import target_at
@@ -33,8 +33,8 @@ _NEAR_AND_FAR = 1e3
 @cache
 def gathering_kernel(lanes: int, parallel: bool, kind: int) -> Callable[..., None]:
     """The loop over bands, with vectors of so many lanes; all three are constants of the compiled code."""
-    half, quarter = max(lanes // 2, 4), max(lanes // 4, 4)
-    half_rows, quarter_rows = lanes // half, lanes // quarter
+    half = max(lanes // 2, 4)
+    half_rows = lanes // half
     has_depth, has_factors = kind in (THICKNESS, LAYERS), kind == TRANSMITTANCE
 
     @kernel
@@ -77,11 +77,11 @@ def gathering_kernel(lanes: int, parallel: bool, kind: int) -> Callable[..., Non
                     slope_x = -((w2 - w0) * dy2 + (w1 - w0) * dy1) * inverse
                     slope_y = ((w2 - w0) * dx2 + (w1 - w0) * dx1) * inverse
                     least = -nearest if parallel else farthest
-                    is_gentle = max(abs(slope_x) * NARROW, abs(slope_y) * MOST_ROWS) <= GENTLE * least and (
+                    is_gentle = max(abs(slope_x) * NARROW, abs(slope_y) * BLOCK_ROWS) <= GENTLE * least and (
                         parallel or nearest <= _NEAR_AND_FAR * farthest
                     )
                 # No sum and no summand is larger, from the first row and column to the last of a vector.
-                largest = (high_y - low_y + MOST_ROWS) * (2.0 * (high_x - low_x) + SPAN)
+                largest = (high_y - low_y + BLOCK_ROWS) * (2.0 * (high_x - low_x) + SPAN)
                 in_front = nearest < 0.0 if parallel else farthest > 0.0
                 weight = float_at(target.weights + np.int64(triangle) * 4) if has_factors else np.float32(facing)
                 if not (
@@ -102,14 +102,7 @@ def gathering_kernel(lanes: int, parallel: bool, kind: int) -> Callable[..., Non
                 first, last = max(int(top), band_top), min(int(bottom), band_bottom)
                 rounding = np.float32((last - first + 8) * _UNIT32 * largest + _SMALLEST)
                 start, end = int(left), int(right)
-                if end - start < quarter:
-                    first -= first % quarter_rows
-                    nearness = w0 + slope_x * (left - x0) + slope_y * (first - y0)
-                    take_narrow(
-                        kind, lanes, quarter, parallel, has_depth, triangle, weight, x0, y0, x1, y1, x2, y2, facing,
-                        rounding, nearness, slope_x, slope_y, start, end, first, last, workspace, target,
-                    )  # fmt: skip
-                elif end - start < half:
+                if end - start < half:
                     first -= first % half_rows
                     nearness = w0 + slope_x * (left - x0) + slope_y * (first - y0)
                     take_narrow(

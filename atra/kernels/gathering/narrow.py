@@ -10,7 +10,7 @@ from atra.kernels.gathering.taking import take
 from atra.kernels.raster.exact import side
 from atra.kernels.raster.vectors import bits_of, mask_of, rarely, repeated, smaller
 
-MOST_ROWS = 4
+BLOCK_ROWS = 2
 """Rows of the highest block, a divisor of the rows of a band, so that no block reaches into two of them."""
 
 
