@@ -20,7 +20,7 @@ ROOM = 16
 def target_images(
     what: Reduction[Gathered], height: int, width: int, row: int, out: Gathered | None
 ) -> dict[str, NDArray]:
-    """Memory of the arrays of a result by name, (..., height + ROOM, row), with the values of no hits.
+    """Memory of the arrays of a result by name, (..., height + ROOM, row), with anything in it.
 
     out: an earlier result, whose memory it is then. Raises InputError for one that does not fit, MemoryBudgetError for
     more than the memory that is free.
@@ -42,7 +42,6 @@ def target_images(
             if given.shape != wanted:
                 raise InputError(f"out has {name} of {given.shape}, expected {wanted}: pass a result of this tracer")
             images[name] = _memory(name, given, shape, plane.kind)
-        images[name].fill(plane.start)
     return images
 
 

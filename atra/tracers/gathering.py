@@ -26,12 +26,12 @@ class Gathering(Lifetime):
     @abstractmethod
     def _gather(
         self,
-        kind: int,
+        what: Reduction[Any],
         offset: tuple[float, float],
         images: dict[str, NDArray],
         weights: NDArray[np.float32] | None,
     ) -> None:
-        """Take all hits. kind: of `kernels.gathering.taking`. images: of `target_images`."""
+        """Take all hits. images: of `target_images`, with anything in them. weights: of `what`."""
 
     def _check_gathering(self) -> None:
         """Raise InputError where the options do not allow it."""
@@ -60,7 +60,7 @@ class Gathering(Lifetime):
         with self._tracing():
             height, width = self.camera.height, self.camera.width
             images = target_images(what, height, width, self._gathering_row, out)
-            self._gather(what.kind, offset, images, weights)
+            self._gather(what, offset, images, weights)
             arrays = {name: image[..., :height, :width] for name, image in images.items()}
             return what.result(**arrays, offset=offset, mesh=self.mesh, camera=self.camera)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,7 @@ from atra.embree.scene import EmbreeScene
 from atra.errors import EmbreeError, InputError
 from atra.gathering.doubts import Doubts, find_doubts
 from atra.gathering.images import target_of
+from atra.gathering.reductions import Reduction
 from atra.kernels.gathering.doubts import Precision, settling_kernel
 from atra.kernels.gathering.filters import gathering_filter
 from atra.kernels.gathering.shooting import shooting_kernel
@@ -64,12 +65,14 @@ class EmbreeGathering(Gathering, EmbreeTracer):
 
     def _gather(
         self,
-        kind: int,
+        what: Reduction[Any],
         offset: tuple[float, float],
         images: dict[str, NDArray],
         weights: NDArray[np.float32] | None,
     ) -> None:
-        doubts = self._found_doubts(offset)
+        for name, plane in what.planes().items():
+            images[name].fill(plane.start)
+        doubts, kind = self._found_doubts(offset), what.kind
         if not self._shots:
             self._build_shots()
         own_weights = doubts.faces if kind == THICKNESS else weights

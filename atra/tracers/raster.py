@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from atra.alignment.culling import check_image_memory
 from atra.embree.instruction_sets import native_lanes
 from atra.gathering.images import target_of
+from atra.gathering.reductions import Reduction
 from atra.geometry.mesh import Mesh
 from atra.geometry.ray_space import check_range
 from atra.geometry.view import View, check_offset
@@ -111,15 +112,15 @@ class RasterTracer(Gathering):
 
     def _gather(
         self,
-        kind: int,
+        what: Reduction[Any],
         offset: tuple[float, float],
         images: dict[str, NDArray],
         weights: NDArray[np.float32] | None,
     ) -> None:
         if self._gathering is None:
             self._gathering = GatheringScratch.of(self.mesh, self.threads)
-        block = target_of(images, weights, None).block()
-        gather_frame(self.mesh, self.camera, offset, self.lanes, self._gathering, self._pool, kind, block)
+        target = target_of(images, weights, None)
+        gather_frame(self.mesh, self.camera, offset, self.lanes, self._gathering, self._pool, what.kind, target)
 
     @property
     def triangle_count(self) -> int:

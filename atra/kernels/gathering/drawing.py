@@ -6,6 +6,7 @@ from collections.abc import Callable
 from functools import cache
 
 import numpy as np
+from numba import njit
 
 from atra.kernels.caching import kernel
 from atra.kernels.gathering.narrow import BLOCK_ROWS, take_narrow
@@ -16,7 +17,8 @@ from atra.kernels.intrinsics import fetch_add, float_at
 from atra.kernels.raster.drawing import AHEAD
 from atra.kernels.raster.exact import UNIT
 from atra.kernels.raster.image import GENTLE, NARROW, SPAN
-from atra.kernels.raster.vectors import fetch
+from atra.kernels.raster.vectors import fetch, repeated, store
+from atra.prim_ids import MISS
 
 _UNIT32 = 2.0**-24
 
@@ -30,6 +32,28 @@ _NEAR_AND_FAR = 1e3
 """As in `atra.kernels.raster.drawing`."""
 
 
+@njit(inline="always")
+def _clear(kind, lanes, top, bottom, target):  # type: ignore[no-untyped-def]
+    """Set rows top ... bottom to what they are without a hit, where they will be drawn at once."""
+    start = np.float32(0.0)
+    if kind == TRANSMITTANCE:
+        start = np.float32(1.0)
+    elif kind == LAYERS:
+        start = np.float32(np.inf)
+    values, nobody, none = repeated(start, lanes), repeated(np.uint32(MISS), lanes), repeated(np.uint32(0), lanes)
+    first, size = top * target.row * 4, (bottom + 1 - top) * target.row * 4
+    for layer in range(target.layers):
+        place = first + layer * target.plane * 4
+        for byte in range(place, place + size, lanes * 4):
+            store(values, target.values + byte)
+        if kind == LAYERS:
+            for byte in range(place, place + size, lanes * 4):
+                store(nobody, target.prim_ids + byte)
+    if kind == LAYERS:
+        for byte in range(first, first + size, lanes * 4):
+            store(none, target.counts + byte)
+
+
 @cache
 def gathering_kernel(lanes: int, parallel: bool, kind: int) -> Callable[..., None]:
     """The loop over bands, with vectors of so many lanes; all three are constants of the compiled code."""
@@ -41,8 +65,8 @@ def gathering_kernel(lanes: int, parallel: bool, kind: int) -> Callable[..., Non
     def gather_bands(counter_address, view, points, faces, starts, entries, band_rows, width, height, workspace, block):  # type: ignore[no-untyped-def]
         """Take the hits of all bands, until the shared counter runs past the last.
 
-        points: of `project`. starts, entries: the triangles of each band. block: of a `Target`, whose values are those
-        of no hits. What lies in a triangle is decided as in `atra.kernels.raster.drawing`.
+        points: of `project`. starts, entries: the triangles of each band. block: of a `Target`; all of its image is
+        written. What lies in a triangle is decided as in `atra.kernels.raster.drawing`.
         """
         target = target_at(block)
         while True:
@@ -50,6 +74,7 @@ def gathering_kernel(lanes: int, parallel: bool, kind: int) -> Callable[..., Non
             if number >= len(starts) - 1:
                 return
             band_top, band_bottom = number * band_rows, min((number + 1) * band_rows, height) - 1
+            _clear(kind, lanes, band_top, band_bottom, target)
             end_of_band = starts[number + 1]
             for entry in range(starts[number], end_of_band):
                 if entry + AHEAD < end_of_band:

@@ -12,14 +12,15 @@ from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.kernels.gathering.crossings import projected
 from atra.kernels.gathering.drawing import gathering_kernel
+from atra.kernels.gathering.target import Target
 from atra.kernels.raster.exact import SUMMANDS
 from atra.kernels.raster.image import Workspace
 from atra.kernels.raster.listing import CHUNK, fill_bands, list_triangles, place_bands
 from atra.kernels.raster.spans import ROWS
 from atra.parallel import WorkerPool
 
-BAND_ROWS = 32
-"""Rows of a band: its part of an image of ordinary width stays in the cache."""
+_BAND_BYTES, _LEAST_ROWS, BAND_ROWS = 1 << 19, 4, 32
+"""Bytes of a band, which stay in the cache while it is drawn; its least and most rows, powers of two."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,24 +56,28 @@ def gather_frame(
     scratch: Scratch,
     pool: WorkerPool,
     kind: int,
-    block: NDArray[np.int64],
+    target: Target,
 ) -> None:
-    """Take all hits of all pixels. kind: of `taking`. block: of a `Target`, which holds the values of no hits."""
+    """Take all hits of all pixels. kind: of `taking`. target: its image is written completely."""
     width, height, parallel = camera.width, camera.height, camera.is_parallel
     points, faces = scratch.points, mesh.faces
     view = projected(mesh, camera, offset, pool, points)
-    counts = np.empty((-(-len(faces) // CHUNK), -(-height // BAND_ROWS) + 1), np.int64)
+    band_rows, row_bytes = BAND_ROWS, target.layers * target.row * 4
+    while band_rows > _LEAST_ROWS and band_rows * row_bytes > _BAND_BYTES:
+        band_rows //= 2
+    counts = np.empty((-(-len(faces) // CHUNK), -(-height // band_rows) + 1), np.int64)
     starts = np.empty(counts.shape[1], np.int64)
     lists = scratch.listed, scratch.bands, counts
-    pool.run(lambda _, counter: list_triangles(counter, points, faces, parallel, width, height, BAND_ROWS, *lists))
+    pool.run(lambda _, counter: list_triangles(counter, points, faces, parallel, width, height, band_rows, *lists))
     place_bands(counts, starts)
     entries = np.empty(int(starts[-1]), np.uint32)
     pool.run(lambda _, counter: fill_bands(counter, *lists, entries))
     gather_bands: Any = gathering_kernel(lanes, parallel, kind)
+    block = target.block()
     address = block.ctypes.data
 
     def gather(worker: int, counter: int) -> None:
         workspace = scratch.workspace(worker)
-        gather_bands(counter, view, points, faces, starts, entries, BAND_ROWS, width, height, workspace, address)
+        gather_bands(counter, view, points, faces, starts, entries, band_rows, width, height, workspace, address)
 
     pool.run(gather)
