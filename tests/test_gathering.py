@@ -62,7 +62,6 @@ def test_a_large_model_of_genus_three_is_left_as_often_as_entered(method):
     assert not (count % 2).any()
 
 
-@pytest.mark.core
 @pytest.mark.parametrize("method", METHODS.values(), ids=METHODS)
 @pytest.mark.parametrize("mesh", [box(), joined(box(), box((-0.5, -1, -0.25), (0.75, 0, 0.5)))], ids=["box", "boxes"])
 def test_rays_through_corners_and_along_edges_meet_each_surface_once(mesh, method):
@@ -100,20 +99,25 @@ def test_counts_are_exact_whatever_lies_behind_around_and_through_the_eye(camera
         assert_counts_are_exact(method, mesh, camera, [(0.5, 0.5), (0.0, 0.0), (0.9, 0.3), (0.5, 0.5)][seed])
 
 
+@pytest.mark.parametrize("method", ["aligned", "unculled", "instanced"])
+def test_what_no_copy_may_show_is_counted_once(method):
+    mesh, camera = boards(), CAMERAS["ordinary"]
+    with (METHODS | OTHERS)[method](mesh, camera) as tracer:
+        assert tracer.counters["triangles_left_out"] > 0
+        found = tracer.gather(atra.Count())
+    np.testing.assert_array_equal(found.count, gather_plainly(mesh, camera, atra.Count()).count)
+
+
 @pytest.mark.parametrize("method", ["packets", "aligned"])
 def test_nothing_hangs_on_how_many_samples_are_held_to_be_in_doubt(method, monkeypatch):
     mesh, camera = random_triangles(300, 5, 0.3), CAMERAS["ordinary"]
 
-    def coarse(tracer, own):
-        pitch, direction, stretch, shift = own
-        return Precision(pitch, direction, stretch * 60.0, shift)
-
     with METHODS[method](mesh, camera) as tracer:
-        own = tracer._precision()
+        pitch, direction, stretch, shift = tracer._precision()
         few = tracer.gather(atra.Count())
         before = len(tracer._doubts[1].keys)
     with METHODS[method](mesh, camera) as tracer:
-        monkeypatch.setattr(tracer, "_precision", lambda: coarse(tracer, own))
+        monkeypatch.setattr(tracer, "_precision", lambda: Precision(pitch, direction, 60.0 * stretch, shift))
         many = tracer.gather(atra.Count())
         assert len(tracer._doubts[1].keys) > 10 * before + 1000
     np.testing.assert_array_equal(many.count, few.count)
