@@ -14,6 +14,8 @@ from atra.cameras.nerf import read_transforms
 from atra.cameras.trimesh_scene import read_trimesh
 from atra.errors import AtraError, EmbreeError, InputError, MemoryBudgetError
 from atra.frames import Frames
+from atra.gathering.gathered import Counts, LayerHits, Thicknesses, Transmittances
+from atra.gathering.reductions import Count, Layers, Thickness, Transmittance
 from atra.geometry.camera import CalibratedCamera, Camera
 from atra.geometry.image_plane import ImagePlane
 from atra.geometry.mesh import Mesh
@@ -60,6 +62,8 @@ __all__ = [
     "CalibratedCamera",
     "Camera",
     "CellOptions",
+    "Count",
+    "Counts",
     "EmbreeError",
     "FaceSources",
     "Frames",
@@ -67,6 +71,8 @@ __all__ = [
     "Hits",
     "ImagePlane",
     "InputError",
+    "LayerHits",
+    "Layers",
     "MemoryBudgetError",
     "Mesh",
     "Options",
@@ -82,8 +88,12 @@ __all__ = [
     "Rays",
     "ReferenceRayOptions",
     "Split",
+    "Thickness",
+    "Thicknesses",
     "TiledTracer",
     "Tracer",
+    "Transmittance",
+    "Transmittances",
     "Verdict",
     "VisibleFirstTracer",
     "VisibleTriangles",

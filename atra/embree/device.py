@@ -18,19 +18,27 @@ class EmbreeDevice:
     """A device of its own and whatever scenes are made on it.
 
     build_quality: of every scene and geometry. compact: scenes that save memory and trace more slowly. robust: scenes
-    in which no ray slips through between two triangles. threads: build threads. monitor_address: compiled
-    RTCMemoryMonitorFunction counting into `embree_bytes`, or 0.
+    in which no ray slips through between two triangles. filter_in_arguments: rays may bring a filter of their own.
+    threads: build threads. monitor_address: compiled RTCMemoryMonitorFunction counting into `embree_bytes`, or 0.
 
     Arrays given to Embree are shared, not copied; the device keeps them alive. Closing twice is harmless; a device that
     is dropped without closing is released by the garbage collector. Raises EmbreeError naming the call that failed.
     """
 
     def __init__(
-        self, *, build_quality: str, threads: int, monitor_address: int, compact: bool = False, robust: bool = False
+        self,
+        *,
+        build_quality: str,
+        threads: int,
+        monitor_address: int,
+        compact: bool = False,
+        robust: bool = False,
+        filter_in_arguments: bool = False,
     ) -> None:
         self._library = load_library()
         self._quality = layout.BUILD_QUALITY[build_quality]
         self._flags = compact * layout.SCENE_FLAG_COMPACT | robust * layout.SCENE_FLAG_ROBUST
+        self._flags |= filter_in_arguments * layout.SCENE_FLAG_FILTER_IN_ARGUMENTS
         self._byte_count = np.zeros(1, np.int64)
         api = self._library.functions
         self._device = api.rtcNewDevice(device_options(threads))

@@ -25,7 +25,7 @@ HIT_WORDS = 9
 PACKET_ALIGNMENT_BYTES = 64
 INVALID_ID = 0xFFFFFFFF
 
-FLAG_COHERENT = 1 << 16
+FLAG_FILTER_IN_ARGUMENTS, FLAG_COHERENT = 1 << 1, 1 << 16
 FEATURE_ALL = 0xFFFFFFFF
 
 ERROR_NAMES = {
@@ -46,7 +46,7 @@ FORMAT_FLOAT3 = 0x9003
 FORMAT_FLOAT3X4_ROW_MAJOR = 0x9134
 BUFFER_INDEX, BUFFER_VERTEX = 0, 1
 GEOMETRY_TRIANGLE, GEOMETRY_INSTANCE = 0, 121
-SCENE_FLAG_COMPACT, SCENE_FLAG_ROBUST = 1 << 1, 1 << 2
+SCENE_FLAG_COMPACT, SCENE_FLAG_ROBUST, SCENE_FLAG_FILTER_IN_ARGUMENTS = 1 << 1, 1 << 2, 1 << 3
 BUILD_QUALITY = {"low": 0, "medium": 1, "high": 2}
 
 
@@ -83,6 +83,8 @@ class RayQueryContext(ctypes.Structure):
         ("prim_id_address", ctypes.c_void_p),  # and its prim_id
         ("row_bytes", ctypes.c_int64),  # distance between image rows
         ("wrong_width", ctypes.c_int64),  # the filter writes N here if Embree ever hands it another packet width
+        ("target_address", ctypes.c_void_p),  # block of addresses of what all hits are gathered into
+        ("first_pixel", ctypes.c_int64),  # where lane 0 of the reference cell is in it
     )
 
 

@@ -40,6 +40,7 @@ class EmbreeScene(EmbreeDevice):
         transforms: NDArray[np.float32] | None = None,
         compact: bool = False,
         robust: bool = False,
+        filter_in_arguments: bool = False,
     ) -> None:
         super().__init__(
             build_quality=build_quality,
@@ -47,6 +48,7 @@ class EmbreeScene(EmbreeDevice):
             monitor_address=monitor_address,
             compact=compact,
             robust=robust,
+            filter_in_arguments=filter_in_arguments,
         )
         try:
             scene = self._new_scene()

@@ -74,6 +74,14 @@ class Workspace:
         for field, value in zip(_ORIGIN_FIELDS, origin, strict=True):
             self._lanes(self.packet.floats, field, len(self.packet.all_lanes))[:] = value
 
+    def gather_with(self, filter_address: int, block_address: int) -> None:
+        """Have hits in scenes that allow it given to a filter, and the block of a `Target` to that; 0, 0: no more."""
+        query = IntersectArguments.from_buffer(self._arguments.data)
+        query.flags = query.flags & ~layout.FLAG_FILTER_IN_ARGUMENTS
+        query.flags |= layout.FLAG_FILTER_IN_ARGUMENTS if filter_address else 0
+        query.filter = filter_address
+        self.packet.context[RayQueryContext.target_address.offset // 8] = block_address
+
     def set_row_bytes(self, row_bytes: int) -> None:
         """Distance in bytes between the image rows the filter writes to."""
         self.packet.context[RayQueryContext.row_bytes.offset // 8] = row_bytes

@@ -25,9 +25,15 @@ from atra.frames import Frames
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.kernels.callbacks import nearest_hit_filter
+from atra.kernels.gathering.doubts import Precision
+from atra.kernels.tracing import PixelTiles
 from atra.options import AlignedOptions
 from atra.tracers.base import ImageTracer
+from atra.tracers.gathering import NoGathering
+from atra.tracers.gathering_rays import EmbreeGathering, Shots
 from atra.tracers.images import images_of
+from atra.tracers.pixel import SQUAREST_SHAPE, image_shots
+from atra.tracers.rays import longest_ray
 from atra.tracers.reference_rays import ReferenceRayTracer
 from atra.tracers.second_pass import SecondPass
 
@@ -124,7 +130,7 @@ class _AlignedImages(ReferenceRayTracer):
         self._close_second_passes()
 
 
-class AlignedTracer(_AlignedImages, ImageTracer):
+class AlignedTracer(EmbreeGathering, _AlignedImages, ImageTracer):
     """Affine-transformed ray alignment: shoot the reference cell's rays, read the nearest hit of every cell.
 
     split: (nx, ny) cells; nx must divide the width, ny the height. options: of `atra.AlignedOptions`, changes: fields
@@ -153,8 +159,43 @@ class AlignedTracer(_AlignedImages, ImageTracer):
     def _set_camera(self, camera: View) -> None:
         self._align(self.meshes, Alignment.of_cells(camera, self.split.of(camera), self.reference))
 
+    @property
+    def _gathering_row(self) -> int:
+        return self._row_stride  # of the records
 
-class FramesTracer(_AlignedImages):
+    def _planned_shots(self) -> list[Shots]:
+        geometry, split = self._geometry, self.split
+        assert geometry is not None
+        strips = np.zeros((split.cell_height // self.packet_shape[1], 2), np.int32)
+        strips[:, 1] = np.arange(0, split.cell_height, self.packet_shape[1])
+        tiles = PixelTiles(strips, split.cell_width, self.packet_shape[1])
+        cell = split.cell_width, split.cell_height
+        shots = [Shots(geometry, self.options.geometry, self.packet_shape, self._reference_rays, tiles, cell)]
+        for left_out in geometry.left_out:
+            if left_out is not None:
+                shots.append(self._shots_at(left_out))
+        return shots
+
+    def _shots_at(self, left_out: LeftOut) -> Shots:
+        """Those of the second pass, in tiles where something was left out."""
+        mesh, camera, shape = self.mesh, self.camera, SQUAREST_SHAPE[self.packet_width]
+        tiles = Tiles(*SECOND_PASS_TILE, camera.width, camera.height)
+        rows, columns = np.nonzero(np.isfinite(nearest_in_tiles(mesh, camera, tiles, left_out)))
+        corners = np.stack([columns * tiles.tile_width, rows * tiles.tile_height], axis=1).astype(np.int32)
+        others = np.ones(mesh.triangle_count, np.bool_)
+        others[left_out.prim_ids] = False
+        plain = plan_plain_geometry(mesh, camera, others)
+        image_tiles = PixelTiles(corners, tiles.tile_width, tiles.tile_height)
+        return image_shots(plain, camera, shape, image_tiles, is_alone=camera.width % shape[0] != 0)
+
+    def _precision(self) -> Precision:
+        direction, origin = longest_ray(self.camera)
+        shift = sum(float(np.linalg.norm(shears, axis=1).max()) for shears in self.alignment.shears)
+        stretch, shift = (1.0, origin + shift) if self.camera.is_parallel else (1.0 + shift, 0.0)
+        return Precision(self.camera.pixel_pitch, direction, stretch, shift)
+
+
+class FramesTracer(NoGathering, _AlignedImages):
     """Several images from one set of rays: two eyes, or frames of a moving camera, each with its own cells.
 
     meshes: one for all frames, or one per frame, so that geometry may move, too. alignment: `Alignment.of_eyes`,
@@ -163,6 +204,8 @@ class FramesTracer(_AlignedImages):
     Raises InputError for another number of meshes than frames, and as `AlignedTracer` does.
     Source: paper §6, Fig. 8.
     """
+
+    why_not = "its result is several images; gather each with a tracer of its own"
 
     def _set_camera(self, camera: View) -> None:
         raise InputError(

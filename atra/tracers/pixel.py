@@ -9,14 +9,17 @@ from numpy.typing import NDArray
 
 from atra.alignment.culling import AlignedGeometry, plan_plain_geometry
 from atra.embree.device import EmbreeDevice
+from atra.embree.scene import EmbreeScene
 from atra.geometry.mesh import Mesh
 from atra.geometry.ray_space import from_eye_space
 from atra.geometry.view import View
+from atra.kernels.gathering.doubts import Precision
 from atra.kernels.packets import Image, RayGrid
 from atra.kernels.tracing import PixelTiles, pixel_kernel
 from atra.options import PixelOptions
 from atra.tracers.base import ImageTracer, check_views
-from atra.tracers.rays import image_ray_grid
+from atra.tracers.gathering_rays import EmbreeGathering, Shots
+from atra.tracers.rays import image_ray_grid, longest_ray
 
 SQUAREST_SHAPE = {1: (1, 1), 4: (2, 2), 8: (4, 2), 16: (4, 4)}
 """Pixels of a packet when nothing else decides: the narrower the bundle, the more of the traversal its rays share."""
@@ -26,7 +29,7 @@ _TILE_SIZES = {"blocks": (32, 16), "morton": (16, 16)}
 """Width and height; tiles of rows are as wide as the image."""
 
 
-class PixelTracer(ImageTracer):
+class PixelTracer(EmbreeGathering, ImageTracer):
     """One ray per pixel through `rtcIntersect1` (packet_width 1, the paper's baseline) or packets (4, 8, 16).
 
     options: of `atra.PixelOptions`, changes: fields of it by name.
@@ -75,6 +78,19 @@ class PixelTracer(ImageTracer):
         options = self.options
         return self._scene_of(geometry, options.build_quality, compact=options.compact, robust=options.robust)
 
+    def _gathering_scene(self, geometry: AlignedGeometry) -> EmbreeScene:
+        options = self.options
+        flags = {"compact": options.compact, "robust": options.robust, "filter_in_arguments": True}
+        return self._scene_of(geometry, options.build_quality, **flags)
+
+    def _planned_shots(self) -> list[Shots]:
+        assert self._geometry is not None
+        return [image_shots(self._geometry, self.camera, self.packet_shape, self._tiles)]
+
+    def _precision(self) -> Precision:
+        direction, origin = longest_ray(self.camera)
+        return Precision(self.camera.pixel_pitch, direction, 1.0, origin)
+
     def _run(self, offset: tuple[float, float], depth: NDArray, prim_id: NDArray) -> None:
         camera, tiles, scene = self.camera, self._tiles, self._scene_address
         rays, image = RayGrid(*image_ray_grid(camera, offset, self.packet_shape)), Image(depth, prim_id)
@@ -84,6 +100,17 @@ class PixelTracer(ImageTracer):
             kernel(counter, scene, self._workspaces[worker].packet, rays, tiles, image)
 
         self._pool.run(work)
+
+
+def image_shots(
+    geometry: AlignedGeometry, camera: View, packet_shape: tuple[int, int], tiles: PixelTiles, is_alone: bool = False
+) -> Shots:
+    """A ray for each pixel of an image, at the mesh in its ray space."""
+
+    def rays(offset: tuple[float, float]) -> RayGrid:
+        return RayGrid(*image_ray_grid(camera, offset, packet_shape))
+
+    return Shots(geometry, "none", packet_shape, rays, tiles, (camera.width, camera.height), is_alone)
 
 
 def pixel_tiles(width: int, height: int, order: str = "blocks") -> PixelTiles:

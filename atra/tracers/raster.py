@@ -11,19 +11,23 @@ from numpy.typing import NDArray
 
 from atra.alignment.culling import check_image_memory
 from atra.embree.instruction_sets import native_lanes
+from atra.gathering.images import target_of
+from atra.gathering.reductions import Reduction
 from atra.geometry.mesh import Mesh
 from atra.geometry.ray_space import check_range
 from atra.geometry.view import View, check_offset
 from atra.hits import Hits
 from atra.judge.ties import coplanar_overlaps, lowest_of_ties, tie_tiles
+from atra.kernels.gathering.frames import Scratch as GatheringScratch
+from atra.kernels.gathering.frames import gather_frame
 from atra.kernels.raster.frames import Scratch, compile_kernels, draw_frame
-from atra.lifetime import TracerLifetime
 from atra.options import RasterOptions
 from atra.parallel import WorkerPool, resolve_threads
+from atra.tracers.gathering import Gathering
 from atra.tracers.images import images_of, outputs
 
 
-class RasterTracer(TracerLifetime):
+class RasterTracer(Gathering):
     """Every triangle drawn onto the image, exactly where the rays of its pixels meet it, nearest in front.
 
     RasterTracer(mesh, camera, options=None, **changes): options are of `atra.RasterOptions`, changes fields of it by
@@ -44,6 +48,7 @@ class RasterTracer(TracerLifetime):
         self._pool = WorkerPool(self.threads)
         self._scratch: Scratch | None = None
         self._pixels_checked = 0
+        self._gathering: GatheringScratch | None = None
         self._set_camera(camera)
 
     def _set_camera(self, camera: View) -> None:
@@ -106,6 +111,18 @@ class RasterTracer(TracerLifetime):
                     lowest_of_ties(self.mesh, camera, tiles, offset, prim_id, self._pool)
             return Hits(depth, prim_id, offset, self.mesh, camera, self.threads)
 
+    def _gather(
+        self,
+        what: Reduction[Any],
+        offset: tuple[float, float],
+        images: dict[str, NDArray],
+        weights: NDArray[np.float32] | None,
+    ) -> None:
+        if self._gathering is None:
+            self._gathering = GatheringScratch.of(self.mesh, self.threads)
+        target = target_of(images, weights, None)
+        gather_frame(self.mesh, self.camera, offset, self.lanes, self._gathering, self._pool, what.kind, target)
+
     @property
     def triangle_count(self) -> int:
         """Triangles of the mesh, hidden ones included."""
@@ -119,4 +136,4 @@ class RasterTracer(TracerLifetime):
 
     def _release(self) -> None:
         self._pool.close()
-        self._scratch = None
+        self._scratch = self._gathering = None

@@ -37,6 +37,12 @@ def image_ray_grid(
     return ray_grid(camera, camera.plane.columns(x, offset[0]), camera.plane.rows(y, offset[1]))
 
 
+def longest_ray(camera: View) -> tuple[float, float]:
+    """Lengths of the longest direction, per depth, and of the way from the eye to the farthest origin."""
+    corner = float(np.hypot(camera.width, camera.height)) / 2 * camera.pixel_pitch
+    return (1.0, corner) if camera.is_parallel else (float(np.hypot(1.0, corner)), 0.0)
+
+
 def check_pinhole(camera: View, method: str) -> None:
     """Raise InputError for a camera with parallel rays, which `method` cannot trace."""
     if camera.is_parallel:

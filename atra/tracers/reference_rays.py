@@ -43,12 +43,14 @@ class ReferenceRayTracer(EmbreeTracer):
     def _row_stride(self) -> int:
         return _row_stride(self.split, self.packet_shape)
 
+    def _reference_rays(self, offset: tuple[float, float]) -> RayGrid:
+        columns = self.alignment.first_x_pixels + np.arange(self.split.cell_width)
+        rows = self.alignment.first_y_pixels + np.arange(self.split.cell_height)
+        return RayGrid(*ray_grid(self.camera, columns + offset[0], rows + offset[1]))
+
     def _trace_reference_rays(self, offset: tuple[float, float], depth: NDArray, prim_id: NDArray) -> None:
-        split = self.split
-        columns = self.alignment.first_x_pixels + np.arange(split.cell_width)
-        rows = self.alignment.first_y_pixels + np.arange(split.cell_height)
-        rays = RayGrid(*ray_grid(self.camera, columns + offset[0], rows + offset[1]))
-        cell_rows, image = self.alignment.image_count * split.ny, Image(depth, prim_id)
+        rays = self._reference_rays(offset)
+        cell_rows, image = self.alignment.image_count * self.split.ny, Image(depth, prim_id)
         kernel = aligned_kernel(*self.packet_shape, self.camera.is_parallel)
         scene = self._scene_address
 

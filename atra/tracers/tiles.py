@@ -18,11 +18,12 @@ from atra.kernels.packets import Image, RayGrid
 from atra.kernels.tiles import CellScenes, list_cells, sort_by_cell, tile_kernel
 from atra.options import CellOptions
 from atra.tracers.base import ImageTracer, check_views
+from atra.tracers.gathering import NoGathering
 from atra.tracers.pixel import SQUAREST_SHAPE
 from atra.tracers.rays import check_pinhole, image_ray_grid
 
 
-class TiledTracer(ImageTracer):
+class TiledTracer(NoGathering, ImageTracer):
     """Every cell's frustum-culled triangles in an Embree scene of their own; one ray per pixel, in packets.
 
     The same culling as `AlignedTracer` and no shear, so that what culling buys and what alignment buys are seen apart.
@@ -31,6 +32,7 @@ class TiledTracer(ImageTracer):
     Raises InputError for a split that does not divide the image, MemoryBudgetError before allocating.
     """
 
+    why_not = "it shows what culling buys without alignment, for the nearest hit"
     options_type = CellOptions
     options: CellOptions
 

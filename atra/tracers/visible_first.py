@@ -23,6 +23,7 @@ from atra.kernels.packets import Image, RayGrid
 from atra.kernels.tracing import pixel_kernel
 from atra.options import ReferenceRayOptions
 from atra.tracers.base import ImageTracer
+from atra.tracers.gathering import NoGathering
 from atra.tracers.images import new_images
 from atra.tracers.pixel import SQUAREST_SHAPE, pixel_tiles
 from atra.tracers.rays import check_pinhole, ray_grid
@@ -42,7 +43,7 @@ TILE_WIDTHS, TILE_HEIGHT = (4, 8), 4
 Whole packets, and no wider than narrow cells, because a copy is kept in every cell that its tile meets."""
 
 
-class VisibleFirstTracer(ReferenceRayTracer, ImageTracer):
+class VisibleFirstTracer(NoGathering, ReferenceRayTracer, ImageTracer):
     """Alignment without overdraw: the copies a probe takes for hidden are left out, and verified per pixel.
 
     Pass 1 traces, aligned, the copies of triangles that may be seen according to the probe, and that float32 can show
@@ -61,6 +62,8 @@ class VisibleFirstTracer(ReferenceRayTracer, ImageTracer):
     plan_time_s counts the probe, too (`counters["probe_time_s"]`); build_time_s counts both BVHs.
     Lifts the limit of paper §5.
     """
+
+    why_not = "it leaves out what is hidden, which is what all hits are made of"
 
     def __init__(
         self,

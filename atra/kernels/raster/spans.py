@@ -33,7 +33,7 @@ ROWS = 8
 
 
 @njit
-def _holds_eye(a, b, c):  # type: ignore[no-untyped-def]
+def holds_eye(a, b, c):  # type: ignore[no-untyped-def]
     """Whether the eye lies in the plane of a triangle, to the last digits of float64: then it is seen edge-on.
 
     a, b, c: its corners, seen from the eye.
@@ -65,7 +65,7 @@ def _homogeneous(m, corner):  # type: ignore[no-untyped-def]
 
 
 @njit(inline="always")
-def _inverse(volume):  # type: ignore[no-untyped-def]
+def inverse_of(volume):  # type: ignore[no-untyped-def]
     """Of a volume of 0 something huge, so that the plane is at the eye."""
     return 1.0 / volume if volume != 0.0 else 1e200
 
@@ -83,21 +83,21 @@ def _pinhole_plane(m, a, b, c):  # type: ignore[no-untyped-def]
     a1, b1, c1 = a1 - a0, b1 - b0, c1 - c0
     a2, b2, c2 = a2 - a0, b2 - b0, c2 - c0
     na, nb, nc = b1 * c2 - c1 * b2, c1 * a2 - a1 * c2, a1 * b2 - b1 * a2
-    inverse = _inverse(na * a0 + nb * b0 + nc * c0)
+    inverse = inverse_of(na * a0 + nb * b0 + nc * c0)
     return na * inverse, nb * inverse, nc * inverse
 
 
 @njit
-def _parallel_plane(x0, y0, w0, x1, y1, w1, x2, y2, w2):  # type: ignore[no-untyped-def]
+def parallel_plane(x0, y0, w0, x1, y1, w1, x2, y2, w2):  # type: ignore[no-untyped-def]
     """The same where rays are parallel."""
     x1, y1, w1, x2, y2, w2 = x1 - x0, y1 - y0, w1 - w0, x2 - x0, y2 - y0, w2 - w0
-    inverse = _inverse(x1 * y2 - y1 * x2)
+    inverse = inverse_of(x1 * y2 - y1 * x2)
     a, b = (w1 * y2 - w2 * y1) * inverse, (w2 * x1 - w1 * x2) * inverse
     return a, b, w0 - a * x0 - b * y0
 
 
 @njit
-def _cut(px, py, qx, qy, is_left, top, count, width, workspace):  # type: ignore[no-untyped-def]
+def cut(px, py, qx, qy, is_left, top, count, width, workspace):  # type: ignore[no-untyped-def]
     """Cut the rows top, top + 1, ... off at an edge: before its first sample beyond, or from there on."""
     address = workspace.first if is_left else workspace.last
     limits = doubles_at(address)
@@ -151,7 +151,7 @@ def draw_spans(lanes, parallel, eye, vertices, vertex_count, prim_id, packed, wi
         return
     nearest, farthest = max(w0, w1, w2), min(w0, w1, w2)
     if parallel:
-        slope_x, slope_y, constant = _parallel_plane(x0, y0, w0, x1, y1, w1, x2, y2, w2)
+        slope_x, slope_y, constant = parallel_plane(x0, y0, w0, x1, y1, w1, x2, y2, w2)
         least = -nearest
     else:
         a = _from_eye(eye, vertices, vertex_count, packed, 0)
@@ -159,7 +159,7 @@ def draw_spans(lanes, parallel, eye, vertices, vertex_count, prim_id, packed, wi
         c = _from_eye(eye, vertices, vertex_count, packed, 2)
         slope_x, slope_y, constant = _pinhole_plane(doubles_at(eye.to_pixels), a, b, c)
         if farthest < 0.0:
-            if _holds_eye(a, b, c):
+            if holds_eye(a, b, c):
                 return
             nearest, farthest = np.inf, np.inf
             for w in (w0, w1, w2):
@@ -175,7 +175,7 @@ def draw_spans(lanes, parallel, eye, vertices, vertex_count, prim_id, packed, wi
         (x0, y0, x1, y1, -facing if not parallel and w2 < 0.0 else facing),
     ):
         if qy != py:
-            _cut(px, py, qx, qy, (qy > py) == (wanted < 0), top, bottom - top + 1, width, workspace)
+            cut(px, py, qx, qy, (qy > py) == (wanted < 0), top, bottom - top + 1, width, workspace)
         else:
             for k in range(bottom - top + 1):
                 if qx == px or wanted != (1 if (qx > px) == (top + k >= py) else -1):

@@ -1,0 +1,80 @@
+"""Images that are gathered into: arrays with room beside them, for packets and vectors that reach past the border."""
+
+from __future__ import annotations
+
+from math import prod
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from atra.alignment.culling import check_needed_bytes
+from atra.errors import InputError
+from atra.gathering.reductions import Gathered, Reduction
+from atra.kernels.gathering.target import Target
+
+ROOM = 16
+"""Rows below an image: as high as the highest packet."""
+
+
+def target_images(
+    what: Reduction[Gathered], height: int, width: int, row: int, out: Gathered | None
+) -> dict[str, NDArray]:
+    """Memory of the arrays of a result by name, (..., height + ROOM, row), with anything in it.
+
+    out: an earlier result, whose memory it is then. Raises InputError for one that does not fit, MemoryBudgetError for
+    more than the memory that is free.
+    """
+    if out is not None and type(out) is not what.result:
+        raise InputError(f"out is {out!r:.100}, expected {what.result.__name__} of this tracer, or None")
+    if out is None:
+        needed = sum(prod(one.before) * (height + ROOM) * row * 4 for one in what.planes().values())
+        check_needed_bytes(
+            needed, None, f"results of {height:,} rows of {width:,} pixels", "use fewer pixels or layers"
+        )
+    images = {}
+    for name, plane in what.planes().items():
+        shape = (*plane.before, height + ROOM, row)
+        if out is None:
+            images[name] = np.empty(shape, plane.kind)
+        else:
+            given, wanted = getattr(out, name), (*plane.before, height, width)
+            if given.shape != wanted:
+                raise InputError(f"out has {name} of {given.shape}, expected {wanted}: pass a result of this tracer")
+            images[name] = _memory(name, given, shape, plane.kind)
+    return images
+
+
+def _memory(name: str, given: Any, shape: tuple[int, ...], kind: type[np.generic]) -> NDArray:
+    """The array that an image of a result is a part of. Raises InputError where it is not."""
+    memory = getattr(given, "base", None)
+    if (
+        not isinstance(memory, np.ndarray)
+        or (memory.shape, memory.dtype) != (shape, kind)
+        or not memory.flags.c_contiguous
+        or not given.flags.writeable
+        or memory.ctypes.data != given.ctypes.data
+    ):
+        raise InputError(f"out has a {name} that was not made for this tracer and as much of the same: pass its result")
+    return memory
+
+
+def target_of(
+    images: dict[str, NDArray], weights: NDArray[np.float32] | None, doubts: tuple[NDArray, NDArray, NDArray] | None
+) -> Target:
+    """doubts: marks, first and listed of `Target`; None where nothing is in doubt."""
+    values, *others = images.values()
+    prim_id, count = others or (values, values)
+    layers = values.shape[0] if values.ndim == 3 else 1
+    row = values.shape[-1]
+    lists = [0, 0, 0] if doubts is None else [array.ctypes.data for array in doubts]
+    return Target(
+        values.ctypes.data,
+        prim_id.ctypes.data,
+        count.ctypes.data,
+        row,
+        values.shape[-2] * row,
+        layers,
+        0 if weights is None else weights.ctypes.data,
+        *lists,
+    )

@@ -1,0 +1,88 @@
+"""The target: what is gathered into, and which hits near an edge are not to be taken, as one block of addresses.
+
+A filter is handed nothing but an address, so this block is read from memory there; loops in Numba read it alike.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from atra.kernels.gathering.lanes import int32_at, marked_rows, uint32_at
+from atra.kernels.intrinsics import address_at
+from atra.kernels.raster.vectors import bits_of, mask_of, rarely
+
+LIST_END = np.uint32(0xFFFFFFFF)
+"""Ends the list of a pixel's triangles in doubt; no triangle has this number."""
+
+MARKS = 8
+"""Bits of a pixel's mark: that of triangle t is bit t modulo MARKS."""
+
+
+class Target(NamedTuple):
+    """What hits are gathered into.
+
+    values: address of the first pixel of counts, thickness, transmittance, or depth of the first layer; prim_ids and
+    counts: of the first layer's triangles and of the counts beside layers. row, plane: pixels from one row, and layer,
+    to the next. layers: their number. weights: address of (F,) float32.
+    marks: address of a byte for each pixel, with the bits of the triangles in doubt there; first: of an int32 for each
+    pixel, where its list in `listed` begins, (N,) uint32; read only where a mark is set.
+    """
+
+    values: int
+    prim_ids: int
+    counts: int
+    row: int
+    plane: int
+    layers: int
+    weights: int
+    marks: int
+    first: int
+    listed: int
+
+    def block(self) -> NDArray[np.int64]:
+        """The block of addresses that `target_at` reads."""
+        return np.array(self, np.int64)
+
+
+@njit(inline="always")
+def target_at(block):  # type: ignore[no-untyped-def]
+    """The `Target` at an address."""
+    return Target(
+        address_at(block), address_at(block + 8), address_at(block + 16), address_at(block + 24),
+        address_at(block + 32), address_at(block + 40), address_at(block + 48), address_at(block + 56),
+        address_at(block + 64), address_at(block + 72),
+    )  # fmt: skip
+
+
+@njit
+def _listed(marked, nx, prim_id, pixel, target):  # type: ignore[no-untyped-def]
+    """Of these lanes, bit by bit, those in whose pixel's list the triangle is."""
+    found, left, lane = 0, marked, 0
+    while left != 0:
+        if left & 1:
+            at = pixel + lane // nx * target.row + lane % nx
+            place = target.listed + np.int64(int32_at(target.first + at * 4)) * 4
+            listed = uint32_at(place)
+            while listed != LIST_END:
+                if listed == prim_id:
+                    found |= 1 << lane
+                place += 4
+                listed = uint32_at(place)
+        left >>= 1
+        lane += 1
+    return found
+
+
+@njit(inline="always")
+def without_doubts(lanes, nx, taken, prim_id, pixel, target):  # type: ignore[no-untyped-def]
+    """Of a mask of `lanes` pixels, in rows of nx, those where the triangle is not in doubt. pixel: the first."""
+    mark = 1 << np.int64(prim_id % np.uint32(MARKS))
+    marked = taken & marked_rows(target.marks + pixel, target.row, mark, lanes, nx)
+    bits = bits_of(marked)
+    if rarely(bits != 0):
+        taken = taken & mask_of(~_listed(bits, nx, prim_id, pixel, target), lanes)
+    return taken
