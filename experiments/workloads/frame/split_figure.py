@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import partial
+from typing import Any
 
 import pandas as pd
 from matplotlib.axes import Axes
@@ -11,7 +12,7 @@ from matplotlib.figure import Figure
 from experiments.drawing.axes import draw_series, finish_split_axes
 from experiments.drawing.missing import Missing, mark_missing, without_value
 from experiments.drawing.pages import add_legend, write_foot, write_lines
-from experiments.drawing.style import DASH_DOTTED, GREY, SMALL
+from experiments.drawing.style import DASH_DOTTED, GREY
 from experiments.drawing.values import MILLISECONDS, TIMES, numbers, say_number
 from experiments.methods.aligned_forms import (
     COPIED_OFF,
@@ -30,6 +31,15 @@ ALL_HITS = f"1 {TIMES} 1, culling off: all hits"
 RATIO_LABELS = (*FORM_STYLES, *TIME_BASELINES, ALL_HITS)
 """In the order of the legends."""
 
+_RING: dict[str, Any] = {
+    "markersize": 13,
+    "markerfacecolor": "none",
+    "markeredgewidth": 1.8,
+    "zorder": 4,
+    "label": "_best",
+}
+"""Around the best split: a number there would lie over the lines, and stands below."""
+
 
 def draw_split_figure(table: pd.DataFrame, columns: int = 2, axis_name: str = "split_x") -> Figure:
     """One panel a scene (and a value of any other setting that varies); speed-up over splits, both logarithmic.
@@ -41,7 +51,7 @@ def draw_split_figure(table: pd.DataFrame, columns: int = 2, axis_name: str = "s
     panels = make_panels(aligned_rows(table), (axis_name, *FORM_OPTIONS))
     figure, axes = draw_panels(panels, partial(draw_ratios, axis_name=axis_name), columns)
     add_legend(figure, axes, RATIO_LABELS)
-    write_foot(figure, table, "in bold, and in words below: the best split")
+    write_foot(figure, table, "ringed, and in words below: the best split")
     return figure
 
 
@@ -57,7 +67,7 @@ def draw_ratios(axis: Axes, rows: pd.DataFrame, axis_name: str) -> None:
         draw_series(axis, numbers(points, axis_name), value, style, interval, form)
         missing += without_value(points, value, axis_name, short, style["color"])
         for _, best in best_rows(points).iterrows():
-            _mark(axis, best[axis_name], best[ratio], style["color"], above=form == COPIED_OFF)
+            axis.plot(best[axis_name], best[ratio], "o", **_RING, markeredgecolor=style["color"])
             over = "".join(f"; over all hits {best[ratio] / start:.2f}{TIMES}" for start in all_hits)
             time_ms = say_number(best["render_time_s"] * MILLISECONDS)
             lines.append(
@@ -68,11 +78,3 @@ def draw_ratios(axis: Axes, rows: pd.DataFrame, axis_name: str) -> None:
         axis.axhline(start, color=GREY, linestyle=DASH_DOTTED, linewidth=1.5, zorder=2, label=ALL_HITS)
     mark_missing(axis, missing, write_lines(axis, lines))
     finish_split_axes(axis, rows[axis_name], axis_name, f"speed-up over {say_baseline(ratio)}")
-
-
-def _mark(axis: Axes, split: int, value: float, color: str, above: bool) -> None:
-    axis.annotate(
-        f"{value:.2f}{TIMES}", (split, value), xytext=(0, 8 if above else -13), textcoords="offset points",
-        ha="center", color=color, fontweight="bold", fontsize=SMALL, zorder=4,
-        bbox={"boxstyle": "round,pad=0.1", "facecolor": "white", "edgecolor": "none", "alpha": 0.75},
-    )  # fmt: skip

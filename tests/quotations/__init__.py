@@ -1,0 +1,29 @@
+"""Quotations: rows and phrases of README and docs, made from the tables under reports/reference that they come from.
+
+    python -m tests.quotations
+
+writes the rows into the pages, below their marks (`<!-- rows: name -->`), and prints the phrases, to be put in by hand.
+tests/test_documents.py looks for each of them.
+"""
+
+from tests.quotations import agreement, methods, paper
+from tests.quotations.quotation import Quotation
+
+QUOTATIONS = (
+    Quotation("README.md", "methods", methods.frames_of_each_method),
+    Quotation("docs/methods.md", "methods", methods.methods_in_detail),
+    Quotation("docs/methods.md", "baselines", methods.best_packets),
+    Quotation("docs/methods.md", "reference_rays", methods.place_of_the_reference_rays),
+    Quotation("docs/methods.md", "peers", methods.other_tracers),
+    Quotation("docs/methods.md", "threads", methods.two_threads),
+    Quotation("docs/methods.md", "surface", methods.surfaces),
+    Quotation("docs/methods.md", "stereo", methods.two_eyes),
+    Quotation("docs/methods.md", "multiframe", methods.several_frames),
+    Quotation("docs/methods.md", "planner", methods.regret),
+    Quotation("docs/methods.md", "paper", paper.instances),
+    Quotation("docs/paper.md", "paper", paper.measured_points),
+    Quotation("docs/paper.md", "paper", paper.best_gains),
+    Quotation("docs/paper.md", "paper", paper.verdicts),
+    Quotation("docs/trust.md", "agreement", agreement.by_kind),
+    Quotation("docs/trust.md", "agreement", agreement.in_all),
+)

@@ -1,0 +1,17 @@
+"""Rows of every page written below their marks, and phrases printed."""
+
+from tests.quotations import QUOTATIONS
+from tests.quotations.quotation import ROOT, with_rows
+
+for quotation in QUOTATIONS:
+    if not quotation.folder.exists():
+        print(f"\n{quotation.page}: no table of sweep={quotation.sweep} is kept, so {quotation.name} stays as it is")
+        continue
+    quoted = quotation.quoted()
+    path = ROOT / quotation.page
+    page = path.read_text(encoding="utf-8")
+    if quoted.rows:
+        path.write_text(with_rows(page, quotation.name, quoted.rows), encoding="utf-8")
+    missing = [phrase for phrase in quoted.phrases if phrase not in " ".join(page.split())]
+    if missing:
+        print(f"\n{quotation.page}, from sweep={quotation.sweep}, does not say:", *missing, sep="\n")
