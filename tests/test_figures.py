@@ -25,16 +25,16 @@ from experiments.workloads.build.figures import draw_build_figure
 from experiments.workloads.frame.break_even_figure import draw_break_even_figure
 from experiments.workloads.frame.grid_figure import draw_grid_figure
 from experiments.workloads.frame.growth_figure import draw_growth_figure
-from experiments.workloads.frame.methods_figure import draw_methods_figure
 from experiments.workloads.frame.peers_figure import draw_peers_figure
-from experiments.workloads.frame.split_figure import ALL_HITS, draw_split_figure
 from experiments.workloads.frame.threads_figure import draw_threads_figure
 from experiments.workloads.memory.figures import draw_memory_figure
+from experiments.workloads.methods_figure import draw_methods_figure
 from experiments.workloads.moving.figures import draw_moving_figure
 from experiments.workloads.multiframe.multiframe_figure import draw_multiframe_figure
 from experiments.workloads.multiframe.stereo_figure import draw_stereo_figure
 from experiments.workloads.picture.figures import draw_scenes_figure
 from experiments.workloads.picture.pictures import ScenePictures
+from experiments.workloads.split_figure import ALL_HITS, draw_split_figure
 from tests.drawn import (
     MIB,
     build_row,

@@ -25,8 +25,8 @@ from experiments.results.terminal import print_sweep
 from experiments.workloads import WORKLOADS
 from experiments.workloads.build.figures import draw_build_figure
 from experiments.workloads.frame.grid_figure import draw_grid_figure
-from experiments.workloads.frame.split_figure import draw_split_figure
 from experiments.workloads.memory.figures import draw_memory_figure
+from experiments.workloads.split_figure import draw_split_figure
 from tests.drawn import build_row, make_rows, memory_row, time_row
 from tests.test_sweep import Runner, configuration
 from tests.test_table import MEASURED
@@ -51,6 +51,9 @@ VALUES: dict[str, tuple[Any, Any, str]] = {
     "sample_rays": (0, 7, "sample rays 7"),
     "motion": ("turn", "walk", "motion walk"),
     "frames": (2, 4, "frames 4"),
+    "what": ("count", "layers", "what layers"),
+    "layers": (4, 8, "layers 8"),
+    "factor": (0.25, 0.5, "factor 0.5"),
     "geometry": ("copied", "instanced", "instanced geometry"),
     "culling": (False, True, "culling on"),
     "split_x": (1, 2, "split x 2"),

@@ -17,7 +17,7 @@ from experiments.results import table as tables
 from experiments.results.table import Tables, columns, make_table, make_tables, read_tables, rows_of, write_tables
 from experiments.workloads.frame import FRAME
 from experiments.workloads.frame.grid_figure import draw_grid_figure
-from experiments.workloads.frame.split_figure import draw_split_figure
+from experiments.workloads.split_figure import draw_split_figure
 
 ASKED_FOR = [
     "scene", "triangles", "width", "height", "workload", "method", "split_x", "split_y", "packet_width", "culling",

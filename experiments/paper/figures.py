@@ -16,10 +16,10 @@ from experiments.methods.aligned_forms import FORM_OPTIONS, FORM_STYLES, INSTANC
 from experiments.results.settings import say_setting
 from experiments.results.table import workload_rows
 from experiments.workloads.frame import FRAME
-from experiments.workloads.frame.split_figure import RATIO_LABELS, draw_ratios
 from experiments.workloads.memory import MEMORY
 from experiments.workloads.memory.figures import baseline_rows, memory_mib
 from experiments.workloads.panels import Panel, make_panels
+from experiments.workloads.split_figure import RATIO_LABELS, draw_ratios
 
 _BASELINE_STYLE = {"color": BLACK, "linestyle": DOTTED}
 _MEMORY_BASELINE = "one ray per pixel (memory)"

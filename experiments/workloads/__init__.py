@@ -6,6 +6,7 @@ from experiments.harness.options import find_named
 from experiments.workloads.agreement import AGREEMENT
 from experiments.workloads.build import BUILD
 from experiments.workloads.frame import FRAME
+from experiments.workloads.gather import GATHER
 from experiments.workloads.memory import MEMORY
 from experiments.workloads.moving import MOVING
 from experiments.workloads.multiframe import MULTIFRAME
@@ -24,6 +25,7 @@ WORKLOADS: tuple[Workload, ...] = (
     PLANNER,
     SURFACE,
     MOVING,
+    GATHER,
 )
 """In the order of tables and pages."""
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import asdict, replace
 from statistics import median
@@ -31,6 +31,8 @@ BUILDS, BUILDS_BUDGET_S = 5, 2.0
 these times, and one sample is easily an accident."""
 
 MakeTracer = Callable[[Mesh, Camera], Any]
+
+_FEW = ((0, 1, 2), (0, 2, 3), (2, 1, 0), (4, 5, 6))
 
 
 def load_mesh(point: Point) -> Mesh:
@@ -79,21 +81,32 @@ def build_own(point: Point, stack: ExitStack, make: MakeTracer | None = None) ->
     return own, results
 
 
-def warm_up(point: Point, makers: Iterable[MakeTracer]) -> None:
+def trace_once(tracer: Any) -> None:
+    """What most workloads warm up by."""
+    tracer.trace()
+
+
+def warm_up(
+    point: Point,
+    makers: Iterable[MakeTracer],
+    use: Callable[[Any], object] = trace_once,
+    triangles: Sequence[tuple[int, int, int]] = _FEW,
+) -> None:
     """Trace a few triangles, two of which tie and one of which no copy can show, with every kernel the point uses:
     compiles them and starts Embree's threads, so that neither falls into a build time, a memory reading or a sample.
 
-    makers: mesh and camera -> tracer; their cells must be those of `shrunk(point)`.
+    makers: mesh and camera -> tracer; their cells must be those of `shrunk(point)`. use: what is done with each.
+    triangles: of the seven vertices here.
     """
     vertices = np.array(
         [(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0), (0.3, 0.3, 2), (0, 0, 2), (0, 0, 1)], np.float32
     )
-    mesh = Mesh(vertices, np.array([(0, 1, 2), (0, 2, 3), (2, 1, 0), (4, 5, 6)], np.uint32))
+    mesh = Mesh(vertices, np.array(triangles, np.uint32))
     small = shrunk(point)
     camera = Camera((0.0, 0.0, 2.0), (0.0, 0.0, 0.0), (0.0, 1.0, 0.0), 60.0, small.width, small.height)
     for make in makers:
         with make(mesh, camera) as tracer:
-            tracer.trace()
+            use(tracer)
 
 
 def shrunk(point: Point) -> Point:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,16 +43,19 @@ class BlockwiseTracer(RayPeerTracer):
         return RayArrays(origins, rows)
 
     def _in_blocks(self, cast: Callable[[RayArrays], Answer], rays: RayArrays) -> Answer:
+        depths, prim_ids = zip(*self._each_block(cast, rays), strict=True)
+        return np.concatenate(depths), np.concatenate(prim_ids)
+
+    def _each_block(self, cast: Callable[[RayArrays], Any], rays: RayArrays) -> Iterable[Any]:
         if self._executor is None:
-            return cast(rays)
+            return [cast(rays)]
         ends = np.linspace(0, len(rays.directions), 1 + _BLOCKS_PER_THREAD * self.threads).astype(int)
         blocks = [
             RayArrays(rays.origins[start:end], rays.directions[start:end])
             for start, end in pairwise(ends)
             if end > start
         ]
-        depths, prim_ids = zip(*self._executor.map(cast, blocks), strict=True)
-        return np.concatenate(depths), np.concatenate(prim_ids)
+        return self._executor.map(cast, blocks)
 
     def close(self) -> None:
         super().close()

@@ -43,6 +43,10 @@ class Open3DTracer(RayPeerTracer):
         found = scene.cast_rays(rays, nthreads=self.threads)
         return found["t_hit"].numpy(), found["primitive_ids"].numpy()
 
+    def _count(self, scene: Any, rays: Any) -> NDArray[np.integer]:
+        counted: NDArray[np.integer] = scene.count_intersections(rays, nthreads=self.threads).numpy()
+        return counted
+
     def _tensor(self, array: NDArray[Any]) -> Any:
         """A tensor in the memory of `array`, which must be writable."""
         return self._open3d.core.Tensor.from_numpy(array)

@@ -16,6 +16,8 @@ from numpy.typing import NDArray
 
 from atra.alignment.culling import check_image_memory
 from atra.errors import InputError
+from atra.gathering.gathered import Counts
+from atra.gathering.reductions import Count, Gathered, Reduction
 from atra.geometry.mesh import Mesh
 from atra.geometry.ray_space import from_eye_space
 from atra.geometry.view import View, check_offset
@@ -116,6 +118,27 @@ class PeerTracer(TracerLifetime):
             depth, prim_id = self._cast(self._scene, self._rays)
         shape = (self.camera.height, self.camera.width)
         return Hits(depth.reshape(shape), prim_id.reshape(shape), offset, self.mesh, self.camera, self.threads)
+
+    def gather(
+        self, what: Reduction[Gathered], offset: tuple[float, float] = _PIXEL_CENTRE, out: Gathered | None = None
+    ) -> Counts:
+        """How many hits the peer finds along each ray, some of them perhaps twice and others not at all.
+
+        out: as in `trace`. Raises InputError for anything but `atra.Count()`, and where the peer cannot count.
+        """
+        if not isinstance(what, Count):
+            raise InputError(f"{type(self).__name__} cannot gather {what!r:.100}, expected atra.Count()")
+        check_offset(offset)
+        with self._tracing():
+            if self._rays_offset != tuple(offset):
+                self._prepare_rays(offset)
+            count = self._count(self._scene, self._rays)
+        shape = (self.camera.height, self.camera.width)
+        return Counts(count.astype(np.uint32, copy=False).reshape(shape), offset, self.mesh, self.camera)
+
+    def _count(self, scene: Any, rays: Any) -> NDArray[np.integer]:
+        """Hits of each of the H W rays in the order of the rows."""
+        raise InputError(f"{type(self).__name__} cannot count hits; use method=trimesh or method=open3d")
 
     def _prepare_rays(self, offset: tuple[float, float]) -> None:
         self._rays = self._rays_through(offset)

@@ -62,6 +62,15 @@ class TrimeshTracer(BlockwiseTracer):
 
         return self._in_blocks(cast, rays)
 
+    def _count(self, scene: Any, rays: RayArrays) -> NDArray[np.integer]:
+        """`mesh.ray.intersects_id(..., multiple_hits=True)`, which steps each ray on from hit to hit."""
+
+        def count(block: RayArrays) -> NDArray[np.integer]:
+            _, of_ray = scene.intersects_id(block.origins, block.directions, multiple_hits=True)
+            return np.bincount(of_ray, minlength=len(block.origins))
+
+        return np.concatenate(list(self._each_block(count, rays)))
+
     def _plane_depths(self, prim_id: NDArray[np.int32], directions: NDArray[np.float32]) -> NDArray[np.float32]:
         return _plane_depths(prim_id, directions, self._planes.normals, self._planes.distances)
 

@@ -16,10 +16,10 @@ from experiments.workloads.frame.break_even_figure import draw_break_even_figure
 from experiments.workloads.frame.grid_figure import draw_grid_figure
 from experiments.workloads.frame.growth import growing_rows
 from experiments.workloads.frame.growth_figure import draw_growth_figure
-from experiments.workloads.frame.methods_figure import draw_methods_figure
 from experiments.workloads.frame.peers_figure import draw_peers_figure
-from experiments.workloads.frame.split_figure import draw_split_figure
 from experiments.workloads.frame.threads_figure import draw_threads_figure
+from experiments.workloads.methods_figure import draw_methods_figure
+from experiments.workloads.split_figure import draw_split_figure
 
 
 def _rows(table: pd.DataFrame) -> pd.DataFrame:

@@ -15,7 +15,6 @@ from experiments.methods import METHODS
 from experiments.methods.naming import best_of, say_series, say_split
 from experiments.methods.pixel import PIXEL
 from experiments.workloads.baselines import TIME_BASELINES
-from experiments.workloads.frame.break_even import time_rows
 from experiments.workloads.panels import draw_panels, make_panels
 from experiments.workloads.ratios import OVER_PACKETS, best_rows, draw_ratio_baselines, say_baseline
 from experiments.workloads.series import say_ratio, say_unmeasured, say_wrong, series_of, style_of
@@ -27,8 +26,7 @@ def draw_methods_figure(table: pd.DataFrame, columns: int = 2) -> Figure:
     A bar is a method and packet width at its best split, its whisker the interval. Single rays and the fastest packets
     per pixel, measured again with every point, are the two lines. Peers are left out.
     """
-    rows = time_rows(table)
-    rows = rows[rows["method"].isin([method.name for method in METHODS if method.is_ours])]
+    rows = table[table["method"].isin([method.name for method in METHODS if method.is_ours])]
     panels = make_panels(rows, (*best_of(), "packet_width"))
     tallest = max((len(list(series_of(panel.rows))) for panel in panels), default=0)
     figure, axes = draw_panels(panels, _draw_panel, columns, panel_height(tallest))

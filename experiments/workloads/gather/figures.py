@@ -1,0 +1,38 @@
+"""Figures of gathering all hits."""
+
+from __future__ import annotations
+
+import pandas as pd
+
+from experiments.drawing.figure import FigureKind, of_table
+from experiments.drawing.values import varies
+from experiments.methods.aligned_forms import aligned_rows
+from experiments.results.table import workload_rows
+from experiments.workloads.gather import GATHER
+from experiments.workloads.methods_figure import draw_methods_figure
+from experiments.workloads.split_figure import draw_split_figure
+
+
+def _rows(table: pd.DataFrame) -> pd.DataFrame:
+    return workload_rows(table, GATHER.name)
+
+
+def _of_methods(table: pd.DataFrame) -> pd.DataFrame:
+    rows = _rows(table)
+    return rows if varies(rows, "method") else rows[:0]
+
+
+def _over_splits(table: pd.DataFrame) -> pd.DataFrame:
+    rows = aligned_rows(_rows(table))
+    return rows if varies(rows, "split_x") else rows[:0]
+
+
+FIGURES = (
+    FigureKind(
+        "gather", "All hits: speed-up over packets that gather the same", _of_methods, of_table(draw_methods_figure),
+    ),
+    FigureKind(
+        "figure5_gather", "As figure 5, where every ray gathers all hits: speed-up over horizontal splits",
+        _over_splits, of_table(draw_split_figure), per_packet_width=True,
+    ),
+)  # fmt: skip

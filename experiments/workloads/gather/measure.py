@@ -1,0 +1,91 @@
+"""Time of gathering: the point's own method and single rays and packets that gather the same, round by round."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from atra.gathering.reductions import Reduction
+from experiments.harness.point import Point
+from experiments.workloads.baselines import OWN, PACKETS, SINGLE
+from experiments.workloads.gather import DIFFERENCES
+from experiments.workloads.rounds import (
+    build_own,
+    expert_packet_widths,
+    make_single,
+    measured,
+    plan_and_build_again,
+    shrunk,
+    timed_rounds,
+    warm_up,
+)
+from experiments.workloads.workload import Measured, make_own
+
+_EXACT_TO = 1e-5
+"""Of the largest number of an image: thicknesses are differences of depths that float32 holds."""
+
+
+_CLOSED = ((0, 1, 5), (1, 2, 5), (2, 0, 5), (2, 1, 0))
+"""A tetrahedron, for thicknesses are those of closed meshes."""
+
+
+class Gatherings:
+    """Gathers again and again into the same arrays, as a renderer would."""
+
+    def __init__(self, tracer: Any, what: Reduction[Any]) -> None:
+        self._tracer, self._what = tracer, what
+        self.latest: Any = None
+
+    def gather(self) -> None:
+        self.latest = self._tracer.gather(self._what, out=self.latest)
+
+
+def measure(point: Point) -> Measured:
+    """Build the point's own method, read the memory, and time it against the baselines. Raises InputError and
+    MemoryBudgetError as the tracers do, and InputError for a mesh that is not for what is gathered."""
+    small = shrunk(point)
+    what, packets = point.workload_options.reduction, expert_packet_widths()
+    warm_up(
+        point,
+        [
+            lambda mesh, view: make_own(small, mesh, view),
+            *(lambda mesh, view, width=width: make_single(small, mesh, view, width) for width in (1, *packets)),
+        ],
+        lambda tracer: tracer.gather(what),
+        _CLOSED,
+    )
+    with ExitStack() as stack:
+        own, results = build_own(point, stack)
+        tracers = {OWN: own, SINGLE: stack.enter_context(make_single(point, own.mesh, own.camera))}
+        for width in packets:
+            tracers[PACKETS[width]] = stack.enter_context(make_single(point, own.mesh, own.camera, width))
+        results["baseline_build_time_s"] = float(tracers[SINGLE].build_time_s)
+        gatherings = {name: Gatherings(tracer, what) for name, tracer in tracers.items()}
+        timed = timed_rounds(point, {name: one.gather for name, one in gatherings.items()})
+        results |= differences(gatherings[OWN].latest, gatherings[SINGLE].latest, what)
+        results |= plan_and_build_again(own)
+    return measured(results, timed)
+
+
+def differences(own: Any, single: Any, what: Reduction[Any]) -> dict[str, int]:
+    """How what was gathered differs, by the names of DIFFERENCES; hits are 0 where they are not counted."""
+    differs: NDArray[np.bool_] = np.zeros((single.camera.height, single.camera.width), bool)
+    hits = missing = too_many = 0
+    for name in what.planes():
+        ours, theirs = getattr(own, name), getattr(single, name)
+        if name == "count":
+            more = ours.astype(np.int64) - theirs
+            hits, missing, too_many = int(theirs.sum()), int(-more[more < 0].sum()), int(more[more > 0].sum())
+        differs |= _unlike(ours, theirs).reshape(-1, *differs.shape).any(axis=0)
+    return dict(zip(DIFFERENCES, (hits, missing, too_many, int(differs.sum())), strict=True))
+
+
+def _unlike(own: NDArray[Any], single: NDArray[Any]) -> NDArray[np.bool_]:
+    if own.dtype.kind != "f":
+        return own != single
+    finite = np.isfinite(single)
+    largest = np.abs(single[finite]).max(initial=0.0)
+    return ~np.isclose(own, single, rtol=0, atol=_EXACT_TO * largest, equal_nan=True)
