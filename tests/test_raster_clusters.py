@@ -118,6 +118,28 @@ def test_what_hangs_out_from_behind_a_curtain_is_seen(seed):
             assert 0.1 < (hits.prim_id < curtain.triangle_count).mean() < 0.9
 
 
+def test_what_lies_a_ten_thousandth_before_a_wall_is_seen():
+    """The wall leans, so that its clusters, whose other end is nearer, are drawn first."""
+    random = np.random.default_rng(0)
+    wall = quads([[(-2, -2, 1.99), (2, -2, 2.0), (2, 2, 2.0), (-2, 2, 1.99)]] * 600)
+    corners = random.uniform([0.5, -1, 0], [1.9, 1, 0], (2000, 1, 3)) + random.uniform(0, 0.05, (2000, 3, 3)) * [
+        1,
+        1,
+        0,
+    ]
+    corners[..., 2] = 1.99 + 0.0025 * (corners[..., 0] + 2)
+    crowd = atra.Mesh(corners.reshape(-1, 3) * (1 - 1e-4), np.arange(6000).reshape(-1, 3))
+    mesh = joined(wall, crowd)
+    for camera in (
+        atra.Camera(**EYE_AT_ORIGIN, width=160, height=160, fov_y_degrees=90),
+        atra.OrthographicCamera((0, 0, 0), (0, 0, 1), view_height=4.0, width=160, height=160),
+    ):
+        with atra.RasterTracer(mesh, camera, threads=1, ties="any") as tracer:
+            hits = tracer.trace()
+        assert_same_bits(hits, AllDrawn(mesh, camera).trace())
+        assert ((hits.prim_id >= wall.triangle_count) & hits.hit).mean() > 0.01
+
+
 @pytest.mark.parametrize("lanes", LANES)
 @pytest.mark.parametrize("threads", [1, 2])
 def test_lanes_and_threads_cull_the_same_image(lanes, threads):
