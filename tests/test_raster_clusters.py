@@ -1,6 +1,5 @@
 """Clusters leave nothing out: the image is that of all triangles, whatever is culled, and in whatever order."""
 
-from contextlib import contextmanager
 from itertools import pairwise
 
 import numpy as np
@@ -45,22 +44,48 @@ def cameras(seed, count):
             )
 
 
-@contextmanager
-def unculled(mesh, camera, **options):
-    """A tracer to whose eyes every cluster may be everywhere, as near as can be: all triangles are drawn."""
-    with atra.RasterTracer(mesh, camera, ties="any", **{"threads": 1, **options}) as tracer:
-        tracer._scratch.clusters.boxes[:] = [-1e12] * 3 + [1e12] * 3
-        yield tracer
+PIECE = 1000
+"""Triangles too few for tiles to be looked at even once: nothing is hidden by what is drawn before."""
+
+
+class AllDrawn:
+    """The image of a mesh drawn in pieces, none of whose clusters is ever culled, put together afterwards."""
+
+    def __init__(self, mesh, camera):
+        self._starts = range(0, mesh.triangle_count, PIECE)
+        self._tracers = [
+            atra.RasterTracer(
+                atra.Mesh(mesh.vertices, mesh.faces[start : start + PIECE]), camera, threads=1, ties="any"
+            )
+            for start in self._starts
+        ]
+        for tracer in self._tracers:
+            tracer.build()
+            tracer._scratch.clusters.boxes[:] = [-1e12] * 3 + [1e12] * 3
+
+    def look(self, camera):
+        for tracer in self._tracers:
+            tracer.look(camera)
+
+    def trace(self, offset=(0.5, 0.5)):
+        """Ascending pieces, so that of equal depths the lowest triangle stays."""
+        all_hits = None
+        for start, tracer in zip(self._starts, self._tracers, strict=True):
+            hits = tracer.trace(offset)
+            prim_id = np.where(hits.hit, hits.prim_id + np.uint32(start), hits.prim_id)
+            if all_hits is None:
+                all_hits = hits
+            nearer = hits.depth < all_hits.depth
+            all_hits.depth[nearer], all_hits.prim_id[nearer] = hits.depth[nearer], prim_id[nearer]
+        return all_hits
 
 
 @pytest.mark.core
 @pytest.mark.parametrize("seed", range(12))
 def test_a_camera_that_walks_and_jumps_sees_the_image_of_all_triangles(seed):
     mesh, views = city(seed), list(cameras(seed, 40))
-    with (
-        atra.RasterTracer(mesh, views[0], threads=1, ties="any") as tracer,
-        unculled(mesh, views[0]) as all_drawn,
-    ):
+    all_drawn = AllDrawn(mesh, views[0])
+    with atra.RasterTracer(mesh, views[0], threads=1, ties="any") as tracer:
         for number, camera in enumerate(views):
             tracer.look(camera)
             all_drawn.look(camera)
@@ -87,23 +112,40 @@ def test_what_hangs_out_from_behind_a_curtain_is_seen(seed):
         atra.Camera(**EYE_AT_ORIGIN, width=200, height=150, fov_y_degrees=80),
         atra.OrthographicCamera((0, 0, 0), (0, 0, 1), view_height=4.0, width=150, height=200),
     ):
-        with (
-            atra.RasterTracer(mesh, camera, threads=1, ties="any") as tracer,
-            unculled(mesh, camera) as all_drawn,
-        ):
+        with atra.RasterTracer(mesh, camera, threads=1, ties="any") as tracer:
             hits = tracer.trace()
-            assert_same_bits(hits, all_drawn.trace())
+            assert_same_bits(hits, AllDrawn(mesh, camera).trace())
             assert 0.1 < (hits.prim_id < curtain.triangle_count).mean() < 0.9
+
+
+def test_what_lies_a_ten_thousandth_before_a_wall_is_seen():
+    """The wall leans, so that its clusters, whose other end is nearer, are drawn first."""
+    random = np.random.default_rng(0)
+    wall = quads([[(-2, -2, 1.99), (2, -2, 2.0), (2, 2, 2.0), (-2, 2, 1.99)]] * 600)
+    corners = random.uniform([0.5, -1, 0], [1.9, 1, 0], (2000, 1, 3)) + random.uniform(0, 0.05, (2000, 3, 3)) * [
+        1,
+        1,
+        0,
+    ]
+    corners[..., 2] = 1.99 + 0.0025 * (corners[..., 0] + 2)
+    crowd = atra.Mesh(corners.reshape(-1, 3) * (1 - 1e-4), np.arange(6000).reshape(-1, 3))
+    mesh = joined(wall, crowd)
+    for camera in (
+        atra.Camera(**EYE_AT_ORIGIN, width=160, height=160, fov_y_degrees=90),
+        atra.OrthographicCamera((0, 0, 0), (0, 0, 1), view_height=4.0, width=160, height=160),
+    ):
+        with atra.RasterTracer(mesh, camera, threads=1, ties="any") as tracer:
+            hits = tracer.trace()
+        assert_same_bits(hits, AllDrawn(mesh, camera).trace())
+        assert ((hits.prim_id >= wall.triangle_count) & hits.hit).mean() > 0.01
 
 
 @pytest.mark.parametrize("lanes", LANES)
 @pytest.mark.parametrize("threads", [1, 2])
 def test_lanes_and_threads_cull_the_same_image(lanes, threads):
     mesh, views = city(9), list(cameras(9, 10))
-    with (
-        atra.RasterTracer(mesh, views[0], ties="any", lanes=lanes, threads=threads) as tracer,
-        unculled(mesh, views[0]) as all_drawn,
-    ):
+    all_drawn = AllDrawn(mesh, views[0])
+    with atra.RasterTracer(mesh, views[0], ties="any", lanes=lanes, threads=threads) as tracer:
         for camera in views:
             tracer.look(camera)
             all_drawn.look(camera)
@@ -119,7 +161,7 @@ def test_of_equal_depths_the_lowest_triangle_is_stored_in_whatever_order_they_ar
     ):
         for first, second in ((wall, small), (small, wall)):
             mesh = joined(quads(first), random_triangles(400, 0, 0.01, 0.5), quads(second), quads(first))
-            with unculled(mesh, camera) as tracer:
+            with atra.RasterTracer(mesh, camera, threads=1, ties="any") as tracer:
                 hits = tracer.trace((0.3, 0.6))
                 clusters = tracer._scratch.clusters
                 order = np.random.default_rng(0).permutation(mesh.triangle_count)
