@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from time import perf_counter
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,19 @@ from atra.lifetime import Lifetime
 from atra.options import RayOptions
 from atra.parallel import WorkerPool, resolve_threads
 from atra.rays.rays import RayHits, Rays
+
+
+class Query(NamedTuple):
+    """What a thread's kernels need to ask Embree.
+
+    worker: number of the thread, from 0. counter: address of an int64 that all threads share, 0 at first.
+    scene: the RTCScene. packet: this thread's own.
+    """
+
+    worker: int
+    counter: int
+    scene: int
+    packet: Any
 
 
 class RayScene(Lifetime):
@@ -112,16 +125,20 @@ class RayScene(Lifetime):
 
     def _run(self, kernel: Callable[..., None], coherent: bool, rays: Rays, *outputs: NDArray[Any]) -> None:
         arrays = RayArrays(rays.origins, rays.directions, rays.tnear, rays.tfar)
+        self.run(lambda query: kernel(query.counter, query.scene, query.packet, arrays, *outputs), coherent=coherent)
+
+    def run(self, work: Callable[[Query], None], *, coherent: bool = False) -> None:
+        """Call `work` once per thread, side by side, for kernels of the caller's own; nothing else is traced meanwhile.
+
+        coherent: as for `intersect`. Raises EmbreeError when the scene is not built or already closed.
+        """
         with self._tracing():
             assert self._scene is not None
             scene = self._scene.address
             for workspace in self._workspaces:
                 workspace.set_coherent(coherent)
-
-            def work(worker: int, counter: int) -> None:
-                kernel(counter, scene, self._workspaces[worker].packet, arrays, *outputs)
-
-            self._pool.run(work)
+            packets = [workspace.packet for workspace in self._workspaces]
+            self._pool.run(lambda worker, counter: work(Query(worker, counter, scene, packets[worker])))
 
     @property
     def embree_bytes(self) -> int:
