@@ -27,7 +27,7 @@ from atra.kernels.shading.paths import ROW_PADDING, Pixels
 from atra.kernels.shading.surface import Surfaces
 from atra.rays.scene import Query
 from atra.render.lights import light_row
-from atra.render.materials import Dielectric, Emissive, Lambertian
+from atra.render.materials import Dielectric, Emissive, Lambertian, Material
 from atra.render.options import HybridOptions
 from atra.render.renderer import Renderer, unlike_but_for
 from atra.render.scene import RenderScene
@@ -63,12 +63,7 @@ class HybridRenderer(Renderer):
 
     def _tables(self) -> Surfaces:
         self._lights = [light_row(light) for light in self.scene.lights]
-        plain = []
-        for material in self.scene.materials:
-            colour = (1.0, 1.0, 1.0) if isinstance(material, Dielectric) else material.colour
-            if isinstance(material, Emissive):
-                colour = tuple(min(1.0, channel) for channel in material.colour)
-            plain.append(Lambertian(colour))
+        plain = tuple(map(_as_colour, self.scene.materials))
         return surfaces_of(replace(self.scene, materials=plain), sky_power=1.0)
 
     def _start_film(self) -> None:
@@ -77,8 +72,10 @@ class HybridRenderer(Renderer):
 
     def _same_sums(self, scene: RenderScene) -> bool:
         old = self.scene
-        same_arrays = all(getattr(scene, name) is getattr(old, name) for name in ("face_materials", "normals", "uv"))
-        if not same_arrays or scene.materials != old.materials or len(scene.lights) != len(old.lights):
+        for name in ("face_materials", "normals", "uv"):
+            if not np.array_equal(getattr(scene, name), getattr(old, name)):
+                return False
+        if scene.materials != old.materials or len(scene.lights) != len(old.lights):
             return False
         if unlike_but_for(scene.sky, old.sky, "power"):
             return False
@@ -154,6 +151,15 @@ class HybridRenderer(Renderer):
         numbers = range(self.samples * rays, (self.samples + 1) * rays)
         places = [[number * step + (1 << 31) & 0xFFFFFFFF for step in steps] for number in numbers]
         return [Sample(u, v, dimension, directions == "shifted") for u, v in places]
+
+
+def _as_colour(material: Material) -> Lambertian:
+    if isinstance(material, Dielectric):
+        return Lambertian((1.0, 1.0, 1.0))
+    if isinstance(material, Emissive):
+        red, green, blue = material.colour
+        return Lambertian((min(red, 1.0), min(green, 1.0), min(blue, 1.0)))
+    return Lambertian(material.colour)
 
 
 def _new_wave(rays: int) -> Wave:

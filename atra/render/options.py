@@ -16,6 +16,7 @@ from atra.whole_numbers import is_whole_number
 MOST_RAYS = 64
 """To a light, or into the sky, from each pixel and for each sample."""
 
+
 @dataclass(frozen=True)
 class RenderOptions(RayOptions):
     """Options of every renderer, beside those of the scene that its rays meet (`RayOptions`).

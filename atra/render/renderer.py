@@ -36,6 +36,9 @@ Primary = Callable[[Mesh, View], Tracer[Hits]]
 
 CENTRE = (0.5, 0.5)
 
+_GOLDEN = 0x9E3779B9
+"""Odd, so that the next 2^32 samples have keys of their own, and neighbours ones that are far apart."""
+
 _NOTHING = np.zeros(0, np.uint32)
 
 _WAVE_BYTES = 64
@@ -154,7 +157,7 @@ class Renderer(Lifetime):
         stages["primary"] = stages.get("primary", 0.0) + perf_counter() - start
         prim_id, stride = (_NOTHING, 0) if own or self._hits is None else _flat(self._hits.prim_id)
         view = _pixel_rays(camera, (0.0, 0.0) if own else offset)
-        pixels = Pixels(view, camera.width, own, prim_id, stride, np.uint32(self.samples * 0x9E3779B9 & 0xFFFFFFFF))
+        pixels = Pixels(view, camera.width, own, prim_id, stride, self.samples * _GOLDEN & 0xFFFFFFFF)
         every = camera.width * camera.height
         starts = deque(range(0, every, self.options.wave_rays))  # its `popleft` is safe between threads
         times: list[dict[str, float]] = [{} for _ in range(self.rays.threads)]

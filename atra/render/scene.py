@@ -20,8 +20,8 @@ from atra.render.sky import GradientSky, Sky
 class RenderScene:
     """Triangles, materials, lights and sky; all arrays are private copies that cannot be written to.
 
-    materials: of `atra.render.materials`. face_materials: (F,) whole numbers, which of them a triangle is made of; None:
-    all are made of the first. lights: for hybrid rendering; paths find light only at the sky and at `Emissive`.
+    materials: of `atra.render.materials`. face_materials: (F,) whole numbers, which of them a triangle is made of;
+    None: all are made of the first. lights: for hybrid rendering; paths find light only at the sky and at `Emissive`.
     normals: (V, 3) shading normals of the vertices, of any length but zero, pointing to the front; None: triangles are
     flat. uv: (V, 2) float32, for materials with a `Checker` or an `Image`; None: no material has one.
     Raises InputError for shapes that do not fit the mesh, numbers of materials that are not there (first face named),

@@ -46,7 +46,6 @@ _ALMOST = np.float32(1 - 1e-4)
 """Of the way to a light: what is at the light itself does not shadow it."""
 
 
-
 class Wave(NamedTuple):
     """What N pixels see, and one ray from each.
 

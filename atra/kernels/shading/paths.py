@@ -163,7 +163,12 @@ def compact(paths, surfaces, sums, is_last):  # type: ignore[no-untyped-def]
         for i in range(start, start + paths.counts[block]):
             prim_id = paths.prim_id[i]
             if prim_id == MISS:
-                _add(sums, paths.pixel[i], _vector(floats, WEIGHT, i), sky_colour(surfaces, _vector(floats, DIRECTION, i)))
+                _add(
+                    sums,
+                    paths.pixel[i],
+                    _vector(floats, WEIGHT, i),
+                    sky_colour(surfaces, _vector(floats, DIRECTION, i)),
+                )
             elif is_emissive(surfaces, prim_id):
                 light = emitted(surfaces, prim_id, _vector(floats, ORIGIN, i), _vector(floats, DIRECTION, i))
                 _add(sums, paths.pixel[i], _vector(floats, WEIGHT, i), light)

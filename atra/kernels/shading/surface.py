@@ -17,7 +17,18 @@ that a record is a cache line."""
 LAMBERTIAN, METAL, DIELECTRIC, EMISSIVE = 0, 1, 2, 3
 CONSTANT, CHECKER, IMAGE = 0, 1, 2
 
-KIND, COLOUR, TEXTURE, SECOND, SCALE, PARAMETER, VARIANT, FIRST_TEXEL, TEXELS_X, TEXELS_Y = 0, 1, 4, 5, 8, 9, 10, 11, 12, 13
+KIND, COLOUR, TEXTURE, SECOND, SCALE, PARAMETER, VARIANT, FIRST_TEXEL, TEXELS_X, TEXELS_Y = (
+    0,
+    1,
+    4,
+    5,
+    8,
+    9,
+    10,
+    11,
+    12,
+    13,
+)
 MATERIAL_WORDS = 14
 """float64 of a material. COLOUR and SECOND are three each; PARAMETER: fuzz or ior; VARIANT: 1 for the other of two."""
 
