@@ -16,11 +16,12 @@ import pytest
 
 from atra.embree import layout
 from atra.kernels import brute_force, caching, planning, rays, ties, tiles, tracing, verifying, visible
+from atra.kernels.shading import lighting, paths
 
 KERNELS = {
     **{
         f"{module.__name__}.{name}": value
-        for module in (brute_force, planning, ties, tiles, tracing, visible)
+        for module in (brute_force, lighting, paths, planning, ties, tiles, tracing, visible)
         for name, value in vars(module).items()
         if getattr(value, "targetoptions", {}).get("nogil")
     },
@@ -29,6 +30,8 @@ KERNELS = {
     "tile_kernel": tiles.tile_kernel(4, 2),
     "closest_hit_kernel": rays.closest_hit_kernel(4),
     "occlusion_kernel": rays.occlusion_kernel(4),
+    "trace_kernel": paths.trace_kernel(4),
+    "occlude_kernel": lighting.occlude_kernel(4),
     "verify_kernel": verifying.verify_kernel(4, 2),
 }
 

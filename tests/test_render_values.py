@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from PIL import Image
@@ -116,6 +118,12 @@ def test_an_interrupted_sample_leaves_no_torn_picture(monkeypatch):
         assert renderer.samples == 0
         renderer.add(2)
         np.testing.assert_array_equal(renderer.image, expected)
+
+
+def test_sums_that_would_not_fit_are_refused_before_they_are_made(monkeypatch):
+    monkeypatch.setattr("psutil.virtual_memory", lambda: SimpleNamespace(available=20 << 20))
+    with pytest.raises(atra.MemoryBudgetError, match="sums of 1,048,576 pixels and waves"):
+        render.PathRenderer(render.RenderScene(MESH), down(1024), threads=1)
 
 
 def test_stages_are_named_and_sum_to_the_call():

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.render import Checker, Dielectric, GradientSky, Lambertian, Metal, RenderScene, Sun
-from scenes.shapes import Part, ball, copies, join, lathe, spread
+from scenes.shapes import Part, ball, copies, join, lathe
 
 WEEKEND_CAMERA: dict[str, Any] = {
     "eye": (13.0, 2.0, 3.0),
@@ -29,9 +29,9 @@ def weekend(segments: int = 24) -> RenderScene:
     """A chequered ground, three balls of glass, paint and metal among up to 484 small ones, and 100 loose triangles.
 
     segments: around a small ball; the large ones have four times as many. Smooth normals are the spheres' own. Places
-    and colours follow the book's recipe with evenly spread numbers in place of its random ones; the triangles, in three
-    colours and turned by 30 degrees, and the chequers are those of the path tracer after the book that frames are
-    measured against. The sun is for hybrid rendering; the book has none.
+    and colours follow the book's recipe, with random numbers of our own. The triangles, in three colours and turned by
+    30 degrees, and the chequers come from a path tracer on a GPU written after the book (sketchbooks99's
+    optixInOneWeekend). The sun is for hybrid rendering; the book has none.
     Source: P. Shirley, "Ray Tracing in One Weekend", final scene.
     """
     parts, normals, numbers = [], [], []
@@ -79,24 +79,29 @@ def _cap_profile() -> NDArray[np.float64]:
     return _GROUND_RADIUS * np.stack([np.sin(angle), np.cos(angle)], 1)
 
 
+def _random(rows: int, columns: int, seed: int) -> NDArray[np.float64]:
+    """In [0, 1), the same at every call."""
+    return np.random.Generator(np.random.PCG64(seed)).random((rows, columns))
+
+
 def _small_places() -> NDArray[np.float64]:
     a, b = (grid.ravel() for grid in np.mgrid[-11:11, -11:11])
-    shift = 0.9 * np.stack([spread(len(a), 1), spread(len(a), 2)])
-    places = np.stack([a + shift[0], np.full(len(a), 0.2), b + shift[1]], 1)
+    shift = 0.9 * _random(len(a), 2, 1)
+    places = np.stack([a + shift[:, 0], np.full(len(a), 0.2), b + shift[:, 1]], 1)
     away = np.hypot(places[:, 0] - _FROM_MIDDLE[0], places[:, 2] - _FROM_MIDDLE[1])
     return places[away > _CLEARING]
 
 
 def _small_materials(count: int) -> list[Lambertian | Metal | Dielectric]:
     """Four fifths paint, three twentieths metal, one twentieth glass."""
-    kind, colour = spread(count, 3), np.stack([spread(count, channel) for channel in (0, 4, 5)], 1)
-    squared = colour * np.roll(colour, 7, axis=0)
+    kind, colour, other = _random(count, 1, 2)[:, 0], _random(count, 3, 3), _random(count, 3, 4)
+    squared = colour * other
     made: list[Lambertian | Metal | Dielectric] = []
     for number in range(count):
         if kind[number] < 0.8:
             made.append(Lambertian(tuple(squared[number].tolist())))
         elif kind[number] < 0.95:
-            made.append(Metal(tuple((0.5 + 0.5 * colour[number]).tolist()), 0.5 * float(colour[number - 1, 0])))
+            made.append(Metal(tuple((0.5 + 0.5 * colour[number]).tolist()), 0.5 * float(other[number, 0])))
         else:
             made.append(Dielectric(1.5))
     return made
@@ -104,7 +109,7 @@ def _small_materials(count: int) -> list[Lambertian | Metal | Dielectric]:
 
 def _loose_triangles() -> Part:
     """Over the small balls, each with corners of its own."""
-    places = np.stack([spread(_TRIANGLES, channel) for channel in (0, 1, 2)], 1) * (16.0, 0.5, 16.0) + (-8.0, 0.6, -8.0)
+    places = _random(_TRIANGLES, 3, 5) * (16.0, 0.5, 16.0) + (-8.0, 0.6, -8.0)
     corner = np.array([(-0.12, 0.0, 0.0), (0.12, 0.0, 0.0), (0.0, 0.2, 0.0)])
     one = Part(corner, np.array([[0, 1, 2]])).turned(30.0)
     return copies(one, places)
