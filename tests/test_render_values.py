@@ -120,6 +120,17 @@ def test_an_interrupted_sample_leaves_no_torn_picture(monkeypatch):
         np.testing.assert_array_equal(renderer.image, expected)
 
 
+def test_a_picture_can_be_stopped_between_waves_and_then_starts_anew():
+    with render.PathRenderer(render.RenderScene(MESH), down(64), threads=1, wave_rays=2048) as renderer:
+        renderer.add(2)
+        expected = renderer.image
+        answers = iter([False, False, False, True])  # two waves a sample: stopped within the second
+        renderer.add(9, stop=lambda: next(answers))
+        assert renderer.samples == 0
+        renderer.add(2, stop=lambda: False)
+        np.testing.assert_array_equal(renderer.image, expected)
+
+
 def test_sums_that_would_not_fit_are_refused_before_they_are_made(monkeypatch):
     monkeypatch.setattr("psutil.virtual_memory", lambda: SimpleNamespace(available=20 << 20))
     with pytest.raises(atra.MemoryBudgetError, match="sums of 1,048,576 pixels and waves"):

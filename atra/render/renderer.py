@@ -5,7 +5,6 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections import deque
 from collections.abc import Callable
-from contextlib import suppress
 from dataclasses import fields, replace
 from pathlib import Path
 from time import perf_counter
@@ -126,11 +125,12 @@ class Renderer(Lifetime):
         """Of primary visibility; its hits may be looked at, and it stays the renderer's."""
         return self._tracer
 
-    def add(self, samples: int = 1) -> None:
+    def add(self, samples: int = 1, stop: Callable[[], bool] | None = None) -> None:
         """Add so many samples to every pixel.
 
-        Interrupted, it starts anew with none. Raises InputError for a number below 1, EmbreeError when this is not
-        built or already closed, AtraError naming pixel and sample for light that is no finite number.
+        stop: asked before every wave; once it says True, or when interrupted, the picture starts anew with none.
+        Raises InputError for a number below 1, EmbreeError when this is not built or already closed, AtraError naming
+        pixel and sample for light that is no finite number.
         """
         if not is_whole_number(samples) or samples < 1:
             raise InputError(f"{samples!r} samples are to be added, expected a whole number of at least 1")
@@ -139,7 +139,9 @@ class Renderer(Lifetime):
             stages: dict[str, float] = {}
             try:
                 for _ in range(samples):
-                    self._add_sample(stages)
+                    if not self._add_sample(stages, stop or _never):
+                        self._start_film()
+                        return
                     self.samples += 1
             except BaseException:
                 self._start_film()  # a part of a sample may be in the sums
@@ -147,7 +149,8 @@ class Renderer(Lifetime):
             stages["other"] = perf_counter() - start - sum(stages.values())
             self.stage_s = stages
 
-    def _add_sample(self, stages: dict[str, float]) -> None:
+    def _add_sample(self, stages: dict[str, float], stop: Callable[[], bool]) -> bool:
+        """Whether it came to its end."""
         camera = self.camera
         offset = CENTRE if self.options.jitter == "off" else tuple(sub_pixel_offsets(1, self.samples)[0].tolist())
         own = self.options.jitter == "pixel"
@@ -163,17 +166,20 @@ class Renderer(Lifetime):
         times: list[dict[str, float]] = [{} for _ in range(self.rays.threads)]
 
         def work(query: Query) -> None:
-            with suppress(IndexError):
-                while True:
+            while not stop():
+                try:
                     first = starts.popleft()
-                    count = min(self.options.wave_rays, every - first)
-                    self._add_wave(first, count, pixels, query, times[query.worker])
-                    self._check_finite(first, count)
+                except IndexError:
+                    return
+                count = min(self.options.wave_rays, every - first)
+                self._add_wave(first, count, pixels, query, times[query.worker])
+                self._check_finite(first, count)
 
         self.rays.run(work)
         for of_worker in times:
             for stage, seconds in of_worker.items():
                 stages[stage] = stages.get(stage, 0.0) + seconds / self.rays.threads
+        return not starts
 
     def _check_finite(self, first: int, count: int) -> None:
         sums = self._sums[:, first : first + count]
@@ -182,7 +188,7 @@ class Renderer(Lifetime):
             y, x = divmod(first + pixel, self.camera.width)
             raise AtraError(
                 f"sample {self.samples} of pixel ({x}, {y}) is {sums[plane, pixel]}, expected a finite number; "
-                "look for colours beyond 1e30 where its rays end, and report this if there are none"
+                "look for texels beyond 1e30 in the sky, and report this if there are none"
             )
 
     def update(self, *, scene: RenderScene | None = None, camera: View | None = None, **changes: Any) -> None:
@@ -199,15 +205,15 @@ class Renderer(Lifetime):
             options = self.options_type.of(type(self).__name__, self.options, changes)
             if scene is not None and scene.mesh is not self.scene.mesh:
                 raise InputError(f"the scene has another mesh; make a new {type(self).__name__}")
-            restarts = options != self.options or (scene is not None and not self._same_sums(scene))
-            self.options = options
-            if camera is not None and camera != self.camera:
+            has_other_sums = scene is not None and not self._same_sums(scene)
+            moves = camera is not None and camera != self.camera
+            if camera is not None and moves:
                 self._look(camera)
-                restarts = True
-            if scene is not None:
-                self.scene = scene
-                if self._is_built:
-                    self._surfaces = self._tables()
+            restarts = moves or has_other_sums or options != self.options
+            self.options = options
+            self.scene = scene or self.scene
+            if has_other_sums and self._is_built:
+                self._surfaces = self._tables()
             if restarts:
                 self._start_film()
 
@@ -216,9 +222,13 @@ class Renderer(Lifetime):
             self._tracer.look(camera)
         else:
             tracer = self._primary(self.scene.mesh, camera)
-            if self._is_built:
-                tracer.plan()
-                tracer.build()
+            try:
+                if self._is_built:
+                    tracer.plan()
+                    tracer.build()
+            except BaseException:
+                tracer.close()
+                raise
             self._tracer.close()
             self._tracer = tracer
         self.camera = camera
@@ -250,6 +260,10 @@ class Renderer(Lifetime):
     def _release(self) -> None:
         self._tracer.close()
         self.rays.close()
+
+
+def _never() -> bool:
+    return False
 
 
 def unlike_but_for(one: object, other: object, *names: str) -> bool:
