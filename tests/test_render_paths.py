@@ -28,6 +28,19 @@ def test_in_a_furnace_what_absorbs_nothing_cannot_be_seen(material, smooth):
     np.testing.assert_allclose(image, 1.0, atol=1e-4)
 
 
+@pytest.mark.parametrize("material", [render.Lambertian(1.0), render.Metal(1.0)])
+def test_no_shading_normal_sends_light_into_a_ball(material):
+    image = traced(sphere(material, WHITE_SKY, segments=8), AT_BALL, 8, max_depth=2)  # one bounce, and out
+    np.testing.assert_allclose(image, 1.0, atol=1e-4)
+
+
+@pytest.mark.parametrize("directions", ["cosine", "uniform"])
+def test_a_white_floor_sees_the_sky_by_the_cosine(directions):
+    sky = render.GradientSky((0, 0, 0), (1, 1, 1))  # (1 + y) / 2, where the mean of y, by the cosine, is 2 / 3
+    scene = render.RenderScene(quads([floor()]), [render.Lambertian(1.0, directions)], sky=sky)
+    assert abs(traced(scene, down(8), 256, max_depth=2).mean() - 5 / 6) < 0.01
+
+
 @pytest.mark.parametrize("directions", ["cosine", "uniform"])
 def test_a_grey_ball_in_a_furnace_is_as_bright_as_its_albedo(directions):
     image = traced(sphere(render.Lambertian(0.3, directions), WHITE_SKY, smooth=False), AT_BALL, 256)

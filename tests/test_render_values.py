@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -13,7 +14,7 @@ from atra import render
 from atra.render.pictures import srgb_of
 from scenes.lit.weekend import WEEKEND_CAMERA, weekend
 from tests.meshes import quads
-from tests.shown import BLACK, down, floor
+from tests.shown import down, floor
 
 MESH = quads([floor(1.0)])
 NAN = float("nan")
@@ -91,15 +92,19 @@ def test_a_picture_needs_a_sample_and_a_number_of_them():
 
 
 def test_light_beyond_all_numbers_is_reported_with_its_pixel_and_leaves_nothing_behind():
-    scene = render.RenderScene(MESH, sky=BLACK)
-    with render.PathRenderer(scene, down(4), threads=1) as renderer:
-        renderer.add(2)
-        renderer._sums[1, 6] = np.inf
-        with pytest.raises(atra.AtraError, match=r"sample 2 of pixel \(2, 1\) is inf"):
+    camera = atra.Camera((0, 0, 0), (0, 0, -1), fov_y_degrees=40, width=4, height=2)
+    texels = np.full((1, 360, 3), 0.5)
+    texels[0, 188:193] = 3e38  # what the pixels of the third column see
+    scene = render.RenderScene(quads([floor(0.001, height=-50)]), sky=render.PanoramaSky(texels))
+    brighter = replace(scene, sky=render.PanoramaSky(texels, power=2.0))
+    for order in ("waves", "depth_first"):
+        with render.PathRenderer(brighter, camera, threads=1, order=order) as renderer:
+            with pytest.raises(atra.AtraError, match=r"sample 0 of pixel \(2, 0\) is inf"):
+                renderer.add(2)
+            assert renderer.samples == 0
+            renderer.update(scene=scene)
             renderer.add(1)
-        assert renderer.samples == 0
-        renderer.add(1)
-        assert np.isfinite(renderer.image).all()
+            assert np.isfinite(renderer.image).all()
 
 
 def test_an_interrupted_sample_leaves_no_torn_picture(monkeypatch):
@@ -111,7 +116,7 @@ def test_an_interrupted_sample_leaves_no_torn_picture(monkeypatch):
         def interrupt(*_):
             raise KeyboardInterrupt
 
-        monkeypatch.setattr(renderer, "_check_finite", interrupt)
+        monkeypatch.setattr("atra.render.path.shade", interrupt)
         with pytest.raises(KeyboardInterrupt):
             renderer.add(1)
         monkeypatch.undo()

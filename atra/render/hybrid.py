@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from math import sqrt
-from time import perf_counter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,7 +28,7 @@ from atra.rays.scene import Query
 from atra.render.lights import light_row
 from atra.render.materials import Dielectric, Emissive, Lambertian, Material
 from atra.render.options import HybridOptions
-from atra.render.renderer import Renderer, unlike_but_for
+from atra.render.renderer import Laps, Renderer, unlike_but_for
 from atra.render.scene import RenderScene
 from atra.render.tables import surfaces_of
 
@@ -51,7 +50,6 @@ class HybridRenderer(Renderer):
     share that is not occluded), of every light. Each material is its colour alone: glass is white, and a lamp is as
     bright as its colour, at most white. Arguments: see `Renderer`; options: of `HybridOptions`.
     Stages: primary, surfaces, generate, shadow, occlusion, accumulate.
-
     """
 
     options_type = HybridOptions
@@ -106,22 +104,16 @@ class HybridRenderer(Renderer):
             self._check_samples()
             return self._as_image(self._sums[plane] / self.samples)
 
-    def _add_wave(self, first: int, count: int, pixels: Pixels, query: Query, stages: dict[str, float]) -> None:
+    def _add_wave(self, first: int, count: int, pixels: Pixels, query: Query, stages: dict[str, float]) -> bool:
         surfaces, options = self._surfaces, self.options
         wave = self._waves[query.worker]
         if wave is None:
             wave = self._waves[query.worker] = _new_wave(options.wave_rays)
         occlude = occlude_kernel(self.rays.packet_width)
-        start = perf_counter()
-
-        def lap(stage: str) -> None:
-            nonlocal start
-            now = perf_counter()
-            stages[stage] = stages.get(stage, 0.0) + now - start
-            start = now
-
+        lap = Laps(stages)
         find_surfaces(wave, first, count, pixels, surfaces)
         lap("surfaces")
+        is_finite = True
         for number, light in enumerate(self._lights):
             plane = SKY_PLANES + number * LIGHT_PLANES
             for sample in self._points(options.shadow_rays, _LIGHT_STEPS, _LIGHT_DIMENSION, options.shadow_directions):
@@ -130,19 +122,20 @@ class HybridRenderer(Renderer):
                 if options.shadow_rays:
                     occlude(wave, count, query.scene, query.packet)
                     lap("shadow")
-                share = 1.0 / max(1, options.shadow_rays)
-                add_light(wave, first, count, np.float32(share), self._sums[plane : plane + LIGHT_PLANES])
+                sums = self._sums[plane : plane + LIGHT_PLANES]
+                is_finite &= add_light(wave, first, count, _share_of(options.shadow_rays), sums)
                 lap("accumulate")
         length = np.float32(options.occlusion_length if options.occlusion_rays else 0.0)
-        share = 1.0 / max(1, options.occlusion_rays)
         for sample in self._points(options.occlusion_rays, _SKY_STEPS, _SKY_DIMENSION, options.occlusion_directions):
             aim_into_sky(wave, first, count, length, options.occlusion == "cosine", sample)
             lap("generate")
             if options.occlusion_rays:
                 occlude(wave, count, query.scene, query.packet)
                 lap("occlusion")
-            add_sky(wave, first, count, np.float32(share), surfaces, self._sums[:SKY_PLANES])
+            share = _share_of(options.occlusion_rays)
+            is_finite &= add_sky(wave, first, count, share, surfaces, self._sums[:SKY_PLANES])
             lap("accumulate")
+        return is_finite
 
     def _points(self, rays: int, steps: tuple[int, ...], dimension: int, directions: str) -> list[Sample]:
         """Of the rays of this sample; of one, the light's middle or any, where none is traced."""
@@ -151,6 +144,11 @@ class HybridRenderer(Renderer):
         numbers = range(self.samples * rays, (self.samples + 1) * rays)
         places = [[number * step + (1 << 31) & 0xFFFFFFFF for step in steps] for number in numbers]
         return [Sample(u, v, dimension, directions == "shifted") for u, v in places]
+
+
+def _share_of(rays: int) -> np.float32:
+    """Of one ray; where none is traced, one stands for all."""
+    return np.float32(1.0 / max(1, rays))
 
 
 def _as_colour(material: Material) -> Lambertian:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from time import perf_counter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +23,7 @@ from atra.kernels.shading.surface import Surfaces
 from atra.options import RayOptions
 from atra.rays.scene import Query
 from atra.render.options import PathOptions
-from atra.render.renderer import Renderer
+from atra.render.renderer import Laps, Renderer
 from atra.render.scene import RenderScene
 from atra.render.tables import surfaces_of
 
@@ -64,37 +63,32 @@ class PathRenderer(Renderer):
     def _mean(self) -> NDArray[np.float64]:
         return self._sums / self.samples
 
-    def _add_wave(self, first: int, count: int, pixels: Pixels, query: Query, stages: dict[str, float]) -> None:
+    def _add_wave(self, first: int, count: int, pixels: Pixels, query: Query, stages: dict[str, float]) -> bool:
         surfaces, options = self._surfaces, self.options
-        start = perf_counter()
-
-        def lap(stage: str) -> None:
-            nonlocal start
-            now = perf_counter()
-            stages[stage] = stages.get(stage, 0.0) + now - start
-            start = now
-
+        lap = Laps(stages)
         if options.order == "depth_first":
             arguments = pixels, query.scene, query.packet, surfaces, self._sums, options.max_depth
-            follow_depth_first(first, count, *arguments)
+            is_finite = follow_depth_first(first, count, *arguments)
             lap("depth_first")
-            return
+            return bool(is_finite)
         paths = self._waves[query.worker]
         if paths is None:
             paths = self._waves[query.worker] = _new_paths(options.wave_rays // BLOCK)
         trace = trace_kernel(self.rays.packet_width)
         generate(paths, first, count, pixels)
         lap("generate")
+        is_finite = True
         for bounce in range(options.max_depth):
             if bounce > 0 or len(pixels.prim_id) == 0:
                 trace(paths, query.scene, query.packet)
                 lap("trace")
-            compact(paths, surfaces, self._sums, bounce == options.max_depth - 1)
+            is_finite &= compact(paths, surfaces, self._sums, bounce == options.max_depth - 1)
             lap("compact")
             if not paths.counts.any():
-                return
+                break
             shade(paths, surfaces, pixels.sample_key, bounce)
             lap("shade")
+        return is_finite
 
 
 def _new_paths(blocks: int) -> Paths:

@@ -44,6 +44,19 @@ _WAVE_BYTES = 64
 """Of a ray in a wave, at most."""
 
 
+class Laps:
+    """Seconds by stage, added to `stages`: each call ends the stage it names, and the next begins."""
+
+    def __init__(self, stages: dict[str, float]) -> None:
+        self._stages = stages
+        self._start = perf_counter()
+
+    def __call__(self, stage: str) -> None:
+        now = perf_counter()
+        self._stages[stage] = self._stages.get(stage, 0.0) + now - self._start
+        self._start = now
+
+
 class Renderer(Lifetime):
     """What both renderers share: primary visibility, a scene for all other rays, samples, and the time of stages.
 
@@ -89,8 +102,8 @@ class Renderer(Lifetime):
     def _tables(self) -> Surfaces: ...
 
     @abstractmethod
-    def _add_wave(self, first: int, count: int, pixels: Pixels, query: Query, stages: dict[str, float]) -> None:
-        """Add sample number `samples` of so many pixels; adds the seconds of stages."""
+    def _add_wave(self, first: int, count: int, pixels: Pixels, query: Query, stages: dict[str, float]) -> bool:
+        """Add sample number `samples` of so many pixels; adds the seconds of stages. Whether all light was finite."""
 
     @abstractmethod
     def _mean(self) -> NDArray[np.float64]:
@@ -154,10 +167,10 @@ class Renderer(Lifetime):
         camera = self.camera
         offset = CENTRE if self.options.jitter == "off" else tuple(sub_pixel_offsets(1, self.samples)[0].tolist())
         own = self.options.jitter == "pixel"
-        start = perf_counter()
+        lap = Laps(stages)
         if not own and (self._hits is None or self.options.jitter != "off"):
             self._hits = self._tracer.trace(offset, out=self._hits)
-        stages["primary"] = stages.get("primary", 0.0) + perf_counter() - start
+        lap("primary")
         prim_id, stride = (_NOTHING, 0) if own or self._hits is None else _flat(self._hits.prim_id)
         view = _pixel_rays(camera, (0.0, 0.0) if own else offset)
         pixels = Pixels(view, camera.width, own, prim_id, stride, self.samples * _GOLDEN & 0xFFFFFFFF)
@@ -172,8 +185,8 @@ class Renderer(Lifetime):
                 except IndexError:
                     return
                 count = min(self.options.wave_rays, every - first)
-                self._add_wave(first, count, pixels, query, times[query.worker])
-                self._check_finite(first, count)
+                if not self._add_wave(first, count, pixels, query, times[query.worker]):
+                    raise self._not_finite(first, count)
 
         self.rays.run(work)
         for of_worker in times:
@@ -181,15 +194,14 @@ class Renderer(Lifetime):
                 stages[stage] = stages.get(stage, 0.0) + seconds / self.rays.threads
         return not starts
 
-    def _check_finite(self, first: int, count: int) -> None:
+    def _not_finite(self, first: int, count: int) -> AtraError:
         sums = self._sums[:, first : first + count]
-        if not np.isfinite(sums.sum()):
-            plane, pixel = np.argwhere(~np.isfinite(sums))[0].tolist()
-            y, x = divmod(first + pixel, self.camera.width)
-            raise AtraError(
-                f"sample {self.samples} of pixel ({x}, {y}) is {sums[plane, pixel]}, expected a finite number; "
-                "look for texels beyond 1e30 in the sky, and report this if there are none"
-            )
+        plane, pixel = np.argwhere(~np.isfinite(sums))[0].tolist()
+        y, x = divmod(first + pixel, self.camera.width)
+        return AtraError(
+            f"sample {self.samples} of pixel ({x}, {y}) is {sums[plane, pixel]}, expected a finite number; "
+            "look for texels beyond 1e30 in the sky, and report this if there are none"
+        )
 
     def update(self, *, scene: RenderScene | None = None, camera: View | None = None, **changes: Any) -> None:
         """Go on with another scene of the same mesh, another camera, or other options.

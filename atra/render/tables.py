@@ -92,7 +92,8 @@ def _sky(sky: Sky, power: float) -> tuple[NDArray[np.float32], NDArray[np.float3
         row[0], row[1:4], row[4:7] = surface.GRADIENT, np.multiply(power, sky.below), np.multiply(power, sky.above)
         return row, np.zeros((1, 1, 3), np.float32)
     row[0] = surface.PANORAMA
-    return row, sky.texels * np.float32(power)
+    with np.errstate(over="ignore"):  # light beyond float32 is reported where a ray meets it
+        return row, sky.texels * np.float32(power)
 
 
 def _unit_rows(normals: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -215,21 +215,31 @@ def occlude_kernel(width: int) -> Callable[..., None]:
 
 @float_kernel
 def add_light(wave, first, count, share, sums):  # type: ignore[no-untyped-def]
-    """Add `share` of the light that arrived, times the colour, to a light's four planes, (4, pixels) float64."""
+    """Add `share` of the light that arrived, times the colour, to a light's four planes, (4, pixels) float64.
+
+    Returns whether all of it was finite.
+    """
+    is_finite = True
     for i in range(count):
         light = wave.light[i] * share
+        is_finite &= light < INFINITY
         for channel in range(3):
             sums[channel, first + i] += wave.floats[COLOUR + channel, i] * light
         sums[3, first + i] += share if light > ZERO else ZERO
+    return is_finite
 
 
 @float_kernel
 def add_sky(wave, first, count, share, surfaces, sums):  # type: ignore[no-untyped-def]
     """As `add_light`, for the light of the sky where the normal points."""
+    is_finite = True
     for i in range(count):
         light = wave.light[i] * share
         if light > ZERO:
             sky = sky_colour(surfaces, _row(wave.floats, NORMAL, i))
             for channel in range(3):
-                sums[channel, first + i] += wave.floats[COLOUR + channel, i] * sky[channel] * light
+                arrived = wave.floats[COLOUR + channel, i] * sky[channel] * light
+                is_finite &= arrived < INFINITY
+                sums[channel, first + i] += arrived
             sums[3, first + i] += light
+    return is_finite

@@ -146,32 +146,32 @@ def trace_kernel(width: int) -> Callable[..., None]:
 
 @njit(inline="always")
 def _add(sums, pixel, weight, light):  # type: ignore[no-untyped-def]
+    """Returns whether it was finite."""
+    arrived = weight[0] * light[0], weight[1] * light[1], weight[2] * light[2]
     for channel in range(3):
-        sums[channel, pixel] += weight[channel] * light[channel]
+        sums[channel, pixel] += arrived[channel]
+    return arrived[0] < INFINITY and arrived[1] < INFINITY and arrived[2] < INFINITY
 
 
 @float_kernel
 def compact(paths, surfaces, sums, is_last):  # type: ignore[no-untyped-def]
     """Stages 3 and 5: paths that end at the sky or at an emitter are added to `sums`; the others move up, in order.
 
-    sums: (3, pixels) float64. is_last: paths that end nowhere end here, dark.
+    sums: (3, pixels) float64. is_last: paths that end nowhere end here, dark. Returns whether all light was finite.
     """
     floats = paths.floats
+    is_finite = True
     for block in range(len(paths.counts)):
         start = block * BLOCK
         kept = start
         for i in range(start, start + paths.counts[block]):
             prim_id = paths.prim_id[i]
             if prim_id == MISS:
-                _add(
-                    sums,
-                    paths.pixel[i],
-                    _vector(floats, WEIGHT, i),
-                    sky_colour(surfaces, _vector(floats, DIRECTION, i)),
-                )
+                sky = sky_colour(surfaces, _vector(floats, DIRECTION, i))
+                is_finite &= _add(sums, paths.pixel[i], _vector(floats, WEIGHT, i), sky)
             elif is_emissive(surfaces, prim_id):
                 light = emitted(surfaces, prim_id, _vector(floats, ORIGIN, i), _vector(floats, DIRECTION, i))
-                _add(sums, paths.pixel[i], _vector(floats, WEIGHT, i), light)
+                is_finite &= _add(sums, paths.pixel[i], _vector(floats, WEIGHT, i), light)
             elif not is_last:
                 if kept != i:
                     for row in range(PATH_ROWS):
@@ -180,6 +180,7 @@ def compact(paths, surfaces, sums, is_last):  # type: ignore[no-untyped-def]
                     paths.pixel[kept] = paths.pixel[i]
                 kept += 1
         paths.counts[block] = kept - start
+    return is_finite
 
 
 @float_kernel
@@ -220,7 +221,11 @@ def _prim_id_of_ray(scene, packet, origin, direction):  # type: ignore[no-untype
 
 @float_kernel
 def follow_depth_first(first, count, pixels, scene, packet, surfaces, sums, max_depth):  # type: ignore[no-untyped-def]
-    """All stages for one path after the other: the rival of waves, for a packet of 1. Arguments as for the stages."""
+    """All stages for one path after the other: the rival of waves, for a packet of 1. Arguments as for the stages.
+
+    Returns whether all light was finite.
+    """
+    is_finite = True
     for pixel in range(first, first + count):
         key = key_of(pixel, pixels.sample_key)
         origin, direction = pixel_ray(pixels, pixel)
@@ -231,10 +236,10 @@ def follow_depth_first(first, count, pixels, scene, packet, surfaces, sums, max_
             else:
                 prim_id = _prim_id_of_ray(scene, packet, origin, direction)
             if prim_id == MISS:
-                _add(sums, pixel, weight, sky_colour(surfaces, direction))
+                is_finite &= _add(sums, pixel, weight, sky_colour(surfaces, direction))
                 break
             if is_emissive(surfaces, prim_id):
-                _add(sums, pixel, weight, emitted(surfaces, prim_id, origin, direction))
+                is_finite &= _add(sums, pixel, weight, emitted(surfaces, prim_id, origin, direction))
                 break
             if bounce == max_depth - 1:
                 break
@@ -242,3 +247,4 @@ def follow_depth_first(first, count, pixels, scene, packet, surfaces, sums, max_
             if not goes_on:
                 break
             weight = weight[0] * factor[0], weight[1] * factor[1], weight[2] * factor[2]
+    return is_finite
