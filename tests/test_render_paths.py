@@ -134,10 +134,12 @@ def busy(count=300):
     return render.RenderScene(mesh, materials, np.arange(count) % 5, lights=[render.Sun((0.3, -1, 0.2), 2.0)])
 
 
+WAVES = partial(render.PathRenderer, order="waves")
+
 BUSY_CAMERA = atra.Camera((0.1, 0.2, -7), (0, 0, 0), fov_y_degrees=50, width=96, height=64)
 
 
-@pytest.mark.parametrize("kind", [render.PathRenderer, render.HybridRenderer])
+@pytest.mark.parametrize("kind", [render.PathRenderer, WAVES, render.HybridRenderer])
 def test_threads_and_waves_change_no_bit(kind):
     scene, pictures = busy(), set()
     for threads, wave_rays in ((1, 2048), (1, 4096), (1, 1 << 20), (2, 2048), (3, 4096)):
@@ -148,7 +150,7 @@ def test_threads_and_waves_change_no_bit(kind):
     assert len(pictures) == 1
 
 
-@pytest.mark.parametrize("kind", [render.PathRenderer, render.HybridRenderer])
+@pytest.mark.parametrize("kind", [render.PathRenderer, WAVES, render.HybridRenderer])
 def test_methods_that_see_the_same_make_the_same_bits(kind):
     scene = busy()
     methods = {
@@ -171,11 +173,10 @@ def test_methods_that_see_the_same_make_the_same_bits(kind):
 
 
 def test_one_path_after_the_other_is_the_wave_to_the_bit():
-    waves = traced(busy(), BUSY_CAMERA, 3, packet_width=1, max_depth=8)
-    assert (traced(busy(), BUSY_CAMERA, 3, order="depth_first", max_depth=8) == waves).all()
-    own = traced(busy(), BUSY_CAMERA, 3, packet_width=1, max_depth=8, jitter="pixel")
-    assert (traced(busy(), BUSY_CAMERA, 3, order="depth_first", max_depth=8, jitter="pixel") == own).all()
-    assert (own != waves).any()
+    for jitter in ("shared", "pixel"):
+        waves = traced(busy(), BUSY_CAMERA, 3, order="waves", packet_width=1, max_depth=8, jitter=jitter)
+        assert (traced(busy(), BUSY_CAMERA, 3, order="depth_first", max_depth=8, jitter=jitter) == waves).all()
+    assert (traced(busy(), BUSY_CAMERA, 3, order="depth_first", max_depth=8) != waves).any()
 
 
 def test_jitter_of_each_pixel_s_own_converges_to_the_shared_one_s_picture():

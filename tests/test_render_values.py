@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from types import SimpleNamespace
 
 import numpy as np
@@ -109,7 +110,7 @@ def test_light_beyond_all_numbers_is_reported_with_its_pixel_and_leaves_nothing_
 
 def test_an_interrupted_sample_leaves_no_torn_picture(monkeypatch):
     scene = render.RenderScene(MESH)
-    with render.PathRenderer(scene, down(4), threads=1) as renderer:
+    with render.PathRenderer(scene, down(4), threads=1, order="waves") as renderer:
         renderer.add(2)
         expected = renderer.image
 
@@ -145,7 +146,8 @@ def test_sums_that_would_not_fit_are_refused_before_they_are_made(monkeypatch):
 def test_stages_are_named_and_sum_to_the_call():
     scene = render.RenderScene(MESH, lights=[render.Sun((0, -1, 0))])
     for kind, stages in (
-        (render.PathRenderer, {"primary", "generate", "trace", "compact", "shade", "other"}),
+        (render.PathRenderer, {"primary", "depth_first", "other"}),
+        (partial(render.PathRenderer, order="waves"), {"primary", "generate", "trace", "compact", "shade", "other"}),
         (render.HybridRenderer, {"primary", "surfaces", "generate", "shadow", "occlusion", "accumulate", "other"}),
     ):
         with kind(scene, down(64), threads=2) as renderer:

@@ -47,18 +47,19 @@ class PathOptions(RenderOptions):
 
     max_depth: rays of a path at most, the one from the eye among them; a path that has found no light by then is dark.
     jitter: may also be "pixel": every pixel has an offset of its own, and the renderer traces these rays itself.
-    order: "waves": all paths of a wave go from stage to stage; "depth_first": one path after the other, ray by ray.
+    order: "depth_first": one path after the other, ray by ray, which was as fast or a little faster on large scenes;
+    "waves": all paths of a wave go from stage to stage, in packets, and each stage's time is known.
     """
 
     jitters: ClassVar[tuple[str, ...]] = ("shared", "off", "pixel")
     built_with: ClassVar[frozenset[str]] = RenderOptions.built_with | {"order"}
 
     max_depth: int = 5
-    order: str = "waves"
+    order: str = "depth_first"
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_one_of("order", self.order, ("waves", "depth_first"))
+        check_one_of("order", self.order, ("depth_first", "waves"))
         if not is_whole_number(self.max_depth) or not 1 <= self.max_depth <= 1 << 20:
             raise InputError(f"max_depth is {self.max_depth!r}, expected a whole number from 1 to 2^20")
 

@@ -37,8 +37,8 @@ class PathRenderer(Renderer):
 
     Each sample sends one path through every pixel; it ends at the sky, at an `Emissive` surface, or in the dark after
     `max_depth` rays. All random numbers are hashes of pixel, sample and bounce. Arguments: see `Renderer`; options: of
-    `PathOptions`. Stages: primary, generate, trace, compact (which also adds up what has ended), shade; or primary and
-    depth_first.
+    `PathOptions`. Stages: primary and depth_first; or, of waves, primary, generate, trace, compact (which also adds up
+    what has ended) and shade.
     """
 
     options_type = PathOptions

@@ -24,10 +24,11 @@ def surfaces_of(scene: RenderScene, sky_power: float) -> Surfaces:
     """The tables of a scene, its sky `sky_power` times as bright as its colours say."""
     materials, texels = _materials(tuple(scene.materials))
     sky, panorama = _sky(scene.sky, sky_power)
-    mesh = scene.mesh
+    mesh, numbers = scene.mesh, np.asarray(scene.face_materials)
     none = np.zeros((0, 3), np.float32), np.zeros((0, 2), np.float32)
     arrays = (
-        _records(mesh, np.asarray(scene.face_materials)),
+        _records(mesh, numbers),
+        (materials[:, surface.KIND] == surface.EMISSIVE)[numbers],
         mesh.vertices,
         mesh.faces,
         none[0] if scene.normals is None else _unit_rows(scene.normals),

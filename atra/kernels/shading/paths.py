@@ -14,7 +14,7 @@ from atra.embree.layout import RAY_DIR_X, RAY_ORG_X, RAY_TFAR, RAY_TNEAR
 from atra.kernels.caching import float_kernel
 from atra.kernels.packets import INFINITY, MISS, hit_prim_id, intersect, ray_component, set_no_hit
 from atra.kernels.shading.numbers import ZERO, bits_of, key_of, unit, unit_of
-from atra.kernels.shading.scattering import WHITE, emitted, is_emissive, scatter
+from atra.kernels.shading.scattering import WHITE, emitted, scatter
 from atra.kernels.shading.surface import sky_colour
 
 BLOCK = 2048
@@ -169,7 +169,7 @@ def compact(paths, surfaces, sums, is_last):  # type: ignore[no-untyped-def]
             if prim_id == MISS:
                 sky = sky_colour(surfaces, _vector(floats, DIRECTION, i))
                 is_finite &= _add(sums, paths.pixel[i], _vector(floats, WEIGHT, i), sky)
-            elif is_emissive(surfaces, prim_id):
+            elif surfaces.is_emissive[prim_id]:
                 light = emitted(surfaces, prim_id, _vector(floats, ORIGIN, i), _vector(floats, DIRECTION, i))
                 is_finite &= _add(sums, paths.pixel[i], _vector(floats, WEIGHT, i), light)
             elif not is_last:
@@ -238,7 +238,7 @@ def follow_depth_first(first, count, pixels, scene, packet, surfaces, sums, max_
             if prim_id == MISS:
                 is_finite &= _add(sums, pixel, weight, sky_colour(surfaces, direction))
                 break
-            if is_emissive(surfaces, prim_id):
+            if surfaces.is_emissive[prim_id]:
                 is_finite &= _add(sums, pixel, weight, emitted(surfaces, prim_id, origin, direction))
                 break
             if bounce == max_depth - 1:

@@ -8,7 +8,6 @@ from numba import njit
 from atra.kernels.shading.numbers import ONE, TWO, ZERO, along, around, bits_of, dot, on_sphere, scaled, unit, unit_of
 from atra.kernels.shading.surface import (
     DIELECTRIC,
-    EMISSIVE,
     KIND,
     METAL,
     PARAMETER,
@@ -28,11 +27,6 @@ DIMENSIONS = 4
 BLACK = ZERO, ZERO, ZERO
 WHITE = ONE, ONE, ONE
 _MINUS_TWO = np.float32(-2.0)
-
-
-@njit(inline="always")
-def is_emissive(surfaces, prim_id):  # type: ignore[no-untyped-def]
-    return surfaces.materials[material_of(surfaces, prim_id), KIND] == EMISSIVE
 
 
 @njit(inline="always")

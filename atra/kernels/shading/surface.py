@@ -42,13 +42,15 @@ _TINY = np.float64(1e-300)
 class Surfaces(NamedTuple):
     """All that light meets.
 
-    records: (F, RECORD_WORDS) float64. vertices: (V, 3) float32, faces: (F, 3) uint32, of the mesh.
+    records: (F, RECORD_WORDS) float64. is_emissive: (F,) bool, apart from them: it is asked of what is then not shaded.
+    vertices: (V, 3) float32, faces: (F, 3) uint32, of the mesh.
     normals: (V, 3) float32, or (0, 3): shading normals of vertices. uv: (V, 2) float32, or (0, 2).
     materials: (M, MATERIAL_WORDS) float64. texels: (T, 3) float32, all images' one after the other.
     sky: (SKY_WORDS,) float32. panorama: (H, W, 3) float32, row 0 above; +y is up, its middle column looks along -z.
     """
 
     records: NDArray[np.float64]
+    is_emissive: NDArray[np.bool_]
     vertices: NDArray[np.float32]
     faces: NDArray[np.uint32]
     normals: NDArray[np.float32]
