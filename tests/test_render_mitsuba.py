@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import importlib.util
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import atra
 from atra import render
-from scenes.lit.weekend import outwards
+from scenes.atrium import ATRIUM_CAMERA, atrium
+from scenes.lit.weekend import WEEKEND_CAMERA, outwards, weekend
 from scenes.shapes import ball
 from tests.meshes import cornell_box, cornell_camera, joined, quads
 from tests.shown import batches, floor
@@ -60,9 +62,10 @@ def of_mitsuba(scene, camera):
         if isinstance(material, render.Emissive):
             lamp = {"type": "area", "radiance": {"type": "rgb", "value": list(material.colour)}}
             properties["emitter"] = mi.load_dict(lamp)
-        mesh = mi.Mesh(f"part {number}", len(scene.mesh.vertices), len(faces), props=properties)
+        used, faces = np.unique(faces, return_inverse=True)
+        mesh = mi.Mesh(f"part {number}", len(used), faces.size // 3, props=properties)
         parameters = mi.traverse(mesh)
-        parameters["vertex_positions"] = scene.mesh.vertices.ravel()
+        parameters["vertex_positions"] = scene.mesh.vertices[used].ravel()
         parameters["faces"] = faces.ravel()
         parameters.update()
         parts[f"part{number}"] = mesh
@@ -96,6 +99,25 @@ def three_balls():
     return scene, atra.Camera((3, 2.5, 6), (0, 0.8, 0), fov_y_degrees=40, width=48, height=32)
 
 
+def book():
+    """The weekend's scene without fuzz, chequers and a sky of two colours, which Mitsuba's plain materials have not."""
+    scene = weekend(segments=8)
+    plain = [render.Lambertian((0.5, 0.6, 0.5)), *scene.materials[1:]]
+    plain = [render.Metal(one.colour) if isinstance(one, render.Metal) else one for one in plain]
+    shown = replace(scene, materials=plain, sky=render.constant_sky((0.6, 0.7, 1.0)), normals=None, uv=None)
+    return shown, atra.Camera(**WEEKEND_CAMERA, width=48, height=32)
+
+
+def hall():
+    """The atrium, whose upper parts shine."""
+    mesh = atrium()
+    heights = mesh.vertices[mesh.faces][:, :, 1].mean(axis=1)
+    is_high = heights > 0.55 * heights.max()
+    materials = [render.Lambertian((0.7, 0.6, 0.5)), render.Emissive((1.0, 0.9, 0.8))]
+    scene = render.RenderScene(mesh, materials, is_high.astype(int), sky=render.constant_sky(0.0))
+    return scene, atra.Camera(**ATRIUM_CAMERA, width=32, height=24)
+
+
 def tiles(pictures):
     """Means of the tiles of each picture, (BATCHES, tiles, 3)."""
     count, height, width, _ = pictures.shape
@@ -103,7 +125,7 @@ def tiles(pictures):
     return cut.mean(axis=(2, 4)).reshape(count, -1, 3)
 
 
-@pytest.mark.parametrize("make", [cornell, three_balls])
+@pytest.mark.parametrize("make", [cornell, three_balls, book, hall])
 def test_no_tile_differs_from_mitsuba_s_more_than_chance_allows(make):
     from scipy import stats
 
