@@ -76,6 +76,16 @@ def test_a_mirror_shows_the_sky_where_the_mirrored_ray_points():
     np.testing.assert_allclose(image, expected * [0.5, 1.0, 0.25], rtol=1e-5)
 
 
+def test_two_mirrors_in_a_row_multiply():
+    wall = [(0, 0, 50), (0, 50, 50), (0, 50, -50), (0, 0, -50)]
+    mirrors = [render.Metal((0.5, 1.0, 0.75)), render.Metal((0.25, 0.5, 1.0))]
+    scene = render.RenderScene(quads([floor(), wall]), mirrors, [0, 0, 1, 1], sky=WHITE_SKY)
+    camera = atra.OrthographicCamera((3, 2, 0), (1, 0, 0), (0, 0, 1), 0.5, 4, 4)
+    for order in ("depth_first", "waves"):
+        image = traced(scene, camera, 1, order=order)  # to the floor, the wall and the sky
+        np.testing.assert_allclose(image, np.broadcast_to([0.125, 0.5, 0.75], (4, 4, 3)))
+
+
 def reflectance(cosine, ior, fresnel):
     if fresnel == "schlick":
         least = ((1 - ior) / (1 + ior)) ** 2

@@ -64,6 +64,8 @@ WRONG = [
     (lambda: render.HybridOptions(shadow_rays=-1), "shadow_rays is -1"),
     (lambda: render.HybridOptions(occlusion_length=0.0), "occlusion_length is 0.0"),
     (lambda: render.HybridOptions(occlusion_length=NAN), "occlusion_length is nan"),
+    (lambda: render.HybridOptions(shadow_length=-1.0), "shadow_length is -1.0"),
+    (lambda: render.PathOptions(start_off=NAN), "start_off is nan, expected a finite number of at least 0"),
     (lambda: render.HybridOptions(occlusion="none"), "occlusion is 'none'"),
     (lambda: render.HybridOptions(occlusion_directions="own"), "occlusion_directions is 'own'"),
 ]  # fmt: skip

@@ -62,7 +62,7 @@ class HybridRenderer(Renderer):
     def _tables(self) -> Surfaces:
         self._lights = [light_row(light) for light in self.scene.lights]
         plain = tuple(map(_as_colour, self.scene.materials))
-        return surfaces_of(replace(self.scene, materials=plain), sky_power=1.0)
+        return surfaces_of(replace(self.scene, materials=plain), 1.0, self.options.start_off)
 
     def _start_film(self) -> None:
         super()._start_film()
@@ -114,10 +114,11 @@ class HybridRenderer(Renderer):
         find_surfaces(wave, first, count, pixels, surfaces)
         lap("surfaces")
         is_finite = True
+        length = np.float32(options.shadow_length)
         for number, light in enumerate(self._lights):
             plane = SKY_PLANES + number * LIGHT_PLANES
             for sample in self._points(options.shadow_rays, _LIGHT_STEPS, _LIGHT_DIMENSION, options.shadow_directions):
-                aim_at_light(wave, first, count, light, sample)
+                aim_at_light(wave, first, count, light, length, sample)
                 lap("generate")
                 if options.shadow_rays:
                     occlude(wave, count, query.scene, query.packet)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from atra.errors import InputError
 from atra.geometry.view import Vector, checked_vector, unit_vector
-from atra.kernels.shading.lighting import LIGHT_WORDS, POINT, SPHERE, SUN
+from atra.kernels.shading.lighting import ACROSS, KIND, LIGHT_WORDS, PLACE, POINT, SIZE, SPHERE, SUN, UP
 from atra.render.checks import Colour, checked_colour, checked_number
 
 _WHITE: Colour = (1.0, 1.0, 1.0)
@@ -73,12 +73,12 @@ def light_row(light: Light) -> NDArray[np.float32]:
     if isinstance(light, Sun):
         to_light = -unit_vector("direction of Sun", light.direction)
         across = unit_vector("across", np.cross(to_light, np.eye(3)[np.argmin(np.abs(to_light))]))
-        row[0], row[1:4], row[4] = SUN, to_light, tan(radians(light.angle_degrees))
-        row[6:9], row[9:12] = across, np.cross(to_light, across)
+        row[KIND], row[PLACE:SIZE], row[SIZE] = SUN, to_light, tan(radians(light.angle_degrees))
+        row[ACROSS:UP], row[UP:] = across, np.cross(to_light, across)
     elif isinstance(light, SphereLight):
-        row[0], row[1:4], row[4] = SPHERE, light.position, light.radius
+        row[KIND], row[PLACE:SIZE], row[SIZE] = SPHERE, light.position, light.radius
     else:
-        row[0], row[1:4] = POINT, light.position
+        row[KIND], row[PLACE:SIZE] = POINT, light.position
     return row
 
 

@@ -51,7 +51,7 @@ class PathRenderer(Renderer):
         return options if self.options.order == "waves" else replace(options, packet_width=1)
 
     def _tables(self) -> Surfaces:
-        return surfaces_of(self.scene, self.scene.sky.power)
+        return surfaces_of(self.scene, self.scene.sky.power, self.options.start_off)
 
     def _same_sums(self, scene: RenderScene) -> bool:
         return scene is self.scene

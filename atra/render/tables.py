@@ -20,14 +20,17 @@ _KINDS = {
 }  # fmt: skip
 
 
-def surfaces_of(scene: RenderScene, sky_power: float) -> Surfaces:
-    """The tables of a scene, its sky `sky_power` times as bright as its colours say."""
+def surfaces_of(scene: RenderScene, sky_power: float, start_off: float | None) -> Surfaces:
+    """The tables of a scene, its sky `sky_power` times as bright as its colours say.
+
+    start_off: how far rays start off a triangle; None: by the size of its coordinates.
+    """
     materials, texels = _materials(tuple(scene.materials))
     sky, panorama = _sky(scene.sky, sky_power)
     mesh, numbers = scene.mesh, np.asarray(scene.face_materials)
     none = np.zeros((0, 3), np.float32), np.zeros((0, 2), np.float32)
     arrays = (
-        _records(mesh, numbers),
+        _records(mesh, numbers, start_off),
         (materials[:, surface.KIND] == surface.EMISSIVE)[numbers],
         mesh.vertices,
         mesh.faces,
@@ -48,7 +51,7 @@ def _read_only(array: NDArray) -> NDArray:
     return view
 
 
-def _records(mesh: Mesh, face_materials: NDArray[np.int32]) -> NDArray[np.float64]:
+def _records(mesh: Mesh, face_materials: NDArray[np.int32], start_off: float | None) -> NDArray[np.float64]:
     corners = [mesh.vertices[mesh.faces[:, corner]].astype(np.float64) for corner in range(3)]
     normals = np.cross(corners[1] - corners[0], corners[2] - corners[0])
     length = np.linalg.norm(normals, axis=1)
@@ -56,7 +59,7 @@ def _records(mesh: Mesh, face_materials: NDArray[np.int32]) -> NDArray[np.float6
     records = np.zeros((mesh.triangle_count, surface.RECORD_WORDS))
     records[:, :3] = normals
     records[:, 3] = np.einsum("fi,fi->f", normals, corners[0])
-    records[:, 4] = START_OFF * np.abs(corners).max(axis=(0, 2))
+    records[:, 4] = START_OFF * np.abs(corners).max(axis=(0, 2)) if start_off is None else start_off
     records[:, 5] = face_materials
     return records
 

@@ -35,9 +35,11 @@ ORIGIN, NORMAL, COLOUR, DIRECTION = 0, 3, 6, 9
 WAVE_ROWS = 12
 
 SUN, POINT, SPHERE = 0, 1, 2
-LIGHT_WORDS = 14
-"""float32 of a light: kind; its place, or the unit direction to it (3); its radius, or the tangent of the angle it
-appears under; that squared, unused; two unit vectors across a direction (3 each); 2 unused."""
+KIND, PLACE, SIZE, ACROSS, UP = 0, 1, 4, 5, 8
+LIGHT_WORDS = 11
+"""float32 of a light. PLACE: where it is, or of a sun the unit vector to it (3). SIZE: its radius, or of a sun the
+tangent of half the angle it appears under. ACROSS, UP: of a sun, unit vectors at right angles to it and to each other
+(3 each)."""
 
 SKY_PLANES = LIGHT_PLANES = 4
 """Sums of the sky, then of each light: r, g, b, and the share that is not in shadow."""
@@ -117,12 +119,13 @@ def find_surfaces(wave, first, count, pixels, surfaces):  # type: ignore[no-unty
 
 
 @float_kernel
-def aim_at_light(wave, first, count, light, sample):  # type: ignore[no-untyped-def]
-    """A ray from each pixel's surface to a point of the light. light: (LIGHT_WORDS,) float32."""
+def aim_at_light(wave, first, count, light, length, sample):  # type: ignore[no-untyped-def]
+    """A ray from each pixel's surface to a point of the light, at most `length` long. light: (LIGHT_WORDS,) float32."""
     floats = wave.floats
-    centre, size = (light[1], light[2], light[3]), light[4]
-    across, up = (light[6], light[7], light[8]), (light[9], light[10], light[11])
-    kind = light[0]
+    kind, size = light[KIND], light[SIZE]
+    centre = light[PLACE], light[PLACE + 1], light[PLACE + 2]
+    across = light[ACROSS], light[ACROSS + 1], light[ACROSS + 2]
+    up = light[UP], light[UP + 1], light[UP + 2]
     for i in range(count):
         normal = _row(floats, NORMAL, i)
         u, v = _point(sample, first + i)
@@ -157,7 +160,7 @@ def aim_at_light(wave, first, count, light, sample):  # type: ignore[no-untyped-
         carried = dot(normal, direction) * strength
         is_lit = wave.is_hit[i] != 0 and carried > ZERO
         _set_row(floats, DIRECTION, i, direction)
-        wave.length[i] = reach if is_lit else ZERO
+        wave.length[i] = min(reach, length) if is_lit else ZERO
         wave.light[i] = carried if is_lit else ZERO
 
 
