@@ -7,7 +7,7 @@ import pytest
 from PIL import Image
 
 import atra
-from examples import alignment_drawing, calibrated_views, frames, progressive, shadow_map, stereo
+from examples import alignment_drawing, calibrated_views, frames, progressive, shadow_map, stereo, weekend
 
 TOY = ["--scene", "cornell_box", "--width", "64", "--height", "48"]
 
@@ -98,6 +98,17 @@ def test_the_shadow_map_is_the_one_of_single_rays(tmp_path: Path, capsys: pytest
     shadow_map.main([*TOY, "--map", "96", "--out", str(tmp_path)])
     assert "0 wrong" in capsys.readouterr().out
     assert picture(tmp_path / "shadow_map.png").shape[0] == 48
+
+
+def test_the_weekend_is_shown_by_paths_and_below_by_hybrid_rendering(tmp_path: Path) -> None:
+    size = ["--width", "48", "--height", "32", "--samples", "2", "--segments", "6"]
+    told = weekend.main([*size, "--out", str(tmp_path)])
+    assert list(told) == ["paths", "hybrid"]
+    image = picture(tmp_path / "weekend.png")
+    assert image.shape == (2 * 32 + 4, 48, 3)
+    above, below = image[:32].astype(int), image[36:].astype(int)
+    assert (above[:3] == below[:3]).mean() > 0.5  # both see the sky
+    assert (above != below).mean() > 0.5
 
 
 def test_a_point_behind_another_as_the_light_goes_is_in_shadow() -> None:

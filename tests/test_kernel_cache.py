@@ -17,11 +17,12 @@ import pytest
 from atra.embree import layout
 from atra.kernels import caching, planning, rays, ties, tiles, tracing, verifying, visible
 from atra.kernels.exact import brute_force, surface
+from atra.kernels.shading import lighting, paths
 
 KERNELS = {
     **{
         f"{module.__name__}.{name}": value
-        for module in (brute_force, surface, planning, ties, tiles, tracing, visible)
+        for module in (brute_force, surface, lighting, paths, planning, ties, tiles, tracing, visible)
         for name, value in vars(module).items()
         if getattr(value, "targetoptions", {}).get("nogil")
     },
@@ -30,6 +31,8 @@ KERNELS = {
     "tile_kernel": tiles.tile_kernel(4, 2),
     "closest_hit_kernel": rays.closest_hit_kernel(4),
     "occlusion_kernel": rays.occlusion_kernel(4),
+    "trace_kernel": paths.trace_kernel(4),
+    "occlude_kernel": lighting.occlude_kernel(4),
     "verify_kernel": verifying.verify_kernel(4, 2),
 }
 

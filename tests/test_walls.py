@@ -91,6 +91,7 @@ WALLS = (
         ("atra.alignment", "atra.planner", "atra.tracers"),
         reason="the judge does not know how an image was made",
     ),
+    Wall("atra", ("atra.render",), apart_from=("atra.render",), reason="pictures stand on top of all else"),
     Wall("atra.tracers", ("atra.planner",), reason="the planner chooses tracers, not they it"),
     Wall(
         "experiments.harness",

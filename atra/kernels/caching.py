@@ -67,6 +67,12 @@ def kernel(function: Callable[..., Any]) -> Any:
     return keep_on_disk(njit(nogil=True)(function))
 
 
+def float_kernel(function: Callable[..., Any]) -> Any:
+    """As `kernel`, for loops that shall be as fast as C's: a division by zero gives inf or NaN, and nothing counts who
+    refers to an array, which takes two calls wherever one gets a name. Such a kernel can make no arrays."""
+    return keep_on_disk(njit(nogil=True, error_model="numpy", _nrt=False)(function))
+
+
 def callback(signature: Any) -> Callable[[Callable[..., Any]], Any]:
     """Compile a function for C to call, at once, and keep the code on disk. The compiled one has an `address`."""
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from time import perf_counter
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -42,6 +42,20 @@ _SAMPLES, _NEIGHBOURS = 64, 16
 
 NEAR_BY = 1 / 64
 """Of the size of the mesh: rays that start nearer to each other than this may be taken through the tree together."""
+
+
+class Query(NamedTuple):
+    """What a thread's kernels need to ask Embree.
+
+    worker: number of the thread, from 0. counter: address of an int64 that all threads share, 0 at first.
+    scene: the RTCScene. packet: this thread's own. flags: of its queries.
+    """
+
+    worker: int
+    counter: int
+    scene: int
+    packet: Any
+    flags: Any
 
 
 class RayScene(Lifetime):
@@ -155,9 +169,6 @@ class RayScene(Lifetime):
         with self._lock:
             if not (self._is_built or self._is_closed):
                 self.build()
-        with self._tracing():
-            assert self._scene is not None
-            scene = self._scene.address
             together = WHERE_ALIKE if coherent is None else ALWAYS if coherent else NEVER
             size = float((self.mesh.bounds[1] - self.mesh.bounds[0]).max())
             near_by, places = np.float32(NEAR_BY * size), np.empty(0, np.uint32)
@@ -165,14 +176,24 @@ class RayScene(Lifetime):
             large = len(rays) >= FEWEST_RAYS and self.mesh.triangle_count >= FEWEST_TRIANGLES
             if coherent is None and large and not _has_order(arrays):
                 arrays = self._ordered(arrays)
+
+            def work(query: Query) -> None:
+                kernel(query.counter, query.scene, query.packet, query.flags, arrays, *outputs)
+
+            self.run(work, coherent=bool(coherent))
+
+    def run(self, work: Callable[[Query], None], *, coherent: bool = False) -> None:
+        """Call `work` once per thread, side by side, for kernels of the caller's own; nothing else is traced meanwhile.
+
+        coherent: as for `intersect`. Raises EmbreeError when the scene is not built or already closed.
+        """
+        with self._tracing():
+            assert self._scene is not None
+            scene = self._scene.address
             for workspace in self._workspaces:
-                workspace.set_coherent(bool(coherent))
-
-            def work(worker: int, counter: int) -> None:
-                own = self._workspaces[worker]
-                kernel(counter, scene, own.packet, own.flags, arrays, *outputs)
-
-            self._pool.run(work)
+                workspace.set_coherent(coherent)
+            own = [(workspace.packet, workspace.flags) for workspace in self._workspaces]
+            self._pool.run(lambda worker, counter: work(Query(worker, counter, scene, *own[worker])))
 
     def _ordered(self, rays: RayArrays) -> RayArrays:
         """The same rays; those that start near each other and head the same way follow each other."""

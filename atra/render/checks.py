@@ -1,0 +1,58 @@
+"""Checks of colours and numbers that people hand in, each naming the value and what was expected."""
+
+from __future__ import annotations
+
+from math import inf, isfinite
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from atra.errors import InputError
+from atra.geometry.numbers import as_number, checked_vector
+
+Colour = tuple[float, float, float]
+
+
+def checked_number(name: str, value: Any, low: float, high: float = inf, *, above: bool = False) -> float:
+    """`value` as a float from `low` (or above it) to `high`. Raises InputError naming it otherwise."""
+    number = as_number(value)
+    if not isfinite(number) or not low <= number <= high or (above and number == low):
+        least = f"above {low:g}" if above else f"of at least {low:g}"
+        most = "" if high == inf else f" and at most {high:g}"
+        raise InputError(f"{name} is {value!r}, expected a finite number {least}{most}")
+    return number
+
+
+def checked_colour(name: str, value: Any, high: float = inf) -> Colour:
+    """`value` as three numbers from 0 to `high`, linear RGB; one number stands for a grey. Raises InputError."""
+    if isinstance(value, (int, float, np.number)):
+        value = (value, value, value)
+    colour = checked_vector(name, value)
+    for channel in colour:
+        checked_number(name, channel, 0.0, high)
+    return colour
+
+
+def checked_texels(name: str, value: Any, high: float = inf) -> NDArray[np.float32]:
+    """`value` as a read-only (H, W, 3) float32 copy, linear RGB from 0 to `high`. Raises InputError naming the first
+    texel outside."""
+    try:
+        texels = np.array(value, np.float32, order="C")
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{name} cannot be read as an image: {error}") from None
+    if texels.ndim != 3 or texels.shape[2] != 3 or texels.size == 0:
+        raise InputError(f"{name} has shape {texels.shape}, expected (H, W, 3)")
+    good = (texels >= 0.0) & (texels <= high) & np.isfinite(texels)
+    if not good.all():
+        y, x, _ = np.argwhere(~good)[0].tolist()
+        most = "" if high == inf else f", at most {high:g}"
+        raise InputError(f"{name} has {texels[y, x].tolist()} at column {x} of row {y}, expected numbers >= 0{most}")
+    texels.setflags(write=False)
+    return texels
+
+
+def check_one_of(name: str, value: str, possible: tuple[str, ...]) -> None:
+    """Raise InputError, naming the value, unless it is one of the `possible`."""
+    if value not in possible:
+        raise InputError(f"{name} is {value!r}, expected one of {', '.join(possible)}")

@@ -1,0 +1,81 @@
+"""Pictures as files: PNG to be looked at, EXR to be worked with."""
+
+from __future__ import annotations
+
+import io
+import os
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from atra.errors import InputError
+from atra.files import write_atomically
+from atra.hits import Hits
+
+SUFFIXES = (".png", ".exr")
+
+
+def save_picture(path: Path, image: NDArray[np.float32], hits: Callable[[], Hits]) -> None:
+    """Write an (H, W, 3) picture, linear RGB, as the suffix of `path` says; `hits` is asked for what an EXR also holds.
+
+    Raises InputError for another suffix, and for an EXR without the package OpenEXR; StorageError.
+    """
+    suffix = path.suffix.lower()
+    if suffix not in SUFFIXES:
+        raise InputError(f"a picture is to be written to {str(path)!r}, expected a name that ends in .png or .exr")
+    write_atomically(path, png_of(image) if suffix == ".png" else exr_of(image, hits()))
+
+
+def srgb_of(image: NDArray[np.floating]) -> NDArray[np.uint8]:
+    """Linear RGB -> 8 bits of sRGB (IEC 61966-2-1); what is brighter than 1 becomes white."""
+    linear = np.clip(image, 0.0, 1.0)
+    encoded = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
+    return np.rint(255.0 * encoded).astype(np.uint8)
+
+
+def png_of(image: NDArray[np.floating]) -> bytes:
+    """(H, W, 3) linear RGB -> a PNG in sRGB."""
+    from PIL import Image  # only who writes a PNG waits for it
+
+    buffer = io.BytesIO()
+    Image.fromarray(srgb_of(image), "RGB").save(buffer, format="PNG")
+    return buffer.getvalue()
+
+
+def exr_of(image: NDArray[np.float32], hits: Hits) -> bytes:
+    """An EXR of 32 bits: R, G, B; Z, the depth, inf = a miss; N.X, N.Y, N.Z, the triangle's unit normal in the world,
+    turned to the eye, 0 = a miss; prim_id, whole numbers, `MISS` = a miss."""
+    try:
+        import OpenEXR
+    except ImportError:
+        raise InputError(
+            "an EXR needs the package OpenEXR, which is not installed; `pip install OpenEXR`, or write a .png"
+        ) from None
+    normals = eye_normals(hits)
+    channels: dict[str, Any] = {name: image[..., k] for k, name in enumerate("RGB")}
+    channels |= {f"N.{name}": normals[..., k] for k, name in enumerate("XYZ")}
+    channels |= {"Z": hits.depth, "prim_id": hits.prim_id}
+    whole = {name: np.ascontiguousarray(channel) for name, channel in channels.items()}
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    with tempfile.TemporaryDirectory() as folder:  # OpenEXR writes to names of files only
+        name = os.path.join(folder, "picture.exr")
+        OpenEXR.File(header, whole).write(name)
+        return Path(name).read_bytes()
+
+
+def eye_normals(hits: Hits) -> NDArray[np.float32]:
+    """(H, W, 3) float32, unit normals of the triangles that are hit, in the world, turned to the eye; 0 = a miss."""
+    normals = np.zeros((*hits.depth.shape, 3), np.float32)
+    y, x = np.nonzero(hits.hit)
+    corners = hits.mesh.triangles(hits.prim_id[y, x])
+    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    length = np.linalg.norm(across, axis=1, keepdims=True)
+    across /= np.where(length > 0.0, length, 1.0)
+    _, directions = hits.camera.rays(x, y, hits.offset)
+    away = np.einsum("ni,ni->n", across, directions @ hits.camera.axes) > 0.0
+    normals[y, x] = np.where(away[:, None], -across, across)
+    return normals

@@ -1,0 +1,300 @@
+"""A renderer: samples of a scene seen by a camera, added up to a picture."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections import deque
+from collections.abc import Callable
+from dataclasses import fields, replace
+from pathlib import Path
+from time import perf_counter
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from atra.alignment.culling import check_needed_bytes
+from atra.errors import AtraError, InputError
+from atra.geometry.mesh import Mesh
+from atra.geometry.sampling import sub_pixel_offsets
+from atra.geometry.view import View
+from atra.hits import Hits
+from atra.kernels.shading.paths import Pixels
+from atra.kernels.shading.surface import Surfaces
+from atra.lifetime import Lifetime
+from atra.options import RayOptions
+from atra.rays.scene import Query, RayScene
+from atra.render.options import RenderOptions
+from atra.render.pictures import save_picture
+from atra.render.scene import RenderScene
+from atra.tracers import RasterTracer, Tracer
+from atra.whole_numbers import is_whole_number
+
+Primary = Callable[[Mesh, View], Tracer[Hits]]
+"""What makes the tracer of primary visibility: `atra.PixelTracer`, or `partial(atra.AlignedTracer, split=(128, 1))`."""
+
+CENTRE = (0.5, 0.5)
+
+_GOLDEN = 0x9E3779B9
+"""Odd, so that the next 2^32 samples have keys of their own, and neighbours ones that are far apart."""
+
+_NOTHING = np.zeros(0, np.uint32)
+
+_WAVE_BYTES = 64
+"""Of a ray in a wave, at most."""
+
+
+class Laps:
+    """Seconds by stage, added to `stages`: each call ends the stage it names, and the next begins."""
+
+    def __init__(self, stages: dict[str, float]) -> None:
+        self._stages = stages
+        self._start = perf_counter()
+
+    def __call__(self, stage: str) -> None:
+        now = perf_counter()
+        self._stages[stage] = self._stages.get(stage, 0.0) + now - self._start
+        self._start = now
+
+
+class Renderer(Lifetime):
+    """What both renderers share: primary visibility, a scene for all other rays, samples, and the time of stages.
+
+    scene: see `RenderScene`. camera: of either kind. primary: makes the tracer of primary visibility from mesh and
+    camera; None: the rasteriser. options, changes: as for tracers.
+
+    samples: how many have been added since the last restart. stage_s: seconds by stage of the last `add`; they sum to
+    its duration. Of stages that run in several threads it is the mean, and "other" is what is left: waiting, Python.
+    """
+
+    options_type: ClassVar[type[RenderOptions]]
+    options: RenderOptions
+
+    def __init__(
+        self,
+        scene: RenderScene,
+        camera: View,
+        primary: Primary | None = None,
+        options: RayOptions | None = None,
+        **changes: Any,
+    ) -> None:
+        super().__init__()
+        self.options = self.options_type.of(type(self).__name__, options, changes)
+        self.rays = RayScene(scene.mesh, self._ray_options())
+        self._primary = primary or self._rasteriser
+        self.scene, self.camera = scene, camera
+        self._tracer = self._primary(scene.mesh, camera)
+        self._surfaces: Surfaces | None = None
+        self._start_film()
+
+    def _ray_options(self) -> RayOptions:
+        return RayOptions(**{field.name: getattr(self.options, field.name) for field in fields(RayOptions)})
+
+    def _rasteriser(self, mesh: Mesh, view: View) -> RasterTracer:
+        return RasterTracer(mesh, view, threads=self.options.threads)
+
+    @property
+    @abstractmethod
+    def _planes(self) -> int:
+        """Sums of a pixel."""
+
+    @abstractmethod
+    def _tables(self) -> Surfaces: ...
+
+    @abstractmethod
+    def _add_wave(self, first: int, count: int, pixels: Pixels, query: Query, stages: dict[str, float]) -> bool:
+        """Add sample number `samples` of so many pixels; adds the seconds of stages. Whether all light was finite."""
+
+    @abstractmethod
+    def _mean(self) -> NDArray[np.float64]:
+        """(3, pixels), of all samples."""
+
+    @abstractmethod
+    def _same_sums(self, scene: RenderScene) -> bool:
+        """Whether samples of `scene` have the sums of those of the present one."""
+
+    def _start_film(self) -> None:
+        pixels = self.camera.width * self.camera.height
+        needed = pixels * 8 * (self._planes + 1) + self.rays.threads * self.options.wave_rays * _WAVE_BYTES
+        check_needed_bytes(needed, None, f"sums of {pixels:,} pixels and waves", "use fewer pixels, or shorter waves")
+        self._sums = np.zeros((self._planes, pixels))
+        self._hits: Hits | None = None
+        self.samples = 0
+        self.stage_s: dict[str, float] = {}
+
+    def _plan(self) -> float:
+        self._tracer.plan()
+        return self._tracer.plan_time_s
+
+    def _build(self) -> float:
+        self._tracer.build()
+        self.rays.build()
+        start = perf_counter()
+        self._surfaces = self._tables()
+        return self._tracer.build_time_s + self.rays.build_time_s + perf_counter() - start
+
+    @property
+    def tracer(self) -> Tracer[Hits]:
+        """Of primary visibility; its hits may be looked at, and it stays the renderer's."""
+        return self._tracer
+
+    def add(self, samples: int = 1, stop: Callable[[], bool] | None = None) -> None:
+        """Add so many samples to every pixel.
+
+        stop: asked before every wave; once it says True, or when interrupted, the picture starts anew with none.
+        Raises InputError for a number below 1, EmbreeError when this is not built or already closed, AtraError naming
+        pixel and sample for light that is no finite number.
+        """
+        if not is_whole_number(samples) or samples < 1:
+            raise InputError(f"{samples!r} samples are to be added, expected a whole number of at least 1")
+        with self._tracing():
+            start = perf_counter()
+            stages: dict[str, float] = {}
+            try:
+                for _ in range(samples):
+                    if not self._add_sample(stages, stop or _never):
+                        self._start_film()
+                        return
+                    self.samples += 1
+            except BaseException:
+                self._start_film()  # a part of a sample may be in the sums
+                raise
+            stages["other"] = perf_counter() - start - sum(stages.values())
+            self.stage_s = stages
+
+    def _add_sample(self, stages: dict[str, float], stop: Callable[[], bool]) -> bool:
+        """Whether it came to its end."""
+        camera = self.camera
+        offset = CENTRE if self.options.jitter == "off" else tuple(sub_pixel_offsets(1, self.samples)[0].tolist())
+        own = self.options.jitter == "pixel"
+        lap = Laps(stages)
+        if not own and (self._hits is None or self.options.jitter != "off"):
+            self._hits = self._tracer.trace(offset, out=self._hits)
+        lap("primary")
+        prim_id, stride = (_NOTHING, 0) if own or self._hits is None else _flat(self._hits.prim_id)
+        view = _pixel_rays(camera, (0.0, 0.0) if own else offset)
+        pixels = Pixels(view, camera.width, own, prim_id, stride, self.samples * _GOLDEN & 0xFFFFFFFF)
+        every = camera.width * camera.height
+        starts = deque(range(0, every, self.options.wave_rays))  # its `popleft` is safe between threads
+        times: list[dict[str, float]] = [{} for _ in range(self.rays.threads)]
+
+        def work(query: Query) -> None:
+            while not stop():
+                try:
+                    first = starts.popleft()
+                except IndexError:
+                    return
+                count = min(self.options.wave_rays, every - first)
+                if not self._add_wave(first, count, pixels, query, times[query.worker]):
+                    raise self._not_finite(first, count)
+
+        self.rays.run(work)
+        for of_worker in times:
+            for stage, seconds in of_worker.items():
+                stages[stage] = stages.get(stage, 0.0) + seconds / self.rays.threads
+        return not starts
+
+    def _not_finite(self, first: int, count: int) -> AtraError:
+        sums = self._sums[:, first : first + count]
+        plane, pixel = np.argwhere(~np.isfinite(sums))[0].tolist()
+        y, x = divmod(first + pixel, self.camera.width)
+        return AtraError(
+            f"sample {self.samples} of pixel ({x}, {y}) is {sums[plane, pixel]}, expected a finite number; "
+            "look for texels beyond 1e30 in the sky, and report this if there are none"
+        )
+
+    def update(self, *, scene: RenderScene | None = None, camera: View | None = None, **changes: Any) -> None:
+        """Go on with another scene of the same mesh, another camera, or other options.
+
+        Samples stay where their sums would be the same (`HybridRenderer`: powers and colours of lights, power of the
+        sky); otherwise it starts anew with none. A camera takes a new plan and build of the tracer, unless that can
+        `look`. Raises InputError for another mesh, and for options that the scene was built with.
+        """
+        with self._lock:
+            fixed = sorted(self.options.built_with & changes.keys())
+            if fixed:
+                raise InputError(f"{fixed[0]} is what the scene was built with; make a new {type(self).__name__}")
+            options = self.options_type.of(type(self).__name__, self.options, changes)
+            if scene is not None and scene.mesh is not self.scene.mesh:
+                raise InputError(f"the scene has another mesh; make a new {type(self).__name__}")
+            has_other_sums = scene is not None and not self._same_sums(scene)
+            moves = camera is not None and camera != self.camera
+            if camera is not None and moves:
+                self._look(camera)
+            restarts = moves or has_other_sums or options != self.options
+            self.options = options
+            self.scene = scene or self.scene
+            if has_other_sums and self._is_built:
+                self._surfaces = self._tables()
+            if restarts:
+                self._start_film()
+
+    def _look(self, camera: View) -> None:
+        if isinstance(self._tracer, RasterTracer):
+            self._tracer.look(camera)
+        else:
+            tracer = self._primary(self.scene.mesh, camera)
+            try:
+                if self._is_built:
+                    tracer.plan()
+                    tracer.build()
+            except BaseException:
+                tracer.close()
+                raise
+            self._tracer.close()
+            self._tracer = tracer
+        self.camera = camera
+
+    @property
+    def image(self) -> NDArray[np.float32]:
+        """(H, W, 3) float32, linear RGB, the mean of the samples. Raises InputError where there is none yet."""
+        with self._lock:
+            self._check_samples()
+            return self._as_image(self._mean())
+
+    def _check_samples(self) -> None:
+        if not self.samples:
+            raise InputError("there is no sample yet, expected at least one; call add(1) first")
+
+    def _as_image(self, planes: NDArray[np.float64]) -> NDArray[np.float32]:
+        shape = self.camera.height, self.camera.width, *planes.shape[:-1]
+        return np.moveaxis(planes, -1, 0).reshape(shape).astype(np.float32)
+
+    def save(self, path: Path | str) -> None:
+        """Write the picture: `.png` in sRGB, 8 bits, or `.exr` in linear RGB with depth Z, normal N and prim_id of the
+        pixels' centres, 32 bits. Raises InputError for another suffix and where there is no sample yet; StorageError.
+        """
+        with self._lock:
+            image = self.image
+            with self._tracing():
+                save_picture(Path(path), image, lambda: self._tracer.trace(CENTRE))
+
+    def _release(self) -> None:
+        self._tracer.close()
+        self.rays.close()
+
+
+def _never() -> bool:
+    return False
+
+
+def unlike_but_for(one: object, other: object, *names: str) -> bool:
+    """Whether two frozen values differ in more than these of their fields."""
+    if type(one) is not type(other):
+        return True
+    return one != replace(other, **{name: getattr(one, name) for name in names})  # type: ignore[type-var]
+
+
+def _flat(prim_id: NDArray[np.uint32]) -> tuple[NDArray[np.uint32], int]:
+    """The memory of an image as one row, and the pixels from one row of the image to the next."""
+    stride = prim_id.strides[0] // 4
+    length = (prim_id.shape[0] - 1) * stride + prim_id.shape[1]
+    return np.lib.stride_tricks.as_strided(prim_id, (length,), (4,)), stride
+
+
+def _pixel_rays(camera: View, offset: tuple[float, float]) -> NDArray[np.float64]:
+    """(6, 3) float64, `lines` of `Pixels`: rays are linear in the pixel's place."""
+    origins, directions = camera.rays(np.array([0, 1, 0]), np.array([0, 0, 1]), offset)
+    origins, directions = origins @ camera.axes + camera.eye, directions @ camera.axes
+    steps = [values[k] - values[0] for k in (1, 2) for values in (origins, directions)]
+    return np.array([origins[0], directions[0], *steps])

@@ -1,0 +1,105 @@
+"""Tables of a scene, as kernels read them."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from atra.geometry.mesh import Mesh
+from atra.kernels.shading import surface
+from atra.kernels.shading.surface import Surfaces
+from atra.render.materials import Checker, Dielectric, Emissive, Image, Lambertian, Material, Metal
+from atra.render.scene import RenderScene
+from atra.render.sky import GradientSky, Sky
+
+START_OFF = 2.0**-20
+"""How far rays start off a triangle, of the largest coordinate of its corners: sixteen roundings of float32."""
+
+_KINDS = {
+    Lambertian: surface.LAMBERTIAN, Metal: surface.METAL, Dielectric: surface.DIELECTRIC, Emissive: surface.EMISSIVE
+}  # fmt: skip
+
+
+def surfaces_of(scene: RenderScene, sky_power: float, start_off: float | None) -> Surfaces:
+    """The tables of a scene, its sky `sky_power` times as bright as its colours say.
+
+    start_off: how far rays start off a triangle; None: by the size of its coordinates.
+    """
+    materials, texels = _materials(tuple(scene.materials))
+    sky, panorama = _sky(scene.sky, sky_power)
+    mesh, numbers = scene.mesh, np.asarray(scene.face_materials)
+    none = np.zeros((0, 3), np.float32), np.zeros((0, 2), np.float32)
+    arrays = (
+        _records(mesh, numbers, start_off),
+        (materials[:, surface.KIND] == surface.EMISSIVE)[numbers],
+        mesh.vertices,
+        mesh.faces,
+        none[0] if scene.normals is None else _unit_rows(scene.normals),
+        none[1] if scene.uv is None else scene.uv,
+        materials,
+        texels,
+        sky,
+        panorama,
+    )
+    return Surfaces(*(_read_only(array) for array in arrays))
+
+
+def _read_only(array: NDArray) -> NDArray:
+    """Numba compiles anew for an array that may be written to: all are of one kind."""
+    view = array.view()
+    view.setflags(write=False)
+    return view
+
+
+def _records(mesh: Mesh, face_materials: NDArray[np.int32], start_off: float | None) -> NDArray[np.float64]:
+    corners = [mesh.vertices[mesh.faces[:, corner]].astype(np.float64) for corner in range(3)]
+    normals = np.cross(corners[1] - corners[0], corners[2] - corners[0])
+    length = np.linalg.norm(normals, axis=1)
+    normals /= np.where(length > 0.0, length, 1.0)[:, None]
+    records = np.zeros((mesh.triangle_count, surface.RECORD_WORDS))
+    records[:, :3] = normals
+    records[:, 3] = np.einsum("fi,fi->f", normals, corners[0])
+    records[:, 4] = START_OFF * np.abs(corners).max(axis=(0, 2)) if start_off is None else start_off
+    records[:, 5] = face_materials
+    return records
+
+
+def _materials(materials: tuple[Material, ...]) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
+    rows = np.zeros((len(materials), surface.MATERIAL_WORDS))
+    images: list[NDArray[np.float32]] = []
+    for row, material in zip(rows, materials, strict=True):
+        row[surface.KIND] = _KINDS[type(material)]
+        colour = getattr(material, "colour", (1.0, 1.0, 1.0))
+        if isinstance(colour, Checker):
+            row[surface.TEXTURE], row[surface.SCALE] = surface.CHECKER, colour.scale
+            row[surface.COLOUR : surface.COLOUR + 3] = colour.first
+            row[surface.SECOND : surface.SECOND + 3] = colour.second
+        elif isinstance(colour, Image):
+            row[surface.TEXTURE] = surface.IMAGE
+            row[surface.FIRST_TEXEL] = sum(map(len, images))
+            row[surface.TEXELS_Y], row[surface.TEXELS_X] = colour.texels.shape[:2]
+            images.append(colour.texels.reshape(-1, 3))
+        else:
+            row[surface.COLOUR : surface.COLOUR + 3] = colour
+        if isinstance(material, Metal):
+            row[surface.PARAMETER] = material.fuzz
+        elif isinstance(material, Dielectric):
+            row[surface.PARAMETER], row[surface.VARIANT] = material.ior, material.fresnel == "schlick"
+        elif isinstance(material, Lambertian):
+            row[surface.VARIANT] = material.directions == "uniform"
+    return rows, np.concatenate([np.zeros((0, 3), np.float32), *images])
+
+
+def _sky(sky: Sky, power: float) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    row = np.zeros(surface.SKY_WORDS, np.float32)
+    if isinstance(sky, GradientSky):
+        row[0], row[1:4], row[4:7] = surface.GRADIENT, np.multiply(power, sky.below), np.multiply(power, sky.above)
+        return row, np.zeros((1, 1, 3), np.float32)
+    row[0] = surface.PANORAMA
+    with np.errstate(over="ignore"):  # light beyond float32 is reported where a ray meets it
+        return row, sky.texels * np.float32(power)
+
+
+def _unit_rows(normals: NDArray[np.float32]) -> NDArray[np.float32]:
+    exact = normals.astype(np.float64)
+    return (exact / np.linalg.norm(exact, axis=1, keepdims=True)).astype(np.float32)

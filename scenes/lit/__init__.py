@@ -1,0 +1,1 @@
+"""Scenes with materials and lights, made by code, for whole pictures."""

@@ -1,0 +1,76 @@
+"""Scenes of few triangles for the tests of pictures, and the means they are compared by."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import atra
+from atra import render
+from scenes.lit.weekend import outwards
+from scenes.shapes import ball, join
+from tests.meshes import quads
+
+BLACK = render.constant_sky(0.0)
+
+
+def floor(half: float = 50.0, height: float = 0.0) -> list[tuple[float, float, float]]:
+    """Corners of a square whose front faces up."""
+    return [(-half, height, half), (half, height, half), (half, height, -half), (-half, height, -half)]
+
+
+def down(size: int, eye: tuple[float, float, float] = (0, 4, 0), fov: float = 40.0, height: int = 0) -> atra.Camera:
+    """Looks straight down: +x is to the right, -z up."""
+    return atra.Camera(eye, (eye[0], eye[1] - 1, eye[2]), (0, 0, -1), fov, size, height or size)
+
+
+def floor_points(camera: atra.Camera) -> NDArray[np.float64]:
+    """(H, W, 3): where the rays through the pixels' centres meet the floor at height 0."""
+    y, x = np.mgrid[: camera.height, : camera.width]
+    origins, directions = camera.rays(x, y)
+    directions = directions @ camera.axes
+    return camera.eye - directions * (camera.eye[1] / directions[..., 1:2]) + origins
+
+
+def sphere(material: Any, sky: render.GradientSky, smooth: bool = True, segments: int = 24) -> render.RenderScene:
+    part = outwards(ball(1.0, segments, segments // 2))
+    normals = part.vertices if smooth else None
+    return render.RenderScene(part.to_mesh("sphere"), [material], sky=sky, normals=normals)
+
+
+def room(material: Any, sky: render.GradientSky = BLACK) -> render.RenderScene:
+    """A closed box of two units around the origin, fronts inward."""
+    corners = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], float)
+    sides = [(0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (1, 3, 7, 5)]
+    return render.RenderScene(quads([[tuple(corners[k]) for k in side] for side in sides]), [material], sky=sky)
+
+
+def hybrid(scene: render.RenderScene, camera: atra.Camera, samples: int, **options: Any) -> render.HybridRenderer:
+    """A renderer with so many samples, closed."""
+    with render.HybridRenderer(scene, camera, **({"threads": 1, "jitter": "off"} | options)) as renderer:
+        renderer.add(samples)
+    return renderer
+
+
+def traced(scene: render.RenderScene, camera: atra.Camera, samples: int, **options: Any) -> NDArray[np.float32]:
+    """The picture of so many samples of paths."""
+    with render.PathRenderer(scene, camera, **({"threads": 1} | options)) as renderer:
+        renderer.add(samples)
+        return renderer.image
+
+
+def batches(scene: render.RenderScene, camera: atra.Camera, count: int, samples: int, **options: Any) -> NDArray[Any]:
+    """(count, H, W, 3): pictures of `samples` samples each, all different."""
+    pictures, before = [], 0.0
+    with render.PathRenderer(scene, camera, **({"threads": 1} | options)) as renderer:
+        for number in range(1, count + 1):
+            renderer.add(samples)
+            so_far = renderer.image.astype(np.float64) * number
+            pictures.append(so_far - before)
+            before = so_far
+    return np.array(pictures)
+
+
+__all__ = ["BLACK", "batches", "down", "floor", "floor_points", "hybrid", "join", "room", "sphere", "traced"]
