@@ -17,7 +17,7 @@ from atra.kernels.intrinsics import fetch_add
 from atra.kernels.raster.clusters import CLUSTER
 from atra.kernels.raster.culling import find_farthest, forget_tiles, is_hidden
 from atra.kernels.raster.image import CACHE_LINE, Band, band_stride
-from atra.kernels.raster.memory import fetch, floats_at, identities_at, integers_at, load, store
+from atra.kernels.raster.memory import fetch, floats_at, identities_at, integers_at, load, store, stream
 from atra.kernels.raster.narrow import draw_narrow
 from atra.kernels.raster.spans import draw_spans
 from atra.kernels.raster.triangles import BATCH, LEFT, LIST_ROOM, RIGHT, list_triangles, project_vertices, set_up
@@ -46,14 +46,20 @@ def _finish(lanes, parallel, nothing, band, image):  # type: ignore[no-untyped-d
     zero, one = repeated(np.float32(0.0), lanes), repeated(np.float32(1.0), lanes)
     farthest, none = repeated(nothing, lanes), repeated(np.uint32(MISS), lanes)
     whole = image.width // lanes * lanes
+    is_aligned = (image.depth | image.prim_id | image.width * 4) % (lanes * 4) == 0
     for y in range(band.top, band.bottom + 1):
         nearness = band.nearness + (y - band.top) * band.stride * 4
         prim_id = band.prim_id + (y - band.top) * band.stride * 4
         target = y * image.width * 4
         for x in range(0, whole * 4, lanes * 4):
             found, prim_ids = load(nearness + x, np.float32(0.0), lanes), load(prim_id + x, np.uint32(0), lanes)
-            store(zero - found if parallel else one / found, image.depth + target + x)
-            store(prim_ids, image.prim_id + target + x)
+            depths = zero - found if parallel else one / found
+            if is_aligned:
+                stream(depths, image.depth + target + x)
+                stream(prim_ids, image.prim_id + target + x)
+            else:
+                store(depths, image.depth + target + x)
+                store(prim_ids, image.prim_id + target + x)
             store(farthest, nearness + x)
             store(none, prim_id + x)
         for x in range(whole, image.width):

@@ -105,6 +105,19 @@ def store(typingctx: Any, vector: Any, address: Any) -> Any:
 
 
 @intrinsic
+def stream(typingctx: Any, vector: Any, address: Any) -> Any:
+    """Store all lanes past the caches, at an address that is a multiple of the vector's bytes."""
+
+    def codegen(context: Any, builder: ir.IRBuilder, signature: Any, values: list[ir.Value]) -> ir.Value:
+        stored = builder.store(values[0], _pointer(builder, values[1], values[0].type))
+        stored.align = vector.lanes * vector.element.bitwidth // 8
+        stored.set_metadata("nontemporal", builder.module.add_metadata([_I32(1)]))
+        return context.get_dummy_value()
+
+    return types.void(vector, types.int64), codegen
+
+
+@intrinsic
 def store_where(typingctx: Any, mask: Any, vector: Any, address: Any) -> Any:
     """Store the lanes of a mask at an address, of 4-byte numbers, any alignment; the others stay."""
 
