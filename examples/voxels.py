@@ -43,7 +43,8 @@ class Voxels:
     @property
     def centres(self) -> NDArray[np.float64]:
         """(X, Y, Z, 3), scene units."""
-        return (np.moveaxis(np.indices(self.cells.shape), 0, -1) + self.low) * self.pitch
+        numbers = np.moveaxis(np.indices(self.cells.shape), 0, -1) + self.low
+        return numbers.astype(np.float64) * self.pitch
 
 
 def pitch_of(mesh: atra.Mesh, cells: int) -> float:
