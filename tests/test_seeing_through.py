@@ -134,6 +134,8 @@ def test_trimesh_s_voxels_are_compared_cell_by_cell(tmp_path: Path, capsys: pyte
     assert "parallel rays" in told
     assert "0 wrong by closed form" in told
     assert told.count("odd columns: 0") == 2
+    ball, (_, theirs) = solids.ball(), found["ball"]
+    assert voxels.wrong_cells(theirs, ball) > 0 == voxels.wrong_cells(theirs, ball, near=theirs.pitch)
     assert size_of(tmp_path / "voxels.png") == (64, 48)
 
 
