@@ -49,6 +49,10 @@ SWEEPS = {
     "stereo": (["method.split_x=4", "measure.processes=3"], {"stereo"}),
     "multiframe": (["workload.frames=2", "method.split_x=4"], {"multiframe"}),
     "surface": (["method.split_x=4"], set()),
+    "gather": (
+        ["method.split_x=4", "method.packet_width=null", "workload.what=count,layers"],
+        {"gather", FIGURE5[1].replace("figure5", "figure5_gather")},
+    ),
     "planner": (["scene.view=aside,wide"], {"planner"}),
 }
 PARTS_OF_SMOKE = {"horizontal", "vertical", "grid", "build", "memory", "scenes", "paper"}

@@ -5,7 +5,6 @@ from __future__ import annotations
 import pandas as pd
 
 from experiments.methods import find_method
-from experiments.workloads.frame.best_baseline import best_baselines
 from experiments.workloads.frame.break_even import baseline_costs, break_even_frames, cost_of
 from tests.quotations.quotation import (
     SCENES,
@@ -26,7 +25,7 @@ _COMPARED = ("raster", "visible_first", "aligned", "tiles")
 
 def frames_of_each_method(kept: Kept) -> Quoted:
     """Scene, triangles, packets in ms, and over packets: aligned, visible-first, from which frame on, raster."""
-    table, rows = kept.points, []
+    table, rows = of(kept.points, workload="frame"), []
     for scene in SCENES:
         aligned, visible_first, raster = (
             best(table, scene=scene, method=name) for name in ("aligned", "visible_first", "raster")
@@ -49,9 +48,9 @@ def frames_of_each_method(kept: Kept) -> Quoted:
 
 
 def methods_in_detail(kept: Kept) -> Quoted:
-    rows = []
+    table, rows = of(kept.points, workload="frame"), []
     for name in _COMPARED:
-        chosen = [best(kept.points, scene=scene, method=name) for scene in SCENES]
+        chosen = [best(table, scene=scene, method=name) for scene in SCENES]
         splits = ["" if pd.isna(row["split_x"]) else f" ({split_of(row)})" for row in chosen]
         gains = (digits(row["speedup_vs_packets"]) + split for row, split in zip(chosen, splits, strict=True))
         rows.append(table_row(f"{find_method(name).label}, {TIMES} packets", *gains))
@@ -63,43 +62,25 @@ def methods_in_detail(kept: Kept) -> Quoted:
     return Quoted(rows=tuple(rows))
 
 
-def best_packets(kept: Kept) -> Quoted:
-    rows = []
-    for one in best_baselines(kept.processes):
-        said = "more than noise" if one.is_faster else "no more than noise"
-        margin = "too few processes" if one.margin is None else f"{one.margin}"
-        rows.append(table_row(f"`{one.scene}`", one.tried, one.name, margin, said))
-    return Quoted(rows=tuple(rows))
-
-
-def place_of_the_reference_rays(kept: Kept) -> Quoted:
-    """Time with the paper's place over time with ours, by split, packets and culling."""
-    table = of(kept.points, workload="frame")
-    rows = []
-    for width, culling, split in (
-        (width, culling, split)
-        for width in sorted(table["packet_width"].unique())
-        for culling in (True, False)
-        for split in sorted(table["split_x"].unique())
-        if split > 1
-    ):
-        ratios = []
-        for scene in SCENES:
-            ours, first = (
-                of(table, scene=scene, split_x=split, culling=culling, packet_width=width, reference=place)["speedup"]
-                for place in ("off_axis", "first_cell")
-            )
-            ratios.append(digits(ours.item() / first.item()) if len(ours) and len(first) else "not measured")
-        rays = "single rays" if width == 1 else f"packets of {width}"
-        rows.append(table_row(f"{split} {TIMES} 1, {rays}, culling {'on' if culling else 'off'}", *ratios))
+def moving_cameras(kept: Kept) -> Quoted:
+    """Over packets that build anew for every eye, and over those that keep a BVH in world space."""
+    table, rows = of(kept.points, workload="moving"), []
+    for name in ("raster", "visible_first", "aligned"):
+        chosen = [best(table, scene=scene, method=name) for scene in SCENES]
+        label = find_method(name).label
+        rebuilt = (digits(row["speedup_vs_packets"]) for row in chosen)
+        rows.append(table_row(f"{label}, {TIMES} packets built anew", *rebuilt))
+        over_kept = (digits(row["speedup_vs_kept_packets"]) for row in chosen)
+        rows.append(table_row(f"{label}, {TIMES} packets over a kept BVH", *over_kept))
     return Quoted(rows=tuple(rows))
 
 
 def other_tracers(kept: Kept) -> Quoted:
     """Over rtcIntersect1 in the same rounds, and wrong pixels."""
     rows = []
-    for method in kept.points["method"].unique():
-        of_scenes = [of(kept.points, scene=scene, method=method) for scene in SCENES]
+    table = of(kept.points, workload="frame")
+    for method in table["method"].unique():
+        of_scenes = [of(table, scene=scene, method=method) for scene in SCENES]
         cells = ["not measured" if one.empty else digits(one["speedup"].item()) for one in of_scenes]
         wrong = [0 if one.empty else int(one["pixels_wrong"].item()) for one in of_scenes]
         rows.append(table_row(find_method(method).label, *cells, f"{sum(wrong):,}"))
@@ -114,68 +95,4 @@ def two_threads(kept: Kept) -> Quoted:
             one, two = (of(kept.points, scene=scene, method=method, threads=threads) for threads in (1, 2))
             ratios.append(digits(one["render_time_s"].item() / two["render_time_s"].item()))
         rows.append(table_row(find_method(method).label, *ratios))
-    return Quoted(rows=tuple(rows))
-
-
-def surfaces(kept: Kept) -> Quoted:
-    rows = []
-    for method in kept.points["method"].unique():
-        chosen = [best_surface(kept.points, scene, method) for scene in SCENES]
-        label = find_method(method).label
-        asked = (interval(row, "surface_over_frame") for row in chosen)
-        rows.append(table_row(f"{label}: a frame with `u`, `v` and normals ÷ without", *asked))
-        gains = (interval(row, "speedup_vs_packets_with_surface") for row in chosen)
-        rows.append(table_row(f"{label}: {TIMES} packets that store them", *gains))
-    return Quoted(rows=tuple(rows))
-
-
-def best_surface(table: pd.DataFrame, scene: str, method: str) -> pd.Series:
-    rows = of(table, scene=scene, method=method)
-    return rows.loc[rows["speedup_vs_packets_with_surface"].idxmax()]
-
-
-def two_eyes(kept: Kept) -> Quoted:
-    rows = []
-    for scene in SCENES:
-        row = best(kept.points, scene=scene)
-        ratios = ("speedup_vs_separate", "speedup_vs_visible_first", "speedup_vs_packets")
-        rows.append(
-            table_row(
-                f"`{scene}`, {split_of(row)}",
-                milliseconds(row["render_time_s"]),
-                *(interval(row, name) for name in ratios),
-            )
-        )
-    return Quoted(rows=tuple(rows))
-
-
-def several_frames(kept: Kept) -> Quoted:
-    """Over each frame aligned alone / visible-first / packets."""
-    rows = []
-    for motion in ("walk", "turn"):
-        for scene in SCENES:
-            cells = []
-            for frames in (2, 4, 8):
-                row = best(kept.points, scene=scene, motion=motion, frames=frames)
-                names = ("speedup_vs_separate", "speedup_vs_visible_first", "speedup_vs_packets")
-                cells.append(" / ".join(digits(row[name]) for name in names))
-            rows.append(table_row(f"`{scene}`, {motion}", *cells))
-    return Quoted(rows=tuple(rows))
-
-
-def regret(kept: Kept) -> Quoted:
-    rows = []
-    measured = of(kept.points)
-    for scene, of_scene in measured.groupby("scene", sort=False):
-        pays = of_scene["pays_from_frames"]
-        rows.append(
-            table_row(
-                f"`{scene}`",
-                len(of_scene),
-                *(digits(of_scene["regret"].agg(name)) for name in ("median", "max")),
-                *(digits(of_scene["regret_with_planning"].agg(name)) for name in ("median", "max")),
-                digits(of_scene["packets_regret"].median()),
-                f"{pays.median():,.0f}" if pays.notna().all() else f"{pays.notna().sum()} of {len(pays)} ever do",
-            )
-        )
     return Quoted(rows=tuple(rows))

@@ -20,7 +20,6 @@ _RATIOS = {
     "visible-\nfirst": "speedup_vs_visible_first",
     "raster-\niser": "speedup_vs_rasteriser",
     "packets": "speedup_vs_packets",
-    "single\nrays": "speedup",
 }
 
 
