@@ -31,11 +31,11 @@ SWEEPS = {
         {"figure3", "figure4", *FIGURE5, "figure5_vertical", "figure6", "figure7", "figure7_instancing"},
     ),
     "methods": (
-        ["method.split_x=1,4", "method.split_y=1"],
+        ["method.split_x=4", "method.split_y=1"],
         {"methods", "break_even", "moving"},
     ),
-    "baselines": (["method.packet_width=4", "method.packet_rows=null,1"], {"rates"}),
-    "reference_rays": (["method.split_x=1,4"], set(FIGURE5)),
+    "baselines": (["method.packet_width=4", "method.packet_rows=null"], {"rates"}),
+    "reference_rays": (["method.split_x=1,4", "method.culling=true"], set(FIGURE5)),
     "threads": ([], {"threads"}),
     "peers": ([], {"peers", "agreement", *WRONG}),
     "growth": (
@@ -51,7 +51,7 @@ SWEEPS = {
     "surface": (["method.split_x=4"], set()),
     "gather": (
         ["method.split_x=4", "method.packet_width=null", "workload.what=count,layers"],
-        {"gather", FIGURE5[1].replace("figure5", "figure5_gather")},
+        {"gather", "figure5_gather"},
     ),
     "planner": (["scene.view=aside,wide"], {"planner"}),
 }
