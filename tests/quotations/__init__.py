@@ -13,8 +13,6 @@ QUOTATIONS = (
     Quotation("README.md", "methods", methods.frames_of_each_method),
     Quotation("docs/methods.md", "methods", methods.methods_in_detail),
     Quotation("docs/methods.md", "methods", methods.moving_cameras),
-    Quotation("docs/methods.md", "peers", methods.other_tracers),
-    Quotation("docs/methods.md", "threads", methods.two_threads),
     Quotation("docs/methods.md", "paper", paper.instances),
     Quotation("docs/paper.md", "paper", paper.paper_speedups),
     Quotation("docs/paper.md", "paper", paper.over_all_hits),
@@ -22,4 +20,5 @@ QUOTATIONS = (
     Quotation("docs/paper.md", "paper", paper.claim_verdicts),
     Quotation("docs/trust.md", "agreement", agreement.by_kind),
     Quotation("docs/trust.md", "agreement", agreement.in_all),
+    Quotation("docs/trust.md", "agreement_raster", agreement.of_the_rasteriser),
 )

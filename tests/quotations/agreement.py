@@ -68,3 +68,17 @@ def in_all(kept: Kept) -> Quoted:
             f"Sponza's ties are {by_scene.loc['sponza', 'pixels_tied']:.0f}",
         )
     )
+
+
+def of_the_rasteriser(kept: Kept) -> Quoted:
+    totals = kept.points.sum(numeric_only=True)
+    pixels = kept.points.filter(regex="^pixels_").to_numpy().sum() / 1e6
+    own, single = (f"{totals[name]:.0f}" for name in ("method_wrong", "baseline_wrong"))
+    return Quoted(
+        phrases=(
+            f"{totals['images']:.0f} images, {pixels:.0f} million pixels: *wrong* is {totals['pixels_wrong']:.0f}",
+            f"where they differ, float64 finds the rasteriser wrong at {own} and `rtcIntersect1` at {single}",
+            f"{power_of_ten(kept.points['depth_error_max'].max())}, of `rtcIntersect1` "
+            f"{power_of_ten(kept.points['baseline_depth_error_max'].max())}",
+        )
+    )

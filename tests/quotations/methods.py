@@ -73,26 +73,3 @@ def moving_cameras(kept: Kept) -> Quoted:
         over_kept = (digits(row["speedup_vs_kept_packets"]) for row in chosen)
         rows.append(table_row(f"{label}, {TIMES} packets over a kept BVH", *over_kept))
     return Quoted(rows=tuple(rows))
-
-
-def other_tracers(kept: Kept) -> Quoted:
-    """Over rtcIntersect1 in the same rounds, and wrong pixels."""
-    rows = []
-    table = of(kept.points, workload="frame")
-    for method in table["method"].unique():
-        of_scenes = [of(table, scene=scene, method=method) for scene in SCENES]
-        cells = ["not measured" if one.empty else digits(one["speedup"].item()) for one in of_scenes]
-        wrong = [0 if one.empty else int(one["pixels_wrong"].item()) for one in of_scenes]
-        rows.append(table_row(find_method(method).label, *cells, f"{sum(wrong):,}"))
-    return Quoted(rows=tuple(rows))
-
-
-def two_threads(kept: Kept) -> Quoted:
-    rows = []
-    for method in kept.points["method"].unique():
-        ratios = []
-        for scene in SCENES:
-            one, two = (of(kept.points, scene=scene, method=method, threads=threads) for threads in (1, 2))
-            ratios.append(digits(one["render_time_s"].item() / two["render_time_s"].item()))
-        rows.append(table_row(find_method(method).label, *ratios))
-    return Quoted(rows=tuple(rows))
