@@ -22,9 +22,9 @@ READ_IN_TABLES = ("README.md", "docs/paper.md", "docs/trust.md", "docs/methods.m
 MEASURED = re.compile(r"\d[\d.,]*\s?(?:ms|[μ\u00b5]s|ns|KiB|MiB|GiB|%|times)(?!\w)")
 NOT_MEASURED = {
     "README.md": {"95 %", "7.50 times"},  # the paper's
-    "docs/paper.md": {"95 %"},
+    "docs/paper.md": {"95 %", "4 GiB"},  # a limit
     "docs/methods.md": {"10 %", "2 %", "0.1 ms"},  # rules of the planner
-    "docs/trust.md": {"95 %", "90 %", "5 %", "2 %", "1.4 %", "512 MiB"},  # simulated by test_estimates; a limit
+    "docs/trust.md": {"95 %", "90 %", "5 %", "10 %", "2 %", "1.4 %", "512 MiB"},  # simulated by test_estimates; a limit
 }
 """Numbers with a unit that are settings, or that a test computes."""
 

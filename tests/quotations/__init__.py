@@ -12,7 +12,6 @@ from tests.quotations.quotation import Quotation
 QUOTATIONS = (
     Quotation("README.md", "methods", methods.frames_of_each_method),
     Quotation("docs/methods.md", "methods", methods.methods_in_detail),
-    Quotation("docs/methods.md", "methods", methods.moving_cameras),
     Quotation("docs/methods.md", "paper", paper.instances),
     Quotation("docs/paper.md", "paper", paper.paper_speedups),
     Quotation("docs/paper.md", "paper", paper.over_all_hits),

@@ -4,7 +4,7 @@ from tests.quotations import QUOTATIONS
 from tests.quotations.quotation import ROOT, with_rows
 
 for quotation in QUOTATIONS:
-    if not quotation.folder.exists():
+    if not (quotation.folder / "table.parquet").exists():
         print(f"\n{quotation.page}: no table of sweep={quotation.sweep} is kept, so {quotation.name} stays as it is")
         continue
     quoted = quotation.quoted()

@@ -52,7 +52,7 @@ def by_kind(kept: Kept) -> Quoted:
 def in_all(kept: Kept) -> Quoted:
     table = kept.points
     totals, by_scene = table.sum(numeric_only=True), sums(table, ["scene"])
-    errors = {scene: f"{row['method_wrong']:,} : {row['baseline_wrong']:,}" for scene, row in by_scene.iterrows()}
+    errors = {scene: f"{row['method_wrong']:,.0f} : {row['baseline_wrong']:,.0f}" for scene, row in by_scene.iterrows()}
     depths = table["depth_error_max"] / table["baseline_depth_error_max"]
     pixels = table.filter(regex="^pixels_").to_numpy().sum()
     names = [*SCENES, *(name for name in errors if name not in SCENES)]
@@ -72,7 +72,7 @@ def in_all(kept: Kept) -> Quoted:
 
 def of_the_rasteriser(kept: Kept) -> Quoted:
     totals = kept.points.sum(numeric_only=True)
-    pixels = kept.points.filter(regex="^pixels_").to_numpy().sum() / 1e6
+    pixels = kept.points.filter(regex="^pixels_").sum().sum() / 1e6
     own, single = (f"{totals[name]:.0f}" for name in ("method_wrong", "baseline_wrong"))
     return Quoted(
         phrases=(

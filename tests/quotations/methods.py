@@ -20,7 +20,7 @@ from tests.quotations.quotation import (
     table_row,
 )
 
-_COMPARED = ("raster", "visible_first", "aligned", "tiles")
+_COMPARED = ("raster", "visible_first", "aligned")
 
 
 def frames_of_each_method(kept: Kept) -> Quoted:
@@ -59,17 +59,4 @@ def methods_in_detail(kept: Kept) -> Quoted:
                 f"{find_method(name).label}, {TIMES} `rtcIntersect1`", *(digits(row["speedup"]) for row in chosen)
             )
         )
-    return Quoted(rows=tuple(rows))
-
-
-def moving_cameras(kept: Kept) -> Quoted:
-    """Over packets that build anew for every eye, and over those that keep a BVH in world space."""
-    table, rows = of(kept.points, workload="moving"), []
-    for name in ("raster", "visible_first", "aligned"):
-        chosen = [best(table, scene=scene, method=name) for scene in SCENES]
-        label = find_method(name).label
-        rebuilt = (digits(row["speedup_vs_packets"]) for row in chosen)
-        rows.append(table_row(f"{label}, {TIMES} packets built anew", *rebuilt))
-        over_kept = (digits(row["speedup_vs_kept_packets"]) for row in chosen)
-        rows.append(table_row(f"{label}, {TIMES} packets over a kept BVH", *over_kept))
     return Quoted(rows=tuple(rows))
