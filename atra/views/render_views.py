@@ -153,16 +153,13 @@ def trace_view(where: SharedMesh, parcel: bytes | None, camera: View, job: _Job)
             tracer.plan()
             tracer.build()
         else:
-            tracer.look(camera)  # type: ignore[attr-defined]
+            tracer.look(camera)
         hits = tracer.trace(offset)
     except BaseException:
         if tracer is not None:
             tracer.close()
         raise
-    if hasattr(tracer, "look"):  # the next view's, too
-        stage.put(tracer)
-    else:
-        tracer.close()
+    stage.put(tracer)  # the next view's, too
     return hits.depth, hits.prim_id
 
 

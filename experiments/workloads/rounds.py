@@ -23,6 +23,7 @@ from experiments.harness.rounds import RoundSamples, measure_rounds
 from experiments.methods import find_method
 from experiments.methods.cells import two_cells
 from experiments.methods.pixel import PixelOptions, make_pixel
+from experiments.workloads.baselines import OWN, PACKETS, SINGLE
 from experiments.workloads.workload import Measured, make_own
 from scenes.loading import SceneSource, load_scene
 
@@ -107,6 +108,25 @@ def warm_up(
     for make in makers:
         with make(mesh, camera) as tracer:
             use(tracer)
+
+
+def own_and_baselines(point: Point) -> list[MakeTracer]:
+    """What makes the point's own method, single rays, and packets of every width an expert would try."""
+    widths = 1, *expert_packet_widths()
+    return [
+        lambda mesh, view: make_own(point, mesh, view),
+        *(lambda mesh, view, width=width: make_single(point, mesh, view, width) for width in widths),
+    ]
+
+
+def build_with_baselines(point: Point, stack: ExitStack) -> tuple[dict[str, Any], dict[str, Any]]:
+    """As `build_own`, and then the baselines: the tracers by the names of their samples, and the results."""
+    own, results = build_own(point, stack)
+    tracers = {OWN: own, SINGLE: stack.enter_context(make_single(point, own.mesh, own.camera))}
+    for width in expert_packet_widths():
+        tracers[PACKETS[width]] = stack.enter_context(make_single(point, own.mesh, own.camera, width))
+    results["baseline_build_time_s"] = float(tracers[SINGLE].build_time_s)
+    return tracers, results
 
 
 def shrunk(point: Point) -> Point:

@@ -9,14 +9,14 @@ from atra.geometry.mesh import Mesh
 from atra.judge.compare import compare
 from atra.tracers import Tracer
 from experiments.harness.point import Point
-from experiments.workloads.baselines import OWN, PACKETS, SINGLE
+from experiments.workloads.baselines import OWN, SINGLE
 from experiments.workloads.images import counts, depth_errors
 from experiments.workloads.rounds import (
     Frames,
-    build_own,
+    build_with_baselines,
     expert_packet_widths,
-    make_single,
     measured,
+    own_and_baselines,
     plan_and_build_again,
     shrunk,
     timed_rounds,
@@ -41,21 +41,10 @@ def make(point: Point, mesh: Mesh) -> Tracer:
 def measure(point: Point) -> Measured:
     """Build the point's own method, read the memory, time it against the baselines round by round, and plan and build
     it again for more samples of these. Raises InputError and MemoryBudgetError as the tracers do."""
-    small = shrunk(point)
-    packets = expert_packet_widths()
-    warm_up(
-        point,
-        [
-            lambda mesh, view: make_own(small, mesh, view),
-            *(lambda mesh, view, width=width: make_single(small, mesh, view, width) for width in (1, *packets)),
-        ],
-    )
+    warm_up(point, own_and_baselines(shrunk(point)))
     with ExitStack() as stack:
-        own, results = build_own(point, stack)
-        tracers = {OWN: own, SINGLE: stack.enter_context(make_single(point, own.mesh, own.camera))}
-        for width in packets:
-            tracers[PACKETS[width]] = stack.enter_context(make_single(point, own.mesh, own.camera, width))
-        results["baseline_build_time_s"] = float(tracers[SINGLE].build_time_s)
+        tracers, results = build_with_baselines(point, stack)
+        own = tracers[OWN]
         images = {name: Frames(tracer) for name, tracer in tracers.items()}
         timed = timed_rounds(point, {name: one.trace for name, one in images.items()})
         agreements = [compare(own.mesh, own.camera, images[OWN].latest(), images[SINGLE].latest())]

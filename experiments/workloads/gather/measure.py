@@ -10,19 +10,18 @@ from numpy.typing import NDArray
 
 from atra.gathering.reductions import Reduction
 from experiments.harness.point import Point
-from experiments.workloads.baselines import OWN, PACKETS, SINGLE
+from experiments.workloads.baselines import OWN, SINGLE
 from experiments.workloads.gather import DIFFERENCES
 from experiments.workloads.rounds import (
-    build_own,
-    expert_packet_widths,
-    make_single,
+    build_with_baselines,
     measured,
+    own_and_baselines,
     plan_and_build_again,
     shrunk,
     timed_rounds,
     warm_up,
 )
-from experiments.workloads.workload import Measured, make_own
+from experiments.workloads.workload import Measured
 
 _EXACT_TO = 1e-5
 """Of the largest number of an image: thicknesses are differences of depths that float32 holds."""
@@ -46,27 +45,14 @@ class Gatherings:
 def measure(point: Point) -> Measured:
     """Build the point's own method, read the memory, and time it against the baselines. Raises InputError and
     MemoryBudgetError as the tracers do, and InputError for a mesh that is not for what is gathered."""
-    small = shrunk(point)
-    what, packets = point.workload_options.reduction, expert_packet_widths()
-    warm_up(
-        point,
-        [
-            lambda mesh, view: make_own(small, mesh, view),
-            *(lambda mesh, view, width=width: make_single(small, mesh, view, width) for width in (1, *packets)),
-        ],
-        lambda tracer: tracer.gather(what),
-        _CLOSED,
-    )
+    what = point.workload_options.reduction
+    warm_up(point, own_and_baselines(shrunk(point)), lambda tracer: tracer.gather(what), _CLOSED)
     with ExitStack() as stack:
-        own, results = build_own(point, stack)
-        tracers = {OWN: own, SINGLE: stack.enter_context(make_single(point, own.mesh, own.camera))}
-        for width in packets:
-            tracers[PACKETS[width]] = stack.enter_context(make_single(point, own.mesh, own.camera, width))
-        results["baseline_build_time_s"] = float(tracers[SINGLE].build_time_s)
+        tracers, results = build_with_baselines(point, stack)
         gatherings = {name: Gatherings(tracer, what) for name, tracer in tracers.items()}
         timed = timed_rounds(point, {name: one.gather for name, one in gatherings.items()})
         results |= differences(gatherings[OWN].latest, gatherings[SINGLE].latest, what)
-        results |= plan_and_build_again(own)
+        results |= plan_and_build_again(tracers[OWN])
     return measured(results, timed)
 
 
