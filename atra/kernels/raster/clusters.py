@@ -43,6 +43,9 @@ _INDEX_BITS = 32
 _PLACE_BITS = 10
 """Of a vertex in its cluster: 3 CLUSTER are at most so many."""
 
+_SPREAD = np.array([int(f"{cell:b}", 8) for cell in range(1 << _CELLS_BITS)], np.uint32)
+"""Each cell's bits, each followed by two of 0: what in base 2 it is, in base 8."""
+
 _CHUNK = 8192
 """Triangles a thread takes at a time."""
 
@@ -138,36 +141,33 @@ def _sorted(keys: NDArray[np.uint64], pool: WorkerPool) -> NDArray[np.uint64]:
 
 
 @njit(inline="always")
-def _spread(number):  # type: ignore[no-untyped-def]
-    """The lowest bits of a number, each followed by two of 0."""
-    number = (number | (number << 16)) & 0x030000FF
-    number = (number | (number << 8)) & 0x0300F00F
-    number = (number | (number << 4)) & 0x030C30C3
-    return (number | (number << 2)) & 0x09249249
+def _exponent(number):  # type: ignore[no-untyped-def]
+    """The power of 2 of a float32 that is not negative, up to a constant."""
+    return np.int64(np.float32(number).view(np.int32) >> 23)
 
 
 @kernel
 def number_triangles(counter_address, vertices, faces, low, scale, keys):  # type: ignore[no-untyped-def]
     """keys (F,) uint64: a triangle's size and place, and below them its number. scale: cells per unit of length."""
-    cells, index_bits = np.float64((1 << _CELLS_BITS) - 1), np.uint64(_INDEX_BITS)
+    cells, index_bits = np.float32((1 << _CELLS_BITS) - 1), np.uint64(_INDEX_BITS)
+    per_length, per_sum, largest = np.float32(scale), np.float32(0.5 * scale), _exponent(cells)
+    x, y, z = np.float32(2.0 * low[0]), np.float32(2.0 * low[1]), np.float32(2.0 * low[2])
     while True:
         start = fetch_add(counter_address, 1) * _CHUNK
         if start >= len(faces):
             return
         for triangle in range(start, min(start + _CHUNK, len(faces))):
             v0, v1, v2 = faces[triangle, 0], faces[triangle, 1], faces[triangle, 2]
-            longest, key = 0.0, 0
-            for axis in range(3):
+            longest, key = np.float32(0.0), np.uint64(0)
+            for axis, twice_low in ((0, x), (1, y), (2, z)):
                 a, b, c = vertices[v0, axis], vertices[v1, axis], vertices[v2, axis]
-                lowest, highest = np.float64(min(a, b, c)), np.float64(max(a, b, c))
+                lowest, highest = min(a, b, c), max(a, b, c)
                 longest = max(longest, highest - lowest)
-                cell = ((lowest + highest) * 0.5 - low[axis]) * scale
-                key |= _spread(int(min(max(cell, 0.0), cells))) << axis
-            size, limit = 0, longest * scale
-            for _ in range((1 << _SIZES_BITS) - 1):
-                size += limit < cells
-                limit *= 4.0
-            keys[triangle] = (np.uint64(key | (size << (3 * _CELLS_BITS))) << index_bits) | np.uint64(triangle)
+                cell = min(max((lowest + highest - twice_low) * per_sum, np.float32(0.0)), cells)
+                key |= np.uint64(_SPREAD[np.uint64(cell)]) << np.uint64(axis)
+            size = min(max((largest - _exponent(longest * per_length) + 1) >> 1, 0), (1 << _SIZES_BITS) - 1)
+            key |= np.uint64(size) << np.uint64(3 * _CELLS_BITS)
+            keys[triangle] = (key << index_bits) | np.uint64(triangle)
 
 
 @kernel
@@ -220,18 +220,23 @@ def gather_corners(counter_address, faces, keys, prim_ids, corners, used, number
         start = cluster * CLUSTER
         if start >= len(keys):
             return
-        count, tag = 0, (cluster + 1) << _PLACE_BITS
-        for k in range(start, min(start + CLUSTER, len(keys))):
+        stop = min(start + CLUSTER, len(keys))
+        for k in range(start, stop):  # by itself, so that reads of triangles far apart need not wait for each other
             triangle = np.int64(keys[k] & np.uint64((1 << _INDEX_BITS) - 1))
-            prim_ids[k], packed = triangle, (k - start) << 48
+            prim_ids[k] = triangle
             for corner in range(3):
-                vertex = faces[triangle, corner]
+                used[3 * k + corner] = faces[triangle, corner]
+        count, tag = 0, (cluster + 1) << _PLACE_BITS
+        for k in range(start, stop):
+            packed = (k - start) << 48
+            for corner in range(3):
+                vertex = used[3 * k + corner]
                 found = np.int64(places[vertex]) - tag
-                if not 0 <= found < 1 << _PLACE_BITS:
-                    found = count
-                    places[vertex] = tag + found
-                    used[3 * start + found] = vertex
-                    count += 1
+                is_new = not 0 <= found < 1 << _PLACE_BITS
+                found = count if is_new else found  # written either way: a branch would be mispredicted half the time
+                places[vertex] = tag + found
+                used[3 * start + count] = vertex
+                count += is_new
                 packed |= (found * POINT_BYTES) << (16 * corner)
             corners[k] = packed
         numbers[cluster + 1] = count
