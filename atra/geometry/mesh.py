@@ -70,8 +70,9 @@ class Mesh:
         """(2, 3) float64, lowest and highest corner of the box around all vertices that a face uses."""
         is_used = np.zeros(len(self.vertices), np.bool_)
         is_used[self.faces] = True
-        used = self.vertices[is_used].T.copy()  # an axis at a time is several times faster
-        return np.stack([used.min(axis=1), used.max(axis=1)]).astype(np.float64)
+        axes = self.vertices.T.copy()  # an axis at a time is several times faster
+        axes[:, ~is_used] = axes[:, self.faces[0, :1]]
+        return np.stack([axes.min(axis=1), axes.max(axis=1)]).astype(np.float64)
 
     @cached_property
     def without_area(self) -> NDArray[np.int64]:
