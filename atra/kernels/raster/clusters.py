@@ -46,6 +46,9 @@ _PLACE_BITS = 10
 _SPREAD = np.array([int(f"{cell:b}", 8) for cell in range(1 << _CELLS_BITS)], np.uint32)
 """Each cell's bits, each followed by two of 0: what in base 2 it is, in base 8."""
 
+_MANY = 1 << 19
+"""Triangles from which on the lowest digit counts; the others alone are some 60 cells along an axis."""
+
 _CHUNK = 8192
 """Triangles a thread takes at a time."""
 
@@ -131,7 +134,7 @@ def _sorted(keys: NDArray[np.uint64], pool: WorkerPool) -> NDArray[np.uint64]:
     def move(_: int, counter: int) -> None:
         move_by_digit(counter, keys, chunk, shift, counts, other)
 
-    for digit in range(3):
+    for digit in range(len(keys) < _MANY, 3):
         shift = _INDEX_BITS + digit * _DIGIT_BITS
         pool.run(count)
         place_digits(counts)
