@@ -54,7 +54,8 @@ def test_the_library_depends_on_what_it_imports() -> None:
 def test_the_harness_adds_what_it_imports() -> None:
     harness, extras = imported("experiments", "scenes", "examples", "hydra_plugins"), PROJECT["optional-dependencies"]
     # requests comes with pooch, ray with its launcher
-    optional = named([*extras["fetch"], *extras["peers"], *extras["dask"], "requests", "ray"])
+    extra = [one for name in ("fetch", "peers", "dask", "viewer") for one in extras[name]]
+    optional = named([*extra, "requests", "ray"])
     parquet = {"pyarrow"}  # with which pandas reads and writes tables
     assert named(extras["harness"]) == (harness | parquet) - named(PROJECT["dependencies"]) - optional
 

@@ -1,0 +1,55 @@
+"""`python run.py view`: a scene, ready to be walked through on a page of the browser."""
+
+from __future__ import annotations
+
+import contextlib
+
+import numpy as np
+
+from atra.errors import InputError
+from atra.geometry.camera import Camera
+from atra.render import Lambertian, RenderScene
+from experiments.harness.configuration import Configuration
+from experiments.harness.points import camera_fields_of
+from experiments.methods.method import Tracing
+from experiments.viewer.page import Page
+from experiments.viewer.painter import Painter
+from experiments.viewer.request import COLUMNS, SPLITS, Pose, Request, Settings
+from scenes.loading import load_scene
+
+_PLASTER = Lambertian((0.7, 0.7, 0.7))
+"""What scenes are made of that say nothing of it."""
+
+
+def run_view(configuration: Configuration) -> None:
+    """Show the configured scene until Ctrl-C, or until its page is closed; says where on stdout.
+
+    Raises InputError for what `load_scene` and `Camera` refuse, for a split that pages have no width for, and as
+    `Page` does.
+    """
+    given = configuration.scene
+    scene = load_scene(given.source, given.name, given.path, given.subdivided, given.copies)
+    camera = Camera(**camera_fields_of(given, scene))
+    size = _rounded(float(np.linalg.norm(np.ptp(scene.mesh.bounds, axis=0))))
+    chosen = configuration.method
+    split_x = getattr(chosen.options, "split_x", None) or COLUMNS
+    if split_x not in SPLITS:
+        raise InputError(f"method.split_x is {split_x}, expected one of {', '.join(map(str, SPLITS))} in the viewer")
+    pose = Pose(camera.eye, camera.target, camera.up, camera.fov_y_degrees)
+    first = Request(pose, Settings(method=chosen.name, split_x=split_x, occlusion_length=_rounded(0.1 * size)))
+    tracing = Tracing(configuration.threads, configuration.build_quality.value, configuration.ties.value)
+    painter = Painter(RenderScene(scene.mesh, [_PLASTER]), chosen, tracing)
+    page = Page(painter, first, configuration.view.port, scene.name, size)
+    try:
+        print(f"viewer: {page.address} shows {scene.name}; Ctrl-C ends it", flush=True)
+        with contextlib.suppress(KeyboardInterrupt):
+            page.run()
+    finally:
+        page.close()
+        painter.close()
+    print("viewer: ended")
+
+
+def _rounded(length: float) -> float:
+    """To two digits, for people who see it beside a slider."""
+    return float(f"{length:.2g}")
