@@ -164,7 +164,7 @@ def test_the_wheel_s_command_tells_what_is_here(wheel_environment: Path, tmp_pat
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("verb", ["sweep=horizontal", "measure", "fetch", "-m"])
+@pytest.mark.parametrize("verb", ["sweep=horizontal", "measure", "fetch", "view", "-m"])
 def test_without_the_harness_its_verbs_say_what_to_install(wheel_environment: Path, tmp_path: Path, verb: str) -> None:
     done = run(wheel_environment.with_name("atra"), verb, folder=tmp_path)
     assert (done.returncode, done.stdout) == (2, "")

@@ -253,6 +253,7 @@ def test_what_cannot_be_drawn_is_told_once_and_the_next_camera_is_drawn(
         clock.pass_(1.0)
         while session.step() is not None:
             pass
+        assert session.step() is None
     assert screen.told == ["too far away"]
     session.want(at(2.0))
     run(session, clock)

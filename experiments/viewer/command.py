@@ -39,14 +39,13 @@ def run_view(configuration: Configuration) -> None:
     first = Request(pose, Settings(method=chosen.name, split_x=split_x, occlusion_length=_rounded(0.1 * size)))
     tracing = Tracing(configuration.threads, configuration.build_quality.value, configuration.ties.value)
     painter = Painter(RenderScene(scene.mesh, [_PLASTER]), chosen, tracing)
-    page = Page(painter, first, configuration.view.port, scene.name, size)
-    try:
+    with (
+        contextlib.suppress(KeyboardInterrupt),
+        contextlib.closing(painter),
+        contextlib.closing(Page(painter, first, configuration.view.port, scene.name, size)) as page,
+    ):
         print(f"viewer: {page.address} shows {scene.name}; Ctrl-C ends it", flush=True)
-        with contextlib.suppress(KeyboardInterrupt):
-            page.run()
-    finally:
-        page.close()
-        painter.close()
+        page.run()
     print("viewer: ended")
 
 

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import io
 import socket
 import sys
 from collections.abc import Callable, Coroutine, Iterator
-from concurrent.futures import ThreadPoolExecutor, wait
 from math import degrees, radians
 from time import monotonic
 from typing import TYPE_CHECKING, Any
@@ -49,6 +49,7 @@ class Page:
         self._add_controls(size)
         self._place_camera(first.pose)
         self._server.on_client_connect(self._follow)
+        self._server.on_client_disconnect(self._leave)
 
     @property
     def address(self) -> str:
@@ -57,18 +58,7 @@ class Page:
 
     def run(self) -> None:
         """Until Ctrl-C, or until the last page has been closed for `LEAVE_S`."""
-        with ThreadPoolExecutor(1, "session") as threads:
-            drawing = threads.submit(self.session.run)
-            try:
-                seen_s = None
-                while not wait([drawing], 0.25).done:
-                    if self._server.get_clients():
-                        seen_s = monotonic()
-                    elif seen_s is not None and monotonic() - seen_s > LEAVE_S:
-                        break
-            finally:
-                self.session.close()
-            drawing.result()
+        self.session.run()
 
     def close(self) -> None:
         """Close the port."""
@@ -98,6 +88,13 @@ class Page:
         async def _(camera: CameraHandle) -> None:  # on viser's own thread, so that cameras come in their order
             self.session.want(pose_of(camera))
 
+    async def _leave(self, client: ClientHandle) -> None:
+        def end_without_pages() -> None:
+            if not self._server.get_clients():
+                self.session.close()
+
+        asyncio.get_running_loop().call_later(LEAVE_S, end_without_pages)
+
     def _place_camera(self, pose: Pose) -> None:
         camera = self._server.initial_camera
         self._server.scene.set_up_direction(pose.up)
@@ -113,7 +110,7 @@ class Page:
             self._choice("frame", FRAMES)
             self._choice("shade", SHADES)
             self._slider("samples", "samples", 1, 1024, 1)
-            self._choice("side", ("256", "512", "1024"), int)
+            self._slider("side", "side, pixels", 64, 1024, 64)
         with gui.add_folder("Primary visibility"):
             method = gui.add_dropdown("method", tuple(labels), initial_value=find_method(now.method).label)
             method.on_update(self._change("method", labels.__getitem__))

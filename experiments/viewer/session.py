@@ -21,6 +21,10 @@ LEAST_GAP_S, GROWTH = 0.1, 0.25
 """Between two pictures of one accumulation: at least so long, and so large a share of the time it had taken so far."""
 
 
+_LONGEST_SLEEP_S = 0.5
+"""Ctrl-C cannot wake a thread of Windows from an endless one."""
+
+
 class Picture(NamedTuple):
     """What is seen. image: (H, W, 3) uint8, sRGB. stage_s: seconds by stage of what was drawn last. note: one line."""
 
@@ -78,6 +82,7 @@ class Session:
         self._changed = threading.Condition()
         self._newest = first, clock()  # and when it was asked for: both are read at once
         self._shown: Request | None = None
+        self._refused: Request | None = None
         self._samples = 0
         self._began_s = self._sent_s = 0.0
         self._is_closed = False
@@ -107,12 +112,16 @@ class Session:
         while not self._is_closed:
             pause_s = self.step()
             with self._changed:
-                if not self._is_closed and self._shown is self.wanted:
-                    self._changed.wait_for(lambda: self._is_closed or self._shown is not self.wanted, pause_s)
+                self._changed.wait_for(self._has_more_to_do, _LONGEST_SLEEP_S if pause_s is None else pause_s)
+
+    def _has_more_to_do(self) -> bool:
+        return self._is_closed or self._shown is not self.wanted
 
     def step(self) -> float | None:
         """Draw one frame or add one sample; returns the seconds until there is more to do, None: until it is wanted."""
         request, since_s = self._newest
+        if request is self._refused:
+            return None
         try:
             if request is not self._shown:
                 keeps = self._samples > 0 and self._shown is not None and request.keeps_samples_of(self._shown)
@@ -129,7 +138,7 @@ class Session:
             self._add(request)
             return 0.0
         except AtraError as error:
-            self._samples = 0
+            self._refused, self._samples = request, 0
             self._screen.tell(str(error))
             return None
 
