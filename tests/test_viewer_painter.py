@@ -14,13 +14,14 @@ import pytest
 from numpy.typing import NDArray
 
 from atra import MISS, Camera, PixelTracer
-from atra.render import HybridRenderer, Lambertian, PathRenderer, RenderScene
+from atra.render import GradientSky, HybridRenderer, Lambertian, PathRenderer, RenderScene, Sun
 from atra.render.pictures import srgb_of
 from experiments.drawing.shading import BACKGROUND, DIFFERENCE_COLOURS
 from experiments.harness.configuration import Chosen
 from experiments.methods.method import NoOptions, Tracing
 from experiments.methods.raster import RASTER
 from experiments.viewer import painter as painter_room
+from experiments.viewer.command import light_settings
 from experiments.viewer.painter import Painter
 from experiments.viewer.request import Pose, Request, Settings
 from experiments.viewer.session import Frame, Session
@@ -83,6 +84,16 @@ def test_samples_stay_exactly_where_the_request_says_so(painter: Painter, field:
     assert painter.add(other, never)
     assert painter._made is not None
     assert painter._made[1].samples == (3 if other.keeps_samples_of(first) else 1)
+
+
+@pytest.mark.parametrize("direction", [(-0.4, -1.0, 0.3), (0.0, 0.0, 5.0), (1.0, 0.2, -1.0)])
+def test_controls_of_the_sun_begin_with_the_scene_s_own(direction: tuple[float, float, float]) -> None:
+    own = Sun(direction, 2.0, (1.0, 0.4, 0.0), 3.0)
+    settings = Settings(**light_settings(RenderScene(BOX.mesh, lights=[own], sky=GradientSky(power=0.3))))
+    assert np.dot(settings.sun_direction, np.array(direction) / np.linalg.norm(direction)) > np.cos(np.radians(1.0))
+    values = settings.sun_cone, settings.sun_power, settings.sun_colour, settings.sky_power
+    assert values == (2.0, 3.0, (255, 102, 0), 0.3)
+    assert light_settings(RenderScene(BOX.mesh)) == {"sky_power": 1.0}
 
 
 def test_a_sample_that_is_stopped_leaves_none(painter: Painter) -> None:

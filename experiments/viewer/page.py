@@ -109,7 +109,7 @@ class Page:
         with gui.add_folder("Picture"):
             self._choice("frame", FRAMES)
             self._choice("shade", SHADES)
-            self._slider("samples", "samples", 1, 1024, 1)
+            self._slider("samples", "samples", 1, 512, 1)
             self._slider("side", "side, pixels", 64, 1024, 64)
         with gui.add_folder("Primary visibility"):
             method = gui.add_dropdown("method", tuple(labels), initial_value=find_method(now.method).label)
@@ -120,7 +120,7 @@ class Page:
             self._slider("shadow_rays", "shadow rays", 0, 8, 1)
             self._slider("sun_cone", "cone, degrees", 0.0, 10.0, 0.05)
             self._slider("sun_heading", "heading", -180.0, 180.0, 1.0)
-            self._slider("sun_height", "height", 0.0, 90.0, 1.0)
+            self._slider("sun_height", "height", -90.0, 90.0, 1.0)
             self._slider("sun_power", "power", 0.0, 10.0, 0.05)
             gui.add_rgb("colour", now.sun_colour).on_update(self._change("sun_colour", tuple))
         with self._folder("hybrid", "Ambient occlusion"):
@@ -145,8 +145,8 @@ class Page:
             folder.visible = renderer == self.session.wanted.settings.renderer
 
     def _slider(self, field: str, label: str, least: float, most: float, step: float) -> None:
-        now = getattr(self.session.wanted.settings, field)
-        slider = self._server.gui.add_slider(label, least, most, step, type(least)(now))
+        now = type(least)(getattr(self.session.wanted.settings, field))
+        slider = self._server.gui.add_slider(label, min(least, now), max(most, now), step, now)
         slider.on_update(self._change(field, type(least)))
 
     def _choice(self, field: str, names: tuple[str, ...], kind: type = str) -> None:
