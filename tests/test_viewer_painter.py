@@ -159,6 +159,19 @@ def test_a_sketch_has_the_pixels_of_the_picture_and_no_shadow(painter: Painter) 
     assert {"primary", "surfaces"} < sketch.stage_s.keys()
 
 
+@pytest.mark.parametrize("method", ["raster", "visible_first"])
+def test_after_another_camera_pictures_are_those_of_a_new_painter(painter: Painter, method: str) -> None:
+    first = with_settings(method=method, split_x=8)
+    other = replace(first, pose=replace(POSE, eye=(0.3, 1.0, 3.0), aspect=2.0))
+    painter.sketch(first), shown(painter, first)
+    new = made()
+    try:
+        assert np.array_equal(painter.sketch(other).image, new.sketch(other).image)
+        assert np.array_equal(shown(painter, other), shown(new, other))
+    finally:
+        new.close()
+
+
 class Recorder:
     def __init__(self) -> None:
         self.frames: list[Frame] = []
@@ -188,13 +201,8 @@ def test_frames_of_a_real_session_are_those_of_their_request_alone(painter: Pain
     thread.join(20.0)
     assert not thread.is_alive()
     assert screen.frames[-1].request is session.wanted
-    other = made()
-    try:
-        for frame in screen.frames:
-            request, samples = frame.request, frame.samples
-            expected = shown(other, request, samples) if samples else other.sketch(request).image
-            assert np.array_equal(frame.picture.image, expected)
-            if samples:
-                assert not other.add(request, lambda: True)  # the next starts anew
-    finally:
-        other.close()
+    for frame in screen.frames:
+        request, samples, new = frame.request, frame.samples, made()
+        expected = shown(new, request, samples) if samples else new.sketch(request).image
+        assert np.array_equal(frame.picture.image, expected)
+        new.close()

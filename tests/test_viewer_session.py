@@ -172,6 +172,28 @@ def test_a_wave_is_the_last_when_the_camera_moves() -> None:
     assert screen.frames[1][0] == pytest.approx(REST_S + (3 + WAVES) * artist.wave_s)  # three waves and a sketch
 
 
+def test_a_camera_that_goes_and_comes_back_within_a_wave_finds_no_half_sample(monkeypatch: pytest.MonkeyPatch) -> None:
+    session, artist, screen, clock = made()
+    add = artist.add
+
+    def goes_and_comes_back(request: Request, stop: Callable[[], bool]) -> bool:
+        if artist.added != 2 or artist.stopped:
+            return add(request, stop)
+        session.want(at(1.0))
+        assert not add(request, stop)
+        session.want(FIRST.pose)
+        clock.pass_(1.0)
+        return False
+
+    monkeypatch.setattr(artist, "add", goes_and_comes_back)
+    run(session, clock)
+    assert artist.stopped == 1
+    assert screen.told == []
+    for _, frame in screen.frames:
+        assert (frame.picture.image == (0.0, FIRST.settings.sun_power, frame.samples)).all()
+    assert screen.frames[-1][1].samples == 5
+
+
 def test_samples_end_when_there_are_enough_and_more_can_be_asked_for() -> None:
     session, artist, screen, clock = made()
     run(session, clock)

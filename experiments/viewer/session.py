@@ -148,7 +148,10 @@ class Session:
 
         if self._samples == 0:
             self._began_s = self._clock()
-        self._samples = self._samples + 1 if self._artist.add(request, is_stale) else 0
+        if not self._artist.add(request, is_stale):
+            self._samples = 0
+            return
+        self._samples += 1
         if is_stale():
             return
         gap_s = max(LEAST_GAP_S, GROWTH * (self._sent_s - self._began_s))
