@@ -54,7 +54,8 @@ def test_the_library_depends_on_what_it_imports() -> None:
 def test_the_harness_adds_what_it_imports() -> None:
     harness, extras = imported("experiments", "scenes", "examples", "hydra_plugins"), PROJECT["optional-dependencies"]
     # requests comes with pooch, ray with its launcher
-    optional = named([*extras["fetch"], *extras["peers"], *extras["dask"], "requests", "ray"])
+    extra = [one for name in ("fetch", "peers", "dask", "viewer") for one in extras[name]]
+    optional = named([*extra, "requests", "ray"])
     parquet = {"pyarrow"}  # with which pandas reads and writes tables
     assert named(extras["harness"]) == (harness | parquet) - named(PROJECT["dependencies"]) - optional
 
@@ -163,7 +164,7 @@ def test_the_wheel_s_command_tells_what_is_here(wheel_environment: Path, tmp_pat
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("verb", ["sweep=horizontal", "measure", "fetch", "-m"])
+@pytest.mark.parametrize("verb", ["sweep=horizontal", "measure", "fetch", "view", "-m"])
 def test_without_the_harness_its_verbs_say_what_to_install(wheel_environment: Path, tmp_path: Path, verb: str) -> None:
     done = run(wheel_environment.with_name("atra"), verb, folder=tmp_path)
     assert (done.returncode, done.stdout) == (2, "")

@@ -98,7 +98,7 @@ WALLS = (
         (
             *METHOD_FILES,
             *WORKLOAD_ROOMS,
-            *(f"experiments.{room}" for room in ("results", "drawing", "report", "paper")),
+            *(f"experiments.{room}" for room in ("results", "drawing", "report", "paper", "viewer")),
         ),
         reason="the harness names no workload and no method",
     ),
@@ -116,6 +116,7 @@ WALLS = (
         Wall(room, tuple(other for other in WORKLOAD_ROOMS if other != room), reason="a workload never imports another")
         for room in WORKLOAD_ROOMS
     ),
+    Wall("experiments", ("viser",), apart_from=("experiments.viewer.page",), reason="only the page knows viser"),
     Wall("scenes", ("experiments", "hydra", "omegaconf"), reason="scenes know no experiment"),
 )
 

@@ -29,13 +29,14 @@ class Action(Enum):
     """What a run does; `python run.py fetch ...` is short for action=fetch, and so on.
 
     measure = points and sweeps; fetch = download a scene; report = write figures, claims and page of a sweep anew;
-    doctor = say what this machine has and lacks.
+    doctor = say what this machine has and lacks; view = show a scene on a page of the browser.
     """
 
     measure = "measure"
     fetch = "fetch"
     report = "report"
     doctor = "doctor"
+    view = "view"
 
 
 class Ties(Enum):
@@ -116,6 +117,13 @@ class MeasureConfiguration:
 
 
 @dataclass
+class ViewConfiguration:
+    """The viewer. port: of its page on this machine; 0 = any that is free."""
+
+    port: int = 8080
+
+
+@dataclass
 class Configuration:
     """One point.
 
@@ -127,6 +135,7 @@ class Configuration:
     scene: SceneConfiguration = field(default_factory=SceneConfiguration)
     sweep: SweepConfiguration = field(default_factory=SweepConfiguration)
     measure: MeasureConfiguration = field(default_factory=MeasureConfiguration)
+    view: ViewConfiguration = field(default_factory=ViewConfiguration)
     action: Action = Action.measure
     method: Any = MISSING
     workload: Any = MISSING
@@ -222,6 +231,8 @@ def check_configuration(configuration: Configuration) -> None:
     resolve_threads(configuration.threads)
     _at_least("scene.subdivided", scene.subdivided, 0)
     _at_least("scene.copies", scene.copies, 1)
+    if not 0 <= configuration.view.port < 1 << 16:
+        raise InputError(f"view.port is {configuration.view.port}, expected a whole number from 0 to 65535")
     _at_least("measure.processes", measure.processes, 1)
     _at_least("measure.process", measure.process, 0)
     _at_least("measure.rounds", measure.rounds, 1)

@@ -74,7 +74,7 @@ def _resolve(configuration: Configuration, scene: Scene) -> Point:
         copies=given.copies,
         triangles=int(scene.mesh.triangle_count),
         view=given.view,
-        **_camera_fields(given, view_fields(scene.mesh, scene.camera, given.view)),
+        **camera_fields_of(given, scene),
         width=configuration.width,
         height=configuration.height,
         method=method.name,
@@ -93,7 +93,9 @@ def _resolve(configuration: Configuration, scene: Scene) -> Point:
     )
 
 
-def _camera_fields(given: SceneConfiguration, scene_camera: dict[str, Any]) -> dict[str, Any]:
+def camera_fields_of(given: SceneConfiguration, scene: Scene) -> dict[str, Any]:
+    """eye, target, up and fov_y_degrees of the configured view. Raises InputError for an unknown view."""
+    scene_camera = view_fields(scene.mesh, scene.camera, given.view)
     fields: dict[str, Any] = {}
     for name in ("eye", "target", "up"):
         value = getattr(given, name)

@@ -1,0 +1,86 @@
+"""`python run.py view`: a scene, ready to be walked through on a page of the browser."""
+
+from __future__ import annotations
+
+import contextlib
+from math import atan2, degrees, hypot
+from typing import Any
+
+import numpy as np
+
+from atra.errors import InputError
+from atra.geometry.camera import Camera
+from atra.geometry.mesh import Mesh
+from atra.render import GradientSky, Lambertian, RenderScene, Sun
+from experiments.harness.configuration import Configuration
+from experiments.harness.points import camera_fields_of
+from experiments.methods.method import Tracing
+from experiments.viewer.page import Page
+from experiments.viewer.painter import Painter
+from experiments.viewer.request import COLUMNS, SPLITS, Pose, Request, Settings
+from scenes.loading import load_scene
+
+_PLASTER = Lambertian((0.7, 0.7, 0.7))
+"""What scenes are made of that say nothing of it."""
+
+_FORWARD, _RIGHT = 0.5, 0.3
+"""How their sun's light travels beside downwards: from behind the camera's left shoulder, into what it looks into."""
+
+
+def run_view(configuration: Configuration) -> None:
+    """Show the configured scene until Ctrl-C, or until its page is closed; says where on stdout.
+
+    Raises InputError for what `load_scene` and `Camera` refuse, for a split that pages have no width for, and as
+    `Page` does.
+    """
+    given = configuration.scene
+    scene = load_scene(given.source, given.name, given.path, given.subdivided, given.copies)
+    camera = Camera(**camera_fields_of(given, scene))
+    size = _rounded(float(np.linalg.norm(np.ptp(scene.mesh.bounds, axis=0))))
+    chosen = configuration.method
+    split_x = getattr(chosen.options, "split_x", None) or COLUMNS
+    if split_x not in SPLITS:
+        raise InputError(f"method.split_x is {split_x}, expected one of {', '.join(map(str, SPLITS))} in the viewer")
+    pose = Pose(camera.eye, camera.target, camera.up, camera.fov_y_degrees)
+    lit = _lit(scene.mesh, camera)
+    settings = Settings(
+        method=chosen.name, split_x=split_x, occlusion_length=_rounded(0.1 * size), **light_settings(lit)
+    )
+    first = Request(pose, settings)
+    tracing = Tracing(configuration.threads, configuration.build_quality.value, configuration.ties.value)
+    painter = Painter(lit, chosen, tracing)
+    with (
+        contextlib.suppress(KeyboardInterrupt),
+        contextlib.closing(painter),
+        contextlib.closing(Page(painter, first, configuration.view.port, scene.name, size)) as page,
+    ):
+        print(f"viewer: {page.address} shows {scene.name}; Ctrl-C ends it", flush=True)
+        page.run()
+    print("viewer: ended")
+
+
+def _lit(mesh: Mesh, camera: Camera) -> RenderScene:
+    right, down, forward = camera.axes
+    x, y, z = (down + _FORWARD * forward + _RIGHT * right).tolist()
+    return RenderScene(mesh, [_PLASTER], lights=[Sun((x, y, z), 0.5)], sky=GradientSky(power=0.5))
+
+
+def light_settings(scene: RenderScene) -> dict[str, Any]:
+    """Fields of `Settings`: the scene's own first sun, to a degree, and its sky."""
+    found: dict[str, Any] = {"sky_power": scene.sky.power}
+    for sun in [one for one in scene.lights if isinstance(one, Sun)][:1]:
+        x, y, z = -np.array(sun.direction) / np.linalg.norm(sun.direction)
+        red, green, blue = (round(255 * min(channel, 1.0)) for channel in sun.colour)
+        found |= {
+            "sun_heading": float(round(degrees(atan2(x, z)))),
+            "sun_height": float(round(degrees(atan2(y, hypot(x, z))))),
+            "sun_cone": sun.angle_degrees,
+            "sun_colour": (red, green, blue),
+            "sun_power": sun.power,
+        }
+    return found
+
+
+def _rounded(length: float) -> float:
+    """To two digits, for people who see it beside a slider."""
+    return float(f"{length:.2g}")

@@ -1,0 +1,160 @@
+"""A painter: draws requests with the renderers and tracers of `atra`, and colours what they see."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from atra.geometry.mesh import Mesh
+from atra.geometry.view import View
+from atra.hits import Hits
+from atra.judge.compare import compare
+from atra.render import HybridRenderer, PathRenderer, RenderScene, Sun
+from atra.render.pictures import srgb_of
+from atra.render.renderer import Renderer
+from atra.tracers import PixelTracer, RasterTracer, Tracer
+from experiments.drawing.shading import BACKGROUND, mark_verdicts
+from experiments.harness.configuration import Chosen
+from experiments.methods import find_method
+from experiments.methods.method import Tracing
+from experiments.viewer.request import OF_HITS, Request, Settings
+from experiments.viewer.session import Picture
+
+_COLOUR_STEPS = np.array([0x9E3779B1, 0x85EBCA77, 0xC2B2AE3D], np.uint32)
+"""Odd numbers without a pattern: neighbours in the mesh get colours that are far apart."""
+
+
+class Painter:
+    """The artist of a `Session`: sketches by the rasteriser, pictures by the renderer and the method asked for.
+
+    scene: its sun is the request's, its sky has the request's power. chosen: a method with options of its
+    own; others have their defaults. tracing: holds for all tracers and renderers.
+    """
+
+    def __init__(self, scene: RenderScene, chosen: Chosen, tracing: Tracing) -> None:
+        self._scene, self._chosen, self._tracing = scene, chosen, tracing
+        self._lit: tuple[object, RenderScene] = (None, scene)
+        self._sketcher: HybridRenderer | None = None
+        self._made: tuple[object, Renderer] | None = None
+
+    def sketch(self, request: Request) -> Picture:
+        """One frame of the rasteriser; its picture has no shadows, and those of a path no sun."""
+        settings, scene = request.settings, self._scene_of(request.settings)
+        sketcher = self._sketcher
+        if sketcher is None:
+            primary = partial(RasterTracer, threads=self._tracing.threads, ties="any")
+            sketcher = HybridRenderer(
+                scene, request.camera, primary, threads=self._tracing.threads, shadow_rays=0, jitter="off"
+            )
+            self._sketcher = sketcher.__enter__()
+        start = perf_counter()
+        rays = 1 if settings.shade == "occlusion" else 0
+        sketcher.update(
+            scene=scene, camera=request.camera, occlusion_rays=rays, occlusion_length=settings.occlusion_length
+        )
+        if settings.shade in OF_HITS:
+            hits = sketcher.tracer.trace()
+            traced = perf_counter()
+            image = _coloured(hits, "depth" if settings.shade == "wrong" else settings.shade)
+            return Picture(image, {"primary": traced - start, "shade": perf_counter() - traced})
+        sketcher.add(1)
+        image = _light(sketcher, settings.shade)
+        stages = {name: seconds for name, seconds in sketcher.stage_s.items() if name != "other"}
+        return Picture(image, stages | {"other": perf_counter() - start - sum(stages.values())})
+
+    def add(self, request: Request, stop: Callable[[], bool]) -> bool:
+        """One more sample; False, with none left, when stopped."""
+        renderer = self._renderer(request)
+        renderer.add(1, stop)
+        return renderer.samples > 0
+
+    def show(self, request: Request) -> Picture:
+        """What has been added, or what its primary rays hit."""
+        renderer, shade = self._renderer(request), request.settings.shade
+        if shade not in OF_HITS:
+            return Picture(_light(renderer, shade), renderer.stage_s)
+        hits = renderer.tracer.trace()
+        if shade != "wrong":
+            return Picture(_coloured(hits, shade), renderer.stage_s)
+        with PixelTracer(hits.mesh, request.camera, packet_width=1, **self._tracing.ours) as single:
+            agreement = compare(hits.mesh, request.camera, hits, single.trace())
+        return Picture(mark_verdicts(agreement.verdict), renderer.stage_s, f"against `rtcIntersect1`: {agreement}")
+
+    def close(self) -> None:
+        """Let go of all that was built."""
+        for renderer in (self._sketcher, self._made and self._made[1]):
+            if renderer is not None:
+                renderer.close()
+        self._sketcher = self._made = None
+
+    def _renderer(self, request: Request) -> Renderer:
+        """Of the request; what was added for an earlier one stays where it may."""
+        settings, scene, camera = request.settings, self._scene_of(request.settings), request.camera
+        made_for = settings.renderer, settings.method, settings.split_x
+        options = _options(settings)
+        if self._made is not None and self._made[0] == made_for:
+            self._made[1].update(scene=scene, camera=camera, **options)
+            return self._made[1]
+        if self._made is not None:
+            self._made[1].close()
+            self._made = None
+        tracing: dict[str, Any] = {"threads": self._tracing.threads, "build_quality": self._tracing.build_quality}
+        primary = partial(self._primary, settings)
+        kind = HybridRenderer if settings.renderer == "hybrid" else PathRenderer
+        renderer = kind(scene, camera, primary, **tracing, **options).__enter__()
+        self._made = made_for, renderer
+        return renderer
+
+    def _primary(self, settings: Settings, mesh: Mesh, view: View) -> Tracer:
+        method = find_method(settings.method)
+        options = self._chosen.options if self._chosen.name == method.name else method.options()
+        if method.has_cells:
+            options = replace(options, split_x=settings.split_x)
+        return method.make(mesh, view, method.resolve(options, view.width), self._tracing)
+
+    def _scene_of(self, settings: Settings) -> RenderScene:
+        """The scene in this light; the same value for the same light, which renderers take for no change."""
+        red, green, blue = (channel / 255.0 for channel in settings.sun_colour)
+        power = settings.sun_power if settings.renderer == "hybrid" else 0.0  # paths know no sun
+        sun = Sun(settings.sun_direction, settings.sun_cone, (red, green, blue), power)
+        light = sun, settings.sky_power
+        if self._lit[0] != light:
+            sky = replace(self._scene.sky, power=settings.sky_power)
+            self._lit = light, replace(self._scene, lights=(sun,), sky=sky)
+        return self._lit[1]
+
+
+def _options(settings: Settings) -> dict[str, Any]:
+    options: dict[str, Any] = {"jitter": "shared" if settings.jitter else "off"}
+    if settings.renderer == "path":
+        return options | {"max_depth": settings.max_depth}
+    names = ("shadow_rays", "occlusion_rays", "occlusion_length")
+    weighted = {"occlusion": "cosine" if settings.cosine else "uniform"}
+    return options | weighted | {name: getattr(settings, name) for name in names}
+
+
+def _light(renderer: Renderer, shade: str) -> NDArray[np.uint8]:
+    if shade == "occlusion" and isinstance(renderer, HybridRenderer):
+        return srgb_of(np.broadcast_to(renderer.openness[..., None], (*renderer.openness.shape, 3)))
+    return srgb_of(renderer.image)
+
+
+def _coloured(hits: Hits, shade: str) -> NDArray[np.uint8]:
+    """(H, W, 3) uint8: normals as colours, near depths light and far ones dark, or a colour for each triangle."""
+    if shade == "normal":
+        with np.errstate(invalid="ignore"):  # of misses, which have none
+            colours = (127.5 * (hits.normals + np.float32(1.0))).astype(np.uint8)
+    elif shade == "depth":
+        near = 0.2 * float(np.linalg.norm(np.ptp(hits.mesh.bounds, axis=0)))
+        grey = 255.0 / (1.0 + hits.depth / np.float32(near))
+        colours = np.repeat(grey.astype(np.uint8)[..., None], 3, axis=2)
+    else:
+        colours = ((hits.prim_id[..., None] + np.uint32(1)) * _COLOUR_STEPS >> 24).astype(np.uint8)
+    colours[~hits.hit] = BACKGROUND
+    return colours
