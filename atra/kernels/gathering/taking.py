@@ -5,7 +5,17 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from atra.kernels.gathering.lanes import chosen, either, is_below, load_rows, one_more, store_rows
+from atra.kernels.gathering.lanes import (
+    chosen,
+    either,
+    first_bit,
+    is_below,
+    is_same,
+    load_rows,
+    one_more,
+    store_rows,
+    uint32_at,
+)
 from atra.kernels.raster.vectors import bits_of, repeated
 
 COUNT, THICKNESS, TRANSMITTANCE, LAYERS = range(4)
@@ -36,26 +46,60 @@ def _take_factor(lanes, nx, taken, weight, pixel, target):  # type: ignore[no-un
 
 
 @njit(inline="always")
+def is_nearer(depth, prim_id, other, other_id):  # type: ignore[no-untyped-def]
+    """The mask where a hit comes before another one in the order of layers."""
+    same = (depth <= other) & (other <= depth)
+    return either(other > depth, same & is_below(prim_id, other_id))
+
+
+@njit(inline="always")
+def _replace_farthest(lanes, nx, taken, depth, prim_ids, pixel, target):  # type: ignore[no-untyped-def]
+    """In place of the farthest hit of the layers, all of which are taken, where it is nearer than that."""
+    row, plane, place = target.row * 4, target.plane * 4, pixel * 4
+    last = load_rows(target.values + place, row, np.float32(0.0), lanes, nx)
+    last_id = load_rows(target.prim_ids + place, row, np.uint32(0), lanes, nx)
+    where = repeated(np.uint32(0), lanes)
+    for layer in range(1, target.layers):
+        other = load_rows(target.values + place + layer * plane, row, np.float32(0.0), lanes, nx)
+        other_id = load_rows(target.prim_ids + place + layer * plane, row, np.uint32(0), lanes, nx)
+        nearer = is_nearer(last, last_id, other, other_id)
+        last, last_id = chosen(nearer, other, last), chosen(nearer, other_id, last_id)
+        where = chosen(nearer, repeated(np.uint32(layer), lanes), where)
+    replaced = taken & is_nearer(depth, prim_ids, last, last_id)
+    if bits_of(replaced) != 0:
+        for layer in range(target.layers):
+            here = replaced & is_same(where, repeated(np.uint32(layer), lanes))
+            _put(lanes, nx, here, depth, np.float32(0.0), target.values + place + layer * plane, row)
+            _put(lanes, nx, here, prim_ids, np.uint32(0), target.prim_ids + place + layer * plane, row)
+
+
+@njit(inline="always")
+def _put(lanes, nx, mask, numbers, zero, place, row):  # type: ignore[no-untyped-def]
+    """Store the lanes of a mask; zero: of the numbers' type."""
+    old = load_rows(place, row, zero, lanes, nx)
+    store_rows(chosen(mask, numbers, old), place, row, nx)
+
+
+@njit(inline="always")
 def _take_layer(lanes, nx, taken, depth, prim_id, pixel, target):  # type: ignore[no-untyped-def]
-    """In its place among the layers: what was there and is farther moves on, until no lane holds anything more."""
+    """Behind the hits that are there already, in no order; `sort_layers` sorts them when all are taken."""
     row = target.row * 4
-    count = target.counts + pixel * 4
-    store_rows(one_more(taken, load_rows(count, row, np.uint32(0), lanes, nx)), count, row, nx)
-    nothing = repeated(np.float32(np.inf), lanes)
-    place = pixel * 4
-    moving, moving_id = chosen(taken, depth, nothing), repeated(prim_id, lanes)
-    for _ in range(target.layers):
-        old = load_rows(target.values + place, row, np.float32(0.0), lanes, nx)
-        old_id = load_rows(target.prim_ids + place, row, np.uint32(0), lanes, nx)
-        equal = (old <= moving) & (moving <= old) & (nothing > moving)
-        nearer = either(old > moving, equal & is_below(moving_id, old_id))
-        if bits_of(nearer) != 0:
-            store_rows(chosen(nearer, moving, old), target.values + place, row, nx)
-            store_rows(chosen(nearer, moving_id, old_id), target.prim_ids + place, row, nx)
-            moving, moving_id = chosen(nearer, old, moving), chosen(nearer, old_id, moving_id)
-            if bits_of(nothing > moving) == 0:
-                break
-        place += target.plane * 4
+    counts = target.counts + pixel * 4
+    before, prim_ids = load_rows(counts, row, np.uint32(0), lanes, nx), repeated(prim_id, lanes)
+    left = bits_of(taken)
+    while left != 0:
+        lane = first_bit(left)
+        layer = np.int64(uint32_at(counts + lane // nx * row + lane % nx * 4))
+        if layer < target.layers:
+            here = taken & is_same(before, repeated(np.uint32(layer), lanes))
+            place = (pixel + layer * target.plane) * 4
+            _put(lanes, nx, here, depth, np.float32(0.0), target.values + place, row)
+            _put(lanes, nx, here, prim_ids, np.uint32(0), target.prim_ids + place, row)
+        else:
+            here = taken & is_below(repeated(np.uint32(target.layers - 1), lanes), before)
+            _replace_farthest(lanes, nx, here, depth, prim_ids, pixel, target)
+        left &= ~bits_of(here)
+    store_rows(one_more(taken, before), counts, row, nx)
 
 
 @njit(inline="always")
