@@ -13,8 +13,11 @@ from atra.kernels.raster.frames import Scratch
 from atra.kernels.raster.image import Viewpoint
 from atra.parallel import WorkerPool
 
-_BAND_BYTES, _LEAST_ROWS, _MOST_ROWS = 1 << 19, 16, 128
+_BAND_BYTES, _LEAST_ROWS, _MOST_ROWS = 1 << 20, 16, 128
 """Bytes of a band, which stay in the cache while it is drawn; its least and most rows, powers of two."""
+
+_BANDS = 4
+"""Of a thread, at least, so that none waits long for another."""
 
 
 def gather_frame(
@@ -31,7 +34,9 @@ def gather_frame(
     width, height = camera.width, camera.height
     row_bytes = (2 * target.layers + 1 if kind == LAYERS else 1) * target.row * 4
     band_rows = _MOST_ROWS
-    while band_rows > _LEAST_ROWS and band_rows * row_bytes > _BAND_BYTES:
+    while band_rows > _LEAST_ROWS and (
+        band_rows * row_bytes > _BAND_BYTES or band_rows * _BANDS * pool.threads > height
+    ):
         band_rows //= 2
     viewpoint = Viewpoint.of(mesh, camera, offset)
     eye, clusters, rectangles = viewpoint.eye, scratch.clusters.addresses, scratch.rectangles

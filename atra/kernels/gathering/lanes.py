@@ -147,7 +147,8 @@ def one_more(typingctx: Any, mask: Any, numbers: Any) -> Any:
     """Whole numbers, one larger where the mask is True."""
 
     def codegen(context: Any, builder: ir.IRBuilder, signature: Any, values: list[ir.Value]) -> ir.Value:
-        return builder.add(values[1], builder.zext(_bits(builder, values[0]), values[1].type))
+        more = builder.add(values[1], ir.Constant(values[1].type, [1] * numbers.lanes))
+        return builder.select(_bits(builder, values[0]), more, values[1])
 
     return numbers(mask, numbers), codegen
 
@@ -163,8 +164,8 @@ def _compared(sign: str) -> Any:
     return compared
 
 
-is_below, is_same = _compared("<"), _compared("==")
-"""The masks where an unsigned whole number of a vector is less than that of another, and where it is the same."""
+is_below, is_same, is_from = _compared("<"), _compared("=="), _compared(">=")
+"""The masks where an unsigned whole number of a vector is less than that of another, the same, and not less."""
 
 
 @intrinsic

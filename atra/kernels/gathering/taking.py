@@ -10,6 +10,7 @@ from atra.kernels.gathering.lanes import (
     either,
     first_bit,
     is_below,
+    is_from,
     is_same,
     load_rows,
     one_more,
@@ -53,52 +54,56 @@ def is_nearer(depth, prim_id, other, other_id):  # type: ignore[no-untyped-def]
 
 
 @njit(inline="always")
-def _replace_farthest(lanes, nx, taken, depth, prim_ids, pixel, target):  # type: ignore[no-untyped-def]
-    """In place of the farthest hit of the layers, all of which are taken, where it is nearer than that."""
-    row, plane, place = target.row * 4, target.plane * 4, pixel * 4
-    last = load_rows(target.values + place, row, np.float32(0.0), lanes, nx)
-    last_id = load_rows(target.prim_ids + place, row, np.uint32(0), lanes, nx)
-    where = repeated(np.uint32(0), lanes)
-    for layer in range(1, target.layers):
-        other = load_rows(target.values + place + layer * plane, row, np.float32(0.0), lanes, nx)
-        other_id = load_rows(target.prim_ids + place + layer * plane, row, np.uint32(0), lanes, nx)
-        nearer = is_nearer(last, last_id, other, other_id)
-        last, last_id = chosen(nearer, other, last), chosen(nearer, other_id, last_id)
-        where = chosen(nearer, repeated(np.uint32(layer), lanes), where)
-    replaced = taken & is_nearer(depth, prim_ids, last, last_id)
-    if bits_of(replaced) != 0:
-        for layer in range(target.layers):
-            here = replaced & is_same(where, repeated(np.uint32(layer), lanes))
-            _put(lanes, nx, here, depth, np.float32(0.0), target.values + place + layer * plane, row)
-            _put(lanes, nx, here, prim_ids, np.uint32(0), target.prim_ids + place + layer * plane, row)
+def _put(lanes, nx, mask, depth, prim_ids, place, target):  # type: ignore[no-untyped-def]
+    """Store the lanes of a mask in a layer, `place` bytes from the first one's first pixel on."""
+    row = target.row * 4
+    old = load_rows(target.values + place, row, np.float32(0.0), lanes, nx)
+    old_id = load_rows(target.prim_ids + place, row, np.uint32(0), lanes, nx)
+    store_rows(chosen(mask, depth, old), target.values + place, row, nx)
+    store_rows(chosen(mask, prim_ids, old_id), target.prim_ids + place, row, nx)
 
 
 @njit(inline="always")
-def _put(lanes, nx, mask, numbers, zero, place, row):  # type: ignore[no-untyped-def]
-    """Store the lanes of a mask; zero: of the numbers' type."""
-    old = load_rows(place, row, zero, lanes, nx)
-    store_rows(chosen(mask, numbers, old), place, row, nx)
+def _put_last(lanes, nx, mask, depth, prim_ids, pixel, target):  # type: ignore[no-untyped-def]
+    """Put a hit among the layers, and the farthest of all of them in the last one, in place of what is there."""
+    row, place = target.row * 4, pixel * 4
+    for _ in range(target.layers - 1):
+        other = load_rows(target.values + place, row, np.float32(0.0), lanes, nx)
+        other_id = load_rows(target.prim_ids + place, row, np.uint32(0), lanes, nx)
+        nearer = mask & is_nearer(depth, prim_ids, other, other_id)
+        if bits_of(nearer) != 0:
+            store_rows(chosen(nearer, depth, other), target.values + place, row, nx)
+            store_rows(chosen(nearer, prim_ids, other_id), target.prim_ids + place, row, nx)
+            depth, prim_ids = chosen(nearer, other, depth), chosen(nearer, other_id, prim_ids)
+        place += target.plane * 4
+    _put(lanes, nx, mask, depth, prim_ids, place, target)
 
 
 @njit(inline="always")
 def _take_layer(lanes, nx, taken, depth, prim_id, pixel, target):  # type: ignore[no-untyped-def]
-    """Behind the hits that are there already, in no order; `sort_layers` sorts them when all are taken."""
-    row = target.row * 4
+    """Behind the hits that are there, in no order, for all are sorted at last. Where layers are full, the last one has
+    the farthest hit, and what is farther is counted only."""
+    row, last = target.row * 4, target.layers - 1
     counts = target.counts + pixel * 4
     before, prim_ids = load_rows(counts, row, np.uint32(0), lanes, nx), repeated(prim_id, lanes)
     left = bits_of(taken)
     while left != 0:
         lane = first_bit(left)
         layer = np.int64(uint32_at(counts + lane // nx * row + lane % nx * 4))
-        if layer < target.layers:
-            here = taken & is_same(before, repeated(np.uint32(layer), lanes))
-            place = (pixel + layer * target.plane) * 4
-            _put(lanes, nx, here, depth, np.float32(0.0), target.values + place, row)
-            _put(lanes, nx, here, prim_ids, np.uint32(0), target.prim_ids + place, row)
+        if layer < last:
+            put = taken & is_same(before, repeated(np.uint32(layer), lanes))
+            left &= ~bits_of(put)
+            _put(lanes, nx, put, depth, prim_ids, (pixel + layer * target.plane) * 4, target)
         else:
-            here = taken & is_below(repeated(np.uint32(target.layers - 1), lanes), before)
-            _replace_farthest(lanes, nx, here, depth, prim_ids, pixel, target)
-        left &= ~bits_of(here)
+            put = taken & is_from(before, repeated(np.uint32(last), lanes))
+            left &= ~bits_of(put)
+            place = (pixel + last * target.plane) * 4
+            farthest = load_rows(target.values + place, row, np.float32(0.0), lanes, nx)
+            farthest_id = load_rows(target.prim_ids + place, row, np.uint32(0), lanes, nx)
+            is_free = is_same(before, repeated(np.uint32(last), lanes))
+            put = put & either(is_free, is_nearer(depth, prim_ids, farthest, farthest_id))
+            if bits_of(put) != 0:
+                _put_last(lanes, nx, put, depth, prim_ids, pixel, target)
     store_rows(one_more(taken, before), counts, row, nx)
 
 

@@ -98,10 +98,10 @@ class Viewpoint:
 
 
 class Workspace(NamedTuple):
-    """Addresses of memory of one thread. band: an image of a band, such as nearness and then prim_id. exact: SUMMANDS float64 of `exact`.
-    first, last: float64, where each row of a triangle starts and ends, with room for whole vectors. points: a cluster's
-    vertices in pixels. listed, doubles, floats: of `triangles`. tiles: of `culling`. here: int64, the
-    clusters of a band."""
+    """Addresses of memory of one thread. band: an image of a band, such as nearness and then prim_id. exact: SUMMANDS
+    float64 of `exact`. first, last: float64, where each row of a triangle starts and ends, with room for whole vectors.
+    points: a cluster's vertices in pixels. listed, doubles, floats: of `triangles`. tiles: of `culling`. here: int64,
+    the clusters of a band."""
 
     band: int
     exact: int
