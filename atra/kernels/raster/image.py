@@ -93,8 +93,8 @@ class Viewpoint:
     @property
     def eye(self) -> Eye:
         """The arrays by their addresses."""
-        arrays = self.position, self.to_pixels, self.depth_axis
-        return Eye(*(array.ctypes.data for array in arrays), self.least_depth)
+        position, to_pixels = self.position.ctypes.data, self.to_pixels.ctypes.data
+        return Eye(position, to_pixels, self.depth_axis.ctypes.data, self.least_depth)
 
 
 class Workspace(NamedTuple):
