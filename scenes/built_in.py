@@ -16,9 +16,8 @@ from scenes.atrium import ATRIUM_CAMERA, atrium
 from scenes.cornell_box import CORNELL_BOX_CAMERA, cornell_box
 from scenes.living_room import LIVING_ROOM_CAMERA, living_room
 from scenes.material_ball import MATERIAL_BALL_CAMERA, material_ball
-from scenes.needles import NEEDLES_CAMERA, needles
 from scenes.scene import Scene
-from scenes.three_holes import THREE_HOLES_CAMERA, three_holes
+from scenes.special import NEEDLES_CAMERA, THREE_HOLES_CAMERA, needles, three_holes
 
 
 @dataclass(frozen=True)

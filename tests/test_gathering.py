@@ -7,7 +7,7 @@ import atra
 from atra.gathering.plain import gather_plainly
 from atra.kernels.gathering.doubts import Precision
 from atra.options import native_packet_widths
-from scenes.three_holes import three_holes
+from scenes.special import three_holes
 from tests.closed_meshes import box, cornell_boxes, sphere, view_of
 from tests.meshes import EYE_AT_ORIGIN, beams, boards, joined, quads, random_triangles
 
