@@ -1,7 +1,7 @@
-"""Scenes made by code: the Cornell box, needles, and stand-ins with the triangle counts of the paper's larger scenes.
+"""Scenes made by code: the Cornell box, needles, a closed solid, and stand-ins for the paper's larger scenes.
 
-Stand-ins let every figure be made offline. They are not the paper's scenes: what is measured on them must say so and is
-never compared with the paper's numbers.
+Stand-ins have as many triangles, and let every figure be made offline. They are not the paper's scenes: what is
+measured on them must say so and is never compared with the paper's numbers.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ from scenes.atrium import ATRIUM_CAMERA, atrium
 from scenes.cornell_box import CORNELL_BOX_CAMERA, cornell_box
 from scenes.living_room import LIVING_ROOM_CAMERA, living_room
 from scenes.material_ball import MATERIAL_BALL_CAMERA, material_ball
-from scenes.needles import NEEDLES_CAMERA, needles
 from scenes.scene import Scene
+from scenes.special import NEEDLES_CAMERA, THREE_HOLES_CAMERA, needles, three_holes
 
 
 @dataclass(frozen=True)
@@ -32,6 +32,7 @@ class BuiltIn:
 BUILT_IN = {
     "cornell_box": BuiltIn(cornell_box, CORNELL_BOX_CAMERA),
     "needles": BuiltIn(needles, NEEDLES_CAMERA),
+    "three_holes": BuiltIn(three_holes, THREE_HOLES_CAMERA),
     "material_ball": BuiltIn(material_ball, MATERIAL_BALL_CAMERA, "mitsuba"),
     "living_room": BuiltIn(living_room, LIVING_ROOM_CAMERA, "fireplace_room"),
     "atrium": BuiltIn(atrium, ATRIUM_CAMERA, "sponza"),

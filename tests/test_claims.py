@@ -14,6 +14,7 @@ import pytest
 
 from experiments.paper.claims import CLAIMS, judge_claims
 from experiments.paper.evidence import PAPER_SCENES, USED_COLUMNS
+from experiments.paper.readings import EVERY_HIT
 from experiments.results.claims import JudgedClaim, judge_claim, write_claims
 from experiments.results.table import columns
 from tests.paper_table import agreeing_rows, agreeing_table, longer_build, more_bytes, scaled, skipped, where
@@ -31,9 +32,16 @@ def agreeing() -> pd.DataFrame:
 
 
 def finding(table: pd.DataFrame | None, claim_id: str, reading: str | None = None) -> JudgedClaim:
-    """Under one reading; None: under the last, where the paper's 1 x 1 gathers all hits."""
+    """Under one reading; None: under the last of a frame, where the paper's 1 x 1 gathers all hits."""
     found = judge_claim(next(claim for claim in CLAIMS if claim.id == claim_id), table)
-    return next(one for one in reversed(found) if reading in (None, one.reading))
+    return next(
+        one for one in reversed(found) if one.reading == reading or (reading is None and one.reading != EVERY_HIT.name)
+    )
+
+
+def where_every_hit_is_wanted(table: pd.DataFrame) -> pd.DataFrame:
+    """The rows of frames, as if their hits had been gathered."""
+    return table[table["workload"] == "frame"].assign(workload="gather", what="count")
 
 
 def not_measured(table: pd.DataFrame, claim_id: str, why: str) -> JudgedClaim:
@@ -213,6 +221,24 @@ def test_the_two_readings_differ_by_what_gathering_all_hits_costs_at_one_split(a
     assert (nearest.verdict, gathering.verdict) == ("does not hold", "holds")
     assert (nearest.value, gathering.value) == ("0.88 at 1,024 x 1", "1.75 at 1,024 x 1")
     assert verdict(table, "nearest-alone-may-lose") == "holds"
+
+
+def test_where_every_hit_is_wanted_the_claims_on_speed_are_judged_by_themselves(agreeing: pd.DataFrame) -> None:
+    gathered = where_every_hit_is_wanted(agreeing)
+    found = {one.id: one for one in judge_claims(gathered)}
+    assert {one.reading for one in found.values()} == {EVERY_HIT.name}
+    assert {name for name, one in found.items() if one.verdict != "holds"} == {"cost-model"}
+    assert found["best-speedup-sponza"].value == "1.75 at 1,024 x 1"
+    slower = scaled(gathered, 0.5, culling=True, packet_width=1)
+    assert next(one.verdict for one in judge_claims(slower) if one.id == "best-speedup-sponza") == "does not hold"
+
+
+def test_a_table_of_frames_alone_is_not_asked_what_is_so_where_every_hit_is_wanted(agreeing: pd.DataFrame) -> None:
+    assert EVERY_HIT.name not in {one.reading for one in judge_claims(agreeing)}
+    both = pd.concat([agreeing, where_every_hit_is_wanted(agreeing).assign(point_id=lambda rows: rows.point_id + "g")])
+    assert {one.verdict for one in judge_claims(both) if one.id.startswith("best-speedup")} == {"holds"}
+    layers = both.assign(what=both["what"].mask(both["workload"] == "gather", "layers"))
+    assert finding(layers, "best-speedup-sponza", EVERY_HIT.name).verdict == "not measured"
 
 
 def test_a_skipped_point_leaves_open_what_it_could_have_decided_and_its_reason_is_told(agreeing: pd.DataFrame) -> None:

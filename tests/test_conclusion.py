@@ -36,9 +36,17 @@ def test_gains_are_the_best_of_each_scene_beside_the_paper_s_and_packets_stand_a
     halved = scaled(agreeing, 0.5, **SINGLE, scene="sponza")
     cornell, *_, sponza = scene_gains(halved)
     assert (cornell.paper, sponza.paper, sponza.triangles) == (7.5, 1.71, 262267)
-    values = [found.best.gain.value for found in (*sponza.single.values(), *sponza.packets) if found.best]
+    values = [found.best.gain.value for found in (*sponza.single.values(), *sponza.packets.values()) if found.best]
     assert values == pytest.approx([factor * BEST["sponza"] for factor in (0.5, 1, 1, 1, 2)], rel=0.005)
     assert (sponza.packet_width, sponza.single["all hits"].best.splits) == (8, 1024)
+
+
+def test_gains_where_every_hit_is_wanted_are_over_what_gathers_the_same(agreeing: pd.DataFrame) -> None:
+    frames = agreeing[agreeing["workload"] == "frame"]
+    *_, sponza = scene_gains(scaled(frames.assign(workload="gather", what="count"), 0.5, scene="sponza"))
+    assert [found.best.gain.value for found in sponza.single.values()] == pytest.approx([BEST["sponza"]], rel=0.005)
+    packets = [found.best.gain.value for found in sponza.packets.values()]
+    assert packets == pytest.approx([BEST["sponza"], BEST["sponza"]], rel=0.005)
 
 
 def test_what_is_not_the_paper_s_scene_or_size_has_no_number_of_the_paper_beside_it(agreeing: pd.DataFrame) -> None:

@@ -7,7 +7,8 @@ import atra
 from atra.gathering.plain import gather_plainly
 from atra.kernels.gathering.doubts import Precision
 from atra.options import native_packet_widths
-from tests.closed_meshes import box, cornell_boxes, sphere, three_holes, view_of
+from scenes.special import three_holes
+from tests.closed_meshes import box, cornell_boxes, sphere, view_of
 from tests.meshes import EYE_AT_ORIGIN, beams, boards, joined, quads, random_triangles
 
 EIGHTHS = atra.OrthographicCamera((0, 0, 4), (0, 0, 0), view_height=4.0, width=32, height=32)

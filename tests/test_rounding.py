@@ -11,7 +11,7 @@ from atra.geometry.intersection import intersect_pixels
 from atra.kernels.rounding import COPY_ROUNDINGS, INSTANCE_ROUNDINGS, MOST_ROUNDINGS
 from atra.parallel import WorkerPool
 from atra.tracers.aligned import SECOND_PASS_TILE
-from scenes.needles import NEEDLES_CAMERA, needles
+from scenes.special import NEEDLES_CAMERA, needles
 from tests.images import SHEARED, assert_no_pixel_wrong, trace, trace_pixels
 from tests.meshes import (
     EYE_AT_ORIGIN,

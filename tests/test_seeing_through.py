@@ -10,7 +10,8 @@ from PIL import Image
 import atra
 from atra.gathering.closed import open_edges
 from examples import all_hits, radiograph, solids, transparency, voxels
-from tests.closed_meshes import cornell_boxes, three_holes
+from scenes.special import three_holes
+from tests.closed_meshes import cornell_boxes
 from tests.meshes import joined
 
 TOY = ["--width", "64", "--height", "48"]

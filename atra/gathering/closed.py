@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from weakref import WeakSet
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -10,6 +12,9 @@ from atra.geometry.mesh import Mesh
 
 _NAMED = 3
 """Edges that an error names."""
+
+_closed: WeakSet[Mesh] = WeakSet()
+"""Meshes that were found closed, which takes longer than a frame; a mesh never changes."""
 
 
 def open_edges(mesh: Mesh) -> NDArray[np.int64]:
@@ -32,6 +37,8 @@ def open_edges(mesh: Mesh) -> NDArray[np.int64]:
 
 def check_closed(mesh: Mesh) -> None:
     """Raise InputError, naming edges, for a mesh that is not closed, and for one that is inside out."""
+    if mesh in _closed:
+        return
     edges = open_edges(mesh)
     if len(edges):
         named = ", ".join(f"{a}-{b}" for a, b in edges[:_NAMED].tolist())
@@ -46,3 +53,4 @@ def check_closed(mesh: Mesh) -> None:
             f"{mesh.name!r} is inside out, its volume is {volume:g}; turn its triangles so that they run "
             "counterclockwise, seen from outside"
         )
+    _closed.add(mesh)

@@ -35,8 +35,7 @@ def all_crossings(mesh: Mesh, camera: View, offset: tuple[float, float] = (0.5, 
     """
     check_offset(offset)
     pool = WorkerPool(1)
-    points = np.empty((len(mesh.vertices), 4))
-    view = projected(mesh, camera, offset, pool, points)
+    view, points = projected(mesh, camera, offset, pool)
     exact = np.empty(SUMMANDS)
     room = 4 * camera.width * camera.height
     while True:

@@ -40,8 +40,7 @@ def find_doubts(
 
     Raises MemoryBudgetError for more samples in doubt than the free memory holds.
     """
-    points = np.empty((len(mesh.vertices), 4))
-    view = projected(mesh, camera, offset, pool, points)
+    view, points = projected(mesh, camera, offset, pool)
     parallel, width, height = camera.is_parallel, camera.width, camera.height
     room = _ROOM
     while True:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from atra.aligned_memory import aligned_empty, aligned_part
 from atra.alignment.culling import check_needed_bytes
 from atra.errors import InputError
 from atra.gathering.reductions import Gathered, Reduction
@@ -36,7 +37,7 @@ def target_images(
     for name, plane in what.planes().items():
         shape = (*plane.before, height + ROOM, row)
         if out is None:
-            images[name] = np.empty(shape, plane.kind)
+            images[name] = aligned_empty(shape, plane.kind)
         else:
             given, wanted = getattr(out, name), (*plane.before, height, width)
             if given.shape != wanted:
@@ -48,15 +49,14 @@ def target_images(
 def _memory(name: str, given: Any, shape: tuple[int, ...], kind: type[np.generic]) -> NDArray:
     """The array that an image of a result is a part of. Raises InputError where it is not."""
     memory = getattr(given, "base", None)
-    if (
-        not isinstance(memory, np.ndarray)
-        or (memory.shape, memory.dtype) != (shape, kind)
-        or not memory.flags.c_contiguous
-        or not given.flags.writeable
-        or memory.ctypes.data != given.ctypes.data
-    ):
-        raise InputError(f"out has a {name} that was not made for this tracer and as much of the same: pass its result")
-    return memory
+    if isinstance(memory, np.ndarray) and memory.dtype == np.uint8 and given.dtype == kind and given.flags.writeable:
+        try:
+            image = aligned_part(memory, shape, kind)
+        except ValueError:
+            image = None
+        if image is not None and (image.ctypes.data, image.strides) == (given.ctypes.data, given.strides):
+            return image
+    raise InputError(f"out has a {name} that was not made for this tracer and as much of the same: pass its result")
 
 
 def target_of(

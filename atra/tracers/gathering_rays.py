@@ -17,8 +17,9 @@ from atra.gathering.images import target_of
 from atra.gathering.reductions import Reduction
 from atra.kernels.gathering.doubts import Precision, settling_kernel
 from atra.kernels.gathering.filters import gathering_filter
+from atra.kernels.gathering.layers import finish_image
 from atra.kernels.gathering.shooting import shooting_kernel
-from atra.kernels.gathering.taking import THICKNESS
+from atra.kernels.gathering.taking import LAYERS, THICKNESS
 from atra.kernels.packets import RayGrid
 from atra.kernels.tracing import PixelTiles
 from atra.tracers.base import EmbreeTracer, Views
@@ -71,7 +72,8 @@ class EmbreeGathering(Gathering, EmbreeTracer):
         weights: NDArray[np.float32] | None,
     ) -> None:
         for name, plane in what.planes().items():
-            images[name].fill(plane.start)
+            if not plane.before:  # layers are written where there is a hit, and at last where there is none
+                images[name].fill(plane.start)
         doubts, kind = self._found_doubts(offset), what.kind
         if not self._shots:
             self._build_shots()
@@ -82,6 +84,9 @@ class EmbreeGathering(Gathering, EmbreeTracer):
         settle(doubts.keys, doubts.facings, doubts.depths, self.camera.width, block.ctypes.data)
         for shots, scene in self._shots:
             self._shoot(shots, scene, kind, offset, block, target.row)
+        if kind == LAYERS:
+            size, address = (self.camera.height, self.camera.width), block.ctypes.data
+            self._pool.run(lambda _, counter: finish_image(counter, *size, address))
 
     def _found_doubts(self, offset: tuple[float, float]) -> Doubts:
         if self._doubts is None or self._doubts[0] != offset:

@@ -7,9 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from atra.aligned_memory import aligned_empty
 from atra.errors import InputError
-
-_CACHE_LINE_BYTES = 64
 
 
 def outputs(
@@ -44,12 +43,5 @@ def images_of(out: Any) -> tuple[NDArray[np.float32], NDArray[np.uint32]] | None
 
 def new_images(height: int, width: int, row_stride: int) -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
     """Uninitialised depth and prim_id, (height, width) each, their rows `row_stride` pixels apart in memory."""
-    depth, prim_id = (_aligned(height * row_stride, kind) for kind in (np.float32, np.uint32))
-    return depth.reshape(height, row_stride)[:, :width], prim_id.reshape(height, row_stride)[:, :width]
-
-
-def _aligned(count: int, kind: type[np.generic]) -> NDArray[Any]:
-    """So many numbers of four bytes, from a cache line's start on: kernels may then write past the caches."""
-    memory = np.empty(4 * count + _CACHE_LINE_BYTES, np.uint8)
-    start = -memory.ctypes.data % _CACHE_LINE_BYTES
-    return memory[start : start + 4 * count].view(kind)
+    depth, prim_id = (aligned_empty((height, row_stride), kind) for kind in (np.float32, np.uint32))
+    return depth[:, :width], prim_id[:, :width]

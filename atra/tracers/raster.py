@@ -18,7 +18,6 @@ from atra.geometry.ray_space import check_range
 from atra.geometry.view import View, check_offset
 from atra.hits import Hits
 from atra.judge.ties import coplanar_overlaps, lowest_of_ties, tie_tiles
-from atra.kernels.gathering.frames import Scratch as GatheringScratch
 from atra.kernels.gathering.frames import gather_frame
 from atra.kernels.raster.frames import Scratch, compile_kernels, draw_frame
 from atra.options import RasterOptions
@@ -48,7 +47,6 @@ class RasterTracer(Gathering):
         self._pool = WorkerPool(self.threads)
         self._scratch: Scratch | None = None
         self._pixels_checked = 0
-        self._gathering: GatheringScratch | None = None
         self._set_camera(camera)
 
     def _set_camera(self, camera: View) -> None:
@@ -118,10 +116,9 @@ class RasterTracer(Gathering):
         images: dict[str, NDArray],
         weights: NDArray[np.float32] | None,
     ) -> None:
-        if self._gathering is None:
-            self._gathering = GatheringScratch.of(self.mesh, self.threads)
+        assert self._scratch is not None
         target = target_of(images, weights, None)
-        gather_frame(self.mesh, self.camera, offset, self.lanes, self._gathering, self._pool, what.kind, target)
+        gather_frame(self.mesh, self.camera, offset, self.lanes, self._scratch, self._pool, what.kind, target)
 
     @property
     def triangle_count(self) -> int:
@@ -136,4 +133,4 @@ class RasterTracer(Gathering):
 
     def _release(self) -> None:
         self._pool.close()
-        self._scratch = self._gathering = None
+        self._scratch = None

@@ -10,7 +10,7 @@ import pandas as pd
 
 from experiments.paper import resources, speed
 from experiments.paper.judging import SceneJudge, on_every_scene, on_paper_scene, on_paper_scenes, on_some_scene
-from experiments.paper.readings import NEAREST, READINGS
+from experiments.paper.readings import EVERY_HIT, NEAREST, READINGS, readings_of
 from experiments.results.claims import Claim, Judge, JudgedClaim, judge_claim
 
 _SINGLE_RAYS = "Single rays, each process by its speed-up over rtcIntersect1 in the same rounds. "
@@ -30,8 +30,13 @@ def _alone(judge: Judge) -> dict[str, Judge]:
     return {"": judge}
 
 
-def _both(on_scenes: Callable[[Any], Judge], judge: Callable[..., Any]) -> dict[str, Judge]:
-    """Under both readings of the paper's baseline."""
+def _alike(on_scenes: Callable[[Any], Judge], judge: Callable[..., Any]) -> dict[str, Judge]:
+    """The baseline does not matter, but whether the nearest hit is wanted or every one."""
+    return {"": on_scenes(judge), EVERY_HIT.name: on_scenes(partial(judge, workload=EVERY_HIT.workload))}
+
+
+def _each(on_scenes: Callable[[Any], Judge], judge: Callable[..., Any]) -> dict[str, Judge]:
+    """Under each reading of the paper's baseline."""
     return {reading.name: on_scenes(partial(judge, reading=reading)) for reading in READINGS}
 
 
@@ -71,7 +76,7 @@ _ORDERING = (
         "faster with culling",
         f"{_SINGLE_RAYS}Culling on over off at every number of horizontal splits from 2 on that was measured of both; "
         f"value: geometric mean (each N). {_DECIDED}",
-        _alone(on_every_scene(speed.culling_accelerates)),
+        _alike(on_every_scene, speed.culling_accelerates),
     ),
     Claim(
         "culling-off-slows-again",
@@ -80,7 +85,7 @@ _ORDERING = (
         "a minimum of time inside the range on every scene",
         f"{_SINGLE_RAYS}Culling off, 1 to 1,024 horizontal splits. Fastest split over the baseline, and over the "
         f"largest split. {_CHOSEN}{_DECIDED}Both must hold. The interval is the second one's.",
-        _both(on_every_scene, speed.too_many_splits_slow_down),
+        _each(on_every_scene, speed.too_many_splits_slow_down),
     ),
     Claim(
         "culling-off-falls-below-start",
@@ -89,7 +94,7 @@ _ORDERING = (
         "slower than at the start on some scenes",
         f"{_SINGLE_RAYS}Culling off. The baseline over the largest split. {_DECIDED}One scene is enough to hold; all "
         "four must fail for the claim to fail.",
-        _both(on_some_scene, speed.too_many_splits_fall_below_start),
+        _each(on_some_scene, speed.too_many_splits_fall_below_start),
     ),
     Claim(
         "culling-off-few-splits-gain",
@@ -98,7 +103,7 @@ _ORDERING = (
         "faster everywhere at first",
         f"{_SINGLE_RAYS}Culling off. Fastest of 2, 4 and 8 horizontal splits (our reading of a few) over the baseline. "
         f"{_CHOSEN}{_DECIDED}",
-        _both(on_every_scene, speed.few_splits_gain),
+        _each(on_every_scene, speed.few_splits_gain),
     ),
     Claim(
         "culling-on-keeps-gaining",
@@ -109,7 +114,7 @@ _ORDERING = (
         "faster than the baseline and no split is slower than one with fewer cells by more than a factor of "
         f"{speed.LARGEST_LOSS:g} (our reading), each by its whole interval; fails when either is wrong by its whole "
         "interval. Value and interval: 1,024 splits over the baseline.",
-        _both(on_every_scene, speed.more_splits_faster),
+        _each(on_every_scene, speed.more_splits_faster),
     ),
     Claim(
         "nearest-alone-may-lose",
@@ -140,7 +145,7 @@ _SPEEDUPS = tuple(
         f"{value:.2f}",
         "Culling on, 1 to 1,024 horizontal splits, 1,024 x 1,024 pixels, the scene itself and no stand-in: the largest "
         f"ratio of the baseline to ours. {_CHOSEN}{_REACHES}",
-        _both(partial(on_paper_scene, scene), speed.best_speedup_reaches(value)),
+        _each(partial(on_paper_scene, scene), speed.best_speedup_reaches(value)),
     )
     for scene, value in BEST_SPEEDUPS.items()
 )
@@ -248,7 +253,7 @@ _RESOURCES = (
         f"Student's. {_OUR_READING}holds when the whole interval lies within {speed.MODEL_EXPONENT[0]:g} to "
         f"{speed.MODEL_EXPONENT[1]:g} and R2 is at least {speed.MODEL_R_SQUARED:g}, fails when the whole interval lies "
         "outside, is undecided otherwise.",
-        _alone(on_every_scene(speed.time_follows_cost_model)),
+        _alike(on_every_scene, speed.time_follows_cost_model),
     ),
     _instancing(culling=True),
     _instancing(culling=False),
@@ -260,7 +265,7 @@ _RESOURCES = (
         "Best speed-up of single rays over horizontal splits, culling on, 1,024 x 1,024 pixels, all four scenes "
         f"themselves. {_CHOSEN}Holds when each is above that of the next larger scene by the whole interval of their "
         "ratio, fails when it is below that of any larger one. The paper does not say so; its values do.",
-        _both(on_paper_scenes, speed.larger_scenes_gain_less),
+        _each(on_paper_scenes, speed.larger_scenes_gain_less),
         inferred=True,
     ),
 )
@@ -270,9 +275,13 @@ CLAIMS: tuple[Claim, ...] = (*_SPEEDUPS, *_ORDERING, *_RESOURCES)
 
 
 def judge_claims(processes: pd.DataFrame | None) -> tuple[JudgedClaim, ...]:
-    """What became of every claim, in the order of CLAIMS, under each of its readings.
+    """What became of every claim, in the order of CLAIMS, under each of its readings of which the table has rows.
 
     processes: as `experiments.results.table.make_tables` gives them; None or an empty table leaves every claim not
-    measured.
+    measured. A table of nothing but gathered hits is asked for no other claim.
     """
-    return tuple(judged for claim in CLAIMS for judged in judge_claim(claim, processes))
+    under = {reading.name for reading in readings_of(processes)}
+    if under != {EVERY_HIT.name}:
+        under.add("")
+    found = (judged for claim in CLAIMS for judged in judge_claim(claim, processes))
+    return tuple(one for one in found if one.reading in under)

@@ -13,6 +13,7 @@ from experiments.methods.aligned import ALIGNED
 from experiments.results.estimates import Estimate, best_of
 from experiments.workloads.build import BUILD
 from experiments.workloads.frame import FRAME
+from experiments.workloads.gather import GATHER, What
 from experiments.workloads.memory import MEMORY
 from experiments.workloads.multiframe import MULTIFRAME
 
@@ -24,13 +25,16 @@ PAPER_SIZE = (1024, 1024)
 SPLITS = tuple(2**power for power in range(11))
 """Splits of one axis in the paper's figures 5 to 7."""
 
+TIMED = (FRAME.name, GATHER.name)
+"""Workloads whose speed-ups are judged."""
+
 _SETTINGS = ("width", "height", "threads", "build_quality")
 # A copy of a scene from another source may have lost degenerate triangles; a different model differs by far more.
 _TRIANGLES_TOLERANCE = 1e-3
 USED_COLUMNS: tuple[str, ...] = (
-    "scene", "stands_for", "triangles", "triangles_traced", "workload", "method", "geometry", "culling", "packet_width",
-    "split_x", "split_y", *_SETTINGS, "status", "error", "cpu", "speedup", "speedup_vs_packets", "plan_time_s",
-    "build_time_s", "build_over_plain", "plan_and_build_over_plain", "boxes_entered", "embree_bytes",
+    "scene", "stands_for", "triangles", "triangles_traced", "workload", "what", "method", "geometry", "culling",
+    "packet_width", "split_x", "split_y", *_SETTINGS, "status", "error", "cpu", "speedup", "speedup_vs_packets",
+    "plan_time_s", "build_time_s", "build_over_plain", "plan_and_build_over_plain", "boxes_entered", "embree_bytes",
     "rss_mesh_bytes", "rss_bytes", "pixels_tied", "pixels_edge", "pixels_wrong", "depth_error_max",
     "baseline_depth_error_max", "point_id",
 )  # fmt: skip
@@ -59,10 +63,9 @@ class SceneRows:
     rows: tuple[Row, ...]
     points: Mapping[tuple[Any, ...], list[Row]]
 
-    @property
-    def widest_packets(self) -> int:
-        """Rays of the widest packets among the timed points, 1 if there are none."""
-        return max((int(row["packet_width"] or 1) for row in self.rows if row["workload"] == FRAME.name), default=1)
+    def widest_packets(self, workload: str) -> int:
+        """Rays of the widest packets among its points, 1 if there are none."""
+        return max((int(row["packet_width"] or 1) for row in self.rows if row["workload"] == workload), default=1)
 
     def processes(
         self,
@@ -99,12 +102,19 @@ class SceneRows:
         return self.processes(workload, split, **options)[0]
 
     def speedups(
-        self, split: tuple[int, int], *, culling: bool, packet_width: int = 1, column: str = "speedup", **options: Any
+        self,
+        split: tuple[int, int],
+        *,
+        culling: bool,
+        packet_width: int = 1,
+        column: str = "speedup",
+        workload: str = FRAME.name,
+        **options: Any,
     ) -> list[float]:
         """A point's speed-up in every process. The speed-ups of two points are compared rather than their times: each
         was paired with the same baseline in its own rounds, so the slow moments of a machine cancel."""
-        options |= {"culling": culling, "packet_width": packet_width}
-        return [read_positive(row, column) for row in self.processes(FRAME.name, split, **options)]
+        rows = self.processes(workload, split, culling=culling, packet_width=packet_width, **options)
+        return [read_positive(row, column) for row in rows]
 
     def over_splits(self, **options: Any) -> tuple[dict[int, list[float]], dict[int, str]]:
         """Over horizontal splits 1 ... 1,024: the speed-ups that were measured, and why the others were not.
@@ -149,7 +159,7 @@ def collect_scenes(table: pd.DataFrame | None) -> dict[str, SceneRows]:
     """
     if table is None or table.empty:
         raise NotMeasuredError("the table is empty")
-    rows = [row for row in _rows(table) if row["workload"] != MULTIFRAME.name]  # the paper's figures are of one frame
+    rows = [row for row in _rows(table) if _is_compared(row)]
     measured = [row for row in rows if row["status"] == "ok"]
     if not measured:
         raise NotMeasuredError("no row of the table was measured")
@@ -175,6 +185,11 @@ def _rows(table: pd.DataFrame) -> list[Row]:
         missing = column.isna().tolist()
         columns.append([None if gone else value for value, gone in zip(column.tolist(), missing, strict=True)])
     return [dict(zip(USED_COLUMNS, values, strict=True)) for values in zip(*columns, strict=True)]
+
+
+def _is_compared(row: Row) -> bool:
+    """The paper's figures are of one frame; of all hits they are counted, so that what else is gathered is left out."""
+    return row["workload"] != MULTIFRAME.name and (row["workload"] != GATHER.name or row["what"] == What.count.value)
 
 
 def _is_paper_scene(row: Row, name: str) -> bool:
@@ -211,7 +226,7 @@ def read_number(row: Row, name: str) -> float:
 def _check_settings(scenes: Mapping[str, SceneRows]) -> None:
     measured = [row for scene in scenes.values() for row in scene.rows if row["status"] == "ok"]
     # Pictures are compared with nothing, so they alone may be of any size.
-    for workload in (FRAME.name, BUILD.name, MEMORY.name):
+    for workload in (*TIMED, BUILD.name, MEMORY.name):
         for name in _SETTINGS:
             values = {row[name] for row in measured if row["workload"] == workload and row[name] is not None}
             if len(values) > 1:

@@ -1,4 +1,4 @@
-"""Best gains scene by scene: what the paper reports beside ours under both readings, and ours with packets."""
+"""Best gains scene by scene: what the paper reports beside ours under each reading, and ours with packets."""
 
 from __future__ import annotations
 
@@ -8,10 +8,9 @@ from typing import Any
 import pandas as pd
 
 from experiments.paper.claims import BEST_SPEEDUPS
-from experiments.paper.evidence import NotMeasuredError, SceneRows, collect_scenes
+from experiments.paper.evidence import TIMED, NotMeasuredError, SceneRows, collect_scenes
 from experiments.paper.judging import paper_scene
-from experiments.paper.readings import ALL_HITS, NEAREST, READINGS, BestGain, best_gain
-from experiments.workloads.frame import FRAME
+from experiments.paper.readings import PACKETS_OVER, BestGain, Reading, best_gain, readings_of
 
 
 @dataclass(frozen=True)
@@ -28,8 +27,8 @@ class SceneGains:
     """Best gains of one scene over horizontal splits, culling on.
 
     paper: the paper's best speed-up of single rays; None where ours are not to be held against it, and then `differs`
-    says why. single: by reading, single rays over single rays. packets: packets of `packet_width` rays over packets,
-    by reading, then over single rays that gather all hits; empty without packets.
+    says why. single: by reading, single rays over single rays. packets: packets of `packet_width` rays, by what they
+    are over (`PACKETS_OVER`); empty without packets.
     """
 
     paper_scene: str
@@ -40,27 +39,20 @@ class SceneGains:
     differs: str | None
     single: dict[str, Gain]
     packet_width: int
-    packets: tuple[Gain, ...]
-
-
-PACKETS_OVER = (
-    "packets per pixel, nearest hit",
-    "packets that gather all hits",
-    "single rays that gather all hits",
-)
-"""What the gains of packets are over, in their order."""
+    packets: dict[str, Gain]
 
 
 def scene_gains(processes: pd.DataFrame | None) -> tuple[SceneGains, ...]:
-    """Of each of the paper's scenes of which a frame was timed, or of its stand-in.
+    """Of each of the paper's scenes of which a frame or all hits were timed, or of its stand-in.
 
     processes: as `experiments.results.table.make_tables` gives them. Raises NotMeasuredError where its rows do not
     compare, and where there is not one gain to be had, each with its reason.
     """
     scenes = collect_scenes(processes)
-    timed = {name: scene for name, scene in scenes.items() if any(row["workload"] == FRAME.name for row in scene.rows)}
-    found = tuple(_of_scene(name, scene, scenes) for name, scene in timed.items())
-    gains = [gain for one in found for gain in (*one.single.values(), *one.packets)]
+    timed = {name: scene for name, scene in scenes.items() if any(row["workload"] in TIMED for row in scene.rows)}
+    readings = readings_of(processes)
+    found = tuple(_of_scene(name, scene, scenes, readings) for name, scene in timed.items())
+    gains = [gain for one in found for gain in (*one.single.values(), *one.packets.values())]
     if all(gain.best is None for gain in gains):
         raise NotMeasuredError(
             next((gain.why for gain in gains if gain.why), "no frame of a scene of the paper was timed")
@@ -68,18 +60,20 @@ def scene_gains(processes: pd.DataFrame | None) -> tuple[SceneGains, ...]:
     return found
 
 
-def _of_scene(name: str, scene: SceneRows, scenes: dict[str, SceneRows]) -> SceneGains:
+def _of_scene(name: str, scene: SceneRows, scenes: dict[str, SceneRows], readings: tuple[Reading, ...]) -> SceneGains:
     paper: float | None
     try:
         paper_scene(scenes, name)
         paper, differs = BEST_SPEEDUPS[name], None
     except NotMeasuredError as error:
         paper, differs = None, str(error)
-    width = scene.widest_packets
-    packets: tuple[Gain, ...] = ()
-    if width > 1:
-        over = ((NEAREST, width), (ALL_HITS, width), (ALL_HITS, 1))
-        packets = tuple(_gain(scene, reading, width, rays) for reading, rays in over)
+    workloads = {reading.workload for reading in readings}
+    width = max(scene.widest_packets(workload) for workload in workloads)
+    packets = {
+        words: _gain(scene, reading, width, 1 if over_single else width)
+        for words, reading, over_single in PACKETS_OVER
+        if width > 1 and reading.workload in workloads
+    }
     return SceneGains(
         paper_scene=name,
         scene=scene.scene,
@@ -87,7 +81,7 @@ def _of_scene(name: str, scene: SceneRows, scenes: dict[str, SceneRows]) -> Scen
         triangles=next((row["triangles"] for row in scene.rows if row["triangles"] is not None), None),
         paper=paper,
         differs=differs,
-        single={reading.name: _gain(scene, reading) for reading in READINGS},
+        single={reading.name: _gain(scene, reading) for reading in readings},
         packet_width=width,
         packets=packets,
     )

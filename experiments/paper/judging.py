@@ -7,10 +7,9 @@ from dataclasses import dataclass
 
 import pandas as pd
 
-from experiments.paper.evidence import PAPER_SCENES, PAPER_SIZE, NotMeasuredError, SceneRows, collect_scenes
+from experiments.paper.evidence import PAPER_SCENES, PAPER_SIZE, TIMED, NotMeasuredError, SceneRows, collect_scenes
 from experiments.results.claims import DOES_NOT_HOLD, HOLDS, NOT_MEASURED, UNDECIDED, Judge, Judgement
 from experiments.results.estimates import Estimate, Interval
-from experiments.workloads.frame import FRAME
 
 
 @dataclass(frozen=True)
@@ -75,7 +74,7 @@ def paper_scene(scenes: Mapping[str, SceneRows], name: str) -> SceneRows:
     if scene.stand_in:
         raise NotMeasuredError(f"stand-ins only: {scene.scene} for {name}")
     for row in scene.rows:
-        measured_time = row["workload"] == FRAME.name and row["status"] == "ok"
+        measured_time = row["workload"] in TIMED and row["status"] == "ok"
         if measured_time and (row["width"], row["height"]) != PAPER_SIZE:
             width, height = PAPER_SIZE
             raise NotMeasuredError(

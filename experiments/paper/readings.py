@@ -1,32 +1,57 @@
-"""Two readings of the paper's baseline, "the standard method that does not use ours", and gains over either.
+"""Readings of the paper's baseline, "the standard method that does not use ours", and gains over each.
 
 The paper's 1 x 1 may find the nearest hit, as anybody's renderer does, or gather every hit of a ray, as its aligned
-runs must. Its section 5, where the method may lose when only the nearest hit is wanted, speaks for the second.
+runs must. Its section 5, where the method may lose when only the nearest hit is wanted, speaks for the second. Where
+every hit is wanted, and not the nearest alone, both sides gather them, and nobody can stop early.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
+import pandas as pd
+
 from experiments.paper.evidence import NotMeasuredError, SceneRows, best, estimate
 from experiments.results.estimates import Estimate
+from experiments.workloads.frame import FRAME
+from experiments.workloads.gather import GATHER
 
 
 @dataclass(frozen=True)
 class Reading:
     """name: as shown. rays: those of the baseline, in words. gathers: the baseline gathers all hits, being the
     aligned tracer itself at 1 x 1 without culling, with rays of the same kind; otherwise it is rtcIntersect1 per pixel,
-    of packets the fastest packets per pixel."""
+    of packets the fastest packets per pixel. workload: of the rows that are judged."""
 
     name: str
     rays: str
     gathers: bool
+    workload: str = FRAME.name
 
 
 NEAREST = Reading("nearest hit", "rays that look for the nearest hit alone", gathers=False)
 ALL_HITS = Reading("all hits", "rays that gather all hits", gathers=True)
+EVERY_HIT = Reading(
+    "every hit wanted", "rays that gather all hits, where all are wanted", gathers=True, workload=GATHER.name
+)
+_PER_PIXEL = Reading("every hit, per pixel", "rays per pixel that gather all hits", False, GATHER.name)
 
-READINGS = (NEAREST, ALL_HITS)
+READINGS = (NEAREST, ALL_HITS, EVERY_HIT)
+
+PACKETS_OVER = (
+    ("packets per pixel, nearest hit", NEAREST, False),
+    ("packets that gather all hits", ALL_HITS, False),
+    ("single rays that gather all hits", ALL_HITS, True),
+    ("packets per pixel that gather, every hit wanted", _PER_PIXEL, False),
+    ("packets at 1 x 1 that gather, every hit wanted", EVERY_HIT, False),
+)
+"""What the gains of packets are over: in words, the reading, and whether it is over single rays."""
+
+
+def readings_of(processes: pd.DataFrame | None) -> tuple[Reading, ...]:
+    """Those of whose workloads a table has rows; of a table without any, those of single frames."""
+    measured = set() if processes is None or "workload" not in processes else set(processes["workload"])
+    return tuple(reading for reading in READINGS if reading.workload in measured) or (NEAREST, ALL_HITS)
 
 
 def start(scene: SceneRows, reading: Reading, packet_width: int = 1) -> Estimate | None:
@@ -36,7 +61,7 @@ def start(scene: SceneRows, reading: Reading, packet_width: int = 1) -> Estimate
     """
     if not reading.gathers:
         return None
-    return estimate(scene.speedups((1, 1), culling=False, packet_width=packet_width))
+    return estimate(scene.speedups((1, 1), culling=False, packet_width=packet_width, workload=reading.workload))
 
 
 def over_start(value: Estimate, scene: SceneRows, reading: Reading, packet_width: int = 1) -> Estimate:
@@ -58,7 +83,8 @@ class BestGain:
 def best_gain(scene: SceneRows, reading: Reading, packet_width: int = 1, over: int | None = None) -> BestGain:
     """over: packet width of a baseline that gathers all hits, None = the same. Raises NotMeasuredError."""
     column = "speedup_vs_packets" if packet_width > 1 and not reading.gathers else "speedup"
-    found, missing = scene.over_splits(culling=True, packet_width=packet_width, column=column)
+    of_rows = {"culling": True, "packet_width": packet_width, "column": column, "workload": reading.workload}
+    found, missing = scene.over_splits(**of_rows)
     if not found:
         raise NotMeasuredError(next(iter(missing.values())))
     splits, value = best(found)

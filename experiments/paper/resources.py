@@ -19,6 +19,7 @@ from experiments.paper.evidence import (
 from experiments.paper.judging import Outcome, SceneJudge
 from experiments.results.estimates import Estimate, decide_greater, geometric_mean
 from experiments.workloads.build import BUILD
+from experiments.workloads.frame import FRAME
 from experiments.workloads.memory import MEMORY
 
 _PLAN_AND_BUILD = "plan_and_build_over_plain"
@@ -176,7 +177,7 @@ def _build(scene: SceneRows, splits: int, column: str = "build_over_plain") -> E
 
 
 def _speed(scene: SceneRows, splits: int, **options: Any) -> Estimate:
-    return estimate(scene.speedups((splits, 1), packet_width=scene.widest_packets, **options))
+    return estimate(scene.speedups((splits, 1), packet_width=scene.widest_packets(FRAME.name), **options))
 
 
 def _memory(scene: SceneRows, splits: int, *, culling: bool = True, geometry: str = "copied") -> Row:

@@ -72,12 +72,14 @@ def horizontal_slightly_better(scene: SceneRows) -> Outcome:
     return _gain(mean, _spell(mean, ratios), f"horizontal is {mean} times as fast")
 
 
-def culling_accelerates(scene: SceneRows) -> Outcome:
+def culling_accelerates(scene: SceneRows, workload: str = FRAME.name) -> Outcome:
     """Culling on over culling off, at every number of horizontal splits from 2 on that was measured of both."""
     ratios, reason = {}, ""
     for splits in SPLITS[1:]:
         try:
-            with_it, without = (estimate(scene.speedups((splits, 1), culling=culling)) for culling in (True, False))
+            with_it, without = (
+                estimate(scene.speedups((splits, 1), culling=culling, workload=workload)) for culling in (True, False)
+            )
         except NotMeasuredError as error:
             reason = reason or str(error)
             continue
@@ -90,7 +92,7 @@ def culling_accelerates(scene: SceneRows) -> Outcome:
 
 def few_splits_gain(scene: SceneRows, reading: Reading) -> Outcome:
     """The fastest of 2, 4 and 8 horizontal splits over the baseline, culling off."""
-    found, missing = scene.over_splits(culling=False)
+    found, missing = scene.over_splits(culling=False, workload=reading.workload)
     few = {splits: found[splits] for splits in FEW_SPLITS if splits in found}
     splits, value = best(few)
     gain = over_start(value, scene, reading)
@@ -103,7 +105,7 @@ def few_splits_gain(scene: SceneRows, reading: Reading) -> Outcome:
 def too_many_splits_slow_down(scene: SceneRows, reading: Reading) -> Outcome:
     """Whether time over horizontal splits, culling off, has its minimum inside: faster than the baseline, then slower
     again at the largest split."""
-    found, missing = scene.over_splits(culling=False)
+    found, missing = scene.over_splits(culling=False, workload=reading.workload)
     most = max(found, default=1)
     splits, value = best({one: found[one] for one in found if 1 < one < most})
     gain, loss = over_start(value, scene, reading), value.over(estimate(found[most]))
@@ -122,7 +124,7 @@ def too_many_splits_slow_down(scene: SceneRows, reading: Reading) -> Outcome:
 
 def too_many_splits_fall_below_start(scene: SceneRows, reading: Reading) -> Outcome:
     """The baseline over the largest split, culling off."""
-    found, missing = scene.over_splits(culling=False)
+    found, missing = scene.over_splits(culling=False, workload=reading.workload)
     most = max(found, default=1)
     if most == 1:
         raise NotMeasuredError(next(iter(missing.values())))
@@ -135,7 +137,7 @@ def too_many_splits_fall_below_start(scene: SceneRows, reading: Reading) -> Outc
 
 def more_splits_faster(scene: SceneRows, reading: Reading) -> Outcome:
     """Whether no number of horizontal splits, culling on, is slower than a smaller one, and 1,024 gain."""
-    found, missing = scene.over_splits(culling=True)
+    found, missing = scene.over_splits(culling=True, workload=reading.workload)
     most = SPLITS[-1]
     if missing:
         raise NotMeasuredError(next(iter(missing.values())))
@@ -210,13 +212,13 @@ def larger_scenes_gain_less(scenes: Mapping[str, SceneRows], reading: Reading) -
     return Judgement(HOLDS, value, interval)
 
 
-def time_follows_cost_model(scene: SceneRows) -> Outcome:
+def time_follows_cost_model(scene: SceneRows, workload: str = FRAME.name) -> Outcome:
     """The exponent of time over log(N_p) N_r on the single-ray points without culling (paper, section 3.2)."""
     model, time, missing = [], [], []
     for splits in SPLITS:
         try:
-            speedup = estimate(scene.speedups((splits, 1), culling=False))
-            row = scene.row(FRAME.name, (splits, 1), culling=False, packet_width=1)
+            speedup = estimate(scene.speedups((splits, 1), culling=False, workload=workload))
+            row = scene.row(workload, (splits, 1), culling=False, packet_width=1)
             triangles = read_number(row, "triangles_traced")
             rays = read_number(row, "width") * read_number(row, "height") / splits
         except NotMeasuredError as error:

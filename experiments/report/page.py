@@ -17,8 +17,8 @@ from atra.files import write_atomically
 from experiments.drawing.figure import DrawnFigure
 from experiments.paper.conclusion import conclude
 from experiments.paper.evidence import NotMeasuredError
-from experiments.paper.gains import PACKETS_OVER, SceneGains, scene_gains
-from experiments.paper.readings import READINGS
+from experiments.paper.gains import SceneGains, scene_gains
+from experiments.paper.readings import readings_of
 from experiments.report.facts import (
     Doubts,
     compared_images,
@@ -112,9 +112,9 @@ def render_report(contents: ReportContents) -> str:
         conclusion=conclude(judged, gains, replaced.values()) if judged else None,
         gains=gains,
         no_gains=no_gains,
-        readings=READINGS,
+        readings=readings_of(contents.processes),
         one_reading=ONE_READING,
-        packets_over=PACKETS_OVER,
+        packets_over=list(dict.fromkeys(words for one in gains for words in one.packets)),
         stand_ins=replaced,
         compared=compared_images(table),
         processes=count_processes(table),

@@ -11,17 +11,20 @@ from numpy.typing import NDArray
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.kernels.caching import kernel
-from atra.kernels.gathering.listing import project
+from atra.kernels.intrinsics import fetch_add
+from atra.kernels.raster.clusters import POINT_BYTES, VERTICES
 from atra.kernels.raster.exact import side, turn
-from atra.kernels.raster.spans import holds_eye, inverse_of
+from atra.kernels.raster.image import Viewpoint
+from atra.kernels.raster.spans import holds_eye, homogeneous
+from atra.kernels.raster.triangles import project_vertices
 from atra.parallel import WorkerPool
 
-_LEAST_DEPTH = 1e-25
-"""As in `atra.kernels.raster.frames`."""
+_CHUNK = 512 * VERTICES
+"""Vertices a thread takes at a time."""
 
 
 class ViewOfMesh(NamedTuple):
-    """vertices: (V, 3) float32. eye: (3,) float64. to_pixels: (3, 4) float64, with the samples at whole numbers."""
+    """vertices: (V, 3) float32. eye: (3,) float64. to_pixels: (12,) float64, rows of `Eye.to_pixels`."""
 
     vertices: NDArray[np.float32]
     eye: NDArray[np.float64]
@@ -29,27 +32,33 @@ class ViewOfMesh(NamedTuple):
 
 
 def projected(
-    mesh: Mesh, camera: View, offset: tuple[float, float], pool: WorkerPool, points: NDArray[np.float64]
-) -> ViewOfMesh:
-    """The view with the samples of `offset` at whole numbers; points: (V, 4) float64, written as `project` does."""
-    to_pixels = camera.to_pixels.copy()
-    to_pixels[:2] -= np.outer(offset, to_pixels[2])
-    eye = np.array(camera.eye)
-    least_depth = 0.0 if camera.is_parallel else _LEAST_DEPTH * float(np.abs(mesh.bounds - eye).max())
-    pool.run(lambda _, counter: project(counter, mesh.vertices, eye, to_pixels, camera.axes[2], least_depth, points))
-    return ViewOfMesh(mesh.vertices, eye, to_pixels)
+    mesh: Mesh, camera: View, offset: tuple[float, float], pool: WorkerPool
+) -> tuple[ViewOfMesh, NDArray[np.float64]]:
+    """The view with the samples of `offset` at whole numbers, and at least (V, 4) float64, of `project_vertices`."""
+    viewpoint, count = Viewpoint.of(mesh, camera, offset), len(mesh.vertices)
+    whole = -(-count // VERTICES) * VERTICES
+    columns, points = np.zeros((3, whole), np.float32), np.empty((whole, 4))
+    columns[:, :count] = mesh.vertices.T
+    rest = camera.is_parallel, columns.ctypes.data, whole, viewpoint.eye, points.ctypes.data
+    pool.run(lambda _, counter: project(counter, *rest))
+    return ViewOfMesh(mesh.vertices, viewpoint.position, viewpoint.to_pixels), points
+
+
+@kernel
+def project(counter_address, parallel, vertices, count, eye, points):  # type: ignore[no-untyped-def]
+    """All vertices to pixels, by `project_vertices`. vertices, points: addresses; count: of vertices, whole vectors."""
+    while True:
+        start = fetch_add(counter_address, 1) * _CHUNK
+        if start >= count:
+            return
+        size = min(_CHUNK, count - start)
+        project_vertices(parallel, vertices + start * 4, count, size, eye, points + start * POINT_BYTES)
 
 
 @njit(inline="always")
-def homogeneous(view, vertex):  # type: ignore[no-untyped-def]
-    """(x, y, 1) times the depth of a vertex, or (x, y, 1) where rays are parallel; x and y its pixel position."""
-    u, v = view.vertices[vertex, 0] - view.eye[0], view.vertices[vertex, 1] - view.eye[1]
-    w, m = view.vertices[vertex, 2] - view.eye[2], view.to_pixels
-    return (
-        m[0, 0] * u + m[0, 1] * v + m[0, 2] * w + m[0, 3],
-        m[1, 0] * u + m[1, 1] * v + m[1, 2] * w + m[1, 3],
-        m[2, 0] * u + m[2, 1] * v + m[2, 2] * w + m[2, 3],
-    )
+def homogeneous_of(view, vertex):  # type: ignore[no-untyped-def]
+    """`homogeneous` of a vertex."""
+    return homogeneous(view.to_pixels, _from_eye(view, vertex))
 
 
 @njit(inline="always")
@@ -62,19 +71,6 @@ def _from_eye(view, vertex):  # type: ignore[no-untyped-def]
 def _holds_eye(view, v0, v1, v2):  # type: ignore[no-untyped-def]
     """Whether the eye lies in the plane of a triangle, to the last digits of float64: then it is seen edge-on."""
     return holds_eye(_from_eye(view, v0), _from_eye(view, v1), _from_eye(view, v2))
-
-
-@njit
-def pinhole_plane(view, v0, v1, v2):  # type: ignore[no-untyped-def]
-    """Nearness A i + B j + C on the plane of a triangle, as `atra.kernels.raster.spans` has it."""
-    a0, b0, c0 = homogeneous(view, v0)
-    a1, b1, c1 = homogeneous(view, v1)
-    a2, b2, c2 = homogeneous(view, v2)
-    a1, b1, c1 = a1 - a0, b1 - b0, c1 - c0
-    a2, b2, c2 = a2 - a0, b2 - b0, c2 - c0
-    na, nb, nc = b1 * c2 - c1 * b2, c1 * a2 - a1 * c2, a1 * b2 - b1 * a2
-    inverse = inverse_of(na * a0 + nb * b0 + nc * c0)
-    return na * inverse, nb * inverse, nc * inverse
 
 
 @njit
@@ -113,21 +109,27 @@ def covers(parallel, points, v0, v1, v2, i, j, exact):  # type: ignore[no-untype
 
 
 @njit
+def parallel_depth(a, b, c, w0, w1, w2, i, j):  # type: ignore[no-untyped-def]
+    """As `depth_at`, where rays are parallel. a, b, c: of `homogeneous`; w: nearness."""
+    x0, y0, _ = a
+    x1, y1, x2, y2 = b[0] - x0, b[1] - y0, c[0] - x0, c[1] - y0
+    area = x1 * y2 - y1 * x2
+    at_i, at_j = i - x0, j - y0
+    found = w0
+    if area != 0.0:
+        found += ((at_i * y2 - at_j * x2) * (w1 - w0) + (x1 * at_j - y1 * at_i) * (w2 - w0)) / area
+    return max(-min(max(found, min(w0, w1, w2)), max(w0, w1, w2)), 0.0)
+
+
+@njit
 def depth_at(parallel, view, points, v0, v1, v2, i, j):  # type: ignore[no-untyped-def]
     """Depth, float64, at which the ray of sample (i, j), which a triangle covers, crosses it; 0 behind a parallel
     image plane, and between the depths of the corners but for that."""
-    a0, b0, c0 = homogeneous(view, v0)
-    a1, b1, c1 = homogeneous(view, v1)
-    a2, b2, c2 = homogeneous(view, v2)
+    a, b, c = homogeneous_of(view, v0), homogeneous_of(view, v1), homogeneous_of(view, v2)
     w0, w1, w2 = points[v0, 2], points[v1, 2], points[v2, 2]
     if parallel:
-        x1, y1, x2, y2 = a1 - a0, b1 - b0, a2 - a0, b2 - b0
-        area = x1 * y2 - y1 * x2
-        at_i, at_j = i - a0, j - b0
-        found = w0
-        if area != 0.0:
-            found += ((at_i * y2 - at_j * x2) * (w1 - w0) + (x1 * at_j - y1 * at_i) * (w2 - w0)) / area
-        return max(-min(max(found, min(w0, w1, w2)), max(w0, w1, w2)), 0.0)
+        return parallel_depth(a, b, c, w0, w1, w2, i, j)
+    (a0, b0, c0), (a1, b1, c1), (a2, b2, c2) = a, b, c
     a1, b1, c1 = a1 - a0, b1 - b0, c1 - c0
     a2, b2, c2 = a2 - a0, b2 - b0, c2 - c0
     na, nb, nc = b1 * c2 - c1 * b2, c1 * a2 - a1 * c2, a1 * b2 - b1 * a2
@@ -149,7 +151,7 @@ def _inside_of_image(low, high, last):  # type: ignore[no-untyped-def]
 def list_crossings(parallel, view, points, faces, width, height, exact, pixels, prim_ids, facings, depths):  # type: ignore[no-untyped-def]
     """Every crossing of an image, triangle by triangle, each sample of its box tested; returns how many there are.
 
-    points: of `project`. pixels: (N,) int64, y * width + x; prim_ids: (N,) uint32, facings: (N,) int8, depths: (N,)
+    points: of `projected`. pixels: (N,) int64, y * width + x; prim_ids: (N,) uint32, facings: (N,) int8, depths: (N,)
     float64: written as far as they reach.
     """
     count = 0

@@ -15,7 +15,7 @@ import numpy as np
 from numba import njit
 
 from atra.kernels.caching import kernel
-from atra.kernels.gathering.crossings import covers, depth_at, facing_of, homogeneous
+from atra.kernels.gathering.crossings import covers, depth_at, facing_of, homogeneous_of
 from atra.kernels.gathering.taking import TRANSMITTANCE, take
 from atra.kernels.gathering.target import LIST_END, MARKS, target_at
 from atra.kernels.intrinsics import fetch_add, float_at
@@ -89,8 +89,8 @@ def _walk(edge, tolerance, second, second_tolerance, third, third_tolerance, box
 @njit(inline="always")
 def _normal(view, v, w):  # type: ignore[no-untyped-def]
     """(a, b, c): the volume of samples, the eye and two corners is a i + b j + c."""
-    ax, ay, az = homogeneous(view, v)
-    bx, by, bz = homogeneous(view, w)
+    ax, ay, az = homogeneous_of(view, v)
+    bx, by, bz = homogeneous_of(view, w)
     return ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
 
 
@@ -157,7 +157,7 @@ def _turned(edge, sign):  # type: ignore[no-untyped-def]
 def list_doubts(counter_address, parallel, view, points, faces, width, height, precision, keys, count):  # type: ignore[no-untyped-def]
     """List samples in doubt, some of them twice; the int64 at `count` counts them.
 
-    points: of `project`. keys: (N,) int64, (y * width + x) << 32 | triangle, written as far as they reach.
+    points: of `projected`. keys: (N,) int64, (y * width + x) << 32 | triangle, written as far as they reach.
     """
     unit = ROUNDINGS * _FLOAT32_UNIT
     per_pixel, size = precision.direction / precision.pitch**2, (width, height)
@@ -179,7 +179,7 @@ def list_doubts(counter_address, parallel, view, points, faces, width, height, p
             of_depth = unit * far * long * long / precision.pitch**2
             if not parallel and not farthest > 0.0:
                 edges = _normal(view, v1, v2), _normal(view, v2, v0), _normal(view, v0, v1)
-                x, y, z = homogeneous(view, v0)
+                x, y, z = homogeneous_of(view, v0)
                 volume = edges[0][0] * x + edges[0][1] * y + edges[0][2] * z
                 if abs(volume) <= of_depth:  # the plane is so near the eye that all of it is in doubt
                     _list_all(edges, largest, size, triangle, keys, count)

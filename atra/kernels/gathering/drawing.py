@@ -1,4 +1,4 @@
-"""Drawing all hits: band after band of the image, every triangle where it is, whatever is in front of it."""
+"""Drawing all hits: band after band of the image, every cluster that may be seen there, whatever is in front of it."""
 
 from __future__ import annotations
 
@@ -9,139 +9,111 @@ import numpy as np
 from numba import njit
 
 from atra.kernels.caching import kernel
-from atra.kernels.gathering.narrow import BLOCK_ROWS, take_narrow
+from atra.kernels.gathering.layers import finish_layers
+from atra.kernels.gathering.narrow import take_narrow
 from atra.kernels.gathering.spans import take_spans
 from atra.kernels.gathering.taking import LAYERS, THICKNESS, TRANSMITTANCE
-from atra.kernels.gathering.target import target_at
+from atra.kernels.gathering.target import Target, target_at
 from atra.kernels.intrinsics import fetch_add, float_at
-from atra.kernels.raster.exact import UNIT
-from atra.kernels.raster.image import GENTLE, NARROW, SPAN
-from atra.kernels.raster.memory import fetch, store
+from atra.kernels.raster.culling import forget_tiles
+from atra.kernels.raster.drawing import fetch_vertices, list_clusters, open_cluster
+from atra.kernels.raster.image import Band
+from atra.kernels.raster.memory import floats_at, identities_at, integers_at, store
+from atra.kernels.raster.narrow import facing_of
+from atra.kernels.raster.triangles import BATCH, CAP, LEFT, LIST_ROOM, RIGHT, set_up
 from atra.kernels.raster.vectors import repeated
-from atra.prim_ids import MISS
-
-AHEAD = 8
-"""Triangles drawn before one whose corners are asked for."""
-
-_UNIT32 = 2.0**-24
-
-_SMALLEST, _LARGEST = 1e-35, 1e35
-"""Float32 between these has all its digits."""
-
-_SURE = 4.0 * UNIT
-"""As in `atra.kernels.raster.exact`: the area is the same sum of products."""
-
-_NEAR_AND_FAR = 1e3
-"""As in `atra.kernels.raster.drawing`."""
 
 
 @njit(inline="always")
-def _clear(kind, lanes, top, bottom, target):  # type: ignore[no-untyped-def]
-    """Set rows top ... bottom to what they are without a hit, where they will be drawn at once."""
-    start = np.float32(0.0)
-    if kind == TRANSMITTANCE:
-        start = np.float32(1.0)
-    elif kind == LAYERS:
-        start = np.float32(np.inf)
-    values, nobody, none = repeated(start, lanes), repeated(np.uint32(MISS), lanes), repeated(np.uint32(0), lanes)
-    first, size = top * target.row * 4, (bottom + 1 - top) * target.row * 4
-    for layer in range(target.layers):
-        place = first + layer * target.plane * 4
-        for byte in range(place, place + size, lanes * 4):
-            store(values, target.values + byte)
-        if kind == LAYERS:
-            for byte in range(place, place + size, lanes * 4):
-                store(nobody, target.prim_ids + byte)
+def _target_of(kind, image, band, band_rows, workspace):  # type: ignore[no-untyped-def]
+    """What the hits of a band are taken into, by the pixels of the image: the image itself, or else memory that stays
+    in the cache, if they are to be sorted."""
+    values, prim_ids, counts = image.values, image.prim_ids, image.counts
+    row, plane = image.row, image.plane
     if kind == LAYERS:
-        for byte in range(first, first + size, lanes * 4):
-            store(none, target.counts + byte)
+        plane = band_rows * row
+        values = workspace.band - band.top * row * 4
+        prim_ids = values + image.layers * plane * 4
+        counts = prim_ids + image.layers * plane * 4
+    return Target(values, prim_ids, counts, row, plane, image.layers, image.weights, 0, 0, 0)
+
+
+@njit(inline="always")
+def _clear(kind, lanes, band, target):  # type: ignore[no-untyped-def]
+    """Set a band to what it is without a hit, where it will be drawn at once; layers by their counts alone."""
+    first, end = band.top * target.row * 4, (band.bottom + 1) * target.row * 4
+    if kind == LAYERS:
+        for byte in range(first, end, lanes * 4):
+            store(repeated(np.uint32(0), lanes), target.counts + byte)
+    else:
+        start = np.float32(1.0) if kind == TRANSMITTANCE else np.float32(0.0)
+        for byte in range(first, end, lanes * 4):
+            store(repeated(start, lanes), target.values + byte)
 
 
 @cache
 def gathering_kernel(lanes: int, parallel: bool, kind: int) -> Callable[..., None]:
     """The loop over bands, with vectors of so many lanes; all three are constants of the compiled code."""
     half = max(lanes // 2, 4)
-    half_rows = lanes // half
     has_depth, has_factors = kind in (THICKNESS, LAYERS), kind == TRANSMITTANCE
 
-    @kernel
-    def gather_bands(counter_address, view, points, faces, starts, entries, band_rows, width, height, workspace, block):  # type: ignore[no-untyped-def]
-        """Take the hits of all bands, until the shared counter runs past the last.
-
-        points: of `project`. starts, entries: the triangles of each band. block: of a `Target`; all of its image is
-        written. What lies in a triangle is decided as in `atra.kernels.raster.drawing`.
-        """
-        target = target_at(block)
-        while True:
-            number = fetch_add(counter_address, 1)
-            if number >= len(starts) - 1:
-                return
-            band_top, band_bottom = number * band_rows, min((number + 1) * band_rows, height) - 1
-            _clear(kind, lanes, band_top, band_bottom, target)
-            end_of_band = starts[number + 1]
-            for entry in range(starts[number], end_of_band):
-                if entry + AHEAD < end_of_band:
-                    later = entries[entry + AHEAD]
-                    for corner in range(3):
-                        fetch(points.ctypes.data + np.int64(faces[later, corner]) * 32)
-                triangle = entries[entry]
-                v0, v1, v2 = faces[triangle, 0], faces[triangle, 1], faces[triangle, 2]
-                x0, y0, w0 = points[v0, 0], points[v0, 1], points[v0, 2]
-                x1, y1, w1 = points[v1, 0], points[v1, 1], points[v1, 2]
-                x2, y2, w2 = points[v2, 0], points[v2, 1], points[v2, 2]
-                nearest, farthest = max(w0, w1, w2), min(w0, w1, w2)
-                low_x, high_x, low_y, high_y = min(x0, x1, x2), max(x0, x1, x2), min(y0, y1, y2), max(y0, y1, y2)
-                left, right = max(np.ceil(low_x), 0.0), min(np.floor(high_x), width - 1.0)
-                top, bottom = max(np.ceil(low_y), 0.0), min(np.floor(high_y), height - 1.0)
-                # Edge k lies opposite corner k.
-                dx1, dy1, dx2, dy2 = x0 - x2, y0 - y2, x1 - x0, y1 - y0
-                one_way, other_way = dx2 * dy1, dy2 * dx1
-                area = other_way - one_way
-                facing = 1.0 if area > 0.0 else -1.0
-                slope_x = slope_y = 0.0
-                is_gentle = True
-                if has_depth:
-                    inverse = 1.0 / area if area != 0.0 else np.inf
-                    slope_x = -((w2 - w0) * dy2 + (w1 - w0) * dy1) * inverse
-                    slope_y = ((w2 - w0) * dx2 + (w1 - w0) * dx1) * inverse
-                    least = -nearest if parallel else farthest
-                    is_gentle = max(abs(slope_x) * NARROW, abs(slope_y) * BLOCK_ROWS) <= GENTLE * least and (
-                        parallel or nearest <= _NEAR_AND_FAR * farthest
-                    )
-                # No sum and no summand is larger, from the first row and column to the last of a vector.
-                largest = (high_y - low_y + BLOCK_ROWS) * (2.0 * (high_x - low_x) + SPAN)
-                in_front = nearest < 0.0 if parallel else farthest > 0.0
-                weight = float_at(target.weights + np.int64(triangle) * 4) if has_factors else np.float32(facing)
-                if not (
-                    in_front
-                    and right - left < NARROW
-                    and largest < _LARGEST
-                    and is_gentle
-                    and abs(area) > _SURE * (abs(one_way) + abs(other_way))
-                ):
-                    first, last = band_top, band_bottom
-                    if parallel or farthest > 0.0:
-                        first, last = max(int(top), first), min(int(bottom), last)
+    @njit
+    def gather_cluster(eye, clusters, cluster, width, band, workspace, target):  # type: ignore[no-untyped-def]
+        count, prim_ids, vertices, vertex_count = open_cluster(parallel, eye, clusters, cluster, width, band, workspace)
+        listed, floats, identities = integers_at(workspace.listed), floats_at(workspace.floats), identities_at(prim_ids)
+        for batch in range(0, count, BATCH):
+            ordinary = set_up(parallel, width, batch, band, workspace)[1]
+            for k in range(min(BATCH, count - batch)):
+                packed = listed[batch + k]
+                prim_id = identities[packed >> 48]
+                weight = np.float32(0.0)
+                if has_factors:
+                    weight = float_at(target.weights + np.int64(prim_id) * 4)
+                is_ordinary = (ordinary >> k) & 1 != 0
+                if parallel:
+                    is_ordinary = is_ordinary and floats[CAP * BATCH + k] < 0.0
+                if not is_ordinary:
                     take_spans(
-                        kind, lanes, parallel, has_depth, has_factors, view, points, v0, v1, v2, weight, triangle,
-                        first, last, width, workspace, target,
+                        kind, lanes, parallel, has_depth, has_factors, eye, vertices, vertex_count, weight, prim_id,
+                        packed, width, band, workspace, target,
                     )  # fmt: skip
                     continue
-                first, last = max(int(top), band_top), min(int(bottom), band_bottom)
-                rounding = np.float32((last - first + 8) * _UNIT32 * largest + _SMALLEST)
-                start, end = int(left), int(right)
-                if end - start < half:
-                    first -= first % half_rows
-                    nearness = w0 + slope_x * (left - x0) + slope_y * (first - y0)
+                if kind == THICKNESS:
+                    weight = np.float32(facing_of(workspace.points, packed))
+                if floats[RIGHT * BATCH + k] - floats[LEFT * BATCH + k] < half:
                     take_narrow(
-                        kind, lanes, half, parallel, has_depth, triangle, weight, x0, y0, x1, y1, x2, y2, facing,
-                        rounding, nearness, slope_x, slope_y, start, end, first, last, workspace, target,
+                        kind, lanes, half, parallel, has_depth, weight, prim_id, packed, k, workspace, target
                     )  # fmt: skip
                 else:
-                    nearness = w0 + slope_x * (left - x0) + slope_y * (first - y0)
                     take_narrow(
-                        kind, lanes, lanes, parallel, has_depth, triangle, weight, x0, y0, x1, y1, x2, y2, facing,
-                        rounding, nearness, slope_x, slope_y, start, end, first, last, workspace, target,
+                        kind, lanes, lanes, parallel, has_depth, weight, prim_id, packed, k, workspace, target
                     )  # fmt: skip
+
+    @kernel
+    def gather_bands(counter_address, eye, clusters, rectangles, order, band_rows, width, height, workspace, block):  # type: ignore[no-untyped-def]
+        """Take the hits of all bands, until the shared counter runs past the last.
+
+        rectangles: of `cull_clusters`. order (N,) int64: the clusters that may be seen. block: of a `Target`; all of
+        its image is written. What lies in a triangle is decided as in `atra.kernels.raster.drawing`.
+        """
+        image = target_at(block)
+        nothing = np.float32(-np.inf if parallel else 0.0)
+        forget_tiles(nothing, band_rows, width, workspace.tiles)  # all of them: nothing ever hides anything
+        for place in range(LIST_ROOM):  # a batch reads beyond its list, and there has to be the corners of a triangle
+            integers_at(workspace.listed)[place] = 0
+        while True:
+            top = fetch_add(counter_address, 1) * band_rows
+            if top >= height:
+                return
+            band = Band(0, 0, 0, top, min(top + band_rows, height) - 1)
+            target = _target_of(kind, image, band, band_rows, workspace)
+            _clear(kind, lanes, band, target)
+            here, count = integers_at(workspace.here), list_clusters(order, rectangles, band, workspace.here)
+            for place in range(count):
+                if place + 1 < count:
+                    fetch_vertices(clusters, here[place + 1])
+                gather_cluster(eye, clusters, here[place], width, band, workspace, target)
+            if kind == LAYERS:
+                finish_layers(lanes, band.top, band.bottom, width, target, image)
 
     return gather_bands

@@ -1,58 +1,23 @@
-"""A frame of all hits: vertices projected, triangles listed, bands gone over; and the memory that frames share."""
+"""A frame of all hits: clusters culled, bands gone over."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any, NamedTuple
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import Any
 
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
-from atra.kernels.gathering.crossings import projected
 from atra.kernels.gathering.drawing import gathering_kernel
-from atra.kernels.gathering.listing import CHUNK, fill_bands, list_triangles, place_bands
+from atra.kernels.gathering.taking import LAYERS
 from atra.kernels.gathering.target import Target
-from atra.kernels.raster.exact import SUMMANDS
-from atra.kernels.raster.spans import ROWS
+from atra.kernels.raster.frames import Scratch
+from atra.kernels.raster.image import Viewpoint
 from atra.parallel import WorkerPool
 
-_BAND_BYTES, _LEAST_ROWS, BAND_ROWS = 1 << 19, 4, 32
+_BAND_BYTES, _LEAST_ROWS, _MOST_ROWS = 1 << 20, 16, 128
 """Bytes of a band, which stay in the cache while it is drawn; its least and most rows, powers of two."""
 
-
-class Workspace(NamedTuple):
-    """Addresses of memory of one thread, as of `atra.kernels.raster.image.Workspace`."""
-
-    exact: int
-    first: int
-    last: int
-
-
-@dataclass(frozen=True, eq=False)
-class Scratch:
-    """Memory of the frames of one mesh. points: (V, 4) float64. listed: (F,) uint32, bands: (F, 2) int32. exact,
-    first, last: (threads, ...) float64, as `Workspace` has them."""
-
-    points: NDArray[np.float64]
-    listed: NDArray[np.uint32]
-    bands: NDArray[np.int32]
-    rows: NDArray[np.float64]
-
-    @classmethod
-    def of(cls, mesh: Mesh, threads: int) -> Scratch:
-        triangles = mesh.triangle_count
-        return cls(
-            np.empty((len(mesh.vertices), 4)),
-            np.empty(triangles, np.uint32),
-            np.empty((triangles, 2), np.int32),
-            np.empty((threads, 2 * (BAND_ROWS + ROWS) + SUMMANDS + 2 * ROWS)),
-        )
-
-    def workspace(self, thread: int) -> Workspace:
-        first, last, exact = np.split(self.rows[thread], (BAND_ROWS + ROWS, 2 * (BAND_ROWS + ROWS)))
-        return Workspace(exact.ctypes.data, first.ctypes.data, last.ctypes.data)
+_BANDS = 4
+"""Of a thread, at least, so that none waits long for another."""
 
 
 def gather_frame(
@@ -66,25 +31,25 @@ def gather_frame(
     target: Target,
 ) -> None:
     """Take all hits of all pixels. kind: of `taking`. target: its image is written completely."""
-    width, height, parallel = camera.width, camera.height, camera.is_parallel
-    points, faces = scratch.points, mesh.faces
-    view = projected(mesh, camera, offset, pool, points)
-    band_rows, row_bytes = BAND_ROWS, target.layers * target.row * 4
-    while band_rows > _LEAST_ROWS and band_rows * row_bytes > _BAND_BYTES:
+    width, height = camera.width, camera.height
+    row_bytes = (2 * target.layers + 1 if kind == LAYERS else 1) * target.row * 4
+    band_rows = _MOST_ROWS
+    while band_rows > _LEAST_ROWS and (
+        band_rows * row_bytes > _BAND_BYTES or band_rows * _BANDS * pool.threads > height
+    ):
         band_rows //= 2
-    counts = np.empty((-(-len(faces) // CHUNK), -(-height // band_rows) + 1), np.int64)
-    starts = np.empty(counts.shape[1], np.int64)
-    lists = scratch.listed, scratch.bands, counts
-    pool.run(lambda _, counter: list_triangles(counter, points, faces, parallel, width, height, band_rows, *lists))
-    place_bands(counts, starts)
-    entries = np.empty(int(starts[-1]), np.uint32)
-    pool.run(lambda _, counter: fill_bands(counter, *lists, entries))
-    gather_bands: Any = gathering_kernel(lanes, parallel, kind)
+    viewpoint = Viewpoint.of(mesh, camera, offset)
+    eye, clusters, rectangles = viewpoint.eye, scratch.clusters.addresses, scratch.rectangles
+    scratch.cull(eye, camera, band_rows, pool)
+    order = scratch.order()  # what is near first leaves little to be sorted
+    workspaces = scratch.workspaces_for(pool.threads, width, band_rows, band_rows * row_bytes if kind == LAYERS else 0)
+    gather_bands: Any = gathering_kernel(lanes, camera.is_parallel, kind)
     block = target.block()
     address = block.ctypes.data
 
     def gather(worker: int, counter: int) -> None:
-        workspace = scratch.workspace(worker)
-        gather_bands(counter, view, points, faces, starts, entries, band_rows, width, height, workspace, address)
+        gather_bands(
+            counter, eye, clusters, rectangles, order, band_rows, width, height, workspaces[worker], address
+        )  # fmt: skip
 
     pool.run(gather)

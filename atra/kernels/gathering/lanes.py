@@ -11,7 +11,7 @@ from numba.extending import intrinsic
 
 from atra.kernels.raster.vectors import HAS_MASK_REGISTERS, Mask, Vector
 
-_I8, _I32, _I64 = ir.IntType(8), ir.IntType(32), ir.IntType(64)
+_I1, _I8, _I32, _I64 = ir.IntType(1), ir.IntType(8), ir.IntType(32), ir.IntType(64)
 
 
 def _bits(builder: ir.IRBuilder, mask: ir.Value) -> ir.Value:
@@ -147,20 +147,35 @@ def one_more(typingctx: Any, mask: Any, numbers: Any) -> Any:
     """Whole numbers, one larger where the mask is True."""
 
     def codegen(context: Any, builder: ir.IRBuilder, signature: Any, values: list[ir.Value]) -> ir.Value:
-        return builder.add(values[1], builder.zext(_bits(builder, values[0]), values[1].type))
+        more = builder.add(values[1], ir.Constant(values[1].type, [1] * numbers.lanes))
+        return builder.select(_bits(builder, values[0]), more, values[1])
 
     return numbers(mask, numbers), codegen
 
 
+def _compared(sign: str) -> Any:
+    @intrinsic
+    def compared(typingctx: Any, a: Any, b: Any) -> Any:
+        def codegen(context: Any, builder: ir.IRBuilder, signature: Any, values: list[ir.Value]) -> ir.Value:
+            return _mask(builder, builder.icmp_unsigned(sign, *values))
+
+        return Mask(a.lanes)(a, b), codegen
+
+    return compared
+
+
+is_below, is_same, is_from = _compared("<"), _compared("=="), _compared(">=")
+"""The masks where an unsigned whole number of a vector is less than that of another, the same, and not less."""
+
+
 @intrinsic
-def is_below(typingctx: Any, a: Any, b: Any) -> Any:
-    """The mask where an unsigned whole number of `a` is less than that of `b`."""
-    mask = Mask(a.lanes)
+def first_bit(typingctx: Any, bits: Any) -> Any:
+    """The place of the lowest bit that is set of an int64 that is not 0."""
 
     def codegen(context: Any, builder: ir.IRBuilder, signature: Any, values: list[ir.Value]) -> ir.Value:
-        return _mask(builder, builder.icmp_unsigned("<", values[0], values[1]))
+        return builder.cttz(values[0], _I1(1))
 
-    return mask(a, b), codegen
+    return types.int64(types.int64), codegen
 
 
 def _number_at(kind: types.Type) -> Any:

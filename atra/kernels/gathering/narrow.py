@@ -7,70 +7,73 @@ from numba import njit
 
 from atra.kernels.gathering.lanes import columns_of, rows_of
 from atra.kernels.gathering.taking import take
-from atra.kernels.raster.exact import side
-from atra.kernels.raster.vectors import bits_of, mask_of, rarely, repeated, smaller
-
-BLOCK_ROWS = 2
-"""Rows of the highest block, a divisor of the rows of a band, so that no block reaches into two of them."""
-
-
-@njit
-def _decided(x0, y0, x1, y1, x2, y2, facing, left, top, lanes, nx, exact):  # type: ignore[no-untyped-def]
-    """Bits of the samples of a block that lie in the triangle, exactly."""
-    bits = 0
-    for lane in range(lanes):
-        i, j = float(left + lane % nx), float(top + lane // nx)
-        if (
-            side(x0, y0, x1, y1, i, j, exact) == facing
-            and side(x1, y1, x2, y2, i, j, exact) == facing
-            and side(x2, y2, x0, y0, i, j, exact) == facing
-        ):
-            bits |= 1 << lane
-    return bits
+from atra.kernels.raster.memory import doubles_at, floats_at
+from atra.kernels.raster.narrow import decided
+from atra.kernels.raster.triangles import (
+    BATCH,
+    CAP,
+    COLUMN,
+    FIRST,
+    INSIDE,
+    LAST,
+    LEFT,
+    NEARNESS,
+    RIGHT,
+    ROUNDING,
+    ROW,
+    SLOPE_X,
+    SLOPE_Y,
+)
+from atra.kernels.raster.vectors import bits_of, mask_of, rarely, repeated, smaller, where
 
 
 @njit(inline="always")
 def take_narrow(  # type: ignore[no-untyped-def]
-    kind, lanes, nx, parallel, has_depth, triangle, weight, x0, y0, x1, y1, x2, y2, facing, rounding, nearness,
-    slope_x, slope_y, left, right, first, last, workspace, target,
+    kind, lanes, nx, parallel, has_depth, weight, prim_id, packed, k, workspace, target
 ):  # fmt: skip
-    """Take the rows first ... last of a triangle whose corners all are in front of the eye, in blocks of `lanes` pixels
-    in rows of nx. first: a multiple of a block's rows, perhaps above the triangle.
+    """Take the hits of an ordinary triangle, the k-th of its batch and with these corners, in blocks of `lanes` pixels
+    in rows of nx, one or two. Blocks begin at even rows, so that none reaches into two bands.
 
-    Arguments as for `draw_narrow` of `atra.kernels.raster.narrow`; nearness: in column `left` of row `first`.
+    weight: as for `take`. What lies in the triangle, and how deep, is decided as by `draw_narrow`.
     """
-    ny, j = lanes // nx, float(first)
-    surely, hardly = repeated(rounding, lanes), repeated(-rounding, lanes)
-    columns, rows = columns_of(lanes, nx), rows_of(lanes, nx)
-    # Edge k lies opposite corner k.
-    dx0, dy0 = facing * (x2 - x1), facing * (y2 - y1)
-    dx1, dy1 = facing * (x0 - x2), facing * (y0 - y2)
-    dx2, dy2 = facing * (x1 - x0), facing * (y1 - y0)
-    within0 = rows * repeated(np.float32(dx0), lanes) - columns * repeated(np.float32(dy0), lanes)
-    within1 = rows * repeated(np.float32(dx1), lanes) - columns * repeated(np.float32(dy1), lanes)
-    within2 = rows * repeated(np.float32(dx2), lanes) - columns * repeated(np.float32(dy2), lanes)
-    below0 = repeated(np.float32(ny * dx0), lanes)
-    below1 = repeated(np.float32(ny * dx1), lanes)
-    below2 = repeated(np.float32(ny * dx2), lanes)
-    slope, down = repeated(np.float32(slope_x), lanes), repeated(np.float32(slope_y), lanes)
+    values, doubles = floats_at(workspace.floats + k * 4), doubles_at(workspace.doubles + k * 8)
+    left, right = int(values[LEFT * BATCH]), int(values[RIGHT * BATCH])
+    first, last, ny = int(values[FIRST * BATCH]), int(values[LAST * BATCH]), lanes // nx
+    above = first % ny
+    columns, rows = columns_of(lanes, nx), rows_of(lanes, nx) - repeated(np.float32(above), lanes)
+    surely, hardly = repeated(values[ROUNDING * BATCH], lanes), repeated(-values[ROUNDING * BATCH], lanes)
+    column0, row0 = repeated(values[COLUMN * BATCH], lanes), repeated(values[ROW * BATCH], lanes)
+    column1, row1 = repeated(values[(COLUMN + 1) * BATCH], lanes), repeated(values[(ROW + 1) * BATCH], lanes)
+    column2, row2 = repeated(values[(COLUMN + 2) * BATCH], lanes), repeated(values[(ROW + 2) * BATCH], lanes)
+    within0 = repeated(values[INSIDE * BATCH], lanes) + rows * row0
+    within1 = repeated(values[(INSIDE + 1) * BATCH], lanes) + rows * row1
+    within2 = repeated(values[(INSIDE + 2) * BATCH], lanes) + rows * row2
+    down = repeated(np.float32(ny), lanes)
+    below0, below1, below2 = down * row0, down * row1, down * row2
     nothing, one = repeated(np.float32(0.0), lanes), repeated(np.float32(1.0), lanes)
+    slope, cap = repeated(values[SLOPE_X * BATCH], lanes), repeated(values[CAP * BATCH], lanes)
+    slope_y = doubles[SLOPE_Y * BATCH]
     for start in range(left, right + 1, nx):
-        inside0 = repeated(np.float32(dx0 * (j - y1) - dy0 * (start - x1)), lanes) + within0
-        inside1 = repeated(np.float32(dx1 * (j - y2) - dy1 * (start - x2)), lanes) + within1
-        inside2 = repeated(np.float32(dx2 * (j - y0) - dy2 * (start - x0)), lanes) + within2
-        along = (columns + repeated(np.float32(start - left), lanes)) * slope + rows * down
-        pixel, row = first * target.row + start, nearness
-        for y in range(first, last + 1, ny):
+        along = columns + repeated(np.float32(start - left), lanes)
+        inside0, inside1, inside2 = within0 + along * column0, within1 + along * column1, within2 + along * column2
+        along = along * slope
+        pixel, row = (first - above) * target.row + start, doubles[NEARNESS * BATCH] - above * slope_y
+        for y in range(first - above, last + 1, ny):
             inside = smaller(smaller(inside0, inside1), inside2)
             taken = inside > hardly
             if rarely(bits_of(taken & (inside <= surely)) != 0):
-                exactly = _decided(x0, y0, x1, y1, x2, y2, int(facing), start, y, lanes, nx, workspace.exact)
+                exactly = decided(workspace.points, packed, start, y, lanes, nx, workspace.exact)
                 taken = taken & mask_of(exactly, lanes)
             depth = nothing
             if has_depth:
-                found = repeated(np.float32(row), lanes) + along
+                nearness = repeated(np.float32(row), lanes)
+                if ny == 2:
+                    nearness = where(
+                        mask_of((1 << nx) - 1, lanes), nearness, repeated(np.float32(row + slope_y), lanes)
+                    )
+                found = smaller(cap, nearness + along)
                 depth = nothing - found if parallel else one / found
-            take(kind, lanes, nx, taken, depth, weight, triangle, pixel, target)
+            take(kind, lanes, nx, taken, depth, weight, prim_id, pixel, target)
             inside0, inside1, inside2 = inside0 + below0, inside1 + below1, inside2 + below2
             pixel += ny * target.row
             row += ny * slope_y

@@ -5,7 +5,18 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from atra.kernels.gathering.lanes import chosen, either, is_below, load_rows, one_more, store_rows
+from atra.kernels.gathering.lanes import (
+    chosen,
+    either,
+    first_bit,
+    is_below,
+    is_from,
+    is_same,
+    load_rows,
+    one_more,
+    store_rows,
+    uint32_at,
+)
 from atra.kernels.raster.vectors import bits_of, repeated
 
 COUNT, THICKNESS, TRANSMITTANCE, LAYERS = range(4)
@@ -36,26 +47,64 @@ def _take_factor(lanes, nx, taken, weight, pixel, target):  # type: ignore[no-un
 
 
 @njit(inline="always")
-def _take_layer(lanes, nx, taken, depth, prim_id, pixel, target):  # type: ignore[no-untyped-def]
-    """In its place among the layers: what was there and is farther moves on, until no lane holds anything more."""
+def is_nearer(depth, prim_id, other, other_id):  # type: ignore[no-untyped-def]
+    """The mask where a hit comes before another one in the order of layers."""
+    same = (depth <= other) & (other <= depth)
+    return either(other > depth, same & is_below(prim_id, other_id))
+
+
+@njit(inline="always")
+def _put(lanes, nx, mask, depth, prim_ids, place, target):  # type: ignore[no-untyped-def]
+    """Store the lanes of a mask in a layer, `place` bytes from the first one's first pixel on."""
     row = target.row * 4
-    count = target.counts + pixel * 4
-    store_rows(one_more(taken, load_rows(count, row, np.uint32(0), lanes, nx)), count, row, nx)
-    nothing = repeated(np.float32(np.inf), lanes)
-    place = pixel * 4
-    moving, moving_id = chosen(taken, depth, nothing), repeated(prim_id, lanes)
-    for _ in range(target.layers):
-        old = load_rows(target.values + place, row, np.float32(0.0), lanes, nx)
-        old_id = load_rows(target.prim_ids + place, row, np.uint32(0), lanes, nx)
-        equal = (old <= moving) & (moving <= old) & (nothing > moving)
-        nearer = either(old > moving, equal & is_below(moving_id, old_id))
+    old = load_rows(target.values + place, row, np.float32(0.0), lanes, nx)
+    old_id = load_rows(target.prim_ids + place, row, np.uint32(0), lanes, nx)
+    store_rows(chosen(mask, depth, old), target.values + place, row, nx)
+    store_rows(chosen(mask, prim_ids, old_id), target.prim_ids + place, row, nx)
+
+
+@njit(inline="always")
+def _put_last(lanes, nx, mask, depth, prim_ids, pixel, target):  # type: ignore[no-untyped-def]
+    """Put a hit among the layers, and the farthest of all of them in the last one, in place of what is there."""
+    row, place = target.row * 4, pixel * 4
+    for _ in range(target.layers - 1):
+        other = load_rows(target.values + place, row, np.float32(0.0), lanes, nx)
+        other_id = load_rows(target.prim_ids + place, row, np.uint32(0), lanes, nx)
+        nearer = mask & is_nearer(depth, prim_ids, other, other_id)
         if bits_of(nearer) != 0:
-            store_rows(chosen(nearer, moving, old), target.values + place, row, nx)
-            store_rows(chosen(nearer, moving_id, old_id), target.prim_ids + place, row, nx)
-            moving, moving_id = chosen(nearer, old, moving), chosen(nearer, old_id, moving_id)
-            if bits_of(nothing > moving) == 0:
-                break
+            store_rows(chosen(nearer, depth, other), target.values + place, row, nx)
+            store_rows(chosen(nearer, prim_ids, other_id), target.prim_ids + place, row, nx)
+            depth, prim_ids = chosen(nearer, other, depth), chosen(nearer, other_id, prim_ids)
         place += target.plane * 4
+    _put(lanes, nx, mask, depth, prim_ids, place, target)
+
+
+@njit(inline="always")
+def _take_layer(lanes, nx, taken, depth, prim_id, pixel, target):  # type: ignore[no-untyped-def]
+    """Behind the hits that are there, in no order, for all are sorted at last. Where layers are full, the last one has
+    the farthest hit, and what is farther is counted only."""
+    row, last = target.row * 4, target.layers - 1
+    counts = target.counts + pixel * 4
+    before, prim_ids = load_rows(counts, row, np.uint32(0), lanes, nx), repeated(prim_id, lanes)
+    left = bits_of(taken)
+    while left != 0:
+        lane = first_bit(left)
+        layer = np.int64(uint32_at(counts + lane // nx * row + lane % nx * 4))
+        if layer < last:
+            put = taken & is_same(before, repeated(np.uint32(layer), lanes))
+            left &= ~bits_of(put)
+            _put(lanes, nx, put, depth, prim_ids, (pixel + layer * target.plane) * 4, target)
+        else:
+            put = taken & is_from(before, repeated(np.uint32(last), lanes))
+            left &= ~bits_of(put)
+            place = (pixel + last * target.plane) * 4
+            farthest = load_rows(target.values + place, row, np.float32(0.0), lanes, nx)
+            farthest_id = load_rows(target.prim_ids + place, row, np.uint32(0), lanes, nx)
+            is_free = is_same(before, repeated(np.uint32(last), lanes))
+            put = put & either(is_free, is_nearer(depth, prim_ids, farthest, farthest_id))
+            if bits_of(put) != 0:
+                _put_last(lanes, nx, put, depth, prim_ids, pixel, target)
+    store_rows(one_more(taken, before), counts, row, nx)
 
 
 @njit(inline="always")

@@ -71,7 +71,7 @@ def _finish(lanes, parallel, nothing, band, image):  # type: ignore[no-untyped-d
 
 
 @njit
-def _list_clusters(order, rectangles, band, here):  # type: ignore[no-untyped-def]
+def list_clusters(order, rectangles, band, here):  # type: ignore[no-untyped-def]
     """List those of `order` whose rectangle meets the band, at an address of int64; returns how many."""
     list_, place = integers_at(here), 0
     for cluster in order:
@@ -81,16 +81,17 @@ def _list_clusters(order, rectangles, band, here):  # type: ignore[no-untyped-de
 
 
 @njit(inline="always")
-def _fetch_vertices(clusters, cluster):  # type: ignore[no-untyped-def]
+def fetch_vertices(clusters, cluster):  # type: ignore[no-untyped-def]
     """Ask for the vertices of a cluster that may be drawn next."""
     firsts = integers_at(clusters.firsts)
     for place in range(firsts[cluster] * 12, firsts[cluster + 1] * 12, CACHE_LINE):
         fetch(clusters.vertices + place)
 
 
-@njit
-def _draw_cluster(lanes, half, parallel, eye, clusters, cluster, width, band, workspace):  # type: ignore[no-untyped-def]
-    """Draw what a cluster has in a band; returns how many triangles were listed for it."""
+@njit(inline="always")
+def open_cluster(parallel, eye, clusters, cluster, width, band, workspace):  # type: ignore[no-untyped-def]
+    """List what a cluster may have in a band. Returns how many triangles, the addresses of its prim_ids and its
+    vertices, and how many those are."""
     start, firsts = cluster * CLUSTER, integers_at(clusters.firsts)
     corners, prim_ids = clusters.corners + start * 8, clusters.prim_ids + start * 4
     for line in range(0, CLUSTER * 8, CACHE_LINE):
@@ -98,9 +99,16 @@ def _draw_cluster(lanes, half, parallel, eye, clusters, cluster, width, band, wo
     for line in range(0, CLUSTER * 4, CACHE_LINE):
         fetch(prim_ids + line)
     vertices, vertex_count = clusters.vertices + firsts[cluster] * 12, firsts[cluster + 1] - firsts[cluster]
-    project_vertices(parallel, vertices, vertex_count, eye, workspace.points)
+    project_vertices(parallel, vertices, vertex_count, vertex_count, eye, workspace.points)
     triangles = min(CLUSTER, clusters.triangles - start)
     count = list_triangles(parallel, corners, triangles, workspace.points, width, band, workspace.listed)
+    return count, prim_ids, vertices, vertex_count
+
+
+@njit
+def _draw_cluster(lanes, half, parallel, eye, clusters, cluster, width, band, workspace):  # type: ignore[no-untyped-def]
+    """Draw what a cluster has in a band; returns how many triangles were listed for it."""
+    count, prim_ids, vertices, vertex_count = open_cluster(parallel, eye, clusters, cluster, width, band, workspace)
     listed, floats, identities = integers_at(workspace.listed), floats_at(workspace.floats), identities_at(prim_ids)
     for batch in range(0, count, BATCH):
         may_be_seen, ordinary = set_up(parallel, width, batch, band, workspace)
@@ -148,12 +156,12 @@ def drawing_kernel(lanes: int, parallel: bool) -> Callable[..., None]:
                 min(top + band_rows, image.height) - 1,
             )
             forget_tiles(nothing, band_rows, image.width, workspace.tiles)
-            here, count = integers_at(workspace.here), _list_clusters(order, rectangles, band, workspace.here)
+            here, count = integers_at(workspace.here), list_clusters(order, rectangles, band, workspace.here)
             listed = 0
             for place in range(count):
                 cluster = here[place]
                 if place + 1 < count:
-                    _fetch_vertices(clusters, here[place + 1])
+                    fetch_vertices(clusters, here[place + 1])
                 if listed >= _STALE:
                     find_farthest(band, image.width, workspace.tiles)
                     listed = 0

@@ -18,16 +18,13 @@ from atra.kernels.raster.clusters import CLUSTER, POINT_BYTES, VERTICES, Cluster
 from atra.kernels.raster.culling import TILE, cull_clusters, tile_stride
 from atra.kernels.raster.drawing import drawing_kernel
 from atra.kernels.raster.exact import SUMMANDS
-from atra.kernels.raster.image import CACHE_LINE, Eye, Image, Workspace, band_stride
+from atra.kernels.raster.image import CACHE_LINE, Eye, Image, Viewpoint, Workspace, band_stride
 from atra.kernels.raster.spans import ROWS
 from atra.kernels.raster.triangles import BATCH, DOUBLES, FLOATS, LIST_ROOM
 from atra.parallel import WorkerPool
 
 _BAND_PIXELS, _BAND_ROWS = 1 << 16, (16, 64)
 """Pixels of a band, half a megabyte of image; and its least and most rows."""
-
-_LEAST_DEPTH = 1e-25
-"""Depth that a corner has at least, of the mesh's distance from the eye: its inverse has to be a float32."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,10 +48,10 @@ class Scratch:
         own = self.rectangles.nbytes + self.bounds.nbytes + sum(memory.nbytes for memory in self.workspaces)
         return self.clusters.bytes + own
 
-    def workspaces_for(self, threads: int, width: int, band_rows: int) -> list[Workspace]:
-        """One for each thread."""
+    def workspaces_for(self, threads: int, width: int, band_rows: int, band_bytes: int) -> list[Workspace]:
+        """One for each thread; band_bytes: of its image of a band."""
         sizes = (
-            8 * band_rows * band_stride(width),
+            band_bytes,
             8 * SUMMANDS,
             8 * (band_rows + ROWS),
             8 * (band_rows + ROWS),
@@ -67,13 +64,18 @@ class Scratch:
         )
         parts = [-(-part // CACHE_LINE) * CACHE_LINE for part in sizes]
         wanted = sum(parts) + CACHE_LINE
-        if len(self.workspaces) != threads or len(self.workspaces[0]) != wanted:
+        if len(self.workspaces) != threads or len(self.workspaces[0]) < wanted:
             self.workspaces[:] = [np.empty(wanted, np.uint8) for _ in range(threads)]
         made = []
         for memory in self.workspaces:
             start = -(-memory.ctypes.data // CACHE_LINE) * CACHE_LINE
             made.append(Workspace(*accumulate((start, *parts[:-1]))))
         return made
+
+    def cull(self, eye: Eye, camera: View, band_rows: int, pool: WorkerPool) -> None:
+        """Find rectangles and bounds for a frame."""
+        rest = self.clusters.boxes, eye, camera.is_parallel, camera.width, camera.height, band_rows
+        pool.run(lambda _, counter: cull_clusters(counter, *rest, self.rectangles, self.bounds))
 
     def order(self) -> NDArray[np.int64]:
         """The clusters that may be seen, the nearest first."""
@@ -93,25 +95,16 @@ def draw_frame(
     """Write depth and prim_id of all pixels to `out`, two arrays (H, W)."""
     depth, prim_id = out
     width, height, parallel = camera.width, camera.height, camera.is_parallel
-    to_pixels = camera.to_pixels.copy()
-    to_pixels[:2] -= np.outer(offset, to_pixels[2])
-    position, depth_axis = np.array(camera.eye), camera.axes[2].copy()
-    least_depth = 0.0 if parallel else _LEAST_DEPTH * float(np.abs(mesh.bounds - position).max())
-    eye = Eye(position.ctypes.data, to_pixels.ctypes.data, depth_axis.ctypes.data, least_depth)
+    viewpoint = Viewpoint.of(mesh, camera, offset)
     least_rows, most_rows = _BAND_ROWS
     band_rows = min(max(1 << (_BAND_PIXELS // width).bit_length() >> 1, least_rows), most_rows)  # a power of two
     image = Image(depth.ctypes.data, prim_id.ctypes.data, width, height)
-    clusters, rectangles, bounds = scratch.clusters, scratch.rectangles, scratch.bounds
-    addresses = clusters.addresses
+    eye, addresses = viewpoint.eye, scratch.clusters.addresses
+    rectangles, bounds = scratch.rectangles, scratch.bounds
     draw_bands: Any = drawing_kernel(lanes, parallel)
-
-    pool.run(
-        lambda _, counter: cull_clusters(
-            counter, clusters.boxes, eye, parallel, width, height, band_rows, rectangles, bounds
-        )
-    )  # fmt: skip
+    scratch.cull(eye, camera, band_rows, pool)
     order = scratch.order()
-    workspaces = scratch.workspaces_for(pool.threads, width, band_rows)
+    workspaces = scratch.workspaces_for(pool.threads, width, band_rows, 8 * band_rows * band_stride(width))
 
     def draw(worker: int, counter: int) -> None:
         draw_bands(counter, eye, addresses, rectangles, bounds, order, band_rows, image, workspaces[worker])

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import NamedTuple
 
+import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
+from atra.geometry.mesh import Mesh
+from atra.geometry.view import View
 from atra.kernels.raster.memory import identities_at
 
 SPAN = 16
@@ -22,6 +27,9 @@ along the row changes it by few units of itself. What is steeper is computed in 
 
 CACHE_LINE = 64
 """Bytes of one."""
+
+_LEAST_DEPTH = 1e-25
+"""Depth that a corner has at least, of the mesh's distance from the eye: its inverse has to be a float32."""
 
 
 @njit
@@ -64,11 +72,36 @@ class Eye(NamedTuple):
     least_depth: float
 
 
+@dataclass(frozen=True, eq=False)
+class Viewpoint:
+    """The arrays of an `Eye`, which have to live as long as it is used."""
+
+    position: NDArray[np.float64]
+    to_pixels: NDArray[np.float64]
+    depth_axis: NDArray[np.float64]
+    least_depth: float
+
+    @classmethod
+    def of(cls, mesh: Mesh, camera: View, offset: tuple[float, float]) -> Viewpoint:
+        """What a mesh is seen from, with the samples of an offset at whole numbers."""
+        to_pixels = camera.to_pixels.copy()
+        to_pixels[:2] -= np.outer(offset, to_pixels[2])
+        position = np.array(camera.eye)
+        least_depth = 0.0 if camera.is_parallel else _LEAST_DEPTH * float(np.abs(mesh.bounds - position).max())
+        return cls(position, to_pixels.reshape(-1), camera.axes[2].copy(), least_depth)
+
+    @property
+    def eye(self) -> Eye:
+        """The arrays by their addresses."""
+        position, to_pixels = self.position.ctypes.data, self.to_pixels.ctypes.data
+        return Eye(position, to_pixels, self.depth_axis.ctypes.data, self.least_depth)
+
+
 class Workspace(NamedTuple):
-    """Addresses of memory of one thread. band: nearness, then prim_id of a band. exact: SUMMANDS float64 of `exact`.
-    first, last: float64, where each row of a triangle starts and ends, with room for whole vectors. points: a cluster's
-    vertices in pixels. listed, doubles, floats: of `triangles`. tiles: of `culling`. here: int64, the
-    clusters of a band."""
+    """Addresses of memory of one thread. band: an image of a band, such as nearness and then prim_id. exact: SUMMANDS
+    float64 of `exact`. first, last: float64, where each row of a triangle starts and ends, with room for whole vectors.
+    points: a cluster's vertices in pixels. listed, doubles, floats: of `triangles`. tiles: of `culling`. here: int64,
+    the clusters of a band."""
 
     band: int
     exact: int

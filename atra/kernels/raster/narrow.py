@@ -28,15 +28,23 @@ from atra.kernels.raster.vectors import bits_of, counted, mask_of, rarely, repea
 
 
 @njit
-def _decided(points, packed, left, j, lanes, exact):  # type: ignore[no-untyped-def]
-    """Bits of the samples of row j from column `left` on that lie in the triangle, exactly."""
+def facing_of(points, packed):  # type: ignore[no-untyped-def]
+    """1 or -1: which way an ordinary triangle with these corners turns."""
     x0, y0, _ = corner_at(points, packed, 0)
     x1, y1, _ = corner_at(points, packed, 1)
     x2, y2, _ = corner_at(points, packed, 2)
-    facing = 1 if (y1 - y0) * (x0 - x2) > (x1 - x0) * (y0 - y2) else -1
-    bits = 0
+    return 1 if (y1 - y0) * (x0 - x2) > (x1 - x0) * (y0 - y2) else -1
+
+
+@njit
+def decided(points, packed, left, top, lanes, nx, exact):  # type: ignore[no-untyped-def]
+    """Bits of the samples that lie in an ordinary triangle, exactly; they are in rows of nx, the first (left, top)."""
+    x0, y0, _ = corner_at(points, packed, 0)
+    x1, y1, _ = corner_at(points, packed, 1)
+    x2, y2, _ = corner_at(points, packed, 2)
+    facing, bits = facing_of(points, packed), 0
     for lane in range(lanes):
-        i = float(left + lane)
+        i, j = float(left + lane % nx), float(top + lane // nx)
         if (
             side(x0, y0, x1, y1, i, j, exact) == facing
             and side(x1, y1, x2, y2, i, j, exact) == facing
@@ -81,7 +89,7 @@ def draw_narrow(lanes, parallel, prim_id, packed, k, band, workspace):  # type: 
             if parallel:
                 drawn = drawn & (at_eye > found)
             if rarely(bits_of(drawn & ((inside <= surely) | (found <= old))) != 0):
-                exactly = _decided(workspace.points, packed, start, float(y), lanes, workspace.exact)
+                exactly = decided(workspace.points, packed, start, y, lanes, lanes, workspace.exact)
                 same = bits_of(drawn & (found <= old)) & exactly
                 drawn = drawn & mask_of(without_lower(exactly, same, prim_id, band.prim_id + place), lanes)
             store_where(drawn, found, band.nearness + place)

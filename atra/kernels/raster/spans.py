@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
 
@@ -45,7 +47,7 @@ def holds_eye(a, b, c):  # type: ignore[no-untyped-def]
 
 
 @njit(inline="always")
-def _from_eye(eye, vertices, count, packed, corner):  # type: ignore[no-untyped-def]
+def from_eye(eye, vertices, count, packed, corner):  # type: ignore[no-untyped-def]
     """A corner, in the world's axes, seen from the eye; vertices: address of the `count` of its cluster."""
     values, position = floats_at(vertices), doubles_at(eye.position)
     place = ((packed >> (16 * corner)) & 0xFFFF) // POINT_BYTES
@@ -54,18 +56,18 @@ def _from_eye(eye, vertices, count, packed, corner):  # type: ignore[no-untyped-
 
 
 @njit(inline="always")
-def _homogeneous(m, corner):  # type: ignore[no-untyped-def]
-    """(x, y, 1) times the depth of a corner, where x and y are its pixel position; for a pinhole."""
+def homogeneous(m, corner):  # type: ignore[no-untyped-def]
+    """(x, y, 1) times the depth of a corner, or (x, y, 1) where rays are parallel; x and y its pixel position."""
     u, v, w = corner
     return (
-        m[0] * u + m[1] * v + m[2] * w,
-        m[4] * u + m[5] * v + m[6] * w,
-        m[8] * u + m[9] * v + m[10] * w,
+        m[0] * u + m[1] * v + m[2] * w + m[3],
+        m[4] * u + m[5] * v + m[6] * w + m[7],
+        m[8] * u + m[9] * v + m[10] * w + m[11],
     )
 
 
 @njit(inline="always")
-def inverse_of(volume):  # type: ignore[no-untyped-def]
+def _inverse_of(volume):  # type: ignore[no-untyped-def]
     """Of a volume of 0 something huge, so that the plane is at the eye."""
     return 1.0 / volume if volume != 0.0 else 1e200
 
@@ -77,27 +79,27 @@ def _pinhole_plane(m, a, b, c):  # type: ignore[no-untyped-def]
     The plane of the corners p0, p1, p2, homogeneous, with normal n = (p1 - p0) x (p2 - p0), is met at 1 / depth =
     n . (i, j, 1) / n . p0.
     """
-    a0, b0, c0 = _homogeneous(m, a)
-    a1, b1, c1 = _homogeneous(m, b)
-    a2, b2, c2 = _homogeneous(m, c)
+    a0, b0, c0 = homogeneous(m, a)
+    a1, b1, c1 = homogeneous(m, b)
+    a2, b2, c2 = homogeneous(m, c)
     a1, b1, c1 = a1 - a0, b1 - b0, c1 - c0
     a2, b2, c2 = a2 - a0, b2 - b0, c2 - c0
     na, nb, nc = b1 * c2 - c1 * b2, c1 * a2 - a1 * c2, a1 * b2 - b1 * a2
-    inverse = inverse_of(na * a0 + nb * b0 + nc * c0)
+    inverse = _inverse_of(na * a0 + nb * b0 + nc * c0)
     return na * inverse, nb * inverse, nc * inverse
 
 
 @njit
-def parallel_plane(x0, y0, w0, x1, y1, w1, x2, y2, w2):  # type: ignore[no-untyped-def]
+def _parallel_plane(x0, y0, w0, x1, y1, w1, x2, y2, w2):  # type: ignore[no-untyped-def]
     """The same where rays are parallel."""
     x1, y1, w1, x2, y2, w2 = x1 - x0, y1 - y0, w1 - w0, x2 - x0, y2 - y0, w2 - w0
-    inverse = inverse_of(x1 * y2 - y1 * x2)
+    inverse = _inverse_of(x1 * y2 - y1 * x2)
     a, b = (w1 * y2 - w2 * y1) * inverse, (w2 * x1 - w1 * x2) * inverse
     return a, b, w0 - a * x0 - b * y0
 
 
 @njit
-def cut(px, py, qx, qy, is_left, top, count, width, workspace):  # type: ignore[no-untyped-def]
+def _cut(px, py, qx, qy, is_left, top, count, width, workspace):  # type: ignore[no-untyped-def]
     """Cut the rows top, top + 1, ... off at an edge: before its first sample beyond, or from there on."""
     address = workspace.first if is_left else workspace.last
     limits = doubles_at(address)
@@ -127,9 +129,36 @@ def cut(px, py, qx, qy, is_left, top, count, width, workspace):  # type: ignore[
                 limits[row] = max(limits[row], exactly) if is_left else min(limits[row], exactly - 1)
 
 
+class Spans(NamedTuple):
+    """Which way a triangle turns on the image, 0 if it is not seen; its first and last row in a band; and nearness:
+    slope_x i + slope_y j + constant, from the farthest to the nearest, gentle or not (`GENTLE`)."""
+
+    facing: int
+    top: int
+    bottom: int
+    slope_x: float
+    slope_y: float
+    constant: float
+    farthest: float
+    nearest: float
+    is_gentle: bool
+
+
 @njit
-def draw_spans(lanes, parallel, eye, vertices, vertex_count, prim_id, packed, width, band, workspace):  # type: ignore[no-untyped-def]
-    """Draw a triangle with these corners, of a cluster with the vertices from an address on, with vectors of `lanes`.
+def rows_of(parallel, packed, band, points):  # type: ignore[no-untyped-def]
+    """First and last row of a band that may hold a sample of a triangle."""
+    _, y0, w0 = corner_at(points, packed, 0)
+    _, y1, w1 = corner_at(points, packed, 1)
+    _, y2, w2 = corner_at(points, packed, 2)
+    if parallel or min(w0, w1, w2) > 0.0:
+        return int(max(np.ceil(min(y0, y1, y2)), band.top)), int(min(np.floor(max(y0, y1, y2)), band.bottom))
+    return band.top, band.bottom
+
+
+@njit
+def find_spans(parallel, eye, vertices, vertex_count, packed, width, band, workspace):  # type: ignore[no-untyped-def]
+    """The `Spans` of a triangle with these corners, of a cluster with the vertices from an address on; where each of
+    its rows starts and ends is written to the workspace.
 
     A corner behind the eye is projected to where its line through the eye meets the image, and turns the side of
     its edges that counts, each corner once; otherwise nothing is different for it.
@@ -138,72 +167,89 @@ def draw_spans(lanes, parallel, eye, vertices, vertex_count, prim_id, packed, wi
     x0, y0, w0 = corner_at(points, packed, 0)
     x1, y1, w1 = corner_at(points, packed, 1)
     x2, y2, w2 = corner_at(points, packed, 2)
-    top, bottom = band.top, band.bottom
+    top, bottom = rows_of(parallel, packed, band, points)
+    nearest, farthest = max(w0, w1, w2), min(w0, w1, w2)
+    facing = turn(x0, y0, x1, y1, x2, y2, workspace.exact) if top <= bottom else 0
+    slope_x = slope_y = constant = least = 0.0
+    if parallel:
+        slope_x, slope_y, constant = _parallel_plane(x0, y0, w0, x1, y1, w1, x2, y2, w2)
+        least = -nearest
+    else:
+        a = from_eye(eye, vertices, vertex_count, packed, 0)
+        b = from_eye(eye, vertices, vertex_count, packed, 1)
+        c = from_eye(eye, vertices, vertex_count, packed, 2)
+        slope_x, slope_y, constant = _pinhole_plane(doubles_at(eye.to_pixels), a, b, c)
+        if farthest < 0.0:
+            if nearest < 0.0 or holds_eye(a, b, c):
+                facing = 0
+            nearest, farthest = np.inf, np.inf
+            for w in (w0, w1, w2):
+                farthest = min(farthest, w if w > 0.0 else np.inf)
+        least = farthest
+    is_gentle = abs(slope_x) * SPAN <= GENTLE * least
+    if facing != 0:
+        firsts, lasts = doubles_at(workspace.first), doubles_at(workspace.last)
+        for k in range(bottom - top + 1):
+            firsts[k], lasts[k] = 0.0, width - 1.0
+        for px, py, qx, qy, wanted in (
+            (x1, y1, x2, y2, -facing if not parallel and w0 < 0.0 else facing),
+            (x2, y2, x0, y0, -facing if not parallel and w1 < 0.0 else facing),
+            (x0, y0, x1, y1, -facing if not parallel and w2 < 0.0 else facing),
+        ):
+            if qy != py:
+                _cut(px, py, qx, qy, (qy > py) == (wanted < 0), top, bottom - top + 1, width, workspace)
+            else:
+                for k in range(bottom - top + 1):
+                    if qx == px or wanted != (1 if (qx > px) == (top + k >= py) else -1):
+                        lasts[k] = -1.0
+    return Spans(facing, top, bottom, slope_x, slope_y, constant, farthest, nearest, is_gentle)
+
+
+@njit(inline="always")
+def nearness_of(parallel, lanes, found, row, start):  # type: ignore[no-untyped-def]
+    """Nearness, float32, from column `start` on. found: `Spans`. row: nearness in column 0 of the row."""
+    if found.is_gentle:
+        base = start // SPAN * SPAN
+        first = repeated(np.float32(row + found.slope_x * base), lanes)
+        along = counted(np.float32(start - base), lanes) * repeated(np.float32(found.slope_x), lanes)
+        return smaller(repeated(np.float32(found.nearest), lanes), first + along)
+    wide = repeated(row, lanes) + counted(float(start), lanes) * repeated(found.slope_x, lanes)
+    if not parallel:
+        wide = size(wide)  # the sign is wrong where the eye is in the plane but for rounding
+    return rounded(smaller(larger(wide, repeated(found.farthest, lanes)), repeated(found.nearest, lanes)))
+
+
+@njit
+def draw_spans(lanes, parallel, eye, vertices, vertex_count, prim_id, packed, width, band, workspace):  # type: ignore[no-untyped-def]
+    """Draw a triangle with these corners, of a cluster with the vertices from an address on, with vectors of `lanes`,
+    unless what is drawn hides its box."""
+    points = workspace.points
+    x0, _, w0 = corner_at(points, packed, 0)
+    x1, _, w1 = corner_at(points, packed, 1)
+    x2, _, w2 = corner_at(points, packed, 2)
     if parallel or min(w0, w1, w2) > 0.0:
-        top, bottom = int(max(np.ceil(min(y0, y1, y2)), top)), int(min(np.floor(max(y0, y1, y2)), bottom))
+        top, bottom = rows_of(parallel, packed, band, points)
         left, right = int(max(np.ceil(min(x0, x1, x2)), 0.0)), int(min(np.floor(max(x0, x1, x2)), width - 1.0))
         if is_hidden(
             left, right, top - band.top, bottom - band.top, np.float32(max(w0, w1, w2)), width, workspace.tiles
         ):
             return
-    facing = turn(x0, y0, x1, y1, x2, y2, workspace.exact)
-    if facing == 0 or top > bottom:
+    spans = find_spans(parallel, eye, vertices, vertex_count, packed, width, band, workspace)
+    if spans.facing == 0:
         return
-    nearest, farthest = max(w0, w1, w2), min(w0, w1, w2)
-    if parallel:
-        slope_x, slope_y, constant = parallel_plane(x0, y0, w0, x1, y1, w1, x2, y2, w2)
-        least = -nearest
-    else:
-        a = _from_eye(eye, vertices, vertex_count, packed, 0)
-        b = _from_eye(eye, vertices, vertex_count, packed, 1)
-        c = _from_eye(eye, vertices, vertex_count, packed, 2)
-        slope_x, slope_y, constant = _pinhole_plane(doubles_at(eye.to_pixels), a, b, c)
-        if farthest < 0.0:
-            if holds_eye(a, b, c):
-                return
-            nearest, farthest = np.inf, np.inf
-            for w in (w0, w1, w2):
-                farthest = min(farthest, w if w > 0.0 else np.inf)
-        least = farthest
-    gentle = abs(slope_x) * SPAN <= GENTLE * least
     firsts, lasts = doubles_at(workspace.first), doubles_at(workspace.last)
-    for k in range(bottom - top + 1):
-        firsts[k], lasts[k] = 0.0, width - 1.0
-    for px, py, qx, qy, wanted in (
-        (x1, y1, x2, y2, -facing if not parallel and w0 < 0.0 else facing),
-        (x2, y2, x0, y0, -facing if not parallel and w1 < 0.0 else facing),
-        (x0, y0, x1, y1, -facing if not parallel and w2 < 0.0 else facing),
-    ):
-        if qy != py:
-            cut(px, py, qx, qy, (qy > py) == (wanted < 0), top, bottom - top + 1, width, workspace)
-        else:
-            for k in range(bottom - top + 1):
-                if qx == px or wanted != (1 if (qx > px) == (top + k >= py) else -1):
-                    lasts[k] = -1.0
-    prim_ids = repeated(prim_id, lanes)
-    step = repeated(np.float32(slope_x), lanes)
-    step_wide = repeated(slope_x, lanes)
-    low, high = repeated(farthest, lanes), repeated(nearest, lanes)
-    cap = repeated(np.float32(nearest), lanes)
-    at_eye, next_columns = repeated(np.float32(0.0), lanes), repeated(np.float32(lanes), lanes)
-    for k in range(bottom - top + 1):
+    prim_ids, at_eye = repeated(prim_id, lanes), repeated(np.float32(0.0), lanes)
+    next_columns = repeated(np.float32(lanes), lanes)
+    for k in range(spans.bottom - spans.top + 1):
         first, last = int(firsts[k]), int(lasts[k])
-        row = slope_y * (top + k) + constant
-        byte = (top + k - band.top) * band.stride * 4
+        row = spans.slope_y * (spans.top + k) + spans.constant
+        byte = (spans.top + k - band.top) * band.stride * 4
         before, end = repeated(np.float32(first - 1), lanes), repeated(np.float32(last), lanes)
         columns = counted(np.float32(first // lanes * lanes), lanes)
         for start in range(first // lanes * lanes, last + 1, lanes):
             place = byte + start * 4
             old = load(band.nearness + place, np.float32(0.0), lanes)
-            if gentle:
-                base = start // SPAN * SPAN
-                found = repeated(np.float32(row + slope_x * base), lanes)
-                found = smaller(cap, found + counted(np.float32(start - base), lanes) * step)
-            else:
-                wide = repeated(row, lanes) + counted(float(start), lanes) * step_wide
-                if not parallel:
-                    wide = size(wide)  # the sign is wrong where the eye is in the plane but for rounding
-                found = rounded(smaller(larger(wide, low), high))
+            found = nearness_of(parallel, lanes, spans, row, start)
             drawn = (found >= old) & (columns > before) & (columns <= end)
             if parallel:
                 drawn = drawn & (at_eye > found)

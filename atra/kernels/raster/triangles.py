@@ -47,6 +47,9 @@ is known well enough. Beyond, it is computed from the corners in space."""
 _ROUNDINGS = 10
 """Of a sum that says how far inside a sample lies, beside one for each row."""
 
+BLOCK_ROWS = 2
+"""Rows that may be drawn at once, a divisor of those of a band: the first may lie above a triangle, the last below."""
+
 LIST_ROOM = CLUSTER + BATCH
 """Triangles of a list, `Clusters.corners` of each: a cluster's, and a batch more."""
 
@@ -63,8 +66,9 @@ DOUBLES, FLOATS = 2, 16
 
 
 @njit
-def project_vertices(parallel, vertices, count, eye, points):  # type: ignore[no-untyped-def]
-    """Write a cluster's `count` vertices to the address `points`, 4 float64 each: x, y in pixels, nearness twice.
+def project_vertices(parallel, vertices, stride, count, eye, points):  # type: ignore[no-untyped-def]
+    """Write `count` vertices, and what follows to the next of VERTICES, to the address `points`, 4 float64 each: x, y
+    in pixels, nearness twice. vertices: address of their x, of float32; those of y and z follow `stride` numbers on.
 
     Nearness is 1 / depth, or -depth where rays are parallel: linear across the image either way, and the larger, the
     nearer. What lies in the eye plane counts as behind it: no ray meets it.
@@ -75,8 +79,8 @@ def project_vertices(parallel, vertices, count, eye, points):  # type: ignore[no
     for vertex in range(0, count, VERTICES):
         place = vertices + vertex * 4
         u = widened(load(place, np.float32(0.0), VERTICES)) - repeated(position[0], VERTICES)
-        v = widened(load(place + count * 4, np.float32(0.0), VERTICES)) - repeated(position[1], VERTICES)
-        w = widened(load(place + count * 8, np.float32(0.0), VERTICES)) - repeated(position[2], VERTICES)
+        v = widened(load(place + stride * 4, np.float32(0.0), VERTICES)) - repeated(position[1], VERTICES)
+        w = widened(load(place + stride * 8, np.float32(0.0), VERTICES)) - repeated(position[2], VERTICES)
         x = repeated(m[0], VERTICES) * u + repeated(m[1], VERTICES) * v + repeated(m[2], VERTICES) * w
         y = repeated(m[4], VERTICES) * u + repeated(m[5], VERTICES) * v + repeated(m[6], VERTICES) * w
         depth = repeated(axis[0], VERTICES) * u + repeated(axis[1], VERTICES) * v + repeated(axis[2], VERTICES) * w
@@ -207,7 +211,7 @@ def set_up(parallel, width, number, band, workspace):  # type: ignore[no-untyped
     least = zero - nearest if parallel else farthest
     # No sum and no summand is larger, from the first row and column to the last of a vector.
     across = high_x - low_x
-    largest = (high_y - low_y) * (across + across + repeated(float(SPAN), BATCH))
+    largest = (high_y - low_y + repeated(float(BLOCK_ROWS), BATCH)) * (across + across + repeated(float(SPAN), BATCH))
     ordinary = (
         (repeated(float(NARROW), BATCH) > right - left)
         & (repeated(_LARGEST, BATCH) > largest)

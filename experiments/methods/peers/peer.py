@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from atra.alignment.culling import check_image_memory
 from atra.errors import InputError
-from atra.gathering.gathered import Counts
-from atra.gathering.reductions import Count, Gathered, Reduction
+from atra.gathering.gathered import Counts, Thicknesses
+from atra.gathering.reductions import Count, Gathered, Reduction, Thickness
 from atra.geometry.mesh import Mesh
 from atra.geometry.ray_space import from_eye_space
 from atra.geometry.view import View, check_offset
@@ -121,24 +121,34 @@ class PeerTracer(TracerLifetime):
 
     def gather(
         self, what: Reduction[Gathered], offset: tuple[float, float] = _PIXEL_CENTRE, out: Gathered | None = None
-    ) -> Counts:
-        """How many hits the peer finds along each ray, some of them perhaps twice and others not at all.
+    ) -> Counts | Thicknesses:
+        """How many hits the peer finds along each ray, some of them perhaps twice and others not at all, or how long
+        they say that the way inside is.
 
-        out: as in `trace`. Raises InputError for anything but `atra.Count()`, and where the peer cannot count.
+        out: as in `trace`. Raises InputError for anything but `atra.Count()` and `atra.Thickness()`, for a mesh that is
+        not closed, and where the peer cannot do it.
         """
-        if not isinstance(what, Count):
-            raise InputError(f"{type(self).__name__} cannot gather {what!r:.100}, expected atra.Count()")
+        if not isinstance(what, Count | Thickness):
+            raise InputError(
+                f"{type(self).__name__} cannot gather {what!r:.100}, expected atra.Count() or atra.Thickness()"
+            )
+        what.weights(self.mesh)
         check_offset(offset)
         with self._tracing():
             if self._rays_offset != tuple(offset):
                 self._prepare_rays(offset)
-            count = self._count(self._scene, self._rays)
-        shape = (self.camera.height, self.camera.width)
-        return Counts(count.astype(np.uint32, copy=False).reshape(shape), offset, self.mesh, self.camera)
+            find: Any = self._count if isinstance(what, Count) else self._thickness
+            found = find(self._scene, self._rays)
+        found = found.astype(next(iter(what.planes().values())).kind, copy=False)
+        return what.result(found.reshape(self.camera.height, self.camera.width), offset, self.mesh, self.camera)
 
     def _count(self, scene: Any, rays: Any) -> NDArray[np.integer]:
         """Hits of each of the H W rays in the order of the rows."""
         raise InputError(f"{type(self).__name__} cannot count hits; use method=trimesh or method=open3d")
+
+    def _thickness(self, scene: Any, rays: Any) -> NDArray[np.floating]:
+        """The length inside of each of the H W rays in the order of the rows."""
+        raise InputError(f"{type(self).__name__} does not tell depths of all hits; use method=trimesh")
 
     def _prepare_rays(self, offset: tuple[float, float]) -> None:
         self._rays = self._rays_through(offset)

@@ -71,6 +71,20 @@ class TrimeshTracer(BlockwiseTracer):
 
         return np.concatenate(list(self._each_block(count, rays)))
 
+    def _thickness(self, scene: Any, rays: RayArrays) -> NDArray[np.floating]:
+        """The same hits, each at the depth of its plane, behind or in front of which its ray is inside."""
+
+        def measure(block: RayArrays) -> NDArray[np.floating]:
+            hit, of_ray = scene.intersects_id(block.origins, block.directions, multiple_hits=True)
+            directions = block.directions[of_ray]
+            leaving = np.einsum("ij,ij->i", self._planes.normals[hit], directions) > 0.0
+            depth = self._plane_depths(hit.astype(np.int32, copy=False), directions)
+            return np.bincount(of_ray, np.where(leaving, depth, -depth), len(block.origins)).astype(
+                np.float64, copy=False
+            )
+
+        return np.concatenate(list(self._each_block(measure, rays)))
+
     def _plane_depths(self, prim_id: NDArray[np.int32], directions: NDArray[np.float32]) -> NDArray[np.float32]:
         return _plane_depths(prim_id, directions, self._planes.normals, self._planes.distances)
 

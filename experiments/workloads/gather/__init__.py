@@ -63,9 +63,9 @@ def _headline(record: Record) -> str:
 
 def _problem(point: Point) -> str | None:
     what = point.workload_options.what
-    if find_method(point.method).is_ours or what is What.count:
+    if find_method(point.method).is_ours or what in (What.count, What.thickness):
         return None
-    return f"method={point.method} with workload.what={what.value}, expected count: other people's tracers only count"
+    return f"method={point.method} with workload.what={what.value}, expected count or thickness: theirs do no more"
 
 
 GATHER = Workload(
