@@ -484,6 +484,8 @@ def test_the_order_that_a_large_batch_is_traced_in_changes_no_bit(width, monkeyp
         scene.intersect(atra.Rays(np.zeros((FEWEST_RAYS, 3)), np.ones((FEWEST_RAYS, 3))))  # has an order
         scene.intersect(random_rays(FEWEST_RAYS - 1, 1, mesh))
         assert len(ordered) == 4
+    with pytest.raises(atra.EmbreeError, match="closed"):
+        scene.intersect(rays)
 
 
 def test_a_large_batch_is_ordered_by_where_rays_start_and_head_whoever_orders_it():

@@ -176,7 +176,8 @@ class RayScene(Lifetime):
 
     def _run(self, kernel: Callable[..., None], coherent: bool | None, rays: Rays, *outputs: NDArray[Any]) -> None:
         with self._lock:
-            if not (self._is_built or self._is_closed):
+            self._check_open()
+            if not self._is_built:
                 self.build()
             together = WHERE_ALIKE if coherent is None else ALWAYS if coherent else NEVER
             size = float((self.mesh.bounds[1] - self.mesh.bounds[0]).max())
@@ -196,8 +197,7 @@ class RayScene(Lifetime):
                 return
             for start in range(0, len(rays), ORDERED):
                 some = slice(start, start + ORDERED)
-                part = RayArrays(*(array[some] for array in arrays[:4]), _NOWHERE, together, near_by)
-                trace(self._ordered(part), *(output[some] for output in outputs))
+                trace(self._ordered(_part(arrays, some)), *(output[some] for output in outputs))
 
     def run(self, work: Callable[[Query], None], *, coherent: bool = False) -> None:
         """Call `work` once per thread, side by side, for kernels of the caller's own; nothing else is traced meanwhile.
@@ -227,7 +227,8 @@ class RayScene(Lifetime):
         if not self._memory or len(self._memory[0]) < count:  # kept: fresh pages cost more than to write to them
             vectors, numbers = np.empty((2, count, 3), np.float32), np.empty((2, count), np.float32)
             self._memory = (*vectors, *numbers, np.empty(count, np.uint32))
-        ordered = RayArrays(*(array[:count] for array in self._memory), rays.together, rays.near_by)
+        origins, directions, tnear, tfar, places = (array[:count] for array in self._memory)
+        ordered = RayArrays(origins, directions, tnear, tfar, places, rays.together, rays.near_by)
         self._pool.run(lambda _, counter: order_rays(counter, keys, starts, rays, ordered))
         for array in ordered[:4]:
             array.setflags(write=False)  # kernels are compiled for what `Rays` holds
@@ -249,6 +250,11 @@ def box_of(origins: NDArray[np.float32]) -> NDArray[np.float32]:
     """(2, 3), lowest and highest corner of the box that rays are ordered in, of a sample of them: others lie beside."""
     some = origins[:: max(1, len(origins) // _BOX_SAMPLES)]
     return np.stack([some.min(axis=0), some.max(axis=0)])
+
+
+def _part(rays: RayArrays, some: slice) -> RayArrays:
+    origins, directions, tnear, tfar = (array[some] for array in (rays.origins, rays.directions, rays.tnear, rays.tfar))
+    return RayArrays(origins, directions, tnear, tfar, rays.places, rays.together, rays.near_by)
 
 
 def _has_order(rays: RayArrays) -> bool:
