@@ -17,7 +17,7 @@ from experiments.workloads.screen import narrow_table
 def sweep_lines(rows: pd.DataFrame) -> Iterator[Table]:
     """A line for every point. rows: those of this workload that were measured."""
     table = narrow_table(
-        "many views, or a batch of rays: seconds, and how many times as fast the library is",
+        "many views, or a batch of rays: seconds, and the gain of the library",
         "scene, method", ("job", "this", "library", "gain", "interval", "ids\nequal"),
     )  # fmt: skip
     varying = settings_that_vary(rows, ("job", "packet_width"))
