@@ -37,6 +37,7 @@ def called(x):
 
 
 def main():
+    import colorsys  # as a file of ours that is run after Numba was imported
     before = called(1)
     for x in (2, 3):
         before += called(x)

@@ -6,8 +6,6 @@ from collections.abc import Callable
 from typing import Any
 
 from coverage import CoveragePlugin
-from numba.core.ccallback import CFunc
-from numba.core.dispatcher import _FunctionCompiler
 
 
 def untraced(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -25,8 +23,22 @@ def untraced(function: Callable[..., Any]) -> Callable[..., Any]:
     return call
 
 
+class Untraced(CoveragePlugin):
+    """Is shown every file that is run first, and waits for one after Numba: many a process never imports that."""
+
+    def __init__(self) -> None:
+        self._waits = True
+
+    def file_tracer(self, filename: str) -> None:
+        if self._waits and hasattr(sys.modules.get("numba"), "njit"):
+            from numba.core.ccallback import CFunc
+            from numba.core.dispatcher import _FunctionCompiler
+
+            self._waits = False
+            _FunctionCompiler.compile = untraced(_FunctionCompiler.compile)
+            CFunc._compile_uncached = untraced(CFunc._compile_uncached)
+
+
 def coverage_init(registry: Any, options: Any) -> None:
-    """What coverage calls in every process that it measures, before it starts."""
-    registry.add_noop(CoveragePlugin())
-    _FunctionCompiler.compile = untraced(_FunctionCompiler.compile)
-    CFunc._compile_uncached = untraced(CFunc._compile_uncached)
+    """What coverage calls in every process that it measures."""
+    registry.add_file_tracer(Untraced())
