@@ -63,9 +63,9 @@ def run_render(given: Namespace) -> int:
             print(f"[{done:>{len(str(len(cameras)))}}/{len(cameras)}] {written}: {hits.hit.mean():.1%} hit", flush=True)
     except ExceptionGroup as untraced:
         failures += untraced.exceptions
-    for error in failures:
-        where = "; ".join(getattr(error, "__notes__", ()))
-        print(f"atra: {printable(f'{error} ({where})')}", file=sys.stderr)
+    for failure in failures:
+        where = "; ".join(getattr(failure, "__notes__", ()))
+        print(f"atra: {printable(f'{failure} ({where})')}", file=sys.stderr)
     if failures:
         print(f"atra: {done} of {len(cameras)} views are written", file=sys.stderr)
     return 1 if failures else 0
