@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import os
 from collections.abc import Callable
+from importlib import import_module
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -18,6 +19,9 @@ from atra.files import write_atomically
 Layers = dict[str, NDArray[Any]]
 """Arrays of an image by the names that `atra.Hits` has for them."""
 
+_PACKAGES = {".exr": "OpenEXR", ".png": "PIL"}
+"""What must be there to write files of a suffix, beside what atra needs anyway."""
+
 _DARKEST = 40  # of the hits of a picture; misses are 0
 
 
@@ -30,8 +34,21 @@ def save_layers(path: str | os.PathLike[str], layer: Callable[[str], NDArray[Any
     path = Path(path)
     if path.suffix.lower() not in _WRITERS:
         raise InputError(f"{path} has the suffix {path.suffix!r}, expected one of {', '.join(_WRITERS)}")
+    check_package(path.suffix.lower())
     names, encode = _WRITERS[path.suffix.lower()]
     write_atomically(path, encode({name: layer(name) for name in names}))
+
+
+def check_package(suffix: str) -> None:
+    """Raise InputError where the package is missing that files of a suffix such as ".exr" need, if they need one."""
+    name = _PACKAGES.get(suffix, "numpy")
+    try:
+        import_module(name)
+    except ImportError:
+        install = {"PIL": "pillow"}.get(name, name.lower())
+        raise InputError(
+            f"{suffix} files need the package {name}, which is not installed: pip install {install}"
+        ) from None
 
 
 def _npz(layers: Layers) -> bytes:
@@ -41,12 +58,8 @@ def _npz(layers: Layers) -> bytes:
 
 
 def _exr(layers: Layers) -> bytes:
-    try:
-        import OpenEXR
-    except ImportError:
-        raise InputError(
-            "an .exr file needs the package OpenEXR, which is not installed: pip install openexr"
-        ) from None
+    import OpenEXR
+
     normals = np.moveaxis(layers["normals"], 2, 0)
     parts = {
         "Z": layers["depth"],
@@ -63,10 +76,8 @@ def _exr(layers: Layers) -> bytes:
 
 
 def _png(layers: Layers) -> bytes:
-    try:
-        from PIL import Image
-    except ImportError:
-        raise InputError("a .png file needs the package Pillow, which is not installed: pip install pillow") from None
+    from PIL import Image
+
     content = io.BytesIO()
     Image.fromarray(depth_shading(layers["depth"])).save(content, "png")
     return content.getvalue()

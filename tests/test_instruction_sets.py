@@ -22,8 +22,8 @@ CORE = sorted(str(path) for path in TESTS.glob("test_*.py") if "pytest.mark.core
 
 
 def run(code_or_arguments, instruction_set, **variables):
-    """A new interpreter with the instruction set; (exit code, what it printed)."""
-    environment = {name: value for name, value in os.environ.items() if not name.startswith("PYTEST_")}
+    """A new interpreter with the instruction set; (exit code, what it printed). What it covers, others cover, too."""
+    environment = {name: value for name, value in os.environ.items() if not name.startswith(("PYTEST_", "COV"))}
     environment |= {VARIABLE: instruction_set, "PYTHONPATH": str(TESTS.parent), **variables}
     command = [sys.executable, *code_or_arguments]
     done = subprocess.run(
@@ -34,7 +34,8 @@ def run(code_or_arguments, instruction_set, **variables):
 
 @pytest.mark.parametrize("name", instruction_sets_here()[:-1])
 def test_the_core_holds_under(name):
-    """And under the last, as all other tests run under that."""
+    """And under the last, as all other tests run under that. Vectors wider or narrower than are native under a set are
+    tested under the last alone (tests/test_raster.py: LANES)."""
     code, said = run(["-m", "pytest", "-m", "core", "-x", *CORE], name, ATRA_HYPOTHESIS="short")
     assert code == 0, said[-6000:]
     assert len(CORE) >= 7

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import atra
+from atra.embree.instruction_sets import chosen_instruction_set, instruction_sets_here, native_lanes
 from atra.judge.reference import brute_force
 from tests.images import assert_equal_images, trace_pixels
 from tests.meshes import (
@@ -18,7 +19,8 @@ from tests.meshes import (
 )
 
 OFFSETS = [(0.5, 0.5), (0.0, 0.0), (0.999999, 0.999999), (0.0, 0.7)]
-LANES = (4, 8, 16)
+LANES = (4, 8, 16) if chosen_instruction_set() in (None, *instruction_sets_here()[-1:]) else (native_lanes(),)
+"""Of vectors: under an instruction set that this machine is held to, those that are native there."""
 PARALLEL = atra.OrthographicCamera((0, 0, 0), (0, 0, 1), view_height=4.0, width=48, height=30)
 
 

@@ -15,7 +15,7 @@ from atra.embree.library import load_library
 from atra.geometry.intersection import intersect_rays
 from atra.kernels.exact.brute_force import nearest_triangles
 from atra.kernels.rays import CHUNK, SORTED_CHUNK, RayArrays
-from atra.rays.scene import FEWEST_RAYS
+from atra.rays.scene import FEWEST_RAYS, box_of
 from tests.images import assert_no_pixel_wrong, assert_same_bits, trace
 from tests.meshes import EYE_AT_ORIGIN, boards, cornell_box, cornell_camera, quads, random_triangles
 from tests.test_axis_near_views import closed_box
@@ -471,6 +471,7 @@ def assert_same_bits_of_rays(found, expected):
 @each_width
 def test_the_order_that_a_large_batch_is_traced_in_changes_no_bit(width, monkeypatch):
     monkeypatch.setattr(atra.rays.scene, "FEWEST_TRIANGLES", 1)
+    monkeypatch.setattr(atra.rays.scene, "ORDERED", FEWEST_RAYS - 700)  # in two parts, the second of 777
     mesh, ordered = MESHES["many small"], []
     order = atra.RayScene._ordered
     monkeypatch.setattr(atra.RayScene, "_ordered", lambda *given: ordered.append(1) or order(*given))
@@ -479,10 +480,12 @@ def test_the_order_that_a_large_batch_is_traced_in_changes_no_bit(width, monkeyp
     assert_same_bits_of_rays(traced(mesh, rays, width, coherent=None), traced(mesh, rays, width))
     with atra.RayScene(mesh, packet_width=width, threads=1) as scene:
         assert (scene.occluded(rays) == scene.occluded(rays, coherent=False)).all()
-        assert len(ordered) == 2
+        assert len(ordered) == 4
         scene.intersect(atra.Rays(np.zeros((FEWEST_RAYS, 3)), np.ones((FEWEST_RAYS, 3))))  # has an order
         scene.intersect(random_rays(FEWEST_RAYS - 1, 1, mesh))
-        assert len(ordered) == 2
+        assert len(ordered) == 4
+    with pytest.raises(atra.EmbreeError, match="closed"):
+        scene.intersect(rays)
 
 
 def test_a_large_batch_is_ordered_by_where_rays_start_and_head_whoever_orders_it():
@@ -498,8 +501,10 @@ def test_a_large_batch_is_ordered_by_where_rays_start_and_head_whoever_orders_it
     np.testing.assert_array_equal(np.sort(ordered.places), np.arange(len(rays)))
     np.testing.assert_array_equal(ordered.origins, rays.origins[ordered.places])
     np.testing.assert_array_equal(ordered.directions, rays.directions[ordered.places])
-    low, high = rays.origins.min(axis=0), rays.origins.max(axis=0)
-    cells = np.minimum((ordered.origins - low) / (high - low) * 8 + 1e-5, 7.99999).astype(int)
+    low, high = box_of(rays.origins)
+    inside = ((low <= rays.origins) & (rays.origins <= high)).all(axis=1).mean()
+    assert 0.95 < inside < 1.0  # others are put into the cells at the sides
+    cells = np.clip((ordered.origins - low) / (high - low) * 8 + 1e-5, 0, 7.99999).astype(int)
     bucket = np.column_stack([cells, np.signbit(ordered.directions)])
     changes = (bucket[1:] != bucket[:-1]).any(axis=1).sum()
     assert changes < 1.02 * len(np.unique(bucket, axis=0))

@@ -129,6 +129,29 @@ def test_a_view_that_cannot_be_traced_is_named_and_does_not_cost_the_others(
     assert last == "atra: 2 of 3 views are written"
 
 
+def test_a_view_that_sees_nothing_has_no_points_and_does_not_cost_the_others(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    away = {"away": LOOKING | {"target": [0.0, 0.0, 9.0]}, "far": LOOKING | {"eye": [1e30, 0.0, 0.0]}}
+    write_cameras({"a": LOOKING, **away, **{f"view {number}": CALIBRATED for number in range(18)}})
+    assert render(monkeypatch, "--format", "ply") == 1
+    told = capsys.readouterr()
+    assert len(list((folder / "out" / "deep").iterdir())) == 19
+    assert "nothing is hit, so a .ply file would have no point" in told.err
+    assert "in view 'away'" in told.err
+    assert "in view 'far'" in told.err
+    assert "19 of 21 views are written" in told.err
+
+
+def test_a_package_that_a_format_needs_is_missed_before_anything_is_traced(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setitem(sys.modules, "PIL", None)
+    assert render(monkeypatch, "--format", "npz", "png") == 2
+    assert ".png files need the package PIL, which is not installed: pip install pillow" in capsys.readouterr().err
+    assert not (folder / "out").exists()
+
+
 def test_names_of_views_never_lead_out_of_the_folder() -> None:
     names = ["../../etc/passwd", "a/b.c.jpg", "C:\\x.png", "...", "", "r_0"]
     with pytest.raises(atra.InputError, match="both be written to view"):

@@ -54,6 +54,7 @@ SWEEPS = {
         {"gather", "figure5_gather"},
     ),
     "planner": (["scene.view=aside,wide"], {"planner"}),
+    "views": (["scene.subdivided=0", "scene.copies=1", "workload.views=2", "width=32", "height=32"], set()),
 }
 PARTS_OF_SMOKE = {"horizontal", "vertical", "grid", "build", "memory", "scenes", "paper"}
 

@@ -11,6 +11,7 @@ from pathlib import Path, PurePosixPath
 from atra.command.cameras import read_cameras
 from atra.errors import InputError, StorageError, printable
 from atra.mesh_files.loading import load_mesh
+from atra.saving import check_package
 from atra.views.render_views import render_views
 
 FORMATS = ("npz", "exr", "png", "ply")
@@ -35,31 +36,39 @@ def add_render(parser: ArgumentParser) -> None:
 
 
 def run_render(given: Namespace) -> int:
-    """Trace and write view after view, a line for each; returns 1 if some could not be traced, 0 else.
+    """Trace and write view after view, a line for each; returns 1 if some could not be traced or written, 0 else.
 
     Raises InputError for what cannot be used, before anything is traced, and StorageError.
     """
+    for suffix in given.format:
+        check_package(f".{suffix}")
     cameras = read_cameras(given.camera, None if given.size is None else tuple(given.size))
     stems = file_stems(cameras)
     mesh = load_mesh(given.mesh)
     _make_folder(given.out)
     print(f"{printable(str(given.mesh))}: {mesh.triangle_count:,} triangles; {len(cameras)} views", file=sys.stderr)
-    done = 0
+    done, failures = 0, list[Exception]()
     try:
         for name, hits in render_views(mesh, cameras, threads=given.threads):
             paths = [given.out / f"{stems[name]}.{suffix}" for suffix in given.format]
-            for path in paths:
-                hits.save(path)
+            try:
+                for path in paths:
+                    hits.save(path)
+            except InputError as error:  # it sees nothing, say, and that has no points
+                error.add_note(f"in view {name!r}")
+                failures.append(error)
+                continue
             done += 1
             written = ", ".join(printable(str(path)) for path in paths)
             print(f"[{done:>{len(str(len(cameras)))}}/{len(cameras)}] {written}: {hits.hit.mean():.1%} hit", flush=True)
-    except ExceptionGroup as failures:
-        for error in failures.exceptions:
-            where = "; ".join(getattr(error, "__notes__", ()))
-            print(f"atra: {printable(f'{error} ({where})')}", file=sys.stderr)
+    except ExceptionGroup as untraced:
+        failures += untraced.exceptions
+    for failure in failures:
+        where = "; ".join(getattr(failure, "__notes__", ()))
+        print(f"atra: {printable(f'{failure} ({where})')}", file=sys.stderr)
+    if failures:
         print(f"atra: {done} of {len(cameras)} views are written", file=sys.stderr)
-        return 1
-    return 0
+    return 1 if failures else 0
 
 
 def file_stems(names: Iterable[str]) -> dict[str, str]:

@@ -72,11 +72,22 @@ class RayArrays(NamedTuple):
 
 
 @kernel
+def first_unfit(vectors, shortest, longest):  # type: ignore[no-untyped-def]
+    """The first of vectors (N, 3) whose largest component is not from `shortest` to `longest` in size; N: all are."""
+    for ray in range(len(vectors)):
+        x, y, z = abs(vectors[ray, 0]), abs(vectors[ray, 1]), abs(vectors[ray, 2])
+        is_long = (x >= shortest) | (y >= shortest) | (z >= shortest)
+        if not (is_long & (x <= longest) & (y <= longest) & (z <= longest)):  # so neither is NaN
+            return ray
+    return len(vectors)
+
+
+@kernel
 def number_rays(counter_address, origins, directions, low, inverse, keys, counts):  # type: ignore[no-untyped-def]
     """The bucket of every ray, and how many rays of each chunk have it.
 
     origins, directions: (N, 3) float32. low, inverse: (3,) float32, cells of the box per unit of length.
-    keys: (N,) uint16. counts: (chunks, BUCKETS) int64, zeroed.
+    keys: (N,) uint16. counts: (chunks, BUCKETS) int32, zeroed.
     """
     while True:
         chunk = fetch_add(counter_address, 1)
@@ -85,8 +96,8 @@ def number_rays(counter_address, origins, directions, low, inverse, keys, counts
         for ray in range(chunk * SORTED_CHUNK, min((chunk + 1) * SORTED_CHUNK, len(keys))):
             key = 0
             for axis in range(3):
-                cell = int((origins[ray, axis] - low[axis]) * inverse[axis])
-                key = key * CELLS + min(max(cell, 0), CELLS - 1)
+                cell = (origins[ray, axis] - low[axis]) * inverse[axis]
+                key = key * CELLS + int(min(max(cell, np.float32(0.0)), np.float32(CELLS - 1)))
             for axis in range(3):
                 key = 2 * key + (1 if directions[ray, axis] < 0 else 0)
             keys[ray] = key
@@ -95,7 +106,7 @@ def number_rays(counter_address, origins, directions, low, inverse, keys, counts
 
 @kernel
 def order_rays(counter_address, keys, starts, rays, ordered):  # type: ignore[no-untyped-def]
-    """Copy rays bucket by bucket, and within each as they came; starts: (chunks, BUCKETS) int64, which is used up.
+    """Copy rays bucket by bucket, and within each as they came; starts: (chunks, BUCKETS) int32, which is used up.
 
     Buckets are written side by side and read one after the other, both of which the cache likes better than to pick
     rays from all over the batch while they are traced.

@@ -13,6 +13,7 @@ from atra.errors import InputError
 from atra.geometry.intersection import intersect_rays
 from atra.geometry.mesh import Mesh
 from atra.geometry.ray_space import FARTHEST_FROM_EYE
+from atra.kernels.rays import first_unfit
 from atra.prim_ids import MISS
 
 SHORTEST, LONGEST = 1e-20, 1e20
@@ -44,16 +45,25 @@ class Rays:
         if len(origins) != len(directions):
             raise InputError(f"there are {len(origins)} origins and {len(directions)} directions, expected as many")
         tnear, tfar = _numbers("tnear", self.tnear, len(origins)), _numbers("tfar", self.tfar, len(origins))
-        far, size = _largest(origins), _largest(directions)
-        _check("origin", origins, far <= FARTHEST_FROM_EYE, f"finite numbers of at most {FARTHEST_FROM_EYE:g} in size")
-        expected = f"finite numbers, the largest of a size from {SHORTEST:g} to {LONGEST:g}"
-        _check("direction", directions, (size >= SHORTEST) & (size <= LONGEST), expected)
         _check("tnear", tnear, (tnear >= 0.0) & (tnear < np.inf), "a finite number of at least 0")
         _check("tfar", tfar, ~np.isnan(tfar), "a number (inf: no limit; not above tnear: the ray hits nothing)")
         tnear, tfar = np.broadcast_to(tnear, len(origins)), np.broadcast_to(tfar, len(origins))
-        for name, array in (("origins", origins), ("directions", directions), ("tnear", tnear), ("tfar", tfar)):
-            with np.errstate(over="ignore", under="ignore"):  # a tfar beyond float32 is inf, and means the same
-                copied = np.array(array, np.float32, order="C")
+        given = {"origins": origins, "directions": directions, "tnear": tnear, "tfar": tfar}
+        with np.errstate(over="ignore", under="ignore"):  # a tfar beyond float32 is inf, and means the same
+            copies = {name: np.array(array, np.float32, order="C") for name, array in given.items()}
+        for name, low, high, expected in (
+            ("origins", 0.0, FARTHEST_FROM_EYE, f"finite numbers of at most {FARTHEST_FROM_EYE:g} in size"),
+            (
+                "directions",
+                SHORTEST,
+                LONGEST,
+                f"finite numbers, the largest of a size from {SHORTEST:g} to {LONGEST:g}",
+            ),
+        ):
+            ray = first_unfit(copies[name], np.float32(low), np.float32(high))
+            if ray < len(origins):
+                raise _refusal(name.removesuffix("s"), given[name], ray, expected)
+        for name, copied in copies.items():
             copied.setflags(write=False)
             object.__setattr__(self, name, copied)
 
@@ -124,12 +134,6 @@ def _numbers(name: str, given: ArrayLike, count: int) -> NDArray[Any]:
     return array.reshape(-1) if count else array.reshape(-1)[:0]
 
 
-def _largest(vectors: NDArray[Any]) -> NDArray[Any]:
-    """(N,), the largest component in size, NaN where there is one; axis by axis is several times faster."""
-    x, y, z = np.abs(vectors).T
-    return np.asarray(np.maximum(np.maximum(x, y), z))
-
-
 def _real(name: str, given: ArrayLike) -> NDArray[Any]:
     try:
         array = np.asarray(given)
@@ -142,7 +146,11 @@ def _real(name: str, given: ArrayLike) -> NDArray[Any]:
 
 def _check(name: str, values: NDArray[Any], good: NDArray[np.bool_], expected: str) -> None:
     if not good.all():
-        ray = int(np.argmin(good))
-        value = values[ray].tolist()
-        shown = tuple(value) if isinstance(value, list) else value
-        raise InputError(f"ray {ray} has the {name} {shown}, expected {expected}")
+        raise _refusal(name, values, int(np.argmin(good)), expected)
+
+
+def _refusal(name: str, values: NDArray[Any], ray: int, expected: str) -> InputError:
+    value = values[ray].tolist()
+    return InputError(
+        f"ray {ray} has the {name} {tuple(value) if isinstance(value, list) else value}, expected {expected}"
+    )

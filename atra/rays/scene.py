@@ -37,8 +37,16 @@ from atra.rays.rays import RayHits, Rays
 FEWEST_RAYS, FEWEST_TRIANGLES = 1 << 14, 1 << 18
 """Of a batch and of a mesh, for rays to be put in an order: otherwise all they touch is in the cache anyway."""
 
+ORDERED = 1 << 20
+"""Rays that are put in an order at a time, which bounds the memory that takes; more gain nothing."""
+
 _SAMPLES, _NEIGHBOURS = 64, 16
 """Places in a batch, and rays at each, that say whether it has an order already."""
+
+_BOX_SAMPLES = 1024
+
+_NOWHERE = np.empty(0, np.uint32)
+"""Places of rays that have the order of their answers."""
 
 NEAR_BY = 1 / 64
 """Of the size of the mesh: rays that start nearer to each other than this may be taken through the tree together."""
@@ -89,6 +97,7 @@ class RayScene(Lifetime):
         self._pool = WorkerPool(self.threads)
         self._workspaces = [Workspace(self.packet_width, coherent=False) for _ in range(self.threads)]
         self._scene: EmbreeScene | None = None
+        self._memory: tuple[NDArray[Any], ...] = ()
 
     def _plan(self) -> float:
         return 0.0
@@ -167,20 +176,28 @@ class RayScene(Lifetime):
 
     def _run(self, kernel: Callable[..., None], coherent: bool | None, rays: Rays, *outputs: NDArray[Any]) -> None:
         with self._lock:
-            if not (self._is_built or self._is_closed):
+            self._check_open()
+            if not self._is_built:
                 self.build()
             together = WHERE_ALIKE if coherent is None else ALWAYS if coherent else NEVER
             size = float((self.mesh.bounds[1] - self.mesh.bounds[0]).max())
-            near_by, places = np.float32(NEAR_BY * size), np.empty(0, np.uint32)
-            arrays = RayArrays(rays.origins, rays.directions, rays.tnear, rays.tfar, places, together, near_by)
+            near_by = np.float32(NEAR_BY * size)
+            arrays = RayArrays(rays.origins, rays.directions, rays.tnear, rays.tfar, _NOWHERE, together, near_by)
             large = len(rays) >= FEWEST_RAYS and self.mesh.triangle_count >= FEWEST_TRIANGLES
-            if coherent is None and large and not _has_order(arrays):
-                arrays = self._ordered(arrays)
+            has_order = coherent is not None or not large or _has_order(arrays)
 
-            def work(query: Query) -> None:
-                kernel(query.counter, query.scene, query.packet, query.flags, arrays, *outputs)
+            def trace(arrays: RayArrays, *outputs: NDArray[Any]) -> None:
+                def work(query: Query) -> None:
+                    kernel(query.counter, query.scene, query.packet, query.flags, arrays, *outputs)
 
-            self.run(work, coherent=bool(coherent))
+                self.run(work, coherent=bool(coherent))
+
+            if has_order:
+                trace(arrays, *outputs)
+                return
+            for start in range(0, len(rays), ORDERED):
+                some = slice(start, start + ORDERED)
+                trace(self._ordered(_part(arrays, some)), *(output[some] for output in outputs))
 
     def run(self, work: Callable[[Query], None], *, coherent: bool = False) -> None:
         """Call `work` once per thread, side by side, for kernels of the caller's own; nothing else is traced meanwhile.
@@ -196,19 +213,22 @@ class RayScene(Lifetime):
             self._pool.run(lambda worker, counter: work(Query(worker, counter, scene, *own[worker])))
 
     def _ordered(self, rays: RayArrays) -> RayArrays:
-        """The same rays; those that start near each other and head the same way follow each other."""
+        """The same rays, until the next are ordered; those that start near each other and head the same way follow each
+        other."""
         count = len(rays.origins)
-        low, high = (np.array([pick(axis) for axis in rays.origins.T]) for pick in (np.min, np.max))
+        low, high = box_of(rays.origins)
         with np.errstate(divide="ignore", over="ignore"):
             inverse = np.where(high > low, CELLS / (high - low), 0.0).astype(np.float32)
-        keys, counts = np.empty(count, np.uint16), np.zeros((-(-count // SORTED_CHUNK), BUCKETS), np.int64)
+        keys, counts = np.empty(count, np.uint16), np.zeros((-(-count // SORTED_CHUNK), BUCKETS), np.int32)
         ways = rays.origins, rays.directions
         self._pool.run(lambda _, counter: number_rays(counter, *ways, low, inverse, keys, counts))
         ends = np.cumsum(counts.T).reshape(BUCKETS, -1).T  # bucket by bucket, in each chunk by chunk
-        starts = np.ascontiguousarray(ends - counts)
-        vectors, numbers = np.empty((2, count, 3), np.float32), np.empty((2, count), np.float32)
-        places = np.empty(count, np.uint32)
-        ordered = RayArrays(vectors[0], vectors[1], numbers[0], numbers[1], places, rays.together, rays.near_by)
+        starts = np.ascontiguousarray(ends - counts, np.int32)
+        if not self._memory or len(self._memory[0]) < count:  # kept: fresh pages cost more than to write to them
+            vectors, numbers = np.empty((2, count, 3), np.float32), np.empty((2, count), np.float32)
+            self._memory = (*vectors, *numbers, np.empty(count, np.uint32))
+        origins, directions, tnear, tfar, places = (array[:count] for array in self._memory)
+        ordered = RayArrays(origins, directions, tnear, tfar, places, rays.together, rays.near_by)
         self._pool.run(lambda _, counter: order_rays(counter, keys, starts, rays, ordered))
         for array in ordered[:4]:
             array.setflags(write=False)  # kernels are compiled for what `Rays` holds
@@ -221,8 +241,20 @@ class RayScene(Lifetime):
 
     def _release(self) -> None:
         self._pool.close()  # first, so that none of its threads is in a scene that goes
+        self._memory = ()
         if self._scene is not None:
             self._scene.close()
+
+
+def box_of(origins: NDArray[np.float32]) -> NDArray[np.float32]:
+    """(2, 3), lowest and highest corner of the box that rays are ordered in, of a sample of them: others lie beside."""
+    some = origins[:: max(1, len(origins) // _BOX_SAMPLES)]
+    return np.stack([some.min(axis=0), some.max(axis=0)])
+
+
+def _part(rays: RayArrays, some: slice) -> RayArrays:
+    origins, directions, tnear, tfar = (array[some] for array in (rays.origins, rays.directions, rays.tnear, rays.tfar))
+    return RayArrays(origins, directions, tnear, tfar, rays.places, rays.together, rays.near_by)
 
 
 def _has_order(rays: RayArrays) -> bool:

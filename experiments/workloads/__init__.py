@@ -13,6 +13,7 @@ from experiments.workloads.multiframe import MULTIFRAME
 from experiments.workloads.picture import PICTURE
 from experiments.workloads.planner import PLANNER
 from experiments.workloads.surface import SURFACE
+from experiments.workloads.views import VIEWS
 from experiments.workloads.workload import Workload
 
 WORKLOADS: tuple[Workload, ...] = (
@@ -26,6 +27,7 @@ WORKLOADS: tuple[Workload, ...] = (
     SURFACE,
     MOVING,
     GATHER,
+    VIEWS,
 )
 """In the order of tables and pages."""
 

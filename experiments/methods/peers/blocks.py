@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
-from experiments.methods.peers.peer import RayPeerTracer, interleaved
+from experiments.methods.peers.peer import RayPeerTracer
 
 _BLOCKS_PER_THREAD = 8  # rows differ in cost; few enough that a call's own price does not show
 
@@ -37,10 +37,9 @@ class BlockwiseTracer(RayPeerTracer):
         super().__init__(mesh, camera, threads)
         self._executor = ThreadPoolExecutor(self.threads, "peer") if self.threads > 1 else None
 
-    def _make_rays(self, directions: NDArray[np.float32]) -> RayArrays:
-        rows = interleaved(directions)
-        origins = np.ascontiguousarray(np.broadcast_to(np.asarray(self.camera.eye, np.float32), rows.shape))
-        return RayArrays(origins, rows)
+    def make_rays(self, origins: NDArray[np.float32], directions: NDArray[np.float32]) -> RayArrays:
+        """One array of each."""
+        return RayArrays(np.ascontiguousarray(np.broadcast_to(origins, directions.shape)), directions)
 
     def _in_blocks(self, cast: Callable[[RayArrays], Answer], rays: RayArrays) -> Answer:
         depths, prim_ids = zip(*self._each_block(cast, rays), strict=True)

@@ -35,10 +35,11 @@ class MitsubaTracer(RayPeerTracer):
         self._mitsuba.set_variant(MITSUBA_VARIANT)
         self._drjit = import_module("drjit")
 
-    def _make_rays(self, directions: NDArray[np.float32]) -> Any:
+    def make_rays(self, origins: NDArray[np.float32], directions: NDArray[np.float32]) -> Any:
+        """Vectors of Dr.Jit, in memory."""
         mi = self._mitsuba
-        x, y, z = (mi.Float(np.ascontiguousarray(axis.reshape(-1))) for axis in directions)
-        rays = mi.Ray3f(o=mi.Point3f(*self.camera.eye), d=mi.Vector3f(x, y, z))
+        o, d = ([mi.Float(np.ascontiguousarray(axis)) for axis in vectors.T] for vectors in (origins, directions))
+        rays = mi.Ray3f(o=mi.Point3f(*o), d=mi.Vector3f(*d))
         self._drjit.make_opaque(rays)  # in memory before the clock runs, not part of the kernel
         return rays
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from experiments.methods.peers.availability import reinstall
-from experiments.methods.peers.peer import RayPeerTracer, interleaved, peer_method
+from experiments.methods.peers.peer import RayPeerTracer, peer_method
 
 _FIRST_PYTHON_WITHOUT_WHEEL = (3, 15)  # of Open3D 0.20
 
@@ -28,10 +28,9 @@ class Open3DTracer(RayPeerTracer):
         super().__init__(mesh, camera, threads)
         self._open3d = import_module("open3d")
 
-    def _make_rays(self, directions: NDArray[np.float32]) -> Any:
-        rows = interleaved(directions)
-        origins = np.broadcast_to(np.asarray(self.camera.eye, np.float32), rows.shape)
-        return self._tensor(np.concatenate([origins, rows], axis=1))
+    def make_rays(self, origins: NDArray[np.float32], directions: NDArray[np.float32]) -> Any:
+        """A tensor of six numbers a ray."""
+        return self._tensor(np.concatenate([np.broadcast_to(origins, directions.shape), directions], axis=1))
 
     def _build_scene(self) -> Any:
         scene = self._open3d.t.geometry.RaycastingScene(nthreads=self.threads)

@@ -162,8 +162,15 @@ class RayPeerTracer(PeerTracer):
     """A foreign ray tracer, given rays ready made. The world is the peer's, the eye its rays' origin."""
 
     @abstractmethod
-    def _make_rays(self, directions: NDArray[np.float32]) -> Any:
-        """The peer's rays from world-space directions (3, H, W), of length 1 along the view axis."""
+    def make_rays(self, origins: NDArray[np.float32], directions: NDArray[np.float32]) -> Any:
+        """The peer's own form of rays. origins: (N, 3), or (1, 3) of all; directions: (N, 3) of any length."""
+
+    def cast(self, rays: Any) -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
+        """What rays of `make_rays` hit: t in lengths of their directions, inf = miss, and prim_id, (N,) each.
+
+        Raises EmbreeError when the tracer is not built or already closed."""
+        with self._tracing():
+            return self._cast(self._scene, rays)
 
     def _rays_through(self, offset: tuple[float, float]) -> Any:
         camera = self.camera
@@ -174,12 +181,8 @@ class RayPeerTracer(PeerTracer):
         to_ray_space = from_eye_space(camera)
         if not np.array_equal(to_ray_space, np.eye(3)):
             directions = np.tensordot(to_ray_space.T, directions, 1).astype(np.float32)
-        return self._make_rays(directions)
-
-
-def interleaved(directions: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Directions (3, H, W) as (H W, 3), contiguous."""
-    return np.ascontiguousarray(directions.reshape(3, -1).T)
+        interleaved = np.ascontiguousarray(directions.reshape(3, -1).T)
+        return self.make_rays(np.asarray(camera.eye, np.float32)[None], interleaved)
 
 
 def peer_method(

@@ -19,7 +19,8 @@ from experiments.methods.peers.peer import peer_method
 
 @dataclass(frozen=True, eq=False)
 class _Planes:
-    """normals: (F, 3) float64 of any length. distances: (F,) float64, of each plane from the eye, times that length."""
+    """normals: (F, 3) float64 of any length. distances: (F,) float64, of each plane from the world's origin, times that
+    length."""
 
     normals: NDArray[np.float64]
     distances: NDArray[np.float64]
@@ -40,12 +41,12 @@ class TrimeshTracer(BlockwiseTracer):
         """Make the rays through the pixel centres and the planes of the triangles."""
         super().plan()
         start = perf_counter()
-        corners = self.mesh.triangles(np.arange(self.mesh.triangle_count)) - self.camera.eye
+        corners = self.mesh.triangles(np.arange(self.mesh.triangle_count))
         normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         self._planes = _Planes(normals, np.einsum("ij,ij->i", normals, corners[:, 0]))
         self.plan_time_s += perf_counter() - start
         nowhere = np.zeros((1, 3), np.float32)
-        self._plane_depths(np.zeros(1, np.int32), nowhere)  # compiled before the first frame, off the clock
+        self._plane_depths(np.zeros(1, np.int32), nowhere, nowhere)  # compiled before the first frame, off the clock
 
     def _build_scene(self) -> Any:
         import trimesh  # slow to import
@@ -58,7 +59,8 @@ class TrimeshTracer(BlockwiseTracer):
     def _cast(self, scene: Any, rays: RayArrays) -> Answer:
         def cast(block: RayArrays) -> Answer:
             prim_id = scene.intersects_first(block.origins, block.directions).astype(np.int32, copy=False)
-            return self._plane_depths(prim_id, block.directions), prim_id.view(np.uint32)  # -1 is a miss, that is MISS
+            depth = self._plane_depths(prim_id, block.origins, block.directions)
+            return depth, prim_id.view(np.uint32)  # -1 is a miss, that is MISS
 
         return self._in_blocks(cast, rays)
 
@@ -78,31 +80,34 @@ class TrimeshTracer(BlockwiseTracer):
             hit, of_ray = scene.intersects_id(block.origins, block.directions, multiple_hits=True)
             directions = block.directions[of_ray]
             leaving = np.einsum("ij,ij->i", self._planes.normals[hit], directions) > 0.0
-            depth = self._plane_depths(hit.astype(np.int32, copy=False), directions)
+            depth = self._plane_depths(hit.astype(np.int32, copy=False), block.origins[of_ray], directions)
             return np.bincount(of_ray, np.where(leaving, depth, -depth), len(block.origins)).astype(
                 np.float64, copy=False
             )
 
         return np.concatenate(list(self._each_block(measure, rays)))
 
-    def _plane_depths(self, prim_id: NDArray[np.int32], directions: NDArray[np.float32]) -> NDArray[np.float32]:
-        return _plane_depths(prim_id, directions, self._planes.normals, self._planes.distances)
+    def _plane_depths(
+        self, prim_id: NDArray[np.int32], origins: NDArray[np.float32], directions: NDArray[np.float32]
+    ) -> NDArray[np.float32]:
+        return _plane_depths(prim_id, origins, directions, self._planes.normals, self._planes.distances)
 
 
 @keep_on_disk
 @njit(nogil=True, error_model="numpy")
-def _plane_depths(prim_id, directions, normals, distances):  # type: ignore[no-untyped-def]
-    """(N,) float32 ray parameters where rays from the eye meet the planes of their triangles, inf for prim_id -1."""
+def _plane_depths(prim_id, origins, directions, normals, distances):  # type: ignore[no-untyped-def]
+    """(N,) float32 ray parameters where rays meet the planes of their triangles, inf for prim_id -1."""
     depth = np.empty(len(prim_id), np.float32)
     for i in range(len(prim_id)):
         face = prim_id[i]
         if face < 0:
             depth[i] = np.inf
         else:
-            slope = 0.0
+            slope, distance = 0.0, distances[face]
             for axis in range(3):
                 slope += normals[face, axis] * directions[i, axis]
-            depth[i] = distances[face] / slope
+                distance -= normals[face, axis] * origins[i, axis]
+            depth[i] = distance / slope
     return depth
 
 

@@ -1,0 +1,83 @@
+"""Workload `views`: what a mesh and many cameras cost from the first call to the last result, or a million rays that
+come from no camera; by the point's method, and in the same rounds by the library as its page says to call it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+from statistics import median
+from typing import Any
+
+from atra.errors import InputError
+from experiments.harness.column import REAL, Column
+from experiments.harness.point import Point
+from experiments.harness.records import Record
+from experiments.methods import METHODS, find_method
+from experiments.methods.method import option
+from experiments.results.statistics import Series, statistics_columns
+from experiments.workloads.baselines import OWN, series
+from experiments.workloads.workload import Workload
+
+LIBRARY = "library"
+"""Name in the samples of `atra.render_views` or `atra.RayScene.intersect`."""
+
+
+class Job(Enum):
+    """views: all images of cameras around the point's, and whatever has to be built and made for them.
+    camera_rays, random_rays: one call with as many rays as the image has pixels, of its camera or from anywhere in the
+    mesh to anywhere, where the BVH is built."""
+
+    views = "views"
+    camera_rays = "camera_rays"
+    random_rays = "random_rays"
+
+
+@dataclass(frozen=True)
+class ViewsOptions:
+    """Raises InputError for no views."""
+
+    job: Job = option(Job.views, "what is asked for: views, camera_rays or random_rays")
+    views: int = option(20, "cameras, where views are asked for")
+
+    def __post_init__(self) -> None:
+        if self.views < 1:
+            raise InputError(f"workload.views is {self.views}, expected a whole number of at least 1")
+
+
+def _gain(record: Record) -> Any:
+    own, library = series(OWN)(record), series(LIBRARY)(record)
+    return None if own is None or library is None else own / library
+
+
+def _headline(record: Record) -> str:
+    own, library = (median(record.samples[name]) for name in (OWN, LIBRARY))
+    return f"{own:.3f} s; the library {library:.3f} s, {median(_gain(record)):.2f}x as fast"
+
+
+def _problem(point: Point) -> str | None:
+    job = point.workload_options.job
+    if job is Job.views or not find_method(point.method).is_ours:
+        return None
+    others = ", ".join(method.name for method in METHODS if not method.is_ours)
+    return f"method={point.method} with workload.job={job.value}, expected a tracer of others beside ours: {others}"
+
+
+_own: Series = series(OWN)
+_library: Series = series(LIBRARY)
+
+VIEWS = Workload(
+    name="views",
+    options=ViewsOptions,
+    columns=(
+        *statistics_columns("job_time{}_s", "all views, or all rays, by the method", _own),
+        *statistics_columns("library_time{}_s", "the same by the library, called without options", _library),
+        *statistics_columns("library_gain{}", "the method's time / the library's, in the same rounds", _gain),
+        Column("ids_equal", REAL, "least share of pixels, or rays, with the same triangle", over=min),
+    ),
+    headline=_headline,
+    room=__name__,
+    samples=lambda point: frozenset((OWN, LIBRARY)),
+    judged=OWN,
+    needs=("ids_equal",),
+    problem=_problem,
+)  # fmt: skip

@@ -1,0 +1,84 @@
+"""Time of many views, or of a batch of rays: by the point's method and by the library, round by round."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import atra
+from atra.errors import InputError
+from atra.geometry.mesh import Mesh
+from atra.geometry.view import View
+from experiments.harness.point import Point
+from experiments.methods.peers.peer import RayPeerTracer
+from experiments.workloads.baselines import OWN
+from experiments.workloads.rounds import load_mesh, measured, timed_rounds
+from experiments.workloads.views import LIBRARY, Job
+from experiments.workloads.views.cameras import camera_rays, cameras_around, random_rays
+from experiments.workloads.workload import Measured, make_own
+
+Ids = Iterator[NDArray[np.uint32]]
+
+
+def measure(point: Point) -> Measured:
+    """Compare both once, which compiles all that they need, and then time them. Raises InputError and
+    MemoryBudgetError as the tracers do, and InputError for a tracer that takes no rays."""
+    mesh = load_mesh(point)
+    with ExitStack() as stack:
+        if point.workload_options.job is Job.views:
+            own, library = _of_views(point, mesh)
+        else:
+            own, library = _of_rays(point, mesh, stack)
+        ids_equal = min(float((one == other).mean()) for one, other in zip(own(), library(), strict=True))
+        timed = timed_rounds(point, {OWN: lambda: _exhaust(own()), LIBRARY: lambda: _exhaust(library())})
+    return measured({"ids_equal": ids_equal}, timed)
+
+
+def _of_views(point: Point, mesh: Mesh) -> tuple[Callable[[], Ids], Callable[[], Ids]]:
+    """Both get a mesh of which nothing is known yet, as a file's is."""
+    cameras: Sequence[View] = cameras_around(point.camera, mesh, point.workload_options.views)
+
+    def own() -> Ids:
+        with make_own(point, Mesh(mesh.vertices, mesh.faces), cameras[0]) as tracer:
+            yield tracer.trace().prim_id
+            for camera in cameras[1:]:
+                tracer.look(camera)
+                yield tracer.trace().prim_id
+
+    def library() -> Ids:
+        tracing = point.tracing
+        fresh = Mesh(mesh.vertices, mesh.faces)
+        for _, hits in atra.render_views(fresh, cameras, threads=tracing.threads, ties=tracing.ties):
+            yield hits.prim_id
+
+    return own, library
+
+
+def _of_rays(point: Point, mesh: Mesh, stack: ExitStack) -> tuple[Callable[[], Ids], Callable[[], Ids]]:
+    """The rays lie in memory, in the form that each takes them in."""
+    if point.workload_options.job is Job.camera_rays:
+        origins, directions = camera_rays(point.camera)
+    else:
+        origins, directions = random_rays(mesh, point.camera.width * point.camera.height)
+    tracer = stack.enter_context(make_own(point, mesh))
+    if not isinstance(tracer, RayPeerTracer):
+        raise InputError(f"method={point.method} takes no rays, expected a ray tracer of others")
+    rays = tracer.make_rays(origins, directions)
+    scene = stack.enter_context(atra.RayScene(mesh, threads=point.tracing.threads))
+
+    def own() -> Ids:
+        yield tracer.cast(rays)[1]
+
+    def library() -> Ids:
+        yield scene.intersect(origins, directions).prim_id
+
+    return own, library
+
+
+def _exhaust(results: Iterator[Any]) -> None:
+    for _ in results:
+        pass
