@@ -10,7 +10,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from atra.embree.layout import RAY_TFAR
+from atra.embree.layout import FLAG_COHERENT, RAY_TFAR
 from atra.kernels.caching import float_kernel
 from atra.kernels.packets import INFINITY, MISS, hit_distance, occluded
 from atra.kernels.shading.numbers import (
@@ -28,11 +28,11 @@ from atra.kernels.shading.numbers import (
     unit,
     unit_of,
 )
-from atra.kernels.shading.paths import load_rays, pixel_ray
+from atra.kernels.shading.paths import load_rays, pixel_line, seen_by
 from atra.kernels.shading.surface import colour_of, leaving, material_of, meet, shading_normal, sky_colour
 
-ORIGIN, NORMAL, COLOUR, DIRECTION = 0, 3, 6, 9
-WAVE_ROWS = 12
+ORIGIN, NORMAL, COLOUR, SKY, DIRECTION = 0, 3, 6, 9, 12
+WAVE_ROWS = 15
 
 SUN, POINT, SPHERE = 0, 1, 2
 KIND, PLACE, SIZE, ACROSS, UP = 0, 1, 4, 5, 8
@@ -51,8 +51,9 @@ _ALMOST = np.float32(1 - 1e-4)
 class Wave(NamedTuple):
     """What N pixels see, and one ray from each.
 
-    floats: (WAVE_ROWS, N) float32: origin of rays, shading normal, colour, direction of the ray, three rows each. Where
-    nothing is seen, the normal is the direction of the pixel's ray, and the colour white.
+    All have `ROW_PADDING` columns more, for whole packets. floats: (WAVE_ROWS, N) float32, three rows each: origin of
+    rays, shading normal, colour, that times the sky's where the normal points, direction of the ray. Where nothing is
+    seen, the fourth is the sky's that the pixel's ray meets.
     is_hit: (N,) int32, -1 or 0. length: (N,) float32, how far the ray reaches, 0 = there is none.
     light: (N,) float32, what it carries if nothing is in its way; 0 once something is.
     """
@@ -100,22 +101,23 @@ def _set_row(floats, first, i, vector):  # type: ignore[no-untyped-def]
 @float_kernel
 def find_surfaces(wave, first, count, pixels, surfaces):  # type: ignore[no-untyped-def]
     """What `count` pixels from number `first` on see, from the `prim_id` of `pixels`."""
+    floats = wave.floats
     for i in range(count):
-        pixel = first + i
-        prim_id = pixels.prim_id[pixel // pixels.width * pixels.stride + pixel % pixels.width]
-        origin, direction = pixel_ray(pixels, pixel)
+        prim_id = seen_by(pixels, first + i)
+        origin, direction = pixel_line(pixels, first + i)
         if prim_id == MISS:
             wave.is_hit[i] = 0
-            _set_row(wave.floats, NORMAL, i, direction)
-            for channel in range(3):
-                wave.floats[COLOUR + channel, i] = ONE
+            _set_row(floats, SKY, i, sky_colour(surfaces, unit(direction)))
         else:
             point, normal, is_front = meet(surfaces, prim_id, origin, direction)
             wave.is_hit[i] = -1
-            _set_row(wave.floats, ORIGIN, i, leaving(surfaces, prim_id, point, normal))
+            _set_row(floats, ORIGIN, i, leaving(surfaces, prim_id, point, normal))
             shaded = shading_normal(surfaces, prim_id, point, normal, is_front, direction)
-            _set_row(wave.floats, NORMAL, i, shaded)
-            _set_row(wave.floats, COLOUR, i, colour_of(surfaces, material_of(surfaces, prim_id), prim_id, point))
+            _set_row(floats, NORMAL, i, shaded)
+            colour = colour_of(surfaces, material_of(surfaces, prim_id), prim_id, point)
+            _set_row(floats, COLOUR, i, colour)
+            sky = sky_colour(surfaces, shaded)
+            _set_row(floats, SKY, i, (colour[0] * sky[0], colour[1] * sky[1], colour[2] * sky[2]))
 
 
 @float_kernel
@@ -191,58 +193,53 @@ def aim_into_sky(wave, first, count, length, is_cosine, sample):  # type: ignore
 
 
 @cache
-def occlude_kernel(width: int) -> Callable[..., None]:
+def occlude_kernel(width: int) -> Callable[..., int]:
     """The rays of a wave, in packets of `width`, a constant of the compiled code."""
 
     @float_kernel
-    def occlude(wave, count, scene, packet):  # type: ignore[no-untyped-def]
-        """`light` becomes 0 where something is in the way. Pixels keep their lanes, so that each has the same
-        neighbours in every wave."""
+    def occlude(wave, count, scene, packet, flags, is_coherent):  # type: ignore[no-untyped-def]
+        """`light` becomes 0 where something is in the way; returns how many rays were traced. Pixels keep their lanes,
+        so that each has the same neighbours in every wave.
+
+        flags: of the query. is_coherent: whether rays of neighbours head alike.
+        """
+        flags[0] = FLAG_COHERENT if is_coherent else 0
+        rays = 0
         for first in range(0, count, width):
-            lanes = min(width, count - first)
-            load_rays(packet, width, wave.floats, ORIGIN, DIRECTION, first, lanes)
-            anyone = False
-            for lane in range(lanes):
-                length = wave.length[first + lane]
+            load_rays(packet, width, wave.floats, ORIGIN, DIRECTION, first)
+            before = rays
+            for lane in range(width):
+                length = wave.length[first + lane] if first + lane < count else ZERO
                 packet.floats[RAY_TFAR * width + lane] = length
                 packet.valid[lane] = -1 if length > ZERO else 0
-                anyone |= length > ZERO
-            if anyone:
+                rays += 1 if length > ZERO else 0
+            if rays > before:
                 occluded(width, packet.valid, scene, packet)
-                for lane in range(lanes):
-                    if hit_distance(packet, width, lane) < ZERO:
-                        wave.light[first + lane] = ZERO
+                for lane in range(width):
+                    light = wave.light[first + lane]
+                    wave.light[first + lane] = ZERO if hit_distance(packet, width, lane) < ZERO else light
+        return rays
 
     return occlude
 
 
 @float_kernel
-def add_light(wave, first, count, share, sums):  # type: ignore[no-untyped-def]
-    """Add `share` of the light that arrived, times the colour, to a light's four planes, (4, pixels) float64.
+def add_light(wave, first, count, row, share, sums):  # type: ignore[no-untyped-def]
+    """Add `share` of the light that arrived, times the colour in `row` and the two below, to (4, pixels) float32.
 
     Returns whether all of it was finite.
     """
+    end = first + count
+    light, red, green, blue = wave.light, wave.floats[row], wave.floats[row + 1], wave.floats[row + 2]
+    r, g, b, free = sums[0, first:end], sums[1, first:end], sums[2, first:end], sums[3, first:end]
     is_finite = True
     for i in range(count):
-        light = wave.light[i] * share
-        is_finite &= light < INFINITY
-        for channel in range(3):
-            sums[channel, first + i] += wave.floats[COLOUR + channel, i] * light
-        sums[3, first + i] += share if light > ZERO else ZERO
-    return is_finite
-
-
-@float_kernel
-def add_sky(wave, first, count, share, surfaces, sums):  # type: ignore[no-untyped-def]
-    """As `add_light`, for the light of the sky where the normal points."""
-    is_finite = True
-    for i in range(count):
-        light = wave.light[i] * share
-        if light > ZERO:
-            sky = sky_colour(surfaces, _row(wave.floats, NORMAL, i))
-            for channel in range(3):
-                arrived = wave.floats[COLOUR + channel, i] * sky[channel] * light
-                is_finite &= arrived < INFINITY
-                sums[channel, first + i] += arrived
-            sums[3, first + i] += light
+        part = light[i] * share
+        is_lit = part > ZERO
+        arrived = red[i] * part, green[i] * part, blue[i] * part
+        is_finite &= not is_lit or (arrived[0] < INFINITY and arrived[1] < INFINITY and arrived[2] < INFINITY)
+        r[i] += arrived[0] if is_lit else ZERO
+        g[i] += arrived[1] if is_lit else ZERO
+        b[i] += arrived[2] if is_lit else ZERO
+        free[i] += share if is_lit else ZERO
     return is_finite
