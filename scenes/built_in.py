@@ -1,4 +1,5 @@
-"""Scenes made by code: the Cornell box, needles, and stand-ins with the triangle counts of the paper's larger scenes.
+"""Scenes made by code: the Cornell box, needles, balls, and stand-ins with the triangle counts of the paper's larger
+scenes.
 
 Stand-ins let every figure be made offline. They are not the paper's scenes: what is measured on them must say so and is
 never compared with the paper's numbers.
@@ -14,6 +15,7 @@ from atra.errors import InputError
 from atra.geometry.mesh import Mesh
 from scenes.atrium import ATRIUM_CAMERA, atrium
 from scenes.cornell_box import CORNELL_BOX_CAMERA, cornell_box
+from scenes.lit.weekend import WEEKEND_CAMERA, weekend
 from scenes.living_room import LIVING_ROOM_CAMERA, living_room
 from scenes.material_ball import MATERIAL_BALL_CAMERA, material_ball
 from scenes.needles import NEEDLES_CAMERA, needles
@@ -32,6 +34,7 @@ class BuiltIn:
 BUILT_IN = {
     "cornell_box": BuiltIn(cornell_box, CORNELL_BOX_CAMERA),
     "needles": BuiltIn(needles, NEEDLES_CAMERA),
+    "weekend": BuiltIn(lambda: weekend().mesh, WEEKEND_CAMERA),
     "material_ball": BuiltIn(material_ball, MATERIAL_BALL_CAMERA, "mitsuba"),
     "living_room": BuiltIn(living_room, LIVING_ROOM_CAMERA, "fireplace_room"),
     "atrium": BuiltIn(atrium, ATRIUM_CAMERA, "sponza"),

@@ -53,6 +53,18 @@ SWEEPS = {
         ["method.split_x=4", "method.packet_width=null", "workload.what=count,layers"],
         {"gather", "figure5_gather"},
     ),
+    "frame": (
+        [
+            "method=raster,pixel",
+            "workload.frame=hybrid,path",
+            "workload.samples=2",
+            "workload.jitter=shared",
+            "workload.occlusion_directions=shared",
+            "workload.order=waves",
+            "workload.mitsuba=false",
+        ],
+        {"stages"},
+    ),
     "planner": (["scene.view=aside,wide"], {"planner"}),
 }
 PARTS_OF_SMOKE = {"horizontal", "vertical", "grid", "build", "memory", "scenes", "paper"}
