@@ -9,11 +9,9 @@ from numpy.typing import NDArray
 
 from atra.alignment.culling import check_needed_bytes
 from atra.errors import InputError
+from atra.kernels.shading.paths import TILE
 
 MOST_PIXELS_A_SIDE = 1 << 16
-
-TILE = 4
-"""Pixels are taken in tiles of so many a side: a packet's rays then start near each other."""
 
 _EXACT_SAMPLES = 32
 """So many are summed in float32, which halves what a sample has to move, before they are added to sums in float64."""

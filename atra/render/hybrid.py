@@ -10,18 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.errors import InputError
+from atra.kernels.shading.gbuffer import COLOUR, SKY, WAVE_ROWS, Wave, find_surfaces
 from atra.kernels.shading.lighting import (
-    COLOUR,
     LIGHT_PLANES,
-    SKY,
     SKY_PLANES,
-    WAVE_ROWS,
     Sample,
-    Wave,
     add_light,
     aim_at_light,
     aim_into_sky,
-    find_surfaces,
     occlude_kernel,
 )
 from atra.kernels.shading.paths import ROW_PADDING, Pixels
@@ -165,6 +161,7 @@ def _as_colour(material: Material) -> Lambertian:
 def _new_wave(rays: int) -> Wave:
     return Wave(
         np.zeros((WAVE_ROWS, rays + ROW_PADDING), np.float32),
+        np.zeros(rays + ROW_PADDING, np.uint32),
         np.zeros(rays + ROW_PADDING, np.int32),
         np.zeros(rays + ROW_PADDING, np.float32),
         np.zeros(rays + ROW_PADDING, np.float32),

@@ -26,6 +26,7 @@ from atra.rays.scene import Query, RayScene
 from atra.render.film import Film
 from atra.render.options import RenderOptions
 from atra.render.pictures import save_picture
+from atra.render.pixels import pixels_of
 from atra.render.scene import RenderScene
 from atra.tracers import RasterTracer, Tracer
 from atra.whole_numbers import is_whole_number
@@ -34,11 +35,6 @@ Primary = Callable[[Mesh, View], Tracer[Hits]]
 """What makes the tracer of primary visibility: `atra.PixelTracer`, or `partial(atra.AlignedTracer, split=(128, 1))`."""
 
 CENTRE = (0.5, 0.5)
-
-_GOLDEN = 0x9E3779B9
-"""Odd, so that the next 2^32 samples have keys of their own, and neighbours ones that are far apart."""
-
-_NOTHING = np.zeros(0, np.uint32)
 
 _WAVE_BYTES = 80
 """Of a ray in a wave, at most."""
@@ -186,9 +182,7 @@ class Renderer(Lifetime):
         if not own and (self._hits is None or self.options.jitter != "off"):
             self._hits = self._tracer.trace(offset, out=self._hits)
         lap("primary")
-        prim_id, stride = (_NOTHING, 0) if own or self._hits is None else _flat(self._hits.prim_id)
-        view = _pixel_rays(camera, (0.0, 0.0) if own else offset)
-        pixels = Pixels(view, self._film.places, own, prim_id, stride, self.samples * _GOLDEN & 0xFFFFFFFF)
+        pixels = pixels_of(camera, self._film, offset, None if own else self._hits)
         every = camera.width * camera.height
         starts = deque(range(0, every, self.options.wave_rays))  # its `popleft` is safe between threads
         times: list[dict[str, float]] = [{} for _ in range(self.rays.threads)]
@@ -298,18 +292,3 @@ def unlike_but_for(one: object, other: object, *names: str) -> bool:
     if type(one) is not type(other):
         return True
     return one != replace(other, **{name: getattr(one, name) for name in names})  # type: ignore[type-var]
-
-
-def _flat(prim_id: NDArray[np.uint32]) -> tuple[NDArray[np.uint32], int]:
-    """The memory of an image as one row, and the pixels from one row of the image to the next."""
-    stride = prim_id.strides[0] // 4
-    length = (prim_id.shape[0] - 1) * stride + prim_id.shape[1]
-    return np.lib.stride_tricks.as_strided(prim_id, (length,), (4,)), stride
-
-
-def _pixel_rays(camera: View, offset: tuple[float, float]) -> NDArray[np.float64]:
-    """(6, 3) float64, `lines` of `Pixels`: rays are linear in the pixel's place."""
-    origins, directions = camera.rays(np.array([0, 1, 0]), np.array([0, 0, 1]), offset)
-    origins, directions = origins @ camera.axes + camera.eye, directions @ camera.axes
-    steps = [values[k] - values[0] for k in (1, 2) for values in (origins, directions)]
-    return np.array([origins[0], directions[0], *steps])

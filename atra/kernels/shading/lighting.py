@@ -8,11 +8,11 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
 from atra.embree.layout import FLAG_COHERENT, RAY_TFAR
 from atra.kernels.caching import float_kernel
-from atra.kernels.packets import INFINITY, MISS, hit_distance, occluded
+from atra.kernels.packets import INFINITY, hit_distance, occluded
+from atra.kernels.shading.gbuffer import DIRECTION, NORMAL, ORIGIN
 from atra.kernels.shading.numbers import (
     ONE,
     TWO,
@@ -28,11 +28,7 @@ from atra.kernels.shading.numbers import (
     unit,
     unit_of,
 )
-from atra.kernels.shading.paths import load_rays, pixel_line, seen_by
-from atra.kernels.shading.surface import colour_of, leaving, material_of, meet, shading_normal, sky_colour
-
-ORIGIN, NORMAL, COLOUR, SKY, DIRECTION = 0, 3, 6, 9, 12
-WAVE_ROWS = 15
+from atra.kernels.shading.paths import load_rays
 
 SUN, POINT, SPHERE = 0, 1, 2
 KIND, PLACE, SIZE, ACROSS, UP = 0, 1, 4, 5, 8
@@ -46,22 +42,6 @@ SKY_PLANES = LIGHT_PLANES = 4
 
 _ALMOST = np.float32(1 - 1e-4)
 """Of the way to a light: what is at the light itself does not shadow it."""
-
-
-class Wave(NamedTuple):
-    """What N pixels see, and one ray from each.
-
-    All have `ROW_PADDING` columns more, for whole packets. floats: (WAVE_ROWS, N) float32, three rows each: origin of
-    rays, shading normal, colour, that times the sky's where the normal points, direction of the ray. Where nothing is
-    seen, the fourth is the sky's that the pixel's ray meets.
-    is_hit: (N,) int32, -1 or 0. length: (N,) float32, how far the ray reaches, 0 = there is none.
-    light: (N,) float32, what it carries if nothing is in its way; 0 once something is.
-    """
-
-    floats: NDArray[np.float32]
-    is_hit: NDArray[np.int32]
-    length: NDArray[np.float32]
-    light: NDArray[np.float32]
 
 
 class Sample(NamedTuple):
@@ -96,28 +76,6 @@ def _row(floats, first, i):  # type: ignore[no-untyped-def]
 @njit(inline="always")
 def _set_row(floats, first, i, vector):  # type: ignore[no-untyped-def]
     floats[first, i], floats[first + 1, i], floats[first + 2, i] = vector
-
-
-@float_kernel
-def find_surfaces(wave, first, count, pixels, surfaces):  # type: ignore[no-untyped-def]
-    """What `count` pixels from number `first` on see, from the `prim_id` of `pixels`."""
-    floats = wave.floats
-    for i in range(count):
-        prim_id = seen_by(pixels, first + i)
-        origin, direction = pixel_line(pixels, first + i)
-        if prim_id == MISS:
-            wave.is_hit[i] = 0
-            _set_row(floats, SKY, i, sky_colour(surfaces, unit(direction)))
-        else:
-            point, normal, is_front = meet(surfaces, prim_id, origin, direction)
-            wave.is_hit[i] = -1
-            _set_row(floats, ORIGIN, i, leaving(surfaces, prim_id, point, normal))
-            shaded = shading_normal(surfaces, prim_id, point, normal, is_front, direction)
-            _set_row(floats, NORMAL, i, shaded)
-            colour = colour_of(surfaces, material_of(surfaces, prim_id), prim_id, point)
-            _set_row(floats, COLOUR, i, colour)
-            sky = sky_colour(surfaces, shaded)
-            _set_row(floats, SKY, i, (colour[0] * sky[0], colour[1] * sky[1], colour[2] * sky[2]))
 
 
 @float_kernel

@@ -21,6 +21,9 @@ BLOCK = 2048
 """Rays that are compacted among themselves. Packets are made within a block, which starts at a multiple of so many
 pixels: whatever the wave, a ray has the same neighbours, and Embree's answer the same bits."""
 
+TILE = 4
+"""Pixels are taken in tiles of so many a side: the rays of a packet then start near each other."""
+
 ORIGIN, DIRECTION, WEIGHT = 0, 3, 6
 PATH_ROWS = 9
 
@@ -94,7 +97,12 @@ def pixel_line(pixels, pixel):  # type: ignore[no-untyped-def]
         key = key_of(pixel, pixels.sample_key)
         x += unit_of(bits_of(key, _JITTER))
         y += unit_of(bits_of(key, _JITTER + np.uint32(1)))
-    lines = pixels.lines
+    return line_at(pixels.lines, x, y)
+
+
+@njit(inline="always")
+def line_at(lines, x, y):  # type: ignore[no-untyped-def]
+    """As `pixel_line`, at a place of float64."""
     origin = (
         np.float32(lines[0, 0] + x * lines[2, 0] + y * lines[4, 0]),
         np.float32(lines[0, 1] + x * lines[2, 1] + y * lines[4, 1]),
