@@ -1,6 +1,7 @@
 """Command line: `python run.py` measures one point, `python run.py sweep=horizontal` sweeps, `python run.py fetch
 scene=sponza` downloads a scene, `python run.py report sweep=paper` writes a sweep's figures and page anew,
-`python run.py doctor` says what this machine has and lacks. With `atra` in place of `python run.py` the first is
+`python run.py render scene=sponza samples=64 output=picture.exr` makes one picture, `python run.py doctor` says what
+this machine has and lacks. With `atra` in place of `python run.py` the first is
 `atra measure`.
 
 Exit codes: 0 done, 1 something failed, 2 the input cannot be used, 130 interrupted.
@@ -25,7 +26,7 @@ if TYPE_CHECKING:
     from experiments.harness.configuration import Configuration
 
 _CONFIGURATION = str(Path(__file__).resolve().parents[1] / "conf")
-_VERBS = ("fetch", "report", "doctor")
+_VERBS = ("fetch", "report", "doctor", "render")
 
 
 def main() -> int:
@@ -52,8 +53,12 @@ def main() -> int:
     from omegaconf.errors import OmegaConfBaseException
 
     from atra.errors import AtraError
-    from experiments.harness.configuration import register_schema
+    from experiments.harness.configuration import Action, register_schema
 
+    if f"action={Action.render.value}" in sys.argv[1:2]:
+        from experiments.commands.picture import picture_arguments
+
+        sys.argv[2:] = picture_arguments(sys.argv[2:])
     register_schema()
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
@@ -96,19 +101,25 @@ def _run(composed: DictConfig) -> None:
 
 def _act(configuration: Configuration) -> None:
     """What a run does; the rooms are imported here, so that a refusal does not wait for them."""
-    action = configuration.action.value
-    if action == "fetch":
+    from experiments.harness.configuration import Action
+
+    action = configuration.action
+    if action is Action.fetch:
         from experiments.commands.fetching import run_fetch
 
         run_fetch(configuration)
-    elif action == "report":
+    elif action is Action.report:
         from experiments.report.writing import rewrite_report
 
         print(f"report: {rewrite_report(configuration)}")
-    elif action == "doctor":
+    elif action is Action.doctor:
         from experiments.commands.doctor import run_doctor
 
         run_doctor(configuration)
+    elif action is Action.render:
+        from experiments.commands.picture import run_picture
+
+        run_picture(configuration)
     else:
         from experiments.commands.single import run_single_point
 

@@ -152,11 +152,6 @@ def stage_column(name: str) -> str:
     return f"stage_{name}_s"
 
 
-def _sum_of_stages(record: Record) -> float | None:
-    stages, own = record.results.get("stages"), series(OWN)(record)
-    return None if stages is None or own is None else float(sum(stages.values()) / np.median(own))
-
-
 def outside_embree(stages: Mapping[str, float]) -> float | None:
     """The share of a picture's time that is neither primary visibility nor Embree's; None where that is not known."""
     if not stages or "depth_first" in stages:
@@ -213,7 +208,7 @@ RENDER = Workload(
         *statistics_columns("speedup_forecast{}", "the gain over packets that Amdahl's law forecasts", _forecast),
         *statistics_columns("speedup_over_forecast{}", "the gain over packets / its forecast", _over_forecast),
         *(Column(stage_column(name), REAL, f"of a picture: {help}", _stage(name)) for name, help in STAGES.items()),
-        Column("stages_over_frame", REAL, "sum of all stages / time of a picture", _sum_of_stages),
+        Column("stages_over_frame", REAL, "sum of all stages / time of a picture"),
         Column(
             "outside_embree", REAL, "share of a picture's time outside primary visibility and Embree",
             lambda record: outside_embree(record.results.get("stages", {})),
@@ -229,5 +224,8 @@ RENDER = Workload(
     optional=frozenset(PACKETS.values()),
     judged=OWN,
     canary=single_over_packets,
-    needs=(*RESOURCES, *PIXELS, "plan_time_s", "build_time_s", "baseline_build_time_s", "stages", "rays"),
+    needs=(
+        *RESOURCES, *PIXELS, "plan_time_s", "build_time_s", "baseline_build_time_s", "rays", "stages",
+        "stages_over_frame",
+    ),
 )  # fmt: skip

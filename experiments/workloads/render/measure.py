@@ -140,6 +140,11 @@ def measure(point: Point) -> Measured:
         results |= {
             "pixels_unlike": int(np.count_nonzero(unlike)),
             "rays": rays + images * point.width * point.height,
+            "stages_over_frame": float(
+                np.median(
+                    [sum(one.values()) / whole for one, whole in zip(stages[OWN], timed.samples[OWN], strict=True)]
+                )
+            ),
             "stages": {name: float(np.median([one[name] for one in stages[OWN]])) for name in stages[OWN][0]},
         }
     made = measured(results, timed)
