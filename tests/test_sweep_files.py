@@ -24,6 +24,7 @@ TOY = [
 ]
 FIGURE5 = [f"figure5_{rays}" for rays in ("single_rays", f"packets_of_{load_library().native_packet_widths[-1]}")]
 WRONG = () if LLVMPIPE.problem() else ("disagreements_cornell_box_32x32",)
+OTHER_PICTURES = ("split", "tiles", "peers", "samples", "still", "shifted", "waves", "mitsuba")
 # An image of 32 pixels takes no split of 64: such points are skipped.
 SWEEPS = {
     "smoke": (
@@ -55,13 +56,10 @@ SWEEPS = {
     ),
     "frame": (
         [
-            "method=raster,pixel",
-            "workload.frame=hybrid,path",
+            *(f"~sweep.grids.frame_{name}" for name in OTHER_PICTURES),
+            "sweep.figures.stages=[frame_plain]",
+            "sweep.grids.frame_plain.method=raster",
             "workload.samples=2",
-            "workload.jitter=shared",
-            "workload.occlusion_directions=shared",
-            "workload.order=waves",
-            "workload.mitsuba=false",
         ],
         {"stages"},
     ),
