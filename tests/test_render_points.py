@@ -20,7 +20,7 @@ from experiments.harness.records import Record
 from experiments.methods import find_method
 from experiments.worker import measure_point
 from experiments.workloads.baselines import PACKETS
-from experiments.workloads.render import RENDER, STAGES, Jitter, Kind, Order, RenderOptions, outside_embree
+from experiments.workloads.render import RENDER, STAGES, Jitter, Kind, Order, RenderOptions, Rival, outside_embree
 from experiments.workloads.render.measure import Primaries
 from experiments.workloads.rounds import expert_packet_widths
 from scenes.built_in import make_scene
@@ -128,7 +128,7 @@ def test_each_primary_keeps_an_image_of_its_own() -> None:
 @pytest.mark.parametrize(("options", "message"), [
     ({"samples": 0}, "samples is 0"), ({"occlusion_rays": 65}, "occlusion_rays is 65"),
     ({"frame": Kind.path, "max_depth": 0}, "max_depth is 0"), ({"occlusion_part": -1.0}, "occlusion_length is -1"),
-    ({"mitsuba": True}, "expected workload.frame=path"),
+    ({"mitsuba": Rival.scalar_rgb}, "expected workload.frame=path"),
 ])  # fmt: skip
 def test_what_no_picture_can_have_is_refused(options: dict[str, Any], message: str) -> None:
     with pytest.raises(InputError, match=message):

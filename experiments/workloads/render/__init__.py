@@ -82,6 +82,14 @@ class Order(Enum):
     waves = "waves"
 
 
+class Rival(Enum):
+    """Variants of Mitsuba 3: scalar_rgb = ray by ray; llvm_ad_rgb = compiled for vectors, by a libLLVM new enough."""
+
+    none = "none"
+    scalar_rgb = "scalar_rgb"
+    llvm_ad_rgb = "llvm_ad_rgb"
+
+
 @dataclass(frozen=True)
 class RenderOptions:
     """Raises InputError for values that no picture can have."""
@@ -95,14 +103,14 @@ class RenderOptions:
     occlusion_directions: Directions = option(Directions.shared, "hybrid: of rays into the sky: shared or shifted")
     max_depth: int = option(5, "path: rays of a path at most")
     order: Order = option(Order.depth_first, "path: depth_first or waves")
-    mitsuba: bool = option(False, "path: Mitsuba 3 makes the same picture in every round")
+    mitsuba: Rival = option(Rival.none, "path: Mitsuba 3's variant that makes the same picture in every round")
 
     def __post_init__(self) -> None:
         if not is_whole_number(self.samples) or self.samples < 1:
             raise InputError(f"workload.samples is {self.samples!r}, expected a whole number of at least 1")
         self.of_library(1.0)
-        if self.mitsuba and self.frame is not Kind.path:
-            raise InputError("workload.mitsuba=true with workload.frame=hybrid, expected workload.frame=path")
+        if self.mitsuba is not Rival.none and self.frame is not Kind.path:
+            raise InputError("workload.mitsuba is set with workload.frame=hybrid, expected workload.frame=path")
 
     def of_library(self, diagonal: float) -> dict[str, Any]:
         """The renderer's own options, checked. diagonal: of the scene's box."""
@@ -189,7 +197,7 @@ def _headline(record: Record) -> str:
 
 
 def _samples(point: Point) -> frozenset[str]:
-    beside = {MITSUBA} if point.workload_options.mitsuba else set()
+    beside = set() if point.workload_options.mitsuba is Rival.none else {MITSUBA}
     return frozenset({OWN, SINGLE, primary(OWN), primary(SINGLE)} | beside)
 
 

@@ -19,7 +19,7 @@ from atra.tracers import Tracer
 from experiments.harness.point import Point
 from experiments.workloads.baselines import OWN, SINGLE
 from experiments.workloads.images import counts, depth_errors
-from experiments.workloads.render import MITSUBA, Kind, primary
+from experiments.workloads.render import MITSUBA, Kind, Rival, primary
 from experiments.workloads.render.mitsuba import MitsubaPicture
 from experiments.workloads.rounds import (
     build_with_baselines,
@@ -119,15 +119,15 @@ def measure(point: Point) -> Measured:
         tracers, results = build_with_baselines(point, stack)
         own = tracers[OWN]
         scene = lit(point.scene, own.mesh, point.camera)
-        if options.mitsuba:
+        if options.mitsuba is not Rival.none:
             scene = replace(scene, sky=constant_sky(0.8))
         primaries = Primaries(tracers)
         renderer = make_renderer(point, scene, own.camera, primaries)
         stack.enter_context(renderer)
         pictures = Pictures(renderer, primaries, options.samples)
         calls: dict[str, Any] = {name: partial(pictures.make, name) for name in tracers}
-        if options.mitsuba:
-            theirs = MitsubaPicture(scene, point.camera, options.max_depth, point.threads)
+        if options.mitsuba is not Rival.none:
+            theirs = MitsubaPicture(scene, point.camera, options, point.threads)
             calls[MITSUBA] = partial(theirs.make, options.samples)
         timed = timed_rounds(point, calls)
         rays = pictures.renderer.ray_count  # of whichever came last: all shoot the same, but for ties

@@ -12,8 +12,7 @@ from atra.geometry.camera import Camera
 from atra.parallel import resolve_threads
 from atra.render import Dielectric, Emissive, GradientSky, Lambertian, Metal, RenderScene
 from atra.render.materials import Material
-
-_COMPILED = "llvm_ad_rgb"
+from experiments.workloads.render import RenderOptions
 
 _PATHS_AT_ONCE = 1 << 22
 """A wavefront of them is kept in memory."""
@@ -79,24 +78,25 @@ def mitsuba_scene(mi: Any, scene: RenderScene, camera: Camera, max_depth: int) -
 
 
 class MitsubaPicture:
-    """Pictures by Mitsuba's `path` integrator, compiled for the CPU by LLVM, a few million paths at a time.
+    """Pictures by Mitsuba's `path` integrator, a few million paths at a time.
 
     It aims at the sky and at lamps from every surface, which path tracing here does not, so each of its samples takes
-    more rays and has less noise. A sky of one colour; scene and camera as for `mitsuba_scene`, threads as for tracers.
-    Raises InputError where Mitsuba or LLVM is missing.
+    more rays and has less noise. Scene and camera as for `mitsuba_scene`, threads as for tracers.
+    Raises InputError where Mitsuba, or what its variant needs, is missing.
     """
 
-    def __init__(self, scene: RenderScene, camera: Camera, max_depth: int, threads: int | None) -> None:
+    def __init__(self, scene: RenderScene, camera: Camera, options: RenderOptions, threads: int | None) -> None:
+        variant = options.mitsuba.value
         try:
-            self._mi, self._dr = import_module("mitsuba"), import_module("drjit")
+            self._mi, drjit = import_module("mitsuba"), import_module("drjit")
         except ImportError as error:
-            raise InputError(f"workload.mitsuba=true needs {error.name}; run: pip install -e '.[peers]'") from None
+            raise InputError(f"workload.mitsuba={variant} needs {error.name}; run: pip install -e '.[peers]'") from None
         try:
-            self._mi.set_variant(_COMPILED)
+            self._mi.set_variant(variant)
         except Exception as error:  # whatever Dr.Jit finds wrong with LLVM
-            raise InputError(f"workload.mitsuba=true needs Mitsuba's variant {_COMPILED}: {error}") from None
-        self._dr.set_thread_count(resolve_threads(threads))
-        self._scene = mitsuba_scene(self._mi, scene, camera, max_depth)
+            raise InputError(f"workload.mitsuba={variant} cannot be used: {error}") from None
+        drjit.set_thread_count(resolve_threads(threads))
+        self._scene = mitsuba_scene(self._mi, scene, camera, options.max_depth)
         self._most = max(1, _PATHS_AT_ONCE // (camera.width * camera.height))
         self._seed = 0
         self.make(1)
