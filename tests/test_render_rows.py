@@ -71,14 +71,11 @@ def test_an_image_of_any_size_is_the_part_of_a_larger_one():
     scene = sphere(GREY, render.GradientSky())
     camera = atra.Camera((0, 1, 3), (0, 0, 0), fov_y_degrees=45, width=21, height=14)
     part = camera.crop(left=3, top=2, width=13, height=7)
-    for kind in (render.HybridRenderer, render.PathRenderer):
+    of_kinds = {render.HybridRenderer: {"occlusion_directions": "shared"}, render.PathRenderer: {"max_depth": 1}}
+    for kind, options in of_kinds.items():
         pictures = []
         for one in (camera, part):
-            with (
-                kind(scene, one, threads=1, max_depth=1)
-                if kind is render.PathRenderer
-                else kind(scene, one, threads=1) as renderer
-            ):
+            with kind(scene, one, threads=1, **options) as renderer:
                 renderer.add(4)
                 pictures.append(renderer.image)
         np.testing.assert_allclose(pictures[0][2:9, 3:16], pictures[1], atol=2e-6)
@@ -86,7 +83,7 @@ def test_an_image_of_any_size_is_the_part_of_a_larger_one():
 
 RESTARTS = {
     "jitter": "off", "wave_rays": 4096, "shadow_rays": 2, "shadow_length": 3.0, "shadow_directions": "shifted",
-    "occlusion_rays": 2, "occlusion_length": 3.0, "occlusion": "cosine", "occlusion_directions": "shifted",
+    "occlusion_rays": 2, "occlusion_length": 3.0, "occlusion": "cosine", "occlusion_directions": "shared",
     "max_depth": 3,
 }  # fmt: skip
 STAYS = {"most_samples": 100}

@@ -18,7 +18,7 @@ from atra.geometry.mesh import Mesh
 from atra.geometry.sampling import sub_pixel_offsets
 from atra.geometry.view import View
 from atra.hits import Hits
-from atra.kernels.shading.paths import Pixels
+from atra.kernels.shading.paths import BLOCK, Pixels
 from atra.kernels.shading.surface import Surfaces
 from atra.lifetime import Lifetime
 from atra.options import RayOptions
@@ -35,6 +35,9 @@ Primary = Callable[[Mesh, View], Tracer[Hits]]
 """What makes the tracer of primary visibility: `atra.PixelTracer`, or `partial(atra.AlignedTracer, split=(128, 1))`."""
 
 CENTRE = (0.5, 0.5)
+
+_WAVES_A_THREAD = 4
+"""At least, so that none waits long for another."""
 
 _WAVE_BYTES = 80
 """Of a ray in a wave, at most."""
@@ -184,7 +187,9 @@ class Renderer(Lifetime):
         lap("primary")
         pixels = pixels_of(camera, self._film, offset, None if own else self._hits)
         every = camera.width * camera.height
-        starts = deque(range(0, every, self.options.wave_rays))  # its `popleft` is safe between threads
+        share = -(-every // (_WAVES_A_THREAD * self.rays.threads * BLOCK)) * BLOCK
+        wave_rays = min(self.options.wave_rays, share)
+        starts = deque(range(0, every, wave_rays))  # its `popleft` is safe between threads
         times: list[dict[str, float]] = [{} for _ in range(self.rays.threads)]
         rays = [0] * self.rays.threads
 
@@ -194,7 +199,7 @@ class Renderer(Lifetime):
                     first = starts.popleft()
                 except IndexError:
                     return
-                count = min(self.options.wave_rays, every - first)
+                count = min(wave_rays, every - first)
                 traced = self._add_wave(first, count, pixels, query, times[query.worker])
                 if traced is None:
                     raise self._not_finite(first, count)

@@ -100,7 +100,7 @@ class RenderOptions:
     shadow_rays: int = option(1, "hybrid: rays to each light, for each sample")
     occlusion_rays: int = option(1, "hybrid: rays into the sky, for each sample")
     occlusion_part: float = option(0.1, "hybrid: how far things occlude, of the diagonal of the scene's box")
-    occlusion_directions: Directions = option(Directions.shared, "hybrid: of rays into the sky: shared or shifted")
+    occlusion_directions: Directions = option(Directions.shifted, "hybrid: of rays into the sky: shared or shifted")
     max_depth: int = option(5, "path: rays of a path at most")
     order: Order = option(Order.depth_first, "path: depth_first or waves")
     mitsuba: Rival = option(Rival.none, "path: Mitsuba 3's variant that makes the same picture in every round")
