@@ -1,7 +1,8 @@
 """Command line: `python run.py` measures one point, `python run.py sweep=horizontal` sweeps, `python run.py fetch
 scene=sponza` downloads a scene, `python run.py report sweep=paper` writes a sweep's figures and page anew,
-`python run.py doctor` says what this machine has and lacks, `python run.py view` shows a scene in the browser. With
-`atra` in place of `python run.py` the first is `atra measure`.
+`python run.py render scene=sponza samples=64 output=picture.exr` makes one picture, `python run.py view` shows a scene
+in the browser, `python run.py doctor` says what this machine has and lacks. With `atra` in place of `python run.py` the
+first is `atra measure`.
 
 Exit codes: 0 done, 1 something failed, 2 the input cannot be used, 130 interrupted.
 """
@@ -13,6 +14,7 @@ import os
 import signal
 import sys
 import traceback
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -25,8 +27,15 @@ if TYPE_CHECKING:
     from experiments.harness.configuration import Configuration
 
 _CONFIGURATION = str(Path(__file__).resolve().parents[1] / "conf")
-_VERBS = ("fetch", "report", "doctor", "view")
-_OWN_DEFAULTS = ("view",)  # in conf/verb
+_ACTIONS = {
+    "measure": "experiments.commands.single:run_single_point",
+    "fetch": "experiments.commands.fetching:run_fetch",
+    "report": "experiments.report.writing:run_report",
+    "doctor": "experiments.commands.doctor:run_doctor",
+    "render": "experiments.commands.picture:run_picture",
+    "view": "experiments.viewer.command:run_view",
+}
+"""What is asked for, and what does it, which is imported only then. conf/verb/ holds what some of them begin with."""
 
 
 def main() -> int:
@@ -35,10 +44,11 @@ def main() -> int:
         signal.signal(signal.SIGINT, _leave)
     if sys.argv[1:2] == ["measure"]:
         del sys.argv[1]  # what a run does that says no other
-    if len(sys.argv) > 1 and sys.argv[1] in _VERBS:
-        # hydra.mode: a sweep's file asks for many runs, but there is one thing to do.
+    elif len(sys.argv) > 1 and sys.argv[1] in _ACTIONS:
         verb = sys.argv[1]
-        sys.argv[1:2] = [f"action={verb}", "hydra.mode=RUN", *(f"+verb={one}" for one in _OWN_DEFAULTS if one == verb)]
+        begins_with = [f"+verb={verb}"] if Path(_CONFIGURATION, "verb", f"{verb}.yaml").exists() else []
+        # hydra.mode: a sweep's file asks for many runs, but there is one thing to do.
+        sys.argv[1:2] = [f"action={verb}", "hydra.mode=RUN", *begins_with]
     if isinstance(sys.stdout, io.TextIOWrapper):
         # A name that the encoding lacks, as one of Windows' does, is shown escaped, as on stderr; it is no failure.
         sys.stdout.reconfigure(errors="backslashreplace")
@@ -54,8 +64,12 @@ def main() -> int:
     from omegaconf.errors import OmegaConfBaseException
 
     from atra.errors import AtraError
-    from experiments.harness.configuration import register_schema
+    from experiments.harness.configuration import Action, register_schema
 
+    if f"action={Action.render.value}" in sys.argv[1:2]:
+        from experiments.commands.picture import picture_arguments
+
+        sys.argv[2:] = picture_arguments(sys.argv[2:])
     register_schema()
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
@@ -98,27 +112,8 @@ def _run(composed: DictConfig) -> None:
 
 def _act(configuration: Configuration) -> None:
     """What a run does; the rooms are imported here, so that a refusal does not wait for them."""
-    action = configuration.action.value
-    if action == "fetch":
-        from experiments.commands.fetching import run_fetch
-
-        run_fetch(configuration)
-    elif action == "report":
-        from experiments.report.writing import rewrite_report
-
-        print(f"report: {rewrite_report(configuration)}")
-    elif action == "doctor":
-        from experiments.commands.doctor import run_doctor
-
-        run_doctor(configuration)
-    elif action == "view":
-        from experiments.viewer.command import run_view
-
-        run_view(configuration)
-    else:
-        from experiments.commands.single import run_single_point
-
-        run_single_point(configuration)
+    module, _, function = _ACTIONS[configuration.action.value].partition(":")
+    getattr(import_module(module), function)(configuration)
 
 
 def _refuse(error: Exception) -> int:

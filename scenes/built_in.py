@@ -1,4 +1,4 @@
-"""Scenes made by code: the Cornell box, needles, a closed solid, and stand-ins for the paper's larger scenes.
+"""Scenes made by code: the Cornell box, needles, a closed solid, balls, and stand-ins for the paper's larger scenes.
 
 Stand-ins have as many triangles, and let every figure be made offline. They are not the paper's scenes: what is
 measured on them must say so and is never compared with the paper's numbers.
@@ -14,6 +14,7 @@ from atra.errors import InputError
 from atra.geometry.mesh import Mesh
 from scenes.atrium import ATRIUM_CAMERA, atrium
 from scenes.cornell_box import CORNELL_BOX_CAMERA, cornell_box
+from scenes.lit.weekend import WEEKEND_CAMERA, weekend
 from scenes.living_room import LIVING_ROOM_CAMERA, living_room
 from scenes.material_ball import MATERIAL_BALL_CAMERA, material_ball
 from scenes.scene import Scene
@@ -33,6 +34,7 @@ BUILT_IN = {
     "cornell_box": BuiltIn(cornell_box, CORNELL_BOX_CAMERA),
     "needles": BuiltIn(needles, NEEDLES_CAMERA),
     "three_holes": BuiltIn(three_holes, THREE_HOLES_CAMERA),
+    "weekend": BuiltIn(lambda: weekend().mesh, WEEKEND_CAMERA),
     "material_ball": BuiltIn(material_ball, MATERIAL_BALL_CAMERA, "mitsuba"),
     "living_room": BuiltIn(living_room, LIVING_ROOM_CAMERA, "fireplace_room"),
     "atrium": BuiltIn(atrium, ATRIUM_CAMERA, "sponza"),

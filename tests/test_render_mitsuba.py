@@ -10,6 +10,7 @@ import pytest
 
 import atra
 from atra import render
+from experiments.workloads.render.mitsuba import mitsuba_scene
 from scenes.atrium import ATRIUM_CAMERA, atrium
 from scenes.lit.weekend import WEEKEND_CAMERA, outwards, weekend
 from scenes.shapes import ball
@@ -22,54 +23,11 @@ if importlib.util.find_spec("mitsuba") is None:
 BATCHES, SAMPLES, TILE, DEPTH = 8, 16, 8, 4
 
 
-def as_bsdf(material):
-    def colour(value):
-        return {"type": "rgb", "value": list(value)}
-
-    match material:
-        case render.Lambertian():
-            return {"type": "twosided", "bsdf": {"type": "diffuse", "reflectance": colour(material.colour)}}
-        case render.Metal(fuzz=0.0):
-            conductor = {"type": "conductor", "material": "none", "specular_reflectance": colour(material.colour)}
-            return {"type": "twosided", "bsdf": conductor}
-        case render.Dielectric(fresnel="exact"):
-            return {"type": "dielectric", "int_ior": material.ior, "ext_ior": 1.0}
-        case render.Emissive():
-            return {"type": "diffuse", "reflectance": colour((0, 0, 0))}
-    raise AssertionError(material)
-
-
 def of_mitsuba(scene, camera):
     """(BATCHES, H, W, 3), each of SAMPLES samples, its seed its number."""
     mi = pytest.importorskip("mitsuba")
     mi.set_variant("scalar_rgb")
-    parts = {"type": "scene", "integrator": {"type": "path", "max_depth": DEPTH, "rr_depth": 10_000}}
-    if any(scene.sky.above):
-        parts["sky"] = {"type": "constant", "radiance": {"type": "rgb", "value": list(scene.sky.above)}}
-    parts["camera"] = {
-        "type": "perspective", "fov": camera.fov_y_degrees, "fov_axis": "y", "near_clip": 1e-3,
-        "to_world": mi.ScalarTransform4f().look_at(origin=camera.eye, target=camera.target, up=camera.up),
-        "film": {
-            "type": "hdrfilm", "width": camera.width, "height": camera.height, "rfilter": {"type": "box"},
-            "component_format": "float32",
-        },
-        "sampler": {"type": "independent"},
-    }  # fmt: skip
-    for number, material in enumerate(scene.materials):
-        faces = scene.mesh.faces[scene.face_materials == number]
-        properties = mi.Properties()
-        properties["bsdf"] = mi.load_dict(as_bsdf(material))
-        if isinstance(material, render.Emissive):
-            lamp = {"type": "area", "radiance": {"type": "rgb", "value": list(material.colour)}}
-            properties["emitter"] = mi.load_dict(lamp)
-        used, faces = np.unique(faces, return_inverse=True)
-        mesh = mi.Mesh(f"part {number}", len(used), faces.size // 3, props=properties)
-        parameters = mi.traverse(mesh)
-        parameters["vertex_positions"] = scene.mesh.vertices[used].ravel()
-        parameters["faces"] = faces.ravel()
-        parameters.update()
-        parts[f"part{number}"] = mesh
-    loaded = mi.load_dict(parts)
+    loaded = mitsuba_scene(mi, scene, camera, DEPTH)
     return np.array([np.array(mi.render(loaded, spp=SAMPLES, seed=seed)) for seed in range(BATCHES)], float)
 
 

@@ -24,6 +24,7 @@ TOY = [
 ]
 FIGURE5 = [f"figure5_{rays}" for rays in ("single_rays", f"packets_of_{load_library().native_packet_widths[-1]}")]
 WRONG = () if LLVMPIPE.problem() else ("disagreements_cornell_box_32x32",)
+OTHER_PICTURES = ("split", "tiles", "peers", "samples", "still", "shifted", "waves", "mitsuba")
 # An image of 32 pixels takes no split of 64: such points are skipped.
 SWEEPS = {
     "smoke": (
@@ -52,6 +53,15 @@ SWEEPS = {
     "gather": (
         ["method.split_x=4", "method.packet_width=null", "workload.what=count,layers"],
         {"gather", "figure5_gather"},
+    ),
+    "frame": (
+        [
+            *(f"~sweep.grids.frame_{name}" for name in OTHER_PICTURES),
+            "sweep.figures.stages=[frame_plain]",
+            "sweep.grids.frame_plain.method=raster",
+            "workload.samples=2",
+        ],
+        {"stages"},
     ),
     "planner": (["scene.view=aside,wide"], {"planner"}),
     "views": (["scene.subdivided=0", "scene.copies=1", "workload.views=2", "width=32", "height=32"], set()),

@@ -25,6 +25,7 @@ with the harness, in a clone of atra's repository where `pip install -e '.[harne
   atra report sweep=horizontal   write its figures, claims and page anew, without measuring
   atra fetch scene=sponza        download a scene
   atra view scene=atrium         walk through a scene in the browser
+  atra render scene=sponza samples=64 output=picture.exr   make a picture
   atra measure --help            every field
 """
 
@@ -32,7 +33,7 @@ with the harness, in a clone of atra's repository where `pip install -e '.[harne
 def main() -> int:
     """Run the command line and return its exit code."""
     verb = sys.argv[1] if len(sys.argv) > 1 else "--help"
-    if "=" in verb or verb in _OF_THE_HARNESS or (verb == "doctor" and _harness_is_here()):
+    if _is_of_the_harness(verb, sys.argv[2:3]):
         if not _harness_is_here():
             print(f"atra: {verb} {_NEEDS_THE_HARNESS}", file=sys.stderr)
             return 2
@@ -48,6 +49,13 @@ def main() -> int:
     except KeyboardInterrupt:
         print("atra: interrupted", file=sys.stderr)
         return 130
+
+
+def _is_of_the_harness(verb: str, first: list[str]) -> bool:
+    """`render` of a scene, as of a file, has two readings: fields are set by "=", and no file is called so."""
+    if verb == "render":
+        return any("=" in one and not Path(one).exists() for one in first)
+    return "=" in verb or verb in _OF_THE_HARNESS or (verb == "doctor" and _harness_is_here())
 
 
 def _harness_is_here() -> bool:

@@ -38,7 +38,8 @@ def checked_texels(name: str, value: Any, high: float = inf) -> NDArray[np.float
     """`value` as a read-only (H, W, 3) float32 copy, linear RGB from 0 to `high`. Raises InputError naming the first
     texel outside."""
     try:
-        texels = np.array(value, np.float32, order="C")
+        with np.errstate(over="ignore"):  # becomes inf, which is refused below
+            texels = np.array(value, np.float32, order="C")
     except (TypeError, ValueError) as error:
         raise InputError(f"{name} cannot be read as an image: {error}") from None
     if texels.ndim != 3 or texels.shape[2] != 3 or texels.size == 0:
@@ -52,7 +53,7 @@ def checked_texels(name: str, value: Any, high: float = inf) -> NDArray[np.float
     return texels
 
 
-def check_one_of(name: str, value: str, possible: tuple[str, ...]) -> None:
+def check_one_of(name: str, value: object, possible: tuple[str, ...]) -> None:
     """Raise InputError, naming the value, unless it is one of the `possible`."""
-    if value not in possible:
+    if not isinstance(value, str) or value not in possible:
         raise InputError(f"{name} is {value!r}, expected one of {', '.join(possible)}")

@@ -3,23 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from math import sqrt
 
 import numpy as np
 from numpy.typing import NDArray
 
 from atra.errors import InputError
+from atra.kernels.shading.gbuffer import COLOUR, SKY, WAVE_ROWS, Wave, find_surfaces
 from atra.kernels.shading.lighting import (
     LIGHT_PLANES,
     SKY_PLANES,
-    WAVE_ROWS,
     Sample,
-    Wave,
     add_light,
-    add_sky,
     aim_at_light,
     aim_into_sky,
-    find_surfaces,
     occlude_kernel,
 )
 from atra.kernels.shading.paths import ROW_PADDING, Pixels
@@ -81,11 +79,11 @@ class HybridRenderer(Renderer):
         return not any(unlike_but_for(new, light, "colour", "power") for new, light in pairs)
 
     def _mean(self) -> NDArray[np.float64]:
-        image = self.scene.sky.power * self._sums[:3]
+        image = self.scene.sky.power * self._film.mean(slice(3))
         for number, light in enumerate(self.scene.lights):
             first = SKY_PLANES + number * LIGHT_PLANES
-            image += light.power * np.array(light.colour)[:, None] * self._sums[first : first + 3]
-        return image / self.samples
+            image += light.power * np.array(light.colour)[:, None] * self._film.mean(slice(first, first + 3))
+        return image
 
     @property
     def openness(self) -> NDArray[np.float32]:
@@ -101,19 +99,18 @@ class HybridRenderer(Renderer):
 
     def _share(self, plane: int) -> NDArray[np.float32]:
         with self._lock:
-            self._check_samples()
-            return self._as_image(self._sums[plane] / self.samples)
+            return self._film.as_image(self._film.mean(slice(plane, plane + 1)))[..., 0]
 
-    def _add_wave(self, first: int, count: int, pixels: Pixels, query: Query, stages: dict[str, float]) -> bool:
-        surfaces, options = self._surfaces, self.options
+    def _add_wave(self, first: int, count: int, pixels: Pixels, query: Query, stages: dict[str, float]) -> int | None:
+        options = self.options
         wave = self._waves[query.worker]
         if wave is None:
             wave = self._waves[query.worker] = _new_wave(options.wave_rays)
-        occlude = occlude_kernel(self.rays.packet_width)
+        occlude = partial(occlude_kernel(self.rays.packet_width), wave, count, query.scene, query.packet, query.flags)
         lap = Laps(stages)
-        find_surfaces(wave, first, count, pixels, surfaces)
+        find_surfaces(wave, first, count, pixels, self._surfaces)
         lap("surfaces")
-        is_finite = True
+        is_finite, rays = True, 0
         length = np.float32(options.shadow_length)
         for number, light in enumerate(self._lights):
             plane = SKY_PLANES + number * LIGHT_PLANES
@@ -121,22 +118,22 @@ class HybridRenderer(Renderer):
                 aim_at_light(wave, first, count, light, length, sample)
                 lap("generate")
                 if options.shadow_rays:
-                    occlude(wave, count, query.scene, query.packet)
+                    rays += occlude(True)
                     lap("shadow")
-                sums = self._sums[plane : plane + LIGHT_PLANES]
-                is_finite &= add_light(wave, first, count, _share_of(options.shadow_rays), sums)
+                sums = self._film.sums[plane : plane + LIGHT_PLANES]
+                is_finite &= add_light(wave, first, count, COLOUR, _share_of(options.shadow_rays), sums)
                 lap("accumulate")
         length = np.float32(options.occlusion_length if options.occlusion_rays else 0.0)
         for sample in self._points(options.occlusion_rays, _SKY_STEPS, _SKY_DIMENSION, options.occlusion_directions):
             aim_into_sky(wave, first, count, length, options.occlusion == "cosine", sample)
             lap("generate")
             if options.occlusion_rays:
-                occlude(wave, count, query.scene, query.packet)
+                rays += occlude(options.occlusion_directions == "shared")
                 lap("occlusion")
             share = _share_of(options.occlusion_rays)
-            is_finite &= add_sky(wave, first, count, share, surfaces, self._sums[:SKY_PLANES])
+            is_finite &= add_light(wave, first, count, SKY, share, self._film.sums[:SKY_PLANES])
             lap("accumulate")
-        return is_finite
+        return rays if is_finite else None
 
     def _points(self, rays: int, steps: tuple[int, ...], dimension: int, directions: str) -> list[Sample]:
         """Of the rays of this sample; of one, the light's middle or any, where none is traced."""
@@ -164,7 +161,8 @@ def _as_colour(material: Material) -> Lambertian:
 def _new_wave(rays: int) -> Wave:
     return Wave(
         np.zeros((WAVE_ROWS, rays + ROW_PADDING), np.float32),
-        np.empty(rays, np.int32),
-        np.empty(rays, np.float32),
-        np.empty(rays, np.float32),
+        np.zeros(rays + ROW_PADDING, np.uint32),
+        np.zeros(rays + ROW_PADDING, np.int32),
+        np.zeros(rays + ROW_PADDING, np.float32),
+        np.zeros(rays + ROW_PADDING, np.float32),
     )

@@ -23,7 +23,8 @@ class RenderOptions(RayOptions):
 
     jitter: where in its pixels sample n's rays go, "shared": all through the same point, the n-th of
     `sub_pixel_offsets`, which any method of primary visibility can trace; "off": always through the centre.
-    wave_rays: rays that go through a stage together, in each thread; a multiple of 2,048.
+    most_samples: of a picture; more are not added. None: as many as are asked for.
+    wave_rays: rays that go through a stage together in each thread, at most; a multiple of 2,048.
     start_off: how far rays start off the triangle they leave, in scene units; None: as far as float32 needs, triangle
     by triangle.
     built_with: names of the options that a renderer keeps for its life.
@@ -36,12 +37,15 @@ class RenderOptions(RayOptions):
     jitter: str = "shared"
     wave_rays: int = 8 * BLOCK
     start_off: float | None = None
+    most_samples: int | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
         check_one_of("jitter", self.jitter, self.jitters)
         if not is_whole_number(self.wave_rays) or not BLOCK <= self.wave_rays <= 1 << 24 or self.wave_rays % BLOCK:
             raise InputError(f"wave_rays is {self.wave_rays!r}, expected a multiple of {BLOCK} from {BLOCK} to 2^24")
+        if self.most_samples is not None and (not is_whole_number(self.most_samples) or self.most_samples < 1):
+            raise InputError(f"most_samples is {self.most_samples!r}, expected a whole number of at least 1, or None")
         if self.start_off is not None:
             object.__setattr__(self, "start_off", checked_number("start_off", self.start_off, 0.0))
 
@@ -78,7 +82,7 @@ class HybridOptions(RenderOptions):
     occlude, in scene units; inf: any.
     occlusion: "uniform", the share of the hemisphere that is free, or "cosine", weighted by the cosine of its angle.
     shadow_directions, occlusion_directions: "shared": the same for all pixels (into the sky, turned to each surface's
-    side); "shifted": by a random amount of each pixel's own, which trades bands for noise.
+    side), which Embree traces faster; "shifted": by a random amount of each pixel's own, which trades bands for noise.
     """
 
     shadow_rays: int = 1
@@ -88,6 +92,8 @@ class HybridOptions(RenderOptions):
     occlusion_length: float = 10.0
     occlusion: str = "uniform"
     occlusion_directions: str = "shifted"
+    wave_rays: int = 32 * BLOCK
+    most_samples: int | None = 512
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -61,34 +62,34 @@ class PathRenderer(Renderer):
         self._waves: list[Paths | None] = [None] * self.rays.threads
 
     def _mean(self) -> NDArray[np.float64]:
-        return self._sums / self.samples
+        return self._film.mean(slice(3))
 
-    def _add_wave(self, first: int, count: int, pixels: Pixels, query: Query, stages: dict[str, float]) -> bool:
+    def _add_wave(self, first: int, count: int, pixels: Pixels, query: Query, stages: dict[str, float]) -> int | None:
         surfaces, options = self._surfaces, self.options
         lap = Laps(stages)
         if options.order == "depth_first":
-            arguments = pixels, query.scene, query.packet, surfaces, self._sums, options.max_depth
-            is_finite = follow_depth_first(first, count, *arguments)
+            arguments = pixels, query.scene, query.packet, surfaces, self._film.sums, options.max_depth
+            rays = follow_depth_first(first, count, *arguments)
             lap("depth_first")
-            return bool(is_finite)
+            return None if rays < 0 else rays
         paths = self._waves[query.worker]
         if paths is None:
             paths = self._waves[query.worker] = _new_paths(options.wave_rays // BLOCK)
-        trace = trace_kernel(self.rays.packet_width)
+        trace: Callable[..., int] = trace_kernel(self.rays.packet_width)
         generate(paths, first, count, pixels)
         lap("generate")
-        is_finite = True
+        is_finite, rays = True, 0
         for bounce in range(options.max_depth):
             if bounce > 0 or len(pixels.prim_id) == 0:
-                trace(paths, query.scene, query.packet)
+                rays += trace(paths, query.scene, query.packet)
                 lap("trace")
-            is_finite &= compact(paths, surfaces, self._sums, bounce == options.max_depth - 1)
+            is_finite &= compact(paths, surfaces, self._film.sums, bounce == options.max_depth - 1)
             lap("compact")
             if not paths.counts.any():
                 break
             shade(paths, surfaces, pixels.sample_key, bounce)
             lap("shade")
-        return is_finite
+        return rays if is_finite else None
 
 
 def _new_paths(blocks: int) -> Paths:

@@ -6,6 +6,7 @@ import io
 import os
 import tempfile
 from collections.abc import Callable
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -22,12 +23,28 @@ SUFFIXES = (".png", ".exr")
 def save_picture(path: Path, image: NDArray[np.float32], hits: Callable[[], Hits]) -> None:
     """Write an (H, W, 3) picture, linear RGB, as the suffix of `path` says; `hits` is asked for what an EXR also holds.
 
-    Raises InputError for another suffix, and for an EXR without the package OpenEXR; StorageError.
+    Raises InputError as `check_picture_path` does; StorageError.
     """
+    check_picture_path(path)
+    write_atomically(path, png_of(image) if path.suffix.lower() == ".png" else exr_of(image, hits()))
+
+
+def check_picture_path(path: Path) -> None:
+    """Raise InputError for another suffix than .png and .exr, and for an EXR without the package OpenEXR."""
     suffix = path.suffix.lower()
     if suffix not in SUFFIXES:
         raise InputError(f"a picture is to be written to {str(path)!r}, expected a name that ends in .png or .exr")
-    write_atomically(path, png_of(image) if suffix == ".png" else exr_of(image, hits()))
+    if suffix == ".exr":
+        _openexr()
+
+
+def _openexr() -> Any:
+    try:
+        return import_module("OpenEXR")
+    except ImportError:
+        raise InputError(
+            "an EXR needs the package OpenEXR, which is not installed; `pip install OpenEXR`, or write a .png"
+        ) from None
 
 
 def srgb_of(image: NDArray[np.floating]) -> NDArray[np.uint8]:
@@ -49,12 +66,7 @@ def png_of(image: NDArray[np.floating]) -> bytes:
 def exr_of(image: NDArray[np.float32], hits: Hits) -> bytes:
     """An EXR of 32 bits: R, G, B; Z, the depth, inf = a miss; N.X, N.Y, N.Z, the triangle's unit normal in the world,
     turned to the eye, 0 = a miss; prim_id, whole numbers, `MISS` = a miss."""
-    try:
-        import OpenEXR
-    except ImportError:
-        raise InputError(
-            "an EXR needs the package OpenEXR, which is not installed; `pip install OpenEXR`, or write a .png"
-        ) from None
+    OpenEXR = _openexr()
     normals = eye_normals(hits)
     channels: dict[str, Any] = {name: image[..., k] for k, name in enumerate("RGB")}
     channels |= {f"N.{name}": normals[..., k] for k, name in enumerate("XYZ")}

@@ -13,19 +13,20 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.alignment.culling import check_needed_bytes
 from atra.errors import AtraError, InputError
 from atra.geometry.mesh import Mesh
 from atra.geometry.sampling import sub_pixel_offsets
 from atra.geometry.view import View
 from atra.hits import Hits
-from atra.kernels.shading.paths import Pixels
+from atra.kernels.shading.paths import BLOCK, Pixels
 from atra.kernels.shading.surface import Surfaces
 from atra.lifetime import Lifetime
 from atra.options import RayOptions
 from atra.rays.scene import Query, RayScene
+from atra.render.film import Film
 from atra.render.options import RenderOptions
 from atra.render.pictures import save_picture
+from atra.render.pixels import pixels_of
 from atra.render.scene import RenderScene
 from atra.tracers import RasterTracer, Tracer
 from atra.whole_numbers import is_whole_number
@@ -35,12 +36,10 @@ Primary = Callable[[Mesh, View], Tracer[Hits]]
 
 CENTRE = (0.5, 0.5)
 
-_GOLDEN = 0x9E3779B9
-"""Odd, so that the next 2^32 samples have keys of their own, and neighbours ones that are far apart."""
+_WAVES_A_THREAD = 4
+"""At least, so that none waits long for another."""
 
-_NOTHING = np.zeros(0, np.uint32)
-
-_WAVE_BYTES = 64
+_WAVE_BYTES = 80
 """Of a ray in a wave, at most."""
 
 
@@ -63,8 +62,9 @@ class Renderer(Lifetime):
     scene: see `RenderScene`. camera: of either kind. primary: makes the tracer of primary visibility from mesh and
     camera; None: the rasteriser. options, changes: as for tracers.
 
-    samples: how many have been added since the last restart. stage_s: seconds by stage of the last `add`; they sum to
-    its duration. Of stages that run in several threads it is the mean, and "other" is what is left: waiting, Python.
+    stage_s: seconds by stage of the last `add`; they sum to its duration. Of stages that run in several threads it is
+    the mean, and "other" is what is left: waiting, Python. ray_count: how many rays the last `add` traced beside those
+    of primary visibility.
     """
 
     options_type: ClassVar[type[RenderOptions]]
@@ -85,6 +85,7 @@ class Renderer(Lifetime):
         self.scene, self.camera = scene, camera
         self._tracer = self._primary(scene.mesh, camera)
         self._surfaces: Surfaces | None = None
+        self._film = self._new_film()
         self._start_film()
 
     def _ray_options(self) -> RayOptions:
@@ -102,8 +103,9 @@ class Renderer(Lifetime):
     def _tables(self) -> Surfaces: ...
 
     @abstractmethod
-    def _add_wave(self, first: int, count: int, pixels: Pixels, query: Query, stages: dict[str, float]) -> bool:
-        """Add sample number `samples` of so many pixels; adds the seconds of stages. Whether all light was finite."""
+    def _add_wave(self, first: int, count: int, pixels: Pixels, query: Query, stages: dict[str, float]) -> int | None:
+        """Add sample number `samples` of so many pixels; adds the seconds of stages. How many rays were traced; None:
+        light was not finite."""
 
     @abstractmethod
     def _mean(self) -> NDArray[np.float64]:
@@ -113,14 +115,17 @@ class Renderer(Lifetime):
     def _same_sums(self, scene: RenderScene) -> bool:
         """Whether samples of `scene` have the sums of those of the present one."""
 
+    def _new_film(self) -> Film:
+        camera, waves_bytes = self.camera, self.rays.threads * self.options.wave_rays * _WAVE_BYTES
+        return Film((self._planes, camera.width, camera.height), waves_bytes)
+
     def _start_film(self) -> None:
-        pixels = self.camera.width * self.camera.height
-        needed = pixels * 8 * (self._planes + 1) + self.rays.threads * self.options.wave_rays * _WAVE_BYTES
-        check_needed_bytes(needed, None, f"sums of {pixels:,} pixels and waves", "use fewer pixels, or shorter waves")
-        self._sums = np.zeros((self._planes, pixels))
+        if self._film.shape != (self._planes, self.camera.width, self.camera.height):
+            self._film = self._new_film()
+        self._film.restart()
         self._hits: Hits | None = None
-        self.samples = 0
         self.stage_s: dict[str, float] = {}
+        self.ray_count = 0
 
     def _plan(self) -> float:
         self._tracer.plan()
@@ -134,6 +139,11 @@ class Renderer(Lifetime):
         return self._tracer.build_time_s + self.rays.build_time_s + perf_counter() - start
 
     @property
+    def samples(self) -> int:
+        """How many have been added since the last restart."""
+        return self._film.samples
+
+    @property
     def tracer(self) -> Tracer[Hits]:
         """Of primary visibility; its hits may be looked at, and it stays the renderer's."""
         return self._tracer
@@ -141,7 +151,8 @@ class Renderer(Lifetime):
     def add(self, samples: int = 1, stop: Callable[[], bool] | None = None) -> None:
         """Add so many samples to every pixel.
 
-        stop: asked before every wave; once it says True, or when interrupted, the picture starts anew with none.
+        No more are added than `most_samples` of the options allows. stop: asked before every wave; once it says True,
+        or when interrupted, the picture starts anew with none.
         Raises InputError for a number below 1, EmbreeError when this is not built or already closed, AtraError naming
         pixel and sample for light that is no finite number.
         """
@@ -150,12 +161,15 @@ class Renderer(Lifetime):
         with self._tracing():
             start = perf_counter()
             stages: dict[str, float] = {}
+            self.ray_count = 0
+            if self.options.most_samples is not None:
+                samples = min(samples, self.options.most_samples - self.samples)
             try:
                 for _ in range(samples):
                     if not self._add_sample(stages, stop or _never):
                         self._start_film()
                         return
-                    self.samples += 1
+                    self._film.end_sample()
             except BaseException:
                 self._start_film()  # a part of a sample may be in the sums
                 raise
@@ -171,12 +185,13 @@ class Renderer(Lifetime):
         if not own and (self._hits is None or self.options.jitter != "off"):
             self._hits = self._tracer.trace(offset, out=self._hits)
         lap("primary")
-        prim_id, stride = (_NOTHING, 0) if own or self._hits is None else _flat(self._hits.prim_id)
-        view = _pixel_rays(camera, (0.0, 0.0) if own else offset)
-        pixels = Pixels(view, camera.width, own, prim_id, stride, self.samples * _GOLDEN & 0xFFFFFFFF)
+        pixels = pixels_of(camera, self._film, offset, None if own else self._hits)
         every = camera.width * camera.height
-        starts = deque(range(0, every, self.options.wave_rays))  # its `popleft` is safe between threads
+        share = -(-every // (_WAVES_A_THREAD * self.rays.threads * BLOCK)) * BLOCK
+        wave_rays = min(self.options.wave_rays, share)
+        starts = deque(range(0, every, wave_rays))  # its `popleft` is safe between threads
         times: list[dict[str, float]] = [{} for _ in range(self.rays.threads)]
+        rays = [0] * self.rays.threads
 
         def work(query: Query) -> None:
             while not stop():
@@ -184,22 +199,25 @@ class Renderer(Lifetime):
                     first = starts.popleft()
                 except IndexError:
                     return
-                count = min(self.options.wave_rays, every - first)
-                if not self._add_wave(first, count, pixels, query, times[query.worker]):
+                count = min(wave_rays, every - first)
+                traced = self._add_wave(first, count, pixels, query, times[query.worker])
+                if traced is None:
                     raise self._not_finite(first, count)
+                rays[query.worker] += traced
 
         self.rays.run(work)
+        self.ray_count += sum(rays)
         for of_worker in times:
             for stage, seconds in of_worker.items():
                 stages[stage] = stages.get(stage, 0.0) + seconds / self.rays.threads
         return not starts
 
     def _not_finite(self, first: int, count: int) -> AtraError:
-        sums = self._sums[:, first : first + count]
+        sums = self._film.sums[:, first : first + count]
         plane, pixel = np.argwhere(~np.isfinite(sums))[0].tolist()
-        y, x = divmod(first + pixel, self.camera.width)
         return AtraError(
-            f"sample {self.samples} of pixel ({x}, {y}) is {sums[plane, pixel]}, expected a finite number; "
+            f"sample {self.samples} of pixel {self._film.place_of(first + pixel)} is {sums[plane, pixel]}, expected a "
+            "finite number; "
             "look for texels beyond 1e30 in the sky, and report this if there are none"
         )
 
@@ -221,13 +239,18 @@ class Renderer(Lifetime):
             moves = camera is not None and camera != self.camera
             if camera is not None and moves:
                 self._look(camera)
-            restarts = moves or has_other_sums or options != self.options
+            restarts = moves or has_other_sums or unlike_but_for(options, self.options, "most_samples")
             self.options = options
             self.scene = scene or self.scene
             if has_other_sums and self._is_built:
                 self._surfaces = self._tables()
             if restarts:
                 self._start_film()
+
+    def restart(self) -> None:
+        """Forget all samples; the next one traces primary visibility, whatever `jitter` is."""
+        with self._lock:
+            self._start_film()
 
     def _look(self, camera: View) -> None:
         if isinstance(self._tracer, RasterTracer):
@@ -249,16 +272,7 @@ class Renderer(Lifetime):
     def image(self) -> NDArray[np.float32]:
         """(H, W, 3) float32, linear RGB, the mean of the samples. Raises InputError where there is none yet."""
         with self._lock:
-            self._check_samples()
-            return self._as_image(self._mean())
-
-    def _check_samples(self) -> None:
-        if not self.samples:
-            raise InputError("there is no sample yet, expected at least one; call add(1) first")
-
-    def _as_image(self, planes: NDArray[np.float64]) -> NDArray[np.float32]:
-        shape = self.camera.height, self.camera.width, *planes.shape[:-1]
-        return np.moveaxis(planes, -1, 0).reshape(shape).astype(np.float32)
+            return self._film.as_image(self._mean())
 
     def save(self, path: Path | str) -> None:
         """Write the picture: `.png` in sRGB, 8 bits, or `.exr` in linear RGB with depth Z, normal N and prim_id of the
@@ -283,18 +297,3 @@ def unlike_but_for(one: object, other: object, *names: str) -> bool:
     if type(one) is not type(other):
         return True
     return one != replace(other, **{name: getattr(one, name) for name in names})  # type: ignore[type-var]
-
-
-def _flat(prim_id: NDArray[np.uint32]) -> tuple[NDArray[np.uint32], int]:
-    """The memory of an image as one row, and the pixels from one row of the image to the next."""
-    stride = prim_id.strides[0] // 4
-    length = (prim_id.shape[0] - 1) * stride + prim_id.shape[1]
-    return np.lib.stride_tricks.as_strided(prim_id, (length,), (4,)), stride
-
-
-def _pixel_rays(camera: View, offset: tuple[float, float]) -> NDArray[np.float64]:
-    """(6, 3) float64, `lines` of `Pixels`: rays are linear in the pixel's place."""
-    origins, directions = camera.rays(np.array([0, 1, 0]), np.array([0, 0, 1]), offset)
-    origins, directions = origins @ camera.axes + camera.eye, directions @ camera.axes
-    steps = [values[k] - values[0] for k in (1, 2) for values in (origins, directions)]
-    return np.array([origins[0], directions[0], *steps])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -41,7 +41,7 @@ class RenderScene:
             raise InputError(f"mesh is {self.mesh!r:.100}, expected atra.Mesh")
         if not isinstance(self.sky, Sky):
             raise InputError(f"sky is {self.sky!r:.100}, expected GradientSky or PanoramaSky")
-        materials, lights = tuple(self.materials), tuple(self.lights)
+        materials, lights = _listed("materials", self.materials), _listed("lights", self.lights)
         for number, material in enumerate(materials):
             if not isinstance(material, Material):
                 raise InputError(f"material {number} is {material!r:.100}, expected one of atra.render's materials")
@@ -67,10 +67,19 @@ class RenderScene:
                 array.setflags(write=False)
 
 
+def _listed(name: str, given: Any) -> tuple[Any, ...]:
+    if isinstance(given, str | bytes) or not isinstance(given, Iterable):
+        raise InputError(f"{name} are {given!r:.100}, expected a list of them")
+    return tuple(given)
+
+
 def _checked_numbers(given: ArrayLike | None, faces: int, materials: int) -> NDArray[np.int32]:
     if materials == 0:
         raise InputError("there are no materials, expected at least one")
-    numbers = np.zeros(faces, np.int32) if given is None else np.asarray(given)
+    try:
+        numbers = np.zeros(faces, np.int32) if given is None else np.asarray(given)
+    except ValueError as error:
+        raise InputError(f"face_materials cannot be read as an array: {error}") from None
     if numbers.shape != (faces,) or numbers.dtype.kind not in "iu":
         raise InputError(
             f"face_materials is {numbers.dtype} of {numbers.shape}, expected whole numbers of ({faces},), one a face"
@@ -86,7 +95,8 @@ def _checked_rows(name: str, given: ArrayLike | None, vertices: int, columns: in
     if given is None:
         return None
     try:
-        rows = np.array(given, np.float32, order="C")
+        with np.errstate(over="ignore"):  # becomes inf, which is refused below
+            rows = np.array(given, np.float32, order="C")
     except (TypeError, ValueError) as error:
         raise InputError(f"{name} cannot be read as an array: {error}") from None
     if rows.shape != (vertices, columns):

@@ -1,1 +1,1 @@
-"""Commands beside sweeps: one point, the doctor, fetching scenes."""
+"""Commands beside sweeps: one point, one picture, the doctor, fetching scenes."""

@@ -1,4 +1,4 @@
-"""Horizontal bars with whiskers, each below its label."""
+"""Horizontal bars with whiskers, or of parts, each below its label."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from math import isfinite
 from matplotlib.axes import Axes
 
 from experiments.drawing.axes import tidy_axis
-from experiments.drawing.style import BLACK, GREY, SMALL
+from experiments.drawing.style import BLACK, GREY, PARTS, SMALL
 
 
 @dataclass(frozen=True)
@@ -38,14 +38,19 @@ def draw_bars(axis: Axes, bars: Sequence[Bar]) -> None:
             alpha = 0.5 if bar.faint else 1.0
             axis.barh(place + 0.2, bar.value, height=0.36, color=bar.color, alpha=alpha, zorder=2, label=bar.label)
             axis.plot([bar.low, bar.high], [place + 0.2] * 2, color=BLACK, linewidth=1.1, zorder=3, label="_bars")
-        for end, text in (("left", bar.label), ("right", bar.text)):
-            axis.text(
-                end == "right", place - 0.2, text, transform=axis.get_yaxis_transform(), ha=end, va="center",
-                fontsize=SMALL, color=BLACK if shown else GREY, zorder=4,
-                bbox={"boxstyle": "square,pad=0.1", "facecolor": "white", "edgecolor": "none", "alpha": 0.85},
-            )  # fmt: skip
+        _write_bar(axis, place, bar.label, bar.text, BLACK if shown else GREY)
     axis.set_yticks([])
     axis.set_ylim(max(len(bars), 1) - 0.5, -0.5)
+
+
+def _write_bar(axis: Axes, place: int, label: str, text: str, color: str) -> None:
+    """What stands above a bar, from either end."""
+    for end, said in (("left", label), ("right", text)):
+        axis.text(
+            end == "right", place - 0.2, said, transform=axis.get_yaxis_transform(), ha=end, va="center",
+            fontsize=SMALL, color=color, zorder=4,
+            bbox={"boxstyle": "square,pad=0.1", "facecolor": "white", "edgecolor": "none", "alpha": 0.85},
+        )  # fmt: skip
 
 
 def finish_bar_axes(axis: Axes, bars: Sequence[Bar], quantity: str, furthest: float = 0.0) -> None:
@@ -54,3 +59,31 @@ def finish_bar_axes(axis: Axes, bars: Sequence[Bar], quantity: str, furthest: fl
     axis.set_xlim(0, 1.04 * max([*ends, furthest]) or 1)
     axis.set_xlabel(quantity)
     tidy_axis(axis, "x", frame=("bottom",))
+
+
+@dataclass(frozen=True)
+class Stack:
+    """A bar of parts, one after the other in units of the axis, NaN where there is none. text: beside the label."""
+
+    label: str
+    parts: tuple[float, ...]
+    text: str
+
+
+def draw_stacks(axis: Axes, stacks: Sequence[Stack], names: Sequence[str]) -> None:
+    """Horizontal stacked bars from the top down, from zero; names: of their parts, for a legend."""
+    longest = 0.0
+    for place, stack in enumerate(stacks):
+        end = 0.0
+        for part, name, (color, hatch) in zip(stack.parts, names, PARTS, strict=False):
+            if isfinite(part) and part > 0:
+                axis.barh(
+                    place + 0.2, part, left=end, height=0.36, color=color, hatch=hatch, edgecolor="white",
+                    linewidth=0.4, zorder=2, label=name,
+                )  # fmt: skip
+                end += part
+        longest = max(longest, end)
+        _write_bar(axis, place, stack.label, stack.text, BLACK)
+    axis.set_yticks([])
+    axis.set_ylim(max(len(stacks), 1) - 0.5, -0.5)
+    axis.set_xlim(0, 1.04 * longest or 1)

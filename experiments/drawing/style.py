@@ -5,6 +5,9 @@ BLACK, BLUE, GREEN, ORANGE, PURPLE, VERMILLION = "#333333", "#0072B2", "#009E73"
 GREY = "#555555"
 DASHED, DOTTED, DASH_DOTTED = (0, (6, 2)), (0, (1, 1.2)), (0, (5, 1.5, 1, 1.5))
 
+PARTS = tuple((color, hatch) for hatch in ("", "///") for color in (BLACK, BLUE, GREEN, ORANGE, PURPLE, VERMILLION))
+"""Colour and hatching of the parts of a stacked bar."""
+
 PANEL_INCHES = 4.9
 """Width of a panel and what belongs to it: one fills a page of 400 px, whose margins leave 358."""
 SMALL = 9.0

@@ -29,7 +29,8 @@ class Action(Enum):
     """What a run does; `python run.py fetch ...` is short for action=fetch, and so on.
 
     measure = points and sweeps; fetch = download a scene; report = write figures, claims and page of a sweep anew;
-    doctor = say what this machine has and lacks; view = show a scene on a page of the browser.
+    doctor = say what this machine has and lacks; view = show a scene on a page of the browser; render = make one
+    picture.
     """
 
     measure = "measure"
@@ -37,6 +38,7 @@ class Action(Enum):
     report = "report"
     doctor = "doctor"
     view = "view"
+    render = "render"
 
 
 class Ties(Enum):
@@ -129,7 +131,7 @@ class Configuration:
 
     method, workload: the options of one of `METHODS` and of one of `WORKLOADS`; once read, instances of their types
     with the names beside them. threads: null = every core; they, build_quality and ties hold for all that is traced at
-    a point, baselines included.
+    a point, baselines included. output: where action=render writes its picture, .png or .exr.
     """
 
     scene: SceneConfiguration = field(default_factory=SceneConfiguration)
@@ -145,6 +147,7 @@ class Configuration:
     build_quality: BuildQuality = BuildQuality.medium
     ties: Ties = Ties.lowest
     results_dir: str = "results"
+    output: str = "picture.png"
     debug: bool = False
 
 

@@ -81,10 +81,11 @@ class SweepProgress:
         if len(self._typical_s) < _ENOUGH:
             return f"{remaining} left"
         eta_s = sum(self._typical_s) / len(self._typical_s) * remaining
-        return f"{remaining} left, about {_duration(eta_s)}"
+        return f"{remaining} left, about {say_duration(eta_s)}"
 
 
-def _duration(seconds: float) -> str:
+def say_duration(seconds: float) -> str:
+    """Hours and minutes, minutes and seconds, or seconds."""
     minutes, rest = divmod(round(seconds), 60)
     hours, minutes = divmod(minutes, 60)
     if hours:

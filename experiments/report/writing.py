@@ -69,6 +69,11 @@ def write_results(configuration: Configuration, tables: Tables, command: str) ->
     _write_what_follows(configuration, tables, command=command, report=configuration.sweep.report)
 
 
+def run_report(configuration: Configuration) -> None:
+    """`rewrite_report`, which says where the page is."""
+    print(f"report: {rewrite_report(configuration)}")
+
+
 def rewrite_report(configuration: Configuration) -> Path:
     """`python run.py report`: figures, claims and page of a sweep anew, from its table and records; measures nothing.
 

@@ -12,6 +12,7 @@ from experiments.workloads.moving import MOVING
 from experiments.workloads.multiframe import MULTIFRAME
 from experiments.workloads.picture import PICTURE
 from experiments.workloads.planner import PLANNER
+from experiments.workloads.render import RENDER
 from experiments.workloads.surface import SURFACE
 from experiments.workloads.views import VIEWS
 from experiments.workloads.workload import Workload
@@ -28,6 +29,7 @@ WORKLOADS: tuple[Workload, ...] = (
     MOVING,
     GATHER,
     VIEWS,
+    RENDER,
 )
 """In the order of tables and pages."""
 

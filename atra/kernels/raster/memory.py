@@ -73,6 +73,22 @@ def gather_at(typingctx: Any, base: Any, places: Any) -> Any:
     return vector(types.int64, places), codegen
 
 
+@intrinsic(prefer_literal=True)
+def gather_rows(typingctx: Any, base: Any, numbers_address: Any, row_bytes: Any) -> Any:
+    """8 float64, the first of each of the rows from an address on whose numbers, 8 uint32, stand at another."""
+    vector, size = Vector(types.float64, 8), row_bytes.literal_value
+
+    def codegen(context: Any, builder: ir.IRBuilder, signature: Any, values: list[ir.Value]) -> ir.Value:
+        loaded = builder.load(_pointer(builder, values[1], ir.VectorType(_I32, 8)))
+        loaded.align = 4
+        integers = ir.VectorType(_I64, 8)
+        distances = builder.mul(builder.zext(loaded, integers), ir.Constant(integers, [size] * 8))
+        addresses = builder.add(distances, splat(builder, values[0], 8))
+        return _gathered(builder, addresses, context.get_value_type(vector), "v8f64", 8)
+
+    return vector(types.int64, types.int64, row_bytes), codegen
+
+
 @intrinsic
 def store_points(typingctx: Any, x: Any, y: Any, w: Any, address: Any) -> Any:
     """Store x, y, w, w of the first lane of three vectors of 8, then those of the next, and so on."""

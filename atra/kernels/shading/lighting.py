@@ -8,11 +8,11 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-from atra.embree.layout import RAY_TFAR
+from atra.embree.layout import FLAG_COHERENT, RAY_TFAR
 from atra.kernels.caching import float_kernel
-from atra.kernels.packets import INFINITY, MISS, hit_distance, occluded
+from atra.kernels.packets import INFINITY, hit_distance, occluded
+from atra.kernels.shading.gbuffer import DIRECTION, NORMAL, ORIGIN
 from atra.kernels.shading.numbers import (
     ONE,
     TWO,
@@ -28,11 +28,7 @@ from atra.kernels.shading.numbers import (
     unit,
     unit_of,
 )
-from atra.kernels.shading.paths import load_rays, pixel_ray
-from atra.kernels.shading.surface import colour_of, leaving, material_of, meet, shading_normal, sky_colour
-
-ORIGIN, NORMAL, COLOUR, DIRECTION = 0, 3, 6, 9
-WAVE_ROWS = 12
+from atra.kernels.shading.paths import load_rays
 
 SUN, POINT, SPHERE = 0, 1, 2
 KIND, PLACE, SIZE, ACROSS, UP = 0, 1, 4, 5, 8
@@ -46,21 +42,6 @@ SKY_PLANES = LIGHT_PLANES = 4
 
 _ALMOST = np.float32(1 - 1e-4)
 """Of the way to a light: what is at the light itself does not shadow it."""
-
-
-class Wave(NamedTuple):
-    """What N pixels see, and one ray from each.
-
-    floats: (WAVE_ROWS, N) float32: origin of rays, shading normal, colour, direction of the ray, three rows each. Where
-    nothing is seen, the normal is the direction of the pixel's ray, and the colour white.
-    is_hit: (N,) int32, -1 or 0. length: (N,) float32, how far the ray reaches, 0 = there is none.
-    light: (N,) float32, what it carries if nothing is in its way; 0 once something is.
-    """
-
-    floats: NDArray[np.float32]
-    is_hit: NDArray[np.int32]
-    length: NDArray[np.float32]
-    light: NDArray[np.float32]
 
 
 class Sample(NamedTuple):
@@ -95,27 +76,6 @@ def _row(floats, first, i):  # type: ignore[no-untyped-def]
 @njit(inline="always")
 def _set_row(floats, first, i, vector):  # type: ignore[no-untyped-def]
     floats[first, i], floats[first + 1, i], floats[first + 2, i] = vector
-
-
-@float_kernel
-def find_surfaces(wave, first, count, pixels, surfaces):  # type: ignore[no-untyped-def]
-    """What `count` pixels from number `first` on see, from the `prim_id` of `pixels`."""
-    for i in range(count):
-        pixel = first + i
-        prim_id = pixels.prim_id[pixel // pixels.width * pixels.stride + pixel % pixels.width]
-        origin, direction = pixel_ray(pixels, pixel)
-        if prim_id == MISS:
-            wave.is_hit[i] = 0
-            _set_row(wave.floats, NORMAL, i, direction)
-            for channel in range(3):
-                wave.floats[COLOUR + channel, i] = ONE
-        else:
-            point, normal, is_front = meet(surfaces, prim_id, origin, direction)
-            wave.is_hit[i] = -1
-            _set_row(wave.floats, ORIGIN, i, leaving(surfaces, prim_id, point, normal))
-            shaded = shading_normal(surfaces, prim_id, point, normal, is_front, direction)
-            _set_row(wave.floats, NORMAL, i, shaded)
-            _set_row(wave.floats, COLOUR, i, colour_of(surfaces, material_of(surfaces, prim_id), prim_id, point))
 
 
 @float_kernel
@@ -191,58 +151,53 @@ def aim_into_sky(wave, first, count, length, is_cosine, sample):  # type: ignore
 
 
 @cache
-def occlude_kernel(width: int) -> Callable[..., None]:
+def occlude_kernel(width: int) -> Callable[..., int]:
     """The rays of a wave, in packets of `width`, a constant of the compiled code."""
 
     @float_kernel
-    def occlude(wave, count, scene, packet):  # type: ignore[no-untyped-def]
-        """`light` becomes 0 where something is in the way. Pixels keep their lanes, so that each has the same
-        neighbours in every wave."""
+    def occlude(wave, count, scene, packet, flags, is_coherent):  # type: ignore[no-untyped-def]
+        """`light` becomes 0 where something is in the way; returns how many rays were traced. Pixels keep their lanes,
+        so that each has the same neighbours in every wave.
+
+        flags: of the query. is_coherent: whether rays of neighbours head alike.
+        """
+        flags[0] = FLAG_COHERENT if is_coherent else 0
+        rays = 0
         for first in range(0, count, width):
-            lanes = min(width, count - first)
-            load_rays(packet, width, wave.floats, ORIGIN, DIRECTION, first, lanes)
-            anyone = False
-            for lane in range(lanes):
-                length = wave.length[first + lane]
+            load_rays(packet, width, wave.floats, ORIGIN, DIRECTION, first)
+            before = rays
+            for lane in range(width):
+                length = wave.length[first + lane] if first + lane < count else ZERO
                 packet.floats[RAY_TFAR * width + lane] = length
                 packet.valid[lane] = -1 if length > ZERO else 0
-                anyone |= length > ZERO
-            if anyone:
+                rays += 1 if length > ZERO else 0
+            if rays > before:
                 occluded(width, packet.valid, scene, packet)
-                for lane in range(lanes):
-                    if hit_distance(packet, width, lane) < ZERO:
-                        wave.light[first + lane] = ZERO
+                for lane in range(width):
+                    light = wave.light[first + lane]
+                    wave.light[first + lane] = ZERO if hit_distance(packet, width, lane) < ZERO else light
+        return rays
 
     return occlude
 
 
 @float_kernel
-def add_light(wave, first, count, share, sums):  # type: ignore[no-untyped-def]
-    """Add `share` of the light that arrived, times the colour, to a light's four planes, (4, pixels) float64.
+def add_light(wave, first, count, row, share, sums):  # type: ignore[no-untyped-def]
+    """Add `share` of the light that arrived, times the colour in `row` and the two below, to (4, pixels) float32.
 
     Returns whether all of it was finite.
     """
+    end = first + count
+    light, red, green, blue = wave.light, wave.floats[row], wave.floats[row + 1], wave.floats[row + 2]
+    r, g, b, free = sums[0, first:end], sums[1, first:end], sums[2, first:end], sums[3, first:end]
     is_finite = True
     for i in range(count):
-        light = wave.light[i] * share
-        is_finite &= light < INFINITY
-        for channel in range(3):
-            sums[channel, first + i] += wave.floats[COLOUR + channel, i] * light
-        sums[3, first + i] += share if light > ZERO else ZERO
-    return is_finite
-
-
-@float_kernel
-def add_sky(wave, first, count, share, surfaces, sums):  # type: ignore[no-untyped-def]
-    """As `add_light`, for the light of the sky where the normal points."""
-    is_finite = True
-    for i in range(count):
-        light = wave.light[i] * share
-        if light > ZERO:
-            sky = sky_colour(surfaces, _row(wave.floats, NORMAL, i))
-            for channel in range(3):
-                arrived = wave.floats[COLOUR + channel, i] * sky[channel] * light
-                is_finite &= arrived < INFINITY
-                sums[channel, first + i] += arrived
-            sums[3, first + i] += light
+        part = light[i] * share
+        is_lit = part > ZERO
+        arrived = red[i] * part, green[i] * part, blue[i] * part
+        is_finite &= not is_lit or (arrived[0] < INFINITY and arrived[1] < INFINITY and arrived[2] < INFINITY)
+        r[i] += arrived[0] if is_lit else ZERO
+        g[i] += arrived[1] if is_lit else ZERO
+        b[i] += arrived[2] if is_lit else ZERO
+        free[i] += share if is_lit else ZERO
     return is_finite

@@ -21,6 +21,9 @@ BLOCK = 2048
 """Rays that are compacted among themselves. Packets are made within a block, which starts at a multiple of so many
 pixels: whatever the wave, a ray has the same neighbours, and Embree's answer the same bits."""
 
+TILE = 4
+"""Pixels are taken in tiles of so many a side: the rays of a packet then start near each other."""
+
 ORIGIN, DIRECTION, WEIGHT = 0, 3, 6
 PATH_ROWS = 9
 
@@ -48,13 +51,13 @@ class Pixels(NamedTuple):
     """Rays of the pixels of an image, and what they hit.
 
     lines: (6, 3) float64, world space: origin and direction of pixel (0, 0)'s ray, then what a pixel to the right adds
-    to each, then one down. width: pixels of a row. jittered: whether each pixel adds an offset of its own to the ray.
-    prim_id: (>= pixels,) uint32, the rows of the image `stride` apart, or nothing, where rays are still to be traced.
-    sample_key: uint32.
+    to each, then one down. places: (pixels,) uint32, x + y 2^16 of each pixel, in the order in which they are taken.
+    jittered: whether each pixel adds an offset of its own to the ray. prim_id: (>= pixels,) uint32, the rows of the
+    image `stride` apart, or nothing, where rays are still to be traced. sample_key: uint32.
     """
 
     lines: NDArray[np.float64]
-    width: int
+    places: NDArray[np.uint32]
     jittered: bool
     prim_id: NDArray[np.uint32]
     stride: int
@@ -72,25 +75,45 @@ def _set_vector(rows, first, index, vector):  # type: ignore[no-untyped-def]
 
 
 @njit(inline="always")
-def pixel_ray(pixels, pixel):  # type: ignore[no-untyped-def]
-    """(origin, unit direction), float32, of a pixel, counted row by row."""
-    x, y = np.float64(pixel % pixels.width), np.float64(pixel // pixels.width)
+def place_of(pixels, pixel):  # type: ignore[no-untyped-def]
+    """(x, y) of a pixel."""
+    place = pixels.places[pixel]
+    return np.int64(place & np.uint32(0xFFFF)), np.int64(place >> np.uint32(16))
+
+
+@njit(inline="always")
+def seen_by(pixels, pixel):  # type: ignore[no-untyped-def]
+    """The `prim_id` that a pixel sees."""
+    x, y = place_of(pixels, pixel)
+    return pixels.prim_id[y * pixels.stride + x]
+
+
+@njit(inline="always")
+def pixel_line(pixels, pixel):  # type: ignore[no-untyped-def]
+    """(origin, direction), float32, of a pixel's ray; the direction is of any length."""
+    column, row = place_of(pixels, pixel)
+    x, y = np.float64(column), np.float64(row)
     if pixels.jittered:
         key = key_of(pixel, pixels.sample_key)
         x += unit_of(bits_of(key, _JITTER))
         y += unit_of(bits_of(key, _JITTER + np.uint32(1)))
-    lines = pixels.lines
+    return line_at(pixels.lines, x, y)
+
+
+@njit(inline="always")
+def line_at(lines, x, y):  # type: ignore[no-untyped-def]
+    """As `pixel_line`, at a place of float64."""
     origin = (
         np.float32(lines[0, 0] + x * lines[2, 0] + y * lines[4, 0]),
         np.float32(lines[0, 1] + x * lines[2, 1] + y * lines[4, 1]),
         np.float32(lines[0, 2] + x * lines[2, 2] + y * lines[4, 2]),
     )
-    direction = unit((
-        lines[1, 0] + x * lines[3, 0] + y * lines[5, 0],
-        lines[1, 1] + x * lines[3, 1] + y * lines[5, 1],
-        lines[1, 2] + x * lines[3, 2] + y * lines[5, 2],
-    ))  # fmt: skip
-    return origin, (np.float32(direction[0]), np.float32(direction[1]), np.float32(direction[2]))
+    direction = (
+        np.float32(lines[1, 0] + x * lines[3, 0] + y * lines[5, 0]),
+        np.float32(lines[1, 1] + x * lines[3, 1] + y * lines[5, 1]),
+        np.float32(lines[1, 2] + x * lines[3, 2] + y * lines[5, 2]),
+    )
+    return origin, direction
 
 
 @float_kernel
@@ -100,46 +123,47 @@ def generate(paths, first, count, pixels):  # type: ignore[no-untyped-def]
         paths.counts[block] = max(0, min(BLOCK, count - block * BLOCK))
     for i in range(count):
         pixel = first + i
-        origin, direction = pixel_ray(pixels, pixel)
+        origin, direction = pixel_line(pixels, pixel)
         _set_vector(paths.floats, ORIGIN, i, origin)
-        _set_vector(paths.floats, DIRECTION, i, direction)
+        _set_vector(paths.floats, DIRECTION, i, unit(direction))
         _set_vector(paths.floats, WEIGHT, i, WHITE)
         paths.pixel[i] = pixel
         if len(pixels.prim_id) > 0:
-            paths.prim_id[i] = pixels.prim_id[pixel // pixels.width * pixels.stride + pixel % pixels.width]
+            paths.prim_id[i] = seen_by(pixels, pixel)
 
 
 @njit(inline="always")
-def load_rays(packet, width, floats, origin, direction, first, lanes):  # type: ignore[no-untyped-def]
-    """Rays `first`, ... of rows of floats into the lanes of a packet; lanes beyond are not valid."""
+def load_rays(packet, width, floats, origin, direction, first):  # type: ignore[no-untyped-def]
+    """Rays `first`, ... of rows of floats into the lanes of a packet."""
     for axis in range(3):
-        for lane in range(lanes):
+        for lane in range(width):
             packet.floats[(RAY_ORG_X + axis) * width + lane] = floats[origin + axis, first + lane]
             packet.floats[(RAY_DIR_X + axis) * width + lane] = ray_component(floats[direction + axis, first + lane])
     for lane in range(width):
         packet.floats[RAY_TNEAR * width + lane] = ZERO
-        packet.valid[lane] = -1 if lane < lanes else 0
 
 
 @cache
-def trace_kernel(width: int) -> Callable[..., None]:
+def trace_kernel(width: int) -> Callable[..., int]:
     """Stage 2, in packets of `width`, a constant of the compiled code."""
 
     @float_kernel
     def trace_paths(paths, scene, packet):  # type: ignore[no-untyped-def]
-        """Find what the rays of all paths hit."""
+        """Find what the rays of all paths hit; returns how many rays that are."""
         for block in range(len(paths.counts)):
             start = block * BLOCK
             end = start + paths.counts[block]
             for first in range(start, end, width):
                 lanes = min(width, end - first)
-                load_rays(packet, width, paths.floats, ORIGIN, DIRECTION, first, lanes)
+                load_rays(packet, width, paths.floats, ORIGIN, DIRECTION, first)
                 for lane in range(width):
+                    packet.valid[lane] = -1 if lane < lanes else 0
                     packet.floats[RAY_TFAR * width + lane] = INFINITY
                     set_no_hit(packet, width, lane)
                 intersect(width, packet.valid, scene, packet)
                 for lane in range(lanes):
                     paths.prim_id[first + lane] = hit_prim_id(packet, width, lane)
+        return paths.counts.sum()
 
     return trace_paths
 
@@ -157,7 +181,7 @@ def _add(sums, pixel, weight, light):  # type: ignore[no-untyped-def]
 def compact(paths, surfaces, sums, is_last):  # type: ignore[no-untyped-def]
     """Stages 3 and 5: paths that end at the sky or at an emitter are added to `sums`; the others move up, in order.
 
-    sums: (3, pixels) float64. is_last: paths that end nowhere end here, dark. Returns whether all light was finite.
+    sums: (3, pixels) float32. is_last: paths that end nowhere end here, dark. Returns whether all light was finite.
     """
     floats = paths.floats
     is_finite = True
@@ -223,17 +247,19 @@ def _prim_id_of_ray(scene, packet, origin, direction):  # type: ignore[no-untype
 def follow_depth_first(first, count, pixels, scene, packet, surfaces, sums, max_depth):  # type: ignore[no-untyped-def]
     """All stages for one path after the other: the rival of waves, for a packet of 1. Arguments as for the stages.
 
-    Returns whether all light was finite.
+    Returns how many rays were traced, -1 where light was not finite.
     """
-    is_finite = True
+    is_finite, rays = True, 0
     for pixel in range(first, first + count):
         key = key_of(pixel, pixels.sample_key)
-        origin, direction = pixel_ray(pixels, pixel)
+        origin, direction = pixel_line(pixels, pixel)
+        direction = unit(direction)
         weight = WHITE
         for bounce in range(max_depth):
             if bounce == 0 and len(pixels.prim_id) > 0:
-                prim_id = pixels.prim_id[pixel // pixels.width * pixels.stride + pixel % pixels.width]
+                prim_id = seen_by(pixels, pixel)
             else:
+                rays += 1
                 prim_id = _prim_id_of_ray(scene, packet, origin, direction)
             if prim_id == MISS:
                 is_finite &= _add(sums, pixel, weight, sky_colour(surfaces, direction))
@@ -247,4 +273,4 @@ def follow_depth_first(first, count, pixels, scene, packet, surfaces, sums, max_
             if not goes_on:
                 break
             weight = weight[0] * factor[0], weight[1] * factor[1], weight[2] * factor[2]
-    return is_finite
+    return rays if is_finite else -1

@@ -36,7 +36,8 @@ GRADIENT, PANORAMA = 0, 1
 SKY_WORDS = 8
 """float32 of the sky: kind, then the colours below and above."""
 
-_TINY = np.float64(1e-300)
+TINY = np.float64(1e-300)
+"""In place of the cosine of a ray and a plane that are nearly parallel."""
 
 
 class Surfaces(NamedTuple):
@@ -70,7 +71,7 @@ def meet(surfaces, prim_id, origin, direction):  # type: ignore[no-untyped-def]
     x, y, z = np.float64(origin[0]), np.float64(origin[1]), np.float64(origin[2])
     facing = nx * direction[0] + ny * direction[1] + nz * direction[2]
     ahead = records[prim_id, 3] - (nx * x + ny * y + nz * z)
-    t = ahead / (facing if abs(facing) > _TINY else _TINY)
+    t = ahead / (facing if abs(facing) > TINY else TINY)
     is_front = facing < 0.0
     side = ONE if is_front else -ONE
     normal = scaled(side, (np.float32(nx), np.float32(ny), np.float32(nz)))

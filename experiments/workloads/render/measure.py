@@ -1,0 +1,153 @@
+"""Time of pictures: one renderer, whose primary visibility is the point's own method's or a baseline's, in turns."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from contextlib import ExitStack
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from atra.geometry.mesh import Mesh
+from atra.geometry.view import View
+from atra.hits import Hits
+from atra.judge.compare import compare
+from atra.render import HybridRenderer, PathRenderer, RenderScene, constant_sky
+from atra.tracers import Tracer
+from experiments.harness.point import Point
+from experiments.workloads.baselines import OWN, SINGLE
+from experiments.workloads.images import counts, depth_errors
+from experiments.workloads.render import MITSUBA, Kind, Rival, primary
+from experiments.workloads.render.mitsuba import MitsubaPicture
+from experiments.workloads.rounds import (
+    build_with_baselines,
+    measured,
+    own_and_baselines,
+    plan_and_build_again,
+    shrunk,
+    timed_rounds,
+    warm_up,
+)
+from experiments.workloads.workload import Measured, make_own
+from scenes.lit.lighting import length_of, lit
+
+
+class Primaries:
+    """Tracers of one view behind one, so that all that comes after is the same memory and code whichever is `chosen`.
+
+    Each traces again and again into an image of its own, as a renderer would. They are planned, built and closed by
+    their owner.
+    """
+
+    plan_time_s = build_time_s = 0.0
+
+    def __init__(self, tracers: Mapping[str, Any]) -> None:
+        self._tracers = tracers
+        self._images: dict[str, Hits] = {}
+        self.chosen = OWN
+
+    def trace(self, offset: tuple[float, float], out: object = None) -> Hits:
+        name = self.chosen
+        self._images[name] = self._tracers[name].trace(offset, out=self._images.get(name))
+        return self.latest
+
+    @property
+    def latest(self) -> Hits:
+        """What the chosen one traced last."""
+        return self._images[self.chosen]
+
+    def plan(self) -> None: ...
+
+    def build(self) -> None: ...
+
+    def close(self) -> None: ...
+
+
+class Pictures:
+    """Makes pictures with one or another primary visibility; keeps the seconds of their stages."""
+
+    def __init__(self, renderer: HybridRenderer | PathRenderer, primaries: Primaries, samples: int) -> None:
+        self.renderer, self._primaries, self._samples = renderer, primaries, samples
+        self.stages: dict[str, list[dict[str, float]]] = {}
+
+    def make(self, name: str) -> None:
+        """A picture from its first sample on."""
+        self._primaries.chosen = name
+        self.renderer.restart()
+        self.renderer.add(self._samples)
+        self.stages.setdefault(name, []).append(self.renderer.stage_s)
+
+    def sample(self, name: str) -> tuple[Hits, Any]:
+        """What is seen through the pixels' first sub-pixel position, and a picture of that sample alone."""
+        self._primaries.chosen = name
+        self.renderer.restart()
+        self.renderer.add(1)
+        return self._primaries.latest, self.renderer.image
+
+
+def make_renderer(point: Point, scene: RenderScene, view: View, tracer: Any) -> HybridRenderer | PathRenderer:
+    """What the point's options say, with this primary visibility."""
+    options = point.workload_options
+    kind = PathRenderer if options.frame is Kind.path else HybridRenderer
+    given = options.of_library(length_of(scene.mesh, 1.0)) | {
+        "threads": point.threads, "build_quality": point.build_quality,
+    }  # fmt: skip
+    made: Any = kind(scene, view, lambda mesh, camera: tracer, **given)  # type: ignore[arg-type]
+    return made  # type: ignore[no-any-return]
+
+
+def make(point: Point, mesh: Mesh) -> Tracer:
+    """The point's own method. Raises InputError for a scene that cannot be lit, and as the tracers do."""
+    lit(point.scene, mesh, point.camera)
+    return make_own(point, mesh)
+
+
+def _one_picture(point: Point, tracer: Any) -> None:
+    scene = lit("", tracer.mesh, tracer.camera)
+    with make_renderer(point, scene, tracer.camera, tracer) as renderer:
+        renderer.add(1)
+
+
+def measure(point: Point) -> Measured:
+    """Build the point's own method and the baselines, and make pictures with each in turns. Raises InputError and
+    MemoryBudgetError as tracers and renderers do."""
+    warm_up(point, own_and_baselines(shrunk(point)), partial(_one_picture, point))
+    options = point.workload_options
+    with ExitStack() as stack:
+        tracers, results = build_with_baselines(point, stack)
+        own = tracers[OWN]
+        scene = lit(point.scene, own.mesh, point.camera)
+        if options.mitsuba is not Rival.none:
+            scene = replace(scene, sky=constant_sky(0.8))
+        primaries = Primaries(tracers)
+        renderer = make_renderer(point, scene, own.camera, primaries)
+        stack.enter_context(renderer)
+        pictures = Pictures(renderer, primaries, options.samples)
+        calls: dict[str, Any] = {name: partial(pictures.make, name) for name in tracers}
+        if options.mitsuba is not Rival.none:
+            theirs = MitsubaPicture(scene, point.camera, options, point.threads)
+            calls[MITSUBA] = partial(theirs.make, options.samples)
+        timed = timed_rounds(point, calls)
+        rays = pictures.renderer.ray_count  # of whichever came last: all shoot the same, but for ties
+        stages = {name: of_all[-timed.rounds :] for name, of_all in pictures.stages.items()}
+        (hits, image), (single, single_image) = (pictures.sample(name) for name in (OWN, SINGLE))
+        agreements = [compare(own.mesh, own.camera, hits, single)]
+        unlike = (image != single_image).any(axis=-1) & (hits.prim_id == single.prim_id)
+        images = 1 if options.jitter.value == "off" else options.samples
+        results |= counts(agreements) | depth_errors(agreements) | plan_and_build_again(own)
+        results |= {
+            "pixels_unlike": int(np.count_nonzero(unlike)),
+            "rays": rays + images * point.width * point.height,
+            "stages_over_frame": float(
+                np.median(
+                    [sum(one.values()) / whole for one, whole in zip(stages[OWN], timed.samples[OWN], strict=True)]
+                )
+            ),
+            "stages": {name: float(np.median([one[name] for one in stages[OWN]])) for name in stages[OWN][0]},
+        }
+    made = measured(results, timed)
+    for name, of_rounds in stages.items():
+        made.samples[primary(name)] = [one["primary"] for one in of_rounds]
+    return made

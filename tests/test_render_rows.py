@@ -1,0 +1,197 @@
+"""Rows of the two articles' tables: what restarts, what stops, what is summed, and that nothing is ever torn."""
+
+from __future__ import annotations
+
+from dataclasses import fields, replace
+from math import inf, nan
+
+import numpy as np
+import pytest
+
+import atra
+from atra import render
+from atra.render import materials
+from atra.render.film import Film
+from tests.meshes import quads
+from tests.shown import BLACK, down, floor, hybrid, sphere
+
+GREY = render.Lambertian((0.5, 0.25, 1.0))
+FLOOR = quads([floor()])
+
+
+def test_each_sample_of_a_light_counts_by_its_own_cosine():
+    angle = 40.0
+    sun = render.Sun((0, -1, 0), angle)
+    scene = render.RenderScene(FLOOR, [render.Lambertian(1.0)], lights=[sun], sky=BLACK)
+    image = hybrid(scene, down(4), 512, shadow_directions="shifted").image
+    radius = np.tan(np.radians(angle))  # points of a disc at distance 1: the mean of 1 / sqrt(1 + r^2)
+    expected = 2.0 * (np.sqrt(1.0 + radius**2) - 1.0) / radius**2
+    assert expected < 0.87
+    np.testing.assert_allclose(image, expected, rtol=2e-3)
+
+
+@pytest.mark.parametrize(("given", "kept"), [(None, 40), (33, 33), (1, 1)])
+def test_no_more_samples_are_added_than_a_picture_is_to_have(given, kept):
+    scene = render.RenderScene(FLOOR, [GREY])
+    with render.HybridRenderer(scene, down(4), threads=1, most_samples=given) as renderer:
+        for _ in range(4):
+            renderer.add(10)
+        assert renderer.samples == kept
+        renderer.add(3)
+        assert renderer.samples == (43 if given is None else kept)
+        renderer.update(most_samples=50)
+        renderer.add(99)
+        assert renderer.samples == 50
+    assert render.HybridOptions().most_samples == 512
+    assert render.PathOptions().most_samples is None
+
+
+def test_a_mean_of_many_samples_is_that_of_float64():
+    sun = render.Sun((0.2, -1.0, 0.1), 0.0, colour=(0.1, 1 / 3, 0.7))
+    scene = render.RenderScene(FLOOR, [GREY], lights=[sun], sky=render.constant_sky(1 / 3))
+    cosine = 1.0 / np.sqrt(1 + 0.04 + 0.01)
+    expected = np.array(GREY.colour) * (cosine * np.array(sun.colour) + 1 / 3)
+    renderer = hybrid(scene, down(4), 1000, most_samples=None)
+    np.testing.assert_allclose(renderer.image, np.broadcast_to(expected, (4, 4, 3)), rtol=2e-6)
+    np.testing.assert_allclose(renderer.lit(), 1.0, rtol=1e-6)
+
+
+@pytest.mark.parametrize(("width", "height"), [(4, 4), (13, 7), (3, 9), (1, 6), (16, 2)])
+def test_pixels_come_in_tiles_and_go_back_to_their_places(width, height):
+    film = Film((2, width, height), 0)
+    x, y = np.array([film.place_of(pixel) for pixel in range(width * height)]).T
+    image = film.as_image(np.array([x, y]))
+    np.testing.assert_array_equal(image[..., 0], np.mgrid[:height, :width][1])
+    np.testing.assert_array_equal(image[..., 1], np.mgrid[:height, :width][0])
+    tiles = np.stack([x // 4, y // 4], 1)
+    assert (np.diff(tiles, axis=0) != 0).any(axis=1).sum() == -(-width // 4) * -(-height // 4) - 1
+
+
+def test_an_image_of_any_size_is_the_part_of_a_larger_one():
+    scene = sphere(GREY, render.GradientSky())
+    camera = atra.Camera((0, 1, 3), (0, 0, 0), fov_y_degrees=45, width=21, height=14)
+    part = camera.crop(left=3, top=2, width=13, height=7)
+    of_kinds = {render.HybridRenderer: {"occlusion_directions": "shared"}, render.PathRenderer: {"max_depth": 1}}
+    for kind, options in of_kinds.items():
+        pictures = []
+        for one in (camera, part):
+            with kind(scene, one, threads=1, **options) as renderer:
+                renderer.add(4)
+                pictures.append(renderer.image)
+        np.testing.assert_allclose(pictures[0][2:9, 3:16], pictures[1], atol=2e-6)
+
+
+RESTARTS = {
+    "jitter": "off", "wave_rays": 4096, "shadow_rays": 2, "shadow_length": 3.0, "shadow_directions": "shifted",
+    "occlusion_rays": 2, "occlusion_length": 3.0, "occlusion": "cosine", "occlusion_directions": "shared",
+    "max_depth": 3,
+}  # fmt: skip
+STAYS = {"most_samples": 100}
+REFUSED = {name for kind in (render.HybridOptions, render.PathOptions) for name in kind.built_with}
+
+
+@pytest.mark.parametrize(
+    ("kind", "options"),
+    [(render.HybridRenderer, render.HybridOptions), (render.PathRenderer, render.PathOptions)],
+)
+def test_every_option_restarts_or_stays_or_is_refused_as_the_table_says(kind, options):
+    names = {field.name for field in fields(options)}
+    assert names <= RESTARTS.keys() | STAYS.keys() | REFUSED
+    scene = render.RenderScene(FLOOR, [GREY], lights=[render.Sun((0, -1, 0))])
+    with kind(scene, down(4), threads=1) as renderer:
+        for name, value in (RESTARTS | STAYS).items():
+            if name in names:
+                renderer.update(**{name: getattr(options(), name)})
+                renderer.add(2)
+                renderer.update(**{name: value})
+                assert renderer.samples == (2 if name in STAYS else 0), name
+        for name in options.built_with:
+            with pytest.raises(atra.InputError, match="was built with"):
+                renderer.update(**{name: getattr(renderer.options, name)})
+
+
+def test_no_frame_of_a_thousand_random_moves_is_torn():
+    scene = replace(sphere(GREY, render.GradientSky()), lights=[render.Sun((0.3, -1, 0.2), 2.0)])
+    random = np.random.default_rng(5)
+    cameras = [
+        atra.Camera(tuple(3 * eye / np.linalg.norm(eye)), (0, 0, 0), (0.1, 1, 0.2), 40.0, 24 + 8 * (number % 2), 17)
+        for number, eye in enumerate(random.normal(size=(6, 3)))
+    ]
+    expected = {}
+    for number, camera in enumerate(cameras):
+        with render.HybridRenderer(scene, camera, threads=1) as renderer:
+            for samples in (1, 2, 3):
+                renderer.add(1)
+                expected[number, samples] = renderer.image
+    seen = 0
+    with render.HybridRenderer(scene, cameras[0], threads=2) as renderer:
+        for _ in range(1000):
+            number = int(random.integers(len(cameras)))
+            renderer.update(camera=cameras[number])
+            answers = iter([False] * int(random.integers(0, 6)) + [True] * 9)
+            if random.random() < 0.5:
+                renderer.add(int(random.integers(1, 4)), stop=lambda answers=answers: next(answers))
+            else:
+                renderer.restart()
+                renderer.add(int(random.integers(1, 4)))
+            if 0 < renderer.samples <= 3:
+                seen += 1
+                np.testing.assert_array_equal(renderer.image, expected[number, renderer.samples])
+    assert seen > 500
+
+
+NASTY = [nan, inf, -inf, -1.0, -1e-300, 1e300, 1e400, "x", "", None, (), (1, 2), (1, 2, 3, 4), (nan, 0, 0), [[1]],
+         np.zeros((0, 3)), np.full(3, nan), object(), {}, b"", 1j, (1j, 0, 0), True, ("a",) * 3, 2**70]  # fmt: skip
+MAKERS = {
+    render.Lambertian: ("colour", "directions"), render.Metal: ("colour", "fuzz"),
+    render.Dielectric: ("ior", "fresnel"), render.Emissive: ("colour",), render.Checker: ("first", "second", "scale"),
+    render.Image: ("texels",), render.GradientSky: ("below", "above", "power"), render.PanoramaSky: ("texels", "power"),
+    render.Sun: ("direction", "angle_degrees", "colour", "power"),
+    render.PointLight: ("position", "colour", "power"), render.SphereLight: ("position", "radius", "colour", "power"),
+    render.RenderScene: ("mesh", "materials", "face_materials", "lights", "sky", "normals", "uv"),
+    render.HybridOptions: tuple(RESTARTS.keys() - {"max_depth"}) + ("start_off", "most_samples"),
+    render.PathOptions: ("jitter", "wave_rays", "max_depth", "order", "start_off", "most_samples"),
+}  # fmt: skip
+USUAL = {
+    render.Checker: {"first": 0.1, "second": 0.2}, render.Image: {"texels": np.zeros((1, 1, 3))},
+    render.PanoramaSky: {"texels": np.zeros((1, 1, 3))}, render.Sun: {"direction": (0, -1, 0)},
+    render.PointLight: {"position": (0, 1, 0)}, render.SphereLight: {"position": (0, 1, 0), "radius": 1.0},
+    render.RenderScene: {"mesh": FLOOR},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", MAKERS, ids=lambda kind: kind.__name__)
+def test_whatever_is_handed_in_is_taken_or_refused_by_name(kind):
+    refused = 0
+    for name in MAKERS[kind]:
+        for value in NASTY:
+            try:
+                kind(**(USUAL.get(kind, {}) | {name: value}))
+            except atra.InputError:
+                refused += 1
+    assert refused > len(MAKERS[kind]) * len(NASTY) / 2
+
+
+def test_a_texture_that_is_too_large_is_refused(monkeypatch):
+    monkeypatch.setattr(materials, "MOST_TEXELS", 5)
+    render.Image(np.zeros((1, 5, 3)))
+    with pytest.raises(atra.InputError, match="make it smaller"):
+        render.Image(np.zeros((2, 3, 3)))
+
+
+def test_the_error_of_hybrid_pictures_falls_faster_than_the_square_root_of_the_samples():
+    """The points of rays are spread evenly, so that more is gained than by chance."""
+    wall = [(0, 0, 50), (0, 50, 50), (0, 50, -50), (0, 0, -50)]
+    scene = render.RenderScene(
+        quads([floor(), wall]), [GREY], lights=[render.Sun((1.0, -1.0, 0.0), 10.0)], sky=render.constant_sky(1.0)
+    )
+    numbers, errors = [4, 16, 64, 256], []
+    with render.HybridRenderer(
+        scene, down(24, eye=(1.3, 3, 0)), threads=1, occlusion_length=2.0, jitter="off", most_samples=None
+    ) as renderer:
+        pictures = {}
+        for samples in (*numbers, 4096):
+            renderer.add(samples - renderer.samples)
+            pictures[samples] = renderer.image.astype(float)
+    errors = [np.sqrt(((pictures[samples] - pictures[4096]) ** 2).mean()) for samples in numbers]
+    assert np.polyfit(np.log(numbers), np.log(errors), 1)[0] <= -0.45
