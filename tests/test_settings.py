@@ -55,6 +55,16 @@ VALUES: dict[str, tuple[Any, Any, str]] = {
     "what": ("count", "layers", "what layers"),
     "layers": (4, 8, "layers 8"),
     "factor": (0.25, 0.5, "factor 0.5"),
+    "frame": ("hybrid", "path", "frame path"),
+    "samples": (4, 16, "samples 16"),
+    "jitter": ("off", "shared", "jitter shared"),
+    "shadow_rays": (0, 1, "shadow rays 1"),
+    "occlusion_rays": (1, 2, "occlusion rays 2"),
+    "occlusion_part": (0.1, 0.5, "occlusion part 0.5"),
+    "occlusion_directions": ("shared", "shifted", "occlusion directions shifted"),
+    "max_depth": (4, 5, "max depth 5"),
+    "order": ("depth_first", "waves", "order waves"),
+    "mitsuba": ("none", "scalar_rgb", "mitsuba scalar_rgb"),
     "geometry": ("copied", "instanced", "instanced geometry"),
     "culling": (False, True, "culling on"),
     "split_x": (1, 2, "split x 2"),
@@ -71,6 +81,8 @@ VALUES: dict[str, tuple[Any, Any, str]] = {
     "build_quality": ("high", "low", "low build quality"),
     "ties": ("any", "lowest", "ties lowest"),
 }
+BESIDE = ("separate", "visible_first", "rasteriser", *(f"{name}_primary" for name in MEASURED.samples))
+"""Series that workloads have of their own."""
 WORKLOAD_OF = {field.name: workload for workload in WORKLOADS for field in fields(workload.options)}
 OF_METHODS = {field.name for method in METHODS for field in fields(method.options)}
 every_setting = pytest.mark.parametrize("name", settings())
@@ -93,7 +105,7 @@ def record_with(name: str, value: Any) -> Record:
     configuration["workload"] = workload.name
     configuration["workload_options"] = {field.name: values[field.name] for field in fields(workload.options)}
     ran = {key: result for key, result in MEASURED.results.items() if key != "packet_width"}
-    samples = MEASURED.samples | {key: [1.0, 2.0, 3.0] for key in ("separate", "visible_first", "rasteriser")}
+    samples = MEASURED.samples | {key: [1.0, 2.0, 3.0] for key in BESIDE}
     return replace(MEASURED, point_id=str(value), configuration=configuration, samples=samples, results=ran)
 
 

@@ -175,7 +175,7 @@ def _rays_per_second(record: Record) -> float | None:
 def _break_even(record: Record) -> int | None:
     """None where the packets' samples are the faster ones."""
     width, own = packets_width(record), series(OWN)(record)
-    if width is None or own is None:
+    if width is None or own is None or "baseline_build_time_s" not in record.results:
         return None
     results, samples = record.results, record.configuration["workload_options"]["samples"]
     ahead_s = float(np.median(series(PACKETS[width])(record) - own)) / samples
