@@ -55,6 +55,8 @@ VALUES: dict[str, tuple[Any, Any, str]] = {
     "what": ("count", "layers", "what layers"),
     "layers": (4, 8, "layers 8"),
     "factor": (0.25, 0.5, "factor 0.5"),
+    "job": ("camera_rays", "random_rays", "job random_rays"),
+    "views": (10, 20, "views 20"),
     "geometry": ("copied", "instanced", "instanced geometry"),
     "culling": (False, True, "culling on"),
     "split_x": (1, 2, "split x 2"),
