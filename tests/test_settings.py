@@ -65,6 +65,8 @@ VALUES: dict[str, tuple[Any, Any, str]] = {
     "max_depth": (4, 5, "max depth 5"),
     "order": ("depth_first", "waves", "order waves"),
     "mitsuba": ("none", "scalar_rgb", "mitsuba scalar_rgb"),
+    "job": ("camera_rays", "random_rays", "job random_rays"),
+    "views": (10, 20, "views 20"),
     "geometry": ("copied", "instanced", "instanced geometry"),
     "culling": (False, True, "culling on"),
     "split_x": (1, 2, "split x 2"),
