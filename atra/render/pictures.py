@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import os
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -49,16 +49,20 @@ def png_of(image: NDArray[np.floating]) -> bytes:
 def exr_of(image: NDArray[np.float32], hits: Hits) -> bytes:
     """An EXR of 32 bits: R, G, B; Z, the depth, inf = a miss; N.X, N.Y, N.Z, the triangle's unit normal in the world,
     turned to the eye, 0 = a miss; prim_id, whole numbers, `MISS` = a miss."""
+    normals = eye_normals(hits)
+    channels: dict[str, Any] = {name: image[..., k] for k, name in enumerate("RGB")}
+    channels |= {f"N.{name}": normals[..., k] for k, name in enumerate("XYZ")}
+    return exr_of_channels(channels | {"Z": hits.depth, "prim_id": hits.prim_id})
+
+
+def exr_of_channels(channels: Mapping[str, NDArray[Any]]) -> bytes:
+    """An EXR of (H, W) arrays, 32 bits each, by name. Raises InputError without the package OpenEXR."""
     try:
         import OpenEXR
     except ImportError:
         raise InputError(
             "an EXR needs the package OpenEXR, which is not installed; `pip install OpenEXR`, or write a .png"
         ) from None
-    normals = eye_normals(hits)
-    channels: dict[str, Any] = {name: image[..., k] for k, name in enumerate("RGB")}
-    channels |= {f"N.{name}": normals[..., k] for k, name in enumerate("XYZ")}
-    channels |= {"Z": hits.depth, "prim_id": hits.prim_id}
     whole = {name: np.ascontiguousarray(channel) for name, channel in channels.items()}
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
     with tempfile.TemporaryDirectory() as folder:  # OpenEXR writes to names of files only
