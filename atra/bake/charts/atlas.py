@@ -15,6 +15,7 @@ from typing import IO
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from atra.bake.charts.unwrap import UNMAPPED
 from atra.errors import AtraError, InputError
 from atra.files import write_atomically
 from atra.geometry.mesh import Mesh
@@ -25,8 +26,6 @@ MOST_TEXELS = 1 << 14
 
 _VERSION = 1
 """Of kept atlases."""
-
-UNMAPPED = -1
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,7 +150,11 @@ def _unwrapped(mesh: Mesh, size: int, padding: int, texels_per_unit: float, time
         )
     job = io.BytesIO()
     np.savez(job, vertices=mesh.vertices, faces=mesh.faces, size=size, padding=padding, texels_per_unit=texels_per_unit)
-    command = [sys.executable, "-m", "atra.bake.unwrap"]  # xatlas cannot be interrupted, and may crash
+    command = [
+        sys.executable,
+        "-P",
+        str(Path(__file__).with_name("unwrap.py")),
+    ]  # xatlas cannot be interrupted, and may crash
     paths = os.pathsep.join(path for path in sys.path if path)
     try:
         done = subprocess.run(

@@ -8,7 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.bake.atlas import UNMAPPED, Atlas
+from atra.bake.charts.atlas import Atlas
+from atra.bake.charts.unwrap import UNMAPPED
 from atra.errors import InputError
 from atra.geometry.mesh import Mesh
 from atra.kernels.baking.texels import claim_texels, place_texels

@@ -1,4 +1,7 @@
-"""Unwrapping: charts by xatlas, in a process of its own: an archive on standard input, another on standard output."""
+"""Unwrapping: charts by xatlas, in a process of its own: an archive on standard input, another on standard output.
+
+Run as a file, and so without this library, whose import would take longer than the charts of a small mesh.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +11,7 @@ import sys
 
 import numpy as np
 
-from atra.bake.atlas import UNMAPPED
+UNMAPPED = -1
 
 
 def main() -> None:

@@ -6,7 +6,6 @@ from collections.abc import Callable
 from functools import cache
 
 import numpy as np
-from numba import njit
 
 from atra.embree.layout import RAY_TFAR
 from atra.kernels.baking.lights import emitter_share, plane_of, sky_share
@@ -14,8 +13,8 @@ from atra.kernels.baking.tables import (
     BACK,
     DIRECT,
     DIRECTION,
-    EMITTERS,
     ENVIRONMENT,
+    GIVES_BSDF,
     INDIRECT,
     LUMINANCE,
     NORMAL,
@@ -124,14 +123,6 @@ def trace_kernel(width: int) -> Callable[..., int]:
     return trace
 
 
-@njit
-def _has_light(tables, kind):  # type: ignore[no-untyped-def]
-    for row in range(len(tables.lights)):
-        if tables.lights[row, 0] == kind:
-            return True
-    return False
-
-
 @float_kernel
 def shade(batch, count, tables, vertex, is_last, roulette_from):  # type: ignore[no-untyped-def]
     """Light of what is met is added; paths move to where they go on from, or end.
@@ -140,7 +131,7 @@ def shade(batch, count, tables, vertex, is_last, roulette_from):  # type: ignore
     """
     floats, planes = batch.floats, tables.planes
     selected = ONE if vertex == 0 else ONE / np.float32(max(1, len(tables.lights)))
-    aims_at_emitters, aims_at_sky = _has_light(tables, EMITTERS), _has_light(tables, SKY)
+    aims_at_emitters, aims_at_sky = len(tables.emitters) > 0, tables.sky_by != GIVES_BSDF
     going = 0
     for i in range(count):
         if batch.alive[i] == 0:
