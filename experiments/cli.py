@@ -1,7 +1,7 @@
 """Command line: `python run.py` measures one point, `python run.py sweep=horizontal` sweeps, `python run.py fetch
 scene=sponza` downloads a scene, `python run.py report sweep=paper` writes a sweep's figures and page anew,
-`python run.py doctor` says what this machine has and lacks. With `atra` in place of `python run.py` the first is
-`atra measure`.
+`python run.py doctor` says what this machine has and lacks, `python run.py bake scene=sponza` makes a lightmap. With
+`atra` in place of `python run.py` the first is `atra measure`.
 
 Exit codes: 0 done, 1 something failed, 2 the input cannot be used, 130 interrupted.
 """
@@ -25,7 +25,8 @@ if TYPE_CHECKING:
     from experiments.harness.configuration import Configuration
 
 _CONFIGURATION = str(Path(__file__).resolve().parents[1] / "conf")
-_VERBS = ("fetch", "report", "doctor")
+_VERBS = {"fetch": (), "report": (), "doctor": (), "bake": ("workload=bake", "method=raster")}
+"""And what each chooses, unless the command line says otherwise."""
 
 
 def main() -> int:
@@ -36,7 +37,8 @@ def main() -> int:
         del sys.argv[1]  # what a run does that says no other
     if len(sys.argv) > 1 and sys.argv[1] in _VERBS:
         # hydra.mode: a sweep's file asks for many runs, but there is one thing to do.
-        sys.argv[1:2] = [f"action={sys.argv[1]}", "hydra.mode=RUN"]
+        verb = sys.argv[1]
+        sys.argv[1:2] = [f"action={verb}", "hydra.mode=RUN", *_VERBS[verb]]
     if isinstance(sys.stdout, io.TextIOWrapper):
         # A name that the encoding lacks, as one of Windows' does, is shown escaped, as on stderr; it is no failure.
         sys.stdout.reconfigure(errors="backslashreplace")
@@ -96,6 +98,8 @@ def _run(composed: DictConfig) -> None:
 
 def _act(configuration: Configuration) -> None:
     """What a run does; the rooms are imported here, so that a refusal does not wait for them."""
+    from experiments.harness.configuration import Action
+
     action = configuration.action.value
     if action == "fetch":
         from experiments.commands.fetching import run_fetch
@@ -109,6 +113,10 @@ def _act(configuration: Configuration) -> None:
         from experiments.commands.doctor import run_doctor
 
         run_doctor(configuration)
+    elif configuration.action is Action.bake:
+        from experiments.commands.baking import run_bake
+
+        run_bake(configuration)
     else:
         from experiments.commands.single import run_single_point
 

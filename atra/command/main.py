@@ -16,7 +16,7 @@ from atra.command.render import add_render, run_render
 from atra.errors import AtraError
 
 _CLONE = Path(__file__).resolve().parents[2]
-_OF_THE_HARNESS = ("measure", "report", "fetch", "-m", "--multirun")
+_OF_THE_HARNESS = ("measure", "report", "fetch", "bake", "-m", "--multirun")
 _NEEDS_THE_HARNESS = "needs the harness; in a clone of atra's repository, run: pip install -e '.[harness]'"
 _WITH_THE_HARNESS = """\
 with the harness, in a clone of atra's repository where `pip install -e '.[harness]'` was run:
@@ -24,6 +24,7 @@ with the harness, in a clone of atra's repository where `pip install -e '.[harne
   atra sweep=horizontal          measure a sweep; table and figures are in results/horizontal
   atra report sweep=horizontal   write its figures, claims and page anew, without measuring
   atra fetch scene=sponza        download a scene
+  atra bake scene=cornell_box    make a lightmap
   atra measure --help            every field
 """
 

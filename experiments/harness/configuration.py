@@ -29,13 +29,14 @@ class Action(Enum):
     """What a run does; `python run.py fetch ...` is short for action=fetch, and so on.
 
     measure = points and sweeps; fetch = download a scene; report = write figures, claims and page of a sweep anew;
-    doctor = say what this machine has and lacks.
+    doctor = say what this machine has and lacks; bake = make a lightmap.
     """
 
     measure = "measure"
     fetch = "fetch"
     report = "report"
     doctor = "doctor"
+    bake = "bake"
 
 
 class Ties(Enum):
@@ -121,7 +122,7 @@ class Configuration:
 
     method, workload: the options of one of `METHODS` and of one of `WORKLOADS`; once read, instances of their types
     with the names beside them. threads: null = every core; they, build_quality and ties hold for all that is traced at
-    a point, baselines included.
+    a point, baselines included. output: folder of the files of a bake; null = one of the scene's below results_dir.
     """
 
     scene: SceneConfiguration = field(default_factory=SceneConfiguration)
@@ -136,6 +137,7 @@ class Configuration:
     build_quality: BuildQuality = BuildQuality.medium
     ties: Ties = Ties.lowest
     results_dir: str = "results"
+    output: str | None = None
     debug: bool = False
 
 

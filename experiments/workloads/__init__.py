@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from experiments.harness.options import find_named
 from experiments.workloads.agreement import AGREEMENT
+from experiments.workloads.bake import BAKE
 from experiments.workloads.build import BUILD
 from experiments.workloads.frame import FRAME
 from experiments.workloads.gather import GATHER
@@ -26,6 +27,7 @@ WORKLOADS: tuple[Workload, ...] = (
     SURFACE,
     MOVING,
     GATHER,
+    BAKE,
 )
 """In the order of tables and pages."""
 
