@@ -5,6 +5,7 @@ from __future__ import annotations
 from experiments.harness.options import find_named
 from experiments.workloads.agreement import AGREEMENT
 from experiments.workloads.bake import BAKE
+from experiments.workloads.bake_rays import BAKE_RAYS
 from experiments.workloads.build import BUILD
 from experiments.workloads.frame import FRAME
 from experiments.workloads.gather import GATHER
@@ -28,6 +29,7 @@ WORKLOADS: tuple[Workload, ...] = (
     MOVING,
     GATHER,
     BAKE,
+    BAKE_RAYS,
 )
 """In the order of tables and pages."""
 

@@ -87,8 +87,8 @@ def _headline(record: Record) -> str:
 
 
 def _rays_per_s(record: Record) -> Any:
-    own = series(OWN)(record)
-    return None if own is None else record.results["rays_per_round"] / own
+    own, rays = series(OWN)(record), record.results.get("rays_per_round")
+    return None if own is None or rays is None else rays / own
 
 
 def _of_view(point: Point) -> frozenset[str]:
