@@ -124,6 +124,53 @@ def test_many_lights_after_a_bounce_are_chosen_without_bias():
     assert together.indirect.mean() > 20 * error
 
 
+def panes(*opacities, tints=None):
+    """A floor beneath sheets of these opacities, one above the other, far wider than it."""
+    mesh = joined(PLATE, *(quads([floor(50.0, 0.5 + 0.2 * k)]) for k in range(len(opacities))))
+    opacity = np.repeat([1.0, *opacities], 2)
+    tint = np.ones((len(opacity), 3)) if tints is None else np.repeat([(1, 1, 1), *tints], 2, axis=0)
+    plain = Surface.plain(mesh, 0.0)
+    uv = np.full((mesh.triangle_count, 3, 2), np.nan)
+    uv[:2] = sheet(PLATE, 6).uv
+    chart = np.where(np.arange(len(uv)) < 2, 0, -1)
+    return mesh, Surface(plain.albedo, plain.emission, opacity, tint), Atlas(uv, chart, 10, 10)
+
+
+def test_light_passes_panes_by_the_product_of_their_tints_in_any_order_and_the_sky_by_chance():
+    sun, tints = render.Sun((0.2, -1, 0.1), 0.0), [(1.0, 0.5, 0.25), (0.8, 0.9, 0.1), (0.5, 1.0, 1.0)]
+    opacities, found = (0.25, 0.5, 0.0), []
+    for order in ([0, 1, 2], [2, 0, 1]):
+        mesh, surface, atlas = panes(*(opacities[k] for k in order), tints=[tints[k] for k in order])
+        scene = BakeScene(mesh, surface, [sun], render.constant_sky(1.0))
+        found.append(baked(scene, atlas, 2048, bounces=0))
+    expected = 0.75 * 0.5 * np.prod(tints, axis=0)
+    for lightmap in found:
+        np.testing.assert_allclose(
+            lightmap.direct / lightmap.direct.max(), lightmap.direct * 0 + expected / expected.max(), rtol=1e-5
+        )
+        np.testing.assert_allclose(
+            lightmap.direct, np.broadcast_to(expected / np.sqrt(1.05), lightmap.direct.shape), rtol=1e-5
+        )
+        sky = lightmap.environment.mean(axis=0)
+        np.testing.assert_allclose(sky, expected, rtol=4 * np.sqrt((1 / 0.375 - 1) / (36 * 2048)))
+    stopped = 1 - found[0].openness.mean()
+    assert 0.3 < stopped < 0.6  # of rays whose way up to the length of 1 is free of what stops them
+
+
+@pytest.mark.parametrize("packet_width", [1, None])
+def test_a_scene_of_opaque_faces_is_the_same_to_the_bit_beside_a_pane_that_is_far_away(packet_width):
+    far = atra.Mesh(PLATE.vertices + np.float32([0, 0, 300]), PLATE.faces)
+    mesh = joined(BOX, far)
+    uv = np.concatenate([sheet(BOX, 6).uv, np.full((2, 3, 2), np.nan)])
+    atlas = Atlas(uv, np.where(np.isnan(uv[:, 0, 0]), -1, 0), *[sheet(BOX, 6).width] * 2)
+    albedo, emission = (np.concatenate([one, np.zeros((2, 3))]) for one in (LIT.surface.albedo, LIT.surface.emission))
+    opacity = np.where(np.arange(14) < 12, 1.0, 0.5)
+    scenes = [replace(LIT, mesh=mesh, surface=Surface(albedo, emission, one)) for one in (None, opacity)]
+    plain, through = (baked(scene, atlas, 8, packet_width=packet_width) for scene in scenes)
+    np.testing.assert_array_equal(plain.combined, through.combined)
+    assert plain.indirect.mean() > 0
+
+
 BOX = cube(inwards=True)
 LIT = BakeScene(
     BOX, Surface.plain(BOX, (0.7, 0.5, 0.3), np.repeat([[4.0], [0.0]], [2, 10], axis=0)),
@@ -200,6 +247,10 @@ def test_what_no_light_could_be_is_refused_with_its_value():
     ):  # fmt: skip
         with pytest.raises(InputError, match=told):
             Surface.plain(PLATE, **values)
+    with pytest.raises(InputError, match=r"opacity of face 1 is 1\.5"):
+        Surface(np.zeros((2, 3)), np.zeros((2, 3)), [1.0, 1.5])
+    with pytest.raises(InputError, match=r"face 1 shines, but its opacity is 0\.5"):
+        Surface(np.zeros((2, 3)), [(0, 0, 0), (1, 1, 1)], [1.0, 0.5])
     for option, value in (
         ("bounces", -1), ("batch_rays", 10), ("expansion", 0), ("compaction", "some"), ("open_length", 0.0),
         ("environment", "both"), ("seed", -1),

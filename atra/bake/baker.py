@@ -163,8 +163,9 @@ class Baker(Lifetime):
             per_batch = max(1, rays // count)
             starts = deque(range(0, len(order), per_batch))  # its `popleft` is safe between threads
             works = [Work({}) for _ in range(threads)]
-            width, sums = self.rays_scene.packet_width, self._sums
-            job = Job(self.texels, self._tables, self.options, width, order, count, self.samples, sums)
+            assert self.scene.surface is not None
+            kind = self.rays_scene.packet_width, self.scene.surface.is_opaque
+            job = Job(self.texels, self._tables, self.options, *kind, order, count, self.samples, self._sums)
 
             def work(query: Query) -> None:
                 batch = self._batches[query.worker]

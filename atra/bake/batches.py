@@ -43,6 +43,7 @@ class Job(NamedTuple):
     tables: Tables
     options: BakeOptions
     packet_width: int
+    is_opaque: bool
     order: NDArray[np.int32]
     expansion: int
     samples: NDArray[np.int32]
@@ -68,7 +69,8 @@ def add_batch(job: Job, first: int, texel_count: int, batch: Batch, query: Query
     Returns the number of a texel whose light is no finite number, or -1.
     """
     texels, tables, options, expansion = job.texels, job.tables, job.options, job.expansion
-    trace, shine = trace_kernel(job.packet_width), shine_kernel(job.packet_width)
+    kind = job.packet_width, not job.is_opaque
+    trace, shine = trace_kernel(*kind), shine_kernel(*kind)
     lights, going_on = len(tables.lights), options.compaction == "bounces"
     roulette_from = _NEVER if options.roulette_from is None else options.roulette_from
     lap = Laps(work.stage_s)
@@ -76,8 +78,8 @@ def add_batch(job: Job, first: int, texel_count: int, batch: Batch, query: Query
     def light(which: int, vertex: int) -> None:
         aim(batch, count, tables, which, vertex)
         lap("aim")
-        kind = int(tables.lights[max(which, 0), KIND])
-        work.traced(shine(batch, count, plane_of(vertex, kind), query.scene, query.packet), count)
+        plane = plane_of(vertex, int(tables.lights[max(which, 0), KIND]))
+        work.traced(shine(batch, count, plane, tables, query.scene, query.packet), count)
         lap("shadow")
 
     lit = texels.prim_id, texels.number
@@ -91,7 +93,7 @@ def add_batch(job: Job, first: int, texel_count: int, batch: Batch, query: Query
             light(-1, vertex)
         scatter(batch, count, vertex)
         lap("scatter")
-        work.traced(trace(batch, count, query.scene, query.packet), count)
+        work.traced(trace(batch, count, tables, vertex, query.scene, query.packet), count)
         lap("trace")
         going = shade(batch, count, tables, vertex, vertex == options.bounces, roulette_from)
         lap("shade")

@@ -27,18 +27,38 @@ class Surface:
     """What triangles do with light: all reflect equally to all sides, on both of theirs; fronts may shine.
 
     albedo: (F, 3) float32, linear RGB in [0, 0.999]. emission: (F, 3) float32, radiance of the front.
-    Raises InputError for shapes that do not fit, and naming the first face with a number outside.
+    opacity: (F,) float32 in [0, 1], the share of light that a triangle stops, and reflects; the rest goes straight on,
+    times tint, (F, 3) float32 in [0, 1]. None: all is stopped, and nothing tinted.
+    Raises InputError for shapes that do not fit, naming the first face with a number outside, or that shines and is not
+    opaque.
     """
 
     albedo: NDArray[np.float32]
     emission: NDArray[np.float32]
+    opacity: NDArray[np.float32] | None = None
+    tint: NDArray[np.float32] | None = None
 
     def __post_init__(self) -> None:
         faces = len(np.atleast_1d(self.albedo))
-        for name, high in (("albedo", LARGEST_ALBEDO), ("emission", 1e12)):
-            array = _colours(name, getattr(self, name), faces, high)
+        for name, shape, high in (
+            ("albedo", (faces, 3), LARGEST_ALBEDO), ("emission", (faces, 3), 1e12), ("opacity", (faces,), 1.0),
+            ("tint", (faces, 3), 1.0),
+        ):  # fmt: skip
+            given = getattr(self, name)
+            array = _numbers(name, np.ones(shape) if given is None else given, shape, high)
             array.setflags(write=False)
             object.__setattr__(self, name, array)
+        assert self.opacity is not None
+        wrong = (self.opacity < 1.0) & (self.emission > 0.0).any(axis=1)
+        if wrong.any():
+            face = int(np.argmax(wrong))
+            raise InputError(f"face {face} shines, but its opacity is {self.opacity[face]:g}, expected 1")
+
+    @property
+    def is_opaque(self) -> bool:
+        """Whether all triangles are."""
+        assert self.opacity is not None
+        return bool((self.opacity == 1.0).all())
 
     @classmethod
     def plain(cls, mesh: Mesh, albedo: ArrayLike = ALBEDO, emission: ArrayLike = 0.0) -> Surface:
@@ -100,14 +120,14 @@ class BakeScene:
         return cls(scene.mesh, Surface.of(scene), scene.lights, scene.sky)
 
 
-def _colours(name: str, given: ArrayLike, faces: int, high: float) -> NDArray[np.float32]:
+def _numbers(name: str, given: ArrayLike, shape: tuple[int, ...], high: float) -> NDArray[np.float32]:
     try:
         array = np.array(given, np.float32, order="C")
     except (TypeError, ValueError) as error:
         raise InputError(f"{name} cannot be read as an array: {error}") from None
-    if array.shape != (faces, 3):
-        raise InputError(f"{name} has shape {array.shape}, expected ({faces}, 3), a colour a face")
-    good = ((array >= 0.0) & (array <= np.float32(high))).all(axis=1)
+    if array.shape != shape:
+        raise InputError(f"{name} has shape {array.shape}, expected {shape}, a row a face")
+    good = ((array >= 0.0) & (array <= np.float32(high))).reshape(shape[0], -1).all(axis=1)
     if not good.all():
         face = int(np.argmin(good))
         raise InputError(f"{name} of face {face} is {array[face].tolist()}, expected numbers from 0 to {high:g}")

@@ -37,13 +37,15 @@ def tables_of(scene: BakeScene, texels: Texels, options: BakeOptions) -> Tables:
     if not (np.isfinite(sky).all() and np.isfinite(panorama).all()):
         raise InputError("the sky times its power is beyond what float32 can hold; make it darker")
     size = float((mesh.bounds[1] - mesh.bounds[0]).max())
-    arrays = (
+    arrays: Any = (
         np.column_stack([normals, np.einsum("fi,fi->f", normals, corners[:, 0])]),
         mesh.vertices,
         mesh.faces,
         texels.atlas.uv,
         surface.albedo,
         surface.emission,
+        surface.opacity,
+        surface.tint,
         emitters,
         of_emitters.shares,
         of_emitters.density,

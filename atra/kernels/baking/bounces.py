@@ -6,8 +6,9 @@ from collections.abc import Callable
 from functools import cache
 
 import numpy as np
+from numba import njit
 
-from atra.embree.layout import RAY_TFAR
+from atra.embree.layout import RAY_TFAR, RAY_TNEAR
 from atra.kernels.baking.lights import emitter_share, plane_of, sky_share
 from atra.kernels.baking.tables import (
     BACK,
@@ -91,12 +92,21 @@ def scatter(batch, count, vertex):  # type: ignore[no-untyped-def]
             set_vector(batch.floats, DIRECTION, i, around(vector(batch.floats, NORMAL, i), sphere))
 
 
+@njit
+def _passes(tables, key, prim_id, vertex):  # type: ignore[no-untyped-def]
+    """Whether a ray goes on through a triangle that it meets: a hash of both decides."""
+    opacity = tables.opacity[prim_id]
+    if opacity == ONE:
+        return False
+    return unit_of(bits_of(np.uint32(key ^ mixed(np.uint32(prim_id))), np.uint32(vertex))) >= opacity
+
+
 @cache
-def trace_kernel(width: int) -> Callable[..., int]:
-    """Closest hits, in packets of `width`, a constant of the compiled code."""
+def trace_kernel(width: int, see_through: bool) -> Callable[..., int]:
+    """Closest hits, in packets of `width`; it, and whether triangles may let light on, are constants of the code."""
 
     @float_kernel
-    def trace(batch, count, scene, packet):  # type: ignore[no-untyped-def]
+    def trace(batch, count, tables, vertex, scene, packet):  # type: ignore[no-untyped-def]
         """What all paths meet, and how far away. Returns how many rays were traced."""
         traced = 0
         for first in range(0, count, width):
@@ -113,11 +123,25 @@ def trace_kernel(width: int) -> Callable[..., int]:
             for lane in range(width):
                 packet.floats[RAY_TFAR * width + lane] = INFINITY
                 set_no_hit(packet, width, lane)
-            intersect(width, packet.valid, scene, packet)
-            for lane in range(lanes):
-                if batch.alive[first + lane] != 0:
-                    batch.prim_id[first + lane] = hit_prim_id(packet, width, lane)
-                    batch.distance[first + lane] = hit_distance(packet, width, lane)
+            left = rays
+            while left > 0:
+                intersect(width, packet.valid, scene, packet)
+                left = 0
+                for lane in range(lanes):
+                    if packet.valid[lane] == 0:
+                        continue
+                    i = first + lane
+                    prim_id, distance = hit_prim_id(packet, width, lane), hit_distance(packet, width, lane)
+                    if see_through and prim_id != MISS and _passes(tables, batch.key[i], prim_id, vertex):
+                        for channel in range(3):
+                            batch.floats[WEIGHT + channel, i] *= tables.tint[prim_id, channel]
+                        packet.floats[RAY_TNEAR * width + lane] = distance + np.float32(tables.offset)
+                        packet.floats[RAY_TFAR * width + lane] = INFINITY
+                        set_no_hit(packet, width, lane)
+                        left += 1
+                    else:
+                        batch.prim_id[i], batch.distance[i] = prim_id, distance
+                        packet.valid[lane] = 0
         return traced
 
     return trace

@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 from numba import njit
 
-from atra.embree.layout import RAY_TFAR
+from atra.embree.layout import RAY_TFAR, RAY_TNEAR
 from atra.kernels.baking.tables import (
     ACROSS,
     CARRIED,
@@ -38,7 +38,7 @@ from atra.kernels.baking.tables import (
     vector,
 )
 from atra.kernels.caching import float_kernel
-from atra.kernels.packets import INFINITY, hit_distance, occluded
+from atra.kernels.packets import INFINITY, MISS, hit_distance, hit_prim_id, intersect, occluded, set_no_hit
 from atra.kernels.shading.numbers import (
     ONE,
     TWO,
@@ -240,11 +240,11 @@ def plane_of(vertex, kind):  # type: ignore[no-untyped-def]
 
 
 @cache
-def shine_kernel(width: int) -> Callable[..., int]:
-    """Rays to lights, in packets of `width`, a constant of the compiled code."""
+def shine_kernel(width: int, see_through: bool) -> Callable[..., int]:
+    """Rays to lights, in packets of `width`; it, and whether triangles may let light on, are constants of the code."""
 
     @float_kernel
-    def shine(batch, count, plane, scene, packet):  # type: ignore[no-untyped-def]
+    def shine(batch, count, plane, tables, scene, packet):  # type: ignore[no-untyped-def]
         """What rays that nothing stops carry is added to the results from `plane` on. Returns how many were traced."""
         traced = 0
         for first in range(0, count, width):
@@ -260,12 +260,50 @@ def shine_kernel(width: int) -> Callable[..., int]:
                 length = batch.floats[LENGTH, first + lane]
                 packet.floats[RAY_TFAR * width + lane] = length
                 packet.valid[lane] = -1 if length > ZERO else 0
-            occluded(width, packet.valid, scene, packet)
+            if see_through:
+                _filter_light(batch, first, lanes, width, tables, scene, packet)
+            else:
+                occluded(width, packet.valid, scene, packet)
+                for lane in range(lanes):
+                    if hit_distance(packet, width, lane) < ZERO:
+                        batch.floats[LENGTH, first + lane] = ZERO
             for lane in range(lanes):
                 i = first + lane
-                if batch.floats[LENGTH, i] > ZERO and not hit_distance(packet, width, lane) < ZERO:
+                if batch.floats[LENGTH, i] > ZERO:
                     for channel in range(3):
                         batch.results[batch.slot[i], plane + channel] += batch.floats[CARRIED + channel, i]
         return traced
 
     return shine
+
+
+@njit(inline="always")
+def _filter_light(batch, first, lanes, width, tables, scene, packet):  # type: ignore[no-untyped-def]
+    """What rays carry, times what each triangle on their way lets on; those that are stopped have no length then."""
+    for lane in range(width):
+        set_no_hit(packet, width, lane)
+    left = 1
+    while left > 0:
+        intersect(width, packet.valid, scene, packet)
+        left = 0
+        for lane in range(lanes):
+            if packet.valid[lane] == 0:
+                continue
+            i = first + lane
+            packet.valid[lane] = 0
+            prim_id = hit_prim_id(packet, width, lane)
+            if prim_id == MISS:
+                continue
+            share = ONE - tables.opacity[prim_id]
+            if not share > ZERO:
+                batch.floats[LENGTH, i] = ZERO
+                continue
+            for channel in range(3):
+                batch.floats[CARRIED + channel, i] *= share * tables.tint[prim_id, channel]
+            near = hit_distance(packet, width, lane) + np.float32(tables.offset)
+            if near < batch.floats[LENGTH, i]:
+                packet.floats[RAY_TNEAR * width + lane] = near
+                packet.floats[RAY_TFAR * width + lane] = batch.floats[LENGTH, i]
+                set_no_hit(packet, width, lane)
+                packet.valid[lane] = -1
+                left += 1

@@ -51,6 +51,8 @@ class Tables(NamedTuple):
     uv: NDArray[np.float64]
     albedo: NDArray[np.float32]
     emission: NDArray[np.float32]
+    opacity: NDArray[np.float32]
+    tint: NDArray[np.float32]
     emitters: NDArray[np.int32]
     emitter_shares: NDArray[np.float64]
     emitter_density: NDArray[np.float32]
