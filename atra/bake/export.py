@@ -32,9 +32,12 @@ def exposure_of(lightmap: Lightmap) -> float:
     return 1.0 / bright if bright > 0.0 else 1.0
 
 
-def save_maps(lightmap: Lightmap, folder: Path, *, stitch: bool = True) -> list[Path]:
+def save_maps(
+    lightmap: Lightmap, folder: Path, *, stitch: bool = True, visible: NDArray[np.bool_] | None = None
+) -> list[Path]:
     """Write every kind of light as EXR, linear, and PNG, and openness, occupancy and charts as PNG; what was written.
 
+    stitch: whether seams are made to match. visible: (N,) bool, what a view shows, is written, too.
     Raises InputError without the package OpenEXR, StorageError.
     """
     texels = lightmap.texels
@@ -46,12 +49,18 @@ def save_maps(lightmap: Lightmap, folder: Path, *, stitch: bool = True) -> list[
         files[f"{name}.exr"] = exr_of_channels({channel: image[..., k] for k, channel in enumerate("RGB")})
         files[f"{name}.png"] = png_of(exposure * image)
     openness = finished(lightmap, lightmap.openness[:, None])
-    files["openness.png"] = png_of(np.repeat(openness, 3, axis=2))
-    files["occupancy.png"] = png_of(np.repeat(texels.occupied[..., None].astype(float), 3, axis=2))
+    files["openness.png"] = _grey(openness[..., 0])
+    files["occupancy.png"] = _grey(texels.occupied.astype(float))
+    if visible is not None:
+        files["culling_map.png"] = _grey(texels.image(0.2 + 0.8 * visible))
     files["charts.png"] = png_of(texels.image(chart_colours(texels.chart)))
     for name, content in files.items():
         write_atomically(folder / name, content)
     return [folder / name for name in files]
+
+
+def _grey(image: NDArray[np.floating]) -> bytes:
+    return png_of(np.repeat(image[..., None], 3, axis=2))
 
 
 def chart_colours(chart: NDArray[np.integer]) -> NDArray[np.float64]:

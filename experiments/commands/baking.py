@@ -47,8 +47,8 @@ def run_bake(configuration: Configuration) -> Path:
             print(f"interrupted after {int(baker.samples.min())} samples of every texel; writing these")
         taken_s = perf_counter() - start
         print(f"{baker.rays:,} rays in {taken_s:.1f} s, {baker.rays / taken_s / 1e6:.2f} million a second")
-        lightmap = baker.maps
-    for path in [*save_maps(lightmap, folder), save_model(lightmap, scene, folder / "scene.glb")]:
+        lightmap, visible = baker.maps, baker.visible
+    for path in [*save_maps(lightmap, folder, visible=visible), save_model(lightmap, scene, folder / "scene.glb")]:
         print(f"written: {path}")
     return folder
 

@@ -45,9 +45,10 @@ def atlas_of(point: Point, mesh: Mesh) -> Atlas:
     area = float(np.linalg.norm(np.cross(*_edges(mesh.vertices[mesh.faces])), axis=1).sum())
     per_unit = sqrt(float(np.abs(np.nan_to_num(_cross(atlas.uv))).sum()) / area)
     for padding in _PADDINGS:
-        atlas = Atlas.unwrap(mesh, settings.size, padding=padding, texels_per_unit=per_unit, **kept)
-        if Texels.of(mesh, atlas).occupancy <= settings.occupancy:
+        wider = Atlas.unwrap(mesh, settings.size, padding=padding, texels_per_unit=per_unit, **kept)
+        if Texels.of(mesh, wider).occupancy < settings.occupancy:
             break
+        atlas = wider
     return enlarged(atlas, len(Texels.of(mesh, atlas)) / settings.occupancy)
 
 
