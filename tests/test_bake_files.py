@@ -23,6 +23,7 @@ BOX = cube(inwards=True)
 COLOURS = np.repeat([(0.7, 0.6, 0.5), (0.2, 0.4, 0.1)], 6, axis=0)
 SCENE = BakeScene(BOX, Surface.plain(BOX, COLOURS), [render.PointLight((0.3, 0.4, 0.1))])
 ATLAS = sheet(BOX, 8)
+LONG_S = 600
 
 
 def alive() -> list[str]:
@@ -33,7 +34,7 @@ def test_a_snapshot_is_the_bake_that_stopped_there():
     with Baker(SCENE, ATLAS, threads=1, expansion=4) as baker, ProgressiveBake(baker, 64) as bake:
         bake.set_view(atra.Camera((0, 0, 0), (1, 0.2, 0.1), width=32, height=32))
         seen = [one for _ in range(2000) if (one := bake.snapshot()) is not None]
-        assert bake.wait(60)
+        assert bake.wait(LONG_S)
         seen.append(bake.snapshot())
     assert (seen[-1].samples == 64).all()
     whole = {count: baked(SCENE, ATLAS, count).combined for count in {*np.unique(seen[0].samples), 64} if count}
@@ -47,9 +48,9 @@ def test_an_edit_starts_anew_and_a_bake_that_is_left_leaves_no_thread():
     dark = replace(SCENE, lights=[render.PointLight((0.3, 0.4, 0.1), power=0.25)])
     with Baker(SCENE, ATLAS, threads=1) as baker:
         with ProgressiveBake(baker, 32) as bake:
-            assert bake.wait(60)
+            assert bake.wait(LONG_S)
             bake.update(dark)
-            assert bake.wait(60)
+            assert bake.wait(LONG_S)
             np.testing.assert_array_equal(bake.snapshot().combined, baked(dark, ATLAS, 32).combined)
         with ProgressiveBake(baker, 1 << 20) as bake:
             assert alive()
@@ -57,7 +58,7 @@ def test_an_edit_starts_anew_and_a_bake_that_is_left_leaves_no_thread():
         assert not alive()
     nothing = pytest.raises(InputError, match="0 samples")
     with Baker(SCENE, ATLAS, threads=1) as baker, ProgressiveBake(baker, 0) as bake, nothing:
-        bake.wait(60)
+        bake.wait(LONG_S)
 
 
 @pytest.mark.skipif(importlib.util.find_spec("OpenEXR") is None, reason="OpenEXR is not installed (extra `bake`)")

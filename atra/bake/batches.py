@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from atra.bake.charts.texels import Texels
 from atra.bake.options import BakeOptions
 from atra.kernels.baking.bounces import compact, gather, generate, scatter, shade, trace_kernel
-from atra.kernels.baking.lights import aim, plane_of, shine_kernel
+from atra.kernels.baking.lights import aim, plane_of
+from atra.kernels.baking.shadows import shine_kernel
 from atra.kernels.baking.tables import KIND, PATH_ROWS, RESULTS, Batch, Tables
 from atra.kernels.shading.paths import ROW_PADDING
 from atra.rays.scene import Query

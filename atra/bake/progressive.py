@@ -42,7 +42,9 @@ class ProgressiveBake:
                 if self._baker.advance(self._target, self._interrupted):
                     self._slot = self._baker.maps
                 else:
-                    self._done.set()
+                    with self._lock:
+                        if not self._edits:
+                            self._done.set()
                     self._wakes.wait(MOST_WAIT_S)
         except BaseException as error:
             self._error = error
