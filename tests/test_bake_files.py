@@ -16,6 +16,7 @@ import atra
 from atra import render
 from atra.bake import Baker, BakeScene, ProgressiveBake, Surface, save_maps, save_model
 from atra.errors import InputError
+from examples import bake
 from tests.baked import baked, cube, sheet
 from tests.test_command_line import run
 
@@ -107,3 +108,13 @@ def test_the_command_bakes_a_scene_by_name(tmp_path: Path):
     assert {"combined.exr", "combined.png", "charts.png", "scene.glb"} <= {
         path.name for path in (tmp_path / "out").iterdir()
     }
+
+
+@pytest.mark.skipif(importlib.util.find_spec("xatlas") is None, reason="xatlas is not installed (extra `bake`)")
+def test_the_example_shows_the_box_and_its_furnace_is_a_geometric_series(tmp_path):
+    told = bake.main(["--samples", "16", "--size", "48", "--width", "48", "--height", "48", "--out", str(tmp_path)])
+    assert told["furnace"] < 0.01
+    assert told["direct"] + told["indirect"] == pytest.approx(1.0)
+    clay, *shown = np.split(np.asarray(Image.open(tmp_path / "bake.png"), float)[:, :204], [48, 100, 152], axis=1)
+    assert clay.std() > 20
+    assert all(one[:, 4:].std() > 20 for one in shown)
