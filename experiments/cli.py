@@ -1,8 +1,8 @@
 """Command line: `python run.py` measures one point, `python run.py sweep=horizontal` sweeps, `python run.py fetch
 scene=sponza` downloads a scene, `python run.py report sweep=paper` writes a sweep's figures and page anew,
-`python run.py render scene=sponza samples=64 output=picture.exr` makes one picture, `python run.py view` shows a scene
-in the browser, `python run.py doctor` says what this machine has and lacks. With `atra` in place of `python run.py` the
-first is `atra measure`.
+`python run.py render scene=sponza samples=64 output=picture.exr` makes one picture, `python run.py bake scene=sponza`
+a lightmap, `python run.py view` shows a scene in the browser, `python run.py doctor` says what this machine has and
+lacks. With `atra` in place of `python run.py` the first is `atra measure`.
 
 Exit codes: 0 done, 1 something failed, 2 the input cannot be used, 130 interrupted.
 """
@@ -33,6 +33,7 @@ _ACTIONS = {
     "report": "experiments.report.writing:run_report",
     "doctor": "experiments.commands.doctor:run_doctor",
     "render": "experiments.commands.picture:run_picture",
+    "bake": "experiments.commands.baking:run_bake",
     "view": "experiments.viewer.command:run_view",
 }
 """What is asked for, and what does it, which is imported only then. conf/verb/ holds what some of them begin with."""

@@ -65,13 +65,16 @@ SWEEPS = {
     ),
     "planner": (["scene.view=aside,wide"], {"planner"}),
     "views": (["scene.subdivided=0", "scene.copies=1", "workload.views=2", "width=32", "height=32"], set()),
+    "bake_smoke": (["workload.occupancy=null", "workload.compaction=bounces", "workload.packets=1"], set()),
+    "bake_rays_smoke": (["method=raster"], set()),
 }
+WITH_A_TWIN = {"bake", "bake_rays"}
 PARTS_OF_SMOKE = {"horizontal", "vertical", "grid", "build", "memory", "scenes", "paper"}
 
 
 def test_no_sweep_is_left_out_here() -> None:
     names = {path.stem for path in (ROOT / "conf" / "sweep").glob("*.yaml")}
-    assert names - {"point"} == set(SWEEPS) | PARTS_OF_SMOKE
+    assert names - {"point"} == set(SWEEPS) | PARTS_OF_SMOKE | WITH_A_TWIN
 
 
 @pytest.mark.parametrize("name", SWEEPS)

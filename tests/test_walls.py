@@ -91,7 +91,8 @@ WALLS = (
         ("atra.alignment", "atra.planner", "atra.tracers"),
         reason="the judge does not know how an image was made",
     ),
-    Wall("atra", ("atra.render",), apart_from=("atra.render",), reason="pictures stand on top of all else"),
+    Wall("atra", ("atra.render",), apart_from=("atra.render", "atra.bake"), reason="pictures stand on top of all else"),
+    Wall("atra", ("atra.bake",), apart_from=("atra.bake",), reason="nothing but its users knows the baker"),
     Wall("atra.tracers", ("atra.planner",), reason="the planner chooses tracers, not they it"),
     Wall(
         "experiments.harness",

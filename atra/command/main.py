@@ -16,7 +16,7 @@ from atra.command.render import add_render, run_render
 from atra.errors import AtraError
 
 _CLONE = Path(__file__).resolve().parents[2]
-_OF_THE_HARNESS = ("measure", "report", "fetch", "view", "-m", "--multirun")
+_OF_THE_HARNESS = ("measure", "report", "fetch", "view", "bake", "-m", "--multirun")
 _NEEDS_THE_HARNESS = "needs the harness; in a clone of atra's repository, run: pip install -e '.[harness]'"
 _WITH_THE_HARNESS = """\
 with the harness, in a clone of atra's repository where `pip install -e '.[harness]'` was run:
@@ -26,6 +26,7 @@ with the harness, in a clone of atra's repository where `pip install -e '.[harne
   atra fetch scene=sponza        download a scene
   atra view scene=atrium         walk through a scene in the browser
   atra render scene=sponza samples=64 output=picture.exr   make a picture
+  atra bake scene=cornell_box    make a lightmap
   atra measure --help            every field
 """
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import os
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -66,11 +66,15 @@ def png_of(image: NDArray[np.floating]) -> bytes:
 def exr_of(image: NDArray[np.float32], hits: Hits) -> bytes:
     """An EXR of 32 bits: R, G, B; Z, the depth, inf = a miss; N.X, N.Y, N.Z, the triangle's unit normal in the world,
     turned to the eye, 0 = a miss; prim_id, whole numbers, `MISS` = a miss."""
-    OpenEXR = _openexr()
     normals = eye_normals(hits)
     channels: dict[str, Any] = {name: image[..., k] for k, name in enumerate("RGB")}
     channels |= {f"N.{name}": normals[..., k] for k, name in enumerate("XYZ")}
-    channels |= {"Z": hits.depth, "prim_id": hits.prim_id}
+    return exr_of_channels(channels | {"Z": hits.depth, "prim_id": hits.prim_id})
+
+
+def exr_of_channels(channels: Mapping[str, NDArray[Any]]) -> bytes:
+    """An EXR of (H, W) arrays, 32 bits each, by name. Raises InputError without the package OpenEXR."""
+    OpenEXR = _openexr()
     whole = {name: np.ascontiguousarray(channel) for name, channel in channels.items()}
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
     with tempfile.TemporaryDirectory() as folder:  # OpenEXR writes to names of files only

@@ -26,7 +26,7 @@ def surfaces_of(scene: RenderScene, sky_power: float, start_off: float | None) -
     start_off: how far rays start off a triangle; None: by the size of its coordinates.
     """
     materials, texels = _materials(tuple(scene.materials))
-    sky, panorama = _sky(scene.sky, sky_power)
+    sky, panorama = sky_tables(scene.sky, sky_power)
     mesh, numbers = scene.mesh, np.asarray(scene.face_materials)
     none = np.zeros((0, 3), np.float32), np.zeros((0, 2), np.float32)
     arrays = (
@@ -90,7 +90,8 @@ def _materials(materials: tuple[Material, ...]) -> tuple[NDArray[np.float64], ND
     return rows, np.concatenate([np.zeros((0, 3), np.float32), *images])
 
 
-def _sky(sky: Sky, power: float) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+def sky_tables(sky: Sky, power: float) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """`sky` and `panorama` of `Surfaces`, of a sky `power` times as bright as its colours say."""
     row = np.zeros(surface.SKY_WORDS, np.float32)
     if isinstance(sky, GradientSky):
         row[0], row[1:4], row[4:7] = surface.GRADIENT, np.multiply(power, sky.below), np.multiply(power, sky.above)

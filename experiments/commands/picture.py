@@ -36,7 +36,7 @@ def run_picture(configuration: Configuration) -> Path:
     Raises InputError before any work for what no picture can be made of, for a name that ends in neither .png nor .exr,
     and where nothing can be written; MemoryBudgetError, StorageError.
     """
-    path = Path(configuration.output)
+    path = Path(configuration.output or "picture.png")
     check_picture_path(path)
     check_writable(path.absolute().parent)
     (planned,) = plan_points([configuration])

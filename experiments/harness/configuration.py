@@ -30,7 +30,7 @@ class Action(Enum):
 
     measure = points and sweeps; fetch = download a scene; report = write figures, claims and page of a sweep anew;
     doctor = say what this machine has and lacks; view = show a scene on a page of the browser; render = make one
-    picture.
+    picture; bake = make a lightmap.
     """
 
     measure = "measure"
@@ -39,6 +39,7 @@ class Action(Enum):
     doctor = "doctor"
     view = "view"
     render = "render"
+    bake = "bake"
 
 
 class Ties(Enum):
@@ -131,7 +132,7 @@ class Configuration:
 
     method, workload: the options of one of `METHODS` and of one of `WORKLOADS`; once read, instances of their types
     with the names beside them. threads: null = every core; they, build_quality and ties hold for all that is traced at
-    a point, baselines included. output: where action=render writes its picture, .png or .exr.
+    a point, baselines included. output: folder of the files of a bake; null = one of the scene's below results_dir.
     """
 
     scene: SceneConfiguration = field(default_factory=SceneConfiguration)
@@ -147,7 +148,7 @@ class Configuration:
     build_quality: BuildQuality = BuildQuality.medium
     ties: Ties = Ties.lowest
     results_dir: str = "results"
-    output: str = "picture.png"
+    output: str | None = None
     debug: bool = False
 
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from experiments.harness.options import find_named
 from experiments.workloads.agreement import AGREEMENT
+from experiments.workloads.bake import BAKE
+from experiments.workloads.bake_rays import BAKE_RAYS
 from experiments.workloads.build import BUILD
 from experiments.workloads.frame import FRAME
 from experiments.workloads.gather import GATHER
@@ -30,6 +32,8 @@ WORKLOADS: tuple[Workload, ...] = (
     GATHER,
     VIEWS,
     RENDER,
+    BAKE,
+    BAKE_RAYS,
 )
 """In the order of tables and pages."""
 

@@ -1,0 +1,29 @@
+"""Lightmaps: charts of a mesh, their texels, and the light that reaches each."""
+
+from atra.bake.baker import Baker
+from atra.bake.charts.atlas import Atlas
+from atra.bake.charts.finish import Seams, dilated
+from atra.bake.charts.texels import Texels
+from atra.bake.export import save_maps, save_model
+from atra.bake.lights import SpotLight
+from atra.bake.maps import Lightmap, relative_error
+from atra.bake.options import BakeOptions
+from atra.bake.progressive import ProgressiveBake
+from atra.bake.surface import BakeScene, Surface
+
+__all__ = [
+    "Atlas",
+    "BakeOptions",
+    "BakeScene",
+    "Baker",
+    "Lightmap",
+    "ProgressiveBake",
+    "Seams",
+    "SpotLight",
+    "Surface",
+    "Texels",
+    "dilated",
+    "relative_error",
+    "save_maps",
+    "save_model",
+]

@@ -1,0 +1,228 @@
+"""A baker: samples of the light that reaches the texels of a scene's lightmap."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from dataclasses import fields
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from atra.alignment.culling import check_needed_bytes
+from atra.bake.batches import BATCH_BYTES, Job, Work, add_batch, new_batch
+from atra.bake.charts.atlas import Atlas
+from atra.bake.charts.texels import Texels
+from atra.bake.maps import Lightmap
+from atra.bake.options import BakeOptions
+from atra.bake.priority import visible_texels
+from atra.bake.surface import BakeScene
+from atra.bake.tables import tables_of
+from atra.errors import AtraError, InputError
+from atra.geometry.view import View
+from atra.hits import Hits
+from atra.kernels.baking.tables import SUMS, Batch
+from atra.lifetime import Lifetime
+from atra.options import RayOptions
+from atra.rays.scene import Query, RayScene
+from atra.tracers import RasterTracer, Tracer
+from atra.whole_numbers import is_whole_number
+
+
+class Baker(Lifetime):
+    """Light of a scene, sample by sample, on the texels of its map.
+
+        with Baker(BakeScene(mesh, lights=[...]), size=512) as baker:
+            baker.add(64)
+            baker.maps.save(folder)
+
+    scene: see `BakeScene`. atlas: where its triangles lie; None: charts by xatlas on a map of `size` texels. options,
+    changes: of `BakeOptions`.
+
+    texels: what is lit. samples: (N,) int32, of each texel so far. stage_s: seconds by stage since the last restart, of
+    stages in threads their mean. rays, lanes: how many rays were traced, and how many could have been in the same
+    batches. visible: (N,) bool, what the view shows; None without one.
+    Raises InputError as `Texels.of`, `Atlas` and the options do; MemoryBudgetError before anything large is made.
+    """
+
+    def __init__(
+        self,
+        scene: BakeScene,
+        atlas: Atlas | None = None,
+        size: int = 512,
+        options: RayOptions | None = None,
+        **changes: Any,
+    ) -> None:
+        super().__init__()
+        self.options = BakeOptions.of(type(self).__name__, options, changes)
+        own = {field.name: getattr(self.options, field.name) for field in fields(RayOptions)}
+        self.rays_scene = RayScene(scene.mesh, RayOptions(**own))
+        self.scene = scene
+        self._given, self._size = atlas, size
+        self.visible: NDArray[np.bool_] | None = None
+        self._texels: Texels | None = None
+
+    def _plan(self) -> float:
+        start = perf_counter()
+        atlas = self._given or Atlas.unwrap(self.scene.mesh, self._size)
+        needed = atlas.width * atlas.height * (8 * SUMS + 24) + self.options.batch_rays * BATCH_BYTES
+        what = f"sums of a map of {atlas.width} x {atlas.height} texels and rays in flight"
+        check_needed_bytes(needed, None, what, "use a smaller map, or fewer batch_rays")
+        self._texels = Texels.of(self.scene.mesh, atlas)
+        self._tables = tables_of(self.scene, self._texels, self.options)
+        self._restart()
+        return perf_counter() - start
+
+    def _build(self) -> float:
+        self.rays_scene.build()
+        return self.rays_scene.build_time_s
+
+    def _restart(self) -> None:
+        self.samples = np.zeros(len(self.texels), np.int32)
+        self._sums = np.zeros((len(self.texels), SUMS))
+        self._batches: list[Batch | None] = [None] * self.rays_scene.threads
+        self.stage_s: dict[str, float] = {}
+        self.rays = self.lanes = 0
+
+    @property
+    def texels(self) -> Texels:
+        """Raises InputError before `plan`."""
+        if self._texels is None:
+            raise InputError("there are no texels before the baker is planned; use it in a `with` block")
+        return self._texels
+
+    @property
+    def buffer_bytes(self) -> int:
+        """Of rays in flight."""
+        return sum(array.nbytes for batch in self._batches if batch is not None for array in batch)
+
+    def update(self, scene: BakeScene) -> None:
+        """Take other lights, surfaces or sky of the same mesh; the map starts anew. Raises InputError for another
+        mesh."""
+        if scene.mesh is not self.scene.mesh:
+            raise InputError(f"the scene is of {scene.mesh!r}, expected the same mesh as before; make a new baker")
+        with self._lock:
+            tables = tables_of(scene, self.texels, self.options)
+            self.scene, self._tables = scene, tables
+            self._restart()
+
+    def set_view(self, camera: View | None, tracer: Tracer[Hits] | None = None) -> None:
+        """Light first what the camera sees. tracer: what finds it, of this mesh, planned and built; it is told to look
+        there. None: the rasteriser. A camera of None: nothing comes first. No sample is lost."""
+        if camera is None:
+            self.visible = None
+            return
+        with self._tracing():
+            if tracer is not None:
+                tracer.look(camera)  # type: ignore[attr-defined]
+                hits = tracer.trace()
+            else:
+                with RasterTracer(self.scene.mesh, camera, threads=self.rays_scene.threads) as own:
+                    hits = own.trace()
+            self.visible = visible_texels(self.texels, hits, self.rays_scene)
+
+    def add(self, samples: int = 1, stop: Callable[[], bool] | None = None) -> bool:
+        """Add so many samples to every texel. stop: asked before every batch; what is done by then stays.
+
+        Returns whether it came to its end. Raises InputError for a number below 1, EmbreeError when this is not built
+        or already closed, AtraError naming a texel for light that is no finite number.
+        """
+        _check_samples(samples)
+        done = True
+        every = np.ones(len(self.texels), np.bool_)
+        while samples > 0 and done:
+            count = min(samples, self.options.expansion)
+            done = self._pass(every, count, stop)
+            samples -= count
+        return done
+
+    def advance(self, target: int, stop: Callable[[], bool] | None = None) -> bool:
+        """One pass towards `target` samples of every texel: of those that the view shows, or, when these have them, of
+        all. Returns whether there was anything left to do. Arguments and errors as for `add`."""
+        _check_samples(target)
+        with self._lock:
+            wanted = self.samples < target
+            if self.visible is not None and (wanted & self.visible).any():
+                wanted &= self.visible
+            if not wanted.any():
+                return False
+            missing = target - int(self.samples[wanted].max())
+            self._pass(wanted, min(missing, self.options.expansion), stop)
+            return True
+
+    def _pass(self, wanted: NDArray[np.bool_], count: int, stop: Callable[[], bool] | None) -> bool:
+        """`count` samples of the texels that are wanted; whether it came to its end."""
+        with self._tracing():
+            start = perf_counter()
+            order = self._order(wanted)
+            ordered_s = perf_counter() - start
+            threads = self.rays_scene.threads
+            rays = max(self.options.batch_rays // threads, self.options.expansion)
+            per_batch = max(1, rays // count)
+            starts = deque(range(0, len(order), per_batch))  # its `popleft` is safe between threads
+            works = [Work({}) for _ in range(threads)]
+            assert self.scene.surface is not None
+            kind = self.rays_scene.packet_width, self.scene.surface.is_opaque
+            job = Job(self.texels, self._tables, self.options, *kind, order, count, self.samples, self._sums)
+
+            def work(query: Query) -> None:
+                batch = self._batches[query.worker]
+                if batch is None:
+                    batch = self._batches[query.worker] = new_batch(rays)
+                while stop is None or not stop():
+                    try:
+                        first = starts.popleft()
+                    except IndexError:
+                        return
+                    texels = min(per_batch, len(order) - first)
+                    bad = add_batch(job, first, texels, batch, query, works[query.worker])
+                    if bad >= 0:
+                        raise self._not_finite(bad)
+
+            self.rays_scene.run(work)
+            self._count(works, ordered_s, perf_counter() - start)
+            return not starts
+
+    def _order(self, wanted: NDArray[np.bool_]) -> NDArray[np.int32]:
+        """Numbers of texels in the order of rows, or of all texels of the map, -1 where there is nothing to do."""
+        numbers = np.flatnonzero(wanted).astype(np.int32)
+        if self.options.compaction != "none":
+            return numbers
+        atlas = self.texels.atlas
+        order = np.full(atlas.width * atlas.height, -1, np.int32)
+        order[self.texels.number[numbers]] = numbers
+        return order
+
+    def _count(self, works: list[Work], ordered_s: float, whole_s: float) -> None:
+        stages = {"order": ordered_s}
+        for one in works:
+            self.rays += one.rays
+            self.lanes += one.lanes
+            for stage, seconds in one.stage_s.items():
+                stages[stage] = stages.get(stage, 0.0) + seconds / len(works)
+        stages["other"] = whole_s - sum(stages.values())
+        for stage, seconds in stages.items():
+            self.stage_s[stage] = self.stage_s.get(stage, 0.0) + seconds
+
+    def _not_finite(self, texel: int) -> AtraError:
+        row, column = divmod(int(self.texels.number[texel]), self.texels.atlas.width)
+        return AtraError(
+            f"the light of texel ({column}, {row}) is no finite number by sample {self.samples[texel]}; "
+            "make lights or materials darker"
+        )
+
+    @property
+    def maps(self) -> Lightmap:
+        """The means of all samples so far; a copy."""
+        with self._lock:
+            return Lightmap.of(self.texels, self.samples.copy(), self._sums.copy())
+
+    def _release(self) -> None:
+        self.rays_scene.close()
+
+
+def _check_samples(samples: int) -> None:
+    if not is_whole_number(samples) or samples < 1:
+        raise InputError(f"{samples!r} samples are wanted, expected a whole number of at least 1")

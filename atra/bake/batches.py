@@ -1,0 +1,108 @@
+"""Batches: many rays of many texels that go through all stages together, in one thread each."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from atra.bake.charts.texels import Texels
+from atra.bake.options import BakeOptions
+from atra.kernels.baking.bounces import compact, gather, generate, scatter, shade, trace_kernel
+from atra.kernels.baking.lights import aim, plane_of
+from atra.kernels.baking.shadows import shine_kernel
+from atra.kernels.baking.tables import KIND, PATH_ROWS, RESULTS, Batch, Tables
+from atra.kernels.shading.paths import ROW_PADDING
+from atra.rays.scene import Query
+from atra.render.renderer import Laps
+
+BATCH_BYTES = 4 * (PATH_ROWS + 4 + RESULTS) + 1
+"""Of a ray in flight."""
+
+_NEVER = 1 << 30
+
+
+@dataclass
+class Work:
+    """What a thread has done: seconds by stage, rays traced, and lanes that it went through for them."""
+
+    stage_s: dict[str, float]
+    rays: int = 0
+    lanes: int = 0
+
+    def traced(self, rays: int, lanes: int) -> None:
+        self.rays += rays
+        self.lanes += lanes
+
+
+class Job(NamedTuple):
+    """What all batches share. order: as for `generate`. expansion: samples of each texel. samples, sums: written to."""
+
+    texels: Texels
+    tables: Tables
+    options: BakeOptions
+    packet_width: int
+    is_opaque: bool
+    order: NDArray[np.int32]
+    expansion: int
+    samples: NDArray[np.int32]
+    sums: NDArray[np.float64]
+
+
+def new_batch(rays: int) -> Batch:
+    """Memory of so many rays."""
+    return Batch(
+        np.zeros((PATH_ROWS, rays + ROW_PADDING), np.float32),
+        np.empty(rays, np.uint32),
+        np.empty(rays, np.float32),
+        np.empty(rays, np.uint32),
+        np.empty(rays, np.int32),
+        np.zeros(rays, np.int8),
+        np.empty((rays, RESULTS), np.float32),
+    )
+
+
+def add_batch(job: Job, first: int, texel_count: int, batch: Batch, query: Query, work: Work) -> int:
+    """Add samples to `texel_count` texels of the order from number `first` on.
+
+    Returns the number of a texel whose light is no finite number, or -1.
+    """
+    texels, tables, options, expansion = job.texels, job.tables, job.options, job.expansion
+    kind = job.packet_width, not job.is_opaque
+    trace, shine = trace_kernel(*kind), shine_kernel(*kind)
+    lights, going_on = len(tables.lights), options.compaction == "bounces"
+    roulette_from = _NEVER if options.roulette_from is None else options.roulette_from
+    lap = Laps(work.stage_s)
+
+    def light(which: int, vertex: int) -> None:
+        aim(batch, count, tables, which, vertex)
+        lap("aim")
+        plane = plane_of(vertex, int(tables.lights[max(which, 0), KIND]))
+        work.traced(shine(batch, count, plane, tables, query.scene, query.packet), count)
+        lap("shadow")
+
+    lit = texels.prim_id, texels.number
+    generate(batch, job.order, first, texel_count, expansion, job.samples, lit, tables)
+    count = texel_count * expansion
+    lap("generate")
+    for which in range(lights):
+        light(which, 0)
+    for vertex in range(options.bounces + 1):
+        if vertex and lights:
+            light(-1, vertex)
+        scatter(batch, count, vertex)
+        lap("scatter")
+        work.traced(trace(batch, count, tables, vertex, query.scene, query.packet), count)
+        lap("trace")
+        going = shade(batch, count, tables, vertex, vertex == options.bounces, roulette_from)
+        lap("shade")
+        if going == 0:
+            break
+        if going_on:
+            count = compact(batch, count)
+            lap("compact")
+    bad = gather(batch, job.order, first, texel_count, expansion, job.samples, job.sums)
+    lap("gather")
+    return int(bad)

@@ -1,0 +1,189 @@
+"""Atlas: where the triangles of a mesh lie in a lightmap."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import os
+import subprocess
+import sys
+from dataclasses import dataclass
+from importlib.util import find_spec
+from pathlib import Path
+from typing import IO
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from atra.bake.charts.unwrap import UNMAPPED
+from atra.errors import AtraError, InputError
+from atra.files import write_atomically
+from atra.geometry.mesh import Mesh
+from atra.whole_numbers import is_whole_number
+
+MOST_TEXELS = 1 << 14
+"""Along a side of a map: its texels are then counted in 32 bits, and a sum of one is next to nothing."""
+
+_VERSION = 1
+"""Of kept atlases."""
+
+
+@dataclass(frozen=True, eq=False)
+class Atlas:
+    """Charts of a mesh.
+
+    uv: (F, 3, 2) float64, each triangle's corners in texels, row 0 of the map on top; NaN: it has no place.
+    chart: (F,) int32, `UNMAPPED` where it has none. width, height: of the map, texels.
+    Raises InputError for shapes and sizes that do not fit, and naming the first face outside of the map.
+    """
+
+    uv: NDArray[np.float64]
+    chart: NDArray[np.int32]
+    width: int
+    height: int
+
+    def __post_init__(self) -> None:
+        for name, size in (("width", self.width), ("height", self.height)):
+            if not is_whole_number(size) or not 1 <= size <= MOST_TEXELS:
+                raise InputError(f"{name} of a map is {size!r}, expected a whole number from 1 to {MOST_TEXELS}")
+        uv = np.array(self.uv, np.float64, order="C")
+        chart = np.array(self.chart, np.int32)
+        if uv.ndim != 3 or uv.shape[1:] != (3, 2) or chart.shape != uv.shape[:1]:
+            raise InputError(f"uv and charts have shapes {uv.shape} and {chart.shape}, expected (F, 3, 2) and (F,)")
+        outside = (chart != UNMAPPED) & ~((uv >= 0.0) & (uv <= (self.width, self.height))).all(axis=(1, 2))
+        if outside.any():
+            face = int(np.argmax(outside))
+            place = (uv[face] / (self.width, self.height)).tolist()
+            raise InputError(f"uv of face {face} are {place}, expected numbers from 0 to 1")
+        uv[chart == UNMAPPED] = np.nan
+        for name, array in (("uv", uv), ("chart", chart)):
+            array.setflags(write=False)
+            object.__setattr__(self, name, array)
+
+    @property
+    def charts(self) -> int:
+        """How many there are."""
+        return int(self.chart.max(initial=UNMAPPED)) + 1
+
+    @classmethod
+    def of_uv(cls, uv: ArrayLike, width: int, height: int) -> Atlas:
+        """An atlas of one's own. uv: (F, 3, 2), of each triangle's corners, in [0, 1], v upwards as in model files.
+
+        Charts are triangles whose corners coincide. Raises InputError as `Atlas`.
+        """
+        try:
+            given = np.array(uv, np.float64)
+        except (TypeError, ValueError) as error:
+            raise InputError(f"uv cannot be read as an array: {error}") from None
+        if given.ndim != 3 or given.shape[1:] != (3, 2):
+            raise InputError(f"uv have shape {given.shape}, expected (F, 3, 2), a row a corner of a triangle")
+        bad = ~np.isfinite(given).all(axis=(1, 2))
+        if bad.any():
+            raise InputError(f"uv of face {int(np.argmax(bad))} are not finite, expected numbers from 0 to 1")
+        placed = np.stack([given[..., 0] * width, (1.0 - given[..., 1]) * height], axis=-1)
+        return cls(placed, _connected(given), width, height)
+
+    @classmethod
+    def unwrap(
+        cls,
+        mesh: Mesh,
+        size: int = 512,
+        *,
+        padding: int = 2,
+        texels_per_unit: float = 0.0,
+        kept_in: Path | None = None,
+        time_limit_s: float = 600.0,
+    ) -> Atlas:
+        """Charts by xatlas, on a square map of `size` texels.
+
+        padding: texels between charts. texels_per_unit: of a length in the scene, 0 = what fills the map; otherwise the
+        map is as large as they need and `size` means nothing. kept_in: a folder in which the result is kept by the hash
+        of the mesh. time_limit_s: seconds after which a process that unwraps is given up.
+        Raises InputError for bad numbers and where xatlas is not installed, AtraError past the limit.
+        Source: https://github.com/jpcy/xatlas, by its Python bindings.
+        """
+        if not is_whole_number(size) or not 8 <= size <= MOST_TEXELS:
+            raise InputError(f"size of a map is {size!r}, expected a whole number from 8 to {MOST_TEXELS}")
+        if not is_whole_number(padding) or not 0 <= padding <= 64:
+            raise InputError(f"padding is {padding!r}, expected a whole number of texels from 0 to 64")
+        key = _key(mesh, size, padding, texels_per_unit)
+        kept = None if kept_in is None else Path(kept_in) / f"{key}.npz"
+        found = None if kept is None else _read(kept)
+        if found is None:
+            found = _unwrapped(mesh, size, padding, texels_per_unit, time_limit_s)
+            if kept is not None:
+                write_atomically(kept, _packed(found))
+        return found
+
+
+def _key(mesh: Mesh, *settings: float) -> str:
+    digest = hashlib.sha256(repr((_VERSION, *settings)).encode())
+    for array in (mesh.vertices, mesh.faces):
+        digest.update(repr(array.shape).encode() + array.tobytes())
+    return digest.hexdigest()[:32]
+
+
+def _packed(atlas: Atlas) -> bytes:
+    buffer = io.BytesIO()
+    np.savez_compressed(buffer, uv=atlas.uv, chart=atlas.chart, size=np.array([atlas.width, atlas.height]))
+    return buffer.getvalue()
+
+
+def _read(path: Path) -> Atlas | None:
+    """What is kept; None where there is nothing, or nothing that can be used."""
+    try:
+        return _loaded(path)
+    except Exception:  # a damaged archive may raise anything; it is made anew
+        return None
+
+
+def _loaded(file: IO[bytes] | Path) -> Atlas:
+    with np.load(file) as kept:
+        width, height = kept["size"].tolist()
+        return Atlas(kept["uv"], kept["chart"], width, height)
+
+
+def _unwrapped(mesh: Mesh, size: int, padding: int, texels_per_unit: float, time_limit_s: float) -> Atlas:
+    if find_spec("xatlas") is None:
+        raise InputError(
+            "charts need the package xatlas, which is not installed; `pip install xatlas`, or bring uv of your own"
+        )
+    job = io.BytesIO()
+    np.savez(job, vertices=mesh.vertices, faces=mesh.faces, size=size, padding=padding, texels_per_unit=texels_per_unit)
+    command = [
+        sys.executable,
+        "-P",
+        str(Path(__file__).with_name("unwrap.py")),
+    ]  # xatlas cannot be interrupted, and may crash
+    paths = os.pathsep.join(path for path in sys.path if path)
+    try:
+        done = subprocess.run(
+            command,
+            input=job.getvalue(),
+            capture_output=True,
+            timeout=time_limit_s,
+            env=os.environ | {"PYTHONPATH": paths},
+        )
+    except subprocess.TimeoutExpired:
+        raise AtraError(f"xatlas found no charts of {mesh!r} in {time_limit_s:g} s; allow more, or bring uv") from None
+    try:
+        return _loaded(io.BytesIO(done.stdout))
+    except Exception:
+        told = done.stderr.decode(errors="replace").strip().rpartition("\n")[2]
+        raise AtraError(f"xatlas ended without charts of {mesh!r} (code {done.returncode}): {told}") from None
+
+
+def _connected(uv: NDArray[np.float64]) -> NDArray[np.int32]:
+    """Numbers of charts: triangles that share an edge in uv belong together."""
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import connected_components
+
+    _, corner = np.unique(uv.reshape(-1, 2), axis=0, return_inverse=True)
+    corner = corner.reshape(-1, 3)
+    edges = np.sort(np.concatenate([corner[:, [0, 1]], corner[:, [1, 2]], corner[:, [2, 0]]]), axis=1)
+    _, edge = np.unique(edges, axis=0, return_inverse=True)
+    faces, edge_count = len(uv), int(edge.max()) + 1
+    rows = np.tile(np.arange(faces), 3)
+    links = coo_matrix((np.ones(len(rows)), (rows, edge.ravel())), (faces, edge_count)).tocsr()
+    _, chart = connected_components(links @ links.T, directed=False)
+    return np.asarray(chart, np.int32)

@@ -1,0 +1,73 @@
+"""Tables of a scene to be baked, as kernels read them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from atra.bake.charts.texels import Texels, unit_normals
+from atra.bake.lights import Aims, aims_at_emitters, aims_at_sky, light_rows
+from atra.bake.options import BakeOptions
+from atra.bake.surface import BakeScene
+from atra.errors import InputError
+from atra.kernels.baking import tables as words
+from atra.kernels.baking.tables import Tables
+from atra.render.tables import sky_tables
+
+START_OFF = 1e-5
+"""Of the size of the scene: how far rays start off surfaces."""
+
+_WAYS = {"mis": words.GIVES_BOTH, "light": words.GIVES_LIGHT, "bsdf": words.GIVES_BSDF}
+
+
+def tables_of(scene: BakeScene, texels: Texels, options: BakeOptions) -> Tables:
+    """The tables. Raises InputError for light beyond what float32 can hold."""
+    mesh, surface = scene.mesh, scene.surface
+    assert surface is not None
+    normals = unit_normals(mesh)
+    corners = mesh.vertices[mesh.faces].astype(np.float64)
+    areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1) / 2.0
+    emitters, of_emitters = aims_at_emitters(surface.emission, areas)
+    of_sky = aims_at_sky(scene.sky) if options.environment != "bsdf" else None
+    sky_by = words.GIVES_BSDF if of_sky is None else _WAYS[options.environment]
+    of_sky = of_sky or Aims(np.zeros(0), np.zeros((1, 1), np.float32))
+    sky, panorama = sky_tables(scene.sky, scene.sky.power)
+    if not (np.isfinite(sky).all() and np.isfinite(panorama).all()):
+        raise InputError("the sky times its power is beyond what float32 can hold; make it darker")
+    size = float((mesh.bounds[1] - mesh.bounds[0]).max())
+    arrays: Any = (
+        np.column_stack([normals, np.einsum("fi,fi->f", normals, corners[:, 0])]),
+        mesh.vertices,
+        mesh.faces,
+        texels.atlas.uv,
+        surface.albedo,
+        surface.emission,
+        surface.opacity,
+        surface.tint,
+        emitters,
+        of_emitters.shares,
+        of_emitters.density,
+        light_rows(tuple(scene.lights), len(emitters) > 0, sky_by != words.GIVES_BSDF),
+        sky,
+        panorama,
+        of_sky.shares,
+        of_sky.density,
+    )
+    numbers = (
+        np.float64(START_OFF * size),
+        texels.atlas.width,
+        np.float32(options.open_length),
+        sky_by,
+        np.uint32(options.seed),
+    )
+    every: Any = (*map(_read_only, arrays), *numbers)
+    return Tables(*every)
+
+
+def _read_only(array: NDArray) -> NDArray:
+    """Numba compiles anew for an array that may be written to: all are of one kind."""
+    view = np.ascontiguousarray(array).view()
+    view.setflags(write=False)
+    return view

@@ -1,0 +1,266 @@
+"""Stages of a batch of rays from texels: generation, bounces, compaction, and the sums of texels."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+
+import numpy as np
+from numba import njit
+
+from atra.embree.layout import RAY_TFAR, RAY_TNEAR
+from atra.kernels.baking.lights import emitter_share, plane_of, sky_share
+from atra.kernels.baking.tables import (
+    BACK,
+    DIRECT,
+    DIRECTION,
+    ENVIRONMENT,
+    GIVES_BSDF,
+    INDIRECT,
+    LUMINANCE,
+    NORMAL,
+    OPEN,
+    ORIGIN,
+    PATH_ROWS,
+    RESULTS,
+    SKY,
+    SQUARE,
+    WEIGHT,
+    set_vector,
+    vector,
+)
+from atra.kernels.baking.texels import point_at, weights_at
+from atra.kernels.caching import float_kernel
+from atra.kernels.packets import INFINITY, MISS, hit_distance, hit_prim_id, intersect, set_no_hit
+from atra.kernels.shading.numbers import ONE, ZERO, around, bits_of, dot, key_of, mixed, on_sphere, scaled, unit_of
+from atra.kernels.shading.paths import load_rays
+from atra.kernels.shading.scattering import WHITE
+from atra.kernels.shading.surface import sky_colour
+
+_GOLDEN = np.uint32(0x9E3779B9)
+_OF_TEXEL, _OF_BOUNCE = 2, 3
+"""Dimensions: of a point in a texel; then of each bounce, two of its direction and one of whether it goes on."""
+
+_INSET = 2.0
+"""Of how far rays start off a surface: how far from a triangle's rim, where another surface may stand."""
+
+
+@float_kernel
+def generate(batch, order, first, texels, expansion, samples, prim_of, tables):  # type: ignore[no-untyped-def]
+    """The rays of `texels` entries of `order` from number `first` on, `expansion` of each, side by side.
+
+    order: (M,) int32, numbers of texels in the list of those that are lit, or -1: an idle lane. samples: (N,) int32, of
+    each so far. prim_of: (N,) int32, and (N,) int64 numbers in the map.
+    """
+    prim_id, number = prim_of
+    for k in range(texels):
+        texel = order[first + k]
+        for e in range(expansion):
+            i = k * expansion + e
+            batch.slot[i] = i
+            batch.alive[i] = 0 if texel < 0 else 1
+            for one in range(RESULTS):
+                batch.results[i, one] = ZERO
+            if texel < 0:
+                continue
+            sample = np.uint32(samples[texel] + e)
+            key = key_of(np.uint32(number[texel]), mixed(np.uint32(sample * _GOLDEN + tables.seed)))
+            batch.key[i] = key
+            x = number[texel] % tables.width + np.float64(unit_of(bits_of(key, np.uint32(0))))
+            y = number[texel] // tables.width + np.float64(unit_of(bits_of(key, np.uint32(1))))
+            face = prim_id[texel]
+            v, w = weights_at(tables.uv, face, x, y)
+            offset = tables.offset
+            point = point_at(tables.vertices, tables.faces, face, v, w, _INSET * offset)
+            planes = tables.planes
+            nx, ny, nz = planes[face, 0], planes[face, 1], planes[face, 2]
+            batch.floats[ORIGIN, i] = np.float32(point[0] + offset * nx)
+            batch.floats[ORIGIN + 1, i] = np.float32(point[1] + offset * ny)
+            batch.floats[ORIGIN + 2, i] = np.float32(point[2] + offset * nz)
+            set_vector(batch.floats, NORMAL, i, (np.float32(nx), np.float32(ny), np.float32(nz)))
+            set_vector(batch.floats, WEIGHT, i, WHITE)
+
+
+@float_kernel
+def scatter(batch, count, vertex):  # type: ignore[no-untyped-def]
+    """A direction for each path, as often as its cosine says."""
+    first = np.uint32(_OF_TEXEL + _OF_BOUNCE * vertex)
+    for i in range(count):
+        if batch.alive[i] != 0:
+            key = batch.key[i]
+            sphere = on_sphere(unit_of(bits_of(key, first)), unit_of(bits_of(key, first + np.uint32(1))))
+            set_vector(batch.floats, DIRECTION, i, around(vector(batch.floats, NORMAL, i), sphere))
+
+
+@njit
+def _passes(tables, key, prim_id, vertex):  # type: ignore[no-untyped-def]
+    """Whether a ray goes on through a triangle that it meets: a hash of both decides."""
+    opacity = tables.opacity[prim_id]
+    if opacity == ONE:
+        return False
+    return unit_of(bits_of(np.uint32(key ^ mixed(np.uint32(prim_id))), np.uint32(vertex))) >= opacity
+
+
+@cache
+def trace_kernel(width: int, see_through: bool) -> Callable[..., int]:
+    """Closest hits, in packets of `width`; it, and whether triangles may let light on, are constants of the code."""
+
+    @float_kernel
+    def trace(batch, count, tables, vertex, scene, packet):  # type: ignore[no-untyped-def]
+        """What all paths meet, and how far away. Returns how many rays were traced."""
+        traced = 0
+        for first in range(0, count, width):
+            lanes = min(width, count - first)
+            rays = 0
+            for lane in range(lanes):
+                rays += batch.alive[first + lane] != 0
+            if rays == 0:
+                continue
+            traced += rays
+            load_rays(packet, width, batch.floats, ORIGIN, DIRECTION, first, lanes)
+            for lane in range(lanes):
+                packet.valid[lane] = -1 if batch.alive[first + lane] != 0 else 0
+            for lane in range(width):
+                packet.floats[RAY_TFAR * width + lane] = INFINITY
+                set_no_hit(packet, width, lane)
+            left = rays
+            while left > 0:
+                intersect(width, packet.valid, scene, packet)
+                left = 0
+                for lane in range(lanes):
+                    if packet.valid[lane] == 0:
+                        continue
+                    i = first + lane
+                    prim_id, distance = hit_prim_id(packet, width, lane), hit_distance(packet, width, lane)
+                    if see_through and prim_id != MISS and _passes(tables, batch.key[i], prim_id, vertex):
+                        for channel in range(3):
+                            batch.floats[WEIGHT + channel, i] *= tables.tint[prim_id, channel]
+                        packet.floats[RAY_TNEAR * width + lane] = distance + np.float32(tables.offset)
+                        packet.floats[RAY_TFAR * width + lane] = INFINITY
+                        set_no_hit(packet, width, lane)
+                        left += 1
+                    else:
+                        batch.prim_id[i], batch.distance[i] = prim_id, distance
+                        packet.valid[lane] = 0
+        return traced
+
+    return trace
+
+
+@float_kernel
+def shade(batch, count, tables, vertex, is_last, roulette_from):  # type: ignore[no-untyped-def]
+    """Light of what is met is added; paths move to where they go on from, or end.
+
+    is_last: none goes on. roulette_from: bounces after which weak paths end by chance. Returns how many go on.
+    """
+    floats, planes = batch.floats, tables.planes
+    selected = ONE if vertex == 0 else ONE / np.float32(max(1, len(tables.lights)))
+    aims_at_emitters, aims_at_sky = len(tables.emitters) > 0, tables.sky_by != GIVES_BSDF
+    going = 0
+    for i in range(count):
+        if batch.alive[i] == 0:
+            continue
+        slot, prim_id, distance = batch.slot[i], batch.prim_id[i], batch.distance[i]
+        direction, weight = vector(floats, DIRECTION, i), vector(floats, WEIGHT, i)
+        cosine = max(dot(direction, vector(floats, NORMAL, i)), np.float32(1e-12))
+        if vertex == 0 and not distance < tables.open_length:
+            batch.results[slot, OPEN] = ONE
+        batch.alive[i] = 0
+        if prim_id == MISS:
+            light = sky_colour(tables, direction)
+            if aims_at_sky:
+                light = scaled(sky_share(tables, direction, cosine, selected), light)
+            plane = plane_of(vertex, SKY)
+            for channel in range(3):
+                batch.results[slot, plane + channel] += weight[channel] * light[channel]
+            continue
+        nx, ny, nz = planes[prim_id, 0], planes[prim_id, 1], planes[prim_id, 2]
+        facing = nx * direction[0] + ny * direction[1] + nz * direction[2]
+        is_front = facing < 0.0
+        if vertex == 0 and not is_front:
+            batch.results[slot, BACK] = ONE
+        shining = max(tables.emission[prim_id, 0], tables.emission[prim_id, 1], tables.emission[prim_id, 2])
+        if is_front and shining > ZERO:
+            share = ONE
+            if aims_at_emitters:
+                away = np.float32(-facing)
+                share = emitter_share(tables, prim_id, away, cosine, distance * distance, selected)
+            plane = DIRECT if vertex == 0 else INDIRECT
+            for channel in range(3):
+                batch.results[slot, plane + channel] += weight[channel] * (share * tables.emission[prim_id, channel])
+        if is_last:
+            continue
+        red, green, blue = (
+            weight[0] * tables.albedo[prim_id, 0],
+            weight[1] * tables.albedo[prim_id, 1],
+            weight[2] * tables.albedo[prim_id, 2],
+        )
+        most = max(red, green, blue)
+        if not most > ZERO:
+            continue
+        if vertex + 1 >= roulette_from and most < ONE:
+            dimension = np.uint32(_OF_TEXEL + _OF_BOUNCE * vertex + 2)
+            if unit_of(bits_of(batch.key[i], dimension)) >= most:
+                continue
+            red, green, blue = red / most, green / most, blue / most
+        side = 1.0 if is_front else -1.0
+        ox, oy, oz = (
+            np.float64(floats[ORIGIN, i]),
+            np.float64(floats[ORIGIN + 1, i]),
+            np.float64(floats[ORIGIN + 2, i]),
+        )
+        ahead = planes[prim_id, 3] - (nx * ox + ny * oy + nz * oz)
+        t = ahead / facing if facing != 0.0 else np.float64(distance)
+        off = tables.offset * side
+        floats[ORIGIN, i] = np.float32(ox + t * direction[0] + off * nx)
+        floats[ORIGIN + 1, i] = np.float32(oy + t * direction[1] + off * ny)
+        floats[ORIGIN + 2, i] = np.float32(oz + t * direction[2] + off * nz)
+        set_vector(floats, NORMAL, i, (np.float32(side * nx), np.float32(side * ny), np.float32(side * nz)))
+        set_vector(floats, WEIGHT, i, (red, green, blue))
+        batch.alive[i] = 1
+        going += 1
+    return going
+
+
+@float_kernel
+def compact(batch, count):  # type: ignore[no-untyped-def]
+    """Paths that go on move up, in order, each to where the sum of those before it says. Returns how many there are."""
+    kept = 0
+    for i in range(count):
+        if batch.alive[i] != 0:
+            if kept != i:
+                for row in range(PATH_ROWS):
+                    batch.floats[row, kept] = batch.floats[row, i]
+                batch.key[kept], batch.slot[kept], batch.alive[kept] = batch.key[i], batch.slot[i], 1
+            kept += 1
+    return kept
+
+
+@float_kernel
+def gather(batch, order, first, texels, expansion, samples, sums):  # type: ignore[no-untyped-def]
+    """Results are added to the sums of their texels, (N, SUMS) float64, sample by sample, and counted.
+
+    Returns the number of a texel whose light was no finite number, or -1.
+    """
+    bad = -1
+    for k in range(texels):
+        texel = order[first + k]
+        if texel < 0:
+            continue
+        for e in range(expansion):
+            i = k * expansion + e
+            luminance = ZERO
+            for channel in range(3):
+                light = (
+                    batch.results[i, DIRECT + channel]
+                    + batch.results[i, INDIRECT + channel]
+                    + batch.results[i, ENVIRONMENT + channel]
+                )
+                luminance += LUMINANCE[channel] * light
+            if not luminance < INFINITY:
+                bad = texel
+            for one in range(RESULTS):
+                sums[texel, one] += batch.results[i, one]
+            sums[texel, SQUARE] += np.float64(luminance) * luminance
+        samples[texel] += expansion
+    return bad

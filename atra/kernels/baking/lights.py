@@ -1,0 +1,234 @@
+"""Light that arrives straight: rays to lights, to faces that shine and into the sky, and what they carry."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from atra.kernels.baking.tables import (
+    ACROSS,
+    CARRIED,
+    COLOUR,
+    CONE,
+    DIRECT,
+    DIRECTION,
+    EMITTERS,
+    ENVIRONMENT,
+    GIVES_BSDF,
+    GIVES_LIGHT,
+    INDIRECT,
+    KIND,
+    LENGTH,
+    NORMAL,
+    ORIGIN,
+    PLACE,
+    SIZE,
+    SKY,
+    SPHERE,
+    SPOT,
+    SUN,
+    UP,
+    WEIGHT,
+    choose,
+    set_vector,
+    vector,
+)
+from atra.kernels.caching import float_kernel
+from atra.kernels.packets import INFINITY
+from atra.kernels.shading.numbers import (
+    ONE,
+    TWO,
+    ZERO,
+    along,
+    bits_of,
+    circle,
+    dot,
+    scaled,
+    unit,
+    unit_of,
+)
+from atra.kernels.shading.surface import sky_colour
+
+PI = np.float32(np.pi)
+LIGHTS_OF_A_VERTEX, DIMENSIONS = 1 << 12, 4
+"""Rays to lights have dimensions of their own, beyond those that paths take."""
+
+_ALMOST = np.float32(1 - 1e-4)
+"""Of the way to a light: what is at the light itself does not shadow it."""
+
+_NONE = ZERO, ZERO, ZERO
+
+
+@njit
+def _across(direction):  # type: ignore[no-untyped-def]
+    """Two unit vectors at right angles to a unit vector and to each other."""
+    if abs(direction[0]) > abs(direction[1]):
+        side = unit((-direction[2], ZERO, direction[0]))
+    else:
+        side = unit((ZERO, direction[2], -direction[1]))
+    other = (
+        direction[1] * side[2] - direction[2] * side[1],
+        direction[2] * side[0] - direction[0] * side[2],
+        direction[0] * side[1] - direction[1] * side[0],
+    )
+    return side, other
+
+
+@njit(error_model="numpy")
+def _to_light(light, origin, u, v):  # type: ignore[no-untyped-def]
+    """(direction, strength, reach) of a ray to a point of a sun, point, sphere or spot."""
+    kind, size = light[KIND], light[SIZE]
+    centre = light[PLACE], light[PLACE + 1], light[PLACE + 2]
+    across = light[ACROSS], light[ACROSS + 1], light[ACROSS + 2]
+    if kind == SUN:
+        up = light[UP], light[UP + 1], light[UP + 2]
+        x, y = circle(v)
+        radius = size * np.sqrt(u)
+        return unit(along(along(centre, radius * x, across), radius * y, up)), ONE, INFINITY
+    to_light = along(centre, -ONE, origin)
+    squared = dot(to_light, to_light)
+    distance = np.sqrt(squared)
+    direction = scaled(ONE / distance, to_light)
+    strength, reach = ONE / squared, distance * _ALMOST
+    if kind == SPOT:
+        cosine = -dot(direction, across)
+        inner, outer = light[CONE], light[CONE + 1]
+        share = min(ONE, max(ZERO, (cosine - outer) / (inner - outer))) if inner > outer else ONE
+        strength *= share * share * (np.float32(3.0) - TWO * share) if cosine > outer else ZERO
+    elif kind == SPHERE and distance > size:
+        # Uniform over the solid angle it is seen under; the quotient of that and its projected part weighs them.
+        ratio = size * size / squared
+        depth = ratio / (ONE + np.sqrt(ONE - ratio))  # 1 - cos, without losing digits
+        strength *= TWO * depth / ratio
+        cosine = ONE - u * depth
+        radius = np.sqrt(max(ZERO, ONE - cosine * cosine))
+        x, y = circle(v)
+        side, other = _across(direction)
+        direction = along(along(scaled(cosine, direction), radius * x, side), radius * y, other)
+        reach = (distance - size) * _ALMOST
+    return direction, strength, reach
+
+
+@njit(error_model="numpy")
+def _to_emitter(tables, origin, normal, u, v, chance, selected):  # type: ignore[no-untyped-def]
+    """(direction, r g b, reach) of a ray to a point of a face that shines; weighted against rays that find it."""
+    face = tables.emitters[choose(tables.emitter_shares, np.float64(chance))]
+    i, j, k = tables.faces[face, 0], tables.faces[face, 1], tables.faces[face, 2]
+    root = np.sqrt(u)
+    b, c = root * (ONE - v), root * v
+    a = ONE - b - c
+    vertices = tables.vertices
+    point = (
+        a * vertices[i, 0] + b * vertices[j, 0] + c * vertices[k, 0],
+        a * vertices[i, 1] + b * vertices[j, 1] + c * vertices[k, 1],
+        a * vertices[i, 2] + b * vertices[j, 2] + c * vertices[k, 2],
+    )
+    way = along(point, -ONE, origin)
+    squared = dot(way, way)
+    distance = np.sqrt(squared)
+    direction = scaled(ONE / distance, way)
+    planes = tables.planes
+    away = np.float32(
+        -(direction[0] * planes[face, 0] + direction[1] * planes[face, 1] + direction[2] * planes[face, 2])
+    )
+    cosine = dot(normal, direction)
+    if not (away > ZERO and cosine > ZERO):
+        return direction, _NONE, ZERO
+    by_chance = cosine / PI
+    aimed = selected * tables.emitter_density[face] * squared / away
+    share = by_chance / (by_chance + aimed)
+    carried = share * tables.emission[face, 0], share * tables.emission[face, 1], share * tables.emission[face, 2]
+    return direction, carried, distance * _ALMOST
+
+
+@njit(error_model="numpy")
+def _to_sky(tables, normal, u, v, chance, selected):  # type: ignore[no-untyped-def]
+    """(direction, r g b) of a ray into the sky, more often to where it is bright."""
+    rows, columns = tables.sky_density.shape
+    cell = choose(tables.sky_shares, np.float64(chance))
+    row, column = cell // columns, cell % columns
+    # Uniform in solid angle within the cell.
+    upper, lower = np.cos(np.pi * row / rows), np.cos(np.pi * (row + 1) / rows)
+    height = np.float32(upper + (lower - upper) * u)
+    radius = np.sqrt(max(ZERO, ONE - height * height))
+    x, y = circle((np.float32(column) + v) / np.float32(columns))
+    direction = -radius * y, height, radius * x  # column 0 looks along +z, the middle one along -z
+    cosine = dot(normal, direction)
+    if not cosine > ZERO:
+        return direction, _NONE
+    by_chance = cosine / PI
+    aimed = selected * tables.sky_density[row, column]
+    share = by_chance / aimed if tables.sky_by == GIVES_LIGHT else by_chance / (by_chance + aimed)
+    return direction, scaled(share, sky_colour(tables, direction))
+
+
+@njit(error_model="numpy")
+def sky_share(tables, direction, cosine, selected):  # type: ignore[no-untyped-def]
+    """What of the sky's light counts for a ray that left by chance, where rays are also aimed at it."""
+    if tables.sky_by == GIVES_BSDF:
+        return ONE
+    if tables.sky_by == GIVES_LIGHT:
+        return ZERO
+    rows, columns = tables.sky_density.shape
+    height = max(-1.0, min(1.0, np.float64(direction[1])))
+    row = min(np.int64(np.arccos(height) / np.pi * rows), rows - 1)
+    turns = 0.5 + np.arctan2(np.float64(direction[0]), -np.float64(direction[2])) / (2.0 * np.pi)
+    column = min(np.int64(turns * columns), columns - 1)
+    by_chance = cosine / PI
+    return by_chance / (by_chance + selected * tables.sky_density[row, column])
+
+
+@njit(error_model="numpy")
+def emitter_share(tables, face, away, cosine, squared, selected):  # type: ignore[no-untyped-def]
+    """As `sky_share`, for a ray that met a face that shines; away: cosine at the face, squared: of the distance."""
+    by_chance = cosine / PI
+    return by_chance / (by_chance + selected * tables.emitter_density[face] * squared / away)
+
+
+@float_kernel
+def aim(batch, count, tables, given, vertex):  # type: ignore[no-untyped-def]
+    """A ray to a light from where each path is: to light `given`, or, if that is -1, to one of all, by chance.
+
+    vertex: 0 at the texel, then the number of bounces. Sets direction, what is carried and how far it reaches.
+    """
+    floats = batch.floats
+    every = len(tables.lights)
+    selected = ONE if given >= 0 else ONE / np.float32(every)
+    for i in range(count):
+        floats[LENGTH, i] = ZERO
+        if batch.alive[i] == 0:
+            continue
+        key, row = batch.key[i], given
+        first = np.uint32((vertex + 1) * LIGHTS_OF_A_VERTEX)
+        if given < 0:
+            row = min(every - 1, int(unit_of(bits_of(key, first)) * np.float32(every)))
+        else:
+            first += np.uint32(DIMENSIONS * given)
+        u, v = unit_of(bits_of(key, first + np.uint32(1))), unit_of(bits_of(key, first + np.uint32(2)))
+        chance = unit_of(bits_of(key, first + np.uint32(3)))
+        origin, normal = vector(floats, ORIGIN, i), vector(floats, NORMAL, i)
+        kind = tables.lights[row, KIND]
+        if kind == EMITTERS:
+            direction, carried, reach = _to_emitter(tables, origin, normal, u, v, chance, selected)
+        elif kind == SKY:
+            direction, carried = _to_sky(tables, normal, u, v, chance, selected)
+            reach = INFINITY
+        else:
+            light = tables.lights[row]
+            direction, strength, reach = _to_light(light, origin, u, v)
+            strength *= max(ZERO, dot(normal, direction)) / selected
+            carried = scaled(strength, (light[COLOUR], light[COLOUR + 1], light[COLOUR + 2]))
+        weight = vector(floats, WEIGHT, i)
+        carried = carried[0] * weight[0], carried[1] * weight[1], carried[2] * weight[2]
+        if max(carried[0], carried[1], carried[2]) > ZERO:
+            set_vector(floats, DIRECTION, i, direction)
+            set_vector(floats, CARRIED, i, carried)
+            floats[LENGTH, i] = reach
+
+
+@njit(inline="always")
+def plane_of(vertex, kind):  # type: ignore[no-untyped-def]
+    """Where light of a kind is added, seen from the texel (vertex 0) or after bounces."""
+    if vertex > 0:
+        return INDIRECT
+    return ENVIRONMENT if kind == SKY else DIRECT

@@ -1,0 +1,109 @@
+"""Tables of a bake, as kernels read them, and the memory of a batch."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+SUN, POINT, SPHERE, SPOT, EMITTERS, SKY = 0, 1, 2, 3, 4, 5
+KIND, PLACE, SIZE, ACROSS, UP, COLOUR, CONE = 0, 1, 4, 5, 8, 11, 14
+LIGHT_WORDS = 16
+"""float32 of a light; up to UP as of `atra.kernels.shading.lighting`. COLOUR: times its power (3). Of a spot, ACROSS is
+the way it looks (3), and CONE the cosines of the angles where it begins to fade and where it ends (2). Emitting faces
+are one light together, and the sky is one: both have tables of their own."""
+
+ORIGIN, NORMAL, DIRECTION, WEIGHT, CARRIED, LENGTH = 0, 3, 6, 9, 12, 15
+PATH_ROWS = 16
+
+DIRECT, INDIRECT, ENVIRONMENT, OPEN, BACK = 0, 3, 6, 9, 10
+RESULTS = 11
+"""Of a sample: three colours of three channels, then 1 or 0: nothing is near by, and the back of a face is seen."""
+
+SQUARE = RESULTS
+SUMS = RESULTS + 1
+"""Of a texel, float64: sums of the results, and of the square of the luminance of all light."""
+
+LUMINANCE = np.float32(0.2126), np.float32(0.7152), np.float32(0.0722)
+"""Of linear RGB (Rec. 709)."""
+
+GIVES_BOTH, GIVES_LIGHT, GIVES_BSDF = 0, 1, 2
+"""What finds the light of the sky: rays to it and rays that leave by chance, weighted; or one of them alone."""
+
+
+class Tables(NamedTuple):
+    """All that light meets.
+
+    planes: (F, 4) float64, unit normals and n . p. vertices: (V, 3) float32, faces: (F, 3) uint32. uv: (F, 3, 2)
+    float64, texels. albedo, emission: (F, 3) float32. emitters: (E,) int32, faces that shine; emitter_shares: (E,)
+    float64, running sums of how often each is chosen, up to 1; emitter_density: (F,) float32, of a point on a face.
+    lights: (L, LIGHT_WORDS) float32. sky, panorama: as of `Surfaces`; sky_shares: (cells,) float64, running sums as
+    above; sky_density: (R, C) float32, of a direction, per unit of solid angle.
+    offset: how far rays start off a surface. width: texels of a row. open_length: how near a thing counts as near by.
+    sky_by: what finds its light. seed: of random numbers.
+    """
+
+    planes: NDArray[np.float64]
+    vertices: NDArray[np.float32]
+    faces: NDArray[np.uint32]
+    uv: NDArray[np.float64]
+    albedo: NDArray[np.float32]
+    emission: NDArray[np.float32]
+    opacity: NDArray[np.float32]
+    tint: NDArray[np.float32]
+    emitters: NDArray[np.int32]
+    emitter_shares: NDArray[np.float64]
+    emitter_density: NDArray[np.float32]
+    lights: NDArray[np.float32]
+    sky: NDArray[np.float32]
+    panorama: NDArray[np.float32]
+    sky_shares: NDArray[np.float64]
+    sky_density: NDArray[np.float32]
+    offset: np.float64
+    width: int
+    open_length: np.float32
+    sky_by: int
+    seed: np.uint32
+
+
+class Batch(NamedTuple):
+    """N rays, of which the first so many are in use, and what N samples have gathered.
+
+    floats: (PATH_ROWS, > N) float32: origin, unit normal there, unit direction, weight (r, g, b) of what comes from
+    there, what a ray to a light carries (r, g, b), and how far it reaches, 0 = there is none.
+    prim_id: (N,) uint32, what is hit. distance: (N,) float32, how far. key: (N,) uint32, of random numbers. slot: (N,)
+    int32, the sample that this belongs to. alive: (N,) int8, 0 = an idle lane. results: (N, RESULTS) float32.
+    """
+
+    floats: NDArray[np.float32]
+    prim_id: NDArray[np.uint32]
+    distance: NDArray[np.float32]
+    key: NDArray[np.uint32]
+    slot: NDArray[np.int32]
+    alive: NDArray[np.int8]
+    results: NDArray[np.float32]
+
+
+@njit(inline="always")
+def vector(rows, first, index):  # type: ignore[no-untyped-def]
+    return rows[first, index], rows[first + 1, index], rows[first + 2, index]
+
+
+@njit(inline="always")
+def set_vector(rows, first, index, value):  # type: ignore[no-untyped-def]
+    rows[first, index], rows[first + 1, index], rows[first + 2, index] = value
+
+
+@njit
+def choose(shares, number):  # type: ignore[no-untyped-def]
+    """The first place whose running sum lies above `number`, in [0, 1)."""
+    low, high = 0, len(shares) - 1
+    while low < high:
+        middle = (low + high) // 2
+        if shares[middle] > number:
+            high = middle
+        else:
+            low = middle + 1
+    return low

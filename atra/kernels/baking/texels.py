@@ -1,0 +1,141 @@
+"""Texels of charts: which triangle each belongs to, by a conservative rasteriser in float64."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from atra.kernels.caching import kernel
+
+INSIDE = -1.0
+"""Distance of a texel whose centre lies strictly inside of its triangle."""
+
+STRICTLY = 1e-7
+"""Of a texel: how deep a centre must lie in two triangles for them to overlap."""
+
+_NO_AREA = 1e-14
+"""Square texels: below, a triangle has no area in the map."""
+
+
+@njit
+def _square_to_edge(x, y, ax, ay, bx, by):  # type: ignore[no-untyped-def]
+    """Squared distance from a point to a segment."""
+    ex, ey = bx - ax, by - ay
+    t = ((x - ax) * ex + (y - ay) * ey) / (ex * ex + ey * ey)
+    t = min(1.0, max(0.0, t))
+    dx, dy = x - ax - t * ex, y - ay - t * ey
+    return dx * dx + dy * dy
+
+
+@kernel
+def claim_texels(uv, prim_of, distance, overlap):  # type: ignore[no-untyped-def]
+    """Give each texel that a triangle touches to the triangle nearest to its centre, the lowest of several.
+
+    uv: (F, 3, 2) float64, corners in texels; row 0 of the map is y from 0 to 1. prim_of: (H, W) int32, -1 at first.
+    distance: (H, W) float64, infinite at first: squared, from the centre, or `INSIDE`. overlap: (3,) int64, zeroed:
+    texels whose centre lies in two triangles, and the first two such.
+    """
+    height, width = prim_of.shape
+    for face in range(len(uv)):
+        ax, ay = uv[face, 0, 0], uv[face, 0, 1]
+        bx, by = uv[face, 1, 0], uv[face, 1, 1]
+        cx, cy = uv[face, 2, 0], uv[face, 2, 1]
+        area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
+        if not abs(area) > _NO_AREA:
+            continue
+        side = 1.0 if area > 0.0 else -1.0
+        left = max(0, int(np.floor(min(ax, bx, cx))))
+        right = min(width, int(np.ceil(max(ax, bx, cx))))
+        top = max(0, int(np.floor(min(ay, by, cy))))
+        bottom = min(height, int(np.ceil(max(ay, by, cy))))
+        for row in range(top, bottom):
+            y = row + 0.5
+            for column in range(left, right):
+                x = column + 0.5
+                least, touches = np.inf, True
+                for edge in range(3):
+                    px, py = uv[face, edge, 0], uv[face, edge, 1]
+                    qx, qy = uv[face, (edge + 1) % 3, 0], uv[face, (edge + 1) % 3, 1]
+                    ex, ey = qx - px, qy - py
+                    length = np.sqrt(ex * ex + ey * ey)
+                    inward = side * (ex * (y - py) - ey * (x - px)) / length
+                    least = min(least, inward)
+                    touches &= inward + 0.5 * (abs(ex) + abs(ey)) / length > STRICTLY
+                if not touches:
+                    continue
+                if least > STRICTLY:
+                    square = INSIDE
+                    if distance[row, column] == INSIDE:
+                        if overlap[0] == 0:
+                            overlap[1], overlap[2] = prim_of[row, column], face
+                        overlap[0] += 1
+                elif least >= 0.0:
+                    square = 0.0
+                else:
+                    square = min(
+                        _square_to_edge(x, y, ax, ay, bx, by),
+                        _square_to_edge(x, y, bx, by, cx, cy),
+                        _square_to_edge(x, y, cx, cy, ax, ay),
+                    )
+                if square < distance[row, column]:
+                    distance[row, column] = square
+                    prim_of[row, column] = face
+
+
+@njit
+def weights_at(uv, face, x, y):  # type: ignore[no-untyped-def]
+    """Barycentric weights (v, w) of the second and third corner at the point of the triangle nearest to (x, y).
+
+    Source: C. Ericson, "Real-Time Collision Detection", 2005, section 5.1.5, in two dimensions.
+    """
+    ax, ay = uv[face, 0, 0], uv[face, 0, 1]
+    bx, by = uv[face, 1, 0] - ax, uv[face, 1, 1] - ay
+    cx, cy = uv[face, 2, 0] - ax, uv[face, 2, 1] - ay
+    px, py = x - ax, y - ay
+    area = bx * cy - by * cx
+    v, w = (px * cy - py * cx) / area, (bx * py - by * px) / area
+    if v >= 0.0 and w >= 0.0 and v + w <= 1.0:
+        return v, w
+    along_b = min(1.0, max(0.0, (px * bx + py * by) / (bx * bx + by * by)))
+    along_c = min(1.0, max(0.0, (px * cx + py * cy) / (cx * cx + cy * cy)))
+    dx, dy = cx - bx, cy - by
+    along_d = min(1.0, max(0.0, ((px - bx) * dx + (py - by) * dy) / (dx * dx + dy * dy)))
+    to_b = (px - along_b * bx) ** 2 + (py - along_b * by) ** 2
+    to_c = (px - along_c * cx) ** 2 + (py - along_c * cy) ** 2
+    to_d = (px - bx - along_d * dx) ** 2 + (py - by - along_d * dy) ** 2
+    if to_b <= to_c and to_b <= to_d:
+        return along_b, 0.0
+    if to_c <= to_d:
+        return 0.0, along_c
+    return 1.0 - along_d, along_d
+
+
+@njit
+def point_at(vertices, faces, face, v, w, inset):  # type: ignore[no-untyped-def]
+    """(x, y, z) float64 of barycentric weights, moved by `inset`, a length, towards the middle of the triangle."""
+    i, j, k = faces[face, 0], faces[face, 1], faces[face, 2]
+    u = 1.0 - v - w
+    x = u * vertices[i, 0] + v * vertices[j, 0] + w * vertices[k, 0]
+    y = u * vertices[i, 1] + v * vertices[j, 1] + w * vertices[k, 1]
+    z = u * vertices[i, 2] + v * vertices[j, 2] + w * vertices[k, 2]
+    dx = (np.float64(vertices[i, 0]) + vertices[j, 0] + vertices[k, 0]) / 3.0 - x
+    dy = (np.float64(vertices[i, 1]) + vertices[j, 1] + vertices[k, 1]) / 3.0 - y
+    dz = (np.float64(vertices[i, 2]) + vertices[j, 2] + vertices[k, 2]) / 3.0 - z
+    length = np.sqrt(dx * dx + dy * dy + dz * dz)
+    share = min(0.5, inset / length) if length > 0.0 else 0.0
+    return x + share * dx, y + share * dy, z + share * dz
+
+
+@kernel
+def place_texels(uv, vertices, faces, normals, texels, width, prim_of, positions, texel_normals):  # type: ignore[no-untyped-def]
+    """The point of each texel's triangle nearest to its centre, and the normal there.
+
+    texels: (N,) int64, numbers in the map, row by row. prim_of: (N,) int32. positions, texel_normals: (N, 3) float32.
+    """
+    for n in range(len(texels)):
+        face = prim_of[n]
+        v, w = weights_at(uv, face, texels[n] % width + 0.5, texels[n] // width + 0.5)
+        x, y, z = point_at(vertices, faces, face, v, w, 0.0)
+        positions[n, 0], positions[n, 1], positions[n, 2] = x, y, z
+        for axis in range(3):
+            texel_normals[n, axis] = normals[face, axis]

@@ -1,0 +1,46 @@
+"""Small scenes the tests of lightmaps share, with charts of their own."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import atra
+from atra.bake import Atlas, Baker, BakeScene, Lightmap
+from tests.meshes import quads
+
+_CORNERS = np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)])
+
+
+def sheet(mesh: atra.Mesh, texels: int, gap: int = 2) -> Atlas:
+    """Charts of a mesh of quadrilaterals: squares of so many texels side by side, row by row."""
+    count = mesh.triangle_count // 2
+    columns = int(np.ceil(np.sqrt(count)))
+    size = columns * (texels + gap) + gap
+    uv = []
+    for number in range(count):
+        row, column = divmod(number, columns)
+        first = np.array([column, columns - 1 - row]) * (texels + gap) + gap
+        uv += [(first + texels * _CORNERS[list(face)]) / size for face in ((0, 1, 2), (0, 2, 3))]
+    return Atlas.of_uv(np.array(uv), size, size)
+
+
+def cube(half: float = 1.0, inwards: bool = False) -> atra.Mesh:
+    """A closed box around the origin."""
+    corners = half * np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], float)
+    sides = [(0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (1, 3, 7, 5)]
+    return quads([[tuple(corners[k]) for k in (side if inwards else side[::-1])] for side in sides])
+
+
+def baked(scene: BakeScene, atlas: Atlas, samples: int, **options: Any) -> Lightmap:
+    """The map of so many samples."""
+    with Baker(scene, atlas, **({"threads": 1, "batch_rays": 1 << 14} | options)) as baker:
+        baker.add(samples)
+        return baker.maps
+
+
+def standard_error(lightmap: Lightmap) -> NDArray[np.float64]:
+    """(N,), of the luminance of each texel's mean."""
+    return np.sqrt(lightmap.variance.astype(np.float64) / lightmap.samples)

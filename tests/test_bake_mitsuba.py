@@ -1,0 +1,83 @@
+"""Lightmaps against Mitsuba 3's path tracer from the same points: blocks of texels, by a test of means."""
+
+from __future__ import annotations
+
+import importlib.util
+
+import numpy as np
+import pytest
+
+from atra import render
+from atra.bake import Baker, BakeScene
+from tests.baked import cube, sheet, standard_error
+from tests.meshes import joined
+from tests.test_render_mitsuba import as_bsdf
+
+if importlib.util.find_spec("mitsuba") is None:
+    pytest.skip("Mitsuba 3 is not installed (extra `peers`)", allow_module_level=True)
+
+BOUNCES, PATHS, TEXELS, BLOCK = 3, 64, 16, 8
+
+
+def lit_box() -> render.RenderScene:
+    """A closed room of coloured walls with a block in it, and one wall that shines."""
+    room, block = cube(inwards=True), cube(0.3)
+    mesh = joined(room, block)
+    colours = [(0.7, 0.7, 0.6), (0.6, 0.1, 0.1), (0.1, 0.5, 0.2), (0.7, 0.6, 0.7), (0.5, 0.5, 0.5)]
+    materials = [*(render.Lambertian(colour) for colour in colours), render.Emissive((3.0, 2.5, 2.0))]
+    numbers = np.array([1, 2, 0, 5, 3, 0, 4, 4, 4, 4, 4, 4]).repeat(2)
+    return render.RenderScene(mesh, materials, numbers, sky=render.constant_sky(0.0))
+
+
+def of_mitsuba(scene, origins, directions):
+    """(N, 3): radiance of one path along each ray, of BOUNCES reflections at most."""
+    mi = pytest.importorskip("mitsuba")
+    mi.set_variant("scalar_rgb")
+    parts = {"type": "scene"}
+    for number, material in enumerate(scene.materials):
+        properties = mi.Properties()
+        properties["bsdf"] = mi.load_dict(as_bsdf(material))
+        if isinstance(material, render.Emissive):
+            lamp = {"type": "area", "radiance": {"type": "rgb", "value": list(material.colour)}}
+            properties["emitter"] = mi.load_dict(lamp)
+        used, faces = np.unique(scene.mesh.faces[scene.face_materials == number], return_inverse=True)
+        mesh = mi.Mesh(f"part {number}", len(used), faces.size // 3, props=properties)
+        parameters = mi.traverse(mesh)
+        parameters["vertex_positions"] = scene.mesh.vertices[used].ravel()
+        parameters["faces"] = faces.ravel()
+        parameters.update()
+        parts[f"part{number}"] = mesh
+    loaded = mi.load_dict(parts)
+    path = mi.load_dict({"type": "path", "max_depth": BOUNCES + 1, "rr_depth": 10_000})
+    sampler = mi.load_dict({"type": "independent"})
+    sampler.seed(1)
+    found = np.empty_like(origins)
+    for number, (origin, direction) in enumerate(zip(origins.tolist(), directions.tolist(), strict=True)):
+        radiance, _, _ = path.sample(loaded, sampler, mi.RayDifferential3f(mi.Ray3f(origin, direction)))
+        found[number] = np.array(radiance)
+    return found
+
+
+def test_blocks_of_texels_have_the_light_that_mitsuba_finds_from_them():
+    scene = lit_box()
+    with Baker(BakeScene.of(scene), sheet(scene.mesh, TEXELS), threads=1, bounces=BOUNCES) as baker:
+        baker.add(512)
+        lightmap = baker.maps
+    texels = lightmap.texels
+    random = np.random.default_rng(1)
+    which = np.repeat(np.flatnonzero(texels.chart == texels.chart[0]), PATHS)
+    tangent = np.cross(texels.normals[which], np.roll(texels.normals[which], 1, axis=1))
+    other = np.cross(texels.normals[which], tangent)
+    square, turn = random.random(len(which)), 2 * np.pi * random.random(len(which))
+    flat = np.sqrt(square)[:, None] * (np.cos(turn)[:, None] * tangent + np.sin(turn)[:, None] * other)
+    directions = flat + np.sqrt(1 - square)[:, None] * texels.normals[which]
+    theirs = of_mitsuba(scene, texels.positions[which] + 1e-5 * texels.normals[which], directions).sum(axis=1)
+    column, row = texels.number[which] % texels.atlas.width, texels.number[which] // texels.atlas.width
+    block = (row - row.min()) // BLOCK * 8 + (column - column.min()) // BLOCK
+    ours, error = lightmap.combined.sum(axis=1), 3 * standard_error(lightmap)
+    for number in np.unique(block):
+        inside = block == number
+        of_block = np.unique(which[inside])
+        spread = np.hypot(theirs[inside].std() / np.sqrt(inside.sum()), error[of_block].mean() / np.sqrt(len(of_block)))
+        assert abs(theirs[inside].mean() - ours[of_block].mean()) < 4 * spread
+        assert spread < 0.025 * ours[of_block].mean()

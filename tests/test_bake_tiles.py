@@ -1,0 +1,81 @@
+"""Rays of texels of flat charts, carried onto one tile: they see what they would see by themselves."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import atra
+from atra.bake import Texels
+from atra.bake.tiles import Tiles
+from atra.errors import InputError
+from experiments.results.claims import DOES_NOT_HOLD, HOLDS, NOT_MEASURED, UNDECIDED
+from experiments.workloads.bake_rays import Use
+from experiments.workloads.bake_rays.claims import judge_ratio
+from tests.baked import cube, sheet
+from tests.meshes import joined
+
+ROOM = joined(cube(inwards=True), cube(0.3), atra.Mesh(cube(0.2).vertices + np.float32([0.5, 0.1, -0.4]), cube().faces))
+
+
+def tiles_of(size: int) -> Tiles:
+    return Tiles.of(Texels.of(ROOM, sheet(ROOM, 12)), size)
+
+
+def test_every_texel_of_a_flat_chart_is_in_one_tile_and_lies_where_the_tile_says():
+    tiles = tiles_of(5)
+    member = tiles.texel[tiles.texel >= 0]
+    assert sorted(member) == list(range(len(tiles.texels)))
+    assert tiles.texel_share == 1.0
+    k, y, x = np.nonzero(tiles.texel >= 0)
+    places = tiles.origin[k] + (x + 0.5)[:, None] * tiles.across[k] + (y + 0.5)[:, None] * tiles.down[k]
+    np.testing.assert_allclose(places, tiles.texels.positions[tiles.texel[k, y, x]], atol=1e-5)
+
+
+@pytest.mark.parametrize("direction", [(0.35, 1.0, -0.25), (-1, 0.4, 0.3)])
+@pytest.mark.parametrize("offset", [(0.5, 0.5), (0.213, 0.871)])
+def test_aligned_rays_of_tiles_see_what_each_ray_sees(direction, offset):
+    tiles = tiles_of(8)
+    facing = tiles.facing(direction)
+    meshes = {int(tile): tiles.mesh_at(int(tile), direction) for tile in facing}
+    near = {tile: mesh for tile, mesh in meshes.items() if mesh is not None}
+    alignment = atra.Alignment.of_frames([tiles.camera] * len(near), atra.Split.of_image((1, 1), tiles.camera))
+    with atra.FramesTracer(list(near.values()), alignment, threads=1) as tracer:
+        depths = dict(zip(near, tracer.trace(offset).depth, strict=True))
+    found = np.concatenate([depths.get(int(k), np.full((8, 8), np.inf))[tiles.texel[k] >= 0] for k in facing])
+    with atra.RayScene(ROOM, threads=1) as scene:
+        hits = scene.intersect(*tiles.rays(facing, direction, offset))
+    np.testing.assert_array_equal(np.isfinite(found), hits.hit)
+    np.testing.assert_allclose(found, hits.t, rtol=1e-4, atol=1e-5)
+    assert len(found) > 500
+    assert found.std() > 0.1
+
+
+def test_a_size_below_1_is_refused():
+    with pytest.raises(InputError, match="size of a tile is 0"):
+        tiles_of(0)
+
+
+def rows(*intervals: tuple[float, float], scene: str = "cornell_box") -> pd.DataFrame:
+    return pd.DataFrame(
+        [
+            {
+                "workload": "bake_rays", "status": "ok", "use": "sun", "scene": scene, "positions": 16,
+                "packets_over_aligned": (low * high) ** 0.5, "packets_over_aligned_low": low,
+                "packets_over_aligned_high": high,
+            }
+            for low, high in intervals
+        ]
+    )  # fmt: skip
+
+
+def test_a_prediction_is_judged_by_whole_intervals():
+    def verdict(table, gains=True):
+        return judge_ratio(table, Use.sun, lambda rows: rows["positions"] >= 16, gains).verdict
+
+    assert verdict(None) == verdict(rows((1.1, 1.2)).assign(use="sky")) == NOT_MEASURED
+    assert verdict(rows((1.1, 1.2), (1.01, 3.0))) == HOLDS
+    assert verdict(rows((1.1, 1.2), (0.9, 3.0))) == UNDECIDED
+    assert verdict(rows((1.1, 1.2), (0.5, 0.9))) == DOES_NOT_HOLD
+    assert verdict(rows((0.5, 0.9)), gains=False) == HOLDS
