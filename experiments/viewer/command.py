@@ -10,21 +10,15 @@ import numpy as np
 
 from atra.errors import InputError
 from atra.geometry.camera import Camera
-from atra.geometry.mesh import Mesh
-from atra.render import GradientSky, Lambertian, RenderScene, Sun
+from atra.render import RenderScene, Sun
 from experiments.harness.configuration import Configuration
 from experiments.harness.points import camera_fields_of
 from experiments.methods.method import Tracing
 from experiments.viewer.page import Page
 from experiments.viewer.painter import Painter
 from experiments.viewer.request import COLUMNS, SPLITS, Pose, Request, Settings
+from scenes.lit.lighting import lit
 from scenes.loading import load_scene
-
-_PLASTER = Lambertian((0.7, 0.7, 0.7))
-"""What scenes are made of that say nothing of it."""
-
-_FORWARD, _RIGHT = 0.5, 0.3
-"""How their sun's light travels beside downwards: from behind the camera's left shoulder, into what it looks into."""
 
 
 def run_view(configuration: Configuration) -> None:
@@ -42,13 +36,13 @@ def run_view(configuration: Configuration) -> None:
     if split_x not in SPLITS:
         raise InputError(f"method.split_x is {split_x}, expected one of {', '.join(map(str, SPLITS))} in the viewer")
     pose = Pose(camera.eye, camera.target, camera.up, camera.fov_y_degrees)
-    lit = _lit(scene.mesh, camera)
+    shown = lit(scene.name, scene.mesh, camera)
     settings = Settings(
-        method=chosen.name, split_x=split_x, occlusion_length=_rounded(0.1 * size), **light_settings(lit)
+        method=chosen.name, split_x=split_x, occlusion_length=_rounded(0.1 * size), **light_settings(shown)
     )
     first = Request(pose, settings)
     tracing = Tracing(configuration.threads, configuration.build_quality.value, configuration.ties.value)
-    painter = Painter(lit, chosen, tracing)
+    painter = Painter(shown, chosen, tracing)
     with (
         contextlib.suppress(KeyboardInterrupt),
         contextlib.closing(painter),
@@ -57,12 +51,6 @@ def run_view(configuration: Configuration) -> None:
         print(f"viewer: {page.address} shows {scene.name}; Ctrl-C ends it", flush=True)
         page.run()
     print("viewer: ended")
-
-
-def _lit(mesh: Mesh, camera: Camera) -> RenderScene:
-    right, down, forward = camera.axes
-    x, y, z = (down + _FORWARD * forward + _RIGHT * right).tolist()
-    return RenderScene(mesh, [_PLASTER], lights=[Sun((x, y, z), 0.5)], sky=GradientSky(power=0.5))
 
 
 def light_settings(scene: RenderScene) -> dict[str, Any]:
