@@ -19,6 +19,7 @@ from atra.judge.ties import coplanar_overlaps, lowest_of_ties, tie_tiles
 from atra.kernels.bvh.images import image_kernel
 from atra.kernels.bvh.memory import Memory
 from atra.kernels.packets import Image, RayGrid
+from atra.kernels.shafts.grid import NO_SHAFTS, Shafts
 from atra.lifetime import TracerLifetime
 from atra.options import BvhOptions
 from atra.parallel import WorkerPool, resolve_threads
@@ -129,12 +130,17 @@ class BvhTracer(NoGathering, TracerLifetime):
         shape, camera, tree = SQUAREST_SHAPE[self.packet_width], self.camera, self._bvh.tree
         rays = RayGrid(*image_ray_grid(camera, offset, shape))
         shared = ray_axes(camera)[2].astype(np.float32)
-        kernel = image_kernel(*shape, self.options.traversal == "push", counting, camera.is_parallel)
+        shafts, seeded = self._shafts, self._shafts is not NO_SHAFTS
+        kernel = image_kernel(*shape, self.options.traversal == "push", counting, camera.is_parallel, seeded)
 
         def work(worker: int, counter: int) -> None:
-            kernel(counter, tree, rays, shared, self._tiles, image, self._memories[worker])
+            kernel(counter, tree, rays, shared, self._tiles, image, shafts, self._memories[worker])
 
         self._pool.run(work)
+
+    @property
+    def _shafts(self) -> Shafts:
+        return NO_SHAFTS
 
     @property
     def triangle_count(self) -> int:

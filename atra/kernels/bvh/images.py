@@ -23,6 +23,7 @@ from atra.kernels.caching import float_kernel
 from atra.kernels.gathering.lanes import uint32_at
 from atra.kernels.intrinsics import fetch_add, float_at
 from atra.kernels.packets import INFINITY, ray_component
+from atra.kernels.shafts.grid import list_of, push_list, shaft_of
 
 _ZERO = np.float32(0.0)
 
@@ -57,19 +58,22 @@ def hit_of(bundle, width, lane):  # type: ignore[no-untyped-def]
 
 
 @cache
-def image_kernel(shape_x: int, shape_y: int, push: bool, counting: bool, parallel: bool) -> Callable[..., None]:
+def image_kernel(
+    shape_x: int, shape_y: int, push: bool, counting: bool, parallel: bool, seeded: bool
+) -> Callable[..., None]:
     """The loop for packets of shape_x x shape_y pixels; push, counting: see `atra.kernels.bvh.single.nearest`.
 
-    parallel: rays differ in their origins and share a direction, instead of the reverse.
+    parallel: rays differ in their origins and share a direction, instead of the reverse. seeded: single rays start from
+    the lists of shafts.
     """
     width = shape_x * shape_y
 
     @float_kernel
-    def trace_pixels(counter_address, tree, rays, shared, tiles, image, memory):  # type: ignore[no-untyped-def]
+    def trace_pixels(counter_address, tree, rays, shared, tiles, image, shafts, memory):  # type: ignore[no-untyped-def]
         """Trace every pixel, tile by tile, until the shared counter runs past the last tile.
 
         tree: `Tree`. rays: `RayGrid`, filled up to whole packets. shared: (3,) float32, the direction of parallel rays.
-        tiles: `PixelTiles`. image: written completely. memory: this thread's own.
+        tiles: `PixelTiles`. image: written completely. shafts: `Shafts`. memory: this thread's own.
         """
         image_height, image_width = image.depth.shape
         stack, nears, counts, bundle = memory.stack, memory.nears, memory.counts, memory.bundle
@@ -84,7 +88,11 @@ def image_kernel(shape_x: int, shape_y: int, push: bool, counting: bool, paralle
                     stack[0] = ROOT
                     if width == 1:
                         ray = pixel_ray(parallel, rays, shared, x0, y0)
-                        t, prim_id = nearest(push, False, counting, tree, ray, INFINITY, stack, nears, 1, counts)
+                        size = 1
+                        if seeded:
+                            start = list_of(shafts, shaft_of(shafts.grid, ray))
+                            size = push_list(shafts, start, stack, counting, counts)
+                        t, prim_id = nearest(push, False, counting, tree, ray, INFINITY, stack, nears, size, counts)
                         image.depth[y0, x0], image.prim_id[y0, x0] = t, prim_id
                         continue
                     for lane in range(width):
