@@ -54,8 +54,9 @@ SWEEPS = {
         {"gather", "figure5_gather"},
     ),
     "planner": (["scene.view=aside,wide"], {"planner"}),
+    "classification_smoke": ([], {"classification_probability", "classification_shafts"}),
 }
-PARTS_OF_SMOKE = {"horizontal", "vertical", "grid", "build", "memory", "scenes", "paper"}
+PARTS_OF_SMOKE = {"horizontal", "vertical", "grid", "build", "memory", "scenes", "paper", "classification"}
 
 
 def test_no_sweep_is_left_out_here() -> None:
@@ -74,5 +75,6 @@ def test_a_sweep_runs_and_leaves_its_figures(name: str, tmp_path: Path) -> None:
     assert {path.stem for path in folder.glob("*.png")} == figures
     table = pd.read_parquet(folder / "table.parquet")
     assert (table["status"] != "failed").all()
-    assert (table[table["method"] != LLVMPIPE.name]["pixels_wrong"].dropna() == 0).all()
+    for wrong in {"pixels_wrong", "rays_wrong", "rays_different"} & set(table):
+        assert (table[table["method"] != LLVMPIPE.name][wrong].dropna() == 0).all()
     assert (folder / "report.html").exists() == (name == "smoke")

@@ -5,6 +5,7 @@ from __future__ import annotations
 from experiments.harness.options import find_named
 from experiments.methods.aligned import ALIGNED
 from experiments.methods.bvh import BVH
+from experiments.methods.classified import CLASSIFIED
 from experiments.methods.method import Method
 from experiments.methods.peers.embreex_run import EMBREEX
 from experiments.methods.peers.llvmpipe import LLVMPIPE
@@ -23,6 +24,7 @@ METHODS: tuple[Method, ...] = (
     PIXEL,
     RASTER,
     BVH,
+    CLASSIFIED,
     EMBREEX,
     TRIMESH,
     MITSUBA3,

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Any
 
+from atra.bvh.scene import BvhScene
 from atra.bvh.tracer import BvhTracer
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
@@ -43,11 +44,18 @@ def _make(mesh: Mesh, view: View, options: BvhOptions, tracing: Tracing) -> BvhT
     )  # fmt: skip
 
 
+def _make_rays(mesh: Mesh, options: BvhOptions, tracing: Tracing) -> BvhScene:
+    return BvhScene(
+        mesh, packet_width=options.packet_width, traversal=options.traversal.value, threads=tracing.threads,
+    )  # fmt: skip
+
+
 def variant(row: Mapping[str, Any]) -> str:
     """Whatever is not as it is by default."""
     return "tested when popped" if row.get("traversal") == Traversal.pop.value else ""
 
 
 BVH = Method(
-    "bvh", "own BVH", Style(SKY, "P"), BvhOptions, _make, variant=variant, counters=(BVH_BYTES,)
+    "bvh", "own BVH", Style(SKY, "P"), BvhOptions, _make, variant=variant, counters=(BVH_BYTES,),
+    make_rays=_make_rays
 )  # fmt: skip

@@ -12,6 +12,7 @@ from experiments.workloads.moving import MOVING
 from experiments.workloads.multiframe import MULTIFRAME
 from experiments.workloads.picture import PICTURE
 from experiments.workloads.planner import PLANNER
+from experiments.workloads.rays import RAYS
 from experiments.workloads.surface import SURFACE
 from experiments.workloads.workload import Workload
 
@@ -26,6 +27,7 @@ WORKLOADS: tuple[Workload, ...] = (
     SURFACE,
     MOVING,
     GATHER,
+    RAYS,
 )
 """In the order of tables and pages."""
 
