@@ -55,16 +55,13 @@ def _problem(point: Point) -> str | None:
     return f"method={point.method} traces no batches of rays, expected one of {able}"
 
 
-def preparation_s(record: Record) -> float | None:
-    """What comes beside the BVH before the first ray."""
-    parts = [record.results.get(name) for name in ("shaft_build_time_s", "sampling_time_s", "order_time_s")]
-    return float(sum(part for part in parts if part is not None))
-
-
 def _break_even(record: Record) -> float | None:
+    """None where nothing is saved."""
+    if PLAIN not in record.samples:
+        return None
     saved = median(record.samples[PLAIN]) - median(record.samples[OWN])
-    prepared = preparation_s(record)
-    return prepared / saved if saved > 0 and prepared is not None else None
+    parts = (record.results.get(name, 0.0) for name in ("shaft_build_time_s", "sampling_time_s", "order_time_s"))
+    return float(sum(parts) / saved) if saved > 0 else None
 
 
 def _ratio_columns(name: str, help: str, read: Any) -> tuple[Column, ...]:

@@ -55,6 +55,8 @@ def draw(rows: pd.DataFrame, columns: int, setting: str) -> Figure:
 def _draw_panel(axis: Axes, rows: pd.DataFrame, setting: str) -> None:
     for kind, (color, marker, dash) in _STYLES.items():
         of_kind = rows[rows["ray_kind"].eq(kind)]
+        if of_kind.empty:
+            continue
         lines = of_kind.groupby("shaft_directions") if setting == "shafts" else [("", of_kind)]
         for place, (_, line) in enumerate(lines):
             x, y = numbers(line, setting), numbers(line, "steps_ratio")
