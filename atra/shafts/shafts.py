@@ -26,6 +26,9 @@ FARTHEST = 8.0
 """Largest coordinate of an origin, of that of the box, whose shaft is told: farther away, roundings come close to
 slack."""
 
+LEAST_BYTES = 1 << 16
+"""Of lists and look-up that are allowed in any case: the BVH of a few triangles is smaller than a single voxel's."""
+
 _AT_ONCE = 1 << 14
 _LIKELY_BYTES = 40
 """A guess of the memory of a shaft, from which the search for the resolution starts."""
@@ -114,13 +117,13 @@ def build_shafts(
 
     grid: in place of the one that the options lead to. used: numbers of the shafts that are to have lists, of subsets
     that hang on rays. Raises MemoryBudgetError where look-up and lists of a single voxel need more than
-    `options.memory` times the memory of the BVH, or what is needed is not free.
+    `options.memory` times the memory of the BVH and LEAST_BYTES, or what is needed is not free.
     """
     start = perf_counter()
     if grid is not None or options.cells is not None:
         grid = grid or grid_of(bvh, options.cells or 1, options.directions)
         return _lists(bvh, options, pool, grid, used, start)
-    budget = options.memory * bvh.bytes
+    budget = max(options.memory * bvh.bytes, LEAST_BYTES)
     cells, too_many, best = max(int(budget / (_LIKELY_BYTES * 6 * options.directions**2)), 1), np.inf, None
     for attempt in count():
         found = _lists(bvh, options, pool, grid_of(bvh, cells, options.directions), used, start)

@@ -27,7 +27,7 @@ def sweep_lines(rows: pd.DataFrame) -> Iterator[Table]:
     """A line a point. rows: those of this workload that were measured."""
     title = "steps, and speed-up over the same rays from the root, and over single rays and packets of Embree"
     table = narrow_table(title, "scene, rays, method", ("batch", *_NUMBERS.values()))
-    varying = settings_that_vary(rows, (*best_of(), "ray_kind"))
+    varying = settings_that_vary(rows, (*best_of(), "packet_width", "ray_kind"))
     for _, row in rows.iterrows():
         told = (row["scene"], row["ray_kind"], say_kind(row), *(say_setting(name, row[name]) for name in varying))
         name = escape(printable(", ".join(map(str, told))))
