@@ -24,9 +24,9 @@ class ShaftOptions(BvhOptions):
     cells: voxels; None: as many as `memory` allows. directions: cells along each side of the six faces of a cube.
     memory: of lists and look-up, as a multiple of that of the BVH but at least 64 KiB, if `cells` is None.
     probability: how probable a hit of a node must be for it to be opened. rays: sampled in each shaft. longest: nodes
-    of a list. subset: one of SUBSETS. share: of the rays of a sample whose shafts have lists, if `subset` is "sampled". empty: one of EMPTY.
-    occlusion: whether a sampled ray ends where it hits something. shaft_order: rays of a batch are traced shaft by
-    shaft, and packets start from the list that their rays share.
+    of a list. subset: one of SUBSETS. share: of the rays of a sample whose shafts have lists, if `subset` is "sampled".
+    empty: one of EMPTY. occlusion: whether a sampled ray ends where it hits something. shaft_order: rays of a batch are
+    traced shaft by shaft, and packets start from the list that their rays share.
     Raises InputError, with the value, for cells, directions, rays and longest that are not whole or less than 1,
     longest beyond 255, a probability or a share outside (0, 1], a memory that is not above 0, and unknown words.
     """
