@@ -57,10 +57,8 @@ class ShaftScene(BvhScene):
             numbers = None
             if options.subset in ("sampled", "hits"):
                 step = SAMPLE if options.subset == "sampled" else 1
-                sample = batch._replace(
-                    origins=batch.origins[::step], directions=batch.directions[::step],
-                    tnear=batch.tnear[::step], tfar=batch.tfar[::step],
-                )  # fmt: skip
+                few = Rays(rays.origins[::step], rays.directions[::step], rays.tnear[::step], rays.tfar[::step])
+                sample = batch_of(few, 1)
                 numbers = self._classified(sample)
                 used = _most_used(numbers, options.share if options.subset == "sampled" else 1.0)
                 sampled_s = perf_counter() - start
