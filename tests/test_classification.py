@@ -24,6 +24,10 @@ def row(kind="primary", scene="box", **changes):
     return told | {"triangles": 12, "stands_for": None} | options | MEASURED | changes
 
 
+def of_all_kinds(**changes):
+    return [row(kind, **changes) for kind in ("primary", "occlusion", "diffuse")]
+
+
 def table(*rows):
     return pd.DataFrame({
         name: pd.array([one.get(name) for one in rows], dtype=column.dtype) for name, column in columns().items()
@@ -40,8 +44,9 @@ def verdict(claim, *rows):
     [
         ("same-hits", [row()], [row(rays_wrong=1)]),
         ("same-hits", [row(rays_different=1)], [row(rays_different=2)]),
-        ("fewer-steps", [row(), row("diffuse", steps_ratio=0.6)], [row(), row("diffuse", steps_ratio=0.7)]),
-        ("less-time", [row(speedup_vs_bvh_high=1.19)], [row(speedup_vs_bvh_high=1.17)]),
+        ("fewer-steps", [row(steps_ratio=0.6), row("diffuse"), row("occlusion")],
+         [row(steps_ratio=0.8), row("diffuse"), row("occlusion")]),
+        ("less-time", of_all_kinds(speedup_vs_bvh_high=1.19), of_all_kinds(speedup_vs_bvh_high=1.17)),
         ("less-traffic", [row()], [row(), row("diffuse", bytes_touched=101)]),
         ("equal-lists", [row()], [row(list_bytes=96 * 20)]),
         ("lower-subtrees", [row()], [row(entry_height_mean=11.0)]),
@@ -90,7 +95,8 @@ def test_every_claim_is_not_measured_without_its_points_and_undecided_without_an
     other = row() | {"method": "bvh", "status": "failed"}
     assert {verdict(claim, other) for claim in BY_ID} == {NOT_MEASURED}
     assert judge_claim(CLAIMS[0], None)[0].verdict == NOT_MEASURED
-    assert verdict("less-time", row(speedup_vs_bvh_low=None, speedup_vs_bvh_high=None)) == UNDECIDED
+    assert verdict("fewer-steps", row()) == NOT_MEASURED  # of one kind alone
+    assert verdict("less-time", *of_all_kinds(speedup_vs_bvh_low=None, speedup_vs_bvh_high=None)) == UNDECIDED
 
 
 def test_figures_draw_a_line_for_each_kind_of_rays_and_nothing_where_nothing_varies():

@@ -72,7 +72,7 @@ def same_hits(table: pd.DataFrame) -> Judgement | None:
 def fewer_steps(table: pd.DataFrame) -> Judgement | None:
     """Geometric mean of steps_ratio."""
     rows = usual(table)
-    if not len(rows):
+    if rows["ray_kind"].nunique() < len(KINDS):  # the average is over all
         return None
     mean = _mean(numbers(rows, "steps_ratio"))
     value = f"{mean:.2f} ({_each(rows, 'steps_ratio')})"
@@ -82,7 +82,7 @@ def fewer_steps(table: pd.DataFrame) -> Judgement | None:
 def less_time(table: pd.DataFrame) -> Judgement | None:
     """Geometric mean of speedup_vs_bvh, and its interval."""
     rows = usual(table)
-    if not len(rows):
+    if rows["ray_kind"].nunique() < len(KINDS):  # the average is over all
         return None
     mean = _mean(numbers(rows, "speedup_vs_bvh"))
     ends = [numbers(rows, f"speedup_vs_bvh_{end}") for end in ("low", "high")]
