@@ -9,6 +9,7 @@ Implementation with Embree".
 
 from atra.alignment.alignment import Alignment
 from atra.alignment.split import Split
+from atra.bvh.tracer import BvhTracer
 from atra.cameras.colmap import read_colmap
 from atra.cameras.nerf import read_transforms
 from atra.cameras.trimesh_scene import read_trimesh
@@ -27,6 +28,7 @@ from atra.mesh_files.face_sources import FaceSources, load_face_sources
 from atra.mesh_files.loading import load_mesh
 from atra.options import (
     AlignedOptions,
+    BvhOptions,
     CellOptions,
     Options,
     PixelOptions,
@@ -59,6 +61,8 @@ __all__ = [
     "AlignedTracer",
     "Alignment",
     "AtraError",
+    "BvhOptions",
+    "BvhTracer",
     "CalibratedCamera",
     "Camera",
     "CellOptions",

@@ -24,7 +24,10 @@ GEOMETRIES = ("copied", "instanced")
 """How the cells' sheared geometry comes into the scene."""
 
 LANES = (4, 8, 16)
-"""Numbers of pixels that can be drawn at once."""
+"""Numbers of pixels that can be drawn at once, and of rays that can be taken through a tree of ours together."""
+
+TRAVERSALS = ("push", "pop")
+"""When a node's box is tested: before it is put on the stack, or when it is taken from there."""
 
 
 @dataclass(frozen=True)
@@ -193,6 +196,30 @@ class RasterOptions(Choices):
         check_ties(self.ties)
         if self.lanes not in (None, *LANES):
             raise InputError(f"lanes is {self.lanes!r}, expected one of {', '.join(map(str, LANES))}, or None")
+
+
+@dataclass(frozen=True)
+class BvhOptions(Choices):
+    """Options of `BvhTracer`.
+
+    threads, ties: as in `Options`. packet_width: rays taken through the tree together, 1, 4, 8 or 16. traversal: "push"
+    tests both children of a node when it is entered, and the nearer one comes next; "pop" tests a node when its turn
+    comes. The hits are the same.
+    Raises InputError, with the value, for other widths and traversals, for threads and for ties.
+    """
+
+    threads: int | None = None
+    ties: str = "lowest"
+    packet_width: int = 1
+    traversal: str = "push"
+
+    def __post_init__(self) -> None:
+        resolve_threads(self.threads)
+        check_ties(self.ties)
+        if self.packet_width not in (1, *LANES):
+            raise InputError(f"packet_width is {self.packet_width!r}, expected one of 1, {', '.join(map(str, LANES))}")
+        if self.traversal not in TRAVERSALS:
+            raise InputError(f"traversal is {self.traversal!r}, expected one of {', '.join(TRAVERSALS)}")
 
 
 def check_ties(ties: str) -> None:

@@ -97,6 +97,19 @@ VALUES: dict[str, tuple[Any, Any, str]] = {
     "threads": (1, 2, "threads 2"),
     "build_quality": ("high", "low", "low build quality"),
     "ties": ("any", "lowest", "ties lowest"),
+    "ray_kind": ("diffuse", "primary", "ray kind primary"),
+    "traversal": ("push", "pop", "traversal pop"),
+    "ray_order": ("image", "shaft", "ray order shaft"),
+    "shaft_cells": (None, 8, "shaft cells 8"),
+    "shaft_directions": (4, 8, "shaft directions 8"),
+    "shaft_memory": (1.0, 2.0, "shaft memory 2.0"),
+    "shaft_probability": (0.5, 0.25, "shaft probability 0.25"),
+    "shaft_rays": (20, 5, "shaft rays 5"),
+    "shaft_list": (31, 7, "shaft list 7"),
+    "shaft_subset": ("complete", "hits", "shaft subset hits"),
+    "shaft_share": (0.9, 0.5, "shaft share 0.5"),
+    "shaft_empty": ("miss", "root", "shaft empty root"),
+    "shaft_occlusion": (True, False, "shaft occlusion off"),
 }
 BESIDE = ("separate", "visible_first", "rasteriser", *(f"{name}_primary" for name in MEASURED.samples))
 """Series that workloads have of their own."""

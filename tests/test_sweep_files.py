@@ -65,10 +65,11 @@ SWEEPS = {
     ),
     "planner": (["scene.view=aside,wide"], {"planner"}),
     "views": (["scene.subdivided=0", "scene.copies=1", "workload.views=2", "width=32", "height=32"], set()),
+    "classification_smoke": ([], {"classification_probability", "classification_shafts"}),
     "bake_smoke": (["workload.occupancy=null", "workload.compaction=bounces", "workload.packets=1"], set()),
     "bake_rays_smoke": (["method=raster"], set()),
 }
-WITH_A_TWIN = {"bake", "bake_rays"}
+WITH_A_TWIN = {"bake", "bake_rays", "classification"}
 PARTS_OF_SMOKE = {"horizontal", "vertical", "grid", "build", "memory", "scenes", "paper"}
 
 
@@ -88,5 +89,6 @@ def test_a_sweep_runs_and_leaves_its_figures(name: str, tmp_path: Path) -> None:
     assert {path.stem for path in folder.glob("*.png")} == figures
     table = pd.read_parquet(folder / "table.parquet")
     assert (table["status"] != "failed").all()
-    assert (table[table["method"] != LLVMPIPE.name]["pixels_wrong"].dropna() == 0).all()
+    for wrong in {"pixels_wrong", "rays_wrong", "rays_different"} & set(table):
+        assert (table[table["method"] != LLVMPIPE.name][wrong].dropna() == 0).all()
     assert (folder / "report.html").exists() == (name == "smoke")

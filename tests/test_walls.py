@@ -40,7 +40,18 @@ class Wall:
 
 METHOD_FILES = tuple(
     f"experiments.methods.{name}"
-    for name in ("aligned", "aligned_forms", "cells", "naming", "peers", "pixel", "tiles", "visible_first")
+    for name in (
+        "aligned",
+        "aligned_forms",
+        "bvh",
+        "cells",
+        "classified",
+        "naming",
+        "peers",
+        "pixel",
+        "tiles",
+        "visible_first",
+    )
 )
 WORKLOAD_ROOMS = tuple(f"experiments.workloads.{workload.name}" for workload in WORKLOADS)
 

@@ -56,8 +56,10 @@ class BvhCost:
     triangles_tested: float
 
 
-def bvh_cost(vertices: NDArray[np.float32], faces: NDArray[np.uint32], build_quality: str = "medium") -> BvhCost:
-    """Of the BVH that Embree builds of these triangles, with eight children a node and up to four triangles a leaf.
+def bvh_cost(
+    vertices: NDArray[np.float32], faces: NDArray[np.uint32], build_quality: str = "medium", children: int = 8
+) -> BvhCost:
+    """Of the BVH that Embree builds of these triangles, with so many children a node and up to four triangles a leaf.
 
     vertices: (V, 3) float32. faces: (F, 3) uint32; no face: no test. build_quality: "low" or "medium"; "high", which
     splits triangles, counts as medium. Raises EmbreeError.
@@ -75,7 +77,7 @@ def bvh_cost(vertices: NDArray[np.float32], faces: NDArray[np.uint32], build_qua
                 byte_size=ctypes.sizeof(BuildArguments),
                 # Splitting triangles, as high quality does, would need a callback for it.
                 quality=min(layout.BUILD_QUALITY[build_quality], layout.BUILD_QUALITY["medium"]),
-                max_branching_factor=8,
+                max_branching_factor=children,
                 max_depth=48,
                 sah_block_size=4,
                 min_leaf_size=1,

@@ -127,7 +127,7 @@ def order_rays(counter_address, keys, starts, rays, ordered):  # type: ignore[no
 
 
 @njit(inline="always")
-def _length(directions, ray):  # type: ignore[no-untyped-def]
+def ray_length(directions, ray):  # type: ignore[no-untyped-def]
     """(l, 1 / l): the largest power of two that no component of the direction is below, all of them being less."""
     x, y, z = directions[ray, 0], directions[ray, 1], directions[ray, 2]
     largest = np.float32(max(abs(x), abs(y), abs(z)))
@@ -143,7 +143,7 @@ def _load(packet, width, lane, rays, ray):  # type: ignore[no-untyped-def]
     then depends on the length of the direction, and what is tiny (`ray_component`) is so for all. Embree would lose
     short directions, and long ones would leave the range of float32. Origins stay as they are: tiny ones lose nothing.
     """
-    length, inverse = _length(rays.directions, ray)
+    length, inverse = ray_length(rays.directions, ray)
     floats = packet.floats
     floats[RAY_ORG_X * width + lane] = rays.origins[ray, 0]
     floats[RAY_ORG_Y * width + lane] = rays.origins[ray, 1]
@@ -167,7 +167,7 @@ def _place(rays, ray):  # type: ignore[no-untyped-def]
 @njit(inline="always")
 def _are_alike(rays, first, lanes):  # type: ignore[no-untyped-def]
     """Whether so many rays start and head alike, as neighbours of a camera do."""
-    _, inverse = _length(rays.directions, first)
+    _, inverse = ray_length(rays.directions, first)
     for ray in range(first + 1, first + lanes):
         for axis in range(3):
             turned = abs(rays.directions[ray, axis] - rays.directions[first, axis]) * inverse
@@ -213,7 +213,7 @@ def closest_hit_kernel(width: int) -> Callable[..., None]:
                 for lane in range(lanes):
                     place, found = _place(rays, first + lane), hit_prim_id(packet, width, lane)
                     prim_id[place] = found
-                    _, inverse = _length(rays.directions, first + lane)
+                    _, inverse = ray_length(rays.directions, first + lane)
                     t[place] = hit_distance(packet, width, lane) * inverse if found != MISS else INFINITY
 
     return intersect_rays

@@ -2,7 +2,7 @@
 
 # Okabe and Ito's palette, told apart by the colour-blind too; shapes and dashes say the same again.
 BLACK, BLUE, GREEN, ORANGE, PURPLE, VERMILLION = "#333333", "#0072B2", "#009E73", "#E69F00", "#CC79A7", "#D55E00"
-GREY = "#555555"
+GREY, SKY = "#555555", "#56B4E9"
 DASHED, DOTTED, DASH_DOTTED = (0, (6, 2)), (0, (1, 1.2)), (0, (5, 1.5, 1, 1.5))
 
 PARTS = tuple((color, hatch) for hatch in ("", "///") for color in (BLACK, BLUE, GREEN, ORANGE, PURPLE, VERMILLION))

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from experiments.harness.options import find_named
 from experiments.methods.aligned import ALIGNED
+from experiments.methods.bvh import BVH
+from experiments.methods.classified import CLASSIFIED
 from experiments.methods.method import Method
 from experiments.methods.peers.embreex_run import EMBREEX
 from experiments.methods.peers.llvmpipe import LLVMPIPE
@@ -21,6 +23,8 @@ METHODS: tuple[Method, ...] = (
     TILES,
     PIXEL,
     RASTER,
+    BVH,
+    CLASSIFIED,
     EMBREEX,
     TRIMESH,
     MITSUBA3,

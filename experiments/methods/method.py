@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any
 
+from atra.bvh.scene import BvhScene
 from atra.errors import InputError
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
@@ -79,7 +80,8 @@ class Method:
     variant: a row's options -> what distinguishes it but split and packets, in words, or "". words: width of the
     packets -> the name of such a series, where it is not "<label>, packets of <width>". counters: columns of its own,
     read from its tracer's `counters`. problem: why it cannot run here, None = it can. version: of a foreign package,
-    part of a record's identity. is_ours: a method of atra, no other people's tracer.
+    part of a record's identity. is_ours: a method of atra, no other people's tracer. make_rays: mesh, options and what
+    holds for the whole point -> what traces batches of rays that come from no camera; None where the method does not.
     """
 
     name: str
@@ -94,6 +96,7 @@ class Method:
     problem: Callable[[], str | None] = always_available
     version: Callable[[], str | None] = always_available
     is_ours: bool = True
+    make_rays: Callable[[Mesh, Any, Tracing], BvhScene] | None = None
 
     def has(self, name: str) -> bool:
         """Whether its options have a field of this name."""

@@ -37,7 +37,7 @@ Judge = Callable[[pd.DataFrame | None], Judgement]
 
 @dataclass(frozen=True)
 class Claim:
-    """One statement of the paper.
+    """One statement of a paper.
 
     section: where in the paper. text: in our own words. paper_value: what the paper reports.
     how: how our value and the verdict are computed from the table.
@@ -100,9 +100,9 @@ def verdict_on(readings: Sequence[JudgedClaim]) -> str:
     return next(one for one in (NOT_MEASURED, UNDECIDED, DOES_NOT_HOLD) if one in verdicts)
 
 
-def write_claims(folder: Path, findings: Sequence[JudgedClaim]) -> None:
-    """Write `claims.json` and `claims.csv` into `folder`; a missing interval or reason is null, in CSV empty."""
+def write_claims(folder: Path, findings: Sequence[JudgedClaim], name: str = "claims") -> None:
+    """Write `<name>.json` and `<name>.csv` into `folder`; a missing interval or reason is null, in CSV empty."""
     rows = [asdict(finding) for finding in findings]
-    write_atomically(folder / "claims.json", (json.dumps(rows, indent=1, ensure_ascii=False) + "\n").encode())
-    names = list(JudgedClaim.__dataclass_fields__)
-    write_atomically(folder / "claims.csv", pd.DataFrame(rows, columns=names).to_csv(index=False).encode())
+    write_atomically(folder / f"{name}.json", (json.dumps(rows, indent=1, ensure_ascii=False) + "\n").encode())
+    columns = list(JudgedClaim.__dataclass_fields__)
+    write_atomically(folder / f"{name}.csv", pd.DataFrame(rows, columns=columns).to_csv(index=False).encode())

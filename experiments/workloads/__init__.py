@@ -14,6 +14,7 @@ from experiments.workloads.moving import MOVING
 from experiments.workloads.multiframe import MULTIFRAME
 from experiments.workloads.picture import PICTURE
 from experiments.workloads.planner import PLANNER
+from experiments.workloads.rays import RAYS
 from experiments.workloads.render import RENDER
 from experiments.workloads.surface import SURFACE
 from experiments.workloads.views import VIEWS
@@ -34,6 +35,7 @@ WORKLOADS: tuple[Workload, ...] = (
     RENDER,
     BAKE,
     BAKE_RAYS,
+    RAYS,
 )
 """In the order of tables and pages."""
 

@@ -1,0 +1,166 @@
+"""A mesh that rays are shot at in batches, through a BVH of ours."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from time import perf_counter
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from atra.bvh.bvh import Bvh, build_bvh
+from atra.geometry.mesh import Mesh
+from atra.geometry.ray_space import check_world_range
+from atra.kernels.bvh.batches import Batch, batch_kernel
+from atra.kernels.bvh.memory import Memory
+from atra.kernels.packets import MISS
+from atra.kernels.shafts.grid import NO_SHAFTS, UNKNOWN, Shafts
+from atra.lifetime import Lifetime
+from atra.options import BvhOptions
+from atra.parallel import WorkerPool, resolve_threads
+from atra.rays.rays import RayHits, Rays
+
+
+@dataclass(frozen=True, eq=False)
+class PreparedRays:
+    """Rays in the order in which a scene traces them.
+
+    rays: as given. batch: for kernels. shafts: whose lists they start from. sampling_time_s, order_time_s: seconds that
+    it took to find which shafts they use, and to put them in order.
+    """
+
+    rays: Rays
+    batch: Batch
+    shafts: Shafts
+    sampling_time_s: float = 0.0
+    order_time_s: float = 0.0
+
+    def from_root(self, width: int) -> PreparedRays:
+        """The same rays in the same order, in full packets of `width`, each from the root."""
+        return PreparedRays(self.rays, batch_of(self.rays, width, self.batch.order), NO_SHAFTS)
+
+
+class BvhScene(Lifetime):
+    """Closest hits and occlusion for rays that come from no camera, through a binary BVH of our own.
+
+        with BvhScene(mesh) as scene:
+            hits = scene.intersect(scene.prepare(atra.Rays(origins, directions)))
+
+    options: see `atra.BvhOptions`; changes: fields of it by name; packets are those of neighbours in the batch.
+    Triangles and `prim_id` are as for `atra.RayScene`; of equally near ones the lowest `prim_id` is stored. The answers
+    are the same to the bit for all options.
+    Raises InputError as the options do, and for a mesh smaller than 1e-9 or farther than 1e11 from the world's origin.
+    """
+
+    options_type: ClassVar[type[BvhOptions]] = BvhOptions
+    options: BvhOptions
+
+    def __init__(self, mesh: Mesh, options: BvhOptions | None = None, **changes: Any) -> None:
+        super().__init__()
+        check_world_range(mesh)
+        self.options = self.options_type.of(type(self).__name__, options, changes)
+        self.mesh = mesh
+        self.packet_width = int(self.options.packet_width)
+        self.threads = resolve_threads(self.options.threads)
+        self._pool = WorkerPool(self.threads)
+        self._memories = [Memory.of(self.packet_width) for _ in range(self.threads)]
+        self._bvh: Bvh | None = None
+
+    @property
+    def bvh(self) -> Bvh:
+        """The BVH, once it is built."""
+        assert self._bvh is not None
+        return self._bvh
+
+    def _plan(self) -> float:
+        return 0.0
+
+    def _build(self) -> float:
+        start = perf_counter()
+        kept = np.ones(self.mesh.triangle_count, np.bool_)
+        kept[self.mesh.without_area] = False
+        self._bvh = build_bvh(self.mesh.vertices, self.mesh.traced_faces, kept, self._pool)
+        return perf_counter() - start
+
+    @property
+    def counters(self) -> Mapping[str, float]:
+        """Plain numbers by name: bvh_bytes, the memory of nodes and triangles."""
+        return {"bvh_bytes": self.bvh.bytes}
+
+    def prepare(self, rays: Rays) -> PreparedRays:
+        """Put rays in order and find what they start from. Raises EmbreeError before `build` and after `close`."""
+        with self._tracing():
+            return PreparedRays(rays, batch_of(rays, self.packet_width), NO_SHAFTS)
+
+    def intersect(self, prepared: PreparedRays, out: RayHits | None = None) -> RayHits:
+        """The closest hit of every ray between its `tnear` and `tfar`.
+
+        prepared: of `prepare` of this scene. out: an earlier result of as many rays whose arrays are to be overwritten.
+        Raises EmbreeError before `build` and after `close`.
+        """
+        count = len(prepared.rays)
+        t = np.empty(count, np.float32) if out is None else out.t
+        prim_id = np.empty(count, np.uint32) if out is None else out.prim_id
+        self._run(prepared, t, prim_id, any_hit=False, counting=False)
+        return RayHits(t, prim_id, prepared.rays, self.mesh)
+
+    def occluded(self, prepared: PreparedRays) -> NDArray[np.bool_]:
+        """(N,) bool: whether a ray hits anything between its `tnear` and `tfar`. Raises as `intersect`."""
+        t, prim_id = np.empty(len(prepared.rays), np.float32), np.empty(len(prepared.rays), np.uint32)
+        self._run(prepared, t, prim_id, any_hit=True, counting=False)
+        return prim_id != MISS
+
+    def count(self, prepared: PreparedRays, any_hit: bool = False) -> tuple[NDArray[np.uint32], NDArray[np.int64]]:
+        """What rays hit, (N,) uint32 prim_id, and what it took, by the names in `atra.kernels.bvh.single`."""
+        t, prim_id = np.empty(len(prepared.rays), np.float32), np.empty(len(prepared.rays), np.uint32)
+        for memory in self._memories:
+            memory.counts[:] = 0
+        self._run(prepared, t, prim_id, any_hit=any_hit, counting=True)
+        return prim_id, np.sum([memory.counts for memory in self._memories], axis=0)
+
+    def _run(
+        self,
+        prepared: PreparedRays,
+        t: NDArray[np.float32],
+        prim_id: NDArray[np.uint32],
+        *,
+        any_hit: bool,
+        counting: bool,
+    ) -> None:
+        push, shafts, batch = self.options.traversal == "push", prepared.shafts, prepared.batch
+        kernel = batch_kernel(self.packet_width, push, any_hit, counting, shafts is not NO_SHAFTS)
+        with self._tracing():
+            tree = self.bvh.tree
+
+            def work(worker: int, counter: int) -> None:
+                kernel(counter, tree, batch, shafts, t, prim_id, self._memories[worker])
+
+            self._pool.run(work)
+
+    def _release(self) -> None:
+        self._pool.close()
+        self._bvh = None
+
+
+def batch_of(
+    rays: Rays,
+    width: int,
+    order: NDArray[np.int64] | None = None,
+    starts: NDArray[np.int64] | None = None,
+    lists: NDArray[np.int64] | None = None,
+) -> Batch:
+    """Rays for kernels. order: None: as they come. starts: where packets begin, None: every `width` rays; lists: where
+    the list of each begins, None: from the root."""
+    count = len(rays)
+    starts = np.arange(0, count, width) if starts is None else starts
+    return Batch(
+        rays.origins,
+        rays.directions,
+        rays.tnear,
+        rays.tfar,
+        np.arange(count) if order is None else order,
+        np.append(starts, count),
+        np.full(len(starts), UNKNOWN) if lists is None else lists,
+    )

@@ -1,0 +1,157 @@
+"""One ray per pixel through a binary BVH of our own: what a traversal that may start anywhere is held against."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from time import perf_counter
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from atra.alignment.culling import check_image_memory, plan_plain_geometry
+from atra.bvh.bvh import Bvh, build_bvh
+from atra.geometry.mesh import Mesh
+from atra.geometry.ray_space import check_range, from_eye_space, ray_axes
+from atra.geometry.view import View, check_offset
+from atra.hits import Hits
+from atra.judge.ties import coplanar_overlaps, lowest_of_ties, tie_tiles
+from atra.kernels.bvh.images import image_kernel
+from atra.kernels.bvh.memory import Memory
+from atra.kernels.packets import Image, RayGrid
+from atra.kernels.shafts.grid import NO_SHAFTS, Shafts
+from atra.lifetime import TracerLifetime
+from atra.options import BvhOptions
+from atra.parallel import WorkerPool, resolve_threads
+from atra.tracers.gathering import NoGathering
+from atra.tracers.images import images_of, outputs
+from atra.tracers.pixel import SQUAREST_SHAPE, pixel_tiles
+from atra.tracers.rays import image_ray_grid
+
+
+class BvhTracer(NoGathering, TracerLifetime):
+    """One ray per pixel through a binary BVH of our own (`atra.bvh`), single or in packets; no Embree.
+
+    BvhTracer(mesh, camera, options=None, **changes): options are of `atra.BvhOptions`, changes fields of it by name.
+    As `PixelTracer` it keeps the BVH while the camera turns about its eye.
+    Raises InputError as the options do, and for a mesh smaller than 1e-9 or farther than 1e11 from the eye;
+    MemoryBudgetError for an image that the free memory cannot hold.
+    """
+
+    options_type: ClassVar[type[BvhOptions]] = BvhOptions
+    options: BvhOptions
+    embree_bytes = 0
+    why_not = "its traversal stops at the nearest hit"
+
+    def __init__(self, mesh: Mesh, camera: View, options: BvhOptions | None = None, **changes: Any) -> None:
+        super().__init__()
+        self.options = self.options_type.of(type(self).__name__, options, changes)
+        self.mesh = mesh
+        self.packet_width = int(self.options.packet_width)
+        self.threads = resolve_threads(self.options.threads)
+        self._pool = WorkerPool(self.threads)
+        self._memories = [Memory.of(self.packet_width) for _ in range(self.threads)]
+        self._bvh: Bvh | None = None
+        self._set_camera(camera)
+
+    def _set_camera(self, camera: View) -> None:
+        check_range(self.mesh, camera)
+        check_image_memory(camera.height, camera.width)
+        self.camera = camera
+        self._tie_tiles: NDArray[np.bool_] | None = None
+        self._tiles = pixel_tiles(camera.width, camera.height)
+
+    def _look(self, camera: View) -> bool:
+        before = self.camera
+        self._set_camera(camera)
+        if camera.eye == before.eye and np.array_equal(from_eye_space(camera), from_eye_space(before)):
+            if self._is_planned:
+                self._plan_ties()
+            return True
+        self._bvh = None
+        return False
+
+    @property
+    def views(self) -> tuple[tuple[Mesh, View], ...]:
+        """What the image shows, and its camera."""
+        return ((self.mesh, self.camera),)
+
+    def _plan(self) -> float:
+        if self.options.ties == "lowest":  # found once per mesh, like reading it, and so outside the clock of a plan
+            coplanar_overlaps(self.mesh)
+        start = perf_counter()
+        self._plan_ties()
+        return perf_counter() - start
+
+    def _plan_ties(self) -> None:
+        if self.options.ties == "lowest":
+            tiles = tie_tiles(self.mesh, self.camera)
+            self._tie_tiles = tiles if tiles.any() else None
+
+    def _build(self) -> float:
+        start = perf_counter()
+        vertices = plan_plain_geometry(self.mesh, self.camera).vertices
+        kept = np.ones(self.mesh.triangle_count, np.bool_)
+        kept[self.mesh.without_area] = False
+        self._bvh = build_bvh(vertices, self.mesh.traced_faces, kept, self._pool)
+        return perf_counter() - start
+
+    def trace(self, offset: tuple[float, float] = (0.5, 0.5), out: Hits | None = None) -> Hits:
+        """Trace one frame; all rays go through sub-pixel position `offset` of their pixels, in [0, 1) x [0, 1).
+
+        out: an earlier result of this tracer whose arrays are to be overwritten, which saves allocating an image; it
+        must not be read any more.
+        Raises InputError for an offset outside the pixel or an `out` that does not fit, EmbreeError when the tracer is
+        not built or already closed.
+        """
+        check_offset(offset)
+        with self._tracing():
+            camera = self.camera
+            depth, prim_id = outputs((camera.height, camera.width), camera.width, images_of(out))
+            self._run(offset, Image(depth, prim_id), counting=False)
+            if self._tie_tiles is not None:
+                lowest_of_ties(self.mesh, camera, self._tie_tiles, offset, prim_id, self._pool)
+            return Hits(depth, prim_id, offset, self.mesh, camera, self.threads)
+
+    def count(self, image: Image, offset: tuple[float, float] = (0.5, 0.5)) -> NDArray[np.int64]:
+        """Trace a frame into arrays and return what it took, by the names in `atra.kernels.bvh.single`; takes longer.
+
+        Ties are left as they are. Raises as `trace` does.
+        """
+        check_offset(offset)
+        with self._tracing():
+            for memory in self._memories:
+                memory.counts[:] = 0
+            self._run(offset, image, counting=True)
+            return np.sum([memory.counts for memory in self._memories], axis=0)
+
+    def _run(self, offset: tuple[float, float], image: Image, counting: bool) -> None:
+        assert self._bvh is not None
+        shape, camera, tree = SQUAREST_SHAPE[self.packet_width], self.camera, self._bvh.tree
+        rays = RayGrid(*image_ray_grid(camera, offset, shape))
+        shared = ray_axes(camera)[2].astype(np.float32)
+        shafts, seeded = self._shafts, self._shafts is not NO_SHAFTS
+        kernel = image_kernel(*shape, self.options.traversal == "push", counting, camera.is_parallel, seeded)
+
+        def work(worker: int, counter: int) -> None:
+            kernel(counter, tree, rays, shared, self._tiles, image, shafts, self._memories[worker])
+
+        self._pool.run(work)
+
+    @property
+    def _shafts(self) -> Shafts:
+        return NO_SHAFTS
+
+    @property
+    def triangle_count(self) -> int:
+        """Triangles of the mesh, hidden ones included."""
+        return self.mesh.triangle_count
+
+    @property
+    def counters(self) -> Mapping[str, float]:
+        """What `atra.Tracer` says of counters; bvh_bytes, the memory of nodes and triangles, is known, too."""
+        return {"triangles_traced": self.triangle_count, "bvh_bytes": 0 if self._bvh is None else self._bvh.bytes}
+
+    def _release(self) -> None:
+        self._pool.close()
+        self._bvh = None

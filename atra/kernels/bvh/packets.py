@@ -1,0 +1,134 @@
+"""The traversal of a packet of rays, from any list of nodes: one box or triangle, and a vector of rays, at a time."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from atra.kernels.bvh.layout import BLOCK, BLOCK_BYTES, IDS, NODE_BYTES, first_of, kind_of
+from atra.kernels.bvh.single import BLOCKS, BOXES, SLACK, STEPS
+from atra.kernels.bvh.triangles import meet
+from atra.kernels.gathering.lanes import is_below, uint32_at
+from atra.kernels.intrinsics import float_at
+from atra.kernels.packets import MISS
+from atra.kernels.raster.memory import load, store
+from atra.kernels.raster.vectors import bits_of, lane, larger, repeated, smaller, where
+
+X, Y, Z, DIRECTION_X, DIRECTION_Y, DIRECTION_Z, INVERSE_X, INVERSE_Y, INVERSE_Z, TNEAR, TFAR, PRIM_ID = range(12)
+"""Rows of a bundle: rays, one a column, and what they hit; all float32 but PRIM_ID, which is uint32."""
+
+ROWS = 12
+
+_ZERO = np.float32(0.0)
+_NOTHING = np.float32(np.inf)
+
+
+@njit(inline="always")
+def ways_through(node, width, x, y, z, across, along, away):  # type: ignore[no-untyped-def]
+    """Where rays enter the box of a node at an address, and where they leave it."""
+    x0 = (repeated(float_at(node), width) - x) * across
+    x1 = (repeated(float_at(node + 16), width) - x) * across
+    y0 = (repeated(float_at(node + 4), width) - y) * along
+    y1 = (repeated(float_at(node + 20), width) - y) * along
+    z0 = (repeated(float_at(node + 8), width) - z) * away
+    z1 = (repeated(float_at(node + 24), width) - z) * away
+    first = larger(larger(smaller(x0, x1), smaller(y0, y1)), smaller(z0, z1))
+    last = smaller(smaller(larger(x0, x1), larger(y0, y1)), larger(z0, z1))
+    return first, last
+
+
+@njit(inline="always")
+def nearest_of_packet(width, push, any_hit, counting, tree, bundle, stack, ways, top, counts):  # type: ignore[no-untyped-def]
+    """The nearest hits of the rays of a bundle below the nodes stack[:top], the last of which comes first.
+
+    push, any_hit, counting, stack, top: as for `atra.kernels.bvh.single.nearest`. bundle: address of ROWS rows of
+    `width`; the hits are left in TFAR and PRIM_ID. A lane whose TFAR is below 0 is idle. ways: float32, address of
+    `width` for each place of the stack. Children come in the order of the first ray.
+    """
+    row = 4 * width
+    x, y, z = load(bundle, _ZERO, width), load(bundle + row, _ZERO, width), load(bundle + 2 * row, _ZERO, width)
+    dx = load(bundle + DIRECTION_X * row, _ZERO, width)
+    dy = load(bundle + DIRECTION_Y * row, _ZERO, width)
+    dz = load(bundle + DIRECTION_Z * row, _ZERO, width)
+    across = load(bundle + INVERSE_X * row, _ZERO, width)
+    along = load(bundle + INVERSE_Y * row, _ZERO, width)
+    away = load(bundle + INVERSE_Z * row, _ZERO, width)
+    tnear, best = load(bundle + TNEAR * row, _ZERO, width), load(bundle + TFAR * row, _ZERO, width)
+    prim_ids = repeated(MISS, width)
+    zero, one, nothing = repeated(_ZERO, width), repeated(np.float32(1.0), width), repeated(_NOTHING, width)
+    ahead = (1 if lane(dx, 0) > _ZERO else 0) | (2 if lane(dy, 0) > _ZERO else 0) | (4 if lane(dz, 0) > _ZERO else 0)
+    slack, listed = repeated(SLACK, width), top
+    while top > 0:
+        top -= 1
+        number = stack[top]
+        node = tree.nodes + number * NODE_BYTES
+        if not push or top < listed:
+            listed = min(listed, top)
+            if counting:
+                counts[BOXES] += 1
+            first, last = ways_through(node, width, x, y, z, across, along, away)
+            entered = bits_of(larger(first, tnear) <= smaller(last, best) * slack) != 0
+        else:
+            entered = bits_of(load(ways + top * row, _ZERO, width) <= best * slack) != 0
+        if counting and not push:
+            counts[STEPS] += 1
+        while entered:
+            if counting and push:
+                counts[STEPS] += 1
+            child, kind = first_of(node), kind_of(node)
+            if kind > 3:
+                for block in range(child, child + (kind >> 2)):
+                    if counting:
+                        counts[BLOCKS] += 1
+                    for k in range(BLOCK):
+                        at = tree.blocks + block * BLOCK_BYTES + 4 * k
+                        step = 4 * BLOCK
+                        hits, t = meet(
+                            repeated(float_at(at), width) - x,
+                            repeated(float_at(at + step), width) - y,
+                            repeated(float_at(at + 2 * step), width) - z,
+                            repeated(float_at(at + 3 * step), width),
+                            repeated(float_at(at + 4 * step), width),
+                            repeated(float_at(at + 5 * step), width),
+                            repeated(float_at(at + 6 * step), width),
+                            repeated(float_at(at + 7 * step), width),
+                            repeated(float_at(at + 8 * step), width),
+                            dx, dy, dz, zero, one,
+                        )  # fmt: skip
+                        found = repeated(uint32_at(at + IDS), width)
+                        as_near = (t >= best) & (t <= best) & is_below(found, prim_ids)
+                        hits = hits & (t > tnear) & ((best > t) | as_near)
+                        if bits_of(hits):
+                            best, prim_ids = where(hits, t, best), where(hits, found, prim_ids)
+                            if any_hit:  # these rays are done: nothing lies before their beginning
+                                best = where(hits, zero - nothing, best)
+                if any_hit and bits_of(best >= zero) == 0:
+                    top = 0
+                break
+            if not push:
+                second = ahead >> kind & 1
+                stack[top], stack[top + 1] = child + second, child + 1 - second
+                top += 2
+                break
+            node = tree.nodes + child * NODE_BYTES
+            if counting:
+                counts[BOXES] += 2
+            first0, last0 = ways_through(node, width, x, y, z, across, along, away)
+            first1, last1 = ways_through(node + NODE_BYTES, width, x, y, z, across, along, away)
+            enters0 = larger(first0, tnear) <= smaller(last0, best) * slack
+            enters1 = larger(first1, tnear) <= smaller(last1, best) * slack
+            if bits_of(enters0) and bits_of(enters1):
+                if ahead >> kind & 1:
+                    stack[top] = child + 1
+                    store(where(enters1, first1, nothing), ways + top * row)
+                else:
+                    stack[top] = child
+                    store(where(enters0, first0, nothing), ways + top * row)
+                    node += NODE_BYTES
+                top += 1
+            elif bits_of(enters1):
+                node += NODE_BYTES
+            else:
+                entered = bits_of(enters0) != 0
+    store(best, bundle + TFAR * row)
+    store(prim_ids, bundle + PRIM_ID * row)

@@ -1,0 +1,126 @@
+"""A mesh that rays are shot at in batches, each ray from the list of its shaft."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from time import perf_counter
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from atra.bvh.scene import BvhScene, PreparedRays, batch_of
+from atra.geometry.mesh import Mesh
+from atra.kernels.bvh.batches import classify
+from atra.kernels.shafts.grid import NO_SHAFTS, PASSES, UNKNOWN, Shafts
+from atra.options import BvhOptions
+from atra.rays.rays import Rays
+from atra.shafts.options import ShaftOptions
+from atra.shafts.shafts import ShaftLists, build_shafts
+
+SAMPLE = 64
+"""One of so many rays of a batch is looked at to find which shafts are used most."""
+
+
+class ShaftScene(BvhScene):
+    """As `BvhScene`, and each ray starts from the nodes that its shaft's rays may meet (ray classification).
+
+    options: see `ShaftOptions`. Lists are built by `build`; where their subset hangs on rays, by `prepare`.
+    Raises what `BvhScene` does, and MemoryBudgetError, when building, for shafts that do not fit.
+    Source: J. Hendrich et al., "Ray classification for accelerated BVH traversal", 2019.
+    """
+
+    options_type: ClassVar[type[BvhOptions]] = ShaftOptions
+    options: ShaftOptions
+
+    def __init__(self, mesh: Mesh, options: ShaftOptions | None = None, **changes: Any) -> None:
+        super().__init__(mesh, options, **changes)
+        self._lists: ShaftLists | None = None
+
+    @property
+    def lists(self) -> ShaftLists:
+        """The shafts, once they are built; those of the rays prepared last, where they hang on rays."""
+        assert self._lists is not None
+        return self._lists
+
+    def _build(self) -> float:
+        taken_s = super()._build()
+        start = perf_counter()
+        self._lists = build_shafts(self.bvh, self.options, self._pool)
+        return taken_s + perf_counter() - start
+
+    def prepare(self, rays: Rays) -> PreparedRays:
+        """Find the shafts of rays where that is needed, build lists where they hang on rays, and put rays in order."""
+        with self._tracing():
+            start = perf_counter()
+            batch, options = batch_of(rays, self.packet_width), self.options
+            numbers = None
+            if options.subset in ("sampled", "hits"):
+                step = SAMPLE if options.subset == "sampled" else 1
+                few = Rays(rays.origins[::step], rays.directions[::step], rays.tnear[::step], rays.tfar[::step])
+                sample = batch_of(few, 1)
+                numbers = self._classified(sample)
+                used = _most_used(numbers, options.share if options.subset == "sampled" else 1.0)
+                sampled_s = perf_counter() - start
+                self._lists = build_shafts(self.bvh, options, self._pool, self.lists.shafts.grid, used)
+                start = perf_counter()
+                numbers = numbers if step == 1 else None
+            else:
+                sampled_s = 0.0
+            shafts = self.lists.shafts
+            if options.shaft_order or self.packet_width > 1:
+                numbers = self._classified(batch) if numbers is None else numbers
+                batch = self._in_packets(rays, numbers, shafts)
+            if options.subset == "none":
+                shafts = NO_SHAFTS
+            return PreparedRays(rays, batch, shafts, sampled_s, perf_counter() - start)
+
+    def _classified(self, batch: Any) -> NDArray[np.int64]:
+        numbers, grid = np.empty(len(batch.origins), np.int64), self.lists.shafts.grid
+        self._pool.run(lambda _, counter: classify(counter, batch, grid, numbers))
+        return numbers
+
+    def _in_packets(self, rays: Rays, numbers: NDArray[np.int64], shafts: Shafts) -> Any:
+        """Rays in their order, in packets of rays that share a list; without lists, in packets that are full."""
+        width = self.packet_width
+        order = np.argsort(numbers, kind="stable") if self.options.shaft_order else np.arange(len(numbers))
+        if self.options.subset == "none":
+            return batch_of(rays, width, order)
+        lists = _lists_of(shafts, numbers[order])
+        changes = np.flatnonzero(np.diff(lists)) + 1
+        runs = np.concatenate([[0], changes]).astype(np.int64)
+        lengths = np.diff(np.append(runs, len(lists)))
+        packets = -(-lengths // width)
+        first = np.repeat(np.cumsum(packets) - packets, packets)
+        starts = np.repeat(runs, packets) + (np.arange(packets.sum()) - first) * width
+        return batch_of(rays, width, order, starts, lists[starts])
+
+    @property
+    def counters(self) -> Mapping[str, float]:
+        """Plain numbers by name: of the BVH and of the shafts."""
+        return {**super().counters, **self.lists.counters}
+
+
+def _lists_of(shafts: Shafts, numbers: NDArray[np.int64]) -> NDArray[np.int64]:
+    """`atra.kernels.shafts.grid.list_of` of many shafts."""
+    of_voxel = 6 * shafts.grid.directions**2
+    known = numbers >= 0
+    rows = np.where(known, shafts.rows[np.where(known, numbers, 0) // of_voxel], UNKNOWN)
+    found = np.full(len(numbers), UNKNOWN, np.int64)
+    has_row = rows >= 0
+    found[has_row] = shafts.table[rows[has_row], numbers[has_row] % of_voxel]
+    empty = np.flatnonzero(found >= 0)
+    empty = empty[shafts.lists[found[empty]] == 0]
+    found[empty] = PASSES if shafts.empty_is_miss else UNKNOWN
+    found[~known] = numbers[~known] if shafts.empty_is_miss else UNKNOWN
+    return found
+
+
+def _most_used(numbers: NDArray[np.int64], share: float) -> NDArray[np.int64]:
+    """The shafts that most rays use, the fewest that together hold this share of them; ascending."""
+    shafts, rays = np.unique(numbers[numbers >= 0], return_counts=True)
+    if not len(shafts):
+        return shafts
+    order = np.argsort(-rays, kind="stable")
+    enough = int(np.searchsorted(np.cumsum(rays[order]), share * rays.sum())) + 1
+    return np.sort(shafts[order[:enough]])

@@ -1,0 +1,203 @@
+"""The shafts of a BVH: how many there are, and their lists."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from itertools import count
+from time import perf_counter
+
+import numpy as np
+from numpy.typing import NDArray
+
+from atra.alignment.culling import check_needed_bytes
+from atra.bvh.bvh import Bvh
+from atra.errors import MemoryBudgetError
+from atra.kernels.bvh.layout import STACK
+from atra.kernels.bvh.packets import ROWS
+from atra.kernels.bvh.single import COUNTS
+from atra.kernels.shafts.grid import UNKNOWN, Grid, Shafts
+from atra.kernels.shafts.lists import LANES, Building, Sampling, build_lists, mark_voxels, store_lists
+from atra.kernels.shafts.shape import SHAPE
+from atra.parallel import WorkerPool
+from atra.shafts.options import ShaftOptions
+
+FARTHEST = 8.0
+"""Largest coordinate of an origin, of that of the box, whose shaft is told: farther away, roundings come close to
+slack."""
+
+LEAST_BYTES = 1 << 16
+"""Of lists and look-up that are allowed in any case: the BVH of a few triangles is smaller than a single voxel's."""
+
+_AT_ONCE = 1 << 14
+_LIKELY_BYTES = 40
+"""A guess of the memory of a shaft, from which the search for the resolution starts."""
+
+_ATTEMPTS, _ENOUGH = 5, 0.7
+"""How often the search tries a finer resolution, and what part of the budget ends it."""
+
+
+@dataclass(frozen=True, eq=False)
+class ShaftLists:
+    """Shafts with their lists, and what became of them.
+
+    shafts: for kernels. bvh: what the nodes belong to. built: shafts of which a list was built. lists_unique: lists
+    that are stored. lengths: (built,) int32, of each shaft. build_time_s: seconds, finding the resolution included.
+    """
+
+    shafts: Shafts
+    bvh: Bvh
+    built: int
+    lists_unique: int
+    lengths: NDArray[np.int32]
+    build_time_s: float
+
+    @property
+    def count(self) -> int:
+        """Shafts, with a list or without."""
+        grid = self.shafts.grid
+        return int(grid.voxels.prod()) * 6 * grid.directions**2
+
+    @property
+    def lookup_bytes(self) -> int:
+        """Memory by which a shaft's list is found."""
+        return self.shafts.rows.nbytes + self.shafts.table.nbytes
+
+    @property
+    def list_bytes(self) -> int:
+        """Memory of lists."""
+        return self.shafts.lists.nbytes
+
+    @property
+    def entry_height_mean(self) -> float:
+        """Mean height of the subtrees in the lists that are stored, each entry as often as it stands there."""
+        lists, heights, place, total, entries = self.shafts.lists, self.bvh.heights, 0, 0, 0
+        while place < len(lists):
+            length = int(lists[place])
+            total += int(heights[lists[place + 1 : place + 1 + length]].sum())
+            entries += length
+            place += 1 + length
+        return total / entries if entries else 0.0
+
+    @property
+    def counters(self) -> Mapping[str, float]:
+        """Plain numbers by name."""
+        return {
+            "shafts": self.count,
+            "shafts_built": self.built,
+            "lists_unique": self.lists_unique,
+            "list_length_mean": float(self.lengths.mean()) if self.built else 0.0,
+            "list_length_max": int(self.lengths.max()) if self.built else 0,
+            "entry_height_mean": self.entry_height_mean,
+            "root_height": int(self.bvh.heights[0]),
+            "lookup_bytes": self.lookup_bytes,
+            "list_bytes": self.list_bytes,
+            "shaft_build_time_s": self.build_time_s,
+        }
+
+
+def grid_of(bvh: Bvh, cells: int, directions: int) -> Grid:
+    """Near-cubic voxels, at most about so many, of the BVH's box; a box without volume has one layer of them."""
+    low, high = bvh.bounds
+    largest = float(np.abs(bvh.bounds).max())
+    slack = 4.0 * float(np.spacing(np.float32(largest)))
+    low, high = low - slack, high + slack
+    sides = high - low
+    thick = sides > 1e-6 * sides.max()
+    edge = (sides[thick].prod() / cells) ** (1.0 / thick.sum())
+    voxels = np.where(thick, np.maximum(1, (sides / edge).astype(np.int64)), 1)
+    size = sides / voxels
+    return Grid(low, high, size, 1.0 / size, voxels, int(directions), slack, FARTHEST * largest)
+
+
+def build_shafts(
+    bvh: Bvh, options: ShaftOptions, pool: WorkerPool, grid: Grid | None = None, used: NDArray[np.int64] | None = None
+) -> ShaftLists:
+    """Lists of the shafts that `options.subset` names.
+
+    grid: in place of the one that the options lead to. used: numbers of the shafts that are to have lists, of subsets
+    that hang on rays. Raises MemoryBudgetError where look-up and lists of a single voxel need more than
+    `options.memory` times the memory of the BVH and LEAST_BYTES, or what is needed is not free.
+    """
+    start = perf_counter()
+    if grid is not None or options.cells is not None:
+        grid = grid or grid_of(bvh, options.cells or 1, options.directions)
+        return _lists(bvh, options, pool, grid, used, start)
+    budget = max(options.memory * bvh.bytes, LEAST_BYTES)
+    cells, too_many, best = max(int(budget / (_LIKELY_BYTES * 6 * options.directions**2)), 1), np.inf, None
+    for attempt in count():
+        found = _lists(bvh, options, pool, grid_of(bvh, cells, options.directions), used, start)
+        needed = found.lookup_bytes + found.list_bytes
+        if needed <= budget and (best is None or needed > best.lookup_bytes + best.list_bytes):
+            best = found
+        if best is not None and (attempt >= _ATTEMPTS or _ENOUGH * budget < needed <= budget):
+            return replace(best, build_time_s=perf_counter() - start)
+        if needed > budget and cells == 1:
+            raise MemoryBudgetError(
+                f"shafts of a single voxel with directions={options.directions} need {needed:,} bytes, and memory="
+                f"{options.memory:g} allows {int(budget):,}; raise memory, or lower directions"
+            )
+        too_many = min(too_many, cells) if needed > budget else too_many
+        cells = int(min(max(0.9 * budget / needed * cells, 1), max(too_many - 1, 1)))
+    raise AssertionError("attempts do not end")
+
+
+def _lists(
+    bvh: Bvh, options: ShaftOptions, pool: WorkerPool, grid: Grid, used: NDArray[np.int64] | None, start: float
+) -> ShaftLists:
+    voxels, of_voxel = int(grid.voxels.prod()), 6 * grid.directions**2
+    numbers = _numbers(bvh, options, pool, grid, used)
+    has_row = np.zeros(voxels, np.bool_)
+    has_row[numbers // of_voxel] = True
+    row_count = int(has_row.sum())
+    needed = 4 * (voxels + row_count * of_voxel) + 16 * len(numbers)
+    check_needed_bytes(needed, None, f"{len(numbers):,} shafts", "ask for fewer cells or directions")
+    rows = np.where(has_row, np.cumsum(has_row) - 1, UNKNOWN).astype(np.int32)
+    table = np.full((row_count, of_voxel), UNKNOWN, np.int32)
+    building = Building(bvh.tree, grid, options.probability, int(options.rays), int(options.longest), options.occlusion)
+    memories = [_sampling(building) for _ in range(pool.threads)]
+    lengths, lists, unique = np.empty(len(numbers), np.int32), np.empty(0, np.uint32), 0
+    slots = np.full(1 << (2 * len(numbers) + 1).bit_length(), -1, np.int32)
+    stored = 0
+    for first in range(0, len(numbers), _AT_ONCE):
+        part = numbers[first : first + _AT_ONCE]
+        own, nodes = lengths[first : first + _AT_ONCE], np.empty((len(part), options.longest), np.uint32)
+
+        def work(worker: int, counter: int, part=part, own=own, nodes=nodes) -> None:  # type: ignore[no-untyped-def]
+            build_lists(counter, building, part, own, nodes, memories[worker])
+
+        pool.run(work)
+        if len(lists) < stored + nodes.size + len(part):
+            lists = np.concatenate([lists[:stored], np.empty(stored + nodes.size + len(part), np.uint32)])
+        starts = np.empty(len(part), np.int32)
+        stored = store_lists(own, nodes, starts, lists, stored, slots)
+        table[rows[part // of_voxel], part % of_voxel] = starts
+    unique = int((slots >= 0).sum())
+    shafts = Shafts(grid, rows, table, lists[:stored].copy(), options.empty == "miss")
+    return ShaftLists(shafts, bvh, len(numbers), unique, lengths, perf_counter() - start)
+
+
+def _numbers(
+    bvh: Bvh, options: ShaftOptions, pool: WorkerPool, grid: Grid, used: NDArray[np.int64] | None
+) -> NDArray[np.int64]:
+    voxels, of_voxel = int(grid.voxels.prod()), 6 * grid.directions**2
+    if options.subset in ("sampled", "hits"):
+        return np.empty(0, np.int64) if used is None else used
+    if options.subset == "none":
+        return np.empty(0, np.int64)
+    if options.subset == "complete":
+        return np.arange(voxels * of_voxel, dtype=np.int64)
+    occupied, blocks = np.zeros(voxels, np.bool_), bvh.blocks.view(np.float32)
+    pool.run(lambda _, counter: mark_voxels(counter, blocks, grid, occupied))
+    return (np.flatnonzero(occupied)[:, None] * of_voxel + np.arange(of_voxel)).ravel()
+
+
+def _sampling(building: Building) -> Sampling:
+    room, lanes = STACK + building.longest, building.rays + -building.rays % LANES
+    return Sampling(
+        np.zeros(SHAPE),
+        np.zeros((ROWS, lanes), np.float32),
+        np.empty(room, np.int64),
+        np.empty(room, np.float32),
+        np.zeros(COUNTS, np.int64),
+    )

@@ -1,0 +1,63 @@
+"""One ray per pixel, each from the nodes that rays of its shaft may meet."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from time import perf_counter
+from typing import Any, ClassVar
+
+from atra.bvh.tracer import BvhTracer
+from atra.errors import InputError
+from atra.geometry.mesh import Mesh
+from atra.geometry.view import View
+from atra.kernels.shafts.grid import Shafts
+from atra.options import BvhOptions
+from atra.shafts.options import ShaftOptions
+from atra.shafts.shafts import ShaftLists, build_shafts
+
+_OF_RAYS = ("sampled", "hits")
+
+
+class ClassifiedTracer(BvhTracer):
+    """As `BvhTracer`, single rays, each of which starts from the list of its shaft (ray classification).
+
+    options: of `atra.ShaftOptions`. The subsets that hang on rays are for batches (`atra.shafts.scene`).
+    Raises what `BvhTracer` does; InputError for packets and for those subsets; MemoryBudgetError, when building, for
+    shafts that do not fit.
+    Source: J. Hendrich et al., "Ray classification for accelerated BVH traversal", 2019.
+    """
+
+    options_type: ClassVar[type[BvhOptions]] = ShaftOptions
+    options: ShaftOptions
+
+    def __init__(self, mesh: Mesh, camera: View, options: ShaftOptions | None = None, **changes: Any) -> None:
+        super().__init__(mesh, camera, options, **changes)
+        if self.packet_width != 1:
+            raise InputError(f"packet_width is {self.packet_width}, expected 1: pixels of a packet share no shaft")
+        if self.options.subset in _OF_RAYS:
+            raise InputError(
+                f"subset is {self.options.subset!r}, which hangs on rays; expected another one for a camera"
+            )
+        self._lists: ShaftLists | None = None
+
+    @property
+    def lists(self) -> ShaftLists:
+        """The shafts, once they are built."""
+        assert self._lists is not None
+        return self._lists
+
+    def _build(self) -> float:
+        taken_s = super()._build()
+        start = perf_counter()
+        assert self._bvh is not None
+        self._lists = build_shafts(self._bvh, self.options, self._pool)
+        return taken_s + perf_counter() - start
+
+    @property
+    def _shafts(self) -> Shafts:
+        return self.lists.shafts
+
+    @property
+    def counters(self) -> Mapping[str, float]:
+        """What `BvhTracer` says, and of the shafts."""
+        return {**super().counters, **({} if self._lists is None else self._lists.counters)}
