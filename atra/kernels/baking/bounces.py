@@ -117,10 +117,9 @@ def trace_kernel(width: int, see_through: bool) -> Callable[..., int]:
             if rays == 0:
                 continue
             traced += rays
-            load_rays(packet, width, batch.floats, ORIGIN, DIRECTION, first, lanes)
-            for lane in range(lanes):
-                packet.valid[lane] = -1 if batch.alive[first + lane] != 0 else 0
+            load_rays(packet, width, batch.floats, ORIGIN, DIRECTION, first)
             for lane in range(width):
+                packet.valid[lane] = -1 if lane < lanes and batch.alive[first + lane] != 0 else 0
                 packet.floats[RAY_TFAR * width + lane] = INFINITY
                 set_no_hit(packet, width, lane)
             left = rays

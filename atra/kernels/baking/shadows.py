@@ -32,11 +32,11 @@ def shine_kernel(width: int, see_through: bool) -> Callable[..., int]:
             if rays == 0:
                 continue
             traced += rays
-            load_rays(packet, width, batch.floats, ORIGIN, DIRECTION, first, lanes)
-            for lane in range(lanes):
+            load_rays(packet, width, batch.floats, ORIGIN, DIRECTION, first)
+            for lane in range(width):
                 length = batch.floats[LENGTH, first + lane]
                 packet.floats[RAY_TFAR * width + lane] = length
-                packet.valid[lane] = -1 if length > ZERO else 0
+                packet.valid[lane] = -1 if lane < lanes and length > ZERO else 0
             if see_through:
                 _filter_light(batch, first, lanes, width, tables, scene, packet)
             else:
