@@ -60,3 +60,16 @@ def methods_in_detail(kept: Kept) -> Quoted:
             )
         )
     return Quoted(rows=tuple(rows))
+
+
+def surfaces(kept: Kept) -> Quoted:
+    """A frame with u, v and normals over one without, and over packets that store them."""
+    rows = []
+    for method in kept.points["method"].unique():
+        chosen = [of(kept.points, scene=scene, method=method).iloc[0] for scene in SCENES]
+        label = find_method(method).label
+        asked = (interval(row, "surface_over_frame") for row in chosen)
+        rows.append(table_row(f"{label}: a frame with `u`, `v` and normals ÷ without", *asked))
+        gains = (interval(row, "speedup_vs_packets_with_surface") for row in chosen)
+        rows.append(table_row(f"{label}: {TIMES} packets that store them", *gains))
+    return Quoted(rows=tuple(rows))

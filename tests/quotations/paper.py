@@ -1,89 +1,69 @@
-"""What the pages quote of the reference report, which is of an earlier version: its table is older than `workload`."""
+"""What the pages quote of sweep=paper."""
 
 from __future__ import annotations
 
-from typing import Any
-
-import pandas as pd
-
-from tests.quotations.quotation import SCENES, TIMES, Kept, Quoted, digits, interval, split_of, table_row
+from experiments.paper.gains import Gain, scene_gains
+from tests.quotations.quotation import SCENES, TIMES, Kept, Quoted, digits, of, table_row
 
 
-def largest(table: pd.DataFrame, scene: str, by: str) -> pd.Series:
-    """The aligned row with the largest ratio."""
-    rows = table[table["scene"].eq(scene) & table["method"].eq("aligned") & table["status"].eq("ok")]
-    return rows.loc[rows[by].idxmax()]
-
-
-def paper_speedups(kept: Kept) -> Quoted:
-    table = kept.points
-    paper = {"cornell_box": "7.50", "mitsuba": "2.94", "fireplace_room": "1.85", "sponza": "1.71"}
-    aligned = table[
-        table["quantity"].eq("time")
-        & table["geometry"].eq("copied")
-        & table["culling"].eq(True)
-        & table["split_y"].eq(1)
-        & table["stands_for"].isna()
-    ]
-    rows = []
-    for scene in SCENES:
-        single = largest(aligned[aligned["packet_width"].eq(1)], scene, "speedup")
-        packets = largest(aligned[aligned["packet_width"].eq(8)], scene, "speedup_vs_packets")
-        cells = (
-            f"{interval(row, name)} ({split_of(row)})"
-            for row, name in ((single, "speedup"), (packets, "speedup_vs_packets"))
-        )
-        rows.append(table_row(f"`{scene}`", paper[scene], *cells))
-    return Quoted(rows=tuple(rows))
-
-
-def over_all_hits(kept: Kept) -> Quoted:
-    table = kept.points
-    single = table[table["quantity"].eq("time") & table["packet_width"].eq(1) & table["split_y"].eq(1)]
-    gains = []
-    for scene in SCENES:
-        start = single[single["culling"].eq(False) & single["split_x"].eq(1) & single["scene"].eq(scene)]
-        top = largest(single[single["culling"].eq(True)], scene, "speedup")
-        gains.append(digits(top["speedup"] / start["speedup"].item()))
-    return Quoted(phrases=(f"gain here {', '.join(gains[:-1])} and {gains[-1]} times",))
-
-
-def paper_points(kept: Kept) -> Quoted:
+def measured_points(kept: Kept) -> Quoted:
     table = kept.points
     measured, skipped = (int(table["status"].eq(status).sum()) for status in ("ok", "skipped"))
-    doubted = int(table["doubts"].notna().sum())
-    counted = f"{len(table)} points, {measured} measured, {skipped} skipped"
-    return Quoted(phrases=(counted, f"{doubted} points carry a doubt"))
+    (cpu,) = table["cpu"].dropna().unique()
+    return Quoted(
+        phrases=(
+            f"{len(table)} points, {measured} measured, {skipped} skipped",
+            f"{len(kept.processes):,} processes",
+            f"{int(table['processes_left_out'].sum())} of them left out",
+            str(cpu),
+        )
+    )
 
 
-def claim_verdicts(kept: Kept) -> Quoted:
-    claims: list[dict[str, Any]] = kept.claims
-    rows = [
-        table_row(claim["text"], claim["section"], claim["verdict"])
-        for claim in claims
-        if not claim["id"].startswith("best-speedup")
-    ]
+def _say(gain: Gain) -> str:
+    if gain.best is None:
+        return "none"
+    return f"{gain.best.gain} ({gain.best.splits:,} {TIMES} 1)"
+
+
+def best_gains(kept: Kept) -> Quoted:
+    """Paper, both readings with single rays, packets over packets."""
+    rows = []
+    for one in scene_gains(kept.processes):
+        paper = "" if one.paper is None else f"{one.paper:.2f}"
+        over_packets = _say(next(iter(one.packets.values()))) if one.packets else "none"
+        rows.append(table_row(f"`{one.scene}`", paper, *(_say(gain) for gain in one.single.values()), over_packets))
+    assert len(rows) == len(SCENES)
     return Quoted(rows=tuple(rows))
+
+
+def verdicts(kept: Kept) -> Quoted:
+    """A row a claim, with its verdicts under both readings where it has two."""
+    rows = {}
+    for claim in kept.claims:
+        if not claim["id"].startswith("best-speedup"):
+            text = f"{claim['text']} (an inference of ours)" if claim["inferred"] else claim["text"]
+            rows.setdefault((text, claim["section"]), []).append(
+                f"{claim['reading']}: {claim['verdict']}" if claim["reading"] else claim["verdict"]
+            )
+    return Quoted(rows=tuple(table_row(*key, "; ".join(found)) for key, found in rows.items()))
 
 
 def instances(kept: Kept) -> Quoted:
-    table = kept.points
     kinds = (("copies, culling off", "copied", False), ("copies", "copied", True), ("instances", "instanced", False))
+    table = kept.points
+    widest = table["packet_width"].max()
     rows = []
     for split_x in (64, 1024):
-        of_split = table[
-            table["quantity"].eq("time")
-            & table["split_x"].eq(split_x)
-            & table["split_y"].eq(1)
-            & table["packet_width"].eq(8)
-            & table["method"].eq("aligned")
-        ]
         for kind, geometry, culling in kinds:
-            chosen = of_split[of_split["geometry"].eq(geometry) & of_split["culling"].eq(culling)].set_index("scene")
-            if set(chosen["status"]) != {"ok"}:
+            chosen = of(
+                table, workload="frame", method="aligned", split_x=split_x, split_y=1, packet_width=widest,
+                geometry=geometry, culling=culling,
+            ).set_index("scene")  # fmt: skip
+            if set(chosen.index) != set(SCENES):
                 continue  # skipped on some scene, for the memory it would need
-            mebibytes = [f"{chosen.loc[scene, 'embree_bytes'] / 2**20:,.1f}" for scene in SCENES]
-            rows.append(table_row(f"{split_x:,} {TIMES} 1, {kind}: Embree's bytes in MiB", *mebibytes))
-            speedups = [digits(chosen.loc[scene, "speedup"]) for scene in SCENES]
-            rows.append(table_row(f"{split_x:,} {TIMES} 1, {kind}: speed-up over `rtcIntersect1`", *speedups))
+            held = [f"{chosen.loc[scene, 'embree_bytes'] / 2**20:,.1f}" for scene in SCENES]
+            rows.append(table_row(f"{split_x:,} {TIMES} 1, {kind}: Embree's bytes in MiB", *held))
+            speedups = [digits(chosen.loc[scene, "speedup_vs_packets"]) for scene in SCENES]
+            rows.append(table_row(f"{split_x:,} {TIMES} 1, {kind}: {TIMES} packets", *speedups))
     return Quoted(rows=tuple(rows))
