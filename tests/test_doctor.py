@@ -60,7 +60,7 @@ def test_the_facts_are_those_of_this_machine(tmp_path: Path, monkeypatch: pytest
     assert told["libembree4"] == str(library.path)
     assert told["instructions"].startswith(", ".join(instruction_sets_here()))
     assert told["instructions"].endswith("all are used (ATRA_ISA is not set)")
-    assert told["scenes"] == "built in: cornell_box, needles, three_holes, material_ball, living_room, atrium"
+    assert told["scenes"] == "built in: cornell_box, needles, three_holes, weekend, material_ball, living_room, atrium"
     assert told["fetched"] == f"{cache} holds sponza.ply"
     assert "ATRA_SCENES" not in told
     assert f"embreex {EMBREEX.version()}" in told["peers"]
