@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from importlib import import_module
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -58,19 +58,20 @@ def _npz(layers: Layers) -> bytes:
 
 
 def _exr(layers: Layers) -> bytes:
+    normals = np.moveaxis(layers["normals"], 2, 0)
+    named_normals = dict(zip(("N.X", "N.Y", "N.Z"), normals, strict=True))
+    return encode_exr({"Z": layers["depth"], "prim_id": layers["prim_id"], **named_normals})
+
+
+def encode_exr(channels: Mapping[str, NDArray[Any]]) -> bytes:
+    """An EXR of (H, W) arrays, 32 bits each, by name; the package OpenEXR must be there."""
     import OpenEXR
 
-    normals = np.moveaxis(layers["normals"], 2, 0)
-    parts = {
-        "Z": layers["depth"],
-        "prim_id": layers["prim_id"],
-        **dict(zip(("N.X", "N.Y", "N.Z"), normals, strict=True)),
-    }
-    channels = {name: np.ascontiguousarray(part) for name, part in parts.items()}
+    whole = {name: np.ascontiguousarray(channel) for name, channel in channels.items()}
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
     with TemporaryDirectory() as folder:  # it writes to files alone
         path = Path(folder, "image.exr")
-        with OpenEXR.File(header, channels) as file:
+        with OpenEXR.File(header, whole) as file:
             file.write(str(path))
         return path.read_bytes()
 

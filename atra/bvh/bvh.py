@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from atra.geometry.mesh import Mesh
 from atra.kernels.bvh.building import (
     Draft,
     bound_triangles,
@@ -79,6 +80,13 @@ class Bvh:
         for node in inner[inner != 1][::-1]:  # children come after their parents
             heights[node] = 1 + heights[first[node] : first[node] + 2].max()
         return heights
+
+
+def bvh_of(mesh: Mesh, vertices: NDArray[np.float32], pool: WorkerPool) -> Bvh:
+    """The BVH of the triangles of a mesh that have area, with its vertices where `vertices`, (V, 3) float32, says."""
+    kept = np.ones(mesh.triangle_count, np.bool_)
+    kept[mesh.without_area] = False
+    return build_bvh(vertices, mesh.traced_faces, kept, pool)
 
 
 def build_bvh(

@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.bvh.bvh import Bvh, build_bvh
+from atra.bvh.bvh import Bvh, bvh_of
 from atra.geometry.mesh import Mesh
 from atra.geometry.ray_space import check_world_range
 from atra.kernels.bvh.batches import Batch, batch_kernel
@@ -79,9 +79,7 @@ class BvhScene(Lifetime):
 
     def _build(self) -> float:
         start = perf_counter()
-        kept = np.ones(self.mesh.triangle_count, np.bool_)
-        kept[self.mesh.without_area] = False
-        self._bvh = build_bvh(self.mesh.vertices, self.mesh.traced_faces, kept, self._pool)
+        self._bvh = bvh_of(self.mesh, self.mesh.vertices, self._pool)
         return perf_counter() - start
 
     @property

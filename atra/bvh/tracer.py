@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.alignment.culling import check_image_memory, plan_plain_geometry
-from atra.bvh.bvh import Bvh, build_bvh
+from atra.bvh.bvh import Bvh, bvh_of
 from atra.geometry.mesh import Mesh
 from atra.geometry.ray_space import check_range, from_eye_space, ray_axes
 from atra.geometry.view import View, check_offset
@@ -91,9 +91,7 @@ class BvhTracer(NoGathering, TracerLifetime):
     def _build(self) -> float:
         start = perf_counter()
         vertices = plan_plain_geometry(self.mesh, self.camera).vertices
-        kept = np.ones(self.mesh.triangle_count, np.bool_)
-        kept[self.mesh.without_area] = False
-        self._bvh = build_bvh(vertices, self.mesh.traced_faces, kept, self._pool)
+        self._bvh = bvh_of(self.mesh, vertices, self._pool)
         return perf_counter() - start
 
     def trace(self, offset: tuple[float, float] = (0.5, 0.5), out: Hits | None = None) -> Hits:

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import io
-import os
-import tempfile
 from collections.abc import Callable, Mapping
 from importlib import import_module
 from pathlib import Path
@@ -16,6 +14,7 @@ from numpy.typing import NDArray
 from atra.errors import InputError
 from atra.files import write_atomically
 from atra.hits import Hits
+from atra.saving import encode_exr
 
 SUFFIXES = (".png", ".exr")
 
@@ -35,12 +34,12 @@ def check_picture_path(path: Path) -> None:
     if suffix not in SUFFIXES:
         raise InputError(f"a picture is to be written to {str(path)!r}, expected a name that ends in .png or .exr")
     if suffix == ".exr":
-        _openexr()
+        _check_openexr()
 
 
-def _openexr() -> Any:
+def _check_openexr() -> None:
     try:
-        return import_module("OpenEXR")
+        import_module("OpenEXR")
     except ImportError:
         raise InputError(
             "an EXR needs the package OpenEXR, which is not installed; `pip install OpenEXR`, or write a .png"
@@ -74,13 +73,8 @@ def exr_of(image: NDArray[np.float32], hits: Hits) -> bytes:
 
 def exr_of_channels(channels: Mapping[str, NDArray[Any]]) -> bytes:
     """An EXR of (H, W) arrays, 32 bits each, by name. Raises InputError without the package OpenEXR."""
-    OpenEXR = _openexr()
-    whole = {name: np.ascontiguousarray(channel) for name, channel in channels.items()}
-    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
-    with tempfile.TemporaryDirectory() as folder:  # OpenEXR writes to names of files only
-        name = os.path.join(folder, "picture.exr")
-        OpenEXR.File(header, whole).write(name)
-        return Path(name).read_bytes()
+    _check_openexr()
+    return encode_exr(channels)
 
 
 def eye_normals(hits: Hits) -> NDArray[np.float32]:

@@ -9,8 +9,8 @@ from rich.markup import escape
 from rich.table import Table
 
 from atra.errors import printable
-from experiments.methods.naming import best_of, say_kind, say_split
-from experiments.results.settings import say_setting, settings_that_vary
+from experiments.methods.naming import say_split
+from experiments.workloads.best_splits import rows_by_kind
 from experiments.workloads.ratios import best_rows
 from experiments.workloads.resources import say_ms
 
@@ -27,16 +27,10 @@ def sweep_lines(rows: pd.DataFrame) -> Iterator[Table]:
     best = Table(title="a camera that moves: best split of each scene", title_justify="left")
     for name in (*_LEFT, "frame", *_RATIOS, "pixels wrong"):
         best.add_column(name, justify="left" if name in _LEFT else "right")
-    varying = settings_that_vary(rows, (*best_of(), "packet_width"))
-    kinds = pd.Series(
-        [", ".join([say_kind(row), *(say_setting(name, row[name]) for name in varying)]) for _, row in rows.iterrows()],
-        index=rows.index,
-        dtype="object",
-    )
-    for (scene, kind, _), some in rows.groupby(["scene", kinds, "packet_width"], sort=False):
+    for kind, some in rows_by_kind(rows):
         row = best_rows(some).iloc[0]
         best.add_row(
-            escape(printable(str(scene))),
+            escape(printable(str(row["scene"]))),
             escape(printable(", ".join(filter(None, [kind, say_split(row)])))),
             say_ms(row["render_time_s"]),
             *(f"{row[name]:.2f}x" for name in _RATIOS.values()),

@@ -10,8 +10,8 @@ from rich.markup import escape
 from rich.table import Table
 
 from atra.errors import printable
-from experiments.methods.naming import best_of, say_kind
-from experiments.results.settings import say_setting, settings_that_vary
+from experiments.methods.naming import say_kind
+from experiments.workloads.best_splits import rows_by_kind
 from experiments.workloads.ratios import best_rows
 from experiments.workloads.resources import say_ms
 from experiments.workloads.screen import narrow_table
@@ -22,16 +22,10 @@ _NUMBERS = ("a\nsample", "primary", "outside\nEmbree", "single\nrays", "packets"
 def sweep_lines(rows: pd.DataFrame) -> Iterator[Table | str]:
     """A line for each scene, kind of picture and method, at its best split. rows: measured, of this workload."""
     table = narrow_table("pictures: time of a sample, and gain over single rays and packets", "scene, method", _NUMBERS)
-    varying = settings_that_vary(rows, (*best_of(), "packet_width"))
-    kinds = pd.Series(
-        [", ".join([say_kind(row), *(say_setting(name, row[name]) for name in varying)]) for _, row in rows.iterrows()],
-        index=rows.index,
-        dtype="object",
-    )
-    for (scene, kind, _), some in rows.groupby(["scene", kinds, "packet_width"], sort=False):
+    for kind, some in rows_by_kind(rows):
         row = best_rows(some).iloc[0]
         table.add_row(
-            escape(printable(f"{scene}, {kind}")),
+            escape(printable(f"{row['scene']}, {kind}")),
             say_ms(row["render_time_s"] / row["samples"]),
             f"{row['primary_time_s'] / row['render_time_s']:.0%}",
             "" if pd.isna(row["outside_embree"]) else f"{row['outside_embree']:.0%}",
