@@ -19,6 +19,7 @@ import pandas as pd
 import pytest
 from hydra import compose, initialize_config_dir
 from hydra.core.config_store import ConfigStore
+from hydra.core.plugins import Plugins
 from matplotlib.figure import Figure
 
 import experiments
@@ -128,6 +129,7 @@ def toys(monkeypatch: pytest.MonkeyPatch) -> None:
         part.__spec__ = ModuleSpec(part.__name__, None)
         vars(part).update(contents)
         monkeypatch.setitem(sys.modules, part.__name__, part)
+    Plugins.instance()  # stores our sweeper, once for the process: a copy that is undone would take it along
     monkeypatch.setattr(ConfigStore.instance(), "repo", deepcopy(ConfigStore.instance().repo))
     register_schema()
 
