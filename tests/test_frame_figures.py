@@ -60,6 +60,12 @@ def test_the_stereo_figure_draws_every_way_at_its_best_split_in_milliseconds_wit
     assert set(line(axis, "fastest packets per pixel")) == {50}
 
 
+def test_the_stereo_figure_draws_a_split_of_too_few_processes_for_an_interval() -> None:
+    row = frames_row(64, 0.02, 0.05, 0.04)
+    row |= {name: None for name in row if name.endswith(("_low", "_high", "_low_s", "_high_s"))}
+    assert f"20.0 ms, 2.50{TIMES}" in words(draw_stereo_figure(make_rows(row)))
+
+
 def test_the_figures_of_frames_say_what_was_skipped_and_which_pixels_are_wrong() -> None:
     reason = "skipped, needs more memory than its budget"
     table = make_rows(frames_row(64, 0.02, 0.05, 0.04, pixels_wrong=7), skipped(frames_row(128, 0.04, 0.02, 0.01)))

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from experiments.drawing.axes import draw_baseline, say_nothing_measured
 from experiments.drawing.bars import Bar, draw_bars, finish_bar_axes, panel_height
 from experiments.drawing.pages import add_legend, write_foot, write_notes
-from experiments.drawing.values import MILLISECONDS, numbers, say_number
+from experiments.drawing.values import MILLISECONDS, interval_ms, numbers, say_number
 from experiments.methods.naming import best_of, say_split
 from experiments.workloads.baselines import TIME_BASELINES
 from experiments.workloads.multiframe.frame_parts import (
@@ -66,7 +66,7 @@ def _make_bar(rows: pd.DataFrame, way: Way, label: str) -> Bar:
     row = best_row(rows, way)
     if row is None:
         return Bar(label, nan, nan, nan, way.style["color"], "not measured")
-    value, low, high = (float(row[f"{way.time}{end}_s"]) * MILLISECONDS for end in ("", "_low", "_high"))
+    value, low, high = (float(ends[0]) for ends in interval_ms(row.to_frame().T, way.time))
     ratio = say_ratio(row) if way is TOGETHER else say_speedup(row, way)
     split = "" if way is RASTER_FRAMES else say_split(row)
     name = ", ".join(filter(None, [label, split]))
