@@ -43,10 +43,10 @@ def draw_break_even_figure(table: pd.DataFrame, columns: int = 2) -> Figure:
     their build quality: their line is of the cheapest. Below each panel stand the parts of the cost.
     """
     rows = time_rows(table)
-    rows = rows[rows["method"].isin([*_with_cells(), PIXEL.name])]
+    rows = rows[rows["method"].isin([*_prepared(), PIXEL.name])]
     panels = make_panels(rows, (*best_of(), "packet_width"))
     figure, axes = draw_panels(panels, _draw_panel, columns, height=5.4)
-    add_legend(figure, axes, [*(say_series(method, None) for method in _with_cells()), _BASELINE])
+    add_legend(figure, axes, [*(say_series(method, None) for method in _prepared()), _BASELINE])
     write_foot(
         figure, rows, f"ring: ahead of {_BASELINE} from this frame on, whatever their build",
         "below a panel: ms once for plan and build, of the first frame and of every further one; Embree's bytes over "
@@ -55,15 +55,16 @@ def draw_break_even_figure(table: pd.DataFrame, columns: int = 2) -> Figure:
     return figure
 
 
-def _with_cells() -> list[str]:
-    return [method.name for method in METHODS if method.has_cells]
+def _prepared() -> list[str]:
+    """Methods of ours but the baseline."""
+    return [method.name for method in METHODS if method.is_ours and method.name != PIXEL.name]
 
 
 def _draw_panel(axis: Axes, rows: pd.DataFrame) -> None:
     notes: list[str] = []
     baselines = baseline_costs(rows)
     entries: list[tuple[str, str, dict[str, Any], Cost]] = []
-    for method in _with_cells():
+    for method in _prepared():
         points = rows[rows["method"].eq(method).fillna(False).astype(bool)]
         for _, width, of_width in series_of(points):
             notes += say_unmeasured(of_width, say_series(method, width))
