@@ -32,6 +32,11 @@ class PointsSweeperConfig:
 ConfigStore.instance().store(group="hydra/sweeper", name="points", node=PointsSweeperConfig, provider="atra")
 
 
+def _written(value: Any) -> Any:
+    """A grid's value as on the command line."""
+    return "null" if value is None else value
+
+
 class PointsSweeper(BasicSweeper):
     """The grids of a sweep, each crossed with `hydra.sweeper.params`; what the command line gives replaces both."""
 
@@ -50,7 +55,7 @@ class PointsSweeper(BasicSweeper):
         jobs: list[tuple[str, list[str]]] = []
         for grid, values in (self.config.sweep.grids or {"points": {}}).items():
             # The later of two overrides of one key wins.
-            given = [*self._parse_config(), *(f"{key}={value}" for key, value in values.items()), *arguments]
+            given = [*self._parse_config(), *(f"{key}={_written(value)}" for key, value in values.items()), *arguments]
             (of_grid,) = self.split_arguments(parser.parse_overrides(given), max_batch_size=None)
             jobs += [(grid, job) for job in of_grid]
         asked = {argument.partition("=")[0] for argument in arguments}

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import io
+import sys
 from pathlib import Path
 
 import pytest
 from rich.console import Console
 
+from experiments import cli
 from experiments.harness.progress import SweepProgress
 from experiments.report.figures import figure_kinds
 from experiments.results.table import Tables, read_tables
@@ -50,6 +52,15 @@ def test_a_sweep_that_goes_on_or_grows_keeps_its_folder(tmp_path: Path) -> None:
     sweep(tmp_path, "run.py -m method.split_x=8", 8)
     assert splits_in(tmp_path / "point_2") == [8]
     assert not (tmp_path / "point_3").exists()
+
+
+def test_a_grid_may_ask_for_a_setting_that_is_left_to_the_machine(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[GridPoint] = []
+    monkeypatch.setattr("experiments.sweep.run_sweep", lambda points, **_: asked.extend(points))
+    monkeypatch.setattr(sys, "argv", ["run.py", "sweep=baselines", "scene=cornell_box", "method.packet_rows=1"])
+    cli.main()
+    widths = {(one.grid, one.configuration.method.options.packet_width) for one in asked if "shape" in one.grid}
+    assert widths == {("baselines_shape", None), ("baselines_shape_of_8", 8)}
 
 
 @pytest.mark.parametrize(
