@@ -6,13 +6,18 @@ writes the rows into the pages, below their marks (`<!-- rows: name -->`), and p
 tests/test_documents.py looks for each of them.
 """
 
-from tests.quotations import agreement, methods, paper
+from tests.quotations import agreement, growth, methods, paper
 from tests.quotations.quotation import Quotation
 
 QUOTATIONS = (
     Quotation("README.md", "methods", methods.frames_of_each_method),
     Quotation("docs/methods.md", "methods", methods.methods_in_detail),
+    Quotation("docs/methods.md", "methods", methods.moving_cameras),
+    Quotation("docs/methods.md", "growth", growth.growth_of_methods),
+    Quotation("docs/methods.md", "instruction_sets", methods.other_instruction_sets),
+    Quotation("docs/methods.md", "peers", methods.other_tracers),
     Quotation("docs/methods.md", "surface", methods.surfaces),
+    Quotation("docs/methods.md", "stereo", methods.two_eyes),
     Quotation("docs/methods.md", "paper", paper.instances),
     Quotation("docs/paper.md", "paper", paper.measured_points),
     Quotation("docs/paper.md", "paper", paper.best_gains),
