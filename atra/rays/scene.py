@@ -37,7 +37,7 @@ from atra.options import RayOptions
 from atra.parallel import WorkerPool, resolve_threads
 from atra.rays.rays import RayHits, Rays
 
-FEWEST_RAYS, FEWEST_TRIANGLES = 1 << 14, 1 << 18
+FEWEST_RAYS, FEWEST_TRIANGLES = 1 << 14, 1 << 17
 """Of a batch and of a mesh, for rays to be put in an order: otherwise all they touch is in the cache anyway."""
 
 ORDERED = 1 << 20
@@ -240,8 +240,7 @@ class RayScene(Lifetime):
         starts = np.ascontiguousarray(bounds - counts, np.int32)
         if self._memory is None or len(self._memory[0]) < count:  # kept: fresh pages cost more than to write to them
             self._memory = aligned_empty((count, RECORD), np.float32), np.empty((3, count), np.uint32)
-        records, (places, *room) = self._memory[0][:count], self._memory[1]
-        places = places[:count]
+        records, places, room = self._memory[0][:count], self._memory[1][0, :count], self._memory[1][1:]
         given = keys, starts, origins, directions, *ends
         self._pool.run(lambda _, counter: order_rays(counter, *given, records, places))
         return (records[:, :3], records[:, 4:7], records[:, 3], records[:, 7]), places, room
