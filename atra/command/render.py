@@ -49,7 +49,8 @@ def run_render(given: Namespace) -> int:
     stems = file_stems(cameras)
     mesh = load_mesh(given.mesh)
     _make_folder(given.out)
-    print(f"{printable(str(given.mesh))}: {mesh.triangle_count:,} triangles; {len(cameras)} views", file=sys.stderr)
+    views = f"{len(cameras)} view{'s' * (len(cameras) > 1)}"
+    print(f"{printable(str(given.mesh))}: {mesh.triangle_count:,} triangles; {views}", file=sys.stderr)
     done, failures = 0, list[Exception]()
     try:
         for name, hits in render_views(mesh, cameras, threads=given.threads):

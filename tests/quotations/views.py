@@ -9,8 +9,8 @@ _JOBS = {"camera_rays": "of a camera", "random_rays": "from anywhere to anywhere
 
 
 def twenty_views(kept: Kept) -> Quoted:
-    """A mesh a row: triangles, and how many times as fast the library is as each tracer of others; least share of pixels
-    with the same triangle."""
+    """A mesh a row: triangles, how many times as fast the library is as each tracer of others, and the least share of
+    pixels with the same triangle."""
     table, rows = of(kept.points, job="views"), []
     methods = tuple(table["method"].unique())
     for triangles, of_mesh in table.groupby("triangles"):
