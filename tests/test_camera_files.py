@@ -1,6 +1,7 @@
 """Camera files made here and read back; what is missing or broken in them is named."""
 
 import json
+import re
 from struct import pack
 
 import numpy as np
@@ -138,7 +139,12 @@ def test_a_distorted_camera_that_no_image_uses_does_no_harm(tmp_path):
     ("name", "text", "message"),
     [
         ("cameras.txt", "1 PINHOLE 64\n", r"cameras\.txt, line 1 has 3 words, expected CAMERA_ID MODEL"),
-        ("cameras.txt", "1 PINHOLE 64 48 70 70 x 24\n", r"cameras\.txt, line 1: 'x' stands there, expected a number"),
+        ("cameras.txt", "7 PINHOLE 64 48 70 70 x 24\n", r"cameras\.txt, camera 7: cx is 'x', expected a finite number"),
+        (
+            "cameras.txt",
+            "7 PINHOLE 6x 48 70 70 3 24\n",
+            r"cameras\.txt, camera 7: its width is '6x', expected a finite",
+        ),
         ("cameras.txt", "1.5 PINHOLE 64 48 70 70 3 24\n", r"line 1: '1\.5' stands there, expected a whole number"),
         ("cameras.txt", "7 PINHOLE 64 48 70 70 3\n", "camera 7: it has 3 parameters, expected 4: fx, fy, cx, cy"),
         ("cameras.txt", "7 PINHOLE 64 48 1 1 3 4\n" * 2, "camera 7 is there twice"),
@@ -147,6 +153,13 @@ def test_a_distorted_camera_that_no_image_uses_does_no_harm(tmp_path):
             "5 1 0 0 0 0 0 0 1\n",
             r"images\.txt, line 1 has 9 words, .* two lines",
         ),
+        (
+            "images.txt",
+            "5 1 0 0 0 0 0 0 1 a.png\n6 1 0 0 0 0 0 0 1 b.png\n",
+            r"images\.txt, line 2 has 10 words, expected X Y POINT3D_ID .* two lines",
+        ),
+        ("images.txt", "5 1 0 0 0 0 zero 0 7 a.png\n", r"image 5 \('a\.png'\): a translation is 'zero', expected"),
+        ("images.txt", "5 1 0 0 0 0 0 0 I a.png\n", r"image 5 \('a\.png'\): its camera is 'I', which is not in"),
     ],
 )
 def test_a_broken_line_of_a_colmap_model_is_named(name, text, message, tmp_path):
@@ -173,6 +186,24 @@ def test_a_cut_binary_model_is_refused_saying_where_it_ends(name, kept, message,
     path.write_bytes(path.read_bytes()[:kept])
     with pytest.raises(atra.InputError, match=message):
         atra.read_colmap(tmp_path)
+
+
+@pytest.mark.parametrize("write", WRITERS.values(), ids=WRITERS)
+def test_broken_images_of_a_colmap_model_are_left_out_by_name_if_asked(write, tmp_path):
+    fisheye = ("OPENCV_FISHEYE", 64, 48, (1.0,) * 8)
+    good = [(i, UNTURNED, NOWHERE, 1, f"{i}.png") for i in range(18)]
+    turned = (20, (1.0, 1.0, 0.0, 0.0), NOWHERE, 1, "turned.png")
+    images = [*good[:3], turned, *good[3:], (21, UNTURNED, NOWHERE, 9, "bent.png"), good[0]]
+    write(tmp_path, SENSORS | {9: fisheye}, images)
+    broken = {}
+    assert list(atra.read_colmap(tmp_path, broken=broken)) == [name for *_, name in good]
+    assert list(broken) == ["turned.png", "bent.png", "image 0 ('0.png')"]
+    for error, message in zip(broken.values(), ("unit quaternion", "camera 9: its model is", "twice"), strict=True):
+        assert isinstance(error, atra.InputError)
+        assert re.search(rf"images\.\w+, image \d+ .*{message}", str(error))
+    write(tmp_path, SENSORS | {9: fisheye}, images[-2:-1])
+    with pytest.raises(atra.InputError, match=r"has no image that can be used, expected .*'bent\.png'.*OPENCV_FISHEYE"):
+        atra.read_colmap(tmp_path, broken={})
 
 
 def test_an_unknown_model_number_and_a_folder_without_a_model_are_refused(tmp_path):
@@ -270,6 +301,29 @@ UNDISTORT = r"images must be undistorted first, by `cv2\.undistort\(image, K, di
 def test_what_is_broken_in_a_transforms_json_is_named(contents, message, tmp_path):
     with pytest.raises(atra.InputError, match=message):
         atra.read_transforms(written(tmp_path, contents))
+
+
+def test_broken_frames_of_a_transforms_json_are_left_out_by_name_if_asked(tmp_path):
+    contents = transforms({"k1": 0.5}, {}, {"file_path": None})
+    contents["frames"] += [{"file_path": "images/1.png"}, "x", {"file_path": "cut.png"}, {"file_path": "cut.png"}]
+    contents["frames"].append({"file_path": "huge.png", "fl_x": 10**400})
+    broken = {}
+    assert list(atra.read_transforms(written(tmp_path, contents), broken=broken)) == ["images/1.png"]
+    reasons = {
+        "images/0.png": "k1 is 0.5",
+        "frame 2": "it has no file_path",
+        "frame 3 ('images/1.png')": "it has no transform_matrix",
+        "frame 4": "it has no file_path",
+        "cut.png": "it has no transform_matrix",
+        "frame 6 ('cut.png')": "it has no transform_matrix",
+        "huge.png": "fl_x is 1000",
+    }
+    assert list(broken) == list(reasons)
+    assert all(reason in str(broken[name]) for name, reason in reasons.items())
+    with pytest.raises(
+        atra.InputError, match=r"has no frame that can be used, expected at least one; .*frame 0.*k1 is"
+    ):
+        atra.read_transforms(written(tmp_path, transforms(k1=0.1)), broken={})
 
 
 def test_a_file_that_is_not_there_or_no_transforms_json_is_refused(tmp_path):

@@ -129,6 +129,45 @@ def test_a_view_that_cannot_be_traced_is_named_and_does_not_cost_the_others(
     assert last == "atra: 2 of 3 views are written"
 
 
+def broken_files(folder: Path) -> dict[str, Path]:
+    """Twenty views each, of which 07 is broken."""
+    pose = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 4], [0, 0, 0, 1]]
+    names = [f"{number:02}" for number in range(20)]
+    write_cameras(dict.fromkeys(names, CALIBRATED) | {"07": CALIBRATED | {"K": np.zeros((3, 3)).tolist()}})
+    frames = [{"file_path": name, "transform_matrix": pose} for name in names]
+    frames[7]["transform_matrix"] = np.diag([2.0, 2.0, 2.0, 1.0]).tolist()
+    shared = {"w": 24, "h": 16, "fl_x": 20.0, "frames": frames}
+    (folder / "transforms.json").write_text(json.dumps(shared), encoding="utf-8")
+    (folder / "model").mkdir()
+    (folder / "model" / "cameras.txt").write_text("1 PINHOLE 24 16 20 22 12 7\n", encoding="utf-8")
+    lines = [f"{number} 0 1 0 0 0 0 4 {1 + (name == '07')} {name}\n\n" for number, name in enumerate(names)]
+    (folder / "model" / "images.txt").write_text("".join(lines), encoding="utf-8")
+    return {"cameras": folder / "cameras.json", "frames": folder / "transforms.json", "colmap": folder / "model"}
+
+
+@pytest.mark.parametrize(
+    ("kind", "message"),
+    [
+        ("cameras", "camera '07': K is singular, expected focal lengths above 0"),
+        ("frames", "frame 7 ('07'): the left part of camera_to_world is no rotation"),
+        ("colmap", "image 7 ('07'): its camera is 2, which is not in cameras.txt"),
+    ],
+)
+def test_a_broken_view_of_twenty_in_a_file_of_cameras_is_named_at_the_end_and_does_not_cost_the_others(
+    kind: str, message: str, folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = broken_files(folder)[kind]
+    assert render(monkeypatch, "--camera", path.name) == 1
+    told = capsys.readouterr()
+    written = sorted(path.stem for path in (folder / "out" / "deep").iterdir())
+    assert written == [f"{number:02}" for number in range(20) if number != 7]
+    assert len(told.out.splitlines()) == 19
+    *_, reason, last = told.err.splitlines()
+    assert reason.startswith("atra: '07' is left out: ")
+    assert message in reason
+    assert last == "atra: 19 of 20 views are written"
+
+
 def test_a_view_that_sees_nothing_has_no_points_and_does_not_cost_the_others(
     folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

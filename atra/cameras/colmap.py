@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cache, partial
 from math import hypot
 from os import PathLike
 from pathlib import Path
@@ -13,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.cameras.colmap_files import Intrinsics, Pose, binary_cameras, binary_images, text_cameras, text_images
-from atra.cameras.entries import Cameras, add, check_any, distorted, entry, number, pixels
+from atra.cameras.entries import Broken, Cameras, Entries, distorted, entry, number, pixels
 from atra.errors import InputError
 from atra.geometry.calibration import image_plane_of_focals, pose_of
 from atra.geometry.camera import CalibratedCamera
@@ -30,14 +31,17 @@ class _Sensor:
     height: int
 
 
-def read_colmap(folder: str | PathLike[str]) -> Cameras:
+def read_colmap(folder: str | PathLike[str], *, broken: Broken | None = None) -> Cameras:
     """The cameras of the images of a COLMAP model, by image name, in the order of `images.bin` or `images.txt`.
 
     folder: where `cameras` and `images` lie, such as `sparse/0`; binary files go before text, as in COLMAP. Cameras
     must be PINHOLE or SIMPLE_PINHOLE, as `colmap image_undistorter` writes them.
+    broken: a dict that takes the images that cannot be used, by name, each with the InputError that says why; the
+    others are returned. None: the first of them is raised.
 
-    Raises InputError, naming file, entry and value, for files that are missing, entries that are broken, images whose
-    camera is missing, and camera models with lens distortion.
+    Raises InputError, naming file, entry and value, for files that are missing or cut off, entries that are broken,
+    images whose camera is missing, and camera models with lens distortion; with `broken` only for the former, and where
+    no image is left.
     Source: COLMAP's documentation, "Output Format".
     """
     folder = Path(folder)
@@ -47,33 +51,37 @@ def read_colmap(folder: str | PathLike[str]) -> Cameras:
     ):
         files = folder / f"cameras{suffix}", folder / f"images{suffix}"
         if all(path.is_file() for path in files):
-            return _read(*files, read_cameras(files[0]), read_images(files[1]))
+            return _read(*files, read_cameras(files[0]), read_images(files[1]), broken)
     raise InputError(f"{folder} is no COLMAP model, expected cameras.bin and images.bin, or both as .txt, in it")
 
 
-def _read(cameras_path: Path, images_path: Path, given: Iterator[Intrinsics], images: Iterator[Pose]) -> Cameras:
+def _read(
+    cameras_path: Path, images_path: Path, given: Iterator[Intrinsics], images: Iterator[Pose], broken: Broken | None
+) -> Cameras:
     intrinsics = {}
     for camera in given:
         if camera.camera_id in intrinsics:
             raise InputError(f"{cameras_path}: camera {camera.camera_id} is there twice")
         intrinsics[camera.camera_id] = camera
-    sensors: dict[int, _Sensor] = {}
-    cameras: Cameras = {}
+
+    @cache
+    def sensor(camera_id: int) -> _Sensor:
+        if camera_id not in intrinsics:
+            raise InputError(f"its camera is {camera_id!r}, which is not in {cameras_path.name}")
+        with entry(f"{cameras_path}, camera {camera_id}"):
+            return _sensor(intrinsics[camera_id])
+
+    def placed(image: Pose) -> CalibratedCamera:
+        used = sensor(image.camera_id)
+        translation = [number("a translation", value) for value in image.translation]
+        return CalibratedCamera.at(
+            *pose_of(_rotation(image.quaternion), translation), used.plane, used.width, used.height
+        )
+
+    entries: Entries[CalibratedCamera] = Entries(images_path, "image", broken)
     for image in images:
-        with entry(f"{images_path}, image {image.image_id} ({image.name!r})"):
-            used = image.camera_id
-            if used not in intrinsics:
-                raise InputError(f"its camera is {used}, which is not in {cameras_path.name}")
-            rotation = _rotation(image.quaternion)
-            placed = pose_of(rotation, [number("a translation", value) for value in image.translation])
-        if used not in sensors:
-            with entry(f"{cameras_path}, camera {used}"):
-                sensors[used] = _sensor(intrinsics[used])
-        with entry(f"{images_path}, image {image.image_id} ({image.name!r})"):
-            sensor = sensors[used]
-            add(cameras, image.name, CalibratedCamera.at(*placed, sensor.plane, sensor.width, sensor.height))
-    check_any(cameras, images_path, "image")
-    return cameras
+        entries.add(image.name, f"image {image.image_id} ({image.name!r})", partial(placed, image))
+    return entries.all()
 
 
 def _sensor(camera: Intrinsics) -> _Sensor:

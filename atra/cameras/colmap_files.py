@@ -17,28 +17,30 @@ MODELS = (
 )  # fmt: skip
 """Name and number of parameters of each camera model, by its number in binary files."""
 
+_TWO_LINES = "every image has two lines, the second of which may be empty"
+
 _COUNT, _CAMERA, _IMAGE, _POINT_BYTES = Struct("<Q"), Struct("<IiQQ"), Struct("<I7dI"), 24
 
 
 @dataclass(frozen=True)
 class Intrinsics:
-    """An entry of `cameras`; numbers as they are given."""
+    """An entry of `cameras`; numbers as they are given, words where none are."""
 
     camera_id: int
     model: str
     width: Any
     height: Any
-    parameters: tuple[float, ...]
+    parameters: tuple[Any, ...]
 
 
 @dataclass(frozen=True)
 class Pose:
-    """An entry of `images`: world -> camera, in OpenCV's axes. quaternion: w, x, y, z."""
+    """An entry of `images`: world -> camera, in OpenCV's axes. quaternion: w, x, y, z. Numbers as for `Intrinsics`."""
 
-    image_id: int
-    quaternion: tuple[float, ...]
-    translation: tuple[float, ...]
-    camera_id: int
+    image_id: Any
+    quaternion: tuple[Any, ...]
+    translation: tuple[Any, ...]
+    camera_id: Any
     name: str
 
 
@@ -48,26 +50,26 @@ def text_cameras(path: Path) -> Iterator[Intrinsics]:
         where = f"{path}, line {line}"
         if len(words) < 4:
             raise InputError(f"{where} has {len(words)} words, expected CAMERA_ID MODEL WIDTH HEIGHT PARAMS[]")
-        camera_id, width, height = (_whole(where, words[i]) for i in (0, 2, 3))
-        yield Intrinsics(camera_id, words[1], width, height, tuple(_real(where, word) for word in words[4:]))
+        camera_id, width, height, *parameters = (_value(word) for word in (words[0], *words[2:]))
+        if not isinstance(camera_id, int):
+            raise InputError(f"{where}: {words[0]!r} stands there, expected a whole number")
+        yield Intrinsics(camera_id, words[1], width, height, tuple(parameters))
 
 
 def text_images(path: Path) -> Iterator[Pose]:
-    """Raises InputError, naming the line, where one is not IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME."""
+    """Raises InputError, naming the line, where one is not IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME, and the next
+    X Y POINT3D_ID for any number of points."""
     is_points = False  # the line after each image lists its points, and may be empty
     for line, words in _lines(path, keep_empty=True):
-        if is_points or not words:
-            is_points = False
-            continue
-        where = f"{path}, line {line}"
-        if len(words) < 10:
-            raise InputError(
-                f"{where} has {len(words)} words, expected IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME; every image "
-                "has two lines, the second of which may be empty"
-            )
-        parts = tuple(_real(where, word) for word in words[1:8])
-        yield Pose(_whole(where, words[0]), parts[:4], parts[4:], _whole(where, words[8]), " ".join(words[9:]))
-        is_points = True
+        where = f"{path}, line {line} has {len(words)} words, expected"
+        if is_points and len(words) % 3:
+            raise InputError(f"{where} X Y POINT3D_ID for every point of the image before; {_TWO_LINES}")
+        if not is_points and words:
+            if len(words) < 10:
+                raise InputError(f"{where} IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME; {_TWO_LINES}")
+            image_id, *parts, camera_id = (_value(word) for word in words[:9])
+            yield Pose(image_id, tuple(parts[:4]), tuple(parts[4:]), camera_id, " ".join(words[9:]))
+        is_points = bool(words) and not is_points
 
 
 def binary_cameras(path: Path) -> Iterator[Intrinsics]:
@@ -142,15 +144,11 @@ def _lines(path: Path, keep_empty: bool = False) -> Iterator[tuple[int, list[str
             yield number, words
 
 
-def _whole(where: str, word: str) -> int:
-    try:
-        return int(word)
-    except ValueError:
-        raise InputError(f"{where}: {word!r} stands there, expected a whole number") from None
-
-
-def _real(where: str, word: str) -> float:
-    try:
-        return float(word)
-    except ValueError:
-        raise InputError(f"{where}: {word!r} stands there, expected a number") from None
+def _value(word: str) -> int | float | str:
+    """The number that a word is, or the word: what is wrong is said where it is used."""
+    for kind in (int, float):
+        try:
+            return kind(word)
+        except ValueError:
+            pass
+    return word

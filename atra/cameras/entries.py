@@ -3,17 +3,58 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from math import isfinite
 from pathlib import Path
-from typing import Any
+from typing import Any, Generic, TypeVar
 
 from atra.errors import InputError
 from atra.geometry.camera import CalibratedCamera
+from atra.geometry.numbers import as_number
+from atra.geometry.view import View
 
 Cameras = dict[str, CalibratedCamera]
 """By name, in the order of the file."""
+
+Broken = dict[str, InputError]
+"""Why an entry of a file cannot be used, by its name; by its place where it has none, or one that is there already."""
+
+Kind = TypeVar("Kind", bound=View)
+
+
+class Entries(Generic[Kind]):
+    """The cameras of a file, taken entry by entry.
+
+    kind: what the file calls an entry. broken: takes those that cannot be used; None: the first of them is refused.
+    """
+
+    def __init__(self, path: Path, kind: str, broken: Broken | None) -> None:
+        self._path, self._kind, self._broken = path, kind, broken
+        self._cameras: dict[str, Kind] = {}
+
+    def add(self, name: Any, place: str, read: Callable[[], Kind]) -> None:
+        """Raises what `read` refuses, naming file and place, and InputError for a name that is there already."""
+        try:
+            with entry(f"{self._path}, {place}"):
+                camera = read()
+                if name in self._cameras:
+                    raise InputError(f"the name {name!r} is there twice, expected another for every camera")
+                self._cameras[name] = camera
+        except InputError as error:
+            if self._broken is None:
+                raise
+            is_its_own = isinstance(name, str) and name not in self._cameras and name not in self._broken
+            self._broken[name if is_its_own else place] = error
+
+    def all(self) -> dict[str, Kind]:
+        """The cameras by name. Raises InputError for a file without one that can be used."""
+        if self._cameras:
+            return self._cameras
+        if self._broken:
+            first = next(iter(self._broken.values()))
+            raise InputError(f"{self._path} has no {self._kind} that can be used, expected at least one; {first}")
+        raise InputError(f"{self._path} has no {self._kind}, expected at least one")
 
 
 @contextmanager
@@ -23,19 +64,6 @@ def entry(where: str) -> Iterator[None]:
         yield
     except InputError as error:
         raise InputError(f"{where}: {error}") from None
-
-
-def add(cameras: Cameras, name: str, camera: CalibratedCamera) -> None:
-    """Raises InputError for a name that is there already."""
-    if name in cameras:
-        raise InputError(f"the name {name!r} is there twice, expected another for every camera")
-    cameras[name] = camera
-
-
-def check_any(cameras: Cameras, where: Path, what: str) -> None:
-    """Raise InputError for a file without an entry."""
-    if not cameras:
-        raise InputError(f"{where} has no {what}, expected at least one")
 
 
 def distorted(what: str, colmap: bool = False) -> InputError:
@@ -62,7 +90,7 @@ def read_json(path: Path) -> dict[str, Any]:
 
 def number(name: str, value: Any) -> float:
     """A finite number. Raises InputError, naming it, for anything else."""
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or not isfinite(value):
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not isfinite(as_number(value)):
         raise InputError(f"{name} is {value!r:.100}, expected a finite number")
     return float(value)
 

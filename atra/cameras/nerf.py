@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from functools import partial
 from math import pi, tan
 from os import PathLike
 from pathlib import Path
 from typing import Any
 
-from atra.cameras.entries import Cameras, add, check_any, distorted, entry, number, pixels, read_json
+from atra.cameras.entries import Broken, Cameras, Entries, distorted, number, pixels, read_json
 from atra.errors import InputError
 from atra.geometry.calibration import image_plane_of_focals, pose_of_matrix
 from atra.geometry.camera import CalibratedCamera
@@ -18,30 +19,38 @@ STRAIGHT = ("PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV", "F
 """Camera models that are a pinhole if all of `DISTORTION` is zero."""
 
 
-def read_transforms(path: str | PathLike[str], size: tuple[int, int] | None = None) -> Cameras:
+def read_transforms(
+    path: str | PathLike[str], size: tuple[int, int] | None = None, *, broken: Broken | None = None
+) -> Cameras:
     """The cameras of a `transforms.json` (Instant-NGP, Nerfstudio, Blender's synthetic scenes), by `file_path`.
 
     A frame has its own numbers, or those of the file: `w` and `h`; `fl_x` and `fl_y`, or `camera_angle_x` and
     `camera_angle_y`, radians (pixels are square where only one axis is told); `cx` and `cy`, (0, 0) being the image's
     corner, or else its middle. `transform_matrix` carries the camera, which looks along -Z with Y up, into the world.
     size: width and height where the file does not tell, as Blender's do not.
+    broken: a dict that takes the frames that cannot be used, by name, each with the InputError that says why; the
+    others are returned. None: the first of them is raised.
 
-    Raises InputError, naming file, frame and value, for what is missing or broken, and for lens distortion.
+    Raises InputError, naming file, frame and value, for what is missing or broken, and for lens distortion; with
+    `broken` only where no frame is left, and for a file that is none.
     """
     path = Path(path)
     shared = read_json(path)
     frames = shared.get("frames")
     if not isinstance(frames, list):
         raise InputError(f"{path} has no list of frames, expected a transforms.json")
-    cameras: Cameras = {}
+    entries: Entries[CalibratedCamera] = Entries(path, "frame", broken)
     for index, frame in enumerate(frames):
         name = frame.get("file_path") if isinstance(frame, dict) else None
-        with entry(f"{path}, frame {index}{f' ({name!r:.100})' if name is not None else ''}"):
-            if not isinstance(name, str) or not name:
-                raise InputError("it has no file_path, expected the name of an image")
-            add(cameras, name, _camera({**shared, **frame}, size))
-    check_any(cameras, path, "frame")
-    return cameras
+        place = f"frame {index}{f' ({name!r:.100})' if name is not None else ''}"
+        entries.add(name, place, partial(_frame, name, shared, frame, size))
+    return entries.all()
+
+
+def _frame(name: Any, shared: dict[str, Any], frame: Any, size: tuple[int, int] | None) -> CalibratedCamera:
+    if not isinstance(name, str) or not name:
+        raise InputError("it has no file_path, expected the name of an image")
+    return _camera({**shared, **frame}, size)
 
 
 def _camera(given: dict[str, Any], size: tuple[int, int] | None) -> CalibratedCamera:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from atra.cameras.colmap import read_colmap
-from atra.cameras.entries import entry, pixels, read_json
+from atra.cameras.entries import Broken, Entries, pixels, read_json
 from atra.cameras.nerf import read_transforms
 from atra.errors import InputError
 from atra.geometry.camera import Camera
@@ -18,25 +19,23 @@ _KINDS = (("eye", "target"), ("K", "R", "t"))
 _OPTIONAL = ("up", "fov_y_degrees")
 
 
-def read_cameras(path: Path, size: tuple[int, int] | None = None) -> dict[str, View]:
+def read_cameras(path: Path, size: tuple[int, int] | None, broken: Broken) -> dict[str, View]:
     """The cameras at `path` by name, in its order. size: width and height of those that do not tell theirs.
+    broken: takes those that cannot be used, by name, with the reason.
 
     A folder is a COLMAP model; a JSON file with frames a transforms.json; another maps names to what `atra.Camera`
     takes (eye, target, up, fov_y_degrees, width, height) or `atra.Camera.from_opencv` (K, R, t, width, height).
-    Raises InputError, naming file and entry, for whatever cannot be used.
+    Raises InputError, naming the file, for one that is none, or has no camera that can be used.
     """
     if path.is_dir():
-        return dict(read_colmap(path))
+        return dict(read_colmap(path, broken=broken))
     given = read_json(path)
     if "frames" in given:
-        return dict(read_transforms(path, size))
-    cameras: dict[str, View] = {}
+        return dict(read_transforms(path, size, broken=broken))
+    entries: Entries[View] = Entries(path, "camera", broken)
     for name, fields in given.items():
-        with entry(f"{path}, camera {name!r:.100}"):
-            cameras[name] = _camera(fields, size)
-    if not cameras:
-        raise InputError(f"{path} has no camera, expected at least one")
-    return cameras
+        entries.add(name, f"camera {name!r:.100}", partial(_camera, fields, size))
+    return entries.all()
 
 
 def _camera(fields: Any, size: tuple[int, int] | None) -> View:

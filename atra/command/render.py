@@ -8,6 +8,7 @@ from argparse import ArgumentParser, Namespace
 from collections.abc import Iterable
 from pathlib import Path, PurePosixPath
 
+from atra.cameras.entries import Broken
 from atra.command.cameras import read_cameras
 from atra.errors import InputError, StorageError, printable
 from atra.mesh_files.loading import load_mesh
@@ -36,17 +37,20 @@ def add_render(parser: ArgumentParser) -> None:
 
 
 def run_render(given: Namespace) -> int:
-    """Trace and write view after view, a line for each; returns 1 if some could not be traced or written, 0 else.
+    """Trace and write view after view, a line for each; returns 1 if some could not be read, traced or written, 0 else.
 
-    Raises InputError for what cannot be used, before anything is traced, and StorageError.
+    Which those are, and why, is said at the end. Raises InputError for what cannot be used, before anything is traced,
+    and StorageError.
     """
     for suffix in given.format:
         check_package(f".{suffix}")
-    cameras = read_cameras(given.camera, None if given.size is None else tuple(given.size))
+    left_out: Broken = {}
+    cameras = read_cameras(given.camera, None if given.size is None else tuple(given.size), left_out)
     stems = file_stems(cameras)
     mesh = load_mesh(given.mesh)
     _make_folder(given.out)
-    print(f"{printable(str(given.mesh))}: {mesh.triangle_count:,} triangles; {len(cameras)} views", file=sys.stderr)
+    views = f"{len(cameras)} view{'s' * (len(cameras) > 1)}"
+    print(f"{printable(str(given.mesh))}: {mesh.triangle_count:,} triangles; {views}", file=sys.stderr)
     done, failures = 0, list[Exception]()
     try:
         for name, hits in render_views(mesh, cameras, threads=given.threads):
@@ -63,12 +67,13 @@ def run_render(given: Namespace) -> int:
             print(f"[{done:>{len(str(len(cameras)))}}/{len(cameras)}] {written}: {hits.hit.mean():.1%} hit", flush=True)
     except ExceptionGroup as untraced:
         failures += untraced.exceptions
-    for failure in failures:
-        where = "; ".join(getattr(failure, "__notes__", ()))
-        print(f"atra: {printable(f'{failure} ({where})')}", file=sys.stderr)
-    if failures:
-        print(f"atra: {done} of {len(cameras)} views are written", file=sys.stderr)
-    return 1 if failures else 0
+    reasons = [f"{name!r} is left out: {error}" for name, error in left_out.items()]
+    reasons += [f"{failure} ({'; '.join(getattr(failure, '__notes__', ()))})" for failure in failures]
+    for reason in reasons:
+        print(f"atra: {printable(reason)}", file=sys.stderr)
+    if reasons:
+        print(f"atra: {done} of {len(cameras) + len(left_out)} views are written", file=sys.stderr)
+    return 1 if reasons else 0
 
 
 def file_stems(names: Iterable[str]) -> dict[str, str]:

@@ -24,10 +24,14 @@ ROTATION_TOLERANCE = 1e-4
 def image_plane_of(K: ArrayLike) -> ImagePlane:
     """The image plane of an intrinsic matrix ((fx, 0, cx), (0, fy, cy), (0, 0, 1)) in OpenCV's pixels.
 
-    Raises InputError for another shape, for what is not finite, skew, focal lengths that are not above 0, and another
-    last row.
+    Raises InputError for another shape, for what is not finite, a singular matrix, skew, focal lengths that are not
+    above 0, and another last row.
     """
     matrix = _matrix("K", K, (3, 3))
+    with np.errstate(over="ignore"):
+        is_singular = np.linalg.det(matrix) == 0.0
+    if is_singular:
+        raise InputError(f"K is singular, expected focal lengths above 0 and the last row [0, 0, 1]: {matrix.tolist()}")
     (fx, skew, cx), (below, fy, cy), last = matrix.tolist()
     if skew != 0.0 or below != 0.0:
         raise InputError(f"K has the skew {skew if skew else below:g}, expected none: images must have square corners")

@@ -8,7 +8,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
 from atra.embree.layout import (
     FLAG_COHERENT,
@@ -21,8 +20,8 @@ from atra.embree.layout import (
     RAY_TFAR,
     RAY_TNEAR,
 )
-from atra.kernels.caching import kernel
-from atra.kernels.intrinsics import fetch_add
+from atra.kernels.caching import float_kernel, kernel
+from atra.kernels.intrinsics import fetch_add, float_at
 from atra.kernels.packets import (
     INFINITY,
     MISS,
@@ -41,8 +40,9 @@ CHUNK = 512
 SORTED_CHUNK = 1 << 16
 """Rays a thread orders at a time."""
 
-CELLS = 8
-"""Along each axis, of the box that rays are ordered in; finer ones gain nothing."""
+CELLS = 5
+"""Along each axis, of the box that rays are ordered in: as many as leave a cache line for every bucket in the first two
+caches. Finer ones gain nothing while rays are traced."""
 
 BUCKETS = 8 * CELLS**3
 """A bucket for every cell that a ray may start in, and every octant that it may head for."""
@@ -54,19 +54,24 @@ ALIKE_DIRECTIONS = np.float32(0.125)
 """How far apart the components of directions of 1 to 2 in size are for rays of a packet to head alike."""
 
 
-class RayArrays(NamedTuple):
-    """N rays, as they are traced one after the other.
+RECORD = 8
+"""Numbers of a ray that is put in an order: origin and tnear, direction and tfar."""
 
-    origins, directions: (N, 3) float32. tnear, tfar: (N,) float32, in lengths of the direction.
-    places: (N,) uint32, whose answer each one's is; empty where they have the order of the answers.
+
+class RaysInMemory(NamedTuple):
+    """Rays, as they are traced one after the other: where their numbers, float32, lie in memory.
+
+    origins, directions: address of the first ray's three numbers; a ray's are `vector_bytes` behind those of the one
+    before. tnear, tfar: address of the first ray's, in lengths of the direction; the next is `number_bytes` behind.
     together: `NEVER`, `ALWAYS` or `WHERE_ALIKE`. near_by: how far apart origins are at most to count as alike.
     """
 
-    origins: NDArray[np.float32]
-    directions: NDArray[np.float32]
-    tnear: NDArray[np.float32]
-    tfar: NDArray[np.float32]
-    places: NDArray[np.uint32]
+    origins: int
+    directions: int
+    vector_bytes: int
+    tnear: int
+    tfar: int
+    number_bytes: int
     together: int
     near_by: np.float32
 
@@ -105,11 +110,11 @@ def number_rays(counter_address, origins, directions, low, inverse, keys, counts
 
 
 @kernel
-def order_rays(counter_address, keys, starts, rays, ordered):  # type: ignore[no-untyped-def]
+def order_rays(counter_address, keys, starts, origins, directions, tnear, tfar, records, places):  # type: ignore[no-untyped-def]
     """Copy rays bucket by bucket, and within each as they came; starts: (chunks, BUCKETS) int32, which is used up.
 
-    Buckets are written side by side and read one after the other, both of which the cache likes better than to pick
-    rays from all over the batch while they are traced.
+    records: (N, RECORD) float32. places: (N,) uint32, which of them each ray is. Buckets are written side by side and
+    read one after the other, both of which the cache likes better than rays from all over the batch.
     """
     while True:
         chunk = fetch_add(counter_address, 1)
@@ -120,19 +125,46 @@ def order_rays(counter_address, keys, starts, rays, ordered):  # type: ignore[no
             place = starts[chunk, key]
             starts[chunk, key] = place + 1
             for axis in range(3):
-                ordered.origins[place, axis] = rays.origins[ray, axis]
-                ordered.directions[place, axis] = rays.directions[ray, axis]
-            ordered.tnear[place], ordered.tfar[place] = rays.tnear[ray], rays.tfar[ray]
-            ordered.places[place] = ray
+                records[place, axis] = origins[ray, axis]
+                records[place, 4 + axis] = directions[ray, axis]
+            records[place, 3], records[place, 7] = tnear[ray], tfar[ray]
+            places[ray] = place
+
+
+@kernel
+def put_back(counter_address, places, answers, output):  # type: ignore[no-untyped-def]
+    """output[ray] = answers[places[ray]], (N,) each: answers of rays that were put in an order."""
+    while True:
+        start = fetch_add(counter_address, 1) * SORTED_CHUNK
+        if start >= len(places):
+            return
+        for ray in range(start, min(start + SORTED_CHUNK, len(places))):
+            output[ray] = answers[places[ray]]
 
 
 @njit(inline="always")
 def ray_length(directions, ray):  # type: ignore[no-untyped-def]
     """(l, 1 / l): the largest power of two that no component of the direction is below, all of them being less."""
-    x, y, z = directions[ray, 0], directions[ray, 1], directions[ray, 2]
+    return _length(directions[ray, 0], directions[ray, 1], directions[ray, 2])
+
+
+@njit(inline="always")
+def _length(x, y, z):  # type: ignore[no-untyped-def]
     largest = np.float32(max(abs(x), abs(y), abs(z)))
     exponent = np.uint32(largest.view(np.uint32) & 0x7F800000)
     return exponent.view(np.float32), np.uint32(0x7F000000 - exponent).view(np.float32)
+
+
+@njit(inline="always")
+def _origin(rays, ray):  # type: ignore[no-untyped-def]
+    first = rays.origins + rays.vector_bytes * ray
+    return float_at(first), float_at(first + 4), float_at(first + 8)
+
+
+@njit(inline="always")
+def _direction(rays, ray):  # type: ignore[no-untyped-def]
+    first = rays.directions + rays.vector_bytes * ray
+    return float_at(first), float_at(first + 4), float_at(first + 8)
 
 
 @njit(inline="always")
@@ -143,15 +175,17 @@ def _load(packet, width, lane, rays, ray):  # type: ignore[no-untyped-def]
     then depends on the length of the direction, and what is tiny (`ray_component`) is so for all. Embree would lose
     short directions, and long ones would leave the range of float32. Origins stay as they are: tiny ones lose nothing.
     """
-    length, inverse = ray_length(rays.directions, ray)
+    x, y, z = _direction(rays, ray)
+    length, inverse = _length(x, y, z)
     floats = packet.floats
-    floats[RAY_ORG_X * width + lane] = rays.origins[ray, 0]
-    floats[RAY_ORG_Y * width + lane] = rays.origins[ray, 1]
-    floats[RAY_ORG_Z * width + lane] = rays.origins[ray, 2]
-    floats[RAY_DIR_X * width + lane] = ray_component(rays.directions[ray, 0] * inverse)
-    floats[RAY_DIR_Y * width + lane] = ray_component(rays.directions[ray, 1] * inverse)
-    floats[RAY_DIR_Z * width + lane] = ray_component(rays.directions[ray, 2] * inverse)
-    near, far = rays.tnear[ray] * length, rays.tfar[ray] * length
+    floats[RAY_ORG_X * width + lane], floats[RAY_ORG_Y * width + lane], floats[RAY_ORG_Z * width + lane] = _origin(
+        rays, ray
+    )
+    floats[RAY_DIR_X * width + lane] = ray_component(x * inverse)
+    floats[RAY_DIR_Y * width + lane] = ray_component(y * inverse)
+    floats[RAY_DIR_Z * width + lane] = ray_component(z * inverse)
+    near = float_at(rays.tnear + rays.number_bytes * ray) * length
+    far = float_at(rays.tfar + rays.number_bytes * ray) * length
     floats[RAY_TNEAR * width + lane] = near
     floats[RAY_TFAR * width + lane] = far
     is_open = near < far
@@ -160,20 +194,18 @@ def _load(packet, width, lane, rays, ray):  # type: ignore[no-untyped-def]
 
 
 @njit(inline="always")
-def _place(rays, ray):  # type: ignore[no-untyped-def]
-    return np.int64(rays.places[ray]) if len(rays.places) else ray
-
-
-@njit(inline="always")
 def _are_alike(rays, first, lanes):  # type: ignore[no-untyped-def]
     """Whether so many rays start and head alike, as neighbours of a camera do."""
-    _, inverse = ray_length(rays.directions, first)
+    x, y, z = _origin(rays, first)
+    u, v, w = _direction(rays, first)
+    _, inverse = _length(u, v, w)
     for ray in range(first + 1, first + lanes):
-        for axis in range(3):
-            turned = abs(rays.directions[ray, axis] - rays.directions[first, axis]) * inverse
-            moved = abs(rays.origins[ray, axis] - rays.origins[first, axis])
-            if not (turned <= ALIKE_DIRECTIONS and moved <= rays.near_by):
-                return False
+        a, b, c = _origin(rays, ray)
+        moved = max(abs(a - x), abs(b - y), abs(c - z))
+        a, b, c = _direction(rays, ray)
+        turned = max(abs(a - u), abs(b - v), abs(c - w)) * inverse
+        if not (turned <= ALIKE_DIRECTIONS and moved <= rays.near_by):
+            return False
     return True
 
 
@@ -187,12 +219,12 @@ def _set_flags(flags, rays, first, lanes):  # type: ignore[no-untyped-def]
 def closest_hit_kernel(width: int) -> Callable[..., None]:
     """The loop over rays for their closest hits, in packets of `width`, a constant of the compiled code."""
 
-    @kernel
+    @float_kernel
     def intersect_rays(counter_address, scene, packet, flags, rays, t, prim_id):  # type: ignore[no-untyped-def]
         """Trace all rays, chunk by chunk, until the shared counter runs past the last.
 
         packet: its constant fields (mask, flags, inst_id) are set. flags: (1,) uint32, of the query, which are set for
-        each packet where that is asked for. rays: `RayArrays`.
+        each packet where that is asked for. rays: `RaysInMemory`.
         t: (N,) float32 and prim_id: (N,) uint32 are written completely, inf and MISS where nothing is hit.
         """
         while True:
@@ -211,10 +243,11 @@ def closest_hit_kernel(width: int) -> Callable[..., None]:
                     _set_flags(flags, rays, first, lanes)
                     intersect(width, packet.valid, scene, packet)
                 for lane in range(lanes):
-                    place, found = _place(rays, first + lane), hit_prim_id(packet, width, lane)
-                    prim_id[place] = found
-                    _, inverse = ray_length(rays.directions, first + lane)
-                    t[place] = hit_distance(packet, width, lane) * inverse if found != MISS else INFINITY
+                    found = hit_prim_id(packet, width, lane)
+                    prim_id[first + lane] = found
+                    x, y, z = _direction(rays, first + lane)
+                    _, inverse = _length(x, y, z)
+                    t[first + lane] = hit_distance(packet, width, lane) * inverse if found != MISS else INFINITY
 
     return intersect_rays
 
@@ -223,7 +256,7 @@ def closest_hit_kernel(width: int) -> Callable[..., None]:
 def occlusion_kernel(width: int) -> Callable[..., None]:
     """The loop over rays for whether they hit anything, in packets of `width`, a constant of the compiled code."""
 
-    @kernel
+    @float_kernel
     def occlude_rays(counter_address, scene, packet, flags, rays, is_occluded):  # type: ignore[no-untyped-def]
         """As `closest_hit_kernel`; is_occluded: (N,) bool, written completely."""
         while True:
@@ -242,6 +275,6 @@ def occlusion_kernel(width: int) -> Callable[..., None]:
                     occluded(width, packet.valid, scene, packet)
                 for lane in range(lanes):
                     is_open = packet.valid[lane] != 0
-                    is_occluded[_place(rays, first + lane)] = is_open and hit_distance(packet, width, lane) < 0.0
+                    is_occluded[first + lane] = is_open and hit_distance(packet, width, lane) < 0.0
 
     return occlude_rays

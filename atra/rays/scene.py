@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from atra.aligned_memory import aligned_empty
 from atra.embree.scene import EmbreeScene, resolve_packet_width
 from atra.embree.workspace import Workspace
 from atra.errors import InputError
@@ -21,20 +22,22 @@ from atra.kernels.rays import (
     BUCKETS,
     CELLS,
     NEVER,
+    RECORD,
     SORTED_CHUNK,
     WHERE_ALIKE,
-    RayArrays,
+    RaysInMemory,
     closest_hit_kernel,
     number_rays,
     occlusion_kernel,
     order_rays,
+    put_back,
 )
 from atra.lifetime import Lifetime
 from atra.options import RayOptions
 from atra.parallel import WorkerPool, resolve_threads
 from atra.rays.rays import RayHits, Rays
 
-FEWEST_RAYS, FEWEST_TRIANGLES = 1 << 14, 1 << 18
+FEWEST_RAYS, FEWEST_TRIANGLES = 1 << 14, 1 << 17
 """Of a batch and of a mesh, for rays to be put in an order: otherwise all they touch is in the cache anyway."""
 
 ORDERED = 1 << 20
@@ -45,11 +48,12 @@ _SAMPLES, _NEIGHBOURS = 64, 16
 
 _BOX_SAMPLES = 1024
 
-_NOWHERE = np.empty(0, np.uint32)
-"""Places of rays that have the order of their answers."""
-
 NEAR_BY = 1 / 64
 """Of the size of the mesh: rays that start nearer to each other than this may be taken through the tree together."""
+
+
+Numbers = tuple[NDArray[np.float32], ...]
+"""Of rays: origins, directions, tnear, tfar."""
 
 
 class Query(NamedTuple):
@@ -97,7 +101,7 @@ class RayScene(Lifetime):
         self._pool = WorkerPool(self.threads)
         self._workspaces = [Workspace(self.packet_width, coherent=False) for _ in range(self.threads)]
         self._scene: EmbreeScene | None = None
-        self._memory: tuple[NDArray[Any], ...] = ()
+        self._memory: tuple[NDArray[np.float32], NDArray[np.uint32]] | None = None
 
     def _plan(self) -> float:
         return 0.0
@@ -182,22 +186,31 @@ class RayScene(Lifetime):
             together = WHERE_ALIKE if coherent is None else ALWAYS if coherent else NEVER
             size = float((self.mesh.bounds[1] - self.mesh.bounds[0]).max())
             near_by = np.float32(NEAR_BY * size)
-            arrays = RayArrays(rays.origins, rays.directions, rays.tnear, rays.tfar, _NOWHERE, together, near_by)
             large = len(rays) >= FEWEST_RAYS and self.mesh.triangle_count >= FEWEST_TRIANGLES
-            has_order = coherent is not None or not large or _has_order(arrays)
+            has_order = coherent is not None or not large or _has_order(rays, near_by)
 
-            def trace(arrays: RayArrays, *outputs: NDArray[Any]) -> None:
+            def trace(given: Numbers, *answers: NDArray[Any]) -> None:
+                origins, directions, tnear, tfar = given
+                starts = origins.ctypes.data, directions.ctypes.data, origins.strides[0]
+                ends = tnear.ctypes.data, tfar.ctypes.data, tnear.strides[0]
+                placed = RaysInMemory(*starts, *ends, together, near_by)
+
                 def work(query: Query) -> None:
-                    kernel(query.counter, query.scene, query.packet, query.flags, arrays, *outputs)
+                    kernel(query.counter, query.scene, query.packet, query.flags, placed, *answers)
 
                 self.run(work, coherent=bool(coherent))
 
+            numbers = rays.origins, rays.directions, rays.tnear, rays.tfar
             if has_order:
-                trace(arrays, *outputs)
+                trace(numbers, *outputs)
                 return
             for start in range(0, len(rays), ORDERED):
                 some = slice(start, start + ORDERED)
-                trace(self._ordered(_part(arrays, some)), *(output[some] for output in outputs))
+                ordered, places, room = self._ordered(*(array[some] for array in numbers))
+                answers = [room[k].view(output.dtype)[: len(places)] for k, output in enumerate(outputs)]
+                trace(ordered, *answers)
+                for answer, output in zip(answers, outputs, strict=True):
+                    self._put_back(places, answer, output[some])
 
     def run(self, work: Callable[[Query], None], *, coherent: bool = False) -> None:
         """Call `work` once per thread, side by side, for kernels of the caller's own; nothing else is traced meanwhile.
@@ -212,27 +225,31 @@ class RayScene(Lifetime):
             own = [(workspace.packet, workspace.flags) for workspace in self._workspaces]
             self._pool.run(lambda worker, counter: work(Query(worker, counter, scene, *own[worker])))
 
-    def _ordered(self, rays: RayArrays) -> RayArrays:
-        """The same rays, until the next are ordered; those that start near each other and head the same way follow each
-        other."""
-        count = len(rays.origins)
-        low, high = box_of(rays.origins)
+    def _ordered(
+        self, origins: NDArray[np.float32], directions: NDArray[np.float32], *ends: NDArray[np.float32]
+    ) -> tuple[Numbers, NDArray[np.uint32], NDArray[np.uint32]]:
+        """The same rays in an order in which those that start near each other and head the same way follow each other;
+        the place of each in it; and room for two answers of each, (2, >= N). All of it until the next are ordered."""
+        count = len(origins)
+        low, high = box_of(origins)
         with np.errstate(divide="ignore", over="ignore"):
             inverse = np.where(high > low, CELLS / (high - low), 0.0).astype(np.float32)
         keys, counts = np.empty(count, np.uint16), np.zeros((-(-count // SORTED_CHUNK), BUCKETS), np.int32)
-        ways = rays.origins, rays.directions
-        self._pool.run(lambda _, counter: number_rays(counter, *ways, low, inverse, keys, counts))
-        ends = np.cumsum(counts.T).reshape(BUCKETS, -1).T  # bucket by bucket, in each chunk by chunk
-        starts = np.ascontiguousarray(ends - counts, np.int32)
-        if not self._memory or len(self._memory[0]) < count:  # kept: fresh pages cost more than to write to them
-            vectors, numbers = np.empty((2, count, 3), np.float32), np.empty((2, count), np.float32)
-            self._memory = (*vectors, *numbers, np.empty(count, np.uint32))
-        origins, directions, tnear, tfar, places = (array[:count] for array in self._memory)
-        ordered = RayArrays(origins, directions, tnear, tfar, places, rays.together, rays.near_by)
-        self._pool.run(lambda _, counter: order_rays(counter, keys, starts, rays, ordered))
-        for array in ordered[:4]:
-            array.setflags(write=False)  # kernels are compiled for what `Rays` holds
-        return ordered
+        self._pool.run(lambda _, counter: number_rays(counter, origins, directions, low, inverse, keys, counts))
+        bounds = np.cumsum(counts.T).reshape(BUCKETS, -1).T  # bucket by bucket, in each chunk by chunk
+        starts = np.ascontiguousarray(bounds - counts, np.int32)
+        if self._memory is None or len(self._memory[0]) < count:  # kept: fresh pages cost more than to write to them
+            self._memory = aligned_empty((count, RECORD), np.float32), np.empty((3, count), np.uint32)
+        records, places, room = self._memory[0][:count], self._memory[1][0, :count], self._memory[1][1:]
+        given = keys, starts, origins, directions, *ends
+        self._pool.run(lambda _, counter: order_rays(counter, *given, records, places))
+        return (records[:, :3], records[:, 4:7], records[:, 3], records[:, 7]), places, room
+
+    def _put_back(self, places: NDArray[np.uint32], answers: NDArray[Any], output: NDArray[Any]) -> None:
+        """output = answers[places], (N,) each."""
+        bits = np.dtype(f"u{output.itemsize}")  # one kernel for all that have as many
+        given = places, answers.view(bits), output.view(bits)
+        self._pool.run(lambda _, counter: put_back(counter, *given))
 
     @property
     def embree_bytes(self) -> int:
@@ -241,7 +258,7 @@ class RayScene(Lifetime):
 
     def _release(self) -> None:
         self._pool.close()  # first, so that none of its threads is in a scene that goes
-        self._memory = ()
+        self._memory = None
         if self._scene is not None:
             self._scene.close()
 
@@ -252,18 +269,13 @@ def box_of(origins: NDArray[np.float32]) -> NDArray[np.float32]:
     return np.stack([some.min(axis=0), some.max(axis=0)])
 
 
-def _part(rays: RayArrays, some: slice) -> RayArrays:
-    origins, directions, tnear, tfar = (array[some] for array in (rays.origins, rays.directions, rays.tnear, rays.tfar))
-    return RayArrays(origins, directions, tnear, tfar, rays.places, rays.together, rays.near_by)
-
-
-def _has_order(rays: RayArrays) -> bool:
+def _has_order(rays: Rays, near_by: np.float32) -> bool:
     """Whether neighbours start and head alike at most places of a batch."""
-    places = np.linspace(0, len(rays.origins) - _NEIGHBOURS, _SAMPLES).astype(int)[:, None] + np.arange(_NEIGHBOURS)
+    places = np.linspace(0, len(rays) - _NEIGHBOURS, _SAMPLES).astype(int)[:, None] + np.arange(_NEIGHBOURS)
     starts, ways = rays.origins[places], rays.directions[places]
     sizes = np.abs(ways[:, :1]).max(axis=2, keepdims=True)
     moved, turned = np.abs(starts - starts[:, :1]), np.abs(ways - ways[:, :1])
-    alike = (moved <= rays.near_by) & (turned <= ALIKE_DIRECTIONS * sizes)
+    alike = (moved <= near_by) & (turned <= ALIKE_DIRECTIONS * sizes)
     return bool(alike.all(axis=(1, 2)).mean() > 0.5)
 
 
