@@ -15,11 +15,11 @@ from atra.alignment.culling import check_needed_bytes
 from atra.bake.batches import BATCH_BYTES, Job, Work, add_batch, new_batch
 from atra.bake.charts.atlas import Atlas
 from atra.bake.charts.texels import Texels
+from atra.bake.light.tables import tables_of
 from atra.bake.maps import Lightmap
 from atra.bake.options import BakeOptions
 from atra.bake.priority import visible_texels
 from atra.bake.surface import BakeScene
-from atra.bake.tables import tables_of
 from atra.errors import AtraError, InputError
 from atra.geometry.view import View
 from atra.hits import Hits

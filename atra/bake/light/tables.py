@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.bake.charts.texels import Texels, unit_normals
-from atra.bake.lights import Aims, aims_at_emitters, aims_at_sky, light_rows
+from atra.bake.light.lights import Aims, aims_at_emitters, aims_at_sky, light_rows
 from atra.bake.options import BakeOptions
 from atra.bake.surface import BakeScene
 from atra.errors import InputError
