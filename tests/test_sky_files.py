@@ -50,6 +50,9 @@ def test_an_exr_is_read_to_the_bit_and_an_hdr_as_another_reader_does(tmp_path: P
     texels = sky()
     path = written(tmp_path, "sky.exr", exr_of(texels, A=texels[..., 0]))
     np.testing.assert_array_equal(render.PanoramaSky.load(path).texels, texels)
+    half = texels.astype(np.float16)
+    path = written(tmp_path, "half.exr", exr_of(half))
+    np.testing.assert_array_equal(render.PanoramaSky.load(path).texels, half.astype(np.float32))
     cv2 = pytest.importorskip("cv2")
     for shape in ((8, 16), (5, 300), (3, 4)):  # rows of 4 texels are stored as they are
         content = hdr_of(sky(*shape))

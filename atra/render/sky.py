@@ -93,7 +93,7 @@ def _read_exr(path: Path) -> NDArray[np.float32]:
     check_package(".exr")
     import OpenEXR
 
-    try:
+    try:  # its `File` prints what is damaged, but its `InputFile` crashes there
         with OpenEXR.File(str(path), separate_channels=True, header_only=True) as file:
             floats = sum(_promised(part.header) for part in file.parts)
         if not 0 < floats <= min(_MOST_FLOATS, _FLOATS_OF_A_BYTE * path.stat().st_size):
