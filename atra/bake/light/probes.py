@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from atra.alignment.culling import check_needed_bytes
 from atra.bake.batches import Stages
 from atra.errors import AtraError, InputError
 from atra.files import write_atomically
@@ -20,6 +21,9 @@ BLOCK = 64
 """Samples of a probe in a batch: a number of their own, so that no option changes the order in which they are added."""
 
 _FARTHEST = 1e11
+
+_BYTES = 32
+"""Of a coefficient: its sum, its mean, and what it passes through on the way."""
 
 _OF_COSINE = np.array([1.0, *[2 / 3] * 3, *[1 / 4] * 5])
 """What is left of each harmonic in light on a surface, over pi. Source: as of `harmonics`."""
@@ -65,10 +69,13 @@ class LightProbes:
 
 
 class ProbeSums:
-    """Sums of probes, to which batches add. points: (P, 3), checked. Raises InputError naming a point that is none."""
+    """Sums of probes, to which batches add. points: (P, 3), checked. Raises InputError naming a point that is none,
+    MemoryBudgetError."""
 
     def __init__(self, points: ArrayLike, samples: int) -> None:
         self.points, self.samples = _checked_points(points), samples
+        what = f"spherical harmonics of {len(self.points):,} probes"
+        check_needed_bytes(len(self.points) * CHANNELS * HARMONICS * _BYTES, None, what, "use fewer probes at a time")
         self._sums = np.zeros((len(self.points), CHANNELS, HARMONICS))
         self._backs = np.zeros(len(self.points), np.int64)
 
