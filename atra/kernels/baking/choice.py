@@ -12,6 +12,8 @@ from atra.kernels.shading.numbers import ONE, ZERO
 def cell_of(tables, point):  # type: ignore[no-untyped-def]
     """The cell of the grid that a point lies in; beyond its rim, the nearest."""
     grid, cell = tables.grid, np.int64(0)
+    if len(tables.of_all) == 1:
+        return cell
     for axis in range(3):
         cells = grid[2, axis]
         place = (np.float64(point[axis]) - grid[0, axis]) * grid[1, axis]
