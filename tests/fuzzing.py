@@ -29,6 +29,8 @@ import trimesh
 from atra.errors import InputError
 from atra.geometry.camera import Camera
 from atra.mesh_files.loading import load_mesh
+from atra.render import PanoramaSky
+from atra.saving import encode_exr
 from experiments.harness.records import Record, read_record, write_record
 from experiments.results.table import Tables, make_table, read_table, write_tables
 from scenes.directory import CAMERAS_FILE, load_scene_from_directory
@@ -90,6 +92,26 @@ def _read_cameras(path: Path) -> bool:
     assert tuple(fields) == CAMERA_FIELDS
     Camera(**fields, width=8, height=8)
     return True
+
+
+def _read_sky(path: Path) -> bool:
+    texels = PanoramaSky.load(path).texels
+    assert texels.ndim == 3
+    assert np.isfinite(texels).all()
+    assert texels.min() >= 0
+    return True
+
+
+def _sky_samples() -> dict[str, tuple[bytes, ...]]:
+    texels = np.random.default_rng(1).random((6, 12, 3)).astype(np.float32)
+    texels[3:] = 0.5
+    whole, half = ({name: texels[..., k].astype(kind) for k, name in enumerate("RGB")} for kind in ("f4", "f2"))
+    head = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y %d +X %d\n"
+    row = bytes([2, 2, 0, 12]) + bytes([140, 128, 12, *range(12), 3, 1, 2, 3, 137, 9, 140, 129])
+    return {
+        "sky.exr": (encode_exr(whole), encode_exr(half)),
+        "sky.hdr": (head % (6, 12) + 6 * row, head % (2, 3) + bytes(range(100, 124))),
+    }
 
 
 def _mesh_samples() -> dict[str, tuple[bytes, ...]]:
@@ -159,6 +181,7 @@ def kinds() -> dict[str, Kind]:
         record = _record_sample(Path(folder))
     camera = {"eye": [0, 0, 5], "target": [0, 0, 0], "up": [0, 1, 0], "fov_y_degrees": 40.5}
     cameras = json.dumps({"box": camera, "other": {"eye": [1, 2, 3], "target": [0.5, 0, 0]}}).encode()
+    found |= {path: Kind(path, samples, _read_sky) for path, samples in _sky_samples().items()}
     found |= {
         "record": Kind("mutated.json", (record,), _read_record),
         "table": Kind("table.parquet", (table,), _read_table),

@@ -98,16 +98,19 @@ def test_a_model_opens_elsewhere_with_its_map_and_colours(tmp_path):
 
 
 @pytest.mark.skipif(importlib.util.find_spec("xatlas") is None, reason="xatlas is not installed (extra `bake`)")
-def test_the_command_bakes_a_scene_by_name(tmp_path: Path):
+def test_the_command_bakes_a_scene_by_name_under_the_sky_of_a_file(tmp_path: Path):
+    (tmp_path / "sky.hdr").write_bytes(b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 1\n" + bytes([128] * 4))
     told = run(
         tmp_path, "bake", "scene=cornell_box", "output=out", "workload.size=48", "workload.final_samples=4",
-        "workload.priority=true", "width=32", "height=32",
+        "workload.priority=true", "width=32", "height=32", "workload.sky=sky.hdr", "workload.lights=grid",
+        "workload.adaptive=true",
     )  # fmt: skip
     assert told.returncode == 0, told.stderr
     assert "texels in 18 charts on 48 x 48" in told.stdout
     assert {"combined.exr", "combined.png", "charts.png", "scene.glb"} <= {
         path.name for path in (tmp_path / "out").iterdir()
     }
+    assert np.asarray(Image.open(tmp_path / "out" / "environment.png")).max() > 0
 
 
 @pytest.mark.skipif(importlib.util.find_spec("xatlas") is None, reason="xatlas is not installed (extra `bake`)")

@@ -13,6 +13,7 @@ from PIL import Image
 
 from atra.errors import InputError
 from atra.render import Metal
+from atra.saving import encode_exr
 from experiments import cli
 from experiments.harness.configuration import Chosen, Configuration, MeasureConfiguration, SceneConfiguration
 from experiments.harness.points import PlannedPoint, plan_points
@@ -129,6 +130,8 @@ def test_each_primary_keeps_an_image_of_its_own() -> None:
     ({"samples": 0}, "samples is 0"), ({"occlusion_rays": 65}, "occlusion_rays is 65"),
     ({"frame": Kind.path, "max_depth": 0}, "max_depth is 0"), ({"occlusion_part": -1.0}, "occlusion_length is -1"),
     ({"mitsuba": Rival.scalar_rgb}, "expected workload.frame=path"),
+    ({"sky": "nowhere.exr"}, "nowhere.exr', which cannot be read"), ({"sky_sha256": "ab"}, "without a workload.sky"),
+    ({"sky": "run.py", "sky_sha256": "ab"}, "changed since this run began"),
 ])  # fmt: skip
 def test_what_no_picture_can_have_is_refused(options: dict[str, Any], message: str) -> None:
     with pytest.raises(InputError, match=message):
@@ -168,9 +171,11 @@ def test_one_picture_is_written_with_its_progress(
     assert picture.shape == (HEIGHT, WIDTH, 3)
     assert len(np.unique(picture)) > 10
     OpenEXR = pytest.importorskip("OpenEXR")
-    assert run(monkeypatch, "samples=1", "method=pixel", "frame=path", "output=b.exr") == 0
+    (tmp_path / "sky.exr").write_bytes(encode_exr({name: np.full((2, 4), 64.0, np.float32) for name in "RGB"}))
+    assert run(monkeypatch, "samples=1", "method=pixel", "frame=path", "sky=sky.exr", "output=b.exr") == 0
     with OpenEXR.File(str(tmp_path / "b.exr")) as file:
         assert {"RGB", "Z", "N.X", "prim_id"} <= set(file.channels())
+        assert file.channels()["RGB"].pixels.max() > 10
 
 
 @pytest.mark.parametrize(("arguments", "message"), [

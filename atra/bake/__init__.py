@@ -5,7 +5,8 @@ from atra.bake.charts.atlas import Atlas
 from atra.bake.charts.finish import Seams, dilated
 from atra.bake.charts.texels import Texels
 from atra.bake.export import save_maps, save_model
-from atra.bake.lights import SpotLight
+from atra.bake.light.lights import SpotLight
+from atra.bake.light.probes import LightProbes
 from atra.bake.maps import Lightmap, relative_error
 from atra.bake.options import BakeOptions
 from atra.bake.progressive import ProgressiveBake
@@ -16,6 +17,7 @@ __all__ = [
     "BakeOptions",
     "BakeScene",
     "Baker",
+    "LightProbes",
     "Lightmap",
     "ProgressiveBake",
     "Seams",

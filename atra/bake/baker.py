@@ -9,17 +9,19 @@ from time import perf_counter
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from atra.alignment.culling import check_needed_bytes
-from atra.bake.batches import BATCH_BYTES, Job, Work, add_batch, new_batch
+from atra.bake.batches import BATCH_BYTES, Job, Stages, Work, add_batch, new_batch
 from atra.bake.charts.atlas import Atlas
 from atra.bake.charts.texels import Texels
+from atra.bake.light.adaptive import is_enough, is_looked_at, until_next_look
+from atra.bake.light.probes import BLOCK, LightProbes, ProbeSums
+from atra.bake.light.tables import tables_of
 from atra.bake.maps import Lightmap
 from atra.bake.options import BakeOptions
 from atra.bake.priority import visible_texels
 from atra.bake.surface import BakeScene
-from atra.bake.tables import tables_of
 from atra.errors import AtraError, InputError
 from atra.geometry.view import View
 from atra.hits import Hits
@@ -82,6 +84,7 @@ class Baker(Lifetime):
     def _restart(self) -> None:
         self.samples = np.zeros(len(self.texels), np.int32)
         self._sums = np.zeros((len(self.texels), SUMS))
+        self._enough = np.zeros(len(self.texels), np.bool_)
         self._batches: list[Batch | None] = [None] * self.rays_scene.threads
         self.stage_s: dict[str, float] = {}
         self.rays = self.lanes = 0
@@ -140,16 +143,23 @@ class Baker(Lifetime):
 
     def advance(self, target: int, stop: Callable[[], bool] | None = None) -> bool:
         """One pass towards `target` samples of every texel: of those that the view shows, or, when these have them, of
-        all. Returns whether there was anything left to do. Arguments and errors as for `add`."""
+        all; with `adaptive`, only of those that have not enough. Returns whether there was anything left to do.
+        Arguments and errors as for `add`."""
         _check_samples(target)
         with self._lock:
-            wanted = self.samples < target
+            wanted = (self.samples < target) & ~self._enough
             if self.visible is not None and (wanted & self.visible).any():
                 wanted &= self.visible
             if not wanted.any():
                 return False
-            missing = target - int(self.samples[wanted].max())
-            self._pass(wanted, min(missing, self.options.expansion), stop)
+            count = min(target - int(self.samples[wanted].max()), self.options.expansion)
+            if not self.options.adaptive:
+                self._pass(wanted, count, stop)
+                return True
+            self._pass(wanted, min(count, until_next_look(self.samples[wanted])), stop)
+            looked_at = wanted & is_looked_at(self.samples)
+            if looked_at.any():
+                self._enough |= looked_at & is_enough(self.maps)
             return True
 
     def _pass(self, wanted: NDArray[np.bool_], count: int, stop: Callable[[], bool] | None) -> bool:
@@ -158,32 +168,66 @@ class Baker(Lifetime):
             start = perf_counter()
             order = self._order(wanted)
             ordered_s = perf_counter() - start
-            threads = self.rays_scene.threads
-            rays = max(self.options.batch_rays // threads, self.options.expansion)
-            per_batch = max(1, rays // count)
-            starts = deque(range(0, len(order), per_batch))  # its `popleft` is safe between threads
-            works = [Work({}) for _ in range(threads)]
-            assert self.scene.surface is not None
-            kind = self.rays_scene.packet_width, self.scene.surface.is_opaque
-            job = Job(self.texels, self._tables, self.options, *kind, order, count, self.samples, self._sums)
+            rays = max(self.options.batch_rays // self.rays_scene.threads, self.options.expansion)
+            job = Job(self.texels, self._tables, order, count, self.samples, self._sums)
 
-            def work(query: Query) -> None:
-                batch = self._batches[query.worker]
-                if batch is None:
-                    batch = self._batches[query.worker] = new_batch(rays)
-                while stop is None or not stop():
-                    try:
-                        first = starts.popleft()
-                    except IndexError:
-                        return
-                    texels = min(per_batch, len(order) - first)
-                    bad = add_batch(job, first, texels, batch, query, works[query.worker])
-                    if bad >= 0:
-                        raise self._not_finite(bad)
+            def add(first: int, texels: int, batch: Batch, stages: Stages) -> None:
+                bad = add_batch(job, first, texels, batch, stages)
+                if bad >= 0:
+                    raise self._not_finite(bad)
 
-            self.rays_scene.run(work)
+            done, works = self._in_batches(len(order), rays, count, add, stop)
             self._count(works, ordered_s, perf_counter() - start)
-            return not starts
+            return done
+
+    def _in_batches(
+        self, starts: int, rays: int, of_each: int, add: Callable[[int, int, Batch, Stages], None],
+        stop: Callable[[], bool] | None = None,
+    ) -> tuple[bool, list[Work]]:  # fmt: skip
+        """`add(first, count, batch, stages)` in all threads, of batches of so many rays, until all `starts` of them had
+        their turn; whether they did, and what was done."""
+        per_batch = max(1, rays // of_each)
+        left = deque(range(0, starts, per_batch))  # its `popleft` is safe between threads
+        works = [Work({}) for _ in range(self.rays_scene.threads)]
+
+        def work(query: Query) -> None:
+            batch, stages = self._batch(query.worker, rays), self._stages(query, works)
+            while stop is None or not stop():
+                try:
+                    first = left.popleft()
+                except IndexError:
+                    return
+                add(first, min(per_batch, starts - first), batch, stages)
+
+        self.rays_scene.run(work)
+        return not left, works
+
+    def probes(self, points: ArrayLike, samples: int = 1024) -> LightProbes:
+        """What arrives at points from all around, by so many paths each; the map stays as it is.
+
+        points: (P, 3), in the world. Raises as `add` does, and InputError naming a point that is none.
+        """
+        _check_samples(samples)
+        sums = ProbeSums(points, samples)
+        rays = max(self.options.batch_rays // self.rays_scene.threads, BLOCK)
+        with self._tracing():
+
+            def add(first: int, probes: int, batch: Batch, stages: Stages) -> None:
+                sums.add(first, probes, self._tables, batch, stages)
+
+            self._in_batches(len(sums.points), rays, BLOCK, add)
+        return sums.probes()
+
+    def _batch(self, worker: int, rays: int) -> Batch:
+        batch = self._batches[worker]
+        if batch is None or len(batch.key) < rays:
+            batch = self._batches[worker] = new_batch(rays)
+        return batch
+
+    def _stages(self, query: Query, works: list[Work]) -> Stages:
+        assert self.scene.surface is not None
+        kind = self.rays_scene.packet_width, not self.scene.surface.is_opaque
+        return Stages(self._tables, self.options, kind, query, works[query.worker])
 
     def _order(self, wanted: NDArray[np.bool_]) -> NDArray[np.int32]:
         """Numbers of texels in the order of rows, or of all texels of the map, -1 where there is nothing to do."""

@@ -37,14 +37,53 @@ class Work:
         self.lanes += lanes
 
 
+class Stages:
+    """Stages that all batches of a thread go through, whatever their rays start from.
+
+    kind: rays of a packet, and whether triangles may let light on.
+    """
+
+    def __init__(self, tables: Tables, options: BakeOptions, kind: tuple[int, bool], query: Query, work: Work) -> None:
+        self._tables, self._options, self._query, self._work = tables, options, query, work
+        self._trace, self._shine = trace_kernel(*kind), shine_kernel(*kind)
+        self.lap = Laps(work.stage_s)
+
+    def light(self, batch: Batch, count: int, which: int, vertex: int) -> None:
+        """Rays to a light, or to one by chance, if that is -1, and what they bring."""
+        tables, query = self._tables, self._query
+        aim(batch, count, tables, which, vertex)
+        self.lap("aim")
+        plane = plane_of(vertex, int(tables.lights[max(which, 0), KIND]))
+        self._work.traced(self._shine(batch, count, plane, tables, query.scene, query.packet), count)
+        self.lap("shadow")
+
+    def follow(self, batch: Batch, count: int) -> None:
+        """Paths whose first directions are there, to their ends."""
+        tables, options, query = self._tables, self._options, self._query
+        roulette_from = _NEVER if options.roulette_from is None else options.roulette_from
+        for vertex in range(options.bounces + 1):
+            if vertex:
+                if len(tables.lights):
+                    self.light(batch, count, -1, vertex)
+                scatter(batch, count, vertex)
+                self.lap("scatter")
+            self._work.traced(self._trace(batch, count, tables, vertex, query.scene, query.packet), count)
+            self.lap("trace")
+            going = shade(batch, count, tables, vertex, vertex == options.bounces, roulette_from)
+            self.lap("shade")
+            if going == 0:
+                break
+            if options.compaction == "bounces":
+                count = compact(batch, count)
+                self.lap("compact")
+
+
 class Job(NamedTuple):
-    """What all batches share. order: as for `generate`. expansion: samples of each texel. samples, sums: written to."""
+    """What all batches of texels share. order: as for `generate`. expansion: samples of each texel. samples, sums:
+    written to."""
 
     texels: Texels
     tables: Tables
-    options: BakeOptions
-    packet_width: int
-    is_opaque: bool
     order: NDArray[np.int32]
     expansion: int
     samples: NDArray[np.int32]
@@ -64,45 +103,21 @@ def new_batch(rays: int) -> Batch:
     )
 
 
-def add_batch(job: Job, first: int, texel_count: int, batch: Batch, query: Query, work: Work) -> int:
+def add_batch(job: Job, first: int, texel_count: int, batch: Batch, stages: Stages) -> int:
     """Add samples to `texel_count` texels of the order from number `first` on.
 
     Returns the number of a texel whose light is no finite number, or -1.
     """
-    texels, tables, options, expansion = job.texels, job.tables, job.options, job.expansion
-    kind = job.packet_width, not job.is_opaque
-    trace, shine = trace_kernel(*kind), shine_kernel(*kind)
-    lights, going_on = len(tables.lights), options.compaction == "bounces"
-    roulette_from = _NEVER if options.roulette_from is None else options.roulette_from
-    lap = Laps(work.stage_s)
-
-    def light(which: int, vertex: int) -> None:
-        aim(batch, count, tables, which, vertex)
-        lap("aim")
-        plane = plane_of(vertex, int(tables.lights[max(which, 0), KIND]))
-        work.traced(shine(batch, count, plane, tables, query.scene, query.packet), count)
-        lap("shadow")
-
+    texels, tables, expansion = job.texels, job.tables, job.expansion
     lit = texels.prim_id, texels.number
     generate(batch, job.order, first, texel_count, expansion, job.samples, lit, tables)
     count = texel_count * expansion
-    lap("generate")
-    for which in range(lights):
-        light(which, 0)
-    for vertex in range(options.bounces + 1):
-        if vertex and lights:
-            light(-1, vertex)
-        scatter(batch, count, vertex)
-        lap("scatter")
-        work.traced(trace(batch, count, tables, vertex, query.scene, query.packet), count)
-        lap("trace")
-        going = shade(batch, count, tables, vertex, vertex == options.bounces, roulette_from)
-        lap("shade")
-        if going == 0:
-            break
-        if going_on:
-            count = compact(batch, count)
-            lap("compact")
+    stages.lap("generate")
+    for which in range(len(tables.lights)):
+        stages.light(batch, count, which, 0)
+    scatter(batch, count, 0)
+    stages.lap("scatter")
+    stages.follow(batch, count)
     bad = gather(batch, job.order, first, texel_count, expansion, job.samples, job.sums)
-    lap("gather")
+    stages.lap("gather")
     return int(bad)

@@ -11,6 +11,7 @@ from atra.whole_numbers import is_whole_number
 
 COMPACTIONS = ("none", "texels", "bounces")
 ENVIRONMENTS = ("mis", "light", "bsdf")
+LIGHTS = ("uniform", "grid")
 
 
 @dataclass(frozen=True)
@@ -23,6 +24,10 @@ class BakeOptions(RayOptions):
     open_length: how near a thing counts as occluding, in scene units.
     environment: what finds the light of a panorama; "light": rays aimed at where it is bright, "bsdf": those that leave
     by chance, "mis": both, by the balance heuristic. Other skies are found by chance.
+    lights: which light a ray after a bounce is aimed at; "uniform": one of all; "grid": one that may give much in its
+    cell of a grid, with the same mean and, of many lights, less noise.
+    adaptive: `advance` leaves texels whose mean is within 1 % with a confidence of 99 %; asked after 64, 128, 256, …
+    samples. It stops where samples happen to agree, so means are a little off.
     batch_rays: rays in flight, of all threads together; memory hangs on it and not on the map. expansion: samples of a
     texel side by side in a batch. compaction: "none": batches hold all texels of the map, with idle lanes; "texels":
     those that are lit; "bounces": what goes on moves up after every bounce, too.
@@ -35,6 +40,8 @@ class BakeOptions(RayOptions):
     roulette_from: int | None = 2
     open_length: float = 1.0
     environment: str = "mis"
+    lights: str = "uniform"
+    adaptive: bool = False
     batch_rays: int = 1 << 19
     expansion: int = 16
     compaction: str = "bounces"
@@ -47,6 +54,9 @@ class BakeOptions(RayOptions):
             _check_whole("roulette_from", self.roulette_from, 0, 1 << 20)
         object.__setattr__(self, "open_length", checked_number("open_length", self.open_length, 0.0, 1e30, above=True))
         check_one_of("environment", self.environment, ENVIRONMENTS)
+        check_one_of("lights", self.lights, LIGHTS)
+        if not isinstance(self.adaptive, bool):
+            raise InputError(f"adaptive is {self.adaptive!r}, expected True or False")
         _check_whole("batch_rays", self.batch_rays, 1 << 8, 1 << 26)
         _check_whole("expansion", self.expansion, 1, 1 << 12)
         check_one_of("compaction", self.compaction, COMPACTIONS)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from atra.bake.lights import BakeLight, check_bake_light
+from atra.bake.light.lights import BakeLight, check_bake_light
 from atra.errors import InputError
 from atra.geometry.mesh import Mesh
 from atra.render.materials import Checker, Dielectric, Emissive, Image, Lambertian, Material, Metal

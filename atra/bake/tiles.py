@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from atra.bake.charts.texels import Texels
-from atra.bake.tables import START_OFF
+from atra.bake.light.tables import START_OFF
 from atra.errors import InputError
 from atra.geometry.mesh import Mesh
 from atra.geometry.orthographic import OrthographicCamera

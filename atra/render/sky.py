@@ -2,14 +2,26 @@
 
 from __future__ import annotations
 
+import os
+import re
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from atra.errors import InputError
 from atra.render.checks import Colour, checked_colour, checked_number, checked_texels
+from atra.saving import check_package
 
 WHITE: Colour = (1.0, 1.0, 1.0)
+
+_MOST_FLOATS, _FLOATS_OF_A_BYTE = 1 << 29, 1 << 10
+"""Of an EXR: of 8 floats a pixel, 16,384 x 4,096; and of one colour, packed as well as can be."""
+
+_LONGEST_RUN = 127
+"""Of a Radiance HDR."""
 
 
 @dataclass(frozen=True)
@@ -44,6 +56,11 @@ class PanoramaSky:
         object.__setattr__(self, "texels", checked_texels("texels of a sky", self.texels))
         object.__setattr__(self, "power", checked_number("power of a sky", self.power, 0.0, 1e12))
 
+    @classmethod
+    def load(cls, path: str | os.PathLike[str], power: float = 1.0) -> PanoramaSky:
+        """Of an EXR or a Radiance HDR. Raises InputError as `read_panorama` does."""
+        return cls(read_panorama(path), power)
+
 
 Sky = GradientSky | PanoramaSky
 
@@ -52,3 +69,96 @@ def constant_sky(colour: Colour | float = WHITE, power: float = 1.0) -> Gradient
     """The same radiance from everywhere; black: no sky."""
     whole = checked_colour("colour of a sky", colour, 1e12)
     return GradientSky(whole, whole, power)
+
+
+def read_panorama(path: str | os.PathLike[str]) -> NDArray[np.float32]:
+    """(H, W, 3) float32, linear RGB as stored, of an EXR or a Radiance HDR.
+
+    Raises InputError naming the file, which nobody need trust: for another suffix, what is damaged or promises more
+    than its bytes can hold, negative or infinite radiance, an EXR without R, G and B, and without the package OpenEXR.
+    """
+    path = Path(path)
+    readers = {".exr": _read_exr, ".hdr": _read_hdr}
+    if path.suffix.lower() not in readers:
+        raise InputError(f"the sky {str(path)!r} has the suffix {path.suffix!r}, expected .exr or .hdr")
+    if not path.is_file():
+        raise InputError(f"the sky {str(path)!r} is no file")
+    try:
+        return checked_texels("its radiance", readers[path.suffix.lower()](path))
+    except (OSError, MemoryError, ValueError) as error:
+        raise InputError(f"the sky {str(path)!r} cannot be used: {error}") from None
+
+
+def _read_exr(path: Path) -> NDArray[np.float32]:
+    check_package(".exr")
+    import OpenEXR
+
+    try:  # its `File` prints what is damaged, but its `InputFile` crashes there
+        with OpenEXR.File(str(path), separate_channels=True, header_only=True) as file:
+            floats = sum(_promised(part.header) for part in file.parts)
+        if not 0 < floats <= min(_MOST_FLOATS, _FLOATS_OF_A_BYTE * path.stat().st_size):
+            raise InputError(f"its {path.stat().st_size} bytes promise {floats:,} numbers")
+        with OpenEXR.File(str(path), separate_channels=True) as file:
+            channels = {name: np.array(one.pixels, np.float32) for name, one in file.channels().items()}
+    except InputError:
+        raise
+    except Exception as error:  # whatever the package makes of a damaged file
+        raise InputError(str(error).replace(str(path), "it") or "it is damaged") from None
+    if not {"R", "G", "B"} <= channels.keys():
+        raise InputError(f"its channels are {', '.join(channels)}, expected R, G and B")
+    return np.stack([channels[name] for name in "RGB"], axis=2)
+
+
+def _promised(header: dict[str, Any]) -> int:
+    """Numbers in a part of an EXR. Raises InputError for one that holds no flat image."""
+    if header["type"].name not in ("scanlineimage", "tiledimage"):
+        raise InputError("it holds something else than flat images")
+    low, high = (corner.astype(np.int64) for corner in header["dataWindow"])
+    width, height = (high - low + 1).tolist()
+    if width < 1 or height < 1:
+        raise InputError(f"it has {width} x {height} pixels")
+    return int(width * height * len(header["channels"]))
+
+
+def _read_hdr(path: Path) -> NDArray[np.float32]:
+    """Source: the format that G. Ward's Radiance writes, as its manual "Radiance File Formats" has it."""
+    content = path.read_bytes()
+    head, _, rest = content.partition(b"\n\n")
+    size, _, data = rest.partition(b"\n")
+    lines = head.split(b"\n")
+    found = re.fullmatch(rb"-Y (\d{1,9}) \+X (\d{1,9})", size)
+    if lines[0] not in (b"#?RADIANCE", b"#?RGBE") or b"FORMAT=32-bit_rle_rgbe" not in lines or not found:
+        raise InputError("expected #?RADIANCE, FORMAT=32-bit_rle_rgbe, and a size as -Y 512 +X 1024")
+    height, width = int(found[1]), int(found[2])
+    start = bytes((2, 2, width >> 8 & 255, width & 255))
+    if len(data) == 4 * height * width and not data.startswith(start):
+        encoded = np.frombuffer(data, np.uint8).reshape(height, width, 4)
+    else:
+        encoded = _decoded(data, height, width, start)
+    exponent = encoded[..., 3:].astype(np.int32)
+    scale = np.where(exponent > 0, np.ldexp(np.float32(1.0), exponent - 136), np.float32(0.0))
+    return np.multiply(encoded[..., :3], scale, dtype=np.float32)
+
+
+def _decoded(data: bytes, height: int, width: int, start: bytes) -> NDArray[np.uint8]:
+    """(H, W, 4) of runs of equal bytes and of others, channel by channel in each row, which begins with `start`."""
+    fewest = height * (4 + 8 * -(-width // _LONGEST_RUN))
+    if not 0 < width < 1 << 15 or not 0 < fewest <= len(data):
+        raise InputError(f"its {len(data)} bytes of pixels promise {width} x {height}")
+    rows = np.empty((height, 4, width), np.uint8)
+    at = 0
+    for number, row in enumerate(rows):
+        if data[at : at + 4] != start:
+            raise InputError(f"row {number} does not begin as a row of {width} pixels does")
+        at += 4
+        for line in row:
+            place = 0
+            while place < width:
+                first = data[at] if at < len(data) else 0
+                count, bytes_taken = (first - 128, 1) if first > 128 else (first, first)
+                taken = data[at + 1 : at + 1 + bytes_taken]
+                if not 0 < count <= width - place or len(taken) != bytes_taken:
+                    raise InputError(f"row {number} is damaged")
+                line[place : place + count] = np.frombuffer(taken, np.uint8)
+                place, at = place + count, at + 1 + bytes_taken
+    return np.swapaxes(rows, 1, 2)

@@ -44,7 +44,8 @@ def run_picture(configuration: Configuration) -> Path:
         raise planned.problem
     point, console = planned.point, Console(stderr=True)
     mesh = load_mesh(point)
-    scene, samples = lit(point.scene, mesh, point.camera), point.workload_options.samples
+    options = point.workload_options
+    scene, samples = options.under_sky(lit(point.scene, mesh, point.camera)), options.samples
     start = time.monotonic()
     with make_renderer(point, scene, point.camera, make_own(point, mesh)) as renderer:
         with _progress(samples, console) as steps:

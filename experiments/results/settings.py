@@ -50,6 +50,6 @@ def say_setting(name: str, value: Any) -> str:
         return f"{value} geometry"
     if name == "build_quality":
         return f"{value} build quality"
-    if name == "mesh_sha256":
-        return f"mesh {value[:8]}"
+    if name.endswith("_sha256"):
+        return f"{name.removesuffix('_sha256')} {value[:8]}"
     return f"{name.replace('_', ' ')} {value}"

@@ -2,25 +2,61 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from importlib import import_module
 from importlib.util import find_spec
+from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+from atra.errors import InputError
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
+from atra.render import PanoramaSky, RenderScene
 from atra.tracers import Tracer
 from experiments.harness.column import Column
 from experiments.harness.point import Point
 from experiments.harness.records import Record
 from experiments.methods import find_method
+from experiments.methods.method import option
 
 
 @dataclass(frozen=True)
 class NoOptions:
     """Of a workload that leaves nothing to choose."""
+
+
+@dataclass(frozen=True)
+class UnderSky:
+    """Options of a workload whose scene a file may light.
+
+    sky_sha256 is found, not given: a changed file makes another point. Raises InputError for a file that cannot be
+    read, and for one that is not what it was when the run began.
+    """
+
+    sky: str | None = option(None, "an EXR or Radiance HDR all around, in place of the scene's own sky", "own")
+    sky_sha256: str | None = option(None, "hash of that file, which is found and not set", "own")
+
+    def __post_init__(self) -> None:
+        if self.sky is None:
+            if self.sky_sha256 is not None:
+                raise InputError(f"workload.sky_sha256 is {self.sky_sha256!r} without a workload.sky, expected null")
+            return
+        path = Path(self.sky).expanduser().resolve()
+        try:
+            found = hashlib.sha256(path.read_bytes()).hexdigest()
+        except OSError as error:
+            raise InputError(f"workload.sky is {str(path)!r}, which cannot be read: {error.strerror}") from None
+        if self.sky_sha256 not in (None, found):
+            raise InputError(f"the sky {str(path)!r} changed since this run began; start it again")
+        object.__setattr__(self, "sky", str(path))
+        object.__setattr__(self, "sky_sha256", found)
+
+    def under_sky(self, scene: RenderScene) -> RenderScene:
+        """The scene with that sky, if there is one. Raises InputError for a file that holds none."""
+        return scene if self.sky is None else replace(scene, sky=PanoramaSky.load(self.sky))
 
 
 def no_samples(point: Point) -> frozenset[str]:

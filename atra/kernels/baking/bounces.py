@@ -9,7 +9,8 @@ import numpy as np
 from numba import njit
 
 from atra.embree.layout import RAY_TFAR, RAY_TNEAR
-from atra.kernels.baking.lights import emitter_share, plane_of, sky_share
+from atra.kernels.baking.choice import cell_of, odds_of
+from atra.kernels.baking.lights import cosine_at, emitter_share, plane_of, sky_share
 from atra.kernels.baking.tables import (
     BACK,
     DIRECT,
@@ -32,7 +33,7 @@ from atra.kernels.baking.tables import (
 from atra.kernels.baking.texels import point_at, weights_at
 from atra.kernels.caching import float_kernel
 from atra.kernels.packets import INFINITY, MISS, hit_distance, hit_prim_id, intersect, set_no_hit
-from atra.kernels.shading.numbers import ONE, ZERO, around, bits_of, dot, key_of, mixed, on_sphere, scaled, unit_of
+from atra.kernels.shading.numbers import ONE, ZERO, around, bits_of, key_of, mixed, on_sphere, scaled, unit_of
 from atra.kernels.shading.paths import load_rays
 from atra.kernels.shading.scattering import WHITE
 from atra.kernels.shading.surface import sky_colour
@@ -43,6 +44,12 @@ _OF_TEXEL, _OF_BOUNCE = 2, 3
 
 _INSET = 2.0
 """Of how far rays start off a surface: how far from a triangle's rim, where another surface may stand."""
+
+
+@njit
+def sample_key(number, sample, seed):  # type: ignore[no-untyped-def]
+    """uint32 that stands for a sample of a texel, or of a probe."""
+    return key_of(np.uint32(number), mixed(np.uint32(np.uint32(sample) * _GOLDEN + seed)))
 
 
 @float_kernel
@@ -63,8 +70,7 @@ def generate(batch, order, first, texels, expansion, samples, prim_of, tables): 
                 batch.results[i, one] = ZERO
             if texel < 0:
                 continue
-            sample = np.uint32(samples[texel] + e)
-            key = key_of(np.uint32(number[texel]), mixed(np.uint32(sample * _GOLDEN + tables.seed)))
+            key = sample_key(number[texel], samples[texel] + e, tables.seed)
             batch.key[i] = key
             x = number[texel] % tables.width + np.float64(unit_of(bits_of(key, np.uint32(0))))
             y = number[texel] // tables.width + np.float64(unit_of(bits_of(key, np.uint32(1))))
@@ -146,6 +152,14 @@ def trace_kernel(width: int, see_through: bool) -> Callable[..., int]:
     return trace
 
 
+@njit(inline="always")
+def _selected(tables, floats, path, vertex, light):  # type: ignore[no-untyped-def]
+    """How often a ray is aimed at a light from where a path is: at texels always."""
+    if vertex == 0:
+        return ONE
+    return odds_of(tables, cell_of(tables, vector(floats, ORIGIN, path)), light)
+
+
 @float_kernel
 def shade(batch, count, tables, vertex, is_last, roulette_from):  # type: ignore[no-untyped-def]
     """Light of what is met is added; paths move to where they go on from, or end.
@@ -153,21 +167,23 @@ def shade(batch, count, tables, vertex, is_last, roulette_from):  # type: ignore
     is_last: none goes on. roulette_from: bounces after which weak paths end by chance. Returns how many go on.
     """
     floats, planes = batch.floats, tables.planes
-    selected = ONE if vertex == 0 else ONE / np.float32(max(1, len(tables.lights)))
     aims_at_emitters, aims_at_sky = len(tables.emitters) > 0, tables.sky_by != GIVES_BSDF
+    of_sky = len(tables.lights) - 1
+    of_emitters = of_sky - aims_at_sky
     going = 0
     for i in range(count):
         if batch.alive[i] == 0:
             continue
         slot, prim_id, distance = batch.slot[i], batch.prim_id[i], batch.distance[i]
         direction, weight = vector(floats, DIRECTION, i), vector(floats, WEIGHT, i)
-        cosine = max(dot(direction, vector(floats, NORMAL, i)), np.float32(1e-12))
+        cosine = max(cosine_at(vector(floats, NORMAL, i), direction), np.float32(1e-12))
         if vertex == 0 and not distance < tables.open_length:
             batch.results[slot, OPEN] = ONE
         batch.alive[i] = 0
         if prim_id == MISS:
             light = sky_colour(tables, direction)
             if aims_at_sky:
+                selected = _selected(tables, floats, i, vertex, of_sky)
                 light = scaled(sky_share(tables, direction, cosine, selected), light)
             plane = plane_of(vertex, SKY)
             for channel in range(3):
@@ -183,6 +199,7 @@ def shade(batch, count, tables, vertex, is_last, roulette_from):  # type: ignore
             share = ONE
             if aims_at_emitters:
                 away = np.float32(-facing)
+                selected = _selected(tables, floats, i, vertex, of_emitters)
                 share = emitter_share(tables, prim_id, away, cosine, distance * distance, selected)
             plane = DIRECT if vertex == 0 else INDIRECT
             for channel in range(3):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from atra.kernels.baking.choice import cell_of, chosen
 from atra.kernels.baking.tables import (
     ACROSS,
     CARRIED,
@@ -49,14 +50,23 @@ from atra.kernels.shading.numbers import (
 )
 from atra.kernels.shading.surface import sky_colour
 
-PI = np.float32(np.pi)
-LIGHTS_OF_A_VERTEX, DIMENSIONS = 1 << 12, 4
+PI, QUARTER = np.float32(np.pi), np.float32(0.25)
+LIGHTS_OF_A_VERTEX, DIMENSIONS = 1 << 20, 4
 """Rays to lights have dimensions of their own, beyond those that paths take."""
 
 _ALMOST = np.float32(1 - 1e-4)
 """Of the way to a light: what is at the light itself does not shadow it."""
 
 _NONE = ZERO, ZERO, ZERO
+
+
+@njit
+def cosine_at(normal, direction):  # type: ignore[no-untyped-def]
+    """Of a direction and a normal. In the open, where that is 0, a quarter: then it is, over pi, how often a direction
+    is chosen that is uniform over the sphere, and so what holds for surfaces holds there."""
+    if normal[0] == ZERO and normal[1] == ZERO and normal[2] == ZERO:
+        return QUARTER
+    return dot(normal, direction)
 
 
 @njit
@@ -131,7 +141,7 @@ def _to_emitter(tables, origin, normal, u, v, chance, selected):  # type: ignore
     away = np.float32(
         -(direction[0] * planes[face, 0] + direction[1] * planes[face, 1] + direction[2] * planes[face, 2])
     )
-    cosine = dot(normal, direction)
+    cosine = cosine_at(normal, direction)
     if not (away > ZERO and cosine > ZERO):
         return direction, _NONE, ZERO
     by_chance = cosine / PI
@@ -153,7 +163,7 @@ def _to_sky(tables, normal, u, v, chance, selected):  # type: ignore[no-untyped-
     radius = np.sqrt(max(ZERO, ONE - height * height))
     x, y = circle((np.float32(column) + v) / np.float32(columns))
     direction = -radius * y, height, radius * x  # column 0 looks along +z, the middle one along -z
-    cosine = dot(normal, direction)
+    cosine = cosine_at(normal, direction)
     if not cosine > ZERO:
         return direction, _NONE
     by_chance = cosine / PI
@@ -187,26 +197,24 @@ def emitter_share(tables, face, away, cosine, squared, selected):  # type: ignor
 
 @float_kernel
 def aim(batch, count, tables, given, vertex):  # type: ignore[no-untyped-def]
-    """A ray to a light from where each path is: to light `given`, or, if that is -1, to one of all, by chance.
+    """A ray to a light from where each path is: to light `given`, or, if that is -1, to one by chance.
 
     vertex: 0 at the texel, then the number of bounces. Sets direction, what is carried and how far it reaches.
     """
     floats = batch.floats
-    every = len(tables.lights)
-    selected = ONE if given >= 0 else ONE / np.float32(every)
     for i in range(count):
         floats[LENGTH, i] = ZERO
         if batch.alive[i] == 0:
             continue
-        key, row = batch.key[i], given
+        key, row, selected = batch.key[i], given, ONE
+        origin, normal = vector(floats, ORIGIN, i), vector(floats, NORMAL, i)
         first = np.uint32((vertex + 1) * LIGHTS_OF_A_VERTEX)
         if given < 0:
-            row = min(every - 1, int(unit_of(bits_of(key, first)) * np.float32(every)))
+            row, selected = chosen(tables, cell_of(tables, origin), unit_of(bits_of(key, first)))
         else:
             first += np.uint32(DIMENSIONS * given)
         u, v = unit_of(bits_of(key, first + np.uint32(1))), unit_of(bits_of(key, first + np.uint32(2)))
         chance = unit_of(bits_of(key, first + np.uint32(3)))
-        origin, normal = vector(floats, ORIGIN, i), vector(floats, NORMAL, i)
         kind = tables.lights[row, KIND]
         if kind == EMITTERS:
             direction, carried, reach = _to_emitter(tables, origin, normal, u, v, chance, selected)
@@ -216,7 +224,7 @@ def aim(batch, count, tables, given, vertex):  # type: ignore[no-untyped-def]
         else:
             light = tables.lights[row]
             direction, strength, reach = _to_light(light, origin, u, v)
-            strength *= max(ZERO, dot(normal, direction)) / selected
+            strength *= max(ZERO, cosine_at(normal, direction)) / selected
             carried = scaled(strength, (light[COLOUR], light[COLOUR + 1], light[COLOUR + 2]))
         weight = vector(floats, WEIGHT, i)
         carried = carried[0] * weight[0], carried[1] * weight[1], carried[2] * weight[2]

@@ -13,18 +13,21 @@ KIND, PLACE, SIZE, ACROSS, UP, COLOUR, CONE = 0, 1, 4, 5, 8, 11, 14
 LIGHT_WORDS = 16
 """float32 of a light; up to UP as of `atra.kernels.shading.lighting`. COLOUR: times its power (3). Of a spot, ACROSS is
 the way it looks (3), and CONE the cosines of the angles where it begins to fade and where it ends (2). Emitting faces
-are one light together, and the sky is one: both have tables of their own."""
+are one light together, and the sky is one: both have tables of their own, and these words serve the grid alone."""
 
 ORIGIN, NORMAL, DIRECTION, WEIGHT, CARRIED, LENGTH = 0, 3, 6, 9, 12, 15
 PATH_ROWS = 16
 
 DIRECT, INDIRECT, ENVIRONMENT, OPEN, BACK = 0, 3, 6, 9, 10
-RESULTS = 11
+CHANNELS, RESULTS = 9, 11
 """Of a sample: three colours of three channels, then 1 or 0: nothing is near by, and the back of a face is seen."""
 
 SQUARE = RESULTS
 SUMS = RESULTS + 1
 """Of a texel, float64: sums of the results, and of the square of the luminance of all light."""
+
+HARMONICS = 9
+"""Of a probe's channel: spherical harmonics up to L2."""
 
 LUMINANCE = np.float32(0.2126), np.float32(0.7152), np.float32(0.0722)
 """Of linear RGB (Rec. 709)."""
@@ -39,8 +42,11 @@ class Tables(NamedTuple):
     planes: (F, 4) float64, unit normals and n . p. vertices: (V, 3) float32, faces: (F, 3) uint32. uv: (F, 3, 2)
     float64, texels. albedo, emission: (F, 3) float32. emitters: (E,) int32, faces that shine; emitter_shares: (E,)
     float64, running sums of how often each is chosen, up to 1; emitter_density: (F,) float32, of a point on a face.
-    lights: (L, LIGHT_WORDS) float32. sky, panorama: as of `Surfaces`; sky_shares: (cells,) float64, running sums as
-    above; sky_density: (R, C) float32, of a direction, per unit of solid angle.
+    lights: (L, LIGHT_WORDS) float32. grid: (3, 3) float64: its lower corner, cells per unit of length, and how many
+    there are. of_all: (C,) float32, how often one of all lights is chosen in a cell; listed: (C, K) int32, lights that
+    are chosen otherwise, odds: (C, K) float32, how often; they and of_all add up to 1.
+    sky, panorama: as of `Surfaces`; sky_shares: (cells,) float64, running sums as above; sky_density:
+    (R, C) float32, of a direction, per unit of solid angle.
     offset: how far rays start off a surface. width: texels of a row. open_length: how near a thing counts as near by.
     sky_by: what finds its light. seed: of random numbers.
     """
@@ -57,6 +63,10 @@ class Tables(NamedTuple):
     emitter_shares: NDArray[np.float64]
     emitter_density: NDArray[np.float32]
     lights: NDArray[np.float32]
+    grid: NDArray[np.float64]
+    of_all: NDArray[np.float32]
+    listed: NDArray[np.int32]
+    odds: NDArray[np.float32]
     sky: NDArray[np.float32]
     panorama: NDArray[np.float32]
     sky_shares: NDArray[np.float64]
@@ -71,8 +81,8 @@ class Tables(NamedTuple):
 class Batch(NamedTuple):
     """N rays, of which the first so many are in use, and what N samples have gathered.
 
-    floats: (PATH_ROWS, > N) float32: origin, unit normal there, unit direction, weight (r, g, b) of what comes from
-    there, what a ray to a light carries (r, g, b), and how far it reaches, 0 = there is none.
+    floats: (PATH_ROWS, > N) float32: origin, unit normal there, or 0 in the open, unit direction, weight (r, g, b) of
+    what comes from there, what a ray to a light carries (r, g, b), and how far it reaches, 0 = there is none.
     prim_id: (N,) uint32, what is hit. distance: (N,) float32, how far. key: (N,) uint32, of random numbers. slot: (N,)
     int32, the sample that this belongs to. alive: (N,) int8, 0 = an idle lane. results: (N, RESULTS) float32.
     """

@@ -16,7 +16,7 @@ from experiments.methods.method import option
 from experiments.results.statistics import statistics_columns
 from experiments.workloads.baselines import OWN, over_own, series
 from experiments.workloads.resources import say_mib
-from experiments.workloads.workload import Workload
+from experiments.workloads.workload import UnderSky, Workload
 
 PLAIN, WHOLE_MAP, WITHOUT_VIEW = "all_lanes", "whole_map", "without_view"
 """Names in the samples, beside the point's own: texels that nothing lights keep their lanes; the whole map, seen texels
@@ -35,8 +35,15 @@ class Compaction(Enum):
     bounces = "bounces"
 
 
+class Lights(Enum):
+    """As of `atra.bake.BakeOptions`."""
+
+    uniform = "uniform"
+    grid = "grid"
+
+
 @dataclass(frozen=True)
-class BakeSettings:
+class BakeSettings(UnderSky):
     """Raises InputError for values that no bake could use."""
 
     size: int = option(512, "texels along a side of the map, before a lower occupancy makes it larger")
@@ -49,11 +56,14 @@ class BakeSettings:
     albedo: float | None = option(None, "of all faces; null: the scene's own", "own")
     compaction: Compaction = option(Compaction.bounces, "which lanes move together: none, texels or bounces")
     priority: bool = option(False, "whether texels that the view shows come first")
+    lights: Lights = option(Lights.uniform, "which of many lights rays are aimed at: uniform or grid")
+    adaptive: bool = option(False, "whether texels are left at 1 %, in a finished map")
     packets: int | None = option(1, "rays of a packet; null: the widest that are native", "widest")
     batch_rays: int = option(1 << 19, "rays in flight")
     expansion: int = option(16, "samples of a texel side by side in a batch")
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         for name, low, high in (("size", 8, 1 << 14), ("samples", 1, 1 << 20), ("final_samples", 1, 1 << 20)):
             value = getattr(self, name)
             if not low <= value <= high:
@@ -71,6 +81,8 @@ class BakeSettings:
             threads=threads,
             build_quality=build_quality,
             bounces=self.bounces,
+            lights=self.lights.value,
+            adaptive=self.adaptive,
             compaction=self.compaction.value,
             batch_rays=self.batch_rays,
             expansion=self.expansion,

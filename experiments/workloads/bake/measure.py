@@ -28,7 +28,8 @@ _PADDINGS = (2, 3, 4, 5, 6, 8, 10, 12, 16, 20, 24, 32)
 
 def bake_scene(point: Point, mesh: Mesh) -> BakeScene:
     """The mesh with light, and with the albedo that is asked for."""
-    scene, albedo = BakeScene.of(lit_room(mesh)), point.workload_options.albedo
+    settings = point.workload_options
+    scene, albedo = BakeScene.of(settings.under_sky(lit_room(mesh))), settings.albedo
     if albedo is None:
         return scene
     assert scene.surface is not None

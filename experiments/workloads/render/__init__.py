@@ -31,7 +31,7 @@ from experiments.workloads.baselines import (
 )
 from experiments.workloads.images import IMAGE_COLUMNS, PIXELS
 from experiments.workloads.resources import RESOURCE_COLUMNS, RESOURCES, say_ms
-from experiments.workloads.workload import Workload
+from experiments.workloads.workload import UnderSky, Workload
 
 STAGES = {
     "primary": "primary visibility",
@@ -91,7 +91,7 @@ class Rival(Enum):
 
 
 @dataclass(frozen=True)
-class RenderOptions:
+class RenderOptions(UnderSky):
     """Raises InputError for values that no picture can have."""
 
     frame: Kind = option(Kind.hybrid, "how a picture is made: hybrid or path")
@@ -106,11 +106,14 @@ class RenderOptions:
     mitsuba: Rival = option(Rival.none, "path: Mitsuba 3's variant that makes the same picture in every round")
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         if not is_whole_number(self.samples) or self.samples < 1:
             raise InputError(f"workload.samples is {self.samples!r}, expected a whole number of at least 1")
         self.of_library(1.0)
         if self.mitsuba is not Rival.none and self.frame is not Kind.path:
             raise InputError("workload.mitsuba is set with workload.frame=hybrid, expected workload.frame=path")
+        if self.mitsuba is not Rival.none and self.sky is not None:
+            raise InputError("workload.mitsuba is set with workload.sky, whose sky has one colour")
 
     def of_library(self, diagonal: float) -> dict[str, Any]:
         """The renderer's own options, checked. diagonal: of the scene's box."""

@@ -100,7 +100,7 @@ def make_renderer(point: Point, scene: RenderScene, view: View, tracer: Any) -> 
 
 def make(point: Point, mesh: Mesh) -> Tracer:
     """The point's own method. Raises InputError for a scene that cannot be lit, and as the tracers do."""
-    lit(point.scene, mesh, point.camera)
+    point.workload_options.under_sky(lit(point.scene, mesh, point.camera))
     return make_own(point, mesh)
 
 
@@ -118,7 +118,7 @@ def measure(point: Point) -> Measured:
     with ExitStack() as stack:
         tracers, results = build_with_baselines(point, stack)
         own = tracers[OWN]
-        scene = lit(point.scene, own.mesh, point.camera)
+        scene = options.under_sky(lit(point.scene, own.mesh, point.camera))
         if options.mitsuba is not Rival.none:
             scene = replace(scene, sky=constant_sky(0.8))
         primaries = Primaries(tracers)

@@ -46,6 +46,9 @@ class SpotLight:
             object.__setattr__(self, name, value)
 
 
+_LARGEST = 1e30
+"""Of what is only an estimate."""
+
 BakeLight = Light | SpotLight
 
 
@@ -60,16 +63,17 @@ class Aims:
     """What rays are aimed at by chance, by how bright it is.
 
     shares: running sums up to 1, of faces or of cells of the sky. density: of a point on a face, or of a direction.
+    row: what it is all together, (LIGHT_WORDS,) float32.
     """
 
     shares: NDArray[np.float64]
     density: NDArray[np.float32]
+    row: NDArray[np.float32]
 
 
-def light_rows(lights: tuple[BakeLight, ...], has_emitters: bool, aims_at_sky: bool) -> NDArray[np.float32]:
-    """(L, LIGHT_WORDS) float32, as kernels read them: one of all faces that shine, and one of the sky, at the end."""
-    kinds = [tables.EMITTERS] * has_emitters + [tables.SKY] * aims_at_sky
-    rows = np.zeros((len(lights) + len(kinds), tables.LIGHT_WORDS), np.float32)
+def light_rows(lights: tuple[BakeLight, ...], others: list[NDArray[np.float32]]) -> NDArray[np.float32]:
+    """(L, LIGHT_WORDS) float32, as kernels read them. others: of all faces that shine, and of the sky, at the end."""
+    rows = np.zeros((len(lights) + len(others), tables.LIGHT_WORDS), np.float32)
     for row, light in zip(rows, lights, strict=False):
         if isinstance(light, SpotLight):
             row[tables.KIND], row[tables.PLACE : tables.SIZE] = tables.SPOT, light.position
@@ -78,24 +82,37 @@ def light_rows(lights: tuple[BakeLight, ...], has_emitters: bool, aims_at_sky: b
         else:
             row[: tables.COLOUR] = light_row(light)
         row[tables.COLOUR : tables.CONE] = light.power * np.array(light.colour)
-    rows[len(lights) :, tables.KIND] = kinds
+    rows[len(lights) :] = np.array(others, np.float32).reshape(-1, tables.LIGHT_WORDS)
     if not np.isfinite(rows).all():
         number = int(np.argmin(np.isfinite(rows).all(axis=1)))
         raise InputError(f"light {number} is {lights[number]!r:.200}, beyond what float32 can hold")
     return rows
 
 
-def aims_at_emitters(emission: NDArray[np.float32], areas: NDArray[np.float64]) -> tuple[NDArray[np.int32], Aims]:
-    """Faces that shine, (E,) int32, and how often each is chosen. emission: (F, 3), areas: (F,)."""
+def _row(kind: int, colour: NDArray[np.float64], place: NDArray[np.float64], spread: float) -> NDArray[np.float32]:
+    row = np.zeros(tables.LIGHT_WORDS)
+    row[tables.KIND], row[tables.PLACE : tables.SIZE], row[tables.SIZE] = kind, place, spread
+    row[tables.COLOUR : tables.CONE] = colour
+    return np.clip(row, -_LARGEST, _LARGEST).astype(np.float32)
+
+
+def aims_at_emitters(emission: NDArray[np.float32], corners: NDArray[np.float64]) -> tuple[NDArray[np.int32], Aims]:
+    """Faces that shine, (E,) int32, and how often each is chosen. emission: (F, 3), corners: (F, 3, 3)."""
+    areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1) / 2.0
     power = emission.astype(np.float64) @ np.array(tables.LUMINANCE, np.float64) * areas
     faces = np.flatnonzero(power > 0.0)
     density = np.zeros(len(areas), np.float32)
     if not len(faces):
-        return faces.astype(np.int32), Aims(np.zeros(0), density)
-    shares = np.cumsum(power[faces]) / power.sum()
+        return faces.astype(np.int32), Aims(np.zeros(0), density, np.zeros(tables.LIGHT_WORDS, np.float32))
+    share = power[faces] / power.sum()
+    shares = np.cumsum(share)
     shares[-1] = 1.0
-    density[faces] = power[faces] / power.sum() / areas[faces]
-    return faces.astype(np.int32), Aims(shares, density)
+    density[faces] = share / areas[faces]
+    centres = corners[faces].mean(axis=1)
+    middle = share @ centres
+    spread = float(np.sqrt(share @ ((centres - middle) ** 2).sum(axis=1)))
+    colour = areas[faces] @ emission[faces].astype(np.float64) / np.pi
+    return faces.astype(np.int32), Aims(shares, density, _row(tables.EMITTERS, colour, middle, spread))
 
 
 def aims_at_sky(sky: Sky) -> Aims | None:
@@ -109,4 +126,6 @@ def aims_at_sky(sky: Sky) -> Aims | None:
         return None
     shares = np.cumsum(power.ravel()) / power.sum()
     shares[-1] = 1.0
-    return Aims(shares, (power / power.sum() / bands[:, None]).astype(np.float32))
+    mean = sky.power * (sky.texels.astype(np.float64).sum(axis=1) * bands[:, None]).sum(axis=0) / (4.0 * np.pi)
+    density = (power / power.sum() / bands[:, None]).astype(np.float32)
+    return Aims(shares, density, _row(tables.SKY, mean, np.zeros(3), 0.0))

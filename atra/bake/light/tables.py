@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.bake.charts.texels import Texels, unit_normals
-from atra.bake.lights import Aims, aims_at_emitters, aims_at_sky, light_rows
+from atra.bake.light.grid import light_grid, uniform_grid
+from atra.bake.light.lights import aims_at_emitters, aims_at_sky, light_rows
 from atra.bake.options import BakeOptions
 from atra.bake.surface import BakeScene
 from atra.errors import InputError
@@ -28,11 +29,12 @@ def tables_of(scene: BakeScene, texels: Texels, options: BakeOptions) -> Tables:
     assert surface is not None
     normals = unit_normals(mesh)
     corners = mesh.vertices[mesh.faces].astype(np.float64)
-    areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1) / 2.0
-    emitters, of_emitters = aims_at_emitters(surface.emission, areas)
+    emitters, of_emitters = aims_at_emitters(surface.emission, corners)
     of_sky = aims_at_sky(scene.sky) if options.environment != "bsdf" else None
     sky_by = words.GIVES_BSDF if of_sky is None else _WAYS[options.environment]
-    of_sky = of_sky or Aims(np.zeros(0), np.zeros((1, 1), np.float32))
+    others = [of_emitters.row] * (len(emitters) > 0) + ([of_sky.row] if of_sky is not None else [])
+    lights = light_rows(tuple(scene.lights), others)
+    grid = light_grid(lights, mesh.bounds) if options.lights == "grid" and len(lights) else uniform_grid()
     sky, panorama = sky_tables(scene.sky, scene.sky.power)
     if not (np.isfinite(sky).all() and np.isfinite(panorama).all()):
         raise InputError("the sky times its power is beyond what float32 can hold; make it darker")
@@ -49,11 +51,12 @@ def tables_of(scene: BakeScene, texels: Texels, options: BakeOptions) -> Tables:
         emitters,
         of_emitters.shares,
         of_emitters.density,
-        light_rows(tuple(scene.lights), len(emitters) > 0, sky_by != words.GIVES_BSDF),
+        lights,
+        *grid,
         sky,
         panorama,
-        of_sky.shares,
-        of_sky.density,
+        np.zeros(0) if of_sky is None else of_sky.shares,
+        np.zeros((1, 1), np.float32) if of_sky is None else of_sky.density,
     )
     numbers = (
         np.float64(START_OFF * size),
