@@ -1,12 +1,38 @@
 """What all tests rely on, and the line at the end that says what this machine could not test."""
 
+import gc
+import os
 import signal
+import sys
+
+import pytest
 
 from atra.embree.instruction_sets import INSTRUCTION_SETS, PACKET_WIDTHS, instruction_sets_here
 
 # A shell ignores the interrupt key for what it starts in the background, and children inherit that; the tests that
 # interrupt a sweep would wait for ever.
 signal.signal(signal.SIGINT, signal.default_int_handler)
+
+# Numba compiles for minutes in all, a sixth of them spent on looking for garbage among what is needed anyway.
+gc.freeze()
+gc.set_threshold(100_000, 50, 50)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_protocol(item):
+    """Tests marked `uncovered` run without coverage's tracer, and so do the processes they start. pytest-cov's
+    `no_cover` would not do: in a process of xdist it hands over to a second tracer, that of the patch of processes."""
+    if item.get_closest_marker("uncovered") is None:
+        return (yield)
+    tracer, variables = sys.gettrace(), {name: os.environ[name] for name in os.environ if name.startswith("COVERAGE_")}
+    sys.settrace(None)
+    for name in variables:
+        del os.environ[name]
+    try:
+        return (yield)
+    finally:
+        os.environ.update(variables)
+        sys.settrace(tracer)
 
 
 def pytest_collection_modifyitems(items):

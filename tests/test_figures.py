@@ -51,6 +51,8 @@ from tests.drawn import (
 )
 from tests.test_frame_figures import walk
 
+pytestmark = pytest.mark.uncovered
+
 
 def crosses(axis: Axes) -> set[float]:
     return {float(x) for line in axis.get_lines() if line.get_marker() == "x" for x in line.get_xdata()}
