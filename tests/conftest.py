@@ -36,9 +36,11 @@ def pytest_runtest_protocol(item):
 
 
 def pytest_collection_modifyitems(items):
-    """The longest files first, so that no worker is left with one at the end."""
-    longest = ("test_instruction_sets.py", "test_sweep_files.py")
-    items.sort(key=lambda item: item.path.name not in longest)
+    """The longest files first, so that no worker is left with one at the end; of these, those that compile the most
+    before those that start processes, which compile more slowly and find the kernels on disk."""
+    longest = ["instruction_sets", "gathering", "shafts", "bvh", "all_hits", "sweep_files", "command_line", "launchers"]
+    places = {f"test_{name}.py": place for place, name in enumerate(longest)}
+    items.sort(key=lambda item: places.get(item.path.name, len(places)))
 
 
 def pytest_terminal_summary(terminalreporter):
