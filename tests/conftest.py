@@ -1,6 +1,11 @@
 """What all tests rely on, and the line at the end that says what this machine could not test."""
 
+import gc
+import os
 import signal
+import sys
+
+import pytest
 
 from atra.embree.instruction_sets import INSTRUCTION_SETS, PACKET_WIDTHS, instruction_sets_here
 
@@ -8,11 +13,34 @@ from atra.embree.instruction_sets import INSTRUCTION_SETS, PACKET_WIDTHS, instru
 # interrupt a sweep would wait for ever.
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
+# Numba compiles for minutes in all, a sixth of them spent on looking for garbage among what is needed anyway.
+gc.freeze()
+gc.set_threshold(100_000, 50, 50)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_protocol(item):
+    """Tests marked `uncovered` run without coverage's tracer, and so do the processes they start. pytest-cov's
+    `no_cover` would not do: in a process of xdist it hands over to a second tracer, that of the patch of processes."""
+    if item.get_closest_marker("uncovered") is None:
+        return (yield)
+    tracer, variables = sys.gettrace(), {name: os.environ[name] for name in os.environ if name.startswith("COVERAGE_")}
+    sys.settrace(None)
+    for name in variables:
+        del os.environ[name]
+    try:
+        return (yield)
+    finally:
+        os.environ.update(variables)
+        sys.settrace(tracer)
+
 
 def pytest_collection_modifyitems(items):
-    """The longest files first, so that no worker is left with one at the end."""
-    longest = ("test_instruction_sets.py", "test_sweep_files.py")
-    items.sort(key=lambda item: item.path.name not in longest)
+    """The longest files first, so that no worker is left with one at the end; of these, those that compile the most
+    before those that start processes, which compile more slowly and find the kernels on disk."""
+    longest = ["instruction_sets", "gathering", "shafts", "bvh", "all_hits", "sweep_files", "command_line", "launchers"]
+    places = {f"test_{name}.py": place for place, name in enumerate(longest)}
+    items.sort(key=lambda item: places.get(item.path.name, len(places)))
 
 
 def pytest_terminal_summary(terminalreporter):

@@ -37,6 +37,8 @@ from experiments.workloads.workload import Measured
 from scenes.loading import SceneSource
 from tests.meshes import EYE_AT_ORIGIN, quads
 
+pytestmark = pytest.mark.uncovered
+
 OFFSETS = ((0.5, 0.5), (0.25, 0.75))
 WIDTH, HEIGHT = 48, 32
 FAULT = (20, 10)  # x, y of the pixel that is spoilt

@@ -11,6 +11,8 @@ from experiments.drawing.style import TIMES
 from experiments.workloads.frame.best_baseline import baseline_lines, best_baselines
 from tests.drawn import make_rows, method_row
 
+pytestmark = pytest.mark.uncovered
+
 NOISE = (0.99, 1.01, 1.0, 1.005, 0.995, 1.0)
 
 

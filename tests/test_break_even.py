@@ -23,6 +23,8 @@ from experiments.workloads.ratios import best_rows
 from tests.drawn import make_rows, method_row, skipped
 from tests.test_table import MEASURED
 
+pytestmark = pytest.mark.uncovered
+
 BASELINE = Cost("pixel", 0.0, 1.0, 4.0, 4.0)
 
 

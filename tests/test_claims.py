@@ -20,6 +20,8 @@ from experiments.results.table import columns
 from tests.paper_table import agreeing_rows, agreeing_table, longer_build, more_bytes, scaled, skipped, where
 from tests.report_samples import table_of
 
+pytestmark = pytest.mark.uncovered
+
 STAND_INS = {"mitsuba": "material_ball", "fireplace_room": "living_room", "sponza": "atrium"}
 IMPOSSIBLE_TOGETHER = {"cost-model", "nearest-alone-may-lose"}
 """Times that follow log(N_p) N_r fall without end, so no table can confirm it beside a minimum of time; and who

@@ -9,6 +9,8 @@ from experiments.results.table import columns
 from experiments.workloads.rays.claims import CLAIMS, usual_value
 from experiments.workloads.rays.figures import FIGURES, draw
 
+pytestmark = pytest.mark.uncovered
+
 BY_ID = {claim.id: claim for claim in CLAIMS}
 MEASURED = {
     "steps_ratio": 0.5, "speedup_vs_bvh": 1.3, "speedup_vs_bvh_low": 1.2, "speedup_vs_bvh_high": 1.4,

@@ -17,6 +17,8 @@ from PIL import Image
 
 from experiments.workloads.rounds import expert_packet_widths
 
+pytestmark = pytest.mark.uncovered
+
 ROOT = Path(__file__).resolve().parents[1]
 TOY = ["width=64", "height=64", "measure.processes=1", "measure.rounds=3", "measure.warmup=1"]
 # In place of the cache of the person who runs the tests, where scenes may have been fetched to.

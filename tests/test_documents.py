@@ -14,6 +14,8 @@ from tests.meshes import cornell_box
 from tests.quotations import QUOTATIONS
 from tests.quotations.quotation import Quotation, with_rows
 
+pytestmark = pytest.mark.uncovered
+
 ROOT = Path(__file__).resolve().parents[1]
 DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")), ROOT / "reports" / "reference" / "README.md"]
 READ_IN_TABLES = ("README.md", "docs/paper.md", "docs/trust.md", "docs/methods.md", "docs/not_helpful.md")

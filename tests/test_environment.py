@@ -15,6 +15,8 @@ from atra.parallel import resolve_threads
 from experiments.harness import environment
 from experiments.harness.environment import read_environment
 
+pytestmark = pytest.mark.uncovered
+
 
 def test_a_system_without_affinity_and_load_is_described_without(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delattr(os, "sched_getaffinity", raising=False)  # macOS, Windows

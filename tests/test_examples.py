@@ -9,6 +9,8 @@ from PIL import Image
 import atra
 from examples import alignment_drawing, calibrated_views, frames, progressive, shadow_map, stereo, weekend
 
+pytestmark = pytest.mark.uncovered
+
 TOY = ["--scene", "cornell_box", "--width", "64", "--height", "48"]
 
 

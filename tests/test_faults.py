@@ -22,6 +22,8 @@ from experiments.results.table import Tables, make_table, make_tables, write_tab
 from experiments.sweep import GridPoint, run_sweep
 from tests.test_sweep import Runner, configuration, measured_elsewhere
 
+pytestmark = pytest.mark.uncovered
+
 
 def points(folder: Path, *splits: int) -> list[GridPoint]:
     return [GridPoint("one", configuration(folder, split_x=split)) for split in splits]

@@ -28,6 +28,8 @@ from scenes.fetch import fetch_scene
 from scenes.loading import SceneSource
 from tests.folders import empty_cache
 
+pytestmark = pytest.mark.uncovered
+
 OBJ = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3\nf 1 3 4\n"
 
 

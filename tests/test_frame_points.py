@@ -31,6 +31,8 @@ from experiments.workloads.workload import NoOptions
 from scenes.loading import SceneSource, load_scene
 from tests.test_table import MEASURED
 
+pytestmark = pytest.mark.uncovered
+
 PACKETS_HERE = {f"packets_{width}" for width in expert_packet_widths()}
 SAMPLES = {
     "own": [2.0, 4.0, 4.0], "rtcIntersect1": [8.0, 8.0, 8.0], "packets_8": [4.0, 4.0, 4.0],

@@ -16,6 +16,8 @@ from experiments.workloads.gather import GatherOptions, What
 from experiments.workloads.gather.measure import differences
 from tests.meshes import cornell_box, cornell_camera
 
+pytestmark = pytest.mark.uncovered
+
 
 def counted(count: list[list[int]]) -> atra.Counts:
     return atra.Counts(np.array(count, np.uint32), (0.5, 0.5), cornell_box(), cornell_camera(2, 2))

@@ -30,6 +30,8 @@ from scenes.scene import Scene
 from tests.drawn import line, make_rows, method_row, skipped, unfolded
 from tests.images import trace_pixels
 
+pytestmark = pytest.mark.uncovered
+
 # Scenes
 
 

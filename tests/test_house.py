@@ -42,6 +42,8 @@ from experiments.workloads.baselines import series
 from experiments.workloads.rounds import build_own, measured, timed_rounds
 from experiments.workloads.workload import Measured, Workload
 
+pytestmark = pytest.mark.uncovered
+
 ROOT = Path(__file__).resolve().parents[1]
 
 

@@ -14,6 +14,8 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
+pytestmark = pytest.mark.uncovered
+
 ROOT = Path(__file__).resolve().parents[1]
 KILLS = int(os.environ.get("ATRA_KILLS", "0"))
 """`ATRA_KILLS=20 python -m pytest tests/test_interruption.py` is the long form: all of sweep=smoke, killed 20 times."""

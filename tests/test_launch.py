@@ -19,6 +19,8 @@ from experiments.harness.launching import run_worker
 from experiments.worker import CANNOT_WRITE, Job
 from tests.test_outcome import GOOD, POINT
 
+pytestmark = pytest.mark.uncovered
+
 ROOT = Path(__file__).resolve().parents[1]
 POSIX_ONLY = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no signals, groups or limits of this kind")
 

@@ -32,6 +32,8 @@ from experiments.sweep import GridPoint, run_sweep
 from experiments.workloads.workload import NoOptions
 from scenes.loading import SceneSource
 
+pytestmark = pytest.mark.uncovered
+
 ROOT = Path(__file__).resolve().parents[1]
 TOY = [
     "sweep=horizontal",

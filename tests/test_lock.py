@@ -13,6 +13,8 @@ from experiments.harness.lock import exclusive
 from experiments.report.writing import rewrite_report
 from tests.test_sweep import configuration
 
+pytestmark = pytest.mark.uncovered
+
 ROOT = Path(__file__).resolve().parents[1]
 HOLD = """
 import sys

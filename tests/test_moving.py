@@ -24,6 +24,8 @@ from tests.images import assert_no_pixel_wrong, trace_pixels
 from tests.meshes import cornell_box, cornell_camera
 from tests.test_workloads import measured
 
+pytestmark = pytest.mark.uncovered
+
 MESH, CAMERA = cornell_box(), cornell_camera(40, 24)
 PATH = eyes_around(CAMERA, MESH)
 

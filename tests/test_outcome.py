@@ -13,6 +13,8 @@ from experiments.methods.aligned import AlignedOptions
 from experiments.workloads.multiframe import MultiframeOptions
 from experiments.workloads.workload import NoOptions
 
+pytestmark = pytest.mark.uncovered
+
 POINT = Point(
     scene="box", scene_source="procedural", scene_path=None, mesh_sha256="0", triangles=1, view="own",
     eye=(0.0, 0.0, 1.0), target=(0.0, 0.0, 0.0), up=(0.0, 1.0, 0.0), fov_y_degrees=60.0, width=8, height=8,

@@ -18,6 +18,8 @@ from experiments.sweep import GridPoint, run_sweep
 from tests.drawn import make_rows, method_row, time_row
 from tests.test_sweep import Runner, configuration
 
+pytestmark = pytest.mark.uncovered
+
 
 def sweep(folder: Path, command: str, *splits: int) -> None:
     points = [GridPoint("points", configuration(folder, "point", split)) for split in splits]

@@ -28,6 +28,8 @@ from scenes.views import VIEWS, view_fields
 from tests.meshes import cornell_box, cornell_camera
 from tests.report_samples import table_of
 
+pytestmark = pytest.mark.uncovered
+
 
 @pytest.mark.parametrize("view", VIEWS)
 def test_every_view_shows_the_scene_from_a_place_of_its_own(view: str) -> None:

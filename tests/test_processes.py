@@ -21,6 +21,8 @@ from experiments.sweep import GridPoint, run_sweep
 from tests.test_sweep import Runner, configuration
 from tests.test_table import MEASURED
 
+pytestmark = pytest.mark.uncovered
+
 
 def points(folder: Path, *splits: int, processes: int = 3, **fields: Any) -> list[GridPoint]:
     measure = MeasureConfiguration(processes=processes)

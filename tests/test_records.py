@@ -23,6 +23,8 @@ from experiments.harness.records import (
     write_record,
 )
 
+pytestmark = pytest.mark.uncovered
+
 CONFIGURATION: dict[str, Any] = {"scene": "box", "split_x": 4, "culling": True, "eye": [0.0, 1.0, 2.0], "threads": None}
 MACHINE = {"cpu": "some cpu", "logical_cores": 2}
 RECORD = Record(

@@ -28,6 +28,8 @@ from scenes.built_in import make_scene
 from scenes.lit.lighting import lit
 from scenes.loading import SceneSource
 
+pytestmark = pytest.mark.uncovered
+
 WIDTH, HEIGHT = 24, 16
 
 

@@ -20,6 +20,8 @@ from experiments.results.claims import NOT_MEASURED
 from tests.paper_table import agreeing_table, scaled
 from tests.report_samples import CLAIMS, HOSTILE, drawn_figure, scene_pictures, small_contents, small_table
 
+pytestmark = pytest.mark.uncovered
+
 APOSTROPHE, TIMES = "\N{RIGHT SINGLE QUOTATION MARK}", "\N{MULTIPLICATION SIGN}"
 
 

@@ -15,6 +15,8 @@ from experiments.report.figures import draw_figures
 from tests.drawn import make_rows, time_row
 from tests.report_samples import HOSTILE, small_contents
 
+pytestmark = pytest.mark.uncovered
+
 playwright = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed: pip install -e '.[test]'")
 
 _BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")

@@ -25,6 +25,8 @@ from experiments.results.table import make_tables
 from experiments.workloads.baselines import fastest, over_own, series
 from tests.test_table import MEASURED
 
+pytestmark = pytest.mark.uncovered
+
 RECORDED = json.loads((Path(__file__).parent / "data" / "slow_phase.json").read_text(encoding="utf-8"))
 SPLITS = (1, 16, 128)
 WIDEST = 1.5

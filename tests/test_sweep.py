@@ -33,6 +33,8 @@ from experiments.workloads.workload import NoOptions
 from scenes.loading import SceneSource
 from tests.test_outcome import POINT
 
+pytestmark = pytest.mark.uncovered
+
 ROOT = Path(__file__).resolve().parents[1]
 MEASURE_MODULES = [f"{workload.room}.measure" for workload in WORKLOADS]
 

@@ -13,6 +13,8 @@ import pytest
 from atra.embree.library import load_library
 from experiments.methods.peers.llvmpipe import LLVMPIPE
 
+pytestmark = pytest.mark.uncovered
+
 ROOT = Path(__file__).resolve().parents[1]
 TOY = [
     "scene=cornell_box",

@@ -1,10 +1,13 @@
-"""Coverage is that of our own lines, before and after Numba has compiled something in between."""
+"""Coverage is that of our own lines, before and after Numba has compiled something in between, and of no test marked
+`uncovered`."""
 
 import json
 import os
 import subprocess
 import sys
 from pathlib import Path
+
+import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -69,3 +72,11 @@ def test_lines_after_numba_has_compiled_are_counted_as_those_before(tmp_path: Pa
     while_compiling = ["    seen.append(sys.gettrace())", "    return compile_ir(*given)", "    return 2 * x"]
     assert [lines[number - 1] for number in found["missing_lines"]] == while_compiling
     assert found["missing_branches"] == []
+
+
+@pytest.mark.uncovered
+def test_what_is_marked_uncovered_runs_without_a_tracer_and_so_do_its_processes() -> None:
+    assert sys.gettrace() is None
+    code = "import sys; print(sys.gettrace(), 'coverage' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "None False\n"

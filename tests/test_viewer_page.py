@@ -34,6 +34,8 @@ from experiments.viewer.request import Request
 from experiments.viewer.session import Frame, Picture
 from tests.test_viewer_painter import FIRST, made
 
+pytestmark = pytest.mark.uncovered
+
 pytest.importorskip("viser", reason="viser is not installed: pip install -e '.[viewer]'")
 playwright = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed: pip install -e '.[test]'")
 

@@ -13,6 +13,8 @@ import pytest
 
 from experiments.workloads import WORKLOADS
 
+pytestmark = pytest.mark.uncovered
+
 ROOT = Path(__file__).resolve().parents[1]
 
 WITHOUT_CIRCLES = ("atra", "experiments", "scenes")

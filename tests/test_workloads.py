@@ -26,6 +26,8 @@ from experiments.workloads.workload import Measured, Workload
 from scenes.loading import SceneSource
 from tests.test_outcome import POINT
 
+pytestmark = pytest.mark.uncovered
+
 
 def measured(workload: str, method: str = "aligned", **options: Any) -> Measured:
     """What a point of the workload tells; options are the method's, by default 4 cells."""

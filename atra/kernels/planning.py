@@ -45,7 +45,7 @@ def project_points(counter_address, vertices, eye, to_pixels, linear, points_pix
                 points_ray[point, axis] = linear[axis, 0] * x + linear[axis, 1] * y + linear[axis, 2] * z
 
 
-@njit(inline="always")
+@njit  # called from three places and seldom: inlined, it would be compiled three times in every kernel
 def _clip(source, count, target, plane_a, plane_b, plane_c):  # type: ignore[no-untyped-def]
     """Keep the part of a convex polygon where plane_a a + plane_b b + plane_c c >= 0; returns its corner count."""
     kept = 0

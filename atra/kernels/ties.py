@@ -189,7 +189,8 @@ def find_overlaps(prim_ids, corners, normals, sizes, boxes, twins, most_pairs): 
                 continue
             if count == len(pairs):
                 longer = np.empty((2 * count, 2), np.uint32)
-                longer[:count] = pairs
+                for pair in range(count):  # a slice takes seconds to compile: its error message is made of strings
+                    longer[pair, 0], longer[pair, 1] = pairs[pair, 0], pairs[pair, 1]
                 pairs = longer
             pairs[count, 0], pairs[count, 1] = max(prim_ids[a], prim_ids[b]), min(prim_ids[a], prim_ids[b])
             count += 1
