@@ -13,7 +13,7 @@ from atra.kernels.raster.frames import Scratch
 from atra.kernels.raster.image import Viewpoint
 from atra.parallel import WorkerPool
 
-_BAND_BYTES, _LEAST_ROWS, _MOST_ROWS = 1 << 20, 16, 128
+_BAND_BYTES, _LEAST_ROWS, _MOST_ROWS = 5 << 18, 16, 256
 """Bytes of a band, which stay in the cache while it is drawn; its least and most rows, powers of two."""
 
 _BANDS = 4
