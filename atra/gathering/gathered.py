@@ -1,4 +1,7 @@
-"""Results: what was gathered of all hits along the ray of every pixel."""
+"""Results: what was gathered of all hits along the ray of every pixel.
+
+Their arrays are read-only: a tracer that overwrites a result need not write again what is known to be there.
+"""
 
 from __future__ import annotations
 

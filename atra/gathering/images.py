@@ -49,7 +49,7 @@ def target_images(
 def _memory(name: str, given: Any, shape: tuple[int, ...], kind: type[np.generic]) -> NDArray:
     """The array that an image of a result is a part of. Raises InputError where it is not."""
     memory = getattr(given, "base", None)
-    if isinstance(memory, np.ndarray) and memory.dtype == np.uint8 and given.dtype == kind and given.flags.writeable:
+    if isinstance(memory, np.ndarray) and memory.dtype == np.uint8 and given.dtype == kind and memory.flags.writeable:
         try:
             image = aligned_part(memory, shape, kind)
         except ValueError:
@@ -60,9 +60,12 @@ def _memory(name: str, given: Any, shape: tuple[int, ...], kind: type[np.generic
 
 
 def target_of(
-    images: dict[str, NDArray], weights: NDArray[np.float32] | None, doubts: tuple[NDArray, NDArray, NDArray] | None
+    images: dict[str, NDArray],
+    weights: NDArray[np.float32] | None,
+    doubts: tuple[NDArray, NDArray, NDArray] | None,
+    is_known: bool = False,
 ) -> Target:
-    """doubts: marks, first and listed of `Target`; None where nothing is in doubt."""
+    """doubts: marks, first and listed of `Target`; None where nothing is in doubt. is_known: of `Target`."""
     values, *others = images.values()
     prim_id, count = others or (values, values)
     layers = values.shape[0] if values.ndim == 3 else 1
@@ -77,4 +80,5 @@ def target_of(
         layers,
         0 if weights is None else weights.ctypes.data,
         *lists,
+        int(is_known),
     )

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from abc import abstractmethod
+from collections.abc import Iterable
 from typing import Any
+from weakref import WeakSet
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +17,17 @@ from atra.geometry.mesh import Mesh
 from atra.geometry.view import View, check_offset
 from atra.kernels.raster.image import band_stride
 from atra.lifetime import TracerLifetime
+
+_unchanged: WeakSet[Any] = WeakSet()
+"""Results that hold what was gathered: nobody writes to their arrays, so what none was found in need not be cleared."""
+
+
+def _is_unchanged(out: Any, names: Iterable[str]) -> bool:
+    """Whether an earlier result still holds what was gathered; from now on it does not."""
+    if out not in _unchanged:
+        return False
+    _unchanged.discard(out)
+    return not any(getattr(out, name).flags.writeable for name in names)
 
 
 class Gathering(TracerLifetime):
@@ -30,8 +43,10 @@ class Gathering(TracerLifetime):
         offset: tuple[float, float],
         images: dict[str, NDArray],
         weights: NDArray[np.float32] | None,
+        is_known: bool,
     ) -> None:
-        """Take all hits. images: of `target_images`, with anything in them. weights: of `what`."""
+        """Take all hits. images: of `target_images`, with anything in them, or, if that is known, an earlier result.
+        weights: of `what`."""
 
     def _check_gathering(self) -> None:
         """Raise InputError where the options do not allow it."""
@@ -60,9 +75,14 @@ class Gathering(TracerLifetime):
         with self._tracing():
             height, width = self.camera.height, self.camera.width
             images = target_images(what, height, width, self._gathering_row, out)
-            self._gather(what, offset, images, weights)
+            is_known = _is_unchanged(out, images)
+            self._gather(what, offset, images, weights, is_known)
             arrays = {name: image[..., :height, :width] for name, image in images.items()}
-            return what.result(**arrays, offset=offset, mesh=self.mesh, camera=self.camera)
+            for array in arrays.values():
+                array.setflags(write=False)
+            result = what.result(**arrays, offset=offset, mesh=self.mesh, camera=self.camera)
+            _unchanged.add(result)
+            return result
 
 
 class NoGathering:

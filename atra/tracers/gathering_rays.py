@@ -70,6 +70,7 @@ class EmbreeGathering(Gathering, EmbreeTracer):
         offset: tuple[float, float],
         images: dict[str, NDArray],
         weights: NDArray[np.float32] | None,
+        is_known: bool,
     ) -> None:
         for name, plane in what.planes().items():
             if not plane.before:  # layers are written where there is a hit, and at last where there is none

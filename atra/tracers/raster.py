@@ -115,9 +115,10 @@ class RasterTracer(Gathering):
         offset: tuple[float, float],
         images: dict[str, NDArray],
         weights: NDArray[np.float32] | None,
+        is_known: bool,
     ) -> None:
         assert self._scratch is not None
-        target = target_of(images, weights, None)
+        target = target_of(images, weights, None, is_known)
         gather_frame(self.mesh, self.camera, offset, self.lanes, self._scratch, self._pool, what.kind, target)
 
     @property

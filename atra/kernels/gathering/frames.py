@@ -6,14 +6,14 @@ from typing import Any
 
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
-from atra.kernels.gathering.drawing import gathering_kernel
+from atra.kernels.gathering.drawing import SPARE, gathering_kernel
 from atra.kernels.gathering.taking import LAYERS
 from atra.kernels.gathering.target import Target
 from atra.kernels.raster.frames import Scratch
 from atra.kernels.raster.image import Viewpoint
 from atra.parallel import WorkerPool
 
-_BAND_BYTES, _LEAST_ROWS, _MOST_ROWS = 1 << 20, 16, 128
+_BAND_BYTES, _LEAST_ROWS, _MOST_ROWS = 5 << 18, 16, 256
 """Bytes of a band, which stay in the cache while it is drawn; its least and most rows, powers of two."""
 
 _BANDS = 4
@@ -32,7 +32,8 @@ def gather_frame(
 ) -> None:
     """Take all hits of all pixels. kind: of `taking`. target: its image is written completely."""
     width, height = camera.width, camera.height
-    row_bytes = (2 * target.layers + 1 if kind == LAYERS else 1) * target.row * 4
+    drawn = target.layers + 1 if kind == LAYERS else 1  # numbers of a pixel, if half of its layers hold a hit
+    row_bytes = drawn * target.row * 4
     band_rows = _MOST_ROWS
     while band_rows > _LEAST_ROWS and (
         band_rows * row_bytes > _BAND_BYTES or band_rows * _BANDS * pool.threads > height
@@ -42,7 +43,8 @@ def gather_frame(
     eye, clusters, rectangles = viewpoint.eye, scratch.clusters.addresses, scratch.rectangles
     scratch.cull(eye, camera, band_rows, pool)
     order = scratch.order()  # what is near first leaves little to be sorted
-    workspaces = scratch.workspaces_for(pool.threads, width, band_rows, band_rows * row_bytes if kind == LAYERS else 0)
+    numbers = 2 * (target.layers + SPARE) + 1 if kind == LAYERS else 1
+    workspaces = scratch.workspaces_for(pool.threads, width, band_rows, band_rows * numbers * target.row * 4)
     gather_bands: Any = gathering_kernel(lanes, camera.is_parallel, kind)
     block = target.block()
     address = block.ctypes.data

@@ -9,7 +9,8 @@ from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
-from atra.kernels.raster.vectors import HAS_MASK_REGISTERS, Mask, Vector
+from atra.kernels.raster.memory import store_lanes
+from atra.kernels.raster.vectors import HAS_MASK_REGISTERS, Mask, Vector, declared
 
 _I1, _I8, _I32, _I64 = ir.IntType(1), ir.IntType(8), ir.IntType(32), ir.IntType(64)
 
@@ -73,6 +74,22 @@ def store_rows(typingctx: Any, vector: Any, address: Any, row_bytes: Any, nx: An
         return context.get_dummy_value()
 
     return types.void(vector, types.int64, types.int64, nx), codegen
+
+
+@intrinsic(prefer_literal=True)
+def store_rows_where(typingctx: Any, mask: Any, vector: Any, address: Any, row_bytes: Any, nx: Any) -> Any:
+    """`store_rows` of the lanes of a mask; what the others would be stored to stays."""
+    columns, rows = nx.literal_value, vector.lanes // nx.literal_value
+
+    def codegen(context: Any, builder: ir.IRBuilder, signature: Any, values: list[ir.Value]) -> ir.Value:
+        bits, value, first, row_bytes_ = _bits(builder, values[0]), *values[1:4]
+        for row in range(rows):
+            lanes = ir.Constant(ir.VectorType(_I32, columns), list(range(row * columns, (row + 1) * columns)))
+            part, which = (builder.shuffle_vector(one, one, lanes) if rows > 1 else one for one in (value, bits))
+            store_lanes(builder, which, part, builder.add(first, builder.mul(row_bytes_, _I64(row))))
+        return context.get_dummy_value()
+
+    return types.void(mask, vector, types.int64, types.int64, nx), codegen
 
 
 def _places(of_lane: Callable[[int, int], int]) -> Any:
@@ -166,6 +183,19 @@ def _compared(sign: str) -> Any:
 
 is_below, is_same, is_from = _compared("<"), _compared("=="), _compared(">=")
 """The masks where an unsigned whole number of a vector is less than that of another, the same, and not less."""
+
+
+@intrinsic
+def highest(typingctx: Any, numbers: Any) -> Any:
+    """The highest of a vector of uint32, as int64."""
+
+    def codegen(context: Any, builder: ir.IRBuilder, signature: Any, values: list[ir.Value]) -> ir.Value:
+        kind = ir.FunctionType(_I32, [values[0].type])
+        return builder.zext(
+            builder.call(declared(builder, f"llvm.vector.reduce.umax.v{numbers.lanes}i32", kind), values), _I64
+        )
+
+    return types.int64(numbers), codegen
 
 
 @intrinsic

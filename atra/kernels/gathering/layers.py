@@ -6,48 +6,57 @@ import numpy as np
 from numba import njit
 
 from atra.kernels.caching import kernel
-from atra.kernels.gathering.lanes import chosen, is_below
-from atra.kernels.gathering.taking import is_nearer
+from atra.kernels.gathering.keys import depths_of, keys_of, load_keys, prim_ids_of, store_keys
+from atra.kernels.gathering.lanes import chosen, highest, is_below
 from atra.kernels.gathering.target import target_at
 from atra.kernels.intrinsics import fetch_add
 from atra.kernels.raster.memory import load, store, stream
 from atra.kernels.raster.vectors import bits_of, repeated
 from atra.prim_ids import MISS
 
+_LANES = 16
+"""Pixels that are sorted at once: a cache line, which is written as a whole."""
+
 _ROWS = 8
 """Rows a thread takes at a time."""
 
 
 @njit
-def _sort(lanes, pixel, target):  # type: ignore[no-untyped-def]
-    """Sort the layers of `lanes` pixels; returns how many of them hold a hit. Lanes with fewer have anything there."""
-    counts = load(target.counts + pixel * 4, np.uint32(0), lanes)
-    farthest, nobody = repeated(np.float32(np.inf), lanes), repeated(np.uint32(MISS), lanes)
-    plane = target.plane * 4
-    for layer in range(target.layers):
-        has_hit = is_below(repeated(np.uint32(layer), lanes), counts)
-        if bits_of(has_hit) == 0:
-            return layer
-        place = pixel * 4 + layer * plane
-        depth = chosen(has_hit, load(target.values + place, np.float32(0.0), lanes), farthest)
-        prim_id = chosen(has_hit, load(target.prim_ids + place, np.uint32(0), lanes), nobody)
-        for _ in range(layer):
-            before = load(target.values + place - plane, np.float32(0.0), lanes)
-            before_id = load(target.prim_ids + place - plane, np.uint32(0), lanes)
-            nearer = is_nearer(depth, prim_id, before, before_id)
+def _sort(pixel, target, kept):  # type: ignore[no-untyped-def]
+    """Sort the layers of _LANES pixels, so that the first `kept` hold their nearest hits; returns how many hold one.
+
+    They hold keys then, where their depths and prim_ids were.
+    """
+    counts = load(target.counts + pixel * 4, np.uint32(0), _LANES)
+    nothing = keys_of(repeated(np.float32(np.inf), _LANES), repeated(np.uint32(MISS), _LANES))
+    values, prim_ids, plane = target.values + pixel * 4, target.prim_ids + pixel * 4, target.plane * 4
+    most = min(highest(counts), target.layers)
+    for layer in range(most):
+        place = layer * plane
+        has_hit = is_below(repeated(np.uint32(layer), _LANES), counts)
+        depths = load(values + place, np.float32(0.0), _LANES)
+        keys = chosen(has_hit, keys_of(depths, load(prim_ids + place, np.uint32(0), _LANES)), nothing)
+        if layer >= kept:
+            place = (kept - 1) * plane
+            farthest = load_keys(values + place, prim_ids + place, _LANES)
+            nearer = is_below(keys, farthest)
+            if bits_of(nearer) == 0:
+                continue
+            keys = chosen(nearer, keys, farthest)
+        while place > 0:
+            before = load_keys(values + place - plane, prim_ids + place - plane, _LANES)
+            nearer = is_below(keys, before)
             if bits_of(nearer) == 0:
                 break
-            store(chosen(nearer, before, depth), target.values + place)
-            store(chosen(nearer, before_id, prim_id), target.prim_ids + place)
-            depth, prim_id = chosen(nearer, depth, before), chosen(nearer, prim_id, before_id)
+            store_keys(chosen(nearer, before, keys), values + place, prim_ids + place)
+            keys = chosen(nearer, keys, before)
             place -= plane
-        store(depth, target.values + place)
-        store(prim_id, target.prim_ids + place)
-    return target.layers
+        store_keys(keys, values + place, prim_ids + place)
+    return min(most, kept)
 
 
 @njit
-def _write(lanes, numbers, address, is_aligned):  # type: ignore[no-untyped-def]
+def _write(numbers, address, is_aligned):  # type: ignore[no-untyped-def]
     if is_aligned:
         stream(numbers, address)
     else:
@@ -55,29 +64,38 @@ def _write(lanes, numbers, address, is_aligned):  # type: ignore[no-untyped-def]
 
 
 @njit
-def finish_layers(lanes, top, bottom, width, taken, image):  # type: ignore[no-untyped-def]
+def finish_layers(top, bottom, width, taken, image):  # type: ignore[no-untyped-def]
     """Sort the rows top ... bottom of a `Target` of layers, `taken`, and write them to another, `image`, or the same;
     past the caches where its rows begin at cache lines. What no hit was taken for becomes none."""
-    farthest, nobody = repeated(np.float32(np.inf), lanes), repeated(np.uint32(MISS), lanes)
-    is_aligned = (image.values | image.prim_ids | image.counts | image.row * 4) % (lanes * 4) == 0
+    farthest, nobody = repeated(np.float32(np.inf), _LANES), repeated(np.uint32(MISS), _LANES)
+    is_aligned = (image.values | image.prim_ids | image.counts | image.row * 4) % (_LANES * 4) == 0
     for y in range(top, bottom + 1):
-        most = 0
-        for x in range(0, width, lanes):
-            most = max(most, _sort(lanes, y * taken.row + x, taken))
-            counts = load(taken.counts + (y * taken.row + x) * 4, np.uint32(0), lanes)
-            _write(lanes, counts, image.counts + (y * image.row + x) * 4, is_aligned)
-        for layer in range(image.layers):
-            for x in range(0, width, lanes):
-                place = (y * taken.row + x + layer * taken.plane) * 4
-                target = (y * image.row + x + layer * image.plane) * 4
+        for x in range(0, width, _LANES):
+            pixel, target = y * taken.row + x, (y * image.row + x) * 4
+            most, until = _sort(pixel, taken, image.layers), image.layers
+            if image.is_known:
+                earlier = highest(load(image.counts + target, np.uint32(0), _LANES))
+                until = max(most, min(earlier, image.layers))
+            _write(load(taken.counts + pixel * 4, np.uint32(0), _LANES), image.counts + target, is_aligned)
+            for layer in range(until):
                 depth, prim_id = farthest, nobody
                 if layer < most:
-                    counts = load(taken.counts + (y * taken.row + x) * 4, np.uint32(0), lanes)
-                    has_hit = is_below(repeated(np.uint32(layer), lanes), counts)
-                    depth = chosen(has_hit, load(taken.values + place, np.float32(0.0), lanes), farthest)
-                    prim_id = chosen(has_hit, load(taken.prim_ids + place, np.uint32(0), lanes), nobody)
-                _write(lanes, depth, image.values + target, is_aligned)
-                _write(lanes, prim_id, image.prim_ids + target, is_aligned)
+                    place = (pixel + layer * taken.plane) * 4
+                    keys = load_keys(taken.values + place, taken.prim_ids + place, _LANES)
+                    depth, prim_id = depths_of(keys), prim_ids_of(keys)
+                _write(depth, image.values + target, is_aligned)
+                _write(prim_id, image.prim_ids + target, is_aligned)
+                target += image.plane * 4
+
+
+@njit
+def finish_numbers(top, bottom, width, taken, image):  # type: ignore[no-untyped-def]
+    """Write the rows top ... bottom of a `Target` of one number a pixel to another, past the caches as well."""
+    is_aligned = (image.values | image.row * 4) % (_LANES * 4) == 0
+    for y in range(top, bottom + 1):
+        for x in range(0, width, _LANES):
+            numbers = load(taken.values + (y * taken.row + x) * 4, np.uint32(0), _LANES)
+            _write(numbers, image.values + (y * image.row + x) * 4, is_aligned)
 
 
 @kernel
@@ -88,4 +106,4 @@ def finish_image(counter_address, height, width, block):  # type: ignore[no-unty
         top = fetch_add(counter_address, 1) * _ROWS
         if top >= height:
             return
-        finish_layers(16, top, min(top + _ROWS, height) - 1, width, target, target)
+        finish_layers(top, min(top + _ROWS, height) - 1, width, target, target)

@@ -15,9 +15,10 @@ from atra.kernels.gathering.lanes import (
     load_rows,
     one_more,
     store_rows,
+    store_rows_where,
     uint32_at,
 )
-from atra.kernels.raster.vectors import bits_of, repeated
+from atra.kernels.raster.vectors import bits_of, rarely, repeated
 
 COUNT, THICKNESS, TRANSMITTANCE, LAYERS = range(4)
 """Kinds of reduction: constants of compiled code, so that each has its own."""
@@ -56,11 +57,8 @@ def is_nearer(depth, prim_id, other, other_id):  # type: ignore[no-untyped-def]
 @njit(inline="always")
 def _put(lanes, nx, mask, depth, prim_ids, place, target):  # type: ignore[no-untyped-def]
     """Store the lanes of a mask in a layer, `place` bytes from the first one's first pixel on."""
-    row = target.row * 4
-    old = load_rows(target.values + place, row, np.float32(0.0), lanes, nx)
-    old_id = load_rows(target.prim_ids + place, row, np.uint32(0), lanes, nx)
-    store_rows(chosen(mask, depth, old), target.values + place, row, nx)
-    store_rows(chosen(mask, prim_ids, old_id), target.prim_ids + place, row, nx)
+    store_rows_where(mask, depth, target.values + place, target.row * 4, nx)
+    store_rows_where(mask, prim_ids, target.prim_ids + place, target.row * 4, nx)
 
 
 @njit(inline="always")
@@ -80,30 +78,36 @@ def _put_last(lanes, nx, mask, depth, prim_ids, pixel, target):  # type: ignore[
 
 
 @njit(inline="always")
+def _put_next(lanes, nx, free, bits, before, depth, prim_ids, pixel, target):  # type: ignore[no-untyped-def]
+    """Put a hit behind the others where the pixels of `bits` among those of the mask `free` have as many as the first
+    of them; returns the bits that are left. Where there are none, it puts nothing."""
+    lane = first_bit(bits | 1 << lanes - 1)
+    count = uint32_at(target.counts + (pixel + lane // nx * target.row + lane % nx) * 4)
+    layer = min(np.int64(count), target.layers - 1)
+    put = free & is_same(before, repeated(np.uint32(layer), lanes))
+    _put(lanes, nx, put, depth, prim_ids, (pixel + layer * target.plane) * 4, target)
+    return bits & ~bits_of(put)
+
+
+@njit(inline="always")
 def _take_layer(lanes, nx, taken, depth, prim_id, pixel, target):  # type: ignore[no-untyped-def]
     """Behind the hits that are there, in no order, for all are sorted at last. Where layers are full, the last one has
     the farthest hit, and what is farther is counted only."""
-    row, last = target.row * 4, target.layers - 1
+    row, last = target.row * 4, repeated(np.uint32(target.layers - 1), lanes)
     counts = target.counts + pixel * 4
     before, prim_ids = load_rows(counts, row, np.uint32(0), lanes, nx), repeated(prim_id, lanes)
-    left = bits_of(taken)
+    full, free = taken & is_from(before, last), taken & is_below(before, last)
+    if rarely(bits_of(full) != 0):
+        place = (pixel + (target.layers - 1) * target.plane) * 4
+        farthest = load_rows(target.values + place, row, np.float32(0.0), lanes, nx)
+        farthest_id = load_rows(target.prim_ids + place, row, np.uint32(0), lanes, nx)
+        full = full & either(is_same(before, last), is_nearer(depth, prim_ids, farthest, farthest_id))
+        if bits_of(full) != 0:
+            _put_last(lanes, nx, full, depth, prim_ids, pixel, target)
+    # Most often all pixels have as many hits, or none is taken: asking which is slower than putting at once.
+    left = _put_next(lanes, nx, free, bits_of(free), before, depth, prim_ids, pixel, target)
     while left != 0:
-        lane = first_bit(left)
-        layer = np.int64(uint32_at(counts + lane // nx * row + lane % nx * 4))
-        if layer < last:
-            put = taken & is_same(before, repeated(np.uint32(layer), lanes))
-            left &= ~bits_of(put)
-            _put(lanes, nx, put, depth, prim_ids, (pixel + layer * target.plane) * 4, target)
-        else:
-            put = taken & is_from(before, repeated(np.uint32(last), lanes))
-            left &= ~bits_of(put)
-            place = (pixel + last * target.plane) * 4
-            farthest = load_rows(target.values + place, row, np.float32(0.0), lanes, nx)
-            farthest_id = load_rows(target.prim_ids + place, row, np.uint32(0), lanes, nx)
-            is_free = is_same(before, repeated(np.uint32(last), lanes))
-            put = put & either(is_free, is_nearer(depth, prim_ids, farthest, farthest_id))
-            if bits_of(put) != 0:
-                _put_last(lanes, nx, put, depth, prim_ids, pixel, target)
+        left = _put_next(lanes, nx, free, left, before, depth, prim_ids, pixel, target)
     store_rows(one_more(taken, before), counts, row, nx)
 
 

@@ -30,6 +30,7 @@ class Target(NamedTuple):
     to the next. layers: their number. weights: address of (F,) float32.
     marks: address of a byte for each pixel, with the bits of the triangles in doubt there; first: of an int32 for each
     pixel, where its list in `listed` begins, (N,) uint32; read only where a mark is set.
+    is_known: 1 where the image is an earlier one, so that layers beyond its counts hold none already.
     """
 
     values: int
@@ -42,6 +43,7 @@ class Target(NamedTuple):
     marks: int
     first: int
     listed: int
+    is_known: int
 
     def block(self) -> NDArray[np.int64]:
         """The block of addresses that `target_at` reads."""
@@ -54,7 +56,7 @@ def target_at(block):  # type: ignore[no-untyped-def]
     return Target(
         address_at(block), address_at(block + 8), address_at(block + 16), address_at(block + 24),
         address_at(block + 32), address_at(block + 40), address_at(block + 48), address_at(block + 56),
-        address_at(block + 64), address_at(block + 72),
+        address_at(block + 64), address_at(block + 72), address_at(block + 80),
     )  # fmt: skip
 
 

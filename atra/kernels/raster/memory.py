@@ -133,23 +133,27 @@ def stream(typingctx: Any, vector: Any, address: Any) -> Any:
     return types.void(vector, types.int64), codegen
 
 
+def store_lanes(builder: ir.IRBuilder, bits: ir.Value, value: ir.Value, address: ir.Value) -> None:
+    """Store those numbers of 4 bytes whose bit is set, at an address of any alignment."""
+    pointer = _pointer(builder, address, value.type)
+    if HAS_MASK_REGISTERS:
+        kind = ir.FunctionType(ir.VoidType(), [value.type, pointer.type, _I32, bits.type])
+        suffix = f"v{value.type.count}{'f32' if isinstance(value.type.element, ir.FloatType) else 'i32'}.p0"
+        builder.call(declared(builder, f"llvm.masked.store.{suffix}", kind), [value, pointer, _I32(4), bits])
+    else:
+        old = builder.load(pointer)
+        old.align = 4
+        stored = builder.store(builder.select(bits, value, old), pointer)
+        stored.align = 4
+        stored.volatile = True  # or LLVM makes a masked store of it
+
+
 @intrinsic
 def store_where(typingctx: Any, mask: Any, vector: Any, address: Any) -> Any:
     """Store the lanes of a mask at an address, of 4-byte numbers, any alignment; the others stay."""
 
     def codegen(context: Any, builder: ir.IRBuilder, signature: Any, values: list[ir.Value]) -> ir.Value:
-        bits, value, pointer = unpacked(builder, values[0]), values[1], _pointer(builder, values[2], values[1].type)
-        if HAS_MASK_REGISTERS:
-            kind = ir.FunctionType(ir.VoidType(), [value.type, pointer.type, _I32, bits.type])
-            suffix = f"v{vector.lanes}{'f32' if isinstance(vector.element, types.Float) else 'i32'}.p0"
-            masked_store = declared(builder, f"llvm.masked.store.{suffix}", kind)
-            builder.call(masked_store, [value, pointer, _I32(4), bits])
-        else:
-            old = builder.load(pointer)
-            old.align = 4
-            stored = builder.store(builder.select(bits, value, old), pointer)
-            stored.align = 4
-            stored.volatile = True  # or LLVM makes a masked store of it
+        store_lanes(builder, unpacked(builder, values[0]), values[1], values[2])
         return context.get_dummy_value()
 
     return types.void(mask, vector, types.int64), codegen

@@ -161,12 +161,13 @@ def list_triangles(parallel, corners, count, points, width, band, listed):  # ty
 
 
 @njit
-def set_up(parallel, width, number, band, workspace):  # type: ignore[no-untyped-def]
+def set_up(parallel, hides, has_depth, width, number, band, workspace):  # type: ignore[no-untyped-def]
     """Write what drawing a batch of listed triangles, from one number on, starts from; returns two numbers with a bit
     for each: those that may be nearer than what is drawn, and of these the ordinary: narrow, gentle, and wholly in
     front of the eye. The others are drawn by their corners alone.
 
-    A triangle in up to 2 x 2 tiles is hidden if its nearest corner is farther than all that is drawn there.
+    hides: a triangle in up to 2 x 2 tiles is hidden if its nearest corner is farther than all that is drawn there;
+    otherwise all may be seen. has_depth: nearness is written; otherwise steep triangles are ordinary, too.
     """
     base, doubles, floats = workspace.points, workspace.doubles, workspace.floats
     listed = workspace.listed + number * 8
@@ -176,7 +177,7 @@ def set_up(parallel, width, number, band, workspace):  # type: ignore[no-untyped
     nearest, farthest = larger(larger(w0, w1), w2), smaller(smaller(w0, w1), w2)
     low_x, high_x = smaller(smaller(x0, x1), x2), larger(larger(x0, x1), x2)
     low_y, high_y = smaller(smaller(y0, y1), y2), larger(larger(y0, y1), y2)
-    zero = repeated(0.0, BATCH)
+    zero, one = repeated(0.0, BATCH), repeated(1.0, BATCH)
     last_column, first_row = repeated(width - 1.0, BATCH), repeated(float(band.top), BATCH)
     left = smaller(next_whole(larger(low_x, zero)), last_column)
     right = last_whole(larger(smaller(high_x, last_column), zero))
@@ -184,51 +185,55 @@ def set_up(parallel, width, number, band, workspace):  # type: ignore[no-untyped
     top = next_whole(larger(low_y, zero))
     first = smaller(larger(top, first_row), last_row)
     last = last_whole(larger(smaller(high_y, last_row), first_row))
-    share = repeated(1.0 / TILE, BATCH)
-    left_tile, right_tile = last_whole(left * share), last_whole(right * share)
-    stride = repeated(float(tile_stride(width)), BATCH)
-    top_tile, bottom_tile = last_whole((first - first_row) * share), last_whole((last - first_row) * share)
-    upper, lower = top_tile * stride, bottom_tile * stride
-    least_there = smaller(
-        smaller(gather_at(workspace.tiles, upper + left_tile), gather_at(workspace.tiles, upper + right_tile)),
-        smaller(gather_at(workspace.tiles, lower + left_tile), gather_at(workspace.tiles, lower + right_tile)),
-    )
-    one = repeated(1.0, BATCH)
-    hidden = (least_there > rounded(nearest)) & (one >= right_tile - left_tile) & (one >= bottom_tile - top_tile)
-    if not parallel:
-        hidden = hidden & (farthest > zero)
-    may_be_seen = bits_of(hidden) ^ ((1 << BATCH) - 1)
-    if may_be_seen == 0:
-        return 0, 0
+    may_be_seen = (1 << BATCH) - 1
+    if hides:
+        share, stride = repeated(1.0 / TILE, BATCH), repeated(float(tile_stride(width)), BATCH)
+        left_tile, right_tile = last_whole(left * share), last_whole(right * share)
+        top_tile, bottom_tile = last_whole((first - first_row) * share), last_whole((last - first_row) * share)
+        upper, lower = top_tile * stride, bottom_tile * stride
+        least_there = smaller(
+            smaller(gather_at(workspace.tiles, upper + left_tile), gather_at(workspace.tiles, upper + right_tile)),
+            smaller(gather_at(workspace.tiles, lower + left_tile), gather_at(workspace.tiles, lower + right_tile)),
+        )
+        hidden = (least_there > rounded(nearest)) & (one >= right_tile - left_tile) & (one >= bottom_tile - top_tile)
+        if not parallel:
+            hidden = hidden & (farthest > zero)
+        may_be_seen ^= bits_of(hidden)
+        if may_be_seen == 0:
+            return 0, 0
     # Edge k lies opposite corner k.
     dx0, dy0, dx1, dy1, dx2, dy2 = x2 - x1, y2 - y1, x0 - x2, y0 - y2, x1 - x0, y1 - y0
     one_way, other_way = dx2 * dy1, dy2 * dx1
     area = other_way - one_way
-    facing, inverse = signed_like(one, area), one / area
-    nearer1, nearer2 = w1 - w0, w2 - w0
-    slope_x = zero - (nearer2 * dy2 + nearer1 * dy1) * inverse
-    slope_y = (nearer2 * dx2 + nearer1 * dx1) * inverse
-    least = zero - nearest if parallel else farthest
     # No sum and no summand is larger, from the first row and column to the last of a vector.
     across = high_x - low_x
     largest = (high_y - low_y + repeated(float(BLOCK_ROWS), BATCH)) * (across + across + repeated(float(SPAN), BATCH))
     ordinary = (
         (repeated(float(NARROW), BATCH) > right - left)
         & (repeated(_LARGEST, BATCH) > largest)
-        & (repeated(GENTLE, BATCH) * least >= size(slope_x) * repeated(float(NARROW), BATCH))
         & (size(area) > repeated(_SURE, BATCH) * (size(one_way) + size(other_way)))
     )
     if not parallel:
-        ordinary = ordinary & (repeated(_NEAR_AND_FAR, BATCH) * farthest >= nearest)
-    nearness = w0 + slope_x * (left - x0) + slope_y * (top - y0) + slope_y * (first - top)
-    store(nearness, doubles + NEARNESS * BATCH * 8)
-    store(slope_y, doubles + SLOPE_Y * BATCH * 8)
+        ordinary = ordinary & (farthest > zero)
+    if has_depth:
+        inverse, nearer1, nearer2 = one / area, w1 - w0, w2 - w0
+        slope_x = zero - (nearer2 * dy2 + nearer1 * dy1) * inverse
+        slope_y = (nearer2 * dx2 + nearer1 * dx1) * inverse
+        least = zero - nearest if parallel else farthest
+        ordinary = ordinary & (repeated(GENTLE, BATCH) * least >= size(slope_x) * repeated(float(NARROW), BATCH))
+        if not parallel:
+            ordinary = ordinary & (repeated(_NEAR_AND_FAR, BATCH) * farthest >= nearest)
+        store(
+            w0 + slope_x * (left - x0) + slope_y * (top - y0) + slope_y * (first - top), doubles + NEARNESS * BATCH * 8
+        )
+        store(slope_y, doubles + SLOPE_Y * BATCH * 8)
+        _store(slope_x, floats, SLOPE_X)
+    facing = signed_like(one, area)
     roundings = (last - first + repeated(float(_ROUNDINGS), BATCH)) * repeated(_UNIT32, BATCH)
     _store(left, floats, LEFT)
     _store(right, floats, RIGHT)
     _store(first, floats, FIRST)
     _store(last, floats, LAST)
-    _store(slope_x, floats, SLOPE_X)
     _store(nearest, floats, CAP)
     _store(roundings * largest + repeated(_SMALLEST, BATCH), floats, ROUNDING)
     dx0, dx1, dx2 = facing * dx0, facing * dx1, facing * dx2

@@ -1,0 +1,77 @@
+"""Layers: the nearest hits of however many, and results that are overwritten."""
+
+import numpy as np
+import pytest
+
+import atra
+from atra.gathering.plain import gather_plainly
+from tests.closed_meshes import sphere
+from tests.meshes import EYE_AT_ORIGIN, joined, quads, random_triangles
+
+CAMERA = atra.Camera(**EYE_AT_ORIGIN, width=40, height=30, fov_y_degrees=90)
+NAMES = ("depth", "prim_id", "count")
+
+
+def walls(depths):
+    return quads([[(-99, -99, z), (99, -99, z), (99, 99, z), (-99, 99, z)] for z in depths])
+
+
+def assert_same(found, wanted):
+    for name in NAMES:
+        np.testing.assert_array_equal(getattr(found, name), getattr(wanted, name))
+
+
+@pytest.mark.parametrize("lanes", [4, None])
+@pytest.mark.parametrize("k", [1, 3, 40])
+def test_the_nearest_of_many_walls_are_kept_in_whatever_order_they_come(k, lanes):
+    depths = np.random.default_rng(k).permutation(36) // 2 + 2.0  # each depth twice
+    mesh = walls(depths)
+    with atra.RasterTracer(mesh, CAMERA, lanes=lanes, threads=1) as tracer:
+        found = tracer.gather(atra.Layers(k))
+    assert (found.count == 36).all()
+    wall = found.prim_id[: min(k, 36)] // 2
+    expected = np.lexsort((np.arange(36), depths))[:k]
+    np.testing.assert_array_equal(wall, np.broadcast_to(expected[:, None, None], wall.shape))
+    np.testing.assert_array_equal(np.isinf(found.depth).sum(axis=0), max(k - 36, 0))
+    np.testing.assert_array_equal((found.prim_id == atra.MISS).sum(axis=0), max(k - 36, 0))
+
+
+@pytest.mark.parametrize("lanes", [4, None])
+def test_small_triangles_are_in_the_order_of_their_depth(lanes):
+    mesh = random_triangles(2500, 3, 0.4)
+    with atra.RasterTracer(mesh, CAMERA, lanes=lanes, threads=1) as tracer:
+        found = tracer.gather(atra.Layers(2))
+    wanted = gather_plainly(mesh, CAMERA, atra.Layers(2))
+    assert found.count.max() > 2 + 8
+    np.testing.assert_array_equal(found.count, wanted.count)
+    np.testing.assert_array_equal(found.prim_id, wanted.prim_id)
+
+
+def test_an_earlier_view_leaves_nothing_in_what_is_overwritten():
+    mesh = joined(sphere(3), walls([2.0, 3.0, 4.0]))
+    aside = atra.Camera((0, 0, -3), (2, 1, 5), width=40, height=30, fov_y_degrees=60)
+    with atra.RasterTracer(mesh, CAMERA, threads=1) as tracer:
+        results = {}
+        for name, camera in (("ahead", CAMERA), ("aside", aside)):
+            tracer.look(camera)
+            results[name] = tracer.gather(atra.Layers(6))
+        tracer.look(CAMERA)
+        again = tracer.gather(atra.Layers(6), out=tracer.gather(atra.Layers(6)))
+        assert_same(again, results["ahead"])
+        tracer.look(aside)
+        over = tracer.gather(atra.Layers(6), out=again)
+        assert over.depth.ctypes.data == again.depth.ctypes.data
+        assert_same(over, results["aside"])
+
+
+def test_results_cannot_be_written_to_and_one_that_was_is_overwritten_as_a_whole():
+    mesh = sphere()
+    with atra.RasterTracer(mesh, CAMERA, threads=1) as tracer:
+        wanted, changed = tracer.gather(atra.Layers(5)), tracer.gather(atra.Layers(5))
+        with pytest.raises(ValueError, match="read-only"):
+            changed.depth[:] = 1.0
+        for name in NAMES:
+            array = getattr(changed, name)
+            array.setflags(write=True)
+            array[:] = 1
+        assert_same(tracer.gather(atra.Layers(5), out=changed), wanted)
