@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import io
 from dataclasses import replace
 
 import numpy as np
+import PIL.Image
 import pytest
+import trimesh
 
 import atra
 from atra import render
@@ -175,6 +178,31 @@ def test_a_texture_lies_where_uv_says():
     texels = np.random.default_rng(1).random((8, 8, 3), np.float32)
     textured = render.RenderScene(mesh, [render.Lambertian(render.Image(texels))], **plain)
     np.testing.assert_allclose(hybrid(textured, camera, 1, occlusion_rays=0).image, texels, atol=1e-4)
+
+
+def test_a_gltf_file_s_base_colours_and_textures_are_seen():
+    mesh, texels = quads([floor(1.0)]), np.random.default_rng(3).integers(0, 256, (8, 8, 3), np.uint8)
+    uv = mesh.vertices[:, [0, 2]] * [0.5, -0.5] + 0.5
+    kinds = trimesh.visual.material.PBRMaterial, trimesh.visual.TextureVisuals
+    image = PIL.Image.fromarray(texels)
+    painted, plain = (
+        trimesh.Trimesh(
+            mesh.vertices + (shift, 0, 0), mesh.faces, process=False,
+            visual=kinds[1](uv, material=kinds[0](baseColorFactor=(255, 255, 51, 255), baseColorTexture=texture)),
+        )
+        for shift, texture in ((0.0, image), (2.0, None))
+    )  # fmt: skip
+    file = trimesh.Scene({"painted": painted, "plain": plain}).export(file_type="glb")
+    loaded = trimesh.load(io.BytesIO(file), file_type="glb")
+    scene = render.RenderScene.from_trimesh(loaded, sky=render.constant_sky(1.0))
+    coded = texels / 255.0
+    linear = np.where(coded <= 0.04045, coded / 12.92, ((coded + 0.055) / 1.055) ** 2.4) * (1.0, 1.0, 0.2)
+    height = 1 / np.tan(np.radians(20))
+    shown = [hybrid(scene, down(8, eye=(x, height, 0)), 1, occlusion_rays=0).image for x in (0, 2)]
+    np.testing.assert_allclose(shown[0], linear, atol=1e-4)
+    np.testing.assert_allclose(shown[1], np.broadcast_to((1.0, 1.0, 0.2), (8, 8, 3)), rtol=1e-6)
+    with pytest.raises(atra.InputError, match=r"loaded is \[\], expected a trimesh"):
+        render.RenderScene.from_trimesh([])
 
 
 def test_a_panorama_is_seen_where_its_texels_point():

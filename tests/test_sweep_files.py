@@ -26,7 +26,7 @@ TOY = [
 ]
 FIGURE5 = [f"figure5_{rays}" for rays in ("single_rays", f"packets_of_{load_library().native_packet_widths[-1]}")]
 WRONG = () if LLVMPIPE.problem() else ("disagreements_cornell_box_32x32",)
-OTHER_PICTURES = ("split", "tiles", "peers", "samples", "still", "shifted", "waves", "mitsuba")
+OTHER_PICTURES = ("split", "tiles", "peers", "samples", "still", "waves", "mitsuba")
 # An image of 32 pixels takes no split of 64: such points are skipped.
 SWEEPS = {
     "smoke": (
@@ -59,8 +59,8 @@ SWEEPS = {
     "frame": (
         [
             *(f"~sweep.grids.frame_{name}" for name in OTHER_PICTURES),
-            "sweep.figures.stages=[frame_plain]",
-            "sweep.grids.frame_plain.method=raster",
+            "sweep.figures.stages=[frame_plain,frame_paths]",
+            *(f"sweep.grids.frame_paths.{side}=32" for side in ("width", "height")),
             "workload.samples=2",
         ],
         {"stages"},

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from atra.alignment.culling import check_needed_bytes
 from atra.errors import InputError
+from atra.kernels.shading.gbuffer import LANES
 from atra.kernels.shading.paths import TILE
 
 MOST_PIXELS_A_SIDE = 1 << 16
@@ -24,7 +25,8 @@ class Film:
 
     shape: how many numbers, width and height of the image.
     places: (pixels,) uint32, x + y 2^16 of each pixel in the film's order. sums: (planes, pixels) float32, what samples
-    are added to. samples: how many have been. waves_bytes: of what else a renderer holds.
+    are added to. Both have room for LANES more behind. samples: how many have been. waves_bytes: of what else a
+    renderer holds.
     Raises InputError for an image of more than 65,536 pixels a side, MemoryBudgetError.
     """
 
@@ -36,7 +38,7 @@ class Film:
         needed = pixels * (_PIXEL_BYTES * (planes + 1) + _PLACE_BYTES) + waves_bytes
         check_needed_bytes(needed, None, f"sums of {pixels:,} pixels and waves", "use fewer pixels, or shorter waves")
         self.places = _places(width, height)
-        self.sums = np.zeros((planes, pixels), np.float32)
+        self.sums = np.zeros((planes, pixels + LANES), np.float32)[:, :pixels]
         self._earlier = np.zeros((planes, pixels))
         self.samples = 0
 
@@ -77,9 +79,10 @@ class Film:
 def _places(width: int, height: int) -> NDArray[np.uint32]:
     full, rest = divmod(height, TILE)
     whole = _band(width, TILE)[None] + (np.arange(full, dtype=np.uint32)[:, None] * np.uint32(TILE << 16))
-    places = np.concatenate([whole.ravel(), _band(width, rest) + np.uint32(full * TILE << 16)])
+    beyond = np.zeros(LANES, np.uint32)  # is read with the last
+    places = np.concatenate([whole.ravel(), _band(width, rest) + np.uint32(full * TILE << 16), beyond])
     places.setflags(write=False)
-    return places
+    return places[: width * height]
 
 
 def _band(width: int, height: int) -> NDArray[np.uint32]:

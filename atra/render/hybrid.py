@@ -3,38 +3,44 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import partial
 from math import sqrt
+from time import perf_counter
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from atra.errors import InputError
-from atra.kernels.shading.gbuffer import COLOUR, SKY, WAVE_ROWS, Wave, find_surfaces
-from atra.kernels.shading.lighting import (
-    LIGHT_PLANES,
-    SKY_PLANES,
-    Sample,
-    add_light,
-    aim_at_light,
-    aim_into_sky,
-    occlude_kernel,
-)
-from atra.kernels.shading.paths import ROW_PADDING, Pixels
+from atra.kernels.shading.aiming import LIGHT_WORDS, Aim
+from atra.kernels.shading.gbuffer import Chunk, new_chunk
+from atra.kernels.shading.lighting import LIGHT_PLANES, SKY_PLANES, STAGES, lighting_kernel
+from atra.kernels.shading.paths import Pixels
 from atra.kernels.shading.surface import Surfaces
 from atra.rays.scene import Query
 from atra.render.lights import light_row
 from atra.render.materials import Dielectric, Emissive, Lambertian, Material
 from atra.render.options import HybridOptions
-from atra.render.renderer import Laps, Renderer, unlike_but_for
+from atra.render.renderer import Renderer, unlike_but_for
 from atra.render.scene import RenderScene
 from atra.render.tables import surfaces_of
 
-_SKY_STEPS, _LIGHT_STEPS = (tuple(int(sqrt(prime) % 1.0 * 2**32) for prime in pair) for pair in ((2, 3), (5, 7)))
-"""What the points of rays move by from one to the next, in units of 2^-32 of the unit square: no rational multiples of
-each other, nor of the steps of `sub_pixel_offsets`, so that all of them together are spread evenly."""
 
-_SKY_DIMENSION, _LIGHT_DIMENSION = 0, 2
+class _Sequence(NamedTuple):
+    """Points of rays. steps: by what they move from one to the next, in units of 2^-32 of the unit square. dimension:
+    of the hash that shifts them."""
+
+    steps: tuple[int, int]
+    dimension: int
+
+
+def _steps(*primes: int) -> tuple[int, int]:
+    x, y = (int(sqrt(prime) % 1.0 * 2**32) for prime in primes)
+    return x, y
+
+
+_SKY, _LIGHT = _Sequence(_steps(2, 3), 0), _Sequence(_steps(5, 7), 2)
+"""Steps are no rational multiples of each other, nor of the steps of `sub_pixel_offsets`, so that all of them together
+are spread evenly."""
 
 
 class HybridRenderer(Renderer):
@@ -53,18 +59,21 @@ class HybridRenderer(Renderer):
     options_type = HybridOptions
     options: HybridOptions
 
+    _ray_bytes = 0  # a few hundred rays are held at a time
+
     @property
     def _planes(self) -> int:
         return SKY_PLANES + LIGHT_PLANES * len(self.scene.lights)
 
     def _tables(self) -> Surfaces:
-        self._lights = [light_row(light) for light in self.scene.lights]
+        rows = [light_row(light) for light in self.scene.lights]
+        self._lights = np.array(rows, np.float32).reshape(-1, LIGHT_WORDS)
         plain = tuple(map(_as_colour, self.scene.materials))
         return surfaces_of(replace(self.scene, materials=plain), 1.0, self.options.start_off)
 
     def _start_film(self) -> None:
         super()._start_film()
-        self._waves: list[Wave | None] = [None] * self.rays.threads
+        self._chunks: list[Chunk | None] = [None] * self.rays.threads
 
     def _same_sums(self, scene: RenderScene) -> bool:
         old = self.scene
@@ -102,51 +111,31 @@ class HybridRenderer(Renderer):
             return self._film.as_image(self._film.mean(slice(plane, plane + 1)))[..., 0]
 
     def _add_wave(self, first: int, count: int, pixels: Pixels, query: Query, stages: dict[str, float]) -> int | None:
-        options = self.options
-        wave = self._waves[query.worker]
-        if wave is None:
-            wave = self._waves[query.worker] = _new_wave(options.wave_rays)
-        occlude = partial(occlude_kernel(self.rays.packet_width), wave, count, query.scene, query.packet, query.flags)
-        lap = Laps(stages)
-        find_surfaces(wave, first, count, pixels, self._surfaces)
-        lap("surfaces")
-        is_finite, rays = True, 0
-        length = np.float32(options.shadow_length)
-        for number, light in enumerate(self._lights):
-            plane = SKY_PLANES + number * LIGHT_PLANES
-            for sample in self._points(options.shadow_rays, _LIGHT_STEPS, _LIGHT_DIMENSION, options.shadow_directions):
-                aim_at_light(wave, first, count, light, length, sample)
-                lap("generate")
-                if options.shadow_rays:
-                    rays += occlude(True)
-                    lap("shadow")
-                sums = self._film.sums[plane : plane + LIGHT_PLANES]
-                is_finite &= add_light(wave, first, count, COLOUR, _share_of(options.shadow_rays), sums)
-                lap("accumulate")
-        length = np.float32(options.occlusion_length if options.occlusion_rays else 0.0)
-        for sample in self._points(options.occlusion_rays, _SKY_STEPS, _SKY_DIMENSION, options.occlusion_directions):
-            aim_into_sky(wave, first, count, length, options.occlusion == "cosine", sample)
-            lap("generate")
-            if options.occlusion_rays:
-                rays += occlude(options.occlusion_directions == "shared")
-                lap("occlusion")
-            share = _share_of(options.occlusion_rays)
-            is_finite &= add_light(wave, first, count, SKY, share, self._film.sums[:SKY_PLANES])
-            lap("accumulate")
-        return rays if is_finite else None
+        options, start = self.options, perf_counter()
+        chunk = self._chunks[query.worker]
+        if chunk is None:
+            chunk = self._chunks[query.worker] = new_chunk()
+        to_lights = self._aim(options.shadow_rays, options.shadow_length, options.shadow_directions, _LIGHT)
+        into_sky = self._aim(options.occlusion_rays, options.occlusion_length, options.occlusion_directions, _SKY)
+        times = np.zeros(len(STAGES), np.int64)
+        rays = lighting_kernel(self.rays.packet_width)(
+            first, count, pixels, self._surfaces, self._lights, to_lights, into_sky, options.occlusion == "cosine",
+            query, chunk, self._film.sums, times,
+        )  # fmt: skip
+        taken_s = (perf_counter() - start) / times.sum()
+        for stage, ticks in zip(STAGES, times.tolist(), strict=True):
+            if ticks:
+                stages[stage] = stages.get(stage, 0.0) + ticks * taken_s
+        return None if rays < 0 else rays
 
-    def _points(self, rays: int, steps: tuple[int, ...], dimension: int, directions: str) -> list[Sample]:
-        """Of the rays of this sample; of one, the light's middle or any, where none is traced."""
-        if not rays:
-            return [Sample(0, 0, 0, False)]
+    def _aim(self, rays: int, length: float, directions: str, sequence: _Sequence) -> Aim:
+        """Of the rays of this sample; of one, to the light's middle or any, where none is traced."""
         numbers = range(self.samples * rays, (self.samples + 1) * rays)
-        places = [[number * step + (1 << 31) & 0xFFFFFFFF for step in steps] for number in numbers]
-        return [Sample(u, v, dimension, directions == "shifted") for u, v in places]
-
-
-def _share_of(rays: int) -> np.float32:
-    """Of one ray; where none is traced, one stands for all."""
-    return np.float32(1.0 / max(1, rays))
+        places = [[number * step + (1 << 31) & 0xFFFFFFFF for step in sequence.steps] for number in numbers]
+        is_shifted = directions == "shifted" and rays > 0
+        return Aim(
+            np.array(places or [[0, 0]], np.uint32), sequence.dimension, is_shifted, rays > 0, np.float32(length)
+        )
 
 
 def _as_colour(material: Material) -> Lambertian:
@@ -156,13 +145,3 @@ def _as_colour(material: Material) -> Lambertian:
         red, green, blue = material.colour
         return Lambertian((min(red, 1.0), min(green, 1.0), min(blue, 1.0)))
     return Lambertian(material.colour)
-
-
-def _new_wave(rays: int) -> Wave:
-    return Wave(
-        np.zeros((WAVE_ROWS, rays + ROW_PADDING), np.float32),
-        np.zeros(rays + ROW_PADDING, np.uint32),
-        np.zeros(rays + ROW_PADDING, np.int32),
-        np.zeros(rays + ROW_PADDING, np.float32),
-        np.zeros(rays + ROW_PADDING, np.float32),
-    )

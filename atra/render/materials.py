@@ -113,6 +113,22 @@ def needs_uv(material: Material) -> bool:
     return isinstance(getattr(material, "colour", None), Checker | Image)
 
 
+def base_colour(material: Any, has_uv: bool) -> Lambertian:
+    """Of a material of trimesh's its base colour alone; of none, grey. has_uv: whether its texture can be read."""
+    if hasattr(material, "to_pbr"):
+        material = material.to_pbr()
+    if not hasattr(material, "baseColorFactor"):
+        return Lambertian()
+    factor = np.asarray((1.0, 1.0, 1.0) if material.baseColorFactor is None else material.baseColorFactor)
+    red, green, blue = (factor[:3] / (255.0 if factor.dtype.kind in "iu" else 1.0)).tolist()
+    texture = material.baseColorTexture
+    if texture is None or not has_uv:
+        return Lambertian((red, green, blue))
+    coded = np.asarray(texture.convert("RGB"), np.float32) / np.float32(255.0)
+    texels = np.where(coded <= 0.04045, coded / 12.92, ((coded + 0.055) / 1.055) ** 2.4)  # sRGB
+    return Lambertian(Image(texels * np.array((red, green, blue))))
+
+
 def _check_texture(material: Any, name: str) -> None:
     if not isinstance(material.colour, Checker | Image):
         object.__setattr__(material, "colour", checked_colour(f"colour of {name}", material.colour, 1.0))

@@ -24,7 +24,8 @@ class RenderOptions(RayOptions):
     jitter: where in its pixels sample n's rays go, "shared": all through the same point, the n-th of
     `sub_pixel_offsets`, which any method of primary visibility can trace; "off": always through the centre.
     most_samples: of a picture; more are not added. None: as many as are asked for.
-    wave_rays: rays that go through a stage together in each thread, at most; a multiple of 2,048.
+    wave_rays: pixels that each thread takes at a time, at most, and of waves rays that go through a stage together; a
+    multiple of 2,048.
     start_off: how far rays start off the triangle they leave, in scene units; None: as far as float32 needs, triangle
     by triangle.
     built_with: names of the options that a renderer keeps for its life.
@@ -92,7 +93,7 @@ class HybridOptions(RenderOptions):
     occlusion_length: float = 10.0
     occlusion: str = "uniform"
     occlusion_directions: str = "shifted"
-    wave_rays: int = 32 * BLOCK
+    wave_rays: int = 128 * BLOCK
     most_samples: int | None = 512
 
     def __post_init__(self) -> None:

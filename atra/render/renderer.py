@@ -39,9 +39,6 @@ CENTRE = (0.5, 0.5)
 _WAVES_A_THREAD = 4
 """At least, so that none waits long for another."""
 
-_WAVE_BYTES = 80
-"""Of a ray in a wave, at most."""
-
 
 class Laps:
     """Seconds by stage, added to `stages`: each call ends the stage it names, and the next begins."""
@@ -69,6 +66,8 @@ class Renderer(Lifetime):
 
     options_type: ClassVar[type[RenderOptions]]
     options: RenderOptions
+
+    _ray_bytes: ClassVar[int] = 80  # in a wave, at most
 
     def __init__(
         self,
@@ -116,7 +115,7 @@ class Renderer(Lifetime):
         """Whether samples of `scene` have the sums of those of the present one."""
 
     def _new_film(self) -> Film:
-        camera, waves_bytes = self.camera, self.rays.threads * self.options.wave_rays * _WAVE_BYTES
+        camera, waves_bytes = self.camera, self.rays.threads * self.options.wave_rays * self._ray_bytes
         return Film((self._planes, camera.width, camera.height), waves_bytes)
 
     def _start_film(self) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from atra.errors import InputError
 from atra.geometry.mesh import Mesh
 from atra.render.lights import Light, check_light
-from atra.render.materials import Lambertian, Material, needs_uv
+from atra.render.materials import Lambertian, Material, base_colour, needs_uv
 from atra.render.sky import GradientSky, Sky
 
 
@@ -59,12 +59,47 @@ class RenderScene:
         for name, value in changes.items():
             object.__setattr__(self, name, value)
 
+    @classmethod
+    def from_trimesh(cls, loaded: Any, **others: Any) -> Self:
+        """What `trimesh.load` makes of a file, glTF say: its triangles, uv, and materials, each `Lambertian` of its
+        base colour, times the texture of that if it has one. What else a material says is not read.
+
+        loaded: a `trimesh.Trimesh`, or a `trimesh.Scene`, whose meshes follow each other. others: as for the class.
+        Raises InputError for anything else, for no triangles, and as `Mesh` and `Image` do.
+        """
+        parts = loaded.dump() if hasattr(loaded, "dump") else [loaded]
+        parts = [part for part in parts if len(getattr(part, "faces", ()))]
+        if not parts:
+            raise InputError(f"loaded is {loaded!r:.100}, expected a trimesh.Trimesh or trimesh.Scene with triangles")
+        firsts = np.cumsum([0, *(len(part.vertices) for part in parts)])
+        faces = np.concatenate([part.faces + first for part, first in zip(parts, firsts, strict=False)])
+        numbers = np.repeat(np.arange(len(parts), dtype=np.int32), [len(part.faces) for part in parts])
+        known = [_uv_of(part) for part in parts]
+        uv = [np.zeros((len(part.vertices), 2)) if one is None else one for part, one in zip(parts, known, strict=True)]
+        materials = [
+            base_colour(getattr(part.visual, "material", None), one is not None)
+            for part, one in zip(parts, known, strict=True)
+        ]
+        return cls(
+            Mesh(np.concatenate([part.vertices for part in parts]), faces),
+            materials,
+            numbers,
+            uv=np.concatenate(uv),
+            **others,
+        )
+
     def __setstate__(self, state: dict[str, Any]) -> None:
         # Copies and unpickled arrays can be written to, whatever the original was.
         self.__dict__.update(state)
         for array in (self.face_materials, self.normals, self.uv):
             if array is not None:
                 array.setflags(write=False)
+
+
+def _uv_of(part: Any) -> NDArray[np.float64] | None:
+    """Of the vertices of a `trimesh.Trimesh`."""
+    uv = getattr(part.visual, "uv", None)
+    return None if uv is None or len(uv) != len(part.vertices) else np.asarray(uv)[:, :2]
 
 
 def _listed(name: str, given: Any) -> tuple[Any, ...]:

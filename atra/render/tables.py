@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.geometry.mesh import Mesh
 from atra.kernels.shading import surface
 from atra.kernels.shading.surface import Surfaces
 from atra.render.materials import Checker, Dielectric, Emissive, Image, Lambertian, Material, Metal
@@ -27,15 +26,11 @@ def surfaces_of(scene: RenderScene, sky_power: float, start_off: float | None) -
     """
     materials, texels = _materials(tuple(scene.materials))
     sky, panorama = sky_tables(scene.sky, sky_power)
-    mesh, numbers = scene.mesh, np.asarray(scene.face_materials)
-    none = np.zeros((0, 3), np.float32), np.zeros((0, 2), np.float32)
+    numbers = np.asarray(scene.face_materials)
     arrays = (
-        _records(mesh, numbers, start_off),
+        _records(scene, materials, start_off),
         (materials[:, surface.KIND] == surface.EMISSIVE)[numbers],
-        mesh.vertices,
-        mesh.faces,
-        none[0] if scene.normals is None else _unit_rows(scene.normals),
-        none[1] if scene.uv is None else scene.uv,
+        *_corners(scene),
         materials,
         texels,
         sky,
@@ -51,7 +46,8 @@ def _read_only(array: NDArray) -> NDArray:
     return view
 
 
-def _records(mesh: Mesh, face_materials: NDArray[np.int32], start_off: float | None) -> NDArray[np.float64]:
+def _records(scene: RenderScene, materials: NDArray[np.float64], start_off: float | None) -> NDArray[np.float64]:
+    mesh, numbers = scene.mesh, np.asarray(scene.face_materials)
     corners = [mesh.vertices[mesh.faces[:, corner]].astype(np.float64) for corner in range(3)]
     normals = np.cross(corners[1] - corners[0], corners[2] - corners[0])
     length = np.linalg.norm(normals, axis=1)
@@ -60,8 +56,34 @@ def _records(mesh: Mesh, face_materials: NDArray[np.int32], start_off: float | N
     records[:, :3] = normals
     records[:, 3] = np.einsum("fi,fi->f", normals, corners[0])
     records[:, 4] = START_OFF * np.abs(corners).max(axis=(0, 2)) if start_off is None else start_off
-    records[:, 5] = face_materials
+    records[:, 5] = numbers
+    plain = np.zeros((len(materials), 4), np.float32)
+    plain[:, :3] = materials[:, surface.COLOUR : surface.COLOUR + 3]
+    plain[:, 3] = materials[:, surface.TEXTURE] == surface.CONSTANT
+    records[:, 6:] = plain.view(np.float64)[numbers]
     return records
+
+
+def _corners(scene: RenderScene) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
+    """`weights` and `corners` of `Surfaces`."""
+    if scene.normals is None and scene.uv is None:
+        return np.zeros((0, surface.CORNER_WORDS)), np.zeros((0, 2 * surface.CORNER_WORDS), np.float32)
+    faces, count = scene.mesh.faces, scene.mesh.triangle_count
+    a, b, c = (scene.mesh.vertices[faces[:, corner]].astype(np.float64) for corner in range(3))
+    b, c = b - a, c - a
+    bb, bc, cc = ((one * other).sum(axis=1, keepdims=True) for one, other in ((b, b), (b, c), (c, c)))
+    area = bb * cc - bc * bc
+    area = np.where(area > 0.0, area, np.inf)  # of what is no triangle each point is the first corner
+    weights = np.zeros((count, surface.CORNER_WORDS))
+    for first, slope in ((0, (cc * b - bc * c) / area), (4, (bb * c - bc * b) / area)):
+        weights[:, first : first + 3] = slope
+        weights[:, first + 3] = -(slope * a).sum(axis=1)
+    corners = np.zeros((count, 2 * surface.CORNER_WORDS), np.float32)
+    if scene.normals is not None:
+        corners[:, :9] = _unit_rows(scene.normals)[faces].reshape(count, 9)
+    if scene.uv is not None:
+        corners[:, 9:15] = scene.uv[faces].reshape(count, 6)
+    return weights, corners
 
 
 def _materials(materials: tuple[Material, ...]) -> tuple[NDArray[np.float64], NDArray[np.float32]]:

@@ -107,14 +107,14 @@ class Page:
         self._numbers = gui.add_markdown("preparing; a first start compiles kernels, which takes about a minute")
         labels = {one.label: one.name for one in METHODS if one.is_ours and one.problem() is None}
         with gui.add_folder("Picture"):
-            self._choice("frame", FRAMES)
-            self._choice("shade", SHADES)
+            self._choice("frame", "frame", FRAMES)
+            self._choice("shade", "shade", SHADES)
             self._slider("samples", "samples", 1, 512, 1)
             self._slider("side", "side, pixels", 64, 1024, 64)
         with gui.add_folder("Primary visibility"):
             method = gui.add_dropdown("method", tuple(labels), initial_value=find_method(now.method).label)
             method.on_update(self._change("method", labels.__getitem__))
-            self._choice("split_x", tuple(map(str, SPLITS)), int)
+            self._choice("split_x", "columns of cells", tuple(map(str, SPLITS)), int)
             self._box("jitter")
         with self._folder("hybrid", "Sun"):
             self._slider("shadow_rays", "shadow rays", 0, 8, 1)
@@ -149,9 +149,9 @@ class Page:
         slider = self._server.gui.add_slider(label, min(least, now), max(most, now), step, now)
         slider.on_update(self._change(field, type(least)))
 
-    def _choice(self, field: str, names: tuple[str, ...], kind: type = str) -> None:
+    def _choice(self, field: str, label: str, names: tuple[str, ...], kind: type = str) -> None:
         now = str(getattr(self.session.wanted.settings, field))
-        self._server.gui.add_dropdown(field, names, initial_value=now).on_update(self._change(field, kind))
+        self._server.gui.add_dropdown(label, names, initial_value=now).on_update(self._change(field, kind))
 
     def _box(self, field: str) -> None:
         now = getattr(self.session.wanted.settings, field)

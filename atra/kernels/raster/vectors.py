@@ -129,14 +129,21 @@ larger = _between(">")
 """larger(a, b): of two float vectors the larger in each lane; b where one is NaN."""
 
 
+def _each(name: str, vector: Any, count: int) -> tuple[Any, Any]:
+    """A function of LLVM's of so many vectors, lane by lane."""
+
+    def codegen(context: Any, builder: ir.IRBuilder, signature: Any, values: list[ir.Value]) -> ir.Value:
+        kind, suffix = values[0].type, f"v{vector.lanes}f{vector.element.bitwidth}"
+        function = declared(builder, f"llvm.{name}.{suffix}", ir.FunctionType(kind, [kind] * count))
+        return builder.call(function, values)
+
+    return vector(*[vector] * count), codegen
+
+
 def _of_each(name: str) -> Any:
     @intrinsic
     def changed(typingctx: Any, vector: Any) -> Any:
-        def codegen(context: Any, builder: ir.IRBuilder, signature: Any, values: list[ir.Value]) -> ir.Value:
-            kind, suffix = values[0].type, f"v{vector.lanes}f{vector.element.bitwidth}"
-            return builder.call(declared(builder, f"llvm.{name}.{suffix}", ir.FunctionType(kind, [kind])), values)
-
-        return vector(vector), codegen
+        return _each(name, vector, 1)
 
     return changed
 
@@ -144,8 +151,20 @@ def _of_each(name: str) -> Any:
 nearest_whole, next_whole, last_whole = _of_each("rint"), _of_each("ceil"), _of_each("floor")
 """Of each number of a float vector: the nearest whole number, the first that is not smaller, the last not larger."""
 
-size = _of_each("fabs")
-"""Of each number of a float vector its absolute value."""
+size, root = _of_each("fabs"), _of_each("sqrt")
+"""Of each number of a float vector its absolute value; its square root."""
+
+
+@intrinsic
+def signed_like(typingctx: Any, vector: Any, other: Any) -> Any:
+    """The numbers of a float vector with the signs of another's."""
+    return _each("copysign", vector, 2)
+
+
+@intrinsic
+def fused(typingctx: Any, a: Any, b: Any, c: Any) -> Any:
+    """a b + c of float vectors, rounded once where the machine can, and twice elsewhere."""
+    return _each("fmuladd", a, 3)
 
 
 @intrinsic
@@ -156,18 +175,6 @@ def where(typingctx: Any, mask: Any, a: Any, b: Any) -> Any:
         return builder.select(unpacked(builder, values[0]), values[1], values[2])
 
     return a(mask, a, b), codegen
-
-
-@intrinsic
-def signed_like(typingctx: Any, vector: Any, other: Any) -> Any:
-    """The numbers of a float vector with the signs of another's."""
-
-    def codegen(context: Any, builder: ir.IRBuilder, signature: Any, values: list[ir.Value]) -> ir.Value:
-        kind, suffix = values[0].type, f"v{vector.lanes}f{vector.element.bitwidth}"
-        copied = declared(builder, f"llvm.copysign.{suffix}", ir.FunctionType(kind, [kind, kind]))
-        return builder.call(copied, values)
-
-    return vector(vector, vector), codegen
 
 
 @intrinsic

@@ -9,137 +9,185 @@ from numba import njit
 from numpy.typing import NDArray
 
 from atra.kernels.caching import float_kernel
-from atra.kernels.packets import MISS
-from atra.kernels.raster.memory import gather_rows, load, store
-from atra.kernels.raster.vectors import repeated, rounded, where, widened
-from atra.kernels.shading.numbers import ZERO, unit
-from atra.kernels.shading.paths import line_at, place_of
+from atra.kernels.raster.memory import columns_of, gather_at, halves, load, low_and_high, store
+from atra.kernels.raster.vectors import bits_of, fused, repeated, root, rounded, size, where
+from atra.kernels.shading.numbers import HALF, ONE, ZERO, unit
+from atra.kernels.shading.paths import pixel_line
 from atra.kernels.shading.surface import (
-    CONSTANT,
-    RECORD_WORDS,
-    TEXTURE,
+    GRADIENT,
+    LEAST_SQUARED,
     TINY,
     colour_of,
     material_of,
-    meet,
-    plain_colour,
-    shading_normal,
     sky_colour,
 )
 
+CHUNK = 256
+"""Pixels that go through all stages together: all that is known of them stays in the nearest cache."""
+
+LANES = 16
+"""Pixels that are summed together; what is known of a chunk has room for so many more."""
+
+STRIDE = CHUNK + LANES
 ORIGIN, NORMAL, COLOUR, SKY, DIRECTION = 0, 3, 6, 9, 12
-WAVE_ROWS = 15
+LENGTH, LIGHT, SEEN = 15, 16, 17
+_ROWS = 18
 
 _LANES = 8
-_RECORD_BYTES = 8 * RECORD_WORDS
 
 
-class Wave(NamedTuple):
-    """What N pixels see, and one ray from each.
+class Chunk(NamedTuple):
+    """What at most `CHUNK` pixels see, and one ray from each.
 
-    All have `ROW_PADDING` columns more, for whole packets. floats: (WAVE_ROWS, N) float32, three rows each: origin of
-    rays, shading normal, colour, that times the sky's where the normal points, direction of the ray. Where nothing is
-    seen, the fourth is the sky's that the pixel's ray meets.
-    prim_id: (N,) uint32, 0 for a miss. is_hit: (N,) int32, -1 or 0. length: (N,) float32, how far the ray reaches, 0 =
-    there is none. light: (N,) float32, what it carries if nothing is in its way; 0 once something is.
+    floats: (_ROWS x STRIDE,) float32, row after row. Three rows each: ORIGIN of rays; shading NORMAL, 0 where nothing
+    is seen; COLOUR; that times the SKY's where the normal points, or the sky's that the pixel's ray meets; DIRECTION of
+    the ray. LENGTH: how far the ray reaches, 0 = there is none. LIGHT: what it carries if nothing is in its way; 0 once
+    something is. SEEN: 1, or 0 for a miss.
+    prim_id: (STRIDE,) uint32, 0 for a miss.
     """
 
     floats: NDArray[np.float32]
     prim_id: NDArray[np.uint32]
-    is_hit: NDArray[np.int32]
-    length: NDArray[np.float32]
-    light: NDArray[np.float32]
+
+
+def new_chunk() -> Chunk:
+    """One that nothing is known of."""
+    return Chunk(np.zeros(_ROWS * STRIDE, np.float32), np.zeros(STRIDE, np.uint32))
 
 
 @float_kernel
-def find_surfaces(wave, first, count, pixels, surfaces):  # type: ignore[no-untyped-def]
+def find_surfaces(chunk, first, count, pixels, surfaces):  # type: ignore[no-untyped-def]
     """What `count` pixels from number `first` on see, from the `prim_id` of `pixels`."""
-    for i in range(count):
-        x, y = place_of(pixels, first + i)
-        prim_id = pixels.prim_id[y * pixels.stride + x]
-        is_hit = prim_id != MISS
-        wave.is_hit[i] = -1 if is_hit else 0
-        wave.prim_id[i] = prim_id if is_hit else 0
-        wave.floats[DIRECTION, i], wave.floats[DIRECTION + 1, i] = np.float32(x), np.float32(y)  # until rays are made
     for i in range(0, count, _LANES):
-        _find_places(wave, i, pixels.lines, surfaces.records)
-    _find_colours(wave, count, pixels.lines, surfaces)
-
-
-@njit(inline="always")
-def _address(floats, row, i):  # type: ignore[no-untyped-def]
-    return np.int64(floats.ctypes.data) + row * floats.strides[0] + 4 * i
+        _look_up(chunk, i, first + i, pixels)
+    for i in range(0, count, _LANES):
+        left = _find_places(chunk, i, first + i, pixels, surfaces)
+        if left:
+            for k in range(min(_LANES, count - i)):
+                if left >> k & 1:
+                    _find_colour(chunk, i + k, first + i + k, pixels, surfaces)
 
 
 @njit(inline="always")
 def _at(lines, row, axis, x, y):  # type: ignore[no-untyped-def]
-    """`line_at` of `_LANES` pixels: one axis, as float64."""
+    """`line_at` of `_LANES` pixels: one axis, as float64, not rounded."""
     start, right, down = lines[row, axis], lines[row + 2, axis], lines[row + 4, axis]
-    value = repeated(start, _LANES) + x * repeated(right, _LANES) + y * repeated(down, _LANES)
-    return widened(rounded(value))
+    return fused(y, repeated(down, _LANES), fused(x, repeated(right, _LANES), repeated(start, _LANES)))
 
 
 @njit(inline="always")
-def _find_places(wave, i, lines, records):  # type: ignore[no-untyped-def]
-    """Origins of rays and normals of `_LANES` triangles from the i-th pixel on: `meet` and `leaving` side by side."""
-    floats = wave.floats
-    x = widened(load(_address(floats, DIRECTION, i), np.float32(0), _LANES))
-    y = widened(load(_address(floats, DIRECTION + 1, i), np.float32(0), _LANES))
+def _dot(ax, ay, az, bx, by, bz):  # type: ignore[no-untyped-def]
+    return fused(az, bz, fused(ay, by, ax * bx))
+
+
+@njit(inline="always")
+def _gradient(sky, axis, height):  # type: ignore[no-untyped-def]
+    """`sky_colour` of `_LANES` pixels, one channel; height: of unit vectors."""
+    above = fused(height, repeated(HALF, _LANES), repeated(HALF, _LANES))
+    below = repeated(ONE, _LANES) - above
+    return fused(below, repeated(sky[1 + axis], _LANES), above * repeated(sky[4 + axis], _LANES))
+
+
+@njit(inline="always")
+def _look_up(chunk, i, pixel, pixels):  # type: ignore[no-untyped-def]
+    """Which triangles `_LANES` pixels see, the i-th of the chunk and those behind it."""
+    x, y = low_and_high(np.int64(pixels.places.ctypes.data) + 4 * pixel)
+    stride = repeated(np.float64(pixels.stride), _LANES)
+    found = gather_at(np.int64(pixels.prim_id.ctypes.data), fused(y, stride, x))
+    is_seen = found >= found  # the bits of a miss are those of no number
+    none = repeated(ZERO, _LANES)
+    store(where(is_seen, found, none), np.int64(chunk.prim_id.ctypes.data) + 4 * i)
+    seen = np.int64(chunk.floats.ctypes.data) + 4 * (SEEN * STRIDE + i)
+    store(where(is_seen, repeated(ONE, _LANES), none), seen)
+
+
+@njit(inline="always")
+def _find_places(chunk, i, pixel, pixels, surfaces):  # type: ignore[no-untyped-def]
+    """Of the same pixels `meet`, `leaving`, colours and sky, side by side.
+
+    Places are found in float64: float32 could carry them through a surface. Returns a bit for each pixel whose colours
+    or normal need more.
+    """
+    address, row = np.int64(chunk.floats.ctypes.data) + 4 * i, 4 * STRIDE
+    numbers = np.int64(chunk.prim_id.ctypes.data) + 4 * i
+    x, y = low_and_high(np.int64(pixels.places.ctypes.data) + 4 * pixel)
+    zero, none, one = repeated(0.0, _LANES), repeated(ZERO, _LANES), repeated(ONE, _LANES)
+    seen = load(address + SEEN * row, ZERO, _LANES) > none
+    lines = pixels.lines
     ox, oy, oz = _at(lines, 0, 0, x, y), _at(lines, 0, 1, x, y), _at(lines, 0, 2, x, y)
     dx, dy, dz = _at(lines, 1, 0, x, y), _at(lines, 1, 1, x, y), _at(lines, 1, 2, x, y)
-    numbers, base = np.int64(wave.prim_id.ctypes.data) + 4 * i, np.int64(records.ctypes.data)
-    nx = gather_rows(base, numbers, _RECORD_BYTES)
-    ny = gather_rows(base + 8, numbers, _RECORD_BYTES)
-    nz = gather_rows(base + 16, numbers, _RECORD_BYTES)
-    plane = gather_rows(base + 24, numbers, _RECORD_BYTES)
-    off = gather_rows(base + 32, numbers, _RECORD_BYTES)
-    zero, tiny = repeated(0.0, _LANES), repeated(TINY, _LANES)
-    facing = nx * dx + ny * dy + nz * dz
-    ahead = plane - (nx * ox + ny * oy + nz * oz)
-    t = ahead / where((facing > tiny) | (zero - facing > tiny), facing, tiny)
+    nx, ny, nz, plane, off, _, colours, more = columns_of(np.int64(surfaces.records.ctypes.data), numbers)
+    facing, tiny = _dot(nx, ny, nz, dx, dy, dz), repeated(TINY, _LANES)
+    t = (plane - _dot(nx, ny, nz, ox, oy, oz)) / where(size(facing) > tiny, facing, tiny)
     side = where(facing >= zero, repeated(-1.0, _LANES), repeated(1.0, _LANES))
-    nx, ny, nz = rounded(side * nx), rounded(side * ny), rounded(side * nz)
-    store(rounded(ox + t * dx + off * widened(nx)), _address(floats, ORIGIN, i))
-    store(rounded(oy + t * dy + off * widened(ny)), _address(floats, ORIGIN + 1, i))
-    store(rounded(oz + t * dz + off * widened(nz)), _address(floats, ORIGIN + 2, i))
-    store(nx, _address(floats, NORMAL, i))
-    store(ny, _address(floats, NORMAL + 1, i))
-    store(nz, _address(floats, NORMAL + 2, i))
+    nx, ny, nz = side * nx, side * ny, side * nz
+    px, py, pz = fused(t, dx, ox), fused(t, dy, oy), fused(t, dz, oz)
+    store(rounded(fused(off, nx, px)), address + ORIGIN * row)
+    store(rounded(fused(off, ny, py)), address + (ORIGIN + 1) * row)
+    store(rounded(fused(off, nz, pz)), address + (ORIGIN + 2) * row)
+    nx, ny, nz = rounded(nx), rounded(ny), rounded(nz)
+    if len(surfaces.weights) > 0:
+        nx, ny, nz = _smooth(nx, ny, nz, px, py, pz, dx, dy, dz, rounded(side), numbers, surfaces)
+    height = ny
+    store(where(seen, nx, none), address + NORMAL * row)
+    store(where(seen, ny, none), address + (NORMAL + 1) * row)
+    store(where(seen, nz, none), address + (NORMAL + 2) * row)
+    red, green = halves(colours)
+    blue, is_plain = halves(more)
+    store(red, address + COLOUR * row)
+    store(green, address + (COLOUR + 1) * row)
+    store(blue, address + (COLOUR + 2) * row)
+    sky, is_seen = surfaces.sky, bits_of(seen)
+    if is_seen != (1 << _LANES) - 1:
+        height = where(seen, height, rounded(dy / root(_dot(dx, dy, dz, dx, dy, dz))))
+        red, green, blue = where(seen, red, one), where(seen, green, one), where(seen, blue, one)
+    store(red * _gradient(sky, 0, height), address + SKY * row)
+    store(green * _gradient(sky, 1, height), address + (SKY + 1) * row)
+    store(blue * _gradient(sky, 2, height), address + (SKY + 2) * row)
+    if sky[0] != GRADIENT:
+        return (1 << _LANES) - 1
+    return is_seen & ~bits_of(is_plain > none)
 
 
 @njit(inline="always")
-def _set_row(floats, first, i, vector):  # type: ignore[no-untyped-def]
-    floats[first, i], floats[first + 1, i], floats[first + 2, i] = vector
+def _smooth(nx, ny, nz, px, py, pz, dx, dy, dz, side, numbers, surfaces):  # type: ignore[no-untyped-def]
+    """`shading_normal` of `_LANES` pixels: of triangles' normals, points, directions, and sides that are seen."""
+    vx, vy, vz, v, wx, wy, wz, w = columns_of(np.int64(surfaces.weights.ctypes.data), numbers)
+    ab, ca, bc, ab2, ca2, _, _, _ = columns_of(np.int64(surfaces.corners.ctypes.data), numbers)
+    (ax, ay), (az, bx), (by, bz), (cx, cy), (cz, _) = halves(ab), halves(ca), halves(bc), halves(ab2), halves(ca2)
+    v, w = fused(vx, px, fused(vy, py, fused(vz, pz, v))), fused(wx, px, fused(wy, py, fused(wz, pz, w)))
+    u, v, w = rounded(repeated(1.0, _LANES) - v - w), rounded(v), rounded(w)
+    x, y, z = _dot(u, v, w, ax, bx, cx), _dot(u, v, w, ay, by, cy), _dot(u, v, w, az, bz, cz)
+    squared = _dot(x, y, z, x, y, z)
+    factor = side / root(squared)
+    x, y, z = factor * x, factor * y, factor * z
+    away = _dot(x, y, z, rounded(dx), rounded(dy), rounded(dz))
+    is_own = (repeated(LEAST_SQUARED, _LANES) >= squared) | (away >= repeated(ZERO, _LANES))
+    return where(is_own, nx, x), where(is_own, ny, y), where(is_own, nz, z)
 
 
 @njit(inline="always")
-def _find_colours(wave, count, lines, surfaces):  # type: ignore[no-untyped-def]
-    """Colours, and normals that vertices give. Neighbours often see one triangle, which has them all alike if it is
-    flat and of one colour."""
-    floats, is_flat = wave.floats, len(surfaces.normals) == 0
-    colour = arrived = ZERO, ZERO, ZERO
-    last = np.int64(-1)
-    for i in range(count):
-        prim_id = np.int64(wave.prim_id[i])
-        x, y = np.float64(floats[DIRECTION, i]), np.float64(floats[DIRECTION + 1, i])
-        if wave.is_hit[i] == 0:
-            _, direction = line_at(lines, x, y)
-            _set_row(floats, SKY, i, sky_colour(surfaces, unit(direction)))
-            continue
-        if prim_id != last:
-            material = material_of(surfaces, prim_id)
-            normal = floats[NORMAL, i], floats[NORMAL + 1, i], floats[NORMAL + 2, i]
-            if is_flat and surfaces.materials[material, TEXTURE] == CONSTANT:
-                colour = plain_colour(surfaces, material)
-                last = prim_id
-            else:
-                origin, direction = line_at(lines, x, y)
-                point, normal, is_front = meet(surfaces, prim_id, origin, direction)
-                normal = shading_normal(surfaces, prim_id, point, normal, is_front, direction)
-                _set_row(floats, NORMAL, i, normal)
-                colour = colour_of(surfaces, material, prim_id, point)
-                last = np.int64(-1)
-            sky = sky_colour(surfaces, normal)
-            arrived = colour[0] * sky[0], colour[1] * sky[1], colour[2] * sky[2]
-        _set_row(floats, COLOUR, i, colour)
-        _set_row(floats, SKY, i, arrived)
+def vector_of(floats, row, i):  # type: ignore[no-untyped-def]
+    """Three numbers of the i-th pixel, of a row and the two below."""
+    return floats[row * STRIDE + i], floats[(row + 1) * STRIDE + i], floats[(row + 2) * STRIDE + i]
+
+
+@njit(inline="always")
+def set_vector(floats, row, i, vector):  # type: ignore[no-untyped-def]
+    """Three numbers of the i-th pixel into a row and the two below."""
+    floats[row * STRIDE + i], floats[(row + 1) * STRIDE + i], floats[(row + 2) * STRIDE + i] = vector
+
+
+@njit
+def _find_colour(chunk, i, pixel, pixels, surfaces):  # type: ignore[no-untyped-def]
+    """Of a pixel its colour, if a texture has it, and what of the sky it shows."""
+    floats = chunk.floats
+    if floats[SEEN * STRIDE + i] == ZERO:
+        _, direction = pixel_line(pixels, pixel)
+        set_vector(floats, SKY, i, sky_colour(surfaces, unit(direction)))
+        return
+    prim_id = np.int64(chunk.prim_id[i])
+    colour = colour_of(surfaces, material_of(surfaces, prim_id), prim_id, vector_of(floats, ORIGIN, i))
+    sky = sky_colour(surfaces, vector_of(floats, NORMAL, i))
+    set_vector(floats, COLOUR, i, colour)
+    set_vector(floats, SKY, i, (colour[0] * sky[0], colour[1] * sky[1], colour[2] * sky[2]))

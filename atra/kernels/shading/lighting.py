@@ -4,200 +4,169 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
-from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
-from atra.embree.layout import FLAG_COHERENT, RAY_TFAR
+from atra.embree.layout import FLAG_COHERENT, RAY_DIR_X, RAY_ORG_X, RAY_TFAR, RAY_TNEAR
 from atra.kernels.caching import float_kernel
-from atra.kernels.packets import INFINITY, hit_distance, occluded
-from atra.kernels.shading.gbuffer import DIRECTION, NORMAL, ORIGIN
-from atra.kernels.shading.numbers import (
-    ONE,
-    TWO,
-    ZERO,
-    along,
-    around,
-    bits_of,
-    circle,
-    dot,
-    key_of,
-    on_sphere,
-    scaled,
-    unit,
-    unit_of,
+from atra.kernels.intrinsics import ticks
+from atra.kernels.packets import SMALLEST_COMPONENT, occluded
+from atra.kernels.raster.memory import load, store
+from atra.kernels.raster.vectors import bits_of, repeated, size, where
+from atra.kernels.shading.aiming import aim_at_light, aim_into_sky
+from atra.kernels.shading.gbuffer import (
+    CHUNK,
+    COLOUR,
+    DIRECTION,
+    LANES,
+    LENGTH,
+    LIGHT,
+    ORIGIN,
+    SKY,
+    STRIDE,
+    find_surfaces,
 )
-from atra.kernels.shading.paths import load_rays
-
-SUN, POINT, SPHERE = 0, 1, 2
-KIND, PLACE, SIZE, ACROSS, UP = 0, 1, 4, 5, 8
-LIGHT_WORDS = 11
-"""float32 of a light. PLACE: where it is, or of a sun the unit vector to it (3). SIZE: its radius, or of a sun the
-tangent of half the angle it appears under. ACROSS, UP: of a sun, unit vectors at right angles to it and to each other
-(3 each)."""
+from atra.kernels.shading.numbers import ONE, ZERO
 
 SKY_PLANES = LIGHT_PLANES = 4
 """Sums of the sky, then of each light: r, g, b, and the share that is not in shadow."""
 
-_ALMOST = np.float32(1 - 1e-4)
-"""Of the way to a light: what is at the light itself does not shadow it."""
+STAGES = "surfaces", "generate", "shadow", "occlusion", "accumulate"
+"""Names of `times`."""
 
+_SURFACES, _GENERATE, _SHADOW, _OCCLUSION, _ACCUMULATE = range(5)
 
-class Sample(NamedTuple):
-    """Which points of the unit square rays are aimed at.
-
-    u, v: the same for all pixels, in units of 2^-32. dimension: of the hash that shifts them, pixel by pixel.
-    is_shifted: whether it does.
-    """
-
-    u: int
-    v: int
-    dimension: int
-    is_shifted: bool
+_MOST = np.finfo(np.float32).max
 
 
 @njit(inline="always")
-def _point(sample, pixel):  # type: ignore[no-untyped-def]
-    """The two numbers in [0, 1) for a pixel."""
-    u, v = np.uint32(sample.u), np.uint32(sample.v)
-    if sample.is_shifted:
-        key = key_of(pixel, np.uint32(0))
-        u = np.uint32(u + bits_of(key, sample.dimension))
-        v = np.uint32(v + bits_of(key, sample.dimension + 1))
-    return unit_of(u), unit_of(v)
-
-
-@njit(inline="always")
-def _row(floats, first, i):  # type: ignore[no-untyped-def]
-    return floats[first, i], floats[first + 1, i], floats[first + 2, i]
-
-
-@njit(inline="always")
-def _set_row(floats, first, i, vector):  # type: ignore[no-untyped-def]
-    floats[first, i], floats[first + 1, i], floats[first + 2, i] = vector
-
-
-@float_kernel
-def aim_at_light(wave, first, count, light, length, sample):  # type: ignore[no-untyped-def]
-    """A ray from each pixel's surface to a point of the light, at most `length` long. light: (LIGHT_WORDS,) float32."""
-    floats = wave.floats
-    kind, size = light[KIND], light[SIZE]
-    centre = light[PLACE], light[PLACE + 1], light[PLACE + 2]
-    across = light[ACROSS], light[ACROSS + 1], light[ACROSS + 2]
-    up = light[UP], light[UP + 1], light[UP + 2]
-    for i in range(count):
-        normal = _row(floats, NORMAL, i)
-        u, v = _point(sample, first + i)
-        if kind == SUN:
-            x, y = circle(v)
-            radius = size * np.sqrt(u)
-            direction = unit(along(along(centre, radius * x, across), radius * y, up))
-            strength, reach = ONE, INFINITY
-        else:
-            to_light = along(centre, -ONE, _row(floats, ORIGIN, i))
-            squared = dot(to_light, to_light)
-            distance = np.sqrt(squared)
-            direction = scaled(ONE / distance, to_light)
-            strength, reach = ONE / squared, distance * _ALMOST
-            if kind == SPHERE and distance > size:
-                # Uniform over the solid angle it is seen under, 2 pi (1 - cos), of which pi (size / distance)^2 is the
-                # projected part: their quotient, 1 for a far light, weighs its directions.
-                ratio = size * size / squared
-                depth = ratio / (ONE + np.sqrt(ONE - ratio))  # 1 - cos, without losing digits
-                strength *= TWO * depth / ratio
-                cosine = ONE - u * depth
-                radius = np.sqrt(max(ZERO, ONE - cosine * cosine))
-                x, y = circle(v)
-                side = _across(direction)
-                other = (
-                    direction[1] * side[2] - direction[2] * side[1],
-                    direction[2] * side[0] - direction[0] * side[2],
-                    direction[0] * side[1] - direction[1] * side[0],
-                )
-                direction = along(along(scaled(cosine, direction), radius * x, side), radius * y, other)
-                reach = (distance - size) * _ALMOST
-        carried = dot(normal, direction) * strength
-        is_lit = wave.is_hit[i] != 0 and carried > ZERO
-        _set_row(floats, DIRECTION, i, direction)
-        wave.length[i] = min(reach, length) if is_lit else ZERO
-        wave.light[i] = carried if is_lit else ZERO
-
-
-@njit(error_model="numpy")
-def _across(direction):  # type: ignore[no-untyped-def]
-    """A unit vector at right angles to a unit vector."""
-    if abs(direction[0]) > abs(direction[1]):
-        return unit((-direction[2], ZERO, direction[0]))
-    return unit((ZERO, direction[2], -direction[1]))
-
-
-@float_kernel
-def aim_into_sky(wave, first, count, length, is_cosine, sample):  # type: ignore[no-untyped-def]
-    """A ray of `length` from each pixel's surface into its hemisphere, uniform or by the cosine."""
-    floats = wave.floats
-    for i in range(count):
-        normal = _row(floats, NORMAL, i)
-        u, v = _point(sample, first + i)
-        direction = on_sphere(u, v)
-        if is_cosine:
-            direction = around(normal, direction)
-        else:
-            side = ONE if dot(direction, normal) >= ZERO else -ONE
-            direction = scaled(side, direction)
-        _set_row(floats, DIRECTION, i, direction)
-        wave.length[i] = length if wave.is_hit[i] != 0 else ZERO
-        wave.light[i] = ONE
+def _address(array):  # type: ignore[no-untyped-def]
+    return np.int64(array.ctypes.data)
 
 
 @cache
-def occlude_kernel(width: int) -> Callable[..., int]:
-    """The rays of a wave, in packets of `width`, a constant of the compiled code."""
+def _occlude_kernel(width: int) -> Callable[..., None]:
+    """The rays of a chunk, in packets of `width`, a constant of the compiled code."""
+    field = 4 * width
 
     @float_kernel
-    def occlude(wave, count, scene, packet, flags, is_coherent):  # type: ignore[no-untyped-def]
-        """`light` becomes 0 where something is in the way; returns how many rays were traced. Pixels keep their lanes,
-        so that each has the same neighbours in every wave.
-
-        flags: of the query. is_coherent: whether rays of neighbours head alike.
-        """
-        flags[0] = FLAG_COHERENT if is_coherent else 0
-        rays = 0
+    def occlude(floats, count, scene, packet):  # type: ignore[no-untyped-def]
+        """LIGHT becomes 0 where something is in the way. Pixels keep their lanes, so that each has the same neighbours
+        in every chunk."""
+        rays, valid = _address(packet.floats), _address(packet.valid)
+        zero, tiny = repeated(ZERO, width), repeated(SMALLEST_COMPONENT, width)
+        every = load(_address(packet.all_lanes), ZERO, width)  # the bits of -1
+        store(zero, rays + RAY_TNEAR * field)
         for first in range(0, count, width):
-            load_rays(packet, width, wave.floats, ORIGIN, DIRECTION, first)
-            before = rays
-            for lane in range(width):
-                length = wave.length[first + lane] if first + lane < count else ZERO
-                packet.floats[RAY_TFAR * width + lane] = length
-                packet.valid[lane] = -1 if length > ZERO else 0
-                rays += 1 if length > ZERO else 0
-            if rays > before:
-                occluded(width, packet.valid, scene, packet)
-                for lane in range(width):
-                    light = wave.light[first + lane]
-                    wave.light[first + lane] = ZERO if hit_distance(packet, width, lane) < ZERO else light
-        return rays
+            at = _address(floats) + 4 * first
+            length = load(at + LENGTH * STRIDE * 4, ZERO, width)
+            is_traced = length > zero
+            if bits_of(is_traced) == 0:
+                continue
+            for axis in range(3):
+                origin = load(at + (ORIGIN + axis) * STRIDE * 4, ZERO, width)
+                direction = load(at + (DIRECTION + axis) * STRIDE * 4, ZERO, width)
+                store(origin, rays + (RAY_ORG_X + axis) * field)
+                store(where(size(direction) >= tiny, direction, zero), rays + (RAY_DIR_X + axis) * field)
+            store(length, rays + RAY_TFAR * field)
+            store(where(is_traced, every, zero), valid)
+            occluded(width, packet.valid, scene, packet)
+            light = load(at + LIGHT * STRIDE * 4, ZERO, width)
+            is_free = load(rays + RAY_TFAR * field, ZERO, width) >= zero
+            store(where(is_free, light, zero), at + LIGHT * STRIDE * 4)
 
     return occlude
 
 
 @float_kernel
-def add_light(wave, first, count, row, share, sums):  # type: ignore[no-untyped-def]
-    """Add `share` of the light that arrived, times the colour in `row` and the two below, to (4, pixels) float32.
+def _add_light(floats, first, count, row, share, sums):  # type: ignore[no-untyped-def]
+    """Add `share` of the light that arrived, times the colour in `row` and the two below, to four rows of sums.
 
-    Returns whether all of it was finite.
+    Returns whether all of it was finite. Where none arrives, sums are not touched: most of the time goes to memory.
     """
-    end = first + count
-    light, red, green, blue = wave.light, wave.floats[row], wave.floats[row + 1], wave.floats[row + 2]
-    r, g, b, free = sums[0, first:end], sums[1, first:end], sums[2, first:end], sums[3, first:end]
-    is_finite = True
-    for i in range(count):
-        part = light[i] * share
-        is_lit = part > ZERO
-        arrived = red[i] * part, green[i] * part, blue[i] * part
-        is_finite &= not is_lit or (arrived[0] < INFINITY and arrived[1] < INFINITY and arrived[2] < INFINITY)
-        r[i] += arrived[0] if is_lit else ZERO
-        g[i] += arrived[1] if is_lit else ZERO
-        b[i] += arrived[2] if is_lit else ZERO
-        free[i] += share if is_lit else ZERO
-    return is_finite
+    zero, most, shares = repeated(ZERO, LANES), repeated(_MOST, LANES), repeated(share, LANES)
+    is_finite = zero >= zero
+    for i in range(0, count, LANES):
+        at = _address(floats) + 4 * i
+        part = load(at + LIGHT * STRIDE * 4, ZERO, LANES) * shares
+        is_lit = part > zero
+        if bits_of(is_lit) == 0:
+            continue
+        to = _address(sums) + 4 * (first + i)
+        for channel in range(3):
+            colour = load(at + (row + channel) * STRIDE * 4, ZERO, LANES)
+            arrived = where(is_lit, colour * part, zero)
+            is_finite = is_finite & (most >= arrived)
+            here = to + channel * sums.strides[0]
+            store(load(here, ZERO, LANES) + arrived, here)
+        here = to + 3 * sums.strides[0]
+        store(load(here, ZERO, LANES) + where(is_lit, shares, zero), here)
+    return bits_of(is_finite) == (1 << LANES) - 1
+
+
+@njit(inline="always")
+def _lap(times, stage, start):  # type: ignore[no-untyped-def]
+    """Ends a stage that began at `start`; the next begins."""
+    now = ticks()
+    times[stage] += now - start
+    return now
+
+
+@cache
+def lighting_kernel(width: int) -> Callable[..., int]:
+    """All stages, in packets of `width`, a constant of the compiled code."""
+    occlude = _occlude_kernel(width)
+
+    @float_kernel
+    def light_pixels(  # type: ignore[no-untyped-def]
+        first, count, pixels, surfaces, lights, to_lights, into_sky, is_cosine, query, chunk, sums, times
+    ):  # fmt: skip
+        """Add a sample of `count` pixels from number `first` on, a chunk at a time.
+
+        lights: (L, LIGHT_WORDS) float32. to_lights, into_sky: `Aim`. sums: (SKY_PLANES + L LIGHT_PLANES, pixels and
+        LANES more) float32. times: (stages,) int64, ticks that are added to. Returns how many rays were traced, -1
+        where light was not finite.
+        """
+        floats, rays, is_finite = chunk.floats, 0, True
+        clock = ticks()
+        for start in range(first, first + count, CHUNK):
+            some = min(CHUNK, first + count - start)
+            find_surfaces(chunk, start, some, pixels, surfaces)
+            _end_rows(floats, some)
+            clock = _lap(times, _SURFACES, clock)
+            query.flags[0] = FLAG_COHERENT
+            share = ONE / np.float32(len(to_lights.points))
+            for number in range(len(lights) * len(to_lights.points)):
+                of_light = number // len(to_lights.points)
+                point = number - of_light * len(to_lights.points)
+                there = aim_at_light(floats, start, some, lights[of_light], to_lights, point)
+                clock = _lap(times, _GENERATE, clock)
+                if to_lights.is_traced:
+                    rays += there
+                    occlude(floats, some, query.scene, query.packet)
+                    clock = _lap(times, _SHADOW, clock)
+                own = sums[SKY_PLANES + of_light * LIGHT_PLANES :]
+                is_finite &= _add_light(floats, start, some, COLOUR, share, own)
+                clock = _lap(times, _ACCUMULATE, clock)
+            query.flags[0] = 0 if into_sky.is_shifted else FLAG_COHERENT
+            share = ONE / np.float32(len(into_sky.points))
+            for point in range(len(into_sky.points)):
+                there = aim_into_sky(floats, start, some, is_cosine, into_sky, point)
+                clock = _lap(times, _GENERATE, clock)
+                if into_sky.is_traced:
+                    rays += there
+                    occlude(floats, some, query.scene, query.packet)
+                    clock = _lap(times, _OCCLUSION, clock)
+                is_finite &= _add_light(floats, start, some, SKY, share, sums)
+                clock = _lap(times, _ACCUMULATE, clock)
+        return rays if is_finite else -1
+
+    return light_pixels
+
+
+@njit(inline="always")
+def _end_rows(floats, count):  # type: ignore[no-untyped-def]
+    """No rays and no light beyond the pixels of a chunk."""
+    for i in range(count, count + LANES):
+        floats[LENGTH * STRIDE + i] = floats[LIGHT * STRIDE + i] = ZERO

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from atra.kernels.shading.numbers import HALF, ONE, ZERO, along, dot, scaled, unit
 
 RECORD_WORDS = 8
-"""float64 of a triangle: unit normal (3), the plane's n . p, how far rays start off it, its material, and 2 unused, so
-that a record is a cache line."""
+"""float64 of a triangle: unit normal (3), the plane's n . p, how far rays start off it, and its material; then four
+float32, the colour (3), and 1 where colour and normal are the same all over it. A record is a cache line."""
 
 LAMBERTIAN, METAL, DIELECTRIC, EMISSIVE = 0, 1, 2, 3
 CONSTANT, CHECKER, IMAGE = 0, 1, 2
@@ -36,6 +36,12 @@ GRADIENT, PANORAMA = 0, 1
 SKY_WORDS = 8
 """float32 of the sky: kind, then the colours below and above."""
 
+CORNER_WORDS = 8
+"""float64 of a triangle in `weights`, and as many bytes in `corners`: a cache line each."""
+
+LEAST_SQUARED = np.float32(1e-12)
+"""Of the length of a normal between those of vertices: shorter ones say nothing."""
+
 TINY = np.float64(1e-300)
 """In place of the cosine of a ray and a plane that are nearly parallel."""
 
@@ -44,18 +50,18 @@ class Surfaces(NamedTuple):
     """All that light meets.
 
     records: (F, RECORD_WORDS) float64. is_emissive: (F,) bool, apart from them: it is asked of what is then not shaded.
-    vertices: (V, 3) float32, faces: (F, 3) uint32, of the mesh.
-    normals: (V, 3) float32, or (0, 3): shading normals of vertices. uv: (V, 2) float32, or (0, 2).
+    weights: (F, CORNER_WORDS) float64, or (0, ...) where no surface changes over its triangles: the barycentric weight
+    of the second corner at a point p of the plane is its first three times p, plus the fourth; that of the third corner
+    are the other four. corners: (F, 2 CORNER_WORDS) float32, or (0, ...): shading normals of the three (9), their uv
+    (6), and 1 unused; normals are 0 where there are none.
     materials: (M, MATERIAL_WORDS) float64. texels: (T, 3) float32, all images' one after the other.
     sky: (SKY_WORDS,) float32. panorama: (H, W, 3) float32, row 0 above; +y is up, its middle column looks along -z.
     """
 
     records: NDArray[np.float64]
     is_emissive: NDArray[np.bool_]
-    vertices: NDArray[np.float32]
-    faces: NDArray[np.uint32]
-    normals: NDArray[np.float32]
-    uv: NDArray[np.float32]
+    weights: NDArray[np.float64]
+    corners: NDArray[np.float32]
     materials: NDArray[np.float64]
     texels: NDArray[np.float32]
     sky: NDArray[np.float32]
@@ -97,37 +103,29 @@ def material_of(surfaces, prim_id):  # type: ignore[no-untyped-def]
 
 @njit(inline="always")
 def _weights(surfaces, prim_id, point):  # type: ignore[no-untyped-def]
-    """Barycentric weights of the second and third corner, float64, of a point in the triangle's plane."""
-    vertices = surfaces.vertices
-    i, j, k = surfaces.faces[prim_id, 0], surfaces.faces[prim_id, 1], surfaces.faces[prim_id, 2]
-    ax, ay, az = np.float64(vertices[i, 0]), np.float64(vertices[i, 1]), np.float64(vertices[i, 2])
-    b = vertices[j, 0] - ax, vertices[j, 1] - ay, vertices[j, 2] - az
-    c = vertices[k, 0] - ax, vertices[k, 1] - ay, vertices[k, 2] - az
-    p = point[0] - ax, point[1] - ay, point[2] - az
-    bb, bc, cc, pb, pc = dot(b, b), dot(b, c), dot(c, c), dot(p, b), dot(p, c)
-    area = bb * cc - bc * bc
-    return (cc * pb - bc * pc) / area, (bb * pc - bc * pb) / area
+    """Barycentric weights of the corners, float32, of a point in the triangle's plane."""
+    rows = surfaces.weights
+    v = rows[prim_id, 0] * point[0] + rows[prim_id, 1] * point[1] + rows[prim_id, 2] * point[2] + rows[prim_id, 3]
+    w = rows[prim_id, 4] * point[0] + rows[prim_id, 5] * point[1] + rows[prim_id, 6] * point[2] + rows[prim_id, 7]
+    return np.float32(1.0 - v - w), np.float32(v), np.float32(w)
 
 
 @njit(inline="always")
 def shading_normal(surfaces, prim_id, point, normal, is_front, direction):  # type: ignore[no-untyped-def]
     """The normal that vertices give, on the side of `normal`; where it faces away from the ray, `normal` itself."""
-    if len(surfaces.normals) == 0:
+    if len(surfaces.weights) == 0:
         return normal
-    v, w = _weights(surfaces, prim_id, point)
-    u = 1.0 - v - w
-    i, j, k = surfaces.faces[prim_id, 0], surfaces.faces[prim_id, 1], surfaces.faces[prim_id, 2]
-    normals = surfaces.normals
-    side = 1.0 if is_front else -1.0
+    u, v, w = _weights(surfaces, prim_id, point)
+    rows = surfaces.corners
     smooth = (
-        np.float32(side * (u * normals[i, 0] + v * normals[j, 0] + w * normals[k, 0])),
-        np.float32(side * (u * normals[i, 1] + v * normals[j, 1] + w * normals[k, 1])),
-        np.float32(side * (u * normals[i, 2] + v * normals[j, 2] + w * normals[k, 2])),
+        u * rows[prim_id, 0] + v * rows[prim_id, 3] + w * rows[prim_id, 6],
+        u * rows[prim_id, 1] + v * rows[prim_id, 4] + w * rows[prim_id, 7],
+        u * rows[prim_id, 2] + v * rows[prim_id, 5] + w * rows[prim_id, 8],
     )
     squared = dot(smooth, smooth)
-    if not squared > np.float32(1e-12):
+    if not squared > LEAST_SQUARED:
         return normal
-    smooth = scaled(ONE / np.sqrt(squared), smooth)
+    smooth = scaled((ONE if is_front else -ONE) / np.sqrt(squared), smooth)
     return smooth if dot(smooth, direction) < ZERO else normal
 
 
@@ -149,12 +147,10 @@ def colour_of(surfaces, material, prim_id, point):  # type: ignore[no-untyped-de
     first = plain_colour(surfaces, material)
     if rows[material, TEXTURE] == CONSTANT:
         return first
-    v, w = _weights(surfaces, prim_id, point)
-    u = 1.0 - v - w
-    i, j, k = surfaces.faces[prim_id, 0], surfaces.faces[prim_id, 1], surfaces.faces[prim_id, 2]
-    uv = surfaces.uv
-    s = u * uv[i, 0] + v * uv[j, 0] + w * uv[k, 0]
-    t = u * uv[i, 1] + v * uv[j, 1] + w * uv[k, 1]
+    u, v, w = _weights(surfaces, prim_id, point)
+    uv = surfaces.corners
+    s = np.float64(u * uv[prim_id, 9] + v * uv[prim_id, 11] + w * uv[prim_id, 13])
+    t = np.float64(u * uv[prim_id, 10] + v * uv[prim_id, 12] + w * uv[prim_id, 14])
     if rows[material, TEXTURE] == CHECKER:
         scale = rows[material, SCALE]
         cell = np.int64(np.floor(s * scale)) + np.int64(np.floor(t * scale))

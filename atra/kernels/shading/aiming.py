@@ -1,0 +1,180 @@
+"""Aiming: a ray from each pixel's surface to a light, or into the sky."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from atra.kernels.caching import float_kernel
+from atra.kernels.shading.gbuffer import DIRECTION, LENGTH, LIGHT, NORMAL, ORIGIN, SEEN, STRIDE, set_vector, vector_of
+from atra.kernels.shading.numbers import (
+    ONE,
+    TWO,
+    ZERO,
+    along,
+    around,
+    bits_of,
+    circle,
+    dot,
+    key_of,
+    on_sphere,
+    scaled,
+    unit,
+    unit_of,
+)
+
+SUN, POINT, SPHERE = 0, 1, 2
+KIND, PLACE, SIZE, ACROSS, UP = 0, 1, 4, 5, 8
+LIGHT_WORDS = 11
+"""float32 of a light. PLACE: where it is, or of a sun the unit vector to it (3). SIZE: its radius, or of a sun the
+tangent of half the angle it appears under. ACROSS, UP: of a sun, unit vectors at right angles to it and to each other
+(3 each)."""
+
+_ALMOST = np.float32(1 - 1e-4)
+"""Of the way to a light: what is at the light itself does not shadow it."""
+
+
+class Aim(NamedTuple):
+    """Which points of the unit square rays are aimed at.
+
+    points: (N, 2) uint32, the same for all pixels, in units of 2^-32. dimension: of the hash that shifts them, pixel by
+    pixel. is_shifted: whether it does. is_traced: whether anything can be in the way. length: float32, rays' at most.
+    """
+
+    points: NDArray[np.uint32]
+    dimension: int
+    is_shifted: bool
+    is_traced: bool
+    length: np.float32
+
+
+@njit(inline="always")
+def _shifted(aim, number, pixel):  # type: ignore[no-untyped-def]
+    """A point as it is for a pixel: two numbers in [0, 1)."""
+    key = key_of(pixel, np.uint32(0))
+    u = np.uint32(aim.points[number, 0] + bits_of(key, aim.dimension))
+    v = np.uint32(aim.points[number, 1] + bits_of(key, aim.dimension + 1))
+    return unit_of(u), unit_of(v)
+
+
+@njit(inline="always")
+def _unshifted(aim, number):  # type: ignore[no-untyped-def]
+    return unit_of(aim.points[number, 0]), unit_of(aim.points[number, 1])
+
+
+@njit(inline="always")
+def _set_lit(floats, i, direction, carried, reach):  # type: ignore[no-untyped-def]
+    """Whether the ray carries anything; it then reaches so far."""
+    is_lit = carried > ZERO
+    set_vector(floats, DIRECTION, i, direction)
+    floats[LENGTH * STRIDE + i] = reach if is_lit else ZERO
+    floats[LIGHT * STRIDE + i] = carried if is_lit else ZERO
+    return 1 if is_lit else 0
+
+
+@njit(inline="always")
+def _set_open(floats, i, direction, length):  # type: ignore[no-untyped-def]
+    is_seen = floats[SEEN * STRIDE + i] != ZERO
+    set_vector(floats, DIRECTION, i, direction)
+    floats[LENGTH * STRIDE + i] = length if is_seen else ZERO
+    floats[LIGHT * STRIDE + i] = ONE
+    return 1 if is_seen else 0
+
+
+@njit(inline="always")
+def _to_sun(light, u, v):  # type: ignore[no-untyped-def]
+    x, y = circle(v)
+    radius = light[SIZE] * np.sqrt(u)
+    centre = light[PLACE], light[PLACE + 1], light[PLACE + 2]
+    across = light[ACROSS], light[ACROSS + 1], light[ACROSS + 2]
+    up = light[UP], light[UP + 1], light[UP + 2]
+    return unit(along(along(centre, radius * x, across), radius * y, up))
+
+
+@float_kernel
+def aim_at_light(floats, first, count, light, aim, number):  # type: ignore[no-untyped-def]
+    """A ray from each pixel's surface to a point of the light, (LIGHT_WORDS,) float32. Returns how many may arrive."""
+    rays = 0
+    if light[KIND] != SUN:
+        for i in range(count):
+            rays += _aim_at_lamp(floats, first, i, light, aim, number)
+    elif aim.is_shifted:
+        for i in range(count):
+            u, v = _shifted(aim, number, first + i)
+            direction = _to_sun(light, u, v)
+            rays += _set_lit(floats, i, direction, dot(vector_of(floats, NORMAL, i), direction), aim.length)
+    else:
+        u, v = _unshifted(aim, number)
+        direction = _to_sun(light, u, v)
+        for i in range(count):
+            rays += _set_lit(floats, i, direction, dot(vector_of(floats, NORMAL, i), direction), aim.length)
+    return rays
+
+
+@njit(error_model="numpy")
+def _aim_at_lamp(floats, first, i, light, aim, number):  # type: ignore[no-untyped-def]
+    """`aim_at_light` of one pixel, for a light that is somewhere."""
+    radius = light[SIZE]
+    u, v = _shifted(aim, number, first + i) if aim.is_shifted else _unshifted(aim, number)
+    centre = light[PLACE], light[PLACE + 1], light[PLACE + 2]
+    to_light = along(centre, -ONE, vector_of(floats, ORIGIN, i))
+    squared = dot(to_light, to_light)
+    distance = np.sqrt(squared)
+    direction = scaled(ONE / distance, to_light)
+    strength, reach = ONE / squared, distance * _ALMOST
+    if light[KIND] == SPHERE and distance > radius:
+        # Uniform over the solid angle it is seen under, 2 pi (1 - cos), of which pi (radius / distance)^2 is the
+        # projected part: their quotient, 1 for a far light, weighs its directions.
+        ratio = radius * radius / squared
+        depth = ratio / (ONE + np.sqrt(ONE - ratio))  # 1 - cos, without losing digits
+        strength *= TWO * depth / ratio
+        cosine = ONE - u * depth
+        sine = np.sqrt(max(ZERO, ONE - cosine * cosine))
+        x, y = circle(v)
+        side = _across(direction)
+        other = (
+            direction[1] * side[2] - direction[2] * side[1],
+            direction[2] * side[0] - direction[0] * side[2],
+            direction[0] * side[1] - direction[1] * side[0],
+        )
+        direction = along(along(scaled(cosine, direction), sine * x, side), sine * y, other)
+        reach = (distance - radius) * _ALMOST
+    carried = dot(vector_of(floats, NORMAL, i), direction) * strength
+    return _set_lit(floats, i, direction, carried, min(reach, aim.length))
+
+
+@njit(error_model="numpy")
+def _across(direction):  # type: ignore[no-untyped-def]
+    """A unit vector at right angles to a unit vector."""
+    if abs(direction[0]) > abs(direction[1]):
+        return unit((-direction[2], ZERO, direction[0]))
+    return unit((ZERO, direction[2], -direction[1]))
+
+
+@njit(inline="always")
+def _into_sky(normal, direction, is_cosine):  # type: ignore[no-untyped-def]
+    """A direction that is uniform over the sphere -> one of the hemisphere, uniform or by the cosine."""
+    if is_cosine:
+        return around(normal, direction)
+    return scaled(ONE if dot(direction, normal) >= ZERO else -ONE, direction)
+
+
+@float_kernel
+def aim_into_sky(floats, first, count, is_cosine, aim, number):  # type: ignore[no-untyped-def]
+    """A ray from each pixel's surface into its hemisphere. Returns how many there are."""
+    rays = 0
+    if aim.is_shifted:
+        for i in range(count):
+            u, v = _shifted(aim, number, first + i)
+            direction = _into_sky(vector_of(floats, NORMAL, i), on_sphere(u, v), is_cosine)
+            rays += _set_open(floats, i, direction, aim.length)
+    else:
+        u, v = _unshifted(aim, number)
+        shared = on_sphere(u, v)
+        for i in range(count):
+            direction = _into_sky(vector_of(floats, NORMAL, i), shared, is_cosine)
+            rays += _set_open(floats, i, direction, aim.length)
+    return rays
