@@ -101,6 +101,13 @@ def test_every_claim_is_not_measured_without_its_points_and_undecided_without_an
     assert verdict("less-time", *of_all_kinds(speedup_vs_bvh_low=None, speedup_vs_bvh_high=None)) == UNDECIDED
 
 
+def test_sampled_shafts_are_held_against_all_of_as_many_voxels():
+    rows = [row(shaft_cells=cells, steps_ratio=ratio) for cells, ratio in (("8", 0.1), ("512", 0.5))]
+    sampled = row(shaft_cells="512", shaft_subset="sampled", list_bytes=480, steps_ratio=0.52)
+    assert verdict("subset-is-efficient", *rows, sampled) == HOLDS
+    assert verdict("subset-is-efficient", rows[0], sampled) == NOT_MEASURED
+
+
 def test_figures_draw_a_line_for_each_kind_of_rays_and_nothing_where_nothing_varies():
     probable, shafts = FIGURES
     rows = [row(kind, shaft_probability=p, steps_ratio=p) for kind in ("primary", "diffuse") for p in (0.25, 0.5, 1.0)]

@@ -8,7 +8,7 @@ from atra.bvh.scene import BvhScene
 from atra.geometry.mesh import Mesh
 from atra.judge.reference import brute_force
 from atra.kernels.bvh.single import BOXES, FROM_ROOT, PROVEN, STEPS
-from atra.kernels.shafts.grid import PASSES, UNKNOWN
+from atra.kernels.shafts.grid import FIRST_LIST, PASSES, UNKNOWN
 from atra.parallel import WorkerPool
 from atra.rays.ray_sets import KINDS, ray_set
 from atra.shafts.options import SUBSETS, ShaftOptions
@@ -17,7 +17,7 @@ from atra.shafts.shafts import build_shafts, grid_of
 from atra.shafts.tracer import ClassifiedTracer
 from tests.images import HELD, assert_no_pixel_wrong, assert_same_bits
 from tests.meshes import EYE_AT_ORIGIN, cornell_box, cornell_camera, quads, random_triangles
-from tests.test_bvh import MESHES, below, built
+from tests.test_bvh import MESHES, below, built, deep_mesh
 from tests.test_raster import PARALLEL
 
 POOL = WorkerPool(1)
@@ -51,10 +51,10 @@ def random_rays(count, seed, spread=3.0):
 
 
 def nearest_in_float64(mesh, rays):
-    """(t, prim_id) of the nearest triangle of all."""
+    """(t, prim_id) of the nearest triangle of all between the ends of each ray."""
     corners = mesh.vertices[mesh.faces].astype(np.float64)
     first, a, b = corners[:, 0], corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    depth, prim_id = np.full(len(rays), np.inf), np.full(len(rays), atra.MISS)
+    depth, prim_id = rays.tfar.astype(np.float64), np.full(len(rays), atra.MISS)
     origins, directions = rays.origins.astype(np.float64), rays.directions.astype(np.float64)
     for k in range(mesh.triangle_count):
         normal, to_first = np.cross(a[k], b[k]), first[k] - origins
@@ -63,7 +63,7 @@ def nearest_in_float64(mesh, rays):
             t = to_first @ normal / facing
             turned = np.cross(to_first, directions)
             u, v = turned @ b[k] / facing, -(turned @ a[k]) / facing
-            hit = (u >= 0) & (v >= 0) & (u + v <= 1) & (t > 0) & (t < depth)
+            hit = (u >= 0) & (v >= 0) & (u + v <= 1) & (t > rays.tnear) & (t < depth)
         depth[hit], prim_id[hit] = t[hit], k
     return depth, prim_id
 
@@ -91,11 +91,10 @@ def test_batches_hit_the_same_with_every_subset_of_shafts(kind, packet_width, sh
     depth, prim_id = nearest_in_float64(mesh, rays)
     with BvhScene(mesh, threads=1) as scene:
         expected, occluded = scene.intersect(scene.prepare(rays)), scene.occluded(scene.prepare(rays))
-    if kind == "primary":
-        assert (expected.prim_id == prim_id).mean() > 0.999
-        np.testing.assert_allclose(
-            expected.t[expected.prim_id == prim_id], depth[expected.prim_id == prim_id], rtol=1e-4
-        )
+    same = expected.prim_id == prim_id
+    assert same.mean() > 0.999
+    np.testing.assert_allclose(expected.t[same & expected.hit], depth[same & expected.hit], rtol=1e-4)
+    np.testing.assert_array_equal(occluded[same], prim_id[same] != atra.MISS)
     for subset in SUBSETS:
         options = {**SMALL, "subset": subset, "packet_width": packet_width, "shaft_order": shaft_order}
         with ShaftScene(mesh, **options) as scene:
@@ -208,9 +207,9 @@ def test_equal_lists_are_stored_once_and_hidden_nodes_are_not_opened():
     mesh = row_of_quads()
     bvh = built(mesh)
     lists = lists_of(bvh, cells=1, directions=2)
-    unique = {tuple(list_at(lists, number)) for number in range(lists.count)}
+    unique = {tuple(list_at(lists, number)) for number in range(lists.count)} - {()}
     assert lists.lists_unique == len(unique) < lists.count
-    assert lists.list_bytes == 4 * sum(1 + len(one) for one in unique)
+    assert lists.list_bytes == 4 * (FIRST_LIST + sum(1 + len(one) for one in unique))
     seeing = lists_of(bvh, cells=64, directions=2, occlusion=False)
     hiding = lists_of(bvh, cells=64, directions=2)
     assert hiding.lengths.sum() < seeing.lengths.sum()
@@ -256,6 +255,26 @@ def test_lists_and_look_up_keep_to_their_budget(subset):
         build_shafts(built(row_of_quads()), ShaftOptions(directions=64, threads=1), POOL)
 
 
+def test_more_shafts_than_memory_holds_are_refused_before_anything_is_made():
+    with pytest.raises(atra.InputError, match="voxels; expected fewer than 16,777,216"):
+        lists_of(built(row_of_quads()), cells=10**9)
+    with pytest.raises(atra.MemoryBudgetError, match="shafts"):
+        lists_of(built(row_of_quads()), cells=10**7, directions=1024)
+
+
+def test_a_tree_as_deep_as_the_stack_is_high_is_traced():
+    """Triangles each twice as far away as the one before, seen by rays that pass many of their boxes."""
+    mesh = deep_mesh()
+    random = np.random.default_rng(0)
+    aims = mesh.vertices[mesh.faces[random.integers(0, mesh.triangle_count, 400)]].astype(np.float64).mean(axis=1)
+    origins = aims * random.choice([(0, 0, 0), (1, 1, 2)], 400)
+    rays = atra.Rays(origins, (aims - origins) / np.abs(aims).max(axis=1, keepdims=True))
+    with BvhScene(mesh, threads=1) as scene, ShaftScene(mesh, **SMALL) as seeded:
+        expected, found = scene.intersect(scene.prepare(rays)), seeded.intersect(seeded.prepare(rays))
+    np.testing.assert_array_equal(found.prim_id, expected.prim_id)
+    assert expected.hit.any()
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [
@@ -264,6 +283,7 @@ def test_lists_and_look_up_keep_to_their_budget(subset):
         ({"rays": 0}, "rays is 0"),
         ({"longest": 0}, "longest is 0"),
         ({"longest": 256}, "longest is 256, expected at most 255"),
+        ({"directions": 1025}, "directions is 1025, expected at most 1,024"),
         ({"probability": 0.0}, "probability is 0.0, expected more than 0 and at most 1"),
         ({"share": 1.5}, "share is 1.5"),
         ({"memory": 0.0}, "memory is 0.0"),

@@ -67,7 +67,7 @@ SWEEPS = {
     ),
     "planner": (["scene.view=aside,wide"], {"planner"}),
     "views": (["scene.copies=1", "workload.views=2", "width=32", "height=32"], set()),
-    "classification_smoke": ([], {"classification_probability", "classification_shafts"}),
+    "classification_smoke": ([], {"classification_probability", "classification_shafts", "moving"}),
     "bake_smoke": (["workload.occupancy=null", "workload.compaction=bounces", "workload.packets=1"], set()),
     "bake_rays_smoke": (["method=raster"], set()),
 }

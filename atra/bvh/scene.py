@@ -16,7 +16,7 @@ from atra.geometry.ray_space import check_world_range
 from atra.kernels.bvh.batches import Batch, batch_kernel
 from atra.kernels.bvh.memory import Memory
 from atra.kernels.packets import MISS
-from atra.kernels.shafts.grid import NO_SHAFTS, UNKNOWN, Shafts
+from atra.kernels.shafts.grid import NO_SHAFTS, ROOT_LIST, Shafts
 from atra.lifetime import Lifetime
 from atra.options import BvhOptions
 from atra.parallel import WorkerPool, resolve_threads
@@ -160,5 +160,5 @@ def batch_of(
         rays.tfar,
         np.arange(count) if order is None else order,
         np.append(starts, count),
-        np.full(len(starts), UNKNOWN) if lists is None else lists,
+        np.full(len(starts), ROOT_LIST) if lists is None else lists,
     )

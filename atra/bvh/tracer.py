@@ -16,7 +16,7 @@ from atra.geometry.ray_space import check_range, from_eye_space, ray_axes
 from atra.geometry.view import View, check_offset
 from atra.hits import Hits
 from atra.judge.ties import coplanar_overlaps, lowest_of_ties, tie_tiles
-from atra.kernels.bvh.images import image_kernel
+from atra.kernels.bvh.images import Start, image_kernel
 from atra.kernels.bvh.memory import Memory
 from atra.kernels.packets import Image, RayGrid
 from atra.kernels.shafts.grid import NO_SHAFTS, Shafts
@@ -42,6 +42,7 @@ class BvhTracer(NoGathering, TracerLifetime):
     options: BvhOptions
     embree_bytes = 0
     why_not = "its traversal stops at the nearest hit"
+    _start = Start.root
 
     def __init__(self, mesh: Mesh, camera: View, options: BvhOptions | None = None, **changes: Any) -> None:
         super().__init__()
@@ -126,10 +127,8 @@ class BvhTracer(NoGathering, TracerLifetime):
     def _run(self, offset: tuple[float, float], image: Image, counting: bool) -> None:
         assert self._bvh is not None
         shape, camera, tree = SQUAREST_SHAPE[self.packet_width], self.camera, self._bvh.tree
-        rays = RayGrid(*image_ray_grid(camera, offset, shape))
-        shared = ray_axes(camera)[2].astype(np.float32)
-        shafts, seeded = self._shafts, self._shafts is not NO_SHAFTS
-        kernel = image_kernel(*shape, self.options.traversal == "push", counting, camera.is_parallel, seeded)
+        rays, shared, shafts = RayGrid(*image_ray_grid(camera, offset, shape)), self._shared, self._shafts
+        kernel = image_kernel(*shape, self.options.traversal == "push", counting, camera.is_parallel, self._start)
 
         def work(worker: int, counter: int) -> None:
             kernel(counter, tree, rays, shared, self._tiles, image, shafts, self._memories[worker])
@@ -139,6 +138,11 @@ class BvhTracer(NoGathering, TracerLifetime):
     @property
     def _shafts(self) -> Shafts:
         return NO_SHAFTS
+
+    @property
+    def _shared(self) -> NDArray[np.float32]:
+        """(3,) float32: what rays have in common, if that is not the origin of ray space."""
+        return ray_axes(self.camera)[2].astype(np.float32)
 
     @property
     def triangle_count(self) -> int:

@@ -5,13 +5,21 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from atra.errors import InputError
-from atra.kernels.bvh.memory import LONGEST_LIST
 from atra.options import BvhOptions
 from atra.whole_numbers import is_whole_number
+
+LONGEST_LIST = 255
+"""More than that is no short list."""
+
+MOST_DIRECTIONS = 1024
+"""More than that float32 cannot tell apart well."""
 
 SUBSETS = ("complete", "occupied", "sampled", "hits", "none")
 """Which shafts have lists: all; those of voxels that hold triangles; those that most rays of a sample use; those that
 the rays use that are to be traced; none, which leaves the order of rays alone."""
+
+ON_RAYS = ("sampled", "hits", "none")
+"""Those that hang on the rays that are to be traced."""
 
 EMPTY = ("miss", "root")
 """What an empty list means: the proof that nothing is hit, or that the ray starts from the root."""
@@ -28,7 +36,8 @@ class ShaftOptions(BvhOptions):
     empty: one of EMPTY. occlusion: whether a sampled ray ends where it hits something. shaft_order: rays of a batch are
     traced shaft by shaft, and packets start from the list that their rays share.
     Raises InputError, with the value, for cells, directions, rays and longest that are not whole or less than 1,
-    longest beyond 255, a probability or a share outside (0, 1], a memory that is not above 0, and unknown words.
+    longest beyond 255, directions beyond 1,024, a probability or a share outside (0, 1], a memory that is not above 0,
+    and unknown words.
     """
 
     traversal: str = "pop"
@@ -52,6 +61,8 @@ class ShaftOptions(BvhOptions):
                 raise InputError(f"{name} is {value!r}, expected a whole number of at least 1")
         if self.longest > LONGEST_LIST:
             raise InputError(f"longest is {self.longest}, expected at most {LONGEST_LIST}")
+        if self.directions > MOST_DIRECTIONS:
+            raise InputError(f"directions is {self.directions}, expected at most {MOST_DIRECTIONS:,}")
         for name in ("probability", "share"):
             if not 0 < getattr(self, name) <= 1:
                 raise InputError(f"{name} is {getattr(self, name)!r}, expected more than 0 and at most 1")

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from atra.bvh.scene import BvhScene, PreparedRays, batch_of
 from atra.geometry.mesh import Mesh
 from atra.kernels.bvh.batches import classify
-from atra.kernels.shafts.grid import NO_SHAFTS, PASSES, UNKNOWN, Shafts
+from atra.kernels.shafts.grid import EMPTY_LIST, NO_SHAFTS, PASSES, ROOT_LIST, UNKNOWN, Shafts
 from atra.options import BvhOptions
 from atra.rays.rays import Rays
 from atra.shafts.options import ShaftOptions
@@ -77,7 +77,7 @@ class ShaftScene(BvhScene):
 
     def _classified(self, batch: Any) -> NDArray[np.int64]:
         numbers, grid = np.empty(len(batch.origins), np.int64), self.lists.shafts.grid
-        self._pool.run(lambda _, counter: classify(counter, batch, grid, numbers))
+        self._pool.run(lambda worker, counter: classify(counter, batch, grid, numbers, self._memories[worker].ahead))
         return numbers
 
     def _in_packets(self, rays: Rays, numbers: NDArray[np.int64], shafts: Shafts) -> Any:
@@ -106,13 +106,11 @@ def _lists_of(shafts: Shafts, numbers: NDArray[np.int64]) -> NDArray[np.int64]:
     of_voxel = 6 * shafts.grid.directions**2
     known = numbers >= 0
     rows = np.where(known, shafts.rows[np.where(known, numbers, 0) // of_voxel], UNKNOWN)
-    found = np.full(len(numbers), UNKNOWN, np.int64)
+    found = np.full(len(numbers), ROOT_LIST, np.int64)
     has_row = rows >= 0
     found[has_row] = shafts.table[rows[has_row], numbers[has_row] % of_voxel]
-    empty = np.flatnonzero(found >= 0)
-    empty = empty[shafts.lists[found[empty]] == 0]
-    found[empty] = PASSES if shafts.empty_is_miss else UNKNOWN
-    found[~known] = numbers[~known] if shafts.empty_is_miss else UNKNOWN
+    if shafts.empty_is_miss:
+        found[numbers == PASSES] = EMPTY_LIST
     return found
 
 

@@ -2,25 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from itertools import count
 from time import perf_counter
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from atra.alignment.culling import check_needed_bytes
 from atra.bvh.bvh import Bvh
-from atra.errors import MemoryBudgetError
+from atra.errors import InputError, MemoryBudgetError
 from atra.kernels.bvh.layout import STACK
 from atra.kernels.bvh.packets import ROWS
 from atra.kernels.bvh.single import COUNTS
-from atra.kernels.shafts.grid import UNKNOWN, Grid, Shafts
+from atra.kernels.shafts.grid import EMPTY_LIST, FIRST_LIST, MOST, NO_LISTS, ROOT_LIST, UNKNOWN, Grid, Shafts
 from atra.kernels.shafts.lists import LANES, Building, Sampling, build_lists, mark_voxels, store_lists
 from atra.kernels.shafts.shape import SHAPE
 from atra.parallel import WorkerPool
-from atra.shafts.options import ShaftOptions
+from atra.shafts.options import ON_RAYS, ShaftOptions
 
 FARTHEST = 8.0
 """Largest coordinate of an origin, of that of the box, whose shaft is told: farther away, roundings come close to
@@ -41,22 +42,18 @@ _ATTEMPTS, _ENOUGH = 5, 0.7
 class ShaftLists:
     """Shafts with their lists, and what became of them.
 
-    shafts: for kernels. bvh: what the nodes belong to. built: shafts of which a list was built. lists_unique: lists
-    that are stored. lengths: (built,) int32, of each shaft. build_time_s: seconds, finding the resolution included.
+    shafts: for kernels. bvh: what the nodes belong to. count: shafts, with a list or without. built: shafts of which a
+    list was built. lists_unique: lists that are stored, the empty one aside. lengths: (built,) int32, of each shaft.
+    build_time_s: seconds, finding the resolution included.
     """
 
     shafts: Shafts
     bvh: Bvh
+    count: int
     built: int
     lists_unique: int
     lengths: NDArray[np.int32]
     build_time_s: float
-
-    @property
-    def count(self) -> int:
-        """Shafts, with a list or without."""
-        grid = self.shafts.grid
-        return int(grid.voxels.prod()) * 6 * grid.directions**2
 
     @property
     def lookup_bytes(self) -> int:
@@ -71,7 +68,7 @@ class ShaftLists:
     @property
     def entry_height_mean(self) -> float:
         """Mean height of the subtrees in the lists that are stored, each entry as often as it stands there."""
-        lists, heights, place, total, entries = self.shafts.lists, self.bvh.heights, 0, 0, 0
+        lists, heights, place, total, entries = self.shafts.lists, self.bvh.heights, FIRST_LIST, 0, 0
         while place < len(lists):
             length = int(lists[place])
             total += int(heights[lists[place + 1 : place + 1 + length]].sum())
@@ -97,15 +94,18 @@ class ShaftLists:
 
 
 def grid_of(bvh: Bvh, cells: int, directions: int) -> Grid:
-    """Near-cubic voxels, at most about so many, of the BVH's box; a box without volume has one layer of them."""
+    """Near-cubic voxels, at most about so many, of the BVH's box; a box without volume has one layer of them. Raises
+    InputError for MOST voxels or more."""
     low, high = bvh.bounds
     largest = float(np.abs(bvh.bounds).max())
-    slack = 4.0 * float(np.spacing(np.float32(largest)))
+    slack = 64.0 * float(np.spacing(np.float32(largest)))
     low, high = low - slack, high + slack
     sides = high - low
     thick = sides > 1e-6 * sides.max()
     edge = (sides[thick].prod() / cells) ** (1.0 / thick.sum())
     voxels = np.where(thick, np.maximum(1, (sides / edge).astype(np.int64)), 1)
+    if int(voxels.prod()) >= MOST:
+        raise InputError(f"cells is {cells:,}, which makes {int(voxels.prod()):,} voxels; expected fewer than {MOST:,}")
     size = sides / voxels
     return Grid(low, high, size, 1.0 / size, voxels, int(directions), slack, FARTHEST * largest)
 
@@ -116,15 +116,19 @@ def build_shafts(
     """Lists of the shafts that `options.subset` names.
 
     grid: in place of the one that the options lead to. used: numbers of the shafts that are to have lists, of subsets
-    that hang on rays. Raises MemoryBudgetError where look-up and lists of a single voxel need more than
-    `options.memory` times the memory of the BVH and LEAST_BYTES, or what is needed is not free.
+    that hang on rays, whose voxels are as many as the memory is likely to allow. Raises MemoryBudgetError where look-up
+    and lists of a single voxel need more than `options.memory` times the memory of the BVH and LEAST_BYTES, or what is
+    needed is not free.
     """
     start = perf_counter()
     if grid is not None or options.cells is not None:
         grid = grid or grid_of(bvh, options.cells or 1, options.directions)
         return _lists(bvh, options, pool, grid, used, start)
     budget = max(options.memory * bvh.bytes, LEAST_BYTES)
-    cells, too_many, best = max(int(budget / (_LIKELY_BYTES * 6 * options.directions**2)), 1), np.inf, None
+    cells = min(max(int(budget / (_LIKELY_BYTES * 6 * options.directions**2)), 1), MOST // 2)
+    too_many, best = MOST // 2 + 1, None
+    if options.subset in ON_RAYS:
+        return _lists(bvh, options, pool, grid_of(bvh, cells, options.directions), used, start)
     for attempt in count():
         found = _lists(bvh, options, pool, grid_of(bvh, cells, options.directions), used, start)
         needed = found.lookup_bytes + found.list_bytes
@@ -146,45 +150,67 @@ def _lists(
     bvh: Bvh, options: ShaftOptions, pool: WorkerPool, grid: Grid, used: NDArray[np.int64] | None, start: float
 ) -> ShaftLists:
     voxels, of_voxel = int(grid.voxels.prod()), 6 * grid.directions**2
+    advice = "ask for fewer cells or directions"
+    in_all = voxels * of_voxel if options.subset == "complete" else 0
+    check_needed_bytes(5 * voxels + 8 * in_all, None, f"{voxels * of_voxel:,} shafts", advice)
     numbers = _numbers(bvh, options, pool, grid, used)
     has_row = np.zeros(voxels, np.bool_)
     has_row[numbers // of_voxel] = True
     row_count = int(has_row.sum())
     needed = 4 * (voxels + row_count * of_voxel) + 16 * len(numbers)
-    check_needed_bytes(needed, None, f"{len(numbers):,} shafts", "ask for fewer cells or directions")
+    check_needed_bytes(needed, None, f"{len(numbers):,} shafts", advice)
     rows = np.where(has_row, np.cumsum(has_row) - 1, UNKNOWN).astype(np.int32)
-    table = np.full((row_count, of_voxel), UNKNOWN, np.int32)
-    building = Building(bvh.tree, grid, options.probability, int(options.rays), int(options.longest), options.occlusion)
-    memories = [_sampling(building) for _ in range(pool.threads)]
-    lengths, lists, unique = np.empty(len(numbers), np.int32), np.empty(0, np.uint32), 0
-    slots = np.full(1 << (2 * len(numbers) + 1).bit_length(), -1, np.int32)
-    stored = 0
-    for first in range(0, len(numbers), _AT_ONCE):
-        part = numbers[first : first + _AT_ONCE]
-        own, nodes = lengths[first : first + _AT_ONCE], np.empty((len(part), options.longest), np.uint32)
+    table = np.full((row_count, of_voxel), ROOT_LIST, np.int32)
+    building = building_of(bvh, options, grid)
+
+    def build(counter: int, part: slice, lengths: NDArray[np.int32], nodes: NDArray[np.uint32], memory: Any) -> None:
+        build_lists(counter, building, numbers[part], lengths, nodes, memory)
+
+    starts, lengths, lists, unique = stored_lists(len(numbers), options, pool, build)
+    table[rows[numbers // of_voxel], numbers % of_voxel] = starts
+    shafts = Shafts(grid, rows, table, lists, options.empty == "miss")
+    return ShaftLists(shafts, bvh, voxels * of_voxel, len(numbers), unique, lengths, perf_counter() - start)
+
+
+def building_of(bvh: Bvh, options: ShaftOptions, grid: Grid) -> Building:
+    """What the lists of a BVH are built of."""
+    return Building(bvh.tree, grid, options.probability, int(options.rays), int(options.longest), options.occlusion)
+
+
+def stored_lists(
+    count: int, options: ShaftOptions, pool: WorkerPool, build: Callable[..., None]
+) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.uint32], int]:
+    """Build so many lists and store equal ones once.
+
+    build: (counter, part, lengths, nodes, memory) -> None; writes the lists of a part of all, as `build_lists` does.
+    Returns where each begins and how long it is, (count,) int32, all of them, uint32, and how many are stored.
+    """
+    memories = [_sampling(options) for _ in range(pool.threads)]
+    starts, lengths = np.empty(count, np.int32), np.empty(count, np.int32)
+    slots = np.full(1 << (2 * count + 1).bit_length(), -1, np.int32)
+    lists, stored = NO_LISTS, FIRST_LIST
+    for first in range(0, count, _AT_ONCE):
+        part = slice(first, min(first + _AT_ONCE, count))
+        own, nodes = lengths[part], np.empty((part.stop - first, options.longest), np.uint32)
 
         def work(worker: int, counter: int, part=part, own=own, nodes=nodes) -> None:  # type: ignore[no-untyped-def]
-            build_lists(counter, building, part, own, nodes, memories[worker])
+            build(counter, part, own, nodes, memories[worker])
 
         pool.run(work)
-        if len(lists) < stored + nodes.size + len(part):
-            lists = np.concatenate([lists[:stored], np.empty(stored + nodes.size + len(part), np.uint32)])
-        starts = np.empty(len(part), np.int32)
-        stored = store_lists(own, nodes, starts, lists, stored, slots)
-        table[rows[part // of_voxel], part % of_voxel] = starts
-    unique = int((slots >= 0).sum())
-    shafts = Shafts(grid, rows, table, lists[:stored].copy(), options.empty == "miss")
-    return ShaftLists(shafts, bvh, len(numbers), unique, lengths, perf_counter() - start)
+        if len(lists) < stored + nodes.size + len(own):
+            lists = np.concatenate([lists[:stored], np.empty(stored + nodes.size + len(own), np.uint32)])
+        stored = store_lists(own, nodes, starts[part], lists, stored, slots)
+    if options.empty == "root":
+        starts[starts == EMPTY_LIST] = ROOT_LIST
+    return starts, lengths, lists[:stored].copy(), int((slots >= 0).sum())
 
 
 def _numbers(
     bvh: Bvh, options: ShaftOptions, pool: WorkerPool, grid: Grid, used: NDArray[np.int64] | None
 ) -> NDArray[np.int64]:
     voxels, of_voxel = int(grid.voxels.prod()), 6 * grid.directions**2
-    if options.subset in ("sampled", "hits"):
+    if options.subset in ON_RAYS:
         return np.empty(0, np.int64) if used is None else used
-    if options.subset == "none":
-        return np.empty(0, np.int64)
     if options.subset == "complete":
         return np.arange(voxels * of_voxel, dtype=np.int64)
     occupied, blocks = np.zeros(voxels, np.bool_), bvh.blocks.view(np.float32)
@@ -192,12 +218,13 @@ def _numbers(
     return (np.flatnonzero(occupied)[:, None] * of_voxel + np.arange(of_voxel)).ravel()
 
 
-def _sampling(building: Building) -> Sampling:
-    room, lanes = STACK + building.longest, building.rays + -building.rays % LANES
+def _sampling(options: ShaftOptions) -> Sampling:
+    lanes = options.rays + -options.rays % LANES
     return Sampling(
         np.zeros(SHAPE),
         np.zeros((ROWS, lanes), np.float32),
-        np.empty(room, np.int64),
-        np.empty(room, np.float32),
+        NO_LISTS,
+        np.empty(STACK, np.int64),
+        np.empty(STACK, np.float32),
         np.zeros(COUNTS, np.int64),
     )

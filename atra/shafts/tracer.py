@@ -10,6 +10,7 @@ from atra.bvh.tracer import BvhTracer
 from atra.errors import InputError
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
+from atra.kernels.bvh.images import Start
 from atra.kernels.shafts.grid import Shafts
 from atra.options import BvhOptions
 from atra.shafts.options import ShaftOptions
@@ -29,6 +30,7 @@ class ClassifiedTracer(BvhTracer):
 
     options_type: ClassVar[type[BvhOptions]] = ShaftOptions
     options: ShaftOptions
+    _start = Start.shaft
 
     def __init__(self, mesh: Mesh, camera: View, options: ShaftOptions | None = None, **changes: Any) -> None:
         super().__init__(mesh, camera, options, **changes)

@@ -7,8 +7,11 @@ from dataclasses import dataclass, fields
 from enum import Enum
 from typing import Any
 
+from atra.bvh.tracer import BvhTracer
+from atra.errors import InputError
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
+from atra.shafts.eye import EyeTracer
 from atra.shafts.options import ShaftOptions
 from atra.shafts.scene import ShaftScene
 from atra.shafts.tracer import ClassifiedTracer
@@ -19,12 +22,13 @@ from experiments.methods.method import Method, Style, Tracing, check_packet_widt
 
 
 class Subset(Enum):
-    """Which shafts have lists."""
+    """Which shafts have lists; those of an eye are of images, one for each tile."""
 
     complete = "complete"
     occupied = "occupied"
     sampled = "sampled"
     hits = "hits"
+    eye = "eye"
     none = "none"
 
 
@@ -76,7 +80,7 @@ class ClassifiedOptions:
             probability=self.shaft_probability,
             rays=self.shaft_rays,
             longest=self.shaft_list,
-            subset=self.shaft_subset.value,
+            subset="complete" if self.shaft_subset is Subset.eye else self.shaft_subset.value,
             share=self.shaft_share,
             empty=self.shaft_empty.value,
             occlusion=self.shaft_occlusion,
@@ -84,11 +88,14 @@ class ClassifiedOptions:
         )
 
 
-def _make(mesh: Mesh, view: View, options: ClassifiedOptions, tracing: Tracing) -> ClassifiedTracer:
-    return ClassifiedTracer(mesh, view, options.library(tracing))
+def _make(mesh: Mesh, view: View, options: ClassifiedOptions, tracing: Tracing) -> BvhTracer:
+    make = EyeTracer if options.shaft_subset is Subset.eye else ClassifiedTracer
+    return make(mesh, view, options.library(tracing))
 
 
 def _make_rays(mesh: Mesh, options: ClassifiedOptions, tracing: Tracing) -> ShaftScene:
+    if options.shaft_subset is Subset.eye:
+        raise InputError("shaft_subset is eye, whose shafts are parts of an image; expected another one for a batch")
     return ShaftScene(mesh, options.library(tracing))
 
 

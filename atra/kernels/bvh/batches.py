@@ -12,13 +12,14 @@ from numba import njit
 from numpy.typing import NDArray
 
 from atra.kernels.bvh.images import hit_of, set_ray
+from atra.kernels.bvh.memory import AHEAD
 from atra.kernels.bvh.packets import nearest_of_packet
 from atra.kernels.bvh.single import nearest
 from atra.kernels.caching import float_kernel
 from atra.kernels.intrinsics import fetch_add
 from atra.kernels.packets import INFINITY, MISS, ray_component
 from atra.kernels.rays import ray_length
-from atra.kernels.shafts.grid import list_of, push_list, shaft_of
+from atra.kernels.shafts.grid import ROOT_LIST, count_start, fetch_list, find_shafts, list_of, number_of, set_ahead
 
 _CHUNK = 512
 _ZERO = np.float32(0.0)
@@ -29,7 +30,7 @@ class Batch(NamedTuple):
 
     origins, directions: (N, 3) float32. tnear, tfar: (N,) float32. order: (N,) int64, which ray comes when. packets:
     (P + 1,) int64, where each begins in that order, and the end; lists: (P,) int64, where the list of each begins
-    (`atra.kernels.shafts.grid.list_of`). Single rays look up their lists themselves.
+    (`atra.kernels.shafts.grid.Shafts`). Single rays look up their lists themselves.
     """
 
     origins: NDArray[np.float32]
@@ -56,6 +57,19 @@ def _ray(batch, number):  # type: ignore[no-untyped-def]
     return (x, y, z, dx, dy, dz, batch.tnear[number] * length), batch.tfar[number] * length, inverse
 
 
+@njit(inline="always")
+def _look_up(tree, batch, shafts, first, last, memory):  # type: ignore[no-untyped-def]
+    """Where the lists of rays to come begin, whose nearest nodes are on their way into the cache then."""
+    for task in range(first, last):
+        ray, _, _ = _ray(batch, batch.order[task])
+        set_ahead(memory.ahead, task - first, ray)
+    find_shafts(shafts.grid, memory.ahead)
+    for k in range(last - first):
+        start = list_of(shafts, memory.ahead, k)
+        memory.starts[k] = start
+        fetch_list(tree, shafts.lists, start)
+
+
 @cache
 def batch_kernel(width: int, push: bool, any_hit: bool, counting: bool, seeded: bool) -> Callable[..., None]:
     """The loop in packets of `width`; push, any_hit, counting: see `atra.kernels.bvh.single.nearest`. seeded: from the
@@ -66,6 +80,7 @@ def batch_kernel(width: int, push: bool, any_hit: bool, counting: bool, seeded: 
         """Trace all rays; t: (N,) float32 and prim_id: (N,) uint32 are written, inf and MISS without a hit, and where
         any hit will do t is without meaning."""
         stack, nears, counts, bundle = memory.stack, memory.nears, memory.counts, memory.bundle
+        lists, starts = shafts.lists, memory.starts
         tasks = len(batch.order) if width == 1 else len(batch.lists)
         chunk = max(_CHUNK // width, 1)
         while True:
@@ -76,13 +91,16 @@ def batch_kernel(width: int, push: bool, any_hit: bool, counting: bool, seeded: 
                 if width == 1:
                     number = batch.order[task]
                     ray, tfar, inverse = _ray(batch, number)
-                    top = 0
-                    if not seeded:
-                        stack[0] = 0
-                        top = 1
-                    else:
-                        top = push_list(shafts, list_of(shafts, shaft_of(shafts.grid, ray)), stack, counting, counts)
-                    found, hit = nearest(push, any_hit, counting, tree, ray, tfar, stack, nears, top, counts)
+                    place = np.int64(ROOT_LIST)
+                    if seeded:
+                        if (task - start) % AHEAD == 0:
+                            _look_up(tree, batch, shafts, task, min(task + AHEAD, tasks), memory)
+                        place = starts[(task - start) % AHEAD]
+                        if counting:
+                            count_start(place, counts)
+                    found, hit = nearest(
+                        push, any_hit, counting, tree, ray, tfar, lists, place, stack, nears, counts
+                    )  # fmt: skip
                     t[number] = found * inverse if hit != MISS else INFINITY
                     prim_id[number] = hit
                     continue
@@ -91,10 +109,12 @@ def batch_kernel(width: int, push: bool, any_hit: bool, counting: bool, seeded: 
                     ray, tfar, inverse = _ray(batch, batch.order[min(first + lane, last - 1)])
                     is_open = first + lane < last and ray[6] < tfar
                     set_ray(bundle, lane, ray, tfar if is_open else -INFINITY)
-                top = push_list(shafts, batch.lists[task], stack, counting, counts)
+                if seeded and counting:
+                    count_start(batch.lists[task], counts)
                 ways = memory.ways.ctypes.data
                 nearest_of_packet(
-                    width, push, any_hit, counting, tree, bundle.ctypes.data, stack, ways, top, counts
+                    width, push, any_hit, counting, tree, bundle.ctypes.data, lists, batch.lists[task], stack, ways,
+                    counts,
                 )  # fmt: skip
                 for lane in range(last - first):
                     number = batch.order[first + lane]
@@ -107,12 +127,16 @@ def batch_kernel(width: int, push: bool, any_hit: bool, counting: bool, seeded: 
 
 
 @float_kernel
-def classify(counter_address, batch, grid, numbers):  # type: ignore[no-untyped-def]
-    """The shaft of every ray, (N,) int64, by threads that share a counter."""
+def classify(counter_address, batch, grid, numbers, ahead):  # type: ignore[no-untyped-def]
+    """The shaft of every ray, (N,) int64, by threads that share a counter; ahead: this thread's own."""
     while True:
-        start = fetch_add(counter_address, 1) * _CHUNK
+        start = fetch_add(counter_address, 1) * AHEAD
         if start >= len(numbers):
             return
-        for number in range(start, min(start + _CHUNK, len(numbers))):
-            ray, _, _ = _ray(batch, number)
-            numbers[number] = shaft_of(grid, ray)
+        count = min(AHEAD, len(numbers) - start)
+        for k in range(count):
+            ray, _, _ = _ray(batch, start + k)
+            set_ahead(ahead, k, ray)
+        find_shafts(grid, ahead)
+        for k in range(count):
+            numbers[start + k] = number_of(grid, ahead, k)

@@ -35,7 +35,7 @@ DEEPEST = 60
 """Levels below the root; what would be deeper becomes a large leaf."""
 
 STACK = 2 * DEEPEST + 8
-"""Nodes that a traversal may have to remember, beside the list that it starts from."""
+"""Nodes that a traversal may have to remember."""
 
 
 class Tree(NamedTuple):

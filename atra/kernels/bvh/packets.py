@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit
 
 from atra.kernels.bvh.layout import BLOCK, BLOCK_BYTES, IDS, NODE_BYTES, first_of, kind_of
-from atra.kernels.bvh.single import BLOCKS, BOXES, SLACK, STEPS
+from atra.kernels.bvh.single import BLOCKS, BOXES, FETCHED, LISTED, SLACK, STEPS, fetch_node
 from atra.kernels.bvh.triangles import meet
 from atra.kernels.gathering.lanes import is_below, uint32_at
 from atra.kernels.intrinsics import float_at
@@ -38,11 +38,11 @@ def ways_through(node, width, x, y, z, across, along, away):  # type: ignore[no-
 
 
 @njit(inline="always")
-def nearest_of_packet(width, push, any_hit, counting, tree, bundle, stack, ways, top, counts):  # type: ignore[no-untyped-def]
-    """The nearest hits of the rays of a bundle below the nodes stack[:top], the last of which comes first.
+def nearest_of_packet(width, push, any_hit, counting, tree, bundle, lists, start, stack, ways, counts):  # type: ignore[no-untyped-def]
+    """The nearest hits of the rays of a bundle below the nodes of a list.
 
-    push, any_hit, counting, stack, top: as for `atra.kernels.bvh.single.nearest`. bundle: address of ROWS rows of
-    `width`; the hits are left in TFAR and PRIM_ID. A lane whose TFAR is below 0 is idle. ways: float32, address of
+    push, any_hit, counting, lists, start, stack: as for `atra.kernels.bvh.single.nearest`. bundle: address of ROWS rows
+    of `width`; the hits are left in TFAR and PRIM_ID. A lane whose TFAR is below 0 is idle. ways: float32, address of
     `width` for each place of the stack. Children come in the order of the first ray.
     """
     row = 4 * width
@@ -57,13 +57,20 @@ def nearest_of_packet(width, push, any_hit, counting, tree, bundle, stack, ways,
     prim_ids = repeated(MISS, width)
     zero, one, nothing = repeated(_ZERO, width), repeated(np.float32(1.0), width), repeated(_NOTHING, width)
     ahead = (1 if lane(dx, 0) > _ZERO else 0) | (2 if lane(dy, 0) > _ZERO else 0) | (4 if lane(dz, 0) > _ZERO else 0)
-    slack, listed = repeated(SLACK, width), top
-    while top > 0:
-        top -= 1
-        number = stack[top]
+    slack, top, left = repeated(SLACK, width), 0, np.int64(lists[start])
+    while top > 0 or left > 0:
+        is_entry = top == 0
+        if is_entry:
+            number = np.int64(lists[start + left])
+            left -= 1
+            fetch_node(tree, lists[start + max(left + 1 - FETCHED, 0)])
+            if counting:
+                counts[LISTED] += 1
+        else:
+            top -= 1
+            number = stack[top]
         node = tree.nodes + number * NODE_BYTES
-        if not push or top < listed:
-            listed = min(listed, top)
+        if not push or is_entry:
             if counting:
                 counts[BOXES] += 1
             first, last = ways_through(node, width, x, y, z, across, along, away)
@@ -103,7 +110,7 @@ def nearest_of_packet(width, push, any_hit, counting, tree, bundle, stack, ways,
                             if any_hit:  # these rays are done: nothing lies before their beginning
                                 best = where(hits, zero - nothing, best)
                 if any_hit and bits_of(best >= zero) == 0:
-                    top = 0
+                    top = left = 0
                 break
             if not push:
                 second = ahead >> kind & 1

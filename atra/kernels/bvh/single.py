@@ -9,11 +9,11 @@ from atra.kernels.bvh.layout import BLOCK, BLOCK_BYTES, IDS, NODE_BYTES, first_o
 from atra.kernels.bvh.triangles import meet
 from atra.kernels.gathering.lanes import uint32_at
 from atra.kernels.packets import MISS
-from atra.kernels.raster.memory import load
+from atra.kernels.raster.memory import fetch, load
 from atra.kernels.raster.vectors import bits_of, lane, larger, repeated, smaller, with_lane
 
 STEPS, BOXES, BLOCKS, LISTED, FROM_ROOT, PROVEN = range(6)
-"""What is counted: nodes popped or descended into, boxes tested, blocks of triangles tested, entries of lists read,
+"""What is counted: nodes popped or descended into, boxes tested, blocks of triangles tested, entries of lists taken,
 rays that start from the root, and rays that miss because their list is empty or they pass the box of all shafts."""
 
 COUNTS = 6
@@ -27,6 +27,16 @@ something: more than roundings make it too near. Source: T. Ize, "Robust BVH ray
 """
 
 _ZERO = np.float32(0.0)
+
+
+FETCHED = 4
+"""Nodes of a list that are on their way into the cache before their turn comes, which a tree's cannot be."""
+
+
+@njit(inline="always")
+def fetch_node(tree, number):  # type: ignore[no-untyped-def]
+    """Ask for a node that will be read soon."""
+    fetch(tree.nodes + np.int64(number) * NODE_BYTES)
 
 
 @njit(inline="always")
@@ -99,24 +109,32 @@ def nearest_of_block(block, ray, best, prim_id):  # type: ignore[no-untyped-def]
 
 
 @njit(inline="always")
-def nearest(push, any_hit, counting, tree, ray, tfar, stack, nears, top, counts):  # type: ignore[no-untyped-def]
-    """The nearest hit of a ray below the nodes stack[:top], the last of which comes first: (t, prim_id).
+def nearest(push, any_hit, counting, tree, ray, tfar, lists, start, stack, nears, counts):  # type: ignore[no-untyped-def]
+    """The nearest hit of a ray below the nodes of a list, the last of which comes first: (t, prim_id).
 
     push: an inner node's children are tested when it is entered, and the nearer one that is hit comes next; otherwise a
     node is tested when its turn comes, and its children's order is that of the axis that parts them. any_hit: the first
-    hit ends it. counting: add to `counts`. ray: origin, direction and tnear; tfar: as far as it reaches. stack: int64,
-    nears: float32, with room for STACK more. Without a hit the prim_id is MISS, and t is tfar.
+    hit ends it. counting: add to `counts`. ray: origin, direction and tnear; tfar: as far as it reaches. lists: see
+    `atra.kernels.shafts.grid.Shafts`; start: where that list begins. stack: int64, nears: float32, (STACK,). Without a
+    hit the prim_id is MISS, and t is tfar.
     """
     x, y, z, dx, dy, dz, tnear = ray
     origin, inverse = point(x, y, z), point(reciprocal(dx), reciprocal(dy), reciprocal(dz))
     ahead = (1 if dx > _ZERO else 0) | (2 if dy > _ZERO else 0) | (4 if dz > _ZERO else 0)
-    best, prim_id, listed = tfar, MISS, top
-    while top > 0:
-        top -= 1
-        number = stack[top]
+    best, prim_id, top, left = tfar, MISS, 0, np.int64(lists[start])
+    while top > 0 or left > 0:
+        is_entry = top == 0
+        if is_entry:
+            number = np.int64(lists[start + left])
+            left -= 1
+            fetch_node(tree, lists[start + max(left + 1 - FETCHED, 0)])
+            if counting:
+                counts[LISTED] += 1
+        else:
+            top -= 1
+            number = stack[top]
         node = tree.nodes + number * NODE_BYTES
-        if not push or top < listed:
-            listed = min(listed, top)
+        if not push or is_entry:
             if counting:
                 counts[BOXES] += 1
             first, last = way_through(node, origin, inverse)
@@ -135,7 +153,7 @@ def nearest(push, any_hit, counting, tree, ray, tfar, stack, nears, top, counts)
                         counts[BLOCKS] += 1
                     best, prim_id = nearest_of_block(tree.blocks + block * BLOCK_BYTES, ray, best, prim_id)
                 if any_hit and prim_id != MISS:
-                    top = 0
+                    top = left = 0
                 break
             if not push:
                 second = ahead >> kind & 1

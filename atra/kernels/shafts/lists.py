@@ -17,8 +17,8 @@ from atra.kernels.intrinsics import fetch_add
 from atra.kernels.packets import INFINITY
 from atra.kernels.raster.memory import load
 from atra.kernels.raster.vectors import bits_of, larger, repeated, smaller
-from atra.kernels.shafts.grid import Grid
-from atra.kernels.shafts.shape import AXIS, HIGH, LOW, SIGN, U0, U1, V0, V1, overlaps, set_shape
+from atra.kernels.shafts.grid import EMPTY_LIST, ROOT_LIST, Grid
+from atra.kernels.shafts.shape import HIGH, LOW, direction_of, heading, overlaps, set_shape
 
 LANES = 8
 """Sampled rays that are tested with a box at once."""
@@ -44,10 +44,12 @@ class Building(NamedTuple):
 
 class Sampling(NamedTuple):
     """Memory of one thread. shape: (SHAPE,) float64. bundle: (ROWS, R) float32, sampled rays, filled up to whole
-    vectors with idle ones. stack, nears, counts: as in `atra.kernels.bvh.memory.Memory`."""
+    vectors with idle ones. root: the list of the root alone. stack, nears, counts: as in
+    `atra.kernels.bvh.memory.Memory`."""
 
     shape: NDArray[np.float64]
     bundle: NDArray[np.float32]
+    root: NDArray[np.uint32]
     stack: NDArray[np.int64]
     nears: NDArray[np.float32]
     counts: NDArray[np.int64]
@@ -67,7 +69,6 @@ def _random(state):  # type: ignore[no-untyped-def]
 def _sample(building, number, memory):  # type: ignore[no-untyped-def]
     """Rays spread evenly over a shaft into the bundle, each as far as the first thing that it hits beyond its voxel."""
     shape, bundle = memory.shape, memory.bundle
-    axis, sign = int(shape[AXIS]), shape[SIGN]
     state = np.uint64(number)
     for lane in range(bundle.shape[1]):
         if lane >= building.rays:
@@ -81,13 +82,7 @@ def _sample(building, number, memory):  # type: ignore[no-untyped-def]
         x = shape[LOW] + a * (shape[HIGH] - shape[LOW])
         y = shape[LOW + 1] + b * (shape[HIGH + 1] - shape[LOW + 1])
         z = shape[LOW + 2] + c * (shape[HIGH + 2] - shape[LOW + 2])
-        u, v = shape[U0] + u * (shape[U1] - shape[U0]), shape[V0] + v * (shape[V1] - shape[V0])
-        if axis == 0:
-            dx, dy, dz = sign, u, v
-        elif axis == 1:
-            dx, dy, dz = v, sign, u
-        else:
-            dx, dy, dz = u, v, sign
+        dx, dy, dz = direction_of(shape, u, v)
         leaves = np.inf
         for place, direction, side in ((x, dx, 0), (y, dy, 1), (z, dz, 2)):
             if direction != 0.0:
@@ -97,9 +92,9 @@ def _sample(building, number, memory):  # type: ignore[no-untyped-def]
         ray = (*origin, np.float32(dx), np.float32(dy), np.float32(dz), np.float32(leaves))
         t = INFINITY
         if building.occlusion:
-            memory.stack[0] = ROOT
             t, _ = nearest(
-                True, False, False, building.tree, ray, INFINITY, memory.stack, memory.nears, 1, memory.counts
+                True, False, False, building.tree, ray, INFINITY, memory.root, ROOT_LIST, memory.stack,
+                memory.nears, memory.counts,
             )  # fmt: skip
         set_ray(bundle, lane, ray, t)
 
@@ -146,7 +141,6 @@ def _lowest(tree, shape, number):  # type: ignore[no-untyped-def]
 def _collect(building, memory, probability, nodes):  # type: ignore[no-untyped-def]
     """Write the list of a shaft, the far nodes first; returns its length, -1 if it is too long."""
     tree, shape, stack = building.tree, memory.shape, memory.stack
-    axis, middle_u, middle_v = int(shape[AXIS]), shape[U0] + shape[U1], shape[V0] + shape[V1]
     count, top = 0, 1
     stack[0] = ROOT
     while top > 0:
@@ -158,8 +152,7 @@ def _collect(building, memory, probability, nodes):  # type: ignore[no-untyped-d
         kind = kind_of(node)
         if kind <= 3 and _seen(node, memory) >= probability * building.rays:
             child = first_of(node)
-            heading = shape[SIGN] if kind == axis else middle_u if kind == (axis + 1) % 3 else middle_v
-            second = 1 if heading > 0 else 0  # what lies farther away is taken first
+            second = 1 if heading(shape, kind) > 0 else 0  # what lies farther away is taken first
             stack[top], stack[top + 1] = child + 1 - second, child + second
             top += 2
             continue
@@ -172,13 +165,28 @@ def _collect(building, memory, probability, nodes):  # type: ignore[no-untyped-d
     return count
 
 
+@njit
+def _fill(building, number, memory, nodes):  # type: ignore[no-untyped-def]
+    """Write the list of the shaft whose shape is in memory; returns its length.
+
+    Where it is too long the probability that it takes to open a node is raised, by 0.05, by 0.1 more, and so on, until
+    it fits; above 1, nothing is opened.
+    """
+    _sample(building, number, memory)
+    probability, raised = building.probability, 0.05
+    length = _collect(building, memory, probability, nodes)
+    while length < 0:
+        probability += raised
+        raised += 0.05
+        length = _collect(building, memory, probability, nodes)
+    return length
+
+
 @kernel
 def build_lists(counter_address, building, numbers, lengths, nodes, memory):  # type: ignore[no-untyped-def]
     """Lists of the shafts with these numbers, by threads that share a counter.
 
-    numbers: (S,) int64. lengths: (S,) int32 and nodes: (S, longest) uint32 are written. Where a list is too long the
-    probability that it takes to open a node is raised, by 0.05, by 0.1 more, and so on, until it fits; above 1, nothing
-    is opened.
+    numbers: (S,) int64. lengths: (S,) int32 and nodes: (S, longest) uint32 are written.
     """
     while True:
         start = fetch_add(counter_address, 1) * _CHUNK
@@ -186,26 +194,34 @@ def build_lists(counter_address, building, numbers, lengths, nodes, memory):  # 
             return
         for k in range(start, min(start + _CHUNK, len(numbers))):
             set_shape(building.grid, numbers[k], memory.shape)
-            _sample(building, numbers[k], memory)
-            probability, raised = building.probability, 0.05
-            length = _collect(building, memory, probability, nodes[k])
-            while length < 0:
-                probability += raised
-                raised += 0.05
-                length = _collect(building, memory, probability, nodes[k])
-            lengths[k] = length
+            lengths[k] = _fill(building, numbers[k], memory, nodes[k])
+
+
+@kernel
+def build_eye_lists(counter_address, building, shapes, lengths, nodes, memory):  # type: ignore[no-untyped-def]
+    """As `build_lists`, of shafts of an eye; shapes: (S, SHAPE) float64."""
+    while True:
+        start = fetch_add(counter_address, 1) * _CHUNK
+        if start >= len(shapes):
+            return
+        for k in range(start, min(start + _CHUNK, len(shapes))):
+            memory.shape[:] = shapes[k]
+            lengths[k] = _fill(building, k, memory, nodes[k])
 
 
 @kernel
 def store_lists(lengths, nodes, starts, lists, used, slots):  # type: ignore[no-untyped-def]
     """Store each list that is not stored yet, and where each begins; returns how much of `lists` is used now.
 
-    starts: (S,) int32 is written. lists: uint32, with room for all. slots: int32, -1 where free, a power of two of
-    them, more than there are lists; kept from call to call.
+    starts: (S,) int32 is written; empty lists are all the one that is there. lists: uint32, with room for all. slots:
+    int32, -1 where free, a power of two of them, more than there are lists; kept from call to call.
     """
     mask = len(slots) - 1
     for k in range(len(lengths)):
         length = lengths[k]
+        if length == 0:
+            starts[k] = EMPTY_LIST
+            continue
         digest = np.uint64(length)
         for j in range(length):
             digest = (digest ^ np.uint64(nodes[k, j])) * np.uint64(0x9E3779B97F4A7C15)

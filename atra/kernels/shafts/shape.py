@@ -1,4 +1,4 @@
-"""The shape of a shaft: at most seven planes around all its rays, and the boxes that it meets."""
+"""The shape of a shaft: the planes around all its rays, and the boxes that it meets."""
 
 from __future__ import annotations
 
@@ -14,10 +14,18 @@ LOW, HIGH, AXIS, SIGN, U0, U1, V0, V1, NEAR, FAR, ABOVE_U, BELOW_U, ABOVE_V, BEL
 """Places in a shape: the voxel's corners; the axis of its face and whether it is the higher one, 1 or -1; slopes of
 directions across that axis; the voxel along the axis, seen that way; and the bounds of the planes along the slopes."""
 
-SHAPE = 18
+EYE = 3
+"""In place of an axis: all rays start at one point, LOW and HIGH, and go through one part of an image plane."""
 
-SLOPE_SLACK = 4.0 * 2.0**-23
-"""By how much slopes reach farther than they do: four roundings of float32."""
+CORNER, ACROSS, DOWN, MIDDLE, PLANES = 18, 21, 24, 27, 30
+"""More places in the shape of an eye's shaft: the ray of that part's upper left corner, the ways from there along its
+sides, the ray in the middle, and PLANE_COUNT planes, four numbers each: what lies in front has a positive sum."""
+
+PLANE_COUNT = 5
+SHAPE = PLANES + 4 * PLANE_COUNT
+
+SLOPE_SLACK = 8.0 * 2.0**-23
+"""By how much slopes reach farther than they do: eight roundings of float32."""
 
 
 @njit
@@ -46,9 +54,49 @@ def set_shape(grid, number, shape):  # type: ignore[no-untyped-def]
 
 
 @njit
+def direction_of(shape, u, v):  # type: ignore[no-untyped-def]
+    """The direction at (u, v), in [0, 1) x [0, 1), of those of a shaft."""
+    axis, sign = int(shape[AXIS]), shape[SIGN]
+    if axis == EYE:
+        x = shape[CORNER] + u * shape[ACROSS] + v * shape[DOWN]
+        y = shape[CORNER + 1] + u * shape[ACROSS + 1] + v * shape[DOWN + 1]
+        return x, y, shape[CORNER + 2] + u * shape[ACROSS + 2] + v * shape[DOWN + 2]
+    u, v = shape[U0] + u * (shape[U1] - shape[U0]), shape[V0] + v * (shape[V1] - shape[V0])
+    if axis == 0:
+        return sign, u, v
+    return (v, sign, u) if axis == 1 else (u, v, sign)
+
+
+@njit
+def heading(shape, axis):  # type: ignore[no-untyped-def]
+    """Which way the middle of a shaft goes along an axis: the sign of this."""
+    own = int(shape[AXIS])
+    if own == EYE:
+        return shape[MIDDLE + axis]
+    if axis == own:
+        return shape[SIGN]
+    return shape[U0] + shape[U1] if axis == (own + 1) % 3 else shape[V0] + shape[V1]
+
+
+@njit
+def _in_front(shape, node):  # type: ignore[no-untyped-def]
+    """Whether the box of the node at an address reaches in front of all planes of an eye's shaft."""
+    for plane in range(PLANES, SHAPE, 4):
+        total = shape[plane + 3]
+        for axis in range(3):
+            slope = shape[plane + axis]
+            total += slope * float_at(node + 4 * axis + (NODE_BYTES // 2 if slope > 0.0 else 0))
+        if total < 0.0:
+            return False
+    return True
+
+
+@njit
 def overlaps(shape, node):  # type: ignore[no-untyped-def]
     """Whether the box of the node at an address may hold a point of a ray of the shaft; never False where it does."""
     axis = int(shape[AXIS])
+    if axis == EYE:
+        return _in_front(shape, node)
     a, b = (axis + 1) % 3, (axis + 2) % 3
     half = NODE_BYTES // 2
     low, high = np.float64(float_at(node + 4 * axis)), np.float64(float_at(node + half + 4 * axis))

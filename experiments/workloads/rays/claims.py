@@ -208,8 +208,8 @@ def occupied_as_fast(table: pd.DataFrame) -> Judgement | None:
 
 
 def _pairs(rows: pd.DataFrame, others: pd.DataFrame) -> pd.DataFrame:
-    """Rows beside those of the same scene and kind of rays among others; values of these end in _other."""
-    keys = ["scene", "ray_kind"]
+    """Rows beside those of the same scene, kind of rays and voxels among others; values of these end in _other."""
+    keys = ["scene", "ray_kind", "shaft_cells"]
     return rows.drop_duplicates(keys).merge(others.drop_duplicates(keys), on=keys, suffixes=("", "_other"))
 
 

@@ -1,0 +1,149 @@
+"""One ray per pixel through a BVH of the world, each from the nodes that rays of its part of the image may meet."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from time import perf_counter
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from atra.bvh.bvh import bvh_of
+from atra.bvh.tracer import BvhTracer
+from atra.errors import InputError
+from atra.geometry.mesh import Mesh
+from atra.geometry.ray_space import NARROWEST_WORLD_PITCH, check_world_range, from_eye_space
+from atra.geometry.view import View
+from atra.kernels.bvh.images import Start
+from atra.kernels.shafts.grid import NO_SHAFTS, Shafts
+from atra.kernels.shafts.lists import build_eye_lists
+from atra.kernels.shafts.shape import (
+    ACROSS,
+    AXIS,
+    CORNER,
+    DOWN,
+    EYE,
+    HIGH,
+    LOW,
+    MIDDLE,
+    PLANE_COUNT,
+    PLANES,
+    SHAPE,
+)
+from atra.kernels.tracing import PixelTiles
+from atra.options import BvhOptions
+from atra.shafts.options import ShaftOptions
+from atra.shafts.shafts import ShaftLists, building_of, stored_lists
+from atra.tracers.rays import check_pinhole
+
+_SLOPE_SLACK = 2.0**-18
+"""By how much a part of the image reaches farther than it does: many roundings of a float32 direction."""
+
+
+class EyeTracer(BvhTracer):
+    """One ray per pixel, single or in packets, each tile of 32 x 16 pixels from the list of a shaft of its own.
+
+    All rays of such a shaft start at the eye. The BVH is the world's and serves every eye; a camera that moves takes
+    new lists only. Rays start at the eye rounded to float32: far from the world's origin, in diagonals of the mesh,
+    images are not as exact as those of `BvhTracer`, though the same to the bit whatever the options are.
+    options: of `atra.shafts.options.ShaftOptions`, of which those on voxels, memory, subsets and orders are not used.
+    Raises what `BvhTracer` does; InputError for parallel rays and for pixels so narrow that rays in the world's axes
+    would merge.
+    Source: A. Reshetov, A. Soupikov, J. Hurley, "Multi-level ray tracing algorithm", 2005, for starting the rays of a
+    part of an image below the root; the lists are those of J. Hendrich et al., "Ray classification for accelerated BVH
+    traversal", 2019.
+    """
+
+    options_type: ClassVar[type[BvhOptions]] = ShaftOptions
+    options: ShaftOptions
+    _start = Start.tile
+
+    def __init__(self, mesh: Mesh, camera: View, options: ShaftOptions | None = None, **changes: Any) -> None:
+        check_world_range(mesh)
+        super().__init__(mesh, camera, options, **changes)
+        self._lists: ShaftLists | None = None
+
+    def _set_camera(self, camera: View) -> None:
+        check_pinhole(camera, "EyeTracer")
+        if not np.array_equal(from_eye_space(camera), np.eye(3)):
+            raise InputError(
+                f"pixels are {camera.pixel_pitch:g} wide at depth 1, expected at least {NARROWEST_WORLD_PITCH:g}, or "
+                "rays in the world's axes merge; use BvhTracer"
+            )
+        super()._set_camera(camera)
+
+    def _look(self, camera: View) -> bool:
+        self._set_camera(camera)
+        return False
+
+    @property
+    def lists(self) -> ShaftLists:
+        """The shafts of the tiles, once they are built."""
+        assert self._lists is not None
+        return self._lists
+
+    def _build(self) -> float:
+        start = perf_counter()
+        if self._bvh is None:
+            self._bvh = bvh_of(self.mesh, self.mesh.vertices, self._pool)
+        lists_start = perf_counter()
+        largest = max(float(np.abs(self._bvh.bounds).max()), float(np.abs(self._shared).max()))
+        slack = 4.0 * float(np.spacing(np.float32(largest)))
+        shapes = shapes_of_tiles(self.camera, self._shared.astype(np.float64), self._tiles, slack)
+        building = building_of(self._bvh, self.options, NO_SHAFTS.grid)
+
+        def build(counter: int, part: slice, lengths: Any, nodes: Any, memory: Any) -> None:
+            build_eye_lists(counter, building, shapes[part], lengths, nodes, memory)
+
+        starts, lengths, lists, unique = stored_lists(len(shapes), self.options, self._pool, build)
+        shafts = NO_SHAFTS._replace(table=starts[None], lists=lists)
+        taken_s = perf_counter() - lists_start
+        self._lists = ShaftLists(shafts, self._bvh, len(shapes), len(shapes), unique, lengths, taken_s)
+        return perf_counter() - start
+
+    @property
+    def _shafts(self) -> Shafts:
+        return self.lists.shafts
+
+    @property
+    def _shared(self) -> NDArray[np.float32]:
+        """(3,) float32, the eye."""
+        return np.asarray(self.camera.eye, np.float32)
+
+    @property
+    def counters(self) -> Mapping[str, float]:
+        """What `BvhTracer` says, and of the shafts."""
+        return {**super().counters, **({} if self._lists is None else self._lists.counters)}
+
+
+def shapes_of_tiles(camera: View, eye: NDArray[np.float64], tiles: PixelTiles, slack: float) -> NDArray[np.float64]:
+    """(T, SHAPE) float64: the shafts from an eye through the tiles of an image, with all their sub-pixel positions.
+
+    slack: by how far beyond a shaft's planes a box may lie and still count as in it.
+    """
+    right, down, forward = camera.axes
+    corners, plane = tiles.corners.astype(np.int64), camera.plane
+    x0, x1 = (plane.columns(x, 0.0) * plane.pitch_x for x in _ends(corners[:, 0], tiles.width, camera.width))
+    y0, y1 = (plane.rows(y, 0.0) * plane.pitch_y for y in _ends(corners[:, 1], tiles.height, camera.height))
+    more = _SLOPE_SLACK * (1.0 + np.maximum(np.abs(x0), np.abs(x1)) ** 2 + np.maximum(np.abs(y0), np.abs(y1)) ** 2)
+    shapes = np.zeros((len(corners), SHAPE))
+    shapes[:, LOW : LOW + 3] = shapes[:, HIGH : HIGH + 3] = eye
+    shapes[:, AXIS] = EYE
+    shapes[:, CORNER : CORNER + 3] = forward + x0[:, None] * right + y0[:, None] * down
+    shapes[:, ACROSS : ACROSS + 3] = (x1 - x0)[:, None] * right
+    shapes[:, DOWN : DOWN + 3] = (y1 - y0)[:, None] * down
+    shapes[:, MIDDLE : MIDDLE + 3] = forward + ((x0 + x1)[:, None] * right + (y0 + y1)[:, None] * down) / 2
+    planes = shapes[:, PLANES:].reshape(-1, PLANE_COUNT, 4)
+    planes[:, 0, :3] = right - (x0 - more)[:, None] * forward
+    planes[:, 1, :3] = (x1 + more)[:, None] * forward - right
+    planes[:, 2, :3] = down - (y0 - more)[:, None] * forward
+    planes[:, 3, :3] = (y1 + more)[:, None] * forward - down
+    planes[:, 4, :3] = forward
+    planes[:, :, 3] = slack * np.abs(planes[:, :, :3]).sum(axis=2) - planes[:, :, :3] @ eye
+    return shapes
+
+
+def _ends(first: NDArray[np.int64], size: int, limit: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Where tiles begin and end along one side of the image."""
+    return first, np.minimum(first + size, limit)
