@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 import atra
 from atra.bake import Atlas, Baker, BakeScene, Lightmap, Seams, Surface, dilated
-from atra.bake.export import exposure_of
+from atra.bake.finish.export import exposure_of
 from atra.render.pictures import srgb_of
 from examples import parts
 from scenes.cornell_box import CORNELL_BOX_CAMERA

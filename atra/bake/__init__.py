@@ -2,9 +2,9 @@
 
 from atra.bake.baker import Baker
 from atra.bake.charts.atlas import Atlas
-from atra.bake.charts.finish import Seams, dilated
 from atra.bake.charts.texels import Texels
-from atra.bake.export import save_maps, save_model
+from atra.bake.finish.export import save_maps, save_model
+from atra.bake.finish.seams import Seams, dilated
 from atra.bake.lights import SpotLight
 from atra.bake.maps import Lightmap, relative_error
 from atra.bake.options import BakeOptions

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.bake.charts.finish import Seams, dilated
+from atra.bake.finish.seams import Seams, dilated
 from atra.bake.maps import LIGHTS, Lightmap
 from atra.bake.surface import BakeScene
 from atra.errors import InputError
