@@ -28,8 +28,8 @@ from PIL import Image
 from atra.errors import InputError
 from experiments.harness.configuration import read_configuration, register_schema
 from experiments.viewer import camera_page
-from experiments.viewer.command import run_view
 from experiments.viewer.camera_page import HOST
+from experiments.viewer.command import run_view
 from experiments.viewer.page import Page, say_numbers
 from experiments.viewer.request import Request
 from experiments.viewer.session import Frame, Picture
