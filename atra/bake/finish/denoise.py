@@ -18,8 +18,8 @@ from atra.parallel import resolve_threads
 FEWEST = 16
 """Texels of a chart: of fewer nobody can tell noise from light."""
 
-_MARGIN = 8
-"""Texels around a chart that are filled from its rim, which else would count as an edge."""
+_BLUR = 2.0
+"""Texels: gutters are filled with means of so wide a neighbourhood, for streaks of noise would pass for light."""
 
 
 def denoised(lightmap: Lightmap, threads: int | None = None) -> Lightmap:
@@ -45,11 +45,10 @@ def denoised(lightmap: Lightmap, threads: int | None = None) -> Lightmap:
         for of_chart in np.split(order, np.cumsum(np.bincount(chart))[:-1]):
             if len(of_chart) < FEWEST:
                 continue
-            place = tuple(axis[of_chart] - axis[of_chart].min() + _MARGIN for axis in (row, column))
-            filled = nearest_known(place, tuple(int(axis.max()) + 1 + _MARGIN for axis in place))
+            place = tuple(axis[of_chart] - axis[of_chart].min() for axis in (row, column))
             for light in values.values():
                 if light[of_chart].any():
-                    light[of_chart] = _filtered(oidn, device, light[of_chart][filled])[place]
+                    light[of_chart] = _filtered(oidn, device, _filled(place, light[of_chart]))[place]
     return replace(lightmap, **values)
 
 
@@ -61,6 +60,18 @@ def _library() -> ModuleType:
             "denoising needs the package pyoidn, which is not installed; run: pip install -e '.[denoise]'"
         ) from None
     return pyoidn  # type: ignore[no-any-return]
+
+
+def _filled(place: tuple[NDArray[np.int64], ...], values: NDArray[np.float32]) -> NDArray[np.float32]:
+    """(H, W, 3): (N, 3) values at their rows and columns, and around them means of what is near."""
+    from scipy.ndimage import gaussian_filter
+
+    shape = tuple(int(axis.max()) + 1 for axis in place)
+    known, image = np.zeros((*shape, 1)), np.zeros((*shape, 3))
+    known[place], image[place] = 1.0, values
+    near, sums = (gaussian_filter(one, (_BLUR, _BLUR, 0.0), mode="constant") for one in (known, image))
+    means = (sums[place] / near[place])[nearest_known(place, shape)]
+    return np.where(known > 0.0, image, means).astype(np.float32)
 
 
 def _filtered(oidn: Any, device: Any, image: NDArray[np.float32]) -> NDArray[np.float32]:
