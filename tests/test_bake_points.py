@@ -24,6 +24,8 @@ from experiments.workloads.bake.figures import FIGURES
 from experiments.workloads.bake.results import CLAIMS_FILE, write
 from experiments.workloads.workload import Measured
 from scenes.loading import SceneSource
+from tests.quotations.bake import finished_maps, means_of_a_bake, verdicts_on_lightmaps
+from tests.quotations.quotation import Kept
 
 xatlas = pytest.mark.skipif(importlib.util.find_spec("xatlas") is None, reason="xatlas is not installed (extra `bake`)")
 
@@ -232,3 +234,13 @@ def test_figures_show_errors_over_time_stages_and_rays(tmp_path: Any) -> None:
         assert len(kind.rows(rows[:0])) == 0
         assert b"nothing measured" not in figure.svg
         (tmp_path / f"{kind.name}.png").write_bytes(figure.png)
+
+
+def test_what_pages_quote_has_a_row_a_means_and_a_cell_a_scene() -> None:
+    kept = Kept(drawn_rows(), pd.DataFrame(), [])
+    rows = means_of_a_bake(kept).rows
+    assert {row.count("|") for row in rows} == {2 + len(SCENES)}
+    (seen,) = (row for row in rows if row.startswith("| what the view shows"))
+    assert seen.count("2.00 [1.90, 2.10]") == 4
+    assert len(verdicts_on_lightmaps(kept).rows) == len(CLAIMS)
+    assert finished_maps(kept).rows[1].count("not measured") == 4

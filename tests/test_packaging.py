@@ -43,7 +43,7 @@ def named(requirements: Iterable[str]) -> set[str]:
 
 
 FOR_SOME_TASKS = {"openexr", "pillow", "pyoidn", "scipy", "xatlas"}
-"""What the library asks for where a file of some format is written, charts are made or maps denoised, and can do without."""
+"""What the library asks for where files of some formats are written, charts made or maps denoised."""
 
 
 def test_the_library_depends_on_what_it_imports() -> None:
