@@ -32,7 +32,7 @@ def denoised(lightmap: Lightmap, threads: int | None = None) -> Lightmap:
     """
     oidn = _library()
     names = LIGHTS[:-1]
-    values = {name: lightmap.light(name).copy() for name in names}
+    values: dict[str, Any] = {name: lightmap.light(name).copy() for name in names}
     numbers = np.flatnonzero(lightmap.valid)
     chart = lightmap.texels.chart[numbers]
     order = numbers[np.argsort(chart, kind="stable")]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
@@ -22,7 +24,7 @@ _MEGA = 1e-6
 
 _COLOURS = {Compaction.none.value: GREY, Compaction.texels.value: ORANGE, Compaction.bounces.value: BLUE}
 
-_LINES = {
+_LINES: dict[str, tuple[str, str | None, dict[str, Any]]] = {
     "what the view shows, first": ("visible_", None, {"color": BLUE, "marker": "o"}),
     "what the view shows, in rows": ("visible_", "view_speedup", {"color": SKY, "marker": "s", "linestyle": DASHED}),
     "whole map, the view first": ("", "whole_map_cost", {"color": VERMILLION, "marker": "o"}),
