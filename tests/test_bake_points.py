@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from atra.errors import InputError
 from experiments.drawing.figure import draw_figure
 from experiments.harness.configuration import Chosen, Configuration, MeasureConfiguration, SceneConfiguration
 from experiments.harness.points import plan_points
@@ -21,8 +22,10 @@ from experiments.worker import measure_point
 from experiments.workloads.bake import BAKE, STAGES, Against, BakeSettings, Compaction
 from experiments.workloads.bake.claims import CLAIMS
 from experiments.workloads.bake.figures import FIGURES
+from experiments.workloads.bake.measure import lamps
 from experiments.workloads.bake.results import CLAIMS_FILE, write
 from experiments.workloads.workload import Measured
+from scenes.built_in import make_scene
 from scenes.loading import SceneSource
 from tests.quotations.bake import finished_maps, means_of_a_bake, verdicts_on_lightmaps
 from tests.quotations.quotation import Kept
@@ -84,6 +87,17 @@ def test_a_lane_for_every_texel_is_held_against_nothing_and_uses_fewer_lanes() -
     _, bounces = measured(against=Against.compaction)
     assert none.results["lane_utilisation"] < 0.6 * bounces.results["lane_utilisation"]
     assert none.results["rays_per_round"] == bounces.results["rays_per_round"]
+
+
+def test_lamps_are_as_bright_together_however_many_and_lie_inside_the_scene() -> None:
+    mesh = make_scene("cornell_box").mesh
+    one, many = lamps(mesh, 1), lamps(mesh, 256)
+    assert (len(one), len(many), lamps(mesh, 0)) == (1, 256, ())
+    assert sum(light.power for light in many) == pytest.approx(one[0].power)
+    places = np.array([light.position for light in many])
+    assert ((places > mesh.bounds[0]) & (places < mesh.bounds[1])).all()
+    with pytest.raises(InputError, match="lamps is -1"):
+        BakeSettings(lamps=-1)
 
 
 @xatlas

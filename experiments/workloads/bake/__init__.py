@@ -80,6 +80,7 @@ class BakeSettings:
     albedo: float | None = option(None, "of all faces; null: the scene's own", "own")
     panorama: bool = option(False, "whether the sky is a panorama with a sun in it, and the only light")
     environment: Environment = option(Environment.mis, "what finds the light of a panorama: mis, light or bsdf")
+    lamps: int = option(0, "point lights all over the scene, in place of its own; 0: its own")
     compaction: Compaction = option(Compaction.bounces, "which lanes move together: none, texels or bounces")
     priority: bool = option(False, "whether texels that the view shows come first")
     packets: int | None = option(1, "rays of a packet; null: the widest that are native", "widest")
@@ -93,6 +94,8 @@ class BakeSettings:
             value = getattr(self, name)
             if not low <= value <= high:
                 raise InputError(f"workload.{name} is {value}, expected a whole number from {low} to {high}")
+        if not 0 <= self.lamps <= 1 << 16:
+            raise InputError(f"workload.lamps is {self.lamps}, expected a whole number from 0 to {1 << 16}")
         for name, most in (("occupancy", 0.95), ("albedo", 0.999)):
             share = getattr(self, name)
             if share is not None and not 0.0 < share <= most:

@@ -14,7 +14,7 @@ import numpy as np
 
 from atra.bake import Atlas, Baker, BakeScene, Lightmap, Seams, Surface, Texels, denoised, dilated
 from atra.geometry.mesh import Mesh
-from atra.render import PanoramaSky
+from atra.render import PanoramaSky, PointLight, constant_sky
 from experiments.harness.point import Point
 from experiments.workloads.bake import (
     FULLEST,
@@ -44,15 +44,25 @@ _SUN = 400.0
 
 
 def bake_scene(point: Point, mesh: Mesh) -> BakeScene:
-    """The mesh with light, and with the albedo and the sky that are asked for."""
+    """The mesh with light, and with the albedo, the lamps and the sky that are asked for."""
     scene, settings = BakeScene.of(lit_room(mesh)), point.workload_options
-    surface = scene.surface
+    surface, own_light = scene.surface, not (settings.panorama or settings.lamps)
     assert surface is not None
-    emission = 0.0 if settings.panorama else surface.emission
-    if settings.albedo is not None or settings.panorama:
+    if settings.albedo is not None or not own_light:
         albedo = surface.albedo if settings.albedo is None else settings.albedo
-        scene = replace(scene, surface=Surface.plain(mesh, albedo, emission))
-    return replace(scene, lights=(), sky=panorama()) if settings.panorama else scene
+        scene = replace(scene, surface=Surface.plain(mesh, albedo, surface.emission if own_light else 0.0))
+    if own_light:
+        return scene
+    sky = panorama() if settings.panorama else constant_sky(0.0)
+    return replace(scene, lights=lamps(mesh, settings.lamps), sky=sky)
+
+
+def lamps(mesh: Mesh, count: int) -> tuple[PointLight, ...]:
+    """So many point lights all over the box of the mesh, together as bright however many they are."""
+    low, size = mesh.bounds[0].astype(np.float64), np.ptp(mesh.bounds, axis=0).astype(np.float64)
+    places = low + size * (0.1 + 0.8 * np.random.default_rng(1).random((count, 3)))
+    power = float((size**2).sum()) / 4.0 / max(count, 1)
+    return tuple(PointLight(tuple(place), power=power) for place in places.tolist())
 
 
 def panorama() -> PanoramaSky:
