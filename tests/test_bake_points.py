@@ -190,6 +190,7 @@ def test_a_bound_has_two_ends_and_a_claim_its_own_points() -> None:
     dark = {"albedo": "0.5"} | ratio("speedup_vs_other", *[(1.2, 1.3)] * 4)
     assert verdict("target-bounces", table(dark)) == HOLDS
     assert verdict("compaction-bounces", table(dark)) == NOT_MEASURED
+    assert verdict("target-bounces", table(dark | {"albedo": "own"})) == NOT_MEASURED
     texels = {"compaction": "texels"}
     fuller = texels | {"occupancy": "0.7"} | ratio("rays_speedup_vs_other", *[BAD] * 4)
     both = table(texels | ratio("rays_speedup_vs_other", *[GOOD] * 4), fuller)
