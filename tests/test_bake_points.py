@@ -137,7 +137,7 @@ SCENES = ("cornell_box", "mitsuba", "fireplace_room", "sponza")
 def table(*rows: dict[str, Any]) -> pd.DataFrame:
     """Rows of all scenes with these values, as a sweep's table holds them."""
     usual = {"workload": BAKE.name, "method": "raster", "status": "ok", "grids": "bake", "albedo": "own",
-             "priority": False, "compaction": "bounces", "against": "compaction", "denoise": False,
+             "priority": False, "compaction": "bounces", "packets": "1", "against": "compaction", "denoise": False,
              "occupancy": "0.44", "triangles": 10}  # fmt: skip
     every = [
         usual | {"scene": scene, "point_id": f"{place:03d}{number}"}

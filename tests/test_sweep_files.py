@@ -25,7 +25,7 @@ TOY = [
 FIGURE5 = [f"figure5_{rays}" for rays in ("single_rays", f"packets_of_{load_library().native_packet_widths[-1]}")]
 WRONG = () if LLVMPIPE.problem() else ("disagreements_cornell_box_32x32",)
 OTHER_PICTURES = ("split", "tiles", "peers", "samples", "still", "shifted", "waves", "mitsuba")
-IN_PROCESS = ("occupancy", "dark", "batch", "size", "expansion", "roulette", "environment", "translucency")
+IN_PROCESS = ("occupancy", "dark", "packets", "batch", "size", "expansion", "roulette", "environment", "translucency")
 # An image of 32 pixels takes no split of 64: such points are skipped.
 SWEEPS = {
     "smoke": (

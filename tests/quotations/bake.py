@@ -31,7 +31,8 @@ def means_of_a_bake(kept: Kept) -> Quoted:
         rows=(
             less("lanes for lit texels alone: rays/s", "rays_speedup_vs_other", compaction=texels),
             less("lanes that go on alone: time", "speedup_vs_other", compaction=bounces, albedo="own"),
-            less("lanes that go on alone, albedo 0.5: time", "speedup_vs_other", albedo="0.5"),
+            less("lanes that go on alone, albedo 0.5: time", "speedup_vs_other", albedo="0.5", packets="1"),
+            less("the same in the widest packets", "speedup_vs_other", albedo="0.5", packets="widest"),
             _row(kept, "the emptiest map over the fullest: rays/s", "rays_speedup_vs_other",
                  against=Against.occupancy.value, compaction=bounces),
             _row(kept, "16 samples side by side: rays/s", "rays_speedup_vs_other",
@@ -59,7 +60,7 @@ def verdicts_on_lightmaps(kept: Kept) -> Quoted:
 
 def finished_maps(kept: Kept) -> Quoted:
     """Error denoised over raw of four times the samples, and what is left of the steps at seams."""
-    seams = [of(kept.points, scene=scene)["seam_step_ratio"] for scene in SCENES]
+    seams = [of(kept.points, scene=scene)["seam_step_ratio"].dropna() for scene in SCENES]
     return Quoted(
         rows=(
             _row(kept, "denoised at 64 samples over raw at 256: error", "denoised_over_raw"),

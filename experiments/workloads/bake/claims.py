@@ -106,13 +106,12 @@ def _rare(rows: pd.DataFrame) -> object:
 
 
 def _plain(compaction: Compaction) -> Which:
-    return _against(Against.compaction, compaction=compaction.value, priority=False, albedo="own")
+    return _against(Against.compaction, compaction=compaction.value, priority=False, albedo="own", packets="1")
 
 
 def _dark(rows: pd.DataFrame) -> pd.Series:
-    return _where(rows, against=Against.compaction.value, compaction=Compaction.bounces.value) & column(
-        rows, "albedo"
-    ).ne("own")
+    bounces = _against(Against.compaction, compaction=Compaction.bounces.value, packets="1")(rows)
+    return bounces & column(rows, "albedo").ne("own")
 
 
 def _emptiest(which: Which) -> Which:
