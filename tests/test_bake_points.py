@@ -210,6 +210,14 @@ def test_what_every_process_finds_alike_needs_no_interval() -> None:
     assert verdict("rare-stages", table(stages | {"gather_s": 0.1})) == DOES_NOT_HOLD
 
 
+def test_the_search_for_what_a_view_shows_is_judged_where_both_methods_searched() -> None:
+    seconds = [{"method": "pixel", "culling_map_s": 0.3}, {"method": "visible_first", "culling_map_s": 0.1}]
+    assert verdict("culling-map", table(*seconds)) == HOLDS
+    seconds[1]["culling_map_s"] = (0.1, 0.1, 0.25, 0.25)
+    assert verdict("culling-map", table(*seconds)) == DOES_NOT_HOLD
+    assert verdict("culling-map", table(seconds[0])) == NOT_MEASURED
+
+
 def test_claims_are_written_and_nothing_is_claimed_of_no_table(tmp_path: Any) -> None:
     for rows in (None, table({})[:0]):
         assert {judge_claim(claim, rows)[0].verdict for claim in CLAIMS} == {NOT_MEASURED}
