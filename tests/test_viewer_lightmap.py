@@ -34,10 +34,10 @@ TARGET = 8
 
 def test_the_panel_says_how_far_texels_are() -> None:
     lightmap = baked(SCENE, sheet(BOX, 4), TARGET)
-    assert say_progress(lightmap, TARGET).startswith(f"**done**: {TARGET} samples of 96 texels")
+    assert say_progress(lightmap, TARGET, True).startswith(f"**done**: {TARGET} samples of 96 texels")
     half = lightmap.samples.copy()
     half[:24] = 2
-    told = say_progress(replace(lightmap, samples=half), TARGET)
+    told = say_progress(replace(lightmap, samples=half), TARGET, False)
     assert told == f"**2 to {TARGET} of {TARGET} samples**\n\n75% of 96 texels are done"
 
 

@@ -43,7 +43,7 @@ class LightmapPage(CameraPage):
         self._shown: Pose | None = None
         self._told: Pose | None = None
         self._drawn: Lightmap | None = None
-        self._drawn_s = 0.0
+        self._drawn_s, self._is_done = 0.0, False
         self._image: NDArray[np.float32] | None = None
         self._numbers = self._server.gui.add_markdown("preparing; a first start compiles kernels")
         self.follow(first)
@@ -87,24 +87,26 @@ class LightmapPage(CameraPage):
             self._show(self._hits, is_still=True)
 
     def _has_news(self) -> bool:
-        return self._bake.snapshot() is not self._drawn
+        return self._bake.snapshot() is not self._drawn or self._bake.wait(0.0) is not self._is_done
 
     def _show(self, hits: Hits, is_still: bool) -> None:
         lightmap = self._bake.snapshot()
         if lightmap is not None and lightmap is not self._drawn and lightmap.valid.any():
             self._image = exposure_of(lightmap) * finished(lightmap, lightmap.combined)
             self._drawn = lightmap
-            self._numbers.content = say_progress(lightmap, self._target)
+        if self._drawn is not None:
+            self._is_done = self._bake.wait(0.0)
+            self._numbers.content = say_progress(self._drawn, self._target, self._is_done)
         view = clay_view(hits) if self._image is None else lit_view(hits, self._scene, self._atlas, self._image)
         self.send(srgb_of(view), is_still)
         self._drawn_s = monotonic()
 
 
-def say_progress(lightmap: Lightmap, target: int) -> str:
+def say_progress(lightmap: Lightmap, target: int, is_done: bool) -> str:
     """What the panel says of a map, in Markdown."""
     samples = lightmap.samples
     least, most = int(samples.min()), int(samples.max())
-    if least >= target:
-        return f"**done**: {target} samples of {len(samples):,} texels; end it by Ctrl-C, and its files are written"
+    if is_done:
+        return f"**done**: {most} samples of {len(samples):,} texels; end it by Ctrl-C, and its files are written"
     done = float((samples >= target).mean())
     return f"**{least} to {most} of {target} samples**\n\n{done:.0%} of {len(samples):,} texels are done"
