@@ -12,39 +12,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 import atra
-from atra.bake import Atlas, Baker, BakeScene, Lightmap, Seams, Surface, dilated
-from atra.bake.export import exposure_of
+from atra.bake import Baker, BakeScene, Lightmap, Seams, Surface, clay_view, lit_view
+from atra.bake.finish.export import exposure_of, finished
 from atra.render.pictures import srgb_of
 from examples import parts
 from scenes.cornell_box import CORNELL_BOX_CAMERA
 from scenes.lit.rooms import lit_cornell_box
 
 
-def looked_up(hits: atra.Hits, atlas: Atlas, image: NDArray[np.float32]) -> NDArray[np.float32]:
-    """(H, W, C): what an (H, W, C) map says where the hits are, between its texels; 0 where there is none."""
-    shown = np.zeros((*hits.depth.shape, image.shape[2]), np.float32)
-    u, v = (weights[hits.hit].astype(np.float64)[:, None] for weights in (hits.u, hits.v))
-    a, b, c = atlas.uv[hits.prim_id[hits.hit]].swapaxes(0, 1)
-    x, y = ((1.0 - u - v) * a + u * b + v * c - 0.5).T
-    left, top = np.floor(x).astype(int), np.floor(y).astype(int)
-    found = np.zeros((len(x), image.shape[2]))
-    for row, of_row in ((top, 1.0 - (y - top)), (top + 1, y - top)):
-        for column, of_column in ((left, 1.0 - (x - left)), (left + 1, x - left)):
-            place = np.clip(row, 0, atlas.height - 1), np.clip(column, 0, atlas.width - 1)
-            found += (of_row * of_column)[:, None] * image[place]
-    shown[hits.hit] = found
-    return shown
-
-
 def picture(lightmap: Lightmap, scene: BakeScene, hits: atra.Hits, exposure: float) -> NDArray[np.uint8]:
     """The view as the map lights it."""
-    assert scene.surface is not None
-    atlas = lightmap.texels.atlas
-    image = dilated(lightmap.texels, lightmap.combined, lightmap.valid)
-    light = looked_up(hits, atlas, Seams.of(scene.mesh, atlas).stitched(image))
-    light[hits.hit] *= scene.surface.albedo[hits.prim_id[hits.hit]]
-    light[hits.hit] += scene.surface.emission[hits.prim_id[hits.hit]]
-    return srgb_of(exposure * light)
+    seams = Seams.of(scene.mesh, lightmap.texels.atlas)
+    image = finished(lightmap, lightmap.combined, seams)
+    return srgb_of(exposure * lit_view(hits, scene, lightmap.texels.atlas, image))
 
 
 def check_furnace(threads: int | None) -> float:
@@ -76,9 +56,7 @@ def main(arguments: list[str] | None = None) -> dict[str, float]:
             maps.append(baker.maps)
     last = maps[-1]
     exposure = exposure_of(last)
-    facing = np.abs((hits.normals * camera.axes[2]).sum(axis=2, keepdims=True))
-    clay = srgb_of(np.where(hits.hit[..., None], 0.15 + 0.6 * np.nan_to_num(facing), 0.0).repeat(3, axis=2))
-    pictures = [clay, *(picture(one, scene, hits, exposure) for one in maps)]
+    pictures = [srgb_of(clay_view(hits)), *(picture(one, scene, hits, exposure) for one in maps)]
     parts.save(options.out / "bake.png", parts.beside(pictures))
     whole = last.combined.sum()
     told = {name: float(last.light(name).sum() / whole) for name in ("direct", "indirect", "environment")}

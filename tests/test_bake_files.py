@@ -15,8 +15,14 @@ from PIL import Image
 import atra
 from atra import render
 from atra.bake import Baker, BakeScene, ProgressiveBake, Surface, save_maps, save_model
+from atra.bake.maps import LIGHTS
 from atra.errors import InputError
 from examples import bake
+from experiments.commands.baking import run_bake
+from experiments.harness.configuration import Chosen, Configuration, SceneConfiguration
+from experiments.methods import find_method
+from experiments.workloads.bake import BAKE, BakeSettings
+from scenes.loading import SceneSource
 from tests.baked import baked, cube, sheet
 from tests.test_command_line import run
 
@@ -111,6 +117,36 @@ def test_the_command_bakes_a_scene_by_name_under_the_sky_of_a_file(tmp_path: Pat
         path.name for path in (tmp_path / "out").iterdir()
     }
     assert np.asarray(Image.open(tmp_path / "out" / "environment.png")).max() > 0
+
+
+@pytest.mark.skipif(importlib.util.find_spec("xatlas") is None, reason="xatlas is not installed (extra `bake`)")
+@pytest.mark.parametrize("workload", [{}, {"denoise": True}])
+def test_an_interrupted_bake_writes_what_there_is_whole_and_shows_what_the_camera_saw(tmp_path, monkeypatch, workload):
+    if workload:
+        pytest.importorskip("pyoidn", reason="pyoidn is not installed: pip install -e '.[denoise]'")
+    passes, advance = [], Baker.advance
+
+    def interrupted(self, target, stop=None):
+        passes.append(target)
+        if len(passes) == 3:
+            raise KeyboardInterrupt
+        return advance(self, target, stop)
+
+    monkeypatch.setattr(Baker, "advance", interrupted)
+    configuration = Configuration(
+        scene=SceneConfiguration(name="cornell_box", source=SceneSource.procedural),
+        method=Chosen("raster", find_method("raster").options()),
+        workload=Chosen(BAKE.name, BakeSettings(size=32, final_samples=64, **workload)),
+        width=32, height=24, output=str(tmp_path / "out"),
+    )  # fmt: skip
+    folder = run_bake(configuration)
+    lights = {f"{name}.{end}" for name in (*LIGHTS, "openness") for end in ("exr", "png")}
+    others = {"occupancy.png", "charts.png", "view_clay.png", "view_1.png", "view.png", "scene.glb"}
+    assert {path.name for path in folder.iterdir()} == lights | others
+    assert {np.asarray(Image.open(folder / f"view{name}.png")).shape for name in ("", "_clay", "_1")} == {(24, 32, 3)}
+    seen = [np.asarray(Image.open(folder / name), float) for name in ("view_1.png", "view.png")]
+    assert seen[1].std() > 10
+    assert not alive()
 
 
 @pytest.mark.skipif(importlib.util.find_spec("xatlas") is None, reason="xatlas is not installed (extra `bake`)")

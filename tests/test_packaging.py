@@ -42,8 +42,8 @@ def named(requirements: Iterable[str]) -> set[str]:
     return {re.match(r"[\w-]+", requirement)[0] for requirement in requirements}  # type: ignore[index]
 
 
-FOR_SOME_TASKS = {"openexr", "pillow", "scipy", "xatlas"}
-"""What the library asks for where a file of some format is written or charts are made, and can do without."""
+FOR_SOME_TASKS = {"openexr", "pillow", "pyoidn", "scipy", "xatlas"}
+"""What the library asks for where files of some formats are written, charts made or maps denoised."""
 
 
 def test_the_library_depends_on_what_it_imports() -> None:

@@ -27,6 +27,7 @@ TOY = [
 FIGURE5 = [f"figure5_{rays}" for rays in ("single_rays", f"packets_of_{load_library().native_packet_widths[-1]}")]
 WRONG = () if LLVMPIPE.problem() else ("disagreements_cornell_box_32x32",)
 OTHER_PICTURES = ("split", "tiles", "peers", "samples", "still", "waves", "mitsuba")
+IN_PROCESS = ("occupancy", "dark", "packets", "batch", "size", "expansion", "roulette", "environment", "translucency")
 # An image of 32 pixels takes no split of 64: such points are skipped.
 SWEEPS = {
     "smoke": (
@@ -68,10 +69,13 @@ SWEEPS = {
     "planner": (["scene.view=aside,wide"], {"planner"}),
     "views": (["scene.copies=1", "workload.views=2", "width=32", "height=32"], set()),
     "classification_smoke": ([], {"classification_probability", "classification_shafts", "moving"}),
-    "bake_smoke": (["workload.occupancy=null", "workload.compaction=bounces", "workload.packets=1"], set()),
+    "bake_smoke": (
+        [f"~sweep.grids.bake_{name}" for name in IN_PROCESS],
+        {"bake_convergence", "bake_stages", "bake_rays"},
+    ),
     "bake_rays_smoke": (["method=raster"], set()),
 }
-WITH_A_TWIN = {"bake", "bake_rays", "classification"}
+WITH_A_TWIN = {"bake", "bake_denoise", "bake_rays", "classification"}
 PARTS_OF_SMOKE = {"horizontal", "vertical", "grid", "build", "memory", "scenes", "paper"}
 
 

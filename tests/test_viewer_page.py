@@ -27,9 +27,10 @@ from PIL import Image
 
 from atra.errors import InputError
 from experiments.harness.configuration import read_configuration, register_schema
-from experiments.viewer import page as page_room
+from experiments.viewer import camera_page
+from experiments.viewer.camera_page import HOST
 from experiments.viewer.command import run_view
-from experiments.viewer.page import HOST, Page, say_numbers
+from experiments.viewer.page import Page, say_numbers
 from experiments.viewer.request import Request
 from experiments.viewer.session import Frame, Picture
 from tests.test_viewer_painter import FIRST, made
@@ -57,7 +58,7 @@ def wait_for(happens: Callable[[], Any], what: str) -> Any:
 @pytest.fixture
 def page(monkeypatch: pytest.MonkeyPatch) -> Iterator[Page]:
     """It runs in a thread, at 64 x 64 pixels."""
-    monkeypatch.setattr(page_room, "LEAVE_S", 0.5)
+    monkeypatch.setattr(camera_page, "LEAVE_S", 0.5)
     painter = made()
     one = Page(painter, replace(FIRST, settings=replace(FIRST.settings, samples=3)), 0, "the box", 3.0)
     thread = threading.Thread(target=one.run)

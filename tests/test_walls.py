@@ -130,7 +130,12 @@ WALLS = (
         Wall(room, tuple(other for other in WORKLOAD_ROOMS if other != room), reason="a workload never imports another")
         for room in WORKLOAD_ROOMS
     ),
-    Wall("experiments", ("viser",), apart_from=("experiments.viewer.page",), reason="only the page knows viser"),
+    Wall(
+        "experiments",
+        ("viser",),
+        apart_from=("experiments.viewer.camera_page", "experiments.viewer.page"),
+        reason="only pages know viser",
+    ),
     Wall("scenes", ("experiments", "hydra", "omegaconf"), reason="scenes know no experiment"),
 )
 

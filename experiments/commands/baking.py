@@ -2,34 +2,84 @@
 
 from __future__ import annotations
 
+from contextlib import closing
+from dataclasses import dataclass, field
 from pathlib import Path
 from time import perf_counter
+from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from atra.bake import Baker, save_maps, save_model
+from atra.bake import (
+    Baker,
+    BakeScene,
+    Lightmap,
+    ProgressiveBake,
+    Seams,
+    clay_view,
+    denoised,
+    lit_view,
+    save_maps,
+    save_model,
+)
+from atra.bake.finish.export import exposure_of, finished
+from atra.files import write_atomically
+from atra.hits import Hits
+from atra.render.pictures import png_of
 from experiments.harness.configuration import Configuration, check_writable
+from experiments.harness.point import Point
 from experiments.harness.points import plan_points
 from experiments.workloads import find_workload
 from experiments.workloads.rounds import load_mesh
+from experiments.workloads.workload import make_own
+
+SHOWN = (1, 16, 256)
+"""Samples after which the view is kept to be looked at, beside that of the finished map."""
+
+
+@dataclass
+class Views:
+    """What the camera sees of a scene whose map converges. pictures: (H, W, 3) linear light by name."""
+
+    hits: Hits
+    scene: BakeScene
+    pictures: dict[str, NDArray[np.float32]] = field(default_factory=dict)
+
+    def keep(self, name: str, lightmap: Lightmap, seams: Seams | None = None) -> None:
+        """The view as the map shows it now."""
+        image = finished(lightmap, lightmap.combined, seams)
+        self.pictures[name] = lit_view(self.hits, self.scene, lightmap.texels.atlas, image)
+
+    def save(self, folder: Path, exposure: float) -> list[Path]:
+        """Write each as PNG, in one exposure, and one in clay."""
+        files = {name: exposure * picture for name, picture in self.pictures.items()}
+        files["view_clay"] = clay_view(self.hits)
+        for name, picture in files.items():
+            write_atomically(folder / f"{name}.png", png_of(picture))
+        return [folder / f"{name}.png" for name in files]
 
 
 def run_bake(configuration: Configuration) -> Path:
-    """Bake `workload.final_samples` samples, what the view shows first, and write maps and model; returns the folder.
+    """Bake `workload.final_samples` samples, what the view shows first, and write maps, views and model; returns the
+    folder.
 
-    Interrupted, it writes what there is. Raises InputError for a workload that is no bake and as `Baker` does.
+    Interrupted, it writes what there is. Raises InputError for a workload that is no bake and as `Baker`, `denoised`
+    and `LightmapPage` do.
     """
     (planned,) = plan_points([configuration])
     if planned.problem is not None:
         raise planned.problem
     point = planned.point
-    room = find_workload(point.workload).part("measure")
-    assert room is not None
+    room: Any = find_workload(point.workload).part("measure")
     folder = Path(configuration.output or Path(configuration.results_dir) / "bake" / point.scene)
     check_writable(folder)
     settings, mesh = point.workload_options, load_mesh(point)
     scene = room.bake_scene(point, mesh)
+    with make_own(point, mesh, point.camera) as tracer:
+        views = Views(tracer.trace(), scene)
     print(f"charts of {mesh!r}")
     options = settings.options(point.threads, point.build_quality)
     with Baker(scene, room.atlas_of(point, mesh), options=options) as baker:
@@ -42,23 +92,47 @@ def run_bake(configuration: Configuration) -> Path:
             baker.set_view(point.camera)
         start = perf_counter()
         try:
-            _bake(baker, settings.final_samples)
+            if configuration.live:
+                _bake_live(baker, settings.final_samples, point, configuration.view.port)
+            else:
+                _bake(baker, settings.final_samples, views)
         except KeyboardInterrupt:
             print(f"interrupted after {int(baker.samples.min())} samples of every texel; writing these")
         taken_s = perf_counter() - start
         print(f"{baker.rays:,} rays in {taken_s:.1f} s, {baker.rays / taken_s / 1e6:.2f} million a second")
         lightmap, visible = baker.maps, baker.visible
-    for path in [*save_maps(lightmap, folder, visible=visible), save_model(lightmap, scene, folder / "scene.glb")]:
+    if settings.denoise:
+        lightmap = denoised(lightmap, point.threads)
+    views.keep("view", lightmap, Seams.of(mesh, lightmap.texels.atlas))
+    written = save_maps(lightmap, folder, visible=visible) + views.save(folder, exposure_of(lightmap))
+    for path in [*written, save_model(lightmap, scene, folder / "scene.glb")]:
         print(f"written: {path}")
     return folder
 
 
-def _bake(baker: Baker, target: int) -> None:
+def _bake(baker: Baker, target: int, views: Views) -> None:
     """To the target, with a bar where there is a terminal."""
     console = Console(stderr=True)
     columns = TextColumn("baking"), BarColumn(bar_width=24), TextColumn("{task.percentage:3.0f} %")
     times = TimeElapsedColumn(), TextColumn("to go"), TimeRemainingColumn()
     with Progress(*columns, *times, console=console, disable=not console.is_terminal, transient=True) as progress:
         task = progress.add_task("", total=target * len(baker.texels))
-        while baker.advance(target):
-            progress.update(task, completed=int(baker.samples.sum(dtype=int)))
+        for count in [*(one for one in SHOWN if one < target), target]:
+            while baker.advance(count):
+                progress.update(task, completed=int(baker.samples.sum(dtype=int)))
+            if count < target:
+                views.keep(f"view_{count}", baker.maps)
+
+
+def _bake_live(baker: Baker, target: int, point: Point, port: int) -> None:
+    """In a thread, shown on a page until that is closed."""
+    from experiments.viewer.lightmap import LightmapPage
+    from experiments.viewer.request import Pose
+
+    camera: Any = point.camera
+    first = Pose(camera.eye, camera.target, camera.up, camera.fov_y_degrees)
+    bake = ProgressiveBake(baker, target)
+    arguments = bake, baker.scene, baker.texels.atlas, target, first, port, point.scene
+    with closing(LightmapPage(*arguments, threads=point.threads)) as page, bake:
+        print(f"viewer: {page.address} shows {point.scene}; Ctrl-C ends it, and what there is is written", flush=True)
+        page.run()

@@ -133,6 +133,7 @@ class Configuration:
     method, workload: the options of one of `METHODS` and of one of `WORKLOADS`; once read, instances of their types
     with the names beside them. threads: null = every core; they, build_quality and ties hold for all that is traced at
     a point, baselines included. output: folder of the files of a bake; null = one of the scene's below results_dir.
+    live: a bake is shown on a page of the browser, at view.port.
     """
 
     scene: SceneConfiguration = field(default_factory=SceneConfiguration)
@@ -149,6 +150,7 @@ class Configuration:
     ties: Ties = Ties.lowest
     results_dir: str = "results"
     output: str | None = None
+    live: bool = False
     debug: bool = False
 
 

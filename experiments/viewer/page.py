@@ -2,77 +2,46 @@
 
 from __future__ import annotations
 
-import asyncio
 import contextlib
-import io
-import socket
-import sys
 from collections.abc import Callable, Coroutine, Iterator
-from math import degrees, radians
 from time import monotonic
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from atra.errors import InputError
 from experiments.methods import METHODS, find_method
+from experiments.viewer.camera_page import CameraPage
 from experiments.viewer.request import FRAMES, SHADES, SPLITS, Pose, Request
 from experiments.viewer.session import Artist, Frame, Session
 
 if TYPE_CHECKING:
-    from viser import CameraHandle, ClientHandle, GuiEvent, ViserServer
-
-HOST = "127.0.0.1"
-
-LEAVE_S = 10.0
-"""How long the last page may be gone, as when it is loaded anew, before the viewer ends."""
+    from viser import GuiEvent
 
 _TOLD_S = 0.2
 """From one line of numbers to the next while the camera moves: nobody reads faster."""
 
-_JPEG_QUALITY = 85
 
+class Page(CameraPage):
+    """The screen of a `Session`: of several open pages, all show what one asked for last.
 
-class Page:
-    """The screen of a `Session`. Bound to this machine alone; of several open pages, all show what one asked for last.
-
-    title: of the panel. size: of the scene, for its lengths. Raises InputError where viser is missing or the port is
-    taken.
+    size: of the scene, for its lengths. title, port: of `CameraPage`, which says what is raised.
     """
 
     def __init__(self, artist: Artist, first: Request, port: int, title: str, size: float) -> None:
-        self._server = _serve(port, title)
+        super().__init__(port, title)
         self.session = Session(artist, self, first)
         self._told_s = 0.0
         self._moved_s: float | None = None
         self._folders: dict[str, Any] = {}
         self._add_controls(size)
-        self._place_camera(first.pose)
-        self._server.on_client_connect(self._follow)
-        self._server.on_client_disconnect(self._leave)
-
-    @property
-    def address(self) -> str:
-        """Where it is."""
-        return f"http://{HOST}:{self._server.get_port()}"
+        self.follow(first.pose)
 
     def run(self) -> None:
-        """Until Ctrl-C, or until the last page has been closed for `LEAVE_S`."""
+        """Until Ctrl-C, or until the last page has been closed for a while."""
         self.session.run()
-
-    def close(self) -> None:
-        """Close the port."""
-        with contextlib.redirect_stdout(io.StringIO()):
-            self._server.stop()
 
     def show(self, frame: Frame) -> None:
         """Send a picture: a JPEG while the camera moves, a PNG when it rests."""
-        image, is_still = np.ascontiguousarray(frame.picture.image), frame.samples > 0
-        if is_still:
-            self._server.scene.set_background_image(image, format="png")
-        else:
-            self._server.scene.set_background_image(image, format="jpeg", jpeg_quality=_JPEG_QUALITY)
-        self._server.flush()
+        is_still = frame.samples > 0
+        self.send(frame.picture.image, is_still)
         now_s, before_s = monotonic(), self._moved_s
         self._moved_s = None if is_still else now_s
         if is_still or now_s - self._told_s >= _TOLD_S:
@@ -83,27 +52,16 @@ class Page:
         """Put it in place of the numbers."""
         self._numbers.content = f"**{problem}**"
 
-    async def _follow(self, client: ClientHandle) -> None:
-        @client.camera.on_update
-        async def _(camera: CameraHandle) -> None:  # on viser's own thread, so that cameras come in their order
-            self.session.want(pose_of(camera))
+    def moved(self, pose: Pose) -> None:
+        """A page looks from there."""
+        self.session.want(pose)
 
-    async def _leave(self, client: ClientHandle) -> None:
-        def end_without_pages() -> None:
-            if not self._server.get_clients():
-                self.session.close()
-
-        asyncio.get_running_loop().call_later(LEAVE_S, end_without_pages)
-
-    def _place_camera(self, pose: Pose) -> None:
-        camera = self._server.initial_camera
-        self._server.scene.set_up_direction(pose.up)
-        camera.position, camera.look_at, camera.up = np.array(pose.eye), np.array(pose.target), np.array(pose.up)
-        camera.fov = radians(pose.fov_y_degrees)
+    def left(self) -> None:
+        """The last page is closed."""
+        self.session.close()
 
     def _add_controls(self, size: float) -> None:
         gui, now = self._server.gui, self.session.wanted.settings
-        gui.configure_theme(show_logo=False, show_share_button=False)
         self._numbers = gui.add_markdown("preparing; a first start compiles kernels, which takes about a minute")
         labels = {one.label: one.name for one in METHODS if one.is_ours and one.problem() is None}
         with gui.add_folder("Picture"):
@@ -163,48 +121,6 @@ class Page:
             self._show_folders()
 
         return changed
-
-
-def _serve(port: int, title: str) -> ViserServer:
-    try:
-        import viser
-    except ImportError:
-        raise InputError("the viewer needs viser, which is not installed; run: pip install -e '.[viewer]'") from None
-
-    class Server(viser.ViserServer):
-        def request_share_url(self, verbose: bool = True) -> None:
-            """Refuse: any page that the browser shows could ask for a tunnel to the world."""
-
-    with contextlib.redirect_stdout(io.StringIO()):  # its banner
-        if port and not _is_free(port):
-            raise InputError(f"port {port} is taken; choose another by view.port=..., or 0 for any that is free")
-        server = Server(host=HOST, port=port, label=title, verbose=False)
-        if port and server.get_port() != port:  # it takes the next one where another was faster
-            server.stop()
-            raise InputError(f"port {port} is taken; choose another by view.port=..., or 0 for any that is free")
-    return server
-
-
-def _is_free(port: int) -> bool:
-    with socket.socket() as one:
-        if sys.platform != "win32":
-            one.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # or one that was just left would seem taken
-        try:
-            one.bind((HOST, port))
-        except OSError:
-            return False
-    return True
-
-
-def pose_of(camera: CameraHandle) -> Pose:
-    """Where a page looks from. viser's axes are those of OpenCV, as ours: right, down, forward."""
-    from viser.transforms import SO3
-
-    axes = SO3(np.asarray(camera.wxyz)).as_matrix()
-    eye = np.asarray(camera.position, np.float64)
-    x, y, z = eye.tolist()
-    target, up = (eye + axes[:, 2]).tolist(), (-axes[:, 1]).tolist()
-    return Pose((x, y, z), tuple(target), tuple(up), degrees(camera.fov), camera.aspect)
 
 
 def say_numbers(frame: Frame, since_s: float | None) -> str:

@@ -1,1 +1,1 @@
-"""Charts of a mesh: where its triangles lie in a map, which texels they have, and seams between them."""
+"""Charts of a mesh: where its triangles lie in a map, and which texels they have."""

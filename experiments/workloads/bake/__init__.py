@@ -1,4 +1,4 @@
-"""Workload `bake`: samples of a lightmap, beside those of a batch in which every texel of the map has a lane."""
+"""Workload `bake`: samples of a lightmap, beside those of a bake that lacks one of its means."""
 
 from __future__ import annotations
 
@@ -7,24 +7,32 @@ from enum import Enum
 from statistics import median
 from typing import Any
 
+import numpy as np
+
 from atra.bake import BakeOptions
 from atra.errors import InputError
 from experiments.harness.column import REAL, WHOLE, Column
 from experiments.harness.point import Point
 from experiments.harness.records import Record
 from experiments.methods.method import option
-from experiments.results.statistics import statistics_columns
+from experiments.results.statistics import Series, statistics_columns
 from experiments.workloads.baselines import OWN, over_own, series
 from experiments.workloads.resources import say_mib
 from experiments.workloads.workload import UnderSky, Workload
 
-PLAIN, WHOLE_MAP, WITHOUT_VIEW = "all_lanes", "whole_map", "without_view"
-"""Names in the samples, beside the point's own: texels that nothing lights keep their lanes; the whole map, seen texels
-first; the whole map, in the order of rows."""
+OTHER, WHOLE_MAP, WITHOUT_VIEW = "other", "whole_map", "without_view"
+"""Names in the samples, beside the point's own: what it is held against; the whole map, seen texels first; the whole
+map, in the order of rows."""
 
 STAGES = ("order", "generate", "aim", "shadow", "scatter", "trace", "shade", "compact", "gather", "other")
+TRACING, SHADING = ("shadow", "trace"), ("aim", "scatter", "shade")
+"""Stages in Embree, and those that compute light."""
+
 THRESHOLDS = (10, 5, 2)
 """Percent, of the relative error of a map."""
+
+FULLEST = 0.7
+"""Of a map: occupancies are held against it."""
 
 
 class Compaction(Enum):
@@ -42,18 +50,44 @@ class Lights(Enum):
     grid = "grid"
 
 
+class Environment(Enum):
+    """As of `atra.bake.BakeOptions`."""
+
+    mis = "mis"
+    light = "light"
+    bsdf = "bsdf"
+
+
+class Against(Enum):
+    """What a round is held against in the same rounds: nothing; one kind of compaction less; a map that is as full as
+    can be; rays of texels that do not lie side by side; paths that never end by roulette; a sky that is found by chance
+    alone; code for faces that let light on."""
+
+    nothing = "nothing"
+    compaction = "compaction"
+    occupancy = "occupancy"
+    expansion = "expansion"
+    roulette = "roulette"
+    environment = "environment"
+    translucency = "translucency"
+
+
 @dataclass(frozen=True)
 class BakeSettings(UnderSky):
     """Raises InputError for values that no bake could use."""
 
     size: int = option(512, "texels along a side of the map, before a lower occupancy makes it larger")
     occupancy: float | None = option(
-        None, "share of the map that is lit, by wider gutters; null: what xatlas makes", "any"
+        None, "share of the map that is lit, by empty rows; null: what xatlas makes", "any"
     )
     samples: int = option(16, "of a texel, in a round")
     final_samples: int = option(512, "samples of a finished map, which nobody waits for")
     bounces: int = option(4, "how often light is reflected at most")
+    roulette_from: int | None = option(2, "bounces after which weak paths end by chance; null: never", "never")
     albedo: float | None = option(None, "of all faces; null: the scene's own", "own")
+    panorama: bool = option(False, "whether the sky is a panorama with a sun in it, and the only light")
+    environment: Environment = option(Environment.mis, "what finds the light of a panorama: mis, light or bsdf")
+    lamps: int = option(0, "point lights all over the scene, in place of its own; 0: its own")
     compaction: Compaction = option(Compaction.bounces, "which lanes move together: none, texels or bounces")
     priority: bool = option(False, "whether texels that the view shows come first")
     lights: Lights = option(Lights.uniform, "which of many lights rays are aimed at: uniform or grid")
@@ -61,6 +95,8 @@ class BakeSettings(UnderSky):
     packets: int | None = option(1, "rays of a packet; null: the widest that are native", "widest")
     batch_rays: int = option(1 << 19, "rays in flight")
     expansion: int = option(16, "samples of a texel side by side in a batch")
+    denoise: bool = option(False, "whether the finished map is denoised")
+    against: Against = option(Against.nothing, "what a round is held against in the same rounds")
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -68,6 +104,8 @@ class BakeSettings(UnderSky):
             value = getattr(self, name)
             if not low <= value <= high:
                 raise InputError(f"workload.{name} is {value}, expected a whole number from {low} to {high}")
+        if not 0 <= self.lamps <= 1 << 16:
+            raise InputError(f"workload.lamps is {self.lamps}, expected a whole number from 0 to {1 << 16}")
         for name, most in (("occupancy", 0.95), ("albedo", 0.999)):
             share = getattr(self, name)
             if share is not None and not 0.0 < share <= most:
@@ -83,10 +121,26 @@ class BakeSettings(UnderSky):
             bounces=self.bounces,
             lights=self.lights.value,
             adaptive=self.adaptive,
+            roulette_from=self.roulette_from,
+            environment=self.environment.value,
             compaction=self.compaction.value,
             batch_rays=self.batch_rays,
             expansion=self.expansion,
         )
+
+    @property
+    def other(self) -> dict[str, Any] | None:
+        """Options of the library that are other in what it is held against; None where that is nothing."""
+        less = {Compaction.texels: "none", Compaction.bounces: "texels"}
+        if self.against is Against.nothing or (self.against is Against.compaction and self.compaction not in less):
+            return None
+        changes: dict[Against, dict[str, Any]] = {
+            Against.compaction: {"compaction": less.get(self.compaction)},
+            Against.expansion: {"expansion": 1},
+            Against.roulette: {"roulette_from": None},
+            Against.environment: {"environment": "bsdf"},
+        }
+        return changes.get(self.against, {})
 
 
 def _headline(record: Record) -> str:
@@ -98,41 +152,71 @@ def _headline(record: Record) -> str:
     )
 
 
-def _rays_per_s(record: Record) -> Any:
-    own, rays = series(OWN)(record), record.results.get("rays_per_round")
-    return None if own is None or rays is None else rays / own
+def _rays_per_s(name: str = OWN, rays: str = "rays_per_round") -> Series:
+    def read(record: Record) -> Any:
+        taken, count = series(name)(record), record.results.get(rays)
+        return None if taken is None or count is None else count / taken
+
+    return read
 
 
 def _of_view(point: Point) -> frozenset[str]:
-    names = {OWN, PLAIN}
-    return frozenset(names | {WHOLE_MAP, WITHOUT_VIEW} if point.workload_options.priority else names)
+    settings = point.workload_options
+    others = {OTHER} if settings.other is not None else {WHOLE_MAP, WITHOUT_VIEW} if settings.priority else set()
+    return frozenset({OWN, *others})
 
 
-def _over(upper: str, lower: str) -> Any:
+def _over(upper: Series, lower: Series) -> Series:
     def ratios(record: Record) -> Any:
-        above, below = series(upper)(record), series(lower)(record)
+        above, below = upper(record), lower(record)
         return None if above is None or below is None else above / below
 
     return ratios
 
+
+def _result(name: str) -> Series:
+    """One value a process."""
+
+    def read(record: Record) -> Any:
+        value = record.results.get(name)
+        return None if not value else np.array([value])
+
+    return read
+
+
+def _quality(record: Record) -> Any:
+    """Variance times time: what an error takes."""
+    ratios, variances = over_own(series(OTHER))(record), _result("variance_ratio")(record)
+    return None if ratios is None or variances is None else ratios * variances
+
+
+_RAYS, _OTHER_RAYS = _rays_per_s(), _rays_per_s(OTHER, "other_rays_per_round")
 
 BAKE = Workload(
     name="bake",
     options=BakeSettings,
     columns=(
         *statistics_columns("bake_time{}_s", "a round of samples of the texels that come first", series(OWN)),
-        *statistics_columns("rays_per_s{}", "rays that were traced in a second", _rays_per_s),
-        *statistics_columns("speedup_vs_all_lanes{}", "every texel with a lane / this", over_own(series(PLAIN))),
+        *statistics_columns("rays_per_s{}", "rays that were traced in a second", _RAYS),
+        *statistics_columns("speedup_vs_other{}", "what it is held against / this", over_own(series(OTHER))),
+        *statistics_columns("rays_speedup_vs_other{}", "rays/s, this / the other's", _over(_RAYS, _OTHER_RAYS)),
+        *statistics_columns("quality_vs_other{}", "time to an error, the other's / this", _quality),
+        *statistics_columns("tracing_vs_other{}", "stages that trace, the other's / this", _result("tracing_ratio")),
+        *statistics_columns("shading_vs_other{}", "stages that shade, the other's / this", _result("shading_ratio")),
         *statistics_columns("view_speedup{}", "a round without a view / this", over_own(series(WITHOUT_VIEW))),
-        *statistics_columns("whole_map_cost{}", "the whole map, seen first / in rows", _over(WHOLE_MAP, WITHOUT_VIEW)),
+        *statistics_columns(
+            "whole_map_cost{}", "the whole map, seen first / in rows", _over(series(WHOLE_MAP), series(WITHOUT_VIEW))
+        ),
         Column("rays_per_round", WHOLE, "rays that a round traces"),
         Column("lane_utilisation", REAL, "of the lanes of all stages that trace, those with a ray"),
+        Column("batch_fill", REAL, "of the rays that a batch has room for, those that texels start in it"),
         *(Column(f"{stage}_s", REAL, f"of a round, in the stage {stage}") for stage in STAGES),
         *(
             Column(f"{kind}time_to_rmse_{percent}_s", REAL, f"until the error {of} is {percent} %, by its variance")
             for kind, of in (("", "of the map"), ("visible_", "of what the view shows"))
             for percent in THRESHOLDS
         ),
+        Column("error_over_forecast", REAL, "difference of two independent maps / what their variances forecast"),
         Column("buffer_bytes", WHOLE, "rays in flight"),
         Column("texels", WHOLE, "that are lit"),
         Column("charts", WHOLE, "in the map"),
@@ -141,6 +225,9 @@ BAKE = Workload(
         Column("visible_share", REAL, "of its texels, those that the view shows"),
         Column("culling_map_s", REAL, "finding these by the point's method"),
         Column("atlas_s", REAL, "making charts and texels"),
+        Column("seam_step_ratio", REAL, "difference of both sides of seams, after / before stitching"),
+        *statistics_columns("denoised_over_raw{}", "error denoised / raw of 4 x as many", _result("denoised_ratio")),
+        Column("denoise_s", REAL, "denoising the map"),
     ),
     headline=_headline,
     room=__name__,

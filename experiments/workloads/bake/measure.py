@@ -1,4 +1,4 @@
-"""Time of baking: rounds of samples by the point's settings, and by a batch in which every texel has a lane."""
+"""Time of baking: rounds of samples by the point's settings, and by a bake that lacks one of its means."""
 
 from __future__ import annotations
 
@@ -12,61 +12,98 @@ from typing import Any
 
 import numpy as np
 
-from atra.bake import Atlas, Baker, BakeScene, Lightmap, Surface
-from atra.bake.charts.texels import Texels
+from atra.bake import Atlas, Baker, BakeScene, Lightmap, Seams, Surface, Texels, denoised, dilated
 from atra.geometry.mesh import Mesh
+from atra.render import PanoramaSky, PointLight, constant_sky
 from experiments.harness.point import Point
-from experiments.workloads.bake import PLAIN, STAGES, THRESHOLDS, WHOLE_MAP, WITHOUT_VIEW
+from experiments.workloads.bake import (
+    FULLEST,
+    OTHER,
+    SHADING,
+    STAGES,
+    THRESHOLDS,
+    TRACING,
+    WHOLE_MAP,
+    WITHOUT_VIEW,
+    Against,
+)
 from experiments.workloads.baselines import OWN
 from experiments.workloads.rounds import load_mesh, measured, timed_rounds
 from experiments.workloads.workload import Measured, make_own
 from scenes.directory import default_cache
 from scenes.lit.rooms import lit_room
 
-_PADDINGS = (2, 3, 4, 5, 6, 8, 10, 12, 16, 20, 24, 32)
+_NEARLY = 0.999
+"""Opacity of one face of a scene that is to be baked as if it let light on."""
+
+_REFERENCE = 4
+"""Times the samples of a map that is denoised: of the raw one that it is held against."""
+
+_SUN = 400.0
+"""Radiance of the sun of the panorama, whose sky is 1."""
 
 
 def bake_scene(point: Point, mesh: Mesh) -> BakeScene:
-    """The mesh with light, and with the albedo that is asked for."""
+    """The mesh with light, and with the albedo, the lamps and the sky that are asked for."""
     settings = point.workload_options
-    scene, albedo = BakeScene.of(settings.under_sky(lit_room(mesh))), settings.albedo
-    if albedo is None:
+    scene = BakeScene.of(settings.under_sky(lit_room(mesh)))
+    surface, own_light = scene.surface, not (settings.panorama or settings.lamps)
+    assert surface is not None
+    if settings.albedo is not None or not own_light:
+        albedo = surface.albedo if settings.albedo is None else settings.albedo
+        scene = replace(scene, surface=Surface.plain(mesh, albedo, surface.emission if own_light else 0.0))
+    if own_light:
         return scene
-    assert scene.surface is not None
-    return replace(scene, surface=Surface.plain(mesh, albedo, scene.surface.emission))
+    sky = panorama() if settings.panorama else constant_sky(0.0)
+    return replace(scene, lights=lamps(mesh, settings.lamps), sky=sky)
+
+
+def lamps(mesh: Mesh, count: int) -> tuple[PointLight, ...]:
+    """So many point lights all over the box of the mesh, together as bright however many they are."""
+    low, size = mesh.bounds[0].astype(np.float64), np.ptp(mesh.bounds, axis=0).astype(np.float64)
+    places = low + size * (0.1 + 0.8 * np.random.default_rng(1).random((count, 3)))
+    power = float((size**2).sum()) / 4.0 / max(count, 1)
+    return tuple(PointLight(tuple(place), power=power) for place in places.tolist())
+
+
+def panorama() -> PanoramaSky:
+    """A sky of 1 above a ground of 0.2, with a small sun."""
+    texels = np.full((32, 64, 3), 0.2, np.float32)
+    texels[:16] = 1.0
+    texels[8, 20] = _SUN
+    return PanoramaSky(texels)
 
 
 def atlas_of(point: Point, mesh: Mesh) -> Atlas:
-    """Charts of the mesh, kept among fetched scenes; gutters as wide as the occupancy asks for, texels as large."""
-    settings = point.workload_options
-    kept: dict[str, Any] = {"kept_in": default_cache() / "atlases", "time_limit_s": point.time_limit_s}
-    atlas = Atlas.unwrap(mesh, settings.size, **kept)
-    if settings.occupancy is None:
-        return atlas
-    area = float(np.linalg.norm(np.cross(*_edges(mesh.vertices[mesh.faces])), axis=1).sum())
-    per_unit = sqrt(float(np.abs(np.nan_to_num(_cross(atlas.uv))).sum()) / area)
-    for padding in _PADDINGS:
-        wider = Atlas.unwrap(mesh, settings.size, padding=padding, texels_per_unit=per_unit, **kept)
-        if Texels.of(mesh, wider).occupancy < settings.occupancy:
-            break
-        atlas = wider
-    return enlarged(atlas, len(Texels.of(mesh, atlas)) / settings.occupancy)
+    """Charts of the mesh, kept among fetched scenes, and as many empty rows below as the occupancy asks for."""
+    size, occupancy = point.workload_options.size, point.workload_options.occupancy
+    atlas = Atlas.unwrap(mesh, size, kept_in=default_cache() / "atlases", time_limit_s=point.time_limit_s)
+    return atlas if occupancy is None else emptier(mesh, atlas, occupancy)
 
 
-def _edges(corners: Any) -> tuple[Any, Any]:
-    exact = corners.astype(np.float64)
-    return exact[:, 1] - exact[:, 0], exact[:, 2] - exact[:, 0]
-
-
-def _cross(uv: Any) -> Any:
-    a, b = uv[:, 1] - uv[:, 0], uv[:, 2] - uv[:, 0]
-    return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
-
-
-def enlarged(atlas: Atlas, texels: float) -> Atlas:
-    """The same charts on a map of as many texels, or as it is, if it has more: what is new is empty."""
-    height = max(atlas.height, round(texels / atlas.width))
+def emptier(mesh: Mesh, atlas: Atlas, occupancy: float) -> Atlas:
+    """The same texels on a map of which they are that share, or less where charts leave more room between them."""
+    used = int(np.ceil(np.nanmax(atlas.uv[..., 1])))
+    height = max(used, round(len(Texels.of(mesh, atlas)) / occupancy / atlas.width))
     return Atlas(np.nan_to_num(atlas.uv), atlas.chart, atlas.width, height)
+
+
+class Counted:
+    """A baker, and what it has done since it was ready."""
+
+    def __init__(self, baker: Baker) -> None:
+        self.baker = baker
+        self._before = baker.rays, baker.lanes, dict(baker.stage_s)
+
+    def rays(self) -> int:
+        return self.baker.rays - self._before[0]
+
+    def lanes(self) -> int:
+        return self.baker.lanes - self._before[1]
+
+    def stage_s(self, *stages: str) -> float:
+        """Of all rounds together."""
+        return sum(self.baker.stage_s.get(one, 0.0) - self._before[2].get(one, 0.0) for one in stages)
 
 
 def measure(point: Point) -> Measured:
@@ -77,32 +114,71 @@ def measure(point: Point) -> Measured:
     options = settings.options(point.threads, point.build_quality)
     with ExitStack() as stack:
 
-        def baker(**changes: Any) -> Baker:
+        def baker(scene: BakeScene = scene, atlas: Atlas = atlas, **changes: Any) -> Baker:
             one: Baker = stack.enter_context(Baker(scene, atlas, options=replace(options, **changes)))
             one.add(1)  # compiles
             return one
 
-        own, plain = baker(), baker(compaction="none")
+        own = baker()
         results: dict[str, Any] = {"atlas_s": perf_counter() - start}
-        calls: dict[str, Callable[[], object]] = {OWN: lambda: own.add(settings.samples)}
+        bakers = {OWN: own}
+        if settings.other is not None:
+            full = settings.against is Against.occupancy
+            bakers[OTHER] = baker(
+                _see_through(scene) if settings.against is Against.translucency else scene,
+                emptier(mesh, atlas, FULLEST) if full else atlas,
+                seed=1,
+                **settings.other,
+            )
         if settings.priority:
             with make_own(point, mesh, point.camera) as tracer:
                 tracer.trace()
                 begin = perf_counter()
                 own.set_view(point.camera, tracer)
                 results["culling_map_s"] = perf_counter() - begin
-            whole, rows = baker(), baker()
-            whole.visible = own.visible
-            calls = {
-                OWN: lambda: add_visible(own, settings.samples),
-                WHOLE_MAP: lambda: add_whole(whole, settings.samples),
-                WITHOUT_VIEW: lambda: rows.add(settings.samples),
-            }
-        before = own.rays, own.lanes, dict(own.stage_s)
-        timed = timed_rounds(point, calls | {PLAIN: lambda: plain.add(settings.samples)})
+            if settings.other is None:
+                bakers |= {WHOLE_MAP: baker(seed=1), WITHOUT_VIEW: baker()}
+                bakers[WHOLE_MAP].visible = own.visible
+            else:
+                bakers[OTHER].visible = own.visible
+        counted = {name: Counted(one) for name, one in bakers.items()}
+        timed = timed_rounds(point, _calls(bakers, settings.samples))
         rounds = timed.rounds + point.warmup
-        results |= _told(own, before, rounds) | _quality(own, timed.samples, settings.samples, settings.priority)
+        results |= _told(counted[OWN], rounds, settings.samples)
+        if OTHER in counted:
+            results |= _against(counted[OWN], counted[OTHER], rounds)
+        rows = bakers.get(WITHOUT_VIEW, own)
+        if settings.against is not Against.translucency and len(bakers) > 1:
+            pair = (bakers[WHOLE_MAP], rows) if WHOLE_MAP in bakers else (own, bakers[OTHER])
+            results["error_over_forecast"] = _error_over_forecast(*pair)
+        if own.visible is not None:
+            results |= _times_to("visible_", own.maps, own.visible, timed.samples[OWN], settings.samples)
+        if rows.visible is None:
+            every = np.ones(len(own.texels), bool)
+            taken = timed.samples.get(WITHOUT_VIEW, timed.samples[OWN])
+            results |= _times_to("", rows.maps, every, taken, settings.samples)
+        if settings.denoise:
+            results |= _finishing(own, baker(seed=2), settings.final_samples)
     return measured(results, timed)
+
+
+def _see_through(scene: BakeScene) -> BakeScene:
+    """The scene with a face that is not quite opaque."""
+    surface = scene.surface
+    assert surface is not None
+    assert surface.opacity is not None
+    opacity = surface.opacity.copy()
+    opacity[int(np.argmin(surface.emission.any(axis=1)))] = _NEARLY
+    return replace(scene, surface=replace(surface, opacity=opacity))
+
+
+def _calls(bakers: dict[str, Baker], samples: int) -> dict[str, Callable[[], object]]:
+    def call(name: str, baker: Baker) -> Callable[[], object]:
+        if name == WHOLE_MAP:
+            return lambda: add_whole(baker, samples)
+        return lambda: baker.add(samples) if baker.visible is None else add_visible(baker, samples)
+
+    return {name: call(name, baker) for name, baker in bakers.items()}
 
 
 def add_visible(baker: Baker, samples: int) -> None:
@@ -121,38 +197,82 @@ def add_whole(baker: Baker, samples: int) -> None:
         pass
 
 
-def _told(baker: Baker, before: tuple[int, int, dict[str, float]], rounds: int) -> dict[str, Any]:
-    rays, lanes, stages = before
-    texels = baker.texels
+def _told(own: Counted, rounds: int, samples: int) -> dict[str, Any]:
+    baker, texels = own.baker, own.baker.texels
     visible = baker.visible
+    first = len(texels) if visible is None else int(visible.sum())
+    expansion = min(samples, baker.options.expansion)
+    room = max(baker.options.batch_rays // baker.rays_scene.threads, baker.options.expansion)
+    batches = -(-first // max(1, room // expansion))
     return {
-        "rays_per_round": (baker.rays - rays) // rounds,
-        "lane_utilisation": (baker.rays - rays) / max(1, baker.lanes - lanes),
+        "rays_per_round": own.rays() // rounds,
+        "lane_utilisation": own.rays() / max(1, own.lanes()),
+        "batch_fill": first * expansion / (batches * room) if batches else 0.0,
         "buffer_bytes": baker.buffer_bytes,
         "texels": len(texels),
         "charts": texels.atlas.charts,
         "texels_lost": texels.faces_lost,
         "map_occupancy": texels.occupancy,
         "visible_share": None if visible is None else float(visible.mean()),
-    } | {
-        f"{stage}_s": (baker.stage_s.get(stage, 0.0) - stages.get(stage, 0.0)) / rounds for stage in STAGES
-    }  # fmt: skip
+    } | {f"{stage}_s": own.stage_s(stage) / rounds for stage in STAGES}
 
 
-def _quality(baker: Baker, samples: dict[str, tuple[float, ...]], count: int, priority: bool) -> dict[str, Any]:
-    """Seconds to an error: samples are independent, so its square is the variance of one, over their number."""
-    lightmap = baker.maps
-    every = samples[WITHOUT_VIEW if priority else OWN]
-    found = _times("", lightmap, np.ones(len(baker.texels), bool), median(every) / count)
-    if baker.visible is not None:
-        found |= _times("visible_", lightmap, baker.visible, median(samples[OWN]) / count)
-    return found
+def _against(own: Counted, other: Counted, rounds: int) -> dict[str, float | None]:
+    which = np.ones(len(own.baker.texels), bool) if own.baker.visible is None else own.baker.visible
+    variances = [_variance(one.baker.maps, which) for one in (own, other)]
+    return {
+        "other_rays_per_round": other.rays() / rounds,
+        "variance_ratio": variances[1] / variances[0] if all(variances) else None,  # type: ignore[operator]
+        "tracing_ratio": other.stage_s(*TRACING) / max(own.stage_s(*TRACING), 1e-9),
+        "shading_ratio": other.stage_s(*SHADING) / max(own.stage_s(*SHADING), 1e-9),
+    }
 
 
-def _times(kind: str, lightmap: Lightmap, which: Any, sample_s: float) -> dict[str, float | None]:
+def _variance(lightmap: Lightmap, which: Any) -> float | None:
+    """Of one sample, over the squared mean of the light: the square of its relative error."""
     used = which & lightmap.valid
     mean = float(lightmap.luminance[used].mean()) if used.any() else 0.0
-    if not mean > 0.0:
+    return float(lightmap.variance[used].mean()) / mean**2 if mean > 0.0 else None
+
+
+def _error_over_forecast(one: Baker, other: Baker) -> float | None:
+    """Of two maps by other random numbers, where both have all their samples."""
+    maps = [baker.maps for baker in (one, other)]
+    used = maps[0].valid & maps[1].valid
+    for lightmap in maps:
+        used &= lightmap.samples == lightmap.samples.max()
+    forecast = sum(float((lightmap.variance[used] / lightmap.samples[used]).sum()) for lightmap in maps)
+    square = float(((maps[0].luminance[used] - maps[1].luminance[used]) ** 2).sum())
+    return sqrt(square / forecast) if forecast > 0.0 else None
+
+
+def _times_to(kind: str, lightmap: Lightmap, which: Any, taken: tuple[float, ...], count: int) -> dict[str, float]:
+    """Seconds to an error: samples are independent, so its square is the variance of one, over their number."""
+    one, sample_s = _variance(lightmap, which), median(taken) / count
+    if one is None:
         return {}
-    one = float(lightmap.variance[used].mean()) / mean**2
-    return {f"{kind}time_to_rmse_{percent}_s": one / (percent / 100) ** 2 * sample_s for percent in THRESHOLDS}
+    return {f"{kind}time_to_rmse_{limit}_s": one / (limit / 100) ** 2 * sample_s for limit in THRESHOLDS}
+
+
+def _finishing(baker: Baker, reference: Baker, samples: int) -> dict[str, float | None]:
+    """What denoising and stitching gain on a map of so many samples."""
+    while baker.advance(samples):
+        pass
+    raw = baker.maps
+    start = perf_counter()
+    clean = denoised(raw, baker.rays_scene.threads)
+    denoise_s = perf_counter() - start
+    while reference.advance(_REFERENCE * samples):
+        pass
+    known = reference.maps
+    used = raw.valid & known.valid
+    noise = float((known.variance[used] / known.samples[used]).mean())  # of the reference; of so many samples of any
+    square = float(((clean.luminance[used] - known.luminance[used]) ** 2).mean()) - noise
+    seams = Seams.of(raw.texels.mesh, raw.texels.atlas)
+    image = dilated(raw.texels, raw.combined, raw.valid)
+    before = seams.step(image)
+    return {
+        "denoise_s": denoise_s,
+        "denoised_ratio": sqrt(max(square, 0.0) / noise) if noise > 0.0 else None,
+        "seam_step_ratio": seams.step(seams.stitched(image)) / before if before > 0.0 else None,
+    }

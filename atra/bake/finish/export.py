@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.bake.charts.finish import Seams, dilated
+from atra.bake.finish.seams import Seams, dilated
 from atra.bake.maps import LIGHTS, Lightmap
 from atra.bake.surface import BakeScene
 from atra.errors import InputError
@@ -35,7 +35,8 @@ def exposure_of(lightmap: Lightmap) -> float:
 def save_maps(
     lightmap: Lightmap, folder: Path, *, stitch: bool = True, visible: NDArray[np.bool_] | None = None
 ) -> list[Path]:
-    """Write every kind of light as EXR, linear, and PNG, and openness, occupancy and charts as PNG; what was written.
+    """Write every kind of light and openness as EXR, linear, and PNG, and occupancy and charts as PNG; what was
+    written.
 
     stitch: whether seams are made to match. visible: (N,) bool, what a view shows, is written, too.
     Raises InputError without the package OpenEXR, StorageError.
@@ -48,8 +49,8 @@ def save_maps(
         image = finished(lightmap, lightmap.light(name), seams)
         files[f"{name}.exr"] = exr_of_channels({channel: image[..., k] for k, channel in enumerate("RGB")})
         files[f"{name}.png"] = png_of(exposure * image)
-    openness = finished(lightmap, lightmap.openness[:, None])
-    files["openness.png"] = _grey(openness[..., 0])
+    openness = finished(lightmap, lightmap.openness[:, None])[..., 0]
+    files["openness.exr"], files["openness.png"] = exr_of_channels({"Y": openness}), _grey(openness)
     files["occupancy.png"] = _grey(texels.occupied.astype(float))
     if visible is not None:
         files["culling_map.png"] = _grey(texels.image(0.2 + 0.8 * visible))

@@ -24,14 +24,21 @@ _PER_TEXEL = 2.0
 def dilated(texels: Texels, values: NDArray[np.float32], valid: NDArray[np.bool_]) -> NDArray[np.float32]:
     """(H, W, C) float32: (N, C) values of texels, those that are not `valid`, (N,), and all gutters filled from the
     nearest that is; 0 everywhere where none is."""
+    if not valid.any():
+        return np.zeros_like(texels.image(values))
+    place = np.divmod(texels.number[valid], texels.atlas.width)
+    return np.asarray(values[valid][nearest_known(place, (texels.atlas.height, texels.atlas.width))])
+
+
+def nearest_known(place: tuple[NDArray[np.int64], ...], shape: tuple[int, ...]) -> NDArray[np.int64]:
+    """(H, W), for each place of an image of that shape the number of the nearest that is known. place: rows and columns
+    of those, at least one."""
     from scipy.ndimage import distance_transform_edt
 
-    image = texels.image(values)
-    known = texels.image(valid, False)
-    if not known.any():
-        return np.zeros_like(image)
-    rows, columns = distance_transform_edt(~known, return_distances=False, return_indices=True)
-    return np.asarray(image[rows, columns])
+    number = np.full(shape, -1)
+    number[place] = np.arange(len(place[0]))
+    rows, columns = distance_transform_edt(number < 0, return_distances=False, return_indices=True)
+    return np.asarray(number[rows, columns])
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,0 +1,144 @@
+"""Figures of lightmaps: errors over time, stages of a round, and rays traced in a second."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, NullFormatter
+
+from experiments.drawing.axes import say_nothing_measured, tidy_axis
+from experiments.drawing.bars import Bar, Stack, draw_bars, draw_stacks, finish_bar_axes, panel_height
+from experiments.drawing.figure import FigureKind, of_table
+from experiments.drawing.pages import add_legend, write_foot
+from experiments.drawing.style import BLUE, DASHED, GREY, ORANGE, SKY, VERMILLION
+from experiments.drawing.values import MILLISECONDS, column, numbers, say_number
+from experiments.results.table import workload_rows
+from experiments.workloads.bake import BAKE, STAGES, THRESHOLDS, Against, Compaction
+from experiments.workloads.panels import draw_panels, make_panels
+
+_MEGA = 1e-6
+
+_COLOURS = {Compaction.none.value: GREY, Compaction.texels.value: ORANGE, Compaction.bounces.value: BLUE}
+
+_LINES: dict[str, tuple[str, str | None, dict[str, Any]]] = {
+    "what the view shows, first": ("visible_", None, {"color": BLUE, "marker": "o"}),
+    "what the view shows, in rows": ("visible_", "view_speedup", {"color": SKY, "marker": "s", "linestyle": DASHED}),
+    "whole map, the view first": ("", "whole_map_cost", {"color": VERMILLION, "marker": "o"}),
+    "whole map, in rows": ("", None, {"color": ORANGE, "marker": "s", "linestyle": DASHED}),
+}
+"""Of errors over time: which column, times which, and how it looks."""
+
+
+def _measured(table: pd.DataFrame, *against: Against) -> pd.DataFrame:
+    rows = workload_rows(table, BAKE.name)
+    wanted = column(rows, "against").isin([one.value for one in against]) & column(rows, "albedo").eq("own")
+    return rows[wanted.fillna(False).astype(bool)]
+
+
+def _with_a_view(table: pd.DataFrame) -> pd.DataFrame:
+    rows = _measured(table, Against.nothing)
+    return rows[column(rows, "compaction").eq(Compaction.bounces.value) & column(rows, "priority").eq(True)]
+
+
+def _by_compaction(table: pd.DataFrame) -> pd.DataFrame:
+    rows = _measured(table, Against.compaction)
+    return rows if rows["compaction"].nunique() > 1 else rows[:0]
+
+
+def draw_convergence(rows: pd.DataFrame, columns: int) -> Figure:
+    """A panel a scene, both axes logarithmic: the error over the time until it is reached."""
+    panels = make_panels(rows, ("against", "compaction"))
+    figure, axes = draw_panels(panels, _draw_errors, columns)
+    add_legend(figure, axes, list(_LINES))
+    write_foot(figure, rows, "an error is the root mean square over the mean, by the variance of samples")
+    return figure
+
+
+def _draw_errors(axis: Axes, rows: pd.DataFrame) -> None:
+    for label, (kind, factor, style) in _LINES.items():
+        times = [numbers(rows, f"{kind}time_to_rmse_{limit}_s") for limit in THRESHOLDS]
+        seconds = np.array([np.nanmedian(one) if np.isfinite(one).any() else np.nan for one in times])
+        seconds *= 1.0 if factor is None else np.nanmedian(numbers(rows, factor))
+        if np.isfinite(seconds).any():
+            axis.plot(seconds, THRESHOLDS, linewidth=1.6, markersize=5, label=label, **style)
+    axis.set_xscale("log")
+    axis.set_yscale("log")
+    axis.set_yticks(THRESHOLDS, [f"{limit} %" for limit in THRESHOLDS])
+    axis.yaxis.set_minor_formatter(NullFormatter())
+    axis.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:,.10g}"))
+    axis.set_xlabel("seconds")
+    axis.set_ylabel("error of the light")
+    tidy_axis(axis)
+    if not axis.lines:
+        say_nothing_measured(axis)
+
+
+def draw_stages(rows: pd.DataFrame, columns: int) -> Figure:
+    """A panel a scene: milliseconds of a round, a bar for each occupancy and compaction, its parts the stages."""
+    panels = make_panels(rows, ("compaction", "occupancy", "against"))
+    tallest = max((len(panel.rows) for panel in panels), default=0)
+    figure, axes = draw_panels(panels, _draw_stages, columns, panel_height(tallest))
+    add_legend(figure, axes, STAGES)
+    write_foot(figure, rows, "right of a label: time of a round")
+    return figure
+
+
+def _label(row: pd.Series) -> str:
+    return f"{row['compaction']}, {float(row['map_occupancy']):.0%} of the map lit"
+
+
+def _ordered(rows: pd.DataFrame) -> pd.DataFrame:
+    place = column(rows, "compaction").map({one.value: number for number, one in enumerate(Compaction)})
+    rows = rows[rows["status"].eq("ok")].assign(_place=place)
+    return rows.sort_values(["_place", "map_occupancy"], kind="stable")
+
+
+def _draw_stages(axis: Axes, rows: pd.DataFrame) -> None:
+    stacks = []
+    for _, row in _ordered(rows).iterrows():
+        parts = tuple(float(row[f"{stage}_s"]) * MILLISECONDS for stage in STAGES)
+        stacks.append(Stack(_label(row), parts, f"{say_number(sum(parts))} ms"))
+    draw_stacks(axis, stacks, STAGES)
+    axis.set_xlabel("ms of a round")
+    tidy_axis(axis, "x", frame=("bottom",))
+
+
+def draw_rays(rows: pd.DataFrame, columns: int) -> Figure:
+    """A panel a scene: millions of rays in a second, with intervals, a bar for each occupancy and compaction."""
+    panels = make_panels(rows, ("compaction", "occupancy", "against"))
+    tallest = max((len(panel.rows) for panel in panels), default=0)
+    figure, _ = draw_panels(panels, _draw_rays, columns, panel_height(tallest))
+    write_foot(figure, rows, "right of a label: rays/s, and of the lanes of all stages that trace, those with a ray")
+    return figure
+
+
+def _draw_rays(axis: Axes, rows: pd.DataFrame) -> None:
+    bars = []
+    for _, row in _ordered(rows).iterrows():
+        value, low, high = (
+            float(pd.to_numeric(row[f"rays_per_s{end}"], errors="coerce")) * _MEGA for end in ("", "_low", "_high")
+        )
+        text = f"{say_number(value)} million/s, lanes {float(row['lane_utilisation']):.0%}"
+        bars.append(Bar(_label(row), value, low, high, _COLOURS[row["compaction"]], text))
+    draw_bars(axis, bars)
+    finish_bar_axes(axis, bars, "million rays/s")
+
+
+FIGURES = (
+    FigureKind(
+        "bake_convergence", "Error of a lightmap over time, what the view shows first or in the order of rows",
+        _with_a_view, of_table(draw_convergence),
+    ),
+    FigureKind(
+        "bake_stages", "Stages of a round of samples, by how full the map is and which lanes move together",
+        _by_compaction, of_table(draw_stages),
+    ),
+    FigureKind(
+        "bake_rays", "Rays that are traced in a second, by how full the map is and which lanes move together",
+        _by_compaction, of_table(draw_rays),
+    ),
+)  # fmt: skip

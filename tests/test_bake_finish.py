@@ -1,0 +1,118 @@
+"""What lit texels go through before they are a file: denoising, views, and what they must not touch."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import atra
+from atra import render
+from atra.bake import BakeScene, Lightmap, Surface, Texels, clay_view, denoised, lit_view
+from atra.bake.finish.views import looked_up
+from atra.errors import InputError
+from tests.baked import baked, cube, sheet
+from tests.meshes import quads
+from tests.shown import floor
+
+
+def of_light(texels: Texels, light: NDArray[np.float32], samples: int = 16) -> Lightmap:
+    """A map of texels with this direct light, (N, 3), and no other."""
+    count = len(texels)
+    nothing, whole = np.zeros((count, 3), np.float32), np.ones(count, np.float32)
+    return Lightmap(
+        texels, np.full(count, samples, np.int32), light, nothing, nothing, whole, np.zeros(count, np.float32), whole
+    )
+
+
+def test_without_the_package_one_line_says_what_to_install(monkeypatch):
+    monkeypatch.setitem(sys.modules, "pyoidn", None)
+    mesh = quads([floor(0.5)])
+    texels = Texels.of(mesh, sheet(mesh, 4))
+    with pytest.raises(InputError, match=r"^denoising needs the package pyoidn, .*pip install -e '\.\[denoise\]'$"):
+        denoised(of_light(texels, np.ones((len(texels), 3), np.float32)))
+
+
+def two_charts(texels: int, gap: int) -> tuple[Texels, NDArray[np.bool_]]:
+    """Two squares side by side in the map, and which texels are the second's."""
+    mesh = quads([floor(0.5), floor(0.5, 1.0)])
+    found = Texels.of(mesh, sheet(mesh, texels, gap))
+    return found, found.chart == 1
+
+
+def test_denoising_takes_noise_and_nothing_of_a_white_chart_leaks_into_a_black_one_beside_it():
+    pytest.importorskip("pyoidn", reason="pyoidn is not installed: pip install -e '.[denoise]'")
+    texels, black = two_charts(32, 2)
+    rng = np.random.default_rng(1)
+    light = np.where(black[:, None], 0.0, rng.gamma(4.0, 0.25, (len(texels), 3))).astype(np.float32)
+    clean = denoised(of_light(texels, light), 1)
+    assert not clean.combined[black].any()
+    white = clean.combined[~black]
+    assert white.mean() == pytest.approx(1.0, abs=0.05)
+    assert white.std() < 0.25 * light[~black].std()
+    np.testing.assert_array_equal(denoised(of_light(texels, light), 1).combined, clean.combined)
+
+
+def test_denoising_leaves_alone_what_has_no_light_to_be_known_of():
+    pytest.importorskip("pyoidn", reason="pyoidn is not installed: pip install -e '.[denoise]'")
+    texels, second = two_charts(8, 3)
+    light = np.random.default_rng(2).gamma(4.0, 0.25, (len(texels), 3)).astype(np.float32)
+    backs = second.astype(np.float32)  # it lies inside of something
+    given = replace(of_light(texels, light), backs=backs)
+    clean = denoised(given, 1)
+    np.testing.assert_array_equal(clean.direct[second], light[second])
+    assert (clean.direct[~second] != light[~second]).any()
+    for name in ("samples", "openness", "backs", "variance"):
+        np.testing.assert_array_equal(getattr(clean, name), getattr(given, name))
+    nothing = replace(given, samples=np.zeros_like(given.samples))
+    np.testing.assert_array_equal(denoised(nothing, 1).direct, light)
+
+
+def test_a_view_shows_albedo_times_map_between_texels_and_lamps_as_they_shine():
+    mesh = cube(inwards=True)
+    atlas = sheet(mesh, 16)
+    emission = np.zeros((12, 3), np.float32)
+    emission[2:4] = 0.25  # of the side that the camera looks at
+    scene = BakeScene(mesh, Surface.plain(mesh, 0.5, emission))
+    texels = Texels.of(mesh, atlas)
+    # A map that is linear in the world is the same looked up between its texels.
+    slopes = np.array([0.1, 0.2, 0.3])
+    image = texels.image((1 + texels.positions @ slopes).astype(np.float32)[:, None].repeat(3, axis=1))
+    camera = atra.Camera((0, 0, 0), (1, 0.3, 0.2), fov_y_degrees=80, width=48, height=32)
+    with atra.RasterTracer(mesh, camera, threads=1) as tracer:
+        hits = tracer.trace()
+    expected = 1 + hits.points @ slopes
+    inside = np.abs(np.sort(np.abs(hits.points), axis=2)[..., 1]) < 0.9  # off the rim, where a look-up reads a gutter
+    assert inside.mean() > 0.5
+    np.testing.assert_allclose(looked_up(hits, atlas, image)[inside, 0], expected[inside], atol=1e-4)
+    lamp = np.isin(hits.prim_id, (2, 3))
+    assert 0.1 < lamp.mean() < 0.95
+    shown = lit_view(hits, scene, atlas, image)
+    np.testing.assert_allclose(shown[inside, 1], (0.5 * expected + 0.25 * lamp)[inside], atol=1e-4)
+    clay = clay_view(hits)
+    assert clay.shape == (32, 48, 3)
+    assert len(np.unique(np.rint(100 * clay))) > 2
+
+
+def test_a_view_of_what_has_no_place_in_the_map_and_of_nothing_is_black():
+    mesh = quads([floor(0.5), floor(0.5, 1.0)])
+    whole = sheet(mesh, 8)
+    atlas = replace(whole, chart=np.where(whole.chart == 1, -1, 0))
+    camera = atra.Camera((0, 3, 0), (0, 0, 0), (0, 0, 1), width=32, height=32)
+    with atra.RasterTracer(mesh, camera, threads=1) as tracer:
+        hits = tracer.trace()
+    image = np.ones((whole.height, whole.width, 1), np.float32)
+    shown = looked_up(hits, atlas, image)[..., 0]
+    np.testing.assert_array_equal(shown, np.isin(hits.prim_id, np.flatnonzero(atlas.chart == 0)).astype(np.float32))
+
+
+def test_colours_light_and_samples_survive_being_finished():
+    mesh = cube(inwards=True)
+    scene = BakeScene(mesh, Surface.plain(mesh, 0.5), [render.PointLight((0.2, 0.1, 0.3))])
+    lightmap = baked(scene, sheet(mesh, 8), 8)
+    pytest.importorskip("pyoidn", reason="pyoidn is not installed: pip install -e '.[denoise]'")
+    clean = denoised(lightmap, 1)
+    assert clean.luminance.mean() == pytest.approx(lightmap.luminance.mean(), rel=0.02)

@@ -1,0 +1,269 @@
+"""Workload bake: what a point is held against, what its claims make of a table, and its figures."""
+
+from __future__ import annotations
+
+import importlib.util
+import math
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from atra.errors import InputError
+from experiments.drawing.figure import draw_figure
+from experiments.harness.configuration import Chosen, Configuration, MeasureConfiguration, SceneConfiguration
+from experiments.harness.points import plan_points
+from experiments.harness.records import Record
+from experiments.methods import find_method
+from experiments.results.claims import DOES_NOT_HOLD, HOLDS, NOT_MEASURED, UNDECIDED, judge_claim
+from experiments.results.table import columns
+from experiments.worker import measure_point
+from experiments.workloads.bake import BAKE, STAGES, Against, BakeSettings, Compaction
+from experiments.workloads.bake.claims import CLAIMS
+from experiments.workloads.bake.figures import FIGURES
+from experiments.workloads.bake.measure import lamps
+from experiments.workloads.bake.results import CLAIMS_FILE, write
+from experiments.workloads.workload import Measured
+from scenes.built_in import make_scene
+from scenes.loading import SceneSource
+from tests.quotations.bake import finished_maps, means_of_a_bake, verdicts_on_lightmaps
+from tests.quotations.quotation import Kept
+
+xatlas = pytest.mark.skipif(importlib.util.find_spec("xatlas") is None, reason="xatlas is not installed (extra `bake`)")
+
+
+def measured(**options: Any) -> tuple[Any, Measured]:
+    configuration = Configuration(
+        scene=SceneConfiguration(name="cornell_box", source=SceneSource.procedural),
+        measure=MeasureConfiguration(rounds=3, warmup=1),
+        method=Chosen("raster", find_method("raster").options()),
+        workload=Chosen(BAKE.name, BakeSettings(**{"size": 32, "samples": 2} | options)),
+        width=32,
+        height=32,
+    )
+    (planned,) = plan_points([configuration])
+    assert planned.problem is None
+    return planned.point, measure_point(planned.point)
+
+
+@xatlas
+@pytest.mark.parametrize("against", list(Against))
+def test_a_point_is_held_against_the_same_bake_without_one_of_its_means(against: Against) -> None:
+    asked = {
+        Against.nothing: {"priority": True}, Against.expansion: {"priority": True, "batch_rays": 512},
+        Against.occupancy: {"occupancy": 0.3}, Against.environment: {"panorama": True},
+    }  # fmt: skip
+    point, found = measured(against=against, **asked.get(against, {}))
+    assert BAKE.samples is not None
+    assert set(found.samples) == BAKE.samples(point)
+    assert {len(values) for values in found.samples.values()} == {3}
+    results = found.results
+    assert set(BAKE.needs) <= set(results)
+    if against is Against.nothing:
+        assert set(found.samples) == {"own", "whole_map", "without_view"}
+        assert 0.1 < results["visible_share"] < 0.9
+        assert results["visible_time_to_rmse_5_s"] > 0
+    else:
+        assert set(found.samples) == {"own", "other"}
+        assert results["other_rays_per_round"] > 0
+    # Lights and rays are the same on average, and the variances forecast how far two maps lie apart.
+    if against not in (Against.environment, Against.translucency):
+        assert results["error_over_forecast"] == pytest.approx(1.0, abs=0.35)
+    if against is Against.occupancy:
+        assert results["map_occupancy"] == pytest.approx(0.3, abs=0.02)
+    if against is Against.roulette:
+        assert results["other_rays_per_round"] > 1.2 * results["rays_per_round"]
+        assert results["variance_ratio"] < 1
+    if against is Against.expansion:
+        assert 0.5 < results["batch_fill"] <= 1
+
+
+@xatlas
+def test_a_lane_for_every_texel_is_held_against_nothing_and_uses_fewer_lanes() -> None:
+    point, none = measured(against=Against.compaction, compaction=Compaction.none)
+    assert set(none.samples) == {"own"}
+    assert point.workload_options.other is None
+    _, bounces = measured(against=Against.compaction)
+    assert none.results["lane_utilisation"] < 0.6 * bounces.results["lane_utilisation"]
+    assert none.results["rays_per_round"] == bounces.results["rays_per_round"]
+
+
+def test_lamps_are_as_bright_together_however_many_and_lie_inside_the_scene() -> None:
+    mesh = make_scene("cornell_box").mesh
+    one, many = lamps(mesh, 1), lamps(mesh, 256)
+    assert (len(one), len(many), lamps(mesh, 0)) == (1, 256, ())
+    assert sum(light.power for light in many) == pytest.approx(one[0].power)
+    places = np.array([light.position for light in many])
+    assert ((places > mesh.bounds[0]) & (places < mesh.bounds[1])).all()
+    with pytest.raises(InputError, match="lamps is -1"):
+        BakeSettings(lamps=-1)
+
+
+@xatlas
+def test_finishing_is_measured_against_a_map_of_other_random_numbers() -> None:
+    pytest.importorskip("pyoidn", reason="pyoidn is not installed: pip install -e '.[denoise]'")
+    _, found = measured(denoise=True, final_samples=8)
+    assert 0 < found.results["denoised_ratio"] < 2  # of a map of 8 samples, over one of 32
+    assert 0 < found.results["seam_step_ratio"] <= 0.25
+    assert found.results["denoise_s"] > 0
+
+
+def record(samples: dict[str, list[float]], **results: Any) -> Record:
+    return Record("0", "ok", None, {"workload": BAKE.name}, {}, {}, samples, results)
+
+
+def value(one: Record, name: str) -> Any:
+    (column,) = (found for found in BAKE.columns if found.name == name)
+    return column.value([one])
+
+
+def test_ratios_are_of_rounds_of_rays_and_of_variance_times_time() -> None:
+    one = record(
+        {"own": [1.0, 1.0, 2.0], "other": [2.0, 3.0, 4.0]}, rays_per_round=100, other_rays_per_round=150.0,
+        variance_ratio=0.5, tracing_ratio=1.5,
+    )  # fmt: skip
+    assert value(one, "speedup_vs_other") == 2.0
+    assert value(one, "rays_speedup_vs_other") == pytest.approx(2.0 * 100 / 150)
+    assert value(one, "quality_vs_other") == 1.0
+    assert value(one, "tracing_vs_other") == 1.5
+    assert value(one, "shading_vs_other") is None
+    assert value(record({"own": [1.0] * 3}, rays_per_round=100), "quality_vs_other") is None
+
+
+SCENES = ("cornell_box", "mitsuba", "fireplace_room", "sponza")
+
+
+def table(*rows: dict[str, Any]) -> pd.DataFrame:
+    """Rows of all scenes with these values, as a sweep's table holds them."""
+    usual = {"workload": BAKE.name, "method": "raster", "status": "ok", "grids": "bake", "albedo": "own",
+             "priority": False, "compaction": "bounces", "packets": "1", "against": "compaction", "denoise": False,
+             "occupancy": "0.44", "triangles": 10}  # fmt: skip
+    every = [
+        usual | {"scene": scene, "point_id": f"{place:03d}{number}"}
+        | {name: one[number] if isinstance(one, tuple) else one for name, one in row.items()}
+        for place, row in enumerate(rows) for number, scene in enumerate(SCENES)
+    ]  # fmt: skip
+    frame = pd.DataFrame(every, columns=list(columns()))
+    return frame.astype({name: column.dtype for name, column in columns().items()})
+
+
+def ratio(name: str, *ends: tuple[float, float]) -> dict[str, Any]:
+    """A column and its interval, of all four scenes."""
+    low, high = zip(*ends, strict=True)
+    middle = tuple(math.sqrt(a * b) for a, b in ends)
+    return {name: middle, f"{name}_low": low, f"{name}_high": high}
+
+
+def verdict(claim: str, rows: pd.DataFrame) -> str:
+    (found,) = (one for one in CLAIMS if one.id == claim)
+    (judged,) = judge_claim(found, rows)
+    return judged.verdict
+
+
+GOOD, BAD, OPEN = (1.2, 1.3), (0.8, 0.9), (0.9, 1.2)
+
+
+@pytest.mark.parametrize(("ends", "expected"), [
+    ((GOOD,) * 4, HOLDS),
+    ((GOOD, GOOD, GOOD, BAD), HOLDS),  # on all scenes but one
+    ((GOOD, GOOD, BAD, BAD), DOES_NOT_HOLD),
+    ((GOOD, GOOD, OPEN, BAD), UNDECIDED),
+    ((OPEN,) * 4, UNDECIDED),
+])  # fmt: skip
+def test_a_ratio_is_judged_by_whole_intervals_on_all_scenes_but_one(ends: Any, expected: str) -> None:
+    assert verdict("compaction-bounces", table(ratio("speedup_vs_other", *ends))) == expected
+    assert verdict("compaction-bounces", table(ratio("view_speedup", *ends))) == NOT_MEASURED
+
+
+def test_a_bound_has_two_ends_and_a_claim_its_own_points() -> None:
+    emptiest = {"against": "occupancy"}
+    assert (
+        verdict("occupancy-no-matter", table(emptiest | ratio("rays_speedup_vs_other", *[(0.97, 1.03)] * 4))) == HOLDS
+    )
+    for ends in ((1.06, 1.1), (0.9, 0.94)):
+        rows = table(emptiest | ratio("rays_speedup_vs_other", *[ends] * 4))
+        assert verdict("occupancy-no-matter", rows) == DOES_NOT_HOLD
+    view = {"priority": True, "against": "nothing"} | ratio("view_speedup", *[(1.7, 1.8)] * 4)
+    assert verdict("target-view", table(view | {"visible_share": 0.4})) == HOLDS
+    assert verdict("target-view", table(view | {"visible_share": 0.6})) == NOT_MEASURED
+    dark = {"albedo": "0.5"} | ratio("speedup_vs_other", *[(1.2, 1.3)] * 4)
+    assert verdict("target-bounces", table(dark)) == HOLDS
+    assert verdict("compaction-bounces", table(dark)) == NOT_MEASURED
+    assert verdict("target-bounces", table(dark | {"albedo": "own"})) == NOT_MEASURED
+    texels = {"compaction": "texels"}
+    fuller = texels | {"occupancy": "0.7"} | ratio("rays_speedup_vs_other", *[BAD] * 4)
+    both = table(texels | ratio("rays_speedup_vs_other", *[GOOD] * 4), fuller)
+    assert verdict("target-texels", both) == HOLDS  # of the emptiest maps alone
+
+
+def test_what_every_process_finds_alike_needs_no_interval() -> None:
+    natural = {"occupancy": "any", "map_occupancy": (0.6, 0.55, 0.69, 0.4)}
+    assert verdict("occupancy", table(natural)) == HOLDS
+    assert verdict("occupancy", table(natural | {"map_occupancy": (0.6, 0.55, 0.72, 0.4)})) == DOES_NOT_HOLD
+    sizes = [{"size": size, "batch_rays": 1 << 12, "buffer_bytes": 1000} for size in (256, 512)]
+    assert verdict("buffers", table(*sizes)) == HOLDS
+    assert verdict("buffers", table(sizes[0], sizes[1] | {"buffer_bytes": 1030})) == DOES_NOT_HOLD
+    assert verdict("buffers", table(sizes[0])) == NOT_MEASURED
+    stages = dict.fromkeys((f"{stage}_s" for stage in STAGES), 0.0) | {"trace_s": 0.96}
+    assert verdict("rare-stages", table(stages | {"gather_s": 0.04})) == HOLDS
+    assert verdict("rare-stages", table(stages | {"gather_s": 0.1})) == DOES_NOT_HOLD
+
+
+def test_the_search_for_what_a_view_shows_is_judged_where_both_methods_searched() -> None:
+    seconds = [{"method": "pixel", "culling_map_s": 0.3}, {"method": "visible_first", "culling_map_s": 0.1}]
+    assert verdict("culling-map", table(*seconds)) == HOLDS
+    seconds[1]["culling_map_s"] = (0.1, 0.1, 0.25, 0.25)
+    assert verdict("culling-map", table(*seconds)) == DOES_NOT_HOLD
+    assert verdict("culling-map", table(seconds[0])) == NOT_MEASURED
+
+
+def test_claims_are_written_and_nothing_is_claimed_of_no_table(tmp_path: Any) -> None:
+    for rows in (None, table({})[:0]):
+        assert {judge_claim(claim, rows)[0].verdict for claim in CLAIMS} == {NOT_MEASURED}
+    write(tmp_path, tmp_path, table(ratio("speedup_vs_other", *[GOOD] * 4)))
+    written = pd.read_csv(tmp_path / f"{CLAIMS_FILE}.csv")
+    assert list(written["id"]) == [claim.id for claim in CLAIMS]
+    assert len({claim.id for claim in CLAIMS}) == len(CLAIMS)
+
+
+def drawn_rows() -> pd.DataFrame:
+    """Made-up rows of a whole sweep=bake, of which all figures draw something."""
+    rng = np.random.default_rng(1)
+    rows = []
+    for occupancy in ("0.44", "0.7"):
+        for compaction, rate in (("none", 3.0e6), ("texels", 3.6e6), ("bounces", 4.2e6)):
+            parts = {f"{stage}_s": float(rng.uniform(0, 0.02)) for stage in STAGES}
+            rates = tuple((rate * f * 0.97, rate * f * 1.03) for f in (1.0, 0.7, 0.5, 0.4))
+            rows.append({
+                "compaction": compaction, "occupancy": occupancy, "map_occupancy": float(occupancy),
+                "lane_utilisation": 0.5, **parts, **ratio("rays_per_s", *rates),
+            })  # fmt: skip
+    times = {f"time_to_rmse_{limit}_s": 40.0 / limit**2 for limit in (10, 5, 2)}
+    seen = {f"visible_{name}": 0.4 * one for name, one in times.items()}
+    ratios = ratio("view_speedup", *[(1.9, 2.1)] * 4) | ratio("whole_map_cost", *[(0.99, 1.05)] * 4)
+    rows.append({"against": "nothing", "priority": True} | times | seen | ratios)
+    return table(*rows)
+
+
+def test_figures_show_errors_over_time_stages_and_rays(tmp_path: Any) -> None:
+    rows = drawn_rows()
+    rows = rows[rows["scene"].isin(SCENES[:2])]
+    for kind in FIGURES:
+        chosen = kind.rows(rows)
+        (figure,) = draw_figure(kind, chosen, tmp_path)
+        assert set(figure.point_ids) == set(chosen["point_id"])
+        assert len(chosen) == (2 if kind.name == "bake_convergence" else 12)
+        assert len(kind.rows(rows[:0])) == 0
+        assert b"nothing measured" not in figure.svg
+        (tmp_path / f"{kind.name}.png").write_bytes(figure.png)
+
+
+def test_what_pages_quote_has_a_row_a_means_and_a_cell_a_scene() -> None:
+    kept = Kept(drawn_rows(), pd.DataFrame(), [])
+    rows = means_of_a_bake(kept).rows
+    assert {row.count("|") for row in rows} == {2 + len(SCENES)}
+    (seen,) = (row for row in rows if row.startswith("| what the view shows"))
+    assert seen.count("2.00 [1.90, 2.10]") == 4
+    assert len(verdicts_on_lightmaps(kept).rows) == len(CLAIMS)
+    assert finished_maps(kept).rows[1].count("not measured") == 4
