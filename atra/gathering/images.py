@@ -70,7 +70,7 @@ def target_of(
     prim_id, count = others or (values, values)
     layers = values.shape[0] if values.ndim == 3 else 1
     row = values.shape[-1]
-    lists = [0, 0, 0] if doubts is None else [array.ctypes.data for array in doubts]
+    marks, first, listed = (0, 0, 0) if doubts is None else (array.ctypes.data for array in doubts)
     return Target(
         values.ctypes.data,
         prim_id.ctypes.data,
@@ -79,6 +79,8 @@ def target_of(
         values.shape[-2] * row,
         layers,
         0 if weights is None else weights.ctypes.data,
-        *lists,
+        marks,
+        first,
+        listed,
         int(is_known),
     )
