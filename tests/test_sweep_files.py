@@ -39,11 +39,11 @@ SWEEPS = {
         {"methods", "break_even", "moving"},
     ),
     "baselines": (["method.packet_width=4", "method.packet_rows=null"], {"rates"}),
-    "reference_rays": (["method.split_x=1,4", "method.culling=true"], set(FIGURE5)),
+    "reference_rays": (["method.split_x=4", "method.culling=true"], set(FIGURE5)),
     "threads": ([], {"threads"}),
     "peers": ([], {"peers", "agreement", *WRONG}),
     "growth": (
-        ["method=pixel,raster", "scene.subdivided=0,1", "scene.copies=1", "width=16,32", "height=${width}"],
+        ["method=pixel,raster", "scene.subdivided=1", "scene.copies=1", "width=16,32", "height=${width}"],
         {"growth"},
     ),
     "agreement": (
