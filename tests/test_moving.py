@@ -63,8 +63,9 @@ def test_a_point_has_samples_of_a_moving_and_a_standing_eye_and_no_pixel_of_the_
     assert got.results["pixels_wrong"] == got.results["kept_pixels_wrong"] == 0
 
 
-def test_packets_over_a_bvh_of_the_world_keep_it_from_eye_to_eye_and_see_what_they_should() -> None:
-    with KeptPackets(MESH, CAMERA, threads=1) as tracer:
+@pytest.mark.parametrize("packet_width", [1, *expert_packet_widths()])
+def test_packets_over_a_bvh_of_the_world_keep_it_from_eye_to_eye_and_see_what_they_should(packet_width: int) -> None:
+    with KeptPackets(MESH, CAMERA, threads=1, packet_width=packet_width) as tracer:
         scene = tracer.embree_bytes
         for camera in (CAMERA, *PATH[:3]):
             tracer.look(camera)

@@ -27,6 +27,7 @@ class Workspace:
         packet_bytes = layout.packet_words(width) * 4
         sizes = (packet_bytes, width * 4, width * 4, layout.CONTEXT_BYTES, layout.ARGUMENTS_BYTES)
         packet, all_lanes, valid, context, arguments = (_aligned_bytes(size) for size in sizes)
+        self._width = width
         self._arguments = arguments  # kept alive: its address is what travels
         self.flags = arguments[:4].view(np.uint32)  # the first field of IntersectArguments
         self.packet = Packet(
@@ -72,7 +73,7 @@ class Workspace:
     def set_origin(self, origin: Sequence[float]) -> None:
         """Three numbers, where all rays start; zero until told otherwise. Nothing where they share their direction."""
         for field, value in zip(_ORIGIN_FIELDS, origin, strict=True):
-            self._lanes(self.packet.floats, field, len(self.packet.all_lanes))[:] = value
+            self._lanes(self.packet.floats, field, self._width)[:] = value
 
     def gather_with(self, filter_address: int, block_address: int) -> None:
         """Have hits in scenes that allow it given to a filter, and the block of a `Target` to that; 0, 0: no more."""

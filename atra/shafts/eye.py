@@ -97,7 +97,7 @@ class EyeTracer(BvhTracer):
             build_eye_lists(counter, building, shapes[part], lengths, nodes, memory)
 
         starts, lengths, lists, unique = stored_lists(len(shapes), self.options, self._pool, build)
-        shafts = NO_SHAFTS._replace(table=starts[None], lists=lists)
+        shafts = Shafts(NO_SHAFTS.grid, NO_SHAFTS.rows, starts[None], lists, empty_is_miss=True)
         taken_s = perf_counter() - lists_start
         self._lists = ShaftLists(shafts, self._bvh, len(shapes), len(shapes), unique, lengths, taken_s)
         return perf_counter() - start

@@ -18,7 +18,7 @@ from atra.kernels.packets import INFINITY
 from atra.kernels.raster.memory import load
 from atra.kernels.raster.vectors import bits_of, larger, repeated, smaller
 from atra.kernels.shafts.grid import EMPTY_LIST, ROOT_LIST, Grid
-from atra.kernels.shafts.shape import HIGH, LOW, direction_of, heading, overlaps, set_shape
+from atra.kernels.shafts.shape import HIGH, LOW, SHAPE, direction_of, heading, overlaps, set_shape
 
 LANES = 8
 """Sampled rays that are tested with a box at once."""
@@ -205,7 +205,8 @@ def build_eye_lists(counter_address, building, shapes, lengths, nodes, memory): 
         if start >= len(shapes):
             return
         for k in range(start, min(start + _CHUNK, len(shapes))):
-            memory.shape[:] = shapes[k]
+            for place in range(SHAPE):
+                memory.shape[place] = shapes[k, place]
             lengths[k] = _fill(building, k, memory, nodes[k])
 
 

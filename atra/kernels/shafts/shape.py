@@ -81,12 +81,14 @@ def heading(shape, axis):  # type: ignore[no-untyped-def]
 @njit
 def _in_front(shape, node):  # type: ignore[no-untyped-def]
     """Whether the box of the node at an address reaches in front of all planes of an eye's shaft."""
-    for plane in range(PLANES, SHAPE, 4):
-        total = shape[plane + 3]
-        for axis in range(3):
-            slope = shape[plane + axis]
-            total += slope * float_at(node + 4 * axis + (NODE_BYTES // 2 if slope > 0.0 else 0))
-        if total < 0.0:
+    half = NODE_BYTES // 2
+    for k in range(PLANE_COUNT):
+        plane = PLANES + 4 * k
+        x, y, z = shape[plane], shape[plane + 1], shape[plane + 2]
+        total = x * float_at(node + (half if x > 0.0 else 0))
+        total += y * float_at(node + (half + 4 if y > 0.0 else 4))
+        total += z * float_at(node + (half + 8 if z > 0.0 else 8))
+        if total + shape[plane + 3] < 0.0:
             return False
     return True
 
