@@ -17,7 +17,7 @@ from atra.kernels.shading.surface import (
     GRADIENT,
     LEAST_SQUARED,
     TINY,
-    colour_of,
+    colour_at,
     material_of,
     sky_colour,
 )
@@ -30,8 +30,8 @@ LANES = 16
 
 STRIDE = CHUNK + LANES
 ORIGIN, NORMAL, COLOUR, SKY, DIRECTION = 0, 3, 6, 9, 12
-LENGTH, LIGHT, SEEN = 15, 16, 17
-_ROWS = 18
+LENGTH, LIGHT, SEEN, TEXTURE = 15, 16, 17, 18
+_ROWS = 20
 
 _LANES = 8
 
@@ -42,7 +42,7 @@ class Chunk(NamedTuple):
     floats: (_ROWS x STRIDE,) float32, row after row. Three rows each: ORIGIN of rays; shading NORMAL, 0 where nothing
     is seen; COLOUR; that times the SKY's where the normal points, or the sky's that the pixel's ray meets; DIRECTION of
     the ray. LENGTH: how far the ray reaches, 0 = there is none. LIGHT: what it carries if nothing is in its way; 0 once
-    something is. SEEN: 1, or 0 for a miss.
+    something is. SEEN: 1, or 0 for a miss. TEXTURE: uv, two rows, where vertices have some.
     prim_id: (STRIDE,) uint32, 0 for a miss.
     """
 
@@ -127,7 +127,9 @@ def _find_places(chunk, i, pixel, pixels, surfaces):  # type: ignore[no-untyped-
     store(rounded(fused(off, nz, pz)), address + (ORIGIN + 2) * row)
     nx, ny, nz = rounded(nx), rounded(ny), rounded(nz)
     if len(surfaces.weights) > 0:
-        nx, ny, nz = _smooth(nx, ny, nz, px, py, pz, dx, dy, dz, rounded(side), numbers, surfaces)
+        (nx, ny, nz), (s, t) = _between_corners(nx, ny, nz, px, py, pz, dx, dy, dz, rounded(side), numbers, surfaces)
+        store(s, address + TEXTURE * row)
+        store(t, address + (TEXTURE + 1) * row)
     height = ny
     store(where(seen, nx, none), address + NORMAL * row)
     store(where(seen, ny, none), address + (NORMAL + 1) * row)
@@ -150,11 +152,12 @@ def _find_places(chunk, i, pixel, pixels, surfaces):  # type: ignore[no-untyped-
 
 
 @njit(inline="always")
-def _smooth(nx, ny, nz, px, py, pz, dx, dy, dz, side, numbers, surfaces):  # type: ignore[no-untyped-def]
-    """`shading_normal` of `_LANES` pixels: of triangles' normals, points, directions, and sides that are seen."""
+def _between_corners(nx, ny, nz, px, py, pz, dx, dy, dz, side, numbers, surfaces):  # type: ignore[no-untyped-def]
+    """`shading_normal` and uv of `_LANES` pixels, of triangles' normals, points, directions and sides that are seen."""
     vx, vy, vz, v, wx, wy, wz, w = columns_of(np.int64(surfaces.weights.ctypes.data), numbers)
-    ab, ca, bc, ab2, ca2, _, _, _ = columns_of(np.int64(surfaces.corners.ctypes.data), numbers)
-    (ax, ay), (az, bx), (by, bz), (cx, cy), (cz, _) = halves(ab), halves(ca), halves(bc), halves(ab2), halves(ca2)
+    pairs = columns_of(np.int64(surfaces.corners.ctypes.data), numbers)
+    (ax, ay), (az, bx), (by, bz), (cx, cy) = halves(pairs[0]), halves(pairs[1]), halves(pairs[2]), halves(pairs[3])
+    (cz, a_s), (a_t, b_s), (b_t, c_s), (c_t, _) = halves(pairs[4]), halves(pairs[5]), halves(pairs[6]), halves(pairs[7])
     v, w = fused(vx, px, fused(vy, py, fused(vz, pz, v))), fused(wx, px, fused(wy, py, fused(wz, pz, w)))
     u, v, w = rounded(repeated(1.0, _LANES) - v - w), rounded(v), rounded(w)
     x, y, z = _dot(u, v, w, ax, bx, cx), _dot(u, v, w, ay, by, cy), _dot(u, v, w, az, bz, cz)
@@ -163,7 +166,8 @@ def _smooth(nx, ny, nz, px, py, pz, dx, dy, dz, side, numbers, surfaces):  # typ
     x, y, z = factor * x, factor * y, factor * z
     away = _dot(x, y, z, rounded(dx), rounded(dy), rounded(dz))
     is_own = (repeated(LEAST_SQUARED, _LANES) >= squared) | (away >= repeated(ZERO, _LANES))
-    return where(is_own, nx, x), where(is_own, ny, y), where(is_own, nz, z)
+    normal = where(is_own, nx, x), where(is_own, ny, y), where(is_own, nz, z)
+    return normal, (_dot(u, v, w, a_s, b_s, c_s), _dot(u, v, w, a_t, b_t, c_t))
 
 
 @njit(inline="always")
@@ -187,7 +191,8 @@ def _find_colour(chunk, i, pixel, pixels, surfaces):  # type: ignore[no-untyped-
         set_vector(floats, SKY, i, sky_colour(surfaces, unit(direction)))
         return
     prim_id = np.int64(chunk.prim_id[i])
-    colour = colour_of(surfaces, material_of(surfaces, prim_id), prim_id, vector_of(floats, ORIGIN, i))
+    s, t = np.float64(floats[TEXTURE * STRIDE + i]), np.float64(floats[(TEXTURE + 1) * STRIDE + i])
+    colour = colour_at(surfaces, material_of(surfaces, prim_id), s, t)
     sky = sky_colour(surfaces, vector_of(floats, NORMAL, i))
     set_vector(floats, COLOUR, i, colour)
     set_vector(floats, SKY, i, (colour[0] * sky[0], colour[1] * sky[1], colour[2] * sky[2]))

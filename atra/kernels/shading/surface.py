@@ -143,14 +143,22 @@ def plain_colour(surfaces, material):  # type: ignore[no-untyped-def]
 @njit(inline="always")
 def colour_of(surfaces, material, prim_id, point):  # type: ignore[no-untyped-def]
     """(r, g, b) float32 of a material at a point."""
+    if surfaces.materials[material, TEXTURE] == CONSTANT:
+        return plain_colour(surfaces, material)
+    u, v, w = _weights(surfaces, prim_id, point)
+    uv = surfaces.corners
+    s = u * uv[prim_id, 9] + v * uv[prim_id, 11] + w * uv[prim_id, 13]
+    t = u * uv[prim_id, 10] + v * uv[prim_id, 12] + w * uv[prim_id, 14]
+    return colour_at(surfaces, material, np.float64(s), np.float64(t))
+
+
+@njit(inline="always")
+def colour_at(surfaces, material, s, t):  # type: ignore[no-untyped-def]
+    """(r, g, b) float32 of a material where uv is (s, t)."""
     rows = surfaces.materials
     first = plain_colour(surfaces, material)
     if rows[material, TEXTURE] == CONSTANT:
         return first
-    u, v, w = _weights(surfaces, prim_id, point)
-    uv = surfaces.corners
-    s = np.float64(u * uv[prim_id, 9] + v * uv[prim_id, 11] + w * uv[prim_id, 13])
-    t = np.float64(u * uv[prim_id, 10] + v * uv[prim_id, 12] + w * uv[prim_id, 14])
     if rows[material, TEXTURE] == CHECKER:
         scale = rows[material, SCALE]
         cell = np.int64(np.floor(s * scale)) + np.int64(np.floor(t * scale))
