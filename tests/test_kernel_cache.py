@@ -17,6 +17,10 @@ import pytest
 from atra.embree import layout
 from atra.kernels import caching, planning, rays, ties, tiles, tracing, verifying, visible
 from atra.kernels.exact import brute_force, surface
+from atra.kernels.gathering import doubts, shooting
+from atra.kernels.gathering.drawing import gathering_kernel
+from atra.kernels.gathering.taking import LAYERS
+from atra.kernels.raster.drawing import drawing_kernel
 from atra.kernels.shading import lighting, paths
 
 KERNELS = {
@@ -34,6 +38,10 @@ KERNELS = {
     "trace_kernel": paths.trace_kernel(4),
     "occlude_kernel": lighting.occlude_kernel(4),
     "verify_kernel": verifying.verify_kernel(4, 2),
+    "drawing_kernel": drawing_kernel(4, False),
+    "gathering_kernel": gathering_kernel(4, False, LAYERS),
+    "settling_kernel": doubts.settling_kernel(LAYERS),
+    "shooting_kernel": shooting.shooting_kernel(4, 2, False),
 }
 
 
@@ -42,6 +50,12 @@ def test_a_kernel_is_kept_under_the_stamp_of_its_sources(name: str) -> None:
     path = Path(inspect.getfile(KERNELS[name].py_func))
     assert caching.source_stamp(path) in KERNELS[name]._cache._cache_file._source_stamp
     assert len(KERNELS) > 15
+
+
+@pytest.mark.parametrize("name", KERNELS)
+def test_a_kernel_closes_over_constants_alone_for_compiled_code_has_another_name_in_every_process(name: str) -> None:
+    closed = [cell.cell_contents for cell in KERNELS[name].py_func.__closure__ or ()]
+    assert all(isinstance(value, bool | int | float | str) for value in closed)
 
 
 def test_the_sources_of_a_kernel_are_all_files_that_its_own_imports_and_no_other() -> None:
