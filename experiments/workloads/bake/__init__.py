@@ -61,7 +61,7 @@ class Environment(Enum):
 class Against(Enum):
     """What a round is held against in the same rounds: nothing; one kind of compaction less; a map that is as full as
     can be; rays of texels that do not lie side by side; paths that never end by roulette; a sky that is found by chance
-    alone; code for faces that let light on."""
+    alone; code for faces that let light on; lights of which each is as likely as any."""
 
     nothing = "nothing"
     compaction = "compaction"
@@ -70,6 +70,7 @@ class Against(Enum):
     roulette = "roulette"
     environment = "environment"
     translucency = "translucency"
+    lights = "lights"
 
 
 @dataclass(frozen=True)
@@ -119,10 +120,10 @@ class BakeSettings(UnderSky):
             threads=threads,
             build_quality=build_quality,
             bounces=self.bounces,
-            lights=self.lights.value,
-            adaptive=self.adaptive,
             roulette_from=self.roulette_from,
             environment=self.environment.value,
+            lights=self.lights.value,
+            adaptive=self.adaptive,
             compaction=self.compaction.value,
             batch_rays=self.batch_rays,
             expansion=self.expansion,
@@ -139,6 +140,7 @@ class BakeSettings(UnderSky):
             Against.expansion: {"expansion": 1},
             Against.roulette: {"roulette_from": None},
             Against.environment: {"environment": "bsdf"},
+            Against.lights: {"lights": "uniform"},
         }
         return changes.get(self.against, {})
 
