@@ -13,7 +13,7 @@ TILE = 16
 """Pixels along the sides of the squares in which an image is looked at, or left out."""
 
 PLANE_TOLERANCE = 1e-9
-"""How far two triangles may lie apart, relative to their size, and still be in one plane, by what float64 makes of it."""
+"""How far two triangles may lie apart, relative to their size, and still be in one plane, as float64 finds it."""
 
 PLANE_NUMBER_ROUNDING = 1e-8
 """How far the numbers of one and the same plane may lie apart, for triangles that just are no needles."""
