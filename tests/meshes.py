@@ -76,3 +76,30 @@ def needle_camera(seed: int, fov_y_degrees: float, size: int = 64) -> atra.Camer
     random = np.random.default_rng([seed, 1])
     target = np.array([0.0, 0.0, -1.0]) if seed % 2 else random.normal(size=3)
     return atra.Camera((0, 0, 0), tuple(target), (0.1, 1, 0.2), fov_y_degrees, size, size)
+
+
+def specks(camera: atra.Camera, seed: int, count: int = 40_000) -> atra.Mesh:
+    """Triangles of a pixel or less to three, all over the image, 100 to 10,000 away, in planes along the world's x.
+
+    Three quarters are of walls that a view along x grazes near its middle. Distances lie above powers of two, where
+    float32 rounds the most.
+    """
+    rng = np.random.default_rng(seed)
+    is_wall = rng.random(count) < 0.75
+    beside = rng.choice([-1, 1], count) * rng.uniform(0.032, 0.045, count)
+    x = camera.width * np.where(is_wall, 0.5 + beside, rng.random(count))
+    y = camera.height * rng.random(count)
+    angle = np.where(is_wall, np.pi / 2, rng.uniform(0, np.pi, count))
+    normal = np.stack([0 * angle, np.cos(angle), np.sin(angle)], axis=-1)
+
+    def towards(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        plane = camera.plane
+        sides = plane.columns(x, 0.0) * plane.pitch_x, plane.rows(y, 0.0) * plane.pitch_y
+        return np.stack([*sides, np.ones_like(x)], axis=-1) @ camera.axes
+
+    rays = towards(*(place + rng.uniform(-1.5, 1.5, (3, count)) for place in (x, y)))
+    distance = 2.0 ** rng.integers(7, 13, count) * rng.uniform(1.0, 1.15, count)
+    depth = distance * (towards(x, y) * normal).sum(axis=-1) / (rays * normal).sum(axis=-1)
+    is_near = ((depth > 100) & (depth < 10_000)).all(axis=0)
+    corners = (np.asarray(camera.eye) + rays * depth[..., None])[:, is_near]
+    return atra.Mesh(corners.swapaxes(0, 1).reshape(-1, 3), np.arange(3 * is_near.sum()).reshape(-1, 3))

@@ -8,7 +8,7 @@ from atra.alignment.culling import project_vertices
 from atra.alignment.rounding import roundings_of_copies
 from atra.alignment.visibility import Tiles, nearest_in_tiles
 from atra.geometry.intersection import intersect_pixels
-from atra.kernels.rounding import COPY_ROUNDINGS, INSTANCE_ROUNDINGS, MOST_ROUNDINGS
+from atra.kernels.rounding import COPY_MULTIPLE, INSTANCE_MULTIPLE, MOST_ROUNDINGS
 from atra.parallel import WorkerPool
 from atra.tracers.aligned import SECOND_PASS_TILE
 from scenes.special import NEEDLES_CAMERA, needles
@@ -22,12 +22,13 @@ from tests.meshes import (
     needle_camera,
     quads,
     random_triangles,
+    specks,
 )
 
 each_sheared = pytest.mark.parametrize("method", SHEARED)
 
 
-def left_out(mesh, camera, split, admitted=COPY_ROUNDINGS):
+def left_out(mesh, camera, split, admitted=COPY_MULTIPLE):
     pool = WorkerPool(1)
     points = project_vertices(mesh, camera, pool)
     alignment = atra.Alignment.of_cells(camera, atra.Split.of_image(split, camera))
@@ -43,7 +44,7 @@ def test_needles_around_the_eye_have_no_wrong_pixel_and_depths_as_exact_as_those
         hits = trace(method, mesh, camera, ((8, 1), (16, 16), (1, 8), (64, 1))[seed % 4])
         found = assert_no_pixel_wrong(mesh, camera, hits, trace_pixels(mesh, camera))
         single = found.reference_depth_errors.largest
-        assert found.depth_errors.largest <= 4 * max(single, COPY_ROUNDINGS * 2**-24)
+        assert found.depth_errors.largest <= 4 * max(single, 16 * 2**-24)
 
 
 @pytest.mark.core
@@ -56,6 +57,35 @@ def test_boards_along_the_view_have_the_depths_of_single_rays(tilted, method):
     for split in ((16, 16), (64, 1)):
         found = assert_no_pixel_wrong(mesh, camera, trace(method, mesh, camera, split), reference)
         assert found.depth_errors.largest <= 4 * found.reference_depth_errors.largest
+
+
+@pytest.mark.core
+@pytest.mark.parametrize(("seed", "split"), [(0, (128, 1)), (6, (1024, 1)), (7, (32, 4))])
+def test_small_triangles_of_walls_along_the_view_have_no_wrong_depth_at_any_column(seed, split):
+    camera = atra.Camera((-1150, 250, -40), (0, 230, -40), fov_y_degrees=4, width=1024, height=64)
+    mesh = specks(camera, seed)
+    reference = trace_pixels(mesh, camera, ties="any")
+    assert reference.hit.any(axis=0).mean() > 0.8
+    for method in ("aligned", "visible_first"):
+        assert_no_pixel_wrong(mesh, camera, trace(method, mesh, camera, split, ties="any"), reference)
+
+
+def test_small_triangles_of_walls_along_the_view_are_left_out_by_the_roundings_of_both_products_with_the_normal():
+    camera = atra.Camera(**EYE_AT_ORIGIN, width=1024, height=64, fov_y_degrees=4)
+    right, down, forward = camera.axes
+    split = atra.Split.of_image((1024, 1), camera)
+    shifts = atra.Alignment.of_cells(camera, split).shift_x
+    column = np.arange(3.5, 1020, 4)  # a triangle about the middle of each
+    slope = camera.plane.columns(column, 0.0) * camera.plane.pitch_x
+    places = slope[:, None] * right + 1e-4 * down + forward
+    corners = places[:, None] * 100 + np.stack([0 * down, 1e-4 * down, 1e-3 * np.sign(slope[0]) * forward])
+    found = left_out(atra.Mesh(corners.reshape(-1, 3), np.arange(3 * len(column)).reshape(-1, 3)), camera, (1024, 1))
+    shift = shifts[column.astype(int)]
+    corner = (np.abs(slope - shift) + np.abs(shift)) / np.abs(slope)  # |n| |v| / |n . v| of the copy, 1 of the wall
+    roundings = corner + (2 * corner + 3)
+    certain = np.abs(roundings / (COPY_MULTIPLE * 6) - 1) > 0.01
+    np.testing.assert_array_equal(found[certain], (roundings > COPY_MULTIPLE * 6)[certain])
+    assert 0.05 < found.mean() < 0.5
 
 
 def test_what_is_left_out_is_needles_and_planes_through_the_eye_and_nothing_of_an_ordinary_view():
@@ -84,7 +114,7 @@ def test_the_wider_the_view_and_the_fewer_roundings_are_admitted_the_more_is_lef
     shares = []
     for fov in (30, 60, 120, 170):
         camera = atra.Camera(**EYE_AT_ORIGIN, width=64, height=64, fov_y_degrees=fov)
-        copies, instances = (left_out(mesh, camera, (16, 16), n) for n in (COPY_ROUNDINGS, INSTANCE_ROUNDINGS))
+        copies, instances = (left_out(mesh, camera, (16, 16), n) for n in (COPY_MULTIPLE, INSTANCE_MULTIPLE))
         assert not (copies & ~instances).any()
         shares.append(copies.mean())
     assert shares == sorted(shares)

@@ -16,7 +16,7 @@ from atra.geometry.mesh import Mesh
 from atra.geometry.ray_space import from_eye_space, padded_vertices, to_ray_space
 from atra.geometry.view import View
 from atra.kernels.planning import count_copies, fill_copies, project_points
-from atra.kernels.rounding import COPY_ROUNDINGS
+from atra.kernels.rounding import COPY_MULTIPLE
 from atra.options import AlignedOptions, CellOptions
 from atra.parallel import WorkerPool
 
@@ -117,7 +117,7 @@ def plan_aligned_geometry(
     ]
     left_out = []
     for mesh, camera, points in zip(meshes, alignment.cameras, projected, strict=True):
-        roundings = image_roundings(mesh, camera, alignment, pool, points, COPY_ROUNDINGS)
+        roundings = image_roundings(mesh, camera, alignment, pool, points, COPY_MULTIPLE)
         left_out.append(LeftOut.of(roundings.left_out, roundings, points[0]))
     counts = [
         count_kept(pool, points_pixels, mesh, options.culling, cell)
@@ -149,7 +149,7 @@ def image_roundings(
     alignment: Alignment,
     pool: WorkerPool,
     points: tuple[NDArray[np.float64], NDArray[np.float64]],
-    admitted_roundings: float,
+    admitted_multiple: float,
 ) -> Roundings:
     """The roundings of one image's mesh; points: of `project_vertices`, as they are sheared.
 
@@ -158,7 +158,7 @@ def image_roundings(
     if camera.is_parallel:
         return Roundings(np.zeros(mesh.triangle_count), np.zeros(mesh.triangle_count, np.bool_))
     own = points[1] if camera is alignment.cameras[0] else project_vertices(mesh, camera, pool)[1]
-    roundings = roundings_of_copies(mesh, alignment, pool, points[0], own, points[1], admitted_roundings)
+    roundings = roundings_of_copies(mesh, alignment, pool, points[0], own, points[1], admitted_multiple)
     roundings.left_out[mesh.without_area] = False  # that is so whatever they are traced with
     return roundings
 

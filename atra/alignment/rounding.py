@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from atra.alignment.alignment import Alignment
 from atra.geometry.mesh import Mesh
-from atra.kernels.rounding import COPY_ROUNDINGS, judge_copies
+from atra.kernels.rounding import COPY_MULTIPLE, judge_copies
 from atra.parallel import WorkerPool
 
 
@@ -32,7 +32,7 @@ def roundings_of_copies(
     points_pixels: NDArray[np.float64],
     points_own: NDArray[np.float64],
     points_ray: NDArray[np.float64],
-    admitted_roundings: float = COPY_ROUNDINGS,
+    admitted_multiple: float = COPY_MULTIPLE,
 ) -> Roundings:
     """The roundings of a mesh that is seen through the cells of an alignment of pinhole cameras.
 
@@ -42,6 +42,6 @@ def roundings_of_copies(
     depth_error, left_out = np.empty(mesh.triangle_count), np.empty(mesh.triangle_count, np.uint8)
     points = points_pixels, points_own, points_ray
     cell = alignment.split.cell_width, alignment.split.cell_height
-    rest = mesh.traced_faces, *alignment.shears, *cell, admitted_roundings, depth_error, left_out
+    rest = mesh.traced_faces, *alignment.shears, *cell, admitted_multiple, depth_error, left_out
     pool.run(lambda _, counter: judge_copies(counter, *points, *rest))
     return Roundings(depth_error, left_out.view(np.bool_))

@@ -21,10 +21,14 @@ COPY_RATIO = 2.0
 much. A shift s on the image plane lengthens corners and edges up to 1 + s times, and three lengths go into an error; at
 60 degrees s is at most 0.87, and little that is seen has more."""
 
-COPY_ROUNDINGS, INSTANCE_ROUNDINGS = 16.0, 8.0
-"""Roundings that a copy may have in any case: walls along an axis, say, have next to none themselves. Of an instance
-half as many: what a copy has in its corners, an instance has in the rays, which are turned by a matrix that is rounded
-itself."""
+LEAST_FACING = 5.0
+"""Roundings that `normal . direction` of the mesh itself has at least: of the direction's column and row, and of the
+direction; of the product, and of the quotient (`atra.judge.rounding`)."""
+
+COPY_MULTIPLE, INSTANCE_MULTIPLE = 5.0, 4.0
+"""Times the roundings of the mesh itself that all those of a copy may be in any case: walls along an axis, say, have
+next to none themselves. ALLOWED_MULTIPLE are allowed, and no depth of a copy came beyond 4/5 of its roundings. Of an
+instance some do: what a copy has in its corners, it has in the rays, turned by a matrix that is rounded itself."""
 
 MOST_ROUNDINGS = 1024.0
 """Roundings of the mesh itself from which on there are no copies: the plane almost passes through the eye then, and
@@ -73,21 +77,29 @@ def _enlarge(points, faces, triangle, shear_x, shear_y, depth, largest):  # type
 
 @njit(inline="always")
 def _roundings(largest, volume):  # type: ignore[no-untyped-def]
-    """Relative error of the depth, in units of rounding, of a triangle with these sizes; volume: normal . corner."""
+    """Relative errors of normal . corner, in units of rounding, of a triangle with these sizes: those of the corners,
+    and with those of the normal; volume: normal . corner."""
     of_corners, of_normal = 0.0, 0.0
     for k in range(3):
         i, j = (k + 1) % 3, (k + 2) % 3
         of_corners += largest[3, k] * largest[0, k]
         products = largest[1, i] * largest[2, j] + largest[1, j] * largest[2, i]
         of_normal += products * max(largest[1, k], largest[2, k])
-    total = of_corners + of_normal
-    return total / volume if volume > 0.0 else np.inf
+    if not volume > 0.0:
+        return np.inf, np.inf
+    return of_corners / volume, (of_corners + of_normal) / volume
+
+
+@njit(inline="always")
+def _is_too_far_off(largest, volume, most_at_corner, most):  # type: ignore[no-untyped-def]
+    at_corner, anywhere = _roundings(largest, volume)
+    return at_corner > most_at_corner or anywhere > most
 
 
 @kernel
 def judge_copies(  # type: ignore[no-untyped-def]
     counter_address, points_pixels, points_own, points_ray, faces, shears_x, shears_y, cell_width, cell_height,
-    admitted_roundings, depth_error, left_out,
+    admitted_multiple, depth_error, left_out,
 ):  # fmt: skip
     """How far off a ray of the mesh itself may be about each triangle, and whether its copies would be too far off.
 
@@ -96,13 +108,16 @@ def judge_copies(  # type: ignore[no-untyped-def]
     depth.
     depth_error: (F,) float64, ALLOWED_MULTIPLE times the roundings of the mesh itself, relative to the depth; inf where
     the plane passes through the eye. left_out: (F,) uint8, 1 where in some cell a copy would have more roundings than
-    COPY_RATIO times the mesh itself and than admitted_roundings, or the mesh itself has more than MOST_ROUNDINGS.
+    COPY_RATIO times the mesh itself and, with those of n . d, than admitted_multiple times, or the mesh itself has more
+    than MOST_ROUNDINGS.
 
     With first corner v0, edges a and b at it, normal n = a x b, a depth is n . v0 / n . d. Rounding the corners, and
     the products with n, errs by sum_k |n_k| max_i |v_ik| of n . v0. Rounding n errs by the products it is made of,
     times the way from v0 to the hit; both component by component, so that a wall along an axis, whose normal is exact,
-    is known to be. All sizes of a copy are linear in its shear, so none is larger than at the corners of the image;
-    only where these are too much are the cells that the triangle meets looked at one by one.
+    is known to be. At v0 itself there is no such way, so the first is held to its own bound. A ray to the triangle
+    heads to between its corners: of n . d the direction errs as corners do, twice, as it is a sum, and three roundings
+    are added. All sizes of a copy are linear in its shear, so none is larger than at the corners of the image; only
+    where these are too much are the cells that the triangle meets looked at one by one.
     """
     largest, nothing = np.empty((4, 3)), np.zeros(3)
     polygon, first, second = (
@@ -118,18 +133,20 @@ def judge_copies(  # type: ignore[no-untyped-def]
         for triangle in range(start, min(start + CHUNK, len(faces))):
             largest[:] = 0.0
             volume = _enlarge(points_own, faces, triangle, nothing, nothing, points_pixels, largest)
-            of_mesh = _roundings(largest, volume)
+            at_corner, of_mesh = _roundings(largest, volume)
             depth_error[triangle] = FLOAT32_UNIT * ALLOWED_MULTIPLE * of_mesh
             if not of_mesh <= MOST_ROUNDINGS:
                 left_out[triangle] = 1
                 continue
-            admitted = max(COPY_RATIO * of_mesh, admitted_roundings)
+            # A copy with c at its first corner has 2 c + 3 in n . d.
+            admitted = (admitted_multiple * (at_corner + LEAST_FACING) - 3.0) / 3.0
+            most_at_corner, most = max(COPY_RATIO * at_corner, admitted), max(COPY_RATIO * of_mesh, admitted)
             largest[:] = 0.0
             for j in (0, ny - 1):
                 for i in (0, nx - 1):
                     volume = _enlarge(points_ray, faces, triangle, shears_x[i], shears_y[j], points_pixels, largest)
             left_out[triangle] = 0
-            if not _roundings(largest, volume) > admitted:
+            if not _is_too_far_off(largest, volume, most_at_corner, most):
                 continue
             nearest, farthest, size = load_triangle(points_pixels, faces, triangle, polygon)
             tiny = 1e-12 * size
@@ -143,5 +160,5 @@ def judge_copies(  # type: ignore[no-untyped-def]
                 for i in range(left, right + 1):
                     largest[:] = 0.0
                     volume = _enlarge(points_ray, faces, triangle, shears_x[i], shears_y[j], points_pixels, largest)
-                    if _roundings(largest, volume) > admitted:
+                    if _is_too_far_off(largest, volume, most_at_corner, most):
                         left_out[triangle] = 1
