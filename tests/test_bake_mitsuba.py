@@ -9,9 +9,9 @@ import pytest
 
 from atra import render
 from atra.bake import Baker, BakeScene
+from experiments.workloads.render.mitsuba import material_of
 from tests.baked import cube, sheet, standard_error
 from tests.meshes import joined
-from tests.test_render_mitsuba import as_bsdf
 
 if importlib.util.find_spec("mitsuba") is None:
     pytest.skip("Mitsuba 3 is not installed (extra `peers`)", allow_module_level=True)
@@ -36,7 +36,7 @@ def of_mitsuba(scene, origins, directions):
     parts = {"type": "scene"}
     for number, material in enumerate(scene.materials):
         properties = mi.Properties()
-        properties["bsdf"] = mi.load_dict(as_bsdf(material))
+        properties["bsdf"] = mi.load_dict(material_of(material))
         if isinstance(material, render.Emissive):
             lamp = {"type": "area", "radiance": {"type": "rgb", "value": list(material.colour)}}
             properties["emitter"] = mi.load_dict(lamp)

@@ -36,7 +36,7 @@ KERNELS = {
     "closest_hit_kernel": rays.closest_hit_kernel(4),
     "occlusion_kernel": rays.occlusion_kernel(4),
     "trace_kernel": paths.trace_kernel(4),
-    "occlude_kernel": lighting.occlude_kernel(4),
+    "lighting_kernel": lighting.lighting_kernel(4),
     "verify_kernel": verifying.verify_kernel(4, 2),
     "drawing_kernel": drawing_kernel(4, False),
     "gathering_kernel": gathering_kernel(4, False, LAYERS),

@@ -45,38 +45,32 @@ def _address(array):  # type: ignore[no-untyped-def]
     return np.int64(array.ctypes.data)
 
 
-@cache
-def _occlude_kernel(width: int) -> Callable[..., None]:
-    """The rays of a chunk, in packets of `width`, a constant of the compiled code."""
+@njit(inline="always")
+def _occlude(width, floats, count, scene, packet):  # type: ignore[no-untyped-def]
+    """LIGHT becomes 0 where something is in the way of the rays of a chunk, in packets of `width`. Pixels keep their
+    lanes, so that each has the same neighbours in every chunk."""
     field = 4 * width
-
-    @float_kernel
-    def occlude(floats, count, scene, packet):  # type: ignore[no-untyped-def]
-        """LIGHT becomes 0 where something is in the way. Pixels keep their lanes, so that each has the same neighbours
-        in every chunk."""
-        rays, valid = _address(packet.floats), _address(packet.valid)
-        zero, tiny = repeated(ZERO, width), repeated(SMALLEST_COMPONENT, width)
-        every = load(_address(packet.all_lanes), ZERO, width)  # the bits of -1
-        store(zero, rays + RAY_TNEAR * field)
-        for first in range(0, count, width):
-            at = _address(floats) + 4 * first
-            length = load(at + LENGTH * STRIDE * 4, ZERO, width)
-            is_traced = length > zero
-            if bits_of(is_traced) == 0:
-                continue
-            for axis in range(3):
-                origin = load(at + (ORIGIN + axis) * STRIDE * 4, ZERO, width)
-                direction = load(at + (DIRECTION + axis) * STRIDE * 4, ZERO, width)
-                store(origin, rays + (RAY_ORG_X + axis) * field)
-                store(where(size(direction) >= tiny, direction, zero), rays + (RAY_DIR_X + axis) * field)
-            store(length, rays + RAY_TFAR * field)
-            store(where(is_traced, every, zero), valid)
-            occluded(width, packet.valid, scene, packet)
-            light = load(at + LIGHT * STRIDE * 4, ZERO, width)
-            is_free = load(rays + RAY_TFAR * field, ZERO, width) >= zero
-            store(where(is_free, light, zero), at + LIGHT * STRIDE * 4)
-
-    return occlude
+    rays, valid = _address(packet.floats), _address(packet.valid)
+    zero, tiny = repeated(ZERO, width), repeated(SMALLEST_COMPONENT, width)
+    every = load(_address(packet.all_lanes), ZERO, width)  # the bits of -1
+    store(zero, rays + RAY_TNEAR * field)
+    for first in range(0, count, width):
+        at = _address(floats) + 4 * first
+        length = load(at + LENGTH * STRIDE * 4, ZERO, width)
+        is_traced = length > zero
+        if bits_of(is_traced) == 0:
+            continue
+        for axis in range(3):
+            origin = load(at + (ORIGIN + axis) * STRIDE * 4, ZERO, width)
+            direction = load(at + (DIRECTION + axis) * STRIDE * 4, ZERO, width)
+            store(origin, rays + (RAY_ORG_X + axis) * field)
+            store(where(size(direction) >= tiny, direction, zero), rays + (RAY_DIR_X + axis) * field)
+        store(length, rays + RAY_TFAR * field)
+        store(where(is_traced, every, zero), valid)
+        occluded(width, packet.valid, scene, packet)
+        light = load(at + LIGHT * STRIDE * 4, ZERO, width)
+        is_free = load(rays + RAY_TFAR * field, ZERO, width) >= zero
+        store(where(is_free, light, zero), at + LIGHT * STRIDE * 4)
 
 
 @float_kernel
@@ -116,7 +110,6 @@ def _lap(times, stage, start):  # type: ignore[no-untyped-def]
 @cache
 def lighting_kernel(width: int) -> Callable[..., int]:
     """All stages, in packets of `width`, a constant of the compiled code."""
-    occlude = _occlude_kernel(width)
 
     @float_kernel
     def light_pixels(  # type: ignore[no-untyped-def]
@@ -144,7 +137,7 @@ def lighting_kernel(width: int) -> Callable[..., int]:
                 clock = _lap(times, _GENERATE, clock)
                 if to_lights.is_traced:
                     rays += there
-                    occlude(floats, some, query.scene, query.packet)
+                    _occlude(width, floats, some, query.scene, query.packet)
                     clock = _lap(times, _SHADOW, clock)
                 own = sums[SKY_PLANES + of_light * LIGHT_PLANES :]
                 is_finite &= _add_light(floats, start, some, COLOUR, share, own)
@@ -156,7 +149,7 @@ def lighting_kernel(width: int) -> Callable[..., int]:
                 clock = _lap(times, _GENERATE, clock)
                 if into_sky.is_traced:
                     rays += there
-                    occlude(floats, some, query.scene, query.packet)
+                    _occlude(width, floats, some, query.scene, query.packet)
                     clock = _lap(times, _OCCLUSION, clock)
                 is_finite &= _add_light(floats, start, some, SKY, share, sums)
                 clock = _lap(times, _ACCUMULATE, clock)

@@ -87,7 +87,8 @@ def judge_shares(
 def judge_buffers(table: pd.DataFrame | None) -> Judgement:
     """Bytes of rays in flight on the largest map over those on the smallest, with equal batches."""
     rows = None if table is None else workload_rows(table, BAKE.name)
-    rows = None if rows is None else rows[rows["status"].eq("ok") & ~rows["priority"].eq(True)]
+    if rows is not None:
+        rows = rows[rows["status"].eq("ok") & ~rows["priority"].eq(True) & rows["buffer_bytes"].notna()]
     ratios = {}
     for _, same in () if rows is None else rows.groupby(["scene", "batch_rays"], observed=True):
         if same["size"].nunique() > 1:
