@@ -17,6 +17,8 @@ QUOTATIONS = (
     Quotation("docs/methods.md", "instruction_sets", methods.other_instruction_sets),
     Quotation("docs/methods.md", "peers", methods.other_tracers),
     Quotation("docs/methods.md", "baselines", methods.best_packets),
+    Quotation("docs/methods.md", "planner", methods.regret),
+    Quotation("docs/methods.md", "threads", methods.two_threads),
     Quotation("docs/methods.md", "surface", methods.surfaces),
     Quotation("docs/methods.md", "stereo", methods.two_eyes),
     Quotation("docs/methods.md", "paper", paper.instances),
