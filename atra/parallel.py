@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import os
+import sys
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import suppress
+from threading import get_native_id
 from typing import Any
 
 import numpy as np
 
 from atra.errors import InputError
+from atra.kernels.cores import core_of_caller
 from atra.whole_numbers import is_whole_number
 
 MOST_THREADS = 1024
@@ -37,10 +41,30 @@ class WorkerPool:
 
     def _start(self) -> None:
         self._process = os.getpid()
-        self._executor = ThreadPoolExecutor(self.threads - 1, "atra") if self.threads > 1 else None
+        self._others: dict[int, set[int]] = {}  # native id of each other thread, and the cores that it was last given
+        self._executor = ThreadPoolExecutor(self.threads - 1, "atra", self._note_thread) if self.threads > 1 else None
 
-    def run(self, kernel: Callable[[int, int], Any]) -> None:
-        """Call kernel(worker, counter_address) once per thread; the counter at the address starts at zero.
+    def _note_thread(self) -> None:
+        self._others[get_native_id()] = set()
+
+    def _keep_off_core_of_caller(self) -> None:
+        """Let the other threads run on every core but the caller's, where a system can tell it.
+
+        Linux looks for an idle core only while few are busy; of two it often woke them on the caller's, until the next
+        time it balanced cores, which is longer than a frame takes.
+        """
+        if sys.platform != "linux":
+            return
+        cores = os.sched_getaffinity(0)
+        others = cores - {core_of_caller()} if self.threads <= len(cores) else cores
+        for thread, given in list(self._others.items()):  # a copy, as threads may still be starting
+            if given != others:
+                with suppress(OSError):  # it serves speed alone, and a container may forbid it
+                    os.sched_setaffinity(thread, others)
+                self._others[thread] = others
+
+    def run(self, kernel: Callable[[int, int], Any], most_threads: int = MOST_THREADS) -> None:
+        """Call kernel(worker, counter_address) once per thread, of at most so many; the counter there starts at zero.
 
         Returns, or raises what one of them raised, when all are done: until then they write to the caller's memory.
         """
@@ -50,8 +74,9 @@ class WorkerPool:
         address = counter.ctypes.data
         others: list[Future[Any]] = []
         try:
-            if self._executor:
-                for worker in range(1, self.threads):
+            if self._executor and most_threads > 1:
+                self._keep_off_core_of_caller()
+                for worker in range(1, min(self.threads, most_threads)):
                     others.append(self._executor.submit(kernel, worker, address))
             kernel(0, address)
         finally:

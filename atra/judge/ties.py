@@ -162,14 +162,10 @@ def lowest_of_ties(
     tiles: of `tie_tiles` for this mesh and camera.
     """
     overlaps = coplanar_overlaps(mesh)
-    right, down, forward = camera.axes[:, :, None]
-    plane, height = camera.plane, camera.height
-    across = right * (plane.columns(np.arange(camera.width), offset[0]) * plane.pitch_x)
-    along = down * (plane.rows(np.arange(height), offset[1]) * plane.pitch_y)
-    at_eye, ahead = np.tile(np.array(camera.eye)[:, None], height), np.tile(forward, height)
-    nothing = np.zeros_like(across)
-    parallel, pinhole = (across, along + at_eye, nothing, ahead), (nothing, at_eye, across, along + ahead)
-    rays = parallel if camera.is_parallel else pinhole
+    plane = camera.plane
+    across = plane.columns(np.arange(camera.width), offset[0]) * plane.pitch_x
+    along = plane.rows(np.arange(camera.height), offset[1]) * plane.pitch_y
+    rays = np.array(camera.eye), camera.axes, across, along, camera.is_parallel
 
     def work(_: int, counter: int) -> None:
         settle_ties(

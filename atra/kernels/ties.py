@@ -262,15 +262,13 @@ def mark_ties(vertices, faces, concerned, pairs, eye, to_pixels, size, boxes, ma
 @kernel
 def settle_ties(  # type: ignore[no-untyped-def]
     counter_address, tiles, may_tie, twins, starts, partners, vertices, faces,
-    column_origins, row_origins, column_directions, row_directions, tie_tolerance, prim_id,
+    eye, axes, across, along, is_parallel, tie_tolerance, prim_id,
 ):  # fmt: skip
     """Store the lowest of the tied triangles in every pixel, until the shared counter runs past the last row of tiles.
 
     tiles: (tile rows, tile columns) bool, those to look at. may_tie, twins, starts, partners: of
-    `atra.judge.ties.CoplanarOverlaps`.
-    vertices: (V, 3) float32, faces: (F, 3) uint32.
-    column_origins, column_directions: (3, W), row_origins, row_directions: (3, H) float64; a pixel's ray is the sum of
-    its column's and its row's, in the space of the vertices.
+    `atra.judge.ties.CoplanarOverlaps`. vertices: (V, 3) float32, faces: (F, 3) uint32. eye, axes: of the camera.
+    across, along: (W,), (H,) float64, how far columns and rows are from the view axis on the image plane.
     tie_tolerance: relative difference of equal depths. prim_id: (H, W) uint32, changed in place.
     """
     height, width = prim_id.shape
@@ -289,12 +287,14 @@ def settle_ties(  # type: ignore[no-untyped-def]
                         continue
                     lowest = twins[hit]
                     if starts[lowest] < starts[lowest + 1]:
-                        ox = column_origins[0, x] + row_origins[0, y]
-                        oy = column_origins[1, x] + row_origins[1, y]
-                        oz = column_origins[2, x] + row_origins[2, y]
-                        dx = column_directions[0, x] + row_directions[0, y]
-                        dy = column_directions[1, x] + row_directions[1, y]
-                        dz = column_directions[2, x] + row_directions[2, y]
+                        ox, oy, oz, dx, dy, dz = eye[0], eye[1], eye[2], axes[2, 0], axes[2, 1], axes[2, 2]
+                        sx = axes[0, 0] * across[x] + axes[1, 0] * along[y]
+                        sy = axes[0, 1] * across[x] + axes[1, 1] * along[y]
+                        sz = axes[0, 2] * across[x] + axes[1, 2] * along[y]
+                        if is_parallel:
+                            ox, oy, oz = ox + sx, oy + sy, oz + sz
+                        else:
+                            dx, dy, dz = dx + sx, dy + sy, dz + sz
                         depth, _ = _intersect(vertices, faces, lowest, ox, oy, oz, dx, dy, dz)
                         for place in range(starts[lowest], starts[lowest + 1]):
                             partner = partners[place]

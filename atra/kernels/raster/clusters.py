@@ -8,6 +8,7 @@ piece of memory, and nothing of those that are left out.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -69,7 +70,7 @@ class Clusters:
     firsts: NDArray[np.int64]
     boxes: NDArray[np.float32]
 
-    @property
+    @cached_property
     def addresses(self) -> ClusterAddresses:
         """Where the arrays lie."""
         arrays = self.prim_ids, self.corners, self.vertices, self.firsts
@@ -83,7 +84,8 @@ class Clusters:
     @property
     def bytes(self) -> int:
         """Memory of all arrays."""
-        return sum(array.nbytes for array in vars(self).values())
+        arrays = self.prim_ids, self.corners, self.vertices, self.firsts, self.boxes
+        return sum(array.nbytes for array in arrays)
 
 
 class ClusterAddresses(NamedTuple):

@@ -27,6 +27,10 @@ _BAND_PIXELS, _BAND_ROWS = 1 << 16, (16, 64)
 """Pixels of a band, half a megabyte of image; and its least and most rows."""
 
 
+_CLUSTERS_A_THREAD = 4096
+"""Fewer are culled in less time than it takes to wake another thread."""
+
+
 @dataclass(frozen=True, eq=False)
 class Scratch:
     """A mesh in clusters, and memory of its frames. rectangles, bounds: of `cull_clusters`."""
@@ -75,7 +79,8 @@ class Scratch:
     def cull(self, eye: Eye, camera: View, band_rows: int, pool: WorkerPool) -> None:
         """Find rectangles and bounds for a frame."""
         rest = self.clusters.boxes, eye, camera.is_parallel, camera.width, camera.height, band_rows
-        pool.run(lambda _, counter: cull_clusters(counter, *rest, self.rectangles, self.bounds))
+        threads = 1 + self.clusters.count // _CLUSTERS_A_THREAD
+        pool.run(lambda _, counter: cull_clusters(counter, *rest, self.rectangles, self.bounds), threads)
 
     def order(self) -> NDArray[np.int64]:
         """The clusters that may be seen, the nearest first."""

@@ -74,27 +74,28 @@ class Eye(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Viewpoint:
-    """The arrays of an `Eye`, which have to live as long as it is used."""
+    """The numbers of an `Eye`, which have to live as long as it is used.
 
-    position: NDArray[np.float64]
-    to_pixels: NDArray[np.float64]
-    depth_axis: NDArray[np.float64]
+    numbers: (18,) float64, position, to_pixels and depth_axis one after another.
+    """
+
+    numbers: NDArray[np.float64]
     least_depth: float
 
     @classmethod
     def of(cls, mesh: Mesh, camera: View, offset: tuple[float, float]) -> Viewpoint:
         """What a mesh is seen from, with the samples of an offset at whole numbers."""
-        to_pixels = camera.to_pixels.copy()
-        to_pixels[:2] -= np.outer(offset, to_pixels[2])
-        position = np.array(camera.eye)
-        least_depth = 0.0 if camera.is_parallel else _LEAST_DEPTH * float(np.abs(mesh.bounds - position).max())
-        return cls(position, to_pixels.reshape(-1), camera.axes[2].copy(), least_depth)
+        numbers = np.concatenate([camera.eye, camera.to_pixels.reshape(-1), camera.axes[2]])
+        for row, part in zip((numbers[3:7], numbers[7:11]), offset, strict=True):
+            row -= part * numbers[11:15]
+        least_depth = 0.0 if camera.is_parallel else _LEAST_DEPTH * float(np.abs(mesh.bounds - numbers[:3]).max())
+        return cls(numbers, least_depth)
 
     @property
     def eye(self) -> Eye:
-        """The arrays by their addresses."""
-        position, to_pixels = self.position.ctypes.data, self.to_pixels.ctypes.data
-        return Eye(position, to_pixels, self.depth_axis.ctypes.data, self.least_depth)
+        """The numbers by their addresses."""
+        first = self.numbers.ctypes.data
+        return Eye(first, first + 3 * 8, first + 15 * 8, self.least_depth)
 
 
 class Workspace(NamedTuple):
