@@ -14,6 +14,7 @@ from atra.errors import InputError
 from atra.geometry.mesh import Mesh
 from atra.geometry.orthographic import OrthographicCamera
 from atra.geometry.view import unit_vector
+from atra.kernels.baking.tiles import carry_into_tile
 from atra.whole_numbers import is_whole_number
 
 FLAT = 1e-3
@@ -94,16 +95,15 @@ class Tiles:
         way = unit_vector("direction", direction)
         onto = np.linalg.inv(np.column_stack([self.across[tile], self.down[tile], way]))
         mesh = self.texels.mesh
-        moved = (mesh.vertices.astype(np.float64) - self.origin[tile]) @ onto.T
-        moved -= (self.size / 2, self.size / 2, self.start(tile, way))
-        corners = moved[mesh.faces]
-        low, high = corners.min(axis=1), corners.max(axis=1)
+        moved, kept = np.empty(mesh.vertices.shape), np.empty(mesh.triangle_count, np.bool_)
+        used = np.zeros(len(mesh.vertices), np.bool_)
+        shift = np.array([self.size / 2, self.size / 2, self.start(tile, way)])
         half = self.size / 2 + 0.5
-        kept = (high[:, 2] > 0.0) & (high[:, :2] > -half).all(axis=1) & (low[:, :2] < half).all(axis=1)
+        carry_into_tile(mesh.vertices, mesh.faces, onto, self.origin[tile], shift, half, moved, kept, used)
         if not kept.any():
             return None
-        used, places = np.unique(mesh.faces[kept], return_inverse=True)
-        return Mesh(moved[used].astype(np.float32), places.reshape(-1, 3).astype(np.uint32), mesh.name)
+        place = np.cumsum(used, dtype=np.uint32) - np.uint32(1)
+        return Mesh(moved[used].astype(np.float32), place[mesh.faces[kept]], mesh.name)
 
     def rays(
         self, tiles: Sequence[int] | NDArray[np.int64], direction: ArrayLike, offset: tuple[float, float]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import pandas as pd
@@ -9,36 +10,35 @@ import pandas as pd
 from experiments.methods.peers.llvmpipe import LLVMPIPE
 from tests.quotations.quotation import SCENES, Kept, Quoted, digits, interval, milliseconds, of, table_row
 
+_PLAIN = {"method": "raster", "frame": "hybrid", "samples": 1, "jitter": "shared", "order": "depth_first"}
+
+_QUANTITIES: tuple[tuple[str, dict[str, Any], Callable[[pd.Series], str]], ...] = (
+    ("hybrid, ms a sample", {}, lambda row: milliseconds(row["render_time_s"])),
+    ("hybrid, over packets", {}, lambda row: interval(row, "speedup_vs_packets")),
+    ("forecast of that by Amdahl", {}, lambda row: digits(row["speedup_forecast"])),
+    ("hybrid, outside Embree", {}, lambda row: percent(row["outside_embree"])),
+    ("visible-first for the rasteriser", {"method": "visible_first"}, lambda row: interval(row, "speedup_vs_packets")),
+    ("4 samples, camera still", {"jitter": "off", "samples": 4}, lambda row: interval(row, "speedup_vs_packets")),
+    ("paths, over packets", {"frame": "path"}, lambda row: interval(row, "speedup_vs_packets")),
+    ("waves of paths, outside Embree", {"frame": "path", "order": "waves"}, lambda row: percent(row["outside_embree"])),
+    (
+        "samples over Mitsuba 3's",
+        {"frame": "path", "mitsuba": "llvm_ad_rgb"},
+        lambda row: interval(row, "samples_vs_mitsuba"),
+    ),
+)
+"""Label, what is other than in a plain sample, and what is quoted of that row."""
+
 
 def whole_pictures(kept: Kept) -> Quoted:
-    """Scene; of hybrid pictures: ms of a sample, its gain by the rasteriser over packets, Amdahl's forecast of that,
-    the share outside Embree, the gain of visible-first, and that of 4 samples of a camera that stays; of paths: the
-    gain, the share outside Embree in waves, and samples for each of Mitsuba 3's."""
-    table, rows = kept.points, []
-    for scene in (*SCENES, "weekend"):
-
-        def one(scene: str = scene, method: str = "raster", frame: str = "hybrid", **values: Any) -> pd.Series:
-            given = {"samples": 1, "jitter": "shared", "order": "depth_first", "mitsuba": "none"} | values
-            found = of(table, scene=scene, method=method, frame=frame, **given)
-            assert len(found) == 1, f"{len(found)} rows for {scene}, {method}, {frame}, {values}"
-            return found.iloc[0]
-
-        hybrid, paths = one(), one(frame="path")
-        rows.append(
-            table_row(
-                f"`{scene}`",
-                milliseconds(hybrid["render_time_s"]),
-                interval(hybrid, "speedup_vs_packets"),
-                digits(hybrid["speedup_forecast"]),
-                percent(hybrid["outside_embree"]),
-                interval(one(method="visible_first"), "speedup_vs_packets"),
-                interval(one(jitter="off", samples=4), "speedup_vs_packets"),
-                interval(paths, "speedup_vs_packets"),
-                percent(one(frame="path", order="waves")["outside_embree"]),
-                interval(one(frame="path", mitsuba="llvm_ad_rgb"), "samples_vs_mitsuba"),
-            )
-        )
-    own = table[table["method"] != LLVMPIPE.name]
+    """A quantity a row, a scene a column. Of images by our own methods none may have a wrong pixel."""
+    rows = []
+    for label, other, quote in _QUANTITIES:
+        given = {"mitsuba": "none"} | _PLAIN | other
+        found = [of(kept.points, scene=scene, **given) for scene in (*SCENES, "weekend")]
+        assert all(len(of_scene) == 1 for of_scene in found), f"not one row each of {given}"
+        rows.append(table_row(label, *(quote(of_scene.iloc[0]) for of_scene in found)))
+    own = kept.points[kept.points["method"] != LLVMPIPE.name]
     assert set(own["pixels_wrong"].dropna()) == set(own["pixels_unlike"].dropna()) == {0}
     return Quoted(rows=tuple(rows))
 
