@@ -52,6 +52,13 @@ def test_aligned_rays_of_tiles_see_what_each_ray_sees(direction, offset):
     assert found.std() > 0.1
 
 
+def test_tiles_of_few_texels_are_left_out():
+    texels = Texels.of(ROOM, sheet(ROOM, 12))
+    members = [(tiles.texel >= 0).sum(axis=(1, 2)) for tiles in (Tiles.of(texels, 5), Tiles.of(texels, 5, 20))]
+    assert members[0].min() < 20
+    np.testing.assert_array_equal(members[1], members[0][members[0] >= 20])
+
+
 def test_a_size_below_1_is_refused():
     with pytest.raises(InputError, match="size of a tile is 0"):
         tiles_of(0)

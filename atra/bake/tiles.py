@@ -50,10 +50,14 @@ class Tiles:
         return float((self.texel >= 0).sum()) / len(self.texels)
 
     @classmethod
-    def of(cls, texels: Texels, size: int = 32) -> Tiles:
-        """The tiles of all flat charts. Raises InputError for a size below 1."""
-        if not is_whole_number(size) or size < 1:
-            raise InputError(f"size of a tile is {size!r}, expected a whole number of at least 1")
+    def of(cls, texels: Texels, size: int = 32, least_texels: int = 1) -> Tiles:
+        """The tiles of all flat charts that have so many texels at least: each tile costs a look at the whole mesh.
+
+        Raises InputError for a size or least_texels below 1.
+        """
+        for name, value in (("size", size), ("least_texels", least_texels)):
+            if not is_whole_number(value) or value < 1:
+                raise InputError(f"{name} of a tile is {value!r}, expected a whole number of at least 1")
         column, row = texels.number % texels.atlas.width, texels.number // texels.atlas.width
         found = []
         for chart in np.unique(texels.chart):
@@ -65,6 +69,8 @@ class Tiles:
             place = np.stack([(row[mine] - top) // size, (column[mine] - left) // size], axis=1)
             for j, i in np.unique(place, axis=0):
                 inside = mine[(place == (j, i)).all(axis=1)]
+                if len(inside) < least_texels:
+                    continue
                 first = left + i * size, top + j * size
                 of_tile = np.full((size, size), -1, np.int32)
                 of_tile[row[inside] - first[1], column[inside] - first[0]] = inside

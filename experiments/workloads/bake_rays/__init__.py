@@ -37,6 +37,7 @@ class BakeRaysSettings:
     directions: int = option(1, "directions of a round, where the use is not the sun")
     map_size: int = option(512, "texels along a side of the map, or rays of a bundle")
     tile_size: int = option(32, "texels along a side of a tile")
+    least_texels: int = option(16, "of a tile; rays of smaller ones are not asked for")
 
     def __post_init__(self) -> None:
         for name, most in (
@@ -44,6 +45,7 @@ class BakeRaysSettings:
             ("directions", 1 << 12),
             ("map_size", 1 << 13),
             ("tile_size", 1 << 10),
+            ("least_texels", 1 << 20),
         ):
             value = getattr(self, name)
             if not 1 <= value <= most:
@@ -70,7 +72,7 @@ BAKE_RAYS = Workload(
         *statistics_columns("single_over_aligned{}", "rays one by one / aligned", over_own(series(ONE_BY_ONE))),
         *statistics_columns("packets_over_aligned{}", "coherent packets / aligned", over_own(series(TOGETHER))),
         Column("prepare_s", REAL, "of a round of aligned rays: plan and build"),
-        Column("aligned_texel_share", REAL, "of all texels that are lit, those in tiles of flat charts"),
+        Column("aligned_texel_share", REAL, "of all texels that are lit, those in such tiles of flat charts"),
         Column("tiles", WHOLE, "of flat charts"),
         Column("rays_compared", WHOLE, "of which visibility, or the number of hits, was compared"),
         Column("rays_different", WHOLE, "of these, those that see something else", over=max),

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 import atra
 from atra.bake import Atlas, Texels
 from atra.bake.tiles import Tiles
+from atra.errors import InputError
 from atra.geometry.mesh import Mesh
 from atra.rays.rays import Rays
 from experiments.harness.point import Point
@@ -88,7 +89,12 @@ class AlignedTiles:
 def _measure_tiles(point: Point, mesh: Mesh, stack: ExitStack) -> Measured:
     settings = point.workload_options
     atlas = Atlas.unwrap(mesh, settings.map_size, kept_in=default_cache() / "atlases", time_limit_s=point.time_limit_s)
-    tiles = Tiles.of(Texels.of(mesh, atlas), settings.tile_size)
+    tiles = Tiles.of(Texels.of(mesh, atlas), settings.tile_size, settings.least_texels)
+    if not len(tiles):
+        raise InputError(
+            f"no tile of a flat chart of {point.scene} has {settings.least_texels} texels: set "
+            "workload.least_texels or a larger workload.map_size"
+        )
     directions, offsets = (
         directions_of(point),
         [tuple(pair) for pair in atra.sub_pixel_offsets(settings.positions).tolist()],
