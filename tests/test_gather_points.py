@@ -101,7 +101,8 @@ def gathered_row(scene: str, method: str, what: str, over_single: float, **field
     return {
         "scene": scene, "workload": "gather", "method": method, "what": what, "layers": 8, "status": "ok",
         "packet_width": 1, "split_x": 1, "split_y": 1, "culling": True, "hits_in_all": 9000, "hits_missing": 0,
-        "hits_too_many": 0, "pixels_different": 0, "packets_render_time_s": packets_s, "render_time_s": 0.16 / over_single,
+        "hits_too_many": 0, "pixels_different": 0, "packets_render_time_s": packets_s,
+        "render_time_s": 0.16 / over_single,
     } | ratios | intervals | fields  # fmt: skip
 
 
