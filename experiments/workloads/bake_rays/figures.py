@@ -28,6 +28,7 @@ def draw_alignment(rows: pd.DataFrame, columns: int) -> Figure:
     panels = make_panels(rows, _SETTINGS)
     tallest = max((len(panel.rows) for panel in panels), default=0)
     figure, _ = draw_panels(panels, _draw_ratios, columns, panel_height(tallest))
+    rows = rows.assign(width=pd.NA, height=pd.NA)  # of an image that nobody sees
     write_foot(figure, rows, "right of a label: aligned rays' time, plan and build included, and packets / aligned")
     return figure
 
@@ -48,8 +49,12 @@ def _draw_ratios(axis: Axes, rows: pd.DataFrame) -> None:
 
 
 def _label(row: pd.Series) -> str:
-    ways = "" if row["use"] == Use.sun.value else f", {row['directions']} directions"
-    return f"{row['use']}{ways}, {row['positions']} positions, {row['map_size']}\N{SUPERSCRIPT TWO}"
+    ways = "" if row["use"] == Use.sun.value else f", {_counted(row['directions'], 'direction')}"
+    return f"{row['use']}{ways}, {_counted(row['positions'], 'position')}, {row['map_size']}\N{SUPERSCRIPT TWO}"
+
+
+def _counted(count: int, thing: str) -> str:
+    return f"{count} {thing}" + "s" * (count != 1)
 
 
 FIGURES = (
