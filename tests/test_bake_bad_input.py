@@ -13,9 +13,10 @@ from atra import render
 from atra.bake import Atlas, Baker, BakeScene, Seams, Surface, dilated
 from atra.bake.batches import new_batch
 from atra.bake.light.tables import tables_of
+from atra.embree.library import load_library
 from atra.errors import MemoryBudgetError
 from atra.kernels.baking.bounces import generate, scatter, trace_kernel
-from atra.kernels.baking.tables import DIRECTION, ORIGIN
+from atra.kernels.baking.tables import DIRECTION, ORIGIN, Batch
 from tests.baked import baked, cube, sheet
 from tests.meshes import joined, quads
 from tests.shown import floor
@@ -41,23 +42,31 @@ def nearest(mesh: atra.Mesh, origins: np.ndarray, ways: np.ndarray) -> np.ndarra
     return found
 
 
-def test_rays_of_texels_meet_what_brute_force_says():
-    mesh = joined(cube(inwards=True), cube(0.3))
-    scene = BakeScene(mesh)
-    with Baker(scene, sheet(mesh, 8), threads=1) as baker:
+ROOM = joined(cube(inwards=True), cube(0.3))
+
+
+def first_hits(packet_width: int) -> tuple[Batch, np.ndarray, np.ndarray]:
+    """What paths from the texels of a room meet first; their origins and directions, (R, 3) float64."""
+    scene = BakeScene(ROOM)
+    with Baker(scene, sheet(ROOM, 8), threads=1, packet_width=packet_width) as baker:
         texels, tables, batch = baker.texels, tables_of(scene, baker.texels, baker.options), new_batch(RAYS)
         order = (np.arange(RAYS) % len(texels)).astype(np.int32)
         lit, samples = (texels.prim_id, texels.number), np.arange(len(texels), dtype=np.int32)
         generate(batch, order, 0, RAYS, 1, samples, lit, tables)
         scatter(batch, RAYS, 0)
-        trace = trace_kernel(1, False)
+        trace = trace_kernel(packet_width, False)
 
         def work(query):
             assert trace(batch, RAYS, tables, 0, query.scene, query.packet) == RAYS
 
         baker.rays_scene.run(work)
     origins, ways = (batch.floats[first : first + 3, :RAYS].T.astype(float) for first in (ORIGIN, DIRECTION))
-    distances = nearest(mesh, origins, ways)
+    return batch, origins, ways
+
+
+def test_rays_of_texels_meet_what_brute_force_says():
+    batch, origins, ways = first_hits(1)
+    distances = nearest(ROOM, origins, ways)
     first = np.sort(distances, axis=1)
     assert np.isfinite(first[:, 0]).all()  # nothing leaks out of a closed box
     np.testing.assert_allclose(batch.distance, first[:, 0], rtol=1e-4, atol=1e-5)
@@ -66,6 +75,17 @@ def test_rays_of_texels_meet_what_brute_force_says():
     assert apart.mean() > 0.99
     assert (met == first[:, 0])[apart].mean() > 0.9995
     assert (batch.prim_id >= 12).mean() > 0.03
+
+
+def test_packets_meet_what_single_rays_meet_but_where_a_ray_is_at_an_edge():
+    single, origins, ways = first_hits(1)
+    packets, *_ = first_hits(load_library().native_packet_widths[-1])
+    different = single.prim_id != packets.prim_id
+    first = np.sort(nearest(ROOM, origins, ways), axis=1)
+    at_an_edge = first[:, 1] - first[:, 0] <= 1e-5
+    assert at_an_edge[different].all()
+    assert different.sum() < 1e-3 * RAYS
+    np.testing.assert_allclose(packets.distance, single.distance, rtol=1e-4, atol=1e-5)
 
 
 def test_light_through_panes_is_the_same_in_a_tree_of_high_quality():

@@ -6,6 +6,7 @@ import importlib.util
 import threading
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -18,7 +19,7 @@ from atra.bake import Baker, BakeScene, ProgressiveBake, Surface, save_maps, sav
 from atra.bake.maps import LIGHTS
 from atra.errors import InputError
 from examples import bake
-from experiments.commands.baking import run_bake
+from experiments.commands import baking
 from experiments.harness.configuration import Chosen, Configuration, SceneConfiguration
 from experiments.methods import find_method
 from experiments.workloads.bake import BAKE, BakeSettings
@@ -119,9 +120,24 @@ def test_the_command_bakes_a_scene_by_name_under_the_sky_of_a_file(tmp_path: Pat
     assert np.asarray(Image.open(tmp_path / "out" / "environment.png")).max() > 0
 
 
+def test_the_bar_of_an_adaptive_bake_comes_to_its_end(monkeypatch):
+    shown, kept = [], []
+    monkeypatch.setattr(baking.Progress, "update", lambda self, task, completed: shown.append(completed))
+    views = SimpleNamespace(keep=lambda name, lightmap: kept.append(name))
+    dark = replace(SCENE, surface=Surface.plain(BOX, 0.02))
+    with Baker(dark, ATLAS, threads=1, adaptive=True) as baker:
+        baking._bake(baker, 1024, views)
+        assert baker.samples.mean() < 1024
+    assert shown == sorted(shown)
+    assert shown[-1] == 1.0
+    assert kept == ["view_1", "view_16", "view_256"]
+
+
 @pytest.mark.skipif(importlib.util.find_spec("xatlas") is None, reason="xatlas is not installed (extra `bake`)")
 @pytest.mark.parametrize("workload", [{}, {"denoise": True}])
-def test_an_interrupted_bake_writes_what_there_is_whole_and_shows_what_the_camera_saw(tmp_path, monkeypatch, workload):
+def test_an_interrupted_bake_writes_what_there_is_whole_and_shows_what_the_camera_saw(
+    tmp_path, monkeypatch, capsys, workload
+):
     if workload:
         pytest.importorskip("pyoidn", reason="pyoidn is not installed: pip install -e '.[denoise]'")
     passes, advance = [], Baker.advance
@@ -133,13 +149,15 @@ def test_an_interrupted_bake_writes_what_there_is_whole_and_shows_what_the_camer
         return advance(self, target, stop)
 
     monkeypatch.setattr(Baker, "advance", interrupted)
+    monkeypatch.setattr(baking, "picture_restriction", lambda name: f"so says the owner of {name}")
     configuration = Configuration(
         scene=SceneConfiguration(name="cornell_box", source=SceneSource.procedural),
         method=Chosen("raster", find_method("raster").options()),
         workload=Chosen(BAKE.name, BakeSettings(size=32, final_samples=64, **workload)),
         width=32, height=24, output=str(tmp_path / "out"),
     )  # fmt: skip
-    folder = run_bake(configuration)
+    folder = baking.run_bake(configuration)
+    assert capsys.readouterr().err == "not to be published: so says the owner of cornell_box\n"
     lights = {f"{name}.{end}" for name in (*LIGHTS, "openness") for end in ("exr", "png")}
     others = {"occupancy.png", "charts.png", "view_clay.png", "view_1.png", "view.png", "scene.glb"}
     assert {path.name for path in folder.iterdir()} == lights | others

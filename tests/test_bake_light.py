@@ -27,6 +27,14 @@ def test_a_convex_body_in_a_sky_of_one_receives_just_that_and_is_open():
     assert lightmap.valid.all()
 
 
+def test_a_sky_that_grows_brighter_upwards_gives_what_its_mean_by_the_cosine_says():
+    sky = render.GradientSky((0.2, 0.4, 1.0), (1.0, 0.5, 0.0), 2.0)
+    lightmap = baked(BakeScene(PLATE, Surface.plain(PLATE, 0.0), sky=sky), sheet(PLATE, 6), 2048)
+    below, above = np.array(sky.below), np.array(sky.above)
+    expected = 2.0 * (below + (above - below) * 5 / 6)  # the mean height by the cosine is 2/3
+    np.testing.assert_allclose(lightmap.environment.mean(axis=0), expected, rtol=0.002)
+
+
 @pytest.mark.parametrize(("albedo", "bounces", "roulette_from"), [(0.5, 4, None), (0.8, 2, None), (0.5, 8, 1)])
 def test_a_closed_furnace_has_the_light_of_a_geometric_series(albedo, bounces, roulette_from):
     mesh = cube(inwards=True)
@@ -49,7 +57,9 @@ def test_parallel_unit_plates_have_their_form_factors():
     mesh = joined(PLATE, quads([floor(0.5, 1.0)[::-1]]))
     emission = np.zeros((4, 3))
     emission[2:] = 1.0
-    lightmap = baked(BakeScene(mesh, Surface.plain(mesh, 0.0, emission)), sheet(mesh, 8), 2048, bounces=0)
+    lightmap = baked(
+        BakeScene(mesh, Surface.plain(mesh, 0.0, emission)), sheet(mesh, 8), 2048, bounces=0, open_length=2.0
+    )
     below = lightmap.texels.prim_id < 2
     x, _, z = lightmap.texels.positions[below].T.astype(float)
     steps = (np.arange(8) + 0.5) / 64 - 1 / 16  # within a texel
@@ -60,6 +70,9 @@ def test_parallel_unit_plates_have_their_form_factors():
     assert (np.abs(got - expected)[interior] < 5 * error[interior]).all()
     assert got[interior].mean() == pytest.approx(0.19982, rel=0.01)
     assert lightmap.direct[~below].max() == 0.0
+    met = 1 - lightmap.openness[below][interior]  # no two points lie farther apart than the square root of 3
+    assert (np.abs(met - expected[interior]) < 5 * np.sqrt(expected[interior] / 2048)).all()
+    np.testing.assert_allclose(met.mean(), expected[interior].mean(), rtol=0.02)
 
 
 def test_suns_points_and_spots_give_what_their_laws_say():

@@ -102,6 +102,19 @@ def until(scene: BakeScene, target: int, **options) -> Lightmap:
         return baker.maps
 
 
+def test_what_is_done_of_an_adaptive_bake_is_all_of_it_in_the_end():
+    dark = BakeScene(BOX, Surface.plain(BOX, 0.02), [render.PointLight((0.1, 0.2, 0.3))])
+    done = []
+    with Baker(dark, sheet(BOX, 4), threads=1, adaptive=True) as baker:
+        assert baker.share_done(1024) == 0.0
+        while baker.advance(1024):
+            done.append(baker.share_done(1024))
+        assert baker.samples.mean() < 1024
+    assert done == sorted(done)
+    assert done[0] == pytest.approx(16 / 1024)
+    assert done[-1] == 1.0
+
+
 def test_adaptive_sampling_stops_where_one_percent_is_reached_however_samples_are_grouped():
     scene = replace(LIT, surface=Surface.plain(BOX, (0.3, 0.1, 0.1)), lights=[render.PointLight((0.1, 0.2, 0.3))])
     lightmap = until(scene, 4096)

@@ -7,9 +7,15 @@ import importlib.util
 import numpy as np
 import pytest
 
+import atra
 from atra import render
-from atra.bake import Baker, BakeScene
-from experiments.workloads.render.mitsuba import material_of
+from atra.bake import Atlas, Baker, BakeScene
+from atra.bake.charts.texels import unit_normals
+from atra.bake.charts.unwrap import UNMAPPED
+from atra.kernels.baking.tables import LUMINANCE
+from experiments.workloads.render.mitsuba import material_of, mitsuba_scene
+from scenes.cornell_box import CORNELL_BOX_CAMERA
+from scenes.lit.rooms import lit_cornell_box
 from tests.baked import cube, sheet, standard_error
 from tests.meshes import joined
 
@@ -81,3 +87,42 @@ def test_blocks_of_texels_have_the_light_that_mitsuba_finds_from_them():
         spread = np.hypot(theirs[inside].std() / np.sqrt(inside.sum()), error[of_block].mean() / np.sqrt(len(of_block)))
         assert abs(theirs[inside].mean() - ours[of_block].mean()) < 4 * spread
         assert spread < 0.025 * ours[of_block].mean()
+
+
+WALL, RENDERS, SAMPLES = slice(6, 8), 16, 256
+
+
+def wall_by_mitsuba(scene: render.RenderScene) -> np.ndarray:
+    """(RENDERS, 3): mean radiance of a wall of the Cornell box, seen from just before it."""
+    mi, drjit = pytest.importorskip("mitsuba"), pytest.importorskip("drjit")
+    mi.set_variant("scalar_rgb")
+    drjit.set_thread_count(1)
+    mesh = scene.mesh
+    a, b, c = mesh.vertices[mesh.faces[WALL.start]].astype(float)
+    normal, middle = unit_normals(mesh)[WALL.start], (a + c) / 2
+    place = mi.ScalarTransform4f().look_at(origin=middle + 0.05 * normal, target=middle, up=c - b)
+    size = mi.ScalarTransform4f().scale([np.linalg.norm(b - a) / 2, np.linalg.norm(c - b) / 2, 1.0])
+    film = {"type": "hdrfilm", "width": TEXELS, "height": TEXELS, "rfilter": {"type": "box"}}
+    film["component_format"] = "float32"
+    sensor = mi.load_dict({"type": "orthographic", "to_world": place @ size, "near_clip": 0.01, "film": film})
+    loaded = mitsuba_scene(mi, scene, atra.Camera(**CORNELL_BOX_CAMERA, width=8, height=8), BOUNCES + 2)
+    renders = [np.array(mi.render(loaded, sensor=sensor, spp=SAMPLES, seed=seed)) for seed in range(RENDERS)]
+    return np.array([one[..., :3].mean(axis=(0, 1)) for one in renders])
+
+
+def test_a_wall_of_the_cornell_box_has_mitsuba_s_light_within_three_thousandths():
+    scene = lit_cornell_box()
+    count = scene.mesh.triangle_count
+    uv, chart = np.full((count, 3, 2), np.nan), np.full(count, UNMAPPED)
+    corners = 1 + TEXELS * np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)])
+    uv[WALL], chart[WALL] = corners[[[0, 1, 2], [0, 2, 3]]], 0
+    with Baker(BakeScene.of(scene), Atlas(uv, chart, TEXELS + 2, TEXELS + 2), threads=1, bounces=BOUNCES) as baker:
+        baker.add(2048)
+        lightmap = baker.maps
+    assert len(lightmap.texels) == TEXELS**2
+    theirs = wall_by_mitsuba(scene) @ LUMINANCE
+    albedo = baker.scene.surface.albedo[WALL.start]
+    ours = (lightmap.combined * albedo).mean(axis=0) @ LUMINANCE
+    spread = theirs.std(ddof=1) / np.sqrt(RENDERS)
+    assert spread < 0.001 * ours
+    assert abs(ours / theirs.mean() - 1) < 0.003

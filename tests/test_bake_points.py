@@ -24,10 +24,18 @@ from experiments.workloads.bake.claims import CLAIMS
 from experiments.workloads.bake.figures import FIGURES
 from experiments.workloads.bake.measure import lamps
 from experiments.workloads.bake.results import CLAIMS_FILE, write
+from experiments.workloads.bake_rays.claims import CLAIMS as PREDICTIONS
 from experiments.workloads.workload import Measured
 from scenes.built_in import make_scene
 from scenes.loading import SceneSource
-from tests.quotations.bake import finished_maps, means_of_a_bake, verdicts_on_lightmaps
+from tests.quotations.bake import (
+    finished_maps,
+    means_of_a_bake,
+    verdicts_on_alignment,
+    verdicts_on_buffers,
+    verdicts_on_finishing,
+    verdicts_on_lightmaps,
+)
 from tests.quotations.quotation import Kept
 
 xatlas = pytest.mark.skipif(importlib.util.find_spec("xatlas") is None, reason="xatlas is not installed (extra `bake`)")
@@ -208,6 +216,14 @@ def test_what_every_process_finds_alike_needs_no_interval() -> None:
     stages = dict.fromkeys((f"{stage}_s" for stage in STAGES), 0.0) | {"trace_s": 0.96}
     assert verdict("rare-stages", table(stages | {"gather_s": 0.04})) == HOLDS
     assert verdict("rare-stages", table(stages | {"gather_s": 0.1})) == DOES_NOT_HOLD
+    assert verdict("no-waiting", table(stages | {"other_s": 0.005})) == HOLDS
+    assert verdict("no-waiting", table(stages | {"other_s": 0.02})) == DOES_NOT_HOLD
+
+
+def test_what_opaque_scenes_pay_is_judged_by_the_bound_that_was_set() -> None:
+    through = {"against": "translucency"}
+    for ends, expected in (((0.99, 1.02), HOLDS), ((1.04, 1.06), DOES_NOT_HOLD), ((1.0, 1.06), UNDECIDED)):
+        assert verdict("opaque", table(through | ratio("speedup_vs_other", *[ends] * 4))) == expected
 
 
 def test_the_search_for_what_a_view_shows_is_judged_where_both_methods_searched() -> None:
@@ -265,5 +281,60 @@ def test_what_pages_quote_has_a_row_a_means_and_a_cell_a_scene() -> None:
     assert {row.count("|") for row in rows} == {2 + len(SCENES)}
     (seen,) = (row for row in rows if row.startswith("| what the view shows"))
     assert seen.count("2.00 [1.90, 2.10]") == 4
-    assert len(verdicts_on_lightmaps(kept).rows) == len(CLAIMS)
     assert finished_maps(kept).rows[1].count("not measured") == 4
+
+
+def test_what_pages_quote_of_points_is_of_those_that_a_row_names() -> None:
+    wrong = ratio("speedup_vs_other", *[(0.5, 0.6)] * 4) | ratio("quality_vs_other", *[(0.5, 0.6)] * 4)
+
+    def one(low: float, high: float, **values: Any) -> dict[str, Any]:
+        return values | ratio("speedup_vs_other", *[(low, high)] * 4) | ratio("quality_vs_other", *[(low, high)] * 4)
+
+    rows = table(
+        {"occupancy": "0.7", "map_occupancy": 0.7} | wrong, one(1.2, 1.25, map_occupancy=0.44),
+        one(1.3, 1.35, albedo="0.5"), one(1.4, 1.45, albedo="0.5", packets="widest"),
+        one(1.5, 1.55, against="translucency"), one(1.6, 1.65, against="roulette"),
+        {"against": "lights", "lamps": 16} | wrong, one(1.7, 1.75, against="lights", lamps=256),
+        {"against": "environment", "environment": "light"} | wrong,
+        one(1.8, 1.85, against="environment", environment="mis"),
+    )  # fmt: skip
+    quoted = means_of_a_bake(Kept(rows, pd.DataFrame(), [])).rows
+    cells = {label: set(found) for label, *found in (row.strip("| ").split(" | ") for row in quoted)}
+    told = {label.partition(":")[0]: found for label, found in cells.items() if found != {"not measured"}}
+    assert told == {
+        "lanes that go on alone": {"1.22 [1.20, 1.25]"},
+        "lanes that go on alone, albedo 0.5": {"1.32 [1.30, 1.35]"},
+        "the same in the widest packets": {"1.42 [1.40, 1.45]"},
+        "code for faces that let light on over code without": {"1.52 [1.50, 1.55]"},
+        "roulette": {"1.62 [1.60, 1.65]"},
+        "a grid of 256 lights": {"1.72 [1.70, 1.75]"},
+        "a panorama found both ways": {"1.82 [1.80, 1.85]"},
+    }
+
+
+def test_pages_have_a_verdict_on_every_claim_from_the_sweep_that_decides_it() -> None:
+    denoised = {"denoise": True, "against": "nothing", "seam_step_ratio": 0.1}
+    finishing = table(denoised | ratio("denoised_over_raw", *[(0.8, 0.9)] * 2, *[(1.8, 1.9)] * 2))
+    sizes = table(*({"size": size, "batch_rays": 1 << 12, "buffer_bytes": 1000} for size in (256, 2048)))
+    found = table({"method": "pixel", "culling_map_s": 0.3}, {"method": "visible_first", "culling_map_s": 0.1})
+    quoted = {
+        make: [row.strip("| ").split(" | ") for row in make(Kept(rows, pd.DataFrame(), [])).rows]
+        for make, rows in (
+            (verdicts_on_lightmaps, drawn_rows()), (verdicts_on_finishing, finishing), (verdicts_on_buffers, sizes),
+            (verdicts_on_alignment, found),
+        )
+    }  # fmt: skip
+    claims = [*CLAIMS, *PREDICTIONS]
+    assert sorted(cells[0] for rows in quoted.values() for cells in rows) == sorted(claim.text for claim in claims)
+    (sooner,) = (cells for cells in quoted[verdicts_on_lightmaps] if cells[0].startswith("What the view shows"))
+    assert sooner[1:] == ["cornell_box 2.00; mitsuba 2.00; fireplace_room 2.00; sponza 2.00", HOLDS]
+    assert [cells[2] for cells in quoted[verdicts_on_finishing]] == [DOES_NOT_HOLD, HOLDS]
+    assert [cells[2] for cells in quoted[verdicts_on_buffers]] == [HOLDS]
+    assert [cells[2] for cells in quoted[verdicts_on_alignment]] == [*[NOT_MEASURED] * len(PREDICTIONS), HOLDS]
+
+
+def test_of_several_points_of_a_scene_a_claim_says_from_where_to_where() -> None:
+    (claim,) = (one for one in CLAIMS if one.id == "compaction-bounces")
+    slower, faster = ratio("speedup_vs_other", *[GOOD] * 4), ratio("speedup_vs_other", *[(1.4, 1.5)] * 4)
+    (judged,) = judge_claim(claim, table({"occupancy": "0.7"} | slower, faster))
+    assert judged.value.startswith("cornell_box 1.25 to 1.45; mitsuba 1.25 to 1.45; ")

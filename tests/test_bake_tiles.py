@@ -10,9 +10,11 @@ import atra
 from atra.bake import Texels
 from atra.bake.tiles import Tiles
 from atra.errors import InputError
+from experiments.drawing.figure import draw_figure
 from experiments.results.claims import DOES_NOT_HOLD, HOLDS, NOT_MEASURED, UNDECIDED
 from experiments.workloads.bake_rays import Use
 from experiments.workloads.bake_rays.claims import judge_ratio
+from experiments.workloads.bake_rays.figures import FIGURES
 from tests.baked import cube, sheet
 from tests.meshes import joined
 
@@ -86,3 +88,23 @@ def test_a_prediction_is_judged_by_whole_intervals():
     assert verdict(rows((1.1, 1.2), (0.9, 3.0))) == UNDECIDED
     assert verdict(rows((1.1, 1.2), (0.5, 0.9))) == DOES_NOT_HOLD
     assert verdict(rows((0.5, 0.9)), gains=False) == HOLDS
+
+
+def test_the_figure_shows_every_use_at_all_its_points(tmp_path):
+    parts = [
+        (use, positions, rows((0.4 * positions**0.4, 0.5 * positions**0.4), scene=scene))
+        for scene in ("cornell_box", "sponza")
+        for use, positions in (("sun", 1), ("sun", 64), ("sky", 4), ("bundle", 16))
+    ]  # fmt: skip
+    given = pd.concat(
+        [
+            one.assign(use=use, positions=positions, directions=1 if use == "sun" else 4, map_size=256, triangles=1112)
+            for use, positions, one in parts
+        ]
+    ).assign(aligned_time_s=0.123, single_over_aligned=2.0, packet_width=None, tile_size=32)
+    given["point_id"] = [str(number) for number in range(len(given))]
+    (kind,) = FIGURES
+    (figure,) = draw_figure(kind, kind.rows(given), tmp_path)
+    assert len(figure.point_ids) == len(given)
+    assert len(kind.rows(given.assign(workload="bake"))) == 0
+    (tmp_path / "bake_alignment.png").write_bytes(figure.png)

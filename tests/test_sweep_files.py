@@ -73,7 +73,8 @@ SWEEPS = {
         [f"~sweep.grids.bake_{name}" for name in IN_PROCESS],
         {"bake_convergence", "bake_stages", "bake_rays"},
     ),
-    "bake_rays_smoke": (["method=raster"], {"bake_convergence"}),
+    "bake_rays_smoke": (["method=raster"], {"bake_alignment", "bake_convergence"}),
+    "bake_buffers": (["workload.size=16,32"], set()),
 }
 WITH_A_TWIN = {"bake", "bake_denoise", "bake_rays", "classification"}
 PARTS_OF_SMOKE = {"horizontal", "vertical", "grid", "build", "memory", "scenes", "paper"}

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Iterator
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -15,7 +14,7 @@ from atra import render
 from atra.bake import Baker, BakeScene, ProgressiveBake, Surface, Texels
 from experiments.viewer import camera_page
 from experiments.viewer.request import Pose
-from tests.baked import baked, cube, sheet
+from tests.baked import cube, sheet
 from tests.test_viewer_page import PATIENCE_S, browser, screenshot, wait_for
 
 pytest.importorskip("viser", reason="viser is not installed: pip install -e '.[viewer]'")
@@ -33,12 +32,12 @@ TARGET = 8
 
 
 def test_the_panel_says_how_far_texels_are() -> None:
-    lightmap = baked(SCENE, sheet(BOX, 4), TARGET)
-    assert say_progress(lightmap, TARGET, True).startswith(f"**done**: {TARGET} samples of 96 texels")
-    half = lightmap.samples.copy()
-    half[:24] = 2
-    told = say_progress(replace(lightmap, samples=half), TARGET, False)
-    assert told == f"**2 to {TARGET} of {TARGET} samples**\n\n75% of 96 texels are done"
+    samples = np.full(96, TARGET, np.int32)
+    assert say_progress(samples, TARGET, 1.0, True).startswith(f"**done**: {TARGET} samples of 96 texels")
+    samples[:24] = 2
+    assert say_progress(samples, TARGET, 0.8125, False) == "**2 to 8 of 8 samples** of 96 texels\n\n81% done"
+    assert "of 96 texels, 24 in view first" in say_progress(samples, TARGET, 0.8125, False, 24)
+    assert say_progress(samples, 64, 1.0, True).startswith("**done**: 2 to 8 samples")  # an adaptive bake's
 
 
 class Shown(LightmapPage):

@@ -27,11 +27,12 @@ from PIL import Image
 
 from atra.errors import InputError
 from experiments.harness.configuration import read_configuration, register_schema
-from experiments.viewer import camera_page
+from experiments.viewer import camera_page, command
 from experiments.viewer.camera_page import HOST
 from experiments.viewer.command import run_view
 from experiments.viewer.page import Page, say_numbers
-from experiments.viewer.request import Request
+from experiments.viewer.painter import Painter
+from experiments.viewer.request import Request, Settings
 from experiments.viewer.session import Frame, Picture
 from tests.test_viewer_painter import FIRST, made
 
@@ -96,6 +97,12 @@ def test_without_viser_one_line_says_what_to_install(monkeypatch: pytest.MonkeyP
         Page(made(), FIRST, 0, "the box", 3.0)
 
 
+def viewed(*overrides: str) -> None:
+    register_schema()
+    with initialize_config_dir(str(ROOT / "conf"), version_base="1.3"):
+        run_view(read_configuration(compose("config", ["+verb=view", *overrides])))
+
+
 @pytest.mark.parametrize(
     ("override", "told"),
     [
@@ -104,10 +111,25 @@ def test_without_viser_one_line_says_what_to_install(monkeypatch: pytest.MonkeyP
     ],
 )
 def test_what_cannot_be_shown_is_refused_in_one_line(override: str, told: str) -> None:
-    register_schema()
-    with initialize_config_dir(str(ROOT / "conf"), version_base="1.3"), pytest.raises(InputError) as refused:
-        run_view(read_configuration(compose("config", ["+verb=view", "method=aligned", override])))
+    with pytest.raises(InputError) as refused:
+        viewed("method=aligned", override)
     assert str(refused.value) == told
+
+
+def test_the_sky_of_a_file_stands_above_what_is_shown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path, shown = tmp_path / "sky.hdr", []
+    path.write_bytes(b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 1\n" + bytes([128, 64, 32, 130]))
+
+    def keep(painter: Painter, *others: Any) -> None:
+        shown.append(painter._scene_of(Settings(sky_power=2.0)).sky)
+        raise InputError("that is all")
+
+    monkeypatch.setattr(command, "Page", keep)
+    for sky, told in ((path, "that is all"), (tmp_path / "none.hdr", "the sky .* is no file")):
+        with pytest.raises(InputError, match=told):
+            viewed(f"view.sky={sky}")
+    assert shown[0].power == 2.0
+    np.testing.assert_array_equal(shown[0].texels, [[[2.0, 1.0, 0.5]]])
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows sends no SIGINT to one process")

@@ -143,13 +143,15 @@ class Baker(Lifetime):
 
     def advance(self, target: int, stop: Callable[[], bool] | None = None) -> bool:
         """One pass towards `target` samples of every texel: of those that the view shows, or, when these have them, of
-        all; with `adaptive`, only of those that have not enough. Returns whether there was anything left to do.
-        Arguments and errors as for `add`."""
+        all; with `adaptive`, only of those that have not enough. Of several maps that the view shows, the one comes
+        first that has the fewest samples. Returns whether there was anything left to do. Arguments and errors as for
+        `add`."""
         _check_samples(target)
         with self._lock:
             wanted = (self.samples < target) & ~self._enough
             if self.visible is not None and (wanted & self.visible).any():
                 wanted &= self.visible
+                wanted &= self._on_the_least_converged(wanted)
             if not wanted.any():
                 return False
             count = min(target - int(self.samples[wanted].max()), self.options.expansion)
@@ -161,6 +163,20 @@ class Baker(Lifetime):
             if looked_at.any():
                 self._enough |= looked_at & is_enough(self.maps)
             return True
+
+    def _on_the_least_converged(self, wanted: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """(N,) bool: on the map whose wanted texels have the fewest samples on average, the first of several."""
+        if self.texels.atlas.maps == 1:
+            return wanted
+        on_map = self.texels.map_of
+        count, total = (np.bincount(on_map[wanted], of_each) for of_each in (None, self.samples[wanted]))
+        means = np.divide(total, count, out=np.full(len(count), np.inf), where=count > 0)
+        return np.asarray(on_map == np.argmin(means))
+
+    def share_done(self, target: int) -> float:
+        """Of what there is to do until every texel has `target` samples, or, with `adaptive`, enough: what is done."""
+        left = np.where(self._enough, 0, np.maximum(target - self.samples, 0))
+        return 1.0 - float(left.mean()) / target
 
     def _pass(self, wanted: NDArray[np.bool_], count: int, stop: Callable[[], bool] | None) -> bool:
         """`count` samples of the texels that are wanted; whether it came to its end."""

@@ -86,6 +86,17 @@ class ProgressiveBake:
             raise self._error
         return self._slot
 
+    @property
+    def share_done(self) -> float:
+        """As `Baker.share_done`, of now. Waits for nothing."""
+        return self._baker.share_done(self._target)
+
+    @property
+    def seen(self) -> int | None:
+        """How many texels the view shows; None without one. Waits for nothing."""
+        visible = self._baker.visible
+        return None if visible is None else int(visible.sum())
+
     def wait(self, timeout_s: float | None = None) -> bool:
         """Until every texel has its samples; whether that is so. Raises what the thread raised."""
         done = self._done.wait(timeout_s)

@@ -32,9 +32,11 @@ from atra.render.pictures import png_of
 from experiments.harness.configuration import Configuration, check_writable
 from experiments.harness.point import Point
 from experiments.harness.points import plan_points
+from experiments.harness.progress import say
 from experiments.workloads import find_workload
 from experiments.workloads.rounds import load_mesh
 from experiments.workloads.workload import make_own
+from scenes.manifest import picture_restriction
 
 SHOWN = (1, 16, 256)
 """Samples after which the view is kept to be looked at, beside that of the finished map."""
@@ -107,6 +109,9 @@ def run_bake(configuration: Configuration) -> Path:
     written = save_maps(lightmap, folder, visible=visible) + views.save(folder, exposure_of(lightmap))
     for path in [*written, save_model(lightmap, scene, folder / "scene.glb")]:
         print(f"written: {path}")
+    restriction = picture_restriction(point.scene)
+    if restriction is not None:
+        say(Console(stderr=True), f"not to be published: {restriction}")
     return folder
 
 
@@ -116,10 +121,10 @@ def _bake(baker: Baker, target: int, views: Views) -> None:
     columns = TextColumn("baking"), BarColumn(bar_width=24), TextColumn("{task.percentage:3.0f} %")
     times = TimeElapsedColumn(), TextColumn("to go"), TimeRemainingColumn()
     with Progress(*columns, *times, console=console, disable=not console.is_terminal, transient=True) as progress:
-        task = progress.add_task("", total=target * len(baker.texels))
+        task = progress.add_task("", total=1.0)
         for count in [*(one for one in SHOWN if one < target), target]:
             while baker.advance(count):
-                progress.update(task, completed=int(baker.samples.sum(dtype=int)))
+                progress.update(task, completed=baker.share_done(target))
             if count < target:
                 views.keep(f"view_{count}", baker.maps)
 

@@ -121,9 +121,11 @@ class MeasureConfiguration:
 
 @dataclass
 class ViewConfiguration:
-    """The viewer. port: of its page on this machine; 0 = any that is free."""
+    """The viewer. port: of its page on this machine; 0 = any that is free. sky: an EXR or Radiance HDR all around, in
+    place of the scene's own sky; a bake's and a picture's is `workload.sky`."""
 
     port: int = 8080
+    sky: str | None = None
 
 
 @dataclass

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import contextlib
+from dataclasses import replace
 from math import atan2, degrees, hypot
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from atra.errors import InputError
 from atra.geometry.camera import Camera
-from atra.render import RenderScene, Sun
+from atra.render import PanoramaSky, RenderScene, Sun
 from experiments.harness.configuration import Configuration
 from experiments.harness.points import camera_fields_of
 from experiments.methods.method import Tracing
@@ -24,8 +26,8 @@ from scenes.loading import load_scene
 def run_view(configuration: Configuration) -> None:
     """Show the configured scene until Ctrl-C, or until its page is closed; says where on stdout.
 
-    Raises InputError for what `load_scene` and `Camera` refuse, for a split that pages have no width for, and as
-    `Page` does.
+    Raises InputError for what `load_scene`, `Camera` and `PanoramaSky.load` refuse, for a split that pages have no
+    width for, and as `Page` does.
     """
     given = configuration.scene
     scene = load_scene(given.source, given.name, given.path, given.subdivided, given.copies)
@@ -37,6 +39,8 @@ def run_view(configuration: Configuration) -> None:
         raise InputError(f"method.split_x is {split_x}, expected one of {', '.join(map(str, SPLITS))} in the viewer")
     pose = Pose(camera.eye, camera.target, camera.up, camera.fov_y_degrees)
     shown = lit(scene.name, scene.mesh, camera)
+    if configuration.view.sky is not None:
+        shown = replace(shown, sky=PanoramaSky.load(Path(configuration.view.sky).expanduser()))
     settings = Settings(
         method=chosen.name, split_x=split_x, occlusion_length=_rounded(0.1 * size), **light_settings(shown)
     )

@@ -96,17 +96,20 @@ class LightmapPage(CameraPage):
             self._drawn = lightmap
         if self._drawn is not None:
             self._is_done = self._bake.wait(0.0)
-            self._numbers.content = say_progress(self._drawn, self._target, self._is_done)
+            done = self._bake.share_done, self._is_done
+            self._numbers.content = say_progress(self._drawn.samples, self._target, *done, self._bake.seen)
         view = clay_view(hits) if self._image is None else lit_view(hits, self._scene, self._atlas, self._image)
         self.send(srgb_of(view), is_still)
         self._drawn_s = monotonic()
 
 
-def say_progress(lightmap: Lightmap, target: int, is_done: bool) -> str:
-    """What the panel says of a map, in Markdown."""
-    samples = lightmap.samples
+def say_progress(
+    samples: NDArray[np.int32], target: int, share_done: float, is_done: bool, seen: int | None = None
+) -> str:
+    """What the panel says of a map, in Markdown. samples: (N,), of each texel. seen: how many the camera sees."""
     least, most = int(samples.min()), int(samples.max())
+    taken = f"{most}" if least == most else f"{least} to {most}"
     if is_done:
-        return f"**done**: {most} samples of {len(samples):,} texels; end it by Ctrl-C, and its files are written"
-    done = float((samples >= target).mean())
-    return f"**{least} to {most} of {target} samples**\n\n{done:.0%} of {len(samples):,} texels are done"
+        return f"**done**: {taken} samples of {len(samples):,} texels; end it by Ctrl-C, and its files are written"
+    first = "" if seen is None else f", {seen:,} in view first"
+    return f"**{taken} of {target} samples** of {len(samples):,} texels{first}\n\n{share_done:.0%} done"

@@ -1,16 +1,20 @@
-"""What docs/lightmaps.md quotes of sweep=bake, sweep=bake_denoise and sweep=bake_rays."""
+"""What docs/lightmaps.md quotes of sweep=bake, bake_denoise, bake_buffers and bake_rays."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from functools import partial
-
-import pandas as pd
 
 from experiments.results.claims import Claim, judge_claim
 from experiments.workloads.bake import Against, Compaction
 from experiments.workloads.bake.claims import CLAIMS
 from experiments.workloads.bake_rays.claims import CLAIMS as PREDICTIONS
 from tests.quotations.quotation import SCENES, Kept, Quoted, interval, of, table_row
+
+_OF_FINISHING = ("target-denoised", "target-seams")
+_OF_BUFFERS = ("buffers",)
+_OF_ALIGNMENT = ("culling-map",)
+"""Claims that a sweep of their own decides."""
 
 
 def _row(kept: Kept, label: str, column: str, **values: object) -> str:
@@ -24,38 +28,30 @@ def _row(kept: Kept, label: str, column: str, **values: object) -> str:
 
 
 def means_of_a_bake(kept: Kept) -> Quoted:
-    """Each means of a bake over a bake without it."""
+    """Each means of a bake over a bake without it; above 1 is a gain, but where a label says what is over what."""
     less = partial(_row, kept, against=Against.compaction.value)
     texels, bounces = Compaction.texels.value, Compaction.bounces.value
     return Quoted(
         rows=(
             less("lanes for lit texels alone: rays/s", "rays_speedup_vs_other", compaction=texels),
-            less("lanes that go on alone: time", "speedup_vs_other", compaction=bounces, albedo="own"),
-            less("lanes that go on alone, albedo 0.5: time", "speedup_vs_other", albedo="0.5", packets="1"),
-            less("the same in the widest packets", "speedup_vs_other", albedo="0.5", packets="widest"),
+            less("lanes that go on alone: speed", "speedup_vs_other", compaction=bounces, albedo="own"),
+            less("lanes that go on alone, albedo 0.5: speed", "speedup_vs_other", albedo="0.5", packets="1"),
+            less("the same in the widest packets: speed", "speedup_vs_other", albedo="0.5", packets="widest"),
             _row(kept, "the emptiest map over the fullest: rays/s", "rays_speedup_vs_other",
                  against=Against.occupancy.value, compaction=bounces),
             _row(kept, "16 samples side by side: rays/s", "rays_speedup_vs_other",
                  against=Against.expansion.value, expansion=16),
-            _row(kept, "what the view shows, first: its time", "view_speedup", compaction=bounces),
-            _row(kept, "the whole map then: time over that in rows", "whole_map_cost", compaction=bounces),
-            _row(kept, "roulette: time to an error", "quality_vs_other", against=Against.roulette.value),
-            _row(kept, "a panorama found both ways: time to an error", "quality_vs_other",
+            _row(kept, "what the view shows, first: speed", "view_speedup", compaction=bounces),
+            _row(kept, "the whole map, the view first over in rows: time", "whole_map_cost", compaction=bounces),
+            _row(kept, "roulette: speed to an error", "quality_vs_other", against=Against.roulette.value),
+            _row(kept, "a panorama found both ways: speed to an error", "quality_vs_other",
                  against=Against.environment.value, environment="mis"),
-            _row(kept, "code for faces that let light on: time", "speedup_vs_other",
+            _row(kept, "a grid of 256 lights: speed to an error", "quality_vs_other",
+                 against=Against.lights.value, lamps=256),
+            _row(kept, "code for faces that let light on over code without: time", "speedup_vs_other",
                  against=Against.translucency.value),
         )
     )  # fmt: skip
-
-
-def _verdicts(claims: tuple[Claim, ...], table: pd.DataFrame) -> Quoted:
-    """A row a claim that a sweep measures."""
-    judged = [one for claim in claims for one in judge_claim(claim, table)]
-    return Quoted(rows=tuple(table_row(one.text, one.value or "-", one.verdict) for one in judged))
-
-
-def verdicts_on_lightmaps(kept: Kept) -> Quoted:
-    return _verdicts(CLAIMS, kept.points)
 
 
 def finished_maps(kept: Kept) -> Quoted:
@@ -70,5 +66,30 @@ def finished_maps(kept: Kept) -> Quoted:
     )  # fmt: skip
 
 
+def _verdicts(kept: Kept, claims: Iterable[Claim]) -> Quoted:
+    """A row a claim."""
+    judged = [one for claim in claims for one in judge_claim(claim, kept.points)]
+    return Quoted(rows=tuple(table_row(one.text, one.value or "-", one.verdict) for one in judged))
+
+
+def _named(*names: str) -> Iterable[Claim]:
+    return [claim for claim in CLAIMS if claim.id in names]
+
+
+def verdicts_on_lightmaps(kept: Kept) -> Quoted:
+    """On all claims that no other sweep decides."""
+    others = (*_OF_FINISHING, *_OF_BUFFERS, *_OF_ALIGNMENT)
+    return _verdicts(kept, [claim for claim in CLAIMS if claim.id not in others])
+
+
+def verdicts_on_finishing(kept: Kept) -> Quoted:
+    return _verdicts(kept, _named(*_OF_FINISHING))
+
+
+def verdicts_on_buffers(kept: Kept) -> Quoted:
+    return _verdicts(kept, _named(*_OF_BUFFERS))
+
+
 def verdicts_on_alignment(kept: Kept) -> Quoted:
-    return _verdicts(PREDICTIONS, kept.points)
+    """On the predictions of what alignment gains."""
+    return _verdicts(kept, [*PREDICTIONS, *_named(*_OF_ALIGNMENT)])

@@ -8,6 +8,7 @@ import os
 import subprocess
 import sys
 from dataclasses import dataclass
+from functools import cached_property
 from importlib.util import find_spec
 from pathlib import Path
 from typing import IO
@@ -22,30 +23,38 @@ from atra.geometry.mesh import Mesh
 from atra.whole_numbers import is_whole_number
 
 MOST_TEXELS = 1 << 14
-"""Along a side of a map: its texels are then counted in 32 bits, and a sum of one is next to nothing."""
+"""Along a side of a map; and of all maps together no more than of one that has so many: 32 bits count them."""
 
-_VERSION = 1
+_VERSION = 2
 """Of kept atlases."""
 
 
 @dataclass(frozen=True, eq=False)
 class Atlas:
-    """Charts of a mesh.
+    """Charts of a mesh, on one map or on several of one size, which stand one below the other.
 
-    uv: (F, 3, 2) float64, each triangle's corners in texels, row 0 of the map on top; NaN: it has no place.
-    chart: (F,) int32, `UNMAPPED` where it has none. width, height: of the map, texels.
-    Raises InputError for shapes and sizes that do not fit, and naming the first face outside of the map.
+    uv: (F, 3, 2) float64, each triangle's corners in texels, row 0 of the first map on top; NaN: it has no place.
+    chart: (F,) int32, `UNMAPPED` where it has none. width: of a map, height: of all maps together, texels. maps: how
+    many there are.
+    Raises InputError for shapes and sizes that do not fit, and naming the first face outside of its map.
     """
 
     uv: NDArray[np.float64]
     chart: NDArray[np.int32]
     width: int
     height: int
+    maps: int = 1
 
     def __post_init__(self) -> None:
-        for name, size in (("width", self.width), ("height", self.height)):
-            if not is_whole_number(size) or not 1 <= size <= MOST_TEXELS:
-                raise InputError(f"{name} of a map is {size!r}, expected a whole number from 1 to {MOST_TEXELS}")
+        if not is_whole_number(self.maps) or self.maps < 1:
+            raise InputError(f"there are {self.maps!r} maps, expected a whole number of at least 1")
+        for name, size, maps in (("width", self.width, 1), ("height", self.height, self.maps)):
+            if not is_whole_number(size) or not maps <= size <= maps * MOST_TEXELS or size % maps:
+                of_what = "a map" if maps == 1 else f"{maps} maps together"
+                expected = f"a whole number from 1 to {MOST_TEXELS} for each"
+                raise InputError(f"{name} of {of_what} is {size!r}, expected {expected}")
+        if self.width * self.height > MOST_TEXELS**2:
+            raise InputError(f"{self.maps} maps have {self.width * self.height:,} texels, expected at most 2^28")
         uv = np.array(self.uv, np.float64, order="C")
         chart = np.array(self.chart, np.int32)
         if uv.ndim != 3 or uv.shape[1:] != (3, 2) or chart.shape != uv.shape[:1]:
@@ -59,6 +68,22 @@ class Atlas:
         for name, array in (("uv", uv), ("chart", chart)):
             array.setflags(write=False)
             object.__setattr__(self, name, array)
+        first, last = (ends(uv[..., 1], axis=1) / self.map_height for ends in (np.min, np.max))
+        across = (chart != UNMAPPED) & (last > self.map_of + 1)
+        if across.any():
+            face = int(np.argmax(across))
+            raise InputError(f"face {face} lies on maps {int(first[face])} and {int(last[face])}, expected one")
+
+    @property
+    def map_height(self) -> int:
+        """Of each map, texels."""
+        return self.height // self.maps
+
+    @cached_property
+    def map_of(self) -> NDArray[np.int64]:
+        """(F,), the map that each triangle is on; 0 where it has no place."""
+        top = np.nan_to_num(self.uv[..., 1].min(axis=1)) // self.map_height
+        return np.minimum(top.astype(np.int64), self.maps - 1)
 
     @property
     def charts(self) -> int:
@@ -66,10 +91,11 @@ class Atlas:
         return int(self.chart.max(initial=UNMAPPED)) + 1
 
     @classmethod
-    def of_uv(cls, uv: ArrayLike, width: int, height: int) -> Atlas:
+    def of_uv(cls, uv: ArrayLike, width: int, height: int, map_of: ArrayLike = 0) -> Atlas:
         """An atlas of one's own. uv: (F, 3, 2), of each triangle's corners, in [0, 1], v upwards as in model files.
+        width, height: of a map, texels. map_of: (F,), the map that each triangle is on, from 0 on; 0: all on one.
 
-        Charts are triangles whose corners coincide. Raises InputError as `Atlas`.
+        Charts are triangles of a map whose corners coincide. Raises InputError as `Atlas`.
         """
         try:
             given = np.array(uv, np.float64)
@@ -80,8 +106,17 @@ class Atlas:
         bad = ~np.isfinite(given).all(axis=(1, 2))
         if bad.any():
             raise InputError(f"uv of face {int(np.argmax(bad))} are not finite, expected numbers from 0 to 1")
-        placed = np.stack([given[..., 0] * width, (1.0 - given[..., 1]) * height], axis=-1)
-        return cls(placed, _connected(given), width, height)
+        numbers = np.asarray(map_of)
+        if numbers.shape not in ((), (len(given),)) or numbers.dtype.kind not in "iu" or numbers.min(initial=0) < 0:
+            raise InputError(f"map_of has shape {numbers.shape} of {numbers.dtype}, expected (F,) numbers from 0 on")
+        on_map = np.broadcast_to(numbers.reshape(-1, 1), given.shape[:2])
+        outside = ~((given >= 0.0) & (given <= 1.0)).all(axis=(1, 2))
+        if outside.any():
+            face = int(np.argmax(outside))
+            raise InputError(f"uv of face {face} are {given[face].tolist()}, expected numbers from 0 to 1")
+        placed = np.stack([given[..., 0] * width, (1.0 - given[..., 1] + on_map) * height], axis=-1)
+        maps = int(numbers.max(initial=0)) + 1
+        return cls(placed, _connected(np.dstack([given, on_map])), width, height * maps, maps)
 
     @classmethod
     def unwrap(
@@ -94,10 +129,10 @@ class Atlas:
         kept_in: Path | None = None,
         time_limit_s: float = 600.0,
     ) -> Atlas:
-        """Charts by xatlas, on a square map of `size` texels.
+        """Charts by xatlas, on square maps of `size` texels.
 
-        padding: texels between charts. texels_per_unit: of a length in the scene, 0 = what fills the map; otherwise the
-        map is as large as they need and `size` means nothing. kept_in: a folder in which the result is kept by the hash
+        padding: texels between charts. texels_per_unit: of a length in the scene, and as many maps as charts of that
+        size need; 0 = what fills one map. kept_in: a folder in which the result is kept by the hash
         of the mesh. time_limit_s: seconds after which a process that unwraps is given up.
         Raises InputError for bad numbers and where xatlas is not installed, AtraError past the limit.
         Source: https://github.com/jpcy/xatlas, by its Python bindings.
@@ -125,7 +160,8 @@ def _key(mesh: Mesh, *settings: float) -> str:
 
 def _packed(atlas: Atlas) -> bytes:
     buffer = io.BytesIO()
-    np.savez_compressed(buffer, uv=atlas.uv, chart=atlas.chart, size=np.array([atlas.width, atlas.height]))
+    size = np.array([atlas.width, atlas.height, atlas.maps])
+    np.savez_compressed(buffer, uv=atlas.uv, chart=atlas.chart, size=size)
     return buffer.getvalue()
 
 
@@ -139,8 +175,7 @@ def _read(path: Path) -> Atlas | None:
 
 def _loaded(file: IO[bytes] | Path) -> Atlas:
     with np.load(file) as kept:
-        width, height = kept["size"].tolist()
-        return Atlas(kept["uv"], kept["chart"], width, height)
+        return Atlas(kept["uv"], kept["chart"], *kept["size"].tolist())
 
 
 def _unwrapped(mesh: Mesh, size: int, padding: int, texels_per_unit: float, time_limit_s: float) -> Atlas:
@@ -173,16 +208,16 @@ def _unwrapped(mesh: Mesh, size: int, padding: int, texels_per_unit: float, time
         raise AtraError(f"xatlas ended without charts of {mesh!r} (code {done.returncode}): {told}") from None
 
 
-def _connected(uv: NDArray[np.float64]) -> NDArray[np.int32]:
-    """Numbers of charts: triangles that share an edge in uv belong together."""
+def _connected(places: NDArray[np.float64]) -> NDArray[np.int32]:
+    """Numbers of charts: triangles that share an edge belong together. places: (F, 3, 3), u, v and map."""
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import connected_components
 
-    _, corner = np.unique(uv.reshape(-1, 2), axis=0, return_inverse=True)
+    _, corner = np.unique(places.reshape(-1, 3), axis=0, return_inverse=True)
     corner = corner.reshape(-1, 3)
     edges = np.sort(np.concatenate([corner[:, [0, 1]], corner[:, [1, 2]], corner[:, [2, 0]]]), axis=1)
     _, edge = np.unique(edges, axis=0, return_inverse=True)
-    faces, edge_count = len(uv), int(edge.max()) + 1
+    faces, edge_count = len(places), int(edge.max()) + 1
     rows = np.tile(np.arange(faces), 3)
     links = coo_matrix((np.ones(len(rows)), (rows, edge.ravel())), (faces, edge_count)).tocsr()
     _, chart = connected_components(links @ links.T, directed=False)

@@ -19,8 +19,8 @@ from atra.kernels.baking.texels import claim_texels, place_texels
 class Texels:
     """The N texels that triangles touch, in the order of rows.
 
-    number: (N,) int64, row times width plus column. prim_id, chart: (N,) int32. positions, normals: (N, 3) float32 in
-    the world, of the point of the triangle nearest to the texel's centre.
+    number: (N,) int64, row times width plus column; rows of several maps are counted through. prim_id, chart: (N,)
+    int32. positions, normals: (N, 3) float32 in the world, of the point of the triangle nearest to the texel's centre.
     faces_lost: triangles without area, in space or in the map, which have no texel. Each texel belongs to one triangle:
     that which contains its centre, or else the nearest of those that reach into it, the lowest of several.
     """
@@ -42,12 +42,17 @@ class Texels:
         return self.atlas.chart[self.prim_id]
 
     @property
+    def map_of(self) -> NDArray[np.int64]:
+        """(N,), the map that each is on."""
+        return self.number // (self.atlas.width * self.atlas.map_height)
+
+    @property
     def occupancy(self) -> float:
-        """The share of the map's texels that are lit."""
+        """The share of all texels that are lit."""
         return len(self) / (self.atlas.width * self.atlas.height)
 
     def image(self, values: NDArray, empty: float = 0) -> NDArray:
-        """(H, W, ...) of (N, ...) values; `empty` elsewhere."""
+        """(H, W, ...) of (N, ...) values, several maps one below the other; `empty` elsewhere."""
         atlas = self.atlas
         image = np.full((atlas.height * atlas.width, *values.shape[1:]), empty, values.dtype)
         image[self.number] = values
@@ -82,7 +87,7 @@ class Texels:
         number = np.flatnonzero(prim_of.ravel() >= 0)
         if not len(number):
             raise InputError(f"no triangle of {mesh!r} touches a texel, expected at least one")
-        _warn_of_neighbours(atlas.chart, prim_of)
+        _warn_of_neighbours(atlas, prim_of)
         prim_id = prim_of.ravel()[number]
         positions, normals = np.empty((2, len(number), 3), np.float32)
         place_texels(
@@ -102,12 +107,12 @@ def unit_normals(mesh: Mesh) -> NDArray[np.float64]:
     return np.asarray(normals / np.where(length > 0.0, length, 1.0))
 
 
-def _warn_of_neighbours(chart: NDArray[np.int32], prim_of: NDArray[np.int32]) -> None:
-    of_texel = np.where(prim_of >= 0, chart[prim_of], UNMAPPED)
+def _warn_of_neighbours(atlas: Atlas, prim_of: NDArray[np.int32]) -> None:
+    of_texel = np.where(prim_of >= 0, atlas.chart[prim_of], UNMAPPED).reshape(atlas.maps, -1, atlas.width)
     mixed = 0
     for there, here in (
-        (np.s_[1:, :], np.s_[:-1, :]), (np.s_[:, 1:], np.s_[:, :-1]),
-        (np.s_[1:, 1:], np.s_[:-1, :-1]), (np.s_[1:, :-1], np.s_[:-1, 1:]),
+        (np.s_[:, 1:], np.s_[:, :-1]), (np.s_[..., 1:], np.s_[..., :-1]),
+        (np.s_[:, 1:, 1:], np.s_[:, :-1, :-1]), (np.s_[:, 1:, :-1], np.s_[:, :-1, 1:]),
     ):  # fmt: skip
         a, b = of_texel[there], of_texel[here]
         mixed += int(((a != b) & (a != UNMAPPED) & (b != UNMAPPED)).sum())

@@ -26,20 +26,18 @@ def main() -> None:
         maker.add_mesh(job["vertices"], job["faces"])
         pack = xatlas.PackOptions()
         pack.padding, pack.bilinear, pack.create_image = int(job["padding"]), True, False
-    pack.resolution = 0 if texels_per_unit else size
+    pack.resolution = size
     pack.texels_per_unit = texels_per_unit
     maker.generate(xatlas.ChartOptions(), pack)
     _, corners, places = maker.get_mesh(0)
-    of_atlas, of_chart = (numbers.astype(np.int64) for numbers in maker.get_mesh_vertex_assignment(0))
-    placed = places.astype(np.float64) * (maker.width, maker.height)
-    width, height = maker.width, maker.height
-    if not texels_per_unit:  # xatlas meets the size approximately
-        placed *= size / max(width, height)
-        width = height = size
-    chart = np.where((of_atlas[corners] == 0).all(axis=1), of_chart[corners[:, 0]], UNMAPPED)
+    of_map, of_chart = (numbers.astype(np.int32)[corners[:, 0]] for numbers in maker.get_mesh_vertex_assignment(0))
+    # Of one map xatlas meets the size approximately.
+    placed = places.astype(np.float64) * (maker.width, maker.height) * (size / max(maker.width, maker.height))
+    uv = np.clip(placed[corners], 0.0, size)
+    uv[..., 1] += size * np.maximum(of_map, 0)[:, None]
     buffer = io.BytesIO()
-    uv = np.clip(placed[corners], 0.0, (width, height))
-    np.savez(buffer, uv=uv, chart=chart.astype(np.int32), size=np.array([width, height]))
+    chart = np.where(of_map >= 0, of_chart, UNMAPPED).astype(np.int32)
+    np.savez(buffer, uv=uv, chart=chart, size=np.array([size, size * maker.atlas_count, maker.atlas_count]))
     with os.fdopen(answer, "wb") as file:
         file.write(buffer.getvalue())
 

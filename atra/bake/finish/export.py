@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from atra.bake.charts.atlas import Atlas
 from atra.bake.finish.seams import Seams, dilated
 from atra.bake.maps import LIGHTS, Lightmap
 from atra.bake.surface import BakeScene
@@ -20,7 +21,8 @@ _BRIGHT = 0.99
 
 
 def finished(lightmap: Lightmap, values: NDArray[np.float32], seams: Seams | None = None) -> NDArray[np.float32]:
-    """(H, W, C): (N, C) values with gutters filled, and with seams that match, where they are given."""
+    """(H, W, C): (N, C) values with gutters filled, and with seams that match, where they are given; several maps one
+    below the other."""
     image = dilated(lightmap.texels, values, lightmap.valid)
     return image if seams is None else seams.stitched(image)
 
@@ -36,7 +38,7 @@ def save_maps(
     lightmap: Lightmap, folder: Path, *, stitch: bool = True, visible: NDArray[np.bool_] | None = None
 ) -> list[Path]:
     """Write every kind of light and openness as EXR, linear, and PNG, and occupancy and charts as PNG; what was
-    written.
+    written. Of several maps, each has files of its own, with its number behind their names.
 
     stitch: whether seams are made to match. visible: (N,) bool, what a view shows, is written, too.
     Raises InputError without the package OpenEXR, StorageError.
@@ -45,23 +47,30 @@ def save_maps(
     seams = Seams.of(texels.mesh, texels.atlas) if stitch else None
     exposure = exposure_of(lightmap)
     files: dict[str, bytes] = {}
+
+    def keep(name: str, image: NDArray[Any], exposure: float = 1.0, *, exactly: bool = False) -> None:
+        for tail, part in _parts(texels.atlas, image):
+            if exactly:
+                channels = "RGB" if part.shape[2] == 3 else "Y"
+                files[f"{name}{tail}.exr"] = exr_of_channels({one: part[..., k] for k, one in enumerate(channels)})
+            files[f"{name}{tail}.png"] = png_of(np.broadcast_to(exposure * part, (*part.shape[:2], 3)))
+
     for name in LIGHTS:
-        image = finished(lightmap, lightmap.light(name), seams)
-        files[f"{name}.exr"] = exr_of_channels({channel: image[..., k] for k, channel in enumerate("RGB")})
-        files[f"{name}.png"] = png_of(exposure * image)
-    openness = finished(lightmap, lightmap.openness[:, None])[..., 0]
-    files["openness.exr"], files["openness.png"] = exr_of_channels({"Y": openness}), _grey(openness)
-    files["occupancy.png"] = _grey(texels.occupied.astype(float))
+        keep(name, finished(lightmap, lightmap.light(name), seams), exposure, exactly=True)
+    keep("openness", finished(lightmap, lightmap.openness[:, None]), exactly=True)
+    keep("occupancy", texels.occupied[..., None])
     if visible is not None:
-        files["culling_map.png"] = _grey(texels.image(0.2 + 0.8 * visible))
-    files["charts.png"] = png_of(texels.image(chart_colours(texels.chart)))
+        keep("culling_map", texels.image(0.2 + 0.8 * visible)[..., None])
+    keep("charts", texels.image(chart_colours(texels.chart)))
     for name, content in files.items():
         write_atomically(folder / name, content)
     return [folder / name for name in files]
 
 
-def _grey(image: NDArray[np.floating]) -> bytes:
-    return png_of(np.repeat(image[..., None], 3, axis=2))
+def _parts(atlas: Atlas, image: NDArray[Any]) -> list[tuple[str, NDArray[Any]]]:
+    """The maps of an (H, W, C) image, and what stands behind their names."""
+    parts = np.split(image, atlas.maps)
+    return [(f"_{number}" if len(parts) > 1 else "", part) for number, part in enumerate(parts)]
 
 
 def chart_colours(chart: NDArray[np.integer]) -> NDArray[np.float64]:
@@ -74,36 +83,48 @@ def save_model(lightmap: Lightmap, scene: BakeScene, path: Path, *, stitch: bool
     """Write the mesh as binary glTF with its light, which viewers show as it is (KHR_materials_unlit).
 
     The map is the base colour, by TEXCOORD_0 and the same as TEXCOORD_1, and MOZ_lightmap for those that know it; the
-    albedo is the colour of the corners. Raises InputError for another suffix, StorageError.
+    albedo is the colour of the corners. Of several maps, each has a mesh of its own. Raises InputError for another
+    suffix, StorageError.
     """
     if path.suffix.lower() != ".glb":
         raise InputError(f"a model is to be written to {str(path)!r}, expected a name that ends in .glb")
     import trimesh
-    from PIL import Image
 
-    mesh, atlas = lightmap.texels.mesh, lightmap.texels.atlas
-    assert scene.surface is not None
-    seams = Seams.of(mesh, atlas) if stitch else None
+    atlas = lightmap.texels.atlas
+    seams = Seams.of(lightmap.texels.mesh, atlas) if stitch else None
     exposure = exposure_of(lightmap)
-    image = Image.fromarray(srgb_of(exposure * finished(lightmap, lightmap.combined, seams)), "RGB")
+    image = srgb_of(exposure * finished(lightmap, lightmap.combined, seams))
     mapped = np.isfinite(atlas.uv).all(axis=(1, 2))
-    corners = mesh.vertices[mesh.faces[mapped]].reshape(-1, 3)
-    uv = atlas.uv[mapped].reshape(-1, 2) / (atlas.width, atlas.height)
-    uv[:, 1] = 1.0 - uv[:, 1]
-    whole = np.clip(np.rint(255.0 * scene.surface.albedo[mapped]), 0, 255).astype(np.uint8)
-    colours = np.repeat(np.column_stack([whole, np.full(len(whole), 255, np.uint8)]), 3, axis=0)
-    material = trimesh.visual.material.PBRMaterial(
-        name="lightmap", baseColorTexture=image, metallicFactor=0.0, roughnessFactor=1.0, doubleSided=True
-    )
-    visual = trimesh.visual.TextureVisuals(uv=uv, material=material)
-    visual.vertex_attributes["color"] = colours
-    faces = np.arange(len(corners)).reshape(-1, 3)
-    model = trimesh.Trimesh(corners, faces, visual=visual, process=False)
-    content = trimesh.Scene({"scene": model}).export(
+    models = {}
+    for number, (tail, part) in enumerate(_parts(atlas, image)):
+        faces = np.flatnonzero(mapped & (atlas.map_of == number))
+        if len(faces):
+            models[f"scene{tail}"] = _lit_mesh(scene, atlas, faces, part)
+    content = trimesh.Scene(models).export(
         file_type="glb", tree_postprocessor=lambda tree: _mark_as_lightmap(tree, 1.0 / exposure)
     )
     write_atomically(path, content)
     return path
+
+
+def _lit_mesh(scene: BakeScene, atlas: Atlas, faces: NDArray[np.int64], image: NDArray[np.uint8]) -> Any:
+    """These triangles, all of one map, and that map."""
+    import trimesh
+    from PIL import Image
+
+    assert scene.surface is not None
+    corners = scene.mesh.vertices[scene.mesh.faces[faces]].reshape(-1, 3)
+    uv = atlas.uv[faces].reshape(-1, 2) / (atlas.width, atlas.map_height)
+    uv[:, 1] = 1.0 + atlas.map_of[faces[0]] - uv[:, 1]
+    whole = np.clip(np.rint(255.0 * scene.surface.albedo[faces]), 0, 255).astype(np.uint8)
+    colours = np.repeat(np.column_stack([whole, np.full(len(whole), 255, np.uint8)]), 3, axis=0)
+    material = trimesh.visual.material.PBRMaterial(
+        name="lightmap", baseColorTexture=Image.fromarray(image, "RGB"), metallicFactor=0.0, roughnessFactor=1.0,
+        doubleSided=True,
+    )  # fmt: skip
+    visual = trimesh.visual.TextureVisuals(uv=uv, material=material)
+    visual.vertex_attributes["color"] = colours
+    return trimesh.Trimesh(corners, np.arange(len(corners)).reshape(-1, 3), visual=visual, process=False)
 
 
 def _mark_as_lightmap(tree: dict[str, Any], intensity: float) -> None:

@@ -23,11 +23,15 @@ _PER_TEXEL = 2.0
 
 def dilated(texels: Texels, values: NDArray[np.float32], valid: NDArray[np.bool_]) -> NDArray[np.float32]:
     """(H, W, C) float32: (N, C) values of texels, those that are not `valid`, (N,), and all gutters filled from the
-    nearest that is; 0 everywhere where none is."""
-    if not valid.any():
-        return np.zeros_like(texels.image(values))
-    place = np.divmod(texels.number[valid], texels.atlas.width)
-    return np.asarray(values[valid][nearest_known(place, (texels.atlas.height, texels.atlas.width))])
+    nearest of the same map that is; 0 everywhere on a map where none is."""
+    atlas, image = texels.atlas, np.zeros_like(texels.image(values))
+    row, column = np.divmod(texels.number, atlas.width)
+    on_map, row = np.divmod(row, atlas.map_height)
+    for number, part in enumerate(np.split(image, atlas.maps)):
+        known = np.flatnonzero(valid & (on_map == number))
+        if len(known):
+            part[:] = values[known][nearest_known((row[known], column[known]), part.shape[:2])]
+    return image
 
 
 def nearest_known(place: tuple[NDArray[np.int64], ...], shape: tuple[int, ...]) -> NDArray[np.int64]:
@@ -54,8 +58,9 @@ class Seams:
     @classmethod
     def of(cls, mesh: Mesh, atlas: Atlas) -> Seams:
         """Edges of exactly two triangles that lie apart in the map and meet smoothly."""
-        ends = _seam_edges(mesh, atlas)
-        texel, weight = zip(*(_look_ups(atlas, _along(ends)[side]) for side in (0, 1)), strict=True)
+        ends, face = _seam_edges(mesh, atlas)
+        points, edge = _along(ends)
+        texel, weight = zip(*(_look_ups(atlas, points[side], face[side][edge]) for side in (0, 1)), strict=True)
         return cls(np.array(texel), np.array(weight))
 
     def values(self, image: NDArray[np.floating]) -> NDArray[np.float64]:
@@ -90,8 +95,9 @@ class Seams:
         return flat.reshape(image.shape)
 
 
-def _seam_edges(mesh: Mesh, atlas: Atlas) -> NDArray[np.float64]:
-    """(2, E, 2, 2): for both triangles of every seam edge its ends in the map, in the same order."""
+def _seam_edges(mesh: Mesh, atlas: Atlas) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """(2, E, 2, 2): for both triangles of every seam edge its ends in the map, in the same order; and (2, E): which
+    triangles these are."""
     _, place = np.unique(mesh.vertices + np.float32(0.0), axis=0, return_inverse=True)  # -0 is 0
     corner = place.reshape(-1)[mesh.faces]
     face = np.tile(np.arange(mesh.triangle_count), 3)
@@ -111,28 +117,31 @@ def _seam_edges(mesh: Mesh, atlas: Atlas) -> NDArray[np.float64]:
     normals = unit_normals(mesh)
     smooth = np.einsum("ni,ni->n", normals[face[one]], normals[face[other]]) > SMOOTH
     apart = np.abs(np.stack([at_low[one] - at_low[other], at_high[one] - at_high[other]])).max(axis=(0, 2)) > 1e-6
-    one, other = one[smooth & apart], other[smooth & apart]
-    return np.array([[at_low[side], at_high[side]] for side in (one, other)]).swapaxes(1, 2)
+    sides = np.stack([one[smooth & apart], other[smooth & apart]])
+    return np.stack([at_low[sides], at_high[sides]], axis=2), face[sides]
 
 
-def _along(ends: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(2, P, 2): points of the edges, close enough that no texel is left out."""
+def _along(ends: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """(2, P, 2): points of the edges, close enough that no texel is left out; and (P,): which edge each is of."""
     length = np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=2).max(axis=0)
     count = np.ceil(_PER_TEXEL * length).astype(int) + 1
     edge = np.repeat(np.arange(len(count)), count)
     step = np.arange(len(edge)) - np.repeat(np.cumsum(count) - count, count)
     share = ((step + 0.5) / count[edge])[:, None]
-    return (1.0 - share) * ends[:, edge, 0] + share * ends[:, edge, 1]
+    return (1.0 - share) * ends[:, edge, 0] + share * ends[:, edge, 1], edge
 
 
-def _look_ups(atlas: Atlas, points: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """(P, 4) texels around points and their bilinear weights."""
+def _look_ups(
+    atlas: Atlas, points: NDArray[np.float64], face: NDArray[np.integer]
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """(P, 4) texels around points of triangles, on the map of each, and their bilinear weights."""
     shifted = points - 0.5
     corner = np.floor(shifted)
     fx, fy = (shifted - corner).T
     x, y = corner.astype(np.int64).T
+    top = atlas.map_height * atlas.map_of[face]
     columns = [np.clip(x + k, 0, atlas.width - 1) for k in (0, 1)]
-    rows = [np.clip(y + k, 0, atlas.height - 1) for k in (0, 1)]
+    rows = [np.clip(y + k, top, top + atlas.map_height - 1) for k in (0, 1)]
     texel = np.stack([row * atlas.width + column for row in rows for column in columns], axis=1)
     weight = np.stack([v * u for v in (1.0 - fy, fy) for u in (1.0 - fx, fx)], axis=1)
     return texel, weight

@@ -15,15 +15,16 @@ def looked_up(hits: Hits, atlas: Atlas, image: NDArray[np.float32]) -> NDArray[n
     where what is hit has no place in the map."""
     shown = np.zeros((*hits.depth.shape, image.shape[2]), np.float32)
     u, v = (weights[hits.hit].astype(np.float64)[:, None] for weights in (hits.u, hits.v))
-    a, b, c = atlas.uv[hits.prim_id[hits.hit]].swapaxes(0, 1)
+    face = hits.prim_id[hits.hit]
+    a, b, c = atlas.uv[face].swapaxes(0, 1)
     place = (1.0 - u - v) * a + u * b + v * c - 0.5
     mapped = np.isfinite(place).all(axis=1)
     x, y = np.where(mapped[:, None], place, 0.0).T
     left, top = np.floor(x).astype(np.int64), np.floor(y).astype(np.int64)
-    columns, rows = (
-        [np.clip(first + k, 0, size - 1) for k in (0, 1)] for first, size in ((left, atlas.width), (top, atlas.height))
-    )
-    fx, fy = ((one - first).astype(np.float32)[:, None] for one, first in ((x, left), (y, top)))
+    first = atlas.map_height * atlas.map_of[face]
+    columns = [np.clip(left + k, 0, atlas.width - 1) for k in (0, 1)]
+    rows = [np.clip(top + k, first, first + atlas.map_height - 1) for k in (0, 1)]
+    fx, fy = ((one - whole).astype(np.float32)[:, None] for one, whole in ((x, left), (y, top)))
     upper, lower = ((1.0 - fx) * image[row, columns[0]] + fx * image[row, columns[1]] for row in rows)
     shown[hits.hit] = np.where(mapped[:, None], (1.0 - fy) * upper + fy * lower, np.float32(0.0))
     return shown

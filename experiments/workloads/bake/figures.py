@@ -30,7 +30,9 @@ _LINES: dict[str, tuple[str, str | None, dict[str, Any]]] = {
     "whole map, the view first": ("", "whole_map_cost", {"color": VERMILLION, "marker": "o"}),
     "whole map, in rows": ("", None, {"color": ORANGE, "marker": "s", "linestyle": DASHED}),
 }
-"""Of errors over time: which column, times which, and how it looks."""
+"""Of errors over time: which column, times which, and how it looks. Each is drawn over the wider ones before it."""
+
+_AS_FULL_AS_CAN_BE = "a map is no fuller than its charts can be packed"
 
 
 def _measured(table: pd.DataFrame, *against: Against) -> pd.DataFrame:
@@ -49,22 +51,30 @@ def _by_compaction(table: pd.DataFrame) -> pd.DataFrame:
     return rows if rows["compaction"].nunique() > 1 else rows[:0]
 
 
+def _write_foot(figure: Figure, rows: pd.DataFrame, *lines: str) -> None:
+    """With the size of the maps in place of that of the image that the view is."""
+    sizes = " or ".join(f"{size:,}" for size in sorted(column(rows, "size").dropna().unique()))
+    about = [f"maps of {sizes} texels a side, before room is added"] if sizes else []
+    write_foot(figure, rows.assign(width=pd.NA, height=pd.NA), *about, *lines)
+
+
 def draw_convergence(rows: pd.DataFrame, columns: int) -> Figure:
     """A panel a scene, both axes logarithmic: the error over the time until it is reached."""
     panels = make_panels(rows, ("against", "compaction"))
     figure, axes = draw_panels(panels, _draw_errors, columns)
     add_legend(figure, axes, list(_LINES))
-    write_foot(figure, rows, "an error is the root mean square over the mean, by the variance of samples")
+    _write_foot(figure, rows, "an error is the root mean square over the mean, by the variance of samples")
     return figure
 
 
 def _draw_errors(axis: Axes, rows: pd.DataFrame) -> None:
-    for label, (kind, factor, style) in _LINES.items():
+    for place, (label, (kind, factor, style)) in enumerate(_LINES.items()):
         times = [numbers(rows, f"{kind}time_to_rmse_{limit}_s") for limit in THRESHOLDS]
         seconds = np.array([np.nanmedian(one) if np.isfinite(one).any() else np.nan for one in times])
         seconds *= 1.0 if factor is None else np.nanmedian(numbers(rows, factor))
         if np.isfinite(seconds).any():
-            axis.plot(seconds, THRESHOLDS, linewidth=1.6, markersize=5, label=label, **style)
+            width = 3.4 - 0.8 * place
+            axis.plot(seconds, THRESHOLDS, linewidth=width, markersize=3 + 1.5 * width, label=label, **style)
     axis.set_xscale("log")
     axis.set_yscale("log")
     axis.set_yticks(THRESHOLDS, [f"{limit} %" for limit in THRESHOLDS])
@@ -83,7 +93,7 @@ def draw_stages(rows: pd.DataFrame, columns: int) -> Figure:
     tallest = max((len(panel.rows) for panel in panels), default=0)
     figure, axes = draw_panels(panels, _draw_stages, columns, panel_height(tallest))
     add_legend(figure, axes, STAGES)
-    write_foot(figure, rows, "right of a label: time of a round")
+    _write_foot(figure, rows, "right of a label: time of a round", _AS_FULL_AS_CAN_BE)
     return figure
 
 
@@ -112,7 +122,8 @@ def draw_rays(rows: pd.DataFrame, columns: int) -> Figure:
     panels = make_panels(rows, ("compaction", "occupancy", "against"))
     tallest = max((len(panel.rows) for panel in panels), default=0)
     figure, _ = draw_panels(panels, _draw_rays, columns, panel_height(tallest))
-    write_foot(figure, rows, "right of a label: rays/s, and of the lanes of all stages that trace, those with a ray")
+    told = "right of a label: rays/s, and of the lanes of all stages that trace, those with a ray"
+    _write_foot(figure, rows, told, _AS_FULL_AS_CAN_BE)
     return figure
 
 

@@ -1,0 +1,65 @@
+"""Figure of rays that share their directions: how much faster they are aligned than in packets."""
+
+from __future__ import annotations
+
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from experiments.drawing.bars import Bar, draw_bars, finish_bar_axes, panel_height
+from experiments.drawing.figure import FigureKind, of_table
+from experiments.drawing.pages import write_foot
+from experiments.drawing.style import BLACK, BLUE, GREEN, ORANGE, TIMES
+from experiments.drawing.values import say_number
+from experiments.results.table import workload_rows
+from experiments.workloads.bake_rays import BAKE_RAYS, Use
+from experiments.workloads.panels import draw_panels, make_panels
+
+_COLOURS = {Use.sun.value: ORANGE, Use.sky.value: BLUE, Use.bundle.value: GREEN}
+_SETTINGS = ("use", "map_size", "directions", "positions")
+
+
+def _rows(table: pd.DataFrame) -> pd.DataFrame:
+    return workload_rows(table, BAKE_RAYS.name)
+
+
+def draw_alignment(rows: pd.DataFrame, columns: int) -> Figure:
+    """A panel a scene: packets over aligned rays, with intervals, a bar for each use and number of positions."""
+    panels = make_panels(rows, _SETTINGS)
+    tallest = max((len(panel.rows) for panel in panels), default=0)
+    figure, _ = draw_panels(panels, _draw_ratios, columns, panel_height(tallest))
+    rows = rows.assign(width=pd.NA, height=pd.NA)  # of an image that nobody sees
+    write_foot(figure, rows, "right of a label: aligned rays' time, plan and build included, and packets / aligned")
+    return figure
+
+
+def _draw_ratios(axis: Axes, rows: pd.DataFrame) -> None:
+    place = rows["use"].map({use: number for number, use in enumerate(_COLOURS)})
+    ordered = rows[rows["status"].eq("ok")].assign(_place=place).sort_values(["_place", *_SETTINGS[1:]], kind="stable")
+    bars = []
+    for _, row in ordered.iterrows():
+        value, low, high = (
+            float(pd.to_numeric(row[f"packets_over_aligned{end}"], errors="coerce")) for end in ("", "_low", "_high")
+        )
+        text = f"{say_number(1e3 * float(row['aligned_time_s']))} ms, {value:.2f}{TIMES}"
+        bars.append(Bar(_label(row), value, low, high, _COLOURS[row["use"]], text))
+    draw_bars(axis, bars)
+    axis.axvline(1.0, color=BLACK, linewidth=1.0, zorder=1)
+    finish_bar_axes(axis, bars, "coherent packets / aligned rays", 1.0)
+
+
+def _label(row: pd.Series) -> str:
+    ways = "" if row["use"] == Use.sun.value else f", {_counted(row['directions'], 'direction')}"
+    return f"{row['use']}{ways}, {_counted(row['positions'], 'position')}, {row['map_size']}\N{SUPERSCRIPT TWO}"
+
+
+def _counted(count: int, thing: str) -> str:
+    return f"{count} {thing}" + "s" * (count != 1)
+
+
+FIGURES = (
+    FigureKind(
+        "bake_alignment", "Rays of a bake of shared directions: packets over aligned rays, plan and build included",
+        _rows, of_table(draw_alignment),
+    ),
+)  # fmt: skip
