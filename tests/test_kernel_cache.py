@@ -6,6 +6,7 @@ import errno
 import importlib.util
 import inspect
 import os
+import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -184,3 +185,63 @@ def test_what_cannot_be_kept_is_told_once_and_compiled_anew(
         again = imported(two_kinds)
         assert again.answers() == (21, 42)
         assert again.read_from_disk() == (1, 1)
+
+
+OF_PARTS = """
+import numpy as np
+from numba import njit
+from atra.kernels.caching import kernel
+from atra.kernels.intrinsics import float_at
+
+@njit
+def farthest(slopes, box):  # of the corners of a box of two times four numbers, along several ways
+    for way in range(0, 15, 3):
+        total = 0.0
+        for axis in range(3):
+            slope = slopes[way + axis]
+            total += slope * float_at(box + 4 * axis + (16 if slope > 0.0 else 0))
+        if total < 0.0:
+            return way
+    return 15
+
+@kernel
+def farthest_of_each(slopes, box, found):
+    for k in range(len(found)):
+        found[k] = farthest(slopes[k], box)
+
+random = np.random.default_rng(0)
+slopes, box = random.normal(size=(999, 15)), np.float32([1, -2, -3, 0, 2, 1, -0.5, 0])
+found = np.empty(999, np.int64)
+farthest_of_each(slopes, box.ctypes.data, found)
+ways = slopes.reshape(-1, 5, 3)
+totals = (ways * np.where(ways > 0, box[4:7], box[:3])).sum(axis=2)
+expected = np.where((totals < 0).any(axis=1), 3 * (totals < 0).argmax(axis=1), 15)
+print(sum(farthest_of_each.stats.cache_hits.values()), (found == expected).all(), set(found.tolist()))
+"""
+
+
+def test_code_that_is_kept_finds_what_it_found_when_it_was_compiled(tmp_path: Path) -> None:
+    """A function called by a kernel is optimised once more there, and a part of an address is then no null pointer."""
+    (tmp_path / "of_parts.py").write_text(OF_PARTS)
+    run = f"import sys; sys.path[:0] = {[str(tmp_path), str(Path(caching.__file__).parents[2])]}; import of_parts"
+    told = [
+        subprocess.run([sys.executable, "-c", run], capture_output=True, text=True, check=True).stdout.split(maxsplit=2)
+        for _ in range(2)
+    ]
+    assert [hits for hits, *_ in told] == ["0", "1"]
+    assert [right for _, right, _ in told] == ["True", "True"]
+    assert all(len(found.split(",")) > 3 for *_, found in told)
+
+
+def test_a_process_that_compiles_a_kernel_calls_the_code_that_it_keeps(tmp_path: Path) -> None:
+    """Of functions with one name the first is called; copies in a kernel share none with what they are copies of."""
+    path = tmp_path / "of_parts_here.py"
+    path.write_text(OF_PARTS)
+    module = imported(path)
+    names = [
+        {function.name for function in compiled.library.get_defined_functions()}
+        for one in (module.farthest, module.farthest_of_each)
+        for compiled in one.overloads.values()
+    ]
+    assert any("8farthest" in name for name in names[1])
+    assert not {name for name in names[0] & names[1] if "NRT" not in name}

@@ -16,9 +16,12 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
+from llvmlite.binding import Linkage
 from numba import njit
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataCacheFile
 from numba.core.ccallback import CFunc
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler import Compiler
 from numba.core.serialize import dumps
 from numba.core.sigutils import normalize_signature
 
@@ -64,20 +67,22 @@ def cache_folder() -> str | None:
 
 def kernel(function: Callable[..., Any]) -> Any:
     """Compile `function` when it is first called, to run without the GIL, and keep the code on disk."""
-    return keep_on_disk(njit(nogil=True)(function))
+    return keep_on_disk(njit(nogil=True, pipeline_class=_KernelCompiler)(function))
 
 
 def float_kernel(function: Callable[..., Any]) -> Any:
     """As `kernel`, for loops that shall be as fast as C's: a division by zero gives inf or NaN, and nothing counts who
     refers to an array, which takes two calls wherever one gets a name. Such a kernel can make no arrays."""
-    return keep_on_disk(njit(nogil=True, error_model="numpy", _nrt=False)(function))
+    options = {"nogil": True, "error_model": "numpy", "_nrt": False, "pipeline_class": _KernelCompiler}
+    return keep_on_disk(njit(**options)(function))
 
 
 def callback(signature: Any) -> Callable[[Callable[..., Any]], Any]:
     """Compile a function for C to call, at once, and keep the code on disk. The compiled one has an `address`."""
 
     def compiled(function: Callable[..., Any]) -> Any:
-        callback = keep_on_disk(CFunc(function, normalize_signature(signature), locals={}, options={}))
+        kind = normalize_signature(signature)
+        callback = keep_on_disk(CFunc(function, kind, locals={}, options={}, pipeline_class=_KernelCompiler))
         callback.compile()
         return callback
 
@@ -99,6 +104,28 @@ def _warn(reason: str) -> None:
         f"compiled code cannot be kept ({reason}), so every run compiles it anew; NUMBA_CACHE_DIR names another folder",
         stacklevel=1,
     )
+
+
+class _KernelCode(JITCodeLibrary):
+    """Code in which copies of other functions have names of their own.
+
+    Of functions with one name the first that a process loads is called everywhere. One that has compiled them by
+    themselves would call those, optimised in another way than the copies that it keeps, which tests would then miss.
+    """
+
+    def _optimize_final_module(self) -> None:
+        super()._optimize_final_module()
+        own = sha256(self._final_module.as_bitcode()).hexdigest()
+        for function in self._final_module.functions:
+            if function.linkage == Linkage.linkonce_odr and not function.is_declaration:
+                function.name += f".{own}"
+
+
+class _KernelCompiler(Compiler):
+    def __init__(self, typing: Any, target: Any, library: None, *rest: Any) -> None:
+        code = _KernelCode(target.codegen(), "kernel")
+        code.enable_object_caching()
+        super().__init__(typing, target, code, *rest)
 
 
 class _Sealed(CompileResultCacheImpl):

@@ -18,12 +18,23 @@ _I8, _I32, _I64 = ir.IntType(8), ir.IntType(32), ir.IntType(64)
 _F32, _F64 = ir.FloatType(), ir.DoubleType()
 
 
+def pointer_at(builder: ir.IRBuilder, address: ir.Value, kind: ir.Type) -> ir.Value:
+    """An address -> a pointer of this kind.
+
+    Numba links a function into others as its compilation has left it, and optimises it once more. By then LLVM may take
+    a part of the address for the pointer, and, unless told otherwise, that a null pointer is never read: of
+    `first + (16 if second else 0)` only 16 was left.
+    """
+    set.add(builder.function.attributes, "null_pointer_is_valid")  # llvmlite's own `add` has not heard of it
+    return builder.inttoptr(address, kind)
+
+
 @intrinsic
 def fetch_add(typingctx: Any, address: Any, value: Any) -> Any:
     """Add `value` to the int64 at `address`, atomically; returns what was there before."""
 
     def codegen(context: Any, builder: ir.IRBuilder, signature: Any, arguments: list[ir.Value]) -> ir.Value:
-        pointer = builder.inttoptr(arguments[0], _I64.as_pointer())
+        pointer = pointer_at(builder, arguments[0], _I64.as_pointer())
         return builder.atomic_rmw("add", pointer, arguments[1], "monotonic")
 
     return types.int64(types.int64, types.int64), codegen
@@ -47,7 +58,7 @@ def float_at(typingctx: Any, address: Any) -> Any:
     """The float32 at an address."""
 
     def codegen(context: Any, builder: ir.IRBuilder, signature: Any, arguments: list[ir.Value]) -> ir.Value:
-        return builder.load(builder.inttoptr(arguments[0], _F32.as_pointer()))
+        return builder.load(pointer_at(builder, arguments[0], _F32.as_pointer()))
 
     return types.float32(types.int64), codegen
 
@@ -57,7 +68,7 @@ def address_at(typingctx: Any, address: Any) -> Any:
     """The pointer at an address."""
 
     def codegen(context: Any, builder: ir.IRBuilder, signature: Any, arguments: list[ir.Value]) -> ir.Value:
-        return builder.load(builder.inttoptr(arguments[0], _I64.as_pointer()))
+        return builder.load(pointer_at(builder, arguments[0], _I64.as_pointer()))
 
     return types.int64(types.int64), codegen
 
@@ -67,7 +78,7 @@ def add_at(typingctx: Any, address: Any, value: Any) -> Any:
     """Add to the float64 at an address."""
 
     def codegen(context: Any, builder: ir.IRBuilder, signature: Any, arguments: list[ir.Value]) -> ir.Value:
-        pointer = builder.inttoptr(arguments[0], _F64.as_pointer())
+        pointer = pointer_at(builder, arguments[0], _F64.as_pointer())
         builder.store(builder.fadd(builder.load(pointer), arguments[1]), pointer)
         return context.get_dummy_value()
 
@@ -99,12 +110,12 @@ def _emit_keep_nearest(builder: ir.IRBuilder, arguments: ir.Value, nx: int, ny: 
     width = nx * ny
 
     def load(kind: ir.Type, address: ir.Value, align: int = 4) -> ir.Value:
-        value = builder.load(builder.inttoptr(address, kind.as_pointer()))
+        value = builder.load(pointer_at(builder, address, kind.as_pointer()))
         value.align = align
         return value
 
     def store(value: ir.Value, address: ir.Value, align: int = 4) -> None:
-        builder.store(value, builder.inttoptr(address, value.type.as_pointer())).align = align
+        builder.store(value, pointer_at(builder, address, value.type.as_pointer())).align = align
 
     def at(address: ir.Value, offset: int) -> ir.Value:
         return builder.add(address, _I64(offset))

@@ -8,6 +8,7 @@ from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
+from atra.kernels.intrinsics import pointer_at
 from atra.kernels.raster.vectors import Vector
 
 _I32, _I64 = ir.IntType(32), ir.IntType(64)
@@ -51,7 +52,7 @@ prim_ids_of, depths_of = _half(0, types.uint32), _half(1, types.float32)
 
 def _pointers(builder: ir.IRBuilder, first: ir.Value, second: ir.Value, lanes: int) -> list[ir.Value]:
     kind = ir.VectorType(_I64, lanes // 2).as_pointer()
-    return [builder.inttoptr(first, kind), builder.inttoptr(second, kind)]
+    return [pointer_at(builder, first, kind), pointer_at(builder, second, kind)]
 
 
 @intrinsic(prefer_literal=True)

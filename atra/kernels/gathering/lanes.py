@@ -9,6 +9,7 @@ from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
+from atra.kernels.intrinsics import pointer_at
 from atra.kernels.raster.memory import store_lanes
 from atra.kernels.raster.vectors import HAS_MASK_REGISTERS, Mask, Vector, declared
 
@@ -25,7 +26,7 @@ def _mask(builder: ir.IRBuilder, bits: ir.Value) -> ir.Value:
 
 
 def _load(builder: ir.IRBuilder, kind: ir.Type, address: ir.Value, align: int) -> ir.Value:
-    value = builder.load(builder.inttoptr(address, kind.as_pointer()))
+    value = builder.load(pointer_at(builder, address, kind.as_pointer()))
     value.align = align
     return value
 
@@ -70,7 +71,7 @@ def store_rows(typingctx: Any, vector: Any, address: Any, row_bytes: Any, nx: An
             lanes = ir.Constant(ir.VectorType(_I32, columns), list(range(row * columns, (row + 1) * columns)))
             part = builder.shuffle_vector(value, value, lanes) if rows > 1 else value
             address_ = builder.add(first, builder.mul(row_bytes_, _I64(row)))
-            builder.store(part, builder.inttoptr(address_, part.type.as_pointer())).align = 4
+            builder.store(part, pointer_at(builder, address_, part.type.as_pointer())).align = 4
         return context.get_dummy_value()
 
     return types.void(vector, types.int64, types.int64, nx), codegen
@@ -212,7 +213,7 @@ def _number_at(kind: types.Type) -> Any:
     @intrinsic
     def number_at(typingctx: Any, address: Any) -> Any:
         def codegen(context: Any, builder: ir.IRBuilder, signature: Any, values: list[ir.Value]) -> ir.Value:
-            return builder.load(builder.inttoptr(values[0], _I32.as_pointer()))
+            return builder.load(pointer_at(builder, values[0], _I32.as_pointer()))
 
         return kind(types.int64), codegen
 
@@ -231,7 +232,7 @@ def set_int64(typingctx: Any, address: Any, value: Any) -> Any:
     """Store an int64 at an address."""
 
     def codegen(context: Any, builder: ir.IRBuilder, signature: Any, values: list[ir.Value]) -> ir.Value:
-        builder.store(values[1], builder.inttoptr(values[0], _I64.as_pointer()))
+        builder.store(values[1], pointer_at(builder, values[0], _I64.as_pointer()))
         return context.get_dummy_value()
 
     return types.void(types.int64, types.int64), codegen

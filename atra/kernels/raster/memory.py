@@ -8,13 +8,14 @@ from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
+from atra.kernels.intrinsics import pointer_at
 from atra.kernels.raster.vectors import HAS_MASK_REGISTERS, Vector, declared, splat, unpacked
 
 _I1, _I32, _I64 = ir.IntType(1), ir.IntType(32), ir.IntType(64)
 
 
 def _pointer(builder: ir.IRBuilder, address: ir.Value, kind: ir.Type) -> ir.Value:
-    return builder.inttoptr(address, kind.as_pointer())
+    return pointer_at(builder, address, kind.as_pointer())
 
 
 @intrinsic(prefer_literal=True)
@@ -31,7 +32,7 @@ def load(typingctx: Any, address: Any, like: Any, lanes: Any) -> Any:
 
 
 def _gathered(builder: ir.IRBuilder, addresses: ir.Value, kind: ir.VectorType, name: str, size: int) -> ir.Value:
-    pointers = builder.inttoptr(addresses, ir.VectorType(kind.element.as_pointer(), kind.count))
+    pointers = pointer_at(builder, addresses, ir.VectorType(kind.element.as_pointer(), kind.count))
     all_ = ir.Constant(ir.VectorType(_I1, kind.count), [1] * kind.count)
     gather = declared(
         builder,
@@ -234,7 +235,7 @@ def _numbers_at(kind: types.Type) -> Any:
     @intrinsic
     def numbers(typingctx: Any, address: Any) -> Any:
         def codegen(context: Any, builder: ir.IRBuilder, signature: Any, values: list[ir.Value]) -> ir.Value:
-            return builder.inttoptr(values[0], context.get_value_type(signature.return_type))
+            return pointer_at(builder, values[0], context.get_value_type(signature.return_type))
 
         return types.CPointer(kind)(types.int64), codegen
 
