@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import PIL.Image
@@ -98,6 +99,27 @@ def test_beside_a_wall_the_share_of_the_hemisphere_is_free_that_its_distance_say
     expected = free(np.clip(x / 2.0, 0, 1))
     assert np.ptp(expected[x > 0]) > 0.25
     assert np.abs(openness - expected)[x > 0].max() < 0.03
+
+
+@pytest.mark.parametrize(("occlusion", "free"), [
+    ("uniform", lambda angle: 1 - np.cos(angle)), ("cosine", lambda angle: np.sin(angle) ** 2),
+])  # fmt: skip
+def test_beneath_a_dome_the_share_of_its_opening_is_free(occlusion, free):
+    angle = np.radians(50.0)
+    steps, around = np.linspace(angle, np.pi / 2, 9), np.linspace(0.0, 2 * np.pi, 97)
+    ring = np.stack([np.cos(around), np.zeros(97), np.sin(around)], 1)
+    rims = [2.0 * (np.sin(one) * ring + (0.0, np.cos(one), 0.0)) for one in steps]
+    sides = [
+        [low[k], high[k], high[k + 1], low[k + 1]]
+        for high, low in pairwise(rims)
+        for k in range(96)
+    ]  # fmt: skip
+    scene = render.RenderScene(quads([floor(2.0), *sides]), [GREY], sky=render.constant_sky(1.0))
+    middle = down(4, eye=(0, 0.5, 0), fov=1)
+    openness = hybrid(scene, middle, 512, occlusion=occlusion, occlusion_length=np.inf).openness
+    np.testing.assert_allclose(openness, free(angle), atol=0.015)
+    near = hybrid(scene, middle, 64, occlusion=occlusion, occlusion_length=1.9).openness
+    np.testing.assert_array_equal(near, 1.0)  # it begins farther away
 
 
 def test_nothing_leaks_into_a_closed_room_and_nothing_shadows_itself_outside():

@@ -134,6 +134,18 @@ def test_fuzz_absorbs_what_falls_below_the_surface_and_blurs_the_rest():
     assert abs(traced(scene, grazing, 64).mean() - above) < 0.03
 
 
+def test_fuzz_below_the_surface_passes_where_it_is_told_to():
+    metal = render.Metal(1.0, 0.9, below="passes")
+    halves = render.GradientSky((0.0, 0.0, 0.0), (2.0, 2.0, 2.0))  # 1 + y
+    for sky, expected in ((WHITE_SKY, 1.0), (halves, 1.0)):  # heights of a sphere about 0 cancel each other
+        scene = render.RenderScene(quads([floor()]), [metal], sky=sky)
+        grazing = atra.OrthographicCamera((0, 1, 0), (40, 0, 0), (0, 0, -1), 0.001, 8, 8)
+        image = traced(scene, grazing, 64, max_depth=2)
+        assert abs(image.mean() - expected) < (1e-5 if sky is WHITE_SKY else 0.05)
+    closed = traced(sphere(metal, WHITE_SKY), AT_BALL, 16, max_depth=1000)
+    np.testing.assert_allclose(closed, 1.0, atol=1e-4)
+
+
 def busy(count=300):
     """Triangles of all materials about the origin."""
     mesh = random_triangles(count, 5, size=0.8)

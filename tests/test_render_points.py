@@ -66,6 +66,15 @@ def test_a_point_has_pictures_by_each_primary_visibility_and_their_stages(
     assert (np.array(found.samples["own_primary"]) < own).all()
 
 
+def test_a_pre_pass_by_llvmpipe_makes_pictures_and_its_pixels_are_judged() -> None:
+    if problem := find_method("llvmpipe").problem():
+        pytest.skip(problem)
+    found = measure_point(planned("llvmpipe").point)
+    assert found.results["pixels_unlike"] == 0
+    assert 0 <= found.results["pixels_wrong"] < 0.02 * WIDTH * HEIGHT
+    assert set(found.results["stages"]) >= {"primary", "surfaces", "shadow", "occlusion"}
+
+
 def test_with_a_still_camera_primary_visibility_is_found_once_a_picture() -> None:
     found = {jitter: measure_point(planned(jitter=jitter, shadow_rays=0, occlusion_rays=0).point) for jitter in Jitter}
     rays = {jitter: one.results["rays"] for jitter, one in found.items()}

@@ -12,6 +12,8 @@ import atra
 from atra import render
 from atra.render import materials
 from atra.render.film import Film
+from atra.render.reuse.carrying import carried
+from atra.render.reuse.coarse import coarser
 from tests.meshes import quads
 from tests.shown import BLACK, down, floor, hybrid, sphere
 
@@ -84,7 +86,7 @@ def test_an_image_of_any_size_is_the_part_of_a_larger_one():
 RESTARTS = {
     "jitter": "off", "wave_rays": 4096, "shadow_rays": 2, "shadow_length": 3.0, "shadow_directions": "shifted",
     "occlusion_rays": 2, "occlusion_length": 3.0, "occlusion": "cosine", "occlusion_directions": "shared",
-    "max_depth": 3,
+    "most_kept": 4, "max_depth": 3,
 }  # fmt: skip
 STAYS = {"most_samples": 100}
 REFUSED = {name for kind in (render.HybridOptions, render.PathOptions) for name in kind.built_with}
@@ -143,7 +145,7 @@ def test_no_frame_of_a_thousand_random_moves_is_torn():
 NASTY = [nan, inf, -inf, -1.0, -1e-300, 1e300, 1e400, "x", "", None, (), (1, 2), (1, 2, 3, 4), (nan, 0, 0), [[1]],
          np.zeros((0, 3)), np.full(3, nan), object(), {}, b"", 1j, (1j, 0, 0), True, ("a",) * 3, 2**70]  # fmt: skip
 MAKERS = {
-    render.Lambertian: ("colour", "directions"), render.Metal: ("colour", "fuzz"),
+    render.Lambertian: ("colour", "directions"), render.Metal: ("colour", "fuzz", "below"),
     render.Dielectric: ("ior", "fresnel"), render.Emissive: ("colour",), render.Checker: ("first", "second", "scale"),
     render.Image: ("texels",), render.GradientSky: ("below", "above", "power"), render.PanoramaSky: ("texels", "power"),
     render.Sun: ("direction", "angle_degrees", "colour", "power"),
@@ -195,3 +197,93 @@ def test_the_error_of_hybrid_pictures_falls_faster_than_the_square_root_of_the_s
             pictures[samples] = renderer.image.astype(float)
     errors = [np.sqrt(((pictures[samples] - pictures[4096]) ** 2).mean()) for samples in numbers]
     assert np.polyfit(np.log(numbers), np.log(errors), 1)[0] <= -0.45
+
+
+def lit_steps():
+    """Three steps, before which a pole stands, in the sun: edges of depth, of normals and of shadows."""
+    steps = [floor(3.0)]
+    for x, height in ((0.4, 0.5), (1.2, 1.0)):
+        steps += [
+            [(x, height, 3), (3, height, 3), (3, height, -3), (x, height, -3)],
+            [(x, height - 0.5, 3), (x, height, 3), (x, height, -3), (x, height - 0.5, -3)],
+        ]
+    pole = [(-0.6, 0, 0), (-0.5, 0, 0), (-0.5, 1.5, 0), (-0.6, 1.5, 0)]
+    light = {"lights": [render.Sun((0.7, -1.0, 0.4), 1.0)], "sky": render.constant_sky(0.5)}
+    return render.RenderScene(quads([*steps, pole]), [GREY], **light)
+
+
+STEPS_CAMERA = atra.Camera((-3, 2.5, 4), (0.2, 0.4, 0), fov_y_degrees=35, width=96, height=64)
+
+
+def rmse(image, truth):
+    return float(np.sqrt(((np.asarray(image, float) - truth) ** 2).mean()))
+
+
+@pytest.mark.parametrize("step", [2, 4])
+def test_rays_of_fewer_pixels_make_nearly_the_same_picture(step):
+    scene = lit_steps()
+    with render.HybridRenderer(scene, STEPS_CAMERA, threads=1) as every:
+        every.add(256)
+        truth, rays = every.image.astype(float), every.ray_count
+        shares = np.stack([every.openness, every.lit(0)], axis=2)
+    with render.CoarseHybridRenderer(scene, STEPS_CAMERA, step, threads=1) as few:
+        few.add(256)
+        assert few.ray_count * step**2 == pytest.approx(rays, rel=0.03)
+        image, carried = few.image, few.shares
+    nearest = shares[step // 2 :: step, step // 2 :: step].repeat(step, axis=0).repeat(step, axis=1)
+    assert rmse(carried, shares) < 0.75 * rmse(nearest, shares)
+    assert rmse(image, truth) < 0.06 * truth.mean() * step
+
+
+def test_a_step_must_divide_the_image_and_any_camera_can_be_coarser():
+    with pytest.raises(atra.InputError, match="step is 5, expected a whole number that divides 96 x 64"):
+        render.CoarseHybridRenderer(lit_steps(), STEPS_CAMERA, 5)
+    parallel = atra.OrthographicCamera((0, 1, 0), (1, 0, 0), (0, 1, 0), 3.0, 8, 4)
+    for camera in (STEPS_CAMERA, STEPS_CAMERA.crop(16, 8, 32, 24), parallel):
+        coarse = coarser(camera, 4)
+        y, x = np.mgrid[: coarse.height, : coarse.width]
+        for few, whole in zip(coarse.rays(x, y), camera.rays(4 * x + 2, 4 * y + 2, (0.0, 0.0)), strict=True):
+            np.testing.assert_allclose(few, whole, atol=1e-12)
+
+
+def test_after_a_turn_of_one_degree_pixels_go_on_with_what_they_saw_before():
+    scene, angle = lit_steps(), np.radians(1.0)
+    turned = [[np.cos(angle), 0, np.sin(angle)], [0, 1, 0], [-np.sin(angle), 0, np.cos(angle)]]
+    moved = replace(STEPS_CAMERA, eye=tuple(turned @ np.array(STEPS_CAMERA.eye)))
+    with render.HybridRenderer(scene, moved, threads=1) as still:
+        still.add(512)
+        truth = still.image.astype(float)
+    errors = {}
+    for kept in (0, 32):
+        with render.HybridRenderer(scene, STEPS_CAMERA, threads=1, most_kept=kept) as renderer:
+            renderer.add(64)
+            renderer.update(camera=moved)
+            assert renderer.samples == 0
+            renderer.add(2)
+            errors[kept] = rmse(renderer.image, truth)
+            renderer.update(occlusion_length=3.0)  # nothing of before is a sample of this
+            renderer.add(2)
+            anew = renderer.image
+        with render.HybridRenderer(scene, moved, threads=1, occlusion_length=3.0) as renderer:
+            renderer.add(2)
+            np.testing.assert_array_equal(renderer.image, anew)
+    assert errors[32] < 0.6 * errors[0]
+
+
+def test_nothing_is_carried_to_another_surface_nor_to_what_was_not_seen():
+    near = [(-0.3, -0.3, 1), (0.3, -0.3, 1), (0.3, 0.3, 1), (-0.3, 0.3, 1)]
+    far = [(-9, -9, -3), (9, -9, -3), (9, 9, -3), (-9, 9, -3)]
+    mesh = quads([near, far])
+    pictures = []
+    for x in (0.0, 0.4):
+        camera = atra.Camera((x, 0, 4), (x, 0, 0), fov_y_degrees=40, width=64, height=64)
+        with atra.PixelTracer(mesh, camera, threads=1) as tracer:
+            pictures.append(tracer.trace())
+    seen, to = pictures
+    found, known = carried((seen.prim_id < 2).astype(float)[..., None], seen, to)
+    np.testing.assert_array_equal(found[known][:, 0], to.prim_id[known] < 2)
+    x, y, is_far = to.points[..., 0], np.abs(to.points[..., 1]), to.prim_id >= 2
+    was_hidden, was_outside = (x < 0.6) & (x > 0.2) & (y < 0.6), x > 2.65  # it hid 0.7, and the image ended at 2.55
+    assert min((is_far & was_hidden).sum(), (is_far & was_outside).sum()) > 20
+    assert not known[is_far & (was_hidden | was_outside)].any()
+    assert known[is_far & (x > 0.9) & (x < 2.4)].all()

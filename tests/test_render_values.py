@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
+from time import perf_counter
 from types import SimpleNamespace
 
 import numpy as np
@@ -27,6 +30,7 @@ WRONG = [
     (lambda: render.Lambertian(0.5, "sideways"), "directions of Lambertian is 'sideways', expected one of cosine"),
     (lambda: render.Metal(0.5, 1.5), "fuzz of Metal is 1.5"),
     (lambda: render.Metal(0.5, -0.1), "fuzz of Metal is -0.1"),
+    (lambda: render.Metal(0.5, 0.1, "under"), "below of Metal is 'under', expected one of absorbed, passes"),
     (lambda: render.Dielectric(0.0), "ior of Dielectric is 0.0, expected a finite number above 0"),
     (lambda: render.Dielectric(NAN), "ior of Dielectric is nan"),
     (lambda: render.Dielectric(1.5, "none"), "fresnel of Dielectric is 'none'"),
@@ -75,6 +79,16 @@ WRONG = [
 def test_what_cannot_be_shown_is_refused_by_name(make, message):
     with pytest.raises(atra.InputError, match=message):
         make()
+
+
+@pytest.mark.parametrize("kind", [render.Metal, render.Dielectric])
+def test_a_kind_of_material_is_known_to_two_files(kind):
+    """Its class, and where light scatters; the package's list of names beside them."""
+    package = Path(atra.__file__).parent
+    words = re.compile(rf"\b({kind.__name__}|{kind.__name__.upper()})\b")
+    code = {path: re.sub(r'""".*?"""', "", path.read_text(), flags=re.DOTALL) for path in package.rglob("*.py")}
+    known = {path.relative_to(package).as_posix() for path, text in code.items() if words.search(text)}
+    assert known == {"render/materials.py", "kernels/shading/scattering.py", "render/__init__.py"}
 
 
 def test_a_picture_needs_a_sample_and_a_number_of_them():
@@ -153,9 +167,12 @@ def test_stages_are_named_and_sum_to_the_call():
         (render.HybridRenderer, {"primary", "surfaces", "generate", "shadow", "occlusion", "accumulate", "other"}),
     ):
         with kind(scene, down(64), threads=2) as renderer:
+            before = perf_counter()
             renderer.add(4)
+            whole = perf_counter() - before
             assert renderer.stage_s.keys() == stages
             assert min(renderer.stage_s.values()) >= 0
+            assert sum(renderer.stage_s.values()) <= whole
 
 
 def test_a_png_is_srgb():

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from atra.bake.light.lights import BakeLight, check_bake_light
 from atra.errors import InputError
 from atra.geometry.mesh import Mesh
-from atra.render.materials import Checker, Dielectric, Emissive, Image, Lambertian, Material, Metal
+from atra.render.materials import Checker, Image, Texture
 from atra.render.scene import RenderScene
 from atra.render.sky import Sky, constant_sky
 
@@ -80,10 +80,10 @@ class Surface:
         numbers = np.asarray(scene.face_materials)
         for number, material in enumerate(scene.materials):
             faces = np.flatnonzero(numbers == number)
-            if isinstance(material, Emissive):
-                emission[faces] = material.colour
+            if any(material.emission):
+                emission[faces] = material.emission
             else:
-                albedo[faces] = np.minimum(_colour(material, scene, faces), LARGEST_ALBEDO)
+                albedo[faces] = np.minimum(_colours(material.plain, scene, faces), LARGEST_ALBEDO)
         return cls(albedo, emission)
 
 
@@ -134,11 +134,7 @@ def _numbers(name: str, given: ArrayLike, shape: tuple[int, ...], high: float) -
     return array
 
 
-def _colour(material: Material, scene: RenderScene, faces: NDArray[np.int64]) -> NDArray[np.float32]:
-    if isinstance(material, Dielectric):
-        return np.ones((len(faces), 3), np.float32)
-    assert isinstance(material, Lambertian | Metal)
-    colour = material.colour
+def _colours(colour: Texture, scene: RenderScene, faces: NDArray[np.int64]) -> NDArray[np.float32]:
     if not isinstance(colour, Checker | Image):
         return np.broadcast_to(np.array(colour, np.float32), (len(faces), 3))
     assert scene.uv is not None

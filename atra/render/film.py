@@ -7,6 +7,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from atra.aligned_memory import aligned_empty
 from atra.alignment.culling import check_needed_bytes
 from atra.errors import InputError
 from atra.kernels.shading.gbuffer import LANES
@@ -23,28 +24,39 @@ _PLACE_BYTES, _PIXEL_BYTES = 4, 12
 class Film:
     """Sums of some numbers for each pixel.
 
-    shape: how many numbers, width and height of the image.
+    shape: how many numbers, width and height of the image. waves_bytes: of what else a renderer holds. is_set: whether
+    a sample that `is_first` sets all sums, so that they need not be 0 before.
     places: (pixels,) uint32, x + y 2^16 of each pixel in the film's order. sums: (planes, pixels) float32, what samples
-    are added to. Both have room for LANES more behind. samples: how many have been. waves_bytes: of what else a
-    renderer holds.
+    are added to; each row begins with a cache line. Both have room for LANES more behind. samples: how many have been.
     Raises InputError for an image of more than 65,536 pixels a side, MemoryBudgetError.
     """
 
-    def __init__(self, shape: tuple[int, int, int], waves_bytes: int) -> None:
+    def __init__(self, shape: tuple[int, int, int], waves_bytes: int, is_set: bool = False) -> None:
         self.shape = planes, width, height = shape
+        self._is_set = is_set
         if max(width, height) > MOST_PIXELS_A_SIDE:
             raise InputError(f"the image is {width} x {height} pixels, expected at most {MOST_PIXELS_A_SIDE:,} a side")
         pixels = width * height
         needed = pixels * (_PIXEL_BYTES * (planes + 1) + _PLACE_BYTES) + waves_bytes
         check_needed_bytes(needed, None, f"sums of {pixels:,} pixels and waves", "use fewer pixels, or shorter waves")
         self.places = _places(width, height)
-        self.sums = np.zeros((planes, pixels + LANES), np.float32)[:, :pixels]
+        self.sums = aligned_empty((planes, (pixels // LANES + 1) * LANES), np.float32)[:, :pixels]
         self._earlier = np.zeros((planes, pixels))
         self.samples = 0
+        self._clear()
+
+    def _clear(self) -> None:
+        if not self._is_set:
+            self.sums.fill(0.0)
+
+    @property
+    def is_first(self) -> bool:
+        """Whether the next sample is the first that sums hold."""
+        return self.samples % _EXACT_SAMPLES == 0
 
     def restart(self) -> None:
         """Forget all samples."""
-        self.sums.fill(0.0)
+        self._clear()
         if self.samples >= _EXACT_SAMPLES:
             self._earlier.fill(0.0)
         self.samples = 0
@@ -52,15 +64,16 @@ class Film:
     def end_sample(self) -> None:
         """All pixels have had one more."""
         self.samples += 1
-        if self.samples % _EXACT_SAMPLES == 0:
+        if self.is_first:
             self._earlier += self.sums
-            self.sums.fill(0.0)
+            self._clear()
 
     def mean(self, planes: slice) -> NDArray[np.float64]:
         """(planes, pixels), of all samples. Raises InputError where there is none yet."""
         if not self.samples:
             raise InputError("there is no sample yet, expected at least one; call add(1) first")
-        return (self._earlier[planes] + self.sums[planes]) / self.samples
+        latest = 0.0 if self.is_first else self.sums[planes]
+        return (self._earlier[planes] + latest) / self.samples
 
     def as_image(self, planes: NDArray[np.floating]) -> NDArray[np.float32]:
         """(planes, pixels) in the film's order -> (H, W, planes) float32."""
@@ -68,6 +81,10 @@ class Film:
         image = np.empty((width * height, len(planes)), np.float32)
         image[(self.places >> 16).astype(np.intp) * width + (self.places & 0xFFFF)] = planes.T
         return image.reshape(height, width, -1)
+
+    def as_row(self, image: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(H, W, planes) -> (planes, pixels) in the film's order."""
+        return image[(self.places >> 16).astype(np.intp), (self.places & 0xFFFF).astype(np.intp)].T
 
     def place_of(self, pixel: int) -> tuple[int, int]:
         """(x, y) of a pixel in the film's order."""

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 from math import sqrt
 from time import perf_counter
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from atra.errors import InputError
+from atra.geometry.view import View
 from atra.kernels.shading.aiming import LIGHT_WORDS, Aim
 from atra.kernels.shading.gbuffer import Chunk, new_chunk
 from atra.kernels.shading.lighting import LIGHT_PLANES, SKY_PLANES, STAGES, lighting_kernel
@@ -18,9 +20,10 @@ from atra.kernels.shading.paths import Pixels
 from atra.kernels.shading.surface import Surfaces
 from atra.rays.scene import Query
 from atra.render.lights import light_row
-from atra.render.materials import Dielectric, Emissive, Lambertian, Material
+from atra.render.materials import Lambertian
 from atra.render.options import HybridOptions
-from atra.render.renderer import Renderer, unlike_but_for
+from atra.render.renderer import CENTRE, Renderer, unlike_but_for
+from atra.render.reuse.carrying import carried
 from atra.render.scene import RenderScene
 from atra.render.tables import surfaces_of
 
@@ -43,6 +46,14 @@ _SKY, _LIGHT = _Sequence(_steps(2, 3), 0), _Sequence(_steps(5, 7), 2)
 are spread evenly."""
 
 
+class _Kept(NamedTuple):
+    """Of pictures before the camera moved, in the film's order. means: (planes, pixels). counts: (1, pixels), of how
+    many samples; 0 where nothing is known."""
+
+    means: NDArray[np.float64]
+    counts: NDArray[np.float64]
+
+
 class HybridRenderer(Renderer):
     """Pictures from what is seen, lit by the scene's lights and its sky.
 
@@ -60,6 +71,7 @@ class HybridRenderer(Renderer):
     options: HybridOptions
 
     _ray_bytes = 0  # a few hundred rays are held at a time
+    _sets_sums = True
 
     @property
     def _planes(self) -> int:
@@ -68,12 +80,36 @@ class HybridRenderer(Renderer):
     def _tables(self) -> Surfaces:
         rows = [light_row(light) for light in self.scene.lights]
         self._lights = np.array(rows, np.float32).reshape(-1, LIGHT_WORDS)
-        plain = tuple(map(_as_colour, self.scene.materials))
+        plain = tuple(Lambertian(material.plain) for material in self.scene.materials)
         return surfaces_of(replace(self.scene, materials=plain), 1.0, self.options.start_off)
 
     def _start_film(self) -> None:
         super()._start_film()
         self._chunks: list[Chunk | None] = [None] * self.rays.threads
+        self._kept: _Kept | None = None
+
+    def update(self, *, scene: RenderScene | None = None, camera: View | None = None, **changes: Any) -> None:
+        with self._lock:
+            most, has_moved = self.options.most_kept, camera is not None and camera != self.camera
+            if not (most and self.samples and has_moved and not changes and (scene is None or self._same_sums(scene))):
+                super().update(scene=scene, camera=camera, **changes)
+                return
+            counts = np.full((1, self._film.sums.shape[1]), self.samples, float)
+            if self._kept is not None:
+                counts += self._kept.counts
+            before = self._film.as_image(np.vstack([self._means(slice(None)), np.minimum(counts, most)]))
+            seen = self.tracer.trace(CENTRE)
+            super().update(scene=scene, camera=camera)
+            now, _ = carried(before, seen, self.tracer.trace(CENTRE))
+            rows = self._film.as_row(now)
+            self._kept = _Kept(rows[:-1], rows[-1:])
+
+    def _means(self, planes: slice) -> NDArray[np.float64]:
+        """Of all samples, and of those that were kept when the camera moved."""
+        own, kept = self._film.mean(planes), self._kept
+        if kept is None:
+            return own
+        return (self.samples * own + kept.counts * kept.means[planes]) / (self.samples + kept.counts)
 
     def _same_sums(self, scene: RenderScene) -> bool:
         old = self.scene
@@ -87,12 +123,20 @@ class HybridRenderer(Renderer):
         pairs = zip(scene.lights, old.lights, strict=True)
         return not any(unlike_but_for(new, light, "colour", "power") for new, light in pairs)
 
-    def _mean(self) -> NDArray[np.float64]:
-        image = self.scene.sky.power * self._film.mean(slice(3))
+    def _parts(self) -> Iterator[NDArray[np.float64]]:
+        yield self.scene.sky.power * self._means(slice(3))
         for number, light in enumerate(self.scene.lights):
             first = SKY_PLANES + number * LIGHT_PLANES
-            image += light.power * np.array(light.colour)[:, None] * self._film.mean(slice(first, first + 3))
-        return image
+            yield light.power * np.array(light.colour)[:, None] * self._means(slice(first, first + 3))
+
+    def _mean(self) -> NDArray[np.float64]:
+        return sum(self._parts(), np.zeros(1))
+
+    @property
+    def parts(self) -> NDArray[np.float32]:
+        """(1 + lights, H, W, 3) float32, of the image what comes from the sky, and from each light."""
+        with self._lock:
+            return np.stack([self._film.as_image(part) for part in self._parts()])
 
     @property
     def openness(self) -> NDArray[np.float32]:
@@ -108,7 +152,7 @@ class HybridRenderer(Renderer):
 
     def _share(self, plane: int) -> NDArray[np.float32]:
         with self._lock:
-            return self._film.as_image(self._film.mean(slice(plane, plane + 1)))[..., 0]
+            return self._film.as_image(self._means(slice(plane, plane + 1)))[..., 0]
 
     def _add_wave(self, first: int, count: int, pixels: Pixels, query: Query, stages: dict[str, float]) -> int | None:
         options, start = self.options, perf_counter()
@@ -120,7 +164,7 @@ class HybridRenderer(Renderer):
         times = np.zeros(len(STAGES), np.int64)
         rays = lighting_kernel(self.rays.packet_width)(
             first, count, pixels, self._surfaces, self._lights, to_lights, into_sky, options.occlusion == "cosine",
-            query, chunk, self._film.sums, times,
+            query, chunk, self._film.sums, self._film.is_first, times,
         )  # fmt: skip
         taken_s = (perf_counter() - start) / times.sum()
         for stage, ticks in zip(STAGES, times.tolist(), strict=True):
@@ -136,12 +180,3 @@ class HybridRenderer(Renderer):
         return Aim(
             np.array(places or [[0, 0]], np.uint32), sequence.dimension, is_shifted, rays > 0, np.float32(length)
         )
-
-
-def _as_colour(material: Material) -> Lambertian:
-    if isinstance(material, Dielectric):
-        return Lambertian((1.0, 1.0, 1.0))
-    if isinstance(material, Emissive):
-        red, green, blue = material.colour
-        return Lambertian((min(red, 1.0), min(green, 1.0), min(blue, 1.0)))
-    return Lambertian(material.colour)

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from atra.errors import InputError
+from atra.kernels.shading.scattering import DIELECTRIC, EMISSIVE, LAMBERTIAN, METAL
 from atra.render.checks import Colour, check_one_of, checked_colour, checked_number, checked_texels
 
 MOST_TEXELS = 1 << 26
@@ -16,6 +18,7 @@ MOST_TEXELS = 1 << 26
 
 FRESNEL = ("exact", "schlick")
 DIRECTIONS = ("cosine", "uniform")
+BELOW = ("absorbed", "passes")
 
 
 @dataclass(frozen=True)
@@ -52,13 +55,38 @@ Texture = Colour | Checker | Image
 """A colour is three numbers, linear RGB, or one for a grey."""
 
 
+class Material(ABC):
+    """What kinds of material say of themselves: a new one is a class here, and a branch where light scatters.
+
+    kind: its number there, in `atra.kernels.shading.scattering`.
+    """
+
+    kind: ClassVar[int]
+
+    @property
+    @abstractmethod
+    def plain(self) -> Texture:
+        """What it looks like where its colour alone is shown, as in hybrid pictures and lightmaps."""
+
+    @property
+    def emission(self) -> Colour:
+        """Radiance that its front sends out."""
+        return (0.0, 0.0, 0.0)
+
+    @property
+    def numbers(self) -> tuple[float, bool]:
+        """PARAMETER and VARIANT of its row."""
+        return 0.0, False
+
+
 @dataclass(frozen=True)
-class Lambertian:
+class Lambertian(Material):
     """Reflects equally to all sides. colour: albedo in [0, 1].
 
     directions: how a path goes on, "cosine" or "uniform" over the hemisphere; the picture converges to the same.
     """
 
+    kind = LAMBERTIAN
     colour: Texture = (0.5, 0.5, 0.5)
     directions: str = "cosine"
 
@@ -66,27 +94,51 @@ class Lambertian:
         _check_texture(self, "Lambertian")
         check_one_of("directions of Lambertian", self.directions, DIRECTIONS)
 
+    @property
+    def plain(self) -> Texture:
+        return self.colour
+
+    @property
+    def numbers(self) -> tuple[float, bool]:
+        return 0.0, self.directions == "uniform"
+
 
 @dataclass(frozen=True)
-class Metal:
+class Metal(Material):
     """A mirror, blurred by `fuzz`: the radius in [0, 1] of a sphere around the tip of the mirrored unit vector from
-    which the new direction is chosen; those below the surface are absorbed. colour: reflectance in [0, 1]."""
+    which the new direction is chosen. colour: reflectance in [0, 1].
 
+    below: what becomes of directions below the surface: "absorbed"; or "passes", through the triangle, as in renderers
+    that do not ask.
+    """
+
+    kind = METAL
     colour: Texture = (0.8, 0.8, 0.8)
     fuzz: float = 0.0
+    below: str = "absorbed"
 
     def __post_init__(self) -> None:
         _check_texture(self, "Metal")
         object.__setattr__(self, "fuzz", checked_number("fuzz of Metal", self.fuzz, 0.0, 1.0))
+        check_one_of("below of Metal", self.below, BELOW)
+
+    @property
+    def plain(self) -> Texture:
+        return self.colour
+
+    @property
+    def numbers(self) -> tuple[float, bool]:
+        return self.fuzz, self.below == "passes"
 
 
 @dataclass(frozen=True)
-class Dielectric:
+class Dielectric(Material):
     """Clear glass, mirroring and refracting; its triangles' fronts (counter-clockwise) face outwards.
 
     ior: index of refraction, inside over outside. fresnel: "exact", or "schlick" for his approximation.
     """
 
+    kind = DIELECTRIC
     ior: float = 1.5
     fresnel: str = "exact"
 
@@ -94,18 +146,33 @@ class Dielectric:
         object.__setattr__(self, "ior", checked_number("ior of Dielectric", self.ior, 0.0, 1e3, above=True))
         check_one_of("fresnel of Dielectric", self.fresnel, FRESNEL)
 
+    @property
+    def plain(self) -> Texture:
+        return (1.0, 1.0, 1.0)
+
+    @property
+    def numbers(self) -> tuple[float, bool]:
+        return self.ior, self.fresnel == "schlick"
+
 
 @dataclass(frozen=True)
-class Emissive:
+class Emissive(Material):
     """A lamp: its front sends out `colour`, radiance of any size, to all sides, its back nothing; it reflects none."""
 
+    kind = EMISSIVE
     colour: Colour = (1.0, 1.0, 1.0)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "colour", checked_colour("colour of Emissive", self.colour, 1e12))
 
+    @property
+    def plain(self) -> Texture:
+        red, green, blue = self.colour
+        return min(red, 1.0), min(green, 1.0), min(blue, 1.0)
 
-Material = Lambertian | Metal | Dielectric | Emissive
+    @property
+    def emission(self) -> Colour:
+        return self.colour
 
 
 def needs_uv(material: Material) -> bool:

@@ -84,6 +84,8 @@ class HybridOptions(RenderOptions):
     occlusion: "uniform", the share of the hemisphere that is free, or "cosine", weighted by the cosine of its angle.
     shadow_directions, occlusion_directions: "shared": the same for all pixels (into the sky, turned to each surface's
     side), which Embree traces faster; "shifted": by a random amount of each pixel's own, which trades bands for noise.
+    most_kept: when the camera moves and nothing else changes, pixels that see what one saw before go on with its mean,
+    as of so many samples at most; 0: all start anew. Edges and textures are a little softer for it.
     """
 
     shadow_rays: int = 1
@@ -93,8 +95,9 @@ class HybridOptions(RenderOptions):
     occlusion_length: float = 10.0
     occlusion: str = "uniform"
     occlusion_directions: str = "shifted"
-    wave_rays: int = 128 * BLOCK
+    wave_rays: int = 512 * BLOCK
     most_samples: int | None = 512
+    most_kept: int = 0
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -102,6 +105,8 @@ class HybridOptions(RenderOptions):
             rays = getattr(self, name)
             if not is_whole_number(rays) or not 0 <= rays <= MOST_RAYS:
                 raise InputError(f"{name} is {rays!r}, expected a whole number from 0 to {MOST_RAYS}")
+        if not is_whole_number(self.most_kept) or self.most_kept < 0:
+            raise InputError(f"most_kept is {self.most_kept!r}, expected a whole number of at least 0")
         for name in ("shadow_length", "occlusion_length"):
             length = as_number(getattr(self, name))
             if not 0.0 < length <= inf:

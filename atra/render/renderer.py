@@ -37,7 +37,7 @@ Primary = Callable[[Mesh, View], Tracer[Hits]]
 CENTRE = (0.5, 0.5)
 
 _WAVES_A_THREAD = 4
-"""At least, so that none waits long for another."""
+"""At least, so that none waits long for another, and who wants to stop is soon asked."""
 
 
 class Laps:
@@ -68,6 +68,7 @@ class Renderer(Lifetime):
     options: RenderOptions
 
     _ray_bytes: ClassVar[int] = 80  # in a wave, at most
+    _sets_sums: ClassVar[bool] = False  # as `Film` asks
 
     def __init__(
         self,
@@ -116,7 +117,7 @@ class Renderer(Lifetime):
 
     def _new_film(self) -> Film:
         camera, waves_bytes = self.camera, self.rays.threads * self.options.wave_rays * self._ray_bytes
-        return Film((self._planes, camera.width, camera.height), waves_bytes)
+        return Film((self._planes, camera.width, camera.height), waves_bytes, self._sets_sums)
 
     def _start_film(self) -> None:
         if self._film.shape != (self._planes, self.camera.width, self.camera.height):
@@ -186,7 +187,8 @@ class Renderer(Lifetime):
         lap("primary")
         pixels = pixels_of(camera, self._film, offset, None if own else self._hits)
         every = camera.width * camera.height
-        share = -(-every // (_WAVES_A_THREAD * self.rays.threads * BLOCK)) * BLOCK
+        waves = 1 if self.rays.threads == 1 and stop is _never else _WAVES_A_THREAD * self.rays.threads
+        share = -(-every // (waves * BLOCK)) * BLOCK
         wave_rays = min(self.options.wave_rays, share)
         starts = deque(range(0, every, wave_rays))  # its `popleft` is safe between threads
         times: list[dict[str, float]] = [{} for _ in range(self.rays.threads)]

@@ -6,17 +6,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.kernels.shading import surface
+from atra.kernels.shading.scattering import EMISSIVE
 from atra.kernels.shading.surface import Surfaces
-from atra.render.materials import Checker, Dielectric, Emissive, Image, Lambertian, Material, Metal
+from atra.render.materials import Checker, Image, Material
 from atra.render.scene import RenderScene
 from atra.render.sky import GradientSky, Sky
 
 START_OFF = 2.0**-20
 """How far rays start off a triangle, of the largest coordinate of its corners: sixteen roundings of float32."""
-
-_KINDS = {
-    Lambertian: surface.LAMBERTIAN, Metal: surface.METAL, Dielectric: surface.DIELECTRIC, Emissive: surface.EMISSIVE
-}  # fmt: skip
 
 
 def surfaces_of(scene: RenderScene, sky_power: float, start_off: float | None) -> Surfaces:
@@ -29,7 +26,7 @@ def surfaces_of(scene: RenderScene, sky_power: float, start_off: float | None) -
     numbers = np.asarray(scene.face_materials)
     arrays = (
         _records(scene, materials, start_off),
-        (materials[:, surface.KIND] == surface.EMISSIVE)[numbers],
+        (materials[:, surface.KIND] == EMISSIVE)[numbers],
         *_corners(scene),
         materials,
         texels,
@@ -90,7 +87,8 @@ def _materials(materials: tuple[Material, ...]) -> tuple[NDArray[np.float64], ND
     rows = np.zeros((len(materials), surface.MATERIAL_WORDS))
     images: list[NDArray[np.float32]] = []
     for row, material in zip(rows, materials, strict=True):
-        row[surface.KIND] = _KINDS[type(material)]
+        row[surface.KIND] = material.kind
+        row[surface.PARAMETER], row[surface.VARIANT] = material.numbers
         colour = getattr(material, "colour", (1.0, 1.0, 1.0))
         if isinstance(colour, Checker):
             row[surface.TEXTURE], row[surface.SCALE] = surface.CHECKER, colour.scale
@@ -103,12 +101,6 @@ def _materials(materials: tuple[Material, ...]) -> tuple[NDArray[np.float64], ND
             images.append(colour.texels.reshape(-1, 3))
         else:
             row[surface.COLOUR : surface.COLOUR + 3] = colour
-        if isinstance(material, Metal):
-            row[surface.PARAMETER] = material.fuzz
-        elif isinstance(material, Dielectric):
-            row[surface.PARAMETER], row[surface.VARIANT] = material.ior, material.fresnel == "schlick"
-        elif isinstance(material, Lambertian):
-            row[surface.VARIANT] = material.directions == "uniform"
     return rows, np.concatenate([np.zeros((0, 3), np.float32), *images])
 
 

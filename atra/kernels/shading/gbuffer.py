@@ -9,13 +9,17 @@ from numba import njit
 from numpy.typing import NDArray
 
 from atra.kernels.caching import float_kernel
-from atra.kernels.raster.memory import columns_of, gather_at, halves, load, low_and_high, store
-from atra.kernels.raster.vectors import bits_of, fused, repeated, root, rounded, size, where
+from atra.kernels.raster.memory import columns_of, fetch, gather_at, halves, load, low_and_high, store
+from atra.kernels.raster.vectors import bits_of, fused, last_whole, repeated, root, rounded, size, where, widened
 from atra.kernels.shading.numbers import HALF, ONE, ZERO, unit
-from atra.kernels.shading.paths import pixel_line
+from atra.kernels.shading.paths import TILE, pixel_line, place_of
 from atra.kernels.shading.surface import (
+    CHECKER,
     GRADIENT,
     LEAST_SQUARED,
+    SCALE,
+    SECOND,
+    TEXTURE,
     TINY,
     colour_at,
     material_of,
@@ -30,7 +34,7 @@ LANES = 16
 
 STRIDE = CHUNK + LANES
 ORIGIN, NORMAL, COLOUR, SKY, DIRECTION = 0, 3, 6, 9, 12
-LENGTH, LIGHT, SEEN, TEXTURE = 15, 16, 17, 18
+LENGTH, LIGHT, SEEN, UV = 15, 16, 17, 18
 _ROWS = 20
 
 _LANES = 8
@@ -42,7 +46,7 @@ class Chunk(NamedTuple):
     floats: (_ROWS x STRIDE,) float32, row after row. Three rows each: ORIGIN of rays; shading NORMAL, 0 where nothing
     is seen; COLOUR; that times the SKY's where the normal points, or the sky's that the pixel's ray meets; DIRECTION of
     the ray. LENGTH: how far the ray reaches, 0 = there is none. LIGHT: what it carries if nothing is in its way; 0 once
-    something is. SEEN: 1, or 0 for a miss. TEXTURE: uv, two rows, where vertices have some.
+    something is. SEEN: 1, or 0 for a miss. UV: two rows, where vertices have some.
     prim_id: (STRIDE,) uint32, 0 for a miss.
     """
 
@@ -53,6 +57,14 @@ class Chunk(NamedTuple):
 def new_chunk() -> Chunk:
     """One that nothing is known of."""
     return Chunk(np.zeros(_ROWS * STRIDE, np.float32), np.zeros(STRIDE, np.uint32))
+
+
+@njit(inline="always")
+def fetch_ahead(first, end, pixels):  # type: ignore[no-untyped-def]
+    """Ask for the `prim_id` of a chunk from pixel `first` on: whoever wrote them did so past the caches."""
+    for pixel in range(first, min(first + CHUNK, end), TILE):
+        x, y = place_of(pixels, pixel)
+        fetch(np.int64(pixels.prim_id.ctypes.data) + 4 * (y * pixels.stride + x))
 
 
 @float_kernel
@@ -106,7 +118,7 @@ def _find_places(chunk, i, pixel, pixels, surfaces):  # type: ignore[no-untyped-
     """Of the same pixels `meet`, `leaving`, colours and sky, side by side.
 
     Places are found in float64: float32 could carry them through a surface. Returns a bit for each pixel whose colours
-    or normal need more.
+    need more; of these SKY is, under a gradient, the sky's alone.
     """
     address, row = np.int64(chunk.floats.ctypes.data) + 4 * i, 4 * STRIDE
     numbers = np.int64(chunk.prim_id.ctypes.data) + 4 * i
@@ -116,7 +128,7 @@ def _find_places(chunk, i, pixel, pixels, surfaces):  # type: ignore[no-untyped-
     lines = pixels.lines
     ox, oy, oz = _at(lines, 0, 0, x, y), _at(lines, 0, 1, x, y), _at(lines, 0, 2, x, y)
     dx, dy, dz = _at(lines, 1, 0, x, y), _at(lines, 1, 1, x, y), _at(lines, 1, 2, x, y)
-    nx, ny, nz, plane, off, _, colours, more = columns_of(np.int64(surfaces.records.ctypes.data), numbers)
+    nx, ny, nz, plane, off, materials, colours, more = columns_of(np.int64(surfaces.records.ctypes.data), numbers)
     facing, tiny = _dot(nx, ny, nz, dx, dy, dz), repeated(TINY, _LANES)
     t = (plane - _dot(nx, ny, nz, ox, oy, oz)) / where(size(facing) > tiny, facing, tiny)
     side = where(facing >= zero, repeated(-1.0, _LANES), repeated(1.0, _LANES))
@@ -126,16 +138,28 @@ def _find_places(chunk, i, pixel, pixels, surfaces):  # type: ignore[no-untyped-
     store(rounded(fused(off, ny, py)), address + (ORIGIN + 1) * row)
     store(rounded(fused(off, nz, pz)), address + (ORIGIN + 2) * row)
     nx, ny, nz = rounded(nx), rounded(ny), rounded(nz)
+    u = v = none
     if len(surfaces.weights) > 0:
-        (nx, ny, nz), (s, t) = _between_corners(nx, ny, nz, px, py, pz, dx, dy, dz, rounded(side), numbers, surfaces)
-        store(s, address + TEXTURE * row)
-        store(t, address + (TEXTURE + 1) * row)
+        (nx, ny, nz), (u, v) = _between_corners(nx, ny, nz, px, py, pz, dx, dy, dz, rounded(side), numbers, surfaces)
+        store(u, address + UV * row)
+        store(v, address + (UV + 1) * row)
     height = ny
     store(where(seen, nx, none), address + NORMAL * row)
     store(where(seen, ny, none), address + (NORMAL + 1) * row)
     store(where(seen, nz, none), address + (NORMAL + 2) * row)
     red, green = halves(colours)
     blue, is_plain = halves(more)
+    textured = seen & (none >= is_plain)
+    if bits_of(textured):
+        k = 0
+        while not bits_of(textured) >> k & 1:
+            k += 1
+        material = material_of(surfaces, np.int64(chunk.prim_id[i + k]))
+        if surfaces.materials[material, TEXTURE] == CHECKER:
+            number = repeated(np.float64(material), _LANES)
+            own = textured & (materials >= number) & (number >= materials)
+            red, green, blue = _checkered(own, red, green, blue, u, v, material, surfaces)
+            textured = textured & ((materials > number) | (number > materials))
     store(red, address + COLOUR * row)
     store(green, address + (COLOUR + 1) * row)
     store(blue, address + (COLOUR + 2) * row)
@@ -143,12 +167,29 @@ def _find_places(chunk, i, pixel, pixels, surfaces):  # type: ignore[no-untyped-
     if is_seen != (1 << _LANES) - 1:
         height = where(seen, height, rounded(dy / root(_dot(dx, dy, dz, dx, dy, dz))))
         red, green, blue = where(seen, red, one), where(seen, green, one), where(seen, blue, one)
+    left = bits_of(textured)
+    if left:
+        red, green, blue = where(textured, one, red), where(textured, one, green), where(textured, one, blue)
     store(red * _gradient(sky, 0, height), address + SKY * row)
     store(green * _gradient(sky, 1, height), address + (SKY + 1) * row)
     store(blue * _gradient(sky, 2, height), address + (SKY + 2) * row)
     if sky[0] != GRADIENT:
         return (1 << _LANES) - 1
-    return is_seen & ~bits_of(is_plain > none)
+    return left
+
+
+@njit(inline="always")
+def _checkered(own, red, green, blue, u, v, material, surfaces):  # type: ignore[no-untyped-def]
+    """`colour_at` of `_LANES` pixels; of those that are not the checker's `own`, the colours they had."""
+    row = surfaces.materials[material]
+    scale = repeated(row[SCALE], _LANES)
+    cell = repeated(0.5, _LANES) * (last_whole(widened(u) * scale) + last_whole(widened(v) * scale))
+    is_odd = own & (rounded(cell - last_whole(cell)) > repeated(ZERO, _LANES))
+    return (
+        where(is_odd, repeated(np.float32(row[SECOND]), _LANES), red),
+        where(is_odd, repeated(np.float32(row[SECOND + 1]), _LANES), green),
+        where(is_odd, repeated(np.float32(row[SECOND + 2]), _LANES), blue),
+    )
 
 
 @njit(inline="always")
@@ -191,8 +232,10 @@ def _find_colour(chunk, i, pixel, pixels, surfaces):  # type: ignore[no-untyped-
         set_vector(floats, SKY, i, sky_colour(surfaces, unit(direction)))
         return
     prim_id = np.int64(chunk.prim_id[i])
-    s, t = np.float64(floats[TEXTURE * STRIDE + i]), np.float64(floats[(TEXTURE + 1) * STRIDE + i])
+    s, t = np.float64(floats[UV * STRIDE + i]), np.float64(floats[(UV + 1) * STRIDE + i])
     colour = colour_at(surfaces, material_of(surfaces, prim_id), s, t)
-    sky = sky_colour(surfaces, vector_of(floats, NORMAL, i))
+    sky = vector_of(floats, SKY, i)
+    if surfaces.sky[0] != GRADIENT:
+        sky = sky_colour(surfaces, vector_of(floats, NORMAL, i))
     set_vector(floats, COLOUR, i, colour)
     set_vector(floats, SKY, i, (colour[0] * sky[0], colour[1] * sky[1], colour[2] * sky[2]))

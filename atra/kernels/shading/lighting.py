@@ -12,7 +12,7 @@ from atra.embree.layout import FLAG_COHERENT, RAY_DIR_X, RAY_ORG_X, RAY_TFAR, RA
 from atra.kernels.caching import float_kernel
 from atra.kernels.intrinsics import ticks
 from atra.kernels.packets import SMALLEST_COMPONENT, occluded
-from atra.kernels.raster.memory import load, store
+from atra.kernels.raster.memory import load, store, stream
 from atra.kernels.raster.vectors import bits_of, repeated, size, where
 from atra.kernels.shading.aiming import aim_at_light, aim_into_sky
 from atra.kernels.shading.gbuffer import (
@@ -25,6 +25,7 @@ from atra.kernels.shading.gbuffer import (
     ORIGIN,
     SKY,
     STRIDE,
+    fetch_ahead,
     find_surfaces,
 )
 from atra.kernels.shading.numbers import ONE, ZERO
@@ -73,11 +74,21 @@ def _occlude(width, floats, count, scene, packet):  # type: ignore[no-untyped-de
         store(where(is_free, light, zero), at + LIGHT * STRIDE * 4)
 
 
+@njit(inline="always")
+def _put(numbers, address, is_first):  # type: ignore[no-untyped-def]
+    """Numbers in place of those at an address, past the caches, or added to them."""
+    if is_first:
+        stream(numbers, address)
+    else:
+        store(load(address, ZERO, LANES) + numbers, address)
+
+
 @float_kernel
-def _add_light(floats, first, count, row, share, sums):  # type: ignore[no-untyped-def]
+def _add_light(floats, first, count, row, share, sums, is_first):  # type: ignore[no-untyped-def]
     """Add `share` of the light that arrived, times the colour in `row` and the two below, to four rows of sums.
 
-    Returns whether all of it was finite. Where none arrives, sums are not touched: most of the time goes to memory.
+    is_first: what the sums held before is not counted, and not read. Returns whether all light was finite. Where none
+    arrives, sums are not touched: most of the time goes to memory.
     """
     zero, most, shares = repeated(ZERO, LANES), repeated(_MOST, LANES), repeated(share, LANES)
     is_finite = zero >= zero
@@ -85,17 +96,15 @@ def _add_light(floats, first, count, row, share, sums):  # type: ignore[no-untyp
         at = _address(floats) + 4 * i
         part = load(at + LIGHT * STRIDE * 4, ZERO, LANES) * shares
         is_lit = part > zero
-        if bits_of(is_lit) == 0:
+        if bits_of(is_lit) == 0 and not is_first:
             continue
         to = _address(sums) + 4 * (first + i)
         for channel in range(3):
             colour = load(at + (row + channel) * STRIDE * 4, ZERO, LANES)
             arrived = where(is_lit, colour * part, zero)
             is_finite = is_finite & (most >= arrived)
-            here = to + channel * sums.strides[0]
-            store(load(here, ZERO, LANES) + arrived, here)
-        here = to + 3 * sums.strides[0]
-        store(load(here, ZERO, LANES) + where(is_lit, shares, zero), here)
+            _put(arrived, to + channel * sums.strides[0], is_first)
+        _put(where(is_lit, shares, zero), to + 3 * sums.strides[0], is_first)
     return bits_of(is_finite) == (1 << LANES) - 1
 
 
@@ -113,18 +122,19 @@ def lighting_kernel(width: int) -> Callable[..., int]:
 
     @float_kernel
     def light_pixels(  # type: ignore[no-untyped-def]
-        first, count, pixels, surfaces, lights, to_lights, into_sky, is_cosine, query, chunk, sums, times
+        first, count, pixels, surfaces, lights, to_lights, into_sky, is_cosine, query, chunk, sums, is_first, times
     ):  # fmt: skip
         """Add a sample of `count` pixels from number `first` on, a chunk at a time.
 
-        lights: (L, LIGHT_WORDS) float32. to_lights, into_sky: `Aim`. sums: (SKY_PLANES + L LIGHT_PLANES, pixels and
-        LANES more) float32. times: (stages,) int64, ticks that are added to. Returns how many rays were traced, -1
-        where light was not finite.
+        lights: (L, LIGHT_WORDS) float32. to_lights, into_sky: `Aim`. sums: (SKY_PLANES + L LIGHT_PLANES, pixels)
+        float32 of a `Film`. is_first: whatever they hold is forgotten. times: (stages,) int64, ticks that are added to.
+        Returns how many rays were traced, -1 where light was not finite.
         """
         floats, rays, is_finite = chunk.floats, 0, True
         clock = ticks()
         for start in range(first, first + count, CHUNK):
             some = min(CHUNK, first + count - start)
+            fetch_ahead(start + CHUNK, first + count, pixels)
             find_surfaces(chunk, start, some, pixels, surfaces)
             _end_rows(floats, some)
             clock = _lap(times, _SURFACES, clock)
@@ -140,7 +150,7 @@ def lighting_kernel(width: int) -> Callable[..., int]:
                     _occlude(width, floats, some, query.scene, query.packet)
                     clock = _lap(times, _SHADOW, clock)
                 own = sums[SKY_PLANES + of_light * LIGHT_PLANES :]
-                is_finite &= _add_light(floats, start, some, COLOUR, share, own)
+                is_finite &= _add_light(floats, start, some, COLOUR, share, own, is_first and point == 0)
                 clock = _lap(times, _ACCUMULATE, clock)
             query.flags[0] = 0 if into_sky.is_shifted else FLAG_COHERENT
             share = ONE / np.float32(len(into_sky.points))
@@ -151,7 +161,7 @@ def lighting_kernel(width: int) -> Callable[..., int]:
                     rays += there
                     _occlude(width, floats, some, query.scene, query.packet)
                     clock = _lap(times, _OCCLUSION, clock)
-                is_finite &= _add_light(floats, start, some, SKY, share, sums)
+                is_finite &= _add_light(floats, start, some, SKY, share, sums, is_first and point == 0)
                 clock = _lap(times, _ACCUMULATE, clock)
         return rays if is_finite else -1
 

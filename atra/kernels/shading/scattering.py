@@ -7,9 +7,7 @@ from numba import njit
 
 from atra.kernels.shading.numbers import ONE, TWO, ZERO, along, around, bits_of, dot, on_sphere, scaled, unit, unit_of
 from atra.kernels.shading.surface import (
-    DIELECTRIC,
     KIND,
-    METAL,
     PARAMETER,
     VARIANT,
     colour_of,
@@ -20,6 +18,10 @@ from atra.kernels.shading.surface import (
     plain_colour,
     shading_normal,
 )
+
+LAMBERTIAN, METAL, DIELECTRIC, EMISSIVE = 0, 1, 2, 3
+"""Kinds of material. PARAMETER: fuzz of a metal, ior of glass. VARIANT: directions of paint are uniform, those of metal
+that lie below its surface go on there, glass mirrors as Schlick says."""
 
 DIMENSIONS = 4
 """Random numbers of a path at each of its surfaces."""
@@ -62,7 +64,9 @@ def scatter(surfaces, prim_id, origin, direction, key, bounce):  # type: ignore[
             mirrored = along(direction, _MINUS_TWO * dot(direction, shaded), shaded)
             onward = unit(along(mirrored, parameter, sphere))
             if not dot(onward, shaded) > ZERO:
-                return False, origin, direction, BLACK
+                if not is_variant:
+                    return False, origin, direction, BLACK
+                side = ONE if dot(onward, normal) > ZERO else -ONE
         elif not is_variant:
             onward = around(shaded, sphere)
         else:  # uniform over the hemisphere: density 1 / (2 pi) where the reflectance is cos / pi

@@ -14,7 +14,6 @@ RECORD_WORDS = 8
 """float64 of a triangle: unit normal (3), the plane's n . p, how far rays start off it, and its material; then four
 float32, the colour (3), and 1 where colour and normal are the same all over it. A record is a cache line."""
 
-LAMBERTIAN, METAL, DIELECTRIC, EMISSIVE = 0, 1, 2, 3
 CONSTANT, CHECKER, IMAGE = 0, 1, 2
 
 KIND, COLOUR, TEXTURE, SECOND, SCALE, PARAMETER, VARIANT, FIRST_TEXEL, TEXELS_X, TEXELS_Y = (
@@ -30,7 +29,8 @@ KIND, COLOUR, TEXTURE, SECOND, SCALE, PARAMETER, VARIANT, FIRST_TEXEL, TEXELS_X,
     13,
 )
 MATERIAL_WORDS = 14
-"""float64 of a material. COLOUR and SECOND are three each; PARAMETER: fuzz or ior; VARIANT: 1 for the other of two."""
+"""float64 of a material. KIND: as scattering counts them. COLOUR and SECOND are three each; PARAMETER: a number that
+its kind needs; VARIANT: 1 for the other of two."""
 
 GRADIENT, PANORAMA = 0, 1
 SKY_WORDS = 8
