@@ -8,6 +8,8 @@ from experiments.results.claims import DOES_NOT_HOLD, HOLDS, NOT_MEASURED, UNDEC
 from experiments.results.table import columns
 from experiments.workloads.rays.claims import CLAIMS, usual_value
 from experiments.workloads.rays.figures import FIGURES, draw
+from tests.quotations import classification
+from tests.quotations.quotation import SCENES, Kept
 
 pytestmark = pytest.mark.uncovered
 
@@ -87,6 +89,11 @@ def verdict(claim, *rows):
             [row(shaft_cells=str(n), shafts=n, shafts_built=n, lookup_bytes=4 * n) for n in (10, 100, 1000, 10000)],
             [row(shaft_cells=str(n), shafts=n, shafts_built=10, lookup_bytes=40) for n in (10, 100, 1000, 10000)],
         ),
+        (
+            "built-shaft-by-shaft",
+            [row(shaft_cells=str(n), shafts=n, shaft_build_time_s=3e-6 * n) for n in (10, 100, 1000, 10000)],
+            [row(shaft_cells=str(n), shafts=n, shaft_build_time_s=3e-6 * n**1.2) for n in (10, 100, 1000, 10000)],
+        ),
     ],
 )  # fmt: skip
 def test_a_claim_holds_and_fails_by_what_was_measured(claim, holds, fails):
@@ -117,3 +124,56 @@ def test_figures_draw_a_line_for_each_kind_of_rays_and_nothing_where_nothing_var
     (axis,) = draw(drawn, 1, "shaft_probability").axes
     lines = {line.get_label(): line.get_ydata().tolist() for line in axis.lines if not line.get_label().startswith("_")}
     assert lines == {"primary": [0.25, 0.5, 1.0], "diffuse": [0.25, 0.5, 1.0]}
+
+
+def kept(*rows):
+    return Kept(table(*rows), pd.DataFrame(), [])
+
+
+def test_pages_quote_each_kind_of_rays_of_each_scene_popped_and_pushed():
+    rows = [one | {"scene": scene} for scene in SCENES for one in of_all_kinds(speedup=0.8)]
+    pushed = [one | {"traversal": "push", "speedup_vs_bvh": 1.1, "speedup": 0.7} for one in rows]
+    other = row(scene="mitsuba", shaft_probability=0.25, steps_ratio=0.9)
+    quoted = classification.classified_rays(kept(other, *rows, *pushed)).rows
+    assert len(quoted) == 12
+    assert quoted[4] == "| `mitsuba`, occlusion | 0.50 | 1.30 [1.20, 1.40] | 1.10 | 0.70 |"
+    with pytest.raises(AssertionError):
+        classification.classified_rays(kept(*rows, *pushed, row(rays_wrong=1)))
+
+
+def test_pages_quote_what_shafts_take_and_when_that_is_paid_back():
+    rows = [
+        row(kind, scene, bvh_bytes=1000, shaft_build_time_s=0.25, break_even_batches=batches)
+        for scene in SCENES
+        for kind, batches in (("primary", 12.4), ("occlusion", None), ("diffuse", 1234.0))
+    ]
+    quoted = classification.memory_of_shafts(kept(*rows)).rows
+    assert quoted[3] == "| `sponza` | 96 | 4.00 | 1.36 | 0.25 | 12 | never | 1,234 |"
+
+
+def test_pages_quote_packets_by_what_has_lists_and_single_rays_beside_them():
+    rows = [
+        row("diffuse", scene, traversal="push", ray_order="shaft", packet_width=width, shaft_subset=subset,
+            speedup_vs_bvh=width + gain, break_even_batches=7.0, speedup=1.5, speedup_vs_sorted=0.75)
+        for scene in SCENES for width in (1, 8)
+        for subset, gain in (("none", 0.0), ("complete", 0.1), ("sampled", 0.2), ("hits", 0.3))
+    ]  # fmt: skip
+    quoted = classification.packets_from_lists(kept(*rows, *of_all_kinds())).rows
+    assert quoted[2] == "| single rays | sampled | 1.20, 7 | 1.20, 7 | 1.20, 7 | 1.20, 7 |"
+    assert quoted[7] == "| packets of 8 | hits | 8.30, 7 | 8.30, 7 | 8.30, 7 | 8.30, 7 |"
+    assert quoted[8] == "| packets of 8, over `rtcIntersect1`, unsorted | hits | 1.50 | 1.50 | 1.50 | 1.50 |"
+    assert quoted[9] == "| packets of 8, over packets of Embree, sorted | hits | 0.75 | 0.75 | 0.75 | 0.75 |"
+
+
+def test_pages_quote_frames_of_an_eye_that_moves_and_the_own_bvh():
+    moving = [
+        {"scene": scene, "method": method, "workload": "moving", "status": "ok", "packet_width": width,
+         "render_time_s": 0.004 * width, "speedup_vs_kept_packets": 0.5}
+        for scene in SCENES for method, width in (("classified", 1), ("classified", 8), ("tiles", 16))
+    ]  # fmt: skip
+    plain = [row(scene=scene, method="bvh", speedup=0.6 + 0.1 * k) for k, scene in enumerate(SCENES)]
+    quoted = classification.eyes_that_move(kept(*moving, *of_all_kinds())).rows
+    assert quoted[1].startswith("| shafts of an eye, packets of 8 | 32.0, 0.50 | 32.0, 0.50 |")
+    assert quoted[2].startswith("| culled tiles | 64.0, 0.50 |")
+    (phrase,) = classification.own_bvh(kept(*plain, *of_all_kinds())).phrases
+    assert phrase == "0.60, 0.70, 0.80, 0.90 times as fast as `rtcIntersect1`"

@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit
 
 from atra.kernels.bvh.layout import BLOCK, BLOCK_BYTES, IDS, NODE_BYTES, first_of, kind_of
-from atra.kernels.bvh.single import BLOCKS, BOXES, FETCHED, LISTED, SLACK, STEPS, fetch_node
+from atra.kernels.bvh.single import BLOCKS, BOXES, SLACK, STEPS, next_node
 from atra.kernels.bvh.triangles import meet
 from atra.kernels.gathering.lanes import is_below, uint32_at
 from atra.kernels.intrinsics import float_at
@@ -59,17 +59,7 @@ def nearest_of_packet(width, push, any_hit, counting, tree, bundle, lists, start
     ahead = (1 if lane(dx, 0) > _ZERO else 0) | (2 if lane(dy, 0) > _ZERO else 0) | (4 if lane(dz, 0) > _ZERO else 0)
     slack, top, left = repeated(SLACK, width), 0, np.int64(lists[start])
     while top > 0 or left > 0:
-        is_entry = top == 0
-        if is_entry:
-            number = np.int64(lists[start + left])
-            left -= 1
-            fetch_node(tree, lists[start + max(left + 1 - FETCHED, 0)])
-            if counting:
-                counts[LISTED] += 1
-        else:
-            top -= 1
-            number = stack[top]
-        node = tree.nodes + number * NODE_BYTES
+        node, is_entry, left, top = next_node(counting, tree, lists, start, left, stack, top, counts)
         if not push or is_entry:
             if counting:
                 counts[BOXES] += 1

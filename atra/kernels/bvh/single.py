@@ -109,6 +109,23 @@ def nearest_of_block(block, ray, best, prim_id):  # type: ignore[no-untyped-def]
 
 
 @njit(inline="always")
+def next_node(counting, tree, lists, start, left, stack, top, counts):  # type: ignore[no-untyped-def]
+    """(address, whether it is from the list, left, top) of the node whose turn it is: that on top of the stack, or the
+    next of a list of which so many are left."""
+    is_entry = top == 0
+    if is_entry:
+        number = np.int64(lists[start + left])
+        left -= 1
+        fetch_node(tree, lists[start + max(left + 1 - FETCHED, 0)])
+        if counting:
+            counts[LISTED] += 1
+    else:
+        top -= 1
+        number = stack[top]
+    return tree.nodes + number * NODE_BYTES, is_entry, left, top
+
+
+@njit(inline="always")
 def nearest(push, any_hit, counting, tree, ray, tfar, lists, start, stack, nears, counts):  # type: ignore[no-untyped-def]
     """The nearest hit of a ray below the nodes of a list, the last of which comes first: (t, prim_id).
 
@@ -123,17 +140,7 @@ def nearest(push, any_hit, counting, tree, ray, tfar, lists, start, stack, nears
     ahead = (1 if dx > _ZERO else 0) | (2 if dy > _ZERO else 0) | (4 if dz > _ZERO else 0)
     best, prim_id, top, left = tfar, MISS, 0, np.int64(lists[start])
     while top > 0 or left > 0:
-        is_entry = top == 0
-        if is_entry:
-            number = np.int64(lists[start + left])
-            left -= 1
-            fetch_node(tree, lists[start + max(left + 1 - FETCHED, 0)])
-            if counting:
-                counts[LISTED] += 1
-        else:
-            top -= 1
-            number = stack[top]
-        node = tree.nodes + number * NODE_BYTES
+        node, is_entry, left, top = next_node(counting, tree, lists, start, left, stack, top, counts)
         if not push or is_entry:
             if counting:
                 counts[BOXES] += 1

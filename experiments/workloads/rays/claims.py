@@ -180,17 +180,25 @@ def much_lower(table: pd.DataFrame) -> Judgement | None:
     return _judged(bool((rows["height"] <= 0.5).all()), _each(rows, "height"), "higher on some scene")
 
 
-def grows_with_resolution(table: pd.DataFrame) -> Judgement | None:
-    """Exponent of bytes over shafts, between 0.9 and 1.1."""
+def _bytes_of_lists(rows: pd.DataFrame) -> NDArray[np.float64]:
+    """Look-up and lists, equal ones counted each."""
+    entries = numbers(rows, "shafts_built") * numbers(rows, "list_length_mean")
+    return np.asarray(numbers(rows, "lookup_bytes") + 4 * entries)
+
+
+def _time_of_lists(rows: pd.DataFrame) -> NDArray[np.float64]:
+    return np.asarray(numbers(rows, "shaft_build_time_s"))
+
+
+def grows_with_resolution(table: pd.DataFrame, size: Callable[[pd.DataFrame], NDArray[np.float64]]) -> Judgement | None:
+    """Exponent of a size over shafts, between 0.9 and 1.1."""
     rows = usual(table, shaft_cells=any, shaft_directions=any)
     rows = rows[rows["shaft_cells"].ne("by memory")]
     exponents, values = [], []
     for (scene, kind), same in rows.groupby(["scene", "ray_kind"], observed=True):
         if len(same) < 4:
             continue
-        entries = numbers(same, "shafts_built") * numbers(same, "list_length_mean")
-        size = np.log(numbers(same, "lookup_bytes") + 4 * entries)
-        exponents.append(float(np.polyfit(np.log(numbers(same, "shafts")), size, 1)[0]))
+        exponents.append(float(np.polyfit(np.log(numbers(same, "shafts")), np.log(size(same)), 1)[0]))
         values.append(f"{scene} {kind} {exponents[-1]:.2f}")
     if not exponents:
         return None
@@ -263,7 +271,13 @@ CLAIMS = (
     ),
     _claim(
         "grows-with-shafts", "memory", "Memory grows as the number of shafts.", "O(s^3 d^2 k)",
-        "Exponent of bytes, equal lists counted each, over shafts, 0.9 to 1.1.", grows_with_resolution,
+        "Exponent of bytes, equal lists counted each, over shafts, 0.9 to 1.1.",
+        partial(grows_with_resolution, size=_bytes_of_lists),
+    ),
+    _claim(
+        "built-shaft-by-shaft", "memory", "The time to build lists grows as the number of shafts.",
+        "O(s^3 d^2 k log n)", "Exponent of the time to build them over shafts, 0.9 to 1.1; n is not varied.",
+        partial(grows_with_resolution, size=_time_of_lists),
     ),
     _claim(
         "lower-subtrees", "lists", "Entries are the roots of much lower subtrees.", "much lower",
