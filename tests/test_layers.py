@@ -37,6 +37,20 @@ def test_the_nearest_of_many_walls_are_kept_in_whatever_order_they_come(k, lanes
     np.testing.assert_array_equal((found.prim_id == atra.MISS).sum(axis=0), max(k - 36, 0))
 
 
+@pytest.mark.parametrize("tracer", [atra.RasterTracer, atra.PixelTracer])
+def test_few_hits_and_many_are_sorted(tracer):
+    most = []
+    for count in (2, 25, 40, 90, 150):  # 16 neighbours are sorted at once, in one of several ways
+        mesh = random_triangles(count, 7, 3.0)
+        wanted = gather_plainly(mesh, CAMERA, atra.Layers(8))
+        most.append(int(wanted.count.max()))
+        with tracer(mesh, CAMERA, threads=1) as one:
+            found = one.gather(atra.Layers(8))
+        for name in ("count", "prim_id"):
+            np.testing.assert_array_equal(getattr(found, name), getattr(wanted, name))
+    assert most == [1, 4, 6, 12, 22]
+
+
 def test_layers_of_small_triangles_are_the_same_to_the_bit_with_vectors_of_any_width():
     mesh, found = random_triangles(2500, 3, 0.4), {}
     for lanes in (4, None):

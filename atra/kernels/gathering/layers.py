@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit
 
 from atra.kernels.caching import kernel
-from atra.kernels.gathering.keys import depths_of, keys_of, load_keys, prim_ids_of, store_keys
+from atra.kernels.gathering.keys import depths_of, keys_of, load_keys, prim_ids_of, sort_few, store_keys
 from atra.kernels.gathering.lanes import chosen, highest, is_below
 from atra.kernels.gathering.target import target_at
 from atra.kernels.intrinsics import fetch_add
@@ -22,15 +22,9 @@ _ROWS = 8
 
 
 @njit
-def _sort(pixel, target, kept):  # type: ignore[no-untyped-def]
-    """Sort the layers of _LANES pixels, so that the first `kept` hold their nearest hits; returns how many hold one.
-
-    They hold keys then, where their depths and prim_ids were.
-    """
-    counts = load(target.counts + pixel * 4, np.uint32(0), _LANES)
+def _sort_many(counts, most, values, prim_ids, plane, kept):  # type: ignore[no-untyped-def]
+    """Sort by putting one layer after the other into its place. Addresses as for `sort_few`."""
     nothing = keys_of(repeated(np.float32(np.inf), _LANES), repeated(np.uint32(MISS), _LANES))
-    values, prim_ids, plane = target.values + pixel * 4, target.prim_ids + pixel * 4, target.plane * 4
-    most = min(highest(counts), target.layers)
     for layer in range(most):
         place = layer * plane
         has_hit = is_below(repeated(np.uint32(layer), _LANES), counts)
@@ -52,6 +46,27 @@ def _sort(pixel, target, kept):  # type: ignore[no-untyped-def]
             keys = chosen(nearer, keys, before)
             place -= plane
         store_keys(keys, values + place, prim_ids + place)
+
+
+@njit
+def _sort(pixel, target, kept):  # type: ignore[no-untyped-def]
+    """Sort the layers of _LANES pixels, so that the first `kept` hold their nearest hits; returns how many hold one.
+
+    They hold keys then, where their depths and prim_ids were.
+    """
+    counts = load(target.counts + pixel * 4, np.uint32(0), _LANES)
+    values, prim_ids, plane = target.values + pixel * 4, target.prim_ids + pixel * 4, target.plane * 4
+    most, layers = min(highest(counts), target.layers), target.layers
+    if most <= 2 <= layers:
+        sort_few(values, prim_ids, plane, counts, 2, 2)
+    elif most <= 4 <= layers:
+        sort_few(values, prim_ids, plane, counts, 4, 4)
+    elif most <= 8 <= layers:
+        sort_few(values, prim_ids, plane, counts, 8, 8)
+    elif most <= 16 <= layers and kept <= 8:
+        sort_few(values, prim_ids, plane, counts, 16, 8)
+    else:
+        _sort_many(counts, most, values, prim_ids, plane, kept)
     return min(most, kept)
 
 
