@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import random
 import threading
 import time
@@ -14,7 +15,7 @@ import pytest
 from numpy.typing import NDArray
 
 from atra import MISS, Camera, PixelTracer
-from atra.render import GradientSky, HybridRenderer, Lambertian, PathRenderer, RenderScene, Sun
+from atra.render import GradientSky, HybridRenderer, Lambertian, PanoramaSky, PathRenderer, RenderScene, Sun
 from atra.render.pictures import srgb_of
 from experiments.drawing.shading import BACKGROUND, DIFFERENCE_COLOURS
 from experiments.harness.configuration import Chosen
@@ -60,6 +61,21 @@ def shown(painter: Painter, request: Request, samples: int = 1) -> NDArray[np.ui
     for _ in range(samples):
         assert painter.add(request, never)
     return painter.show(request).image
+
+
+def test_samples_under_a_panorama_accumulate_and_its_power_costs_none() -> None:
+    texels = np.random.default_rng(1).random((4, 8, 3)).astype(np.float32)
+    one = Painter(replace(SCENE, sky=PanoramaSky(texels)), Chosen(RASTER.name, NoOptions()), Tracing(threads=1))
+    brighter = with_settings(sky_power=2.0)
+    with contextlib.closing(one):
+        first = shown(one, FIRST, 2)
+        assert one.show(brighter).image.mean() > first.mean() + 10
+        assert np.array_equal(one.show(FIRST).image, first)
+        other = replace(SCENE, sky=PanoramaSky(texels[::-1], 0.5), lights=one._scene_of(SETTINGS).lights)
+        renderer = one._renderer(FIRST)
+        assert renderer.samples == 2
+        renderer.update(scene=other)
+        assert renderer.samples == 0
 
 
 def single_rays(camera: Camera) -> Any:

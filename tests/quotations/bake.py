@@ -13,7 +13,7 @@ from tests.quotations.quotation import SCENES, Kept, Quoted, interval, of, table
 
 _OF_FINISHING = ("target-denoised", "target-seams")
 _OF_BUFFERS = ("buffers",)
-_OF_ALIGNMENT = ("culling-map",)
+_OF_ALIGNMENT = ("culling-map", "culling-map-share")
 """Claims that a sweep of their own decides."""
 
 

@@ -1,0 +1,112 @@
+"""Judges of claims on lightmaps: what a table of `bake` says of ratios, of shares, and of points that differ."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import inf
+
+import numpy as np
+import pandas as pd
+
+from experiments.drawing.values import numbers
+from experiments.methods.pixel import PIXEL
+from experiments.methods.visible_first import VISIBLE_FIRST
+from experiments.results.claims import DOES_NOT_HOLD, HOLDS, NOT_MEASURED, UNDECIDED, Judgement
+from experiments.results.table import workload_rows
+from experiments.workloads.bake import BAKE
+
+_FORECAST = 1.5
+"""Of packets over visible-first rays, written down before anything was measured."""
+
+Which = Callable[[pd.DataFrame], pd.Series]
+
+
+@dataclass(frozen=True)
+class Bound:
+    """Between which numbers a ratio is to lie."""
+
+    low: float = -inf
+    high: float = inf
+
+
+def judge_ratio(table: pd.DataFrame | None, name: str, which: Which, bound: Bound) -> Judgement:
+    """Whether a ratio lies within its bound on all scenes but one, by its whole interval on each; it fails where it
+    lies outside on more than one."""
+    rows = None if table is None else workload_rows(table, BAKE.name)
+    if rows is None or f"{name}_low" not in rows:
+        return Judgement(NOT_MEASURED, why="no point of it is in the table")
+    rows = rows[which(rows) & rows[f"{name}_low"].notna()]
+    if not len(rows):
+        return Judgement(NOT_MEASURED, why="no point of it was measured by three processes")
+    low, high = numbers(rows, f"{name}_low"), numbers(rows, f"{name}_high")
+    right = pd.Series((low >= bound.low) & (high <= bound.high), rows["scene"]).groupby(level=0).all()
+    wrong = pd.Series((high < bound.low) | (low > bound.high), rows["scene"]).groupby(level=0).any()
+    told = "; ".join(_span(scene, same[name]) for scene, same in rows.groupby("scene", sort=False, observed=True))
+    spanned, spared = f"{low.min():.2f} to {high.max():.2f}", int(len(right) > 1)
+    if int((~right).sum()) <= spared:
+        return Judgement(HOLDS, told, spanned)
+    verdict = DOES_NOT_HOLD if int(wrong.sum()) > spared else UNDECIDED
+    return Judgement(verdict, told, spanned, f"inside on {int(right.sum())} of {len(right)} scenes")
+
+
+def _span(scene: object, values: pd.Series) -> str:
+    """ "sponza 1.20", or "sponza 1.20 to 1.31" of several points."""
+    low, high = f"{values.min():.2f}", f"{values.max():.2f}"
+    return f"{scene} {low}" if low == high else f"{scene} {low} to {high}"
+
+
+def judge_shares(
+    table: pd.DataFrame | None, share: Callable[[pd.DataFrame], object], which: Which, bound: Bound
+) -> Judgement:
+    """Whether what every process finds alike lies within its bound, on all scenes but one."""
+    rows = None if table is None else workload_rows(table, BAKE.name)
+    rows = None if rows is None else rows[which(rows) & rows["status"].eq("ok")]
+    if rows is None or not len(rows):
+        return Judgement(NOT_MEASURED, why="no point of it is in the table")
+    values = pd.Series(np.asarray(share(rows), np.float64), rows["scene"])
+    values = values[np.isfinite(values)].groupby(level=0, sort=False).median()
+    if not len(values):
+        return Judgement(NOT_MEASURED, why="no point tells")
+    told = "; ".join(f"{scene} {value:.2g}" for scene, value in values.items())
+    outside = int((~values.between(bound.low, bound.high)).sum())
+    if outside <= int(len(values) > 1):
+        return Judgement(HOLDS, told)
+    return Judgement(DOES_NOT_HOLD, told, None, f"outside on {outside} of {len(values)} scenes")
+
+
+def judge_buffers(table: pd.DataFrame | None) -> Judgement:
+    """Bytes of rays in flight on the largest map over those on the smallest, with equal batches."""
+    rows = None if table is None else workload_rows(table, BAKE.name)
+    if rows is not None:
+        rows = rows[rows["status"].eq("ok") & ~rows["priority"].eq(True) & rows["buffer_bytes"].notna()]
+    ratios = {}
+    for _, same in () if rows is None else rows.groupby(["scene", "batch_rays"], observed=True):
+        if same["size"].nunique() > 1:
+            of_size = same.groupby("size")["buffer_bytes"].max()
+            ratios[same["scene"].iloc[0]] = float(of_size.iloc[-1]) / float(of_size.iloc[0])
+    if not ratios:
+        return Judgement(NOT_MEASURED, why="no two sizes of a map with equal batches are in the table")
+    told = "; ".join(f"{scene} {ratio:.3f}" for scene, ratio in ratios.items())
+    if max(ratios.values()) <= 1.02:
+        return Judgement(HOLDS, told)
+    return Judgement(DOES_NOT_HOLD, told, None, "larger maps take more")
+
+
+def judge_culling_map(table: pd.DataFrame | None) -> Judgement:
+    """Seconds in which packets find what a view shows over those of the visible-first method, on all scenes but one."""
+    rows = None if table is None else workload_rows(table, BAKE.name)
+    ratios = {}
+    for scene, same in () if rows is None else rows.groupby("scene", sort=False):
+        packets, first = (
+            same.loc[same["method"].eq(method.name), "culling_map_s"].dropna() for method in (PIXEL, VISIBLE_FIRST)
+        )
+        if len(packets) and len(first):
+            ratios[scene] = float(packets.median() / first.median())
+    if not ratios:
+        return Judgement(NOT_MEASURED, why="no scene was searched by both methods")
+    told = "; ".join(f"{scene} {ratio:.2f}" for scene, ratio in ratios.items())
+    below = sum(ratio < _FORECAST for ratio in ratios.values())
+    if below <= int(len(ratios) > 1):
+        return Judgement(HOLDS, told)
+    return Judgement(DOES_NOT_HOLD, told, None, f"less than {_FORECAST:g} on {below} of {len(ratios)} scenes")
