@@ -162,6 +162,36 @@ def test_damaged_files_are_compiled_anew_and_replaced(
     assert last.read_from_disk() == (1, 1)
 
 
+TWO_VARIANTS = """
+from atra.kernels.caching import kernel
+
+def make(number):
+    @kernel
+    def answer():
+        return number + FACTOR * 10
+    return answer
+
+def answers():
+    return make(1)(), make(2)()
+"""
+
+
+def test_two_processes_that_keep_code_under_one_name_do_not_get_each_others(tmp_path: Path) -> None:
+    """What such a race leaves: files in each other's place, or one of an older source."""
+    path = tmp_path / "two_variants.py"
+    path.write_text(TWO_VARIANTS + "\nFACTOR = 1")
+    assert imported(path).answers() == (11, 12)
+    first, second = sorted(tmp_path.rglob("*.nbc"))
+    older = first.read_bytes()
+    first.write_bytes(second.read_bytes())
+    second.write_bytes(older)
+    assert imported(path).answers() == (11, 12)
+    path.write_text(TWO_VARIANTS + "\nFACTOR = 2")
+    assert imported(path).answers() == (21, 22)
+    first.write_bytes(older)
+    assert imported(path).answers() == (21, 22)
+
+
 @pytest.mark.parametrize("reason", ["no folder", "No space left on device"])
 def test_what_cannot_be_kept_is_told_once_and_compiled_anew(
     reason: str, two_kinds: Path, monkeypatch: pytest.MonkeyPatch

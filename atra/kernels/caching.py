@@ -143,6 +143,15 @@ class _Sealed(CompileResultCacheImpl):
 
 
 class _Index(IndexDataCacheFile):
+    """Files that say whose code they hold: two processes that keep some at once may give them one name."""
+
+    def save(self, key: Any, data: Any) -> None:
+        super().save(key, (key, self._source_stamp, data))
+
+    def load(self, key: Any) -> Any:
+        kept = super().load(key)
+        return kept[2] if kept is not None and kept[:2] == (key, self._source_stamp) else None
+
     def _load_index(self) -> Any:
         try:
             return super()._load_index()
