@@ -33,7 +33,7 @@ from experiments.viewer.command import run_view
 from experiments.viewer.page import Page, say_numbers
 from experiments.viewer.painter import Painter
 from experiments.viewer.request import Request, Settings
-from experiments.viewer.session import Frame, Picture
+from experiments.viewer.session import REST_S, Frame, Picture
 from tests.test_viewer_painter import FIRST, made
 
 pytestmark = pytest.mark.uncovered
@@ -62,6 +62,7 @@ def page(monkeypatch: pytest.MonkeyPatch) -> Iterator[Page]:
     monkeypatch.setattr(camera_page, "LEAVE_S", 0.5)
     painter = made()
     one = Page(painter, replace(FIRST, settings=replace(FIRST.settings, samples=3)), 0, "the box", 3.0)
+    one.prepare()
     thread = threading.Thread(target=one.run)
     thread.start()
     one.thread = thread  # type: ignore[attr-defined]
@@ -77,6 +78,14 @@ def test_only_this_machine_reaches_it_and_nobody_can_share_it(page: Page) -> Non
     listening = [one.laddr for one in psutil.Process().net_connections("inet") if one.status == psutil.CONN_LISTEN]
     assert [address.ip for address in listening if address.port == port] == [HOST] == ["127.0.0.1"]
     assert page._server.request_share_url() is None
+
+
+def test_samples_wait_for_a_page_that_looks(page: Page) -> None:
+    assert page.session._shown is not None, "no first sketch is there"
+    time.sleep(2 * REST_S)
+    assert page.session._samples == 0
+    page.moved(FIRST.pose)  # the same that is there
+    wait_for(lambda: page.session._samples == 3, "the picture at rest")
 
 
 def test_a_taken_port_is_told_in_one_line_and_not_evaded() -> None:
@@ -140,6 +149,7 @@ def test_ctrl_c_ends_it_cleanly() -> None:
     )  # fmt: skip
     try:
         assert process.stdout is not None
+        assert process.stdout.readline().startswith("viewer: preparing; a first start compiles kernels")
         said = process.stdout.readline()
         assert re.fullmatch(r"viewer: http://127\.0\.0\.1:\d+ shows cornell_box; Ctrl-C ends it\n", said)
         os.kill(process.pid, signal.SIGINT)

@@ -45,6 +45,7 @@ def measure(arguments: list[str], shots: Path) -> None:
     command = [sys.executable, str(ROOT / "run.py"), "view", "view.port=0", *arguments]
     with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True) as viewer, sync_playwright() as driver:
         assert viewer.stdout is not None
+        viewer.stdout.readline()  # that it prepares
         said = viewer.stdout.readline().split()
         process = psutil.Process(viewer.pid)
         found = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)

@@ -42,7 +42,11 @@ def run_view(configuration: Configuration) -> None:
     if configuration.view.sky is not None:
         shown = replace(shown, sky=PanoramaSky.load(Path(configuration.view.sky).expanduser()))
     settings = Settings(
-        method=chosen.name, split_x=split_x, occlusion_length=_rounded(0.1 * size), **light_settings(shown)
+        method=chosen.name,
+        split_x=split_x,
+        shadow_length=_rounded(2.0 * size),
+        occlusion_length=_rounded(0.1 * size),
+        **light_settings(shown),
     )
     first = Request(pose, settings)
     tracing = Tracing(configuration.threads, configuration.build_quality.value, configuration.ties.value)
@@ -52,6 +56,8 @@ def run_view(configuration: Configuration) -> None:
         contextlib.closing(painter),
         contextlib.closing(Page(painter, first, configuration.view.port, scene.name, size)) as page,
     ):
+        print("viewer: preparing; a first start compiles kernels, which takes about a minute", flush=True)
+        page.prepare()
         print(f"viewer: {page.address} shows {scene.name}; Ctrl-C ends it", flush=True)
         page.run()
     print("viewer: ended")

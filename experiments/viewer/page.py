@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import threading
 from collections.abc import Callable, Coroutine, Iterator
 from time import monotonic
 from typing import TYPE_CHECKING, Any
@@ -10,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from experiments.methods import METHODS, find_method
 from experiments.viewer.camera_page import CameraPage
 from experiments.viewer.request import FRAMES, SHADES, SPLITS, Pose, Request
-from experiments.viewer.session import Artist, Frame, Session
+from experiments.viewer.session import WAKE_S, Artist, Frame, Session
 
 if TYPE_CHECKING:
     from viser import GuiEvent
@@ -30,12 +31,19 @@ class Page(CameraPage):
         self.session = Session(artist, self, first)
         self._told_s = 0.0
         self._moved_s: float | None = None
+        self._is_seen = threading.Event()
         self._folders: dict[str, Any] = {}
         self._add_controls(size)
         self.follow(first.pose)
 
+    def prepare(self) -> None:
+        """Draw the first picture, so that it is there when a page is."""
+        self.session.step()
+
     def run(self) -> None:
-        """Until Ctrl-C, or until the last page has been closed for a while."""
+        """Until Ctrl-C, or until the last page has been closed for a while; samples wait for a page that looks."""
+        while not self._is_seen.wait(WAKE_S) and not self.session.is_closed:
+            pass
         self.session.run()
 
     def show(self, frame: Frame) -> None:
@@ -55,6 +63,7 @@ class Page(CameraPage):
     def moved(self, pose: Pose) -> None:
         """A page looks from there."""
         self.session.want(pose)
+        self._is_seen.set()
 
     def left(self) -> None:
         """The last page is closed."""
@@ -62,7 +71,7 @@ class Page(CameraPage):
 
     def _add_controls(self, size: float) -> None:
         gui, now = self._server.gui, self.session.wanted.settings
-        self._numbers = gui.add_markdown("preparing; a first start compiles kernels, which takes about a minute")
+        self._numbers = gui.add_markdown("preparing")
         labels = {one.label: one.name for one in METHODS if one.is_ours and one.problem() is None}
         with gui.add_folder("Picture"):
             self._choice("frame", "frame", FRAMES)
@@ -73,9 +82,11 @@ class Page(CameraPage):
             method = gui.add_dropdown("method", tuple(labels), initial_value=find_method(now.method).label)
             method.on_update(self._change("method", labels.__getitem__))
             self._choice("split_x", "columns of cells", tuple(map(str, SPLITS)), int)
-            self._box("jitter")
+            self._box("jitter", "jitter")
         with self._folder("hybrid", "Sun"):
             self._slider("shadow_rays", "shadow rays", 0, 8, 1)
+            self._slider("shadow_length", "shadow length", 0.01 * size, 2.0 * size, 0.01 * size)
+            self._box("shadow_shared", "same for all pixels")
             self._slider("sun_cone", "cone, degrees", 0.0, 10.0, 0.05)
             self._slider("sun_heading", "heading", -180.0, 180.0, 1.0)
             self._slider("sun_height", "height", -90.0, 90.0, 1.0)
@@ -84,7 +95,8 @@ class Page(CameraPage):
         with self._folder("hybrid", "Ambient occlusion"):
             self._slider("occlusion_rays", "rays", 0, 8, 1)
             self._slider("occlusion_length", "length", 0.01 * size, size, 0.01 * size)
-            self._box("cosine")
+            self._box("occlusion_shared", "same for all pixels")
+            self._box("cosine", "cosine")
         with self._folder("path", "Paths"):
             self._slider("max_depth", "depth", 1, 32, 1)
         with gui.add_folder("Sky"):
@@ -111,9 +123,9 @@ class Page(CameraPage):
         now = str(getattr(self.session.wanted.settings, field))
         self._server.gui.add_dropdown(label, names, initial_value=now).on_update(self._change(field, kind))
 
-    def _box(self, field: str) -> None:
+    def _box(self, field: str, label: str) -> None:
         now = getattr(self.session.wanted.settings, field)
-        self._server.gui.add_checkbox(field, now).on_update(self._change(field, bool))
+        self._server.gui.add_checkbox(label, now).on_update(self._change(field, bool))
 
     def _change(self, field: str, read: Callable[[Any], Any]) -> Callable[[GuiEvent], Coroutine[Any, Any, None]]:
         async def changed(event: GuiEvent) -> None:

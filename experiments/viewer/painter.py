@@ -134,9 +134,11 @@ def _options(settings: Settings) -> dict[str, Any]:
     options: dict[str, Any] = {"jitter": "shared" if settings.jitter else "off"}
     if settings.renderer == "path":
         return options | {"max_depth": settings.max_depth}
-    names = ("shadow_rays", "occlusion_rays", "occlusion_length")
-    weighted = {"occlusion": "cosine" if settings.cosine else "uniform"}
-    return options | weighted | {name: getattr(settings, name) for name in names}
+    names = ("shadow_rays", "shadow_length", "occlusion_rays", "occlusion_length")
+    chosen = {"occlusion": "cosine" if settings.cosine else "uniform"}
+    for name, is_shared in (("shadow", settings.shadow_shared), ("occlusion", settings.occlusion_shared)):
+        chosen[f"{name}_directions"] = "shared" if is_shared else "shifted"
+    return options | chosen | {name: getattr(settings, name) for name in names}
 
 
 def _light(renderer: Renderer, shade: str) -> NDArray[np.uint8]:

@@ -34,7 +34,8 @@ class Settings:
     side: the picture has about side x side pixels. method, split_x: of primary visibility at rest, and its columns of
     cells where it has cells. jitter: whether samples go through different points of their pixels.
     sun_heading, sun_height: in degrees, where the sun stands, about +y and above the horizon. sun_cone: half the angle
-    under which it appears, in degrees. All others: see `atra.render`'s options, lights and skies.
+    under which it appears, in degrees. shadow_shared, occlusion_shared: whether rays head the same way from all pixels.
+    All others: see `atra.render`'s options, lights and skies.
     """
 
     frame: str = "hybrid"
@@ -45,6 +46,8 @@ class Settings:
     split_x: int = COLUMNS
     jitter: bool = True
     shadow_rays: int = 1
+    shadow_length: float = 1e4
+    shadow_shared: bool = True
     sun_cone: float = 0.5
     sun_heading: float = 60.0
     sun_height: float = 60.0
@@ -53,6 +56,7 @@ class Settings:
     sky_power: float = 0.5
     occlusion_rays: int = 1
     occlusion_length: float = 10.0
+    occlusion_shared: bool = False
     cosine: bool = False
     max_depth: int = 5
 

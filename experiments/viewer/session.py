@@ -20,8 +20,7 @@ REST_S = 0.3
 LEAST_GAP_S, GROWTH = 0.1, 0.25
 """Between two pictures of one accumulation: at least so long, and so large a share of the time it had taken so far."""
 
-
-_LONGEST_SLEEP_S = 0.5
+WAKE_S = 0.5
 """Ctrl-C cannot wake a thread of Windows from an endless one."""
 
 
@@ -92,6 +91,11 @@ class Session:
         """What was asked for last."""
         return self._newest[0]
 
+    @property
+    def is_closed(self) -> bool:
+        """Whether nothing is drawn any more."""
+        return self._is_closed
+
     def want(self, pose: Pose | None = None, **settings: Any) -> None:
         """Ask for another camera, or for other values of fields of `Settings`."""
         with self._changed:
@@ -112,7 +116,7 @@ class Session:
         while not self._is_closed:
             pause_s = self.step()
             with self._changed:
-                self._changed.wait_for(self._has_more_to_do, _LONGEST_SLEEP_S if pause_s is None else pause_s)
+                self._changed.wait_for(self._has_more_to_do, WAKE_S if pause_s is None else pause_s)
 
     def _has_more_to_do(self) -> bool:
         return self._is_closed or self._shown is not self.wanted
