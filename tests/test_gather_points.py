@@ -173,12 +173,15 @@ def test_pages_say_what_other_tracers_lose_and_what_a_closed_mesh_takes(kept: Ke
 
 def test_pages_have_the_paper_s_claims_where_every_hit_is_wanted() -> None:
     claims = [
-        {"id": f"best-speedup-{SCENES[0]}", "text": "Best.", "section": "§4", "reading": "every hit wanted",
-         "verdict": "holds"},
-        {"id": "culling", "text": "Faster.", "section": "§3.4", "reading": "every hit wanted", "verdict": "undecided"},
-    ]  # fmt: skip
-    kept = Kept(pd.DataFrame(), pd.DataFrame(), claims)
-    assert gathering.verdicts_where_every_hit_is_wanted(kept).rows == ("| Faster. | §3.4 | undecided |",)
+        {"id": name, "text": text, "section": "§4", "reading": "every hit wanted", "verdict": verdict, "inferred": own}
+        for name, text, verdict, own in (
+            (f"best-speedup-{SCENES[0]}", "Best.", "holds", False),
+            ("culling", "Faster.", "undecided", False),
+            ("larger", "Less.", "holds", True),
+        )
+    ]
+    rows = gathering.verdicts_where_every_hit_is_wanted(Kept(pd.DataFrame(), pd.DataFrame(), claims)).rows
+    assert rows == ("| Faster. | §4 | undecided |", "| Less. (an inference of ours) | §4 | holds |")
     frames = agreeing_table()
     gathered = frames[frames["workload"] == "frame"].assign(workload="gather", what="count")
     rows = gathering.gains_where_every_hit_is_wanted(Kept(pd.DataFrame(), gathered, [])).rows

@@ -129,4 +129,4 @@ def verdicts_where_every_hit_is_wanted(kept: Kept) -> Quoted:
     """A row a claim; those on the best speed-ups stand in a table of their own."""
     judged = (one for one in kept.claims if not one["id"].startswith("best-speedup"))
     assert {one["reading"] for one in kept.claims} == {EVERY_HIT.name}
-    return Quoted(rows=tuple(table_row(one["text"], one["section"], one["verdict"]) for one in judged))
+    return Quoted(rows=tuple(table_row(paper.claim_text(one), one["section"], one["verdict"]) for one in judged))

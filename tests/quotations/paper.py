@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from experiments.paper.gains import Gain, scene_gains
 from tests.quotations.quotation import SCENES, TIMES, Kept, Quoted, digits, of, table_row
 
@@ -37,13 +39,16 @@ def best_gains(kept: Kept) -> Quoted:
     return Quoted(rows=tuple(rows))
 
 
+def claim_text(claim: dict[str, Any]) -> str:
+    return f"{claim['text']} (an inference of ours)" if claim["inferred"] else str(claim["text"])
+
+
 def verdicts(kept: Kept) -> Quoted:
     """A row a claim, with its verdicts under both readings where it has two."""
     rows = {}
     for claim in kept.claims:
         if not claim["id"].startswith("best-speedup"):
-            text = f"{claim['text']} (an inference of ours)" if claim["inferred"] else claim["text"]
-            rows.setdefault((text, claim["section"]), []).append(
+            rows.setdefault((claim_text(claim), claim["section"]), []).append(
                 f"{claim['reading']}: {claim['verdict']}" if claim["reading"] else claim["verdict"]
             )
     return Quoted(rows=tuple(table_row(*key, "; ".join(found)) for key, found in rows.items()))
