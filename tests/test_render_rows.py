@@ -280,6 +280,10 @@ def test_nothing_is_carried_to_another_surface_nor_to_what_was_not_seen():
         with atra.PixelTracer(mesh, camera, threads=1) as tracer:
             pictures.append(tracer.trace())
     seen, to = pictures
+    values = np.random.default_rng(3).random((64, 64, 2))
+    same, own = carried(values, seen, seen)
+    assert own.all()
+    np.testing.assert_allclose(same, values, atol=1e-3)  # each pixel is its own mean
     found, known = carried((seen.prim_id < 2).astype(float)[..., None], seen, to)
     np.testing.assert_array_equal(found[known][:, 0], to.prim_id[known] < 2)
     x, y, is_far = to.points[..., 0], np.abs(to.points[..., 1]), to.prim_id >= 2
