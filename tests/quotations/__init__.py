@@ -6,7 +6,7 @@ writes the rows into the pages, below their marks (`<!-- rows: name -->`), and p
 tests/test_documents.py looks for each of them.
 """
 
-from tests.quotations import agreement, growth, methods, paper
+from tests.quotations import agreement, classification, growth, methods, paper
 from tests.quotations.quotation import Quotation
 
 QUOTATIONS = (
@@ -20,6 +20,11 @@ QUOTATIONS = (
     Quotation("docs/methods.md", "planner", methods.regret),
     Quotation("docs/methods.md", "threads", methods.two_threads),
     Quotation("docs/methods.md", "surface", methods.surfaces),
+    Quotation("docs/methods.md", "classification", classification.own_bvh),
+    Quotation("docs/methods.md", "classification", classification.classified_rays),
+    Quotation("docs/methods.md", "classification", classification.memory_of_shafts),
+    Quotation("docs/methods.md", "classification", classification.packets_from_lists),
+    Quotation("docs/methods.md", "classification", classification.eyes_that_move),
     Quotation("docs/methods.md", "stereo", methods.two_eyes),
     Quotation("docs/methods.md", "paper", paper.instances),
     Quotation("docs/paper.md", "paper", paper.measured_points),
