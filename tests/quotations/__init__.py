@@ -6,7 +6,7 @@ writes the rows into the pages, below their marks (`<!-- rows: name -->`), and p
 tests/test_documents.py looks for each of them.
 """
 
-from tests.quotations import agreement, classification, growth, methods, paper
+from tests.quotations import agreement, bake, classification, gathering, growth, methods, paper, pictures, views
 from tests.quotations.quotation import Quotation
 
 QUOTATIONS = (
@@ -16,6 +16,10 @@ QUOTATIONS = (
     Quotation("docs/methods.md", "growth", growth.growth_of_methods),
     Quotation("docs/methods.md", "instruction_sets", methods.other_instruction_sets),
     Quotation("docs/methods.md", "peers", methods.other_tracers),
+    Quotation("docs/methods.md", "gather", gathering.counting),
+    Quotation("docs/methods.md", "gather", gathering.over_counting),
+    Quotation("docs/methods.md", "gather", gathering.counts_of_others),
+    Quotation("docs/methods.md", "gather", gathering.solids),
     Quotation("docs/methods.md", "baselines", methods.best_packets),
     Quotation("docs/methods.md", "planner", methods.regret),
     Quotation("docs/methods.md", "threads", methods.two_threads),
@@ -25,11 +29,22 @@ QUOTATIONS = (
     Quotation("docs/methods.md", "classification", classification.memory_of_shafts),
     Quotation("docs/methods.md", "classification", classification.packets_from_lists),
     Quotation("docs/methods.md", "classification", classification.eyes_that_move),
+    Quotation("docs/methods.md", "views", views.twenty_views),
+    Quotation("docs/methods.md", "views", views.million_rays),
+    Quotation("docs/methods.md", "frame", pictures.whole_pictures),
     Quotation("docs/methods.md", "stereo", methods.two_eyes),
     Quotation("docs/methods.md", "paper", paper.instances),
     Quotation("docs/paper.md", "paper", paper.measured_points),
     Quotation("docs/paper.md", "paper", paper.best_gains),
     Quotation("docs/paper.md", "paper", paper.verdicts),
+    Quotation("docs/paper.md", "gather", gathering.gains_where_every_hit_is_wanted),
+    Quotation("docs/paper.md", "gather", gathering.verdicts_where_every_hit_is_wanted),
+    Quotation("docs/lightmaps.md", "bake", bake.means_of_a_bake),
+    Quotation("docs/lightmaps.md", "bake", bake.verdicts_on_lightmaps),
+    Quotation("docs/lightmaps.md", "bake_denoise", bake.finished_maps),
+    Quotation("docs/lightmaps.md", "bake_denoise", bake.verdicts_on_finishing),
+    Quotation("docs/lightmaps.md", "bake_buffers", bake.verdicts_on_buffers),
+    Quotation("docs/lightmaps.md", "bake_rays", bake.verdicts_on_alignment),
     Quotation("docs/trust.md", "agreement", agreement.by_kind),
     Quotation("docs/trust.md", "agreement", agreement.in_all),
     Quotation("docs/trust.md", "agreement_raster", agreement.of_the_rasteriser),

@@ -31,14 +31,14 @@ def judge_ratio(table: pd.DataFrame | None, use: Use, which: Which, gains: bool)
     if not len(rows):
         return Judgement(NOT_MEASURED, why="no point of it was measured by three processes")
     low, high = rows["packets_over_aligned_low"].min(), rows["packets_over_aligned_high"].max()
-    told = f"{rows['packets_over_aligned'].min():.2f} to {rows['packets_over_aligned'].max():.2f}"
+    told = f"{rows['packets_over_aligned'].min():.2g} to {rows['packets_over_aligned'].max():.2g}"
     above, below = rows["packets_over_aligned_low"] > 1, rows["packets_over_aligned_high"] < 1
     right, wrong = (above, below) if gains else (below, above)
     if right.all():
-        return Judgement(HOLDS, told, f"{low:.2f} to {high:.2f}")
+        return Judgement(HOLDS, told, f"{low:.2g} to {high:.2g}")
     verdict = DOES_NOT_HOLD if wrong.any() else UNDECIDED
     why = f"{int(wrong.sum())} of {len(rows)} points lie the other way by their whole interval"
-    return Judgement(verdict, told, f"{low:.2f} to {high:.2f}", why)
+    return Judgement(verdict, told, f"{low:.2g} to {high:.2g}", why)
 
 
 def _all(rows: pd.DataFrame) -> pd.Series:

@@ -41,7 +41,7 @@ def _draw_ratios(axis: Axes, rows: pd.DataFrame) -> None:
         value, low, high = (
             float(pd.to_numeric(row[f"packets_over_aligned{end}"], errors="coerce")) for end in ("", "_low", "_high")
         )
-        text = f"{say_number(1e3 * float(row['aligned_time_s']))} ms, {value:.2f}{TIMES}"
+        text = f"{say_number(1e3 * float(row['aligned_time_s']))} ms, {value:.2g}{TIMES}"
         bars.append(Bar(_label(row), value, low, high, _COLOURS[row["use"]], text))
     draw_bars(axis, bars)
     axis.axvline(1.0, color=BLACK, linewidth=1.0, zorder=1)
