@@ -57,7 +57,7 @@ def _stack(best: pd.DataFrame, label: str) -> Stack:
     of_a_sample = MILLISECONDS / float(row["samples"])
     parts = tuple(float(numbers(best, stage_column(name))[0]) * of_a_sample for name in STAGES)
     text = f"{say_number(row['render_time_s'] * of_a_sample)} ms, {say_ratio(row)}"
-    return Stack(label, parts, f"{text}, forecast {row['speedup_forecast']:.2f}")
+    return Stack(label, parts, f"{text}, {row['speedup_forecast']:.2f}")
 
 
 FIGURES = (

@@ -12,10 +12,13 @@ from atra.geometry.camera import Camera
 from atra.parallel import resolve_threads
 from atra.render import Dielectric, Emissive, GradientSky, Lambertian, Metal, RenderScene
 from atra.render.materials import Material
-from experiments.workloads.render import RenderOptions
+from experiments.workloads.render import RenderOptions, Rival
 
 _PATHS_AT_ONCE = 1 << 22
 """A wavefront of them is kept in memory."""
+
+_OLDEST_LLVM = 16
+"""15 "cannot select" an instruction that Dr.Jit 1.5 asks for, and aborts; 19 was tried, those between were not."""
 
 
 def material_of(material: Material) -> dict[str, Any]:
@@ -77,6 +80,15 @@ def mitsuba_scene(mi: Any, scene: RenderScene, camera: Camera, max_depth: int) -
     return mi.load_dict(parts)
 
 
+def check_llvm(version: str) -> None:
+    """Raises InputError for a libLLVM that ends the process when it compiles Mitsuba's path integrator for AVX-512."""
+    if int(version.split(".")[0]) < _OLDEST_LLVM:
+        raise InputError(
+            f"workload.mitsuba=llvm_ad_rgb finds libLLVM {version}, expected {_OLDEST_LLVM} or newer: install one "
+            "(Debian: libllvm19) or let DRJIT_LIBLLVM_PATH name its libLLVM.so"
+        )
+
+
 class MitsubaPicture:
     """Pictures by Mitsuba's `path` integrator, a few million paths at a time.
 
@@ -95,6 +107,8 @@ class MitsubaPicture:
             self._mi.set_variant(variant)
         except Exception as error:  # whatever Dr.Jit finds wrong with LLVM
             raise InputError(f"workload.mitsuba={variant} cannot be used: {error}") from None
+        if options.mitsuba is Rival.llvm_ad_rgb:
+            check_llvm(drjit.detail.llvm_version())
         drjit.set_thread_count(resolve_threads(threads))
         self._scene = mitsuba_scene(self._mi, scene, camera, options.max_depth)
         self._most = max(1, _PATHS_AT_ONCE // (camera.width * camera.height))
