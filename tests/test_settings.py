@@ -93,6 +93,7 @@ VALUES: dict[str, tuple[Any, Any, str]] = {
     "positions": (4, 16, "positions 16"),
     "directions": (1, 8, "directions 8"),
     "map_size": (256, 512, "map size 512"),
+    "least_texels": (1, 16, "least texels 16"),
     "tile_size": (16, 32, "tile size 32"),
     "geometry": ("copied", "instanced", "instanced geometry"),
     "culling": (False, True, "culling on"),

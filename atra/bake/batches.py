@@ -15,8 +15,8 @@ from atra.kernels.baking.lights import aim, plane_of
 from atra.kernels.baking.shadows import shine_kernel
 from atra.kernels.baking.tables import KIND, PATH_ROWS, RESULTS, Batch, Tables
 from atra.kernels.shading.paths import ROW_PADDING
+from atra.laps import Laps
 from atra.rays.scene import Query
-from atra.render.renderer import Laps
 
 BATCH_BYTES = 4 * (PATH_ROWS + 4 + RESULTS) + 1
 """Of a ray in flight."""

@@ -21,10 +21,11 @@ from atra.kernels.shading.paths import (
     trace_kernel,
 )
 from atra.kernels.shading.surface import Surfaces
+from atra.laps import Laps
 from atra.options import RayOptions
 from atra.rays.scene import Query
 from atra.render.options import PathOptions
-from atra.render.renderer import Laps, Renderer
+from atra.render.renderer import Renderer
 from atra.render.scene import RenderScene
 from atra.render.tables import surfaces_of
 

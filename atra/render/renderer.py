@@ -20,6 +20,7 @@ from atra.geometry.view import View
 from atra.hits import Hits
 from atra.kernels.shading.paths import BLOCK, Pixels
 from atra.kernels.shading.surface import Surfaces
+from atra.laps import Laps
 from atra.lifetime import Lifetime
 from atra.options import RayOptions
 from atra.rays.scene import Query, RayScene
@@ -38,19 +39,6 @@ CENTRE = (0.5, 0.5)
 
 _WAVES_A_THREAD = 4
 """At least, so that none waits long for another, and who wants to stop is soon asked."""
-
-
-class Laps:
-    """Seconds by stage, added to `stages`: each call ends the stage it names, and the next begins."""
-
-    def __init__(self, stages: dict[str, float]) -> None:
-        self._stages = stages
-        self._start = perf_counter()
-
-    def __call__(self, stage: str) -> None:
-        now = perf_counter()
-        self._stages[stage] = self._stages.get(stage, 0.0) + now - self._start
-        self._start = now
 
 
 class Renderer(Lifetime):
