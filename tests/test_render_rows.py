@@ -12,6 +12,7 @@ import atra
 from atra import render
 from atra.render import materials
 from atra.render.film import Film
+from atra.render.pictures import srgb_of
 from atra.render.reuse.carrying import carried
 from atra.render.reuse.coarse import coarser
 from tests.meshes import quads
@@ -30,6 +31,17 @@ def test_each_sample_of_a_light_counts_by_its_own_cosine():
     expected = 2.0 * (np.sqrt(1.0 + radius**2) - 1.0) / radius**2
     assert expected < 0.87
     np.testing.assert_allclose(image, expected, rtol=2e-3)
+
+
+@pytest.mark.parametrize("kind", [np.float32, np.float64])
+def test_light_is_shown_by_the_nearest_level_of_srgb(kind):
+    dark, light = np.arange(1 << 14) / 2.0**20, np.arange(1 << 16) / 2.0**16
+    linear = np.concatenate([dark, light]).astype(kind)[:, None]
+    exact = linear.astype(np.float64)
+    encoded = np.where(exact <= 0.0031308, 12.92 * exact, 1.055 * exact ** (1 / 2.4) - 0.055)
+    np.testing.assert_array_equal(srgb_of(linear), np.rint(255 * encoded))
+    beyond = np.array([[1.0, 1.5, inf], [-0.0, -1.0, -inf], [nan, 0.0, 1e-30]], kind)
+    assert srgb_of(beyond).tolist() == [[255] * 3, [0] * 3, [0] * 3]
 
 
 @pytest.mark.parametrize(("given", "kept"), [(None, 40), (33, 33), (1, 1)])

@@ -12,6 +12,7 @@ from atra.alignment.culling import check_needed_bytes
 from atra.errors import InputError
 from atra.kernels.shading.gbuffer import LANES
 from atra.kernels.shading.paths import TILE
+from atra.kernels.shading.pictures import place_pixels
 
 MOST_PIXELS_A_SIDE = 1 << 16
 
@@ -78,9 +79,9 @@ class Film:
     def as_image(self, planes: NDArray[np.floating]) -> NDArray[np.float32]:
         """(planes, pixels) in the film's order -> (H, W, planes) float32."""
         _, width, height = self.shape
-        image = np.empty((width * height, len(planes)), np.float32)
-        image[(self.places >> 16).astype(np.intp) * width + (self.places & 0xFFFF)] = planes.T
-        return image.reshape(height, width, -1)
+        image = np.empty((height, width, len(planes)), np.float32)
+        place_pixels(self.places, planes, image)
+        return image
 
     def as_row(self, image: NDArray[np.float64]) -> NDArray[np.float64]:
         """(H, W, planes) -> (planes, pixels) in the film's order."""

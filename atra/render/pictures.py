@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from atra.errors import InputError
 from atra.files import write_atomically
 from atra.hits import Hits
+from atra.kernels.shading.pictures import encode_srgb
 from atra.saving import encode_exr
 
 SUFFIXES = (".png", ".exr")
@@ -48,9 +49,9 @@ def _check_openexr() -> None:
 
 def srgb_of(image: NDArray[np.floating]) -> NDArray[np.uint8]:
     """Linear RGB -> 8 bits of sRGB (IEC 61966-2-1); what is brighter than 1 becomes white."""
-    linear = np.clip(image, 0.0, 1.0)
-    encoded = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
-    return np.rint(255.0 * encoded).astype(np.uint8)
+    levels = np.empty(image.shape, np.uint8)
+    encode_srgb(np.ascontiguousarray(image).reshape(-1), levels.reshape(-1))
+    return levels
 
 
 def png_of(image: NDArray[np.floating]) -> bytes:
