@@ -53,6 +53,13 @@ def test_a_kernel_is_kept_under_the_stamp_of_its_sources(name: str) -> None:
     assert len(KERNELS) > 15
 
 
+def test_kernels_make_pointers_by_the_one_function_that_says_null_is_valid() -> None:
+    folder = Path(caching.__file__).parent
+    makers = [path.name for path in folder.rglob("*.py") if "inttoptr" in path.read_text(encoding="utf-8")]
+    assert makers == ["intrinsics.py"]
+    assert (folder / "intrinsics.py").read_text(encoding="utf-8").count("inttoptr") == 1
+
+
 @pytest.mark.parametrize("name", KERNELS)
 def test_a_kernel_closes_over_constants_alone_for_compiled_code_has_another_name_in_every_process(name: str) -> None:
     closed = [cell.cell_contents for cell in KERNELS[name].py_func.__closure__ or ()]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import reduce
 from math import sqrt
 from time import perf_counter
 from typing import Any, NamedTuple
@@ -130,7 +131,7 @@ class HybridRenderer(Renderer):
             yield light.power * np.array(light.colour)[:, None] * self._means(slice(first, first + 3))
 
     def _mean(self) -> NDArray[np.float64]:
-        return sum(self._parts(), np.zeros(1))
+        return reduce(np.add, self._parts())
 
     @property
     def parts(self) -> NDArray[np.float32]:

@@ -85,6 +85,20 @@ class Atlas:
         top = np.nan_to_num(self.uv[..., 1].min(axis=1)) // self.map_height
         return np.minimum(top.astype(np.int64), self.maps - 1)
 
+    def texels_around(
+        self, points: NDArray[np.float64], face: NDArray[np.integer]
+    ) -> tuple[list[NDArray[np.int64]], list[NDArray[np.int64]], NDArray[np.float64], NDArray[np.float64]]:
+        """Of points (P, 2) of triangles (P,): two rows and two columns of texels, on the map of each, and how far from
+        the first row to the second and from the first column to the second it lies, 0 to 1; (P,) each."""
+        shifted = points - 0.5
+        corner = np.floor(shifted)
+        right, below = (shifted - corner).T
+        x, y = corner.astype(np.int64).T
+        top = self.map_height * self.map_of[face]
+        rows = [np.clip(y + k, top, top + self.map_height - 1) for k in (0, 1)]
+        columns = [np.clip(x + k, 0, self.width - 1) for k in (0, 1)]
+        return rows, columns, below, right
+
     @property
     def charts(self) -> int:
         """How many there are."""

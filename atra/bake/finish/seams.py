@@ -135,13 +135,7 @@ def _look_ups(
     atlas: Atlas, points: NDArray[np.float64], face: NDArray[np.integer]
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """(P, 4) texels around points of triangles, on the map of each, and their bilinear weights."""
-    shifted = points - 0.5
-    corner = np.floor(shifted)
-    fx, fy = (shifted - corner).T
-    x, y = corner.astype(np.int64).T
-    top = atlas.map_height * atlas.map_of[face]
-    columns = [np.clip(x + k, 0, atlas.width - 1) for k in (0, 1)]
-    rows = [np.clip(y + k, top, top + atlas.map_height - 1) for k in (0, 1)]
+    rows, columns, fy, fx = atlas.texels_around(points, face)
     texel = np.stack([row * atlas.width + column for row in rows for column in columns], axis=1)
     weight = np.stack([v * u for v in (1.0 - fy, fy) for u in (1.0 - fx, fx)], axis=1)
     return texel, weight

@@ -17,14 +17,10 @@ def looked_up(hits: Hits, atlas: Atlas, image: NDArray[np.float32]) -> NDArray[n
     u, v = (weights[hits.hit].astype(np.float64)[:, None] for weights in (hits.u, hits.v))
     face = hits.prim_id[hits.hit]
     a, b, c = atlas.uv[face].swapaxes(0, 1)
-    place = (1.0 - u - v) * a + u * b + v * c - 0.5
+    place = (1.0 - u - v) * a + u * b + v * c
     mapped = np.isfinite(place).all(axis=1)
-    x, y = np.where(mapped[:, None], place, 0.0).T
-    left, top = np.floor(x).astype(np.int64), np.floor(y).astype(np.int64)
-    first = atlas.map_height * atlas.map_of[face]
-    columns = [np.clip(left + k, 0, atlas.width - 1) for k in (0, 1)]
-    rows = [np.clip(top + k, first, first + atlas.map_height - 1) for k in (0, 1)]
-    fx, fy = ((one - whole).astype(np.float32)[:, None] for one, whole in ((x, left), (y, top)))
+    rows, columns, *steps = atlas.texels_around(np.where(mapped[:, None], place, 0.0), face)
+    fy, fx = (step.astype(np.float32)[:, None] for step in steps)
     upper, lower = ((1.0 - fx) * image[row, columns[0]] + fx * image[row, columns[1]] for row in rows)
     shown[hits.hit] = np.where(mapped[:, None], (1.0 - fy) * upper + fy * lower, np.float32(0.0))
     return shown

@@ -41,7 +41,7 @@ def projected(
     columns[:, :count] = mesh.vertices.T
     rest = camera.is_parallel, columns.ctypes.data, whole, viewpoint.eye, points.ctypes.data
     pool.run(lambda _, counter: project(counter, *rest))
-    return ViewOfMesh(mesh.vertices, viewpoint.numbers[:3], viewpoint.numbers[3:15]), points
+    return ViewOfMesh(mesh.vertices, viewpoint.position, viewpoint.to_pixels), points
 
 
 @kernel

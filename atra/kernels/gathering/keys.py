@@ -125,7 +125,7 @@ def sort_few(typingctx: Any, depths: Any, prim_ids: Any, plane: Any, counts: Any
                   for layer in range(layers)]  # fmt: skip
         keys = []
         for layer, pair in enumerate(places):
-            loaded = [builder.load(builder.inttoptr(place, kind.as_pointer())) for place in pair]
+            loaded = [builder.load(pointer_at(builder, place, kind.as_pointer())) for place in pair]
             for part in loaded:
                 part.align = 4
             has_hit = builder.icmp_unsigned("<", ir.Constant(kind, [layer] * lanes), values[3])

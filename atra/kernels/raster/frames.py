@@ -26,7 +26,6 @@ from atra.parallel import WorkerPool
 _BAND_PIXELS, _BAND_ROWS = 1 << 16, (16, 64)
 """Pixels of a band, half a megabyte of image; and its least and most rows."""
 
-
 _CLUSTERS_A_THREAD = 4096
 """Fewer are culled in less time than it takes to wake another thread."""
 

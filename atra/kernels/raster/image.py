@@ -92,6 +92,16 @@ class Viewpoint:
         return cls(numbers, least_depth)
 
     @property
+    def position(self) -> NDArray[np.float64]:
+        """(3,), as of `Eye`."""
+        return self.numbers[:3]
+
+    @property
+    def to_pixels(self) -> NDArray[np.float64]:
+        """(12,), as of `Eye`."""
+        return self.numbers[3:15]
+
+    @property
     def eye(self) -> Eye:
         """The numbers by their addresses."""
         first = self.numbers.ctypes.data

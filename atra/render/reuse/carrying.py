@@ -16,9 +16,7 @@ _PIXELS_OFF = 2.0
 """How far off a triangle's plane its neighbours may lie, in widths of a pixel there."""
 
 
-def carried(
-    values: NDArray[np.floating], seen: Hits, to: Hits
-) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:  # fmt: skip
+def carried(values: NDArray[np.floating], seen: Hits, to: Hits) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
     """(H', W', K) values of the pixels of `to`, and (H', W') where there are any.
 
     values: (H, W, K), of the pixels of `seen`, a picture of the same mesh, through their centres. A pixel is the mean
