@@ -50,6 +50,11 @@ class Choices:
             raise TypeError(f"options of {owner} are {options!r}, expected {cls.__name__}, or fields of it by name")
         return replace(options, **changes)
 
+    @classmethod
+    def part_of(cls, options: Choices) -> Self:
+        """What options that have more fields say of those of this type."""
+        return cls(**{field.name: getattr(options, field.name) for field in fields(cls)})
+
 
 @dataclass(frozen=True)
 class PacketOptions(Choices):

@@ -15,7 +15,8 @@ from atra.bake.batches import new_batch
 from atra.bake.light.tables import tables_of
 from atra.embree.library import load_library
 from atra.errors import MemoryBudgetError
-from atra.kernels.baking.bounces import generate, scatter, trace_kernel
+from atra.kernels.baking.bounces import scatter, trace_kernel
+from atra.kernels.baking.samples import generate
 from atra.kernels.baking.tables import DIRECTION, ORIGIN, Batch
 from tests.baked import baked, cube, sheet
 from tests.meshes import joined, quads

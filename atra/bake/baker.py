@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
-from dataclasses import fields
 from time import perf_counter
 from typing import Any
 
@@ -21,6 +20,7 @@ from atra.bake.light.tables import tables_of
 from atra.bake.maps import Lightmap
 from atra.bake.options import BakeOptions
 from atra.bake.priority import visible_texels
+from atra.bake.shadows import ShadowScenes
 from atra.bake.surface import BakeScene
 from atra.errors import AtraError, InputError
 from atra.geometry.view import View
@@ -59,8 +59,9 @@ class Baker(Lifetime):
     ) -> None:
         super().__init__()
         self.options = BakeOptions.of(type(self).__name__, options, changes)
-        own = {field.name: getattr(self.options, field.name) for field in fields(RayOptions)}
-        self.rays_scene = RayScene(scene.mesh, RayOptions(**own))
+        self._ray_options = RayOptions.part_of(self.options)
+        self.rays_scene = RayScene(scene.mesh, self._ray_options)
+        self.shadow_scenes = ShadowScenes(scene, self._ray_options)
         self.scene = scene
         self._given, self._size = atlas, size
         self.visible: NDArray[np.bool_] | None = None
@@ -79,7 +80,7 @@ class Baker(Lifetime):
 
     def _build(self) -> float:
         self.rays_scene.build()
-        return self.rays_scene.build_time_s
+        return self.rays_scene.build_time_s + self.shadow_scenes.build()
 
     def _restart(self) -> None:
         self.samples = np.zeros(len(self.texels), np.int32)
@@ -102,12 +103,23 @@ class Baker(Lifetime):
         return sum(array.nbytes for batch in self._batches if batch is not None for array in batch)
 
     def update(self, scene: BakeScene) -> None:
-        """Take other lights, surfaces or sky of the same mesh; the map starts anew. Raises InputError for another
-        mesh."""
+        """Take other lights, surfaces or sky of the same mesh; the map starts anew. Raises InputError for another mesh,
+        EmbreeError after `close`."""
         if scene.mesh is not self.scene.mesh:
             raise InputError(f"the scene is of {scene.mesh!r}, expected the same mesh as before; make a new baker")
         with self._lock:
+            self._check_open()
             tables = tables_of(scene, self.texels, self.options)
+            if not self.shadow_scenes.serve(scene):
+                scenes = ShadowScenes(scene, self._ray_options)
+                try:
+                    if self._is_built:
+                        scenes.build()
+                except BaseException:
+                    scenes.close()
+                    raise
+                self.shadow_scenes.close()
+                self.shadow_scenes = scenes
             self.scene, self._tables = scene, tables
             self._restart()
 
@@ -241,8 +253,7 @@ class Baker(Lifetime):
         return batch
 
     def _stages(self, query: Query, works: list[Work]) -> Stages:
-        assert self.scene.surface is not None
-        kind = self.rays_scene.packet_width, not self.scene.surface.is_opaque
+        kind = self.rays_scene.packet_width, self.shadow_scenes.addresses(query.scene)
         return Stages(self._tables, self.options, kind, query, works[query.worker])
 
     def _order(self, wanted: NDArray[np.bool_]) -> NDArray[np.int32]:
@@ -281,6 +292,7 @@ class Baker(Lifetime):
 
     def _release(self) -> None:
         self.rays_scene.close()
+        self.shadow_scenes.close()
 
 
 def _check_samples(samples: int) -> None:

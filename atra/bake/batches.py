@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from atra.bake.charts.texels import Texels
 from atra.bake.options import BakeOptions
-from atra.kernels.baking.bounces import compact, gather, generate, scatter, shade, trace_kernel
+from atra.kernels.baking.bounces import compact, scatter, shade, trace_kernel
 from atra.kernels.baking.lights import aim, plane_of
+from atra.kernels.baking.samples import gather, generate
 from atra.kernels.baking.shadows import shine_kernel
 from atra.kernels.baking.tables import KIND, PATH_ROWS, RESULTS, Batch, Tables
 from atra.kernels.shading.paths import ROW_PADDING
@@ -40,12 +41,16 @@ class Work:
 class Stages:
     """Stages that all batches of a thread go through, whatever their rays start from.
 
-    kind: rays of a packet, and whether triangles may let light on.
+    kind: rays of a packet, and RTCScenes of what stops rays to lights, and of faces that let light on, or 0.
     """
 
-    def __init__(self, tables: Tables, options: BakeOptions, kind: tuple[int, bool], query: Query, work: Work) -> None:
+    def __init__(
+        self, tables: Tables, options: BakeOptions, kind: tuple[int, tuple[int, int]], query: Query, work: Work
+    ) -> None:
         self._tables, self._options, self._query, self._work = tables, options, query, work
-        self._trace, self._shine = trace_kernel(*kind), shine_kernel(*kind)
+        width, self._shadows = kind
+        has_panes = self._shadows[1] != 0
+        self._trace, self._shine = trace_kernel(width, has_panes), shine_kernel(width, has_panes)
         self.lap = Laps(work.stage_s)
 
     def light(self, batch: Batch, count: int, which: int, vertex: int) -> None:
@@ -54,7 +59,7 @@ class Stages:
         aim(batch, count, tables, which, vertex)
         self.lap("aim")
         plane = plane_of(vertex, int(tables.lights[max(which, 0), KIND]))
-        self._work.traced(self._shine(batch, count, plane, tables, query.scene, query.packet), count)
+        self._work.traced(self._shine(batch, count, plane, tables, self._shadows, query.packet), count)
         self.lap("shadow")
 
     def follow(self, batch: Batch, count: int) -> None:

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from atra.bake.charts.texels import Texels
 from atra.geometry.view import View
 from atra.hits import Hits
+from atra.kernels.baking.texels import mark_shown
 from atra.rays.scene import RayScene
 
 START_OFF = 1e-4
@@ -27,27 +28,11 @@ def visible_texels(texels: Texels, hits: Hits, scene: RayScene) -> NDArray[np.bo
 
 def _shown(texels: Texels, hits: Hits) -> NDArray[np.bool_]:
     """Of the points that pixels show, the texel that each lies in."""
-    hit = hits.hit
-    face = hits.prim_id[hit].astype(np.int64)
-    u, v = hits.u[hit].astype(np.float64), hits.v[hit].astype(np.float64)
-    corners = texels.atlas.uv[face]
-    place = (1.0 - u - v)[:, None] * corners[:, 0] + u[:, None] * corners[:, 1] + v[:, None] * corners[:, 2]
-    known = np.isfinite(place).all(axis=1)
-    atlas = texels.atlas
-    column = np.clip(place[known, 0].astype(np.int64), 0, atlas.width - 1)
-    row = np.clip(place[known, 1].astype(np.int64), 0, atlas.height - 1)
-    is_front = np.einsum("ni,ni->n", hits.normals[hit][known], _to_eye_of(texels, face[known], hits)) > 0.0
-    image = np.zeros(atlas.width * atlas.height, np.bool_)
-    image[(row * atlas.width + column)[is_front]] = True
-    return image[texels.number]
-
-
-def _to_eye_of(texels: Texels, face: NDArray[np.int64], hits: Hits) -> NDArray[np.float64]:
-    """From the first corner of each face to the eye, or against the view axis where rays are parallel."""
-    camera = hits.camera
-    if camera.is_parallel:
-        return np.broadcast_to(-camera.axes[2], (len(face), 3))
-    return camera.eye - texels.mesh.vertices[texels.mesh.faces[face, 0]].astype(np.float64)
+    camera, atlas, mesh = hits.camera, texels.atlas, texels.mesh
+    eye = np.append(-camera.axes[2], 0.0) if camera.is_parallel else np.append(camera.eye, 1.0)
+    shown = np.zeros((atlas.height, atlas.width), np.bool_)
+    mark_shown((hits.prim_id, hits.u, hits.v), eye, mesh.vertices, mesh.faces, atlas.uv, shown)
+    return shown.ravel()[texels.number]
 
 
 def _in_image(texels: Texels, camera: View) -> NDArray[np.bool_]:

@@ -55,10 +55,10 @@ class Surface:
             raise InputError(f"face {face} shines, but its opacity is {self.opacity[face]:g}, expected 1")
 
     @property
-    def is_opaque(self) -> bool:
-        """Whether all triangles are."""
+    def panes(self) -> NDArray[np.bool_]:
+        """(F,) bool: triangles that let light on."""
         assert self.opacity is not None
-        return bool((self.opacity == 1.0).all())
+        return self.opacity < 1.0
 
     @classmethod
     def plain(cls, mesh: Mesh, albedo: ArrayLike = ALBEDO, emission: ArrayLike = 0.0) -> Surface:

@@ -118,6 +118,20 @@ class RayHits:
         return u, v
 
 
+def rays_of(
+    origins: Rays | ArrayLike, directions: ArrayLike | None, tnear: ArrayLike | None, tfar: ArrayLike | None
+) -> Rays:
+    """The rays that a caller gives, in either way. Raises InputError for both at once, and as `Rays` does."""
+    interval = {name: value for name, value in (("tnear", tnear), ("tfar", tfar)) if value is not None}
+    if isinstance(origins, Rays):
+        if directions is not None or interval:
+            raise InputError("directions, tnear and tfar are part of atra.Rays, expected nothing beside them")
+        return origins
+    if directions is None:
+        raise InputError(f"rays is {origins!r:.100}, expected atra.Rays, or origins and directions")
+    return Rays(origins, directions, **interval)  # type: ignore[arg-type]
+
+
 def _vectors(name: str, given: ArrayLike) -> NDArray[Any]:
     array = _real(name, given)
     if array.size == 0 and array.ndim < 2:

@@ -35,7 +35,7 @@ from atra.kernels.rays import (
 from atra.lifetime import Lifetime
 from atra.options import RayOptions
 from atra.parallel import WorkerPool, resolve_threads
-from atra.rays.rays import RayHits, Rays
+from atra.rays.rays import RayHits, Rays, rays_of
 
 FEWEST_RAYS, FEWEST_TRIANGLES = 1 << 14, 1 << 17
 """Of a batch and of a mesh, for rays to be put in an order: otherwise all they touch is in the cache anyway."""
@@ -47,6 +47,9 @@ _SAMPLES, _NEIGHBOURS = 64, 16
 """Places in a batch, and rays at each, that say whether it has an order already."""
 
 _BOX_SAMPLES = 1024
+
+_NOWHERE = np.uint32(0xFFFFFFFF)
+"""A corner that no mesh has: Embree leaves out the triangles that name it, and the others keep their numbers."""
 
 NEAR_BY = 1 / 64
 """Of the size of the mesh: rays that start nearer to each other than this may be taken through the tree together."""
@@ -80,21 +83,25 @@ class RayScene(Lifetime):
     The first batch builds; `with` builds on entry and closes on exit, and `build` and `close` do so by hand. Several
     threads may use one scene; their batches wait for each other.
 
-    options: see `atra.RayOptions`; changes: fields of it by name.
+    options: see `atra.RayOptions`; changes: fields of it by name. faces: (F,) bool, those that rays meet; None: all.
 
     Triangles are the mesh's `traced_faces`, as for the tracers, and `prim_id` counts them as the mesh does. Where
     several are equally far, whichever Embree finds is stored: there is no rule for ties.
-    Raises InputError for options as `RayOptions` does, and for a mesh smaller than 1e-9 or farther than 1e11 from the
-    world's origin, where float32 would lose triangles.
+    Raises InputError for options as `RayOptions` does, for faces of another shape or type, and for a mesh smaller than
+    1e-9 or farther than 1e11 from the world's origin, where float32 would lose triangles.
 
     Source: `rtcIntersect1/4/8/16` and `rtcOccluded1/4/8/16` of Embree's API, with its RTC_RAY_QUERY_FLAG_COHERENT for
     `coherent` and RTC_SCENE_FLAG_ROBUST for `robust`.
     """
 
-    def __init__(self, mesh: Mesh, options: RayOptions | None = None, **changes: Any) -> None:
+    def __init__(
+        self, mesh: Mesh, options: RayOptions | None = None, *, faces: NDArray[np.bool_] | None = None, **changes: Any
+    ) -> None:
         super().__init__()
         check_world_range(mesh)
-        self.mesh = mesh
+        if faces is not None and (np.shape(faces), np.asarray(faces).dtype) != ((mesh.triangle_count,), np.bool_):
+            raise InputError(f"faces are {faces!r:.100}, expected ({mesh.triangle_count},) bool, those that rays meet")
+        self.mesh, self._faces = mesh, None if faces is None else np.array(faces)
         self.options = RayOptions.of(type(self).__name__, options, changes)
         self.packet_width = resolve_packet_width(self.options.packet_width)
         self.threads = resolve_threads(self.options.threads)
@@ -109,6 +116,8 @@ class RayScene(Lifetime):
     def _build(self) -> float:
         monitor_address, faces = memory_monitor(), self.mesh.traced_faces  # made before the clock starts
         start = perf_counter()
+        if self._faces is not None:
+            faces = np.where(self._faces[:, None], faces, _NOWHERE)
         vertices = padded_vertices(len(self.mesh.vertices))
         vertices[:] = self.mesh.vertices
         scene = EmbreeScene(
@@ -148,7 +157,7 @@ class RayScene(Lifetime):
         Raises InputError for rays that `atra.Rays` refuses and an `out` that does not fit, EmbreeError when the scene
         is closed.
         """
-        rays = _rays_of(origins, directions, tnear, tfar)
+        rays = rays_of(origins, directions, tnear, tfar)
         count = len(rays)
         t, prim_id = (None, None) if out is None else (getattr(out, "t", None), getattr(out, "prim_id", None))
         t = np.empty(count, np.float32) if out is None else _checked_out("out.t", t, np.float32, count)
@@ -172,7 +181,7 @@ class RayScene(Lifetime):
 
         Arguments and errors as for `intersect`. out: an (N,) bool array to be overwritten and returned.
         """
-        rays = _rays_of(origins, directions, tnear, tfar)
+        rays = rays_of(origins, directions, tnear, tfar)
         count = len(rays)
         found = np.empty(count, np.bool_) if out is None else _checked_out("out", out, np.bool_, count)
         self._run(occlusion_kernel(self.packet_width), coherent, rays, found)
@@ -218,8 +227,7 @@ class RayScene(Lifetime):
         coherent: as for `intersect`. Raises EmbreeError when the scene is not built or already closed.
         """
         with self._tracing():
-            assert self._scene is not None
-            scene = self._scene.address
+            scene = self.address
             for workspace in self._workspaces:
                 workspace.set_coherent(coherent)
             own = [(workspace.packet, workspace.flags) for workspace in self._workspaces]
@@ -252,6 +260,12 @@ class RayScene(Lifetime):
         self._pool.run(lambda _, counter: put_back(counter, *given))
 
     @property
+    def address(self) -> int:
+        """The RTCScene, for kernels that ask more than one. Raises EmbreeError before `build` and after `close`."""
+        with self._tracing():
+            return self._scene.address  # type: ignore[union-attr]
+
+    @property
     def embree_bytes(self) -> int:
         """Bytes Embree holds for the scene by its own account; 0 before `build`."""
         return 0 if self._scene is None else self._scene.embree_bytes
@@ -277,19 +291,6 @@ def _has_order(rays: Rays, near_by: np.float32) -> bool:
     moved, turned = np.abs(starts - starts[:, :1]), np.abs(ways - ways[:, :1])
     alike = (moved <= near_by) & (turned <= ALIKE_DIRECTIONS * sizes)
     return bool(alike.all(axis=(1, 2)).mean() > 0.5)
-
-
-def _rays_of(
-    origins: Rays | ArrayLike, directions: ArrayLike | None, tnear: ArrayLike | None, tfar: ArrayLike | None
-) -> Rays:
-    interval = {name: value for name, value in (("tnear", tnear), ("tfar", tfar)) if value is not None}
-    if isinstance(origins, Rays):
-        if directions is not None or interval:
-            raise InputError("directions, tnear and tfar are part of atra.Rays, expected nothing beside them")
-        return origins
-    if directions is None:
-        raise InputError(f"rays is {origins!r:.100}, expected atra.Rays, or origins and directions")
-    return Rays(origins, directions, **interval)  # type: ignore[arg-type]
 
 
 def _checked_out(name: str, array: Any, kind: type, count: int) -> NDArray[Any]:

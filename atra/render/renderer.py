@@ -77,7 +77,7 @@ class Renderer(Lifetime):
         self._start_film()
 
     def _ray_options(self) -> RayOptions:
-        return RayOptions(**{field.name: getattr(self.options, field.name) for field in fields(RayOptions)})
+        return RayOptions.part_of(self.options)
 
     def _rasteriser(self, mesh: Mesh, view: View) -> RasterTracer:
         return RasterTracer(mesh, view, threads=self.options.threads)

@@ -57,6 +57,8 @@ def tables_of(scene: BakeScene, texels: Texels, options: BakeOptions) -> Tables:
         panorama,
         np.zeros(0) if of_sky is None else of_sky.shares,
         np.zeros((1, 1), np.float32) if of_sky is None else of_sky.density,
+        np.packbits(surface.panes, bitorder="little"),
+        _box(corners[surface.panes], 0.1 * START_OFF * size),  # rays that start off such faces are outside
     )
     numbers = (
         np.float64(START_OFF * size),
@@ -67,6 +69,13 @@ def tables_of(scene: BakeScene, texels: Texels, options: BakeOptions) -> Tables:
     )
     every: Any = (*map(_read_only, arrays), *numbers)
     return Tables(*every)
+
+
+def _box(corners: NDArray[np.float64], room: float) -> NDArray[np.float32]:
+    """(2, 3), around corners (N, 3, 3), with so much room; zeros where there are none."""
+    if not len(corners):
+        return np.zeros((2, 3), np.float32)
+    return np.stack([corners.min(axis=(0, 1)) - room, corners.max(axis=(0, 1)) + room]).astype(np.float32)
 
 
 def _read_only(array: NDArray) -> NDArray:

@@ -1,4 +1,4 @@
-"""Stages of a batch of rays from texels: generation, bounces, compaction, and the sums of texels."""
+"""Stages of a batch of rays: directions, what they meet, bounces, and compaction."""
 
 from __future__ import annotations
 
@@ -11,80 +11,30 @@ from numba import njit
 from atra.embree.layout import RAY_TFAR, RAY_TNEAR
 from atra.kernels.baking.choice import cell_of, odds_of
 from atra.kernels.baking.lights import cosine_at, emitter_share, plane_of, sky_share
+from atra.kernels.baking.samples import AHEAD, LARGE, fetch_row
 from atra.kernels.baking.tables import (
     BACK,
     DIRECT,
     DIRECTION,
-    ENVIRONMENT,
     GIVES_BSDF,
     INDIRECT,
-    LUMINANCE,
     NORMAL,
     OPEN,
     ORIGIN,
     PATH_ROWS,
-    RESULTS,
     SKY,
-    SQUARE,
     WEIGHT,
     set_vector,
     vector,
 )
-from atra.kernels.baking.texels import point_at, weights_at
 from atra.kernels.caching import float_kernel
 from atra.kernels.packets import INFINITY, MISS, hit_distance, hit_prim_id, intersect, set_no_hit
-from atra.kernels.shading.numbers import ONE, ZERO, around, bits_of, key_of, mixed, on_sphere, scaled, unit_of
+from atra.kernels.shading.numbers import ONE, ZERO, around, bits_of, mixed, on_sphere, scaled, unit_of
 from atra.kernels.shading.paths import load_rays
-from atra.kernels.shading.scattering import WHITE
 from atra.kernels.shading.surface import sky_colour
 
-_GOLDEN = np.uint32(0x9E3779B9)
 _OF_TEXEL, _OF_BOUNCE = 2, 3
 """Dimensions: of a point in a texel; then of each bounce, two of its direction and one of whether it goes on."""
-
-_INSET = 2.0
-"""Of how far rays start off a surface: how far from a triangle's rim, where another surface may stand."""
-
-
-@njit
-def sample_key(number, sample, seed):  # type: ignore[no-untyped-def]
-    """uint32 that stands for a sample of a texel, or of a probe."""
-    return key_of(np.uint32(number), mixed(np.uint32(np.uint32(sample) * _GOLDEN + seed)))
-
-
-@float_kernel
-def generate(batch, order, first, texels, expansion, samples, prim_of, tables):  # type: ignore[no-untyped-def]
-    """The rays of `texels` entries of `order` from number `first` on, `expansion` of each, side by side.
-
-    order: (M,) int32, numbers of texels in the list of those that are lit, or -1: an idle lane. samples: (N,) int32, of
-    each so far. prim_of: (N,) int32, and (N,) int64 numbers in the map.
-    """
-    prim_id, number = prim_of
-    for k in range(texels):
-        texel = order[first + k]
-        for e in range(expansion):
-            i = k * expansion + e
-            batch.slot[i] = i
-            batch.alive[i] = 0 if texel < 0 else 1
-            for one in range(RESULTS):
-                batch.results[i, one] = ZERO
-            if texel < 0:
-                continue
-            key = sample_key(number[texel], samples[texel] + e, tables.seed)
-            batch.key[i] = key
-            x = number[texel] % tables.width + np.float64(unit_of(bits_of(key, np.uint32(0))))
-            y = number[texel] // tables.width + np.float64(unit_of(bits_of(key, np.uint32(1))))
-            face = prim_id[texel]
-            v, w = weights_at(tables.uv, face, x, y)
-            offset = tables.offset
-            point = point_at(tables.vertices, tables.faces, face, v, w, _INSET * offset)
-            planes = tables.planes
-            nx, ny, nz = planes[face, 0], planes[face, 1], planes[face, 2]
-            batch.floats[ORIGIN, i] = np.float32(point[0] + offset * nx)
-            batch.floats[ORIGIN + 1, i] = np.float32(point[1] + offset * ny)
-            batch.floats[ORIGIN + 2, i] = np.float32(point[2] + offset * nz)
-            set_vector(batch.floats, NORMAL, i, (np.float32(nx), np.float32(ny), np.float32(nz)))
-            set_vector(batch.floats, WEIGHT, i, WHITE)
 
 
 @float_kernel
@@ -98,13 +48,16 @@ def scatter(batch, count, vertex):  # type: ignore[no-untyped-def]
             set_vector(batch.floats, DIRECTION, i, around(vector(batch.floats, NORMAL, i), sphere))
 
 
+@njit(inline="always")
+def _is_pane(tables, prim_id):  # type: ignore[no-untyped-def]
+    return prim_id != MISS and tables.pane_bits[prim_id >> 3] >> np.uint8(prim_id & 7) & 1 != 0
+
+
 @njit
 def _passes(tables, key, prim_id, vertex):  # type: ignore[no-untyped-def]
-    """Whether a ray goes on through a triangle that it meets: a hash of both decides."""
-    opacity = tables.opacity[prim_id]
-    if opacity == ONE:
-        return False
-    return unit_of(bits_of(np.uint32(key ^ mixed(np.uint32(prim_id))), np.uint32(vertex))) >= opacity
+    """Whether a ray goes on through a triangle that lets light on: a hash of both decides."""
+    number = unit_of(bits_of(np.uint32(key ^ mixed(np.uint32(prim_id))), np.uint32(vertex)))
+    return number >= tables.opacity[prim_id]
 
 
 @cache
@@ -137,7 +90,7 @@ def trace_kernel(width: int, see_through: bool) -> Callable[..., int]:
                         continue
                     i = first + lane
                     prim_id, distance = hit_prim_id(packet, width, lane), hit_distance(packet, width, lane)
-                    if see_through and prim_id != MISS and _passes(tables, batch.key[i], prim_id, vertex):
+                    if see_through and _is_pane(tables, prim_id) and _passes(tables, batch.key[i], prim_id, vertex):
                         for channel in range(3):
                             batch.floats[WEIGHT + channel, i] *= tables.tint[prim_id, channel]
                         packet.floats[RAY_TNEAR * width + lane] = distance + np.float32(tables.offset)
@@ -172,6 +125,12 @@ def shade(batch, count, tables, vertex, is_last, roulette_from):  # type: ignore
     of_emitters = of_sky - aims_at_sky
     going = 0
     for i in range(count):
+        if len(planes) > LARGE and i + AHEAD < count:
+            coming = batch.prim_id[i + AHEAD]
+            if batch.alive[i + AHEAD] != 0 and coming != MISS:
+                fetch_row(planes, coming)
+                fetch_row(tables.emission, coming)
+                fetch_row(tables.albedo, coming)
         if batch.alive[i] == 0:
             continue
         slot, prim_id, distance = batch.slot[i], batch.prim_id[i], batch.distance[i]
@@ -250,33 +209,3 @@ def compact(batch, count):  # type: ignore[no-untyped-def]
                 batch.key[kept], batch.slot[kept], batch.alive[kept] = batch.key[i], batch.slot[i], 1
             kept += 1
     return kept
-
-
-@float_kernel
-def gather(batch, order, first, texels, expansion, samples, sums):  # type: ignore[no-untyped-def]
-    """Results are added to the sums of their texels, (N, SUMS) float64, sample by sample, and counted.
-
-    Returns the number of a texel whose light was no finite number, or -1.
-    """
-    bad = -1
-    for k in range(texels):
-        texel = order[first + k]
-        if texel < 0:
-            continue
-        for e in range(expansion):
-            i = k * expansion + e
-            luminance = ZERO
-            for channel in range(3):
-                light = (
-                    batch.results[i, DIRECT + channel]
-                    + batch.results[i, INDIRECT + channel]
-                    + batch.results[i, ENVIRONMENT + channel]
-                )
-                luminance += LUMINANCE[channel] * light
-            if not luminance < INFINITY:
-                bad = texel
-            for one in range(RESULTS):
-                sums[texel, one] += batch.results[i, one]
-            sums[texel, SQUARE] += np.float64(luminance) * luminance
-        samples[texel] += expansion
-    return bad

@@ -22,13 +22,9 @@ from atra.kernels.baking.tables import (
     LENGTH,
     NORMAL,
     ORIGIN,
-    PLACE,
-    SIZE,
     SKY,
-    SPHERE,
     SPOT,
     SUN,
-    UP,
     WEIGHT,
     choose,
     set_vector,
@@ -36,6 +32,7 @@ from atra.kernels.baking.tables import (
 )
 from atra.kernels.caching import float_kernel
 from atra.kernels.packets import INFINITY
+from atra.kernels.shading.aiming import ALMOST, to_lamp, to_sun
 from atra.kernels.shading.numbers import (
     ONE,
     TWO,
@@ -45,7 +42,6 @@ from atra.kernels.shading.numbers import (
     circle,
     dot,
     scaled,
-    unit,
     unit_of,
 )
 from atra.kernels.shading.surface import sky_colour
@@ -53,9 +49,6 @@ from atra.kernels.shading.surface import sky_colour
 PI, QUARTER = np.float32(np.pi), np.float32(0.25)
 LIGHTS_OF_A_VERTEX, DIMENSIONS = 1 << 20, 4
 """Rays to lights have dimensions of their own, beyond those that paths take."""
-
-_ALMOST = np.float32(1 - 1e-4)
-"""Of the way to a light: what is at the light itself does not shadow it."""
 
 _NONE = ZERO, ZERO, ZERO
 
@@ -69,53 +62,17 @@ def cosine_at(normal, direction):  # type: ignore[no-untyped-def]
     return dot(normal, direction)
 
 
-@njit
-def _across(direction):  # type: ignore[no-untyped-def]
-    """Two unit vectors at right angles to a unit vector and to each other."""
-    if abs(direction[0]) > abs(direction[1]):
-        side = unit((-direction[2], ZERO, direction[0]))
-    else:
-        side = unit((ZERO, direction[2], -direction[1]))
-    other = (
-        direction[1] * side[2] - direction[2] * side[1],
-        direction[2] * side[0] - direction[0] * side[2],
-        direction[0] * side[1] - direction[1] * side[0],
-    )
-    return side, other
-
-
 @njit(error_model="numpy")
 def _to_light(light, origin, u, v):  # type: ignore[no-untyped-def]
     """(direction, strength, reach) of a ray to a point of a sun, point, sphere or spot."""
-    kind, size = light[KIND], light[SIZE]
-    centre = light[PLACE], light[PLACE + 1], light[PLACE + 2]
-    across = light[ACROSS], light[ACROSS + 1], light[ACROSS + 2]
-    if kind == SUN:
-        up = light[UP], light[UP + 1], light[UP + 2]
-        x, y = circle(v)
-        radius = size * np.sqrt(u)
-        return unit(along(along(centre, radius * x, across), radius * y, up)), ONE, INFINITY
-    to_light = along(centre, -ONE, origin)
-    squared = dot(to_light, to_light)
-    distance = np.sqrt(squared)
-    direction = scaled(ONE / distance, to_light)
-    strength, reach = ONE / squared, distance * _ALMOST
-    if kind == SPOT:
-        cosine = -dot(direction, across)
+    if light[KIND] == SUN:
+        return to_sun(light, u, v), ONE, INFINITY
+    direction, strength, reach = to_lamp(light, origin, u, v)
+    if light[KIND] == SPOT:
+        cosine = -dot(direction, (light[ACROSS], light[ACROSS + 1], light[ACROSS + 2]))
         inner, outer = light[CONE], light[CONE + 1]
         share = min(ONE, max(ZERO, (cosine - outer) / (inner - outer))) if inner > outer else ONE
         strength *= share * share * (np.float32(3.0) - TWO * share) if cosine > outer else ZERO
-    elif kind == SPHERE and distance > size:
-        # Uniform over the solid angle it is seen under; the quotient of that and its projected part weighs them.
-        ratio = size * size / squared
-        depth = ratio / (ONE + np.sqrt(ONE - ratio))  # 1 - cos, without losing digits
-        strength *= TWO * depth / ratio
-        cosine = ONE - u * depth
-        radius = np.sqrt(max(ZERO, ONE - cosine * cosine))
-        x, y = circle(v)
-        side, other = _across(direction)
-        direction = along(along(scaled(cosine, direction), radius * x, side), radius * y, other)
-        reach = (distance - size) * _ALMOST
     return direction, strength, reach
 
 
@@ -148,7 +105,7 @@ def _to_emitter(tables, origin, normal, u, v, chance, selected):  # type: ignore
     aimed = selected * tables.emitter_density[face] * squared / away
     share = by_chance / (by_chance + aimed)
     carried = share * tables.emission[face, 0], share * tables.emission[face, 1], share * tables.emission[face, 2]
-    return direction, carried, distance * _ALMOST
+    return direction, carried, distance * ALMOST
 
 
 @njit(error_model="numpy")

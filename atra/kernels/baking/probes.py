@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from atra.kernels.baking.bounces import sample_key
+from atra.kernels.baking.samples import sample_key
 from atra.kernels.baking.tables import (
     BACK,
     CHANNELS,

@@ -11,18 +11,25 @@ from numba import njit
 from atra.embree.layout import RAY_TFAR, RAY_TNEAR
 from atra.kernels.baking.tables import CARRIED, DIRECTION, LENGTH, ORIGIN
 from atra.kernels.caching import float_kernel
-from atra.kernels.packets import MISS, hit_distance, hit_prim_id, intersect, occluded, set_no_hit
+from atra.kernels.packets import MISS, SMALLEST_COMPONENT, hit_distance, hit_prim_id, intersect, occluded, set_no_hit
 from atra.kernels.shading.numbers import ONE, ZERO
 from atra.kernels.shading.paths import load_rays
+
+_LESS, _MORE = np.float32(1 - 1e-6), np.float32(1 + 1e-6)
+"""Of distances to a box: what rounding may have changed."""
 
 
 @cache
 def shine_kernel(width: int, see_through: bool) -> Callable[..., int]:
-    """Rays to lights, in packets of `width`; it, and whether triangles may let light on, are constants of the code."""
+    """Rays to lights, in packets of `width`; it, and whether there are panes, are constants of the code."""
 
     @float_kernel
-    def shine(batch, count, plane, tables, scene, packet):  # type: ignore[no-untyped-def]
-        """What rays that nothing stops carry is added to the results from `plane` on. Returns how many were traced."""
+    def shine(batch, count, plane, tables, scenes, packet):  # type: ignore[no-untyped-def]
+        """What rays that nothing stops carry is added to the results from `plane` on. Returns how many were traced.
+
+        scenes: addresses of opaque faces, and of panes, those that let light on.
+        """
+        opaque, panes = scenes
         traced = 0
         for first in range(0, count, width):
             lanes = min(width, count - first)
@@ -37,13 +44,13 @@ def shine_kernel(width: int, see_through: bool) -> Callable[..., int]:
                 length = batch.floats[LENGTH, first + lane]
                 packet.floats[RAY_TFAR * width + lane] = length
                 packet.valid[lane] = -1 if lane < lanes and length > ZERO else 0
+            occluded(width, packet.valid, opaque, packet)
+            for lane in range(lanes):
+                if hit_distance(packet, width, lane) < ZERO:
+                    batch.floats[LENGTH, first + lane] = ZERO
+                    packet.valid[lane] = 0
             if see_through:
-                _filter_light(batch, first, lanes, width, tables, scene, packet)
-            else:
-                occluded(width, packet.valid, scene, packet)
-                for lane in range(lanes):
-                    if hit_distance(packet, width, lane) < ZERO:
-                        batch.floats[LENGTH, first + lane] = ZERO
+                _filter_light(batch, first, lanes, width, tables, panes, packet)
             for lane in range(lanes):
                 i = first + lane
                 if batch.floats[LENGTH, i] > ZERO:
@@ -54,14 +61,36 @@ def shine_kernel(width: int, see_through: bool) -> Callable[..., int]:
     return shine
 
 
+@njit(error_model="numpy")
+def _may_meet(box, floats, i):  # type: ignore[no-untyped-def]
+    """Whether a ray comes to the box of all panes, which costs less than to ask Embree."""
+    near, far = ZERO, floats[LENGTH, i]
+    for axis in range(3):
+        way = floats[DIRECTION + axis, i]
+        low, high = box[0, axis] - floats[ORIGIN + axis, i], box[1, axis] - floats[ORIGIN + axis, i]
+        if abs(way) < SMALLEST_COMPONENT:
+            if low > ZERO or high < ZERO:
+                return False
+        else:
+            inverse = ONE / way
+            first, second = low * inverse, high * inverse
+            near, far = max(near, min(first, second)), min(far, max(first, second))
+    return near * _LESS <= far * _MORE
+
+
 @njit(inline="always")
-def _filter_light(batch, first, lanes, width, tables, scene, packet):  # type: ignore[no-untyped-def]
-    """What rays carry, times what each triangle on their way lets on; those that are stopped have no length then."""
+def _filter_light(batch, first, lanes, width, tables, panes, packet):  # type: ignore[no-untyped-def]
+    """What rays that are still valid carry, times what each pane on their way lets on."""
+    left = 0
     for lane in range(width):
         set_no_hit(packet, width, lane)
-    left = 1
+        if packet.valid[lane] != 0:
+            if _may_meet(tables.box_of_panes, batch.floats, first + lane):
+                left += 1
+            else:
+                packet.valid[lane] = 0
     while left > 0:
-        intersect(width, packet.valid, scene, packet)
+        intersect(width, packet.valid, panes, packet)
         left = 0
         for lane in range(lanes):
             if packet.valid[lane] == 0:
@@ -72,9 +101,6 @@ def _filter_light(batch, first, lanes, width, tables, scene, packet):  # type: i
             if prim_id == MISS:
                 continue
             share = ONE - tables.opacity[prim_id]
-            if not share > ZERO:
-                batch.floats[LENGTH, i] = ZERO
-                continue
             for channel in range(3):
                 batch.floats[CARRIED + channel, i] *= share * tables.tint[prim_id, channel]
             near = hit_distance(packet, width, lane) + np.float32(tables.offset)

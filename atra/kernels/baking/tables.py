@@ -47,6 +47,8 @@ class Tables(NamedTuple):
     are chosen otherwise, odds: (C, K) float32, how often; they and of_all add up to 1.
     sky, panorama: as of `Surfaces`; sky_shares: (cells,) float64, running sums as above; sky_density:
     (R, C) float32, of a direction, per unit of solid angle.
+    pane_bits: (F / 8,) uint8, a bit a face, lowest first: whether it lets light on; unlike opacities, they stay in
+    the cache. box_of_panes: (2, 3) float32, around such faces, with room to spare; zeros where there are none.
     offset: how far rays start off a surface. width: texels of a row. open_length: how near a thing counts as near by.
     sky_by: what finds its light. seed: of random numbers.
     """
@@ -71,6 +73,8 @@ class Tables(NamedTuple):
     panorama: NDArray[np.float32]
     sky_shares: NDArray[np.float64]
     sky_density: NDArray[np.float32]
+    pane_bits: NDArray[np.uint8]
+    box_of_panes: NDArray[np.float32]
     offset: np.float64
     width: int
     open_length: np.float32

@@ -1,4 +1,4 @@
-"""Texels of charts: which triangle each belongs to, by a conservative rasteriser in float64."""
+"""Texels of charts: which triangle each belongs to, by a conservative rasteriser in float64, and which pixels show."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import numpy as np
 from numba import njit
 
 from atra.kernels.caching import kernel
+from atra.kernels.packets import MISS
 
 INSIDE = -1.0
 """Distance of a texel whose centre lies strictly inside of its triangle."""
@@ -82,18 +83,57 @@ def claim_texels(uv, prim_of, distance, overlap):  # type: ignore[no-untyped-def
                     prim_of[row, column] = face
 
 
+@kernel
+def mark_shown(hits, eye, vertices, faces, uv, shown):  # type: ignore[no-untyped-def]
+    """Mark the texels whose fronts pixels show.
+
+    hits: prim_id, u and v, (H, W) uint32, float32, float32. eye: (4,) float64, where it is and 1, or the way to it and
+    0. vertices: (V, 3) float32, faces: (F, 3) uint32. uv: (F, 3, 2) float64, corners in texels, NaN of triangles that
+    have no place. shown: (h, w) bool, written where it is so.
+    """
+    prim_id, u, v = hits
+    height, width = shown.shape
+    last, is_front = MISS, False
+    for y in range(prim_id.shape[0]):
+        for x in range(prim_id.shape[1]):
+            face = prim_id[y, x]
+            if face != last:
+                last, is_front = face, face != MISS and _is_front(eye, corners_of(vertices, faces, face))
+            if not is_front:
+                continue
+            ax, ay, bx, by, cx, cy = edges_of(uv, face)
+            place_x = ax + u[y, x] * bx + v[y, x] * cx
+            place_y = ay + u[y, x] * by + v[y, x] * cy
+            if place_x > -1.0 and place_y > -1.0:  # false of NaN
+                shown[min(max(np.int64(place_y), 0), height - 1), min(max(np.int64(place_x), 0), width - 1)] = True
+
+
 @njit
-def weights_at(uv, face, x, y):  # type: ignore[no-untyped-def]
+def _is_front(eye, corners):  # type: ignore[no-untyped-def]
+    """Whether the eye lies on a triangle's front."""
+    (ax, ay, az), (bx, by, bz), (cx, cy, cz) = corners
+    x, y, z = eye[0] - eye[3] * ax, eye[1] - eye[3] * ay, eye[2] - eye[3] * az
+    bx, by, bz, cx, cy, cz = bx - ax, by - ay, bz - az, cx - ax, cy - ay, cz - az
+    return x * (by * cz - bz * cy) + y * (bz * cx - bx * cz) + z * (bx * cy - by * cx) > 0.0
+
+
+@njit
+def edges_of(uv, face):  # type: ignore[no-untyped-def]
+    """(x, y) of a triangle's first corner, and of the edges to the second and to the third, in texels."""
+    ax, ay = uv[face, 0, 0], uv[face, 0, 1]
+    return ax, ay, uv[face, 1, 0] - ax, uv[face, 1, 1] - ay, uv[face, 2, 0] - ax, uv[face, 2, 1] - ay
+
+
+@njit(error_model="numpy")
+def weights_at(edges, x, y):  # type: ignore[no-untyped-def]
     """Barycentric weights (v, w) of the second and third corner at the point of the triangle nearest to (x, y).
 
     Source: C. Ericson, "Real-Time Collision Detection", 2005, section 5.1.5, in two dimensions.
     """
-    ax, ay = uv[face, 0, 0], uv[face, 0, 1]
-    bx, by = uv[face, 1, 0] - ax, uv[face, 1, 1] - ay
-    cx, cy = uv[face, 2, 0] - ax, uv[face, 2, 1] - ay
+    ax, ay, bx, by, cx, cy = edges
     px, py = x - ax, y - ay
-    area = bx * cy - by * cx
-    v, w = (px * cy - py * cx) / area, (bx * py - by * px) / area
+    per_area = 1.0 / (bx * cy - by * cx)
+    v, w = (px * cy - py * cx) * per_area, (bx * py - by * px) * per_area
     if v >= 0.0 and w >= 0.0 and v + w <= 1.0:
         return v, w
     along_b = min(1.0, max(0.0, (px * bx + py * by) / (bx * bx + by * by)))
@@ -111,16 +151,27 @@ def weights_at(uv, face, x, y):  # type: ignore[no-untyped-def]
 
 
 @njit
-def point_at(vertices, faces, face, v, w, inset):  # type: ignore[no-untyped-def]
+def _corner(vertices, corner):  # type: ignore[no-untyped-def]
+    return np.float64(vertices[corner, 0]), np.float64(vertices[corner, 1]), np.float64(vertices[corner, 2])
+
+
+@njit
+def corners_of(vertices, faces, face):  # type: ignore[no-untyped-def]
+    """(x, y, z), float64, of each corner of a triangle."""
+    return _corner(vertices, faces[face, 0]), _corner(vertices, faces[face, 1]), _corner(vertices, faces[face, 2])
+
+
+@njit(error_model="numpy")
+def point_at(corners, v, w, inset):  # type: ignore[no-untyped-def]
     """(x, y, z) float64 of barycentric weights, moved by `inset`, a length, towards the middle of the triangle."""
-    i, j, k = faces[face, 0], faces[face, 1], faces[face, 2]
+    a, b, c = corners
     u = 1.0 - v - w
-    x = u * vertices[i, 0] + v * vertices[j, 0] + w * vertices[k, 0]
-    y = u * vertices[i, 1] + v * vertices[j, 1] + w * vertices[k, 1]
-    z = u * vertices[i, 2] + v * vertices[j, 2] + w * vertices[k, 2]
-    dx = (np.float64(vertices[i, 0]) + vertices[j, 0] + vertices[k, 0]) / 3.0 - x
-    dy = (np.float64(vertices[i, 1]) + vertices[j, 1] + vertices[k, 1]) / 3.0 - y
-    dz = (np.float64(vertices[i, 2]) + vertices[j, 2] + vertices[k, 2]) / 3.0 - z
+    x = u * a[0] + v * b[0] + w * c[0]
+    y = u * a[1] + v * b[1] + w * c[1]
+    z = u * a[2] + v * b[2] + w * c[2]
+    dx = (a[0] + b[0] + c[0]) / 3.0 - x
+    dy = (a[1] + b[1] + c[1]) / 3.0 - y
+    dz = (a[2] + b[2] + c[2]) / 3.0 - z
     length = np.sqrt(dx * dx + dy * dy + dz * dz)
     share = min(0.5, inset / length) if length > 0.0 else 0.0
     return x + share * dx, y + share * dy, z + share * dz
@@ -134,8 +185,8 @@ def place_texels(uv, vertices, faces, normals, texels, width, prim_of, positions
     """
     for n in range(len(texels)):
         face = prim_of[n]
-        v, w = weights_at(uv, face, texels[n] % width + 0.5, texels[n] // width + 0.5)
-        x, y, z = point_at(vertices, faces, face, v, w, 0.0)
+        v, w = weights_at(edges_of(uv, face), texels[n] % width + 0.5, texels[n] // width + 0.5)
+        x, y, z = point_at(corners_of(vertices, faces, face), v, w, 0.0)
         positions[n, 0], positions[n, 1], positions[n, 2] = x, y, z
         for axis in range(3):
             texel_normals[n, axis] = normals[face, axis]

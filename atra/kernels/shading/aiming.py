@@ -33,7 +33,7 @@ LIGHT_WORDS = 11
 tangent of half the angle it appears under. ACROSS, UP: of a sun, unit vectors at right angles to it and to each other
 (3 each)."""
 
-_ALMOST = np.float32(1 - 1e-4)
+ALMOST = np.float32(1 - 1e-4)
 """Of the way to a light: what is at the light itself does not shadow it."""
 
 
@@ -85,7 +85,8 @@ def _set_open(floats, i, direction, length):  # type: ignore[no-untyped-def]
 
 
 @njit(inline="always")
-def _to_sun(light, u, v):  # type: ignore[no-untyped-def]
+def to_sun(light, u, v):  # type: ignore[no-untyped-def]
+    """The direction to a point of a sun."""
     x, y = circle(v)
     radius = light[SIZE] * np.sqrt(u)
     centre = light[PLACE], light[PLACE + 1], light[PLACE + 2]
@@ -104,11 +105,11 @@ def aim_at_light(floats, first, count, light, aim, number):  # type: ignore[no-u
     elif aim.is_shifted:
         for i in range(count):
             u, v = _shifted(aim, number, first + i)
-            direction = _to_sun(light, u, v)
+            direction = to_sun(light, u, v)
             rays += _set_lit(floats, i, direction, dot(vector_of(floats, NORMAL, i), direction), aim.length)
     else:
         u, v = _unshifted(aim, number)
-        direction = _to_sun(light, u, v)
+        direction = to_sun(light, u, v)
         for i in range(count):
             rays += _set_lit(floats, i, direction, dot(vector_of(floats, NORMAL, i), direction), aim.length)
     return rays
@@ -117,14 +118,22 @@ def aim_at_light(floats, first, count, light, aim, number):  # type: ignore[no-u
 @njit(error_model="numpy")
 def _aim_at_lamp(floats, first, i, light, aim, number):  # type: ignore[no-untyped-def]
     """`aim_at_light` of one pixel, for a light that is somewhere."""
-    radius = light[SIZE]
     u, v = _shifted(aim, number, first + i) if aim.is_shifted else _unshifted(aim, number)
+    direction, strength, reach = to_lamp(light, vector_of(floats, ORIGIN, i), u, v)
+    carried = dot(vector_of(floats, NORMAL, i), direction) * strength
+    return _set_lit(floats, i, direction, carried, min(reach, aim.length))
+
+
+@njit(inline="always", error_model="numpy")
+def to_lamp(light, origin, u, v):  # type: ignore[no-untyped-def]
+    """(direction, strength, reach) of a ray to a light that is somewhere; of a sphere, to a point that is seen."""
     centre = light[PLACE], light[PLACE + 1], light[PLACE + 2]
-    to_light = along(centre, -ONE, vector_of(floats, ORIGIN, i))
+    to_light = along(centre, -ONE, origin)
     squared = dot(to_light, to_light)
     distance = np.sqrt(squared)
     direction = scaled(ONE / distance, to_light)
-    strength, reach = ONE / squared, distance * _ALMOST
+    strength, reach = ONE / squared, distance * ALMOST
+    radius = light[SIZE]
     if light[KIND] == SPHERE and distance > radius:
         # Uniform over the solid angle it is seen under, 2 pi (1 - cos), of which pi (radius / distance)^2 is the
         # projected part: their quotient, 1 for a far light, weighs its directions.
@@ -141,9 +150,8 @@ def _aim_at_lamp(floats, first, i, light, aim, number):  # type: ignore[no-untyp
             direction[0] * side[1] - direction[1] * side[0],
         )
         direction = along(along(scaled(cosine, direction), sine * x, side), sine * y, other)
-        reach = (distance - radius) * _ALMOST
-    carried = dot(vector_of(floats, NORMAL, i), direction) * strength
-    return _set_lit(floats, i, direction, carried, min(reach, aim.length))
+        reach = (distance - radius) * ALMOST
+    return direction, strength, reach
 
 
 @njit(error_model="numpy")
