@@ -173,7 +173,7 @@ def test_a_machine_without_a_wheel_of_embreex_is_named(monkeypatch):
         "mitsuba3",
         "mitsuba",
         "variants = lambda: ['llvm_ad_mono']\ndef set_variant(name): raise ImportError('no shared library libLLVM.so')",
-        "let DRJIT_LIBLLVM_PATH name a libLLVM.so",
+        "install libLLVM 16 or newer (Debian: libllvm19) or let DRJIT_LIBLLVM_PATH name its libLLVM.so",
     ),
 ])  # fmt: skip
 def test_a_broken_package_is_a_reason_of_one_line_not_a_crash(monkeypatch, tmp_path, name, module, source, expected):

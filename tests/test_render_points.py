@@ -19,11 +19,11 @@ from experiments.harness.configuration import Chosen, Configuration, MeasureConf
 from experiments.harness.points import PlannedPoint, plan_points
 from experiments.harness.records import Record
 from experiments.methods import find_method
+from experiments.methods.peers.mitsuba_light import check_llvm
 from experiments.worker import measure_point
 from experiments.workloads.baselines import PACKETS
 from experiments.workloads.render import RENDER, STAGES, Jitter, Kind, Order, RenderOptions, Rival, outside_embree
 from experiments.workloads.render.measure import Primaries
-from experiments.workloads.render.mitsuba import check_llvm
 from experiments.workloads.rounds import expert_packet_widths
 from scenes.built_in import make_scene
 from scenes.lit.lighting import lit
@@ -212,6 +212,6 @@ def test_what_cannot_be_made_is_one_line_before_any_work(
 
 
 def test_a_libllvm_that_would_end_the_process_is_refused_by_its_version() -> None:
-    with pytest.raises(InputError, match=r"finds libLLVM 15\.0\.6, expected 16 or newer: install one"):
-        check_llvm("15.0.6")
-    check_llvm("19.1.7")
+    with pytest.raises(InputError, match=r"finds libLLVM 15\.0\.6, expected 16 or newer: install libLLVM"):
+        check_llvm((15, 0, 6), "workload.mitsuba=llvm_ad_rgb")
+    check_llvm((19, 1, 7), "workload.mitsuba=llvm_ad_rgb")

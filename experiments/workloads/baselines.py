@@ -63,14 +63,19 @@ def fastest(record: Record) -> Any:
     return None if width is None else series(PACKETS[width])(record)
 
 
-def over_own(read: Series) -> Series:
-    """A record -> the ratios of a series and the point's own, round by round."""
+def over(upper: Series, lower: Series) -> Series:
+    """A record -> the ratios of two series, round by round; None where it has not both."""
 
     def ratios(record: Record) -> Any:
-        values, own = read(record), series(OWN)(record)
-        return None if values is None or own is None else values / own
+        above, below = upper(record), lower(record)
+        return None if above is None or below is None else above / below
 
     return ratios
+
+
+def over_own(read: Series) -> Series:
+    """The ratios of a series and the point's own."""
+    return over(read, series(OWN))
 
 
 def _first_frame(record: Record) -> Any:

@@ -17,6 +17,14 @@ from experiments.methods.peers.peer import RayPeerTracer, peer_method
 MITSUBA_VARIANT = "llvm_ad_mono"
 """Vectorised, on the CPU, one colour channel; queries of rays do not depend on colour. Nothing is differentiated."""
 
+OLDEST_LLVM = 16
+"""For paths; rays alone take older ones. 15 "cannot select" an instruction that Dr.Jit 1.5 asks for, and aborts; 19 was
+tried, those between were not."""
+
+INSTALL_LLVM = (
+    f"install libLLVM {OLDEST_LLVM} or newer (Debian: libllvm19) or let DRJIT_LIBLLVM_PATH name its libLLVM.so"
+)
+
 
 class MitsubaTracer(RayPeerTracer):
     """`Scene.ray_intersect_preliminary(rays, coherent=True)` in the variant `llvm_ad_mono`.
@@ -85,7 +93,7 @@ def _check() -> str | None:
     except Exception as error:
         if "LLVM" not in str(error):
             raise
-        return "mitsuba finds no LLVM; install libLLVM (Debian: libllvm15) or let DRJIT_LIBLLVM_PATH name a libLLVM.so"
+        return f"mitsuba finds no LLVM; {INSTALL_LLVM}"
     return None
 
 

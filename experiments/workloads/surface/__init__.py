@@ -4,11 +4,10 @@ packet, and aligned tracers leave them to be computed on demand."""
 from __future__ import annotations
 
 from statistics import median
-from typing import Any
 
 from experiments.harness.records import Record
-from experiments.results.statistics import Series, statistics_columns
-from experiments.workloads.baselines import OWN, series
+from experiments.results.statistics import statistics_columns
+from experiments.workloads.baselines import OWN, over, series
 from experiments.workloads.resources import RESOURCE_COLUMNS, RESOURCES, say_ms
 from experiments.workloads.workload import NoOptions, Workload
 
@@ -23,16 +22,6 @@ def _headline(record: Record) -> str:
     return f"{say_ms(own)}, with u, v and normals {say_ms(surface)}; packets {say_ms(packets)} and {say_ms(stored)}"
 
 
-def _over(name: str, other: str) -> Series:
-    """A record -> the ratios of two series, round by round."""
-
-    def ratios(record: Record) -> Any:
-        values, others = series(name)(record), series(other)(record)
-        return None if values is None or others is None else values / others
-
-    return ratios
-
-
 SURFACE = Workload(
     name="surface",
     options=NoOptions,
@@ -44,13 +33,16 @@ SURFACE = Workload(
         *statistics_columns(
             "packets_surface_time{}_s", "the widest packets, storing u, v and normals", series(PACKETS_SURFACE)
         ),
-        *statistics_columns("surface_over_frame{}", "with u, v and normals / without", _over(OWN_SURFACE, OWN)),
         *statistics_columns(
-            "packets_surface_over_frame{}", "the same of packets per pixel", _over(PACKETS_SURFACE, PLAIN_PACKETS)
+            "surface_over_frame{}", "with u, v and normals / without", over(series(OWN_SURFACE), series(OWN))
+        ),
+        *statistics_columns(
+            "packets_surface_over_frame{}", "the same of packets per pixel",
+            over(series(PACKETS_SURFACE), series(PLAIN_PACKETS)),
         ),
         *statistics_columns(
             "speedup_vs_packets_with_surface{}", "packets / this, both with u, v and normals",
-            _over(PACKETS_SURFACE, OWN_SURFACE),
+            over(series(PACKETS_SURFACE), series(OWN_SURFACE)),
         ),
     ),
     headline=_headline,

@@ -1,0 +1,106 @@
+"""Mitsuba 3's light: a variant that can follow paths here, and its parts of a lit scene of ours."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+
+from atra.errors import InputError
+from atra.geometry.view import unit_vector
+from atra.parallel import resolve_threads
+from atra.render import Dielectric, Emissive, GradientSky, Lambertian, Metal, RenderScene, Sun
+from atra.render.materials import Material
+from experiments.methods.peers.mitsuba_scene import INSTALL_LLVM, OLDEST_LLVM
+
+
+def check_llvm(version: tuple[int, ...], setting: str) -> None:
+    """Raises InputError for a libLLVM that ends the process when it compiles Mitsuba's path integrator for AVX-512.
+    setting: that asks for it."""
+    if version[0] < OLDEST_LLVM:
+        told = ".".join(map(str, version))
+        raise InputError(f"{setting} finds libLLVM {told}, expected {OLDEST_LLVM} or newer: {INSTALL_LLVM}")
+
+
+def load_mitsuba(variant: str, setting: str, threads: int | None) -> tuple[Any, Any]:
+    """The modules mitsuba, of that variant, and drjit, which has so many threads from now on.
+
+    setting: that asks for it. threads: as for tracers. Raises InputError where Mitsuba, or what its variant needs, is
+    missing.
+    """
+    try:
+        mi, drjit = import_module("mitsuba"), import_module("drjit")
+    except ImportError as error:
+        raise InputError(f"{setting} needs {error.name}; run: pip install -e '.[peers]'") from None
+    try:
+        mi.set_variant(variant)
+    except Exception as error:  # whatever Dr.Jit finds wrong with LLVM
+        raise InputError(f"{setting} cannot be used: {error}") from None
+    if variant.startswith("llvm"):
+        check_llvm(drjit.detail.llvm_version(), setting)
+    drjit.set_thread_count(resolve_threads(threads))
+    return mi, drjit
+
+
+def material_of(material: Material) -> dict[str, Any]:
+    """A material as Mitsuba has it. Raises InputError for one that its plain materials are not: fuzz, textures,
+    Schlick's approximation."""
+    match material:
+        case Lambertian(colour=tuple()):
+            return {"type": "twosided", "bsdf": {"type": "diffuse", "reflectance": _rgb(material.colour)}}
+        case Metal(fuzz=0.0, colour=tuple()):
+            conductor = {"type": "conductor", "material": "none", "specular_reflectance": _rgb(material.colour)}
+            return {"type": "twosided", "bsdf": conductor}
+        case Dielectric(fresnel="exact"):
+            return {"type": "dielectric", "int_ior": material.ior, "ext_ior": 1.0}
+        case Emissive():
+            return {"type": "diffuse", "reflectance": _rgb((0, 0, 0))}
+    raise InputError(f"Mitsuba 3 has no plain material for {material!r:.100}")
+
+
+def parts_of(mi: Any, scene: RenderScene) -> dict[str, Any]:
+    """The triangles, lamps and sky of a scene, in Mitsuba's variant of the moment; `load_dict` makes a scene of them.
+
+    Raises InputError for what Mitsuba would show otherwise: anything but flat triangles and a sky of one colour.
+    """
+    sky = scene.sky
+    if not isinstance(sky, GradientSky) or sky.below != sky.above or scene.normals is not None:
+        raise InputError("Mitsuba 3 is handed flat triangles under a sky of one colour, expected a scene without more")
+    parts: dict[str, Any] = {"type": "scene"}
+    if any(sky.above):
+        parts["sky"] = {"type": "constant", "radiance": _rgb([sky.power * channel for channel in sky.above])}
+    for number, material in enumerate(scene.materials):
+        faces = scene.mesh.faces[scene.face_materials == number]
+        properties = mi.Properties()
+        properties["bsdf"] = mi.load_dict(material_of(material))
+        if isinstance(material, Emissive):
+            properties["emitter"] = mi.load_dict({"type": "area", "radiance": _rgb(material.colour)})
+        used, faces = np.unique(faces, return_inverse=True)
+        mesh = mi.Mesh(f"part {number}", len(used), faces.size // 3, props=properties)
+        parameters = mi.traverse(mesh)
+        parameters["vertex_positions"] = np.ascontiguousarray(scene.mesh.vertices[used].ravel())
+        parameters["faces"] = faces.ravel().astype(np.uint32)
+        parameters.update()
+        parts[f"part{number}"] = mesh
+    return parts
+
+
+def suns_of(lights: Sequence[Any]) -> dict[str, Any]:
+    """Sharp suns as Mitsuba has them. Raises InputError for another light."""
+    for light in lights:
+        if not isinstance(light, Sun) or light.angle_degrees:
+            raise InputError(f"Mitsuba 3 is handed suns that appear as points, expected no {light!r:.100}")
+    return {
+        f"sun{number}": {
+            "type": "directional",
+            "direction": unit_vector("direction of Sun", sun.direction).tolist(),
+            "irradiance": _rgb([np.pi * sun.power * channel for channel in sun.colour]),  # ours is over pi
+        }
+        for number, sun in enumerate(lights)
+    }
+
+
+def _rgb(value: Any) -> dict[str, Any]:
+    return {"type": "rgb", "value": list(value)}
