@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pandas as pd
 import pytest
+from numpy.typing import NDArray
 
 import atra
-from atra.bake import Texels
+from atra.bake import Atlas, Texels
+from atra.bake.charts.atlas import UNMAPPED
 from atra.bake.tiles import Tiles
 from atra.errors import InputError
 from experiments.drawing.figure import draw_figure
@@ -15,14 +19,39 @@ from experiments.results.claims import DOES_NOT_HOLD, HOLDS, NOT_MEASURED, UNDEC
 from experiments.workloads.bake_rays import Use
 from experiments.workloads.bake_rays.claims import judge_ratio
 from experiments.workloads.bake_rays.figures import FIGURES
+from experiments.workloads.bake_rays.measure import undecided
 from tests.baked import cube, sheet
 from tests.meshes import joined
 
 ROOM = joined(cube(inwards=True), cube(0.3), atra.Mesh(cube(0.2).vertices + np.float32([0.5, 0.1, -0.4]), cube().faces))
+OPEN = atra.Mesh(ROOM.vertices, np.delete(ROOM.faces, (6, 7), axis=0), "without its ceiling")
+SUN = (0.35, 1.0, -0.25)
+FLOOR = [(-1, 0, -1), (-1, 0, 1), (1, 0, 1), (1, 0, -1)]
 
 
-def tiles_of(size: int) -> Tiles:
-    return Tiles.of(Texels.of(ROOM, sheet(ROOM, 12)), size)
+def tiles_of(size: int, mesh: atra.Mesh = ROOM) -> Tiles:
+    return Tiles.of(Texels.of(mesh, sheet(mesh, 12)), size)
+
+
+def shadowed(*above: tuple[tuple[float, float, float], ...]) -> Tiles:
+    """Tiles of 8 x 8 texels of a floor of 16 x 16 below triangles, which have no texels."""
+    corners = np.array(FLOOR + [corner for triangle in above for corner in triangle], np.float32)
+    faces = np.concatenate([[(0, 1, 2), (0, 2, 3)], 4 + np.arange(3 * len(above)).reshape(-1, 3)])
+    uv, chart = np.full((len(faces), 3, 2), np.nan), np.full(len(faces), UNMAPPED)
+    square = 16.0 * np.array([(0, 0), (0, 1), (1, 1), (1, 0)])
+    uv[:2], chart[:2] = square[faces[:2]], 0
+    return Tiles.of(Texels.of(atra.Mesh(corners, faces), Atlas(uv, chart, 16, 16)), 8)
+
+
+def compare_with_single_rays(tiles: Tiles, direction, offsets, **options) -> NDArray[np.bool_]:
+    """(R, P) bool, what rays of both kinds meet."""
+    facing = tiles.facing(direction)
+    with tiles.towards(facing, direction, threads=1, **options) as rays:
+        met = rays.trace(offsets)[tiles.texel[facing] >= 0]
+    with atra.RayScene(tiles.texels.mesh, packet_width=1, threads=1) as scene:
+        single = [scene.occluded(*tiles.rays(facing, direction, tuple(offset))) for offset in offsets]
+    np.testing.assert_array_equal(met, np.stack(single, axis=1))
+    return met
 
 
 def test_every_texel_of_a_flat_chart_is_in_one_tile_and_lies_where_the_tile_says():
@@ -35,23 +64,88 @@ def test_every_texel_of_a_flat_chart_is_in_one_tile_and_lies_where_the_tile_says
     np.testing.assert_allclose(places, tiles.texels.positions[tiles.texel[k, y, x]], atol=1e-5)
 
 
-@pytest.mark.parametrize("direction", [(0.35, 1.0, -0.25), (-1, 0.4, 0.3)])
-@pytest.mark.parametrize("offset", [(0.5, 0.5), (0.213, 0.871)])
-def test_aligned_rays_of_tiles_see_what_each_ray_sees(direction, offset):
-    tiles = tiles_of(8)
-    facing = tiles.facing(direction)
-    meshes = {int(tile): tiles.mesh_at(int(tile), direction) for tile in facing}
-    near = {tile: mesh for tile, mesh in meshes.items() if mesh is not None}
-    alignment = atra.Alignment.of_frames([tiles.camera] * len(near), atra.Split.of_image((1, 1), tiles.camera))
-    with atra.FramesTracer(list(near.values()), alignment, threads=1) as tracer:
-        depths = dict(zip(near, tracer.trace(offset).depth, strict=True))
-    found = np.concatenate([depths.get(int(k), np.full((8, 8), np.inf))[tiles.texel[k] >= 0] for k in facing])
-    with atra.RayScene(ROOM, threads=1) as scene:
-        hits = scene.intersect(*tiles.rays(facing, direction, offset))
-    np.testing.assert_array_equal(np.isfinite(found), hits.hit)
-    np.testing.assert_allclose(found, hits.t, rtol=1e-4, atol=1e-5)
-    assert len(found) > 500
-    assert found.std() > 0.1
+def test_tiles_carry_their_rays_onto_those_of_the_one_tile():
+    tiles, offset = tiles_of(5), (0.213, 0.871)
+    facing = tiles.facing(SUN)
+    prisms = tiles.prisms(facing, SUN)
+    k, y, x = np.nonzero(tiles.texel[facing] >= 0)
+    origins, directions = tiles.rays(facing, SUN, offset)
+    onto = prisms.onto[k]
+    found = (onto @ origins[:, :, None])[..., 0] - prisms.shift[k]
+    wanted = np.stack([x + offset[0] - 2.5, y + offset[1] - 2.5, np.zeros(len(x))], axis=1)
+    np.testing.assert_allclose(found, wanted, atol=1e-4)
+    np.testing.assert_allclose((onto @ directions[:, :, None])[..., 0], np.tile((0, 0, 1.0), (len(x), 1)), atol=1e-5)
+
+
+@pytest.mark.parametrize("direction", [SUN, (-0.313, 0.871, 0.529)])
+@pytest.mark.parametrize(("size", "positions", "width"), [(8, 1, None), (5, 7, None), (8, 20, None), (11, 3, 1)])
+def test_aligned_rays_of_tiles_see_what_each_ray_sees(direction, size, positions, width):
+    offsets = atra.sub_pixel_offsets(positions)
+    met = compare_with_single_rays(tiles_of(size, OPEN), direction, offsets, packet_width=width)
+    assert len(met) > 500
+    assert 0.1 < met.mean() < 0.9
+
+
+@pytest.mark.parametrize("least", [0.02, 0.3, 1.0])
+def test_triangles_of_all_sizes_shadow_what_they_shadow_ray_by_ray(least):
+    random = np.random.Generator(np.random.PCG64(5))
+    middles = random.uniform((-1, -0.2, -1), (1, 1, 1), (60, 1, 3))
+    sizes = least * random.uniform(1, 3, (60, 1, 1))
+    tiles = shadowed(*(middles + sizes * random.normal(size=(60, 3, 3)))[: 60 if least < 1 else 4].tolist())
+    for direction in (SUN, (0.0, 1.0, 0.0), (-2.0, 0.7, 1.0)):
+        met = compare_with_single_rays(tiles, direction, atra.sub_pixel_offsets(16))
+        assert 0.01 < met.mean() < 1.0
+
+
+def test_threads_share_out_tiles_and_packets():
+    tiles, offsets, found = tiles_of(5, OPEN), atra.sub_pixel_offsets(3), []
+    for threads in (1, 3):
+        with tiles.towards(tiles.facing(SUN), SUN, threads=threads) as rays:
+            found.append(rays.trace(offsets))
+            assert rays.trace(offsets, out=found[-1]) is found[-1]
+    np.testing.assert_array_equal(*found)
+
+
+def test_more_copies_than_there_is_room_for_at_first_are_found_again(monkeypatch):
+    monkeypatch.setattr("atra.rays.tiles._COPIES", 3)
+    compare_with_single_rays(tiles_of(8, OPEN), SUN, atra.sub_pixel_offsets(2))
+
+
+def test_a_direction_that_no_tile_faces_meets_nothing():
+    tiles = shadowed()
+    with tiles.towards(tiles.facing((0, -1, 0)), (0, -1, 0), threads=1) as rays:
+        assert rays.trace([(0.5, 0.5)]).shape == (0, 8, 8, 1)
+
+
+def test_copies_for_which_there_is_no_memory_are_refused(monkeypatch):
+    monkeypatch.setattr("psutil.virtual_memory", lambda: SimpleNamespace(available=1000))
+    tiles = tiles_of(8, OPEN)
+    with pytest.raises(atra.MemoryBudgetError, match="copies of triangles"), tiles.towards(tiles.facing(SUN), SUN):
+        pass
+
+
+def test_what_lies_wholly_behind_one_triangle_needs_no_copies():
+    far, beside, seam = (-9, 1, -9), (9, 1, -9), (0.1, 1, 9)
+    below = tuple((x, y - 2, z) for x, y, z in (far, beside, seam))
+    for above, copies, dark in (
+        ([(far, beside, seam)], 0, 1.0),
+        ([below], 0, 0.0),
+        ([(far, (0.1, 1, -9), seam), ((0.1, 1, -9), beside, seam)], 4, 1.0),
+        ([((-0.1, 1, -0.1), (0.1, 1, -0.1), (0, 1, 0.1))], 4, None),
+    ):
+        tiles = shadowed(*above)
+        with tiles.towards(np.arange(len(tiles)), (0, 1, 0), threads=1) as rays:
+            assert rays.triangle_count == copies
+        met = compare_with_single_rays(tiles, (0, 1, 0), atra.sub_pixel_offsets(4))
+        assert met.mean() == dark if dark is not None else 0.0 < met.mean() < 0.1
+
+
+def test_rays_that_rounding_decides_are_told_from_those_that_see_something_else():
+    halves = ((-1, 1, -1), (1, 1, -1), (1, 1, 1)), ((-1, 1, -1), (1, 1, 1), (-1, 1, 1))
+    mesh = shadowed(*halves, ((-0.1, 2, -9), (-0.1, 2, 9), (-9, 2, 0))).texels.mesh
+    starts = [(0.25, 0.5, 0.25), (0.5, 1 - 1e-7, 0.1), (-0.25, 0.5, -0.25), (0.5, 0.5, 0.1), (3, 0.5, 3)]
+    rays = atra.Rays(starts, [(0, 1, 0)] * 5)
+    assert [undecided(mesh, rays, np.array([ray])) for ray in range(5)] == [1, 1, 0, 0, 0]
 
 
 def test_tiles_of_few_texels_are_left_out():
@@ -64,6 +158,21 @@ def test_tiles_of_few_texels_are_left_out():
 def test_a_size_below_1_is_refused():
     with pytest.raises(InputError, match="size of a tile is 0"):
         tiles_of(0)
+
+
+@pytest.mark.parametrize(
+    ("offsets", "out", "told"),
+    [
+        ([(0.5, 0.5), (1.5, 0.5)], None, "offset"),
+        ([0.5, 0.5], None, r"offsets have shape \(2,\)"),
+        (np.zeros((0, 2)), None, r"offsets have shape \(0, 2\)"),
+        ([(0.5, 0.5)], np.zeros((1, 8, 8, 1), np.bool_), "out is bool"),
+    ],
+)
+def test_positions_and_results_that_do_not_fit_are_refused(offsets, out, told):
+    tiles = tiles_of(8)
+    with tiles.towards(tiles.facing(SUN), SUN, threads=1) as rays, pytest.raises(InputError, match=told):
+        rays.trace(offsets, out=out)
 
 
 def rows(*intervals: tuple[float, float], scene: str = "cornell_box") -> pd.DataFrame:
@@ -94,7 +203,7 @@ def test_the_figure_shows_every_use_at_all_its_points(tmp_path):
     parts = [
         (use, positions, rows((0.4 * positions**0.4, 0.5 * positions**0.4), scene=scene))
         for scene in ("cornell_box", "sponza")
-        for use, positions in (("sun", 1), ("sun", 64), ("sky", 4), ("bundle", 16))
+        for use, positions in (("sun", 1), ("sun", 64), ("sky", 4), ("bundle", 16), ("light", 1))
     ]  # fmt: skip
     given = pd.concat(
         [

@@ -63,8 +63,9 @@ def measure(arguments: list[str], shots: Path) -> None:
             tab.get_by_text("64 of 64 samples").wait_for()
             tab.wait_for_timeout(1000)
             tab.screenshot(path=shots / f"viewer_{width}.png")
-        browser.close()
         viewer.terminate()
+        viewer.wait()  # before the page closes, to which it may be sending a picture
+        browser.close()
 
 
 def _move(tab: Any, process: psutil.Process, arrivals: Arrivals) -> None:

@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from atra.bake.charts.texels import Texels
 from atra.bake.light.tables import START_OFF
+from atra.bvh.bvh import bvh_of
 from atra.errors import InputError
-from atra.geometry.mesh import Mesh
-from atra.geometry.orthographic import OrthographicCamera
 from atra.geometry.view import unit_vector
-from atra.kernels.baking.tiles import carry_into_tile
+from atra.kernels.baking.tiles import BoxTree, Prisms
+from atra.parallel import WorkerPool
+from atra.prim_ids import MISS
+from atra.rays.tiles import TileRays
 from atra.whole_numbers import is_whole_number
 
 FLAT = 1e-3
@@ -50,89 +53,111 @@ class Tiles:
         return float((self.texel >= 0).sum()) / len(self.texels)
 
     @classmethod
-    def of(cls, texels: Texels, size: int = 32, least_texels: int = 1) -> Tiles:
-        """The tiles of all flat charts that have so many texels at least: each tile costs a look at the whole mesh.
+    def of(cls, texels: Texels, size: int = 8, least_texels: int = 1) -> Tiles:
+        """The tiles of all flat charts that have so many texels at least.
 
         Raises InputError for a size or least_texels below 1.
         """
         for name, value in (("size", size), ("least_texels", least_texels)):
             if not is_whole_number(value) or value < 1:
                 raise InputError(f"{name} of a tile is {value!r}, expected a whole number of at least 1")
-        column, row = texels.number % texels.atlas.width, texels.number // texels.atlas.width
-        found = []
-        for chart in np.unique(texels.chart):
-            plane = _plane(texels, int(chart))
-            if plane is None:
-                continue
-            mine = np.flatnonzero(texels.chart == chart)
-            left, top = column[mine].min(), row[mine].min()
-            place = np.stack([(row[mine] - top) // size, (column[mine] - left) // size], axis=1)
-            for j, i in np.unique(place, axis=0):
-                inside = mine[(place == (j, i)).all(axis=1)]
-                if len(inside) < least_texels:
-                    continue
-                first = left + i * size, top + j * size
-                of_tile = np.full((size, size), -1, np.int32)
-                of_tile[row[inside] - first[1], column[inside] - first[0]] = inside
-                found.append((plane.T @ [*first, 1.0], plane[0], plane[1], texels.normals[inside[0]], of_tile))
-        if not found:
-            none = np.zeros((0, 3))
-            return cls(texels, size, none, none, none, none, np.zeros((0, size, size), np.int32))
-        origin, across, down, normal, member = (np.array(part) for part in zip(*found, strict=True))
-        return cls(texels, size, origin, across, down, normal.astype(np.float64), member)
-
-    @property
-    def camera(self) -> OrthographicCamera:
-        """Of the reference tile: pixel (x, y) is texel (x, y), and a depth is a length along the direction."""
-        return OrthographicCamera((0, 0, 0), (0, 0, 1), (0, -1, 0), float(self.size), self.size, self.size)
+        atlas = texels.atlas
+        column, row = texels.number % atlas.width, texels.number // atlas.width
+        charts, number = np.unique(texels.chart, return_inverse=True)
+        left, top = np.full(len(charts), atlas.width), np.full(len(charts), atlas.height)
+        np.minimum.at(left, number, column)
+        np.minimum.at(top, number, row)
+        i, j = (column - left[number]) // size, (row - top[number]) // size
+        most = int(max(i.max(initial=0), j.max(initial=0))) + 1
+        _, one, tile, count = np.unique(
+            (number * most + j) * most + i, return_index=True, return_inverse=True, return_counts=True
+        )
+        planes = _planes(texels, charts)
+        wanted = np.flatnonzero((count >= least_texels) & np.isfinite(planes[number[one], 0, 0]))
+        one, plane = one[wanted], planes[number[one[wanted]]]
+        first = np.stack([left[number[one]] + i[one] * size, top[number[one]] + j[one] * size], axis=1)
+        place = np.full(len(count), -1)
+        place[wanted] = np.arange(len(wanted))
+        inside = np.flatnonzero(place[tile] >= 0)
+        own = place[tile[inside]]
+        member = np.full((len(wanted), size, size), -1, np.int32)
+        member[own, row[inside] - first[own, 1], column[inside] - first[own, 0]] = inside
+        origin = first[:, :1] * plane[:, 0] + first[:, 1:] * plane[:, 1] + plane[:, 2]
+        return cls(texels, size, origin, plane[:, 0], plane[:, 1], texels.normals[one].astype(np.float64), member)
 
     def facing(self, direction: ArrayLike) -> NDArray[np.int64]:
         """Tiles whose rays of this direction leave them, and not too flatly."""
         return np.flatnonzero(self.normal @ unit_vector("direction", direction) >= GRAZING)
 
-    def start(self, tile: int, direction: NDArray[np.float64]) -> float:
-        """How far along the unit direction rays start off a tile."""
-        bounds = self.texels.mesh.bounds
-        return START_OFF * float((bounds[1] - bounds[0]).max()) / float(self.normal[tile] @ direction)
-
-    def mesh_at(self, tile: int, direction: ArrayLike) -> Mesh | None:
-        """What rays of this direction from a tile may meet, carried so that they are the rays of `camera`, with their
-        parameters kept (paper §3.3); None where there is nothing."""
-        way = unit_vector("direction", direction)
-        onto = np.linalg.inv(np.column_stack([self.across[tile], self.down[tile], way]))
+    @cached_property
+    def tree(self) -> BoxTree:
+        """The mesh, for rays of any direction; made once."""
         mesh = self.texels.mesh
-        moved, kept = np.empty(mesh.vertices.shape), np.empty(mesh.triangle_count, np.bool_)
-        used = np.zeros(len(mesh.vertices), np.bool_)
-        shift = np.array([self.size / 2, self.size / 2, self.start(tile, way)])
-        half = self.size / 2 + 0.5
-        carry_into_tile(mesh.vertices, mesh.faces, onto, self.origin[tile], shift, half, moved, kept, used)
-        if not kept.any():
-            return None
-        place = np.cumsum(used, dtype=np.uint32) - np.uint32(1)
-        return Mesh(moved[used].astype(np.float32), place[mesh.faces[kept]], mesh.name)
+        bvh = bvh_of(mesh, mesh.vertices, WorkerPool(1))
+        is_left_over = (bvh.blocks[:, 3:9] == 0).all(axis=1)
+        prim_ids, corners = np.where(is_left_over, MISS, bvh.blocks[:, 9]), bvh.blocks.view(np.float32)
+        x, y, z = (bvh.boxes[:, 1] - bvh.boxes[:, 0]).T
+        area, inner = x * y + y * z + z * x, np.flatnonzero(bvh.block_counts == 0)
+        inner = inner[inner != 1]  # the root's neighbour is none
+        larger = np.zeros(len(area), np.uint8)
+        larger[inner] = area[bvh.first[inner] + 1] > area[bvh.first[inner]]
+        return BoxTree(
+            bvh.boxes, bvh.first, bvh.block_counts, larger, corners, prim_ids, mesh.vertices, mesh.traced_faces
+        )
+
+    @cached_property
+    def _rectangles(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """(K, 2) float64, middle and half the sides of what a tile's texels fill, from the tile's middle."""
+        lit = self.texel >= 0
+        filled = np.stack([lit.any(axis=1), lit.any(axis=2)], axis=1)
+        low, high = filled.argmax(axis=2) - self.size / 2, self.size / 2 - filled[:, :, ::-1].argmax(axis=2)
+        return (low + high) / 2, (high - low) / 2
+
+    def starts(self, tiles: NDArray[np.int64], direction: NDArray[np.float64]) -> NDArray[np.float64]:
+        """How far along the unit direction rays start off tiles."""
+        bounds = self.texels.mesh.bounds
+        return START_OFF * float((bounds[1] - bounds[0]).max()) / (self.normal[tiles] @ direction)
+
+    def prisms(self, tiles: NDArray[np.int64], direction: ArrayLike) -> Prisms:
+        """How rays of this direction from tiles are carried onto those of `atra.rays.tiles.TileRays`, parameters kept
+        (paper §3.3)."""
+        way = unit_vector("direction", direction)
+        axes = np.stack([self.across[tiles], self.down[tiles], np.broadcast_to(way, (len(tiles), 3))], axis=2)
+        onto, off = np.linalg.inv(axes).astype(np.float64), self.starts(tiles, way)
+        shift = (onto @ self.origin[tiles, :, None])[..., 0]
+        shift[:, :2] += self.size / 2
+        shift[:, 2] += off
+        middle, half = self._rectangles
+        return Prisms(onto, shift, off, middle[tiles], half[tiles])
+
+    def towards(self, tiles: NDArray[np.int64], direction: ArrayLike, **options: Any) -> TileRays:
+        """Rays of this direction from tiles; options: of `atra.options.PacketOptions`."""
+        return TileRays(self.tree, self.prisms(tiles, direction), self.size, **options)
 
     def rays(
-        self, tiles: Sequence[int] | NDArray[np.int64], direction: ArrayLike, offset: tuple[float, float]
+        self, tiles: NDArray[np.int64], direction: ArrayLike, offset: tuple[float, float]
     ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """Origins and directions, (R, 3) float32, of the texels of tiles at a sub-texel offset, tile after tile."""
         way = unit_vector("direction", direction)
-        origins = []
-        for tile in tiles:
-            y, x = np.nonzero(self.texel[tile] >= 0)
-            on_tile = np.outer(x + offset[0], self.across[tile]) + np.outer(y + offset[1], self.down[tile])
-            origins.append(self.origin[tile] + on_tile + self.start(tile, way) * way)
-        whole = np.concatenate(origins).astype(np.float32) if origins else np.zeros((0, 3), np.float32)
-        return whole, np.broadcast_to(way.astype(np.float32), whole.shape)
+        k, y, x = np.nonzero(self.texel[tiles] >= 0)
+        own, off = tiles[k], self.starts(tiles, way)[k]
+        origins = self.origin[own] + off[:, None] * way
+        origins += (x + offset[0])[:, None] * self.across[own] + (y + offset[1])[:, None] * self.down[own]
+        return origins.astype(np.float32), np.broadcast_to(way.astype(np.float32), origins.shape)
 
 
-def _plane(texels: Texels, chart: int) -> NDArray[np.float64] | None:
-    """(3, 3): the world's point of texel position (x, y) is (x, y, 1) times it; None for a chart that is not flat."""
-    faces = np.flatnonzero(texels.atlas.chart == chart)
-    uv = texels.atlas.uv[faces].reshape(-1, 2)
-    corners = texels.mesh.vertices[texels.mesh.faces[faces]].reshape(-1, 3).astype(np.float64)
-    places = np.column_stack([uv, np.ones(len(uv))])
-    plane, _, rank, _ = np.linalg.lstsq(places, corners, rcond=None)
-    texel = max(np.linalg.norm(plane[0]), np.linalg.norm(plane[1]))
-    if rank < 3 or not np.abs(places @ plane - corners).max() <= FLAT * texel:
-        return None
-    return np.asarray(plane)
+def _planes(texels: Texels, charts: NDArray[np.int32]) -> NDArray[np.float64]:
+    """(C, 3, 3): the world's point of texel position (x, y) is (x, y, 1) times it; NaN for charts that are not flat."""
+    planes = np.full((len(charts), 3, 3), np.nan)
+    order = np.argsort(texels.atlas.chart, kind="stable")
+    starts, stops = (np.searchsorted(texels.atlas.chart[order], charts, side) for side in ("left", "right"))
+    for chart, (start, stop) in enumerate(zip(starts, stops, strict=True)):
+        faces = order[start:stop]
+        uv = texels.atlas.uv[faces].reshape(-1, 2)
+        corners = texels.mesh.vertices[texels.mesh.faces[faces]].reshape(-1, 3).astype(np.float64)
+        places = np.column_stack([uv, np.ones(len(uv))])
+        plane, _, rank, _ = np.linalg.lstsq(places, corners, rcond=None)
+        texel = max(np.linalg.norm(plane[0]), np.linalg.norm(plane[1]))
+        if rank == 3 and np.abs(places @ plane - corners).max() <= FLAT * texel:
+            planes[chart] = plane
+    return planes

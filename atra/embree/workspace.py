@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
 from atra.embree import layout
 from atra.embree.layout import IntersectArguments, Packet, RayQueryContext
+from atra.errors import EmbreeError
 
 _ORIGIN_FIELDS = (layout.RAY_ORG_X, layout.RAY_ORG_Y, layout.RAY_ORG_Z)
 _ZERO_RAY_FIELDS = (*_ORIGIN_FIELDS, layout.RAY_TNEAR, layout.RAY_TIME)
@@ -27,7 +28,7 @@ class Workspace:
         packet_bytes = layout.packet_words(width) * 4
         sizes = (packet_bytes, width * 4, width * 4, layout.CONTEXT_BYTES, layout.ARGUMENTS_BYTES)
         packet, all_lanes, valid, context, arguments = (_aligned_bytes(size) for size in sizes)
-        self._width = width
+        self.width = width
         self._arguments = arguments  # kept alive: its address is what travels
         self.flags = arguments[:4].view(np.uint32)  # the first field of IntersectArguments
         self.packet = Packet(
@@ -73,7 +74,7 @@ class Workspace:
     def set_origin(self, origin: Sequence[float]) -> None:
         """Three numbers, where all rays start; zero until told otherwise. Nothing where they share their direction."""
         for field, value in zip(_ORIGIN_FIELDS, origin, strict=True):
-            self._lanes(self.packet.floats, field, self._width)[:] = value
+            self._lanes(self.packet.floats, field, self.width)[:] = value
 
     def gather_with(self, filter_address: int, block_address: int) -> None:
         """Have hits in scenes that allow it given to a filter, and the block of a `Target` to that; 0, 0: no more."""
@@ -86,6 +87,13 @@ class Workspace:
     def set_row_bytes(self, row_bytes: int) -> None:
         """Distance in bytes between the image rows the filter writes to."""
         self.packet.context[RayQueryContext.row_bytes.offset // 8] = row_bytes
+
+
+def check_widths(workspaces: Iterable[Workspace]) -> None:
+    """Raises EmbreeError where Embree handed the filter packets of another width than were sent."""
+    for one in workspaces:
+        if one.wrong_width:
+            raise EmbreeError(f"Embree handed the filter {one.wrong_width} rays instead of {one.width}; hits were lost")
 
 
 def _aligned_bytes(size: int) -> np.ndarray:

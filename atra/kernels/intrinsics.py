@@ -14,7 +14,7 @@ from numba.extending import intrinsic
 from atra.embree import layout
 from atra.embree.layout import FilterArguments, RayQueryContext
 
-_I8, _I32, _I64 = ir.IntType(8), ir.IntType(32), ir.IntType(64)
+_I8, _I16, _I32, _I64 = ir.IntType(8), ir.IntType(16), ir.IntType(32), ir.IntType(64)
 _F32, _F64 = ir.FloatType(), ir.DoubleType()
 
 
@@ -83,6 +83,18 @@ def add_at(typingctx: Any, address: Any, value: Any) -> Any:
         return context.get_dummy_value()
 
     return types.void(types.int64, types.float64), codegen
+
+
+@intrinsic
+def set_bits_at(typingctx: Any, address: Any, bits: Any) -> Any:
+    """Set bits, an int64 below 2^16, of the uint16 at an address."""
+
+    def codegen(context: Any, builder: ir.IRBuilder, signature: Any, arguments: list[ir.Value]) -> ir.Value:
+        pointer = pointer_at(builder, arguments[0], _I16.as_pointer())
+        builder.store(builder.or_(builder.load(pointer), builder.trunc(arguments[1], _I16)), pointer)
+        return context.get_dummy_value()
+
+    return types.void(types.int64, types.int64), codegen
 
 
 @intrinsic(prefer_literal=True)

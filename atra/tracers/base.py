@@ -14,8 +14,7 @@ from atra.alignment.culling import AlignedGeometry, check_image_memory
 from atra.embree.bvh_cost import BvhCost, bvh_cost
 from atra.embree.device import EmbreeDevice
 from atra.embree.scene import EmbreeScene
-from atra.embree.workspace import Workspace
-from atra.errors import EmbreeError
+from atra.embree.workspace import Workspace, check_widths
 from atra.geometry.mesh import Mesh
 from atra.geometry.ray_space import check_range, ray_axes
 from atra.geometry.view import View, check_offset
@@ -166,9 +165,7 @@ class EmbreeTracer(TracerLifetime):
                 workspace.set_row_bytes(depth.strides[0])
             self._run(offset, depth, prim_id)
             self._settle_ties(offset, prim_id)
-            wrong = next((w.wrong_width for w in self._workspaces if w.wrong_width), 0)
-        if wrong:
-            raise EmbreeError(f"Embree handed the filter {wrong} rays instead of {self.packet_width}; hits were lost")
+            check_widths(self._workspaces)
         return depth, prim_id
 
     @property

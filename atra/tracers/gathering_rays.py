@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from atra.alignment.culling import AlignedGeometry
 from atra.embree.scene import EmbreeScene
-from atra.errors import EmbreeError, InputError
+from atra.embree.workspace import check_widths
+from atra.errors import InputError
 from atra.gathering.doubts import Doubts, find_doubts
 from atra.gathering.images import target_of
 from atra.gathering.reductions import Reduction
@@ -113,9 +114,7 @@ class EmbreeGathering(Gathering, EmbreeTracer):
         finally:
             for workspace in self._workspaces:
                 workspace.gather_with(0, 0)
-        wrong = next((w.wrong_width for w in self._workspaces if w.wrong_width), 0)
-        if wrong:
-            raise EmbreeError(f"Embree handed the filter {wrong} rays instead of {self.packet_width}; hits were lost")
+        check_widths(self._workspaces)
 
     def _build_shots(self) -> None:
         self._shots = tuple((shots, self._gathering_scene(shots.geometry)) for shots in self._planned_shots())

@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import cache
 
 import numpy as np
-from numba import types
+from numba import njit, types
 
 from atra.embree.layout import HIT_INST_ID, HIT_PRIM_ID, RAY_TFAR, FilterArguments, RayQueryContext
 from atra.kernels.caching import callback
@@ -16,14 +16,22 @@ from atra.kernels.intrinsics import address_at, float_at
 from atra.kernels.raster.memory import load, store
 from atra.kernels.raster.vectors import repeated
 
-_VALID, _USER_DATA, _CONTEXT = (
+VALID, USER_DATA, CONTEXT = (
     FilterArguments.valid.offset,
     FilterArguments.user_data.offset,
     FilterArguments.context.offset,
 )
-_RAY, _HIT, _RAY_COUNT = FilterArguments.ray.offset, FilterArguments.hit.offset, FilterArguments.ray_count.offset
+_RAY, HIT, RAY_COUNT = FilterArguments.ray.offset, FilterArguments.hit.offset, FilterArguments.ray_count.offset
 _WRONG_WIDTH, _TARGET = RayQueryContext.wrong_width.offset, RayQueryContext.target_address.offset
 _FIRST_PIXEL = RayQueryContext.first_pixel.offset
+
+
+@njit
+def refuse(context, valid, given):  # type: ignore[no-untyped-def]
+    """Reject the hits of a packet of another width than was sent, and note that (`Workspace.wrong_width`)."""
+    set_int64(context + _WRONG_WIDTH, np.int64(given))
+    for lane in range(np.int64(given)):
+        store(repeated(np.int32(0), 1), valid + lane * 4)
 
 
 @cache
@@ -41,15 +49,15 @@ def gathering_filter(kind: int, shape_x: int, shape_y: int, cells: str) -> int:
 
     @callback(types.void(types.int64))
     def gather_hit(arguments):  # type: ignore[no-untyped-def]
-        context, valid = address_at(arguments + _CONTEXT), address_at(arguments + _VALID)
-        given = uint32_at(arguments + _RAY_COUNT)
+        context, valid = address_at(arguments + CONTEXT), address_at(arguments + VALID)
+        given = uint32_at(arguments + RAY_COUNT)
         if given == np.uint32(lanes):
-            hit = address_at(arguments + _HIT)
+            hit = address_at(arguments + HIT)
             prim_id = uint32_at(hit + hit_prim_id)
             pixel = address_at(context + _FIRST_PIXEL)
             if has_cells:
                 number = np.int64(uint32_at(hit + hit_inst_id)) if by_instance else np.int64(prim_id)
-                record = address_at(address_at(arguments + _USER_DATA) + number * 8)
+                record = address_at(address_at(arguments + USER_DATA) + number * 8)
                 pixel += record >> 32
                 if not by_instance:
                     prim_id = np.uint32(record & 0xFFFFFFFF)
@@ -60,9 +68,7 @@ def gathering_filter(kind: int, shape_x: int, shape_y: int, cells: str) -> int:
             take(kind, lanes, nx, taken, depth, weight, prim_id, pixel, target)
             store(repeated(np.int32(0), lanes), valid)
         else:
-            set_int64(context + _WRONG_WIDTH, np.int64(given))
-            for lane in range(np.int64(given)):
-                store(repeated(np.int32(0), 1), valid + lane * 4)
+            refuse(context, valid, given)
 
     _keep_alive.append(gather_hit)
     return gather_hit.address

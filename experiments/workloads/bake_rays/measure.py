@@ -15,10 +15,12 @@ import atra
 from atra.bake import Atlas, Texels
 from atra.bake.tiles import Tiles
 from atra.errors import InputError
+from atra.geometry.intersection import intersect_rays
 from atra.geometry.mesh import Mesh
 from atra.rays.rays import Rays
 from experiments.harness.point import Point
-from experiments.workloads.bake_rays import ONE_BY_ONE, TOGETHER, Use
+from experiments.workloads.bake_rays import CELLS, ONE_BY_ONE, TOGETHER, Use
+from experiments.workloads.bake_rays.light import measure_light
 from experiments.workloads.baselines import OWN
 from experiments.workloads.rounds import load_mesh, measured, timed_rounds
 from experiments.workloads.workload import Measured
@@ -27,14 +29,17 @@ from scenes.directory import default_cache
 _SUN = np.array((0.35, 1.0, -0.25))
 """To it; that of `scenes.lit.rooms`."""
 
-_CELLS = 128
-"""Of a bundle's image, side by side, where its rays are aligned."""
+_RIM = 1e-6
+"""Of the size of the scene: nearer to an edge, or to a triangle that it starts on, a ray is undecided."""
+
+_MOST_DOUBTS = 100
+"""Rays that are looked at in float64; if more see something else, rounding is not why."""
 
 
 def measure(point: Point) -> Measured:
     """Time a round of rays. Raises InputError and MemoryBudgetError as tracers and `Atlas` do."""
     mesh = load_mesh(point)
-    make = _measure_bundles if point.workload_options.use is Use.bundle else _measure_tiles
+    make = {Use.bundle: _measure_bundles, Use.light: measure_light}.get(point.workload_options.use, _measure_tiles)
     with ExitStack() as stack:
         return make(point, mesh, stack)
 
@@ -52,38 +57,54 @@ class AlignedTiles:
     """Rays of directions from tiles; every direction is planned and built when it is its turn."""
 
     def __init__(self, point: Point, tiles: Tiles) -> None:
-        self._point, self._tiles = point, tiles
+        self._tiles = tiles
+        # A tree of copies serves one direction: it is built more often than it is worth to build it well.
+        self._options: dict[str, Any] = {"threads": point.threads, "build_quality": "low"}
+        self._rooms: dict[int, NDArray[np.bool_]] = {}
         self.prepare_s = 0.0
 
-    def trace(self, directions: NDArray[np.float64], offsets: Any, keep: bool = False) -> list[NDArray[np.bool_]]:
-        """What rays meet, if it is to be kept: of each direction and offset, (R,) bool of the tiles that face it."""
+    def trace(
+        self, directions: NDArray[np.float64], offsets: NDArray[np.float64], keep: bool = False
+    ) -> list[NDArray[np.bool_]]:
+        """What rays meet, if it is to be kept: of each direction (R,) bool, the positions of a texel side by side."""
         kept, self.prepare_s = [], 0.0
-        for direction in directions:
+        for number, direction in enumerate(directions):
             start = perf_counter()
             facing = self._tiles.facing(direction)
-            meshes = [self._tiles.mesh_at(int(tile), direction) for tile in facing]
-            near = [mesh for mesh in meshes if mesh is not None]
-            if not near:
-                kept += [np.zeros(int((self._tiles.texel[facing] >= 0).sum()), bool)] * (len(offsets) if keep else 0)
-                continue
-            camera = self._tiles.camera
-            alignment = atra.Alignment.of_frames([camera] * len(near), atra.Split.of_image((1, 1), camera))
-            options: dict[str, Any] = self._point.tracing.ours | {"ties": "any"}
-            with atra.FramesTracer(near, alignment, **options) as tracer:
+            with self._tiles.towards(facing, direction, **self._options) as rays:
                 self.prepare_s += perf_counter() - start
-                frames = None
-                for offset in offsets:
-                    frames = tracer.trace(offset, out=frames)
-                    if keep:
-                        kept.append(self._hit(frames, facing, meshes))
+                self._rooms[number] = met = rays.trace(offsets, out=self._rooms.get(number))
+            if keep:
+                kept.append(met[self._tiles.texel[facing] >= 0].ravel())
         return kept
 
-    def _hit(self, frames: Any, facing: NDArray[np.int64], meshes: list[Mesh | None]) -> NDArray[np.bool_]:
-        found, frame = [], iter(frames.depth)
-        for tile, mesh in zip(facing, meshes, strict=True):
-            member = self._tiles.texel[tile] >= 0
-            found.append(np.zeros(int(member.sum()), bool) if mesh is None else np.isfinite(next(frame))[member])
-        return np.concatenate(found)
+
+def undecided(mesh: Mesh, rays: Rays, numbers: NDArray[np.int64]) -> int:
+    """How many of these rays, whose directions are unit vectors, float32 cannot decide: they pass the rim of a
+    triangle, or start on one, and meet no other surely."""
+    count, near = 0, _RIM * float((mesh.bounds[1] - mesh.bounds[0]).max())
+    every = np.arange(mesh.triangle_count)
+    corners = mesh.triangles(every)
+    sides = np.linalg.norm(corners[:, [2, 0, 1]] - corners[:, [1, 2, 0]], axis=2)  # opposite of each corner
+    areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    heights = areas[:, None] / np.maximum(sides, np.finfo(float).tiny)
+    for ray in numbers[:_MOST_DOUBTS]:
+        direction = np.broadcast_to(rays.directions[ray].astype(np.float64), (len(every), 3))
+        found = intersect_rays(mesh, rays.origins[ray] - 2 * near * direction, direction, every)
+        weights = np.stack([1 - found.u - found.v, found.u, found.v], axis=1)
+        to_rim = np.nan_to_num((weights * heights).min(axis=1), nan=-np.inf)
+        depth = found.depth - 2 * near
+        ahead, inside = (depth > near) & np.isfinite(depth), to_rim > near
+        doubtful = (to_rim >= -near) & np.where(ahead, ~inside, np.abs(depth) <= near)
+        count += bool(doubtful.any() and not (ahead & inside).any())
+    return count
+
+
+def tile_rays(tiles: Tiles, direction: NDArray[np.float64], offsets: NDArray[np.float64]) -> Rays:
+    """Those of the tiles that face a direction, the positions of a texel side by side, as is fastest for packets."""
+    facing = tiles.facing(direction)
+    origins, directions = zip(*(tiles.rays(facing, direction, tuple(offset)) for offset in offsets), strict=True)
+    return Rays(np.stack(origins, axis=1).reshape(-1, 3), np.stack(directions, axis=1).reshape(-1, 3))
 
 
 def _measure_tiles(point: Point, mesh: Mesh, stack: ExitStack) -> Measured:
@@ -95,10 +116,7 @@ def _measure_tiles(point: Point, mesh: Mesh, stack: ExitStack) -> Measured:
             f"no tile of a flat chart of {point.scene} has {settings.least_texels} texels: set "
             "workload.least_texels or a larger workload.map_size"
         )
-    directions, offsets = (
-        directions_of(point),
-        [tuple(pair) for pair in atra.sub_pixel_offsets(settings.positions).tolist()],
-    )
+    directions, offsets = directions_of(point), atra.sub_pixel_offsets(settings.positions)
     own = AlignedTiles(point, tiles)
     scenes = {
         name: stack.enter_context(
@@ -106,15 +124,14 @@ def _measure_tiles(point: Point, mesh: Mesh, stack: ExitStack) -> Measured:
         )
         for name, width in ((ONE_BY_ONE, 1), (TOGETHER, None))
     }
-    batches = [
-        Rays(*tiles.rays(tiles.facing(direction), direction, offset)) for direction in directions for offset in offsets
-    ]
+    batches = [tile_rays(tiles, direction, offsets) for direction in directions]
 
     def occlude(scene: atra.RayScene) -> list[NDArray[np.bool_]]:
         return [scene.occluded(batch, coherent=True) for batch in batches]
 
     aligned = own.trace(directions, offsets, keep=True)
-    different = sum(int((a != b).sum()) for a, b in zip(aligned, occlude(scenes[ONE_BY_ONE]), strict=True))
+    different = [np.flatnonzero(a != b) for a, b in zip(aligned, occlude(scenes[ONE_BY_ONE]), strict=True)]
+    doubtful = sum(undecided(mesh, batch, numbers) for batch, numbers in zip(batches, different, strict=True))
     prepared: list[float] = []
 
     def trace() -> None:
@@ -128,7 +145,8 @@ def _measure_tiles(point: Point, mesh: Mesh, stack: ExitStack) -> Measured:
         "aligned_texel_share": tiles.texel_share,
         "tiles": len(tiles),
         "rays_compared": sum(map(len, batches)),
-        "rays_different": different,
+        "rays_different": sum(map(len, different)) - doubtful,
+        "rays_undecided": doubtful,
     }
     return measured(results, timed)
 
@@ -143,7 +161,7 @@ def _measure_bundles(point: Point, mesh: Mesh, stack: ExitStack) -> Measured:
     ]
     offsets = [tuple(pair) for pair in atra.sub_pixel_offsets(settings.positions).tolist()]
     tracers: dict[str, Any] = {
-        OWN: stack.enter_context(atra.AlignedTracer(mesh, cameras[0], split=(min(_CELLS, size), 1), **ours)),
+        OWN: stack.enter_context(atra.AlignedTracer(mesh, cameras[0], split=(min(CELLS, size), 1), **ours)),
         ONE_BY_ONE: stack.enter_context(atra.PixelTracer(mesh, cameras[0], packet_width=1, **ours)),
         TOGETHER: stack.enter_context(atra.PixelTracer(mesh, cameras[0], **ours)),
     }
