@@ -14,17 +14,27 @@ from atra import render
 from atra.bake import BakeScene, Lightmap, Surface, Texels, clay_view, denoised, lit_view
 from atra.bake.finish.views import looked_up
 from atra.errors import InputError
+from atra.kernels.baking.tables import LUMINANCE
 from tests.baked import baked, cube, sheet
 from tests.meshes import quads
 from tests.shown import floor
 
+NOISE = 0.25
+"""Variance of `noisy` light, of each colour."""
 
-def of_light(texels: Texels, light: NDArray[np.float32], samples: int = 16) -> Lightmap:
-    """A map of texels with this direct light, (N, 3), and no other."""
+
+def noisy(count: int, seed: int) -> NDArray[np.float32]:
+    """(N, 3), light whose mean is 1."""
+    return np.random.default_rng(seed).gamma(1 / NOISE, NOISE, (count, 3)).astype(np.float32)
+
+
+def of_light(texels: Texels, light: NDArray[np.float32], noise: float = NOISE, samples: int = 16) -> Lightmap:
+    """A map of texels with this direct light, (N, 3), of so much variance, and no other."""
     count = len(texels)
     nothing, whole = np.zeros((count, 3), np.float32), np.ones(count, np.float32)
+    of_one = whole * np.float32(samples * noise * np.square(LUMINANCE).sum())
     return Lightmap(
-        texels, np.full(count, samples, np.int32), light, nothing, nothing, whole, np.zeros(count, np.float32), whole
+        texels, np.full(count, samples, np.int32), light, nothing, nothing, whole, np.zeros(count, np.float32), of_one
     )
 
 
@@ -46,8 +56,7 @@ def two_charts(texels: int, gap: int) -> tuple[Texels, NDArray[np.bool_]]:
 def test_denoising_takes_noise_and_nothing_of_a_white_chart_leaks_into_a_black_one_beside_it():
     pytest.importorskip("pyoidn", reason="pyoidn is not installed: pip install -e '.[denoise]'")
     texels, black = two_charts(32, 2)
-    rng = np.random.default_rng(1)
-    light = np.where(black[:, None], 0.0, rng.gamma(4.0, 0.25, (len(texels), 3))).astype(np.float32)
+    light = np.where(black[:, None], 0, noisy(len(texels), 1))
     clean = denoised(of_light(texels, light), 1)
     assert not clean.combined[black].any()
     white = clean.combined[~black]
@@ -56,10 +65,22 @@ def test_denoising_takes_noise_and_nothing_of_a_white_chart_leaks_into_a_black_o
     np.testing.assert_array_equal(denoised(of_light(texels, light), 1).combined, clean.combined)
 
 
+@pytest.mark.parametrize(("samples", "kept"), [(16, True), (1, False)])  # one sample tells no variance
+def test_light_that_is_no_noise_by_its_variance_is_given_back(samples, kept):
+    pytest.importorskip("pyoidn", reason="pyoidn is not installed: pip install -e '.[denoise]'")
+    texels, second = two_charts(32, 2)
+    light = noisy(len(texels), 3)
+    sharp, blurred = (
+        denoised(of_light(texels, light, variance, samples), 1).combined[second] for variance in (1e-6, NOISE)
+    )
+    assert (np.abs(sharp - light[second]).max() < 1e-3) == kept
+    assert blurred.std() < 0.25 * light[second].std()
+
+
 def test_denoising_leaves_alone_what_has_no_light_to_be_known_of():
     pytest.importorskip("pyoidn", reason="pyoidn is not installed: pip install -e '.[denoise]'")
     texels, second = two_charts(8, 3)
-    light = np.random.default_rng(2).gamma(4.0, 0.25, (len(texels), 3)).astype(np.float32)
+    light = noisy(len(texels), 2)
     backs = second.astype(np.float32)  # it lies inside of something
     given = replace(of_light(texels, light), backs=backs)
     clean = denoised(given, 1)
