@@ -12,12 +12,18 @@ from atra import render
 from atra.bake import Atlas, Baker, BakeScene
 from atra.bake.charts.texels import unit_normals
 from atra.bake.charts.unwrap import UNMAPPED
+from atra.errors import InputError
 from atra.kernels.baking.tables import LUMINANCE
-from experiments.workloads.render.mitsuba import material_of, mitsuba_scene
+from experiments.methods.peers.mitsuba_light import load_mitsuba, parts_of, suns_of
+from experiments.workloads.bake import BAKE, Against
+from experiments.workloads.bake.mitsuba import MitsubaPaths, with_plain_light
+from experiments.workloads.render.mitsuba import mitsuba_scene
 from scenes.cornell_box import CORNELL_BOX_CAMERA
 from scenes.lit.rooms import lit_cornell_box
 from tests.baked import cube, sheet, standard_error
-from tests.meshes import joined
+from tests.meshes import joined, quads
+from tests.shown import floor
+from tests.test_bake_points import measured, xatlas
 
 if importlib.util.find_spec("mitsuba") is None:
     pytest.skip("Mitsuba 3 is not installed (extra `peers`)", allow_module_level=True)
@@ -39,21 +45,7 @@ def of_mitsuba(scene, origins, directions):
     """(N, 3): radiance of one path along each ray, of BOUNCES reflections at most."""
     mi = pytest.importorskip("mitsuba")
     mi.set_variant("scalar_rgb")
-    parts = {"type": "scene"}
-    for number, material in enumerate(scene.materials):
-        properties = mi.Properties()
-        properties["bsdf"] = mi.load_dict(material_of(material))
-        if isinstance(material, render.Emissive):
-            lamp = {"type": "area", "radiance": {"type": "rgb", "value": list(material.colour)}}
-            properties["emitter"] = mi.load_dict(lamp)
-        used, faces = np.unique(scene.mesh.faces[scene.face_materials == number], return_inverse=True)
-        mesh = mi.Mesh(f"part {number}", len(used), faces.size // 3, props=properties)
-        parameters = mi.traverse(mesh)
-        parameters["vertex_positions"] = scene.mesh.vertices[used].ravel()
-        parameters["faces"] = faces.ravel()
-        parameters.update()
-        parts[f"part{number}"] = mesh
-    loaded = mi.load_dict(parts)
+    loaded = mi.load_dict(parts_of(mi, scene))
     path = mi.load_dict({"type": "path", "max_depth": BOUNCES + 1, "rr_depth": 10_000})
     sampler = mi.load_dict({"type": "independent"})
     sampler.seed(1)
@@ -126,3 +118,43 @@ def test_a_wall_of_the_cornell_box_has_mitsuba_s_light_within_three_thousandths(
     spread = theirs.std(ddof=1) / np.sqrt(RENDERS)
     assert spread < 0.001 * ours
     assert abs(ours / theirs.mean() - 1) < 0.003
+
+
+def sunlit() -> render.RenderScene:
+    """A box above a floor, beneath a sun and a sky."""
+    mesh = joined(cube(0.5), quads([floor(3.0, -0.6)]))
+    materials, sky = [render.Lambertian((0.6, 0.5, 0.4))], render.GradientSky((0.3, 0.3, 0.3), (0.5, 0.7, 1.0))
+    return render.RenderScene(mesh, materials, lights=[render.Sun((-0.35, -1.0, 0.25), power=3.0)], sky=sky)
+
+
+@pytest.mark.parametrize("room", [lit_box(), sunlit()], ids=["lamp", "sun"])
+def test_paths_that_a_round_is_held_against_find_the_same_light_and_as_many_vertices(room):
+    try:
+        load_mitsuba("llvm_ad_rgb", "this test", 1)
+    except InputError as problem:
+        pytest.skip(str(problem))
+    room = with_plain_light(room)
+    with Baker(BakeScene.of(room), sheet(room.mesh, 8), threads=1, bounces=BOUNCES) as baker:
+        theirs = MitsubaPaths(room, baker, 16)
+        for _ in range(15):
+            theirs.add()
+        baker.add(256)
+        found = theirs.against(baker.maps)
+    assert abs(found["other_light_ratio"] - 1) < 4 * found["other_light_error"]
+    assert found["other_light_error"] < 0.01
+
+
+@xatlas
+def test_a_round_of_a_point_is_held_against_as_many_paths_by_mitsuba():
+    point, found = measured(against=Against.mitsuba, samples=4)
+    assert set(found.samples) == {"own", "other"} == BAKE.samples(point)
+    assert found.results["paths_per_round"] == 4 * found.results["texels"]
+    assert {"other_light_ratio", "other_light_error", "best_other_ratio"} <= set(found.results)
+    assert "other_rays_per_round" not in found.results
+
+
+def test_light_that_mitsuba_is_not_handed_is_refused():
+    with pytest.raises(InputError, match="expected no PointLight"):
+        suns_of([render.PointLight((0, 1, 0))])
+    with pytest.raises(InputError, match="expected no Sun"):
+        suns_of([render.Sun((0, -1, 0))])

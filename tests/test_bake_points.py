@@ -4,22 +4,28 @@ from __future__ import annotations
 
 import importlib.util
 import math
+import sys
 from typing import Any
 
 import numpy as np
 import pandas as pd
 import pytest
 
+from atra.bake import Baker, BakeScene
+from atra.bake.light.adaptive import FIRST_LOOK
 from atra.errors import InputError
+from atra.render import constant_sky
 from experiments.drawing.figure import draw_figure
 from experiments.harness.configuration import Chosen, Configuration, MeasureConfiguration, SceneConfiguration
 from experiments.harness.points import plan_points
 from experiments.harness.records import Record
 from experiments.methods import find_method
+from experiments.methods.peers.mitsuba_light import load_mitsuba
 from experiments.results.claims import DOES_NOT_HOLD, HOLDS, NOT_MEASURED, UNDECIDED, judge_claim
 from experiments.results.table import columns
 from experiments.worker import measure_point
 from experiments.workloads.bake import BAKE, STAGES, Against, BakeSettings, Compaction
+from experiments.workloads.bake.adaptive import adaptive_bias
 from experiments.workloads.bake.claims import CLAIMS
 from experiments.workloads.bake.figures import FIGURES
 from experiments.workloads.bake.measure import lamps
@@ -28,13 +34,18 @@ from experiments.workloads.bake_rays.claims import CLAIMS as PREDICTIONS
 from experiments.workloads.workload import Measured
 from scenes.built_in import make_scene
 from scenes.loading import SceneSource
+from tests.baked import cube, sheet
 from tests.quotations.bake import (
+    bias_of_adaptive,
     finished_maps,
     means_of_a_bake,
+    paths_beside_mitsuba,
     verdicts_on_alignment,
     verdicts_on_buffers,
     verdicts_on_finishing,
     verdicts_on_lightmaps,
+    verdicts_on_mitsuba,
+    verdicts_on_views,
 )
 from tests.quotations.quotation import Kept
 
@@ -56,7 +67,7 @@ def measured(**options: Any) -> tuple[Any, Measured]:
 
 
 @xatlas
-@pytest.mark.parametrize("against", list(Against))
+@pytest.mark.parametrize("against", [one for one in Against if one is not Against.mitsuba])
 def test_a_point_is_held_against_the_same_bake_without_one_of_its_means(against: Against) -> None:
     asked = {
         Against.nothing: {"priority": True}, Against.expansion: {"priority": True, "batch_rays": 512},
@@ -106,6 +117,43 @@ def test_lamps_are_as_bright_together_however_many_and_lie_inside_the_scene() ->
     assert ((places > mesh.bounds[0]) & (places < mesh.bounds[1])).all()
     with pytest.raises(InputError, match="lamps is -1"):
         BakeSettings(lamps=-1)
+
+
+@pytest.mark.parametrize("light", [{"albedo": 0.5}, {"lamps": 4}, {"panorama": True}, {"priority": True}])
+def test_mitsuba_is_handed_a_scene_in_its_own_light_alone(light: dict[str, Any]) -> None:
+    (name,) = light
+    with pytest.raises(InputError, match=f"workload.{name} is .* with workload.against=mitsuba"):
+        BakeSettings(against=Against.mitsuba, **light)
+
+
+def test_without_mitsuba_a_point_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "mitsuba", None)
+    with pytest.raises(InputError, match=r"workload\.against=mitsuba needs mitsuba; run: pip install -e '\.\[peers\]'"):
+        load_mitsuba("llvm_ad_rgb", "workload.against=mitsuba", 1)
+
+
+def test_an_adaptive_map_of_even_light_is_as_bright_as_its_sky_and_leaves_out_what_comes_after_the_first_look() -> None:
+    mesh = cube()
+    brighter, scene = (BakeScene(mesh, sky=constant_sky(radiance)) for radiance in (2.2, 2.0))
+    with (
+        Baker(brighter, sheet(mesh, 8), threads=1, adaptive=True) as adaptive,
+        Baker(scene, sheet(mesh, 8), threads=1, seed=1) as full,
+    ):
+        found = adaptive_bias(adaptive, full, 256)
+        assert (adaptive.samples == FIRST_LOOK).all()
+        assert (full.samples == 256).all()
+    assert found["adaptive_bias"] == pytest.approx(0.1, abs=1e-6)
+    assert found["adaptive_bias_error"] < 1e-6
+    assert found["adaptive_left_out"] == 1.0 - FIRST_LOOK / 256
+    assert found["adaptive_speedup"] > 0.0
+
+
+@xatlas
+def test_a_point_of_an_adaptive_bake_tells_its_bias() -> None:
+    _, found = measured(adaptive=True, final_samples=32, size=16)
+    assert abs(found.results["adaptive_bias"]) < 5 * found.results["adaptive_bias_error"]
+    assert found.results["adaptive_left_out"] == 0.0  # before the first look
+    assert "adaptive_bias" not in measured(size=16)[1].results
 
 
 @xatlas
@@ -184,6 +232,12 @@ def test_a_ratio_is_judged_by_whole_intervals_on_all_scenes_but_one(ends: Any, e
     assert verdict("compaction-bounces", table(ratio("view_speedup", *ends))) == NOT_MEASURED
 
 
+def test_of_a_single_scene_none_is_spared() -> None:
+    rows = table({"occupancy": "any", "map_occupancy": 0.4} | ratio("speedup_vs_other", *[BAD] * 4))
+    for claim in ("compaction-bounces", "occupancy"):
+        assert verdict(claim, rows[rows["scene"].eq("sponza")]) == DOES_NOT_HOLD
+
+
 def test_a_bound_has_two_ends_and_a_claim_its_own_points() -> None:
     emptiest = {"against": "occupancy"}
     assert (
@@ -224,6 +278,15 @@ def test_what_opaque_scenes_pay_is_judged_by_the_bound_that_was_set() -> None:
     through = {"against": "translucency"}
     for ends, expected in (((0.99, 1.02), HOLDS), ((1.04, 1.06), DOES_NOT_HOLD), ((1.0, 1.06), UNDECIDED)):
         assert verdict("opaque", table(through | ratio("speedup_vs_other", *[ends] * 4))) == expected
+
+
+def test_paths_beside_mitsuba_count_in_one_thread_and_where_both_find_the_same_light() -> None:
+    held = {"against": "mitsuba", "threads": 1, "other_light_ratio": 1.01, "other_light_error": 0.003}
+    good, slower = (held | ratio("speedup_vs_best_other", *[ends] * 4) for ends in ((1.02, 1.1), (0.95, 1.1)))
+    assert verdict("target-mitsuba", table(good)) == HOLDS
+    assert verdict("target-mitsuba", table(good, slower)) == UNDECIDED  # of all points of a scene
+    assert verdict("target-mitsuba", table(good | {"other_light_error": (0.003, 0.003, 0.003, 0.002)})) == UNDECIDED
+    assert verdict("target-mitsuba", table(good | {"threads": 2})) == NOT_MEASURED
 
 
 def test_the_search_for_what_a_view_shows_is_judged_where_both_methods_searched() -> None:
@@ -318,27 +381,39 @@ def test_what_pages_quote_of_points_is_of_those_that_a_row_names() -> None:
     }
 
 
+def test_what_pages_quote_beside_mitsuba_and_of_adaptive_maps_has_a_cell_a_scene() -> None:
+    held = [
+        {"against": "mitsuba", "packets": packets} | ratio("speedup_vs_other", *[(low, low + 0.05)] * 4)
+        for packets, low in (("1", 1.2), ("8", 1.5))
+    ]
+    rows = paths_beside_mitsuba(Kept(table(*held), pd.DataFrame(), [])).rows
+    assert [
+        row.count(text) for row, text in zip(rows, ("1.22", "not measured", "1.52", "not measured"), strict=True)
+    ] == [4] * 4
+    bias = {"adaptive": True, "adaptive_bias": -0.00125, "adaptive_bias_error": 0.0004, "adaptive_left_out": 0.183}
+    rows = bias_of_adaptive(Kept(table(bias | {"adaptive_speedup": 1.25}), pd.DataFrame(), [])).rows
+    assert [row.count(text) for row, text in zip(rows, ("-0.12 ± 0.04 %", "18.3 %", "1.25"), strict=True)] == [4] * 3
+
+
 def test_pages_have_a_verdict_on_every_claim_from_the_sweep_that_decides_it() -> None:
-    denoised = {"denoise": True, "against": "nothing", "seam_step_ratio": 0.1}
-    finishing = table(denoised | ratio("denoised_over_raw", *[(0.8, 0.9)] * 2, *[(1.8, 1.9)] * 2))
+    finishing = table({"denoise": True, "against": "nothing", "seam_step_ratio": 0.1, "denoised_ratio": 0.8})
     sizes = table(*({"size": size, "batch_rays": 1 << 12, "buffer_bytes": 1000} for size in (256, 2048)))
     found = table({"method": "pixel", "culling_map_s": 0.3}, {"method": "visible_first", "culling_map_s": 0.1})
     quoted = {
         make: [row.strip("| ").split(" | ") for row in make(Kept(rows, pd.DataFrame(), [])).rows]
         for make, rows in (
             (verdicts_on_lightmaps, drawn_rows()), (verdicts_on_finishing, finishing), (verdicts_on_buffers, sizes),
-            (verdicts_on_alignment, found),
+            (verdicts_on_alignment, found), (verdicts_on_mitsuba, drawn_rows()), (verdicts_on_views, found),
         )
     }  # fmt: skip
     claims = [*CLAIMS, *PREDICTIONS]
     assert sorted(cells[0] for rows in quoted.values() for cells in rows) == sorted(claim.text for claim in claims)
     (sooner,) = (cells for cells in quoted[verdicts_on_lightmaps] if cells[0].startswith("What the view shows"))
     assert sooner[1:] == ["cornell_box 2.00; mitsuba 2.00; fireplace_room 2.00; sponza 2.00", HOLDS]
-    assert [cells[2] for cells in quoted[verdicts_on_finishing]] == [DOES_NOT_HOLD, HOLDS]
+    assert [cells[2] for cells in quoted[verdicts_on_finishing]] == [HOLDS, HOLDS]
     assert [cells[2] for cells in quoted[verdicts_on_buffers]] == [HOLDS]
-    assert [cells[2] for cells in quoted[verdicts_on_alignment]] == [
-        *[NOT_MEASURED] * len(PREDICTIONS), HOLDS, NOT_MEASURED,
-    ]  # fmt: skip
+    assert [cells[2] for cells in quoted[verdicts_on_alignment]] == [NOT_MEASURED] * len(PREDICTIONS)
+    assert [cells[2] for cells in quoted[verdicts_on_views]] == [HOLDS, NOT_MEASURED]
 
 
 def test_of_several_points_of_a_scene_a_claim_says_from_where_to_where() -> None:

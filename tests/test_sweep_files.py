@@ -73,10 +73,12 @@ SWEEPS = {
         [f"~sweep.grids.bake_{name}" for name in IN_PROCESS],
         {"bake_convergence", "bake_stages", "bake_rays"},
     ),
-    "bake_rays_smoke": (["method=raster"], {"bake_alignment", "bake_convergence"}),
+    "bake_rays_smoke": (["method=raster"], {"bake_alignment"}),
     "bake_buffers": (["workload.size=16,32"], set()),
+    "bake_adaptive": (["workload.size=16", "workload.final_samples=64"], set()),
+    "bake_culling_map": (["workload.size=16", "method=raster"], {"bake_convergence"}),
 }
-WITH_A_TWIN = {"bake", "bake_denoise", "bake_rays", "classification"}
+WITH_A_TWIN = {"bake", "bake_denoise", "bake_mitsuba", "bake_rays", "classification"}
 PARTS_OF_SMOKE = {"horizontal", "vertical", "grid", "build", "memory", "scenes", "paper"}
 
 

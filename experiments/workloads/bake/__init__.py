@@ -16,7 +16,7 @@ from experiments.harness.point import Point
 from experiments.harness.records import Record
 from experiments.methods.method import option
 from experiments.results.statistics import Series, statistics_columns
-from experiments.workloads.baselines import OWN, over_own, series
+from experiments.workloads.baselines import OWN, over, over_own, series
 from experiments.workloads.resources import say_mib
 from experiments.workloads.workload import UnderSky, Workload
 
@@ -61,7 +61,7 @@ class Environment(Enum):
 class Against(Enum):
     """What a round is held against in the same rounds: nothing; one kind of compaction less; a map that is as full as
     can be; rays of texels that do not lie side by side; paths that never end by roulette; a sky that is found by chance
-    alone; code for faces that let light on; lights of which each is as likely as any."""
+    alone; code for faces that let light on; lights of which each is as likely as any; as many paths by Mitsuba 3."""
 
     nothing = "nothing"
     compaction = "compaction"
@@ -71,6 +71,7 @@ class Against(Enum):
     environment = "environment"
     translucency = "translucency"
     lights = "lights"
+    mitsuba = "mitsuba"
 
 
 @dataclass(frozen=True)
@@ -111,6 +112,14 @@ class BakeSettings(UnderSky):
             share = getattr(self, name)
             if share is not None and not 0.0 < share <= most:
                 raise InputError(f"workload.{name} is {share}, expected a number above 0 and at most {most}, or null")
+        if self.against is Against.mitsuba:
+            light = {"sky": self.sky, "albedo": self.albedo, "panorama": self.panorama, "lamps": self.lamps or None}
+            for name, value in (light | {"priority": self.priority}).items():
+                if value not in (None, False):
+                    raise InputError(
+                        f"workload.{name} is {value!r} with workload.against=mitsuba, which is handed all texels of a "
+                        "scene in its own light; leave it out"
+                    )
         self.options()
 
     def options(self, threads: int | None = 1, build_quality: str = "medium") -> BakeOptions:
@@ -131,9 +140,10 @@ class BakeSettings(UnderSky):
 
     @property
     def other(self) -> dict[str, Any] | None:
-        """Options of the library that are other in what it is held against; None where that is nothing."""
+        """Options of the library that are other in what it is held against; None where that is no bake of ours."""
         less = {Compaction.texels: "none", Compaction.bounces: "texels"}
-        if self.against is Against.nothing or (self.against is Against.compaction and self.compaction not in less):
+        nothing = self.against is Against.compaction and self.compaction not in less
+        if nothing or self.against in (Against.nothing, Against.mitsuba):
             return None
         changes: dict[Against, dict[str, Any]] = {
             Against.compaction: {"compaction": less.get(self.compaction)},
@@ -164,16 +174,9 @@ def _rays_per_s(name: str = OWN, rays: str = "rays_per_round") -> Series:
 
 def _of_view(point: Point) -> frozenset[str]:
     settings = point.workload_options
-    others = {OTHER} if settings.other is not None else {WHOLE_MAP, WITHOUT_VIEW} if settings.priority else set()
+    is_held = settings.other is not None or settings.against is Against.mitsuba
+    others = {OTHER} if is_held else {WHOLE_MAP, WITHOUT_VIEW} if settings.priority else set()
     return frozenset({OWN, *others})
-
-
-def _over(upper: Series, lower: Series) -> Series:
-    def ratios(record: Record) -> Any:
-        above, below = upper(record), lower(record)
-        return None if above is None or below is None else above / below
-
-    return ratios
 
 
 def _result(name: str) -> Series:
@@ -200,16 +203,22 @@ BAKE = Workload(
     columns=(
         *statistics_columns("bake_time{}_s", "a round of samples of the texels that come first", series(OWN)),
         *statistics_columns("rays_per_s{}", "rays that were traced in a second", _RAYS),
+        *statistics_columns("paths_per_s{}", "paths from texels in a second", _rays_per_s(OWN, "paths_per_round")),
         *statistics_columns("speedup_vs_other{}", "what it is held against / this", over_own(series(OTHER))),
-        *statistics_columns("rays_speedup_vs_other{}", "rays/s, this / the other's", _over(_RAYS, _OTHER_RAYS)),
+        *statistics_columns(
+            "speedup_vs_best_other{}", "the same, Mitsuba's first rays as what they are", _result("best_other_ratio")
+        ),
+        *statistics_columns("rays_speedup_vs_other{}", "rays/s, this / the other's", over(_RAYS, _OTHER_RAYS)),
         *statistics_columns("quality_vs_other{}", "time to an error, the other's / this", _quality),
         *statistics_columns("tracing_vs_other{}", "stages that trace, the other's / this", _result("tracing_ratio")),
         *statistics_columns("shading_vs_other{}", "stages that shade, the other's / this", _result("shading_ratio")),
         *statistics_columns("view_speedup{}", "a round without a view / this", over_own(series(WITHOUT_VIEW))),
         *statistics_columns(
-            "whole_map_cost{}", "the whole map, seen first / in rows", _over(series(WHOLE_MAP), series(WITHOUT_VIEW))
+            "whole_map_cost{}", "the whole map, seen first / in rows", over(series(WHOLE_MAP), series(WITHOUT_VIEW))
         ),
         Column("rays_per_round", WHOLE, "rays that a round traces"),
+        Column("other_light_ratio", REAL, "mean light of all texels, Mitsuba's / this"),
+        Column("other_light_error", REAL, "standard error of other_light_ratio"),
         Column("lane_utilisation", REAL, "of the lanes of all stages that trace, those with a ray"),
         Column("batch_fill", REAL, "of the rays that a batch has room for, those that texels start in it"),
         *(Column(f"{stage}_s", REAL, f"of a round, in the stage {stage}") for stage in STAGES),
@@ -228,8 +237,12 @@ BAKE = Workload(
         Column("culling_map_s", REAL, "finding these by the point's method"),
         Column("atlas_s", REAL, "making charts and texels"),
         Column("seam_step_ratio", REAL, "difference of both sides of seams, after / before stitching"),
-        *statistics_columns("denoised_over_raw{}", "error denoised / raw of 4 x as many", _result("denoised_ratio")),
+        Column("denoised_ratio", REAL, "error denoised / raw of 4 x as many samples, the same in every process"),
         Column("denoise_s", REAL, "denoising the map"),
+        Column("adaptive_bias", REAL, "mean light of an adaptive map / of an independent full one, less 1"),
+        Column("adaptive_bias_error", REAL, "standard error of adaptive_bias"),
+        Column("adaptive_left_out", REAL, "share of the samples of a full map that an adaptive one leaves out"),
+        *statistics_columns("adaptive_speedup{}", "time of a full map / an adaptive one", _result("adaptive_speedup")),
     ),
     headline=_headline,
     room=__name__,

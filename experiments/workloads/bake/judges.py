@@ -43,11 +43,16 @@ def judge_ratio(table: pd.DataFrame | None, name: str, which: Which, bound: Boun
     right = pd.Series((low >= bound.low) & (high <= bound.high), rows["scene"]).groupby(level=0).all()
     wrong = pd.Series((high < bound.low) | (low > bound.high), rows["scene"]).groupby(level=0).any()
     told = "; ".join(_span(scene, same[name]) for scene, same in rows.groupby("scene", sort=False, observed=True))
-    spanned, spared = f"{low.min():.2f} to {high.max():.2f}", int(len(right) > 1)
-    if int((~right).sum()) <= spared:
+    spanned = f"{low.min():.2f} to {high.max():.2f}"
+    if _on_all_but_one(right):
         return Judgement(HOLDS, told, spanned)
-    verdict = DOES_NOT_HOLD if int(wrong.sum()) > spared else UNDECIDED
+    verdict = UNDECIDED if _on_all_but_one(~wrong) else DOES_NOT_HOLD
     return Judgement(verdict, told, spanned, f"inside on {int(right.sum())} of {len(right)} scenes")
+
+
+def _on_all_but_one(so: pd.Series) -> bool:
+    """Whether it is so on all scenes but one; of a single scene, on that. so: of each scene."""
+    return int((~so).sum()) <= int(len(so) > 1)
 
 
 def _span(scene: object, values: pd.Series) -> str:
@@ -69,10 +74,10 @@ def judge_shares(
     if not len(values):
         return Judgement(NOT_MEASURED, why="no point tells")
     told = "; ".join(f"{scene} {value:.2g}" for scene, value in values.items())
-    outside = int((~values.between(bound.low, bound.high)).sum())
-    if outside <= int(len(values) > 1):
+    inside = values.between(bound.low, bound.high)
+    if _on_all_but_one(inside):
         return Judgement(HOLDS, told)
-    return Judgement(DOES_NOT_HOLD, told, None, f"outside on {outside} of {len(values)} scenes")
+    return Judgement(DOES_NOT_HOLD, told, None, f"outside on {int((~inside).sum())} of {len(values)} scenes")
 
 
 def judge_buffers(table: pd.DataFrame | None) -> Judgement:
@@ -106,7 +111,9 @@ def judge_culling_map(table: pd.DataFrame | None) -> Judgement:
     if not ratios:
         return Judgement(NOT_MEASURED, why="no scene was searched by both methods")
     told = "; ".join(f"{scene} {ratio:.2f}" for scene, ratio in ratios.items())
-    below = sum(ratio < _FORECAST for ratio in ratios.values())
-    if below <= int(len(ratios) > 1):
+    above = pd.Series(ratios) >= _FORECAST
+    if _on_all_but_one(above):
         return Judgement(HOLDS, told)
-    return Judgement(DOES_NOT_HOLD, told, None, f"less than {_FORECAST:g} on {below} of {len(ratios)} scenes")
+    return Judgement(
+        DOES_NOT_HOLD, told, None, f"less than {_FORECAST:g} on {int((~above).sum())} of {len(above)} scenes"
+    )

@@ -14,7 +14,7 @@ import numpy as np
 
 from atra.bake import Atlas, Baker, BakeScene, Lightmap, Seams, Surface, Texels, denoised, dilated
 from atra.geometry.mesh import Mesh
-from atra.render import PanoramaSky, PointLight, constant_sky
+from atra.render import PanoramaSky, PointLight, RenderScene, constant_sky
 from experiments.harness.point import Point
 from experiments.workloads.bake import (
     FULLEST,
@@ -27,6 +27,8 @@ from experiments.workloads.bake import (
     WITHOUT_VIEW,
     Against,
 )
+from experiments.workloads.bake.adaptive import adaptive_bias
+from experiments.workloads.bake.mitsuba import MitsubaPaths, with_plain_light
 from experiments.workloads.baselines import OWN
 from experiments.workloads.rounds import load_mesh, measured, timed_rounds
 from experiments.workloads.workload import Measured, make_own
@@ -46,7 +48,7 @@ _SUN = 400.0
 def bake_scene(point: Point, mesh: Mesh) -> BakeScene:
     """The mesh with light, and with the albedo, the lamps and the sky that are asked for."""
     settings = point.workload_options
-    scene = BakeScene.of(settings.under_sky(lit_room(mesh)))
+    scene = BakeScene.of(room_of(point, mesh))
     surface, own_light = scene.surface, not (settings.panorama or settings.lamps)
     assert surface is not None
     if settings.albedo is not None or not own_light:
@@ -56,6 +58,13 @@ def bake_scene(point: Point, mesh: Mesh) -> BakeScene:
         return scene
     sky = panorama() if settings.panorama else constant_sky(0.0)
     return replace(scene, lights=lamps(mesh, settings.lamps), sky=sky)
+
+
+def room_of(point: Point, mesh: Mesh) -> RenderScene:
+    """The mesh with light; with light that Mitsuba has, too, if that is asked for."""
+    settings = point.workload_options
+    room = settings.under_sky(lit_room(mesh))
+    return with_plain_light(room) if settings.against is Against.mitsuba else room
 
 
 def lamps(mesh: Mesh, count: int) -> tuple[PointLight, ...]:
@@ -132,7 +141,7 @@ def measure(point: Point) -> Measured:
             )
         if settings.priority:
             with make_own(point, mesh, point.camera) as tracer:
-                tracer.trace()
+                own.set_view(point.camera, tracer)  # compiles
                 begin = perf_counter()
                 own.set_view(point.camera, tracer)
                 results["culling_map_s"] = perf_counter() - begin
@@ -142,11 +151,18 @@ def measure(point: Point) -> Measured:
             else:
                 bakers[OTHER].visible = own.visible
         counted = {name: Counted(one) for name, one in bakers.items()}
-        timed = timed_rounds(point, _calls(bakers, settings.samples))
+        calls, theirs = _calls(bakers, settings.samples), None
+        if settings.against is Against.mitsuba:
+            theirs = MitsubaPaths(room_of(point, mesh), own, settings.samples)
+            calls[OTHER] = theirs.add
+        timed = timed_rounds(point, calls)
         rounds = timed.rounds + point.warmup
         results |= _told(counted[OWN], rounds, settings.samples)
         if OTHER in counted:
             results |= _against(counted[OWN], counted[OTHER], rounds)
+        if theirs is not None:
+            at_best = median(timed.samples[OTHER]) - theirs.coherent_cost_s()
+            results |= theirs.against(own.maps) | {"best_other_ratio": at_best / median(timed.samples[OWN])}
         rows = bakers.get(WITHOUT_VIEW, own)
         if settings.against is not Against.translucency and len(bakers) > 1:
             pair = (bakers[WHOLE_MAP], rows) if WHOLE_MAP in bakers else (own, bakers[OTHER])
@@ -159,6 +175,9 @@ def measure(point: Point) -> Measured:
             results |= _times_to("", rows.maps, every, taken, settings.samples)
         if settings.denoise:
             results |= _finishing(own, baker(seed=2), settings.final_samples)
+        if settings.adaptive:
+            pair = baker(seed=3), baker(seed=4, adaptive=False)
+            results |= adaptive_bias(*pair, settings.final_samples)
     return measured(results, timed)
 
 
@@ -206,6 +225,7 @@ def _told(own: Counted, rounds: int, samples: int) -> dict[str, Any]:
     batches = -(-first // max(1, room // expansion))
     return {
         "rays_per_round": own.rays() // rounds,
+        "paths_per_round": first * samples,
         "lane_utilisation": own.rays() / max(1, own.lanes()),
         "batch_fill": first * expansion / (batches * room) if batches else 0.0,
         "buffer_bytes": baker.buffer_bytes,
