@@ -1,4 +1,4 @@
-"""What docs/lightmaps.md quotes of sweep=bake, bake_denoise, bake_buffers and bake_rays."""
+"""What docs/lightmaps.md quotes of sweep=bake and of the other sweeps of lightmaps."""
 
 from __future__ import annotations
 
@@ -9,11 +9,12 @@ from experiments.results.claims import Claim, judge_claim
 from experiments.workloads.bake import Against, Compaction
 from experiments.workloads.bake.claims import CLAIMS
 from experiments.workloads.bake_rays.claims import CLAIMS as PREDICTIONS
-from tests.quotations.quotation import SCENES, Kept, Quoted, interval, of, table_row
+from tests.quotations.quotation import SCENES, Kept, Quoted, digits, interval, of, table_row
 
 _OF_FINISHING = ("target-denoised", "target-seams")
 _OF_BUFFERS = ("buffers",)
-_OF_ALIGNMENT = ("culling-map", "culling-map-share")
+_OF_MITSUBA = ("target-mitsuba",)
+_OF_VIEWS = ("culling-map", "culling-map-share")
 """Claims that a sweep of their own decides."""
 
 
@@ -56,14 +57,43 @@ def means_of_a_bake(kept: Kept) -> Quoted:
 
 def finished_maps(kept: Kept) -> Quoted:
     """Error denoised over raw of four times the samples, and what is left of the steps at seams."""
-    seams = [of(kept.points, scene=scene)["seam_step_ratio"].dropna() for scene in SCENES]
     return Quoted(
         rows=(
-            _row(kept, "denoised at 64 samples over raw at 256: error", "denoised_over_raw"),
-            table_row("after stitching over before: step at seams",
-                      *("not measured" if one.empty else f"{one.iloc[0]:.2f}" for one in seams)),
+            _same(kept, "denoised at 64 samples over raw at 256: error", "denoised_ratio"),
+            _same(kept, "after stitching over before: step at seams", "seam_step_ratio"),
         )
-    )  # fmt: skip
+    )
+
+
+def _same(kept: Kept, text: str, column: str) -> str:
+    """A row of what every process finds alike."""
+    found = [of(kept.points, scene=scene)[column].dropna() for scene in SCENES]
+    return table_row(text, *("not measured" if one.empty else f"{one.iloc[0]:.2f}" for one in found))
+
+
+def paths_beside_mitsuba(kept: Kept) -> Quoted:
+    """Paths a second over Mitsuba's. Not the time to an error: only ours aim at lamps from texels."""
+    held = partial(_row, kept, against=Against.mitsuba.value)
+    return Quoted(
+        rows=tuple(
+            held(f"{ours}: paths/s over {theirs}", column=column, packets=packets)
+            for packets, ours in (("1", "rays one by one"), ("8", "in packets of 8, hierarchy of high quality"))
+            for column, theirs in (("speedup_vs_other", "Mitsuba's"), ("speedup_vs_best_other", "its best"))
+        )
+    )
+
+
+def bias_of_adaptive(kept: Kept) -> Quoted:
+    """How far the mean light of adaptive maps is off, with its standard error, and what they leave out and save."""
+    found = [of(kept.points, scene=scene, adaptive=True).iloc[0] for scene in SCENES]
+    biases = (f"{100 * row['adaptive_bias']:+.2f} ± {100 * row['adaptive_bias_error']:.2f} %" for row in found)
+    return Quoted(
+        rows=(
+            table_row("mean light, adaptive over full, less 1", *biases),
+            table_row("samples left out", *(f"{100 * row['adaptive_left_out']:.1f} %" for row in found)),
+            table_row("full over adaptive: time", *(digits(row["adaptive_speedup"]) for row in found)),
+        )
+    )
 
 
 def _verdicts(kept: Kept, claims: Iterable[Claim]) -> Quoted:
@@ -78,7 +108,7 @@ def _named(*names: str) -> Iterable[Claim]:
 
 def verdicts_on_lightmaps(kept: Kept) -> Quoted:
     """On all claims that no other sweep decides."""
-    others = (*_OF_FINISHING, *_OF_BUFFERS, *_OF_ALIGNMENT)
+    others = (*_OF_FINISHING, *_OF_BUFFERS, *_OF_VIEWS, *_OF_MITSUBA)
     return _verdicts(kept, [claim for claim in CLAIMS if claim.id not in others])
 
 
@@ -90,6 +120,14 @@ def verdicts_on_buffers(kept: Kept) -> Quoted:
     return _verdicts(kept, _named(*_OF_BUFFERS))
 
 
+def verdicts_on_mitsuba(kept: Kept) -> Quoted:
+    return _verdicts(kept, _named(*_OF_MITSUBA))
+
+
 def verdicts_on_alignment(kept: Kept) -> Quoted:
     """On the predictions of what alignment gains."""
-    return _verdicts(kept, [*PREDICTIONS, *_named(*_OF_ALIGNMENT)])
+    return _verdicts(kept, PREDICTIONS)
+
+
+def verdicts_on_views(kept: Kept) -> Quoted:
+    return _verdicts(kept, _named(*_OF_VIEWS))
