@@ -8,9 +8,11 @@ import sys
 from pathlib import Path
 from types import SimpleNamespace
 
+import llvmlite.binding
 import psutil
 import pytest
 
+from atra.embree.instruction_sets import cpu_design
 from atra.parallel import resolve_threads
 from experiments.harness import environment
 from experiments.harness.environment import read_environment
@@ -54,6 +56,18 @@ def test_the_processor_is_named_by_what_each_system_has(
     monkeypatch.setattr(platform, "processor", lambda: processor)
     monkeypatch.setattr(platform, "machine", lambda: "machine")
     assert environment._cpu_model.__wrapped__() == expected
+
+
+@pytest.mark.parametrize(
+    ("known_to_llvm", "expected"), [("znver3", "AMD EPYC (znver3)"), ("generic", "AMD EPYC"), ("", "AMD EPYC")]
+)
+def test_processors_of_one_name_are_told_apart_by_their_design(
+    known_to_llvm: str, expected: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(llvmlite.binding, "get_host_cpu_name", lambda: known_to_llvm)
+    monkeypatch.setattr(environment, "cpu_design", cpu_design.__wrapped__)
+    monkeypatch.setattr(environment, "_cpu_model", lambda: "AMD EPYC")
+    assert read_environment().cpu == expected
 
 
 def test_outside_a_repository_there_is_no_commit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -35,6 +35,13 @@ def cpu_features() -> frozenset[str]:
         return frozenset()
 
 
+@cache
+def cpu_design() -> str | None:
+    """LLVM's name of what this processor is a model of, such as "znver5"; None where LLVM does not know."""
+    name = llvmlite.binding.get_host_cpu_name()
+    return None if name in ("", "generic") else str(name)
+
+
 def instruction_sets_here() -> tuple[str, ...]:
     """The sets that this machine has, narrowest first; none where they have other names, as on Arm."""
     return tuple(name for name, (_, needed) in _PROCESSORS.items() if cpu_features().issuperset(needed))

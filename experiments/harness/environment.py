@@ -18,7 +18,7 @@ from typing import Any, Self
 
 import psutil
 
-from atra.embree.instruction_sets import cpu_features
+from atra.embree.instruction_sets import cpu_design, cpu_features
 
 _CPU_EXTENSIONS = ("sse4.2", "avx", "avx2", "fma", "avx512f", "avx512vl", "neon", "sve")
 BUSY_LOAD = 1.0
@@ -88,7 +88,7 @@ def read_environment(embree_version: str | None = None, instruction_set: str | N
     commit, dirty = _git_state()
     memory = psutil.virtual_memory()
     return Environment(
-        cpu=_cpu_model(),
+        cpu=_cpu(),
         cpu_extensions=[name for name in _CPU_EXTENSIONS if name in cpu_features()],
         instruction_set=instruction_set,
         physical_cores=psutil.cpu_count(logical=False),
@@ -121,6 +121,12 @@ def _load_average() -> list[float] | None:
         return list(os.getloadavg())
     except OSError:  # the system may not tell
         return None
+
+
+def _cpu() -> str:
+    """What the system calls the processor, and its design: virtual machines may give processors of years one name."""
+    model, design = _cpu_model(), cpu_design()
+    return model if design is None else f"{model} ({design})"
 
 
 @cache
