@@ -10,12 +10,15 @@ import pytest
 
 import atra
 from atra import render
-from atra.bake import Baker, BakeScene, Lightmap, LightProbes, SpotLight, Surface
+from atra.bake import Baker, BakeScene, Lightmap, LightProbes, SpotLight, Surface, Texels
+from atra.bake.batches import new_batch
 from atra.bake.light.grid import LISTED, light_grid
 from atra.bake.light.lights import light_rows
 from atra.bake.light.tables import tables_of
 from atra.errors import AtraError, InputError
 from atra.kernels.baking.choice import cell_of, chosen, odds_of
+from atra.kernels.baking.lights import aim, aim_at_sun
+from atra.kernels.baking.tables import CARRIED, DIRECTION, LENGTH, NORMAL, WEIGHT
 from tests.baked import baked, cube, sheet, standard_error
 from tests.meshes import joined, quads
 from tests.shown import floor
@@ -36,6 +39,43 @@ def many(count: int) -> list[render.PointLight | SpotLight]:
 
 def mean_and_error(lightmap):
     return lightmap.luminance.mean(), np.sqrt((standard_error(lightmap) ** 2).sum()) / len(lightmap.samples)
+
+
+@pytest.mark.parametrize("vertex", [0, 2])
+def test_rays_to_a_sun_are_the_same_from_vectors_of_paths_as_one_by_one(vertex):
+    """Backs, idle lanes and paths in the open among them."""
+    rays = 1003
+    suns = [render.Sun((1, -2, 0.5), angle, (3.0, 2.0, 1.0)) for angle in (0.0, 8.0)]
+    scene = BakeScene(BOX, lights=suns)
+    with Baker(scene, ATLAS) as baker:
+        tables = tables_of(scene, baker.texels, baker.options)
+    found = []
+    for which, aim_all in ((1, aim), (1, aim_at_sun), (0, aim)):
+        batch, random = new_batch(rays), np.random.default_rng(5)
+        normals = random.normal(size=(3, rays))
+        batch.floats[NORMAL : NORMAL + 3, :rays] = normals / np.linalg.norm(normals, axis=0)
+        batch.floats[NORMAL : NORMAL + 3, 500:520] = 0.0
+        batch.floats[WEIGHT : WEIGHT + 3, :rays] = random.random((3, rays))
+        batch.key[:], batch.alive[:] = np.arange(rays), random.random(rays) < 0.7
+        light = tables if aim_all is aim else tuple(tables.lights[which])
+        aim_all(batch, rays, light, which, vertex)
+        lit = batch.floats[LENGTH, :rays] > 0.0
+        found.append(
+            (lit, batch.floats[DIRECTION : DIRECTION + 3, :rays][:, lit], batch.floats[CARRIED:, :rays][:, lit])
+        )
+    assert 0.2 < found[0][0].mean() < 0.5
+    for one_by_one, by_vectors in zip(found[0], found[1], strict=True):
+        np.testing.assert_array_equal(by_vectors, one_by_one)
+    assert not np.array_equal(found[2][1], found[0][1])
+
+
+def test_texels_side_by_side_in_a_batch_lie_near_each_other_in_space():
+    texels = Texels.of(BOX, sheet(BOX, 16))
+    order = texels.along_curve
+    assert sorted(order.tolist()) == list(range(len(texels)))
+    random = np.random.default_rng(1).permutation(len(texels))
+    steps = [np.linalg.norm(np.diff(texels.positions[one], axis=0), axis=1).mean() for one in (order, random)]
+    assert steps[0] < 0.2 * steps[1]
 
 
 def test_a_grid_of_lights_has_the_mean_of_a_uniform_choice_and_less_noise():

@@ -257,11 +257,11 @@ class Baker(Lifetime):
         return Stages(self._tables, self.options, kind, query, works[query.worker])
 
     def _order(self, wanted: NDArray[np.bool_]) -> NDArray[np.int32]:
-        """Numbers of texels in the order of rows, or of all texels of the map, -1 where there is nothing to do."""
-        numbers = np.flatnonzero(wanted).astype(np.int32)
+        """Numbers of texels, near ones side by side; or of the whole map in rows, -1 where there is nothing to do."""
         if self.options.compaction != "none":
-            return numbers
-        atlas = self.texels.atlas
+            numbers = self.texels.along_curve
+            return numbers[wanted[numbers]]
+        numbers, atlas = np.flatnonzero(wanted).astype(np.int32), self.texels.atlas
         order = np.full(atlas.width * atlas.height, -1, np.int32)
         order[self.texels.number[numbers]] = numbers
         return order

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from atra.bake.charts.texels import Texels
 from atra.bake.options import BakeOptions
 from atra.kernels.baking.bounces import compact, scatter, shade, trace_kernel
-from atra.kernels.baking.lights import aim, plane_of
+from atra.kernels.baking.lights import aim, aim_at_sun, plane_of
 from atra.kernels.baking.samples import gather, generate
 from atra.kernels.baking.shadows import shine_kernel
-from atra.kernels.baking.tables import KIND, PATH_ROWS, RESULTS, Batch, Tables
+from atra.kernels.baking.tables import KIND, PATH_ROWS, RESULTS, SUN, Batch, Tables
 from atra.kernels.shading.paths import ROW_PADDING
 from atra.laps import Laps
 from atra.rays.scene import Query
@@ -56,7 +56,11 @@ class Stages:
     def light(self, batch: Batch, count: int, which: int, vertex: int) -> None:
         """Rays to a light, or to one by chance, if that is -1, and what they bring."""
         tables, query = self._tables, self._query
-        aim(batch, count, tables, which, vertex)
+        only = 0 if len(tables.lights) == 1 else which
+        if only >= 0 and tables.lights[only, KIND] == SUN:
+            aim_at_sun(batch, count, tuple(tables.lights[only]), only, vertex)
+        else:
+            aim(batch, count, tables, which, vertex)
         self.lap("aim")
         plane = plane_of(vertex, int(tables.lights[max(which, 0), KIND]))
         self._work.traced(self._shine(batch, count, plane, tables, self._shadows, query.packet), count)

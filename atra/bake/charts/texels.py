@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,7 @@ from atra.bake.charts.unwrap import UNMAPPED
 from atra.errors import InputError
 from atra.geometry.mesh import Mesh
 from atra.kernels.baking.texels import claim_texels, place_texels
+from atra.kernels.ties import number_places
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,6 +42,13 @@ class Texels:
     def chart(self) -> NDArray[np.int32]:
         """(N,) int32."""
         return self.atlas.chart[self.prim_id]
+
+    @cached_property
+    def along_curve(self) -> NDArray[np.int32]:
+        """(N,) int32, their numbers along a Morton curve through the scene: neighbours tend to see the same."""
+        places, (lowest, highest) = np.empty(len(self), np.int64), self.mesh.bounds
+        number_places(self.positions, lowest, highest - lowest, places)
+        return np.argsort(places, kind="stable").astype(np.int32)
 
     @property
     def map_of(self) -> NDArray[np.int64]:

@@ -21,7 +21,6 @@ from atra.kernels.baking.tables import (
     NORMAL,
     OPEN,
     ORIGIN,
-    PATH_ROWS,
     SKY,
     WEIGHT,
     set_vector,
@@ -199,13 +198,16 @@ def shade(batch, count, tables, vertex, is_last, roulette_from):  # type: ignore
 
 @float_kernel
 def compact(batch, count):  # type: ignore[no-untyped-def]
-    """Paths that go on move up, in order, each to where the sum of those before it says. Returns how many there are."""
-    kept = 0
+    """Paths that go on move up, in order, each to where the sum of those before it says. Returns how many there are.
+
+    Where they head, and what they carry from a light, is found anew.
+    """
+    floats, kept = batch.floats, 0
     for i in range(count):
         if batch.alive[i] != 0:
             if kept != i:
-                for row in range(PATH_ROWS):
-                    batch.floats[row, kept] = batch.floats[row, i]
+                for row in (ORIGIN, NORMAL, WEIGHT):
+                    set_vector(floats, row, kept, vector(floats, row, i))
                 batch.key[kept], batch.slot[kept], batch.alive[kept] = batch.key[i], batch.slot[i], 1
             kept += 1
     return kept

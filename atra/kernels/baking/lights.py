@@ -153,6 +153,25 @@ def emitter_share(tables, face, away, cosine, squared, selected):  # type: ignor
 
 
 @float_kernel
+def aim_at_sun(batch, count, light, which, vertex):  # type: ignore[no-untyped-def]
+    """As `aim`, to light `which`, which is a sun: without branches, so that it is vectorised. light: its words."""
+    floats = batch.floats
+    first = np.uint32((vertex + 1) * LIGHTS_OF_A_VERTEX + DIMENSIONS * which)
+    for i in range(count):
+        key = batch.key[i]
+        u, v = unit_of(bits_of(key, first + np.uint32(1))), unit_of(bits_of(key, first + np.uint32(2)))
+        direction = to_sun(light, u, v)
+        strength = max(ZERO, cosine_at(vector(floats, NORMAL, i), direction))
+        red = strength * light[COLOUR] * floats[WEIGHT, i]
+        green = strength * light[COLOUR + 1] * floats[WEIGHT + 1, i]
+        blue = strength * light[COLOUR + 2] * floats[WEIGHT + 2, i]
+        arrives = (batch.alive[i] != 0) & (max(red, green, blue) > ZERO)
+        set_vector(floats, DIRECTION, i, direction)
+        set_vector(floats, CARRIED, i, (red, green, blue))
+        floats[LENGTH, i] = INFINITY if arrives else ZERO
+
+
+@float_kernel
 def aim(batch, count, tables, given, vertex):  # type: ignore[no-untyped-def]
     """A ray to a light from where each path is: to light `given`, or, if that is -1, to one by chance.
 

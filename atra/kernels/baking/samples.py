@@ -17,7 +17,7 @@ from atra.kernels.baking.tables import (
     WEIGHT,
     set_vector,
 )
-from atra.kernels.baking.texels import corners_of, edges_of, point_at, weights_at
+from atra.kernels.baking.texels import corners_of, edges_of, point_at, slopes_of, weights_at
 from atra.kernels.caching import float_kernel
 from atra.kernels.packets import INFINITY
 from atra.kernels.raster.memory import fetch
@@ -73,34 +73,38 @@ def generate(batch, order, first, texels, expansion, samples, prim_of, tables): 
     """
     prim_id, number = prim_of
     offset, planes = tables.offset, tables.planes
+    batch.results[: texels * expansion] = ZERO
     for k in range(texels):
         if len(planes) > LARGE:
             _fetch_ahead(order, first + k, first + texels, prim_id, tables)
         texel = order[first + k]
-        rays = range(k * expansion, (k + 1) * expansion)
-        for i in rays:
+        start = np.uint64(k * expansion)  # unsigned: an index that may count from the end is not vectorised
+        for e in range(expansion):
+            i = start + np.uint64(e)
             batch.slot[i] = i
             batch.alive[i] = 0 if texel < 0 else 1
-            for one in range(RESULTS):
-                batch.results[i, one] = ZERO
         if texel < 0:
             continue
         place, face = number[texel], prim_id[texel]
         row = place // tables.width
         column = place - row * tables.width
         edges, corners = edges_of(tables.uv, face), corners_of(tables.vertices, tables.faces, face)
+        slopes = slopes_of(edges)
         nx, ny, nz = planes[face, 0], planes[face, 1], planes[face, 2]
-        for i in rays:
-            key = sample_key(place, samples[texel] + i - rays.start, tables.seed)
+        normal = np.float32(nx), np.float32(ny), np.float32(nz)
+        sample = samples[texel]
+        for e in range(expansion):
+            i = start + np.uint64(e)
+            key = sample_key(place, sample + e, tables.seed)
             batch.key[i] = key
             x = column + np.float64(unit_of(bits_of(key, np.uint32(0))))
             y = row + np.float64(unit_of(bits_of(key, np.uint32(1))))
-            v, w = weights_at(edges, x, y)
+            v, w = weights_at(edges, slopes, x, y)
             point = point_at(corners, v, w, _INSET * offset)
             batch.floats[ORIGIN, i] = np.float32(point[0] + offset * nx)
             batch.floats[ORIGIN + 1, i] = np.float32(point[1] + offset * ny)
             batch.floats[ORIGIN + 2, i] = np.float32(point[2] + offset * nz)
-            set_vector(batch.floats, NORMAL, i, (np.float32(nx), np.float32(ny), np.float32(nz)))
+            set_vector(batch.floats, NORMAL, i, normal)
             set_vector(batch.floats, WEIGHT, i, WHITE)
 
 
@@ -112,6 +116,8 @@ def gather(batch, order, first, texels, expansion, samples, sums):  # type: igno
     """
     bad = -1
     for k in range(texels):
+        if k + AHEAD < texels:
+            fetch_row(sums, max(order[first + k + AHEAD], 0))
         texel = order[first + k]
         if texel < 0:
             continue
