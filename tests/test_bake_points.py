@@ -366,6 +366,7 @@ def test_what_pages_quote_of_points_is_of_those_that_a_row_names() -> None:
         {"against": "lights", "lamps": 16} | wrong, one(1.7, 1.75, against="lights", lamps=256),
         {"against": "environment", "environment": "light"} | wrong,
         one(1.8, 1.85, against="environment", environment="mis"),
+        {"against": "expansion", "expansion": 16} | {f"{stage}_s": 1.0 for stage in STAGES} | wrong,
     )  # fmt: skip
     quoted = means_of_a_bake(Kept(rows, pd.DataFrame(), [])).rows
     cells = {label: set(found) for label, *found in (row.strip("| ").split(" | ") for row in quoted)}
@@ -378,6 +379,7 @@ def test_what_pages_quote_of_points_is_of_those_that_a_row_names() -> None:
         "roulette": {"1.62 [1.60, 1.65]"},
         "a grid of 256 lights": {"1.72 [1.70, 1.75]"},
         "a panorama found both ways": {"1.82 [1.80, 1.85]"},
+        "expansion and gathering of 16 samples side by side": {"30.0 %"},
     }
 
 

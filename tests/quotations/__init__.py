@@ -46,6 +46,7 @@ QUOTATIONS = (
     Quotation("docs/lightmaps.md", "bake_buffers", bake.verdicts_on_buffers),
     Quotation("docs/lightmaps.md", "bake_mitsuba", bake.paths_beside_mitsuba),
     Quotation("docs/lightmaps.md", "bake_mitsuba", bake.verdicts_on_mitsuba),
+    Quotation("docs/lightmaps.md", "bake_mitsuba_zen5", bake.paths_beside_mitsuba_before),
     Quotation("docs/lightmaps.md", "bake_adaptive", bake.bias_of_adaptive),
     Quotation("docs/lightmaps.md", "bake_culling_map", bake.verdicts_on_views),
     Quotation("docs/lightmaps.md", "bake_rays", bake.verdicts_on_alignment),

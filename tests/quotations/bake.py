@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from functools import partial
 
 from experiments.results.claims import Claim, judge_claim
-from experiments.workloads.bake import Against, Compaction
+from experiments.workloads.bake import RARE, STAGES, Against, Compaction
 from experiments.workloads.bake.claims import CLAIMS
 from experiments.workloads.bake_rays.claims import CLAIMS as PREDICTIONS
 from tests.quotations.quotation import SCENES, Kept, Quoted, digits, interval, of, table_row
@@ -28,13 +28,23 @@ def _row(kept: Kept, label: str, column: str, **values: object) -> str:
     return table_row(label, *cells)
 
 
+def _shares(kept: Kept, label: str, **values: object) -> str:
+    """A line with what part of a round rare stages take."""
+    cells = []
+    for scene in SCENES:
+        rows = of(kept.points, scene=scene, **values)
+        rare, whole = (sum(rows[f"{stage}_s"].median() for stage in stages) for stages in (RARE, STAGES))
+        cells.append("not measured" if rows.empty else f"{100 * rare / whole:.1f} %")
+    return table_row(label, *cells)
+
+
 def means_of_a_bake(kept: Kept) -> Quoted:
     """Each means of a bake over a bake without it; above 1 is a gain, but where a label says what is over what."""
     less = partial(_row, kept, against=Against.compaction.value)
     texels, bounces = Compaction.texels.value, Compaction.bounces.value
     return Quoted(
         rows=(
-            less("lanes for lit texels alone: rays/s", "rays_speedup_vs_other", compaction=texels),
+            less("lanes for lit texels, near ones side by side: rays/s", "rays_speedup_vs_other", compaction=texels),
             less("lanes that go on alone: speed", "speedup_vs_other", compaction=bounces, albedo="own"),
             less("lanes that go on alone, albedo 0.5: speed", "speedup_vs_other", albedo="0.5", packets="1"),
             less("the same in the widest packets: speed", "speedup_vs_other", albedo="0.5", packets="widest"),
@@ -42,6 +52,8 @@ def means_of_a_bake(kept: Kept) -> Quoted:
                  against=Against.occupancy.value, compaction=bounces),
             _row(kept, "16 samples side by side: rays/s", "rays_speedup_vs_other",
                  against=Against.expansion.value, expansion=16),
+            _shares(kept, "expansion and gathering of 16 samples side by side: of a round",
+                    against=Against.expansion.value, expansion=16),
             _row(kept, "what the view shows, first: speed", "view_speedup", compaction=bounces),
             _row(kept, "the whole map, the view first over in rows: time", "whole_map_cost", compaction=bounces),
             _row(kept, "roulette: speed to an error", "quality_vs_other", against=Against.roulette.value),
@@ -81,6 +93,11 @@ def paths_beside_mitsuba(kept: Kept) -> Quoted:
             for column, theirs in (("speedup_vs_other", "Mitsuba's"), ("speedup_vs_best_other", "its best"))
         )
     )
+
+
+def paths_beside_mitsuba_before(kept: Kept) -> Quoted:
+    """The same of an earlier version, on another machine."""
+    return paths_beside_mitsuba(kept)
 
 
 def bias_of_adaptive(kept: Kept) -> Quoted:

@@ -25,8 +25,8 @@ OTHER, WHOLE_MAP, WITHOUT_VIEW = "other", "whole_map", "without_view"
 map, in the order of rows."""
 
 STAGES = ("order", "generate", "aim", "shadow", "scatter", "trace", "shade", "compact", "gather", "other")
-TRACING, SHADING = ("shadow", "trace"), ("aim", "scatter", "shade")
-"""Stages in Embree, and those that compute light."""
+TRACING, SHADING, RARE = ("shadow", "trace"), ("aim", "scatter", "shade"), ("order", "generate", "gather")
+"""Stages in Embree, those that compute light, and those that a sample goes through once."""
 
 THRESHOLDS = (10, 5, 2)
 """Percent, of the relative error of a map."""

@@ -10,7 +10,7 @@ import pandas as pd
 from experiments.drawing.values import column, numbers
 from experiments.methods.visible_first import VISIBLE_FIRST
 from experiments.results.claims import NOT_MEASURED, UNDECIDED, Claim, Judgement
-from experiments.workloads.bake import STAGES, Against, Compaction, Environment
+from experiments.workloads.bake import RARE, STAGES, Against, Compaction, Environment
 from experiments.workloads.bake.judges import (
     Bound,
     Which,
@@ -153,7 +153,7 @@ CLAIMS = (
     _share(
         "rare-stages", _ARTICLE, "Expansion and gathering are rare.", "rare",
         "Share of both, and of the order of texels, in a round, at most 5 % (our reading).",
-        partial(_share_of, stages=("order", "generate", "gather")), _plain(Compaction.bounces), Bound(high=0.05),
+        partial(_share_of, stages=RARE), _plain(Compaction.bounces), Bound(high=0.05),
     ),
     _ratio(
         "view-sooner", _ARTICLE, "What the view shows is done sooner when it comes first.", "sooner",
