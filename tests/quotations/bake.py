@@ -55,7 +55,7 @@ def means_of_a_bake(kept: Kept) -> Quoted:
             _shares(kept, "expansion and gathering of 16 samples side by side: of a round",
                     against=Against.expansion.value, expansion=16),
             _row(kept, "what the view shows, first: speed", "view_speedup", compaction=bounces),
-            _row(kept, "the whole map, the view first over in rows: time", "whole_map_cost", compaction=bounces),
+            _row(kept, "the whole map, the view first over by place: time", "whole_map_cost", compaction=bounces),
             _row(kept, "roulette: speed to an error", "quality_vs_other", against=Against.roulette.value),
             _row(kept, "a panorama found both ways: speed to an error", "quality_vs_other",
                  against=Against.environment.value, environment="mis"),

@@ -22,7 +22,7 @@ from experiments.workloads.workload import UnderSky, Workload
 
 OTHER, WHOLE_MAP, WITHOUT_VIEW = "other", "whole_map", "without_view"
 """Names in the samples, beside the point's own: what it is held against; the whole map, seen texels first; the whole
-map, in the order of rows."""
+map, texels near each other side by side."""
 
 STAGES = ("order", "generate", "aim", "shadow", "scatter", "trace", "shade", "compact", "gather", "other")
 TRACING, SHADING, RARE = ("shadow", "trace"), ("aim", "scatter", "shade"), ("order", "generate", "gather")
@@ -214,7 +214,7 @@ BAKE = Workload(
         *statistics_columns("shading_vs_other{}", "stages that shade, the other's / this", _result("shading_ratio")),
         *statistics_columns("view_speedup{}", "a round without a view / this", over_own(series(WITHOUT_VIEW))),
         *statistics_columns(
-            "whole_map_cost{}", "the whole map, seen first / in rows", over(series(WHOLE_MAP), series(WITHOUT_VIEW))
+            "whole_map_cost{}", "the whole map, seen first / by place", over(series(WHOLE_MAP), series(WITHOUT_VIEW))
         ),
         Column("rays_per_round", WHOLE, "rays that a round traces"),
         Column("other_light_ratio", REAL, "mean light of all texels, Mitsuba's / this"),

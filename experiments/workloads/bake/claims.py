@@ -217,7 +217,7 @@ CLAIMS = (
     ),
     _ratio(
         "target-whole-map", _OURS, "The whole map takes at most 1.05 times as long with seen texels first.", "1.05",
-        "Time of the whole map, seen first over in rows, at most 1.05.", "whole_map_cost", _view, Bound(high=1.05),
+        "Time of the whole map, seen first over by place, at most 1.05.", "whole_map_cost", _view, Bound(high=1.05),
     ),
     _share(
         "target-denoised", _OURS, "Denoised at a quarter of the samples a map is no worse than raw.", "1.0",

@@ -26,9 +26,9 @@ _COLOURS = {Compaction.none.value: GREY, Compaction.texels.value: ORANGE, Compac
 
 _LINES: dict[str, tuple[str, str | None, dict[str, Any]]] = {
     "what the view shows, first": ("visible_", None, {"color": BLUE, "marker": "o"}),
-    "what the view shows, in rows": ("visible_", "view_speedup", {"color": SKY, "marker": "s", "linestyle": DASHED}),
+    "what the view shows, by place": ("visible_", "view_speedup", {"color": SKY, "marker": "s", "linestyle": DASHED}),
     "whole map, the view first": ("", "whole_map_cost", {"color": VERMILLION, "marker": "o"}),
-    "whole map, in rows": ("", None, {"color": ORANGE, "marker": "s", "linestyle": DASHED}),
+    "whole map, by place": ("", None, {"color": ORANGE, "marker": "s", "linestyle": DASHED}),
 }
 """Of errors over time: which column, times which, and how it looks. Each is drawn over the wider ones before it."""
 
@@ -141,7 +141,7 @@ def _draw_rays(axis: Axes, rows: pd.DataFrame) -> None:
 
 FIGURES = (
     FigureKind(
-        "bake_convergence", "Error of a lightmap over time, what the view shows first or in the order of rows",
+        "bake_convergence", "Error of a lightmap over time, what the view shows first or by place",
         _with_a_view, of_table(draw_convergence),
     ),
     FigureKind(
