@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from time import perf_counter
 
-import numpy as np
-
 from atra.bake import Baker
-from experiments.workloads.bake.means import mean_and_error
+from experiments.workloads.bake.means import mean_and_error, ratio_and_error
 
 
 def adaptive_bias(adaptive: Baker, full: Baker, samples: int) -> dict[str, float]:
@@ -22,12 +20,11 @@ def adaptive_bias(adaptive: Baker, full: Baker, samples: int) -> dict[str, float
             if not baker.advance(samples):
                 unfinished.remove(baker)
             taken[baker] += perf_counter() - start
-    (ours, our_error), (true, true_error) = (
-        mean_and_error(baker.maps.luminance, baker.maps.variance, baker.samples) for baker in (adaptive, full)
-    )
+    maps = adaptive.maps, full.maps
+    ratio, error = ratio_and_error(*(mean_and_error(one.luminance, one.variance, one.samples) for one in maps))
     return {
-        "adaptive_bias": ours / true - 1.0,
-        "adaptive_bias_error": ours / true * float(np.hypot(our_error / ours, true_error / true)),
+        "adaptive_bias": ratio - 1.0,
+        "adaptive_bias_error": error,
         "adaptive_left_out": 1.0 - float(adaptive.samples.sum()) / float(full.samples.sum()),
         "adaptive_speedup": taken[full] / taken[adaptive],
     }

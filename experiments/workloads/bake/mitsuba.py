@@ -17,7 +17,7 @@ from atra.kernels.baking.samples import generate
 from atra.kernels.baking.tables import LUMINANCE, NORMAL, ORIGIN
 from atra.render import GradientSky, RenderScene
 from experiments.methods.peers.mitsuba_light import load_mitsuba, parts_of, suns_of
-from experiments.workloads.bake.means import mean_and_error
+from experiments.workloads.bake.means import mean_and_error, ratio_and_error
 
 _VARIANT = "llvm_ad_rgb"
 """Compiled for vectors: of those that take rays from anywhere, the one for CPUs and three colours."""
@@ -135,12 +135,9 @@ class MitsubaPaths:
         taken = self._rounds * self._samples
         mean, square = (np.array(total, np.float64) / taken for total in self._sums)
         variance = np.maximum(square - mean**2, 0.0) * taken / (taken - 1)
-        theirs, their_error = mean_and_error(mean, variance, taken)
-        ours, our_error = mean_and_error(lightmap.luminance, lightmap.variance, lightmap.samples)
-        return {
-            "other_light_ratio": theirs / ours,
-            "other_light_error": theirs / ours * float(np.hypot(their_error / theirs, our_error / ours)),
-        }
+        ours = mean_and_error(lightmap.luminance, lightmap.variance, lightmap.samples)
+        ratio, error = ratio_and_error(mean_and_error(mean, variance, taken), ours)
+        return {"other_light_ratio": ratio, "other_light_error": error}
 
 
 def starts(baker: Baker, samples: int, number: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
