@@ -1,26 +1,54 @@
-"""The lifetime of a tracer: planned, built, traced and closed, one call at a time."""
+"""The lifetime of a tracer: planned, built, traced and closed, one call at a time.
+
+The rule for threads, of all tracers, ray scenes, renderers and bakers. Calls of several threads may come in any order;
+each waits for the one in progress. So a call sees one camera (or scene) completely: that of the last `look` (or
+`update`) before it, whatever other threads ask for meanwhile. After `close` a call raises EmbreeError, unless it only
+hands out what was found before. Memory given as `out` belongs to the call: no other thread may use it until it returns.
+Functions that are called from within, such as `stop` of a renderer, run in worker threads and must not call the object
+that they are called by: they would wait for each other.
+
+What is dropped without `close` is released at once: no object of these refers to itself, and neither worker threads
+nor Embree's devices refer to the object that they work for.
+"""
 
 from __future__ import annotations
 
 import threading
 from abc import ABC, abstractmethod
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import wraps
 from types import TracebackType
-from typing import Self
+from typing import Any, Concatenate, Generic, ParamSpec, Self, TypeVar
 
 from atra.errors import EmbreeError
-from atra.geometry.view import View
+from atra.geometry.view import View, check_offset
+
+Given = ParamSpec("Given")
+Returned = TypeVar("Returned")
+Result = TypeVar("Result")
+Own = TypeVar("Own", bound="Lifetime")
+
+
+def in_turn(method: Callable[Concatenate[Own, Given], Returned]) -> Callable[Concatenate[Own, Given], Returned]:
+    """A method of a `Lifetime` that waits for calls in progress, so that all it reads belongs together."""
+
+    @wraps(method)
+    def waiting(self: Own, *arguments: Given.args, **named: Given.kwargs) -> Returned:
+        with self._lock:
+            return method(self, *arguments, **named)
+
+    return waiting
 
 
 class Lifetime(ABC):
     """What is planned and built once, by `with` or by hand, traced any number of times, and closed.
 
-    `with` plans and builds on entry, and closes on exit, or at once where that fails. A call waits for one in progress
-    in another thread. plan_time_s, build_time_s: seconds each took, 0 before.
+    `with` plans and builds on entry, and closes on exit, or at once where that fails. Calls of several threads are
+    taken in turn (`atra.lifetime`). plan_time_s, build_time_s: seconds each took, 0 before.
 
-    Subclasses say how: `_plan` and `_build` prepare, and `trace` works inside `_tracing()`; whether with Embree, with
-    another library or by other tracers is theirs.
+    Subclasses say how: `_plan` and `_build` prepare, and public calls read what may change inside `_tracing()` or
+    `in_turn`; whether they work with Embree, with another library or by other tracers is theirs.
     """
 
     def __init__(self) -> None:
@@ -93,8 +121,24 @@ class Lifetime(ABC):
         self.close()
 
 
-class TracerLifetime(Lifetime):
-    """The lifetime of what sees through a camera, which `look` may change."""
+class TracerLifetime(Lifetime, Generic[Result]):
+    """The lifetime of what sees through a camera, which `look` may change. Result: what `trace` returns."""
+
+    @abstractmethod
+    def _trace(self, offset: tuple[float, float], out: Any) -> Result:
+        """One frame, while nothing else happens."""
+
+    def trace(self, offset: tuple[float, float] = (0.5, 0.5), out: Result | None = None) -> Result:
+        """Trace one frame; all rays go through sub-pixel position `offset` of their pixels, in [0, 1) x [0, 1).
+
+        out: an earlier result of this tracer whose arrays are to be overwritten, which saves allocating an image; it
+        must not be read any more.
+        Raises InputError for an offset outside the pixel or an `out` that does not fit, EmbreeError when the tracer is
+        not built or already closed.
+        """
+        check_offset(offset)
+        with self._tracing():
+            return self._trace(offset, out)
 
     @abstractmethod
     def _look(self, camera: View) -> bool:

@@ -61,7 +61,9 @@ class PacketOptions(Choices):
     """What everything that shoots packets of rays into Embree can be told.
 
     packet_width: rays of a packet; 1 is the paper's way, None takes the widest the machine supports natively.
-    threads: None takes every core the process may use. build_quality: of the BVH, "low", "medium" or "high".
+    threads: None takes every core the process may use. build_quality: of the BVH, "low", "medium" or "high". robust: no
+    ray slips through between two triangles that share an edge; False is Embree's fast setting, the paper's, in which
+    some do (docs/trust.md).
     Raises InputError, with the value, for widths that are not native, threads below 1 or beyond 1,024 and unknown build
     qualities; EmbreeError where there is no usable Embree to ask.
     """
@@ -69,9 +71,11 @@ class PacketOptions(Choices):
     packet_width: int | None = None
     threads: int | None = None
     build_quality: str = "medium"
+    robust: bool = True
 
     def __post_init__(self) -> None:
         check_build_quality(self.build_quality)
+        check_robust(self.robust)
         resolve_packet_width(self.packet_width)
         resolve_threads(self.threads)
 
@@ -98,7 +102,7 @@ class PixelOptions(Options):
 
     packet_rows: rows of pixels in a packet, so that packets of 8 are 8 x 1, 4 x 2, 2 x 4 or 1 x 8 pixels; None: the
     squarest, and of two the wider. coherent: Embree takes the rays of a packet through its tree together. compact: a
-    tree that saves memory. robust: no ray slips through between two triangles. tile_order: pixels are traced in tiles;
+    tree that saves memory. tile_order: pixels are traced in tiles;
     "blocks" of 32 x 16 pixels row by row, "rows" as wide as the image, or 16 x 16 pixels along a "morton" curve.
     Raises InputError for rows that a packet cannot have, and for an unknown order.
     """
@@ -106,7 +110,6 @@ class PixelOptions(Options):
     packet_rows: int | None = None
     coherent: bool = True
     compact: bool = False
-    robust: bool = False
     tile_order: str = "blocks"
 
     def __post_init__(self) -> None:
@@ -121,14 +124,11 @@ class PixelOptions(Options):
 
 @dataclass(frozen=True)
 class RayOptions(PacketOptions):
-    """Options of `RayScene`.
+    """Options of `RayScene`: those of `PacketOptions`.
 
-    robust: no ray slips through between two triangles, or past a mesh far from the world's origin, where float32 is
-    coarse; takes a tenth to a fifth longer (of 200,000 rays in a closed box that lies a hundred times its size away 2
-    are lost otherwise, at a thousand times 43).
+    With `robust=False` rays also slip past meshes far from the world's origin, where float32 is coarse: of 200,000 rays
+    in a closed box that lies a hundred times its size away 2 are lost, at a thousand times 43.
     """
-
-    robust: bool = False
 
 
 @dataclass(frozen=True)
@@ -199,7 +199,7 @@ class RasterOptions(Choices):
     def __post_init__(self) -> None:
         resolve_threads(self.threads)
         check_ties(self.ties)
-        if self.lanes not in (None, *LANES):
+        if self.lanes is not None and not (is_whole_number(self.lanes) and self.lanes in LANES):
             raise InputError(f"lanes is {self.lanes!r}, expected one of {', '.join(map(str, LANES))}, or None")
 
 
@@ -209,7 +209,8 @@ class BvhOptions(Choices):
 
     threads, ties: as in `Options`. packet_width: rays taken through the tree together, 1, 4, 8 or 16. traversal: "push"
     tests both children of a node when it is entered, and the nearer one comes next; "pop" tests a node when its turn
-    comes. The hits are the same.
+    comes. The hits are the same. robust: no ray slips through between two triangles that share an edge or a corner
+    (Woop, Benthin, Wald 2013); False is a faster test of triangles, with which some do.
     Raises InputError, with the value, for other widths and traversals, for threads and for ties.
     """
 
@@ -217,8 +218,10 @@ class BvhOptions(Choices):
     ties: str = "lowest"
     packet_width: int = 1
     traversal: str = "push"
+    robust: bool = True
 
     def __post_init__(self) -> None:
+        check_robust(self.robust)
         resolve_threads(self.threads)
         check_ties(self.ties)
         if self.packet_width not in (1, *LANES):
@@ -231,6 +234,12 @@ def check_ties(ties: str) -> None:
     """Raise InputError for anything but "lowest" and "any"."""
     if ties not in TIES:
         raise InputError(f"ties is {ties!r}, expected one of {', '.join(TIES)}")
+
+
+def check_robust(robust: bool) -> None:
+    """Raise InputError for anything but True and False."""
+    if not isinstance(robust, bool):
+        raise InputError(f"robust is {robust!r}, expected True or False")
 
 
 def native_packet_widths() -> tuple[int, ...]:

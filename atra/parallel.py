@@ -33,7 +33,10 @@ def resolve_threads(threads: int | None) -> int:
 
 
 class WorkerPool:
-    """`threads` threads, the caller among them, that run a kernel side by side until its shared counter is used up."""
+    """`threads` threads, the caller among them, that run a kernel side by side until its shared counter is used up.
+
+    A pool that is dropped without `close` ends its threads by itself.
+    """
 
     def __init__(self, threads: int) -> None:
         self.threads = threads
@@ -42,10 +45,10 @@ class WorkerPool:
     def _start(self) -> None:
         self._process = os.getpid()
         self._others: dict[int, set[int]] = {}  # native id of each other thread, and the cores that it was last given
-        self._executor = ThreadPoolExecutor(self.threads - 1, "atra", self._note_thread) if self.threads > 1 else None
-
-    def _note_thread(self) -> None:
-        self._others[get_native_id()] = set()
+        self._executor = None
+        if self.threads > 1:
+            # Its threads know `_others` alone, not this pool: an executor that nothing refers to ends its threads.
+            self._executor = ThreadPoolExecutor(self.threads - 1, "atra", _note_thread, (self._others,))
 
     def _keep_off_core_of_caller(self) -> None:
         """Let the other threads run on every core but the caller's, where a system can tell it.
@@ -87,6 +90,10 @@ class WorkerPool:
     def close(self) -> None:
         if self._executor:
             self._executor.shutdown()
+
+
+def _note_thread(others: dict[int, set[int]]) -> None:
+    others[get_native_id()] = set()
 
 
 def _wait_whatever_happens(others: list[Future[Any]]) -> None:

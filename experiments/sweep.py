@@ -144,8 +144,10 @@ def _run(
     names = _in_order(points, done)
     tables = make_tables([done[name] for name in names], {done[name].point_id: points[name].grids for name in names})
     table = tables.points
-    write_results(first, tables, command)
+    open_first = write_results(first, tables, command)
     print_sweep(tables, folder, results_console())
+    if open_first is not None:
+        say(results_console(), open_first)
     left = len(points) - len(done)
     if interrupted:
         print(f"{PROGRAM}: interrupted; {left} points left, the same command goes on from here", file=sys.stderr)

@@ -66,7 +66,7 @@ def measure_point(point: Point) -> Measured:
     return measured
 
 
-def _outcome(point: Point) -> Outcome:
+def outcome_of(point: Point) -> Outcome:
     """Whatever measuring comes to."""
     try:
         measured = measure_point(point)
@@ -101,7 +101,7 @@ def main() -> None:
     job = Job.from_json(sys.stdin.readline())
     threading.Thread(target=_end_with_the_run, args=(job.run,), daemon=True).start()
     try:
-        write_atomically(Path(job.result_path), _outcome(job.point).to_json())
+        write_atomically(Path(job.result_path), outcome_of(job.point).to_json())
     except StorageError as error:
         with suppress(OSError):
             print(error, flush=True)

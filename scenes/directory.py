@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import sys
 from pathlib import Path
@@ -12,7 +11,8 @@ import numpy as np
 
 from atra.errors import InputError
 from atra.geometry.mesh import Mesh
-from atra.mesh_files.loading import load_mesh, read_regular_file
+from atra.mesh_files.loading import load_mesh
+from atra.reading import parse_json, read_regular_file
 from scenes.built_in import stand_in_for
 from scenes.manifest import picture_restriction, read_manifest
 from scenes.scene import Scene, camera_fields
@@ -127,10 +127,10 @@ def _absence(name: str) -> str:
 def read_cameras(path: Path) -> dict[str, Any]:
     """Scene name -> camera fields. Raises InputError, naming the file, for anything else."""
     try:
-        cameras = json.loads(read_regular_file(path))
+        cameras = parse_json(read_regular_file(path))
     except FileNotFoundError:
         raise InputError(f"{path} does not exist, expected the cameras of the scenes in that folder") from None
-    except (OSError, ValueError, RecursionError) as error:  # broken JSON, bytes that are not UTF-8, nested too deep
+    except (OSError, InputError) as error:
         raise InputError(f"{path} cannot be read as JSON: {error}") from None
     if not isinstance(cameras, dict):
         raise InputError(f"{path} holds a {type(cameras).__name__}, expected an object: scene name -> camera fields")

@@ -18,6 +18,14 @@ gc.freeze()
 gc.set_threshold(100_000, 50, 50)
 
 
+@pytest.fixture
+def old_objects_set_aside():
+    """The collector looks at what the test has made, and not at all else that this process holds, which takes long."""
+    gc.freeze()
+    yield
+    gc.unfreeze()
+
+
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_protocol(item):
     """Tests marked `uncovered` run without coverage's tracer, and so do the processes they start. pytest-cov's
@@ -36,11 +44,32 @@ def pytest_runtest_protocol(item):
 
 
 def pytest_collection_modifyitems(items):
-    """The longest files first, so that no worker is left with one at the end; of these, those that compile the most
-    before those that start processes, which compile more slowly and find the kernels on disk."""
-    longest = ["instruction_sets", "gathering", "shafts", "bvh", "all_hits", "sweep_files", "command_line", "launchers"]
-    places = {f"test_{name}.py": place for place, name in enumerate(longest)}
-    items.sort(key=lambda item: places.get(item.path.name, len(places)))
+    """Files that compile the most come first, in two groups that need different kernels. One group begins the list, the
+    other one its second half: of two workers, each is given half of the list and compiles its own group."""
+    groups = (
+        ["gathering", "raster", "layers", "planner", "seeing_through", "sweep_files"],
+        [
+            "shafts",
+            "bvh",
+            "properties",
+            "pixel_options",
+            "ray_scene",
+            "render_hybrid",
+            "bake_light",
+            "instruction_sets",
+        ],
+    )
+    place = {f"test_{name}.py": (half, k) for half, group in enumerate(groups) for k, name in enumerate(group)}
+    first, second = (
+        sorted(
+            (item for item in items if place.get(item.path.name, (2,))[0] == half),
+            key=lambda item: place[item.path.name],
+        )
+        for half in (0, 1)
+    )
+    others = [item for item in items if item.path.name not in place]
+    middle = max(0, len(items) // 2 - len(first))
+    items[:] = [*first, *others[:middle], *second, *others[middle:]]
 
 
 def pytest_terminal_summary(terminalreporter):

@@ -296,7 +296,7 @@ def work(count: int, folder: Path, only: tuple[str, int] | None = None) -> dict[
     wrong: list[str] = []
     names = list(every)
     todo = [only] if only else [(names[number % len(names)], number // len(names)) for number in range(count)]
-    _bound_memory()
+    bound_memory(MEMORY_BYTES)
     for name, seed in todo:
         (folder / "now.txt").write_text(f"{name} {seed}")
         signal.alarm(TIME_S)  # its default ends the process, wherever it is
@@ -320,13 +320,13 @@ def _try(kind: Kind, content: bytes, folder: Path) -> bool:
         try:
             used = kind.read(path)
         except InputError as error:
-            _check_refusal(error)
+            check_refusal(error)
             used = False
         assert _names(folder) - {Path(inside).name} == before, "something was written outside the folder"
     return used
 
 
-def _check_refusal(error: BaseException) -> None:
+def check_refusal(error: BaseException) -> None:
     """A refusal is one printable line, and came before the memory ran out."""
     assert str(error).isprintable(), f"raw control characters in {str(error)!r}"
     assert len(str(error)) <= 2000, f"a message of {len(str(error))} characters"
@@ -340,9 +340,10 @@ def _names(folder: Path) -> set[str]:
     return {path.name for path in folder.iterdir()}
 
 
-def _bound_memory() -> None:
+def bound_memory(more_bytes: int) -> None:
+    """Let this process grow by so much and no more."""
     pages = int(Path("/proc/self/statm").read_text(encoding="utf-8").split()[0])
-    limit = pages * resource.getpagesize() + MEMORY_BYTES
+    limit = pages * resource.getpagesize() + more_bytes
     resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
 
 

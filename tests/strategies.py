@@ -17,7 +17,7 @@ NIGHTLY = LENGTH == "nightly"
 """Many random examples, where nobody waits for them, instead of a few that are the same each time."""
 
 EXAMPLES = settings(
-    max_examples={"short": 8, "usual": 40, "nightly": 200}[LENGTH],
+    max_examples={"short": 8, "usual": 16, "nightly": 200}[LENGTH],
     derandomize=not NIGHTLY,
     deadline=None,  # the first example of a packet shape compiles
     database=None,

@@ -122,7 +122,7 @@ def test_every_offset_is_an_image_every_disagreement_a_row(sound: Measured) -> N
 
 @pytest.mark.parametrize(("who", "other"), [("method", "baseline"), ("baseline", "method")])
 @pytest.mark.parametrize(("change", "correctness"), [
-    (name_another_triangle, "wrong triangle"), (see_nothing, "wrong triangle"), (store_another_depth, "wrong depth"),
+    (name_another_triangle, "wrong triangle"), (see_nothing, "hole"), (store_another_depth, "wrong depth"),
 ])  # fmt: skip
 def test_a_fault_in_one_pixel_is_listed_and_counted_against_who_made_it(
     sound: Measured, monkeypatch: pytest.MonkeyPatch, who: str, other: str, change: Any, correctness: str
@@ -163,7 +163,7 @@ def test_a_tie_is_listed_though_nobody_is_wrong_and_a_miss_is_an_empty_field() -
     found = examine(mesh, camera, hits, reference, atra.compare(mesh, camera, hits, reference))
     listed = agreement._disagreements(found, (0.5, 0.5))
     assert list(zip(listed["x"], listed["y"], listed["verdict"], strict=True)) == [(2, 1, "tied"), (0, 3, "wrong")]
-    assert listed["method_correctness"] == ["tied", "wrong triangle"]
+    assert listed["method_correctness"] == ["tied", "hole"]
     assert listed["method_prim_id"] == [int(prim_id[1, 2]), None]
     assert listed["method_stored_depth"] == listed["method_depth"] == [2.0, None]
 

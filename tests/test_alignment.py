@@ -88,6 +88,7 @@ def test_splits_and_alignments_cannot_be_changed_under_a_plan():
 
 @pytest.mark.parametrize(("counts", "message"), [
     ((7, 4), r"split \(7, 4\) does not divide image 1920 x 1080"),
+    ((4, 7), r"split \(4, 7\) does not divide image 1920 x 1080"),
     ((0, 1), "number of columns"),
     ((1, -2), "number of rows"),
     ((2.0, 1), "number of columns is 2.0, expected a whole number"),

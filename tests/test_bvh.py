@@ -36,9 +36,8 @@ def trace(mesh, camera, offset=(0.5, 0.5), **options):
 def below(bvh, node):
     """prim_ids of the triangles below a node."""
     if bvh.block_counts[node]:
-        blocks = bvh.blocks[bvh.first[node] :][: bvh.block_counts[node]]
-        has_area = (blocks[:, 3:9] != 0).any(axis=1)
-        return blocks[:, 9][has_area].tolist()
+        own = slice(bvh.first[node], bvh.first[node] + bvh.block_counts[node])
+        return bvh.blocks[own, 9][~bvh.is_left_over[own]].tolist()
     return below(bvh, bvh.first[node]) + below(bvh, bvh.first[node] + 1)
 
 
@@ -130,6 +129,18 @@ def test_all_traversals_give_the_float64_image_to_the_same_bits(packet_width, tr
             hits = trace(mesh, camera, offset, threads=2, **options)
             assert_equal_images(mesh, camera, hits, brute_force(mesh, camera, offset))
             assert_same_bits(hits, trace(mesh, camera, offset))
+
+
+@pytest.mark.parametrize(("packet_width", "traversal"), KINDS)
+def test_of_triangles_at_one_depth_the_lowest_is_stored_in_whatever_order_they_are_met(packet_width, traversal):
+    once = cornell_box()
+    faces = np.random.default_rng(3).permutation(np.repeat(once.faces, 5, axis=0))
+    lowest = {tuple(face): prim_id for prim_id, face in reversed(list(enumerate(faces.tolist())))}
+    mesh = atra.Mesh(once.vertices, faces)
+    hits = trace(mesh, cornell_camera(41, 23), packet_width=packet_width, traversal=traversal, ties="any")
+    seen = np.unique(hits.prim_id[hits.hit])
+    assert len(seen) > 5
+    assert [lowest[tuple(faces[prim_id].tolist())] for prim_id in seen] == seen.tolist()
 
 
 @pytest.mark.parametrize(("packet_width", "traversal"), KINDS)

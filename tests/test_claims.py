@@ -160,7 +160,13 @@ def test_without_numbers_nothing_holds_and_nothing_fails(agreeing: pd.DataFrame)
         assert all(one.why for one in findings)
 
 
-@pytest.mark.parametrize("column", ["speedup", "build_over_plain", "embree_bytes", "pixels_wrong"])
+@pytest.mark.parametrize(
+    "column",
+    [
+        "speedup",
+        *(pytest.param(name, marks=pytest.mark.slow) for name in ("build_over_plain", "embree_bytes", "pixels_wrong")),
+    ],
+)
 def test_a_missing_column_leaves_its_claims_not_measured_and_the_others_as_they_were(
     agreeing: pd.DataFrame, column: str
 ) -> None:

@@ -7,7 +7,6 @@ import os
 import signal
 import subprocess
 import sys
-import tempfile
 from pathlib import Path
 
 import matplotlib
@@ -16,17 +15,16 @@ import pytest
 from PIL import Image
 
 from experiments.workloads.rounds import expert_packet_widths
+from tests.command import NO_SCENES, ROOT, run_here
 
 pytestmark = pytest.mark.uncovered
 
-ROOT = Path(__file__).resolve().parents[1]
 TOY = ["width=64", "height=64", "measure.processes=1", "measure.rounds=3", "measure.warmup=1"]
-# In place of the cache of the person who runs the tests, where scenes may have been fetched to.
-NO_SCENES = tempfile.TemporaryDirectory(prefix="atra-tests-")
 TOY_SWEEP = ["sweep=horizontal", "method.split_x=1,2,3", *TOY]
 
 
 def run(folder: Path, *arguments: str, scenes: str | None = None, **variables: str) -> subprocess.CompletedProcess[str]:
+    """`python run.py` with these arguments, in a process of its own."""
     environment = {name: value for name, value in os.environ.items() if name != "ATRA_SCENES"}
     environment |= {"XDG_CACHE_HOME": NO_SCENES.name, "LOCALAPPDATA": NO_SCENES.name, **variables}
     # Matplotlib would build its font cache in that new folder and, on a busy machine, say so.
@@ -88,7 +86,7 @@ def run(folder: Path, *arguments: str, scenes: str | None = None, **variables: s
 def test_bad_input_gets_one_line_and_exit_code_2_before_any_work(
     tmp_path: Path, arguments: list[str], message: str
 ) -> None:
-    done = run(tmp_path, *arguments)
+    done = run_here(tmp_path, *arguments)
     assert done.returncode == 2, done.stderr
     assert message in done.stderr
     assert len(done.stderr.strip().splitlines()) == 1
@@ -96,7 +94,7 @@ def test_bad_input_gets_one_line_and_exit_code_2_before_any_work(
 
 
 def test_the_debug_switch_shows_the_traceback(tmp_path: Path) -> None:
-    done = run(tmp_path, "width=10", "method.split_x=3", "debug=true")
+    done = run_here(tmp_path, "width=10", "method.split_x=3", "debug=true")
     assert done.returncode == 2
     assert "Traceback" in done.stderr
 
@@ -116,7 +114,7 @@ def test_a_lone_point_prints_its_table_and_writes_its_record(tmp_path: Path) -> 
 
 
 def test_measuring_a_picture_writes_it_and_says_where(tmp_path: Path) -> None:
-    done = run(tmp_path, *TOY, "workload=picture", "method=pixel")
+    done = run_here(tmp_path, *TOY, "workload=picture", "method=pixel")
     assert done.returncode == 0, done.stderr
     written = [Path(line[9:]) for line in done.stdout.splitlines() if line.startswith("written: ")]
     assert [path.name for path in written] == [
@@ -127,11 +125,12 @@ def test_measuring_a_picture_writes_it_and_says_where(tmp_path: Path) -> None:
 
 
 def test_a_sweep_leaves_records_table_and_figure_and_goes_on_where_it_stopped(tmp_path: Path) -> None:
-    done = run(tmp_path, *TOY_SWEEP)
+    done = run_here(tmp_path, *TOY_SWEEP)
     assert done.returncode == 0, done.stderr
     folder = tmp_path / "results" / "horizontal"
     assert sorted(path.name for path in folder.iterdir()) == [
-        "command.txt", "figure5.png", "figure5.svg", "processes.parquet", "table.csv", "table.parquet",
+        "command.txt", "figure5.png", "figure5.svg", "figure5_speedup.png", "figure5_speedup.svg",
+        "processes.parquet", "table.csv", "table.parquet",
     ]  # fmt: skip
     assert [entry.name for entry in tmp_path.iterdir()] == ["results"]
     table = pd.read_csv(folder / "table.csv")
@@ -143,6 +142,9 @@ def test_a_sweep_leaves_records_table_and_figure_and_goes_on_where_it_stopped(tm
     assert "does not divide" in table["error"][2]
     assert (table["pixels_wrong"].dropna() == 0).all()
     assert "does not divide" in done.stdout
+    told = done.stdout.splitlines()[-1]
+    assert told.startswith("Figure 5: render time over horizontal splits, culling off and on: ")
+    assert Path(tmp_path, told.rpartition(": ")[2]) == folder / "figure5.png"
 
     # One record lost, one spoilt: these two are measured again, the others are not.
     records = tmp_path / "results" / "records"
@@ -151,7 +153,7 @@ def test_a_sweep_leaves_records_table_and_figure_and_goes_on_where_it_stopped(tm
     lost.unlink()
     spoilt.write_text("{")
     before = [path.read_bytes() for path in kept]
-    again = run(tmp_path, *TOY_SWEEP)
+    again = run_here(tmp_path, *TOY_SWEEP)
     assert again.returncode == 0, again.stderr
     assert "6 points in 6 processes: 4 finished before, 0 cannot be measured, 2 to do" in again.stderr
     assert [path.read_bytes() for path in kept] == before
@@ -162,12 +164,13 @@ def test_a_sweep_leaves_records_table_and_figure_and_goes_on_where_it_stopped(tm
 
 def test_results_that_cannot_be_written_are_refused_before_measuring(tmp_path: Path) -> None:
     (tmp_path / "taken").write_text("a file, not a folder")
-    done = run(tmp_path, *TOY, "results_dir=taken")
+    done = run_here(tmp_path, *TOY, "results_dir=taken")
     assert done.returncode == 2, done.stderr
     assert "results cannot be written to" in done.stderr
     assert len(done.stderr.strip().splitlines()) == 1
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows sends no SIGINT to one process")
 def test_an_interrupt_keeps_what_is_done_and_exits_with_130(tmp_path: Path) -> None:
     command = [sys.executable, str(ROOT / "run.py"), "sweep=horizontal", *TOY]
@@ -207,10 +210,10 @@ def test_an_interrupt_while_importing_is_one_line_and_130(tmp_path: Path) -> Non
 
 
 def test_a_report_is_written_from_the_table_and_without_one_no_claim_holds(tmp_path: Path) -> None:
-    done = run(tmp_path, *TOY_SWEEP)
+    done = run_here(tmp_path, *TOY_SWEEP)
     assert done.returncode == 0, done.stderr
     folder = tmp_path / "results" / "horizontal"
-    done = run(tmp_path, "report", "sweep=horizontal")
+    done = run_here(tmp_path, "report", "sweep=horizontal")
     assert done.returncode == 0, done.stderr
     assert done.stdout == f"report: {Path('results', 'horizontal', 'report.html')}\n"
     assert "cornell_box" in (folder / "report.html").read_text(encoding="utf-8")
@@ -218,7 +221,7 @@ def test_a_report_is_written_from_the_table_and_without_one_no_claim_holds(tmp_p
     assert claims
     for name in ("table.parquet", "table.csv"):
         (folder / name).unlink()
-    done = run(tmp_path, "report", "sweep=horizontal")
+    done = run_here(tmp_path, "report", "sweep=horizontal")
     assert done.returncode == 0, done.stderr
     text = (folder / "claims.json").read_text(encoding="utf-8")
     assert '"not measured"' in text
@@ -226,14 +229,14 @@ def test_a_report_is_written_from_the_table_and_without_one_no_claim_holds(tmp_p
 
 
 def test_a_report_of_no_sweep_says_what_to_run(tmp_path: Path) -> None:
-    done = run(tmp_path, "report", "sweep=paper")
+    done = run_here(tmp_path, "report", "sweep=paper")
     assert done.returncode == 2
     assert "run sweep=paper first" in done.stderr
     assert len(done.stderr.strip().splitlines()) == 1
 
 
 def test_fetching_a_built_in_scene_says_that_it_is_here(tmp_path: Path) -> None:
-    done = run(tmp_path, "fetch", "scene=atrium")
+    done = run_here(tmp_path, "fetch", "scene=atrium")
     assert done.returncode == 0, done.stderr
     assert "nothing needs fetching" in done.stdout
 

@@ -14,6 +14,7 @@ from atra.hits import Hits
 from atra.judge import outline as outline_module
 from atra.judge import rounding as rounding_module
 from atra.judge.compare import Verdict
+from atra.judge.depths import has_wrong_depth, relative_depth_error
 from atra.judge.reference import brute_force
 from atra.judge.rounding import Rounding
 from atra.prim_ids import MISS
@@ -144,7 +145,7 @@ def test_a_depth_is_right_as_far_as_float32_may_be_off_and_no_farther(camera):
         stored = seen.depth.copy()
         stored[y, x] = depth * (1.0 + share * allowed)
         image = Hits(stored, seen.prim_id, OFFSET, mesh, camera)
-        wrong = judge._has_wrong_depth(mesh, camera, image, judge._relative_depth_error(mesh, camera, image))
+        wrong = has_wrong_depth(mesh, camera, image, relative_depth_error(mesh, camera, image))
         assert (wrong[y, x] == expected).all()
         assert not wrong[~seen.hit].any()
 
@@ -163,7 +164,7 @@ def test_a_ray_in_the_plane_of_a_triangle_may_have_any_depth(camera, depth, expe
     stored, prim_id = np.full((8, 8), np.inf, np.float32), np.full((8, 8), MISS, np.uint32)
     stored[4, 4], prim_id[4, 4] = depth, 0
     image = Hits(stored, prim_id, (0.5, 0.5), mesh, camera)
-    wrong = judge._has_wrong_depth(mesh, camera, image, judge._relative_depth_error(mesh, camera, image))
+    wrong = has_wrong_depth(mesh, camera, image, relative_depth_error(mesh, camera, image))
     assert wrong[4, 4] == expected
     assert wrong.sum() == expected
 
@@ -173,7 +174,7 @@ def test_a_ray_through_a_plane_that_passes_through_the_eye_has_no_depth_to_speak
     mesh = one_triangle(*((x, y, 0.1 * x + 0.2 * y) for x, y in ((-50.0, -50.0), (50.0, -50.0), (0.0, 50.0))))
     stored, prim_id = np.full((8, 8), depth, np.float32), np.zeros((8, 8), np.uint32)
     image = Hits(stored, prim_id, (0.5, 0.5), mesh, FROM_ORIGIN["pinhole"])
-    wrong = judge._has_wrong_depth(mesh, image.camera, image, judge._relative_depth_error(mesh, image.camera, image))
+    wrong = has_wrong_depth(mesh, image.camera, image, relative_depth_error(mesh, image.camera, image))
     assert (wrong == expected).all()
 
 

@@ -1,11 +1,14 @@
 """What a ray starts on it does not hit: planes that hold the eye, exactly or to the last bit of its coordinates."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
+import trimesh
 
 import atra
+from atra.bvh.tracer import BvhTracer
 from atra.hits import Hits
 from atra.judge.compare import Verdict
 from atra.judge.oracle import examine
@@ -81,3 +84,53 @@ def test_an_eye_a_bit_beside_a_plane_sees_the_float64_image(seed):
     reference = brute_force(mesh, camera)
     for hits in (draw(mesh, camera), trace_pixels(mesh, camera), trace("pixels", mesh, camera)):
         assert_no_pixel_wrong(mesh, camera, hits, reference)
+
+
+@pytest.mark.parametrize("kind", ["raster", "pixel", "robust", "aligned", "instanced", "visible_first", "bvh"])
+def test_an_eye_on_a_vertex_sees_what_lies_behind_the_triangles_there(kind):
+    """A ball whose vertices need all digits of float32; the triangles at the eye came out at a depth of 1e-9 or 0."""
+    ball = trimesh.creation.icosphere(subdivisions=1)
+    mesh = atra.Mesh(ball.vertices, ball.faces)
+    make = {
+        "raster": atra.RasterTracer, "pixel": atra.PixelTracer, "bvh": BvhTracer,
+        "robust": partial(atra.PixelTracer, robust=True), "aligned": partial(atra.AlignedTracer, split=(4, 1)),
+        "instanced": partial(atra.AlignedTracer, split=(4, 1), geometry="instanced", culling=False),
+        "visible_first": partial(atra.VisibleFirstTracer, split=(4, 1)),
+    }[kind]  # fmt: skip
+    for vertex, target in ((5, (0, 0, 0)), (5, (0.3, 0.63, 1.05)), (0, (0, 0, 0))):
+        eye = tuple(mesh.vertices[vertex].astype(float))
+        camera = atra.Camera(eye, target, (0.1, 1, 0.2), 70, 32, 32)
+        reference = brute_force(mesh, camera)
+        with make(mesh, camera, threads=1) as tracer:
+            hits = tracer.trace()
+        assert_no_pixel_wrong(mesh, camera, hits, reference)
+        np.testing.assert_array_equal(hits.hit, reference.hit)
+        np.testing.assert_allclose(hits.depth, reference.depth, rtol=1e-5)
+
+
+TRACERS = {
+    "raster": atra.RasterTracer, "pixel": atra.PixelTracer, "fast": partial(atra.PixelTracer, robust=False),
+    "bvh": BvhTracer, "aligned": partial(atra.AlignedTracer, split=(4, 1)),
+    "instanced": partial(atra.AlignedTracer, split=(4, 1), geometry="instanced", culling=False),
+    "visible_first": partial(atra.VisibleFirstTracer, split=(4, 1)),
+}  # fmt: skip
+PLAN = atra.OrthographicCamera(**EYE_AT_ORIGIN, width=16, height=12, view_height=3)
+
+
+@pytest.mark.parametrize(
+    ("kind", "camera"),
+    [(kind, camera) for kind in TRACERS for camera in (CAMERA, PLAN) if (kind, camera) != ("visible_first", PLAN)],
+)
+def test_a_face_that_rays_start_on_is_no_hit_nor_is_one_of_all_hits(kind, camera):
+    """The eye inside a face, on an edge and on a vertex of it; the image plane of parallel rays in the face."""
+    for shift in ((0.3, 0.1, 0), (0, 0, 0), (1, 1, 0), (1, 0.5, 0)):
+        pane = atra.Mesh(PANE.vertices + np.float32(shift), PANE.faces)
+        mesh = joined(pane, WALL)
+        reference = brute_force(mesh, camera)
+        assert set(np.unique(reference.prim_id)) == {2, 3}
+        with TRACERS[kind](mesh, camera, threads=1) as tracer:
+            hits = tracer.trace()
+            counts = tracer.gather(atra.Count()).count if kind in ("pixel", "fast", "aligned") else 1
+        np.testing.assert_array_equal(hits.depth, reference.depth)
+        assert_no_pixel_wrong(mesh, camera, hits, reference)
+        assert np.all(counts == 1)

@@ -7,6 +7,7 @@ import os
 import tempfile
 from collections.abc import Callable
 from dataclasses import replace
+from html import escape
 from pathlib import Path
 from typing import NoReturn
 
@@ -101,9 +102,11 @@ def test_a_report_is_refused_if_a_record_behind_it_is_damaged_and_leaves_that_wh
 
 
 def test_a_report_without_records_is_made_of_the_table_alone(tmp_path: Path) -> None:
-    identity_of_point = run_sweep(points(tmp_path, 1), run=Runner())["point_id"][0]
-    record_path(tmp_path / "records", identity_of_point).unlink()
-    assert "an unknown machine" in rewrite_report(configuration(tmp_path)).read_text(encoding="utf-8")
+    table = run_sweep(points(tmp_path, 1), run=Runner())
+    record_path(tmp_path / "records", table["point_id"][0]).unlink()
+    page = rewrite_report(configuration(tmp_path)).read_text(encoding="utf-8")
+    assert escape(table["cpu"][0]) in page
+    assert "unknown versions" in page
 
 
 @pytest.mark.parametrize("field", ["cpu", "code_sha256"])

@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pandas as pd
 import pytest
 from matplotlib.axes import Axes
@@ -15,7 +14,6 @@ from matplotlib.text import Text
 
 from atra.errors import InputError
 from experiments.drawing.pages import describe_measurement
-from experiments.drawing.shading import encode_png
 from experiments.drawing.style import PANEL_INCHES, SMALL, TIMES
 from experiments.harness.configuration import Configuration, SweepConfiguration
 from experiments.paper.figures import draw_instancing_figure
@@ -23,7 +21,7 @@ from experiments.report.figures import draw_figures
 from experiments.sweep import GridPoint, run_sweep
 from experiments.workloads.build.figures import draw_build_figure
 from experiments.workloads.frame.break_even_figure import draw_break_even_figure
-from experiments.workloads.frame.grid_figure import draw_grid_figure
+from experiments.workloads.frame.grid_figure import draw_grid_ratios, draw_grid_times
 from experiments.workloads.frame.growth_figure import draw_growth_figure
 from experiments.workloads.frame.peers_figure import draw_peers_figure
 from experiments.workloads.frame.threads_figure import draw_threads_figure
@@ -32,9 +30,7 @@ from experiments.workloads.methods_figure import draw_methods_figure
 from experiments.workloads.moving.figures import draw_moving_figure
 from experiments.workloads.multiframe.multiframe_figure import draw_multiframe_figure
 from experiments.workloads.multiframe.stereo_figure import draw_stereo_figure
-from experiments.workloads.picture.figures import draw_scenes_figure
-from experiments.workloads.picture.pictures import ScenePictures
-from experiments.workloads.split_figure import ALL_HITS, draw_split_figure
+from experiments.workloads.split_figure import draw_split_ratios, draw_split_times
 from tests.drawn import (
     MIB,
     build_row,
@@ -58,51 +54,17 @@ def crosses(axis: Axes) -> set[float]:
     return {float(x) for line in axis.get_lines() if line.get_marker() == "x" for x in line.get_xdata()}
 
 
-def test_the_split_figure_draws_ratios_with_intervals_and_every_baseline_where_it_lies_among_them() -> None:
-    off = [time_row(1, 0.1, ratio=0.5, culling=False), time_row(2, 0.04, ratio=1.25, culling=False)]
-    figure = draw_split_figure(make_rows(time_row(1, 0.08, ratio=0.625), time_row(2, 0.02, ratio=2.0), *off))
-    (axis,) = figure.axes
-    assert line(axis, "aligned, culling on") == {1: 0.625, 2: 2.0}
-    assert line(axis, "aligned, culling off") == {1: 0.5, 2: 1.25}
-    assert level(axis, "rtcIntersect1 per pixel") == pytest.approx(0.5)
-    assert level(axis, "fastest packets per pixel") == pytest.approx(1)
-    assert level(axis, ALL_HITS) == pytest.approx(0.5)
-    bars = next(one for one in axis.get_lines() if one.get_label() == "_bars")
-    assert bars.get_ydata()[[0, 1, 9, 10]] == pytest.approx([1.75, 2.25, 1.75, 2.25])
-    assert f"culling on: 2 best, 20.0 ms, 2.00{TIMES}; over all hits 4.00{TIMES}" in words(figure)
-
-
-def test_single_rays_are_drawn_over_single_rays() -> None:
-    rows = make_rows(time_row(1, 0.05, packet_width=1), time_row(2, 0.02, packet_width=1, ratio=0.1))
-    (axis,) = draw_split_figure(rows).axes
-    assert line(axis, "aligned, culling on") == {1: 2, 2: 5}
-    assert level(axis, "fastest packets per pixel") == pytest.approx(2)
-    assert "speed-up over rtcIntersect1 per pixel" in axis.get_ylabel()
-
-
-def test_the_grid_figure_writes_ratio_and_time_and_frames_the_best_split_and_the_one_that_splits_nothing() -> None:
-    split = {"split_y": 2}
-    figure = draw_grid_figure(
-        make_rows(time_row(1, 0.08, ratio=0.5), time_row(2, 0.02), skipped(time_row(1, 0.1) | split))
-    )
-    axis = figure.axes[0]
-    assert {f"0.50{TIMES}\n80.0", f"2.00{TIMES}\n20.0", "skipped"} <= {text.get_text() for text in axis.texts}
-    framed = {patch.get_label(): (patch.get_x() + 0.46, patch.get_y() + 0.46) for patch in axis.patches}
-    assert framed == {"best split": (1, 0), f"baseline that gathers all hits: 1 {TIMES} 1": (0, 0)}
+@pytest.mark.parametrize(("axis_name", "said"), [("split_x", "horizontal splits"), ("split_y", "vertical splits")])
+def test_the_axis_of_splits_says_which_way_they_run(axis_name: str, said: str) -> None:
+    figure = draw_split_times(make_rows(time_row(1, 0.08), time_row(2, 0.02)), axis_name=axis_name)
+    assert {axis.get_xlabel() for axis in figure.axes} == {said}
 
 
 def test_processes_left_out_are_said_in_the_foot() -> None:
     unsteady = time_row(2, 0.1) | {"status": "unsteady", "error": "too noisy", "processes_left_out": 3}
-    figure = draw_split_figure(make_rows(time_row(1, 0.1, processes_left_out=1), unsteady))
+    figure = draw_split_times(make_rows(time_row(1, 0.1, processes_left_out=1), unsteady))
     assert "4 processes left out as unsteady" in unfolded(figure)
     assert "culling on, 2: unsteady, too noisy" in unfolded(figure)
-
-
-@pytest.mark.parametrize("draw", [draw_split_figure, draw_grid_figure])
-def test_a_packet_width_is_a_panel_of_its_own_and_scenes_keep_their_rows(draw: Any) -> None:
-    table = make_rows(*(time_row(1, 0.08, packet_width=width, scene=name) for name in "ab" for width in (8, 1)))
-    titles = [title for axis in draw(table).axes if (title := axis.get_title(loc="left"))]
-    assert titles == [f"{name} (10 triangles), packet width {width}" for name in "ab" for width in (1, 8)]
 
 
 def test_the_build_figure_draws_plan_and_build_of_copies_and_the_build_of_instances() -> None:
@@ -176,6 +138,7 @@ def drawn_names(*rows: dict[str, Any], grids: dict[str, list[str]] | None = None
     return [figure.name for figure in draw_figures(make_rows(*rows), Path(), grids)]
 
 
+FIGURE5 = ["figure5", "figure5_speedup"]
 SPLITS = [time_row(split, 0.01 * split) for split in (1, 2)]
 INSTANCED = memory_row(2, 100, 102, 102, culling=False, geometry="instanced")
 
@@ -183,12 +146,18 @@ INSTANCED = memory_row(2, 100, 102, 102, culling=False, geometry="instanced")
 @pytest.mark.parametrize(
     ("rows", "expected"),
     [
-        (SPLITS, ["figure5"]),
-        ([*SPLITS, *(row | {"packet_width": 1} for row in SPLITS)], ["figure5_single_rays", "figure5_packets_of_8"]),
-        ([row | {"split_x": 1, "split_y": row["split_x"]} for row in SPLITS], ["figure5_vertical"]),
-        ([*SPLITS, time_row(1, 0.01, split_y=2)], ["figure4"]),
-        ([*SPLITS, build_row(1, 0.1, 0.2), memory_row(1, 1, 2, 3)], ["figure5", "figure6", "figure7"]),
-        ([*SPLITS, INSTANCED], ["figure5", "figure7", "figure7_instancing"]),
+        (SPLITS, FIGURE5),
+        (
+            [*SPLITS, *(row | {"packet_width": 1} for row in SPLITS)],
+            [f"{name}_{rays}" for name in FIGURE5 for rays in ("single_rays", "packets_of_8")],
+        ),
+        (
+            [row | {"split_x": 1, "split_y": row["split_x"]} for row in SPLITS],
+            ["figure5_vertical", "figure5_vertical_speedup"],
+        ),
+        ([*SPLITS, time_row(1, 0.01, split_y=2)], ["figure4", "figure4_speedup"]),
+        ([*SPLITS, build_row(1, 0.1, 0.2), memory_row(1, 1, 2, 3)], [*FIGURE5, "figure6", "figure7"]),
+        ([*SPLITS, INSTANCED], [*FIGURE5, "figure7", "figure7_instancing"]),
         ([time_row(2, 0.01), time_row(2, 0.01, method="tiles")], ["methods", "break_even"]),
         ([time_row(2, 0.01), time_row(1, 0.01, method="embreex")], ["methods", "break_even", "peers"]),
         ([time_row(2, 0.01), time_row(2, 0.01, threads=2)], ["threads"]),
@@ -212,14 +181,18 @@ def test_a_sweep_that_names_figures_draws_these_of_the_points_of_their_grids_alo
 
 def test_a_figure_of_one_packet_width_holds_the_points_of_that_width() -> None:
     table = make_rows(*SPLITS, *(row | {"packet_width": 1} for row in SPLITS))
-    single, packets = draw_figures(table, Path())
+    drawn = draw_figures(table, Path())
+    single, packets = next(drawn), next(drawn)
     assert (single.point_ids, packets.point_ids) == (set(table["point_id"][2:]), set(table["point_id"][:2]))
 
 
 @pytest.mark.parametrize(
     ("figures", "message"),
     [
-        ({"figure9": ["horizontal"]}, "sweep.figures names 'figure9', expected one of figure4, figure5"),
+        (
+            {"figure9": ["horizontal"]},
+            "sweep.figures names 'figure9', expected one of figure4, figure4_speed",
+        ),
         ({"figure5": ["vertical"]}, "sweep.figures.figure5 names 'vertical', expected one of horizontal"),
     ],
 )
@@ -239,8 +212,10 @@ def draw_growth_to_larger_images(rows: pd.DataFrame, columns: int = 2) -> Figure
 
 
 ONE_ROW = {
-    "split": (draw_split_figure, time_row(1, 0.08)),
-    "grid": (draw_grid_figure, time_row(1, 0.08)),
+    "split, times": (draw_split_times, time_row(1, 0.08)),
+    "split, ratios": (draw_split_ratios, time_row(1, 0.08)),
+    "grid, times": (draw_grid_times, time_row(1, 0.08)),
+    "grid, ratios": (draw_grid_ratios, time_row(1, 0.08)),
     "build": (draw_build_figure, build_row(1, 0.002, 0.005)),
     "memory": (draw_memory_figure, memory_row(1, 100, 110, 130)),
     "instancing, memory": (draw_instancing_figure, memory_row(1, 100, 110, 130)),
@@ -257,7 +232,9 @@ ONE_ROW = {
 LEFT = ["scene", "status", "method", "split_x", "split_y", "culling", "workload", "width", "height", "triangles"]
 
 
-@pytest.mark.parametrize("name", ONE_ROW)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.slow if place % 3 else ()) for place, name in enumerate(ONE_ROW)]
+)
 def test_every_figure_copes_with_one_row_with_none_and_with_a_row_of_missing_values(name: str) -> None:
     draw, row = ONE_ROW[name]
     one = make_rows(row)
@@ -269,6 +246,7 @@ def test_every_figure_copes_with_one_row_with_none_and_with_a_row_of_missing_val
         save(draw(table))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("columns", [1, 2])
 @pytest.mark.parametrize("name", ONE_ROW)
 def test_every_text_is_large_enough_for_a_page_of_400_px_and_inside_its_figure(name: str, columns: int) -> None:
@@ -287,7 +265,9 @@ def test_every_text_is_large_enough_for_a_page_of_400_px_and_inside_its_figure(n
             assert max(whole.x1 - figure.bbox.x1, whole.y1 - figure.bbox.y1) <= 0, text
 
 
-@pytest.mark.parametrize("name", ONE_ROW)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=() if name == "methods" else pytest.mark.slow) for name in ONE_ROW]
+)
 def test_a_stand_in_is_named_as_one_and_no_other_scene_is(name: str) -> None:
     draw, row = ONE_ROW[name]
     assert "stand-in for sponza, not that scene" in words(draw(make_rows(row | {"stands_for": "sponza"})))
@@ -305,18 +285,3 @@ def test_the_foot_says_only_what_the_table_tells() -> None:
     assert "of each the median of 3 to 9 rounds; bars: 95 % confidence intervals over processes" in said
     assert said.endswith("some cpu, 2000-01-01, mark, 1 of 2 points carry doubts (see table)")
     assert describe_measurement(rows.iloc[:0]) == ""
-
-
-def test_the_scenes_figure_shows_each_picture_with_its_counts() -> None:
-    images = [np.full((4, 8, 3), value, np.uint8) for value in (10, 20, 30)]
-    aligned, pixel, difference = (encode_png(image) for image in images)
-    one = ScenePictures("ball", 61600, "mitsuba", 8, 4, 29, 2, 1, 0, aligned, pixel, difference)
-    figure = draw_scenes_figure([one, one])
-    assert len(figure.axes) == 6
-    for axis, image in zip(figure.axes, images + images, strict=True):
-        np.testing.assert_array_equal(axis.images[0].get_array(), image)
-    stand_in = "stand-in for mitsuba, not that scene"
-    for text in ("ball (61,600 triangles)", stand_in, "29 pixels equal", "2 tied, 1 edge"):
-        assert text in words(figure)
-    save(figure)
-    save(draw_scenes_figure([]))

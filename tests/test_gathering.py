@@ -91,8 +91,24 @@ CAMERAS = {
 }
 
 
-@pytest.mark.parametrize("method", (METHODS | OTHERS).values(), ids=METHODS | OTHERS)
-@pytest.mark.parametrize("camera", CAMERAS.values(), ids=CAMERAS)
+def of_every_camera(methods, slow):
+    """Cases of cameras and methods. slow: the method whose kernel for parallel rays is compiled for this test alone."""
+    return pytest.mark.parametrize(
+        ("camera", "method"),
+        [
+            pytest.param(
+                CAMERAS[camera],
+                methods[method],
+                id=f"{camera}-{method}",
+                marks=pytest.mark.slow if (camera, method) == ("parallel", slow) else (),
+            )
+            for camera in CAMERAS
+            for method in methods
+        ],
+    )
+
+
+@of_every_camera(METHODS | OTHERS, slow="narrow vectors")
 def test_counts_are_exact_whatever_lies_behind_around_and_through_the_eye(camera, method):
     for seed, mesh in enumerate(
         (random_triangles(60, 1), random_triangles(900, 2, 0.1), beams(3), boards(tilted=True))
@@ -114,18 +130,17 @@ def test_nothing_hangs_on_how_many_samples_are_held_to_be_in_doubt(method, monke
     mesh, camera = random_triangles(300, 5, 0.3), CAMERAS["ordinary"]
 
     with METHODS[method](mesh, camera) as tracer:
-        pitch, direction, stretch, shift = tracer._precision()
+        pitch, direction, stretch, shift, roundings = tracer._precision()
         few = tracer.gather(atra.Count())
         before = len(tracer._doubts[1].keys)
     with METHODS[method](mesh, camera) as tracer:
-        monkeypatch.setattr(tracer, "_precision", lambda: Precision(pitch, direction, 60.0 * stretch, shift))
+        monkeypatch.setattr(tracer, "_precision", lambda: Precision(pitch, direction, 60.0 * stretch, shift, roundings))
         many = tracer.gather(atra.Count())
         assert len(tracer._doubts[1].keys) > 10 * before + 1000
     np.testing.assert_array_equal(many.count, few.count)
 
 
-@pytest.mark.parametrize("method", METHODS.values(), ids=METHODS)
-@pytest.mark.parametrize("camera", CAMERAS.values(), ids=CAMERAS)
+@of_every_camera(METHODS, slow="raster")
 def test_transmittance_is_the_product_of_the_factors(camera, method):
     mesh = random_triangles(200, 4, 0.5)
     what = atra.Transmittance(np.random.default_rng(1).uniform(0.2, 1.0, 200))
@@ -158,8 +173,7 @@ def test_a_ray_that_starts_inside_is_as_long_as_its_way_out(method):
     np.testing.assert_allclose(found.thickness, 1.0, rtol=1e-5)
 
 
-@pytest.mark.parametrize("method", METHODS.values(), ids=METHODS)
-@pytest.mark.parametrize("camera", CAMERAS.values(), ids=CAMERAS)
+@of_every_camera(METHODS, slow="raster")
 def test_layers_are_the_nearest_hits_in_order_and_the_others_are_counted(camera, method):
     mesh = random_triangles(150, 6)
     found, wanted = (

@@ -163,7 +163,7 @@ def test_a_primitive_that_would_be_left_out_is_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("more", "message"), [
-    ({"bufferViews": [{"buffer": 0, "byteLength": 10**7}] * 10**4}, "need about 93.1 GiB"),
+    ({"bufferViews": [{"buffer": 0, "byteLength": 10**7}] * 10**4}, r"claims .* take about 93\.1 GiB"),
     ({"accessors": [{"bufferView": 0, "componentType": 5126, "count": 10**6, "type": "MAT4"}] * 10**4}, "GiB"),
     ({"meshes": [{"primitives": PART["primitives"] * 1500}], "nodes": [{"mesh": 0}] * 1500}, "2,250,000 parts"),
 ], ids=["views", "accessors", "parts"])  # fmt: skip
@@ -171,8 +171,6 @@ def test_a_gltf_that_names_its_bytes_or_parts_too_often_is_refused_before_it_is_
     more: dict[str, Any], message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(trimesh, "load_scene", lambda *_, **__: pytest.fail("read before it was counted"))
-    memory = type("", (), {"available": 2**33})()
-    monkeypatch.setattr("atra.mesh_files.claims.psutil.virtual_memory", lambda: memory)
     with pytest.raises(InputError, match=message):
         load_mesh(gltf(tmp_path, roots=list(range(len(more.get("nodes", [0])))), **{"nodes": [{"mesh": 0}], **more}))
 

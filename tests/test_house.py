@@ -149,6 +149,7 @@ def run_here(point: Point) -> Outcome:
     return Outcome.from_json(outcome.to_json(), point)
 
 
+@pytest.mark.slow
 def test_a_new_method_and_a_new_workload_go_from_the_command_line_to_the_page(
     toys: None, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -32,15 +32,17 @@ def run(code_or_arguments, instruction_set, **variables):
     return done.returncode, done.stdout
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", instruction_sets_here()[:-1])
 def test_the_core_holds_under(name):
     """And under the last, as all other tests run under that. Vectors wider or narrower than are native under a set, and
     some pairs of choices, are tested under the last alone (tests/images.py: HELD)."""
-    code, said = run(["-m", "pytest", "-m", "core", "-x", *CORE], name, ATRA_HYPOTHESIS="short")
+    code, said = run(["-m", "pytest", "-m", "core and not slow", "-x", *CORE], name, ATRA_HYPOTHESIS="short")
     assert code == 0, said[-6000:]
     assert len(CORE) >= 7
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", instruction_sets_here())
 def test_embree_and_numba_are_held_to(name):
     code, said = run(

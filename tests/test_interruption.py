@@ -14,7 +14,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-pytestmark = pytest.mark.uncovered
+pytestmark = [pytest.mark.uncovered, pytest.mark.slow]
 
 ROOT = Path(__file__).resolve().parents[1]
 KILLS = int(os.environ.get("ATRA_KILLS", "0"))

@@ -47,6 +47,13 @@ KERNELS = {
 }
 
 
+@pytest.fixture(autouse=True)
+def beside_the_source(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Code is kept beside its source, whatever folder this run of the tests keeps its own in."""
+    monkeypatch.setattr(numba.core.config, "CACHE_DIR", "")
+    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
+
+
 @pytest.mark.parametrize("name", KERNELS)
 def test_a_kernel_is_kept_under_the_stamp_of_its_sources(name: str) -> None:
     path = Path(inspect.getfile(KERNELS[name].py_func))

@@ -87,6 +87,7 @@ def test_a_killed_worker_fails_with_the_signal_even_if_its_result_is_there() -> 
     assert (outcome.status, outcome.error) == ("failed", "the worker was killed by SIGKILL (out of memory?)")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("code", ["time.sleep(60)", "signal.signal(signal.SIGTERM, signal.SIG_IGN)\nwhile True: pass"])
 def test_a_worker_past_its_time_limit_is_stopped_whatever_it_ignores(code: str) -> None:
     outcome = run_worker(replace(POINT, time_limit_s=1.0), worker(code))
@@ -94,6 +95,7 @@ def test_a_worker_past_its_time_limit_is_stopped_whatever_it_ignores(code: str) 
     assert "time limit of 1 s" in str(outcome.error)
 
 
+@pytest.mark.slow
 @POSIX_ONLY
 @pytest.mark.parametrize("end", ["", "time.sleep(60)"], ids=["ends", "hangs"])
 def test_processes_a_worker_leaves_behind_are_killed_and_not_waited_for(end: str) -> None:
@@ -105,6 +107,7 @@ def test_processes_a_worker_leaves_behind_are_killed_and_not_waited_for(end: str
     assert outcome.status == "failed"
 
 
+@pytest.mark.slow
 def test_without_process_groups_a_worker_is_stopped_with_what_it_has_started(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
@@ -161,6 +164,7 @@ def test_what_a_worker_prints_is_read_whatever_the_system_s_encoding(monkeypatch
     assert str(outcome.error).endswith("it said: \u30b7\u30fc\u30f3")
 
 
+@pytest.mark.slow
 @POSIX_ONLY
 @pytest.mark.parametrize("platform", [sys.platform, "win32"])
 def test_the_worker_of_a_killed_run_does_not_outlive_it(platform: str) -> None:

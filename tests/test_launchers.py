@@ -32,7 +32,7 @@ from experiments.sweep import GridPoint, run_sweep
 from experiments.workloads.workload import NoOptions
 from scenes.loading import SceneSource
 
-pytestmark = pytest.mark.uncovered
+pytestmark = [pytest.mark.uncovered, pytest.mark.slow]
 
 ROOT = Path(__file__).resolve().parents[1]
 TOY = [

@@ -22,7 +22,7 @@ def assert_same(found, wanted):
         np.testing.assert_array_equal(getattr(found, name), getattr(wanted, name))
 
 
-@pytest.mark.parametrize("lanes", [4, None])
+@pytest.mark.parametrize("lanes", [pytest.param(4, marks=pytest.mark.slow), None])
 @pytest.mark.parametrize("k", [1, 3, 40])
 def test_the_nearest_of_many_walls_are_kept_in_whatever_order_they_come(k, lanes):
     depths = np.random.default_rng(k).permutation(36) // 2 + 2.0  # each depth twice
@@ -51,6 +51,7 @@ def test_few_hits_and_many_are_sorted(tracer):
     assert most == [1, 4, 6, 12, 22]
 
 
+@pytest.mark.slow
 def test_layers_of_small_triangles_are_the_same_to_the_bit_with_vectors_of_any_width():
     mesh, found = random_triangles(2500, 3, 0.4), {}
     for lanes in (4, None):

@@ -21,6 +21,8 @@ from tests.strategies import NIGHTLY
 
 CYCLES = 1000 if NIGHTLY else 100
 
+pytestmark = pytest.mark.usefixtures("old_objects_set_aside")
+
 MESH, CAMERA = cornell_box(), cornell_camera(64, 48)
 TRACERS = ("pixels", "aligned", "instanced", "visible_first", "tiles")
 every_tracer = pytest.mark.parametrize("name", TRACERS)
@@ -40,7 +42,7 @@ def devices(one):
     return [value for value in vars(one).values() if isinstance(value, EmbreeDevice)]
 
 
-def in_threads(*works):
+def in_threads(*works, timeout_s=60):
     """Run side by side; the first exception of any comes out."""
     errors = []
 
@@ -54,7 +56,7 @@ def in_threads(*works):
     for thread in threads:
         thread.start()
     for thread in threads:
-        thread.join(60)
+        thread.join(timeout_s)
         assert not thread.is_alive(), "a thread hangs"
     if errors:
         raise errors[0]

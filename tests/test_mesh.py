@@ -156,7 +156,9 @@ def test_a_gltf_may_not_name_a_file_outside_its_folder(tmp_path):
 @pytest.mark.parametrize(
     ("name", "text", "message"),
     [
-        ("relative.obj", OBJ_VERTICES + "f -3 -2 -1\n", r"cannot be .*it counts vertices backwards in 'f -3 -2 -1'"),
+        ("relative.obj", OBJ_VERTICES + "f -3 -2 -1\n", "line 5 names vertex -1 in 'f -3 -2 -1', expected"),
+        ("zero.obj", OBJ_VERTICES + "f 1 2 3\\\n  4\nf 0/1 1/2 2/3\n", "line 7 names vertex 0 in 'f 0/1 1/2 2/3'"),
+        ("zero.obj", "\r".join((*OBJ_VERTICES.split("\n"), "f 1 2 +00")), r"line 6 names vertex \+00 in 'f 1 2 \+00'"),
         ("short.ply", ply([[0, 1, 2]], declared=5), "gives 1 faces, but promises 5"),
         ("points.xyz", "0 0 0\n1 1 1\n", "holds no triangles"),
         ("points.obj", OBJ_VERTICES, "holds no triangles"),

@@ -80,7 +80,7 @@ def test_a_sweep_that_no_other_figure_fits_draws_its_rates(rows: list[dict[str, 
 
 def test_a_sweep_that_another_figure_fits_draws_no_rates() -> None:
     assert drawing([time_row(8, 0.01, width=512), time_row(8, 0.02, width=1024)]) == ["growth"]
-    assert drawing([time_row(8, 0.01), time_row(16, 0.02)]) == ["figure5"]
+    assert drawing([time_row(8, 0.01), time_row(16, 0.02)]) == ["figure5", "figure5_speedup"]
     assert drawing([method_row("pixel"), method_row("visible_first")]) == ["methods", "break_even"]
 
 

@@ -155,6 +155,7 @@ def wheel_environment(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return python
 
 
+@pytest.mark.slow
 def test_the_wheel_s_command_tells_what_is_here(wheel_environment: Path, tmp_path: Path) -> None:
     done = run(wheel_environment.with_name("atra"), "doctor", folder=tmp_path)
     assert done.returncode == 0, done.stderr
@@ -164,6 +165,7 @@ def test_the_wheel_s_command_tells_what_is_here(wheel_environment: Path, tmp_pat
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("verb", ["sweep=horizontal", "measure", "fetch", "view", "-m"])
 def test_without_the_harness_its_verbs_say_what_to_install(wheel_environment: Path, tmp_path: Path, verb: str) -> None:
     done = run(wheel_environment.with_name("atra"), verb, folder=tmp_path)

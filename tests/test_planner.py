@@ -189,6 +189,7 @@ def test_packets_are_kept_where_the_gain_is_within_the_noise() -> None:
     assert found[0].choice == PACKETS_CHOICE
 
 
+@pytest.mark.usefixtures("wall_clock_alone")
 def test_only_what_needs_no_copies_is_considered_for_a_memory_budget_that_holds_none() -> None:
     plan = atra.plan(cornell_box(), cornell_camera(64, 64), 100_000, budget_s=1.0, memory_budget_bytes=1)
     assert {one.choice.method for one in plan.considered} == {PACKETS, RASTER}
@@ -219,11 +220,17 @@ def test_processor_time_is_the_clock_of_one_thread_unless_it_moves_in_long_steps
     assert clock_for(threads) is getattr(time, clock)
 
 
-@pytest.mark.parametrize("threads", [1, 2])
-def test_measuring_for_real_tells_frames_apart_even_where_processor_time_does_not(
-    threads: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
+@pytest.fixture
+def wall_clock_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Processor time stands still; each reading of the wall clock is 10 microseconds after the one before."""
+    readings = count(1)
     monkeypatch.setattr(time, "thread_time", lambda: 0.0)
+    monkeypatch.setattr(time, "perf_counter", lambda: next(readings) * 1e-5)
+
+
+@pytest.mark.usefixtures("wall_clock_alone")
+@pytest.mark.parametrize("threads", [1, 2])
+def test_frames_are_told_apart_by_the_wall_clock_where_processor_time_stands_still(threads: int) -> None:
     found = atra.plan(cornell_box(), cornell_camera(64, 64), 100_000, budget_s=0.1, threads=threads)
     assert found.threads == threads
     assert all(one.frame_time_s > 0 for one in found.considered)

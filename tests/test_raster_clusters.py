@@ -10,7 +10,7 @@ from atra.kernels.raster.clusters import CLUSTER, POINT_BYTES, clusters_of
 from atra.parallel import WorkerPool
 from tests.images import assert_same_bits
 from tests.meshes import EYE_AT_ORIGIN, beams, boards, cornell_box, joined, quads, random_triangles
-from tests.test_raster import LANES
+from tests.test_raster import every_width_the_native_quick
 
 
 def city(seed, count=6000):
@@ -140,7 +140,7 @@ def test_what_lies_a_ten_thousandth_before_a_wall_is_seen():
         assert ((hits.prim_id >= wall.triangle_count) & hits.hit).mean() > 0.01
 
 
-@pytest.mark.parametrize("lanes", LANES)
+@every_width_the_native_quick
 @pytest.mark.parametrize("threads", [1, 2])
 def test_lanes_and_threads_cull_the_same_image(lanes, threads):
     mesh, views = city(9), list(cameras(9, 10))
@@ -163,6 +163,9 @@ def test_of_equal_depths_the_lowest_triangle_is_stored_in_whatever_order_they_ar
             mesh = joined(quads(first), random_triangles(400, 0, 0.01, 0.5), quads(second), quads(first))
             with atra.RasterTracer(mesh, camera, threads=1, ties="any") as tracer:
                 hits = tracer.trace((0.3, 0.6))
+                one_of_twins = 2 * len(first)  # the first triangles of the mesh, and the last are the same again
+                assert (hits.prim_id < one_of_twins).any()
+                assert not (hits.prim_id[hits.hit] >= mesh.triangle_count - one_of_twins).any()
                 clusters = tracer._scratch.clusters
                 order = np.random.default_rng(0).permutation(mesh.triangle_count)
                 packed = clusters.corners & np.uint64((1 << 48) - 1)

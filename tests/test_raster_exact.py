@@ -8,13 +8,13 @@ import pytest
 import atra
 from atra.kernels.raster.exact import SUMMANDS, first_beyond, side, turn
 from tests.meshes import EYE_AT_ORIGIN
-from tests.test_raster import LANES, draw
+from tests.test_raster import draw, every_width
 
 ROOM = np.empty(SUMMANDS)
 
 
 def exactly(px, py, qx, qy, x, y):
-    px, py, qx, qy, x, y = (Fraction(float(number)) for number in (px, py, qx, qy, x, y))
+    px, py, qx, qy, x, y = (Fraction(number) for number in (px, py, qx, qy, x, y))
     found = (qx - px) * (y - py) - (qy - py) * (x - px)
     return (found > 0) - (found < 0)
 
@@ -35,7 +35,7 @@ def hostile_edges(count, seed):
 def test_the_side_of_a_sample_is_that_of_whole_arithmetic_for_edges_through_samples():
     on_the_line = 0
     for edge, i, j in hostile_edges(4000, 0):
-        expected = exactly(*edge, i, j)
+        expected = exactly(*edge, int(i), int(j))
         assert turn(*edge, float(i), float(j), ROOM.ctypes.data) == expected
         on_the_line += expected == 0
     assert on_the_line > 100
@@ -47,6 +47,18 @@ def test_every_sample_is_on_one_side_of_an_edge_and_on_the_other_of_its_reverse(
             found = side(*edge, float(i), float(j), ROOM.ctypes.data)
             assert found in (-1, 1)
             assert side(*edge[2:], *edge[:2], float(i), float(j), ROOM.ctypes.data) == -found
+
+
+def test_a_sample_on_an_edge_counts_as_moved_right_by_very_little_and_down_by_less():
+    step = Fraction(1, 2**700)  # less than any of the differences below
+    on_the_line = 0
+    for edge, i, j in hostile_edges(1000, 3):
+        edge = [0.0 if abs(number) < 1e-60 else number for number in edge]  # as corners are projected
+        if edge[:2] != edge[2:] and exactly(*edge, int(i), int(j)) == 0:
+            expected = exactly(*edge, int(i) + step, int(j) + step**2)
+            assert side(*edge, float(i), float(j), ROOM.ctypes.data) == expected
+            on_the_line += 1
+    assert on_the_line > 15
 
 
 def test_the_first_sample_beyond_an_edge_is_where_the_side_changes():
@@ -132,7 +144,7 @@ def grid(size, seed):
 
 
 @pytest.mark.core
-@pytest.mark.parametrize("lanes", LANES)
+@every_width
 @pytest.mark.parametrize("pixels_apart", [1, 2, 5, 40])
 def test_rays_through_corners_and_edges_meet_exactly_one_of_their_triangles(pixels_apart, lanes):
     size = 2 + 80 // pixels_apart

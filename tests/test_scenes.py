@@ -17,6 +17,7 @@ from scenes.cornell_box import cornell_box
 from scenes.directory import default_cache, default_camera_fields, find_scene_folder, load_scene_from_directory
 from scenes.loading import SceneSource, load_scene, scene_is_available
 from scenes.manifest import picture_restriction, read_manifest
+from scenes.scene import Scene
 from tests.folders import empty_cache
 
 PLY = (
@@ -228,6 +229,14 @@ def test_every_source_gives_a_scene_with_a_whole_camera_and_what_is_known_of_it(
     box = load_scene(SceneSource.procedural, "cornell_box", None)
     assert (box.name, set(box.camera), box.stands_for) == ("cornell_box", set(sponza.camera), None)
     assert box.mesh_sha256 != sponza.mesh_sha256
+
+
+def test_the_hash_of_a_scene_changes_with_its_vertices_and_with_its_faces():
+    corners, faces = np.eye(3), [(0, 1, 2), (0, 2, 1)]
+    meshes = [Mesh(corners, faces), Mesh(corners, faces[::-1]), Mesh(2 * corners, faces), Mesh(corners, faces)]
+    one, turned, larger, again = (Scene("one", mesh, {}).mesh_sha256 for mesh in meshes)
+    assert len({one, turned, larger}) == 3
+    assert again == one
 
 
 def test_built_in_scenes_are_available_and_each_stand_in_is_found_by_the_scene_it_stands_for():

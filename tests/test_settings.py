@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import io
 import re
+from collections.abc import Callable
 from dataclasses import fields, replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import pytest
+from matplotlib.figure import Figure
 from rich.console import Console
 
 from experiments.harness.configuration import Chosen
@@ -21,13 +24,13 @@ from experiments.methods.aligned import ALIGNED
 from experiments.methods.method import Method
 from experiments.report.tables import workload_tables
 from experiments.results.settings import settings, settings_that_vary
-from experiments.results.table import columns, make_table, make_tables
+from experiments.results.table import Tables, columns, make_table, make_tables
 from experiments.results.terminal import print_sweep
 from experiments.workloads import WORKLOADS
 from experiments.workloads.build.figures import draw_build_figure
-from experiments.workloads.frame.grid_figure import draw_grid_figure
+from experiments.workloads.frame.grid_figure import draw_grid_times
 from experiments.workloads.memory.figures import draw_memory_figure
-from experiments.workloads.split_figure import draw_split_figure
+from experiments.workloads.split_figure import draw_split_times
 from tests.drawn import build_row, make_rows, memory_row, time_row
 from tests.test_sweep import Runner, configuration
 from tests.test_table import MEASURED
@@ -88,6 +91,7 @@ VALUES: dict[str, tuple[Any, Any, str]] = {
     "batch_rays": (4096, 8192, "batch rays 8192"),
     "expansion": (4, 16, "expansion 16"),
     "denoise": (False, True, "denoise on"),
+    "robust_rays": (False, True, "robust rays on"),
     "against": ("nothing", "roulette", "against roulette"),
     "use": ("sun", "sky", "use sky"),
     "positions": (4, 16, "positions 16"),
@@ -130,9 +134,35 @@ WORKLOAD_OF = {field.name: workload for workload in WORKLOADS for field in field
 OF_METHODS = {field.name for method in METHODS for field in fields(method.options)}
 every_setting = pytest.mark.parametrize("name", settings())
 
+QUICK = ("split_x", "culling", "packet_width", "view", "threads", "what", "bounces", "shaft_cells")
+"""Settings of points, methods and workloads, of each some."""
+
+
+def cases(names: list[str]) -> pytest.MarkDecorator:
+    """Settings as cases of a test; those that are not quick are slow."""
+    return pytest.mark.parametrize(
+        "name", [pytest.param(name, marks=() if name in QUICK else pytest.mark.slow) for name in names]
+    )
+
+
+some_settings = cases(list(settings()))
+some_settings_but_samples = cases([name for name in settings() if name not in ("offsets", "sample_rays")])
+
 
 def records_that_differ_in(name: str) -> list[Record]:
     return [record_with(name, value) for value in VALUES[name][:2]]
+
+
+@cache
+def tables_that_differ_in(name: str) -> Tables:
+    return make_tables(records_that_differ_in(name))
+
+
+@cache
+def headings_of(name: str) -> list[str]:
+    """The columns of the page where points differ in this setting."""
+    (table,) = workload_tables(tables_that_differ_in(name).points)
+    return [heading.name for heading in table.headings]
 
 
 def record_with(name: str, value: Any) -> Record:
@@ -166,24 +196,22 @@ def test_an_option_left_open_does_not_pass_for_one_that_the_method_lacks(tmp_pat
 
 @every_setting
 def test_two_points_that_differ_in_a_setting_differ_in_its_column(name: str) -> None:
-    table = make_table(records_that_differ_in(name))
+    table = tables_that_differ_in(name).points
     assert settings_that_vary(table) == [name]
     assert settings_that_vary(table, besides=[name]) == []
 
 
-@every_setting
+@some_settings
 def test_the_page_shows_a_setting_that_varies(name: str) -> None:
-    (table,) = workload_tables(make_table(records_that_differ_in(name)))
-    assert [heading.name for heading in table.headings].count(name) == 1
+    assert headings_of(name).count(name) == 1
     if name not in OF_METHODS:
-        (table,) = workload_tables(make_table(records_that_differ_in("split_x")))
-        assert name not in [heading.name for heading in table.headings]
+        assert name not in headings_of("split_x")
 
 
-@pytest.mark.parametrize("name", [name for name in settings() if name not in ("offsets", "sample_rays")])
+@some_settings_but_samples
 def test_the_best_of_a_scene_is_told_for_each_value_of_a_setting_but_the_split(tmp_path: Path, name: str) -> None:
     shown = io.StringIO()
-    print_sweep(make_tables(records_that_differ_in(name)), tmp_path, Console(file=shown, width=200))
+    print_sweep(tables_that_differ_in(name), tmp_path, Console(file=shown, width=200))
     rows = [line for line in shown.getvalue().splitlines() if re.match(r"[ │]+box[ ,]", line)]
     assert len(rows) == (1 if name in ("split_x", "split_y") else 2)
 
@@ -194,21 +222,34 @@ TOLD_APART = ("split_x", "geometry", "culling")  # by the figures themselves: th
 OF_OTHERS = {name for name in OF_METHODS if not ALIGNED.has(name)}
 
 
-@pytest.mark.parametrize("name", [name for name in settings() if name not in {*TOLD_APART, *WORKLOAD_OF, *OF_OTHERS}])
-def test_no_figure_over_splits_draws_two_values_of_a_setting_as_one_line(name: str) -> None:
-    values = make_table(records_that_differ_in(name))[name]
-    cases = [
-        (draw_split_figure, time_row(1, 0.08)),
-        (draw_build_figure, build_row(1, 0.02, 0.04)),
-        (draw_memory_figure, memory_row(1, 1, 2, 3)),
-    ]
-    if name != "split_y":
-        cases.append((draw_grid_figure, time_row(1, 0.08)))
-    for draw, row in cases:
-        figure = draw(make_rows(*(row | {name: value} for value in values)))
-        titles = {axis.get_title(loc="left") for axis in figure.axes} - {""}
-        assert len(titles) == 2
-        assert f"box (10 triangles), {VALUES[name][2]}" in titles
+FIGURES = (
+    (draw_split_times, time_row(1, 0.08)),
+    (draw_build_figure, build_row(1, 0.02, 0.04)),
+    (draw_memory_figure, memory_row(1, 1, 2, 3)),
+    (draw_grid_times, time_row(1, 0.08)),
+)
+NO_LINE_OF_ITS_OWN = [name for name in settings() if name not in {*TOLD_APART, *WORKLOAD_OF, *OF_OTHERS}]
+
+
+def assert_told_apart(draw: Callable[..., Figure], row: dict[str, Any], name: str) -> None:
+    values = tables_that_differ_in(name).points[name]
+    figure = draw(make_rows(*(row | {name: value} for value in values)))
+    # A map of each form of the geometry stands beside the other.
+    written = {axis.get_title(loc="left").replace("\n", " ") for axis in figure.axes} - {""}
+    titles = {re.sub(", culling (off|on)$", "", title) for title in written}
+    assert len(titles) == 2
+    assert f"box (10 triangles), {VALUES[name][2]}" in titles
+
+
+@pytest.mark.parametrize("name", NO_LINE_OF_ITS_OWN)
+def test_a_figure_over_splits_draws_no_two_values_of_a_setting_as_one_line(name: str) -> None:
+    assert_told_apart(*FIGURES[0], name)
+
+
+@pytest.mark.parametrize("figure", FIGURES[1:], ids=lambda figure: figure[0].__name__)
+def test_every_figure_over_splits_tells_settings_apart_as_the_first_does(figure: tuple[Any, Any]) -> None:
+    for name in ("threads", "build_quality"):
+        assert_told_apart(*figure, name)
 
 
 def test_another_view_is_not_told_again_by_its_eye() -> None:

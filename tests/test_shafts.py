@@ -84,7 +84,10 @@ def test_rays_from_lists_hit_what_they_hit_from_the_root(traversal, empty):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize(("packet_width", "shaft_order"), [(1, False), (1, True), (8, True)])
+@pytest.mark.parametrize(
+    ("packet_width", "shaft_order"),
+    [(1, False), pytest.param(1, True, marks=pytest.mark.slow), pytest.param(8, True, marks=pytest.mark.slow)],
+)
 def test_batches_hit_the_same_with_every_subset_of_shafts(kind, packet_width, shaft_order):
     mesh, camera = MESHES["random"], atra.Camera(**EYE_AT_ORIGIN, width=41, height=23, fov_y_degrees=120)
     rays = ray_set(kind, mesh, camera, plain(mesh, camera))
@@ -171,7 +174,7 @@ def test_lists_of_a_tree_made_by_hand_are_those_of_algorithm_1():
     bvh = built(mesh)
     # Two voxels along the row, one cell a face: from the first one towards +x rays meet everything, and from the last
     # one, whose shafts are 6 to 11, towards -x.
-    ahead = {"cells": 1, "directions": 1, "rays": 20}
+    ahead = {"cells": 2, "directions": 1, "rays": 20}
     opened = lists_of(bvh, **ahead, probability=1e-9, occlusion=False)
     leaves = [node for node in range(2, len(bvh.nodes)) if bvh.block_counts[node]]
     for number, sign in ((0, 1), (7, -1)):
@@ -307,3 +310,14 @@ def test_sets_of_rays_are_the_same_every_time_and_of_no_other_kind():
         assert (one.directions == other.directions).all()
     with pytest.raises(atra.InputError, match="kind of rays is 'x', expected one of primary, occlusion, diffuse"):
         ray_set("x", mesh, camera, hits)
+
+
+@pytest.mark.parametrize("scale", [0.1, 0.3, 0.7, 1.0, 3.0, 1e7])
+def test_one_voxel_is_made_of_a_cube_and_never_more_than_were_asked_for(scale):
+    cube = random_triangles(40, 0)
+    vertices = np.clip(cube.vertices, -1.0, 1.0) * scale
+    vertices[0], vertices[1] = -scale, scale
+    bvh = built(atra.Mesh(vertices, cube.faces))
+    for cells in range(1, 30):
+        assert 1 <= grid_of(bvh, cells, 1).voxels.prod() <= cells
+    assert (grid_of(bvh, 27, 1).voxels >= 2).all()

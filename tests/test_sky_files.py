@@ -78,7 +78,7 @@ ROW = bytes([2, 2, 0, 8]) + bytes([136, 128] * 4)
     ("sky.hdr", b"", "expected #.RADIANCE"),
     ("sky.hdr", HEAD.replace(b"rgbe", b"xyze") + b"-Y 1 +X 8\n" + ROW, "expected #.RADIANCE"),
     ("sky.hdr", HEAD + b"+X 8 -Y 1\n" + ROW, "a size as -Y 512"),
-    ("sky.hdr", HEAD + b"-Y 99999999 +X 999999\n" + ROW, "its 12 bytes of pixels promise 999999 x 99999999"),
+    ("sky.hdr", HEAD + b"-Y 99999999 +X 999999\n" + ROW, r"claims 999,999 x 99,999,999 pixels, .* allowed 128 MiB"),
     ("sky.hdr", HEAD + b"-Y 2 +X 8\n" + ROW, "promise 8 x 2"),
     ("sky.hdr", HEAD + b"-Y 2 +X 8\n" + ROW + ROW[:3] + b"\t" + ROW[4:], "row 1 does not begin"),
     ("sky.hdr", HEAD + b"-Y 1 +X 8\n" + ROW.replace(b"\x88", b"\x89"), "row 0 is damaged"),
@@ -107,7 +107,7 @@ def test_an_exr_that_holds_no_sky_is_refused(tmp_path: Path) -> None:
     huge = whole[:window] + whole[window:].replace(np.array([15, 7], np.int32).tobytes(), b"\xff\x1f\x00\x00" * 2, 1)
     for content, told in (
         (whole[:100], "cannot be used"), (whole[: len(whole) // 2], "cannot be used"),
-        (huge, r"cannot be used: (its \d+ bytes promise|Unable)"),
+        (huge, r"cannot be used: it claims 201,326,592 numbers, .* allowed 128 MiB"),
         (encode_exr({"Y": texels[..., 0]}), "its channels are Y, expected R, G and B"),
         (exr_of(dark), "at column 5 of row 2, expected numbers >= 0"),
         (exr_of(np.where(texels > 100, np.inf, texels)), "at column 3 of row 1"),

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 from pathlib import Path
 
 import pandas as pd
@@ -12,10 +9,10 @@ import pytest
 
 from atra.embree.library import load_library
 from experiments.methods.peers.llvmpipe import LLVMPIPE
+from tests.command import ROOT, run_here
 
 pytestmark = pytest.mark.uncovered
 
-ROOT = Path(__file__).resolve().parents[1]
 TOY = [
     "scene=cornell_box",
     "width=32",
@@ -24,7 +21,12 @@ TOY = [
     "measure.rounds=3",
     "measure.warmup=1",
 ]
-FIGURE5 = [f"figure5_{rays}" for rays in ("single_rays", f"packets_of_{load_library().native_packet_widths[-1]}")]
+FIGURE5 = [
+    f"{name}_{rays}"
+    for name in ("figure5", "figure5_speedup")
+    for rays in ("single_rays", f"packets_of_{load_library().native_packet_widths[-1]}")
+]
+OVER_SPLITS = {"figure4", "figure4_speedup", *FIGURE5, "figure5_vertical", "figure5_vertical_speedup"}
 WRONG = () if LLVMPIPE.problem() else ("disagreements_cornell_box_32x32",)
 OTHER_PICTURES = ("split", "tiles", "peers", "samples", "still", "waves", "mitsuba")
 IN_PROCESS = ("occupancy", "dark", "packets", "batch", "size", "expansion", "roulette", "environment", "translucency")
@@ -32,8 +34,11 @@ IN_PROCESS = ("occupancy", "dark", "packets", "batch", "size", "expansion", "rou
 SWEEPS = {
     "smoke": (
         [],
-        {"figure3", "figure4", *FIGURE5, "figure5_vertical", "figure6", "figure7", "figure7_instancing"},
+        {"figure3", "figure3_differences", *OVER_SPLITS, "figure6", "figure7", "figure7_instancing"},
     ),
+    "build": (["method.split_x=1,4"], {"figure6"}),
+    "memory": (["method.split_x=1,4"], {"figure7", "figure7_instancing"}),
+    "scenes": (["scene=cornell_box"], {"figure3", "figure3_differences"}),
     "methods": (
         ["method.split_x=4", "method.split_y=1"],
         {"methods", "break_even", "moving"},
@@ -79,7 +84,20 @@ SWEEPS = {
     "bake_culling_map": (["workload.size=16", "method=raster"], {"bake_convergence"}),
 }
 WITH_A_TWIN = {"bake", "bake_denoise", "bake_mitsuba", "bake_rays", "classification"}
-PARTS_OF_SMOKE = {"horizontal", "vertical", "grid", "build", "memory", "scenes", "paper"}
+PARTS_OF_SMOKE = {"horizontal", "vertical", "grid", "paper"}
+SLOW = {
+    "smoke",
+    "methods",
+    "peers",
+    "baselines",
+    "reference_rays",
+    "threads",
+    "growth",
+    "bake_buffers",
+    "bake_adaptive",
+    "bake_culling_map",
+}
+"""Sweeps of workloads that a quick one has, too."""
 
 
 def test_no_sweep_is_left_out_here() -> None:
@@ -87,12 +105,12 @@ def test_no_sweep_is_left_out_here() -> None:
     assert names - {"point"} == set(SWEEPS) | PARTS_OF_SMOKE | WITH_A_TWIN
 
 
-@pytest.mark.parametrize("name", SWEEPS)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.slow if name in SLOW else ()) for name in SWEEPS]
+)
 def test_a_sweep_runs_and_leaves_its_figures(name: str, tmp_path: Path) -> None:
     overrides, figures = SWEEPS[name]
-    environment = {key: value for key, value in os.environ.items() if key != "ATRA_SCENES"}
-    command = [sys.executable, str(ROOT / "run.py"), f"sweep={name}", *TOY, *overrides]
-    done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=600)
+    done = run_here(tmp_path, f"sweep={name}", *TOY, *overrides)
     assert done.returncode == 0, done.stderr
     folder = tmp_path / "results" / name
     assert {path.stem for path in folder.glob("*.png")} == figures

@@ -16,8 +16,8 @@ from experiments.report.figures import draw_figures
 from experiments.results import table as tables
 from experiments.results.table import Tables, columns, make_table, make_tables, read_tables, rows_of, write_tables
 from experiments.workloads.frame import FRAME
-from experiments.workloads.frame.grid_figure import draw_grid_figure
-from experiments.workloads.split_figure import draw_split_figure
+from experiments.workloads.frame.grid_figure import draw_grid_times
+from experiments.workloads.split_figure import draw_split_times
 
 pytestmark = pytest.mark.uncovered
 
@@ -215,12 +215,12 @@ def test_nothing_measured_gives_a_table_and_no_figure(tmp_path: Path, records: l
 
 
 def test_the_figure_says_what_is_missing() -> None:
-    figure = draw_split_figure(make_table([MEASURED, SKIPPED]))
+    figure = draw_split_times(make_table([MEASURED, SKIPPED]))
     texts = [text.get_text() for axis in figure.axes for text in axis.texts]
     assert any("culling off, 2: skipped, needs 9 GiB" in text for text in texts)
 
 
-def test_the_grid_figure_writes_each_ratio_and_time_into_its_cell_and_the_status_where_there_is_none() -> None:
+def test_the_grid_figure_writes_each_time_into_its_cell_and_the_status_where_there_is_none() -> None:
     beside = Record("c", "skipped", "does not divide", with_options(split_x=3), MEASURED.environment)
-    panel = draw_grid_figure(make_table([MEASURED, beside, SKIPPED])).axes[0]
-    assert {text.get_text() for text in panel.texts} == {"2.00\N{MULTIPLICATION SIGN}\n2,000", "skipped"}
+    figure = draw_grid_times(make_table([MEASURED, beside, SKIPPED]))
+    assert {"2,000", "skipped"} <= {text.get_text() for axis in figure.axes for text in axis.texts}

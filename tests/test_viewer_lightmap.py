@@ -67,6 +67,7 @@ def page(monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[Shown, Baker, thread
         one.close()
 
 
+@pytest.mark.slow
 def test_a_browser_shows_the_map_and_its_camera_says_what_comes_first(page: Any, browser: Any) -> None:
     shown, baker, thread = page
     complaints: list[str] = []

@@ -212,6 +212,7 @@ def screenshot(tab: Any) -> NDArray[np.uint8]:
     return np.asarray(Image.open(io.BytesIO(tab.screenshot())).convert("RGB"))
 
 
+@pytest.mark.slow
 def test_a_browser_shows_the_picture_moves_the_camera_changes_parameters_and_ends_the_viewer(
     page: Page, browser: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -249,6 +250,7 @@ def test_a_browser_shows_the_picture_moves_the_camera_changes_parameters_and_end
     assert not page.thread.is_alive(), "the last page is closed, the viewer is not"  # type: ignore[attr-defined]
 
 
+@pytest.mark.slow
 def test_controls_are_reached_and_nothing_scrolls_sideways_on_desktop_and_phone(page: Page, browser: Any) -> None:
     with browser.new_context(viewport={"width": 400, "height": 800}) as context:
         tab = context.new_page()

@@ -10,13 +10,13 @@ import psutil
 from numpy.typing import NDArray
 
 from atra.alignment.alignment import Alignment
-from atra.alignment.rounding import Roundings, roundings_of_copies
+from atra.alignment.rounding import Roundings, roundings_of_copies, roundings_of_translations
 from atra.errors import InputError, MemoryBudgetError
 from atra.geometry.mesh import Mesh
-from atra.geometry.ray_space import from_eye_space, padded_vertices, to_ray_space
+from atra.geometry.ray_space import from_eye_space, padded_vertices, to_ray_space, unseen_from
 from atra.geometry.view import View
 from atra.kernels.planning import count_copies, fill_copies, project_points
-from atra.kernels.rounding import COPY_MULTIPLE
+from atra.kernels.rounding import COPY_MULTIPLE, INSTANCE_MULTIPLE
 from atra.options import AlignedOptions, CellOptions
 from atra.parallel import WorkerPool
 
@@ -81,16 +81,17 @@ class AlignedGeometry:
 def plan_plain_geometry(mesh: Mesh, camera: View, is_left_out: NDArray[np.bool_] | None = None) -> AlignedGeometry:
     """The mesh itself in ray space, `prim_id` for `prim_id`, without records; is_left_out: (F,) bool, without those.
 
-    Triangles without area get corners so far away that Embree leaves them out: no ray hits them, but its triangle test,
+    Triangles that no ray hits (`unseen_from`) get corners so far away that Embree leaves them out: its triangle test,
     fused multiplications in float32, may show them beside where they are.
     """
     vertices = padded_vertices(len(mesh.vertices) + 1)
     vertices[:-1] = to_ray_space(camera, mesh.vertices)
     vertices[-1] = LEFT_OUT_BY_EMBREE
     faces = mesh.traced_faces
-    if len(mesh.without_area) or is_left_out is not None:
+    unseen = unseen_from(camera, mesh)
+    if len(unseen) or is_left_out is not None:
         faces = faces.copy()
-        faces[mesh.without_area] = len(mesh.vertices)
+        faces[unseen] = len(mesh.vertices)
         faces[is_left_out if is_left_out is not None else slice(0)] = len(mesh.vertices)
     return AlignedGeometry(vertices, faces, np.empty(0, np.int64))
 
@@ -100,7 +101,7 @@ def plan_aligned_geometry(
 ) -> AlignedGeometry:
     """Shear a copy of every triangle for every cell, or with culling only for the cells whose frustum it meets.
 
-    Triangles without area are left out: no ray hits them (`plan_plain_geometry`).
+    Triangles that no ray hits are left out (`plan_plain_geometry`).
     meshes: what each image of the alignment sees; the same one may stand there several times.
     A triangle is left out of a cell only if its part in front of the eye lies outside the cell's frustum by more than
     a margin that absorbs rounding, so no hit is lost. One counting and one filling pass over the triangles, whatever
@@ -117,13 +118,14 @@ def plan_aligned_geometry(
     ]
     left_out = []
     for mesh, camera, points in zip(meshes, alignment.cameras, projected, strict=True):
-        roundings = image_roundings(mesh, camera, alignment, pool, points, COPY_MULTIPLE)
+        roundings = image_roundings(mesh, camera, alignment, pool, points)
         left_out.append(LeftOut.of(roundings.left_out, roundings, points[0]))
     counts = [
         count_kept(pool, points_pixels, mesh, options.culling, cell)
         for mesh, (points_pixels, _) in zip(meshes, projected, strict=True)
     ]
-    for kept, without in zip(counts, left_out, strict=True):
+    for kept, without, mesh, camera in zip(counts, left_out, meshes, alignment.cameras, strict=True):
+        kept[unseen_from(camera, mesh)] = 0
         if without is not None:
             kept[without.prim_ids] = 0
     # One after the other: the copies of triangle t of image k start at its place in this list.
@@ -149,16 +151,19 @@ def image_roundings(
     alignment: Alignment,
     pool: WorkerPool,
     points: tuple[NDArray[np.float64], NDArray[np.float64]],
-    admitted_multiple: float,
+    *,
+    is_instanced: bool = False,
 ) -> Roundings:
-    """The roundings of one image's mesh; points: of `project_vertices`, as they are sheared.
-
-    Nothing is left out where rays are parallel: copies are translated then, which lengthens no edge.
-    """
-    if camera.is_parallel:
-        return Roundings(np.zeros(mesh.triangle_count), np.zeros(mesh.triangle_count, np.bool_))
+    """The roundings of one image's mesh; points: of `project_vertices`, as they are sheared."""
     own = points[1] if camera is alignment.cameras[0] else project_vertices(mesh, camera, pool)[1]
-    roundings = roundings_of_copies(mesh, alignment, pool, points[0], own, points[1], admitted_multiple)
+    multiple = INSTANCE_MULTIPLE if is_instanced else COPY_MULTIPLE
+    if camera.is_parallel:
+        roundings = roundings_of_translations(
+            mesh, camera, alignment, pool, points[0], own, points[1],
+            is_instanced=is_instanced, admitted_multiple=multiple,
+        )  # fmt: skip
+    else:
+        roundings = roundings_of_copies(mesh, alignment, pool, points[0], own, points[1], multiple)
     roundings.left_out[mesh.without_area] = False  # that is so whatever they are traced with
     return roundings
 

@@ -18,7 +18,6 @@ from atra.alignment.culling import (
 )
 from atra.geometry.mesh import Mesh
 from atra.geometry.ray_space import from_eye_space
-from atra.kernels.rounding import INSTANCE_MULTIPLE
 from atra.options import CellOptions
 from atra.parallel import WorkerPool
 
@@ -49,7 +48,7 @@ def plan_instanced_geometry(
         for camera, linear in zip(alignment.cameras, alignment.linear, strict=True)
     ]
     roundings = [
-        image_roundings(mesh, camera, alignment, pool, points, INSTANCE_MULTIPLE)
+        image_roundings(mesh, camera, alignment, pool, points, is_instanced=True)
         for camera, points in zip(alignment.cameras, projected, strict=True)
     ]
     is_left_out = np.any([of_image.left_out for of_image in roundings], axis=0)

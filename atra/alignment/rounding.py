@@ -9,7 +9,9 @@ from numpy.typing import NDArray
 
 from atra.alignment.alignment import Alignment
 from atra.geometry.mesh import Mesh
-from atra.kernels.rounding import COPY_MULTIPLE, judge_copies
+from atra.geometry.ray_space import ray_axes
+from atra.geometry.view import View
+from atra.kernels.rounding import COPY_MULTIPLE, ParallelRays, judge_copies, judge_translations
 from atra.parallel import WorkerPool
 
 
@@ -45,3 +47,38 @@ def roundings_of_copies(
     rest = mesh.traced_faces, *alignment.shears, *cell, admitted_multiple, depth_error, left_out
     pool.run(lambda _, counter: judge_copies(counter, *points, *rest))
     return Roundings(depth_error, left_out.view(np.bool_))
+
+
+def roundings_of_translations(
+    mesh: Mesh,
+    camera: View,
+    alignment: Alignment,
+    pool: WorkerPool,
+    points_pixels: NDArray[np.float64],
+    points_own: NDArray[np.float64],
+    points_ray: NDArray[np.float64],
+    *,
+    is_instanced: bool,
+    admitted_multiple: float,
+) -> Roundings:
+    """As `roundings_of_copies`, of a mesh that is seen through the cells of an alignment of orthographic cameras.
+
+    camera: that of the mesh. `depth_error` is 0: near the image plane there is no relative one.
+    """
+    split, left_out = alignment.split, np.empty(mesh.triangle_count, np.uint8)
+    points = points_pixels, points_own, points_ray
+    rays = _parallel_rays(camera, alignment), _parallel_rays(alignment.cameras[0], alignment)
+    rest = *alignment.shears, split.cell_width, split.cell_height, is_instanced, admitted_multiple, left_out
+    pool.run(lambda _, counter: judge_translations(counter, *points, mesh.traced_faces, *rays, *rest))
+    return Roundings(np.zeros(mesh.triangle_count), left_out.view(np.bool_))
+
+
+def _parallel_rays(camera: View, alignment: Alignment) -> ParallelRays:
+    right, down, forward = ray_axes(camera)
+    plane, split = camera.plane, alignment.split
+    column, row = right * plane.pitch_x, down * plane.pitch_y
+    first_x, first_y = alignment.first_x_pixels, alignment.first_y_pixels
+    farthest = np.abs(column) * max(abs(first_x), abs(first_x + split.cell_width))
+    farthest += np.abs(row) * max(abs(first_y), abs(first_y + split.cell_height))
+    middle = -np.array([float(plane.columns(0, 0.0)), float(plane.rows(0, 0.0))])
+    return ParallelRays(forward, column, row, middle, farthest)

@@ -16,7 +16,7 @@ from atra.alignment.alignment import Alignment
 from atra.alignment.culling import AlignedGeometry, LeftOut, check_image_size, check_memory_budget, project_vertices
 from atra.alignment.rounding import roundings_of_copies
 from atra.geometry.mesh import Mesh
-from atra.geometry.ray_space import padded_vertices
+from atra.geometry.ray_space import padded_vertices, unseen_from
 from atra.geometry.view import View
 from atra.kernels.visible import count_visible, fill_visible
 from atra.options import CellOptions
@@ -97,7 +97,7 @@ def plan_visible_geometry(
         )  # fmt: skip
 
     pool.run(count)
-    counts[mesh.without_area] = 0
+    counts[unseen_from(camera, mesh)] = 0
     nearest_hidden = _nearest(hidden)
 
     starts = np.zeros(mesh.triangle_count + 1, np.int64)
@@ -120,7 +120,7 @@ def plan_visible_geometry(
 
 def nearest_in_tiles(mesh: Mesh, camera: View, tiles: Tiles, left_out: LeftOut) -> NDArray[np.float32]:
     """Shape of `tiles`: before this depth, no ray of a tile meets one of the triangles left out; inf where it meets
-    none."""
+    none. Where rays are parallel the depth is 0: what is left out lies near the image plane."""
     hidden, one_cell = np.zeros(tiles.shape), np.zeros(tiles.shape[1], np.int64)
     kept_nowhere, counter = np.ones(len(left_out.prim_ids), np.bool_), np.zeros(1, np.int64)
     faces = mesh.traced_faces[left_out.prim_ids]
@@ -131,7 +131,8 @@ def nearest_in_tiles(mesh: Mesh, camera: View, tiles: Tiles, left_out: LeftOut) 
         camera.width, camera.height, camera.height, one_cell, one_cell, hidden,
         np.empty(len(left_out.prim_ids), np.int64),
     )  # fmt: skip
-    return _nearest(hidden)
+    nearest = _nearest(hidden)  # of parallel rays, whose third coordinate is 1, it only tells which tiles are met
+    return np.where(np.isfinite(nearest), np.float32(0.0), nearest) if camera.is_parallel else nearest
 
 
 def _nearest(inverse_depth: NDArray[np.float64]) -> NDArray[np.float32]:

@@ -105,10 +105,10 @@ class Baker(Lifetime):
     def update(self, scene: BakeScene) -> None:
         """Take other lights, surfaces or sky of the same mesh; the map starts anew. Raises InputError for another mesh,
         EmbreeError after `close`."""
-        if scene.mesh is not self.scene.mesh:
-            raise InputError(f"the scene is of {scene.mesh!r}, expected the same mesh as before; make a new baker")
         with self._lock:
             self._check_open()
+            if scene.mesh is not self.scene.mesh:
+                raise InputError(f"the scene is of {scene.mesh!r}, expected the same mesh as before; make a new baker")
             tables = tables_of(scene, self.texels, self.options)
             if not self.shadow_scenes.serve(scene):
                 scenes = ShadowScenes(scene, self._ray_options)
@@ -126,17 +126,19 @@ class Baker(Lifetime):
     def set_view(self, camera: View | None, tracer: Tracer[Hits] | None = None) -> None:
         """Light first what the camera sees. tracer: what finds it, of this mesh, planned and built; it is told to look
         there. None: the rasteriser. A camera of None: nothing comes first. No sample is lost."""
-        if camera is None:
-            self.visible = None
-            return
-        with self._tracing():
-            if tracer is not None:
-                tracer.look(camera)  # type: ignore[attr-defined]
-                hits = tracer.trace()
-            else:
-                with RasterTracer(self.scene.mesh, camera, threads=self.rays_scene.threads) as own:
-                    hits = own.trace()
-            self.visible = visible_texels(self.texels, hits, self.rays_scene)
+        with self._lock:
+            self._check_open()
+            if camera is None:
+                self.visible = None
+                return
+            with self._tracing():
+                if tracer is not None:
+                    tracer.look(camera)  # type: ignore[attr-defined]
+                    hits = tracer.trace()
+                else:
+                    with RasterTracer(self.scene.mesh, camera, threads=self.rays_scene.threads) as own:
+                        hits = own.trace()
+                self.visible = visible_texels(self.texels, hits, self.rays_scene)
 
     def add(self, samples: int = 1, stop: Callable[[], bool] | None = None) -> bool:
         """Add so many samples to every texel. stop: asked before every batch; what is done by then stays.
@@ -145,13 +147,14 @@ class Baker(Lifetime):
         or already closed, AtraError naming a texel for light that is no finite number.
         """
         _check_samples(samples)
-        done = True
-        every = np.ones(len(self.texels), np.bool_)
-        while samples > 0 and done:
-            count = min(samples, self.options.expansion)
-            done = self._pass(every, count, stop)
-            samples -= count
-        return done
+        with self._tracing():
+            done = True
+            every = np.ones(len(self.texels), np.bool_)
+            while samples > 0 and done:
+                count = min(samples, self.options.expansion)
+                done = self._pass(every, count, stop)
+                samples -= count
+            return done
 
     def advance(self, target: int, stop: Callable[[], bool] | None = None) -> bool:
         """One pass towards `target` samples of every texel: of those that the view shows, or, when these have them, of
@@ -159,7 +162,7 @@ class Baker(Lifetime):
         first that has the fewest samples. Returns whether there was anything left to do. Arguments and errors as for
         `add`."""
         _check_samples(target)
-        with self._lock:
+        with self._tracing():
             wanted = (self.samples < target) & ~self._enough
             if self.visible is not None and (wanted & self.visible).any():
                 wanted &= self.visible
@@ -187,7 +190,8 @@ class Baker(Lifetime):
 
     def share_done(self, target: int) -> float:
         """Of what there is to do until every texel has `target` samples, or, with `adaptive`, enough: what is done."""
-        left = np.where(self._enough, 0, np.maximum(target - self.samples, 0))
+        enough, samples = self._enough, self.samples  # of now: who asks while it bakes is not to wait
+        left = np.where(enough, 0, np.maximum(target - samples, 0))
         return 1.0 - float(left.mean()) / target
 
     def _pass(self, wanted: NDArray[np.bool_], count: int, stop: Callable[[], bool] | None) -> bool:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from atra.bake.charts.texels import Texels
-from atra.bake.light.tables import START_OFF
+from atra.bake.light.tables import start_off
 from atra.bvh.bvh import bvh_of
 from atra.errors import InputError
 from atra.geometry.view import unit_vector
@@ -94,8 +94,10 @@ class Tiles:
         """The mesh, for rays of any direction; made once."""
         mesh = self.texels.mesh
         bvh = bvh_of(mesh, mesh.vertices, WorkerPool(1))
-        is_left_over = (bvh.blocks[:, 3:9] == 0).all(axis=1)
-        prim_ids, corners = np.where(is_left_over, MISS, bvh.blocks[:, 9]), bvh.blocks.view(np.float32)
+        prim_ids = np.where(bvh.is_left_over, MISS, bvh.blocks[:, 9])
+        corners = bvh.blocks.view(np.float32).copy()
+        corners[:, 3:6] -= corners[:, :3]  # edges
+        corners[:, 6:9] -= corners[:, :3]
         x, y, z = (bvh.boxes[:, 1] - bvh.boxes[:, 0]).T
         area, inner = x * y + y * z + z * x, np.flatnonzero(bvh.block_counts == 0)
         inner = inner[inner != 1]  # the root's neighbour is none
@@ -115,8 +117,7 @@ class Tiles:
 
     def starts(self, tiles: NDArray[np.int64], direction: NDArray[np.float64]) -> NDArray[np.float64]:
         """How far along the unit direction rays start off tiles."""
-        bounds = self.texels.mesh.bounds
-        return START_OFF * float((bounds[1] - bounds[0]).max()) / (self.normal[tiles] @ direction)
+        return start_off(self.texels.mesh) / (self.normal[tiles] @ direction)
 
     def prisms(self, tiles: NDArray[np.int64], direction: ArrayLike) -> Prisms:
         """How rays of this direction from tiles are carried onto those of `atra.rays.tiles.TileRays`, parameters kept

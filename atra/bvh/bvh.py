@@ -53,6 +53,11 @@ class Bvh:
         return self.boxes[0].astype(np.float64)
 
     @property
+    def is_left_over(self) -> NDArray[np.bool_]:
+        """(B, 4) bool, places of blocks that hold no triangle."""
+        return np.isnan(self.blocks[:, 0].view(np.float32))
+
+    @property
     def boxes(self) -> NDArray[np.float32]:
         """(N, 2, 3) float32, lowest and highest corner of every node; of node 1, which is none, without meaning."""
         return self.nodes.view(np.float32).reshape(-1, 2, 4)[:, :, :3]
@@ -82,10 +87,11 @@ class Bvh:
         return heights
 
 
-def bvh_of(mesh: Mesh, vertices: NDArray[np.float32], pool: WorkerPool) -> Bvh:
-    """The BVH of the triangles of a mesh that have area, with its vertices where `vertices`, (V, 3) float32, says."""
+def bvh_of(mesh: Mesh, vertices: NDArray[np.float32], pool: WorkerPool, unseen: NDArray[np.int64] | None = None) -> Bvh:
+    """The BVH of the triangles of a mesh but those that are unseen, (N,) `prim_id`; None: those without area. Vertices
+    lie where `vertices`, (V, 3) float32, says."""
     kept = np.ones(mesh.triangle_count, np.bool_)
-    kept[mesh.without_area] = False
+    kept[mesh.without_area if unseen is None else unseen] = False
     return build_bvh(vertices, mesh.traced_faces, kept, pool)
 
 
@@ -110,16 +116,23 @@ def build_bvh(
     node_count, leaf_count, block_count = lay_out(draft, drafted, leaves)
     nodes, blocks = _lines(8 * node_count).reshape(-1, 8), _lines(10 * BLOCK * block_count).reshape(-1, 10, BLOCK)
     nodes[:] = drafted[:node_count]
+    _leave_empty(blocks)
     pool.run(lambda _, counter: fill_blocks(counter, vertices, faces, order, leaves[:leaf_count], blocks))
     return Bvh(nodes, blocks, count)
 
 
 def _empty_bvh() -> Bvh:
-    """A leaf far away with triangles that have no area."""
-    nodes = _lines(16).reshape(2, 8)
+    """A leaf far away with no triangle."""
+    nodes, blocks = _lines(16).reshape(2, 8), _lines(10 * BLOCK).reshape(1, 10, BLOCK)
+    _leave_empty(blocks)
     nodes.view(np.float32)[0] = 1e30
     nodes[0, 3], nodes[0, 7] = BIAS, BIAS + 4
-    return Bvh(nodes, _lines(10 * BLOCK).reshape(1, 10, BLOCK), 0)
+    return Bvh(nodes, blocks, 0)
+
+
+def _leave_empty(blocks: NDArray[np.uint32]) -> None:
+    """NaN for corners, in all places; prim_ids are 0."""
+    blocks.view(np.float32)[:, :9] = np.nan
 
 
 def _lines(count: int) -> NDArray[np.uint32]:

@@ -11,13 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.bvh.bvh import Bvh, bvh_of
+from atra.errors import EmbreeError
 from atra.geometry.mesh import Mesh
 from atra.geometry.ray_space import check_world_range
 from atra.kernels.bvh.batches import Batch, batch_kernel
 from atra.kernels.bvh.memory import Memory
 from atra.kernels.packets import MISS
 from atra.kernels.shafts.grid import NO_SHAFTS, ROOT_LIST, Shafts
-from atra.lifetime import Lifetime
+from atra.lifetime import Lifetime, in_turn
 from atra.options import BvhOptions
 from atra.parallel import WorkerPool, resolve_threads
 from atra.rays.rays import RayHits, Rays
@@ -70,9 +71,11 @@ class BvhScene(Lifetime):
 
     @property
     def bvh(self) -> Bvh:
-        """The BVH, once it is built."""
-        assert self._bvh is not None
-        return self._bvh
+        """The BVH. Raises EmbreeError before `build` and after `close`."""
+        bvh = self._bvh
+        if bvh is None:
+            raise EmbreeError("there is no BVH before build() and after close()")
+        return bvh
 
     def _plan(self) -> float:
         return 0.0
@@ -83,6 +86,7 @@ class BvhScene(Lifetime):
         return perf_counter() - start
 
     @property
+    @in_turn
     def counters(self) -> Mapping[str, float]:
         """Plain numbers by name: bvh_bytes, the memory of nodes and triangles."""
         return {"bvh_bytes": self.bvh.bytes}
@@ -113,10 +117,11 @@ class BvhScene(Lifetime):
     def count(self, prepared: PreparedRays, any_hit: bool = False) -> tuple[NDArray[np.uint32], NDArray[np.int64]]:
         """What rays hit, (N,) uint32 prim_id, and what it took, by the names in `atra.kernels.bvh.single`."""
         t, prim_id = np.empty(len(prepared.rays), np.float32), np.empty(len(prepared.rays), np.uint32)
-        for memory in self._memories:
-            memory.counts[:] = 0
-        self._run(prepared, t, prim_id, any_hit=any_hit, counting=True)
-        return prim_id, np.sum([memory.counts for memory in self._memories], axis=0)
+        with self._tracing():
+            for memory in self._memories:
+                memory.counts[:] = 0
+            self._run(prepared, t, prim_id, any_hit=any_hit, counting=True)
+            return prim_id, np.sum([memory.counts for memory in self._memories], axis=0)
 
     def _run(
         self,
@@ -128,7 +133,7 @@ class BvhScene(Lifetime):
         counting: bool,
     ) -> None:
         push, shafts, batch = self.options.traversal == "push", prepared.shafts, prepared.batch
-        kernel = batch_kernel(self.packet_width, push, any_hit, counting, shafts is not NO_SHAFTS)
+        kernel = batch_kernel(self.packet_width, push, any_hit, counting, self.options.robust, shafts is not NO_SHAFTS)
         with self._tracing():
             tree = self.bvh.tree
 

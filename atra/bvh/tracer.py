@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from atra.alignment.culling import check_image_memory, plan_plain_geometry
 from atra.bvh.bvh import Bvh, bvh_of
 from atra.geometry.mesh import Mesh
-from atra.geometry.ray_space import check_range, from_eye_space, ray_axes
+from atra.geometry.ray_space import check_range, from_eye_space, ray_axes, unseen_from
 from atra.geometry.view import View, check_offset
 from atra.hits import Hits
 from atra.judge.ties import coplanar_overlaps, lowest_of_ties, tie_tiles
@@ -20,7 +20,7 @@ from atra.kernels.bvh.images import Start, image_kernel
 from atra.kernels.bvh.memory import Memory
 from atra.kernels.packets import Image, RayGrid
 from atra.kernels.shafts.grid import NO_SHAFTS, Shafts
-from atra.lifetime import TracerLifetime
+from atra.lifetime import TracerLifetime, in_turn
 from atra.options import BvhOptions
 from atra.parallel import WorkerPool, resolve_threads
 from atra.tracers.gathering import NoGathering
@@ -29,7 +29,7 @@ from atra.tracers.pixel import SQUAREST_SHAPE, pixel_tiles
 from atra.tracers.rays import image_ray_grid
 
 
-class BvhTracer(NoGathering, TracerLifetime):
+class BvhTracer(NoGathering, TracerLifetime[Hits]):
     """One ray per pixel through a binary BVH of our own (`atra.bvh`), single or in packets; no Embree.
 
     BvhTracer(mesh, camera, options=None, **changes): options are of `atra.BvhOptions`, changes fields of it by name.
@@ -92,33 +92,25 @@ class BvhTracer(NoGathering, TracerLifetime):
     def _build(self) -> float:
         start = perf_counter()
         vertices = plan_plain_geometry(self.mesh, self.camera).vertices
-        self._bvh = bvh_of(self.mesh, vertices, self._pool)
+        self._bvh = bvh_of(self.mesh, vertices, self._pool, unseen_from(self.camera, self.mesh))
         return perf_counter() - start
 
-    def trace(self, offset: tuple[float, float] = (0.5, 0.5), out: Hits | None = None) -> Hits:
-        """Trace one frame; all rays go through sub-pixel position `offset` of their pixels, in [0, 1) x [0, 1).
-
-        out: an earlier result of this tracer whose arrays are to be overwritten, which saves allocating an image; it
-        must not be read any more.
-        Raises InputError for an offset outside the pixel or an `out` that does not fit, EmbreeError when the tracer is
-        not built or already closed.
-        """
-        check_offset(offset)
-        with self._tracing():
-            camera = self.camera
-            depth, prim_id = outputs((camera.height, camera.width), camera.width, images_of(out))
-            self._run(offset, Image(depth, prim_id), counting=False)
-            if self._tie_tiles is not None:
-                lowest_of_ties(self.mesh, camera, self._tie_tiles, offset, prim_id, self._pool)
-            return Hits(depth, prim_id, offset, self.mesh, camera, self.threads)
+    def _trace(self, offset: tuple[float, float], out: Hits | None) -> Hits:
+        camera = self.camera
+        depth, prim_id = outputs((camera.height, camera.width), camera.width, images_of(out))
+        self._run(offset, Image(depth, prim_id), counting=False)
+        if self._tie_tiles is not None:
+            lowest_of_ties(self.mesh, camera, self._tie_tiles, offset, prim_id, self._pool)
+        return Hits(depth, prim_id, offset, self.mesh, camera, self.threads)
 
     def count(self, image: Image, offset: tuple[float, float] = (0.5, 0.5)) -> NDArray[np.int64]:
         """Trace a frame into arrays and return what it took, by the names in `atra.kernels.bvh.single`; takes longer.
 
-        Ties are left as they are. Raises as `trace` does.
+        Ties are left as they are. Raises as `trace` does, also for arrays of another size than the camera's.
         """
         check_offset(offset)
         with self._tracing():
+            outputs((self.camera.height, self.camera.width), self.camera.width, (image.depth, image.prim_id))
             for memory in self._memories:
                 memory.counts[:] = 0
             self._run(offset, image, counting=True)
@@ -128,7 +120,8 @@ class BvhTracer(NoGathering, TracerLifetime):
         assert self._bvh is not None
         shape, camera, tree = SQUAREST_SHAPE[self.packet_width], self.camera, self._bvh.tree
         rays, shared, shafts = RayGrid(*image_ray_grid(camera, offset, shape)), self._shared, self._shafts
-        kernel = image_kernel(*shape, self.options.traversal == "push", counting, camera.is_parallel, self._start)
+        push, robust = self.options.traversal == "push", self.options.robust
+        kernel = image_kernel(*shape, push, counting, robust, camera.is_parallel, self._start)
 
         def work(worker: int, counter: int) -> None:
             kernel(counter, tree, rays, shared, self._tiles, image, shafts, self._memories[worker])
@@ -150,6 +143,7 @@ class BvhTracer(NoGathering, TracerLifetime):
         return self.mesh.triangle_count
 
     @property
+    @in_turn
     def counters(self) -> Mapping[str, float]:
         """What `atra.Tracer` says of counters; bvh_bytes, the memory of nodes and triangles, is known, too."""
         return {"triangles_traced": self.triangle_count, "bvh_bytes": 0 if self._bvh is None else self._bvh.bytes}

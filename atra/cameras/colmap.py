@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.cameras.colmap_files import Intrinsics, Pose, binary_cameras, binary_images, text_cameras, text_images
-from atra.cameras.entries import Broken, Cameras, Entries, distorted, entry, number, pixels
+from atra.cameras.entries import Broken, Cameras, Entries, allowance_of, distorted, entry, number, pixels
 from atra.errors import InputError
 from atra.geometry.calibration import image_plane_of_focals, pose_of
 from atra.geometry.camera import CalibratedCamera
@@ -31,13 +31,16 @@ class _Sensor:
     height: int
 
 
-def read_colmap(folder: str | PathLike[str], *, broken: Broken | None = None) -> Cameras:
+def read_colmap(
+    folder: str | PathLike[str], *, broken: Broken | None = None, memory_per_byte: float | None = None
+) -> Cameras:
     """The cameras of the images of a COLMAP model, by image name, in the order of `images.bin` or `images.txt`.
 
     folder: where `cameras` and `images` lie, such as `sparse/0`; binary files go before text, as in COLMAP. Cameras
     must be PINHOLE or SIMPLE_PINHOLE, as `colmap image_undistorter` writes them.
     broken: a dict that takes the images that cannot be used, by name, each with the InputError that says why; the
     others are returned. None: the first of them is raised.
+    memory_per_byte: bound on the memory that reading may take, as for `atra.load_mesh`, of both files.
 
     Raises InputError, naming file, entry and value, for files that are missing or cut off, entries that are broken,
     images whose camera is missing, and camera models with lens distortion; with `broken` only for the former, and where
@@ -51,12 +54,15 @@ def read_colmap(folder: str | PathLike[str], *, broken: Broken | None = None) ->
     ):
         files = folder / f"cameras{suffix}", folder / f"images{suffix}"
         if all(path.is_file() for path in files):
-            return _read(*files, read_cameras(files[0]), read_images(files[1]), broken)
+            entries: Entries[CalibratedCamera] = Entries(
+                files[1], "image", broken, allowance_of(memory_per_byte, *files)
+            )
+            return _read(files[0], read_cameras(files[0]), read_images(files[1]), entries)
     raise InputError(f"{folder} is no COLMAP model, expected cameras.bin and images.bin, or both as .txt, in it")
 
 
 def _read(
-    cameras_path: Path, images_path: Path, given: Iterator[Intrinsics], images: Iterator[Pose], broken: Broken | None
+    cameras_path: Path, given: Iterator[Intrinsics], images: Iterator[Pose], entries: Entries[CalibratedCamera]
 ) -> Cameras:
     intrinsics = {}
     for camera in given:
@@ -78,7 +84,6 @@ def _read(
             *pose_of(_rotation(image.quaternion), translation), used.plane, used.width, used.height
         )
 
-    entries: Entries[CalibratedCamera] = Entries(images_path, "image", broken)
     for image in images:
         entries.add(image.name, f"image {image.image_id} ({image.name!r})", partial(placed, image))
     return entries.all()

@@ -8,6 +8,7 @@ from pathlib import Path
 from struct import Struct
 from typing import Any
 
+from atra.cameras.entries import read_file
 from atra.errors import InputError
 
 MODELS = (
@@ -100,7 +101,7 @@ class _Bytes:
     """A file, read piece by piece; `what` is named where it ends too early."""
 
     def __init__(self, path: Path) -> None:
-        self._path, self._bytes, self._at = path, _read(path), 0
+        self._path, self._bytes, self._at = path, read_file(path), 0
 
     def count(self, what: str) -> int:
         return int(self.take(_COUNT, f"the number of {what}")[0])
@@ -125,17 +126,10 @@ class _Bytes:
         self._at += size
 
 
-def _read(path: Path) -> bytes:
-    try:
-        return path.read_bytes()
-    except OSError as error:
-        raise InputError(f"{path} cannot be read: {error.strerror}") from None
-
-
 def _lines(path: Path, keep_empty: bool = False) -> Iterator[tuple[int, list[str]]]:
     """Number and words of each line that is no comment."""
     try:
-        text = _read(path).decode("utf-8")
+        text = read_file(path).decode("utf-8")
     except UnicodeDecodeError as error:
         raise InputError(f"{path} is no UTF-8 text: {error}") from None
     for number, line in enumerate(text.splitlines(), 1):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from math import isfinite
@@ -13,6 +12,7 @@ from atra.errors import InputError
 from atra.geometry.camera import CalibratedCamera
 from atra.geometry.numbers import as_number
 from atra.geometry.view import View
+from atra.reading import Allowance, parse_json, read_regular_file
 
 Cameras = dict[str, CalibratedCamera]
 """By name, in the order of the file."""
@@ -23,18 +23,30 @@ Broken = dict[str, InputError]
 Kind = TypeVar("Kind", bound=View)
 
 
+_BYTES_PER_ENTRY, _COUNTED = 3000, 1000
+"""Memory for an entry, used or broken; entries are counted in steps of so many."""
+
+
 class Entries(Generic[Kind]):
     """The cameras of a file, taken entry by entry.
 
     kind: what the file calls an entry. broken: takes those that cannot be used; None: the first of them is refused.
+    allowance: of the file, which all entries together keep.
     """
 
-    def __init__(self, path: Path, kind: str, broken: Broken | None) -> None:
-        self._path, self._kind, self._broken = path, kind, broken
+    def __init__(self, path: Path, kind: str, broken: Broken | None, allowance: Allowance) -> None:
+        self._path, self._kind, self._broken, self._allowance = path, kind, broken, allowance
         self._cameras: dict[str, Kind] = {}
+        self._count = 0
 
     def add(self, name: Any, place: str, read: Callable[[], Kind]) -> None:
-        """Raises what `read` refuses, naming file and place, and InputError for a name that is there already."""
+        """Raises what `read` refuses, naming file and place, and InputError for a name that is there already, and for
+        more entries than the file may have by its size."""
+        if self._count % _COUNTED == 0:
+            with entry(str(self._path)):
+                needed = (self._count + _COUNTED) * _BYTES_PER_ENTRY
+                self._allowance.check(f"{self._count:,} {self._kind}s and more", needed)
+        self._count += 1
         try:
             with entry(f"{self._path}, {place}"):
                 camera = read()
@@ -78,14 +90,25 @@ def distorted(what: str, colmap: bool = False) -> InputError:
 def read_json(path: Path) -> dict[str, Any]:
     """The object in a file. Raises InputError, naming the file, where there is none."""
     try:
-        found = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(f"{path} cannot be read: {error.strerror}") from None
-    except ValueError as error:
-        raise InputError(f"{path} is no JSON: {error}") from None
+        found = parse_json(read_file(path))
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
     if not isinstance(found, dict):
         raise InputError(f"{path} holds a {type(found).__name__}, expected an object with frames")
     return found
+
+
+def allowance_of(memory_per_byte: float | None, *paths: Path) -> Allowance:
+    """What reading these files may take."""
+    return Allowance(sum(path.stat().st_size for path in paths), memory_per_byte)
+
+
+def read_file(path: Path) -> bytes:
+    """What a file holds. Raises InputError, naming it, where it cannot be read or is no regular file."""
+    try:
+        return read_regular_file(path)
+    except OSError as error:
+        raise InputError(f"{path} cannot be read: {error.strerror}") from None
 
 
 def number(name: str, value: Any) -> float:

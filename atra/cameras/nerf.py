@@ -8,7 +8,7 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
-from atra.cameras.entries import Broken, Cameras, Entries, distorted, number, pixels, read_json
+from atra.cameras.entries import Broken, Cameras, Entries, allowance_of, distorted, number, pixels, read_json
 from atra.errors import InputError
 from atra.geometry.calibration import image_plane_of_focals, pose_of_matrix
 from atra.geometry.camera import CalibratedCamera
@@ -20,7 +20,11 @@ STRAIGHT = ("PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV", "F
 
 
 def read_transforms(
-    path: str | PathLike[str], size: tuple[int, int] | None = None, *, broken: Broken | None = None
+    path: str | PathLike[str],
+    size: tuple[int, int] | None = None,
+    *,
+    broken: Broken | None = None,
+    memory_per_byte: float | None = None,
 ) -> Cameras:
     """The cameras of a `transforms.json` (Instant-NGP, Nerfstudio, Blender's synthetic scenes), by `file_path`.
 
@@ -30,6 +34,7 @@ def read_transforms(
     size: width and height where the file does not tell, as Blender's do not.
     broken: a dict that takes the frames that cannot be used, by name, each with the InputError that says why; the
     others are returned. None: the first of them is raised.
+    memory_per_byte: bound on the memory that reading may take, as for `atra.load_mesh`.
 
     Raises InputError, naming file, frame and value, for what is missing or broken, and for lens distortion; with
     `broken` only where no frame is left, and for a file that is none.
@@ -39,7 +44,7 @@ def read_transforms(
     frames = shared.get("frames")
     if not isinstance(frames, list):
         raise InputError(f"{path} has no list of frames, expected a transforms.json")
-    entries: Entries[CalibratedCamera] = Entries(path, "frame", broken)
+    entries: Entries[CalibratedCamera] = Entries(path, "frame", broken, allowance_of(memory_per_byte, path))
     for index, frame in enumerate(frames):
         name = frame.get("file_path") if isinstance(frame, dict) else None
         place = f"frame {index}{f' ({name!r:.100})' if name is not None else ''}"

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from atra.cameras.colmap import read_colmap
-from atra.cameras.entries import Broken, Entries, pixels, read_json
+from atra.cameras.entries import Broken, Entries, allowance_of, pixels, read_json
 from atra.cameras.nerf import read_transforms
 from atra.errors import InputError
 from atra.geometry.camera import Camera
@@ -19,20 +19,22 @@ _KINDS = (("eye", "target"), ("K", "R", "t"))
 _OPTIONAL = ("up", "fov_y_degrees")
 
 
-def read_cameras(path: Path, size: tuple[int, int] | None, broken: Broken) -> dict[str, View]:
+def read_cameras(
+    path: Path, size: tuple[int, int] | None, broken: Broken, memory_per_byte: float | None = None
+) -> dict[str, View]:
     """The cameras at `path` by name, in its order. size: width and height of those that do not tell theirs.
-    broken: takes those that cannot be used, by name, with the reason.
+    broken: takes those that cannot be used, by name, with the reason. memory_per_byte: as for `atra.load_mesh`.
 
     A folder is a COLMAP model; a JSON file with frames a transforms.json; another maps names to what `atra.Camera`
     takes (eye, target, up, fov_y_degrees, width, height) or `atra.Camera.from_opencv` (K, R, t, width, height).
     Raises InputError, naming the file, for one that is none, or has no camera that can be used.
     """
     if path.is_dir():
-        return dict(read_colmap(path, broken=broken))
+        return dict(read_colmap(path, broken=broken, memory_per_byte=memory_per_byte))
     given = read_json(path)
     if "frames" in given:
-        return dict(read_transforms(path, size, broken=broken))
-    entries: Entries[View] = Entries(path, "camera", broken)
+        return dict(read_transforms(path, size, broken=broken, memory_per_byte=memory_per_byte))
+    entries: Entries[View] = Entries(path, "camera", broken, allowance_of(memory_per_byte, path))
     for name, fields in given.items():
         entries.add(name, f"camera {name!r:.100}", partial(_camera, fields, size))
     return entries.all()

@@ -12,6 +12,7 @@ from atra.cameras.entries import Broken
 from atra.command.cameras import read_cameras
 from atra.errors import InputError, StorageError, printable
 from atra.mesh_files.loading import load_mesh
+from atra.reading import MEMORY_PER_BYTE, VARIABLE
 from atra.saving import check_package
 from atra.views.render_views import render_views
 
@@ -34,6 +35,11 @@ def add_render(parser: ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument("--size", nargs=2, type=int, metavar=("WIDTH", "HEIGHT"), help="of cameras that tell none")
     parser.add_argument("--threads", type=int, help="every core, unless told otherwise")
+    parser.add_argument(
+        "--memory-per-byte", type=float, metavar="NUMBER",
+        help="bound on the memory that reading mesh and cameras may take, bytes for each byte of a file; what "
+        f"{VARIABLE} says or {MEMORY_PER_BYTE:g}, unless told otherwise",
+    )  # fmt: skip
 
 
 def run_render(given: Namespace) -> int:
@@ -45,9 +51,11 @@ def run_render(given: Namespace) -> int:
     for suffix in given.format:
         check_package(f".{suffix}")
     left_out: Broken = {}
-    cameras = read_cameras(given.camera, None if given.size is None else tuple(given.size), left_out)
+    cameras = read_cameras(
+        given.camera, None if given.size is None else tuple(given.size), left_out, given.memory_per_byte
+    )
     stems = file_stems(cameras)
-    mesh = load_mesh(given.mesh)
+    mesh = load_mesh(given.mesh, memory_per_byte=given.memory_per_byte)
     _make_folder(given.out)
     views = f"{len(cameras)} view{'s' * (len(cameras) > 1)}"
     print(f"{printable(str(given.mesh))}: {mesh.triangle_count:,} triangles; {views}", file=sys.stderr)

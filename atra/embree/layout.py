@@ -25,6 +25,10 @@ HIT_WORDS = 9
 PACKET_ALIGNMENT_BYTES = 64
 INVALID_ID = 0xFFFFFFFF
 
+AFTER_START = 2.0**-126
+"""tnear of rays that do not hit what they start on. Embree's robust test of triangles takes a hit at tnear itself, its
+fast one does not. This is the smallest number of float32 that is above 0 where numbers below 2^-126 count as 0, too."""
+
 FLAG_FILTER_IN_ARGUMENTS, FLAG_COHERENT = 1 << 1, 1 << 16
 FEATURE_ALL = 0xFFFFFFFF
 

@@ -29,8 +29,9 @@ class EmbreeScenes(EmbreeDevice):
         build_quality: str = "medium",
         threads: int = 1,
         monitor_address: int = 0,
+        robust: bool = False,
     ) -> None:
-        super().__init__(build_quality=build_quality, threads=threads, monitor_address=monitor_address)
+        super().__init__(build_quality=build_quality, threads=threads, monitor_address=monitor_address, robust=robust)
         self._handles = np.zeros(len(starts) - 1, np.int64)
         try:
             for k in np.nonzero(np.diff(starts))[0]:

@@ -11,7 +11,7 @@ from atra.embree.layout import IntersectArguments, Packet, RayQueryContext
 from atra.errors import EmbreeError
 
 _ORIGIN_FIELDS = (layout.RAY_ORG_X, layout.RAY_ORG_Y, layout.RAY_ORG_Z)
-_ZERO_RAY_FIELDS = (*_ORIGIN_FIELDS, layout.RAY_TNEAR, layout.RAY_TIME)
+_ZERO_RAY_FIELDS = (*_ORIGIN_FIELDS, layout.RAY_TIME)
 _DIRECTION_FIELDS = (layout.RAY_DIR_X, layout.RAY_DIR_Y, layout.RAY_DIR_Z)
 
 
@@ -42,8 +42,9 @@ class Workspace:
         floats, ids = self.packet.floats, self.packet.ids
         for field in _ZERO_RAY_FIELDS:
             self._lanes(floats, field, width)[:] = 0.0
-        for field, value in zip(_DIRECTION_FIELDS, direction or (), strict=False):
-            self._lanes(floats, field, width)[:] = value
+        self._lanes(floats, layout.RAY_TNEAR, width)[:] = layout.AFTER_START
+        if direction is not None:
+            self.set_direction(direction)
         self._lanes(ids, layout.RAY_MASK, width)[:] = layout.INVALID_ID
         self._lanes(ids, layout.RAY_ID, width)[:] = 0
         self._lanes(ids, layout.RAY_FLAGS, width)[:] = 0
@@ -74,6 +75,11 @@ class Workspace:
     def set_origin(self, origin: Sequence[float]) -> None:
         """Three numbers, where all rays start; zero until told otherwise. Nothing where they share their direction."""
         for field, value in zip(_ORIGIN_FIELDS, origin, strict=True):
+            self._lanes(self.packet.floats, field, self.width)[:] = value
+
+    def set_direction(self, direction: Sequence[float]) -> None:
+        """Three numbers, the direction that all rays share; nothing where they share their origin."""
+        for field, value in zip(_DIRECTION_FIELDS, direction, strict=True):
             self._lanes(self.packet.floats, field, self.width)[:] = value
 
     def gather_with(self, filter_address: int, block_address: int) -> None:

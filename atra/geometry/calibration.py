@@ -17,6 +17,9 @@ AXES = ("opengl", "opencv")
 PIXEL_CENTRE = 0.5
 """What OpenCV calls pixel (0, 0) is a pixel's centre; here pixel positions count from its corner."""
 
+FARTHEST_EYE = 1e300
+"""Largest coordinate of an eye that matrices place."""
+
 ROTATION_TOLERANCE = 1e-4
 """How far the products of a rotation's rows may be from those of the unit matrix: files keep few digits."""
 
@@ -61,7 +64,8 @@ def pose_of(R: ArrayLike, t: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np
     if translation.shape not in ((3,), (3, 1), (1, 3)):
         raise InputError(f"t has shape {translation.shape}, expected three numbers")
     translation = _finite("t", translation.reshape(3))
-    return -rotation.T @ translation, rotation
+    with np.errstate(over="ignore", invalid="ignore"):  # such an eye is refused where it is used
+        return -rotation.T @ translation, rotation
 
 
 def pose_of_matrix(camera_to_world: ArrayLike, axes: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -105,7 +109,13 @@ def rotation_of(name: str, given: ArrayLike, hint: str = "") -> NDArray[np.float
 
 
 def target_of(eye: NDArray[np.float64], forward: NDArray[np.float64]) -> Vector:
-    """A point ahead of the eye, so far that their difference keeps the digits of `forward`."""
+    """A point ahead of the eye, so far that their difference keeps the digits of `forward`. Raises InputError for an
+    eye beyond FARTHEST_EYE."""
+    if not np.abs(eye).max() <= FARTHEST_EYE:
+        raise InputError(
+            f"the eye lies at {tuple(eye.tolist())}, expected at most {FARTHEST_EYE:g} from the origin: "
+            "float64 has no numbers for what lies beyond"
+        )
     distance = 2.0 ** max(frexp(float(np.abs(eye).max()))[1], 0)
     x, y, z = (eye + distance * forward).tolist()
     return x, y, z

@@ -43,7 +43,11 @@ def padded_vertices(count: int) -> NDArray[np.float32]:
 
 
 def check_range(mesh: Mesh, camera: View) -> None:
-    """Raise InputError for a mesh too small, or too far from the eye, for float32."""
+    """Raise InputError for what is no mesh or no camera, and for a mesh too small, or too far from the eye, for
+    float32."""
+    _check_mesh(mesh)
+    if not isinstance(camera, View):
+        raise InputError(f"camera is {camera!r:.100}, expected an atra.Camera or another view of atra")
     distance = float(np.abs(mesh.bounds - camera.eye).max())
     if distance > FARTHEST_FROM_EYE:
         raise InputError(
@@ -54,7 +58,9 @@ def check_range(mesh: Mesh, camera: View) -> None:
 
 
 def check_world_range(mesh: Mesh) -> None:
-    """Raise InputError for a mesh too small, or too far from the world's origin, for float32 rays in world space."""
+    """Raise InputError for what is no mesh, and for one too small, or too far from the world's origin, for float32 rays
+    in world space."""
+    _check_mesh(mesh)
     distance = float(np.abs(mesh.bounds).max())
     if distance > FARTHEST_FROM_EYE:
         raise InputError(
@@ -64,6 +70,14 @@ def check_world_range(mesh: Mesh) -> None:
     _check_size(mesh, "scale mesh and rays up by the same factor")
 
 
+def _check_mesh(mesh: object) -> None:
+    if not isinstance(mesh, Mesh):
+        raise InputError(
+            f"mesh is a {type(mesh).__module__}.{type(mesh).__name__}, expected an atra.Mesh; "
+            "Mesh(vertices, faces) and Mesh.from_trimesh make one"
+        )
+
+
 def _check_size(mesh: Mesh, remedy: str) -> None:
     size = float((mesh.bounds[1] - mesh.bounds[0]).max())
     if size < SMALLEST_SIZE and len(mesh.without_area) < mesh.triangle_count:
@@ -71,6 +85,19 @@ def _check_size(mesh: Mesh, remedy: str) -> None:
             f"{mesh.name!r} is {size:g} in size, expected at least {SMALLEST_SIZE:g}: below, float32 loses triangles; "
             f"{remedy}"
         )
+
+
+def unseen_from(camera: View, mesh: Mesh) -> NDArray[np.int64]:
+    """(N,) int64, `prim_id` of triangles that no ray hits: those without area, and where rays start at an eye, those
+    with a corner at that very place, since their planes hold it. Rounding would show them, at a depth of about 0."""
+    if camera.is_parallel:
+        return mesh.without_area
+    x, y, z = (np.float64(coordinate) for coordinate in camera.eye)
+    near = np.flatnonzero(mesh.vertices[:, 0] == x)
+    there = near[(mesh.vertices[near, 1] == y) & (mesh.vertices[near, 2] == z)]
+    if not len(there):
+        return mesh.without_area
+    return np.union1d(mesh.without_area, np.flatnonzero(np.isin(mesh.faces, there).any(axis=1)))
 
 
 def ray_axes(camera: View) -> NDArray[np.float64]:

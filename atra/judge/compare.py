@@ -2,7 +2,8 @@
 
 Float32 tracers may differ where float32 cannot decide: on equally deep triangles, or nearly so, and on the rim of a
 triangle. Every pixel is therefore judged in float64, and each disagreement is either explained or called wrong. Nothing
-is averaged.
+is averaged. Where two triangles share an edge a tracer may name either, but not neither: that is a hole
+(`atra.judge.holes`), and wrong.
 """
 
 from __future__ import annotations
@@ -19,16 +20,14 @@ from atra.geometry.intersection import Pairs
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.hits import Hits
+from atra.judge.depths import has_wrong_depth, relative_depth_error
+from atra.judge.holes import is_closed_around
 from atra.judge.outline import is_on_outline
 from atra.judge.rounding import Rounding
-from atra.kernels.rounding import ALLOWED_MULTIPLE, FLOAT32_UNIT
 from atra.prim_ids import MISS
 
 TIE_TOLERANCE = 1e-9
 """Relative difference up to which two float64 depths are the same depth."""
-
-_LEAST_ROUNDINGS = 5.0
-"""No depth has fewer: the corners, the direction, the volumes and their quotient are rounded once each."""
 
 
 class Verdict(IntEnum):
@@ -68,16 +67,24 @@ class Agreement:
 
     verdict: (H, W) uint8, values of `Verdict`. The counts are its histogram.
     depth_errors, reference_depth_errors: of either image.
-    Raises InputError for another dtype, another number of axes or an unknown code.
+    holes, reference_holes: (H, W) bool, the pixels that are WRONG because this image shows nothing, or something
+    behind, where the ray hits a triangle that the other names or passes between that and a neighbour; None: no pixel.
+    pixels_hole, reference_pixels_hole count them.
+    Raises InputError for another dtype, another number of axes or an unknown code, and for holes of another shape or
+    that are not WRONG.
     """
 
     verdict: NDArray[np.uint8]
     depth_errors: DepthErrors = DepthErrors()
     reference_depth_errors: DepthErrors = DepthErrors()
+    holes: NDArray[np.bool_] | None = None
+    reference_holes: NDArray[np.bool_] | None = None
     pixels_equal: int = field(init=False)
     pixels_tied: int = field(init=False)
     pixels_edge: int = field(init=False)
     pixels_wrong: int = field(init=False)
+    pixels_hole: int = field(init=False)
+    reference_pixels_hole: int = field(init=False)
 
     def __post_init__(self) -> None:
         verdict = self.verdict
@@ -88,6 +95,13 @@ class Agreement:
             raise InputError(f"verdict holds the code {len(counts) - 1}, expected at most {max(Verdict):d}")
         for kind in Verdict:
             object.__setattr__(self, f"pixels_{kind.name.lower()}", int(counts[kind]))
+        for name, count in (("holes", "pixels_hole"), ("reference_holes", "reference_pixels_hole")):
+            holes = getattr(self, name)
+            if holes is not None and (holes.dtype != np.bool_ or holes.shape != verdict.shape):
+                raise InputError(f"{name} is {holes.dtype} of {holes.shape}, expected bool of {verdict.shape}")
+            if holes is not None and (verdict[holes] != Verdict.WRONG).any():
+                raise InputError(f"{name} has pixels whose verdict is not WRONG; expected every hole to be wrong")
+            object.__setattr__(self, count, 0 if holes is None else int(holes.sum()))
 
     @property
     def pixels(self) -> int:
@@ -95,9 +109,10 @@ class Agreement:
         return self.verdict.size
 
     def __str__(self) -> str:
+        holes = self.pixels_hole + self.reference_pixels_hole
         return (
             f"{self.pixels_equal} of {self.pixels} pixels equal, {self.pixels_tied} tied, "
-            f"{self.pixels_edge} edge, {self.pixels_wrong} wrong"
+            f"{self.pixels_edge} edge, {self.pixels_wrong} wrong{f', {holes} of them holes' * bool(holes)}"
         )
 
 
@@ -114,6 +129,8 @@ def compare(mesh: Mesh, camera: View, hits: Hits, reference: Hits) -> Agreement:
     TIED   neither is surely missed, both have a depth, and the depths are equal to TIE_TOLERANCE;
     WRONG  one is surely missed, or the doubtful one lies entirely behind the sure one, or none is doubtful and their
            depths differ by more than the rounding of float32 can change them;
+    WRONG  the doubtful one is in front of the other, or the other is a miss, and the surface that it belongs to goes on
+           all around the ray: a hole;
     EDGE   otherwise.
 
     Above all that, a pixel is WRONG if either image stores a depth that differs from that of the plane of its triangle,
@@ -132,13 +149,21 @@ def compare(mesh: Mesh, camera: View, hits: Hits, reference: Hits) -> Agreement:
     verdict = np.zeros(hits.prim_id.shape, np.uint8)
     y, x = np.nonzero(hits.prim_id != reference.prim_id)
     first, second = (_candidates(Pairs(mesh, camera, x, y, one.prim_id[y, x], one.offset)) for one in (hits, reference))
-    verdict[y, x] = _judge(first, second)
+    judged = _judge(first, second)
+    holes = []
+    for image, lacking, other, seen in ((hits, first, reference, second), (reference, second, hits, first)):
+        has_hole = _has_hole(judged, lacking, seen, Pairs(mesh, camera, x, y, other.prim_id[y, x], image.offset))
+        holes.append(np.zeros(verdict.shape, np.bool_))
+        holes[-1][y, x] = has_hole
+    verdict[y, x] = judged
+    for image_holes in holes:
+        verdict[image_holes] = Verdict.WRONG
     depth_errors = []
     for image in (hits, reference):
-        error = _relative_depth_error(mesh, camera, image)
-        verdict[_has_wrong_depth(mesh, camera, image, error)] = Verdict.WRONG
+        error = relative_depth_error(mesh, camera, image)
+        verdict[has_wrong_depth(mesh, camera, image, error)] = Verdict.WRONG
         depth_errors.append(DepthErrors.of(error[image.hit]))
-    return Agreement(verdict, *depth_errors)
+    return Agreement(verdict, depth_errors[0], depth_errors[1], holes[0], holes[1])
 
 
 def _check_same_rays(camera: View, hits: Hits, reference: Hits) -> None:
@@ -180,6 +205,21 @@ def _judge(a: _Candidates, b: _Candidates) -> NDArray[np.uint8]:
     return np.select([tied, edge], [np.uint8(Verdict.TIED), np.uint8(Verdict.EDGE)], np.uint8(Verdict.WRONG))
 
 
+def _has_hole(judged: NDArray[np.uint8], lacking: _Candidates, seen: _Candidates, pairs: Pairs) -> NDArray[np.bool_]:
+    """(N,) bool: the image of the candidates `lacking` has a hole at a triangle of `seen`, those of `pairs`.
+
+    judged: of `_judge`. A sure hit in front that is wrongly lacking is a hole, too.
+    """
+    with np.errstate(invalid="ignore"):  # inf - inf
+        in_front = np.isfinite(seen.depth) & (seen.depth + seen.depth_error + lacking.depth_error < lacking.depth)
+    in_front &= ~seen.surely_missed & (judged >= Verdict.EDGE)
+    holes = in_front & ~seen.doubtful & (judged == Verdict.WRONG)
+    asked = np.flatnonzero(in_front & seen.doubtful)
+    limit = lacking.depth[asked] - np.where(np.isfinite(lacking.depth[asked]), lacking.depth_error[asked], 0.0)
+    holes[asked] = is_closed_around(pairs[asked], limit)
+    return holes
+
+
 def _is_sure_and_before(a: _Candidates, b: _Candidates) -> NDArray[np.bool_]:
     return ~a.doubtful & (a.depth + a.depth_error < b.nearest)
 
@@ -213,53 +253,3 @@ def _is_undecided(pairs: Pairs, rounding: Rounding) -> NDArray[np.bool_]:
         could_hit = could_hit | ((sign * sides > -unsure).all(axis=0) & (sign * volumes.ahead > -rounding.ahead))
         must_hit = must_hit | ((sign * sides >= unsure).all(axis=0) & (sign * volumes.ahead >= rounding.ahead))
     return could_hit & ~must_hit & (pairs.corners[..., 2].max(axis=1) > -rounding.corners)
-
-
-def _relative_depth_error(mesh: Mesh, camera: View, image: Hits) -> NDArray[np.float64]:
-    """(H, W) float64: |stored depth - t| / t, where the ray meets the plane of the named triangle at t in float64.
-
-    NaN for a miss; inf or NaN where the ray never meets the plane. A few products per pixel, since every pixel of an
-    image is looked at: the plane has normal . point = height, the point of depth Z on the ray through (X, Y) on the
-    image plane is (X reach, Y reach, Z), and the reach is Z for a pinhole and 1 for parallel rays.
-    """
-    error = np.full(image.prim_id.shape, np.nan)
-    y, x = np.nonzero(image.prim_id != MISS)
-    prim_id, depth = image.prim_id[y, x], image.depth[y, x].astype(np.float64)
-    used, row = _numbered(mesh, prim_id)
-    corners = camera.to_camera_space(mesh.triangles(used).reshape(-1, 3)).reshape(-1, 3, 3)
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    height, along = (normal * corners[:, 0]).sum(axis=1)[row], normal[row, 2]
-    plane = camera.plane
-    across = (normal[:, 0] * plane.pitch_x)[row] * plane.columns(x, image.offset[0])
-    across += (normal[:, 1] * plane.pitch_y)[row] * plane.rows(y, image.offset[1])
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        t = (height - across) / along if camera.is_parallel else height / (across + along)
-        error[y, x] = np.abs(depth - t) / np.abs(t)
-    return error
-
-
-def _has_wrong_depth(mesh: Mesh, camera: View, image: Hits, error: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """(H, W) bool: the stored depth is not one that float32 may find for the named triangle at this pixel.
-
-    error: of `_relative_depth_error`. The few suspects are looked at closely.
-    """
-    wrong = (image.prim_id == MISS) & (image.depth != np.inf)
-    y, x = np.nonzero(image.hit & ~(error <= ALLOWED_MULTIPLE * _LEAST_ROUNDINGS * FLOAT32_UNIT))
-    if len(y):
-        pairs = Pairs(mesh, camera, x, y, image.prim_id[y, x], image.offset)
-        rounding, volumes, depth = Rounding.of(pairs), pairs.volumes, image.depth[y, x].astype(np.float64)
-        with np.errstate(invalid="ignore"):  # inf x 0
-            off = np.abs(depth * volumes.facing - volumes.ahead)
-            excused = (depth >= 0.0) & (depth < np.inf) & (off <= rounding.ahead + depth * rounding.facing)
-        wrong[y[~excused], x[~excused]] = True
-    return wrong
-
-
-def _numbered(mesh: Mesh, prim_id: NDArray[np.uint32]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """The distinct `prim_id`, ascending, and each one's place among them; O(F), no sorting of a million pixels."""
-    if len(prim_id) and prim_id.max() >= mesh.triangle_count:
-        mesh.triangles(prim_id)  # raises, naming it
-    is_used = np.zeros(mesh.triangle_count, bool)
-    is_used[prim_id] = True
-    place = np.cumsum(is_used) - 1
-    return np.nonzero(is_used)[0], place[prim_id]

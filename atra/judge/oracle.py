@@ -7,18 +7,20 @@ testing all of them, and an image named it, one just as deep, or neither.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntEnum
 
 import numpy as np
 from numpy.typing import NDArray
 
 from atra.errors import InputError
-from atra.geometry.intersection import intersect_pixels, triangles_in_camera_space
+from atra.geometry.intersection import Pairs, intersect_pixels, triangles_in_camera_space
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.hits import Hits
 from atra.judge.compare import TIE_TOLERANCE, Agreement, Verdict, compare
+from atra.judge.holes import is_closed_around
+from atra.judge.rounding import Rounding
 from atra.kernels.exact.brute_force import SLACK, nearest_triangles
 from atra.parallel import WorkerPool, resolve_threads
 from atra.prim_ids import MISS
@@ -39,6 +41,9 @@ class Correctness(IntEnum):
     """A triangle the ray misses or hits farther away, or nothing where there is something."""
     WRONG_DEPTH = 3
     """The nearest triangle or one as deep, with a depth that `compare` does not accept."""
+    HOLE = 4
+    """Nothing, or something behind, where the ray hits a triangle, and not by the rounding of float32 at an open rim:
+    inside of it, or between it and a neighbour (`atra.judge.holes`)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,6 +86,11 @@ class Answer:
     def wrong(self) -> NDArray[np.bool_]:
         """(N,) bool, the triangle or its depth is wrong."""
         return self.correctness >= Correctness.WRONG_TRIANGLE
+
+    @property
+    def holes(self) -> NDArray[np.bool_]:
+        """(N,) bool, those of the wrong ones that are holes."""
+        return self.correctness == Correctness.HOLE
 
 
 @dataclass(frozen=True, eq=False)
@@ -217,10 +227,34 @@ def _judge_answer(
         [np.uint8(Correctness.WRONG_DEPTH), np.uint8(Correctness.RIGHT), np.uint8(Correctness.TIED)],
         np.uint8(Correctness.WRONG_TRIANGLE),
     )
+    pairs = Pairs(mesh, camera, x, y, truth.prim_id, image.offset)
+    correctness[_holes(pairs, correctness, prim_id, depth, truth)] = Correctness.HOLE
     beside = (prim_id != MISS) & ~is_met
     # The slack may make a hit of a ray that passes a trace outside.
     off_by = np.where(right | tied, 0.0, np.where(beside, -edge_distance, np.maximum(truth.edge_distance, 0.0)))
     return Answer(prim_id, image.depth[y, x], depth, edge_distance, correctness, off_by)
+
+
+def _holes(
+    pairs: Pairs,
+    correctness: NDArray[np.uint8],
+    prim_id: NDArray[np.uint32],
+    depth: NDArray[np.float64],
+    truth: Truth,
+) -> NDArray[np.int64]:
+    """Which answers with a wrong triangle are holes; pairs: rays and the nearest triangles. depth: of the answers."""
+    asked = np.flatnonzero((correctness == Correctness.WRONG_TRIANGLE) & (truth.prim_id != MISS))
+    error = Rounding.of(pairs[asked]).depth * truth.depth[asked]
+    limit, named = depth[asked].copy(), prim_id[asked] != MISS
+    own = replace(pairs[asked], prim_id=prim_id[asked])[named]
+    own_error = Rounding.of(own).depth
+    is_known = own_error < np.inf
+    least = np.full(len(own_error), -np.inf)  # of a depth that may be any
+    least[is_known] = limit[named][is_known] * (1.0 - own_error[is_known])
+    limit[named] = least
+    behind = np.isfinite(error) & (truth.depth[asked] + error < limit)
+    asked, limit = asked[behind], limit[behind]
+    return asked[is_closed_around(pairs[asked], limit)]
 
 
 def _met(

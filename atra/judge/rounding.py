@@ -65,7 +65,7 @@ class Rounding:
         of_ahead = ((normal * places) + products * to_hit).sum(axis=1) + pairs.volumes.reach * (NOISE / FLOAT32_UNIT)
         of_facing = (normal * (np.abs(directions) + (0.0 if camera.is_parallel else summands))).sum(axis=1)
         of_facing += 3.0 * np.abs(facing)
-        with np.errstate(divide="ignore", invalid="ignore"):
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # inf: the depth may be any
             depth = of_ahead / np.abs(ahead) + of_facing / np.abs(facing)
         depth[np.isnan(depth)] = np.inf
         multiples = (ALLOWED_MULTIPLE * size for size in (of_ahead, of_facing, depth))

@@ -43,7 +43,7 @@ COST_WORDS = 2
 """float64 that the builder's callbacks add to: half the areas of all children; of all leaves, times their triangles."""
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _half_area(low_x, low_y, low_z, high_x, high_y, high_z):  # type: ignore[no-untyped-def]
     x, y, z = np.float64(high_x) - low_x, np.float64(high_y) - low_y, np.float64(high_z) - low_z
     return x * y + y * z + z * x

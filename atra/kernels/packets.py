@@ -13,6 +13,8 @@ from atra.embree.layout import HIT_GEOM_ID, HIT_PRIM_ID, RAY_DIR_X, RAY_ORG_X, R
 
 MISS = np.uint32(layout.INVALID_ID)
 INFINITY = np.float32(np.inf)
+START = np.float32(layout.AFTER_START)
+"""tnear of rays that do not hit what they start on."""
 
 SMALLEST_COMPONENT = np.float32(1e-17)
 """Components of a ray that are smaller are 0.
@@ -53,7 +55,7 @@ _occluded8 = types.ExternalFunction("rtcOccluded8", _packet)
 _occluded16 = types.ExternalFunction("rtcOccluded16", _packet)
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def intersect(width, valid, scene, packet):  # type: ignore[no-untyped-def]
     """Closest hits of the packet's rays where `valid`, a lane mask, is not 0; packets of 1 are always traced."""
     if width == 8:
@@ -66,7 +68,7 @@ def intersect(width, valid, scene, packet):  # type: ignore[no-untyped-def]
         _intersect16(valid.ctypes.data, scene, packet.floats.ctypes.data, packet.arguments_address)
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def occluded(width, valid, scene, packet):  # type: ignore[no-untyped-def]
     """Set tfar to -inf where a ray hits anything; `valid` as for `intersect`."""
     if width == 8:
@@ -79,13 +81,13 @@ def occluded(width, valid, scene, packet):  # type: ignore[no-untyped-def]
         _occluded16(valid.ctypes.data, scene, packet.floats.ctypes.data, packet.arguments_address)
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def ray_component(component):  # type: ignore[no-untyped-def]
     """A component of a direction (or origin) as Embree is given it."""
     return component if abs(component) >= SMALLEST_COMPONENT else np.float32(0.0)
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def set_pixel_ray(packet, width, lane, parallel, rays, x, y):  # type: ignore[no-untyped-def]
     """The direction (or origin, where rays are parallel) of pixel (x, y) into a lane of a packet of `width`."""
     first = (RAY_ORG_X if parallel else RAY_DIR_X) * width + lane
@@ -94,14 +96,14 @@ def set_pixel_ray(packet, width, lane, parallel, rays, x, y):  # type: ignore[no
     packet.floats[first + 2 * width] = ray_component(rays.columns[2, x] + rays.rows[2, y])
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def set_no_hit(packet, width, lane):  # type: ignore[no-untyped-def]
     """Nothing hit so far."""
     packet.ids[(RAY_WORDS + HIT_PRIM_ID) * width + lane] = MISS
     packet.ids[(RAY_WORDS + HIT_GEOM_ID) * width + lane] = MISS
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def set_unlimited(packet, width):  # type: ignore[no-untyped-def]
     """All lanes reach to infinity and have hit nothing so far."""
     for lane in range(width):
@@ -109,13 +111,13 @@ def set_unlimited(packet, width):  # type: ignore[no-untyped-def]
         set_no_hit(packet, width, lane)
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def hit_distance(packet, width, lane):  # type: ignore[no-untyped-def]
     """The ray parameter of the hit, or the limit that was given where there is none."""
     return packet.floats[RAY_TFAR * width + lane]
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def hit_prim_id(packet, width, lane):  # type: ignore[no-untyped-def]
     """The triangle in the scene, or what stood there before."""
     return packet.ids[(RAY_WORDS + HIT_PRIM_ID) * width + lane]

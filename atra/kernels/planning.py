@@ -65,7 +65,7 @@ def _clip(source, count, target, plane_a, plane_b, plane_c):  # type: ignore[no-
     return kept
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def pixel_range(polygon, count, axis, tiny):  # type: ignore[no-untyped-def]
     """(lowest, highest) pixel position of a polygon in front of the eye; infinite where it reaches the eye plane."""
     low, high = np.inf, -np.inf
@@ -81,7 +81,7 @@ def pixel_range(polygon, count, axis, tiny):  # type: ignore[no-untyped-def]
     return low, high
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def cell_range(low, high, cell_pixels, cell_count):  # type: ignore[no-untyped-def]
     """First and last cell that the pixel range meets; first > last where it meets none."""
     image_pixels = cell_pixels * cell_count
@@ -92,7 +92,7 @@ def cell_range(low, high, cell_pixels, cell_count):  # type: ignore[no-untyped-d
     return min(first, cell_count - 1), last
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def load_triangle(points_pixels, faces, triangle, polygon):  # type: ignore[no-untyped-def]
     """Corners of a triangle into `polygon`; returns (nearest depth, farthest depth, largest coordinate)."""
     nearest, farthest, largest = np.inf, -np.inf, 0.0
@@ -106,7 +106,7 @@ def load_triangle(points_pixels, faces, triangle, polygon):  # type: ignore[no-u
     return nearest, farthest, largest
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def front_part(polygon, nearest, farthest, scratch):  # type: ignore[no-untyped-def]
     """Clip the loaded triangle at the eye plane, in place; returns the corner count (0: all behind)."""
     if nearest > 0.0:
@@ -120,7 +120,7 @@ def front_part(polygon, nearest, farthest, scratch):  # type: ignore[no-untyped-
     return count
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def columns_in_row(polygon, count, row, cell_width, cell_height, nx, y_low, y_high, tiny, first, second):  # type: ignore[no-untyped-def]
     """Columns that the polygon meets in one row of cells."""
     top, bottom = row * cell_height - MARGIN_PIXELS, (row + 1) * cell_height + MARGIN_PIXELS
@@ -161,7 +161,7 @@ def count_copies(counter_address, points_pixels, faces, nx, ny, cell_width, cell
             counts[triangle] = total
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def write_copy(points_pixels, points_ray, faces, triangle, shears_x, shears_y, i, j, copy, vertices):  # type: ignore[no-untyped-def]
     """The three corners of a triangle, sheared for cell (i, j), into `vertices` (3 N, 3) at place `copy`."""
     for corner in range(3):

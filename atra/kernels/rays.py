@@ -142,32 +142,32 @@ def put_back(counter_address, places, answers, output):  # type: ignore[no-untyp
             output[ray] = answers[places[ray]]
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def ray_length(directions, ray):  # type: ignore[no-untyped-def]
     """(l, 1 / l): the largest power of two that no component of the direction is below, all of them being less."""
     return _length(directions[ray, 0], directions[ray, 1], directions[ray, 2])
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _length(x, y, z):  # type: ignore[no-untyped-def]
     largest = np.float32(max(abs(x), abs(y), abs(z)))
     exponent = np.uint32(largest.view(np.uint32) & 0x7F800000)
     return exponent.view(np.float32), np.uint32(0x7F000000 - exponent).view(np.float32)
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _origin(rays, ray):  # type: ignore[no-untyped-def]
     first = rays.origins + rays.vector_bytes * ray
     return float_at(first), float_at(first + 4), float_at(first + 8)
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _direction(rays, ray):  # type: ignore[no-untyped-def]
     first = rays.directions + rays.vector_bytes * ray
     return float_at(first), float_at(first + 4), float_at(first + 8)
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _load(packet, width, lane, rays, ray):  # type: ignore[no-untyped-def]
     """Put a ray into a lane; returns whether it is of any length, and leaves `valid` of the lane so.
 
@@ -193,7 +193,7 @@ def _load(packet, width, lane, rays, ray):  # type: ignore[no-untyped-def]
     return is_open
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _are_alike(rays, first, lanes):  # type: ignore[no-untyped-def]
     """Whether so many rays start and head alike, as neighbours of a camera do."""
     x, y, z = _origin(rays, first)
@@ -209,7 +209,7 @@ def _are_alike(rays, first, lanes):  # type: ignore[no-untyped-def]
     return True
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _set_flags(flags, rays, first, lanes):  # type: ignore[no-untyped-def]
     if rays.together == WHERE_ALIKE:
         flags[0] = FLAG_COHERENT if _are_alike(rays, first, lanes) else 0

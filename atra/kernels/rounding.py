@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 from atra.kernels.caching import kernel
 from atra.kernels.intrinsics import fetch_add
@@ -38,7 +41,21 @@ CHUNK = 1024
 """Triangles a thread takes at a time."""
 
 
-@njit(inline="always")
+class ParallelRays(NamedTuple):
+    """Parallel rays of an image in ray space; (3,) float64 each but `middle`.
+
+    forward: their direction. column, row: from one pixel to the next. middle: (2,) float64, the pixel position at the
+    eye. farthest: how far from the eye reference rays may start, the parts of column and row added up.
+    """
+
+    forward: NDArray[np.float64]
+    column: NDArray[np.float64]
+    row: NDArray[np.float64]
+    middle: NDArray[np.float64]
+    farthest: NDArray[np.float64]
+
+
+@njit(forceinline=True)
 def _enlarge(points, faces, triangle, shear_x, shear_y, depth, largest):  # type: ignore[no-untyped-def]
     """Raise `largest` (4, 3) to the sizes, component by component, of a triangle that is sheared: its corners, the two
     edges at the first corner, its normal."""
@@ -75,7 +92,7 @@ def _enlarge(points, faces, triangle, shear_x, shear_y, depth, largest):  # type
     return abs(nx * px + ny * py + nz * pz)
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _roundings(largest, volume):  # type: ignore[no-untyped-def]
     """Relative errors of normal . corner, in units of rounding, of a triangle with these sizes: those of the corners,
     and with those of the normal; volume: normal . corner."""
@@ -90,7 +107,7 @@ def _roundings(largest, volume):  # type: ignore[no-untyped-def]
     return of_corners / volume, (of_corners + of_normal) / volume
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _is_too_far_off(largest, volume, most_at_corner, most):  # type: ignore[no-untyped-def]
     at_corner, anywhere = _roundings(largest, volume)
     return at_corner > most_at_corner or anywhere > most
@@ -161,4 +178,98 @@ def judge_copies(  # type: ignore[no-untyped-def]
                     largest[:] = 0.0
                     volume = _enlarge(points_ray, faces, triangle, shears_x[i], shears_y[j], points_pixels, largest)
                     if _is_too_far_off(largest, volume, most_at_corner, most):
+                        left_out[triangle] = 1
+
+
+@njit(forceinline=True)
+def _load_edges(points, faces, triangle, axis, sizes):  # type: ignore[no-untyped-def]
+    """Sizes of a triangle, component by component, into `sizes` (3, 3): of its corners, its normal, and what the normal
+    errs by per rounding and way from the first corner. Returns normal . axis, and its roundings."""
+    v0, v1, v2 = faces[triangle, 0], faces[triangle, 1], faces[triangle, 2]
+    facing, of_facing = 0.0, 0.0
+    for k in range(3):
+        i, j = (k + 1) % 3, (k + 2) % 3
+        ai, aj = points[v1, i] - points[v0, i], points[v1, j] - points[v0, j]
+        bi, bj = points[v2, i] - points[v0, i], points[v2, j] - points[v0, j]
+        normal = ai * bj - aj * bi
+        sizes[0, k] = max(abs(points[v0, k]), abs(points[v1, k]), abs(points[v2, k]))
+        sizes[1, k] = abs(normal)
+        along = max(abs(points[v1, k] - points[v0, k]), abs(points[v2, k] - points[v0, k]))
+        sizes[2, k] = (abs(ai * bj) + abs(aj * bi)) * along
+        facing += normal * axis[k]
+        of_facing += abs(normal * axis[k])
+    return facing, of_facing
+
+
+@kernel
+def judge_translations(  # type: ignore[no-untyped-def]
+    counter_address, points_pixels, points_own, points_ray, faces, own, first, shears_x, shears_y, cell_width,
+    cell_height, is_instanced, admitted_multiple, left_out,
+):  # fmt: skip
+    """Whether copies of a triangle, translated onto parallel reference rays, would be too far off.
+
+    Arguments and `left_out` as for `judge_copies`. own, first: `ParallelRays` of the triangle's own camera and of the
+    first one. is_instanced: rays are translated, not triangles.
+
+    A translation lengthens no edge, but it may carry a triangle from near the eye, where float32 is fine, to where the
+    reference rays start, as far away as the image is large; the error of a corner does not hang on the depth then, and
+    near the image plane it is much of it. With first corner v0, normal n and ray o + t d a depth is
+    n . (v0 - o) / n . d. Its roundings are those of the corners and of the origin's two summands, times n; of n, times
+    the way from v0 to the hit; and, times the depth, those of n . d. A copy may have `admitted_multiple` times those of
+    the mesh itself, at every depth and way that the triangle has.
+    """
+    sizes, copy = np.empty((3, 3)), np.empty((3, 3))
+    nx, ny = len(shears_x), len(shears_y)
+    while True:
+        start = fetch_add(counter_address, 1) * CHUNK
+        if start >= len(faces):
+            return
+        for triangle in range(start, min(start + CHUNK, len(faces))):
+            left_out[triangle] = 0
+            x_low, x_high, y_low, y_high = np.inf, -np.inf, np.inf, -np.inf
+            nearest, farthest = np.inf, -np.inf
+            for corner in range(3):
+                vertex = faces[triangle, corner]
+                x, y, depth = points_pixels[vertex, 0], points_pixels[vertex, 1], 0.0
+                for k in range(3):
+                    depth += points_own[vertex, k] * own.forward[k]
+                x_low, x_high, y_low, y_high = min(x_low, x), max(x_high, x), min(y_low, y), max(y_high, y)
+                nearest, farthest = min(nearest, depth), max(farthest, depth)
+            left, right = cell_range(x_low, x_high, cell_width, nx)
+            top, bottom = cell_range(y_low, y_high, cell_height, ny)
+            if left > right or top > bottom:
+                continue
+            facing, of_facing = _load_edges(points_own, faces, triangle, own.forward, sizes)
+            facing_copy, of_facing_copy = _load_edges(points_ray, faces, triangle, first.forward, copy)
+            if of_facing == 0.0 and of_facing_copy == 0.0:
+                continue  # a wall along the rays and the axes, whose n . d is exact: no ray meets it
+            x = max(0.0, x_low - own.middle[0], own.middle[0] - x_high)
+            y = max(0.0, y_low - own.middle[1], own.middle[1] - y_high)
+            of_mesh, of_normal, of_copy, of_normal_copy = 0.0, 0.0, 0.0, 0.0
+            for k in range(3):
+                own_start = x * abs(own.column[k]) + y * abs(own.row[k])
+                of_mesh += sizes[1, k] * (sizes[0, k] + own_start)
+                of_normal += sizes[2, k]
+                size = 0.0
+                for i in (left, right):
+                    for j in (top, bottom):
+                        shift = shears_x[i, k] + shears_y[j, k]
+                        if is_instanced:
+                            size = max(size, copy[0, k] + abs(shift))
+                        else:
+                            for corner in range(3):
+                                size = max(size, abs(points_ray[faces[triangle, corner], k] - shift))
+                of_copy += copy[1, k] * (size + first.farthest[k])
+                of_normal_copy += copy[2, k]
+            facing, facing_copy = abs(facing), abs(facing_copy)
+            if farthest < 0.0 and -farthest * facing_copy > MOST_ROUNDINGS * FLOAT32_UNIT * of_copy:
+                continue  # so far behind the image plane that no rounding brings it before
+            of_facing, of_facing_copy = of_facing + 3.0 * facing, of_facing_copy + 3.0 * facing_copy
+            if facing == facing_copy:
+                facing = facing_copy = 1.0  # also where both are 0
+            for way in (0.0, 1.0):
+                for depth in (max(nearest, 0.0), max(farthest, 0.0)):
+                    has_copy = of_copy + way * of_normal_copy + depth * of_facing_copy
+                    has_mesh = of_mesh + way * of_normal + depth * of_facing
+                    if has_copy * facing > admitted_multiple * has_mesh * facing_copy or facing == 0.0:
                         left_out[triangle] = 1

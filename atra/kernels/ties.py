@@ -50,7 +50,7 @@ def number_planes(vertices, faces, centre, extent, numbers):  # type: ignore[no-
         numbers[triangle] = abs(0.6137 * nx + 0.3511 * ny + 0.7071 * nz + 0.4243 * distance / scale) / length
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _boxes_meet(boxes, a, b):  # type: ignore[no-untyped-def]
     for axis in range(4):
         if boxes[a, 0, axis] > boxes[b, 1, axis] or boxes[b, 0, axis] > boxes[a, 1, axis]:
@@ -74,7 +74,7 @@ def number_places(points, lowest, extent, numbers):  # type: ignore[no-untyped-d
         numbers[i] = number
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _same_corners(corners, a, b):  # type: ignore[no-untyped-def]
     """Whether each corner of one triangle is a corner of the other, in whatever order. Both have an area."""
     for i in range(3):
@@ -91,7 +91,7 @@ def _same_corners(corners, a, b):  # type: ignore[no-untyped-def]
     return True
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _in_plane(corners, normals, a, b, tolerance):  # type: ignore[no-untyped-def]
     """Whether all corners of b lie within `tolerance` of the plane of a."""
     for corner in range(3):
@@ -103,7 +103,7 @@ def _in_plane(corners, normals, a, b, tolerance):  # type: ignore[no-untyped-def
     return True
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _edge_separates(corners, a, b, first, second):  # type: ignore[no-untyped-def]
     """Whether b lies beside, or touches from outside, one of the lines along a's edges.
 
@@ -129,7 +129,7 @@ def _edge_separates(corners, a, b, first, second):  # type: ignore[no-untyped-de
     return False
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _overlap(corners, normals, sizes, a, b):  # type: ignore[no-untyped-def]
     """Whether two triangles lie in one plane and share an area there."""
     large, small = (a, b) if sizes[a] >= sizes[b] else (b, a)  # the larger one knows the plane better
@@ -198,7 +198,7 @@ def find_overlaps(prim_ids, corners, normals, sizes, boxes, twins, most_pairs): 
     return pairs[:count]
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _intersect(vertices, faces, triangle, ox, oy, oz, dx, dy, dz):  # type: ignore[no-untyped-def]
     """(ray parameter, whether it is inside, edges included) of a ray and a plane; inf where they are parallel.
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from atra.embree.layout import HIT_GEOM_ID, HIT_PRIM_ID, RAY_TFAR, RAY_TNEAR, RAY_WORDS
 from atra.kernels.caching import kernel
 from atra.kernels.intrinsics import fetch_add
-from atra.kernels.packets import MISS, hit_distance, hit_prim_id, intersect, set_pixel_ray
+from atra.kernels.packets import MISS, START, hit_distance, hit_prim_id, intersect, set_pixel_ray
 
 
 class Hidden(NamedTuple):
@@ -25,8 +25,11 @@ class Hidden(NamedTuple):
 
 
 @cache
-def verify_kernel(shape_x: int, shape_y: int) -> Callable[..., None]:
-    """The second pass for packets of shape_x x shape_y pixels; the shape is a constant of the compiled code."""
+def verify_kernel(shape_x: int, shape_y: int, parallel: bool = False) -> Callable[..., None]:
+    """The second pass for packets of shape_x x shape_y pixels; the shape is a constant of the compiled code.
+
+    parallel: as for `atra.kernels.tracing.pixel_kernel`.
+    """
     width = shape_x * shape_y
     tnear, tfar = RAY_TNEAR * width, RAY_TFAR * width
     prim_word, geom_word = (RAY_WORDS + HIT_PRIM_ID) * width, (RAY_WORDS + HIT_GEOM_ID) * width
@@ -48,7 +51,7 @@ def verify_kernel(shape_x: int, shape_y: int) -> Callable[..., None]:
             ty = fetch_add(counter_address, 1)
             if ty >= hidden.nearest.shape[0]:
                 for lane in range(width):
-                    floats[tnear + lane] = np.float32(0.0)  # as the other loops expect it
+                    floats[tnear + lane] = START  # as the other loops expect it
                 return
             for y0 in range(ty * tile_h, min((ty + 1) * tile_h, height), shape_y):
                 rows = min(shape_y, height - y0)
@@ -74,8 +77,8 @@ def verify_kernel(shape_x: int, shape_y: int) -> Callable[..., None]:
                             for column in range(shape_x):
                                 lane = row * shape_x + column
                                 x, y = x0 + min(column, columns - 1), y0 + min(row, rows - 1)
-                                set_pixel_ray(packet, width, lane, False, rays, x, y)
-                                floats[tnear + lane] = limit
+                                set_pixel_ray(packet, width, lane, parallel, rays, x, y)
+                                floats[tnear + lane] = max(limit, START)
                                 floats[tfar + lane] = depth[y, x]
                                 ids[prim_word + lane] = prim_id[y, x]
                                 ids[geom_word + lane] = MISS

@@ -28,7 +28,7 @@ _RELIABLE = 1e-9
 """Below this share of its summands, a float64 difference says nothing and the bounding box is used instead."""
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _set_up(points_pixels, faces, triangle, tile_w, tile_h, width, height, lines):  # type: ignore[no-untyped-def]
     """The triangle's linear functions into `lines` (LINES, 3).
 
@@ -80,7 +80,7 @@ def _set_up(points_pixels, faces, triangle, tile_w, tile_h, width, height, lines
     return left, right, top, bottom, nearest, LINES
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _columns(lines, count, left, right, top, bottom):  # type: ignore[no-untyped-def]
     """Pixel range (low, high) of the triangle between two image rows; low > high where it is not there."""
     for k in range(count):
@@ -95,14 +95,14 @@ def _columns(lines, count, left, right, top, bottom):  # type: ignore[no-untyped
     return left, right
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _cells(left, right, tile_w, first_cell, last_cell):  # type: ignore[no-untyped-def]
     """First and last column of cells that the tiles between two pixel positions meet."""
     last_tile = len(first_cell) - 1
     return first_cell[min(int(left / tile_w), last_tile)], last_cell[min(int(right / tile_w), last_tile)]
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _inverse_depth(lines, count, nearest, tx, top, bottom, tile_w):  # type: ignore[no-untyped-def]
     """Bound from above on 1 / depth in one tile."""
     if count == 0:
@@ -113,7 +113,7 @@ def _inverse_depth(lines, count, nearest, tx, top, bottom, tile_w):  # type: ign
     return min(found, nearest)
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _mark_cells(  # type: ignore[no-untyped-def]
     lines, count, left, right, top, bottom, nearest, j, cell_height, tile_w, tile_h, first_cell, last_cell, wanted,
     seen, left_out, near, tiles,

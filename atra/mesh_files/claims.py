@@ -7,15 +7,14 @@ zeros for geometry that is stored in a way they do not know; all of this is foun
 from __future__ import annotations
 
 import io
-import json
 import re
 from collections import Counter
 from typing import Any
 
 import numpy as np
-import psutil
 
 from atra.errors import InputError
+from atra.reading import Allowance, parse_json
 
 GLTF_TRIANGLES = (4, 5)
 """Modes of a primitive: triangles, and a strip of them."""
@@ -23,13 +22,19 @@ GLTF_TRIANGLES = (4, 5)
 BYTES_PER_ROW = 3 * (2 * 8 + 8 + 4)
 """Three numbers of a face or a vertex: joined from parts in 64 bits, checked in 64, kept in 32."""
 
+_BYTES_PER_PART = 20_000
+"""A part of a glTF: it takes trimesh 6 kB and 80 microseconds, in which so much other geometry could be read."""
+
+_BYTES_PER_NODE = 500
+"""A node of a glTF, however empty."""
+
+_BYTES_PER_LINE = 250
+"""A line of an OFF or of a PLY as text, however short: trimesh makes a list or an array of each."""
+
 _MOST_PROPERTIES = 1000
-"""Of a PLY: those of Gaussian splats are 62, and trimesh takes the square of it."""
+"""Properties of a PLY: those of Gaussian splats are 62, and trimesh takes the square of it."""
 
-_MOST_PARTS = 1_000_000
-"""Of a glTF: each takes trimesh 50 microseconds."""
-
-_OFF_COUNTS = re.compile(rb"C?OFF\s+\d+\s+(\d{1,18})\b")
+_OFF_COUNTS = re.compile(rb"C?OFF\s+(\d{1,18})\s+(\d{1,18})\b")
 _OBJ_FACE = re.compile(rb"(?m)^[ \t]*f[ \t]")
 _STL_FACET = re.compile(rb"(?im)^[ \t]*facet\b")
 _STL_HEADER_BYTES, _STL_FACET_BYTES = 84, 50
@@ -40,40 +45,58 @@ _GLTF_NUMBERS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3"
 _GLB_MAGIC, _GLB_JSON = b"glTF", b"JSON"
 
 
-def check_claims(content: bytes, suffix: str) -> int:
+def check_claims(content: bytes, suffix: str, tree: Any, allowance: Allowance) -> int:
     """How many faces a mesh file of that format must at least yield, by its own words; 0 where it does not say.
 
-    Raises InputError, or whatever Python does with a file built differently, for a glTF or GLB with geometry that
-    trimesh would read as zeros, leave out or put elsewhere, and for what would take more memory or time than there is
-    or than the bytes account for.
+    tree: the file's `gltf_tree`. Raises InputError, or whatever Python does with a file built differently, for a glTF
+    or GLB with geometry that trimesh would read as zeros, leave out or put elsewhere, and for what would take more
+    memory than `allowance`.
     """
     if suffix == "ply":
-        return _check_ply(content)
+        return _check_ply(content, allowance)
     if suffix == "off":
-        return _first_count(_OFF_COUNTS, re.sub(rb"#[^\r\n]*", b"", content))
+        return _check_off(content, allowance)
     if suffix == "obj":
         return sum(1 for _ in _OBJ_FACE.finditer(content))
     if suffix in ("stl", "stl_ascii"):
         return _stl_count(content) if is_binary_stl(content) else sum(1 for _ in _STL_FACET.finditer(content))
     if suffix in ("gltf", "glb"):
-        tree = json.loads(glb_chunks(content)[0] if suffix == "glb" else content)
         _check_gltf(tree)
-        return _check_gltf_size(tree)
+        return _check_gltf_size(tree, allowance)
     return 0
 
 
-def _check_ply(content: bytes) -> int:
+def gltf_tree(content: bytes, suffix: str) -> Any:
+    """The JSON of a glTF or GLB, None of any other format. Raises InputError where there is none."""
+    if suffix not in ("gltf", "glb"):
+        return None
+    return parse_json(glb_chunks(content)[0] if suffix == "glb" else content)
+
+
+def _check_off(content: bytes, allowance: Allowance) -> int:
+    found = _OFF_COUNTS.search(re.sub(rb"#[^\r\n]*", b"", content))
+    vertices, faces = (int(count) for count in found.groups()) if found else (0, 0)
+    _check_rows(vertices + faces, 0, allowance)
+    _check_lines(content, allowance)
+    return faces
+
+
+def _check_ply(content: bytes, allowance: Allowance) -> int:
     """Properties and lines are read as trimesh reads them, so that nothing escapes the count."""
-    faces = rows = properties = values = 0
+    faces = rows = in_all = properties = values = 0
     for line in io.BytesIO(content):
         words = line.decode().split()
         if not words or "end_header" in words:
             break
         if "element" in words[0]:
             rows = abs(int(words[2]))
+            in_all += rows
             faces = rows if words[1] == "face" else faces
         elif "property" in words[0]:
             properties, values = properties + 1, values + rows
+    _check_rows(in_all, 0, allowance)
+    if b"ascii" in content[:100]:  # its second line says so
+        _check_lines(content, allowance)
     if values > len(content):
         raise InputError(f"it promises {values} values, but has only {len(content)} bytes; it seems cut short")
     if properties > _MOST_PROPERTIES:
@@ -88,11 +111,6 @@ def _stl_count(content: bytes) -> int:
 def is_binary_stl(content: bytes) -> bool:
     """Whether the length is what the header of a binary STL says, as trimesh tells it from text."""
     return len(content) == _STL_HEADER_BYTES + _stl_count(content) * _STL_FACET_BYTES
-
-
-def _first_count(pattern: re.Pattern[bytes], content: bytes) -> int:
-    found = pattern.search(content)
-    return int(found.group(1)) if found else 0
 
 
 def glb_chunks(content: bytes) -> tuple[bytes, bytes]:
@@ -140,7 +158,7 @@ def _check_gltf(tree: Any) -> None:
                     )
 
 
-def _check_gltf_size(tree: Any) -> int:
+def _check_gltf_size(tree: Any, allowance: Allowance) -> int:
     """How many triangles the nodes place. A few bytes can place a mesh a million times, or name one buffer as often."""
     accessors, placed = tree.get("accessors", []), _placed_meshes(tree)
     faces = rows = parts = 0
@@ -155,11 +173,12 @@ def _check_gltf_size(tree: Any) -> int:
             copies = max(placed[number], 1)  # what is not placed is read all the same
             parts, rows = parts + copies, rows + copies * (vertices + triangles)
             faces += placed[number] * triangles
-    if parts > _MOST_PARTS:
-        raise InputError(f"it places {parts:,} parts, expected at most {_MOST_PARTS:,}; join them before exporting")
+    allowance.check(f"{parts:,} parts", parts * _BYTES_PER_PART)
+    nodes = len(tree.get("nodes", []))
+    allowance.check(f"{nodes:,} nodes", nodes * _BYTES_PER_NODE)
     views = sum(abs(view["byteLength"]) for view in tree.get("bufferViews", []))
     items = sum(accessor["count"] * 4 * _GLTF_NUMBERS[accessor["type"]] for accessor in accessors)
-    check_memory(rows, views + items)
+    _check_rows(rows, views + items, allowance)
     return faces
 
 
@@ -188,11 +207,12 @@ def _placed_meshes(tree: Any) -> Counter[int]:
     return placed
 
 
-def check_memory(rows: int, more_bytes: int = 0) -> None:
-    """Raise InputError if so many faces and vertices, and bytes beside them, are more than the memory that is free."""
-    needed, free = rows * BYTES_PER_ROW + more_bytes, psutil.virtual_memory().available
-    if needed > free:
-        raise InputError(
-            f"it unfolds to {rows:,} faces and vertices, which need about {needed / 2**30:.1f} GiB, but the machine "
-            f"has only {free / 2**30:.1f} GiB free"
-        )
+def _check_lines(content: bytes, allowance: Allowance) -> None:
+    lines = content.count(b"\n") + content.count(b"\r")
+    allowance.check(f"{lines:,} lines", lines * _BYTES_PER_LINE)
+
+
+def _check_rows(rows: int, more_bytes: int, allowance: Allowance) -> None:
+    """So many faces and vertices, and bytes beside them."""
+    beside = f" and {more_bytes:,} bytes beside them" if more_bytes else ""
+    allowance.check(f"{rows:,} faces and vertices{beside}", rows * BYTES_PER_ROW + more_bytes)

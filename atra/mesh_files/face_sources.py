@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -13,8 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.errors import InputError, printable
-from atra.mesh_files.claims import GLTF_TRIANGLES, glb_chunks
-from atra.mesh_files.loading import Part, read_parts, read_regular_file
+from atra.mesh_files.claims import GLTF_TRIANGLES, gltf_tree
+from atra.mesh_files.loading import Part, read_parts
+from atra.reading import read_regular_file
 
 _OBJ_LINE = re.compile(rb"(?m)^[ \t]*(f|usemtl)\b[ \t]*([^\r\n#]*)")
 _NONE = -1
@@ -36,39 +36,51 @@ class FaceSources:
     nodes: tuple[str, ...] = ()
 
 
-def load_face_sources(path: str | Path) -> FaceSources:
+def load_face_sources(path: str | Path, *, memory_per_byte: float | None = None) -> FaceSources:
     """What `load_mesh(path)` has made each triangle of, for PLY, OBJ, OFF, STL and glTF files.
 
-    Raises InputError as `load_mesh`, and for a file of another format.
+    memory_per_byte: as for `load_mesh`. Raises InputError as `load_mesh`, and for a file of another format.
     """
     path = Path(path).expanduser()
-    parts, _ = read_parts(path)
-    content, suffix = read_regular_file(path), path.suffix.lower().lstrip(".")
+    parts = read_parts(path, memory_per_byte)
+    try:
+        return _sources(read_regular_file(path), path.suffix.lower().lstrip("."), parts)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
+
+
+def _sources(content: bytes, suffix: str, parts: Sequence[Part]) -> FaceSources:
     if suffix in ("gltf", "glb"):
-        return _of_gltf(json.loads(glb_chunks(content)[0] if suffix == "glb" else content), parts)
+        return _of_gltf(gltf_tree(content, suffix), parts)
     count = sum(len(part.faces) for part in parts)
     material: NDArray[np.int32] = np.full(count, _NONE, np.int32)
     materials: tuple[str, ...] = ()
     if suffix == "ply":
-        face = _triangles_by_size(_ply_corners(parts[0].raw))
+        face = _triangles_by_size(_ply_corners(parts[0].raw), count)
     elif suffix == "off":
-        face = _triangles_by_size(_off_corners(content))
+        face = _triangles_by_size(_off_corners(content), count)
     elif suffix == "obj":
-        face, material, materials = _of_obj(content)
+        face, material, materials = _of_obj(content, count)
     elif suffix in ("stl", "stl_ascii"):
         face = np.arange(count)
     else:
-        raise InputError(f"{path} is of the format {suffix!r}, of which no more than the triangles is known")
-    if len(face) != count:
-        raise InputError(
-            f"{path} has faces of {len(face)} triangles by its lines, but {count} were read; export it anew"
-        )
+        raise InputError(f"it is of the format {suffix!r}, of which no more than the triangles is known")
     return FaceSources(face.astype(np.uint32), material, np.full(count, _NONE, np.int32), materials)
 
 
-def _triangles_by_size(corners: NDArray[np.integer]) -> NDArray[np.integer]:
+def _check_triangles(corners: NDArray[np.integer], count: int) -> None:
+    """Raise InputError unless polygons of so many corners make as many triangles as were read."""
+    triangles = int(np.maximum(corners - 2, 0).sum())
+    if triangles != count:
+        raise InputError(
+            f"its faces make {triangles:,} triangles by their lines, but {count:,} were read; export it anew"
+        )
+
+
+def _triangles_by_size(corners: NDArray[np.integer], count: int) -> NDArray[np.integer]:
     """The polygon of each triangle, as trimesh cuts them: triangles first, then the halves of all quads, one half of
     each before the other of any, then fans of the others."""
+    _check_triangles(corners, count)
     triangles, quads, others = (np.flatnonzero(kind) for kind in (corners == 3, corners == 4, corners > 4))
     return np.concatenate([triangles, quads, quads, np.repeat(others, corners[others] - 2)])
 
@@ -88,7 +100,7 @@ def _off_corners(content: bytes) -> NDArray[np.integer]:
     return np.array([int(words[0]) for words in lines[first : first + int(counts[1])]])
 
 
-def _of_obj(content: bytes) -> tuple[NDArray[np.integer], NDArray[np.int32], tuple[str, ...]]:
+def _of_obj(content: bytes, count: int) -> tuple[NDArray[np.integer], NDArray[np.int32], tuple[str, ...]]:
     """The face and the material of each triangle, and the names of materials."""
     content = content.replace(b"\\\r\n", b" ").replace(b"\\\n", b" ")
     names: dict[str, int] = {}
@@ -104,7 +116,11 @@ def _of_obj(content: bytes) -> tuple[NDArray[np.integer], NDArray[np.int32], tup
     of_face = np.array(corners)
     # trimesh reads faces that are all alike at once, and others line by line.
     alike = len(columns) == 1
-    face = _triangles_by_size(of_face) if alike else np.repeat(np.arange(len(of_face)), np.maximum(of_face - 2, 0))
+    _check_triangles(of_face, count)
+    if alike:
+        face = _triangles_by_size(of_face, count)
+    else:
+        face = np.repeat(np.arange(len(of_face)), np.maximum(of_face - 2, 0))
     return face, np.array(material, np.int32)[face], tuple(names)
 
 

@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 
 from atra.errors import InputError, printable
 from atra.geometry.mesh import Mesh
-from atra.mesh_files.claims import check_claims, check_memory
+from atra.mesh_files.claims import check_claims, gltf_tree
 from atra.mesh_files.stripping import geometry_of
+from atra.reading import Allowance, read_regular_file
 
 
 class Part(NamedTuple):
@@ -33,7 +34,7 @@ class Part(NamedTuple):
 _DAMAGE = ("string or file could not be read to its end", "invalid value encountered in cast")
 
 
-def load_mesh(path: str | Path) -> Mesh:
+def load_mesh(path: str | Path, *, memory_per_byte: float | None = None) -> Mesh:
     """Read the triangles of a file: nothing merged or dropped, and triangles in file order.
 
     path: a mesh file of a format trimesh reads (PLY, OBJ, STL, OFF, glTF, …); `~` is expanded. Polygons are cut into
@@ -43,39 +44,43 @@ def load_mesh(path: str | Path) -> Mesh:
     by its transform. Materials and textures are not read; a glTF may name buffers in its own folder only. STL has no
     shared vertices, so its mesh has none.
 
+    memory_per_byte: bound on the memory that reading may take, bytes for each byte of the file and of the buffers it
+    names; 128 MiB are allowed in any case. None: what the environment variable ATRA_MEMORY_PER_BYTE says, or 100. inf:
+    no bound but the memory that is free.
+
     The file need not be trusted (docs/trust.md). Raises InputError naming the path: missing, no regular file, an
-    unknown format, unreadable, cut short, without triangles, with instances that the free memory cannot hold, or with
-    values that `Mesh` refuses. An OBJ with relative (negative) indices and a glTF with compressed or sparse geometry,
+    unknown format, unreadable, cut short, without triangles, claiming more than memory_per_byte allows, or with
+    values that `Mesh` refuses. An OBJ with indices of 0 or below and a glTF with compressed or sparse geometry,
     with triangle fans or with nodes of several parents are refused, since trimesh misreads them, and so is an archive,
     since trimesh skips the members it cannot read.
     """
     path = Path(path).expanduser()
-    parts, promised = read_parts(path)
+    parts = read_parts(path, memory_per_byte)
     first_vertex = np.cumsum([0] + [len(part.vertices) for part in parts[:-1]])
     vertices = np.concatenate([part.vertices for part in parts])
     faces = np.concatenate([part.faces + start for part, start in zip(parts, first_vertex, strict=True)])
-    if len(faces) < promised:
-        raise InputError(f"{path} gives {len(faces)} faces, but promises {promised}: it seems cut short or damaged")
     try:
         return Mesh(vertices, faces, name=printable(path.stem))
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
 
 
-def read_parts(path: Path) -> tuple[list[Part], int]:
-    """The parts of a file in the order of its scene graph, one at least, and how many faces it promises. Raises
-    InputError as `load_mesh`."""
+def read_parts(path: Path, memory_per_byte: float | None = None) -> list[Part]:
+    """The parts of a file in the order of its scene graph, one at least. Raises InputError as `load_mesh`."""
     if path.is_dir():
         raise InputError(f"{path} is a folder, expected a mesh file")
     if not path.exists():
         raise InputError(f"{path} does not exist, expected a mesh file")
-    parts, promised = _read(path)
+    parts, promised = _read(path, memory_per_byte)
     if not parts:
         raise InputError(f"{path} holds no triangles (a point cloud or a path has none), expected a triangle mesh")
-    return parts, promised
+    count = sum(len(part.faces) for part in parts)
+    if count < promised:
+        raise InputError(f"{path} gives {count} faces, but promises {promised}: it seems cut short or damaged")
+    return parts
 
 
-def _read(path: Path) -> tuple[list[Part], int]:
+def _read(path: Path, memory_per_byte: float | None) -> tuple[list[Part], int]:
     import trimesh  # slow to import, and needed only where a file is read
     from trimesh.exchange.load import mesh_formats
 
@@ -86,15 +91,18 @@ def _read(path: Path) -> tuple[list[Part], int]:
         raise InputError(f"{path} has the unknown format {suffix!r}, expected one of {known} (unpack an archive first)")
     try:
         content = read_regular_file(path)
-        promised = check_claims(content, suffix)
+        folder = _folder_of(path)
+        tree = gltf_tree(content, suffix)
+        allowance = Allowance(len(content) + _bytes_beside(tree, folder), memory_per_byte)
+        promised = check_claims(content, suffix, tree, allowance)
         with warnings.catch_warnings(), _warnings_of_trimesh_refused():
             warnings.simplefilter("ignore")
             for damage in _DAMAGE:
                 warnings.filterwarnings("error", message=damage)
             scene = trimesh.load_scene(
-                io.BytesIO(geometry_of(content, suffix)),
+                io.BytesIO(geometry_of(content, suffix, tree)),
                 file_type=suffix,
-                resolver=_folder_of(path),
+                resolver=folder,
                 process=False,
                 skip_materials=True,
                 maintain_order=True,
@@ -135,11 +143,13 @@ def _folder_of(path: Path) -> Any:
     return Folder(str(path))
 
 
-def read_regular_file(path: Path) -> bytes:
-    """What a file holds. Raises InputError for a pipe or a device, which may block for ever or never end."""
-    if path.exists() and not path.is_file():
-        raise InputError(f"{path.name} is no regular file")
-    return path.read_bytes()
+def _bytes_beside(tree: Any, folder: Any) -> int:
+    """The size of the files that a glTF names."""
+    if tree is None:
+        return 0
+    names = {buffer.get("uri", "data:") for buffer in tree.get("buffers", [])}
+    paths = {folder.absolute(name) for name in names if not name.startswith("data:")}
+    return sum(path.stat().st_size for path in paths if path.is_file())
 
 
 def _flattened(scene: Any) -> Iterator[Part]:
@@ -154,7 +164,6 @@ def _flattened(scene: Any) -> Iterator[Part]:
     world, nodes = _world_transforms(scene.graph), scene.graph.transforms.node_data
     placed = [(node, parts[nodes[node]["geometry"]]) for node in scene.graph.nodes_geometry
               if nodes[node]["geometry"] in parts]  # fmt: skip
-    check_memory(sum(len(part.vertices) + len(part.faces) for _, part in placed))
     identity = np.eye(4)
     for node, part in placed:
         transform, vertices = world[node], part.vertices

@@ -14,7 +14,7 @@ from atra.errors import InputError
 from atra.mesh_files.claims import GLTF_TRIANGLES, glb_chunks, is_binary_stl
 
 _OBJ_NOT_GEOMETRY = re.compile(rb"(?m)^[ \t]*(?:mtllib|o|g|s)\b[^\r\n]*|(?:usemtl\b|#)[^\r\n]*")
-_OBJ_RELATIVE_FACE = re.compile(rb"(?m)^[ \t]*f\b[^\r\n]*[ \t]-\d[^\r\n]*")
+_OBJ_BAD_INDEX = re.compile(rb"(?m)^[ \t]*f\b[^\n]*[ \t](-\d+|\+?0+(?![^/ \t\n]))[^\n]*")
 _STL_BETWEEN_SOLIDS = re.compile(rb"(?i)endsolid[^\n]{0,200}\n\s*solid[^\n]{0,200}\n")
 _STL_NORMAL = re.compile(rb"(?i)\bnormal\b[^\r\n]*")
 _MOST_SOLIDS = 1000
@@ -24,21 +24,20 @@ _GLTF_KEPT = ("asset", "buffers", "bufferViews", "accessors", "scene", "scenes")
 _GLTF_NODE = ("children", "matrix", "translation", "rotation", "scale")
 
 
-def geometry_of(content: bytes, suffix: str) -> bytes:
+def geometry_of(content: bytes, suffix: str, tree: Any) -> bytes:
     """A file of the same format and the same triangles in the same order, without names, groups, materials, normals.
 
     Raises InputError, or whatever Python does with a file built differently, where trimesh would misread the triangles.
-    The claims of the file have been checked (`mesh_claims.check_claims`).
+    The claims of the file have been checked (`claims.check_claims`); tree: its `gltf_tree`.
     """
     if suffix == "obj":
         return _obj_geometry(_as_utf8(content))
     if suffix in ("stl", "stl_ascii") and not is_binary_stl(content):
         return _stl_geometry(_as_utf8(content))
     if suffix == "gltf":
-        return json.dumps(_gltf_geometry(json.loads(content))).encode()
+        return json.dumps(_gltf_geometry(tree)).encode()
     if suffix == "glb":
-        tree, rest = glb_chunks(content)
-        text = json.dumps(_gltf_geometry(json.loads(tree))).encode()
+        text, rest = json.dumps(_gltf_geometry(tree)).encode(), glb_chunks(content)[1]
         sizes = (20 + len(text) + len(rest), len(text))
         return content[:8] + b"".join(size.to_bytes(4, "little") for size in sizes) + b"JSON" + text + rest
     return content
@@ -50,11 +49,16 @@ def _as_utf8(text: bytes) -> bytes:
 
 
 def _obj_geometry(text: bytes) -> bytes:
-    text = text.replace(b"\\\r\n", b" ").replace(b"\\\n", b" ")
-    relative = _OBJ_RELATIVE_FACE.search(text)
-    if relative:
-        line = relative.group().decode(errors="replace").strip()
-        raise InputError(f"it counts vertices backwards in {line!r}, expected indices from 1 up; export it anew")
+    lines = text.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+    text = lines.replace(b"\\\n", b" ")
+    bad = _OBJ_BAD_INDEX.search(text)
+    if bad:
+        # Lines that go on the one before, after a backslash, have been joined.
+        whole = [number for number, line in enumerate(lines.split(b"\n")) if not line.endswith(b"\\")]
+        before = text.count(b"\n", 0, bad.start())
+        number = whole[before - 1] + 2 if before else 1
+        index, line = bad.group(1).decode(), bad.group().decode(errors="replace").strip()
+        raise InputError(f"line {number} names vertex {index} in {line!r}, expected indices from 1 up; export it anew")
     return _OBJ_NOT_GEOMETRY.sub(b"", text)
 
 

@@ -91,6 +91,7 @@ class TileRays(Lifetime):
             faces,
             build_quality=self.options.build_quality,
             threads=self._pool.threads,
+            robust=self.options.robust,
             filter_address=filter_address,
             user_data=self._tile_of,
             monitor_address=monitor_address,

@@ -91,6 +91,7 @@ class HybridRenderer(Renderer):
 
     def update(self, *, scene: RenderScene | None = None, camera: View | None = None, **changes: Any) -> None:
         with self._lock:
+            self._check_open()
             most, has_moved = self.options.most_kept, camera is not None and camera != self.camera
             if not (most and self.samples and has_moved and not changes and (scene is None or self._same_sums(scene))):
                 super().update(scene=scene, camera=camera, **changes)
@@ -147,9 +148,10 @@ class HybridRenderer(Renderer):
     def lit(self, light: int = 0) -> NDArray[np.float32]:
         """(H, W) float32, the share of rays to a light of the scene that nothing stopped; 0 on surfaces turned away
         from it, and where nothing is seen. Raises InputError for a light that is not there."""
-        if not 0 <= light < len(self.scene.lights):
-            raise InputError(f"light is {light!r}, but the scene has {len(self.scene.lights)}, counted from 0")
-        return self._share(SKY_PLANES + light * LIGHT_PLANES + 3)
+        with self._lock:
+            if not 0 <= light < len(self.scene.lights):
+                raise InputError(f"light is {light!r}, but the scene has {len(self.scene.lights)}, counted from 0")
+            return self._share(SKY_PLANES + light * LIGHT_PLANES + 3)
 
     def _share(self, plane: int) -> NDArray[np.float32]:
         with self._lock:

@@ -6,6 +6,7 @@ from abc import abstractmethod
 from collections import deque
 from collections.abc import Callable
 from dataclasses import fields
+from functools import partial
 from pathlib import Path
 from time import perf_counter
 from typing import Any, ClassVar
@@ -69,7 +70,7 @@ class Renderer(Lifetime):
         super().__init__()
         self.options = self.options_type.of(type(self).__name__, options, changes)
         self.rays = RayScene(scene.mesh, self._ray_options())
-        self._primary = primary or self._rasteriser
+        self._primary = primary or partial(RasterTracer, threads=self.options.threads)
         self.scene, self.camera = scene, camera
         self._tracer = self._primary(scene.mesh, camera)
         self._surfaces: Surfaces | None = None
@@ -78,9 +79,6 @@ class Renderer(Lifetime):
 
     def _ray_options(self) -> RayOptions:
         return RayOptions.part_of(self.options)
-
-    def _rasteriser(self, mesh: Mesh, view: View) -> RasterTracer:
-        return RasterTracer(mesh, view, threads=self.options.threads)
 
     @property
     @abstractmethod
@@ -139,8 +137,9 @@ class Renderer(Lifetime):
     def add(self, samples: int = 1, stop: Callable[[], bool] | None = None) -> None:
         """Add so many samples to every pixel.
 
-        No more are added than `most_samples` of the options allows. stop: asked before every wave; once it says True,
-        or when interrupted, the picture starts anew with none.
+        No more are added than `most_samples` of the options allows. stop: asked before every wave, by several threads;
+        once it says True, or when interrupted, the picture starts anew with none. Of this renderer it may read
+        `samples` alone.
         Raises InputError for a number below 1, EmbreeError when this is not built or already closed, AtraError naming
         pixel and sample for light that is no finite number.
         """
@@ -215,9 +214,11 @@ class Renderer(Lifetime):
 
         Samples stay where their sums would be the same (`HybridRenderer`: powers and colours of lights, power of the
         sky); otherwise it starts anew with none. A camera takes a new plan and build of the tracer, unless that can
-        `look`. Raises InputError for another mesh, and for options that the scene was built with.
+        `look`. Raises InputError for another mesh, and for options that the scene was built with; EmbreeError after
+        `close`.
         """
         with self._lock:
+            self._check_open()
             fixed = sorted(self.options.built_with & changes.keys())
             if fixed:
                 raise InputError(f"{fixed[0]} is what the scene was built with; make a new {type(self).__name__}")
@@ -237,8 +238,10 @@ class Renderer(Lifetime):
                 self._start_film()
 
     def restart(self) -> None:
-        """Forget all samples; the next one traces primary visibility, whatever `jitter` is."""
+        """Forget all samples; the next one traces primary visibility, whatever `jitter` is. Raises EmbreeError after
+        `close`."""
         with self._lock:
+            self._check_open()
             self._start_film()
 
     def _look(self, camera: View) -> None:

@@ -12,16 +12,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.errors import InputError
+from atra.reading import Allowance, read_regular_file
 from atra.render.checks import Colour, checked_colour, checked_number, checked_texels
 from atra.saving import check_package
 
 WHITE: Colour = (1.0, 1.0, 1.0)
 
-_MOST_FLOATS, _FLOATS_OF_A_BYTE = 1 << 29, 1 << 10
-"""Of an EXR: of 8 floats a pixel, 16,384 x 4,096; and of one colour, packed as well as can be."""
+_BYTES_PER_NUMBER, _BYTES_PER_PIXEL = 20, 44
+"""Memory for a number of an EXR and for a pixel of a Radiance HDR, with the copies on the way to a sky."""
 
 _LONGEST_RUN = 127
-"""Of a Radiance HDR."""
+"""Most equal bytes that two bytes of a Radiance HDR stand for."""
 
 
 @dataclass(frozen=True)
@@ -57,9 +58,11 @@ class PanoramaSky:
         object.__setattr__(self, "power", checked_number("power of a sky", self.power, 0.0, 1e12))
 
     @classmethod
-    def load(cls, path: str | os.PathLike[str], power: float = 1.0) -> PanoramaSky:
-        """Of an EXR or a Radiance HDR. Raises InputError as `read_panorama` does."""
-        return cls(read_panorama(path), power)
+    def load(
+        cls, path: str | os.PathLike[str], power: float = 1.0, *, memory_per_byte: float | None = None
+    ) -> PanoramaSky:
+        """Read the panorama of an EXR or a Radiance HDR file. memory_per_byte and errors: as of `read_panorama`."""
+        return cls(read_panorama(path, memory_per_byte=memory_per_byte), power)
 
 
 Sky = GradientSky | PanoramaSky
@@ -71,11 +74,13 @@ def constant_sky(colour: Colour | float = WHITE, power: float = 1.0) -> Gradient
     return GradientSky(whole, whole, power)
 
 
-def read_panorama(path: str | os.PathLike[str]) -> NDArray[np.float32]:
+def read_panorama(path: str | os.PathLike[str], *, memory_per_byte: float | None = None) -> NDArray[np.float32]:
     """(H, W, 3) float32, linear RGB as stored, of an EXR or a Radiance HDR.
 
-    Raises InputError naming the file, which nobody need trust: for another suffix, what is damaged or promises more
-    than its bytes can hold, negative or infinite radiance, an EXR without R, G and B, and without the package OpenEXR.
+    memory_per_byte: bound on the memory that reading may take, as for `atra.load_mesh`.
+    Raises InputError naming the file, which nobody need trust: for another suffix, what is damaged, promises more than
+    its bytes can hold or than memory_per_byte allows, negative or infinite radiance, an EXR without R, G and B, and
+    without the package OpenEXR.
     """
     path = Path(path)
     readers = {".exr": _read_exr, ".hdr": _read_hdr}
@@ -84,20 +89,20 @@ def read_panorama(path: str | os.PathLike[str]) -> NDArray[np.float32]:
     if not path.is_file():
         raise InputError(f"the sky {str(path)!r} is no file")
     try:
-        return checked_texels("its radiance", readers[path.suffix.lower()](path))
+        allowance = Allowance(path.stat().st_size, memory_per_byte)
+        return checked_texels("its radiance", readers[path.suffix.lower()](path, allowance))
     except (OSError, MemoryError, ValueError) as error:
         raise InputError(f"the sky {str(path)!r} cannot be used: {error}") from None
 
 
-def _read_exr(path: Path) -> NDArray[np.float32]:
+def _read_exr(path: Path, allowance: Allowance) -> NDArray[np.float32]:
     check_package(".exr")
     import OpenEXR
 
     try:  # its `File` prints what is damaged, but its `InputFile` crashes there
         with OpenEXR.File(str(path), separate_channels=True, header_only=True) as file:
             floats = sum(_promised(part.header) for part in file.parts)
-        if not 0 < floats <= min(_MOST_FLOATS, _FLOATS_OF_A_BYTE * path.stat().st_size):
-            raise InputError(f"its {path.stat().st_size} bytes promise {floats:,} numbers")
+        allowance.check(f"{floats:,} numbers", floats * _BYTES_PER_NUMBER)
         with OpenEXR.File(str(path), separate_channels=True) as file:
             channels = {name: np.array(one.pixels, np.float32) for name, one in file.channels().items()}
     except InputError:
@@ -120,9 +125,9 @@ def _promised(header: dict[str, Any]) -> int:
     return int(width * height * len(header["channels"]))
 
 
-def _read_hdr(path: Path) -> NDArray[np.float32]:
+def _read_hdr(path: Path, allowance: Allowance) -> NDArray[np.float32]:
     """Source: the format that G. Ward's Radiance writes, as its manual "Radiance File Formats" has it."""
-    content = path.read_bytes()
+    content = read_regular_file(path)
     head, _, rest = content.partition(b"\n\n")
     size, _, data = rest.partition(b"\n")
     lines = head.split(b"\n")
@@ -130,6 +135,7 @@ def _read_hdr(path: Path) -> NDArray[np.float32]:
     if lines[0] not in (b"#?RADIANCE", b"#?RGBE") or b"FORMAT=32-bit_rle_rgbe" not in lines or not found:
         raise InputError("expected #?RADIANCE, FORMAT=32-bit_rle_rgbe, and a size as -Y 512 +X 1024")
     height, width = int(found[1]), int(found[2])
+    allowance.check(f"{width:,} x {height:,} pixels", width * height * _BYTES_PER_PIXEL)
     start = bytes((2, 2, width >> 8 & 255, width & 255))
     if len(data) == 4 * height * width and not data.startswith(start):
         encoded = np.frombuffer(data, np.uint8).reshape(height, width, 4)

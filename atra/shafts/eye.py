@@ -32,6 +32,7 @@ from atra.kernels.shafts.shape import (
     SHAPE,
 )
 from atra.kernels.tracing import PixelTiles
+from atra.lifetime import in_turn
 from atra.options import BvhOptions
 from atra.shafts.options import ShaftOptions
 from atra.shafts.shafts import ShaftLists, building_of, stored_lists
@@ -39,6 +40,10 @@ from atra.tracers.rays import check_pinhole
 
 _SLOPE_SLACK = 2.0**-18
 """By how much a part of the image reaches farther than it does: many roundings of a float32 direction."""
+
+_SLACK, _ROBUST_SLACK = 4.0, 64.0
+"""Spacings of float32 at the largest coordinate by which boxes may lie beside a shaft and still count as in it; see
+`atra.shafts.shafts.ROBUST_SLACK`. The eye may be as far away as the farthest corner, on the other side."""
 
 
 class EyeTracer(BvhTracer):
@@ -89,7 +94,7 @@ class EyeTracer(BvhTracer):
             self._bvh = bvh_of(self.mesh, self.mesh.vertices, self._pool)
         lists_start = perf_counter()
         largest = max(float(np.abs(self._bvh.bounds).max()), float(np.abs(self._shared).max()))
-        slack = 4.0 * float(np.spacing(np.float32(largest)))
+        slack = (_ROBUST_SLACK if self.options.robust else _SLACK) * float(np.spacing(np.float32(largest)))
         shapes = shapes_of_tiles(self.camera, self._shared.astype(np.float64), self._tiles, slack)
         building = building_of(self._bvh, self.options, NO_SHAFTS.grid)
 
@@ -112,6 +117,7 @@ class EyeTracer(BvhTracer):
         return np.asarray(self.camera.eye, np.float32)
 
     @property
+    @in_turn
     def counters(self) -> Mapping[str, float]:
         """What `BvhTracer` says, and of the shafts."""
         return {**super().counters, **({} if self._lists is None else self._lists.counters)}

@@ -13,6 +13,7 @@ from atra.bvh.scene import BvhScene, PreparedRays, batch_of
 from atra.geometry.mesh import Mesh
 from atra.kernels.bvh.batches import classify
 from atra.kernels.shafts.grid import EMPTY_LIST, NO_SHAFTS, PASSES, ROOT_LIST, UNKNOWN, Shafts
+from atra.lifetime import in_turn
 from atra.options import BvhOptions
 from atra.rays.rays import Rays
 from atra.shafts.options import ShaftOptions
@@ -96,6 +97,7 @@ class ShaftScene(BvhScene):
         return batch_of(rays, width, order, starts, lists[starts])
 
     @property
+    @in_turn
     def counters(self) -> Mapping[str, float]:
         """Plain numbers by name: of the BVH and of the shafts."""
         return {**super().counters, **self.lists.counters}

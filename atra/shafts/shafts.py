@@ -93,16 +93,29 @@ class ShaftLists:
         }
 
 
-def grid_of(bvh: Bvh, cells: int, directions: int) -> Grid:
-    """Near-cubic voxels, at most about so many, of the BVH's box; a box without volume has one layer of them. Raises
-    InputError for MOST voxels or more."""
+SLACK, ROBUST_SLACK = 64.0, 256.0
+"""Spacings of float32 at the largest coordinate by which voxels are larger than they are. Roundings of the tests of
+boxes and triangles move a ray of an origin within FARTHEST by up to 100 of them (`atra.kernels.bvh.single.MARGIN`)."""
+
+
+def grid_of(bvh: Bvh, cells: int, directions: int, robust: bool = False) -> Grid:
+    """Near-cubic voxels, at most so many, of the BVH's box; one layer of them along axes on which it is thinner than a
+    voxel. robust: a ray may pass beside a box by as much as its roundings.
+
+    Raises InputError for MOST voxels or more.
+    """
     low, high = bvh.bounds
     largest = float(np.abs(bvh.bounds).max())
-    slack = 64.0 * float(np.spacing(np.float32(largest)))
+    slack = (ROBUST_SLACK if robust else SLACK) * float(np.spacing(np.float32(largest)))
     low, high = low - slack, high + slack
     sides = high - low
-    thick = sides > 1e-6 * sides.max()
-    edge = (sides[thick].prod() / cells) ** (1.0 / thick.sum())
+    thick = np.ones(3, np.bool_)
+    while True:
+        mean = (sides[thick].prod() / cells) ** (1.0 / thick.sum())
+        edge = min(mean, sides.max())  # which it is beyond by rounding at most, so that one axis is left
+        if (sides[thick] >= edge).all():
+            break
+        thick &= sides >= edge
     voxels = np.where(thick, np.maximum(1, (sides / edge).astype(np.int64)), 1)
     if int(voxels.prod()) >= MOST:
         raise InputError(f"cells is {cells:,}, which makes {int(voxels.prod()):,} voxels; expected fewer than {MOST:,}")
@@ -122,15 +135,15 @@ def build_shafts(
     """
     start = perf_counter()
     if grid is not None or options.cells is not None:
-        grid = grid or grid_of(bvh, options.cells or 1, options.directions)
+        grid = grid or grid_of(bvh, options.cells or 1, options.directions, options.robust)
         return _lists(bvh, options, pool, grid, used, start)
     budget = max(options.memory * bvh.bytes, LEAST_BYTES)
     cells = min(max(int(budget / (_LIKELY_BYTES * 6 * options.directions**2)), 1), MOST // 2)
     too_many, best = MOST // 2 + 1, None
     if options.subset in ON_RAYS:
-        return _lists(bvh, options, pool, grid_of(bvh, cells, options.directions), used, start)
+        return _lists(bvh, options, pool, grid_of(bvh, cells, options.directions, options.robust), used, start)
     for attempt in count():
-        found = _lists(bvh, options, pool, grid_of(bvh, cells, options.directions), used, start)
+        found = _lists(bvh, options, pool, grid_of(bvh, cells, options.directions, options.robust), used, start)
         needed = found.lookup_bytes + found.list_bytes
         if needed <= budget and (best is None or needed > best.lookup_bytes + best.list_bytes):
             best = found

@@ -12,6 +12,7 @@ from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.kernels.bvh.images import Start
 from atra.kernels.shafts.grid import Shafts
+from atra.lifetime import in_turn
 from atra.options import BvhOptions
 from atra.shafts.options import ShaftOptions
 from atra.shafts.shafts import ShaftLists, build_shafts
@@ -60,6 +61,7 @@ class ClassifiedTracer(BvhTracer):
         return self.lists.shafts
 
     @property
+    @in_turn
     def counters(self) -> Mapping[str, float]:
         """What `BvhTracer` says, and of the shafts."""
         return {**super().counters, **({} if self._lists is None else self._lists.counters)}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,7 @@ from atra.alignment.culling import (
     plan_plain_geometry,
 )
 from atra.alignment.instancing import check_instancing_budget, plan_instanced_geometry
+from atra.alignment.seams import with_neighbours
 from atra.alignment.split import Split
 from atra.alignment.visibility import Tiles, nearest_in_tiles
 from atra.embree.device import EmbreeDevice
@@ -24,9 +26,11 @@ from atra.errors import InputError
 from atra.frames import Frames
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
+from atra.hits import Hits
 from atra.kernels.callbacks import nearest_hit_filter
 from atra.kernels.gathering.doubts import Precision
 from atra.kernels.tracing import PixelTiles
+from atra.lifetime import Result, in_turn
 from atra.options import AlignedOptions
 from atra.tracers.base import ImageTracer
 from atra.tracers.gathering import NoGathering
@@ -34,14 +38,14 @@ from atra.tracers.gathering_rays import EmbreeGathering, Shots
 from atra.tracers.images import images_of
 from atra.tracers.pixel import SQUAREST_SHAPE, image_shots
 from atra.tracers.rays import longest_ray
-from atra.tracers.reference_rays import ReferenceRayTracer
+from atra.tracers.reference_rays import ReferenceRayTracer, reference_rays
 from atra.tracers.second_pass import SecondPass
 
 SECOND_PASS_TILE = (8, 4)
 """Width and height in pixels of the tiles of the second pass: whole packets of any shape."""
 
 
-class _AlignedImages(ReferenceRayTracer):
+class _AlignedImages(ReferenceRayTracer[Result]):
     """All images of an alignment at once; `AlignedTracer` and `FramesTracer` are its two faces."""
 
     options_type = AlignedOptions
@@ -87,9 +91,12 @@ class _AlignedImages(ReferenceRayTracer):
         return super()._build_scene(geometry)
 
     def _second_pass(self, mesh: Mesh, camera: View, left_out: LeftOut) -> SecondPass:
-        others = np.ones(mesh.triangle_count, np.bool_)
-        others[left_out.prim_ids] = False
-        plain = plan_plain_geometry(mesh, camera, others)
+        if self.options.robust:
+            shown = with_neighbours(mesh, left_out.prim_ids)
+        else:
+            shown = np.zeros(mesh.triangle_count, np.bool_)
+            shown[left_out.prim_ids] = True
+        plain = plan_plain_geometry(mesh, camera, ~shown)
         tiles = Tiles(*SECOND_PASS_TILE, camera.width, camera.height)
         nearest = nearest_in_tiles(mesh, camera, tiles, left_out)
         scene = self._scene_of(plain, self.options.build_quality)
@@ -104,6 +111,7 @@ class _AlignedImages(ReferenceRayTracer):
                 second_pass.trace(self._pool, self._workspaces, self.packet_width, offset, depth[rows], prim_id[rows])
 
     @property
+    @in_turn
     def counters(self) -> Mapping[str, float]:
         """What `atra.Tracer` says of counters; triangles_left_out and packets_verified are known, too."""
         left_out = () if self._geometry is None else self._geometry.left_out
@@ -115,6 +123,7 @@ class _AlignedImages(ReferenceRayTracer):
         }
 
     @property
+    @in_turn
     def embree_bytes(self) -> int:
         """Bytes Embree holds for all scenes by its own account; 0 before `build`."""
         return super().embree_bytes + sum(one.scene.embree_bytes for one in self._second_passes if one is not None)
@@ -130,7 +139,7 @@ class _AlignedImages(ReferenceRayTracer):
         self._close_second_passes()
 
 
-class AlignedTracer(EmbreeGathering, _AlignedImages, ImageTracer):
+class AlignedTracer(EmbreeGathering, _AlignedImages[Hits], ImageTracer):
     """Affine-transformed ray alignment: shoot the reference cell's rays, read the nearest hit of every cell.
 
     split: (nx, ny) cells; nx must divide the width, ny the height. options: of `atra.AlignedOptions`, changes: fields
@@ -170,7 +179,8 @@ class AlignedTracer(EmbreeGathering, _AlignedImages, ImageTracer):
         strips[:, 1] = np.arange(0, split.cell_height, self.packet_shape[1])
         tiles = PixelTiles(strips, split.cell_width, self.packet_shape[1])
         cell = split.cell_width, split.cell_height
-        shots = [Shots(geometry, self.options.geometry, self.packet_shape, self._reference_rays, tiles, cell)]
+        rays = partial(reference_rays, self.alignment)  # not a method, which would refer to this tracer
+        shots = [Shots(geometry, self.options.geometry, self.packet_shape, rays, tiles, cell)]
         for left_out in geometry.left_out:
             if left_out is not None:
                 shots.append(self._shots_at(left_out))
@@ -192,10 +202,10 @@ class AlignedTracer(EmbreeGathering, _AlignedImages, ImageTracer):
         direction, origin = longest_ray(self.camera)
         shift = sum(float(np.linalg.norm(shears, axis=1).max()) for shears in self.alignment.shears)
         stretch, shift = (1.0, origin + shift) if self.camera.is_parallel else (1.0 + shift, 0.0)
-        return Precision(self.camera.pixel_pitch, direction, stretch, shift)
+        return Precision.of(self.camera.pixel_pitch, direction, stretch, shift, self.options.robust)
 
 
-class FramesTracer(NoGathering, _AlignedImages):
+class FramesTracer(NoGathering, _AlignedImages[Frames]):
     """Several images from one set of rays: two eyes, or frames of a moving camera, each with its own cells.
 
     meshes: one for all frames, or one per frame, so that geometry may move, too. alignment: `Alignment.of_eyes`,
@@ -213,12 +223,7 @@ class FramesTracer(NoGathering, _AlignedImages):
             "one with Alignment.of_frames, or take AlignedTracer"
         )
 
-    def trace(self, offset: tuple[float, float] = (0.5, 0.5), out: Frames | None = None) -> Frames:
-        """Trace all frames; all rays go through sub-pixel position `offset` of their pixels, in [0, 1) x [0, 1).
-
-        out: an earlier result of this tracer whose arrays are to be overwritten.
-        Raises InputError and EmbreeError as `AlignedTracer.trace` does.
-        """
+    def _trace(self, offset: tuple[float, float], out: Frames | None) -> Frames:
         cameras, height, width = self.alignment.cameras, self.camera.height, self.camera.width
         rows = len(cameras) * height
         images = images_of(out)

@@ -17,11 +17,11 @@ from atra.embree.scene import EmbreeScene
 from atra.embree.workspace import Workspace, check_widths
 from atra.geometry.mesh import Mesh
 from atra.geometry.ray_space import check_range, ray_axes
-from atra.geometry.view import View, check_offset
+from atra.geometry.view import View
 from atra.hits import Hits
 from atra.judge.ties import coplanar_overlaps, lowest_of_ties, tie_tiles
 from atra.kernels.callbacks import memory_monitor
-from atra.lifetime import TracerLifetime
+from atra.lifetime import Result, TracerLifetime, in_turn
 from atra.options import Options, resolve_packet_width
 from atra.parallel import WorkerPool, resolve_threads
 from atra.tracers.images import images_of, outputs
@@ -30,7 +30,7 @@ Views = tuple[tuple[Mesh, View], ...]
 """What each image shows, and its camera."""
 
 
-class EmbreeTracer(TracerLifetime):
+class EmbreeTracer(TracerLifetime[Result]):
     """Options, buffers and scene that the tracers share; `camera` is that of the rays shot.
 
     options, changes: a value of `options_type`, and fields of it by name that are to be others.
@@ -109,6 +109,7 @@ class EmbreeTracer(TracerLifetime):
                 own_rows = prim_id[image * camera.height : (image + 1) * camera.height]
                 lowest_of_ties(mesh, camera, tiles, offset, own_rows, self._pool)
 
+    @in_turn
     def bvh_cost(self) -> BvhCost | None:
         """How well boxes tell apart the triangles given to Embree; None before `plan` and for instances, which are no
         triangles. Takes as long as another build, on one thread. Raises EmbreeError."""
@@ -138,6 +139,7 @@ class EmbreeTracer(TracerLifetime):
             geometry.faces,
             build_quality=build_quality,
             threads=self.threads,
+            robust=self.options.robust,
             user_data=geometry.records,
             monitor_address=memory_monitor(),
             transforms=geometry.transforms,
@@ -155,30 +157,30 @@ class EmbreeTracer(TracerLifetime):
     ) -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
         """Trace images of so many rows in all, one below the other; returns depth and prim_id, (rows, W) each.
 
-        Raises InputError for an offset outside the pixel or an `out` that does not fit, EmbreeError when the tracer is
-        not built or already closed.
+        Raises InputError for an `out` that does not fit.
         """
-        check_offset(offset)
-        with self._tracing():
-            depth, prim_id = outputs((rows, self.camera.width), self._row_stride, out)
-            for workspace in self._workspaces:
-                workspace.set_row_bytes(depth.strides[0])
-            self._run(offset, depth, prim_id)
-            self._settle_ties(offset, prim_id)
-            check_widths(self._workspaces)
+        depth, prim_id = outputs((rows, self.camera.width), self._row_stride, out)
+        for workspace in self._workspaces:
+            workspace.set_row_bytes(depth.strides[0])
+        self._run(offset, depth, prim_id)
+        self._settle_ties(offset, prim_id)
+        check_widths(self._workspaces)
         return depth, prim_id
 
     @property
+    @in_turn
     def triangle_count(self) -> int:
         """Triangles in the Embree scene, copies included; 0 before `plan`."""
         return 0 if self._geometry is None else self._geometry.copy_count
 
     @property
+    @in_turn
     def embree_bytes(self) -> int:
         """Bytes Embree holds for this tracer by its own account; 0 before `build`."""
         return 0 if self._scene is None else self._scene.embree_bytes
 
     @property
+    @in_turn
     def counters(self) -> Mapping[str, float]:
         """What `atra.Tracer` says of counters."""
         return {"triangles_traced": self.triangle_count, "embree_bytes": self.embree_bytes}
@@ -201,16 +203,9 @@ def check_views(views: Views) -> None:
     check_image_memory(sum(camera.height for _, camera in views), views[0][1].width)
 
 
-class ImageTracer(EmbreeTracer):
+class ImageTracer(EmbreeTracer[Hits]):
     """A tracer of one image."""
 
-    def trace(self, offset: tuple[float, float] = (0.5, 0.5), out: Hits | None = None) -> Hits:
-        """Trace one frame; all rays go through sub-pixel position `offset` of their pixels, in [0, 1) x [0, 1).
-
-        out: an earlier result of this tracer whose arrays are to be overwritten, which saves allocating an image; it
-        must not be read any more.
-        Raises InputError for an offset outside the pixel or an `out` that does not fit, EmbreeError when the tracer is
-        not built or already closed.
-        """
+    def _trace(self, offset: tuple[float, float], out: Hits | None) -> Hits:
         depth, prim_id = self._trace_rows(offset, self.camera.height, images_of(out))
         return Hits(depth, prim_id, offset, self.mesh, self.camera, self.threads)

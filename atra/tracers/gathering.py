@@ -15,6 +15,7 @@ from atra.gathering.images import target_images
 from atra.gathering.reductions import Gathered, Reduction, check_reduction
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View, check_offset
+from atra.hits import Hits
 from atra.kernels.raster.image import band_stride
 from atra.lifetime import TracerLifetime
 
@@ -30,7 +31,7 @@ def _is_unchanged(out: Any, names: Iterable[str]) -> bool:
     return not any(getattr(out, name).flags.writeable for name in names)
 
 
-class Gathering(TracerLifetime):
+class Gathering(TracerLifetime[Hits]):
     """A tracer of one image whose rays are not stopped by what they hit."""
 
     mesh: Mesh

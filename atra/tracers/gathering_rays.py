@@ -16,6 +16,7 @@ from atra.errors import InputError
 from atra.gathering.doubts import Doubts, find_doubts
 from atra.gathering.images import target_of
 from atra.gathering.reductions import Reduction
+from atra.hits import Hits
 from atra.kernels.gathering.doubts import Precision, settling_kernel
 from atra.kernels.gathering.filters import gathering_filter
 from atra.kernels.gathering.layers import finish_image
@@ -23,6 +24,7 @@ from atra.kernels.gathering.shooting import shooting_kernel
 from atra.kernels.gathering.taking import LAYERS, THICKNESS
 from atra.kernels.packets import RayGrid
 from atra.kernels.tracing import PixelTiles
+from atra.lifetime import in_turn
 from atra.tracers.base import EmbreeTracer, Views
 from atra.tracers.gathering import Gathering
 
@@ -43,7 +45,7 @@ class Shots(NamedTuple):
     is_alone: bool = False
 
 
-class EmbreeGathering(Gathering, EmbreeTracer):
+class EmbreeGathering(Gathering, EmbreeTracer[Hits]):
     """A tracer of one image that gathers with Embree.
 
     What it gathers with is built when it first gathers: a BVH of its own, and for each offset the samples in doubt, of
@@ -141,6 +143,7 @@ class EmbreeGathering(Gathering, EmbreeTracer):
         self._forget_shots()
 
     @property
+    @in_turn
     def embree_bytes(self) -> int:
         """Bytes Embree holds for this tracer by its own account; 0 before `build`."""
         return super().embree_bytes + sum(scene.embree_bytes for _, scene in self._shots)

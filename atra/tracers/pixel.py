@@ -75,13 +75,11 @@ class PixelTracer(EmbreeGathering, ImageTracer):
         return 0
 
     def _build_scene(self, geometry: AlignedGeometry) -> EmbreeDevice:
-        options = self.options
-        return self._scene_of(geometry, options.build_quality, compact=options.compact, robust=options.robust)
+        return self._scene_of(geometry, self.options.build_quality, compact=self.options.compact)
 
     def _gathering_scene(self, geometry: AlignedGeometry) -> EmbreeScene:
-        options = self.options
-        flags = {"compact": options.compact, "robust": options.robust, "filter_in_arguments": True}
-        return self._scene_of(geometry, options.build_quality, **flags)
+        flags = {"compact": self.options.compact, "filter_in_arguments": True}
+        return self._scene_of(geometry, self.options.build_quality, **flags)
 
     def _planned_shots(self) -> list[Shots]:
         assert self._geometry is not None
@@ -89,7 +87,7 @@ class PixelTracer(EmbreeGathering, ImageTracer):
 
     def _precision(self) -> Precision:
         direction, origin = longest_ray(self.camera)
-        return Precision(self.camera.pixel_pitch, direction, 1.0, origin)
+        return Precision.of(self.camera.pixel_pitch, direction, 1.0, origin, self.options.robust)
 
     def _run(self, offset: tuple[float, float], depth: NDArray, prim_id: NDArray) -> None:
         camera, tiles, scene = self.camera, self._tiles, self._scene_address

@@ -15,11 +15,12 @@ from atra.gathering.images import target_of
 from atra.gathering.reductions import Reduction
 from atra.geometry.mesh import Mesh
 from atra.geometry.ray_space import check_range
-from atra.geometry.view import View, check_offset
+from atra.geometry.view import View
 from atra.hits import Hits
 from atra.judge.ties import coplanar_overlaps, lowest_of_ties, tie_tiles
 from atra.kernels.gathering.frames import gather_frame
 from atra.kernels.raster.frames import Scratch, compile_kernels, draw_frame
+from atra.lifetime import in_turn
 from atra.options import RasterOptions
 from atra.parallel import WorkerPool, resolve_threads
 from atra.tracers.gathering import Gathering
@@ -88,26 +89,17 @@ class RasterTracer(Gathering):
         self._scratch = Scratch.of(self.mesh, self._pool)
         return perf_counter() - start
 
-    def trace(self, offset: tuple[float, float] = (0.5, 0.5), out: Hits | None = None) -> Hits:
-        """Draw one frame; all rays go through sub-pixel position `offset` of their pixels, in [0, 1) x [0, 1).
-
-        out: an earlier result of this tracer whose arrays are to be overwritten, which saves allocating an image; it
-        must not be read any more.
-        Raises InputError for an offset outside the pixel or an `out` that does not fit, EmbreeError when the tracer is
-        not built or already closed.
-        """
-        check_offset(offset)
-        with self._tracing():
-            assert self._scratch is not None
-            camera = self.camera
-            images = outputs((camera.height, camera.width), camera.width, images_of(out))
-            draw_frame(self.mesh, camera, offset, self.lanes, self._scratch, self._pool, images)
-            depth, prim_id = images
-            if self.options.ties == "lowest":
-                tiles = self._find_ties()
-                if tiles.any():
-                    lowest_of_ties(self.mesh, camera, tiles, offset, prim_id, self._pool)
-            return Hits(depth, prim_id, offset, self.mesh, camera, self.threads)
+    def _trace(self, offset: tuple[float, float], out: Hits | None) -> Hits:
+        assert self._scratch is not None
+        camera = self.camera
+        images = outputs((camera.height, camera.width), camera.width, images_of(out))
+        draw_frame(self.mesh, camera, offset, self.lanes, self._scratch, self._pool, images)
+        depth, prim_id = images
+        if self.options.ties == "lowest":
+            tiles = self._find_ties()
+            if tiles.any():
+                lowest_of_ties(self.mesh, camera, tiles, offset, prim_id, self._pool)
+        return Hits(depth, prim_id, offset, self.mesh, camera, self.threads)
 
     def _gather(
         self,
@@ -127,6 +119,7 @@ class RasterTracer(Gathering):
         return self.mesh.triangle_count
 
     @property
+    @in_turn
     def counters(self) -> Mapping[str, float]:
         """What `atra.Tracer` says of counters; scratch_bytes, the memory that frames share, is known, too."""
         scratch_bytes = 0 if self._scratch is None else self._scratch.bytes

@@ -15,13 +15,14 @@ from atra.errors import InputError
 from atra.geometry.mesh import Mesh
 from atra.kernels.packets import Image, RayGrid
 from atra.kernels.tracing import aligned_kernel
+from atra.lifetime import Result
 from atra.options import ReferenceRayOptions
 from atra.tracers.base import EmbreeTracer, check_views
-from atra.tracers.rays import ray_grid
+from atra.tracers.rays import ray_grid, share_direction
 from atra.whole_numbers import is_whole_number
 
 
-class ReferenceRayTracer(EmbreeTracer):
+class ReferenceRayTracer(EmbreeTracer[Result]):
     """Shoots the rays of one reference cell; what they hit, and how the hits are kept, is the subclass's.
 
     Raises InputError for packet rows that a packet or a cell lacks.
@@ -43,21 +44,24 @@ class ReferenceRayTracer(EmbreeTracer):
     def _row_stride(self) -> int:
         return _row_stride(self.split, self.packet_shape)
 
-    def _reference_rays(self, offset: tuple[float, float]) -> RayGrid:
-        columns = self.alignment.first_x_pixels + np.arange(self.split.cell_width)
-        rows = self.alignment.first_y_pixels + np.arange(self.split.cell_height)
-        return RayGrid(*ray_grid(self.camera, columns + offset[0], rows + offset[1]))
-
     def _trace_reference_rays(self, offset: tuple[float, float], depth: NDArray, prim_id: NDArray) -> None:
-        rays = self._reference_rays(offset)
+        rays = reference_rays(self.alignment, offset)
         cell_rows, image = self.alignment.image_count * self.split.ny, Image(depth, prim_id)
         kernel = aligned_kernel(*self.packet_shape, self.camera.is_parallel)
         scene = self._scene_address
+        share_direction(self._workspaces, self.camera)  # a second pass may have left another image's
 
         def work(worker: int, counter: int) -> None:
             kernel(counter, scene, self._workspaces[worker].packet, rays, cell_rows, image)
 
         self._pool.run(work)
+
+
+def reference_rays(alignment: Alignment, offset: tuple[float, float]) -> RayGrid:
+    """The rays that are shot for all cells of an alignment, at a sub-pixel position."""
+    columns = alignment.first_x_pixels + np.arange(alignment.split.cell_width)
+    rows = alignment.first_y_pixels + np.arange(alignment.split.cell_height)
+    return RayGrid(*ray_grid(alignment.cameras[0], columns + offset[0], rows + offset[1]))
 
 
 def _row_stride(split: Split, packet_shape: tuple[int, int]) -> int:

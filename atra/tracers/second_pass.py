@@ -15,7 +15,7 @@ from atra.kernels.packets import Image, RayGrid
 from atra.kernels.verifying import Hidden, verify_kernel
 from atra.parallel import WorkerPool
 from atra.tracers.pixel import SQUAREST_SHAPE
-from atra.tracers.rays import image_ray_grid
+from atra.tracers.rays import image_ray_grid, share_direction
 
 
 class SecondPass:
@@ -46,8 +46,10 @@ class SecondPass:
         camera, tiles, scene = self._camera, self._tiles, self.scene.address
         rays, image = RayGrid(*image_ray_grid(camera, offset)), Image(depth, prim_id)
         hidden = Hidden(self._nearest, tiles.tile_width, tiles.tile_height)
-        kernel = verify_kernel(*SQUAREST_SHAPE[packet_width])
+        kernel = verify_kernel(*SQUAREST_SHAPE[packet_width], camera.is_parallel)
         self._packets_traced = np.zeros((len(workspaces), 16), np.int64)  # a cache line or two for each thread
+
+        share_direction(workspaces, camera)
 
         def work(worker: int, counter: int) -> None:
             kernel(counter, scene, workspaces[worker].packet, rays, hidden, image, self._packets_traced[worker])

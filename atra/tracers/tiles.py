@@ -76,6 +76,7 @@ class TiledTracer(NoGathering, ImageTracer):
             self._cell_starts,
             build_quality=self.options.build_quality,
             threads=self.threads,
+            robust=self.options.robust,
             monitor_address=memory_monitor(),
         )
 

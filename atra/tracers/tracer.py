@@ -26,7 +26,8 @@ class Tracer(Protocol[Traced]):
     """What every method of tracing offers.
 
     `plan` and `build` are called once, in this order, by `with` or by hand; `trace` any number of times after them.
-    `look` changes the camera, and plans and builds anew what hangs on it and has been planned and built.
+    `look` changes the camera, and plans and builds anew what hangs on it and has been planned and built. Several
+    threads may call in any order (`atra.lifetime`).
     mesh, camera: those of the rays, of the first image where there are several. views: what each image shows, and its
     camera, in the order of `images` of what `trace` returns. packet_width: rays of a packet.
     plan_time_s, build_time_s: seconds each took. embree_bytes: what Embree holds by its own account, bytes.

@@ -21,6 +21,7 @@ from atra.hits import Hits
 from atra.kernels.callbacks import memory_monitor, nearest_hit_filter
 from atra.kernels.packets import Image, RayGrid
 from atra.kernels.tracing import pixel_kernel
+from atra.lifetime import in_turn
 from atra.options import ReferenceRayOptions
 from atra.tracers.base import ImageTracer
 from atra.tracers.gathering import NoGathering
@@ -43,7 +44,7 @@ TILE_WIDTHS, TILE_HEIGHT = (4, 8), 4
 Whole packets, and no wider than narrow cells, because a copy is kept in every cell that its tile meets."""
 
 
-class VisibleFirstTracer(NoGathering, ReferenceRayTracer, ImageTracer):
+class VisibleFirstTracer(NoGathering, ReferenceRayTracer[Hits], ImageTracer):
     """Alignment without overdraw: the copies a probe takes for hidden are left out, and verified per pixel.
 
     Pass 1 traces, aligned, the copies of triangles that may be seen according to the probe, and that float32 can show
@@ -185,17 +186,20 @@ class VisibleFirstTracer(NoGathering, ReferenceRayTracer, ImageTracer):
         self._second_pass.trace(self._pool, self._workspaces, self.packet_width, offset, depth, prim_id)
 
     @property
+    @in_turn
     def counters(self) -> Mapping[str, float]:
         """What `atra.Tracer` says of counters; packets_verified and probe_time_s are known, too."""
         verified = 0 if self._second_pass is None else self._second_pass.packets_traced
         return {**super().counters, "packets_verified": verified, "probe_time_s": self._probe_time_s}
 
     @property
+    @in_turn
     def triangle_count(self) -> int:
         """Triangles in both Embree scenes, copies included; 0 before `plan`."""
         return 0 if self._geometry is None else self._geometry.copy_count + self.mesh.triangle_count
 
     @property
+    @in_turn
     def embree_bytes(self) -> int:
         """Bytes Embree holds for both scenes by its own account; 0 before `plan`."""
         return super().embree_bytes + (0 if self._whole is None else self._whole.embree_bytes)

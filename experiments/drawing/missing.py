@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -57,21 +57,29 @@ def without_value(
     return [*skipped, *undrawable_points(rows, values, axis_name, series, color)]
 
 
-def mark_missing(axis: Axes, missing: Sequence[Missing], above: int = 0) -> None:
+def absent_points(
+    rows: pd.DataFrame, expected: Collection[int], axis_name: str, series: str, color: str
+) -> list[Missing]:
+    """The expected splits of which a series has no row at all."""
+    absent = sorted(set(expected) - set(_whole(rows[axis_name].dropna())))
+    return [Missing(series, color, absent, "not in the table")] if absent else []
+
+
+def mark_missing(axis: Axes, missing: Sequence[Missing], above: int = 0, notes: Sequence[str] = ()) -> None:
     """A cross on the upper edge for each point without a value, and the reason in words below the panel.
 
-    above: lines that were written there before.
+    above: lines that were written there before. notes: further lines about what is missing.
     """
     # Each series has its own height, so that one cross does not hide another.
     heights = {series: 0.985 - 0.04 * i for i, series in enumerate(dict.fromkeys(one.series for one in missing))}
-    notes = []
+    reasons = []
     for one in missing:
         axis.plot(
             one.splits, [heights[one.series]] * len(one.splits), "x", color=one.color, markersize=6,
             markeredgewidth=1.8, transform=axis.get_xaxis_transform(), clip_on=False, zorder=5,
         )  # fmt: skip
-        notes.append(f"{TIMES} {one.series}, {_say_splits(one.splits)}: {one.reason}")
-    write_notes(axis, notes, above)
+        reasons.append(f"{TIMES} {one.series}, {_say_splits(one.splits)}: {one.reason}")
+    write_notes(axis, [*reasons, *notes], above)
 
 
 def _whole(splits: pd.Series) -> list[int]:

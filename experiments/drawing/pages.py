@@ -93,10 +93,11 @@ def write_table(axis: Axes, headings: Sequence[str], entries: Sequence[tuple[str
     return write_lines(axis, [(BLACK, headings), *lines])
 
 
-def write_notes(axis: Axes, notes: Sequence[str], above: int = 0) -> None:
-    """Lines below a panel, folded to its width. above: lines that were written there before."""
+def write_notes(axis: Axes, notes: Sequence[str], above: int = 0, characters: int = 62) -> None:
+    """Lines below a panel, folded to its width. above: lines that were written there before. characters: that fit
+    below it, fewer where a colour bar stands beside."""
     # A line wider than its panel would make the layout shrink all of them.
-    folded = [line for note in notes for line in wrap(note, 62, subsequent_indent="   ")]
+    folded = [line for note in notes for line in wrap(note, characters, subsequent_indent="   ")]
     write_lines(axis, [(GREY, [line]) for line in folded], above)
 
 
@@ -125,8 +126,15 @@ def describe_measurement(table: pd.DataFrame, mark: str = "") -> str:
     doubtful = int(column(measured, "doubts").notna().sum())
     doubts = f"{doubtful} of {len(measured)} points carry doubts (see table)" if doubtful else ""
     first = ", ".join(filter(None, [size, threads, packets, fastest, repeats]))
-    second = ", ".join(filter(None, [cpus, date, mark, doubts]))
+    second = ", ".join(filter(None, [cpus, date, _say_setting(measured), mark, doubts]))
     return "\n".join(filter(None, [first, second]))
+
+
+def _say_setting(measured: pd.DataFrame) -> str:
+    """Which setting of Embree's own methods were measured in; baselines have the fast one, as have older tables."""
+    given = set(column(measured, "robust").dropna().astype(bool))
+    words = [word for word, value in (("fast", False), ("robust", True)) if value in given]
+    return f"Embree {' and '.join(words)}" if words else ""
 
 
 def _say_repeats(measured: pd.DataFrame) -> str:

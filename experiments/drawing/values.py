@@ -20,6 +20,11 @@ def numbers(table: pd.DataFrame, name: str) -> NDArray[np.float64]:
     return pd.to_numeric(column(table, name), errors="coerce").to_numpy(np.float64, na_value=np.nan)
 
 
+def only_measured(table: pd.DataFrame, values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The values, NaN in rows that were skipped, failed or left out as unsteady; (N,) float64."""
+    return np.where(table["status"].eq("ok").fillna(False).to_numpy(bool), values, np.nan)
+
+
 def interval_ms(table: pd.DataFrame, stem: str) -> tuple[NDArray[np.float64], ...]:
     """A time and the ends of its interval as milliseconds."""
     return tuple(numbers(table, f"{stem}{end}_s") * MILLISECONDS for end in ("", "_low", "_high"))

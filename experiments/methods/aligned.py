@@ -13,7 +13,7 @@ from atra.tracers import AlignedTracer
 from experiments.drawing.style import BLUE
 from experiments.harness.column import WHOLE, Column
 from experiments.methods.cells import VERIFIED, AlignedCellOptions, resolve_split
-from experiments.methods.method import Method, Style, Tracing, option
+from experiments.methods.method import Method, Style, Tracing, option, say_robust
 
 
 class Geometry(Enum):
@@ -47,7 +47,7 @@ def tracer_options(options: AlignedOptions, tracing: Tracing) -> dict[str, Any]:
         "packet_width": options.packet_width,
         "packet_rows": options.packet_rows,
         "memory_budget_bytes": tracing.memory_budget_bytes,
-        **tracing.ours,
+        **tracing.ours | {"robust": options.robust},
     }
 
 
@@ -64,9 +64,10 @@ def _resolve(options: AlignedOptions, width: int) -> AlignedOptions:
 def _variant(row: Mapping[str, Any]) -> str:
     place = ["reference rays of the first cell"] if row.get("reference") == Reference.first_cell.value else []
     if row.get("geometry") == Geometry.instanced.value:
-        return ", ".join(["instanced", *place])
+        return ", ".join(["instanced", *place, *say_robust(row)])
     culling = row.get("culling")
-    return ", ".join([*([] if culling is None else [f"culling {'on' if culling else 'off'}"]), *place])
+    culled = [] if culling is None else [f"culling {'on' if culling else 'off'}"]
+    return ", ".join([*culled, *place, *say_robust(row)])
 
 
 ALIGNED = Method(

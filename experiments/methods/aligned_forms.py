@@ -33,3 +33,11 @@ def aligned_forms(table: pd.DataFrame) -> dict[str, pd.DataFrame]:
     said = [say_variant({**row, "reference": None}) for row in rows.to_dict("records")]
     forms = pd.Series([f"{ALIGNED.label}, {variant}" for variant in said], index=rows.index, dtype="object")
     return {form: rows[forms == form] for form in FORM_STYLES if (forms == form).any()}
+
+
+def expected_forms(table: pd.DataFrame) -> tuple[str, ...]:
+    """The forms that a figure of these rows has or misses: copies with and without culling, which belong together,
+    and whatever else there is."""
+    found = aligned_forms(table)
+    copied = not found or COPIED_OFF in found or COPIED_ON in found
+    return tuple(form for form in FORM_STYLES if form in found or (copied and form != INSTANCED))

@@ -13,7 +13,7 @@ from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from experiments.drawing.style import SKY
 from experiments.harness.column import WHOLE, Column
-from experiments.methods.method import Method, Style, Tracing, check_packet_width, option
+from experiments.methods.method import Method, Style, Tracing, check_packet_width, option, robust_option, say_robust
 
 
 class Traversal(Enum):
@@ -29,6 +29,7 @@ class BvhOptions:
 
     packet_width: int = option(1, "rays in a packet; 1 = single rays")
     traversal: Traversal = option(Traversal.push, "when a node's box is tested: push or pop")
+    robust: bool = robust_option()
 
     def __post_init__(self) -> None:
         check_packet_width(self.packet_width)
@@ -40,19 +41,21 @@ BVH_BYTES = Column("bvh_bytes", WHOLE, "nodes and triangles of our own BVH")
 def _make(mesh: Mesh, view: View, options: BvhOptions, tracing: Tracing) -> BvhTracer:
     return BvhTracer(
         mesh, view, packet_width=options.packet_width, traversal=options.traversal.value, threads=tracing.threads,
-        ties=tracing.ties,
+        ties=tracing.ties, robust=options.robust,
     )  # fmt: skip
 
 
 def _make_rays(mesh: Mesh, options: BvhOptions, tracing: Tracing) -> BvhScene:
     return BvhScene(
         mesh, packet_width=options.packet_width, traversal=options.traversal.value, threads=tracing.threads,
+        robust=options.robust,
     )  # fmt: skip
 
 
 def variant(row: Mapping[str, Any]) -> str:
     """Whatever is not as it is by default."""
-    return "tested when popped" if row.get("traversal") == Traversal.pop.value else ""
+    words = ["tested when popped"] if row.get("traversal") == Traversal.pop.value else []
+    return ", ".join(words + say_robust(row))
 
 
 BVH = Method(

@@ -7,7 +7,7 @@ from typing import Any, TypeVar
 
 from atra.errors import InputError
 from experiments.harness.column import WHOLE, Column
-from experiments.methods.method import check_packet_width, option
+from experiments.methods.method import check_packet_width, option, robust_option
 
 _LARGEST_DEFAULT_SPLIT = 128
 
@@ -24,6 +24,7 @@ class CellOptions:
     split_x: int | None = option(None, "columns of cells")
     split_y: int = option(1, "rows of cells")
     packet_width: int | None = option(None, "rays in a packet; 1 = single rays, null = the widest native packets")
+    robust: bool = robust_option()
 
     def __post_init__(self) -> None:
         for name in ("split_x", "split_y"):

@@ -18,7 +18,7 @@ from atra.shafts.tracer import ClassifiedTracer
 from experiments.drawing.style import SKY
 from experiments.harness.column import REAL, WHOLE, Column
 from experiments.methods.bvh import BVH_BYTES, Traversal
-from experiments.methods.method import Method, Style, Tracing, check_packet_width, option
+from experiments.methods.method import Method, Style, Tracing, check_packet_width, option, robust_option, say_robust
 
 
 class Subset(Enum):
@@ -52,6 +52,7 @@ class ClassifiedOptions:
 
     packet_width: int = option(1, "rays in a packet; 1 = single rays")
     traversal: Traversal = option(Traversal.pop, "when a node's box is tested: push or pop")
+    robust: bool = robust_option()
     ray_order: RayOrder = option(RayOrder.image, "in which order a batch is traced: image or shaft")
     shaft_cells: int | None = option(None, "voxels; null = as many as shaft_memory allows", "by memory")
     shaft_directions: int = option(4, "cells along each side of a cube's faces")
@@ -73,6 +74,7 @@ class ClassifiedOptions:
             threads=tracing.threads,
             ties=tracing.ties,
             packet_width=self.packet_width,
+            robust=self.robust,
             traversal=self.traversal.value,
             cells=self.shaft_cells,
             directions=self.shaft_directions,
@@ -105,9 +107,9 @@ def _variant(row: Mapping[str, Any]) -> str:
     for field in fields(ClassifiedOptions):
         usual = field.metadata.get("null") if field.default is None else getattr(field.default, "value", field.default)
         value = row.get(field.name)
-        if field.name != "packet_width" and value not in (None, usual):
+        if field.name not in ("packet_width", "robust") and value not in (None, usual):
             words.append(f"{field.name.removeprefix('shaft_').replace('_', ' ')} {value}")
-    return ", ".join(words)
+    return ", ".join(words + say_robust(row))
 
 
 SHAFT_COLUMNS = (

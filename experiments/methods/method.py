@@ -30,8 +30,12 @@ class Tracing:
 
     @property
     def ours(self) -> dict[str, Any]:
-        """What every tracer of atra takes of it."""
-        return {"threads": self.threads, "build_quality": self.build_quality, "ties": self.ties}
+        """What every tracer of atra that uses Embree takes of it, and, as baselines do, the fast setting."""
+        return {"threads": self.threads, "build_quality": self.build_quality, "ties": self.ties, "robust": False}
+
+
+WATERTIGHT = {"robust": True}
+"""What is shown to people, unlike what is measured, is traced with."""
 
 
 @dataclass(frozen=True)
@@ -48,6 +52,17 @@ def option(default: Any, help: str, null: str | None = None) -> Any:
     null: what the table says for null, where that stays open to the end; it would pass for an option that is missing.
     """
     return field(default=default, metadata={"help": help, "null": null})
+
+
+def robust_option() -> Any:
+    """The field `robust` of a method of ours. It is off unless a sweep asks for it: what the paper measured, and what
+    all tables without the column were measured with, is Embree's fast setting."""
+    return option(False, "no ray slips through between two triangles; off: Embree's fast setting, as in the paper")
+
+
+def say_robust(row: Mapping[str, Any]) -> list[str]:
+    """What a row is called that was measured with it: nothing where it was not, or is older than the option."""
+    return ["robust"] if row.get("robust") in (True,) else []
 
 
 def check_packet_width(width: int | None) -> None:

@@ -11,7 +11,7 @@ from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.tracers import PixelTracer
 from experiments.drawing.style import GREEN, TIMES
-from experiments.methods.method import Method, Style, Tracing, check_packet_width, option
+from experiments.methods.method import Method, Style, Tracing, check_packet_width, option, robust_option
 
 
 class TileOrder(Enum):
@@ -39,7 +39,7 @@ class PixelOptions:
     packet_rows: int | None = option(None, "rows of pixels in a packet; null = what suits the cell", "automatic")
     coherent: bool = option(True, "Embree takes the rays of a packet through its tree together")
     compact: bool = option(False, "a BVH that saves memory")
-    robust: bool = option(False, "no ray slips through between two triangles")
+    robust: bool = robust_option()
     tile_order: TileOrder = option(TileOrder.blocks, "which pixels follow each other: blocks, rows or morton")
     own_build_quality: OwnBuildQuality = option(OwnBuildQuality.same, "of its own BVH; same = build_quality")
 
@@ -59,9 +59,8 @@ def make_pixel(mesh: Mesh, view: View, options: PixelOptions, tracing: Tracing) 
         packet_rows=options.packet_rows,
         coherent=options.coherent,
         compact=options.compact,
-        robust=options.robust,
         tile_order=options.tile_order.value,
-        **(tracing.ours | changed),
+        **(tracing.ours | {"robust": options.robust} | changed),
     )
 
 

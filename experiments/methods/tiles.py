@@ -7,14 +7,22 @@ from atra.geometry.view import View
 from atra.tracers import TiledTracer
 from experiments.drawing.style import ORANGE
 from experiments.methods.cells import CellOptions, resolve_split
-from experiments.methods.method import Method, Style, Tracing
+from experiments.methods.method import Method, Style, Tracing, say_robust
 
 
 def _make(mesh: Mesh, view: View, options: CellOptions, tracing: Tracing) -> TiledTracer:
     return TiledTracer(
         mesh, view, options.split, packet_width=options.packet_width, memory_budget_bytes=tracing.memory_budget_bytes,
-        **tracing.ours,
+        **tracing.ours | {"robust": options.robust},
     )  # fmt: skip
 
 
-TILES = Method("tiles", "culled tiles", Style(ORANGE, "s"), CellOptions, _make, resolve_split)
+TILES = Method(
+    "tiles",
+    "culled tiles",
+    Style(ORANGE, "s"),
+    CellOptions,
+    _make,
+    resolve_split,
+    variant=lambda row: ", ".join(say_robust(row)),
+)

@@ -8,13 +8,14 @@ from atra.tracers import VisibleFirstTracer
 from experiments.drawing.style import VERMILLION
 from experiments.harness.column import REAL, Column
 from experiments.methods.cells import VERIFIED, AlignedCellOptions, resolve_split
-from experiments.methods.method import Method, Style, Tracing
+from experiments.methods.method import Method, Style, Tracing, say_robust
 
 
 def _make(mesh: Mesh, view: View, options: AlignedCellOptions, tracing: Tracing) -> VisibleFirstTracer:
     return VisibleFirstTracer(
         mesh, view, options.split, packet_width=options.packet_width, packet_rows=options.packet_rows,
-        memory_budget_bytes=tracing.memory_budget_bytes, **tracing.ours,
+        memory_budget_bytes=tracing.memory_budget_bytes,
+        **tracing.ours | {"robust": options.robust},
     )  # fmt: skip
 
 
@@ -25,5 +26,6 @@ VISIBLE_FIRST = Method(
     AlignedCellOptions,
     _make,
     resolve_split,
+    variant=lambda row: ", ".join(say_robust(row)),
     counters=(VERIFIED, Column("probe_time_s", REAL, "the probe, part of the plan")),
 )

@@ -13,7 +13,7 @@ from rich.console import Console
 
 from atra.errors import InputError, RecordError
 from atra.files import write_atomically
-from experiments.drawing.figure import write_figure
+from experiments.drawing.figure import DrawnFigure, write_figure
 from experiments.harness.configuration import Configuration, records_folder, results_folder
 from experiments.harness.environment import describe_difference
 from experiments.harness.identity import current_environment
@@ -61,12 +61,19 @@ def choose_folder(configuration: Configuration, points: Collection[str], command
     raise AssertionError("numbers do not end")
 
 
-def write_results(configuration: Configuration, tables: Tables, command: str) -> None:
-    """Write tables, figures and, where the sweep asks for it, claims and page into its folder."""
+def write_results(configuration: Configuration, tables: Tables, command: str) -> str | None:
+    """Write tables, figures and, where the sweep asks for it, claims and page into its folder.
+
+    Returns what to open first, with its path: the page, or else the first figure; None where there is neither.
+    """
     folder = results_folder(configuration)
     write_tables(folder, tables)
     write_atomically(folder / _COMMAND_FILE, f"{command}\n".encode())
-    _write_what_follows(configuration, tables, command=command, report=configuration.sweep.report)
+    report = configuration.sweep.report
+    page, figures = _write_what_follows(configuration, tables, command=command, report=report)
+    if report:
+        return f"report: {page}"
+    return f"{figures[0].caption}: {folder / figures[0].name}.png" if figures else None
 
 
 def run_report(configuration: Configuration) -> None:
@@ -88,7 +95,8 @@ def rewrite_report(configuration: Configuration) -> Path:
     check_figures(configuration.sweep.figures, configuration.sweep.grids)
     with exclusive(folder.parent, folder):
         tables = read_tables(folder) or make_tables([])
-        return _write_what_follows(configuration, tables, command=_command_of(folder), report=True)
+        page, _ = _write_what_follows(configuration, tables, command=_command_of(folder), report=True)
+        return page
 
 
 def _command_of(folder: Path) -> str:
@@ -97,8 +105,10 @@ def _command_of(folder: Path) -> str:
     return path.read_text(encoding="utf-8").strip() if path.exists() else ""
 
 
-def _write_what_follows(configuration: Configuration, tables: Tables, *, command: str, report: bool) -> Path:
-    """Figures, claims and page, all from the tables and the records."""
+def _write_what_follows(
+    configuration: Configuration, tables: Tables, *, command: str, report: bool
+) -> tuple[Path, list[DrawnFigure]]:
+    """Figures, claims and page, all from the tables and the records. Returns the page's path and the figures."""
     folder, records, table = results_folder(configuration), records_folder(configuration), tables.points
     environment = _environment(table, records)
     figures = list(draw_figures(table, records, configuration.sweep.figures))
@@ -124,11 +134,11 @@ def _write_what_follows(configuration: Configuration, tables: Tables, *, command
             environment=environment,
         )
         write_report(folder, contents)
-    return page
+    return page, figures
 
 
 def _environment(table: pd.DataFrame, records: Path) -> dict[str, Any]:
-    """The one machine and software of all points of the table; empty without records.
+    """The one machine and software of all points of the table; without records, what the table tells of it.
 
     Raises InputError if there are two, and RecordError for a record that cannot be used.
     """
@@ -137,7 +147,9 @@ def _environment(table: pd.DataFrame, records: Path) -> dict[str, Any]:
         raise InputError(f"the table holds points of {' and of '.join(cpus)}; run the sweep again on one machine")
     found = [record for name in table["point_id"] if (record := load_record(records, name)) is not None]
     check_one_environment(found)
-    return found[0].environment if found else {}
+    if found:
+        return found[0].environment
+    return {"cpu": cpus[0]} if cpus else {}
 
 
 def tell_whose_tables_are_replaced(folder: Path, records: Path, console: Console) -> None:

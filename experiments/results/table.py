@@ -227,7 +227,9 @@ def rows_of(table: pd.DataFrame, *grids: str) -> pd.DataFrame:
 
 def workload_rows(table: pd.DataFrame, *names: str) -> pd.DataFrame:
     """The rows of the named workloads, measured or not."""
-    return table[table["workload"].isin(names).astype(bool)]
+    chosen = table["workload"].isin(names).astype(bool)
+    # Picked rows are copied, column by column; a slice of all or none is not.
+    return table[chosen] if chosen.nunique() > 1 else table.iloc[: chosen.sum()]
 
 
 def _row(records: Sequence[Record]) -> dict[str, Any]:

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.errors import InputError
+from experiments.viewer.messages import Messages
 from experiments.viewer.request import Pose
 
 if TYPE_CHECKING:
@@ -28,13 +29,15 @@ _JPEG_QUALITY = 85
 
 
 class CameraPage:
-    """A server of pages, bound to this machine alone, that show one picture each.
+    """A server of pages, bound to this machine alone, that show one picture each. It answers to its own pages only
+    (`gate`), and ignores messages that make no sense (`messages`).
 
     title: of the panel. Raises InputError where viser is missing or the port is taken.
     """
 
     def __init__(self, port: int, title: str) -> None:
-        self._server = _serve(port, title)
+        self._messages = Messages()
+        self._server = _serve(port, title, self._messages)
         self._server.gui.configure_theme(show_logo=False, show_share_button=False)
 
     @property
@@ -86,11 +89,13 @@ class CameraPage:
         asyncio.get_running_loop().call_later(LEAVE_S, end_without_pages)
 
 
-def _serve(port: int, title: str) -> ViserServer:
+def _serve(port: int, title: str, messages: Messages) -> ViserServer:
     try:
         import viser
     except ImportError:
         raise InputError("the viewer needs viser, which is not installed; run: pip install -e '.[viewer]'") from None
+
+    from experiments.viewer.gate import gated  # of what comes with viser
 
     class Server(viser.ViserServer):
         def request_share_url(self, verbose: bool = True) -> None:
@@ -99,7 +104,8 @@ def _serve(port: int, title: str) -> ViserServer:
     with contextlib.redirect_stdout(io.StringIO()):  # its banner
         if port and not _is_free(port):
             raise InputError(f"port {port} is taken; choose another by view.port=..., or 0 for any that is free")
-        server = Server(host=HOST, port=port, label=title, verbose=False)
+        with gated(messages):
+            server = Server(host=HOST, port=port, label=title, verbose=False)
         if port and server.get_port() != port:  # it takes the next one where another was faster
             server.stop()
             raise InputError(f"port {port} is taken; choose another by view.port=..., or 0 for any that is free")

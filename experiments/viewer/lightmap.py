@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from atra.bake import Atlas, BakeScene, Lightmap, ProgressiveBake, clay_view, lit_view
 from atra.bake.finish.export import exposure_of, finished
+from atra.errors import InputError
 from atra.geometry.camera import Camera
 from atra.hits import Hits
 from atra.render.pictures import srgb_of
@@ -75,9 +76,14 @@ class LightmapPage(CameraPage):
     def _step(self, tracer: RasterTracer) -> None:
         pose, since_s = self._newest
         if pose is not self._shown:
-            tracer.look(self._camera(pose))
-            self._hits = tracer.trace()
             self._shown = pose
+            try:
+                tracer.look(self._camera(pose))
+            except InputError as error:  # too far away, say: the picture stays
+                self._told = pose
+                self._numbers.content = f"**{error}**"
+                return
+            self._hits = tracer.trace()
             self._show(self._hits, is_still=False)
         elif pose is not self._told and monotonic() - since_s >= REST_S:
             self._bake.set_view(self._hits.camera)

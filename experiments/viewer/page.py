@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import contextlib
 import threading
-from collections.abc import Callable, Coroutine, Iterator
+from collections.abc import Callable, Iterator
+from dataclasses import replace
 from time import monotonic
 from typing import TYPE_CHECKING, Any
 
+from atra.errors import InputError
 from experiments.methods import METHODS, find_method
 from experiments.viewer.camera_page import CameraPage
 from experiments.viewer.request import FRAMES, SHADES, SPLITS, Pose, Request
@@ -80,7 +82,7 @@ class Page(CameraPage):
             self._slider("side", "side, pixels", 64, 1024, 64)
         with gui.add_folder("Primary visibility"):
             method = gui.add_dropdown("method", tuple(labels), initial_value=find_method(now.method).label)
-            method.on_update(self._change("method", labels.__getitem__))
+            self._on_update(method, "method", labels.__getitem__)
             self._choice("split_x", "columns of cells", tuple(map(str, SPLITS)), int)
             self._box("jitter", "jitter")
         with self._folder("hybrid", "Sun"):
@@ -91,7 +93,7 @@ class Page(CameraPage):
             self._slider("sun_heading", "heading", -180.0, 180.0, 1.0)
             self._slider("sun_height", "height", -90.0, 90.0, 1.0)
             self._slider("sun_power", "power", 0.0, 10.0, 0.05)
-            gui.add_rgb("colour", now.sun_colour).on_update(self._change("sun_colour", tuple))
+            self._on_update(gui.add_rgb("colour", now.sun_colour), "sun_colour", tuple)
         with self._folder("hybrid", "Ambient occlusion"):
             self._slider("occlusion_rays", "rays", 0, 8, 1)
             self._slider("occlusion_length", "length", 0.01 * size, size, 0.01 * size)
@@ -117,22 +119,34 @@ class Page(CameraPage):
     def _slider(self, field: str, label: str, least: float, most: float, step: float) -> None:
         now = type(least)(getattr(self.session.wanted.settings, field))
         slider = self._server.gui.add_slider(label, min(least, now), max(most, now), step, now)
-        slider.on_update(self._change(field, type(least)))
+        self._on_update(slider, field, type(least), lambda value: slider.min <= value <= slider.max)
 
     def _choice(self, field: str, label: str, names: tuple[str, ...], kind: type = str) -> None:
         now = str(getattr(self.session.wanted.settings, field))
-        self._server.gui.add_dropdown(label, names, initial_value=now).on_update(self._change(field, kind))
+        self._on_update(self._server.gui.add_dropdown(label, names, initial_value=now), field, kind)
 
     def _box(self, field: str, label: str) -> None:
         now = getattr(self.session.wanted.settings, field)
-        self._server.gui.add_checkbox(label, now).on_update(self._change(field, bool))
+        self._on_update(self._server.gui.add_checkbox(label, now), field, bool)
 
-    def _change(self, field: str, read: Callable[[Any], Any]) -> Callable[[GuiEvent], Coroutine[Any, Any, None]]:
+    def _on_update(
+        self, control: Any, field: str, read: Callable[[Any], Any], is_inside: Callable[[Any], bool] = lambda _: True
+    ) -> None:
+        """Tell the session of a control's values, of which messages bring only those that `Settings` takes."""
+
+        def can_have(value: Any) -> bool:
+            try:
+                replace(self.session.wanted.settings, **{field: read(value)})
+                return is_inside(value)
+            except (InputError, TypeError, ValueError, LookupError, OverflowError):
+                return False
+
         async def changed(event: GuiEvent) -> None:
             self.session.want(**{field: read(event.target.value)})
             self._show_folders()
 
-        return changed
+        self._messages.controls[control._impl.uuid] = can_have  # viser has no public name for it
+        control.on_update(changed)
 
 
 def say_numbers(frame: Frame, since_s: float | None) -> str:

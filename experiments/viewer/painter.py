@@ -22,7 +22,7 @@ from atra.tracers import PixelTracer, RasterTracer, Tracer
 from experiments.drawing.shading import BACKGROUND, mark_verdicts
 from experiments.harness.configuration import Chosen
 from experiments.methods import find_method
-from experiments.methods.method import Tracing
+from experiments.methods.method import WATERTIGHT, Tracing
 from experiments.viewer.request import OF_HITS, Request, Settings
 from experiments.viewer.session import Picture
 
@@ -82,7 +82,7 @@ class Painter:
         hits = renderer.tracer.trace()
         if shade != "wrong":
             return Picture(_coloured(hits, shade), renderer.stage_s)
-        with PixelTracer(hits.mesh, request.camera, packet_width=1, **self._tracing.ours) as single:
+        with PixelTracer(hits.mesh, request.camera, packet_width=1, **self._tracing.ours | WATERTIGHT) as single:
             agreement = compare(hits.mesh, request.camera, hits, single.trace())
         return Picture(mark_verdicts(agreement.verdict), renderer.stage_s, f"against `rtcIntersect1`: {agreement}")
 
@@ -116,6 +116,8 @@ class Painter:
         options = self._chosen.options if self._chosen.name == method.name else method.options()
         if method.has_cells:
             options = replace(options, split_x=settings.split_x)
+        if method.has("robust"):
+            options = replace(options, **WATERTIGHT)
         return method.make(mesh, view, method.resolve(options, view.width), self._tracing)
 
     def _scene_of(self, settings: Settings) -> RenderScene:

@@ -6,7 +6,11 @@ from dataclasses import dataclass, fields
 from functools import cached_property
 from math import cos, radians, sin, sqrt
 
+from atra.errors import InputError
 from atra.geometry.camera import Camera, Vector
+from atra.render.checks import check_one_of, checked_number
+from atra.whole_numbers import is_whole_number
+from experiments.methods import find_method
 from experiments.methods.raster import RASTER
 
 FRAMES = ("hybrid", "path")
@@ -22,6 +26,18 @@ SPLITS = (2, 4, 8, 16, 32, 64)
 _WIDEST = 5.0
 """Width over height, of pages that a browser may have for a moment while it opens."""
 
+_WHOLE = {
+    "samples": (1, 1 << 20), "side": (1, 4096), "split_x": (2, 64), "shadow_rays": (0, 64), "occlusion_rays": (0, 64),
+    "max_depth": (1, 1 << 20),
+}  # fmt: skip
+"""Least and most of whole numbers among `Settings`."""
+
+_RANGES = {
+    "shadow_length": (0.0, 1e12), "occlusion_length": (0.0, 1e12), "sun_cone": (0.0, 90.0),
+    "sun_heading": (-360.0, 360.0), "sun_height": (-360.0, 360.0), "sun_power": (0.0, 1e12), "sky_power": (0.0, 1e12),
+}  # fmt: skip
+"""Least and most of other numbers."""
+
 _LIGHTING = frozenset({"sun_power", "sun_colour", "sky_power"})
 
 
@@ -36,6 +52,7 @@ class Settings:
     sun_heading, sun_height: in degrees, where the sun stands, about +y and above the horizon. sun_cone: half the angle
     under which it appears, in degrees. shadow_shared, occlusion_shared: whether rays head the same way from all pixels.
     All others: see `atra.render`'s options, lights and skies.
+    Raises InputError, with the value, for unknown words and for numbers outside of what can be drawn.
     """
 
     frame: str = "hybrid"
@@ -59,6 +76,27 @@ class Settings:
     occlusion_shared: bool = False
     cosine: bool = False
     max_depth: int = 5
+
+    def __post_init__(self) -> None:
+        for name, words in (("frame", FRAMES), ("shade", SHADES)):
+            check_one_of(name, getattr(self, name), words)
+        find_method(self.method)
+        for name, (low, high) in _WHOLE.items():
+            value = getattr(self, name)
+            if not is_whole_number(value) or not low <= value <= high:
+                raise InputError(f"{name} is {value!r}, expected a whole number from {low} to {high}")
+        if self.split_x not in SPLITS:
+            raise InputError(f"split_x is {self.split_x}, expected one of {', '.join(map(str, SPLITS))}")
+        for name, (least, most) in _RANGES.items():
+            checked_number(name, getattr(self, name), least, most)
+        for name in ("jitter", "shadow_shared", "occlusion_shared", "cosine"):
+            if not isinstance(getattr(self, name), bool):
+                raise InputError(f"{name} is {getattr(self, name)!r}, expected True or False")
+        colour = self.sun_colour
+        if not isinstance(colour, tuple) or len(colour) != 3 or not all(
+            is_whole_number(channel) and 0 <= channel <= 255 for channel in colour
+        ):  # fmt: skip
+            raise InputError(f"sun_colour is {colour!r}, expected three whole numbers from 0 to 255")
 
     @property
     def renderer(self) -> str:
@@ -86,13 +124,19 @@ class Settings:
 
 @dataclass(frozen=True)
 class Pose:
-    """Where a page looks from. aspect: its width over its height. The others: of `Camera`."""
+    """Where a page looks from. aspect: its width over its height. The others: of `Camera`, which checks them.
+
+    Raises InputError for an aspect that is not finite and above 0.
+    """
 
     eye: Vector
     target: Vector
     up: Vector
     fov_y_degrees: float
     aspect: float = 1.0
+
+    def __post_init__(self) -> None:
+        checked_number("aspect", self.aspect, 0.0, above=True)
 
 
 @dataclass(frozen=True)

@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from numbers import Integral
+from typing import Any
 
 from atra.judge.compare import Agreement
 from experiments.harness.column import REAL, WHOLE, Column
 
 PIXELS = ("pixels_equal", "pixels_tied", "pixels_edge", "pixels_wrong")
 
+HOLES = {"pixels_hole": "pixels_hole", "baseline_pixels_hole": "reference_pixels_hole"}
+"""Columns of holes, and what `Agreement` calls them; tables from before they were told apart lack them."""
+
 IMAGE_COLUMNS = (
     Column("pixels_equal", WHOLE, "pixels with the triangle and the depth of rtcIntersect1"),
     Column("pixels_tied", WHOLE, "pixels with another triangle, equally deep"),
     Column("pixels_edge", WHOLE, "pixels whose ray passes within a thousandth of a pixel of a triangle's rim"),
-    Column("pixels_wrong", WHOLE, "pixels without an excuse", over=max),
+    Column("pixels_wrong", WHOLE, "pixels without an excuse, holes of either image among them", over=max),
+    Column("pixels_hole", WHOLE, "wrong ones where the method's rays slip through between triangles", over=max),
+    Column("baseline_pixels_hole", WHOLE, "wrong ones where those of rtcIntersect1 do", over=max),
     Column("depth_error_max", REAL, "largest relative error of a depth against float64, of the worst image"),
     Column("depth_error_p999", REAL, "what 99.9 % of the relative errors stay below, of the worst image"),
     Column("baseline_depth_error_max", REAL, "the same of rtcIntersect1"),
@@ -22,8 +29,19 @@ IMAGE_COLUMNS = (
 
 
 def counts(agreements: Sequence[Agreement]) -> dict[str, int]:
-    """Pixels of all images, by verdict."""
-    return {name: sum(int(getattr(agreement, name)) for agreement in agreements) for name in PIXELS}
+    """Pixels of all images, by verdict, and holes."""
+    names = {name: name for name in PIXELS} | HOLES
+    return {name: sum(int(getattr(one, own)) for one in agreements) for name, own in names.items()}
+
+
+def say_holes(row: Mapping[str, Any]) -> str:
+    """ ", of them 2 holes and 1 of rtcIntersect1" of a row, or sums, with these counts; "" without any."""
+    known = [int(count) if isinstance(count := row.get(name), Integral) else 0 for name in HOLES]
+    own, single = known
+    words = [f"{own:,} {'hole' if own == 1 else 'holes'}"] if own else []
+    words += [f"{single:,} of rtcIntersect1"] if single and own else []
+    words += [f"{single:,} {'hole' if single == 1 else 'holes'} of rtcIntersect1"] if single and not own else []
+    return f", of them {' and '.join(words)}" if words else ""
 
 
 def depth_errors(agreements: Sequence[Agreement]) -> dict[str, float]:

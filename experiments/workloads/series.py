@@ -13,6 +13,7 @@ from experiments.drawing.values import column
 from experiments.methods import METHODS, find_method
 from experiments.methods.naming import say_split
 from experiments.methods.pixel import PIXEL
+from experiments.workloads.images import say_holes
 
 
 def series_of(rows: pd.DataFrame) -> Iterator[tuple[str, int | None, pd.DataFrame]]:
@@ -56,7 +57,7 @@ def say_wrong(rows: pd.DataFrame, name: str) -> list[str]:
     """A line for each row with pixels that are wrong."""
     wrong = rows[column(rows, "pixels_wrong").gt(0).fillna(False).astype(bool)]
     return [
-        f"{', '.join(filter(None, [name, say_split(row)]))}: {row['pixels_wrong']:,} pixels wrong"
+        f"{', '.join(filter(None, [name, say_split(row)]))}: {row['pixels_wrong']:,} pixels wrong{say_holes(row)}"
         for _, row in wrong.iterrows()
     ]
 

@@ -1,25 +1,29 @@
-"""Figure 5 of the paper: speed-up over the splits of one axis, culling off and on, against both baselines."""
+"""Figure 5 of the paper: time of a frame over the splits of one axis, culling off and on; beside it the speed-up."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
+import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
-from experiments.drawing.axes import draw_series, finish_split_axes
-from experiments.drawing.missing import Missing, mark_missing, without_value
+from experiments.drawing.axes import draw_baseline, draw_series, finish_split_axes
+from experiments.drawing.missing import Missing, absent_points, mark_missing, without_value
 from experiments.drawing.pages import add_legend, write_foot, write_lines
 from experiments.drawing.style import DASH_DOTTED, GREY, TIMES
-from experiments.drawing.values import MILLISECONDS, numbers, say_number
+from experiments.drawing.values import MILLISECONDS, drawable, interval_ms, numbers, only_measured, say_number
 from experiments.methods.aligned_forms import (
     COPIED_OFF,
     FORM_OPTIONS,
     FORM_STYLES,
     aligned_forms,
     aligned_rows,
+    expected_forms,
 )
 from experiments.workloads.baselines import TIME_BASELINES
 from experiments.workloads.panels import draw_panels, make_panels
@@ -31,6 +35,8 @@ ALL_HITS = f"1 {TIMES} 1, culling off: all hits"
 RATIO_LABELS = (*FORM_STYLES, *TIME_BASELINES, ALL_HITS)
 """In the order of the legends."""
 
+RINGED = "ringed, and in words below: the best split, by the ratio in the same rounds"
+
 _RING: dict[str, Any] = {
     "markersize": 13,
     "markerfacecolor": "none",
@@ -40,41 +46,111 @@ _RING: dict[str, Any] = {
 }
 """Around the best split: a number there would lie over the lines, and stands below."""
 
+Drawn = Callable[[pd.DataFrame], tuple[NDArray[np.float64], ...]]
+"""Rows -> the values that are drawn and both ends of their intervals, (N,) float64 each, NaN where missing."""
 
-def draw_split_figure(table: pd.DataFrame, columns: int = 2, axis_name: str = "split_x") -> Figure:
-    """One panel a scene (and a value of any other setting that varies); speed-up over splits, both logarithmic.
+
+def draw_split_times(table: pd.DataFrame, columns: int = 2, axis_name: str = "split_x") -> Figure:
+    """One panel a scene (and a value of any other setting that varies); milliseconds a frame over splits, both
+    logarithmic, so that equal ratios are equally far apart.
 
     axis_name: the column on the abscissa, `split_x` (horizontal splits, the paper's figure 5) or `split_y` (vertical).
-    Points are ratios within rounds, single rays over rtcIntersect1 and packets over packets, with bars over their
-    intervals. A line at another height is another baseline, which makes the distance to it the gain over that one.
+    The lines of rtcIntersect1 and of the fastest packets are medians of what was measured beside every point.
     """
+    return _draw(table, columns, axis_name, draw_times, "both axes are logarithmic")
+
+
+def draw_split_ratios(table: pd.DataFrame, columns: int = 2, axis_name: str = "split_x") -> Figure:
+    """The same in speed-ups: ratios within rounds, single rays over rtcIntersect1 and packets over packets, with bars
+    over their intervals. A line at another height is another baseline, which makes the distance to it the gain over
+    that one."""
+    return _draw(table, columns, axis_name, draw_ratios)
+
+
+def _draw(table: pd.DataFrame, columns: int, axis_name: str, draw_panel: Callable[..., None], *foot: str) -> Figure:
     panels = make_panels(aligned_rows(table), (axis_name, *FORM_OPTIONS))
-    figure, axes = draw_panels(panels, partial(draw_ratios, axis_name=axis_name), columns)
+    figure, axes = draw_panels(panels, partial(draw_panel, axis_name=axis_name), columns)
     add_legend(figure, axes, RATIO_LABELS)
-    write_foot(figure, table, "ringed, and in words below: the best split")
+    write_foot(figure, table, *foot, RINGED)
     return figure
+
+
+def draw_times(axis: Axes, rows: pd.DataFrame, axis_name: str) -> None:
+    """Milliseconds a frame of one panel's aligned rows, each form of the geometry a line, with the baselines."""
+    for label, (name, style) in TIME_BASELINES.items():
+        draw_baseline(axis, numbers(rows, name) * MILLISECONDS, style, label)
+    _draw_forms(
+        axis, rows, axis_name, lambda points: interval_ms(points, "render_time"),
+        lambda best: _say_best_time(best, axis_name), _unmeasured_baselines(rows),
+    )  # fmt: skip
+    finish_split_axes(axis, rows[axis_name], axis_name, "time of a frame in ms")
 
 
 def draw_ratios(axis: Axes, rows: pd.DataFrame, axis_name: str) -> None:
     """Ratios of one panel's aligned rows, each form of the geometry a line, with the baselines."""
-    missing: list[Missing] = []
-    ratio, lines = own_ratio(rows), []
+    ratio, start = own_ratio(rows), all_hits(rows)
+    draw_ratio_baselines(axis, rows, ratio)
+    for height in start:
+        axis.axhline(height, color=GREY, linestyle=DASH_DOTTED, linewidth=1.5, zorder=2, label=ALL_HITS)
+
+    def say_best(best: pd.Series) -> str:
+        over = "".join(f"; over all hits {best[ratio] / height:.2f}{TIMES}" for height in start)
+        return f"{_say_best_time(best, axis_name)}, {best[ratio]:.2f}{TIMES}{over}"
+
+    _draw_forms(
+        axis, rows, axis_name, lambda points: tuple(numbers(points, f"{ratio}{end}") for end in ("", "_low", "_high")),
+        say_best, [*([] if len(start) else [f"{ALL_HITS}: not measured"]), *_unmeasured_baselines(rows)],
+    )  # fmt: skip
+    finish_split_axes(axis, rows[axis_name], axis_name, f"speed-up over {say_baseline(ratio)}")
+
+
+def _say_best_time(best: pd.Series, axis_name: str) -> str:
+    """ "128 best, 20.0 ms"."""
+    time_s = best.get("render_time_s")
+    return f"{best[axis_name]} best" + ("" if pd.isna(time_s) else f", {say_number(time_s * MILLISECONDS)} ms")
+
+
+def all_hits(rows: pd.DataFrame) -> NDArray[np.float64]:
+    """The ratio of one panel's aligned row that splits nothing and culls nothing; empty where it was not measured."""
     gathering = rows[rows["split_x"].eq(1) & rows["split_y"].eq(1) & ~rows["culling"].fillna(True)]
-    all_hits = numbers(aligned_forms(gathering).get(COPIED_OFF, rows[:0]), ratio)
-    for form, points in aligned_forms(rows).items():
+    points = aligned_forms(gathering).get(COPIED_OFF, rows[:0])
+    ratios = only_measured(points, numbers(points, own_ratio(rows)))
+    return ratios[drawable(ratios)]
+
+
+def _unmeasured_baselines(rows: pd.DataFrame) -> list[str]:
+    """In words."""
+    return [
+        f"{label}: not measured"
+        for label, (name, _) in TIME_BASELINES.items()
+        if not drawable(numbers(rows, name)).any()
+    ]
+
+
+def _draw_forms(
+    axis: Axes,
+    rows: pd.DataFrame,
+    axis_name: str,
+    read: Drawn,
+    say_best: Callable[[pd.Series], str],
+    notes: Sequence[str],
+) -> None:
+    """A line for each form, a ring around its best split, and below the panel what is best and what is missing."""
+    missing: list[Missing] = []
+    lines = []
+    forms = aligned_forms(rows)
+    for form, points in forms.items():
         style, short = FORM_STYLES[form], form.removeprefix("aligned, ")
-        value, *interval = (numbers(points, f"{ratio}{end}") for end in ("", "_low", "_high"))
+        value, *interval = (only_measured(points, values) for values in read(points))
         draw_series(axis, numbers(points, axis_name), value, style, interval, form)
         missing += without_value(points, value, axis_name, short, style["color"])
-        for _, best in best_rows(points).iterrows():
-            axis.plot(best[axis_name], best[ratio], "o", **_RING, markeredgecolor=style["color"])
-            over = "".join(f"; over all hits {best[ratio] / start:.2f}{TIMES}" for start in all_hits)
-            time_ms = say_number(best["render_time_s"] * MILLISECONDS)
-            lines.append(
-                (style["color"], [f"{short}: {best[axis_name]} best, {time_ms} ms, {best[ratio]:.2f}{TIMES}{over}"])
-            )
-    draw_ratio_baselines(axis, rows, ratio)
-    for start in all_hits:
-        axis.axhline(start, color=GREY, linestyle=DASH_DOTTED, linewidth=1.5, zorder=2, label=ALL_HITS)
-    mark_missing(axis, missing, write_lines(axis, lines))
-    finish_split_axes(axis, rows[axis_name], axis_name, f"speed-up over {say_baseline(ratio)}")
+        missing += absent_points(points, set(rows[axis_name].dropna()), axis_name, short, style["color"])
+        # A single one is no choice.
+        for _, best in best_rows(points if drawable(value).sum() > 1 else points[:0]).iterrows():
+            height = value[(points[axis_name] == best[axis_name]).to_numpy(bool)]
+            axis.plot([best[axis_name]] * len(height), height, "o", **_RING, markeredgecolor=style["color"])
+            lines.append((style["color"], [f"{short}: {say_best(best)}"]))
+    absent = [
+        f"{form.removeprefix('aligned, ')}: not in the table" for form in expected_forms(rows) if form not in forms
+    ]
+    mark_missing(axis, missing, write_lines(axis, lines), [*absent, *notes])

@@ -38,6 +38,7 @@ class UnderSky:
 
     sky: str | None = option(None, "an EXR or Radiance HDR all around, in place of the scene's own sky", "own")
     sky_sha256: str | None = option(None, "hash of that file, which is found and not set", "own")
+    robust_rays: bool = option(True, "no ray of light slips through between two triangles; off: Embree's fast setting")
 
     def __post_init__(self) -> None:
         if self.sky is None:

@@ -10,6 +10,7 @@ import sys
 from dataclasses import dataclass
 from functools import cached_property
 from importlib.util import find_spec
+from math import frexp
 from pathlib import Path
 from typing import IO
 
@@ -25,8 +26,12 @@ from atra.whole_numbers import is_whole_number
 MOST_TEXELS = 1 << 14
 """Along a side of a map; and of all maps together no more than of one that has so many: 32 bits count them."""
 
-_VERSION = 2
-"""Of kept atlases."""
+_VERSION = 3
+"""Version of kept atlases."""
+
+_SMALL, _FAR = 0.1, 256.0
+"""Size below which a mesh is handed to xatlas enlarged, and how many times its size it may lie off the origin before it
+is handed over as moved there: xatlas takes lengths below fixed ones for none, and computes in float32."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -198,7 +203,9 @@ def _unwrapped(mesh: Mesh, size: int, padding: int, texels_per_unit: float, time
             "charts need the package xatlas, which is not installed; `pip install xatlas`, or bring uv of your own"
         )
     job = io.BytesIO()
-    np.savez(job, vertices=mesh.vertices, faces=mesh.faces, size=size, padding=padding, texels_per_unit=texels_per_unit)
+    vertices, scale = _in_reach(mesh)
+    density = texels_per_unit / scale
+    np.savez(job, vertices=vertices, faces=mesh.faces, size=size, padding=padding, texels_per_unit=density)
     command = [
         sys.executable,
         "-P",
@@ -220,6 +227,18 @@ def _unwrapped(mesh: Mesh, size: int, padding: int, texels_per_unit: float, time
     except Exception:
         told = done.stderr.decode(errors="replace").strip().rpartition("\n")[2]
         raise AtraError(f"xatlas ended without charts of {mesh!r} (code {done.returncode}): {told}") from None
+
+
+def _in_reach(mesh: Mesh) -> tuple[NDArray[np.float32], float]:
+    """(V, 3) float32, the vertices where and as large as xatlas tells them apart, and how much larger they are."""
+    low, high = mesh.bounds
+    size = float((high - low).max())
+    is_small, is_far = 0.0 < size < _SMALL, float(np.abs(mesh.bounds).max()) > _FAR * size > 0.0
+    if not (is_small or is_far):
+        return mesh.vertices, 1.0
+    middle = (low + high) / 2.0 if is_far else np.zeros(3)
+    scale = 2.0 ** -frexp(size)[1] if is_small else 1.0  # a power of two keeps every digit
+    return ((mesh.vertices - middle) * scale).astype(np.float32), scale
 
 
 def _connected(places: NDArray[np.float64]) -> NDArray[np.int32]:

@@ -13,14 +13,26 @@ from atra.bake.light.lights import aims_at_emitters, aims_at_sky, light_rows
 from atra.bake.options import BakeOptions
 from atra.bake.surface import BakeScene
 from atra.errors import InputError
+from atra.geometry.mesh import Mesh
 from atra.kernels.baking import tables as words
 from atra.kernels.baking.tables import Tables
 from atra.render.tables import sky_tables
 
-START_OFF = 1e-5
-"""Of the size of the scene: how far rays start off surfaces."""
+_START_OFF = 1e-5
+_START_OFF_SPACINGS = 2.0
 
 _WAYS = {"mis": words.GIVES_BOTH, "light": words.GIVES_LIGHT, "bsdf": words.GIVES_BSDF}
+
+
+def start_off(mesh: Mesh) -> float:
+    """How far rays start off the surfaces of a mesh, in scene units: 1e-5 of its size, or 2 spacings of float32 at its
+    largest coordinate where that is more, as it is far from the origin.
+
+    Origins are rounded to float32, by half a spacing along each axis, which is at most 0.87 of one along a normal: with
+    less, a ray could start on its surface, or behind it, and meet it.
+    """
+    spacing = float(np.spacing(np.abs(mesh.bounds).max().astype(np.float32)))
+    return max(_START_OFF * float((mesh.bounds[1] - mesh.bounds[0]).max()), _START_OFF_SPACINGS * spacing)
 
 
 def tables_of(scene: BakeScene, texels: Texels, options: BakeOptions) -> Tables:
@@ -38,7 +50,7 @@ def tables_of(scene: BakeScene, texels: Texels, options: BakeOptions) -> Tables:
     sky, panorama = sky_tables(scene.sky, scene.sky.power)
     if not (np.isfinite(sky).all() and np.isfinite(panorama).all()):
         raise InputError("the sky times its power is beyond what float32 can hold; make it darker")
-    size = float((mesh.bounds[1] - mesh.bounds[0]).max())
+    offset = start_off(mesh)
     arrays: Any = (
         np.column_stack([normals, np.einsum("fi,fi->f", normals, corners[:, 0])]),
         mesh.vertices,
@@ -58,10 +70,10 @@ def tables_of(scene: BakeScene, texels: Texels, options: BakeOptions) -> Tables:
         np.zeros(0) if of_sky is None else of_sky.shares,
         np.zeros((1, 1), np.float32) if of_sky is None else of_sky.density,
         np.packbits(surface.panes, bitorder="little"),
-        _box(corners[surface.panes], 0.1 * START_OFF * size),  # rays that start off such faces are outside
+        _box(corners[surface.panes], 0.1 * offset),  # rays that start off such faces are outside
     )
     numbers = (
-        np.float64(START_OFF * size),
+        np.float64(offset),
         texels.atlas.width,
         np.float32(options.open_length),
         sky_by,

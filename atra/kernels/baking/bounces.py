@@ -47,7 +47,7 @@ def scatter(batch, count, vertex):  # type: ignore[no-untyped-def]
             set_vector(batch.floats, DIRECTION, i, around(vector(batch.floats, NORMAL, i), sphere))
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _is_pane(tables, prim_id):  # type: ignore[no-untyped-def]
     return prim_id != MISS and tables.pane_bits[prim_id >> 3] >> np.uint8(prim_id & 7) & 1 != 0
 
@@ -104,7 +104,7 @@ def trace_kernel(width: int, see_through: bool) -> Callable[..., int]:
     return trace
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _selected(tables, floats, path, vertex, light):  # type: ignore[no-untyped-def]
     """How often a ray is aimed at a light from where a path is: at texels always."""
     if vertex == 0:

@@ -210,7 +210,7 @@ def aim(batch, count, tables, given, vertex):  # type: ignore[no-untyped-def]
             floats[LENGTH, i] = reach
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def plane_of(vertex, kind):  # type: ignore[no-untyped-def]
     """Where light of a kind is added, seen from the texel (vertex 0) or after bounces."""
     if vertex > 0:

@@ -87,7 +87,7 @@ def harmonics(x, y, z):  # type: ignore[no-untyped-def]
 _harmonics = njit(harmonics)
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _project(results, direction, sums):  # type: ignore[no-untyped-def]
     weights = _harmonics(np.float64(direction[0]), np.float64(direction[1]), np.float64(direction[2]))
     for channel in range(CHANNELS):

@@ -42,7 +42,7 @@ def sample_key(number, sample, seed):  # type: ignore[no-untyped-def]
     return key_of(np.uint32(number), mixed(np.uint32(np.uint32(sample) * _GOLDEN + seed)))
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def fetch_row(array, row):  # type: ignore[no-untyped-def]
     """Ask for a row of up to two cache lines."""
     address = np.int64(array.ctypes.data) + np.int64(row) * array.strides[0]
@@ -50,7 +50,7 @@ def fetch_row(array, row):  # type: ignore[no-untyped-def]
     fetch(address + array.strides[0] - 1)
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _fetch_ahead(order, place, end, prim_id, tables):  # type: ignore[no-untyped-def]
     """Ask for what texels after number `place` of the order will read: it lies all over the memory."""
     if place + AHEAD < end and order[place + AHEAD] >= 0:

@@ -78,7 +78,7 @@ def _may_meet(box, floats, i):  # type: ignore[no-untyped-def]
     return near * _LESS <= far * _MORE
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _filter_light(batch, first, lanes, width, tables, panes, packet):  # type: ignore[no-untyped-def]
     """What rays that are still valid carry, times what each pane on their way lets on."""
     left = 0

@@ -100,12 +100,12 @@ class Batch(NamedTuple):
     results: NDArray[np.float32]
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def vector(rows, first, index):  # type: ignore[no-untyped-def]
     return rows[first, index], rows[first + 1, index], rows[first + 2, index]
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def set_vector(rows, first, index, value):  # type: ignore[no-untyped-def]
     rows[first, index], rows[first + 1, index], rows[first + 2, index] = value
 

@@ -60,24 +60,24 @@ class Prisms(NamedTuple):
     half: NDArray[np.float64]
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _row(prisms, tile, axis, middle, scale):  # type: ignore[no-untyped-def]
     """What carries a vertex along one axis, from the middle of the rectangle on and in blocks."""
     onto, shift = prisms.onto, prisms.shift[tile, axis] + middle
     return scale * onto[tile, axis, 0], scale * onto[tile, axis, 1], scale * onto[tile, axis, 2], scale * shift
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _times(row, x, y, z):  # type: ignore[no-untyped-def]
     return row[0] * x + row[1] * y + row[2] * z
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _reach(row, x, y, z):  # type: ignore[no-untyped-def]
     return abs(row[0]) * x + abs(row[1]) * y + abs(row[2]) * z
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _blocks(low_x, high_x, low_y, high_y):  # type: ignore[no-untyped-def]
     """Bits of those that a box meets, from -SIDE / 2 to SIDE / 2 on both axes."""
     half = SIDE / 2
@@ -91,7 +91,7 @@ def _blocks(low_x, high_x, low_y, high_y):  # type: ignore[no-untyped-def]
     return columns * np.uint64(0x0101010101010101) & rows
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _met_by_box(rows, margin, boxes, node):  # type: ignore[no-untyped-def]
     """Blocks of which a ray may meet the box."""
     low_x, low_y, low_z = np.float64(boxes[node, 0, 0]), np.float64(boxes[node, 0, 1]), np.float64(boxes[node, 0, 2])
@@ -104,7 +104,7 @@ def _met_by_box(rows, margin, boxes, node):  # type: ignore[no-untyped-def]
     return _blocks(across - wide, across + wide, down - high, down + high)
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _corners(row, blocks, block, place):  # type: ignore[no-untyped-def]
     """Along one axis: of a triangle's first corner, and along its edges there."""
     x, y, z = blocks[block, 0, place], blocks[block, 1, place], blocks[block, 2, place]
@@ -113,7 +113,7 @@ def _corners(row, blocks, block, place):  # type: ignore[no-untyped-def]
     return _times(row, x, y, z) - row[3], _times(row, a, b, c), _times(row, d, e, f)
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _met_by_triangle(rows, margin, off, open_blocks, blocks, block, place):  # type: ignore[no-untyped-def]
     """Blocks of which a ray may meet the triangle, and those all of whose rays do."""
     none = np.uint64(0)

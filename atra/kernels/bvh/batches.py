@@ -42,7 +42,7 @@ class Batch(NamedTuple):
     lists: NDArray[np.int64]
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _ray(batch, number):  # type: ignore[no-untyped-def]
     """(ray, tfar, length): the direction's largest component brought to 1 to 2 by a power of two, and its ends to
     match.
@@ -57,7 +57,7 @@ def _ray(batch, number):  # type: ignore[no-untyped-def]
     return (x, y, z, dx, dy, dz, batch.tnear[number] * length), batch.tfar[number] * length, inverse
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _look_up(tree, batch, shafts, first, last, memory):  # type: ignore[no-untyped-def]
     """Where the lists of rays to come begin, whose nearest nodes are on their way into the cache then."""
     for task in range(first, last):
@@ -71,9 +71,11 @@ def _look_up(tree, batch, shafts, first, last, memory):  # type: ignore[no-untyp
 
 
 @cache
-def batch_kernel(width: int, push: bool, any_hit: bool, counting: bool, seeded: bool) -> Callable[..., None]:
-    """The loop in packets of `width`; push, any_hit, counting: see `atra.kernels.bvh.single.nearest`. seeded: from the
-    lists of shafts."""
+def batch_kernel(
+    width: int, push: bool, any_hit: bool, counting: bool, robust: bool, seeded: bool
+) -> Callable[..., None]:
+    """The loop in packets of `width`; push, any_hit, counting, robust: see `atra.kernels.bvh.single.nearest`. seeded:
+    from the lists of shafts."""
 
     @float_kernel
     def trace_batch(counter_address, tree, batch, shafts, t, prim_id, memory):  # type: ignore[no-untyped-def]
@@ -99,7 +101,7 @@ def batch_kernel(width: int, push: bool, any_hit: bool, counting: bool, seeded: 
                         if counting:
                             count_start(place, counts)
                     found, hit = nearest(
-                        push, any_hit, counting, tree, ray, tfar, lists, place, stack, nears, counts
+                        push, any_hit, counting, robust, tree, ray, tfar, lists, place, stack, nears, counts
                     )  # fmt: skip
                     t[number] = found * inverse if hit != MISS else INFINITY
                     prim_id[number] = hit
@@ -113,8 +115,8 @@ def batch_kernel(width: int, push: bool, any_hit: bool, counting: bool, seeded: 
                     count_start(batch.lists[task], counts)
                 ways = memory.ways.ctypes.data
                 nearest_of_packet(
-                    width, push, any_hit, counting, tree, bundle.ctypes.data, lists, batch.lists[task], stack, ways,
-                    counts,
+                    width, push, any_hit, counting, robust, tree, bundle.ctypes.data, lists, batch.lists[task], stack,
+                    ways, counts,
                 )  # fmt: skip
                 for lane in range(last - first):
                     number = batch.order[first + lane]

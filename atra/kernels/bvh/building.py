@@ -282,7 +282,7 @@ def lay_out(draft, nodes, leaves):  # type: ignore[no-untyped-def]
 
 @kernel
 def fill_blocks(counter_address, vertices, faces, order, leaves, blocks):  # type: ignore[no-untyped-def]
-    """Corners, edges and prim_ids of the triangles of each leaf into its blocks; blocks: (B, 10, BLOCK) uint32, 0."""
+    """Corners and prim_ids of the triangles of each leaf into its blocks; blocks: (B, 10, BLOCK) uint32."""
     floats = blocks.view(np.float32)
     while True:
         start = fetch_add(counter_address, 1) * _CHUNK
@@ -293,9 +293,7 @@ def fill_blocks(counter_address, vertices, faces, order, leaves, blocks):  # typ
             for k in range(count):
                 face = order[first + k]
                 into, place = block + k // BLOCK, k % BLOCK
-                for axis in range(3):
-                    corner = vertices[faces[face, 0], axis]
-                    floats[into, axis, place] = corner
-                    floats[into, 3 + axis, place] = vertices[faces[face, 1], axis] - corner
-                    floats[into, 6 + axis, place] = vertices[faces[face, 2], axis] - corner
+                for corner in range(3):
+                    for axis in range(3):
+                        floats[into, 3 * corner + axis, place] = vertices[faces[face, corner], axis]
                 blocks[into, 9, place] = face

@@ -38,7 +38,7 @@ class Start(Enum):
     tile = "tile"
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def pixel_ray(parallel, placed, rays, shared, x, y):  # type: ignore[no-untyped-def]
     """Origin, direction and tnear of the ray of pixel (x, y); placed: rays of one eye start at `shared`, not at 0."""
     a = ray_component(rays.columns[0, x] + rays.rows[0, y])
@@ -51,7 +51,7 @@ def pixel_ray(parallel, placed, rays, shared, x, y):  # type: ignore[no-untyped-
     return (_ZERO, _ZERO, _ZERO, a, b, c, _ZERO)
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def set_ray(bundle, lane, ray, tfar):  # type: ignore[no-untyped-def]
     """A ray into a lane of a bundle."""
     x, y, z, dx, dy, dz, tnear = ray
@@ -62,7 +62,7 @@ def set_ray(bundle, lane, ray, tfar):  # type: ignore[no-untyped-def]
     bundle[TNEAR, lane], bundle[TFAR, lane] = tnear, tfar
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def hit_of(bundle, width, lane):  # type: ignore[no-untyped-def]
     """(t, prim_id) that a lane of a bundle holds."""
     address = bundle.ctypes.data + 4 * lane
@@ -71,9 +71,9 @@ def hit_of(bundle, width, lane):  # type: ignore[no-untyped-def]
 
 @cache
 def image_kernel(
-    shape_x: int, shape_y: int, push: bool, counting: bool, parallel: bool, start: Start
+    shape_x: int, shape_y: int, push: bool, counting: bool, robust: bool, parallel: bool, start: Start
 ) -> Callable[..., None]:
-    """The loop for packets of shape_x x shape_y pixels; push, counting: see `atra.kernels.bvh.single.nearest`.
+    """The loop for packets of shape_x x shape_y pixels; push, counting, robust: see `atra.kernels.bvh.single.nearest`.
 
     parallel: rays differ in their origins and share a direction, instead of the reverse. start: what rays start from.
     """
@@ -115,7 +115,7 @@ def image_kernel(
                         if (seeded or tiled) and counting:
                             count_start(place, counts)
                         t, prim_id = nearest(
-                            push, False, counting, tree, ray, INFINITY, lists, place, stack, nears, counts
+                            push, False, counting, robust, tree, ray, INFINITY, lists, place, stack, nears, counts
                         )  # fmt: skip
                         image.depth[y0, x0], image.prim_id[y0, x0] = t, prim_id
                         continue
@@ -127,7 +127,8 @@ def image_kernel(
                         set_ray(bundle, lane, pixel_ray(parallel, tiled, rays, shared, x, y), tfar)
                     ways = memory.ways.ctypes.data
                     nearest_of_packet(
-                        width, push, False, counting, tree, bundle.ctypes.data, lists, first, stack, ways, counts
+                        width, push, False, counting, robust, tree, bundle.ctypes.data, lists, first, stack, ways,
+                        counts,
                     )  # fmt: skip
                     for lane in range(width):
                         x, y = x0 + lane % shape_x, y0 + lane // shape_x

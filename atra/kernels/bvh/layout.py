@@ -20,10 +20,11 @@ BIAS = 1 << 23
 """Added to both. Tests of boxes read them as floats and drop the result; denormal ones take long to multiply."""
 
 BLOCK = 4
-"""Triangles tested at once by a single ray; places that are left over hold triangles without area."""
+"""Triangles tested at once by a single ray; places that are left over hold NaN, which no ray hits."""
 
 BLOCK_BYTES = 40 * BLOCK
-"""First corners, first edges, second edges, x y z each, and prim_ids: four of each side by side."""
+"""First, second and third corners, x y z each, and prim_ids: four of each side by side. Corners, not edges: what two
+triangles share must be the same numbers for both, or rays slip through between them."""
 
 IDS = 36 * BLOCK
 """Bytes from a block's start to its prim_ids."""
@@ -45,13 +46,13 @@ class Tree(NamedTuple):
     blocks: int
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def first_of(node):  # type: ignore[no-untyped-def]
     """The first child of an inner node at an address, or the first block of a leaf."""
     return np.int64(int32_at(node + FIRST)) - BIAS
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def kind_of(node):  # type: ignore[no-untyped-def]
     """The kind of the node at an address."""
     return np.int64(int32_at(node + KIND)) - BIAS

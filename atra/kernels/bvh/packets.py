@@ -6,44 +6,73 @@ import numpy as np
 from numba import njit
 
 from atra.kernels.bvh.layout import BLOCK, BLOCK_BYTES, IDS, NODE_BYTES, first_of, kind_of
-from atra.kernels.bvh.single import BLOCKS, BOXES, SLACK, STEPS, next_node
-from atra.kernels.bvh.triangles import meet
+from atra.kernels.bvh.single import BLOCKS, BOXES, MARGIN, SLACK, STEPS, next_node
+from atra.kernels.bvh.triangles import CLAMP_SLACK, meet, meet_closed, shear_of
 from atra.kernels.gathering.lanes import is_below, uint32_at
 from atra.kernels.intrinsics import float_at
 from atra.kernels.packets import MISS
 from atra.kernels.raster.memory import load, store
-from atra.kernels.raster.vectors import bits_of, lane, larger, repeated, smaller, where
+from atra.kernels.raster.vectors import bits_of, lane, larger, repeated, size, smaller, where
 
 X, Y, Z, DIRECTION_X, DIRECTION_Y, DIRECTION_Z, INVERSE_X, INVERSE_Y, INVERSE_Z, TNEAR, TFAR, PRIM_ID = range(12)
 """Rows of a bundle: rays, one a column, and what they hit; all float32 but PRIM_ID, which is uint32."""
 
 ROWS = 12
 
-_ZERO = np.float32(0.0)
+_ZERO, _ONE = np.float32(0.0), np.float32(1.0)
 _NOTHING = np.float32(np.inf)
 
 
-@njit(inline="always")
-def ways_through(node, width, x, y, z, across, along, away):  # type: ignore[no-untyped-def]
-    """Where rays enter the box of a node at an address, and where they leave it."""
+@njit(forceinline=True)
+def _reach(tree, axis, width, place):  # type: ignore[no-untyped-def]
+    """How far the box of all triangles reaches from places on an axis."""
+    low, high = tree.nodes + 4 * axis, tree.nodes + NODE_BYTES // 2 + 4 * axis
+    return larger(size(repeated(float_at(low), width) - place), size(repeated(float_at(high), width) - place))
+
+
+@njit(forceinline=True)
+def _margins(robust, tree, width, x, y, z, across, along, away, shear):  # type: ignore[no-untyped-def]
+    """As `atra.kernels.bvh.single.margin_of`, of rays: along each axis."""
+    if not robust:
+        none = repeated(_ZERO, width)
+        return none, none, none
+    a, b, c = _reach(tree, 0, width, x), _reach(tree, 1, width, y), _reach(tree, 2, width, z)
+    major, share = where(shear[0], a, where(shear[1], b, c)), repeated(MARGIN, width)
+    return (a + major) * size(across) * share, (b + major) * size(along) * share, (c + major) * size(away) * share
+
+
+@njit(forceinline=True)
+def ways_through(robust, node, width, x, y, z, across, along, away, margins):  # type: ignore[no-untyped-def]
+    """Where rays enter the box of a node at an address, and where they leave it. margins: of `_margins`."""
     x0 = (repeated(float_at(node), width) - x) * across
     x1 = (repeated(float_at(node + 16), width) - x) * across
     y0 = (repeated(float_at(node + 4), width) - y) * along
     y1 = (repeated(float_at(node + 20), width) - y) * along
     z0 = (repeated(float_at(node + 8), width) - z) * away
     z1 = (repeated(float_at(node + 24), width) - z) * away
-    first = larger(larger(smaller(x0, x1), smaller(y0, y1)), smaller(z0, z1))
-    last = smaller(smaller(larger(x0, x1), larger(y0, y1)), larger(z0, z1))
-    return first, last
+    x0, x1, y0, y1, z0, z1 = (
+        smaller(x0, x1),
+        larger(x0, x1),
+        smaller(y0, y1),
+        larger(y0, y1),
+        smaller(z0, z1),
+        larger(z0, z1),
+    )
+    if robust:
+        x0, y0, z0 = x0 - margins[0], y0 - margins[1], z0 - margins[2]
+        x1, y1, z1 = x1 + margins[0], y1 + margins[1], z1 + margins[2]
+    return larger(larger(x0, y0), z0), smaller(smaller(x1, y1), z1)
 
 
-@njit(inline="always")
-def nearest_of_packet(width, push, any_hit, counting, tree, bundle, lists, start, stack, ways, counts):  # type: ignore[no-untyped-def]
+@njit(forceinline=True)
+def nearest_of_packet(  # type: ignore[no-untyped-def]
+    width, push, any_hit, counting, robust, tree, bundle, lists, start, stack, ways, counts
+):
     """The nearest hits of the rays of a bundle below the nodes of a list.
 
-    push, any_hit, counting, lists, start, stack: as for `atra.kernels.bvh.single.nearest`. bundle: address of ROWS rows
-    of `width`; the hits are left in TFAR and PRIM_ID. A lane whose TFAR is below 0 is idle. ways: float32, address of
-    `width` for each place of the stack. Children come in the order of the first ray.
+    push, any_hit, counting, robust, lists, start, stack: as for `atra.kernels.bvh.single.nearest`. bundle: address of
+    ROWS rows of `width`; the hits are left in TFAR and PRIM_ID. A lane whose TFAR is below 0 is idle. ways: float32,
+    address of `width` for each place of the stack. Children come in the order of the first ray.
     """
     row = 4 * width
     x, y, z = load(bundle, _ZERO, width), load(bundle + row, _ZERO, width), load(bundle + 2 * row, _ZERO, width)
@@ -55,7 +84,9 @@ def nearest_of_packet(width, push, any_hit, counting, tree, bundle, lists, start
     away = load(bundle + INVERSE_Z * row, _ZERO, width)
     tnear, best = load(bundle + TNEAR * row, _ZERO, width), load(bundle + TFAR * row, _ZERO, width)
     prim_ids = repeated(MISS, width)
-    zero, one, nothing = repeated(_ZERO, width), repeated(np.float32(1.0), width), repeated(_NOTHING, width)
+    zero, one, nothing = repeated(_ZERO, width), repeated(_ONE, width), repeated(_NOTHING, width)
+    shear = shear_of(dx, dy, dz, zero, one)
+    margins = _margins(robust, tree, width, x, y, z, across, along, away, shear)
     ahead = (1 if lane(dx, 0) > _ZERO else 0) | (2 if lane(dy, 0) > _ZERO else 0) | (4 if lane(dz, 0) > _ZERO else 0)
     slack, top, left = repeated(SLACK, width), 0, np.int64(lists[start])
     while top > 0 or left > 0:
@@ -63,7 +94,7 @@ def nearest_of_packet(width, push, any_hit, counting, tree, bundle, lists, start
         if not push or is_entry:
             if counting:
                 counts[BOXES] += 1
-            first, last = ways_through(node, width, x, y, z, across, along, away)
+            first, last = ways_through(robust, node, width, x, y, z, across, along, away, margins)
             entered = bits_of(larger(first, tnear) <= smaller(last, best) * slack) != 0
         else:
             entered = bits_of(load(ways + top * row, _ZERO, width) <= best * slack) != 0
@@ -80,18 +111,22 @@ def nearest_of_packet(width, push, any_hit, counting, tree, bundle, lists, start
                     for k in range(BLOCK):
                         at = tree.blocks + block * BLOCK_BYTES + 4 * k
                         step = 4 * BLOCK
-                        hits, t = meet(
-                            repeated(float_at(at), width) - x,
-                            repeated(float_at(at + step), width) - y,
-                            repeated(float_at(at + 2 * step), width) - z,
-                            repeated(float_at(at + 3 * step), width),
-                            repeated(float_at(at + 4 * step), width),
-                            repeated(float_at(at + 5 * step), width),
-                            repeated(float_at(at + 6 * step), width),
-                            repeated(float_at(at + 7 * step), width),
-                            repeated(float_at(at + 8 * step), width),
-                            dx, dy, dz, zero, one,
-                        )  # fmt: skip
+                        x0, y0 = repeated(float_at(at), width), repeated(float_at(at + step), width)
+                        z0, x1 = repeated(float_at(at + 2 * step), width), repeated(float_at(at + 3 * step), width)
+                        y1, z1 = repeated(float_at(at + 4 * step), width), repeated(float_at(at + 5 * step), width)
+                        x2, y2 = repeated(float_at(at + 6 * step), width), repeated(float_at(at + 7 * step), width)
+                        z2 = repeated(float_at(at + 8 * step), width)
+                        if robust:
+                            hits, t = meet_closed(
+                                x0 - x, y0 - y, z0 - z, x1 - x, y1 - y, z1 - z, x2 - x, y2 - y, z2 - z,
+                                x1 - x0, y1 - y0, z1 - z0, x2 - x0, y2 - y0, z2 - z0,
+                                dx, dy, dz, shear, zero, one, repeated(np.float32(CLAMP_SLACK), width),
+                            )  # fmt: skip
+                        else:
+                            hits, t = meet(
+                                x0 - x, y0 - y, z0 - z, x1 - x0, y1 - y0, z1 - z0, x2 - x0, y2 - y0, z2 - z0,
+                                dx, dy, dz, zero, one,
+                            )  # fmt: skip
                         found = repeated(uint32_at(at + IDS), width)
                         as_near = (t >= best) & (t <= best) & is_below(found, prim_ids)
                         hits = hits & (t > tnear) & ((best > t) | as_near)
@@ -110,8 +145,8 @@ def nearest_of_packet(width, push, any_hit, counting, tree, bundle, lists, start
             node = tree.nodes + child * NODE_BYTES
             if counting:
                 counts[BOXES] += 2
-            first0, last0 = ways_through(node, width, x, y, z, across, along, away)
-            first1, last1 = ways_through(node + NODE_BYTES, width, x, y, z, across, along, away)
+            first0, last0 = ways_through(robust, node, width, x, y, z, across, along, away, margins)
+            first1, last1 = ways_through(robust, node + NODE_BYTES, width, x, y, z, across, along, away, margins)
             enters0 = larger(first0, tnear) <= smaller(last0, best) * slack
             enters1 = larger(first1, tnear) <= smaller(last1, best) * slack
             if bits_of(enters0) and bits_of(enters1):

@@ -15,12 +15,12 @@ _CHUNK = 64
 """Rays a thread takes at a time."""
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _cross(ax, ay, az, bx, by, bz):  # type: ignore[no-untyped-def]
     return ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _length(x, y, z):  # type: ignore[no-untyped-def]
     return np.sqrt(x * x + y * y + z * z)
 

@@ -26,12 +26,12 @@ _BLOCK = 128  # rays per pass over the triangles: they stay in the first-level c
 _MISS = int(MISS)
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _cross(ax, ay, az, bx, by, bz):  # type: ignore[no-untyped-def]
     return ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _dot(ax, ay, az, bx, by, bz):  # type: ignore[no-untyped-def]
     return ax * bx + ay * by + az * bz
 

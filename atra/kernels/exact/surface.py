@@ -45,7 +45,7 @@ class PixelGrid(NamedTuple):
     is_parallel: bool
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _difference(vertices, to, start):  # type: ignore[no-untyped-def]
     return (
         np.float64(vertices[to, 0]) - np.float64(vertices[start, 0]),
@@ -54,22 +54,22 @@ def _difference(vertices, to, start):  # type: ignore[no-untyped-def]
     )
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _cross(a, b):  # type: ignore[no-untyped-def]
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _dot(a, b):  # type: ignore[no-untyped-def]
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _turned(axes, a):  # type: ignore[no-untyped-def]
     return _dot(axes[0], a), _dot(axes[1], a), _dot(axes[2], a)
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _triangle(vertices, faces, prim_id):  # type: ignore[no-untyped-def]
     """First corner and the two edges leaving it, float64, world space."""
     first = faces[prim_id, 0]
@@ -81,7 +81,7 @@ def _triangle(vertices, faces, prim_id):  # type: ignore[no-untyped-def]
     )
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _along_row(eye, axes, is_parallel, triangle, row):  # type: ignore[no-untyped-def]
     """What pixels of a row that see the triangle have in common: the column that they are counted from, and slope and
     start there of the volumes `facing`, `u`, `v` and `ahead`, and of the squares up to which `facing` and `ahead` are
@@ -129,12 +129,12 @@ def _weights(column, along):  # type: ignore[no-untyped-def]
     return (u[0] * x + u[1]) * reciprocal, (v[0] * x + v[1]) * reciprocal
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _linear(slope_and_start, x):  # type: ignore[no-untyped-def]
     return repeated(slope_and_start[0], _LANES) * x + repeated(slope_and_start[1], _LANES)
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _weights_of_block(address, along):  # type: ignore[no-untyped-def]
     """u and v of a block of pixels, and whether they all have some; address: of their columns."""
     start, facing, u, v, ahead, noise, near = along
@@ -146,12 +146,12 @@ def _weights_of_block(address, along):  # type: ignore[no-untyped-def]
     return _linear(u, x) * reciprocal, _linear(v, x) * reciprocal, bits_of(has_some) == (1 << _LANES) - 1
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _linear_in_two(corner, e1, e2, u, v):  # type: ignore[no-untyped-def]
     return rounded(repeated(corner, _LANES) + repeated(e1, _LANES) * u + repeated(e2, _LANES) * v)
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _end_of_run(prim_id, y, start):  # type: ignore[no-untyped-def]
     end = start + 1
     while end < prim_id.shape[1] and prim_id[y, end] == prim_id[y, start]:

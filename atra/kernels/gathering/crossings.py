@@ -55,13 +55,13 @@ def project(counter_address, parallel, vertices, count, eye, points):  # type: i
         project_vertices(parallel, vertices + start * 4, count, size, eye, points + start * POINT_BYTES)
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def homogeneous_of(view, vertex):  # type: ignore[no-untyped-def]
     """`homogeneous` of a vertex."""
     return homogeneous(view.to_pixels, _from_eye(view, vertex))
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _from_eye(view, vertex):  # type: ignore[no-untyped-def]
     vertices, eye = view.vertices, view.eye
     return vertices[vertex, 0] - eye[0], vertices[vertex, 1] - eye[1], vertices[vertex, 2] - eye[2]
@@ -141,7 +141,7 @@ def depth_at(parallel, view, points, v0, v1, v2, i, j):  # type: ignore[no-untyp
     return 1.0 / min(max(nearness, least), most)
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _inside_of_image(low, high, last):  # type: ignore[no-untyped-def]
     """The first and last whole number of 0 ... last from `low` to `high`."""
     return max(int(np.ceil(max(low, 0.0))), 0), int(np.floor(min(high, float(last))))

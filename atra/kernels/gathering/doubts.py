@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 from numba import njit
@@ -24,6 +24,22 @@ from atra.kernels.raster.vectors import mask_of, repeated
 ROUNDINGS = 16.0
 """Roundings, of the largest product, that a volume may be off by: those of the corners, of the ray, of two edges, of
 two products and their differences, and of the sum of three volumes, are 12; and a few to spare."""
+
+ROBUST_ROUNDINGS = 24.0
+"""The same of Embree's robust test. For an edge between corners p and q, from the ray's origin, it computes
+U = ((q - p) x (q + p)) . d, which is twice the volume. With corners at most `far` away and an edge of length `long`,
+counted in roundings of far long |d|, U is off by
+
+4    corners, 1 each: a corner's error times the other and the direction, which passes it by `long` at most
+2    q - p, and 2 for q + p, which is as long as 2 far
+5.7  the products of the cross product and their difference, 2 roundings of sqrt(2) long 2 far
+6    the products of the scalar product and their sums, 3 roundings of long 2 far
+4    the direction, a sum of a column and a row, 2 roundings of long 2 far
+
+together 23.7, so the volume by 11.9. Its test takes what is outside by 2^-23 |U + V + W|, too, and U + V + W is at most
+2 long^2 |d| with long <= 2 far: 4 more for the volume. That is 16, and a few to spare.
+Sources: PlueckerIntersector1 and PlueckerIntersectorK in Embree's kernels/geometry/triangle_intersector_pluecker.h;
+N. J. Higham, "Accuracy and Stability of Numerical Algorithms", 2nd ed., SIAM 2002, chapter 3."""
 
 _FLOAT32_UNIT = 2.0**-24
 
@@ -40,21 +56,28 @@ _CHUNK = 1024
 
 class Precision(NamedTuple):
     """How exact float32 rays are. pitch: of pixels. direction: the longest. stretch: times that a shear lengthens at
-    most. shift: length that is added to corners, in origins of rays and in translations, at most."""
+    most. shift: length that is added to corners, in origins of rays and in translations, at most. roundings: ROUNDINGS
+    or ROBUST_ROUNDINGS."""
 
     pitch: float
     direction: float
     stretch: float
     shift: float
+    roundings: float
+
+    @classmethod
+    def of(cls, pitch: float, direction: float, stretch: float, shift: float, robust: bool) -> Self:
+        """The bound of Embree's robust test of triangles, or of its fast one."""
+        return cls(pitch, direction, stretch, shift, ROBUST_ROUNDINGS if robust else ROUNDINGS)
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _whole(low, high, last):  # type: ignore[no-untyped-def]
     """First and last whole number from `low` to `high` and of 0 ... last."""
     return int(np.ceil(min(max(low, 0.0), last + 1.0))), int(np.floor(max(min(high, last), -1.0)))
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _is_beside(i, j, edge, tolerance):  # type: ignore[no-untyped-def]
     return edge[0] * i + edge[1] * j + edge[2] < -tolerance
 
@@ -86,7 +109,7 @@ def _walk(edge, tolerance, second, second_tolerance, third, third_tolerance, box
                 keys[place] = (j * width + i) << 32 | triangle
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _normal(view, v, w):  # type: ignore[no-untyped-def]
     """(a, b, c): the volume of samples, the eye and two corners is a i + b j + c."""
     ax, ay, az = homogeneous_of(view, v)
@@ -94,7 +117,7 @@ def _normal(view, v, w):  # type: ignore[no-untyped-def]
     return ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _sizes(view, v0, v1, v2):  # type: ignore[no-untyped-def]
     """(farthest corner from the eye, longest edge)."""
     vertices, eye = view.vertices, view.eye
@@ -133,14 +156,14 @@ def _list_all(edges, tolerance, size, triangle, keys, count):  # type: ignore[no
                     keys[place] = (j * width + i) << 32 | triangle
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _line(px, py, qx, qy, sign):  # type: ignore[no-untyped-def]
     """(a, b, c) of the line through two pixel positions."""
     dx, dy = sign * (qx - px), sign * (qy - py)
     return -dy, dx, dy * px - dx * py
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _depth_line(x0, y0, w0, x1, y1, w1, x2, y2, w2):  # type: ignore[no-untyped-def]
     """(a, b, c) of the line where the plane of a triangle meets a parallel image plane; times the area its depth."""
     x1, y1, w1, x2, y2, w2 = x1 - x0, y1 - y0, w1 - w0, x2 - x0, y2 - y0, w2 - w0
@@ -148,7 +171,7 @@ def _depth_line(x0, y0, w0, x1, y1, w1, x2, y2, w2):  # type: ignore[no-untyped-
     return a, b, w0 * area - a * x0 - b * y0
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _turned(edge, sign):  # type: ignore[no-untyped-def]
     return edge[0] * sign, edge[1] * sign, edge[2] * sign
 
@@ -159,7 +182,7 @@ def list_doubts(counter_address, parallel, view, points, faces, width, height, p
 
     points: of `projected`. keys: (N,) int64, (y * width + x) << 32 | triangle, written as far as they reach.
     """
-    unit = ROUNDINGS * _FLOAT32_UNIT
+    unit = precision.roundings * _FLOAT32_UNIT
     per_pixel, size = precision.direction / precision.pitch**2, (width, height)
     while True:
         start = fetch_add(counter_address, 1) * _CHUNK

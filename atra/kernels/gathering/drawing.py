@@ -26,7 +26,7 @@ SPARE = 8
 """Hits of a pixel that are kept beside its layers until all are sorted, so that few pixels are ever full."""
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _target_of(kind, image, band, band_rows, workspace):  # type: ignore[no-untyped-def]
     """What the hits of a band are taken into, by the pixels of the image: memory that stays in the cache."""
     plane = band_rows * image.row
@@ -37,7 +37,7 @@ def _target_of(kind, image, band, band_rows, workspace):  # type: ignore[no-unty
     return Target(values, prim_ids, counts, image.row, plane, layers, image.weights, 0, 0, 0, 0)
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _clear(kind, lanes, band, target):  # type: ignore[no-untyped-def]
     """Set a band to what it is without a hit; layers by their counts alone."""
     first, end = band.top * target.row * 4, (band.bottom + 1) * target.row * 4
@@ -50,7 +50,7 @@ def _clear(kind, lanes, band, target):  # type: ignore[no-untyped-def]
             store(repeated(start, lanes), target.values + byte)
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _gather_cluster(  # type: ignore[no-untyped-def]
     kind, lanes, half, parallel, has_depth, has_factors, eye, clusters, cluster, width, band, workspace, target
 ):  # fmt: skip

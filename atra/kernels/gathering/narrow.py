@@ -27,7 +27,7 @@ from atra.kernels.raster.triangles import (
 from atra.kernels.raster.vectors import bits_of, mask_of, rarely, repeated, smaller, where
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def take_narrow(  # type: ignore[no-untyped-def]
     kind, lanes, nx, parallel, has_depth, weight, prim_id, packed, k, workspace, target
 ):  # fmt: skip

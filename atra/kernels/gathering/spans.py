@@ -13,7 +13,7 @@ from atra.kernels.raster.triangles import corner_at
 from atra.kernels.raster.vectors import counted, mask_of, repeated
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def take_spans(  # type: ignore[no-untyped-def]
     kind, lanes, parallel, has_depth, has_factors, eye, vertices, vertex_count, weight, prim_id, packed, width, band,
     workspace, target,

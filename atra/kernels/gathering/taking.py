@@ -24,14 +24,14 @@ COUNT, THICKNESS, TRANSMITTANCE, LAYERS = range(4)
 """Kinds of reduction: constants of compiled code, so that each has its own."""
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _take_count(lanes, nx, taken, pixel, target):  # type: ignore[no-untyped-def]
     """One more for every hit."""
     place, row = target.values + pixel * 4, target.row * 4
     store_rows(one_more(taken, load_rows(place, row, np.uint32(0), lanes, nx)), place, row, nx)
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _take_thickness(lanes, nx, taken, depth, weight, pixel, target):  # type: ignore[no-untyped-def]
     """The depths at which rays leave, less those at which they enter."""
     place, row = target.values + pixel * 4, target.row * 4
@@ -39,7 +39,7 @@ def _take_thickness(lanes, nx, taken, depth, weight, pixel, target):  # type: ig
     store_rows(chosen(taken, old + repeated(weight, lanes) * depth, old), place, row, nx)
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _take_factor(lanes, nx, taken, weight, pixel, target):  # type: ignore[no-untyped-def]
     """The product of the factors."""
     place, row = target.values + pixel * 4, target.row * 4
@@ -47,21 +47,21 @@ def _take_factor(lanes, nx, taken, weight, pixel, target):  # type: ignore[no-un
     store_rows(chosen(taken, old * repeated(weight, lanes), old), place, row, nx)
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def is_nearer(depth, prim_id, other, other_id):  # type: ignore[no-untyped-def]
     """The mask where a hit comes before another one in the order of layers."""
     same = (depth <= other) & (other <= depth)
     return either(other > depth, same & is_below(prim_id, other_id))
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _put(lanes, nx, mask, depth, prim_ids, place, target):  # type: ignore[no-untyped-def]
     """Store the lanes of a mask in a layer, `place` bytes from the first one's first pixel on."""
     store_rows_where(mask, depth, target.values + place, target.row * 4, nx)
     store_rows_where(mask, prim_ids, target.prim_ids + place, target.row * 4, nx)
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _put_last(lanes, nx, mask, depth, prim_ids, pixel, target):  # type: ignore[no-untyped-def]
     """Put a hit among the layers, and the farthest of all of them in the last one, in place of what is there."""
     row, place = target.row * 4, pixel * 4
@@ -77,7 +77,7 @@ def _put_last(lanes, nx, mask, depth, prim_ids, pixel, target):  # type: ignore[
     _put(lanes, nx, mask, depth, prim_ids, place, target)
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _put_next(lanes, nx, free, bits, before, depth, prim_ids, pixel, target):  # type: ignore[no-untyped-def]
     """Put a hit behind the others where the pixels of `bits` among those of the mask `free` have as many as the first
     of them; returns the bits that are left. Where there are none, it puts nothing."""
@@ -89,7 +89,7 @@ def _put_next(lanes, nx, free, bits, before, depth, prim_ids, pixel, target):  #
     return bits & ~bits_of(put)
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _take_layer(lanes, nx, taken, depth, prim_id, pixel, target):  # type: ignore[no-untyped-def]
     """Behind the hits that are there, in no order, for all are sorted at last. Where layers are full, the last one has
     the farthest hit, and what is farther is counted only."""
@@ -111,7 +111,7 @@ def _take_layer(lanes, nx, taken, depth, prim_id, pixel, target):  # type: ignor
     store_rows(one_more(taken, before), counts, row, nx)
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def take(kind, lanes, nx, taken, depth, weight, prim_id, pixel, target):  # type: ignore[no-untyped-def]
     """Take a hit of the `lanes` pixels, in rows of nx, where the mask `taken` is True; the first is `pixel`.
 

@@ -50,7 +50,7 @@ class Target(NamedTuple):
         return np.array(self, np.int64)
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def target_at(block):  # type: ignore[no-untyped-def]
     """The `Target` at an address."""
     return Target(
@@ -79,7 +79,7 @@ def _listed(marked, nx, prim_id, pixel, target):  # type: ignore[no-untyped-def]
     return found
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def without_doubts(lanes, nx, taken, prim_id, pixel, target):  # type: ignore[no-untyped-def]
     """Of a mask of `lanes` pixels, in rows of nx, those where the triangle is not in doubt. pixel: the first."""
     mark = 1 << np.int64(prim_id % np.uint32(MARKS))

@@ -145,7 +145,7 @@ def _sorted(keys: NDArray[np.uint64], pool: WorkerPool) -> NDArray[np.uint64]:
     return keys
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _exponent(number):  # type: ignore[no-untyped-def]
     """The power of 2 of a float32 that is not negative, up to a constant."""
     return np.int64(np.float32(number).view(np.int32) >> 23)

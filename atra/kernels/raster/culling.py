@@ -29,7 +29,7 @@ _NEARER = 2.0**-20
 """Share by which a bound of nearness is widened; rounding it to float32 changes it by less."""
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _extent(a, b, c, box):  # type: ignore[no-untyped-def]
     """Lowest and highest value of a x + b y + c z in a box, and the size of its summands."""
     low = high = size = 0.0
@@ -40,7 +40,7 @@ def _extent(a, b, c, box):  # type: ignore[no-untyped-def]
     return low, high, size
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _corners(a, b, c, d, e, f, box):  # type: ignore[no-untyped-def]
     """Lowest and highest (a x + b y + c z) / (d x + e y + f z) of a box that lies where the divisor is above 0."""
     x = where(mask_of(0b10101010, 8), repeated(box[3], 8), repeated(box[0], 8))

@@ -80,7 +80,7 @@ def list_clusters(order, rectangles, band, here):  # type: ignore[no-untyped-def
     return place
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def fetch_vertices(clusters, cluster):  # type: ignore[no-untyped-def]
     """Ask for the vertices of a cluster that may be drawn next."""
     firsts = integers_at(clusters.firsts)
@@ -88,7 +88,7 @@ def fetch_vertices(clusters, cluster):  # type: ignore[no-untyped-def]
         fetch(clusters.vertices + place)
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def open_cluster(parallel, eye, clusters, cluster, width, band, workspace):  # type: ignore[no-untyped-def]
     """List what a cluster may have in a band. Returns how many triangles, the addresses of its prim_ids and its
     vertices, and how many those are."""

@@ -38,7 +38,7 @@ SURELY_NEAREST = 0.25
 """Pixels; a crossing known to this is next to one whole number only."""
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _add_product(sum_, count, a, b):  # type: ignore[no-untyped-def]
     """Add a b to an exact sum of `count` float64, none of which overlap, ascending in size; returns their number."""
     high = a * b
@@ -84,7 +84,7 @@ def side(px, py, qx, qy, i, j, exact):  # type: ignore[no-untyped-def]
     return 1 if qx > px else -1 if qx < px else 0
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def crossing_error(x, way):  # type: ignore[no-untyped-def]
     """Largest error, pixels, of where an edge crosses a row: x of a corner plus the way from there."""
     return _CROSSING_ROUNDINGS * UNIT * (abs(x) + 2.0 * abs(way))

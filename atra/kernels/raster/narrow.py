@@ -54,7 +54,7 @@ def decided(points, packed, left, top, lanes, nx, exact):  # type: ignore[no-unt
     return bits
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def draw_narrow(lanes, parallel, prim_id, packed, k, band, workspace):  # type: ignore[no-untyped-def]
     """Draw an ordinary triangle, the k-th of its batch and with these corners, with vectors of `lanes`.
 

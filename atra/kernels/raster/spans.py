@@ -46,7 +46,7 @@ def holds_eye(a, b, c):  # type: ignore[no-untyped-def]
     return abs(volume) <= _VOLUME_ROUNDINGS * UNIT * (sizes + abs(z0) * (abs(x1 * y2) + abs(y1 * x2)))
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def from_eye(eye, vertices, count, packed, corner):  # type: ignore[no-untyped-def]
     """A corner, in the world's axes, seen from the eye; vertices: address of the `count` of its cluster."""
     values, position = floats_at(vertices), doubles_at(eye.position)
@@ -55,7 +55,7 @@ def from_eye(eye, vertices, count, packed, corner):  # type: ignore[no-untyped-d
     return x - position[0], y - position[1], z - position[2]
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def homogeneous(m, corner):  # type: ignore[no-untyped-def]
     """(x, y, 1) times the depth of a corner, or (x, y, 1) where rays are parallel; x and y its pixel position."""
     u, v, w = corner
@@ -66,7 +66,7 @@ def homogeneous(m, corner):  # type: ignore[no-untyped-def]
     )
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _inverse_of(volume):  # type: ignore[no-untyped-def]
     """Of a volume of 0 something huge, so that the plane is at the eye."""
     return 1.0 / volume if volume != 0.0 else 1e200
@@ -205,7 +205,7 @@ def find_spans(parallel, eye, vertices, vertex_count, packed, width, band, works
     return Spans(facing, top, bottom, slope_x, slope_y, constant, farthest, nearest, is_gentle)
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def nearness_of(parallel, lanes, found, row, start):  # type: ignore[no-untyped-def]
     """Nearness, float32, from column `start` on. found: `Spans`. row: nearness in column 0 of the row."""
     if found.is_gentle:

@@ -94,14 +94,14 @@ def project_vertices(parallel, vertices, stride, count, eye, points):  # type: i
         store_points(x, y, nearness, points + vertex * POINT_BYTES)
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def corner_at(points, packed, corner):  # type: ignore[no-untyped-def]
     """(x, y, nearness) of a triangle's corner."""
     point = doubles_at(points + ((packed >> (16 * corner)) & 0xFFFF))
     return point[0], point[1], point[2]
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _reach(a, b, c, wa, wb, wc):  # type: ignore[no-untyped-def]
     """(low, high) coordinate of the part in front of the eye of a triangle that reaches behind it.
 
@@ -250,6 +250,6 @@ def set_up(parallel, hides, has_depth, width, number, band, workspace):  # type:
     return may_be_seen, bits_of(ordinary)
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _store(numbers, floats, place):  # type: ignore[no-untyped-def]
     store(rounded(numbers), floats + place * BATCH * 4)

@@ -51,7 +51,7 @@ class Aim(NamedTuple):
     length: np.float32
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _shifted(aim, number, pixel):  # type: ignore[no-untyped-def]
     """A point as it is for a pixel: two numbers in [0, 1)."""
     key = key_of(pixel, np.uint32(0))
@@ -60,12 +60,12 @@ def _shifted(aim, number, pixel):  # type: ignore[no-untyped-def]
     return unit_of(u), unit_of(v)
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _unshifted(aim, number):  # type: ignore[no-untyped-def]
     return unit_of(aim.points[number, 0]), unit_of(aim.points[number, 1])
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _set_lit(floats, i, direction, carried, reach):  # type: ignore[no-untyped-def]
     """Whether the ray carries anything; it then reaches so far."""
     is_lit = carried > ZERO
@@ -75,7 +75,7 @@ def _set_lit(floats, i, direction, carried, reach):  # type: ignore[no-untyped-d
     return 1 if is_lit else 0
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _set_open(floats, i, direction, length):  # type: ignore[no-untyped-def]
     is_seen = floats[SEEN * STRIDE + i] != ZERO
     set_vector(floats, DIRECTION, i, direction)
@@ -84,7 +84,7 @@ def _set_open(floats, i, direction, length):  # type: ignore[no-untyped-def]
     return 1 if is_seen else 0
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def to_sun(light, u, v):  # type: ignore[no-untyped-def]
     """The direction to a point of a sun."""
     x, y = circle(v)
@@ -124,7 +124,7 @@ def _aim_at_lamp(floats, first, i, light, aim, number):  # type: ignore[no-untyp
     return _set_lit(floats, i, direction, carried, min(reach, aim.length))
 
 
-@njit(inline="always", error_model="numpy")
+@njit(forceinline=True, error_model="numpy")
 def to_lamp(light, origin, u, v):  # type: ignore[no-untyped-def]
     """(direction, strength, reach) of a ray to a light that is somewhere; of a sphere, to a point that is seen."""
     centre = light[PLACE], light[PLACE + 1], light[PLACE + 2]
@@ -162,7 +162,7 @@ def _across(direction):  # type: ignore[no-untyped-def]
     return unit((ZERO, direction[2], -direction[1]))
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _into_sky(normal, direction, is_cosine):  # type: ignore[no-untyped-def]
     """A direction that is uniform over the sphere -> one of the hemisphere, uniform or by the cosine."""
     if is_cosine:

@@ -59,7 +59,7 @@ def new_chunk() -> Chunk:
     return Chunk(np.zeros(_ROWS * STRIDE, np.float32), np.zeros(STRIDE, np.uint32))
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def fetch_ahead(first, end, pixels):  # type: ignore[no-untyped-def]
     """Ask for the `prim_id` of a chunk from pixel `first` on: whoever wrote them did so past the caches."""
     for pixel in range(first, min(first + CHUNK, end), TILE):
@@ -80,19 +80,19 @@ def find_surfaces(chunk, first, count, pixels, surfaces):  # type: ignore[no-unt
                     _find_colour(chunk, i + k, first + i + k, pixels, surfaces)
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _at(lines, row, axis, x, y):  # type: ignore[no-untyped-def]
     """`line_at` of `_LANES` pixels: one axis, as float64, not rounded."""
     start, right, down = lines[row, axis], lines[row + 2, axis], lines[row + 4, axis]
     return fused(y, repeated(down, _LANES), fused(x, repeated(right, _LANES), repeated(start, _LANES)))
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _dot(ax, ay, az, bx, by, bz):  # type: ignore[no-untyped-def]
     return fused(az, bz, fused(ay, by, ax * bx))
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _gradient(sky, axis, height):  # type: ignore[no-untyped-def]
     """`sky_colour` of `_LANES` pixels, one channel; height: of unit vectors."""
     above = fused(height, repeated(HALF, _LANES), repeated(HALF, _LANES))
@@ -100,7 +100,7 @@ def _gradient(sky, axis, height):  # type: ignore[no-untyped-def]
     return fused(below, repeated(sky[1 + axis], _LANES), above * repeated(sky[4 + axis], _LANES))
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _look_up(chunk, i, pixel, pixels):  # type: ignore[no-untyped-def]
     """Which triangles `_LANES` pixels see, the i-th of the chunk and those behind it."""
     x, y = low_and_high(np.int64(pixels.places.ctypes.data) + 4 * pixel)
@@ -113,7 +113,7 @@ def _look_up(chunk, i, pixel, pixels):  # type: ignore[no-untyped-def]
     store(where(is_seen, repeated(ONE, _LANES), none), seen)
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _find_places(chunk, i, pixel, pixels, surfaces):  # type: ignore[no-untyped-def]
     """Of the same pixels `meet`, `leaving`, colours and sky, side by side.
 
@@ -178,7 +178,7 @@ def _find_places(chunk, i, pixel, pixels, surfaces):  # type: ignore[no-untyped-
     return left
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _checkered(own, red, green, blue, u, v, material, surfaces):  # type: ignore[no-untyped-def]
     """`colour_at` of `_LANES` pixels; of those that are not the checker's `own`, the colours they had."""
     row = surfaces.materials[material]
@@ -192,7 +192,7 @@ def _checkered(own, red, green, blue, u, v, material, surfaces):  # type: ignore
     )
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _between_corners(nx, ny, nz, px, py, pz, dx, dy, dz, side, numbers, surfaces):  # type: ignore[no-untyped-def]
     """`shading_normal` and uv of `_LANES` pixels, of triangles' normals, points, directions and sides that are seen."""
     vx, vy, vz, v, wx, wy, wz, w = columns_of(np.int64(surfaces.weights.ctypes.data), numbers)
@@ -211,13 +211,13 @@ def _between_corners(nx, ny, nz, px, py, pz, dx, dy, dz, side, numbers, surfaces
     return normal, (_dot(u, v, w, a_s, b_s, c_s), _dot(u, v, w, a_t, b_t, c_t))
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def vector_of(floats, row, i):  # type: ignore[no-untyped-def]
     """Three numbers of the i-th pixel, of a row and the two below."""
     return floats[row * STRIDE + i], floats[(row + 1) * STRIDE + i], floats[(row + 2) * STRIDE + i]
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def set_vector(floats, row, i, vector):  # type: ignore[no-untyped-def]
     """Three numbers of the i-th pixel into a row and the two below."""
     floats[row * STRIDE + i], floats[(row + 1) * STRIDE + i], floats[(row + 2) * STRIDE + i] = vector

@@ -11,7 +11,7 @@ from numba import njit
 from atra.embree.layout import FLAG_COHERENT, RAY_DIR_X, RAY_ORG_X, RAY_TFAR, RAY_TNEAR
 from atra.kernels.caching import float_kernel
 from atra.kernels.intrinsics import ticks
-from atra.kernels.packets import SMALLEST_COMPONENT, occluded
+from atra.kernels.packets import SMALLEST_COMPONENT, START, occluded
 from atra.kernels.raster.memory import load, store, stream
 from atra.kernels.raster.vectors import bits_of, repeated, size, where
 from atra.kernels.shading.aiming import aim_at_light, aim_into_sky
@@ -41,12 +41,12 @@ _SURFACES, _GENERATE, _SHADOW, _OCCLUSION, _ACCUMULATE = range(5)
 _MOST = np.finfo(np.float32).max
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _address(array):  # type: ignore[no-untyped-def]
     return np.int64(array.ctypes.data)
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _occlude(width, floats, count, scene, packet):  # type: ignore[no-untyped-def]
     """LIGHT becomes 0 where something is in the way of the rays of a chunk, in packets of `width`. Pixels keep their
     lanes, so that each has the same neighbours in every chunk."""
@@ -54,7 +54,7 @@ def _occlude(width, floats, count, scene, packet):  # type: ignore[no-untyped-de
     rays, valid = _address(packet.floats), _address(packet.valid)
     zero, tiny = repeated(ZERO, width), repeated(SMALLEST_COMPONENT, width)
     every = load(_address(packet.all_lanes), ZERO, width)  # the bits of -1
-    store(zero, rays + RAY_TNEAR * field)
+    store(repeated(START, width), rays + RAY_TNEAR * field)
     for first in range(0, count, width):
         at = _address(floats) + 4 * first
         length = load(at + LENGTH * STRIDE * 4, ZERO, width)
@@ -74,7 +74,7 @@ def _occlude(width, floats, count, scene, packet):  # type: ignore[no-untyped-de
         store(where(is_free, light, zero), at + LIGHT * STRIDE * 4)
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _put(numbers, address, is_first):  # type: ignore[no-untyped-def]
     """Numbers in place of those at an address, past the caches, or added to them."""
     if is_first:
@@ -108,7 +108,7 @@ def _add_light(floats, first, count, row, share, sums, is_first):  # type: ignor
     return bits_of(is_finite) == (1 << LANES) - 1
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _lap(times, stage, start):  # type: ignore[no-untyped-def]
     """Ends a stage that began at `start`; the next begins."""
     now = ticks()
@@ -168,7 +168,7 @@ def lighting_kernel(width: int) -> Callable[..., int]:
     return light_pixels
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _end_rows(floats, count):  # type: ignore[no-untyped-def]
     """No rays and no light beyond the pixels of a chunk."""
     for i in range(count, count + LANES):

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from atra.embree.layout import RAY_DIR_X, RAY_ORG_X, RAY_TFAR, RAY_TNEAR
 from atra.kernels.caching import float_kernel
-from atra.kernels.packets import INFINITY, MISS, hit_prim_id, intersect, ray_component, set_no_hit
-from atra.kernels.shading.numbers import ZERO, bits_of, key_of, unit, unit_of
+from atra.kernels.packets import INFINITY, MISS, START, hit_prim_id, intersect, ray_component, set_no_hit
+from atra.kernels.shading.numbers import bits_of, key_of, unit, unit_of
 from atra.kernels.shading.scattering import WHITE, emitted, scatter
 from atra.kernels.shading.surface import sky_colour
 
@@ -64,31 +64,31 @@ class Pixels(NamedTuple):
     sample_key: int
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _vector(rows, first, index):  # type: ignore[no-untyped-def]
     return rows[first, index], rows[first + 1, index], rows[first + 2, index]
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _set_vector(rows, first, index, vector):  # type: ignore[no-untyped-def]
     rows[first, index], rows[first + 1, index], rows[first + 2, index] = vector
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def place_of(pixels, pixel):  # type: ignore[no-untyped-def]
     """(x, y) of a pixel."""
     place = pixels.places[pixel]
     return np.int64(place & np.uint32(0xFFFF)), np.int64(place >> np.uint32(16))
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def seen_by(pixels, pixel):  # type: ignore[no-untyped-def]
     """The `prim_id` that a pixel sees."""
     x, y = place_of(pixels, pixel)
     return pixels.prim_id[y * pixels.stride + x]
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def pixel_line(pixels, pixel):  # type: ignore[no-untyped-def]
     """(origin, direction), float32, of a pixel's ray; the direction is of any length."""
     column, row = place_of(pixels, pixel)
@@ -100,7 +100,7 @@ def pixel_line(pixels, pixel):  # type: ignore[no-untyped-def]
     return line_at(pixels.lines, x, y)
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def line_at(lines, x, y):  # type: ignore[no-untyped-def]
     """As `pixel_line`, at a place of float64."""
     origin = (
@@ -132,7 +132,7 @@ def generate(paths, first, count, pixels):  # type: ignore[no-untyped-def]
             paths.prim_id[i] = seen_by(pixels, pixel)
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def load_rays(packet, width, floats, origin, direction, first):  # type: ignore[no-untyped-def]
     """Rays `first`, ... of rows of floats into the lanes of a packet."""
     for axis in range(3):
@@ -140,7 +140,7 @@ def load_rays(packet, width, floats, origin, direction, first):  # type: ignore[
             packet.floats[(RAY_ORG_X + axis) * width + lane] = floats[origin + axis, first + lane]
             packet.floats[(RAY_DIR_X + axis) * width + lane] = ray_component(floats[direction + axis, first + lane])
     for lane in range(width):
-        packet.floats[RAY_TNEAR * width + lane] = ZERO
+        packet.floats[RAY_TNEAR * width + lane] = START
 
 
 @cache
@@ -168,7 +168,7 @@ def trace_kernel(width: int) -> Callable[..., int]:
     return trace_paths
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _add(sums, pixel, weight, light):  # type: ignore[no-untyped-def]
     """Returns whether it was finite."""
     arrived = weight[0] * light[0], weight[1] * light[1], weight[2] * light[2]
@@ -230,13 +230,13 @@ def shade(paths, surfaces, sample_key, bounce):  # type: ignore[no-untyped-def]
         paths.counts[block] = kept - start
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _prim_id_of_ray(scene, packet, origin, direction):  # type: ignore[no-untyped-def]
     """What one ray hits, by a packet of 1."""
     for axis in range(3):
         packet.floats[RAY_ORG_X + axis] = origin[axis]
         packet.floats[RAY_DIR_X + axis] = ray_component(direction[axis])
-    packet.floats[RAY_TNEAR] = ZERO
+    packet.floats[RAY_TNEAR] = START
     packet.floats[RAY_TFAR] = INFINITY
     set_no_hit(packet, 1, 0)
     intersect(1, packet.valid, scene, packet)

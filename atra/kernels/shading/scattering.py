@@ -31,14 +31,14 @@ WHITE = ONE, ONE, ONE
 _MINUS_TWO = np.float32(-2.0)
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def emitted(surfaces, prim_id, origin, direction):  # type: ignore[no-untyped-def]
     """(r, g, b) of an emissive triangle: its front shines, its back is black."""
     _, _, is_front = meet(surfaces, prim_id, origin, direction)
     return plain_colour(surfaces, material_of(surfaces, prim_id)) if is_front else BLACK
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def scatter(surfaces, prim_id, origin, direction, key, bounce):  # type: ignore[no-untyped-def]
     """(goes_on, origin, direction, weight): the ray that carries light to this surface, and what of it is sent on.
 

@@ -68,7 +68,7 @@ class Surfaces(NamedTuple):
     panorama: NDArray[np.float32]
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def meet(surfaces, prim_id, origin, direction):  # type: ignore[no-untyped-def]
     """(point, normal, is_front): where a ray meets the plane of a triangle, in float64; the normal, float32, is the
     triangle's, turned to where the ray comes from."""
@@ -84,7 +84,7 @@ def meet(surfaces, prim_id, origin, direction):  # type: ignore[no-untyped-def]
     return (x + t * direction[0], y + t * direction[1], z + t * direction[2]), normal, is_front
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def leaving(surfaces, prim_id, point, normal):  # type: ignore[no-untyped-def]
     """float32 origin of a ray that leaves a point of a triangle to the side of `normal`, just so far off that it does
     not meet the triangle again."""
@@ -96,12 +96,12 @@ def leaving(surfaces, prim_id, point, normal):  # type: ignore[no-untyped-def]
     )
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def material_of(surfaces, prim_id):  # type: ignore[no-untyped-def]
     return np.int64(surfaces.records[prim_id, 5])
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _weights(surfaces, prim_id, point):  # type: ignore[no-untyped-def]
     """Barycentric weights of the corners, float32, of a point in the triangle's plane."""
     rows = surfaces.weights
@@ -110,7 +110,7 @@ def _weights(surfaces, prim_id, point):  # type: ignore[no-untyped-def]
     return np.float32(1.0 - v - w), np.float32(v), np.float32(w)
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def shading_normal(surfaces, prim_id, point, normal, is_front, direction):  # type: ignore[no-untyped-def]
     """The normal that vertices give, on the side of `normal`; where it faces away from the ray, `normal` itself."""
     if len(surfaces.weights) == 0:
@@ -129,7 +129,7 @@ def shading_normal(surfaces, prim_id, point, normal, is_front, direction):  # ty
     return smooth if dot(smooth, direction) < ZERO else normal
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def plain_colour(surfaces, material):  # type: ignore[no-untyped-def]
     """(r, g, b) float32 of a material without texture, or the first of its checker's."""
     rows = surfaces.materials
@@ -140,7 +140,7 @@ def plain_colour(surfaces, material):  # type: ignore[no-untyped-def]
     )
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def colour_of(surfaces, material, prim_id, point):  # type: ignore[no-untyped-def]
     """(r, g, b) float32 of a material at a point."""
     if surfaces.materials[material, TEXTURE] == CONSTANT:
@@ -152,7 +152,7 @@ def colour_of(surfaces, material, prim_id, point):  # type: ignore[no-untyped-de
     return colour_at(surfaces, material, np.float64(s), np.float64(t))
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def colour_at(surfaces, material, s, t):  # type: ignore[no-untyped-def]
     """(r, g, b) float32 of a material where uv is (s, t)."""
     rows = surfaces.materials
@@ -188,7 +188,7 @@ def _texel(texels, first, columns, rows, s, t):  # type: ignore[no-untyped-def]
     )
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def sky_colour(surfaces, direction):  # type: ignore[no-untyped-def]
     """(r, g, b) float32 that comes from where a unit vector points to."""
     sky = surfaces.sky

@@ -80,38 +80,38 @@ NO_SHAFTS = Shafts(
 """In place of shafts where every ray starts from the root."""
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def set_ahead(ahead, k, ray):  # type: ignore[no-untyped-def]
     """A ray into a column of `ahead`."""
     ahead[0, k], ahead[1, k], ahead[2, k], ahead[3, k], ahead[4, k], ahead[5, k], _ = ray
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _lanes(number):  # type: ignore[no-untyped-def]
     return repeated(np.float32(number), LANES)
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _within(place, limit):  # type: ignore[no-untyped-def]
     """The whole numbers from 0 to below a limit that places lie behind."""
     return last_whole(larger(smaller(place, _lanes(limit - 1)), _lanes(0)))
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _entry(low, high, place, inverse):  # type: ignore[no-untyped-def]
     """Where rays enter the part of space between two coordinates, and where they leave it."""
     a, b = (_lanes(low) - place) * inverse, (_lanes(high) - place) * inverse
     return smaller(a, b), larger(a, b)
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _inverse(direction):  # type: ignore[no-untyped-def]
     """Of components of directions, some of which are 0."""
     least = _lanes(SMALLEST_COMPONENT)
     return _lanes(1) / where(size(direction) >= least, direction, signed_like(least, direction))
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def find_shafts(grid, ahead):  # type: ignore[no-untyped-def]
     """Write the shafts of rays below them; ahead: (8, AHEAD) float32, rows of origins, of directions, and of voxel,
     or UNKNOWN or PASSES, and cell. A ray from outside belongs where it enters the box."""
@@ -147,14 +147,14 @@ def find_shafts(grid, ahead):  # type: ignore[no-untyped-def]
         store((face * _lanes(cells) + line) * _lanes(cells) + column, at + row)
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def number_of(grid, ahead, k):  # type: ignore[no-untyped-def]
     """The shaft's number of a column of `ahead`; what stands in place of a voxel stands for it, too."""
     voxel, cell = np.int64(ahead[6, k]), np.int64(ahead[7, k])
     return np.int64(voxel * 6 * grid.directions * grid.directions + cell if voxel >= 0 else voxel)
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def list_of(shafts, ahead, k):  # type: ignore[no-untyped-def]
     """Where the list of the shaft of a column of `ahead` begins."""
     voxel, cell = np.int64(ahead[6, k]), np.int64(ahead[7, k])
@@ -164,7 +164,7 @@ def list_of(shafts, ahead, k):  # type: ignore[no-untyped-def]
     return np.int64(shafts.table[row, cell] if row >= 0 else ROOT_LIST)
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def fetch_list(tree, lists, start):  # type: ignore[no-untyped-def]
     """Ask for the nodes that come first of a list that will be used soon."""
     length = np.int64(lists[start])
@@ -172,7 +172,7 @@ def fetch_list(tree, lists, start):  # type: ignore[no-untyped-def]
         fetch_node(tree, lists[start + 1 + k])
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def count_start(start, counts):  # type: ignore[no-untyped-def]
     """Count what a traversal starts from, if that is no shaft's own list."""
     if start == ROOT_LIST:

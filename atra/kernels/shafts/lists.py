@@ -93,7 +93,7 @@ def _sample(building, number, memory):  # type: ignore[no-untyped-def]
         t = INFINITY
         if building.occlusion:
             t, _ = nearest(
-                True, False, False, building.tree, ray, INFINITY, memory.root, ROOT_LIST, memory.stack,
+                True, False, False, False, building.tree, ray, INFINITY, memory.root, ROOT_LIST, memory.stack,
                 memory.nears, memory.counts,
             )  # fmt: skip
         set_ray(bundle, lane, ray, t)
@@ -102,15 +102,16 @@ def _sample(building, number, memory):  # type: ignore[no-untyped-def]
 @njit
 def _seen(node, memory):  # type: ignore[no-untyped-def]
     """How many of the sampled rays enter the box of the node at an address before they hit anything."""
-    bundle, found = memory.bundle, 0
+    bundle, found, none = memory.bundle, 0, repeated(_ZERO, LANES)
+    no_margins = none, none, none
     row = 4 * bundle.shape[1]
     for first in range(0, bundle.shape[1], LANES):
         at = bundle.ctypes.data + 4 * first
         enters, leaves = ways_through(
-            node, LANES,
+            False, node, LANES,
             load(at, _ZERO, LANES), load(at + row, _ZERO, LANES), load(at + 2 * row, _ZERO, LANES),
             load(at + INVERSE_X * row, _ZERO, LANES), load(at + (INVERSE_X + 1) * row, _ZERO, LANES),
-            load(at + (INVERSE_X + 2) * row, _ZERO, LANES),
+            load(at + (INVERSE_X + 2) * row, _ZERO, LANES), no_margins,
         )  # fmt: skip
         limit = smaller(leaves, load(at + TFAR * row, _ZERO, LANES))
         bits = bits_of(larger(enters, repeated(_ZERO, LANES)) <= limit)
@@ -258,17 +259,14 @@ def mark_voxels(counter_address, blocks, grid, occupied):  # type: ignore[no-unt
             return
         for block in range(start, min(start + 256, len(blocks))):
             for k in range(blocks.shape[2]):
-                reach = 0.0
+                if np.isnan(blocks[block, 0, k]):  # a place left over
+                    continue
                 for axis in range(3):
-                    corner = np.float64(blocks[block, axis, k])
-                    a, b = np.float64(blocks[block, 3 + axis, k]), np.float64(blocks[block, 6 + axis, k])
-                    reach = max(reach, abs(a), abs(b))
-                    least = corner + min(0.0, a, b) - 2.0 * grid.slack
-                    most = corner + max(0.0, a, b) + 2.0 * grid.slack
+                    one = np.float64(blocks[block, axis, k])
+                    two, three = np.float64(blocks[block, 3 + axis, k]), np.float64(blocks[block, 6 + axis, k])
+                    least, most = min(one, two, three) - 2.0 * grid.slack, max(one, two, three) + 2.0 * grid.slack
                     first[axis] = min(max(int((least - low[axis]) / size[axis]), 0), voxels[axis] - 1)
                     last[axis] = min(max(int((most - low[axis]) / size[axis]), 0), voxels[axis] - 1)
-                if reach == 0.0:  # a place left over
-                    continue
                 for z in range(first[2], last[2] + 1):
                     for y in range(first[1], last[1] + 1):
                         for x in range(first[0], last[0] + 1):

@@ -32,7 +32,7 @@ from experiments.methods.peers.availability import package_problem, package_vers
 _PIXEL_CENTRE = (0.5, 0.5)
 
 
-class PeerTracer(TracerLifetime):
+class PeerTracer(TracerLifetime[Hits]):
     """A foreign tracer that offers what `atra.Tracer` asks for.
 
     plan: makes what it needs to know of the rays through the pixel centres. build: hands over the triangles and
@@ -104,18 +104,12 @@ class PeerTracer(TracerLifetime):
         self._scene = self._build_scene()
         return perf_counter() - start
 
-    def trace(self, offset: tuple[float, float] = _PIXEL_CENTRE, out: Hits | None = None) -> Hits:
-        """Trace one frame through sub-pixel position `offset`; see the class for what is inside the call.
-
-        out: accepted as other tracers do, and left alone. Peers answer with arrays of their own, which the result
-        holds without a copy.
-        Raises InputError for an offset outside the pixel, EmbreeError when the tracer is not built or already closed.
-        """
-        check_offset(offset)
-        with self._tracing():
-            if self._rays_offset != tuple(offset):
-                self._prepare_rays(offset)
-            depth, prim_id = self._cast(self._scene, self._rays)
+    def _trace(self, offset: tuple[float, float], out: Hits | None) -> Hits:
+        """See the class for what is inside the call. out: left alone; peers answer with arrays of their own, which the
+        result holds without a copy."""
+        if self._rays_offset != tuple(offset):
+            self._prepare_rays(offset)
+        depth, prim_id = self._cast(self._scene, self._rays)
         shape = (self.camera.height, self.camera.width)
         return Hits(depth.reshape(shape), prim_id.reshape(shape), offset, self.mesh, self.camera, self.threads)
 
@@ -139,8 +133,8 @@ class PeerTracer(TracerLifetime):
                 self._prepare_rays(offset)
             find: Any = self._count if isinstance(what, Count) else self._thickness
             found = find(self._scene, self._rays)
-        found = found.astype(next(iter(what.planes().values())).kind, copy=False)
-        return what.result(found.reshape(self.camera.height, self.camera.width), offset, self.mesh, self.camera)
+            found = found.astype(next(iter(what.planes().values())).kind, copy=False)
+            return what.result(found.reshape(self.camera.height, self.camera.width), offset, self.mesh, self.camera)
 
     def _count(self, scene: Any, rays: Any) -> NDArray[np.integer]:
         """Hits of each of the H W rays in the order of the rows."""

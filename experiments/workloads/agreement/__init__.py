@@ -9,7 +9,7 @@ from atra.geometry.view import check_offset
 from experiments.harness.column import WHOLE, Column
 from experiments.harness.records import Record
 from experiments.methods.method import option
-from experiments.workloads.images import IMAGE_COLUMNS, PIXELS
+from experiments.workloads.images import IMAGE_COLUMNS, PIXELS, say_holes
 from experiments.workloads.resources import RESOURCE_COLUMNS, RESOURCES
 from experiments.workloads.workload import Workload
 
@@ -34,7 +34,8 @@ class AgreementOptions:
 
 
 def _headline(record: Record) -> str:
-    told = "{pixels_wrong} pixels wrong; by float64 {method_wrong} to {baseline_wrong}".format(**record.results)
+    told = "{pixels_wrong} pixels wrong".format(**record.results) + say_holes(record.results)
+    told += "; by float64 {method_wrong} to {baseline_wrong}".format(**record.results)
     return f"{told}; depths off by up to {record.results['depth_error_max']:.1e}"
 
 
@@ -47,6 +48,8 @@ AGREEMENT = Workload(
         Column("images", WHOLE, "images compared, one an offset"),
         Column("method_wrong", WHOLE, "of the pixels that are not equal, those where float64 finds the method wrong"),
         Column("baseline_wrong", WHOLE, "and those where it finds rtcIntersect1 wrong"),
+        Column("method_holes", WHOLE, "of the method's wrong ones, rays that slip through between triangles"),
+        Column("baseline_holes", WHOLE, "and of rtcIntersect1's"),
         Column("rays_sampled", WHOLE, "rays drawn from all pixels and tested with every triangle"),
         Column("sampled_method_wrong", WHOLE, "of these, where the method is wrong"),
         Column("sampled_baseline_wrong", WHOLE, "of these, where rtcIntersect1 is wrong"),

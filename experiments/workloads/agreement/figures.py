@@ -18,6 +18,7 @@ from experiments.results.settings import settings
 from experiments.results.table import workload_rows
 from experiments.workloads.agreement import AGREEMENT
 from experiments.workloads.agreement.results import TARGET, errs_too_often
+from experiments.workloads.images import HOLES, say_holes
 from experiments.workloads.panels import draw_panels, make_panels
 from experiments.workloads.series import say_unmeasured
 
@@ -74,6 +75,7 @@ def _draw_panel(axis: Axes, rows: pd.DataFrame) -> None:
 def _say(rows: pd.DataFrame, counts: dict[str, int]) -> str:
     verdicts = {kind: int(rows[f"pixels_{kind.name.lower()}"].sum()) for kind in Verdict}
     told = ", ".join(f"{verdicts[kind]:,} {kind.name.lower()}" for kind in (Verdict.WRONG, Verdict.EDGE, Verdict.TIED))
+    told = told.replace(" wrong", f" wrong{say_holes({name: column(rows, name).sum() for name in HOLES})}", 1)
     beyond = f", over {TARGET}{TIMES}" if errs_too_often(rows) else ""
     method, baseline = counts.values()
     return f"{method:,} : {baseline:,}{beyond}\nof {sum(verdicts.values()) / 1e6:.3g} M pixels; {told}"

@@ -57,6 +57,8 @@ def _errors(found: Examination) -> dict[str, int]:
     return {
         "method_wrong": int((disputed & found.hits.wrong).sum()),
         "baseline_wrong": int((disputed & found.reference.wrong).sum()),
+        "method_holes": int((disputed & found.hits.holes).sum()),
+        "baseline_holes": int((disputed & found.reference.holes).sum()),
         "rays_sampled": int(sampled.sum()),
         "sampled_method_wrong": int((sampled & found.hits.wrong).sum()),
         "sampled_baseline_wrong": int((sampled & found.reference.wrong).sum()),

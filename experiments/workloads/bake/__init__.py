@@ -128,6 +128,7 @@ class BakeSettings(UnderSky):
             packet_width=self.packets,
             threads=threads,
             build_quality=build_quality,
+            robust=self.robust_rays,
             bounces=self.bounces,
             roulette_from=self.roulette_from,
             environment=self.environment.value,

@@ -49,7 +49,8 @@ def measure_light(point: Point, mesh: Mesh, stack: ExitStack) -> Measured:
     atlas = Atlas.unwrap(mesh, size, kept_in=default_cache() / "atlases", time_limit_s=point.time_limit_s)
 
     def baker(scene: BakeScene = scene, **changes: Any) -> Baker:
-        options = BakeOptions(threads=point.threads, build_quality=point.build_quality, **changes)
+        fast = {"threads": point.threads, "build_quality": point.build_quality, "robust": ours["robust"]}
+        options = BakeOptions(**fast, **changes)
         one: Baker = stack.enter_context(Baker(scene, atlas, options=options))
         return one
 

@@ -120,7 +120,9 @@ def _measure_tiles(point: Point, mesh: Mesh, stack: ExitStack) -> Measured:
     own = AlignedTiles(point, tiles)
     scenes = {
         name: stack.enter_context(
-            atra.RayScene(mesh, packet_width=width, threads=point.threads, build_quality=point.build_quality)
+            atra.RayScene(
+                mesh, packet_width=width, threads=point.threads, build_quality=point.build_quality, robust=False
+            )
         )
         for name, width in ((ONE_BY_ONE, 1), (TOGETHER, None))
     }

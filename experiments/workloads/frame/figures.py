@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
+from typing import Any
 
 import pandas as pd
+from matplotlib.figure import Figure
 
 from experiments.drawing.figure import FigureKind, of_table
 from experiments.drawing.values import varies
@@ -13,13 +16,15 @@ from experiments.methods.aligned_forms import aligned_rows
 from experiments.results.table import workload_rows
 from experiments.workloads.frame import FRAME
 from experiments.workloads.frame.break_even_figure import draw_break_even_figure
-from experiments.workloads.frame.grid_figure import draw_grid_figure
+from experiments.workloads.frame.grid_figure import draw_grid_ratios, draw_grid_times
 from experiments.workloads.frame.growth import growing_rows
 from experiments.workloads.frame.growth_figure import draw_growth_figure
 from experiments.workloads.frame.peers_figure import draw_peers_figure
 from experiments.workloads.frame.threads_figure import draw_threads_figure
 from experiments.workloads.methods_figure import draw_methods_figure
-from experiments.workloads.split_figure import draw_split_figure
+from experiments.workloads.split_figure import draw_split_ratios, draw_split_times
+
+_AXES = ("split_x", "split_y")
 
 
 def _rows(table: pd.DataFrame) -> pd.DataFrame:
@@ -29,7 +34,7 @@ def _rows(table: pd.DataFrame) -> pd.DataFrame:
 def _over(table: pd.DataFrame, *axes: str) -> pd.DataFrame:
     """Aligned rows, if exactly these of the splits' axes vary."""
     rows = aligned_rows(_rows(table))
-    return rows if {axis for axis in ("split_x", "split_y") if varies(rows, axis)} == set(axes) else rows[:0]
+    return rows if {axis for axis in _AXES if varies(rows, axis)} == set(axes) else rows[:0]
 
 
 def _over_all(table: pd.DataFrame, name: str) -> pd.DataFrame:
@@ -44,19 +49,42 @@ def _peers(table: pd.DataFrame) -> pd.DataFrame:
     return rows if rows["method"].isin(others).any() else rows[:0]
 
 
+def _along(axis: str, draw: Callable[..., Figure]) -> dict[str, Any]:
+    """A figure over the splits of one axis: what it can draw, and how."""
+    return {
+        "rows": lambda table: _over(table, axis),
+        "draw": of_table(partial(draw, axis_name=axis)),
+        "per_packet_width": True,
+    }
+
+
+def _on_both(draw: Callable[..., Figure]) -> dict[str, Any]:
+    """The same over the splits of both axes."""
+    return {"rows": lambda table: _over(table, *_AXES), "draw": of_table(draw), "per_packet_width": True}
+
+
 _TELLING = (
     FigureKind(
-        "figure4", "Figure 4: speed-up over the splits of both axes, culling on",
-        lambda table: _over(table, "split_x", "split_y"),
-        of_table(draw_grid_figure), per_packet_width=True,
+        "figure4", "Figure 4: render time over the splits of both axes, culling off and on", **_on_both(draw_grid_times)
     ),
     FigureKind(
-        "figure5", "Figure 5: speed-up over horizontal splits, culling off and on",
-        lambda table: _over(table, "split_x"), of_table(draw_split_figure), per_packet_width=True,
+        "figure4_speedup", "Figure 4 as speed-up, over the nearest hit and over all hits", **_on_both(draw_grid_ratios)
     ),
     FigureKind(
-        "figure5_vertical", "As figure 5, over vertical splits", lambda table: _over(table, "split_y"),
-        of_table(partial(draw_split_figure, axis_name="split_y")), per_packet_width=True,
+        "figure5", "Figure 5: render time over horizontal splits, culling off and on",
+        **_along("split_x", draw_split_times),
+    ),
+    FigureKind(
+        "figure5_speedup", "Figure 5 as speed-up: over horizontal splits, culling off and on",
+        **_along("split_x", draw_split_ratios),
+    ),
+    FigureKind(
+        "figure5_vertical", "As figure 5, over vertical splits: render time, culling off and on",
+        **_along("split_y", draw_split_times),
+    ),
+    FigureKind(
+        "figure5_vertical_speedup", "As figure 5, over vertical splits: speed-up, culling off and on",
+        **_along("split_y", draw_split_ratios),
     ),
     FigureKind(
         "methods", "Speed-up over packets of every method at its best split", partial(_over_all, name="method"),

@@ -1,6 +1,12 @@
-"""Figure 4 of the paper: speed-up over both axes' splits, one heat map a scene."""
+"""Figure 4 of the paper: time of a frame over both axes' splits, a map for culling off and one for culling on; and the
+speed-up beside it."""
 
 from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -8,71 +14,174 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
+from numpy.typing import NDArray
 
-from experiments.drawing.pages import add_legend, write_foot
+from experiments.drawing.missing import missing_points
+from experiments.drawing.pages import add_legend, make_figure, set_panel_title, write_foot, write_notes
 from experiments.drawing.style import DASHED, GREY, PURPLE, SMALL, TIMES, VERMILLION
-from experiments.drawing.values import MILLISECONDS, drawable, numbers, say_number
-from experiments.methods.aligned_forms import aligned_rows
-from experiments.workloads.panels import draw_panels, make_panels
+from experiments.drawing.values import MILLISECONDS, drawable, numbers, only_measured, say_number
+from experiments.methods.aligned_forms import COPIED_OFF, FORM_OPTIONS, aligned_forms, aligned_rows, expected_forms
+from experiments.workloads.panels import Panel, make_panels
 from experiments.workloads.ratios import best_rows, own_ratio, say_baseline
+from experiments.workloads.split_figure import ALL_HITS, all_hits
 
-_BEST, _START = "best split", f"baseline that gathers all hits: 1 {TIMES} 1"
+_BEST = "best split, by the ratio in the same rounds"
+_ABSENT = "\N{EN DASH}"
+_NO_POINTS = "not in the table"
+_AXES = ("split_x", "split_y")
 
 
-def draw_grid_figure(table: pd.DataFrame, columns: int = 2) -> Figure:
-    """One panel a scene (and a value of any other setting that varies): in each cell the ratio within rounds, single
-    rays over rtcIntersect1 and packets over packets, below it the time. Framed: the best, and the split that splits
-    nothing, which is the baseline if the paper's gathers all hits.
+@dataclass(frozen=True)
+class _Map:
+    """One form of the geometry in one panel.
 
-    A split without a ratio stays empty, marked with its status. Colours are per scene: compare within a panel.
+    values: (N,) float64 of `points`, by which cells are coloured; NaN where missing. say: a value -> the text of its
+    cell. quantity: what the colours are, with its unit. low, high: ends of the colours, which maps of one panel share.
+    notes: lines below it.
     """
-    aligned = aligned_rows(table)
-    # A panel without any ratio would be empty; its points are in the table with their reasons.
-    panels = [panel for panel in make_panels(aligned, ("split_x", "split_y")) if drawable(_ratios(panel.rows)).any()]
-    figure, axes = draw_panels(panels, _draw_panel, columns, height=4.7)
-    add_legend(figure, axes, [_BEST, _START])
-    write_foot(figure, table, "below each ratio: ms; 1 is the baseline that finds the nearest hit, per pixel")
+
+    form: str
+    panel: Panel
+    points: pd.DataFrame
+    values: NDArray[np.float64]
+    say: Callable[[float], str]
+    quantity: str
+    low: float
+    high: float
+    notes: Sequence[str]
+
+    @property
+    def words(self) -> str:
+        """The form in words."""
+        return self.form.removeprefix("aligned, ")
+
+
+def draw_grid_times(table: pd.DataFrame, columns: int = 2) -> Figure:
+    """Two maps a scene (and a value of any other setting that varies), culling off and on: in each cell the
+    milliseconds of a frame. Framed: the best split, and the one that splits and culls nothing.
+
+    A cell without a time says why. Both maps of a scene have the same colours: compare within a scene.
+    """
+    maps = []
+    for panel in _panels(table):
+        maps += _maps(
+            panel, lambda rows: numbers(rows, "render_time_s") * MILLISECONDS, say_number, "time of a frame in ms"
+        )
+    return _draw(table, columns, maps, "in each cell: milliseconds of a frame; colours are logarithmic")
+
+
+def draw_grid_ratios(table: pd.DataFrame, columns: int = 2) -> Figure:
+    """The same in speed-ups under both readings of the paper's 1 x 1: ratios within rounds, single rays over
+    rtcIntersect1 and packets over packets; and below them over all hits, which is 1 x 1 without culling."""
+    maps = []
+    for panel in _panels(table):
+        ratio, start = own_ratio(panel.rows), next(iter(all_hits(panel.rows)), np.nan)
+        notes = [] if np.isfinite(start) else [f"{ALL_HITS}: not measured, so no speed-up over it"]
+        say = partial(_say_ratios, start)
+        maps += _maps(panel, partial(numbers, name=ratio), say, f"speed-up over {say_baseline(ratio)}", notes)
+    cells = f"in each cell: speed-up over the baseline that finds the nearest hit; below, over {ALL_HITS}"
+    return _draw(table, columns, maps, cells)
+
+
+def _say_ratios(start: float, ratio: float) -> str:
+    """Over the nearest hit, and over all hits where that was measured."""
+    over = f"\n{ratio / start:.2f}{TIMES}" if np.isfinite(start) else ""
+    return f"{ratio:.2f}{TIMES}{over}"
+
+
+def _panels(table: pd.DataFrame) -> list[Panel]:
+    return make_panels(aligned_rows(table), (*_AXES, *FORM_OPTIONS))
+
+
+def _maps(
+    panel: Panel,
+    read: Callable[[pd.DataFrame], NDArray[np.float64]],
+    say: Callable[[float], str],
+    quantity: str,
+    notes: Sequence[str] = (),
+) -> list[_Map]:
+    """One for each form of the geometry. read: rows -> their values; say: a value -> the text of its cell."""
+    values = only_measured(panel.rows, read(panel.rows))
+    shown = values[drawable(values)]
+    low, high = (float(shown.min()), float(shown.max())) if len(shown) else (1.0, 1.0)
+    forms = aligned_forms(panel.rows)
+    maps = []
+    for form in expected_forms(panel.rows):
+        points = forms.get(form, panel.rows[:0])
+        maps.append(_Map(form, panel, points, only_measured(points, read(points)), say, quantity, low, high, notes))
+    return maps
+
+
+def _draw(table: pd.DataFrame, columns: int, maps: Sequence[_Map], foot: str) -> Figure:
+    figure, axes = make_figure(len(maps), columns, panel_height=4.7)
+    for axis, one in zip(axes, maps, strict=True):
+        set_panel_title(axis, f"{one.panel.title}, {one.words}", one.panel.stands_for)
+        _draw_map(axis, one)
+    add_legend(figure, axes, [_BEST, ALL_HITS])
+    write_foot(figure, table, foot)
     return figure
 
 
-def _ratios(rows: pd.DataFrame) -> np.ndarray:
-    """(N,) float64."""
-    return numbers(rows, own_ratio(rows))
-
-
-def _draw_panel(axis: Axes, points: pd.DataFrame) -> None:
-    splits_x = sorted(int(split) for split in points["split_x"].unique())
-    splits_y = sorted(int(split) for split in points["split_y"].unique())
-    ratios = np.full((len(splits_y), len(splits_x)), np.nan)
-    values = _ratios(points)
-    middle = np.sqrt(np.nanmin(values) * np.nanmax(values))
-    times_ms = numbers(points, "render_time_s") * MILLISECONDS
-    for (_, point), value, time_ms in zip(points.iterrows(), values, times_ms, strict=True):
-        row, column = splits_y.index(int(point["split_y"])), splits_x.index(int(point["split_x"]))
+def _draw_map(axis: Axes, one: _Map) -> None:
+    splits_x, splits_y = (sorted(int(split) for split in one.panel.rows[name].dropna().unique()) for name in _AXES)
+    colours = np.full((len(splits_y), len(splits_x)), np.nan)
+    texts = np.full(colours.shape, _ABSENT if len(one.points) else "", object)
+    for (_, point), value in zip(one.points.iterrows(), one.values, strict=True):
+        cell = splits_y.index(int(point["split_y"])), splits_x.index(int(point["split_x"]))
         if drawable(value):
-            ratios[row, column] = value
-            text, color = f"{value:.2f}{TIMES}\n{say_number(time_ms)}", "white" if value > middle else "black"
+            colours[cell], texts[cell] = value, one.say(value)
         else:
-            text, color = "no ratio" if point["status"] == "ok" else str(point["status"]), GREY
-        axis.text(column, row, text, ha="center", va="center", fontsize=SMALL, color=color)
-    low, high = np.nanmin(ratios), np.nanmax(ratios)
-    picture = axis.imshow(ratios, origin="lower", cmap="cividis_r", norm=LogNorm(low, max(high, low * 1.01)))
-    best = best_rows(points).iloc[0]
-    for split, label, style in (
-        ((1, 1), _START, {"edgecolor": PURPLE, "linestyle": DASHED}),
-        ((best["split_x"], best["split_y"]), _BEST, {"edgecolor": VERMILLION}),
-    ):
-        if split[0] in splits_x and split[1] in splits_y:
-            corner = (splits_x.index(split[0]) - 0.46, splits_y.index(split[1]) - 0.46)
-            axis.add_patch(Rectangle(corner, 0.92, 0.92, fill=False, linewidth=2.5, label=label, **style))
+            texts[cell] = "no value" if point["status"] == "ok" else str(point["status"])
+    middle = np.sqrt(one.low * one.high)
+    for (row, column), text in np.ndenumerate(texts):
+        value = colours[row, column]
+        color = GREY if np.isnan(value) else "white" if value > middle else "black"
+        size = SMALL if "\n" in text or np.isnan(value) else 11
+        axis.text(column, row, text, ha="center", va="center", fontsize=size, color=color)
+    norm = LogNorm(one.low, max(one.high, one.low * 1.01))
+    picture = axis.imshow(colours, origin="lower", cmap="cividis_r", norm=norm)
+    _frame_cells(axis, one, splits_x, splits_y)
+    if len(one.points) == 0:
+        axis.text(0.5, 0.5, _NO_POINTS, transform=axis.transAxes, ha="center", va="center", color=GREY)
     axis.set_xticks(range(len(splits_x)), [str(split) for split in splits_x])
     axis.set_yticks(range(len(splits_y)), [str(split) for split in splits_y])
     axis.set_xlabel("horizontal splits")
     axis.set_ylabel("vertical splits")
     # One value alone has no scale.
-    if high > low * 1.01:
-        ticks = np.geomspace(low, high, 4)
-        over = f"speed-up over {say_baseline(own_ratio(points))}"
-        bar = axis.figure.colorbar(picture, ax=axis, shrink=0.85, label=over)
-        bar.set_ticks(ticks.tolist(), labels=[f"{tick:.2f}" for tick in ticks])
+    if one.high > one.low * 1.01:
+        bar = axis.figure.colorbar(picture, ax=axis, shrink=0.7, label=one.quantity)
+        ticks = np.geomspace(one.low, one.high, 4)
+        bar.set_ticks(ticks.tolist(), labels=[say_number(tick) for tick in ticks])
         bar.minorticks_off()
+    notes = [*_why_empty(one, int((texts == _ABSENT).sum())), *one.notes]
+    write_notes(axis, notes, characters=44)
+
+
+def _frame_cells(axis: Axes, one: _Map, splits_x: Sequence[int], splits_y: Sequence[int]) -> None:
+    """Frames around the best split and, without culling, the one that splits nothing."""
+    framed: list[tuple[pd.Series, str, float, dict[str, Any]]] = []
+    if one.form == COPIED_OFF:
+        start = one.points[one.points["split_x"].eq(1) & one.points["split_y"].eq(1) & drawable(one.values)]
+        dashed = {"edgecolor": PURPLE, "linestyle": DASHED}
+        framed += [(point, ALL_HITS, 0.4, dashed) for _, point in start.iterrows()]  # inside of the other frame
+    if drawable(one.values).sum() > 1:  # a single one is no choice
+        framed += [(best, _BEST, 0.46, {"edgecolor": VERMILLION}) for _, best in best_rows(one.points).iterrows()]
+    for point, label, half, style in framed:
+        corner = (splits_x.index(point["split_x"]) - half, splits_y.index(point["split_y"]) - half)
+        axis.add_patch(Rectangle(corner, 2 * half, 2 * half, fill=False, linewidth=2.5, label=label, **style))
+
+
+def _why_empty(one: _Map, absent: int) -> list[str]:
+    """Why cells have no value."""
+    if len(one.points) == 0:
+        return [f"{one.words}: {_NO_POINTS}"]
+    notes = []
+    for _, cells in one.points[one.points["status"] != "ok"].groupby("status", sort=False):
+        notes += [f"{_say_cells(len(cells))}: {reason.reason}" for reason in missing_points(cells, "split_x", "", GREY)]
+    without = int((one.points["status"].eq("ok").fillna(False).to_numpy(bool) & ~drawable(one.values)).sum())
+    notes += [f"{_say_cells(without)}: measured, but without this value"] if without else []
+    return [*notes, *([f"{_ABSENT} {_say_cells(absent)}: not in the table"] if absent else [])]
+
+
+def _say_cells(count: int) -> str:
+    return f"{count} {'cell' if count == 1 else 'cells'}"

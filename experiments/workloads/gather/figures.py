@@ -10,7 +10,7 @@ from experiments.methods.aligned_forms import aligned_rows
 from experiments.results.table import workload_rows
 from experiments.workloads.gather import GATHER
 from experiments.workloads.methods_figure import draw_methods_figure
-from experiments.workloads.split_figure import draw_split_figure
+from experiments.workloads.split_figure import draw_split_ratios
 
 
 def _rows(table: pd.DataFrame) -> pd.DataFrame:
@@ -33,6 +33,6 @@ FIGURES = (
     ),
     FigureKind(
         "figure5_gather", "As figure 5, where every ray gathers all hits: speed-up over horizontal splits",
-        _over_splits, of_table(draw_split_figure), per_packet_width=True,
+        _over_splits, of_table(draw_split_ratios), per_packet_width=True,
     ),
 )  # fmt: skip

@@ -106,7 +106,8 @@ def separate_makers(point: Point) -> dict[str, Make]:
     """How one frame is traced alone, with the point's split where there are cells, by name in the samples. Each frame
     alone has the whole of the point's memory budget."""
     own = point.options
-    visible = AlignedCellOptions(own.split_x, own.split_y, own.packet_width, own.packet_rows)
+    names = "split_x", "split_y", "packet_width", "packet_rows", "robust"
+    visible = AlignedCellOptions(**{name: getattr(own, name) for name in names})
     return {
         SEPARATE: lambda mesh, view: make_own(point, mesh, view),
         SEPARATE_VISIBLE: lambda mesh, view: VISIBLE_FIRST.make(mesh, view, visible, point.tracing),

@@ -1,11 +1,14 @@
-"""Figure 3 of the paper: the scenes, traced aligned and per pixel, and the difference of the two images."""
+"""Figure 3 of the paper: the scenes; and each traced aligned and per pixel, with the difference of the two images."""
 
 from __future__ import annotations
 
 import io
 from collections.abc import Sequence
+from functools import partial
+from textwrap import fill
 
 import numpy as np
+import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
@@ -17,10 +20,13 @@ from atra.judge.compare import Verdict
 from experiments.drawing.figure import FigureKind
 from experiments.drawing.pages import stand_in_note
 from experiments.drawing.shading import DIFFERENCE_COLOURS
-from experiments.drawing.style import GREY, TIMES
+from experiments.drawing.style import GREY, SMALL, TIMES
+from experiments.methods.naming import best_of
 from experiments.results.table import workload_rows
+from experiments.workloads.panels import draw_panels, make_panels
 from experiments.workloads.picture import PICTURE
 from experiments.workloads.picture.pictures import ScenePictures, read_pictures
+from scenes.manifest import picture_restriction
 
 _PANEL_INCHES = 3.6
 _MARKERS = {Verdict.TIED: "s", Verdict.EDGE: "D", Verdict.WRONG: "X"}
@@ -31,7 +37,39 @@ _MEANINGS = {
 }
 
 
-def draw_scenes_figure(pictures: Sequence[ScenePictures]) -> Figure:
+def draw_scenes_figure(rows: pd.DataFrame, pictures: Sequence[ScenePictures], columns: int = 2) -> Figure:
+    """One panel a scene: its picture, shaded from the aligned hits, its name and its number of triangles.
+
+    A scene whose picture must not be passed on has the reason in its place, so that the figure may be; and so has one
+    that was not measured, or whose picture is not in the records.
+    """
+    panels = make_panels(rows, best_of())
+    figure, _ = draw_panels(panels, partial(_draw_scene, pictures), columns, height=4.6)
+    figure.supxlabel(_size(pictures) + "shaded from depth and triangle of each hit", fontsize=SMALL, color=GREY)
+    return figure
+
+
+def _draw_scene(pictures: Sequence[ScenePictures], axis: Axes, rows: pd.DataFrame) -> None:
+    row = rows.iloc[0]
+    found = [one for one in pictures if one.scene == row["scene"]]
+    restriction = picture_restriction(str(row["scene"]))
+    if row["status"] != "ok":
+        _say_why(axis, f"{row['status']}: {row['error']}")
+    elif restriction is not None:
+        _say_why(axis, restriction)
+    elif not found:
+        _say_why(axis, "no picture: the records that hold it are not in this folder")
+    else:
+        axis.imshow(_decode(found[0].aligned))
+    _frame_picture(axis)
+
+
+def _say_why(axis: Axes, reason: str) -> None:
+    axis.text(0.5, 0.5, fill(reason, 40), transform=axis.transAxes, ha="center", va="center", color=GREY)
+    axis.set_box_aspect(1)
+
+
+def draw_differences_figure(pictures: Sequence[ScenePictures]) -> Figure:
     """One row a scene: the picture from the aligned hits, the one from one ray per pixel, and where they differ.
 
     An SVG holds pictures as pixels, at the `dpi` it is saved with: 72 keeps four scenes well below 1 MB.
@@ -41,7 +79,8 @@ def draw_scenes_figure(pictures: Sequence[ScenePictures]) -> Figure:
     figure.set_layout_engine("constrained", h_pad=0.09)
     FigureCanvasAgg(figure)
     if not pictures:
-        figure.text(0.5, 0.5, "no pictures", ha="center", va="center", color=GREY)
+        why = "no pictures: the records that hold them are not in this folder"
+        figure.text(0.5, 0.5, why, ha="center", va="center", color=GREY)
         return figure
     axes = figure.subplots(len(pictures), 3, squeeze=False, height_ratios=row_inches)
     for row, one in zip(axes, pictures, strict=True):
@@ -74,6 +113,10 @@ def _show(axis: Axes, png: bytes, title: str, note: str) -> None:
         fontsize=8.5, color=GREY,
     )  # fmt: skip
     axis.imshow(_decode(png))
+    _frame_picture(axis)
+
+
+def _frame_picture(axis: Axes) -> None:
     axis.set_xticks([])
     axis.set_yticks([])
     for spine in axis.spines.values():
@@ -87,17 +130,29 @@ def _decode(png: bytes) -> NDArray[np.uint8]:
 
 
 def _foot(pictures: Sequence[ScenePictures]) -> str:
+    marks = "marks in the difference are larger than their pixels"
+    return f"{_size(pictures)}shaded from depth and triangle of each hit; {marks}"
+
+
+def _size(pictures: Sequence[ScenePictures]) -> str:
     sizes = {(one.width, one.height) for one in pictures}
-    size = f"{pictures[0].width} {TIMES} {pictures[0].height} pixels, " if len(sizes) == 1 else ""
-    return f"{size}shaded from depth and triangle of each hit; marks in the difference are larger than their pixels"
+    return f"{pictures[0].width} {TIMES} {pictures[0].height} pixels, " if len(sizes) == 1 else ""
+
+
+def _rows(table: pd.DataFrame) -> pd.DataFrame:
+    return workload_rows(table, PICTURE.name)
 
 
 FIGURES = (
     FigureKind(
-        "figure3",
-        "Figure 3: the scenes, shaded from aligned hits and from single rays per pixel, and their difference",
-        lambda table: workload_rows(table, PICTURE.name),
-        lambda rows, records, columns: draw_scenes_figure(read_pictures(rows, records)),
-        in_page=False,
+        "figure3", "Figure 3: the scenes",
+        _rows, lambda rows, records, columns: draw_scenes_figure(rows, read_pictures(rows, records), columns),
+        in_page=False,  # it has a section of pictures
     ),
-)
+    FigureKind(
+        "figure3_differences",
+        "Beside figure 3: the scenes from aligned hits and from single rays per pixel, and their difference",
+        _rows, lambda rows, records, columns: draw_differences_figure(read_pictures(rows, records)),
+        in_page=False,  # some must not be passed on
+    ),
+)  # fmt: skip

@@ -119,11 +119,17 @@ class RenderOptions(UnderSky):
         """The renderer's own options, checked. diagonal: of the scene's box."""
         jitter = self.jitter.value
         if self.frame is Kind.path:
-            of_paths = {"jitter": jitter, "max_depth": self.max_depth, "order": self.order.value}
+            of_paths = {
+                "jitter": jitter,
+                "robust": self.robust_rays,
+                "max_depth": self.max_depth,
+                "order": self.order.value,
+            }
             PathOptions(**of_paths)  # type: ignore[arg-type]
             return of_paths
         hybrid = {
             "jitter": jitter,
+            "robust": self.robust_rays,
             "shadow_rays": self.shadow_rays,
             "occlusion_rays": self.occlusion_rays,
             "occlusion_length": self.occlusion_part * diagonal,

@@ -1,0 +1,91 @@
+"""Holes: where a ray passes between triangles that share an edge or a corner, and an image lacks all of them.
+
+A ray near the edge of a triangle may miss it by rounding. At an open rim, or where a surface turns away from the eye,
+that is no fault. Inside of a surface it is one: whichever way the ray is moved a little, it hits the triangle or one of
+its neighbours, so it hits the surface, and an image that shows nothing there, or something behind, has a hole.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from atra.geometry.intersection import Pairs, divided, triangles_in_camera_space, volumes_of
+from atra.geometry.positions import position_keys
+from atra.judge.outline import OUTLINE_TOLERANCE_PIXELS
+from atra.judge.rounding import Rounding
+
+DIRECTIONS = 24
+"""Ways in which a ray is moved: a gap between neighbours that is narrower than 15 degrees at the ray may be missed."""
+
+_INSIDE = -1e-9
+"""Barycentric distance from an edge down to which a moved ray is inside: for the rounding of float64."""
+
+_AT_ONCE = 1 << 20
+"""Rays and triangles that are tested together, which bounds the memory."""
+
+
+def is_closed_around(pairs: Pairs, limit: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """(N,) bool: each ray hits the surface that its triangle belongs to, nearer than `limit`, however it is moved
+    within what float32 makes of it.
+
+    limit: (N,) float64, depths, inf = none. Rays are moved by twice the tolerance of outlines, or twice what roundings
+    of the corners move the triangle's edges by, whichever is more. The surface is the triangle with all others that
+    have a corner at the position of one of its own.
+    """
+    closed = np.zeros(len(pairs.prim_id), np.bool_)
+    if not len(closed):
+        return closed
+    rows, neighbours = _neighbours(pairs)
+    moves = _moves(pairs)
+    step = max(_AT_ONCE // DIRECTIONS, 1)
+    hit = np.zeros((len(closed), DIRECTIONS + 1), np.bool_)
+    for first in range(0, len(rows), step):
+        row, prim_id = rows[first : first + step], neighbours[first : first + step]
+        geometry = [part[:, None] for part in triangles_in_camera_space(pairs.mesh, pairs.camera, prim_id)]
+        origins, directions = (part[row][:, None] + 0.0 * moves[row] for part in pairs.rays)
+        moved = origins if pairs.camera.is_parallel else directions
+        moved += moves[row]
+        found = divided(volumes_of(origins, directions, *geometry))
+        np.logical_or.at(hit, row, (found.edge_distance >= _INSIDE) & (found.depth < limit[row, None]))
+    return np.asarray(hit.all(axis=1))
+
+
+def _moves(pairs: Pairs) -> NDArray[np.float64]:
+    """(N, DIRECTIONS + 1, 3), by how much rays are moved on the image plane; the first not at all."""
+    camera, corners = pairs.camera, pairs.corners
+    direction = pairs.rays[1] / np.linalg.norm(pairs.rays[1], axis=1, keepdims=True)
+    edges = corners - np.roll(corners, 1, axis=1)
+    across = np.linalg.norm(np.cross(edges, direction[:, None]), axis=2)  # as long as they look from the eye
+    with np.errstate(divide="ignore", invalid="ignore"):
+        longer = np.linalg.norm(edges, axis=2).max(axis=1) / across.min(axis=1)
+        moved = 2.0 * Rounding.of(pairs).corners * longer
+        if not camera.is_parallel:
+            moved /= pairs.intersections.depth
+    moved = np.maximum(np.nan_to_num(moved, nan=np.inf), 2.0 * OUTLINE_TOLERANCE_PIXELS * camera.pixel_pitch)
+    moved = np.minimum(moved, 1e30)  # nothing is closed so far around
+    angles = np.arange(DIRECTIONS) * (2.0 * np.pi / DIRECTIONS)
+    ways = np.zeros((DIRECTIONS + 1, 3))
+    ways[1:, 0], ways[1:, 1] = np.cos(angles), np.sin(angles)
+    return np.asarray(moved[:, None, None] * ways)
+
+
+def _neighbours(pairs: Pairs) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """(M,) places among the pairs, and (M,) prim_ids: each pair's triangle and those that touch it, some twice."""
+    faces, keys = pairs.mesh.faces, position_keys(pairs.mesh)
+    own = keys[faces[pairs.prim_id]]
+    wanted, place = np.unique(own, return_inverse=True)
+    found = np.minimum(np.searchsorted(wanted, keys), len(wanted) - 1)
+    is_wanted = wanted[found] == keys
+    near = np.flatnonzero(is_wanted[faces].any(axis=1))
+    corner = faces[near]
+    at, which = np.nonzero(is_wanted[corner])
+    key = found[corner[at, which]]
+    order = np.argsort(key, kind="stable")
+    touching = near[at[order]]
+    starts = np.searchsorted(key[order], np.arange(len(wanted) + 1))
+    place = place.reshape(-1)
+    counts = np.diff(starts)[place]
+    rows = np.repeat(np.repeat(np.arange(len(own)), 3), counts)
+    within = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
+    return rows, touching[np.repeat(starts[:-1][place], counts) + within]

@@ -1,0 +1,93 @@
+"""The command line, run in the process of the test: what `python run.py ...` does, without starting interpreters."""
+
+from __future__ import annotations
+
+import io
+import os
+import signal
+import sys
+import tempfile
+from contextlib import ExitStack, chdir, contextmanager, redirect_stderr, redirect_stdout, suppress
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from unittest.mock import patch
+
+from hydra.core.global_hydra import GlobalHydra
+
+import experiments.commands.single
+import experiments.sweep
+from experiments import cli
+from experiments.harness.identity import measure
+from experiments.harness.outcome import Outcome
+from experiments.harness.point import Point
+from experiments.worker import Job, outcome_of
+
+ROOT = Path(__file__).resolve().parents[1]
+NO_SCENES = tempfile.TemporaryDirectory(prefix="atra-tests-")
+"""Stands for the folder where the person who runs the tests may keep fetched scenes."""
+
+
+@dataclass(frozen=True)
+class Done:
+    """What a command came to: its exit code and what it printed, as `subprocess.CompletedProcess` names them."""
+
+    returncode: int
+    stdout: str
+    stderr: str
+
+
+def measure_here(point: Point) -> Outcome:
+    """Measure a point in this process, through the same JSON as a worker process."""
+    job = Job.from_json(Job(point, "", 0).to_json())
+    return Outcome.from_json(outcome_of(job.point).to_json(), point)
+
+
+def run_here(folder: Path, *arguments: str, scenes: str | None = None) -> Done:
+    """What `python run.py` with these arguments does in `folder`; points are measured in this process, too.
+
+    scenes: the value of ATRA_SCENES, unset otherwise."""
+    out, err = (io.TextIOWrapper(io.BytesIO(), encoding="utf-8", write_through=True) for _ in range(2))
+    with ExitStack() as stack:
+        stack.enter_context(_variables(scenes))
+        stack.enter_context(_signals())
+        stack.enter_context(chdir(folder))
+        stack.enter_context(patch.object(sys, "argv", [str(ROOT / "run.py"), *arguments]))
+        stack.enter_context(
+            patch.object(experiments.sweep, "run_sweep", partial(experiments.sweep.run_sweep, run=measure_here))
+        )
+        stack.enter_context(patch.object(experiments.commands.single, "measure", partial(measure, run=measure_here)))
+        stack.enter_context(redirect_stdout(out))
+        stack.enter_context(redirect_stderr(err))
+        code = _exit_code()
+    return Done(code, *(stream.buffer.getvalue().decode() for stream in (out, err)))  # type: ignore[attr-defined]
+
+
+def _exit_code() -> int:
+    try:
+        return cli.main()
+    except SystemExit as end:
+        return end.code if isinstance(end.code, int) else 0 if end.code is None else 1
+    finally:
+        GlobalHydra.instance().clear()
+
+
+@contextmanager
+def _variables(scenes):
+    changed = {"XDG_CACHE_HOME": NO_SCENES.name, "LOCALAPPDATA": NO_SCENES.name}
+    with patch.dict(os.environ, changed | ({"ATRA_SCENES": scenes} if scenes is not None else {})):
+        if scenes is None:
+            os.environ.pop("ATRA_SCENES", None)
+        yield
+
+
+@contextmanager
+def _signals():
+    """Gives back the handlers that the command line sets."""
+    kept = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield
+    finally:
+        for number, handler in kept.items():
+            with suppress(TypeError):
+                signal.signal(number, handler)

@@ -1,0 +1,258 @@
+"""Calls of several threads in any order: each sees one camera completely, and after `close` there is a clear error."""
+
+from __future__ import annotations
+
+import os
+import threading
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from types import TracebackType
+from typing import Any
+
+import numpy as np
+import pytest
+
+import atra
+from atra import render
+from atra.bake import Baker, BakeScene
+from atra.bvh.tracer import BvhTracer
+from atra.lifetime import Lifetime
+from atra.shafts.eye import EyeTracer
+from tests.images import assert_same_bits, make_tracer
+from tests.meshes import cornell_box, cornell_camera
+from tests.test_lifetimes import in_threads
+
+SECONDS = float(os.environ.get("ATRA_THREAD_SECONDS", "10"))
+"""Seconds of each stress test; `ATRA_THREAD_SECONDS=60 pytest -m slow tests/test_threads.py` is the long form."""
+
+MESH, CAMERA = cornell_box(), cornell_camera(64, 48)
+SMALL = replace(CAMERA, width=32, height=16, eye=tuple(np.add(CAMERA.eye, (0.1, -0.1, 0.1)).tolist()))
+LARGE = replace(CAMERA, width=96, height=80, target=tuple(np.add(CAMERA.target, (0.2, 0.1, 0.0)).tolist()))
+CAMERAS = (CAMERA, SMALL, LARGE)
+
+MAKE: dict[str, Callable[..., Any]] = {
+    **{
+        kind: lambda camera, kind=kind, **options: make_tracer(kind, MESH, camera, (16, 1), **options)
+        for kind in ("pixels", "aligned", "instanced", "visible_first", "tiles")
+    },
+    "raster": lambda camera, **options: atra.RasterTracer(MESH, camera, **{"threads": 1, **options}),
+    "bvh": lambda camera, **options: BvhTracer(MESH, camera, **{"threads": 1, **options}),
+    "tile shafts": lambda camera, **options: EyeTracer(MESH, camera, **{"threads": 1, **options}),
+}
+GATHERING = ("pixels", "aligned", "instanced", "raster")
+every_kind = pytest.mark.parametrize("kind", MAKE)
+
+
+class Interrupted:
+    """A tracer's lock, around which other threads always come first: `works` are done one after the other, each when
+    the lock was about to be taken, or was just released."""
+
+    def __init__(self, one: Lifetime, *works: Callable[[], Any]) -> None:
+        self._lock, self._works, self._depth = one._lock, list(works), 0
+        one._lock = self  # type: ignore[assignment]
+
+    def _let_others(self) -> None:
+        if self._depth == 0 and self._works:
+            self._depth = 1  # what they call takes the lock, too
+            self._works.pop(0)()
+            self._depth = 0
+
+    def __enter__(self) -> None:
+        self._let_others()
+        self._depth += 1
+        self._lock.__enter__()
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._lock.__exit__(kind, error, trace)
+        self._depth -= 1
+        self._let_others()
+
+
+@every_kind
+def test_a_frame_is_wholly_that_of_the_camera_that_came_last_before_it(kind: str) -> None:
+    with MAKE[kind](LARGE) as new:
+        expected = new.trace((0.3, 0.6))
+    with MAKE[kind](CAMERA) as one:
+        one.trace()
+        Interrupted(one, lambda: one.look(LARGE), lambda: one.look(SMALL))
+        hits = one.trace((0.3, 0.6))
+        assert hits.camera is LARGE
+        assert_same_bits(hits, expected)
+        assert one.camera is SMALL
+
+
+@pytest.mark.parametrize("kind", GATHERING)
+def test_all_hits_are_wholly_those_of_the_camera_that_came_last_before(kind: str) -> None:
+    with MAKE[kind](LARGE) as new:
+        expected = new.gather(atra.Count())
+    with MAKE[kind](CAMERA) as one:
+        Interrupted(one, lambda: one.look(LARGE), lambda: one.look(SMALL))
+        counts = one.gather(atra.Count())
+        assert counts.camera is LARGE
+        np.testing.assert_array_equal(counts.count, expected.count)
+
+
+@every_kind
+def test_an_earlier_result_is_refused_where_it_has_the_size_of_another_camera(kind: str) -> None:
+    with MAKE[kind](CAMERA) as one:
+        earlier = one.trace()
+        Interrupted(one, lambda: one.look(LARGE))
+        with pytest.raises(atra.InputError, match="out has an image"):
+            one.trace(out=earlier)
+
+
+@every_kind
+def test_counters_are_those_of_one_camera(kind: str) -> None:
+    with MAKE[kind](LARGE) as new:
+        expected = {name: value for name, value in new.counters.items() if not name.endswith("_s")}
+    with MAKE[kind](CAMERA) as one:
+        Interrupted(one, lambda: one.look(LARGE), lambda: one.look(SMALL))
+        found = one.counters
+        assert {name: value for name, value in found.items() if not name.endswith("_s") and "bytes" not in name} == {
+            name: value for name, value in expected.items() if "bytes" not in name
+        }
+
+
+@every_kind
+@pytest.mark.parametrize("call", ["trace", "plan", "build", "look", "gather"])
+def test_a_call_that_another_thread_closes_before_ends_in_a_clear_error(kind: str, call: str) -> None:
+    with MAKE[kind](CAMERA) as one:
+        if call == "gather" and kind not in GATHERING:
+            return
+        Interrupted(one, one.close)
+        arguments = {"look": (SMALL,), "gather": (atra.Count(),)}.get(call, ())
+        with pytest.raises(atra.EmbreeError, match="closed"):
+            getattr(one, call)(*arguments)
+
+
+@every_kind
+def test_tracers_closed_between_planning_and_building_of_another_thread_hold_nothing(kind: str) -> None:
+    one = MAKE[kind](CAMERA)
+    Interrupted(one, lambda: None, one.close)  # after `plan`
+    with pytest.raises(atra.EmbreeError, match="closed"), one:
+        pass
+    assert one.embree_bytes == 0
+
+
+def test_arrays_of_another_size_are_not_written_to_when_steps_are_counted() -> None:
+    with MAKE["bvh"](CAMERA) as one:
+        image = one.trace()
+        one.look(LARGE)
+        with pytest.raises(atra.InputError, match="out has an image"):
+            one.count(image)
+
+
+def test_a_ray_scene_closed_by_another_thread_says_so() -> None:
+    scene = atra.RayScene(MESH, threads=1)
+    Interrupted(scene, scene.close)
+    with pytest.raises(atra.EmbreeError, match="closed"):
+        scene.intersect(np.zeros((1, 3)), np.ones((1, 3)))
+
+
+LAMPS = tuple(render.Sun((x, -1, -0.2)) for x in (0.1, 0.4))
+
+
+def picture(camera: atra.Camera) -> np.ndarray:
+    with render.HybridRenderer(render.RenderScene(MESH, lights=LAMPS), camera, threads=1) as renderer:
+        renderer.add()
+        return renderer.image
+
+
+def test_samples_are_wholly_those_of_the_camera_that_came_last_before_them() -> None:
+    with render.HybridRenderer(render.RenderScene(MESH, lights=LAMPS), CAMERA, threads=1) as renderer:
+        Interrupted(renderer, lambda: renderer.update(camera=LARGE), lambda: None)
+        renderer.add()
+        np.testing.assert_array_equal(renderer.image, picture(LARGE))
+
+
+def test_a_light_that_another_thread_takes_away_is_named() -> None:
+    with render.HybridRenderer(render.RenderScene(MESH, lights=LAMPS), CAMERA, threads=1) as renderer:
+        renderer.add()
+        fewer = render.RenderScene(MESH, lights=LAMPS[:1])
+        Interrupted(renderer, lambda: renderer.update(scene=fewer))
+        with pytest.raises(atra.InputError, match="light is 1, but the scene has 1"):
+            renderer.lit(1)
+
+
+def test_a_closed_renderer_changes_no_more_but_hands_out_its_picture() -> None:
+    with render.HybridRenderer(render.RenderScene(MESH, lights=LAMPS), CAMERA, threads=1) as renderer:
+        renderer.add()
+    assert renderer.image.shape == (48, 64, 3)
+    for call in (lambda: renderer.update(camera=SMALL), renderer.restart, renderer.add):
+        with pytest.raises(atra.EmbreeError, match="closed"):
+            call()
+
+
+def test_samples_of_a_map_are_all_of_one_scene() -> None:
+    dark, bright = (BakeScene(MESH, lights=[render.Sun((0.1, -1, -0.2), power=power)]) for power in (1.0, 3.0))
+    given: dict[str, Any] = {"size": 16, "threads": 1, "expansion": 1}
+    with Baker(bright, **given) as baker:
+        baker.add(3)
+        expected = baker.maps
+    with Baker(dark, **given) as baker:
+        Interrupted(baker, lambda: baker.update(bright), lambda: None)
+        assert baker.add(3)
+        np.testing.assert_array_equal(baker.maps.samples, expected.samples)
+        np.testing.assert_array_equal(baker.maps.direct, expected.direct)
+
+
+def _until(end: float) -> Iterator[int]:
+    number = 0
+    while time.monotonic() < end:
+        yield number
+        number += 1
+
+
+@pytest.mark.slow
+@every_kind
+def test_four_threads_that_look_trace_gather_and_close_get_the_images_of_one(kind: str) -> None:
+    before, offsets = set(threading.enumerate()), ((0.5, 0.5), (0.25, 0.75))
+    expected, counts = {}, {}
+    for camera in CAMERAS:
+        with MAKE[kind](camera) as new:
+            expected |= {(camera, offset): new.trace(offset) for offset in offsets}
+            if kind in GATHERING:
+                counts |= {(camera, offset): new.gather(atra.Count(), offset).count for offset in offsets}
+    current = [MAKE[kind](CAMERA, threads=2).__enter__()]
+    end, traced = time.monotonic() + SECONDS, []
+
+    def work(seed: int) -> None:
+        random, out = np.random.default_rng(seed), None
+        for _ in _until(end):
+            one, what = current[0], random.choice(["look", "trace", "out", "gather", "build", "counters", "close"])
+            offset = offsets[random.integers(2)]
+            try:
+                if what == "look":
+                    one.look(CAMERAS[random.integers(3)])
+                elif what in ("trace", "out"):
+                    out = one.trace(offset, out if what == "out" else None)
+                    assert_same_bits(out, expected[out.camera, out.offset])
+                    traced.append(what)
+                elif what == "gather" and kind in GATHERING:
+                    found = one.gather(atra.Count(), offset)
+                    np.testing.assert_array_equal(found.count, counts[found.camera, found.offset])
+                elif what == "build":
+                    one.plan()
+                    one.build()
+                elif what == "counters":
+                    assert one.counters["triangles_traced"] >= 0
+                elif random.random() < 0.1:
+                    one.close()
+                    current[0] = MAKE[kind](CAMERAS[random.integers(3)], threads=2).__enter__()
+            except atra.EmbreeError as error:
+                if "closed" not in str(error):
+                    raise
+            except atra.InputError as error:
+                if "out has an image" not in str(error):  # of another camera's size
+                    raise
+
+    in_threads(*(lambda seed=seed: work(seed) for seed in range(4)), timeout_s=SECONDS + 120)
+    assert len(traced) > 10
+    current[0].close()
+    current.clear()
+    for thread in set(threading.enumerate()) - before:
+        thread.join(30)
+        assert not thread.is_alive()
