@@ -74,6 +74,16 @@ def test_a_kernel_closes_over_constants_alone_for_compiled_code_has_another_name
     assert all(isinstance(value, bool | int | float | str) for value in closed)
 
 
+def test_a_function_that_kernels_call_is_compiled_without_wrappers_and_python_can_call_it_before_and_after() -> None:
+    called = caching.njit(lambda number: number + 1)
+    calls = numba.njit(lambda number: 2 * called(number))
+    assert (called(3), calls(3), called(3), called(3.5)) == (4, 8, 4, 4.5)
+    (compiled,) = called.overloads.values()
+    names = {function.name for function in compiled.library.get_defined_functions()}
+    assert compiled.fndesc.llvm_func_name in names
+    assert names.isdisjoint({compiled.fndesc.llvm_cpython_wrapper_name, compiled.fndesc.llvm_cfunc_wrapper_name})
+
+
 def test_the_sources_of_a_kernel_are_all_files_that_its_own_imports_and_no_other() -> None:
     folder = Path(str(caching.__file__)).parent
     found = caching.sources(folder / "raster" / "drawing.py")

@@ -11,13 +11,13 @@ import re
 import warnings
 import zlib
 from collections.abc import Callable
-from functools import cache
+from functools import cache, partial
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
+import numba
 from llvmlite.binding import Linkage
-from numba import njit
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataCacheFile
 from numba.core.ccallback import CFunc
 from numba.core.codegen import JITCodeLibrary
@@ -67,14 +67,30 @@ def cache_folder() -> str | None:
 
 def kernel(function: Callable[..., Any]) -> Any:
     """Compile `function` when it is first called, to run without the GIL, and keep the code on disk."""
-    return keep_on_disk(njit(nogil=True, pipeline_class=_KernelCompiler)(function))
+    return keep_on_disk(numba.njit(nogil=True, pipeline_class=_KernelCompiler)(function))
 
 
 def float_kernel(function: Callable[..., Any]) -> Any:
     """As `kernel`, for loops that shall be as fast as C's: a division by zero gives inf or NaN, and nothing counts who
     refers to an array, which takes two calls wherever one gets a name. Such a kernel can make no arrays."""
     options = {"nogil": True, "error_model": "numpy", "_nrt": False, "pipeline_class": _KernelCompiler}
-    return keep_on_disk(njit(**options)(function))
+    return keep_on_disk(numba.njit(**options)(function))
+
+
+def njit(function: Callable[..., Any] | None = None, **options: Any) -> Any:
+    """Numba's `njit` for a function that kernels call. It gets no wrappers for calls from Python and C: compiling them
+    takes as long as a small function itself. A call from Python compiles the function again, with Numba's `njit`."""
+    if function is None:
+        return partial(njit, **options)
+    called = numba.njit(no_cpython_wrapper=True, no_cfunc_wrapper=True, **options)(function)
+    called._insert = lambda *_, **__: None  # keeps Numba from running a wrapper that is not there
+    called._compile_for_args = lambda *_, **__: _for_python(function, **options)  # what Numba calls instead
+    return called
+
+
+@cache
+def _for_python(function: Callable[..., Any], **options: Any) -> Any:
+    return numba.njit(**options)(function)
 
 
 def callback(signature: Any) -> Callable[[Callable[..., Any]], Any]:
