@@ -57,7 +57,7 @@ def beside_the_source(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize("name", KERNELS)
 def test_a_kernel_is_kept_under_the_stamp_of_its_sources(name: str) -> None:
     path = Path(inspect.getfile(KERNELS[name].py_func))
-    assert caching.source_stamp(path) in KERNELS[name]._cache._cache_file._source_stamp
+    assert caching.source_stamp(path) == KERNELS[name]._cache._cache_file._source_stamp
     assert len(KERNELS) > 15
 
 
@@ -165,6 +165,17 @@ def two_kinds(tmp_path: Path) -> Path:
     path = tmp_path / "two_kinds.py"
     path.write_text(TWO_KINDS)
     return path
+
+
+def test_kept_code_is_run_again_when_its_file_is_written_anew_and_not_when_its_text_changes(two_kinds: Path) -> None:
+    assert imported(two_kinds).answers() == (21, 42)
+    os.utime(two_kinds, (1e9, 1e9))
+    again = imported(two_kinds)
+    assert again.answers() == (21, 42)
+    assert again.read_from_disk() == (1, 1)
+    two_kinds.write_text(TWO_KINDS.replace("x // 2", "x // 3"), encoding="utf-8")
+    os.utime(two_kinds, (1e9, 1e9))
+    assert imported(two_kinds).answers() == (14, 42)
 
 
 def truncated(whole: bytes) -> bytes:

@@ -9,7 +9,6 @@ import inspect
 import pickle
 import re
 import warnings
-import zlib
 from collections.abc import Callable
 from functools import cache, partial
 from hashlib import sha256
@@ -33,9 +32,10 @@ _PACKAGE = Path(__file__).parents[1]
 _IMPORT = re.compile(rb"^ *(?:from|import) +(atra(?:\.\w+)*)", re.MULTILINE)
 
 
-def source_stamp(path: Path) -> int:
-    """Changes with every file that the kernels in `path` may be made of."""
-    return zlib.crc32(b"".join(source.read_bytes() for source in sorted(sources(path))))
+def source_stamp(path: Path) -> bytes:
+    """Changes with the text of every file that the kernels in `path` may be made of, but not with a file's time: a new
+    clone in the same place can use what an earlier one has kept, if both keep it in the folder NUMBA_CACHE_DIR."""
+    return sha256(b"".join(source.read_bytes() for source in sorted(sources(path)))).digest()
 
 
 @cache
@@ -177,14 +177,15 @@ class _Index(IndexDataCacheFile):
 
 class _Cache(FunctionCache):
     """Numba runs kept code as long as the file of the function itself is the same. Kernels inline functions of other
-    files and their constants, so here those count, too: an older one would otherwise be run after an update.
+    files and their constants, so here the text of all these files counts: older code would otherwise be run after an
+    update.
     """
 
     _impl_class = _Sealed
 
     def __init__(self, function: Callable[..., Any]) -> None:
         super().__init__(function)
-        stamp = self._impl.locator.get_source_stamp(), source_stamp(Path(inspect.getfile(function)))
+        stamp = source_stamp(Path(inspect.getfile(function)))
         self._cache_file = _Index(self._cache_path, self._impl.filename_base, stamp)
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
