@@ -47,7 +47,7 @@ def pytest_collection_modifyitems(items):
     """Files that compile the most come first, in two groups that need different kernels. One group begins the list, the
     other one its second half: of two workers, each is given half of the list and compiles its own group."""
     groups = (
-        ["gathering", "raster", "layers", "planner", "seeing_through", "sweep_files"],
+        ["raster", "gathering", "layers", "planner", "seeing_through", "sweep_files"],
         [
             "shafts",
             "bvh",

@@ -57,7 +57,7 @@ def beside_the_source(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize("name", KERNELS)
 def test_a_kernel_is_kept_under_the_stamp_of_its_sources(name: str) -> None:
     path = Path(inspect.getfile(KERNELS[name].py_func))
-    assert caching.source_stamp(path) in KERNELS[name]._cache._cache_file._source_stamp
+    assert caching.source_stamp(path) == KERNELS[name]._cache._cache_file._source_stamp
     assert len(KERNELS) > 15
 
 
@@ -72,6 +72,16 @@ def test_kernels_make_pointers_by_the_one_function_that_says_null_is_valid() -> 
 def test_a_kernel_closes_over_constants_alone_for_compiled_code_has_another_name_in_every_process(name: str) -> None:
     closed = [cell.cell_contents for cell in KERNELS[name].py_func.__closure__ or ()]
     assert all(isinstance(value, bool | int | float | str) for value in closed)
+
+
+def test_a_function_that_kernels_call_is_compiled_without_wrappers_and_python_can_call_it_before_and_after() -> None:
+    called = caching.njit(lambda number: number + 1)
+    calls = numba.njit(lambda number: 2 * called(number))
+    assert (called(3), calls(3), called(3), called(3.5)) == (4, 8, 4, 4.5)
+    (compiled,) = called.overloads.values()
+    names = {function.name for function in compiled.library.get_defined_functions()}
+    assert compiled.fndesc.llvm_func_name in names
+    assert names.isdisjoint({compiled.fndesc.llvm_cpython_wrapper_name, compiled.fndesc.llvm_cfunc_wrapper_name})
 
 
 def test_the_sources_of_a_kernel_are_all_files_that_its_own_imports_and_no_other() -> None:
@@ -155,6 +165,17 @@ def two_kinds(tmp_path: Path) -> Path:
     path = tmp_path / "two_kinds.py"
     path.write_text(TWO_KINDS)
     return path
+
+
+def test_kept_code_is_run_again_when_its_file_is_written_anew_and_not_when_its_text_changes(two_kinds: Path) -> None:
+    assert imported(two_kinds).answers() == (21, 42)
+    os.utime(two_kinds, (1e9, 1e9))
+    again = imported(two_kinds)
+    assert again.answers() == (21, 42)
+    assert again.read_from_disk() == (1, 1)
+    two_kinds.write_text(TWO_KINDS.replace("x // 2", "x // 3"), encoding="utf-8")
+    os.utime(two_kinds, (1e9, 1e9))
+    assert imported(two_kinds).answers() == (14, 42)
 
 
 def truncated(whole: bytes) -> bytes:

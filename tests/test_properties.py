@@ -39,9 +39,17 @@ def assert_agree(view, hits, reference):
 
 
 @pytest.mark.core
+@pytest.mark.parametrize(
+    "widths",
+    [
+        pytest.param(sorted({WIDTHS[0], WIDTHS[-1]}), id="narrowest and widest packets"),
+        pytest.param(WIDTHS, id="all packets", marks=pytest.mark.slow),  # compiles for each
+    ],
+)
 @EXAMPLES
-@given(views(), packet_widths)
-def test_every_method_gives_the_float64_image_and_that_of_single_rays(view, packet_width):
+@given(data=st.data(), view=views())
+def test_every_method_gives_the_float64_image_and_that_of_single_rays(widths, data, view):
+    packet_width = data.draw(st.sampled_from(widths))
     reference = brute_force(view.mesh, view.camera, view.offset)
     single, unculled = trace(view, "pixels", 1), trace(view, "unculled", packet_width)
     for method in images.METHODS:

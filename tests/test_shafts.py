@@ -68,15 +68,23 @@ def nearest_in_float64(mesh, rays):
     return depth, prim_id
 
 
+VIEWS = {
+    "pinhole": [
+        (MESHES["random"], atra.Camera(**EYE_AT_ORIGIN, width=41, height=23, fov_y_degrees=150)),
+        (cornell_box(), cornell_camera(41, 23)),  # from outside
+    ],
+    "parallel": [(MESHES["random"], PARALLEL)],
+}
+TRAVERSALS_AND_VIEWS = [("pop", "pinhole"), ("push", "parallel")]
+if not HELD:
+    TRAVERSALS_AND_VIEWS += [("pop", "parallel"), ("push", "pinhole")]
+
+
 @pytest.mark.core
-@pytest.mark.parametrize("traversal", ["pop", "push"])
+@pytest.mark.parametrize(("traversal", "views"), TRAVERSALS_AND_VIEWS)
 @pytest.mark.parametrize("empty", ["miss", "root"])
-def test_rays_from_lists_hit_what_they_hit_from_the_root(traversal, empty):
-    views = [(MESHES["random"], atra.Camera(**EYE_AT_ORIGIN, width=41, height=23, fov_y_degrees=150))]
-    views += [(cornell_box(), cornell_camera(41, 23)), (MESHES["random"], PARALLEL)]  # an eye outside, and many
-    if HELD:
-        views = views[:-1] if traversal == "pop" else views[-1:]
-    for mesh, camera in views:
+def test_rays_from_lists_hit_what_they_hit_from_the_root(traversal, views, empty):
+    for mesh, camera in VIEWS[views]:
         for offset in ((0.5, 0.5), (0.0, 0.7)):
             hits = classified(mesh, camera, offset, traversal=traversal, empty=empty)
             assert_same_bits(hits, plain(mesh, camera, offset))

@@ -9,15 +9,14 @@ import inspect
 import pickle
 import re
 import warnings
-import zlib
 from collections.abc import Callable
-from functools import cache
+from functools import cache, partial
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
+import numba
 from llvmlite.binding import Linkage
-from numba import njit
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataCacheFile
 from numba.core.ccallback import CFunc
 from numba.core.codegen import JITCodeLibrary
@@ -33,9 +32,10 @@ _PACKAGE = Path(__file__).parents[1]
 _IMPORT = re.compile(rb"^ *(?:from|import) +(atra(?:\.\w+)*)", re.MULTILINE)
 
 
-def source_stamp(path: Path) -> int:
-    """Changes with every file that the kernels in `path` may be made of."""
-    return zlib.crc32(b"".join(source.read_bytes() for source in sorted(sources(path))))
+def source_stamp(path: Path) -> bytes:
+    """Changes with the text of every file that the kernels in `path` may be made of, but not with a file's time: a new
+    clone in the same place can use what an earlier one has kept, if both keep it in the folder NUMBA_CACHE_DIR."""
+    return sha256(b"".join(source.read_bytes() for source in sorted(sources(path)))).digest()
 
 
 @cache
@@ -67,14 +67,30 @@ def cache_folder() -> str | None:
 
 def kernel(function: Callable[..., Any]) -> Any:
     """Compile `function` when it is first called, to run without the GIL, and keep the code on disk."""
-    return keep_on_disk(njit(nogil=True, pipeline_class=_KernelCompiler)(function))
+    return keep_on_disk(numba.njit(nogil=True, pipeline_class=_KernelCompiler)(function))
 
 
 def float_kernel(function: Callable[..., Any]) -> Any:
     """As `kernel`, for loops that shall be as fast as C's: a division by zero gives inf or NaN, and nothing counts who
     refers to an array, which takes two calls wherever one gets a name. Such a kernel can make no arrays."""
     options = {"nogil": True, "error_model": "numpy", "_nrt": False, "pipeline_class": _KernelCompiler}
-    return keep_on_disk(njit(**options)(function))
+    return keep_on_disk(numba.njit(**options)(function))
+
+
+def njit(function: Callable[..., Any] | None = None, **options: Any) -> Any:
+    """Numba's `njit` for a function that kernels call. It gets no wrappers for calls from Python and C: compiling them
+    takes as long as a small function itself. A call from Python compiles the function again, with Numba's `njit`."""
+    if function is None:
+        return partial(njit, **options)
+    called = numba.njit(no_cpython_wrapper=True, no_cfunc_wrapper=True, **options)(function)
+    called._insert = lambda *_, **__: None  # keeps Numba from running a wrapper that is not there
+    called._compile_for_args = lambda *_, **__: _for_python(function, **options)  # what Numba calls instead
+    return called
+
+
+@cache
+def _for_python(function: Callable[..., Any], **options: Any) -> Any:
+    return numba.njit(**options)(function)
 
 
 def callback(signature: Any) -> Callable[[Callable[..., Any]], Any]:
@@ -161,14 +177,15 @@ class _Index(IndexDataCacheFile):
 
 class _Cache(FunctionCache):
     """Numba runs kept code as long as the file of the function itself is the same. Kernels inline functions of other
-    files and their constants, so here those count, too: an older one would otherwise be run after an update.
+    files and their constants, so here the text of all these files counts: older code would otherwise be run after an
+    update.
     """
 
     _impl_class = _Sealed
 
     def __init__(self, function: Callable[..., Any]) -> None:
         super().__init__(function)
-        stamp = self._impl.locator.get_source_stamp(), source_stamp(Path(inspect.getfile(function)))
+        stamp = source_stamp(Path(inspect.getfile(function)))
         self._cache_file = _Index(self._cache_path, self._impl.filename_base, stamp)
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:

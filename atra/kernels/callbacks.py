@@ -5,9 +5,9 @@ from __future__ import annotations
 from functools import cache
 
 import numpy as np
-from numba import njit, types
+from numba import types
 
-from atra.kernels.caching import callback, kernel
+from atra.kernels.caching import callback, kernel, njit
 from atra.kernels.intrinsics import add_at, address_at, fetch_add, float_at, keep_nearest
 
 

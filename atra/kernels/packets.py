@@ -5,11 +5,12 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit, types
+from numba import types
 from numpy.typing import NDArray
 
 from atra.embree import layout
 from atra.embree.layout import HIT_GEOM_ID, HIT_PRIM_ID, RAY_DIR_X, RAY_ORG_X, RAY_TFAR, RAY_WORDS
+from atra.kernels.caching import njit
 
 MISS = np.uint32(layout.INVALID_ID)
 INFINITY = np.float32(np.inf)

@@ -8,9 +8,8 @@ depth, so the planes of every frustum are linear in them.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
-from atra.kernels.caching import kernel
+from atra.kernels.caching import kernel, njit
 from atra.kernels.intrinsics import fetch_add
 
 MARGIN_PIXELS = 0.125

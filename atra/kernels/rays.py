@@ -7,7 +7,6 @@ from functools import cache
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from atra.embree.layout import (
     FLAG_COHERENT,
@@ -20,7 +19,7 @@ from atra.embree.layout import (
     RAY_TFAR,
     RAY_TNEAR,
 )
-from atra.kernels.caching import float_kernel, kernel
+from atra.kernels.caching import float_kernel, kernel, njit
 from atra.kernels.intrinsics import fetch_add, float_at
 from atra.kernels.packets import (
     INFINITY,

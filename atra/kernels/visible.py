@@ -12,9 +12,8 @@ which is linear in x and y and also holds for triangles that reach behind the ey
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
-from atra.kernels.caching import kernel
+from atra.kernels.caching import kernel, njit
 from atra.kernels.intrinsics import fetch_add
 from atra.kernels.planning import MARGIN_PIXELS, write_copy
 

@@ -6,7 +6,6 @@ from collections.abc import Callable
 from functools import cache
 
 import numpy as np
-from numba import njit
 
 from atra.embree.layout import RAY_TFAR, RAY_TNEAR
 from atra.kernels.baking.choice import cell_of, odds_of
@@ -26,7 +25,7 @@ from atra.kernels.baking.tables import (
     set_vector,
     vector,
 )
-from atra.kernels.caching import float_kernel
+from atra.kernels.caching import float_kernel, njit
 from atra.kernels.packets import INFINITY, MISS, hit_distance, hit_prim_id, intersect, set_no_hit
 from atra.kernels.shading.numbers import ONE, ZERO, around, bits_of, mixed, on_sphere, scaled, unit_of
 from atra.kernels.shading.paths import load_rays

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from atra.kernels.baking.choice import cell_of, chosen
 from atra.kernels.baking.tables import (
@@ -30,7 +29,7 @@ from atra.kernels.baking.tables import (
     set_vector,
     vector,
 )
-from atra.kernels.caching import float_kernel
+from atra.kernels.caching import float_kernel, njit
 from atra.kernels.packets import INFINITY
 from atra.kernels.shading.aiming import ALMOST, to_lamp, to_sun
 from atra.kernels.shading.numbers import (

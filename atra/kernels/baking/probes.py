@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from atra.kernels.baking.samples import sample_key
 from atra.kernels.baking.tables import (
@@ -19,7 +18,7 @@ from atra.kernels.baking.tables import (
     set_vector,
     vector,
 )
-from atra.kernels.caching import float_kernel
+from atra.kernels.caching import float_kernel, njit
 from atra.kernels.shading.numbers import ZERO, bits_of, mixed, on_sphere, unit_of
 from atra.kernels.shading.scattering import WHITE
 

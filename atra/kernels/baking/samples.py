@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from atra.kernels.baking.tables import (
     DIRECT,
@@ -18,7 +17,7 @@ from atra.kernels.baking.tables import (
     set_vector,
 )
 from atra.kernels.baking.texels import corners_of, edges_of, point_at, slopes_of, weights_at
-from atra.kernels.caching import float_kernel
+from atra.kernels.caching import float_kernel, njit
 from atra.kernels.packets import INFINITY
 from atra.kernels.raster.memory import fetch
 from atra.kernels.shading.numbers import ZERO, bits_of, key_of, mixed, unit_of

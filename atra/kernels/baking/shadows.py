@@ -6,11 +6,10 @@ from collections.abc import Callable
 from functools import cache
 
 import numpy as np
-from numba import njit
 
 from atra.embree.layout import RAY_TFAR, RAY_TNEAR
 from atra.kernels.baking.tables import CARRIED, DIRECTION, LENGTH, ORIGIN
-from atra.kernels.caching import float_kernel
+from atra.kernels.caching import float_kernel, njit
 from atra.kernels.packets import MISS, SMALLEST_COMPONENT, hit_distance, hit_prim_id, intersect, occluded, set_no_hit
 from atra.kernels.shading.numbers import ONE, ZERO
 from atra.kernels.shading.paths import load_rays

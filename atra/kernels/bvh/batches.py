@@ -8,14 +8,13 @@ from functools import cache
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from atra.kernels.bvh.images import hit_of, set_ray
 from atra.kernels.bvh.memory import AHEAD
 from atra.kernels.bvh.packets import nearest_of_packet
 from atra.kernels.bvh.single import nearest
-from atra.kernels.caching import float_kernel
+from atra.kernels.caching import float_kernel, njit
 from atra.kernels.intrinsics import fetch_add
 from atra.kernels.packets import INFINITY, MISS, ray_component
 from atra.kernels.rays import ray_length

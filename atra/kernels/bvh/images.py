@@ -7,7 +7,6 @@ from enum import Enum
 from functools import cache
 
 import numpy as np
-from numba import njit
 
 from atra.kernels.bvh.memory import AHEAD
 from atra.kernels.bvh.packets import (
@@ -20,7 +19,7 @@ from atra.kernels.bvh.packets import (
     nearest_of_packet,
 )
 from atra.kernels.bvh.single import nearest, reciprocal
-from atra.kernels.caching import float_kernel
+from atra.kernels.caching import float_kernel, njit
 from atra.kernels.gathering.lanes import uint32_at
 from atra.kernels.intrinsics import fetch_add, float_at
 from atra.kernels.packets import INFINITY, ray_component

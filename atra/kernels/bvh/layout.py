@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from atra.kernels.caching import njit
 from atra.kernels.gathering.lanes import int32_at
 
 NODE_BYTES = 32

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from atra.kernels.bvh.layout import BLOCK, BLOCK_BYTES, IDS, NODE_BYTES, first_of, kind_of
 from atra.kernels.bvh.single import BLOCKS, BOXES, MARGIN, SLACK, STEPS, next_node
 from atra.kernels.bvh.triangles import CLAMP_SLACK, meet, meet_closed, shear_of
+from atra.kernels.caching import njit
 from atra.kernels.gathering.lanes import is_below, uint32_at
 from atra.kernels.intrinsics import float_at
 from atra.kernels.packets import MISS

@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 from llvmlite import ir
-from numba import njit
 from numba.extending import intrinsic
 
+from atra.kernels.caching import njit
 from atra.kernels.raster.vectors import (
     bits_of,
     declared,

@@ -7,9 +7,8 @@ same ray; only its divisions wait until a ray comes near a triangle.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
-from atra.kernels.caching import kernel
+from atra.kernels.caching import kernel, njit
 from atra.kernels.intrinsics import fetch_add
 from atra.prim_ids import MISS
 

@@ -9,10 +9,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
-from atra.kernels.caching import kernel
+from atra.kernels.caching import kernel, njit
 from atra.kernels.intrinsics import fetch_add
 from atra.kernels.raster.memory import load, store
 from atra.kernels.raster.vectors import bits_of, repeated, rounded

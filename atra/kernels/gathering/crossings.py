@@ -5,12 +5,11 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
-from atra.kernels.caching import kernel
+from atra.kernels.caching import kernel, njit
 from atra.kernels.intrinsics import fetch_add
 from atra.kernels.raster.clusters import POINT_BYTES, VERTICES
 from atra.kernels.raster.exact import side, turn

@@ -12,9 +12,8 @@ from functools import cache
 from typing import NamedTuple, Self
 
 import numpy as np
-from numba import njit
 
-from atra.kernels.caching import kernel
+from atra.kernels.caching import kernel, njit
 from atra.kernels.gathering.crossings import covers, depth_at, facing_of, homogeneous_of
 from atra.kernels.gathering.taking import TRANSMITTANCE, take
 from atra.kernels.gathering.target import LIST_END, MARKS, target_at

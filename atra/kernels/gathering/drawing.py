@@ -6,9 +6,8 @@ from collections.abc import Callable
 from functools import cache
 
 import numpy as np
-from numba import njit
 
-from atra.kernels.caching import kernel
+from atra.kernels.caching import kernel, njit
 from atra.kernels.gathering.layers import finish_layers, finish_numbers
 from atra.kernels.gathering.narrow import take_narrow
 from atra.kernels.gathering.spans import take_spans

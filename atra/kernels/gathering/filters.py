@@ -5,10 +5,10 @@ from __future__ import annotations
 from functools import cache
 
 import numpy as np
-from numba import njit, types
+from numba import types
 
 from atra.embree.layout import HIT_INST_ID, HIT_PRIM_ID, RAY_TFAR, FilterArguments, RayQueryContext
-from atra.kernels.caching import callback
+from atra.kernels.caching import callback, njit
 from atra.kernels.gathering.lanes import nonzero_lanes, set_int64, uint32_at
 from atra.kernels.gathering.taking import THICKNESS, TRANSMITTANCE, take
 from atra.kernels.gathering.target import target_at, without_doubts

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
-from atra.kernels.caching import kernel
+from atra.kernels.caching import kernel, njit
 from atra.kernels.gathering.keys import depths_of, keys_of, load_keys, prim_ids_of, sort_few, store_keys
 from atra.kernels.gathering.lanes import chosen, highest, is_below
 from atra.kernels.gathering.target import target_at

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from atra.kernels.caching import njit
 from atra.kernels.gathering.lanes import columns_of, rows_of
 from atra.kernels.gathering.taking import take
 from atra.kernels.raster.memory import doubles_at, floats_at

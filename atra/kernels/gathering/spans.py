@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from atra.kernels.caching import njit
 from atra.kernels.gathering.crossings import parallel_depth
 from atra.kernels.gathering.taking import take
 from atra.kernels.raster.memory import doubles_at

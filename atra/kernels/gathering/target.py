@@ -8,9 +8,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from atra.kernels.caching import njit
 from atra.kernels.gathering.lanes import int32_at, marked_rows, uint32_at
 from atra.kernels.intrinsics import address_at
 from atra.kernels.raster.vectors import bits_of, mask_of, rarely

@@ -12,11 +12,10 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from atra.geometry.mesh import Mesh
-from atra.kernels.caching import kernel
+from atra.kernels.caching import kernel, njit
 from atra.kernels.intrinsics import fetch_add
 from atra.parallel import WorkerPool
 

@@ -7,9 +7,8 @@ every sample of its rectangle is nearer already than its box, and nothing is dra
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
-from atra.kernels.caching import kernel
+from atra.kernels.caching import kernel, njit
 from atra.kernels.intrinsics import fetch_add
 from atra.kernels.raster.exact import UNIT
 from atra.kernels.raster.image import SPAN

@@ -10,9 +10,8 @@ from collections.abc import Callable
 from functools import cache
 
 import numpy as np
-from numba import njit
 
-from atra.kernels.caching import kernel
+from atra.kernels.caching import kernel, njit
 from atra.kernels.intrinsics import fetch_add
 from atra.kernels.raster.clusters import CLUSTER
 from atra.kernels.raster.culling import find_farthest, forget_tiles, is_hidden

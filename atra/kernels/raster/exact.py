@@ -16,8 +16,8 @@ Source: J. R. Shewchuk, "Adaptive precision floating-point arithmetic and fast r
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from atra.kernels.caching import njit
 from atra.kernels.raster.memory import doubles_at
 from atra.kernels.raster.vectors import multiply_add
 

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
+from atra.kernels.caching import njit
 from atra.kernels.raster.memory import identities_at
 
 SPAN = 16

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from atra.kernels.caching import njit
 from atra.kernels.raster.exact import side
 from atra.kernels.raster.image import without_lower
 from atra.kernels.raster.memory import doubles_at, floats_at, load, store_where

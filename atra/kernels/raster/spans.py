@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from atra.kernels.caching import njit
 from atra.kernels.raster.clusters import POINT_BYTES
 from atra.kernels.raster.culling import is_hidden
 from atra.kernels.raster.exact import SURELY_NEAREST, UNIT, crossing_error, first_beyond, turn

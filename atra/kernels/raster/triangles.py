@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from atra.kernels.caching import njit
 from atra.kernels.raster.clusters import CLUSTER, POINT_BYTES, VERTICES
 from atra.kernels.raster.culling import TILE, tile_stride
 from atra.kernels.raster.exact import UNIT

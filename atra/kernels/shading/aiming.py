@@ -5,10 +5,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
-from atra.kernels.caching import float_kernel
+from atra.kernels.caching import float_kernel, njit
 from atra.kernels.shading.gbuffer import DIRECTION, LENGTH, LIGHT, NORMAL, ORIGIN, SEEN, STRIDE, set_vector, vector_of
 from atra.kernels.shading.numbers import (
     ONE,

@@ -5,10 +5,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
-from atra.kernels.caching import float_kernel
+from atra.kernels.caching import float_kernel, njit
 from atra.kernels.raster.memory import columns_of, fetch, gather_at, halves, load, low_and_high, store
 from atra.kernels.raster.vectors import bits_of, fused, last_whole, repeated, root, rounded, size, where, widened
 from atra.kernels.shading.numbers import HALF, ONE, ZERO, unit

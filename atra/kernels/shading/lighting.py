@@ -6,10 +6,9 @@ from collections.abc import Callable
 from functools import cache
 
 import numpy as np
-from numba import njit
 
 from atra.embree.layout import FLAG_COHERENT, RAY_DIR_X, RAY_ORG_X, RAY_TFAR, RAY_TNEAR
-from atra.kernels.caching import float_kernel
+from atra.kernels.caching import float_kernel, njit
 from atra.kernels.intrinsics import ticks
 from atra.kernels.packets import SMALLEST_COMPONENT, START, occluded
 from atra.kernels.raster.memory import load, store, stream

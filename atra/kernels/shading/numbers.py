@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from atra.kernels.caching import njit
 
 _GOLDEN = np.uint32(0x9E3779B9)
 _TO_UNIT = np.float32(2.0**-24)

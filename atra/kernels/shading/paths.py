@@ -7,11 +7,10 @@ from functools import cache
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from atra.embree.layout import RAY_DIR_X, RAY_ORG_X, RAY_TFAR, RAY_TNEAR
-from atra.kernels.caching import float_kernel
+from atra.kernels.caching import float_kernel, njit
 from atra.kernels.packets import INFINITY, MISS, START, hit_prim_id, intersect, ray_component, set_no_hit
 from atra.kernels.shading.numbers import bits_of, key_of, unit, unit_of
 from atra.kernels.shading.scattering import WHITE, emitted, scatter

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from atra.kernels.caching import njit
 from atra.kernels.shading.numbers import ONE, TWO, ZERO, along, around, bits_of, dot, on_sphere, scaled, unit, unit_of
 from atra.kernels.shading.surface import (
     KIND,

@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from atra.kernels.caching import njit
 from atra.kernels.shading.numbers import HALF, ONE, ZERO, along, dot, scaled, unit
 
 RECORD_WORDS = 8

@@ -9,12 +9,12 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from atra.kernels.bvh.layout import ROOT
 from atra.kernels.bvh.memory import AHEAD
 from atra.kernels.bvh.single import FETCHED, FROM_ROOT, PROVEN, SMALLEST_COMPONENT, fetch_node
+from atra.kernels.caching import njit
 from atra.kernels.raster.memory import load, store
 from atra.kernels.raster.vectors import larger, last_whole, repeated, signed_like, size, smaller, where
 

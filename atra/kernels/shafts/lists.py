@@ -5,14 +5,13 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from atra.kernels.bvh.images import set_ray
 from atra.kernels.bvh.layout import NODE_BYTES, ROOT, Tree, first_of, kind_of
 from atra.kernels.bvh.packets import INVERSE_X, TFAR, ways_through
 from atra.kernels.bvh.single import nearest
-from atra.kernels.caching import kernel
+from atra.kernels.caching import kernel, njit
 from atra.kernels.intrinsics import fetch_add
 from atra.kernels.packets import INFINITY
 from atra.kernels.raster.memory import load

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from atra.kernels.bvh.layout import NODE_BYTES
+from atra.kernels.caching import njit
 from atra.kernels.intrinsics import float_at
 
 LOW, HIGH, AXIS, SIGN, U0, U1, V0, V1, NEAR, FAR, ABOVE_U, BELOW_U, ABOVE_V, BELOW_V = (
