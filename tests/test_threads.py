@@ -142,13 +142,6 @@ def test_arrays_of_another_size_are_not_written_to_when_steps_are_counted() -> N
             one.count(image)
 
 
-def test_a_ray_scene_closed_by_another_thread_says_so() -> None:
-    scene = atra.RayScene(MESH, threads=1)
-    Interrupted(scene, scene.close)
-    with pytest.raises(atra.EmbreeError, match="closed"):
-        scene.intersect(np.zeros((1, 3)), np.ones((1, 3)))
-
-
 LAMPS = tuple(render.Sun((x, -1, -0.2)) for x in (0.1, 0.4))
 
 
@@ -194,3 +187,60 @@ def test_samples_of_a_map_are_all_of_one_scene() -> None:
         assert baker.add(3)
         np.testing.assert_array_equal(baker.maps.samples, expected.samples)
         np.testing.assert_array_equal(baker.maps.direct, expected.direct)
+
+
+def test_a_map_that_is_asked_for_is_wholly_of_the_scene_that_came_last_before() -> None:
+    dark, bright = (BakeScene(MESH, lights=[render.Sun((0.1, -1, -0.2), power=power)]) for power in (1.0, 3.0))
+    given: dict[str, Any] = {"size": 16, "threads": 1, "expansion": 1}
+    with Baker(bright, **given) as baker:
+        baker.add(2)
+        expected = baker.maps
+    with Baker(dark, **given) as baker:
+        baker.add(3)
+        Interrupted(baker, lambda: (baker.update(bright), baker.add(2)), lambda: baker.update(dark))
+        found = baker.maps
+        np.testing.assert_array_equal(found.samples, expected.samples)
+        np.testing.assert_array_equal(found.direct, expected.direct)
+
+
+def test_a_picture_that_is_asked_for_is_wholly_that_of_the_camera_that_came_last_before() -> None:
+    with render.PathRenderer(render.RenderScene(MESH, lights=LAMPS), LARGE, threads=1) as renderer:
+        renderer.add()
+        expected = renderer.image
+    with render.PathRenderer(render.RenderScene(MESH, lights=LAMPS), CAMERA, threads=1) as renderer:
+        renderer.add()
+        to_large = [lambda: renderer.update(camera=LARGE), renderer.add]
+        Interrupted(renderer, lambda: [call() for call in to_large], lambda: renderer.update(camera=SMALL))
+        np.testing.assert_array_equal(renderer.image, expected)
+
+
+@pytest.mark.parametrize("call", ["add", "advance", "update", "set_view", "probes"])
+def test_a_baker_that_another_thread_closes_before_says_so_but_hands_out_its_map(call: str) -> None:
+    scene = BakeScene(MESH)
+    with Baker(scene, size=16, threads=1) as baker:
+        baker.add()
+        arguments = {"advance": (3,), "update": (scene,), "set_view": (CAMERA,), "probes": ([(0, 0, 0)],)}.get(call, ())
+        Interrupted(baker, baker.close)
+        with pytest.raises(atra.EmbreeError, match="closed"):
+            getattr(baker, call)(*arguments)
+        assert (baker.maps.samples == 1).all()
+
+
+@pytest.mark.parametrize("call", ["trace", "plan", "build"])
+def test_a_tracer_of_frames_that_another_thread_closes_before_says_so(call: str) -> None:
+    alignment = atra.Alignment.of_frames([CAMERA, CAMERA], atra.Split(16, 1, 64, 48))
+    with atra.FramesTracer(MESH, alignment, threads=1) as one:
+        Interrupted(one, one.close)
+        with pytest.raises(atra.EmbreeError, match="closed"):
+            getattr(one, call)()
+        assert one.embree_bytes == 0
+
+
+@pytest.mark.parametrize("call", ["intersect", "occluded", "build", "run"])
+def test_a_ray_scene_that_another_thread_closes_before_a_call_says_so(call: str) -> None:
+    rays = atra.Rays(np.zeros((1, 3)), np.ones((1, 3)))
+    with atra.RayScene(MESH, threads=1) as scene:
+        Interrupted(scene, scene.close)
+        arguments = {"build": (), "run": (lambda query: None,)}.get(call, (rays,))
+        with pytest.raises(atra.EmbreeError, match="closed"):
+            getattr(scene, call)(*arguments)
