@@ -6,6 +6,7 @@ import gc
 import subprocess
 import sys
 import threading
+import time
 import weakref
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -16,7 +17,7 @@ import pytest
 
 import atra
 from atra import render
-from atra.bake import Baker, BakeScene
+from atra.bake import Baker, BakeScene, ProgressiveBake
 from atra.bvh.scene import BvhScene
 from atra.bvh.tracer import BvhTracer
 from atra.embree.device import EmbreeDevice
@@ -69,6 +70,27 @@ def added(one: Any) -> Any:
     return one
 
 
+def baking() -> ProgressiveBake:
+    """In the midst of a bake that would take hours."""
+    baker = Baker(BakeScene(MESH), size=16, threads=2)
+    baker.plan()
+    baker.build()
+    bake = ProgressiveBake(baker, 1 << 30).__enter__()
+    while bake.snapshot() is None:
+        time.sleep(0.001)
+    return bake
+
+
+def baked() -> ProgressiveBake:
+    """With every sample it was to take: its thread waits for edits."""
+    baker = Baker(BakeScene(MESH), size=16, threads=2)
+    baker.plan()
+    baker.build()
+    bake = ProgressiveBake(baker, 1).__enter__()
+    assert bake.wait(60)
+    return bake
+
+
 MAKE: dict[str, Callable[[], Any]] = {
     **{
         kind: lambda kind=kind: traced(make_tracer(kind, MESH, CAMERA, (16, 1), threads=2))
@@ -87,6 +109,8 @@ MAKE: dict[str, Callable[[], Any]] = {
     "hybrid renderer": lambda: added(render.HybridRenderer(SCENE, CAMERA, threads=2)),
     "path renderer": lambda: added(render.PathRenderer(SCENE, CAMERA, threads=2)),
     "baker": lambda: added(Baker(BakeScene(MESH), size=16, threads=2)),
+    "progressive bake": baking,
+    "progressive bake that is done": baked,
 }
 
 

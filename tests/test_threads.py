@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import os
-import threading
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from types import TracebackType
 from typing import Any
@@ -19,17 +16,16 @@ from atra.bake import Baker, BakeScene
 from atra.bvh.tracer import BvhTracer
 from atra.lifetime import Lifetime
 from atra.shafts.eye import EyeTracer
+from atra.shafts.tracer import ClassifiedTracer
 from tests.images import assert_same_bits, make_tracer
 from tests.meshes import cornell_box, cornell_camera
-from tests.test_lifetimes import in_threads
-
-SECONDS = float(os.environ.get("ATRA_THREAD_SECONDS", "10"))
-"""Seconds of each stress test; `ATRA_THREAD_SECONDS=60 pytest -m slow tests/test_threads.py` is the long form."""
 
 MESH, CAMERA = cornell_box(), cornell_camera(64, 48)
 SMALL = replace(CAMERA, width=32, height=16, eye=tuple(np.add(CAMERA.eye, (0.1, -0.1, 0.1)).tolist()))
 LARGE = replace(CAMERA, width=96, height=80, target=tuple(np.add(CAMERA.target, (0.2, 0.1, 0.0)).tolist()))
 CAMERAS = (CAMERA, SMALL, LARGE)
+
+SHAFTS = {"cells": 8, "directions": 2, "rays": 4}
 
 MAKE: dict[str, Callable[..., Any]] = {
     **{
@@ -39,6 +35,7 @@ MAKE: dict[str, Callable[..., Any]] = {
     "raster": lambda camera, **options: atra.RasterTracer(MESH, camera, **{"threads": 1, **options}),
     "bvh": lambda camera, **options: BvhTracer(MESH, camera, **{"threads": 1, **options}),
     "tile shafts": lambda camera, **options: EyeTracer(MESH, camera, **{"threads": 1, **options}),
+    "classified": lambda camera, **options: ClassifiedTracer(MESH, camera, **{"threads": 1, **SHAFTS, **options}),
 }
 GATHERING = ("pixels", "aligned", "instanced", "raster")
 every_kind = pytest.mark.parametrize("kind", MAKE)
@@ -145,13 +142,6 @@ def test_arrays_of_another_size_are_not_written_to_when_steps_are_counted() -> N
             one.count(image)
 
 
-def test_a_ray_scene_closed_by_another_thread_says_so() -> None:
-    scene = atra.RayScene(MESH, threads=1)
-    Interrupted(scene, scene.close)
-    with pytest.raises(atra.EmbreeError, match="closed"):
-        scene.intersect(np.zeros((1, 3)), np.ones((1, 3)))
-
-
 LAMPS = tuple(render.Sun((x, -1, -0.2)) for x in (0.1, 0.4))
 
 
@@ -199,60 +189,58 @@ def test_samples_of_a_map_are_all_of_one_scene() -> None:
         np.testing.assert_array_equal(baker.maps.direct, expected.direct)
 
 
-def _until(end: float) -> Iterator[int]:
-    number = 0
-    while time.monotonic() < end:
-        yield number
-        number += 1
+def test_a_map_that_is_asked_for_is_wholly_of_the_scene_that_came_last_before() -> None:
+    dark, bright = (BakeScene(MESH, lights=[render.Sun((0.1, -1, -0.2), power=power)]) for power in (1.0, 3.0))
+    given: dict[str, Any] = {"size": 16, "threads": 1, "expansion": 1}
+    with Baker(bright, **given) as baker:
+        baker.add(2)
+        expected = baker.maps
+    with Baker(dark, **given) as baker:
+        baker.add(3)
+        Interrupted(baker, lambda: (baker.update(bright), baker.add(2)), lambda: baker.update(dark))
+        found = baker.maps
+        np.testing.assert_array_equal(found.samples, expected.samples)
+        np.testing.assert_array_equal(found.direct, expected.direct)
 
 
-@pytest.mark.slow
-@every_kind
-def test_four_threads_that_look_trace_gather_and_close_get_the_images_of_one(kind: str) -> None:
-    before, offsets = set(threading.enumerate()), ((0.5, 0.5), (0.25, 0.75))
-    expected, counts = {}, {}
-    for camera in CAMERAS:
-        with MAKE[kind](camera) as new:
-            expected |= {(camera, offset): new.trace(offset) for offset in offsets}
-            if kind in GATHERING:
-                counts |= {(camera, offset): new.gather(atra.Count(), offset).count for offset in offsets}
-    current = [MAKE[kind](CAMERA, threads=2).__enter__()]
-    end, traced = time.monotonic() + SECONDS, []
+def test_a_picture_that_is_asked_for_is_wholly_that_of_the_camera_that_came_last_before() -> None:
+    with render.PathRenderer(render.RenderScene(MESH, lights=LAMPS), LARGE, threads=1) as renderer:
+        renderer.add()
+        expected = renderer.image
+    with render.PathRenderer(render.RenderScene(MESH, lights=LAMPS), CAMERA, threads=1) as renderer:
+        renderer.add()
+        to_large = [lambda: renderer.update(camera=LARGE), renderer.add]
+        Interrupted(renderer, lambda: [call() for call in to_large], lambda: renderer.update(camera=SMALL))
+        np.testing.assert_array_equal(renderer.image, expected)
 
-    def work(seed: int) -> None:
-        random, out = np.random.default_rng(seed), None
-        for _ in _until(end):
-            one, what = current[0], random.choice(["look", "trace", "out", "gather", "build", "counters", "close"])
-            offset = offsets[random.integers(2)]
-            try:
-                if what == "look":
-                    one.look(CAMERAS[random.integers(3)])
-                elif what in ("trace", "out"):
-                    out = one.trace(offset, out if what == "out" else None)
-                    assert_same_bits(out, expected[out.camera, out.offset])
-                    traced.append(what)
-                elif what == "gather" and kind in GATHERING:
-                    found = one.gather(atra.Count(), offset)
-                    np.testing.assert_array_equal(found.count, counts[found.camera, found.offset])
-                elif what == "build":
-                    one.plan()
-                    one.build()
-                elif what == "counters":
-                    assert one.counters["triangles_traced"] >= 0
-                elif random.random() < 0.1:
-                    one.close()
-                    current[0] = MAKE[kind](CAMERAS[random.integers(3)], threads=2).__enter__()
-            except atra.EmbreeError as error:
-                if "closed" not in str(error):
-                    raise
-            except atra.InputError as error:
-                if "out has an image" not in str(error):  # of another camera's size
-                    raise
 
-    in_threads(*(lambda seed=seed: work(seed) for seed in range(4)), timeout_s=SECONDS + 120)
-    assert len(traced) > 10
-    current[0].close()
-    current.clear()
-    for thread in set(threading.enumerate()) - before:
-        thread.join(30)
-        assert not thread.is_alive()
+@pytest.mark.parametrize("call", ["add", "advance", "update", "set_view", "probes"])
+def test_a_baker_that_another_thread_closes_before_says_so_but_hands_out_its_map(call: str) -> None:
+    scene = BakeScene(MESH)
+    with Baker(scene, size=16, threads=1) as baker:
+        baker.add()
+        arguments = {"advance": (3,), "update": (scene,), "set_view": (CAMERA,), "probes": ([(0, 0, 0)],)}.get(call, ())
+        Interrupted(baker, baker.close)
+        with pytest.raises(atra.EmbreeError, match="closed"):
+            getattr(baker, call)(*arguments)
+        assert (baker.maps.samples == 1).all()
+
+
+@pytest.mark.parametrize("call", ["trace", "plan", "build"])
+def test_a_tracer_of_frames_that_another_thread_closes_before_says_so(call: str) -> None:
+    alignment = atra.Alignment.of_frames([CAMERA, CAMERA], atra.Split(16, 1, 64, 48))
+    with atra.FramesTracer(MESH, alignment, threads=1) as one:
+        Interrupted(one, one.close)
+        with pytest.raises(atra.EmbreeError, match="closed"):
+            getattr(one, call)()
+        assert one.embree_bytes == 0
+
+
+@pytest.mark.parametrize("call", ["intersect", "occluded", "build", "run"])
+def test_a_ray_scene_that_another_thread_closes_before_a_call_says_so(call: str) -> None:
+    rays = atra.Rays(np.zeros((1, 3)), np.ones((1, 3)))
+    with atra.RayScene(MESH, threads=1) as scene:
+        Interrupted(scene, scene.close)
+        arguments = {"build": (), "run": (lambda query: None,)}.get(call, (rays,))
+        with pytest.raises(atra.EmbreeError, match="closed"):
+            getattr(scene, call)(*arguments)

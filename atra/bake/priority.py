@@ -6,13 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.bake.charts.texels import Texels
+from atra.bake.light.tables import start_off
 from atra.geometry.view import View
 from atra.hits import Hits
 from atra.kernels.baking.texels import mark_shown
 from atra.rays.scene import RayScene
-
-START_OFF = 1e-4
-"""Of the distance to the eye: how far rays stay away from the texel and from the eye."""
 
 
 def visible_texels(texels: Texels, hits: Hits, scene: RayScene) -> NDArray[np.bool_]:
@@ -53,5 +51,8 @@ def _reach_the_eye(texels: Texels, numbers: NDArray[np.int64], camera: View, sce
         ways = -depth[:, None] * camera.axes[2]
     else:
         ways = -points
-    origins = points + camera.eye
-    return ~scene.occluded(origins, ways, tnear=START_OFF, tfar=1.0 - START_OFF)
+    # Rays keep `start_off` away from the texel's plane, as all rays of a bake do, and from the eye.
+    off = start_off(texels.mesh)
+    end = np.maximum(1.0 - off / np.linalg.norm(ways, axis=1), 0.0)
+    start = off / (texels.normals[numbers] * ways).sum(axis=1)  # above 0 for texels that face the eye
+    return ~scene.occluded(points + camera.eye, ways, tnear=np.minimum(start, end), tfar=end)
