@@ -13,7 +13,7 @@ from experiments.drawing.shading import encode_png
 from experiments.methods import METHODS, find_method
 from experiments.report import ReportContents
 from experiments.results.claims import JudgedClaim
-from experiments.results.table import columns, rows_of
+from experiments.results.table import columns, frame_of, rows_of
 from experiments.workloads import WORKLOADS, find_workload
 from experiments.workloads.picture.pictures import ScenePictures
 
@@ -80,8 +80,7 @@ def _time_row(scene: str, split_x: int, time_s: float, packet_width: int = 8) ->
 
 def table_of(rows: Sequence[dict[str, Any]]) -> pd.DataFrame:
     """A table of these rows; as in one of records, a row has no option that its method or workload has not."""
-    known = columns()
-    unknown = {name for row in rows for name in row} - set(known)
+    unknown = {name for row in rows for name in row} - set(columns())
     assert not unknown, unknown
     options = {name for kind in (*METHODS, *WORKLOADS) for name in kind.options.__dataclass_fields__}
     own = []
@@ -89,9 +88,7 @@ def table_of(rows: Sequence[dict[str, Any]]) -> pd.DataFrame:
         kinds = (find_method(row["method"]), find_workload(row["workload"]))
         has = {name for kind in kinds for name in kind.options.__dataclass_fields__}
         own.append({name: value for name, value in row.items() if name in has or name not in options})
-    return pd.DataFrame(
-        {name: pd.array([row.get(name) for row in own], dtype=one.dtype) for name, one in known.items()}
-    )
+    return frame_of(own)
 
 
 def scene_pictures(scene: str = "cornell_box", **fields: Any) -> ScenePictures:

@@ -13,7 +13,7 @@ import pandas as pd
 import pytest
 
 from experiments.paper.claims import CLAIMS, judge_claims
-from experiments.paper.evidence import PAPER_SCENES, USED_COLUMNS
+from experiments.paper.evidence import PAPER_SCENES, USED_COLUMNS, Evidence
 from experiments.paper.readings import EVERY_HIT
 from experiments.results.claims import JudgedClaim, judge_claim, write_claims
 from experiments.results.table import columns
@@ -35,7 +35,7 @@ def agreeing() -> pd.DataFrame:
 
 def finding(table: pd.DataFrame | None, claim_id: str, reading: str | None = None) -> JudgedClaim:
     """Under one reading; None: under the last of a frame, where the paper's 1 x 1 gathers all hits."""
-    found = judge_claim(next(claim for claim in CLAIMS if claim.id == claim_id), table)
+    found = judge_claim(next(claim for claim in CLAIMS if claim.id == claim_id), Evidence(table))
     return next(
         one for one in reversed(found) if one.reading == reading or (reading is None and one.reading != EVERY_HIT.name)
     )

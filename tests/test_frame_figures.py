@@ -9,7 +9,7 @@ import pytest
 from matplotlib.axes import Axes
 
 from experiments.drawing.style import TIMES
-from experiments.workloads.multiframe.frame_parts import PACKETS, SEPARATE_FRAMES, TOGETHER, VISIBLE_FRAMES, best_row
+from experiments.workloads.multiframe.frame_parts import PACKETS, SEPARATE_FRAMES, TOGETHER, VISIBLE_FRAMES, best_place
 from experiments.workloads.multiframe.multiframe_figure import draw_multiframe_figure
 from experiments.workloads.multiframe.stereo_figure import draw_stereo_figure
 from tests.drawn import bars, line, make_rows, method_row, save, skipped, whiskers, words
@@ -40,11 +40,11 @@ def test_each_way_has_the_split_at_which_packets_lose_most_to_it() -> None:
     )
     chosen = {}
     for way in (TOGETHER, SEPARATE_FRAMES, VISIBLE_FRAMES):
-        row = best_row(rows, way)
-        assert row is not None
-        chosen[way.label] = row["split_x"]
+        place = best_place(rows, way)
+        assert place is not None
+        chosen[way.label] = rows["split_x"].iloc[place]
     assert list(chosen.values()) == [64, 1, 128]
-    assert best_row(rows.iloc[3:], PACKETS) is None
+    assert best_place(rows.iloc[3:], PACKETS) is None
 
 
 def test_the_stereo_figure_draws_every_way_at_its_best_split_in_milliseconds_with_intervals_and_paired_ratios() -> None:

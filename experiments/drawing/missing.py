@@ -27,7 +27,7 @@ class Missing:
 
 def missing_points(rows: pd.DataFrame, axis_name: str, series: str, color: str) -> list[Missing]:
     """The points among `rows` that were skipped or failed, by status."""
-    without = rows[rows["status"] != "ok"]
+    without = rows[[axis_name, "status", "error"]][rows["status"] != "ok"]
     return [
         Missing(series, color, _whole(points[axis_name]), f"{status}, {_shorten(points['error'], status)}")
         for status, points in without.groupby("status", sort=False)

@@ -143,7 +143,8 @@ def _say_repeats(measured: pd.DataFrame) -> str:
     if not rounds:
         return ""
     ends = [name for name in measured if name.endswith(("_low", "_low_s"))]
-    bars = "bars: 95 % confidence intervals over processes" if measured[ends].notna().any(axis=None) else "no intervals"
+    has_bars = any(measured[name].notna().any() for name in ends)
+    bars = "bars: 95 % confidence intervals over processes" if has_bars else "no intervals"
     of_processes = (
         f"geometric mean of {processes} {'process' if processes == '1' else 'processes'}" if processes else "processes"
     )

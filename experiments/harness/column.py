@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import MISSING, Field, dataclass, fields
+from functools import cache
 from types import NoneType, UnionType
 from typing import Any, get_args, get_type_hints
 
@@ -46,6 +47,7 @@ class Column:
         return next((unit for end, unit in _UNITS.items() if self.name.endswith(end)), "")
 
 
+@cache
 def option_columns(options: type, section: str) -> tuple[Column, ...]:
     """A column for every field of an options type, read from `section` of a record's configuration.
 

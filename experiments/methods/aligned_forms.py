@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
 from typing import Any
 
+import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from experiments.drawing.style import BLUE, PURPLE, VERMILLION
 from experiments.methods.aligned import ALIGNED
@@ -30,14 +33,20 @@ def aligned_rows(table: pd.DataFrame) -> pd.DataFrame:
 def aligned_forms(table: pd.DataFrame) -> dict[str, pd.DataFrame]:
     """The aligned rows by the label of their geometry's form (`FORM_STYLES`); forms without rows are left out."""
     rows = aligned_rows(table)
-    said = [say_variant({**row, "reference": None}) for row in rows.to_dict("records")]
-    forms = pd.Series([f"{ALIGNED.label}, {variant}" for variant in said], index=rows.index, dtype="object")
+    forms = _form_of_each(rows)
     return {form: rows[forms == form] for form in FORM_STYLES if (forms == form).any()}
+
+
+def _form_of_each(rows: pd.DataFrame) -> NDArray[np.object_]:
+    """(N,) the label of every aligned row."""
+    telling = rows[["method", *(field.name for field in fields(ALIGNED.options) if field.name in rows)]]
+    said = [say_variant({**row, "reference": None}) for row in telling.to_dict("records")]
+    return np.array([f"{ALIGNED.label}, {variant}" for variant in said], dtype=object)
 
 
 def expected_forms(table: pd.DataFrame) -> tuple[str, ...]:
     """The forms that a figure of these rows has or misses: copies with and without culling, which belong together,
     and whatever else there is."""
-    found = aligned_forms(table)
+    found = set(_form_of_each(aligned_rows(table)))
     copied = not found or COPIED_OFF in found or COPIED_ON in found
     return tuple(form for form in FORM_STYLES if form in found or (copied and form != INSTANCED))

@@ -9,6 +9,7 @@ from typing import Any
 import pandas as pd
 
 from experiments.paper import resources, speed
+from experiments.paper.evidence import Evidence
 from experiments.paper.judging import SceneJudge, on_every_scene, on_paper_scene, on_paper_scenes, on_some_scene
 from experiments.paper.readings import EVERY_HIT, NEAREST, READINGS, readings_of
 from experiments.results.claims import Claim, Judge, JudgedClaim, judge_claim
@@ -283,5 +284,6 @@ def judge_claims(processes: pd.DataFrame | None) -> tuple[JudgedClaim, ...]:
     under = {reading.name for reading in readings_of(processes)}
     if under != {EVERY_HIT.name}:
         under.add("")
-    found = (judged for claim in CLAIMS for judged in judge_claim(claim, processes))
+    evidence = Evidence(processes)
+    found = (judged for claim in CLAIMS for judged in judge_claim(claim, evidence))
     return tuple(one for one in found if one.reading in under)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import pandas as pd
@@ -175,6 +176,18 @@ def collect_scenes(table: pd.DataFrame | None) -> dict[str, SceneRows]:
             scenes[name] = _index(name, of_scene)
     _check_settings(scenes)
     return scenes
+
+
+class Evidence:
+    """A table of processes and its scenes, which are collected once for all claims."""
+
+    def __init__(self, table: pd.DataFrame | None) -> None:
+        self._table = table
+
+    @cached_property
+    def scenes(self) -> dict[str, SceneRows]:
+        """As `collect_scenes`, which raises NotMeasuredError."""
+        return collect_scenes(self._table)
 
 
 def _rows(table: pd.DataFrame) -> list[Row]:

@@ -31,7 +31,8 @@ def draw_instancing_figure(table: pd.DataFrame, columns: int = 2) -> Figure:
     table: rows of both workloads. Copies are timed at the packet widths at which instances were timed
     (at all widths if none were); another width or value of any other setting makes another pair of panels.
     """
-    memory, time = (workload_rows(table, workload.name) for workload in (MEMORY, FRAME))
+    table = workload_rows(table, MEMORY.name, FRAME.name)
+    memory, time = (table[table["workload"] == workload.name] for workload in (MEMORY, FRAME))
     time = _at_widths_of_instances(aligned_rows(time))
     pairs = _pairs(pd.concat([time, aligned_rows(memory)]))
     figure, axes = make_figure(2 * len(pairs), columns, panel_height=4.1)

@@ -5,9 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
-import pandas as pd
-
-from experiments.paper.evidence import PAPER_SCENES, PAPER_SIZE, TIMED, NotMeasuredError, SceneRows, collect_scenes
+from experiments.paper.evidence import PAPER_SCENES, PAPER_SIZE, TIMED, Evidence, NotMeasuredError, SceneRows
 from experiments.results.claims import DOES_NOT_HOLD, HOLDS, NOT_MEASURED, UNDECIDED, Judge, Judgement
 from experiments.results.estimates import Estimate, Interval
 
@@ -36,20 +34,20 @@ SceneJudge = Callable[[SceneRows], Outcome]
 def on_every_scene(judge_scene: SceneJudge) -> Judge:
     """A claim about all four scenes, or their stand-ins: holds when it holds on every one, fails when it fails on one,
     and is otherwise undecided, or not measured on some."""
-    return _refusing(lambda table: _combine(_outcomes(collect_scenes(table), judge_scene), every=True))
+    return _refusing(lambda evidence: _combine(_outcomes(evidence.scenes, judge_scene), every=True))
 
 
 def on_some_scene(judge_scene: SceneJudge) -> Judge:
     """A claim that something happens on some scene: holds when it does on one, fails when it does on none of the four
     (or their stand-ins), and is otherwise undecided, or not measured on some."""
-    return _refusing(lambda table: _combine(_outcomes(collect_scenes(table), judge_scene), every=False))
+    return _refusing(lambda evidence: _combine(_outcomes(evidence.scenes, judge_scene), every=False))
 
 
 def on_paper_scene(name: str, judge_scene: SceneJudge) -> Judge:
     """A claim that compares a number of scene `name` with the paper's: no stand-in, and the paper's image size."""
 
-    def judge(table: pd.DataFrame | None) -> Judgement:
-        outcome = judge_scene(paper_scene(collect_scenes(table), name))
+    def judge(evidence: Evidence) -> Judgement:
+        outcome = judge_scene(paper_scene(evidence.scenes, name))
         interval = None if outcome.estimate is None else outcome.estimate.interval()
         return Judgement(outcome.verdict, outcome.value, interval, outcome.why)
 
@@ -59,9 +57,8 @@ def on_paper_scene(name: str, judge_scene: SceneJudge) -> Judge:
 def on_paper_scenes(judge_scenes: Callable[[Mapping[str, SceneRows]], Judgement]) -> Judge:
     """A claim that compares all four scenes with each other: no stand-ins, and the paper's image size."""
 
-    def judge(table: pd.DataFrame | None) -> Judgement:
-        scenes = collect_scenes(table)
-        return judge_scenes({name: paper_scene(scenes, name) for name in PAPER_SCENES})
+    def judge(evidence: Evidence) -> Judgement:
+        return judge_scenes({name: paper_scene(evidence.scenes, name) for name in PAPER_SCENES})
 
     return _refusing(judge)
 
@@ -84,11 +81,11 @@ def paper_scene(scenes: Mapping[str, SceneRows], name: str) -> SceneRows:
 
 
 def _refusing(judge: Judge) -> Judge:
-    """`judge`, with what the table cannot answer as a verdict."""
+    """`judge`, with what the evidence cannot answer as a verdict."""
 
-    def judge_or_refuse(table: pd.DataFrame | None) -> Judgement:
+    def judge_or_refuse(evidence: Evidence) -> Judgement:
         try:
-            return judge(table)
+            return judge(evidence)
         except NotMeasuredError as error:
             return Judgement(NOT_MEASURED, why=str(error))
 

@@ -46,7 +46,7 @@ class MissingPoints:
 
 def stand_ins(table: pd.DataFrame) -> dict[str, str]:
     """Scenes of the table and the paper's that they stand for, in the order of the table."""
-    rows = table[table["stands_for"].notna()]
+    rows = table[["scene", "stands_for"]][table["stands_for"].notna()]
     return dict(zip(rows["scene"], rows["stands_for"], strict=True))
 
 

@@ -10,7 +10,7 @@ import pandas as pd
 from atra.errors import InputError
 from experiments.drawing.figure import DrawnFigure, FigureKind, draw_figure
 from experiments.paper.figures import FIGURES as PAPER_FIGURES
-from experiments.results.table import rows_of
+from experiments.results.table import rows_of, workload_rows
 from experiments.workloads import WORKLOADS
 
 
@@ -42,6 +42,12 @@ def draw_figures(
     for kind in figure_kinds():
         if grids and kind.name not in grids:
             continue
-        rows = rows_of(table, *grids[kind.name]) if grids else kind.rows(table)
+        rows = _of_grids(table, grids[kind.name]) if grids else kind.rows(table)
         if len(rows):
             yield from draw_figure(kind, rows, records)
+
+
+def _of_grids(table: pd.DataFrame, grids: Sequence[str]) -> pd.DataFrame:
+    """The rows of these grids, in the columns of their workloads."""
+    rows = rows_of(table, *grids)
+    return workload_rows(rows, *rows["workload"].unique())

@@ -5,11 +5,12 @@ from __future__ import annotations
 import base64
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from jinja2 import Environment, FileSystemLoader, StrictUndefined, Template
 from markupsafe import Markup
 
 from atra.errors import printable
@@ -86,26 +87,13 @@ def write_report(folder: Path, contents: ReportContents) -> Path:
 
 def render_report(contents: ReportContents) -> str:
     """The text of the page. It asks nothing of the network, and holds no picture that must not be passed on."""
-    # Everything is escaped unless it is Markup, and only our own files are.
-    environment = Environment(
-        loader=FileSystemLoader(_TEMPLATES),
-        autoescape=True,
-        undefined=StrictUndefined,
-        finalize=_without_controls,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    environment.filters["thousands"] = lambda value: f"{value:,}"
-    environment.filters["ratio"] = lambda value: f"{value:.2f}"
-    environment.filters["svg"] = lambda content: _data_uri(content, "image/svg+xml")
-    environment.filters["png"] = lambda content: _data_uri(content, "image/png")
     table = contents.table
     gains, no_gains = _gains(contents.processes)
     replaced = stand_ins(table)
     # A sweep that measures nothing of what the paper claims has no verdict to show.
     judged = contents.claims if any(one.verdict != NOT_MEASURED for one in contents.claims) else ()
     claims = [(readings, verdict_on(readings)) for readings in by_claim(judged)]
-    return environment.get_template("template.html").render(
+    return _template().render(
         contents=contents,
         style=Markup((_TEMPLATES / "report.css").read_text(encoding="utf-8")),
         marks=_MARKS,
@@ -135,6 +123,24 @@ def render_report(contents: ReportContents) -> str:
     )
 
 
+@cache
+def _template() -> Template:
+    # Everything is escaped unless it is Markup, and only our own files are.
+    environment = Environment(
+        loader=FileSystemLoader(_TEMPLATES),
+        autoescape=True,
+        undefined=StrictUndefined,
+        finalize=_without_controls,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters["thousands"] = lambda value: f"{value:,}"
+    environment.filters["ratio"] = lambda value: f"{value:.2f}"
+    environment.filters["svg"] = lambda content: _data_uri(content, "image/svg+xml")
+    environment.filters["png"] = lambda content: _data_uri(content, "image/png")
+    return environment.get_template("template.html")
+
+
 def _gains(processes: pd.DataFrame) -> tuple[tuple[SceneGains, ...], str | None]:
     """And why there are none."""
     try:
@@ -153,4 +159,4 @@ def _data_uri(content: bytes, media_type: str) -> str:
 
 
 def _doubts_of(figure: DrawnFigure, table: pd.DataFrame) -> Doubts:
-    return count_doubts(table[table["point_id"].isin(figure.point_ids)])
+    return count_doubts(table[["status", "doubts"]][table["point_id"].isin(figure.point_ids)])

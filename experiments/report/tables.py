@@ -45,7 +45,10 @@ class WorkloadTable:
 
 def workload_tables(table: pd.DataFrame) -> Iterator[WorkloadTable]:
     """One for each workload of which a point was measured."""
+    present = set(table["workload"])
     for workload in WORKLOADS:
+        if workload.name not in present:
+            continue
         rows = workload_rows(table, workload.name)
         measured = rows[(rows["status"] == "ok").astype(bool)]
         if len(measured):

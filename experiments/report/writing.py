@@ -115,8 +115,8 @@ def _write_what_follows(
     for figure in figures:
         write_figure(folder, figure)
     for workload in WORKLOADS:
-        results, rows = workload.part("results"), workload_rows(table, workload.name)
-        if results is not None and len(rows):
+        results = workload.part("results")
+        if results is not None and len(rows := workload_rows(table, workload.name)):
             results.write(folder, records, rows)
     page = folder / "report.html"
     if report:

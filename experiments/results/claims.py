@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from itertools import groupby
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 
@@ -32,7 +33,8 @@ class Judgement:
     stand_ins: tuple[str, ...] = ()
 
 
-Judge = Callable[[pd.DataFrame | None], Judgement]
+Judge = Callable[[Any], Judgement]
+"""Evidence -> Judgement. The evidence is a table, None where there is none, or what a paper's claims make of it."""
 
 
 @dataclass(frozen=True)
@@ -41,8 +43,8 @@ class Claim:
 
     section: where in the paper. text: in our own words. paper_value: what the paper reports.
     how: how our value and the verdict are computed from the table.
-    judges: table -> Judgement, under each reading of what the paper leaves open, "" where it leaves nothing; they raise
-    nothing for rows, columns or scenes that are missing. inferred: the paper does not say it, but its values do.
+    judges: evidence -> Judgement, under each reading of what the paper leaves open, "" where it leaves nothing; they
+    raise nothing for rows, columns or scenes that are missing. inferred: the paper does not say it, but its values do.
     """
 
     id: str
@@ -75,11 +77,11 @@ class JudgedClaim:
     why: str | None
 
 
-def judge_claim(claim: Claim, table: pd.DataFrame | None) -> tuple[JudgedClaim, ...]:
-    """What the table says of `claim` under each reading; without rows, that it was not measured."""
+def judge_claim(claim: Claim, evidence: Any) -> tuple[JudgedClaim, ...]:
+    """What the evidence says of `claim` under each reading; without rows, that it was not measured."""
     judged = []
     for reading, judge in claim.judges.items():
-        found = judge(table)
+        found = judge(evidence)
         stand_ins = f" (Judged on stand-ins: {', '.join(found.stand_ins)}.)" if found.stand_ins else ""
         told = (claim.id, claim.section, claim.text + stand_ins, claim.paper_value, claim.how, claim.inferred, reading)
         judged.append(JudgedClaim(*told, found.verdict, found.value, found.interval, found.why))

@@ -33,10 +33,10 @@ def settings_that_vary(table: pd.DataFrame, besides: Collection[str] = ()) -> li
     """
     chosen = ["scene"]
     for name in settings():
-        if name not in besides and name in table and len(table):
-            values = table.groupby(chosen, dropna=False)[name].nunique()
-            if values.max() > 1:
-                chosen.append(name)
+        # Most settings have one value at most, which is seen without groups.
+        varies = name not in besides and name in table and table[name].nunique() > 1
+        if varies and table.groupby(chosen, dropna=False)[name].nunique().max() > 1:
+            chosen.append(name)
     return chosen[1:]
 
 

@@ -6,6 +6,7 @@ import io
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,21 +15,18 @@ import pandas as pd
 
 from atra.errors import InputError
 from atra.files import write_atomically
-from experiments.harness.column import REAL, TEXT, WHOLE, Column, option_columns
+from experiments.harness.column import REAL, TEXT, TRUTH, WHOLE, Column, option_columns
 from experiments.harness.environment import BUSY_SHARE, describe_difference
 from experiments.harness.records import Record
 from experiments.methods import METHODS, find_method
 from experiments.results.canary import BAND, strays
 from experiments.workloads import WORKLOADS, find_workload
+from experiments.workloads.workload import Workload
 from scenes.built_in import BUILT_IN
 
 
 def _first(values: Sequence[Any]) -> Any:
     return values[0]
-
-
-def _longest(texts: Sequence[str]) -> str:
-    return max(texts, key=len)
 
 
 def _worst(statuses: Sequence[str]) -> str:
@@ -76,7 +74,7 @@ _OUTCOME_COLUMNS = (
     Column("processes", WHOLE, "processes that measured it", lambda record: 1, sum),
     Column("processes_left_out", WHOLE, "processes left out, the machine not being as it mostly was"),
     Column("rounds", WHOLE, "rounds that ran in every process", over=min),
-    Column("doubts", TEXT, "what makes the times less trustworthy", lambda record: _doubts(record), _longest),
+    Column("doubts", TEXT, "what makes the times less trustworthy", lambda one: _doubts(one), partial(max, key=len)),
     Column("others_share", REAL, "of the cores it may use, what other processes took during the rounds", over=max),
     Column("stolen_share", REAL, "of these cores, what other machines on the same hardware took", over=max),
     Column("load_average", REAL, "load of the machine before the point", lambda record: _load(record), max),
@@ -87,18 +85,19 @@ _OUTCOME_COLUMNS = (
 )
 
 
-def columns() -> dict[str, Column]:
+def columns(workloads: Sequence[Workload] | None = None) -> dict[str, Column]:
     """Every column of the table, by name and in order: the point, its options, what holds for all, what was measured,
-    and what became of it. Options and columns of one name are one column.
+    and what became of it. Options and columns of one name are one column. workloads: those of the rows, by default all.
 
     Times are seconds and medians over rounds; what was not measured is missing, never zero. Raises ValueError for two
     columns of one name and different types.
     """
+    workloads = WORKLOADS if workloads is None else workloads
     options = [
         *(column for method in METHODS for column in option_columns(method.options, "method_options")),
-        *(column for workload in WORKLOADS for column in option_columns(workload.options, "workload_options")),
+        *(column for workload in workloads for column in option_columns(workload.options, "workload_options")),
     ]
-    measured = [column for kind in WORKLOADS for column in kind.columns]
+    measured = [column for kind in workloads for column in kind.columns]
     counted = [column for method in METHODS for column in method.counters]
     found: dict[str, Column] = {}
     for column in (*_POINT_COLUMNS, *options, *_TRACING_COLUMNS, *measured, *counted, *_OUTCOME_COLUMNS):
@@ -144,7 +143,7 @@ def make_tables(records: Sequence[Record], grids: Mapping[str, Sequence[str]] | 
         left_out = {"processes_left_out": len(of_point) - len(kept)}
         points.append(_row(kept or of_point) | known | left_out | {"process": None} | ({} if kept else _UNSTEADY))
         processes += [_row([record]) | known | (_UNSTEADY if record.point_id in out else {}) for record in of_point]
-    return Tables(_frame(points), _frame(processes))
+    return Tables(frame_of(points), frame_of(processes))
 
 
 def make_table(records: Sequence[Record], grids: Mapping[str, Sequence[str]] | None = None) -> pd.DataFrame:
@@ -161,10 +160,17 @@ def _by_point(records: Sequence[Record]) -> list[list[Record]]:
     return [sorted(of_point, key=lambda record: record.configuration.get("process", 0)) for of_point in points.values()]
 
 
-def _frame(rows: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
-    return pd.DataFrame(
-        {name: pd.array([row.get(name) for row in rows], dtype=one.dtype) for name, one in columns().items()}
-    )
+def frame_of(rows: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
+    """A table of these rows, which may lack any column."""
+    told = {name for row in rows for name in row}
+    return _frame({name: [row.get(name) for row in rows] for name in told}, pd.RangeIndex(len(rows)))
+
+
+def _frame(told: Mapping[str, Any], index: pd.Index) -> pd.DataFrame:
+    # Most columns hold nothing: one empty array of their type is enough for all.
+    empty = {dtype: pd.array([None] * len(index), dtype=dtype) for dtype in (TEXT, WHOLE, REAL, TRUTH)}
+    values = {name: pd.array(told.get(name, empty[one.dtype]), dtype=one.dtype) for name, one in columns().items()}
+    return pd.DataFrame(values, index=index)
 
 
 def check_one_environment(records: Iterable[Record]) -> None:
@@ -207,14 +213,12 @@ def read_table(path: Path) -> pd.DataFrame | None:
         return None
     try:
         table = pd.read_parquet(path)
-        missing = [name for name in _ALWAYS if name not in table]
-        if missing:
-            raise ValueError(f"it has no column {missing[0]}")
-        for name, column in columns().items():
-            # A column that is newer than the table was not measured.
-            values = table[name] if name in table else pd.Series(pd.NA, index=table.index)
-            table[name] = values.astype(column.dtype)
-        return table[list(columns())]
+        absent = [name for name in _ALWAYS if name not in table]
+        if absent:
+            raise ValueError(f"it has no column {absent[0]}")
+        # A column that is newer than the table was not measured.
+        known = {name: one.dtype for name, one in columns().items() if name in table}
+        return _frame({name: table[name].astype(dtype) for name, dtype in known.items()}, table.index)
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise InputError(f"{path} cannot be read as a table of this version ({error}); run the sweep again") from None
 
@@ -226,23 +230,18 @@ def rows_of(table: pd.DataFrame, *grids: str) -> pd.DataFrame:
 
 
 def workload_rows(table: pd.DataFrame, *names: str) -> pd.DataFrame:
-    """The rows of the named workloads, measured or not."""
-    chosen = table["workload"].isin(names).astype(bool)
-    # Picked rows are copied, column by column; a slice of all or none is not.
-    return table[chosen] if chosen.nunique() > 1 else table.iloc[: chosen.sum()]
+    """The rows of the named workloads, measured or not, in the columns in which such rows may have values."""
+    # Picked rows are copied column by column, and most columns are of other workloads.
+    known = columns([find_workload(name) for name in names])
+    return table[[name for name in table if name in known]][table["workload"].isin(names).astype(bool)]
 
 
 def _row(records: Sequence[Record]) -> dict[str, Any]:
     """Of the processes of one point."""
     first = records[0]
     workload, method = find_workload(first.configuration["workload"]), find_method(first.configuration["method"])
-    columns = [
-        *_POINT_COLUMNS,
-        *option_columns(method.options, "method_options"),
-        *option_columns(workload.options, "workload_options"),
-        *_TRACING_COLUMNS,
-    ]
-    row = {column.name: column.value(records) for column in columns}
+    options = (*option_columns(method.options, "method_options"), *option_columns(workload.options, "workload_options"))
+    row = {column.name: column.value(records) for column in (*_POINT_COLUMNS, *options, *_TRACING_COLUMNS)}
     # The packet width and threads that ran, where the point leaves them to the machine.
     row |= {name: first.results[name] for name in row if name in first.results}
     if all(record.status == "ok" for record in records):

@@ -100,9 +100,12 @@ def print_sweep(tables: Tables, folder: Path, console: Console) -> None:
     for workload in WORKLOADS:
         terminal = workload.part("terminal")
         for part, rows in (("sweep_lines", table), ("process_lines", tables.processes)):
-            measured = workload_rows(rows[(rows["status"] == "ok").astype(bool)], workload.name)
             lines = getattr(terminal, part, None)
-            for line in lines(measured) if lines is not None and len(measured) else ():
+            if lines is None or not rows["workload"].eq(workload.name).any():
+                continue
+            measured = workload_rows(rows, workload.name)
+            measured = measured[(measured["status"] == "ok").astype(bool)]
+            for line in lines(measured) if len(measured) else ():
                 if isinstance(line, str):
                     say(console, line)
                 else:

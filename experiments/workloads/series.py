@@ -21,10 +21,11 @@ def series_of(rows: pd.DataFrame) -> Iterator[tuple[str, int | None, pd.DataFram
 
     A point that was not measured may lack its packet width: it belongs to the method's first series.
     """
+    present = set(rows["method"].dropna())
     for method in METHODS:
-        of_method = rows[rows["method"].eq(method.name).fillna(False).astype(bool)]
-        if len(of_method) == 0:
+        if method.name not in present:
             continue
+        of_method = rows[rows["method"].eq(method.name).fillna(False).astype(bool)]
         widths = sorted((int(width) for width in column(of_method, "packet_width").dropna().unique()), reverse=True)
         if not method.has_packets or len(widths) <= 1:
             yield method.name, widths[0] if widths else None, of_method
@@ -68,7 +69,8 @@ def say_unmeasured(rows: pd.DataFrame, name: str, whole: bool = False) -> list[s
     whole: the reason in full, and a line for each reason, for a figure that has the room.
     """
     lines = []
-    for one in missing_points(rows.assign(split_x=rows["split_x"].fillna(0)), "split_x", name, GREY):
+    told = rows[["status", "error"]].assign(split_x=rows["split_x"].fillna(0))
+    for one in missing_points(told, "split_x", name, GREY):
         status = one.reason.partition(",")[0]
         points = rows[rows["status"].eq(status).fillna(False).astype(bool)]
         splits = list(dict.fromkeys(filter(None, (say_split(row) for _, row in points.iterrows()))))

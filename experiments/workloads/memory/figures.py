@@ -62,16 +62,16 @@ def memory_mib(rows: pd.DataFrame, name: str, over_mesh: bool = False) -> NDArra
 
 def baseline_rows(table: pd.DataFrame, rows: pd.DataFrame) -> pd.DataFrame:
     """The measured rows of one ray per pixel of the same scene, image and build as the panel's `rows`."""
-    pixel = table[(table["method"] == PIXEL.name) & (table["status"] == "ok")]
+    chosen = table["method"].eq(PIXEL.name) & table["status"].eq("ok")
     decisive = ("scene", "mesh_sha256", "width", "height", "build_quality")
     for name in decisive:
-        pixel = pixel[column(pixel, name).isin(column(rows, name))]
+        chosen &= column(table, name).isin(column(rows, name))
     # Memory hardly depends on the others: a baseline that was measured with one value serves the rest.
     for name in settings():
         if name not in (*decisive, *best_of()):
-            same = pixel[column(pixel, name).isin(column(rows, name))]
-            pixel = same if len(same) else pixel
-    return pixel
+            same = chosen & column(table, name).isin(column(rows, name))
+            chosen = same if same.any() else chosen
+    return table[chosen]
 
 
 def _draw_panel(table: pd.DataFrame, axis: Axes, rows: pd.DataFrame) -> None:

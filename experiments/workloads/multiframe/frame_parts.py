@@ -50,16 +50,16 @@ WAYS = (TOGETHER, SEPARATE_FRAMES, VISIBLE_FRAMES, RASTER_FRAMES, PACKETS)
 """In the order of the legends."""
 
 
-def best_row(rows: pd.DataFrame, way: Way) -> pd.Series | None:
-    """The row whose split suits `way` best: the largest ratio of packets to it, which the same rounds give.
+def best_place(rows: pd.DataFrame, way: Way) -> int | None:
+    """The place of the row whose split suits `way` best: the largest ratio of packets to it, from the same rounds.
 
     None where nothing was measured. Packets and the rasteriser have no split: for them it is any row.
     """
-    measured = rows[(rows["status"].eq("ok").to_numpy(bool)) & drawable(way.times_s(rows))]
-    if len(measured) == 0:
+    measured = rows["status"].eq("ok").to_numpy(bool) & drawable(way.times_s(rows))
+    if not measured.any():
         return None
-    ratios = choosing(measured, OVER_PACKETS) if way is TOGETHER else PACKETS.times_s(measured) / way.times_s(measured)
-    return measured.iloc[int(np.argmax(ratios))]
+    ratios = choosing(rows, OVER_PACKETS) if way is TOGETHER else PACKETS.times_s(rows) / way.times_s(rows)
+    return int(np.flatnonzero(measured)[np.argmax(ratios[measured])])
 
 
 def say_speedup(row: pd.Series, way: Way) -> str:

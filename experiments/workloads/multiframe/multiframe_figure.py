@@ -17,7 +17,7 @@ from experiments.workloads.multiframe.frame_parts import (
     TOGETHER,
     WAYS,
     Way,
-    best_row,
+    best_place,
     say_speedup,
 )
 from experiments.workloads.panels import make_panels
@@ -64,8 +64,12 @@ def _of_motion(rows: pd.DataFrame, motion: str) -> pd.DataFrame:
 
 def _best_rows(rows: pd.DataFrame, way: Way) -> pd.DataFrame:
     """The best row of a way for every number of frames, ascending."""
-    found = [best_row(of_count, way) for _, of_count in rows.groupby("frames", sort=True)]
-    return pd.DataFrame([row for row in found if row is not None], columns=rows.columns).astype(rows.dtypes)
+    found = []
+    for _, places in sorted(rows.groupby("frames").indices.items()):
+        place = best_place(rows.iloc[places], way)
+        if place is not None:
+            found.append(places[place])
+    return rows.iloc[found]
 
 
 def _draw_times(axis: Axes, rows: pd.DataFrame) -> None:

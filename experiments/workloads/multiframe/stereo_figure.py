@@ -20,7 +20,7 @@ from experiments.workloads.multiframe.frame_parts import (
     TOGETHER,
     VISIBLE_FRAMES,
     Way,
-    best_row,
+    best_place,
     say_speedup,
 )
 from experiments.workloads.panels import draw_panels, make_panels
@@ -63,10 +63,11 @@ def _draw_panel(axis: Axes, rows: pd.DataFrame) -> None:
 
 
 def _make_bar(rows: pd.DataFrame, way: Way, label: str) -> Bar:
-    row = best_row(rows, way)
-    if row is None:
+    place = best_place(rows, way)
+    if place is None:
         return Bar(label, nan, nan, nan, way.style["color"], "not measured")
-    value, low, high = (float(ends[0]) for ends in interval_ms(row.to_frame().T, way.time))
+    row = rows.iloc[place]
+    value, low, high = (float(ends[place]) for ends in interval_ms(rows, way.time))
     ratio = say_ratio(row) if way is TOGETHER else say_speedup(row, way)
     split = "" if way is RASTER_FRAMES else say_split(row)
     name = ", ".join(filter(None, [label, split]))
