@@ -6,8 +6,8 @@ from dataclasses import replace
 
 from atra.alignment.culling import AlignedGeometry, plan_plain_geometry
 from atra.geometry.view import View
-from atra.tracers import PixelTracer
 from atra.tracers.base import Views
+from atra.tracers.pixel import PixelTracer
 
 
 class KeptPackets(PixelTracer):
