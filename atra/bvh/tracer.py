@@ -9,7 +9,6 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.alignment.culling import check_image_memory, plan_plain_geometry
 from atra.bvh.bvh import Bvh, bvh_of
 from atra.geometry.mesh import Mesh
 from atra.geometry.ray_space import check_range, from_eye_space, ray_axes, unseen_from
@@ -23,7 +22,9 @@ from atra.kernels.shafts.grid import NO_SHAFTS, Shafts
 from atra.lifetime import TracerLifetime, in_turn
 from atra.options import BvhOptions
 from atra.parallel import WorkerPool, resolve_threads
+from atra.tracers.budgets import check_image_memory
 from atra.tracers.gathering import NoGathering
+from atra.tracers.geometry import plan_plain_geometry
 from atra.tracers.images import images_of, outputs
 from atra.tracers.pixel import SQUAREST_SHAPE, pixel_tiles
 from atra.tracers.rays import image_ray_grid

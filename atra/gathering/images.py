@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.aligned_memory import aligned_empty, aligned_part
-from atra.alignment.culling import check_needed_bytes
 from atra.errors import InputError
 from atra.gathering.reductions import Gathered, Reduction
 from atra.kernels.gathering.target import Target
+from atra.tracers.budgets import check_needed_bytes
 
 ROOM = 16
 """Rows below an image: as high as the highest packet."""

@@ -10,13 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.alignment.alignment import Alignment
-from atra.alignment.culling import (
-    AlignedGeometry,
-    LeftOut,
-    check_memory_budget,
-    plan_aligned_geometry,
-    plan_plain_geometry,
-)
+from atra.alignment.culling import plan_aligned_geometry
 from atra.alignment.instancing import check_instancing_budget, plan_instanced_geometry
 from atra.alignment.seams import with_neighbours
 from atra.alignment.split import Split
@@ -33,8 +27,10 @@ from atra.kernels.tracing import PixelTiles
 from atra.lifetime import Result, in_turn
 from atra.options import AlignedOptions
 from atra.tracers.base import ImageTracer
+from atra.tracers.budgets import check_memory_budget
 from atra.tracers.gathering import NoGathering
 from atra.tracers.gathering_rays import EmbreeGathering, Shots
+from atra.tracers.geometry import AlignedGeometry, LeftOut, plan_plain_geometry
 from atra.tracers.images import images_of
 from atra.tracers.pixel import SQUAREST_SHAPE, image_shots
 from atra.tracers.rays import longest_ray

@@ -9,7 +9,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.alignment.culling import AlignedGeometry
 from atra.embree.scene import EmbreeScene
 from atra.embree.workspace import check_widths
 from atra.errors import InputError
@@ -27,6 +26,7 @@ from atra.kernels.tracing import PixelTiles
 from atra.lifetime import in_turn
 from atra.tracers.base import EmbreeTracer, Views
 from atra.tracers.gathering import Gathering
+from atra.tracers.geometry import AlignedGeometry
 
 
 class Shots(NamedTuple):

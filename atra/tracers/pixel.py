@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.alignment.culling import AlignedGeometry, plan_plain_geometry
 from atra.embree.device import EmbreeDevice
 from atra.embree.scene import EmbreeScene
 from atra.geometry.mesh import Mesh
@@ -19,6 +18,7 @@ from atra.kernels.tracing import PixelTiles, pixel_kernel
 from atra.options import PixelOptions
 from atra.tracers.base import ImageTracer, check_views
 from atra.tracers.gathering_rays import EmbreeGathering, Shots
+from atra.tracers.geometry import AlignedGeometry, plan_plain_geometry
 from atra.tracers.rays import image_ray_grid, longest_ray
 
 SQUAREST_SHAPE = {1: (1, 1), 4: (2, 2), 8: (4, 2), 16: (4, 4)}

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.alignment.culling import check_image_memory
 from atra.embree.instruction_sets import native_lanes
 from atra.gathering.images import target_of
 from atra.gathering.reductions import Reduction
@@ -23,6 +22,7 @@ from atra.kernels.raster.frames import Scratch, compile_kernels, draw_frame
 from atra.lifetime import in_turn
 from atra.options import RasterOptions
 from atra.parallel import WorkerPool, resolve_threads
+from atra.tracers.budgets import check_image_memory
 from atra.tracers.gathering import Gathering
 from atra.tracers.images import images_of, outputs
 

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from atra.alignment.alignment import Alignment
-from atra.alignment.culling import AlignedGeometry, plan_plain_geometry
 from atra.alignment.split import Split
 from atra.alignment.visibility import Tiles, plan_visible_geometry
 from atra.embree.scene import EmbreeScene
@@ -25,6 +24,7 @@ from atra.lifetime import in_turn
 from atra.options import ReferenceRayOptions
 from atra.tracers.base import ImageTracer
 from atra.tracers.gathering import NoGathering
+from atra.tracers.geometry import AlignedGeometry, plan_plain_geometry
 from atra.tracers.images import new_images
 from atra.tracers.pixel import SQUAREST_SHAPE, pixel_tiles
 from atra.tracers.rays import check_pinhole, ray_grid

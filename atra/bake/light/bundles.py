@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from atra.aligned_memory import aligned_empty
-from atra.alignment.culling import check_needed_bytes
 from atra.bake.charts.texels import Texels
 from atra.bake.light.tables import tables_of
 from atra.bake.options import BakeOptions
@@ -26,6 +25,7 @@ from atra.geometry.view import View
 from atra.kernels.baking.bundles import NOWHERE, PLACE_WORDS, exchange, settle, words_of
 from atra.laps import Laps
 from atra.options import Choices
+from atra.tracers.budgets import check_needed_bytes
 from atra.whole_numbers import is_whole_number
 
 _OFTEN = 0.2

@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.alignment.culling import check_image_memory
 from atra.errors import InputError
 from atra.gathering.gathered import Counts, Thicknesses
 from atra.gathering.reductions import Count, Gathered, Reduction, Thickness
@@ -24,6 +23,7 @@ from atra.geometry.view import View, check_offset
 from atra.hits import Hits
 from atra.lifetime import TracerLifetime
 from atra.parallel import resolve_threads
+from atra.tracers.budgets import check_image_memory
 from atra.tracers.rays import image_ray_grid
 from experiments.drawing.style import PURPLE
 from experiments.methods.method import Method, NoOptions, Style, Tracing, always_available

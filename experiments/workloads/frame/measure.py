@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from contextlib import ExitStack
 
-from atra.alignment.culling import EMBREE_BYTES_PER_COPY, check_needed_bytes
 from atra.geometry.mesh import Mesh
 from atra.judge.compare import compare
+from atra.tracers.budgets import EMBREE_BYTES_PER_COPY, check_needed_bytes
 from atra.tracers.tracer import Tracer
 from experiments.harness.point import Point
 from experiments.workloads.baselines import OWN, SINGLE

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from atra.alignment.culling import AlignedGeometry, plan_plain_geometry
 from atra.geometry.view import View
 from atra.tracers.base import Views
+from atra.tracers.geometry import AlignedGeometry, plan_plain_geometry
 from atra.tracers.pixel import PixelTracer
 
 
