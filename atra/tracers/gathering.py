@@ -16,7 +16,7 @@ from atra.gathering.reductions import Gathered, Reduction, check_reduction
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View, check_offset
 from atra.hits import Hits
-from atra.kernels.raster.image import band_stride
+from atra.kernels.gathering.target import band_stride
 from atra.lifetime import TracerLifetime
 
 _unchanged: WeakSet[Any] = WeakSet()
