@@ -26,8 +26,7 @@ from atra.tracers.budgets import check_image_memory
 from atra.tracers.gathering import NoGathering
 from atra.tracers.geometry import plan_plain_geometry
 from atra.tracers.images import images_of, outputs
-from atra.tracers.pixel import SQUAREST_SHAPE, pixel_tiles
-from atra.tracers.rays import image_ray_grid
+from atra.tracers.rays import SQUAREST_SHAPE, image_ray_grid, pixel_tiles
 
 
 class BvhTracer(NoGathering, TracerLifetime[Hits]):

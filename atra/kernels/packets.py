@@ -9,7 +9,14 @@ from numba import njit, types
 from numpy.typing import NDArray
 
 from atra.embree import layout
-from atra.embree.layout import HIT_GEOM_ID, HIT_PRIM_ID, RAY_DIR_X, RAY_ORG_X, RAY_TFAR, RAY_WORDS
+from atra.embree.layout import (
+    HIT_GEOM_ID,
+    HIT_PRIM_ID,
+    RAY_DIR_X,
+    RAY_ORG_X,
+    RAY_TFAR,
+    RAY_WORDS,
+)
 
 MISS = np.uint32(layout.INVALID_ID)
 INFINITY = np.float32(np.inf)
@@ -33,6 +40,18 @@ class RayGrid(NamedTuple):
 
     columns: NDArray[np.float32]
     rows: NDArray[np.float32]
+
+
+class PixelTiles(NamedTuple):
+    """What a loop over pixels shares out: tiles of an image in the order in which they are traced.
+
+    corners: (N, 2) int32, column and row of each tile's upper left pixel. width, height: pixels of a tile, as many as
+    whole packets have; tiles at the image's borders are cut there.
+    """
+
+    corners: NDArray[np.int32]
+    width: int
+    height: int
 
 
 class Image(NamedTuple):

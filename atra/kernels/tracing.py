@@ -26,18 +26,6 @@ _CONTEXT_DEPTH = RayQueryContext.depth_address.offset // 8
 _CONTEXT_PRIM_ID = RayQueryContext.prim_id_address.offset // 8
 
 
-class PixelTiles(NamedTuple):
-    """What the per-pixel loop shares out: tiles of an image in the order in which they are traced.
-
-    corners: (N, 2) int32, column and row of each tile's upper left pixel. width, height: pixels of a tile, as many as
-    whole packets have; tiles at the image's borders are cut there.
-    """
-
-    corners: NDArray[np.int32]
-    width: int
-    height: int
-
-
 @cache
 def pixel_kernel(shape_x: int, shape_y: int, parallel: bool = False) -> Callable[..., None]:
     """The per-pixel loop for packets of shape_x x shape_y pixels; the shape is a constant of the compiled code.

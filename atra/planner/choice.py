@@ -10,8 +10,9 @@ from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.options import check_build_quality, native_packet_widths
 from atra.tracers.aligned import AlignedTracer
-from atra.tracers.pixel import SQUAREST_SHAPE, PixelTracer
+from atra.tracers.pixel import PixelTracer
 from atra.tracers.raster import RasterTracer
+from atra.tracers.rays import SQUAREST_SHAPE
 from atra.tracers.reference_rays import choose_packet_shape
 from atra.tracers.tracer import Tracer
 from atra.tracers.visible_first import VisibleFirstTracer

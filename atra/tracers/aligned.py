@@ -23,7 +23,7 @@ from atra.geometry.view import View
 from atra.hits import Hits
 from atra.kernels.callbacks import nearest_hit_filter
 from atra.kernels.gathering.doubts import Precision
-from atra.kernels.tracing import PixelTiles
+from atra.kernels.packets import PixelTiles
 from atra.lifetime import Result, in_turn
 from atra.options import AlignedOptions
 from atra.tracers.base import ImageTracer
@@ -32,8 +32,8 @@ from atra.tracers.gathering import NoGathering
 from atra.tracers.gathering_rays import EmbreeGathering, Shots
 from atra.tracers.geometry import AlignedGeometry, LeftOut, plan_plain_geometry
 from atra.tracers.images import images_of
-from atra.tracers.pixel import SQUAREST_SHAPE, image_shots
-from atra.tracers.rays import longest_ray
+from atra.tracers.pixel import image_shots
+from atra.tracers.rays import SQUAREST_SHAPE, longest_ray
 from atra.tracers.reference_rays import ReferenceRayTracer, reference_rays
 from atra.tracers.second_pass import SecondPass
 

@@ -21,8 +21,7 @@ from atra.kernels.gathering.filters import gathering_filter
 from atra.kernels.gathering.layers import finish_image
 from atra.kernels.gathering.shooting import shooting_kernel
 from atra.kernels.gathering.taking import LAYERS, THICKNESS
-from atra.kernels.packets import RayGrid
-from atra.kernels.tracing import PixelTiles
+from atra.kernels.packets import PixelTiles, RayGrid
 from atra.lifetime import in_turn
 from atra.tracers.base import EmbreeTracer, Views
 from atra.tracers.gathering import Gathering

@@ -14,8 +14,7 @@ from atra.geometry.view import View
 from atra.kernels.packets import Image, RayGrid
 from atra.kernels.verifying import Hidden, verify_kernel
 from atra.parallel import WorkerPool
-from atra.tracers.pixel import SQUAREST_SHAPE
-from atra.tracers.rays import image_ray_grid, share_direction
+from atra.tracers.rays import SQUAREST_SHAPE, image_ray_grid, share_direction
 
 
 class SecondPass:

@@ -21,8 +21,7 @@ from atra.tracers.base import ImageTracer, check_views
 from atra.tracers.budgets import check_memory_budget
 from atra.tracers.gathering import NoGathering
 from atra.tracers.geometry import AlignedGeometry
-from atra.tracers.pixel import SQUAREST_SHAPE
-from atra.tracers.rays import check_pinhole, image_ray_grid
+from atra.tracers.rays import SQUAREST_SHAPE, check_pinhole, image_ray_grid
 
 
 class TiledTracer(NoGathering, ImageTracer):

@@ -26,8 +26,7 @@ from atra.tracers.base import ImageTracer
 from atra.tracers.gathering import NoGathering
 from atra.tracers.geometry import AlignedGeometry, plan_plain_geometry
 from atra.tracers.images import new_images
-from atra.tracers.pixel import SQUAREST_SHAPE, pixel_tiles
-from atra.tracers.rays import check_pinhole, ray_grid
+from atra.tracers.rays import SQUAREST_SHAPE, check_pinhole, pixel_tiles, ray_grid
 from atra.tracers.reference_rays import ReferenceRayTracer
 from atra.tracers.second_pass import SecondPass
 
