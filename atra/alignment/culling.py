@@ -13,7 +13,7 @@ from atra.geometry.mesh import Mesh
 from atra.geometry.projection import count_kept, project_vertices
 from atra.geometry.ray_space import padded_vertices, unseen_from
 from atra.geometry.view import View
-from atra.kernels.planning import fill_copies
+from atra.kernels.copies import fill_copies
 from atra.kernels.rounding import COPY_MULTIPLE, INSTANCE_MULTIPLE
 from atra.options import AlignedOptions
 from atra.parallel import WorkerPool

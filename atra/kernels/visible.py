@@ -15,8 +15,9 @@ import numpy as np
 from numba import njit
 
 from atra.kernels.caching import kernel
+from atra.kernels.copies import write_copy
 from atra.kernels.intrinsics import fetch_add
-from atra.kernels.planning import MARGIN_PIXELS, write_copy
+from atra.kernels.planning import MARGIN_PIXELS
 
 CHUNK = 1024
 """Triangles a thread takes at a time."""

@@ -13,7 +13,7 @@ from atra.alignment.split import Split
 from atra.errors import InputError
 from atra.geometry.mesh import Mesh
 from atra.kernels.packets import Image, RayGrid
-from atra.kernels.tracing import aligned_kernel
+from atra.kernels.verifying import aligned_kernel
 from atra.lifetime import Result
 from atra.options import ReferenceRayOptions
 from atra.tracers.base import EmbreeTracer, check_views
