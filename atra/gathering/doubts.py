@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.gathering.images import ROOM
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.kernels.gathering.crossings import projected
@@ -15,6 +14,7 @@ from atra.kernels.gathering.doubts import Precision, decide, face, list_doubts, 
 from atra.kernels.raster.exact import SUMMANDS
 from atra.parallel import WorkerPool
 from atra.tracers.budgets import check_needed_bytes
+from atra.tracers.gathering import ROOM
 
 _ROOM = 1 << 20
 """Samples in doubt that memory is made for at first."""

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from atra.alignment.alignment import Alignment
 from atra.alignment.culling import plan_aligned_geometry
 from atra.alignment.instancing import check_instancing_budget, plan_instanced_geometry
-from atra.alignment.seams import with_neighbours
 from atra.alignment.split import Split
 from atra.alignment.visibility import Tiles, nearest_in_tiles
 from atra.embree.device import EmbreeDevice
@@ -35,7 +34,7 @@ from atra.tracers.images import images_of
 from atra.tracers.pixel import image_shots
 from atra.tracers.rays import SQUAREST_SHAPE, longest_ray
 from atra.tracers.reference_rays import ReferenceRayTracer, reference_rays
-from atra.tracers.second_pass import SecondPass
+from atra.tracers.second_pass import SecondPass, with_neighbours
 
 SECOND_PASS_TILE = (8, 4)
 """Width and height in pixels of the tiles of the second pass: whole packets of any shape."""

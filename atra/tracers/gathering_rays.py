@@ -13,7 +13,6 @@ from atra.embree.scene import EmbreeScene
 from atra.embree.workspace import check_widths
 from atra.errors import InputError
 from atra.gathering.doubts import Doubts, find_doubts
-from atra.gathering.images import target_of
 from atra.gathering.reductions import Reduction
 from atra.hits import Hits
 from atra.kernels.gathering.doubts import Precision, settling_kernel
@@ -24,7 +23,7 @@ from atra.kernels.gathering.taking import LAYERS, THICKNESS
 from atra.kernels.packets import PixelTiles, RayGrid
 from atra.lifetime import in_turn
 from atra.tracers.base import EmbreeTracer, Views
-from atra.tracers.gathering import Gathering
+from atra.tracers.gathering import Gathering, target_of
 from atra.tracers.geometry import AlignedGeometry
 
 
