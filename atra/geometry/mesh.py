@@ -11,13 +11,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from atra.errors import InputError
 
-_FACTORS = np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9], np.uint64)
-
-
 # The triangle test multiplies three lengths in float32; beyond this their product leaves float32 and a triangle would
 # vanish from the image without a word. Embree also drops triangles with coordinates above 1.8e18 silently. How near
 # the eye must be depends on the camera: see `ray_space.check_range`.
 _LARGEST_COORDINATE = 1e12
+
+_FACTORS = np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9], np.uint64)
+"""Odd numbers that mix the bits of a position."""
 
 _LONGER_PRODUCT = 4.0
 """How many times the product of the shortest two edges that of the two at the first corner is in a needle."""
