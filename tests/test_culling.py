@@ -10,8 +10,8 @@ from atra.alignment.culling import plan_aligned_geometry
 from atra.geometry.intersection import intersect_pixels
 from atra.geometry.projection import count_kept, project_vertices
 from atra.parallel import WorkerPool
-from atra.tracers import budgets
-from atra.tracers.budgets import (
+from atra.tracing import budgets
+from atra.tracing.budgets import (
     EMBREE_BYTES_PER_COPY,
     PLAN_BYTES_PER_COPY,
     check_image_size,

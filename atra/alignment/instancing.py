@@ -12,8 +12,8 @@ from atra.geometry.projection import project_vertices
 from atra.geometry.ray_space import from_eye_space
 from atra.options import CellOptions
 from atra.parallel import WorkerPool
-from atra.tracers.budgets import EMBREE_BYTES_PER_COPY, check_image_size, check_needed_bytes
-from atra.tracers.geometry import AlignedGeometry, LeftOut, plan_plain_geometry
+from atra.tracing.budgets import EMBREE_BYTES_PER_COPY, check_image_size, check_needed_bytes
+from atra.tracing.geometry import AlignedGeometry, LeftOut, plan_plain_geometry
 
 PLAN_BYTES_PER_INSTANCE = 48 + 8
 """Transform, record."""

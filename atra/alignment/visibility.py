@@ -21,8 +21,8 @@ from atra.geometry.view import View
 from atra.kernels.visible import count_visible, fill_visible
 from atra.options import CellOptions
 from atra.parallel import WorkerPool
-from atra.tracers.budgets import check_image_size, check_memory_budget
-from atra.tracers.geometry import AlignedGeometry, LeftOut
+from atra.tracing.budgets import check_image_size, check_memory_budget
+from atra.tracing.geometry import AlignedGeometry, LeftOut
 
 DEPTH_SLACK = 1e-4
 """Relative margin on the depth of what is left out, or its own error in float32 where that is larger."""

@@ -28,9 +28,9 @@ from atra.kernels.baking.tables import SUMS, Batch
 from atra.lifetime import Lifetime
 from atra.options import RayOptions
 from atra.rays.scene import Query, RayScene
-from atra.tracers.budgets import check_needed_bytes
 from atra.tracers.raster import RasterTracer
 from atra.tracers.tracer import Tracer
+from atra.tracing.budgets import check_needed_bytes
 from atra.whole_numbers import is_whole_number
 
 

@@ -22,11 +22,11 @@ from atra.kernels.shafts.grid import NO_SHAFTS, Shafts
 from atra.lifetime import TracerLifetime, in_turn
 from atra.options import BvhOptions
 from atra.parallel import WorkerPool, resolve_threads
-from atra.tracers.budgets import check_image_memory
 from atra.tracers.gathering import NoGathering
-from atra.tracers.geometry import plan_plain_geometry
 from atra.tracers.images import images_of, outputs
 from atra.tracers.rays import SQUAREST_SHAPE, image_ray_grid, pixel_tiles
+from atra.tracing.budgets import check_image_memory
+from atra.tracing.geometry import plan_plain_geometry
 
 
 class BvhTracer(NoGathering, TracerLifetime[Hits]):

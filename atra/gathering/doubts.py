@@ -13,8 +13,8 @@ from atra.kernels.gathering.crossings import projected
 from atra.kernels.gathering.doubts import Precision, decide, face, list_doubts, mark
 from atra.kernels.raster.exact import SUMMANDS
 from atra.parallel import WorkerPool
-from atra.tracers.budgets import check_needed_bytes
 from atra.tracers.gathering import ROOM
+from atra.tracing.budgets import check_needed_bytes
 
 _ROOM = 1 << 20
 """Samples in doubt that memory is made for at first."""

@@ -14,8 +14,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from atra.alignment.culling_kernels import write_copy
 from atra.kernels.caching import kernel
-from atra.kernels.copies import write_copy
 from atra.kernels.intrinsics import fetch_add
 from atra.kernels.planning import MARGIN_PIXELS
 

@@ -12,7 +12,7 @@ from atra.errors import InputError
 from atra.kernels.shading.gbuffer import LANES
 from atra.kernels.shading.paths import TILE
 from atra.kernels.shading.pictures import place_pixels
-from atra.tracers.budgets import check_needed_bytes
+from atra.tracing.budgets import check_needed_bytes
 
 MOST_PIXELS_A_SIDE = 1 << 16
 

@@ -21,7 +21,7 @@ from atra.kernels.shafts.lists import LANES, Building, Sampling, build_lists, ma
 from atra.kernels.shafts.shape import SHAPE
 from atra.parallel import WorkerPool
 from atra.shafts.options import ON_RAYS, ShaftOptions
-from atra.tracers.budgets import check_needed_bytes
+from atra.tracing.budgets import check_needed_bytes
 
 FARTHEST = 8.0
 """Largest coordinate of an origin, of that of the box, whose shaft is told: farther away, roundings come close to

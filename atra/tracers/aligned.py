@@ -26,15 +26,15 @@ from atra.kernels.packets import PixelTiles
 from atra.lifetime import Result, in_turn
 from atra.options import AlignedOptions
 from atra.tracers.base import ImageTracer
-from atra.tracers.budgets import check_memory_budget
 from atra.tracers.gathering import NoGathering
 from atra.tracers.gathering_rays import EmbreeGathering, Shots
-from atra.tracers.geometry import AlignedGeometry, LeftOut, plan_plain_geometry
 from atra.tracers.images import images_of
 from atra.tracers.pixel import image_shots
 from atra.tracers.rays import SQUAREST_SHAPE, longest_ray
 from atra.tracers.reference_rays import ReferenceRayTracer, reference_rays
 from atra.tracers.second_pass import SecondPass, with_neighbours
+from atra.tracing.budgets import check_memory_budget
+from atra.tracing.geometry import AlignedGeometry, LeftOut, plan_plain_geometry
 
 SECOND_PASS_TILE = (8, 4)
 """Width and height in pixels of the tiles of the second pass: whole packets of any shape."""

@@ -23,9 +23,9 @@ from atra.kernels.callbacks import memory_monitor
 from atra.lifetime import Result, TracerLifetime, in_turn
 from atra.options import Options, resolve_packet_width
 from atra.parallel import WorkerPool, resolve_threads
-from atra.tracers.budgets import check_image_memory
-from atra.tracers.geometry import AlignedGeometry
 from atra.tracers.images import images_of, outputs
+from atra.tracing.budgets import check_image_memory
+from atra.tracing.geometry import AlignedGeometry
 
 Views = tuple[tuple[Mesh, View], ...]
 """What each image shows, and its camera."""

@@ -20,7 +20,7 @@ from atra.geometry.view import View, check_offset
 from atra.hits import Hits
 from atra.kernels.gathering.target import Target, band_stride
 from atra.lifetime import TracerLifetime
-from atra.tracers.budgets import check_needed_bytes
+from atra.tracing.budgets import check_needed_bytes
 
 ROOM = 16
 """Rows below an image: as high as the highest packet."""

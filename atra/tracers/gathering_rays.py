@@ -24,7 +24,7 @@ from atra.kernels.packets import PixelTiles, RayGrid
 from atra.lifetime import in_turn
 from atra.tracers.base import EmbreeTracer, Views
 from atra.tracers.gathering import Gathering, target_of
-from atra.tracers.geometry import AlignedGeometry
+from atra.tracing.geometry import AlignedGeometry
 
 
 class Shots(NamedTuple):

@@ -18,8 +18,8 @@ from atra.kernels.tracing import pixel_kernel
 from atra.options import PixelOptions
 from atra.tracers.base import ImageTracer, check_views
 from atra.tracers.gathering_rays import EmbreeGathering, Shots
-from atra.tracers.geometry import AlignedGeometry, plan_plain_geometry
 from atra.tracers.rays import SQUAREST_SHAPE, image_ray_grid, longest_ray, pixel_tiles
+from atra.tracing.geometry import AlignedGeometry, plan_plain_geometry
 
 
 class PixelTracer(EmbreeGathering, ImageTracer):

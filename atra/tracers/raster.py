@@ -21,9 +21,9 @@ from atra.kernels.raster.frames import Scratch, compile_kernels, draw_frame
 from atra.lifetime import in_turn
 from atra.options import RasterOptions
 from atra.parallel import WorkerPool, resolve_threads
-from atra.tracers.budgets import check_image_memory
 from atra.tracers.gathering import Gathering, target_of
 from atra.tracers.images import images_of, outputs
+from atra.tracing.budgets import check_image_memory
 
 
 class RasterTracer(Gathering):

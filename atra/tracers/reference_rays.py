@@ -17,8 +17,8 @@ from atra.kernels.verifying import aligned_kernel
 from atra.lifetime import Result
 from atra.options import ReferenceRayOptions
 from atra.tracers.base import EmbreeTracer, check_views
-from atra.tracers.budgets import check_image_size
 from atra.tracers.rays import ray_grid, share_direction
+from atra.tracing.budgets import check_image_size
 from atra.whole_numbers import is_whole_number
 
 

@@ -18,10 +18,10 @@ from atra.kernels.packets import Image, RayGrid
 from atra.kernels.tiles import CellScenes, list_cells, sort_by_cell, tile_kernel
 from atra.options import CellOptions
 from atra.tracers.base import ImageTracer, check_views
-from atra.tracers.budgets import check_memory_budget
 from atra.tracers.gathering import NoGathering
-from atra.tracers.geometry import AlignedGeometry
 from atra.tracers.rays import SQUAREST_SHAPE, check_pinhole, image_ray_grid
+from atra.tracing.budgets import check_memory_budget
+from atra.tracing.geometry import AlignedGeometry
 
 
 class TiledTracer(NoGathering, ImageTracer):

@@ -24,11 +24,11 @@ from atra.lifetime import in_turn
 from atra.options import ReferenceRayOptions
 from atra.tracers.base import ImageTracer
 from atra.tracers.gathering import NoGathering
-from atra.tracers.geometry import AlignedGeometry, plan_plain_geometry
 from atra.tracers.images import new_images
 from atra.tracers.rays import SQUAREST_SHAPE, check_pinhole, pixel_tiles, ray_grid
 from atra.tracers.reference_rays import ReferenceRayTracer
 from atra.tracers.second_pass import SecondPass
+from atra.tracing.geometry import AlignedGeometry, plan_plain_geometry
 
 PROBE_STEP = 4
 """The default probe shoots a ray every PROBE_STEP pixels, across and down, along the borders of the tiles."""

@@ -25,7 +25,7 @@ from atra.geometry.view import View
 from atra.kernels.baking.bundles import NOWHERE, PLACE_WORDS, exchange, settle, words_of
 from atra.laps import Laps
 from atra.options import Choices
-from atra.tracers.budgets import check_needed_bytes
+from atra.tracing.budgets import check_needed_bytes
 from atra.whole_numbers import is_whole_number
 
 _OFTEN = 0.2

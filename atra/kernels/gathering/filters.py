@@ -7,9 +7,9 @@ from functools import cache
 import numpy as np
 from numba import types
 
+from atra.embree.filters_kernels import CONTEXT, HIT, RAY, RAY_COUNT, USER_DATA, VALID, refuse
 from atra.embree.layout import HIT_INST_ID, HIT_PRIM_ID, RAY_TFAR, RayQueryContext
 from atra.kernels.caching import callback
-from atra.kernels.filters import CONTEXT, HIT, RAY, RAY_COUNT, USER_DATA, VALID, refuse
 from atra.kernels.gathering.lanes import nonzero_lanes, uint32_at
 from atra.kernels.gathering.taking import THICKNESS, TRANSMITTANCE, take
 from atra.kernels.gathering.target import target_at, without_doubts
@@ -26,7 +26,7 @@ def gathering_filter(kind: int, shape_x: int, shape_y: int, cells: str) -> int:
     """Address of the filter for packets of shape_x x shape_y pixels; compiled once per process, cached on disk.
 
     kind: of reduction, of `taking`. cells: "none" where the scene is the mesh itself, "copied" or "instanced" where the
-    user data is an int64 record for each triangle or instance, as `atra.kernels.filters.keep_nearest` has it.
+    user data is an int64 record for each triangle or instance, as `atra.embree.filters_kernels.keep_nearest` has it.
     Every hit is rejected, so that Embree goes on to the next triangle. Hits in doubt are left out.
     """
     lanes, nx = shape_x * shape_y, shape_x

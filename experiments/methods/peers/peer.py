@@ -23,8 +23,8 @@ from atra.geometry.view import View, check_offset
 from atra.hits import Hits
 from atra.lifetime import TracerLifetime
 from atra.parallel import resolve_threads
-from atra.tracers.budgets import check_image_memory
 from atra.tracers.rays import image_ray_grid
+from atra.tracing.budgets import check_image_memory
 from experiments.drawing.style import PURPLE
 from experiments.methods.method import Method, NoOptions, Style, Tracing, always_available
 from experiments.methods.peers.availability import package_problem, package_version

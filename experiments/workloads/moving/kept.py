@@ -6,8 +6,8 @@ from dataclasses import replace
 
 from atra.geometry.view import View
 from atra.tracers.base import Views
-from atra.tracers.geometry import AlignedGeometry, plan_plain_geometry
 from atra.tracers.pixel import PixelTracer
+from atra.tracing.geometry import AlignedGeometry, plan_plain_geometry
 
 
 class KeptPackets(PixelTracer):
