@@ -14,7 +14,6 @@ from atra.render import materials
 from atra.render.film import Film
 from atra.render.pictures import srgb_of
 from atra.render.reuse.carrying import carried
-from atra.render.reuse.coarse import coarser
 from tests.meshes import quads
 from tests.shown import BLACK, down, floor, hybrid, sphere
 
@@ -229,33 +228,6 @@ STEPS_CAMERA = atra.Camera((-3, 2.5, 4), (0.2, 0.4, 0), fov_y_degrees=35, width=
 
 def rmse(image, truth):
     return float(np.sqrt(((np.asarray(image, float) - truth) ** 2).mean()))
-
-
-@pytest.mark.parametrize("step", [2, 4])
-def test_rays_of_fewer_pixels_make_nearly_the_same_picture(step):
-    scene = lit_steps()
-    with render.HybridRenderer(scene, STEPS_CAMERA, threads=1) as every:
-        every.add(256)
-        truth, rays = every.image.astype(float), every.ray_count
-        shares = np.stack([every.openness, every.lit(0)], axis=2)
-    with render.CoarseHybridRenderer(scene, STEPS_CAMERA, step, threads=1) as few:
-        few.add(256)
-        assert few.ray_count * step**2 == pytest.approx(rays, rel=0.03)
-        image, carried = few.image, few.shares
-    nearest = shares[step // 2 :: step, step // 2 :: step].repeat(step, axis=0).repeat(step, axis=1)
-    assert rmse(carried, shares) < 0.75 * rmse(nearest, shares)
-    assert rmse(image, truth) < 0.06 * truth.mean() * step
-
-
-def test_a_step_must_divide_the_image_and_any_camera_can_be_coarser():
-    with pytest.raises(atra.InputError, match="step is 5, expected a whole number that divides 96 x 64"):
-        render.CoarseHybridRenderer(lit_steps(), STEPS_CAMERA, 5)
-    parallel = atra.OrthographicCamera((0, 1, 0), (1, 0, 0), (0, 1, 0), 3.0, 8, 4)
-    for camera in (STEPS_CAMERA, STEPS_CAMERA.crop(16, 8, 32, 24), parallel):
-        coarse = coarser(camera, 4)
-        y, x = np.mgrid[: coarse.height, : coarse.width]
-        for few, whole in zip(coarse.rays(x, y), camera.rays(4 * x + 2, 4 * y + 2, (0.0, 0.0)), strict=True):
-            np.testing.assert_allclose(few, whole, atol=1e-12)
 
 
 def test_after_a_turn_of_one_degree_pixels_go_on_with_what_they_saw_before():

@@ -7,7 +7,6 @@ from atra.bake.finish.denoise import denoised
 from atra.bake.finish.export import save_maps, save_model
 from atra.bake.finish.seams import Seams, dilated
 from atra.bake.finish.views import clay_view, lit_view
-from atra.bake.light.bundles import BundleOptions, LightBundles
 from atra.bake.light.lights import SpotLight
 from atra.bake.light.probes import LightProbes
 from atra.bake.maps import Lightmap, relative_error
@@ -20,8 +19,6 @@ __all__ = [
     "BakeOptions",
     "BakeScene",
     "Baker",
-    "BundleOptions",
-    "LightBundles",
     "LightProbes",
     "Lightmap",
     "ProgressiveBake",

@@ -5,13 +5,11 @@ from atra.render.lights import PointLight, SphereLight, Sun
 from atra.render.materials import Checker, Dielectric, Emissive, Image, Lambertian, Metal
 from atra.render.options import HybridOptions, PathOptions
 from atra.render.path import PathRenderer
-from atra.render.reuse.coarse import CoarseHybridRenderer
 from atra.render.scene import RenderScene
 from atra.render.sky import GradientSky, PanoramaSky, constant_sky
 
 __all__ = [
     "Checker",
-    "CoarseHybridRenderer",
     "Dielectric",
     "Emissive",
     "GradientSky",

@@ -1,5 +1,4 @@
-"""Predictions of what alignment does for a bake, written before anything was measured, but for those on bundles that
-carry light, which came with their first runs; and what became of them."""
+"""Predictions of what alignment does for a bake, written before anything was measured, and what became of them."""
 
 from __future__ import annotations
 
@@ -42,31 +41,11 @@ def judge_ratio(table: pd.DataFrame | None, use: Use, which: Which, gains: bool)
     return Judgement(verdict, told, f"{low:.2g} to {high:.2g}", why)
 
 
-def judge_light(table: pd.DataFrame | None) -> Judgement:
-    """Whether bundles reach the error sooner than paths on every scene: by the whole interval of each to hold. Where
-    they do not reach it at all, or are slower by a whole interval, it fails."""
-    rows = None if table is None else workload_rows(table, BAKE_RAYS.name)
-    if rows is None or "paths_over_bundles" not in rows:
-        return Judgement(NOT_MEASURED, why="no point of it is in the table")
-    rows = rows[rows["use"].eq(Use.light.value) & rows["status"].eq("ok") & rows["bundle_error"].notna()]
-    never = rows["bundle_directions_to_rmse_5"].isna()
-    if not (never | rows["paths_over_bundles_low"].notna()).any():
-        return Judgement(NOT_MEASURED, why="no point of it was measured by three processes")
-    left = rows["bundle_error"].map("not reached, {:.0%} left".format)
-    found = left.where(never, rows["paths_over_bundles"].map("{:.2g}".format, na_action="ignore"))
-    told = "; ".join(rows["scene"] + " " + found)
-    if (rows["paths_over_bundles_low"] > 1).fillna(False).all():
-        return Judgement(HOLDS, told)
-    wrong = never | (rows["paths_over_bundles_high"] < 1).fillna(False)
-    why = f"{int(never.sum())} of {len(rows)} points never reach it, {int((wrong & ~never).sum())} later than paths"
-    return Judgement(DOES_NOT_HOLD if wrong.any() else UNDECIDED, told, None, why)
-
-
 def _all(rows: pd.DataFrame) -> pd.Series:
     return rows["scene"].notna()
 
 
-_OF_ALIGNED_RAYS = tuple(
+CLAIMS = tuple(
     Claim(name, "predictions", text, "", _HOW, {"": partial(judge_ratio, use=use, which=which, gains=gains)})
     for name, text, use, which, gains in (
         (
@@ -85,18 +64,5 @@ _OF_ALIGNED_RAYS = tuple(
             "bundles-gain", "Bundles, all of whose hits are wanted, are traced faster when they are aligned.",
             Use.bundle, _all, True,
         ),
-        (
-            "light-bundles-gain", "So are bundles whose hits exchange light, the exchange included.",
-            Use.light, _all, True,
-        ),
     )
-)  # fmt: skip
-CLAIMS = (
-    *_OF_ALIGNED_RAYS,
-    Claim(
-        "bundles-sooner-than-paths", "predictions", "Bundles that carry light reach 5 % sooner than paths.", "",
-        "Time of paths over that of the fastest bundles, light that comes straight included; its 95 % interval over "
-        "processes. Above 1: bundles are sooner.",
-        {"": judge_light},
-    ),
 )  # fmt: skip

@@ -9,18 +9,19 @@ from matplotlib.figure import Figure
 from experiments.drawing.bars import Bar, draw_bars, finish_bar_axes, panel_height
 from experiments.drawing.figure import FigureKind, of_table
 from experiments.drawing.pages import write_foot
-from experiments.drawing.style import BLACK, BLUE, GREEN, ORANGE, PURPLE, TIMES
+from experiments.drawing.style import BLACK, BLUE, GREEN, ORANGE, TIMES
 from experiments.drawing.values import say_number
 from experiments.results.table import workload_rows
 from experiments.workloads.bake_rays import BAKE_RAYS, Use
 from experiments.workloads.panels import draw_panels, make_panels
 
-_COLOURS = {Use.sun.value: ORANGE, Use.sky.value: BLUE, Use.bundle.value: GREEN, Use.light.value: PURPLE}
+_COLOURS = {Use.sun.value: ORANGE, Use.sky.value: BLUE, Use.bundle.value: GREEN}
 _SETTINGS = ("use", "map_size", "directions", "positions")
 
 
 def _rows(table: pd.DataFrame) -> pd.DataFrame:
-    return workload_rows(table, BAKE_RAYS.name)
+    rows = workload_rows(table, BAKE_RAYS.name)
+    return rows[rows["use"].isin(_COLOURS)] if "use" in rows else rows
 
 
 def draw_alignment(rows: pd.DataFrame, columns: int) -> Figure:
@@ -50,8 +51,8 @@ def _draw_ratios(axis: Axes, rows: pd.DataFrame) -> None:
 
 def _label(row: pd.Series) -> str:
     ways = "" if row["use"] == Use.sun.value else f", {_counted(row['directions'], 'direction')}"
-    positions = "" if row["use"] == Use.light.value else f", {_counted(row['positions'], 'position')}"
-    return f"{row['use']}{ways}{positions}, {row['map_size']}\N{SUPERSCRIPT TWO}"
+    positions = _counted(row["positions"], "position")
+    return f"{row['use']}{ways}, {positions}, {row['map_size']}\N{SUPERSCRIPT TWO}"
 
 
 def _counted(count: int, thing: str) -> str:

@@ -20,7 +20,6 @@ from atra.geometry.mesh import Mesh
 from atra.rays.rays import Rays
 from experiments.harness.point import Point
 from experiments.workloads.bake_rays import CELLS, ONE_BY_ONE, TOGETHER, Use
-from experiments.workloads.bake_rays.light import measure_light
 from experiments.workloads.baselines import OWN
 from experiments.workloads.rounds import load_mesh, measured, timed_rounds
 from experiments.workloads.workload import Measured
@@ -39,7 +38,7 @@ _MOST_DOUBTS = 100
 def measure(point: Point) -> Measured:
     """Time a round of rays. Raises InputError and MemoryBudgetError as tracers and `Atlas` do."""
     mesh = load_mesh(point)
-    make = {Use.bundle: _measure_bundles, Use.light: measure_light}.get(point.workload_options.use, _measure_tiles)
+    make = _measure_bundles if point.workload_options.use is Use.bundle else _measure_tiles
     with ExitStack() as stack:
         return make(point, mesh, stack)
 
@@ -154,7 +153,7 @@ def _measure_tiles(point: Point, mesh: Mesh, stack: ExitStack) -> Measured:
 
 
 def _measure_bundles(point: Point, mesh: Mesh, stack: ExitStack) -> Measured:
-    """All hits along parallel rays across the whole scene: counted, as any exchange of light between them begins."""
+    """All hits along parallel rays across the whole scene: counted."""
     settings = point.workload_options
     size, ours = settings.map_size, point.tracing.ours
     cameras = [

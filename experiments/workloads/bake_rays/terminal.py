@@ -15,7 +15,6 @@ _COLUMNS = {
     "aligned\nms": ("aligned_time_ms", "{:,.1f}"),
     "vs\nsingle": ("single_over_aligned", "{:.2f}x"),
     "vs\npackets": ("packets_over_aligned", "{:.2f}x"),
-    "paths vs\nbundles": ("paths_over_bundles", "{:.2f}x"),
     "other\nrays": ("rays_different", "{}"),
 }
 
