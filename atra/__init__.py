@@ -41,15 +41,12 @@ from atra.planner.planning import plan
 from atra.prim_ids import MISS
 from atra.rays.rays import RayHits, Rays
 from atra.rays.scene import RayScene
-from atra.tracers import (
-    AlignedTracer,
-    FramesTracer,
-    PixelTracer,
-    RasterTracer,
-    TiledTracer,
-    Tracer,
-    VisibleFirstTracer,
-)
+from atra.tracers.aligned import AlignedTracer, FramesTracer
+from atra.tracers.pixel import PixelTracer
+from atra.tracers.raster import RasterTracer
+from atra.tracers.tiles import TiledTracer
+from atra.tracers.tracer import Tracer
+from atra.tracers.visible_first import VisibleFirstTracer
 from atra.views.render_views import render_views
 
 __version__ = "0.1.0"

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import atra
+from atra.gathering.crossings import all_crossings
 from atra.gathering.plain import gather_plainly
 from atra.judge.all_hits import wrong_counts, wrong_layers, wrong_thicknesses
 from tests.closed_meshes import cornell_boxes, sphere, view_of
@@ -32,7 +33,7 @@ def test_thickness_is_what_float64_finds_by_volumes(mesh, method):
 
 
 def test_a_hit_that_is_taken_twice_or_lost_is_seen():
-    found = gather_plainly(sphere(), view_of(sphere(), 0), atra.Count())
+    found = gather_plainly(all_crossings(sphere(), view_of(sphere(), 0)), atra.Count())
     y, x = (int(place[0]) for place in np.nonzero(found.count))
     for more in (-1, 1):
         count = found.count.copy()
@@ -42,8 +43,8 @@ def test_a_hit_that_is_taken_twice_or_lost_is_seen():
 
 def test_a_face_whose_sign_is_turned_is_seen():
     mesh, camera = sphere(1), view_of(sphere(1), 0)
-    found = gather_plainly(mesh, camera, atra.Thickness())
-    layers = gather_plainly(mesh, camera, atra.Layers(2))
+    found = gather_plainly(all_crossings(mesh, camera), atra.Thickness())
+    layers = gather_plainly(all_crossings(mesh, camera), atra.Layers(2))
     y, x = (int(place[0]) for place in np.nonzero(layers.count == 2))
     thickness = found.thickness.copy()
     thickness[y, x] += 2 * layers.depth[0, y, x]  # what enters leaves
@@ -53,7 +54,7 @@ def test_a_face_whose_sign_is_turned_is_seen():
 @pytest.mark.parametrize("fault", ["unsorted", "repeated", "lost", "another", "deeper"])
 def test_a_fault_in_layers_is_seen(fault):
     mesh = random_triangles(120, 3)
-    found = gather_plainly(mesh, CAMERA, atra.Layers(4))
+    found = gather_plainly(all_crossings(mesh, CAMERA), atra.Layers(4))
     assert not wrong_layers(found).any()
     depth, prim_id = found.depth.copy(), found.prim_id.copy()
     y, x = (int(place[0]) for place in np.nonzero(found.count >= 5))
@@ -62,7 +63,7 @@ def test_a_fault_in_layers_is_seen(fault):
     elif fault == "repeated":
         depth[1, y, x], prim_id[1, y, x] = depth[0, y, x], prim_id[0, y, x]
     elif fault == "lost":
-        full = gather_plainly(mesh, CAMERA, atra.Layers(5))
+        full = gather_plainly(all_crossings(mesh, CAMERA), atra.Layers(5))
         depth[:, y, x], prim_id[:, y, x] = full.depth[1:, y, x], full.prim_id[1:, y, x]
     elif fault == "another":
         prim_id[0, y, x] = (prim_id[0, y, x] + 1) % 120

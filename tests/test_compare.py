@@ -15,7 +15,8 @@ from atra.hits import Hits
 from atra.judge.compare import Agreement, DepthErrors, Verdict, compare
 from atra.judge.reference import brute_force
 from atra.prim_ids import MISS
-from atra.tracers import AlignedTracer, PixelTracer
+from atra.tracers.aligned import AlignedTracer
+from atra.tracers.pixel import PixelTracer
 from atra.tracers.rays import image_ray_grid
 from scenes.cornell_box import CORNELL_BOX_CAMERA, cornell_box
 from tests.meshes import boards, random_triangles

@@ -6,19 +6,18 @@ import numpy as np
 import pytest
 
 import atra
-from atra.alignment import culling as culling_module
-from atra.alignment.culling import (
+from atra.alignment.culling import plan_aligned_geometry
+from atra.geometry.intersection import intersect_pixels
+from atra.geometry.projection import count_kept, project_vertices
+from atra.parallel import WorkerPool
+from atra.tracing import budgets
+from atra.tracing.budgets import (
     EMBREE_BYTES_PER_COPY,
     PLAN_BYTES_PER_COPY,
     check_image_size,
     check_memory_budget,
     check_needed_bytes,
-    count_kept,
-    plan_aligned_geometry,
-    project_vertices,
 )
-from atra.geometry.intersection import intersect_pixels
-from atra.parallel import WorkerPool
 from tests.images import make_tracer
 from tests.meshes import EYE_AT_ORIGIN, cornell_box, cornell_camera, quads, random_triangles
 
@@ -136,7 +135,7 @@ def test_a_plan_holds_as_many_bytes_a_copy_as_its_budget_counts_and_cannot_be_ch
 
 
 def test_copies_that_embree_cannot_number_are_refused_and_one_less_is_not(monkeypatch):
-    monkeypatch.setattr(culling_module, "check_needed_bytes", lambda *_: None)
+    monkeypatch.setattr(budgets, "check_needed_bytes", lambda *_: None)
     most = (2**32 - 1) // 3
     check_memory_budget(most, 1, atra.CellOptions())
     with pytest.raises(
@@ -146,7 +145,7 @@ def test_copies_that_embree_cannot_number_are_refused_and_one_less_is_not(monkey
 
 
 def test_what_exceeds_the_budget_or_the_free_memory_is_refused_with_both_sizes(monkeypatch):
-    monkeypatch.setattr(culling_module.psutil, "virtual_memory", lambda: type("", (), {"available": 3 * 2**30})())
+    monkeypatch.setattr(budgets.psutil, "virtual_memory", lambda: type("", (), {"available": 3 * 2**30})())
     check_needed_bytes(2 * 2**30, 2 * 2**30, "copies", "use less")
     check_needed_bytes(3 * 2**30, None, "copies", "use less")
     with pytest.raises(

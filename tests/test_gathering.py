@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import atra
+from atra.gathering.crossings import all_crossings
 from atra.gathering.plain import gather_plainly
 from atra.kernels.gathering.doubts import Precision
 from atra.options import native_packet_widths
@@ -39,7 +40,7 @@ def gathered(method, mesh, camera, what, offset=(0.5, 0.5)):
 def assert_counts_are_exact(method, mesh, camera, offset=(0.5, 0.5)):
     found, wanted = (
         gathered(method, mesh, camera, atra.Count(), offset),
-        gather_plainly(mesh, camera, atra.Count(), offset),
+        gather_plainly(all_crossings(mesh, camera, offset), atra.Count()),
     )
     np.testing.assert_array_equal(found.count, wanted.count)
 
@@ -81,7 +82,9 @@ def test_rays_through_the_corners_of_a_pinhole_view_meet_each_surface_once(metho
     mesh = joined(box(), sphere(1))
     found = gathered(method, mesh, camera, atra.Count(), (0.0, 0.0))
     assert not (found.count % 2).any()
-    np.testing.assert_array_equal(found.count, gather_plainly(mesh, camera, atra.Count(), (0.0, 0.0)).count)
+    np.testing.assert_array_equal(
+        found.count, gather_plainly(all_crossings(mesh, camera, (0.0, 0.0)), atra.Count()).count
+    )
 
 
 CAMERAS = {
@@ -122,7 +125,7 @@ def test_what_no_copy_may_show_is_counted_once(method):
     with (METHODS | OTHERS)[method](mesh, camera) as tracer:
         assert tracer.counters["triangles_left_out"] > 0
         found = tracer.gather(atra.Count())
-    np.testing.assert_array_equal(found.count, gather_plainly(mesh, camera, atra.Count()).count)
+    np.testing.assert_array_equal(found.count, gather_plainly(all_crossings(mesh, camera), atra.Count()).count)
 
 
 @pytest.mark.parametrize("method", ["packets", "aligned"])
@@ -144,10 +147,12 @@ def test_nothing_hangs_on_how_many_samples_are_held_to_be_in_doubt(method, monke
 def test_transmittance_is_the_product_of_the_factors(camera, method):
     mesh = random_triangles(200, 4, 0.5)
     what = atra.Transmittance(np.random.default_rng(1).uniform(0.2, 1.0, 200))
-    found, wanted = gathered(method, mesh, camera, what), gather_plainly(mesh, camera, what)
+    found, wanted = gathered(method, mesh, camera, what), gather_plainly(all_crossings(mesh, camera), what)
     np.testing.assert_allclose(found.transmittance, wanted.transmittance, rtol=1e-5)
     half = gathered(method, mesh, camera, atra.Transmittance(0.5)).transmittance
-    np.testing.assert_array_equal(half, 0.5 ** gather_plainly(mesh, camera, atra.Count()).count.astype(np.float32))
+    np.testing.assert_array_equal(
+        half, 0.5 ** gather_plainly(all_crossings(mesh, camera), atra.Count()).count.astype(np.float32)
+    )
 
 
 @pytest.mark.parametrize("method", METHODS.values(), ids=METHODS)
@@ -178,7 +183,7 @@ def test_layers_are_the_nearest_hits_in_order_and_the_others_are_counted(camera,
     mesh = random_triangles(150, 6)
     found, wanted = (
         gathered(method, mesh, camera, atra.Layers(4)),
-        gather_plainly(mesh, camera, atra.Layers(4)),
+        gather_plainly(all_crossings(mesh, camera), atra.Layers(4)),
     )
     np.testing.assert_array_equal(found.count, wanted.count)
     assert (found.count > 4).any()
@@ -283,5 +288,5 @@ def test_a_new_view_of_a_raster_tracer_is_gathered_from():
         tracer.gather(atra.Count())
         tracer.look(camera)
         np.testing.assert_array_equal(
-            tracer.gather(atra.Count()).count, gather_plainly(mesh, camera, atra.Count()).count
+            tracer.gather(atra.Count()).count, gather_plainly(all_crossings(mesh, camera), atra.Count()).count
         )

@@ -23,7 +23,7 @@ from hydra.core.plugins import Plugins
 from matplotlib.figure import Figure
 
 import experiments
-from atra.tracers import PixelTracer
+from atra.tracers.pixel import PixelTracer
 from experiments.drawing.figure import FigureKind, of_table
 from experiments.harness.column import WHOLE, Column
 from experiments.harness.configuration import Configuration, read_configuration, register_schema

@@ -16,24 +16,27 @@ from types import ModuleType
 import numba
 import pytest
 
+import atra
+from atra.alignment import culling_kernels as copies
 from atra.embree import layout
-from atra.kernels import caching, planning, rays, ties, tiles, tracing, verifying, visible
+from atra.kernels import caching, intrinsics, planning, rays, ties, tiles, tracing, verifying, visible
 from atra.kernels.exact import brute_force, surface
 from atra.kernels.gathering import doubts, shooting
 from atra.kernels.gathering.drawing import gathering_kernel
 from atra.kernels.gathering.taking import LAYERS
+from atra.kernels.raster import drawing, exact, spans, vectors
 from atra.kernels.raster.drawing import drawing_kernel
 from atra.kernels.shading import lighting, paths
 
 KERNELS = {
     **{
         f"{module.__name__}.{name}": value
-        for module in (brute_force, surface, lighting, paths, planning, ties, tiles, tracing, visible)
+        for module in (brute_force, surface, lighting, paths, planning, copies, ties, tiles, tracing, visible)
         for name, value in vars(module).items()
         if getattr(value, "targetoptions", {}).get("nogil")
     },
     "pixel_kernel": tracing.pixel_kernel(4, 2),
-    "aligned_kernel": tracing.aligned_kernel(4, 2),
+    "aligned_kernel": verifying.aligned_kernel(4, 2),
     "tile_kernel": tiles.tile_kernel(4, 2),
     "closest_hit_kernel": rays.closest_hit_kernel(4),
     "occlusion_kernel": rays.occlusion_kernel(4),
@@ -62,10 +65,10 @@ def test_a_kernel_is_kept_under_the_stamp_of_its_sources(name: str) -> None:
 
 
 def test_kernels_make_pointers_by_the_one_function_that_says_null_is_valid() -> None:
-    folder = Path(caching.__file__).parent
-    makers = [path.name for path in folder.rglob("*.py") if "inttoptr" in path.read_text(encoding="utf-8")]
-    assert makers == ["intrinsics.py"]
-    assert (folder / "intrinsics.py").read_text(encoding="utf-8").count("inttoptr") == 1
+    machine = Path(str(intrinsics.__file__))
+    library = Path(str(atra.__file__)).parent
+    assert [path for path in library.rglob("*.py") if "inttoptr" in path.read_text(encoding="utf-8")] == [machine]
+    assert machine.read_text(encoding="utf-8").count("inttoptr") == 1
 
 
 @pytest.mark.parametrize("name", KERNELS)
@@ -85,11 +88,13 @@ def test_a_function_that_kernels_call_is_compiled_without_wrappers_and_python_ca
 
 
 def test_the_sources_of_a_kernel_are_all_files_that_its_own_imports_and_no_other() -> None:
-    folder = Path(str(caching.__file__)).parent
-    found = caching.sources(folder / "raster" / "drawing.py")
-    assert found > {folder / "raster" / f"{name}.py" for name in ("drawing", "spans", "exact", "vectors")}
-    assert folder / "tracing.py" not in found
-    assert Path(str(layout.__file__)) in caching.sources(folder / "tracing.py")
+    def file(module: ModuleType) -> Path:
+        return Path(str(module.__file__))
+
+    found = caching.sources(file(drawing))
+    assert found > {file(module) for module in (drawing, spans, exact, vectors)}
+    assert file(tracing) not in found
+    assert file(layout) in caching.sources(file(tracing))
 
 
 class SourceAlone(importlib.machinery.SourceFileLoader):

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import atra
+from atra.gathering.crossings import all_crossings
 from atra.gathering.plain import gather_plainly
 from atra.kernels.gathering.drawing import SPARE
 from tests.closed_meshes import sphere
@@ -42,7 +43,7 @@ def test_few_hits_and_many_are_sorted(tracer):
     most = []
     for count in (2, 25, 40, 90, 150):  # 16 neighbours are sorted at once, in one of several ways
         mesh = random_triangles(count, 7, 3.0)
-        wanted = gather_plainly(mesh, CAMERA, atra.Layers(8))
+        wanted = gather_plainly(all_crossings(mesh, CAMERA), atra.Layers(8))
         most.append(int(wanted.count.max()))
         with tracer(mesh, CAMERA, threads=1) as one:
             found = one.gather(atra.Layers(8))
@@ -58,7 +59,7 @@ def test_layers_of_small_triangles_are_the_same_to_the_bit_with_vectors_of_any_w
         with atra.RasterTracer(mesh, CAMERA, lanes=lanes, threads=1) as tracer:
             found[lanes] = tracer.gather(atra.Layers(2))
     assert_same(found[4], found[None])
-    wanted = gather_plainly(mesh, CAMERA, atra.Layers(2))
+    wanted = gather_plainly(all_crossings(mesh, CAMERA), atra.Layers(2))
     assert wanted.count.max() > 2 + SPARE
     np.testing.assert_array_equal(found[4].count, wanted.count)
     np.testing.assert_array_equal(found[4].prim_id, wanted.prim_id)

@@ -84,11 +84,11 @@ def test_what_cannot_be_shown_is_refused_by_name(make, message):
 @pytest.mark.parametrize("kind", [render.Metal, render.Dielectric])
 def test_a_kind_of_material_is_known_to_two_files(kind):
     """Its class, and where light scatters; the package's list of names beside them."""
-    package = Path(atra.__file__).parent
+    root = Path(atra.__file__).parents[1]
     words = re.compile(rf"\b({kind.__name__}|{kind.__name__.upper()})\b")
-    code = {path: re.sub(r'""".*?"""', "", path.read_text(), flags=re.DOTALL) for path in package.rglob("*.py")}
-    known = {path.relative_to(package).as_posix() for path, text in code.items() if words.search(text)}
-    assert known == {"render/materials.py", "kernels/shading/scattering.py", "render/__init__.py"}
+    code = {path: re.sub(r'""".*?"""', "", path.read_text(), flags=re.DOTALL) for path in (root / "atra").rglob("*.py")}
+    known = {path.relative_to(root).as_posix() for path, text in code.items() if words.search(text)}
+    assert known == {"atra/render/materials.py", "atra/kernels/shading/scattering.py", "atra/render/__init__.py"}
 
 
 def test_a_picture_needs_a_sample_and_a_number_of_them():

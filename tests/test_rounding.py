@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 import atra
-from atra.alignment.culling import project_vertices
 from atra.alignment.rounding import roundings_of_copies
 from atra.alignment.visibility import Tiles, nearest_in_tiles
 from atra.geometry.intersection import intersect_pixels
+from atra.geometry.projection import project_vertices
 from atra.kernels.rounding import COPY_MULTIPLE, INSTANCE_MULTIPLE, MOST_ROUNDINGS
 from atra.parallel import WorkerPool
 from atra.tracers.aligned import SECOND_PASS_TILE

@@ -11,7 +11,7 @@ import pytest
 import atra
 from atra.embree.library import load_library
 from atra.judge.reference import brute_force
-from atra.tracers import choose_packet_shape
+from atra.tracers.reference_rays import choose_packet_shape
 from tests.images import (
     CELLS,
     METHODS,

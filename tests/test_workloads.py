@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from atra.tracers import VisibleFirstTracer
+from atra.tracers.visible_first import VisibleFirstTracer
 from experiments.harness.configuration import Chosen, Configuration, MeasureConfiguration, SceneConfiguration
 from experiments.harness.points import plan_points
 from experiments.methods import METHODS, find_method

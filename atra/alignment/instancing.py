@@ -6,20 +6,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.alignment.alignment import Alignment
-from atra.alignment.culling import (
-    EMBREE_BYTES_PER_COPY,
-    AlignedGeometry,
-    LeftOut,
-    check_image_size,
-    check_needed_bytes,
-    image_roundings,
-    plan_plain_geometry,
-    project_vertices,
-)
+from atra.alignment.culling import image_roundings
 from atra.geometry.mesh import Mesh
+from atra.geometry.projection import project_vertices
 from atra.geometry.ray_space import from_eye_space
 from atra.options import CellOptions
 from atra.parallel import WorkerPool
+from atra.tracing.budgets import EMBREE_BYTES_PER_COPY, check_image_size, check_needed_bytes
+from atra.tracing.geometry import AlignedGeometry, LeftOut, plan_plain_geometry
 
 PLAN_BYTES_PER_INSTANCE = 48 + 8
 """Transform, record."""
@@ -53,7 +47,8 @@ def plan_instanced_geometry(
     ]
     is_left_out = np.any([of_image.left_out for of_image in roundings], axis=0)
     left_out = tuple(
-        LeftOut.of(is_left_out, of_image, points[0]) for of_image, points in zip(roundings, projected, strict=True)
+        LeftOut.of(is_left_out, of_image.depth_error, points[0])
+        for of_image, points in zip(roundings, projected, strict=True)
     )
     plain = plan_plain_geometry(mesh, alignment.cameras[0], is_left_out)
     pixels_y = np.arange(0, rows, split.cell_height, dtype=np.int64) * row_stride

@@ -20,7 +20,7 @@ class Roundings:
     """What float32 makes of the depth of each triangle.
 
     depth_error: (F,) float64, relative to the depth: how far off a ray of the mesh itself may be; inf where the plane
-    passes through the eye. left_out: (F,) bool, a sheared copy could be further off than `kernels.rounding` admits.
+    passes through the eye. left_out: (F,) bool, a sheared copy could be further off than is admitted (COPY_MULTIPLE).
     """
 
     depth_error: NDArray[np.float64]

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from atra.alignment.culling import check_needed_bytes
 from atra.bake.batches import BATCH_BYTES, Job, Stages, Work, add_batch, new_batch
 from atra.bake.charts.atlas import Atlas
 from atra.bake.charts.texels import Texels
@@ -29,7 +28,9 @@ from atra.kernels.baking.tables import SUMS, Batch
 from atra.lifetime import Lifetime
 from atra.options import RayOptions
 from atra.rays.scene import Query, RayScene
-from atra.tracers import RasterTracer, Tracer
+from atra.tracers.raster import RasterTracer
+from atra.tracers.tracer import Tracer
+from atra.tracing.budgets import check_needed_bytes
 from atra.whole_numbers import is_whole_number
 
 

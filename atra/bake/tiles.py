@@ -120,8 +120,7 @@ class Tiles:
         return start_off(self.texels.mesh) / (self.normal[tiles] @ direction)
 
     def prisms(self, tiles: NDArray[np.int64], direction: ArrayLike) -> Prisms:
-        """How rays of this direction from tiles are carried onto those of `atra.rays.tiles.TileRays`, parameters kept
-        (paper §3.3)."""
+        """How rays of this direction from tiles are carried onto those of `TileRays`, parameters kept (paper §3.3)."""
         way = unit_vector("direction", direction)
         axes = np.stack([self.across[tiles], self.down[tiles], np.broadcast_to(way, (len(tiles), 3))], axis=2)
         onto, off = np.linalg.inv(axes).astype(np.float64), self.starts(tiles, way)

@@ -9,7 +9,6 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.alignment.culling import check_image_memory, plan_plain_geometry
 from atra.bvh.bvh import Bvh, bvh_of
 from atra.geometry.mesh import Mesh
 from atra.geometry.ray_space import check_range, from_eye_space, ray_axes, unseen_from
@@ -25,8 +24,9 @@ from atra.options import BvhOptions
 from atra.parallel import WorkerPool, resolve_threads
 from atra.tracers.gathering import NoGathering
 from atra.tracers.images import images_of, outputs
-from atra.tracers.pixel import SQUAREST_SHAPE, pixel_tiles
-from atra.tracers.rays import image_ray_grid
+from atra.tracers.rays import SQUAREST_SHAPE, image_ray_grid, pixel_tiles
+from atra.tracing.budgets import check_image_memory
+from atra.tracing.geometry import plan_plain_geometry
 
 
 class BvhTracer(NoGathering, TracerLifetime[Hits]):

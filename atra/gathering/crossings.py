@@ -2,30 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
-from numpy.typing import NDArray
 
+from atra.gathering.plain import Crossings
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View, check_offset
 from atra.kernels.gathering.crossings import list_crossings, projected
 from atra.kernels.raster.exact import SUMMANDS
 from atra.parallel import WorkerPool
-
-
-@dataclass(frozen=True, eq=False)
-class Crossings:
-    """Every triangle that the ray of a pixel crosses, pixel after pixel, in the order of depth and then prim_id.
-
-    pixels: (N,) int64, y * width + x. prim_ids: (N,) uint32. depths: (N,) float64, scene units along the view axis.
-    leaving: (N,) bool, the ray leaves a closed mesh there, whose triangles turn counterclockwise seen from outside.
-    """
-
-    pixels: NDArray[np.int64]
-    prim_ids: NDArray[np.uint32]
-    depths: NDArray[np.float64]
-    leaving: NDArray[np.bool_]
 
 
 def all_crossings(mesh: Mesh, camera: View, offset: tuple[float, float] = (0.5, 0.5)) -> Crossings:
@@ -48,4 +32,4 @@ def all_crossings(mesh: Mesh, camera: View, offset: tuple[float, float] = (0.5, 
             break
         room = count
     order = np.lexsort((prim_ids[:count], depths[:count], pixels[:count]))
-    return Crossings(pixels[order], prim_ids[order], depths[order], facings[order] > 0)
+    return Crossings(pixels[order], prim_ids[order], depths[order], facings[order] > 0, mesh, camera, offset)

@@ -7,14 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.alignment.culling import check_needed_bytes
-from atra.gathering.images import ROOM
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.kernels.gathering.crossings import projected
 from atra.kernels.gathering.doubts import Precision, decide, face, list_doubts, mark
 from atra.kernels.raster.exact import SUMMANDS
 from atra.parallel import WorkerPool
+from atra.tracers.gathering import ROOM
+from atra.tracing.budgets import check_needed_bytes
 
 _ROOM = 1 << 20
 """Samples in doubt that memory is made for at first."""

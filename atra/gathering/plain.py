@@ -2,26 +2,43 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
 from atra.errors import InputError
-from atra.gathering.crossings import Crossings, all_crossings
 from atra.gathering.reductions import Count, Gathered, Layers, Reduction, Thickness, Transmittance
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.prim_ids import MISS
 
 
-def gather_plainly(
-    mesh: Mesh, camera: View, what: Reduction[Gathered], offset: tuple[float, float] = (0.5, 0.5)
-) -> Gathered:
-    """`what` of every pixel, by testing every triangle. Raises InputError as `gather` of a tracer does."""
-    weights = what.weights(mesh)
-    arrays = _reduced(what, weights, all_crossings(mesh, camera, offset), camera.width * camera.height)
+@dataclass(frozen=True, eq=False)
+class Crossings:
+    """Every triangle that the ray of a pixel crosses, pixel after pixel, in the order of depth and then prim_id.
+
+    pixels: (N,) int64, y * width + x. prim_ids: (N,) uint32. depths: (N,) float64, scene units along the view axis.
+    leaving: (N,) bool, the ray leaves a closed mesh there, whose triangles turn counterclockwise seen from outside.
+    mesh, camera, offset: what was seen, and through which sub-pixel position.
+    """
+
+    pixels: NDArray[np.int64]
+    prim_ids: NDArray[np.uint32]
+    depths: NDArray[np.float64]
+    leaving: NDArray[np.bool_]
+    mesh: Mesh
+    camera: View
+    offset: tuple[float, float]
+
+
+def gather_plainly(found: Crossings, what: Reduction[Gathered]) -> Gathered:
+    """`what` of every pixel of the image whose crossings were found. Raises InputError as `gather` of a tracer does."""
+    mesh, camera = found.mesh, found.camera
+    arrays = _reduced(what, what.weights(mesh), found, camera.width * camera.height)
     shape = (camera.height, camera.width)
     shaped = {name: array.reshape(array.shape[:-1] + shape) for name, array in arrays.items()}
-    return what.result(**shaped, offset=offset, mesh=mesh, camera=camera)
+    return what.result(**shaped, offset=found.offset, mesh=mesh, camera=camera)
 
 
 def _reduced(

@@ -16,6 +16,9 @@ from atra.errors import InputError
 # the eye must be depends on the camera: see `ray_space.check_range`.
 _LARGEST_COORDINATE = 1e12
 
+_FACTORS = np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9], np.uint64)
+"""Odd numbers that mix the bits of a position."""
+
 _LONGER_PRODUCT = 4.0
 """How many times the product of the shortest two edges that of the two at the first corner is in a needle."""
 
@@ -161,3 +164,10 @@ def _as_array(name: str, given: ArrayLike) -> NDArray[Any]:
         return np.asarray(given)
     except (TypeError, ValueError) as error:
         raise InputError(f"{name} cannot be read as an array: {error}") from None
+
+
+def position_keys(mesh: Mesh) -> NDArray[np.uint64]:
+    """(V,) uint64, equal for vertices at one position; of others two may be equal by accident, once in 2^64."""
+    places = mesh.vertices + np.float32(0.0)  # no -0.0
+    mixed: NDArray[np.uint64] = (places.view(np.uint32).astype(np.uint64) * _FACTORS).sum(axis=1, dtype=np.uint64)
+    return mixed

@@ -31,7 +31,7 @@ SMALLEST_AXIS_COMPONENT = 1e-10
 """Components of the axes of ray space that are smaller are 0, and so are those of the shears made of them.
 
 Rays move by at most half a millionth of a pixel, a thousandth of what float32 makes of them. For instances Embree turns
-the rays itself, where nothing else keeps a component from coming out tiny (`kernels.packets.SMALLEST_COMPONENT`).
+the rays itself, where nothing else keeps a component from coming out tiny (SMALLEST_COMPONENT of packets).
 """
 
 

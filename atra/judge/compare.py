@@ -24,10 +24,8 @@ from atra.judge.depths import has_wrong_depth, relative_depth_error
 from atra.judge.holes import is_closed_around
 from atra.judge.outline import is_on_outline
 from atra.judge.rounding import Rounding
+from atra.judge.ties import TIE_TOLERANCE
 from atra.prim_ids import MISS
-
-TIE_TOLERANCE = 1e-9
-"""Relative difference up to which two float64 depths are the same depth."""
 
 
 class Verdict(IntEnum):

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.geometry.intersection import Pairs, divided, triangles_in_camera_space, volumes_of
-from atra.geometry.positions import position_keys
+from atra.geometry.mesh import position_keys
 from atra.judge.outline import OUTLINE_TOLERANCE_PIXELS
 from atra.judge.rounding import Rounding
 

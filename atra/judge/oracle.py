@@ -18,9 +18,10 @@ from atra.geometry.intersection import Pairs, intersect_pixels, triangles_in_cam
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.hits import Hits
-from atra.judge.compare import TIE_TOLERANCE, Agreement, Verdict, compare
+from atra.judge.compare import Agreement, Verdict, compare
 from atra.judge.holes import is_closed_around
 from atra.judge.rounding import Rounding
+from atra.judge.ties import TIE_TOLERANCE
 from atra.kernels.exact.brute_force import SLACK, nearest_triangles
 from atra.parallel import WorkerPool, resolve_threads
 from atra.prim_ids import MISS
@@ -36,7 +37,7 @@ class Correctness(IntEnum):
     RIGHT = 0
     """The nearest triangle, or rightly nothing."""
     TIED = 1
-    """Another triangle that the ray hits just as deep, to TIE_TOLERANCE of `atra.judge.compare`."""
+    """Another triangle that the ray hits just as deep, to TIE_TOLERANCE of `atra.judge.ties`."""
     WRONG_TRIANGLE = 2
     """A triangle the ray misses or hits farther away, or nothing where there is something."""
     WRONG_DEPTH = 3

@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from atra.errors import MemoryBudgetError
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
-from atra.judge.compare import TIE_TOLERANCE
 from atra.kernels.ties import (
     PLANE_NUMBER_ROUNDING,
     PLANE_TOLERANCE,
@@ -29,6 +28,9 @@ from atra.kernels.ties import (
     settle_ties,
 )
 from atra.parallel import WorkerPool
+
+TIE_TOLERANCE = 1e-9
+"""Relative difference up to which two float64 depths are the same depth."""
 
 MOST_PAIRS = 1 << 24
 """Overlapping pairs that a mesh may have, equal triangles not counted: more would take long to find and to decide."""
@@ -158,7 +160,7 @@ def lowest_of_ties(
     """Store in each pixel of `prim_id` (H, W), in place, the lowest triangle that its ray hits where it hits that one.
 
     A partner of the stored triangle takes the pixel if the ray meets it, edges included, and at the same depth to
-    `compare.TIE_TOLERANCE`, both in float64. Depths stay as traced: they are those of the same plane.
+    `TIE_TOLERANCE`, both in float64. Depths stay as traced: they are those of the same plane.
     tiles: of `tie_tiles` for this mesh and camera.
     """
     overlaps = coplanar_overlaps(mesh)

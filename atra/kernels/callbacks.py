@@ -7,8 +7,9 @@ from functools import cache
 import numpy as np
 from numba import types
 
+from atra.embree.filters_kernels import keep_nearest
 from atra.kernels.caching import callback, kernel, njit
-from atra.kernels.intrinsics import add_at, address_at, fetch_add, float_at, keep_nearest
+from atra.kernels.intrinsics import add_at, address_at, fetch_add, float_at
 
 
 @cache

@@ -1,5 +1,4 @@
-"""The machine-level operations Numba has no words for: an atomic counter, memory by its address, and the filter's
-vector code (LLVM IR)."""
+"""The machine-level operations Numba has no words for: an atomic counter, a clock, and memory by its address."""
 
 from __future__ import annotations
 
@@ -8,13 +7,9 @@ from typing import Any
 
 from llvmlite import ir
 from numba import types
-from numba.core.errors import TypingError
 from numba.extending import intrinsic
 
-from atra.embree import layout
-from atra.embree.layout import FilterArguments, RayQueryContext
-
-_I8, _I16, _I32, _I64 = ir.IntType(8), ir.IntType(16), ir.IntType(32), ir.IntType(64)
+_I16, _I64 = ir.IntType(16), ir.IntType(64)
 _F32, _F64 = ir.FloatType(), ir.DoubleType()
 
 
@@ -95,99 +90,3 @@ def set_bits_at(typingctx: Any, address: Any, bits: Any) -> Any:
         return context.get_dummy_value()
 
     return types.void(types.int64, types.int64), codegen
-
-
-@intrinsic(prefer_literal=True)
-def keep_nearest(typingctx: Any, arguments_address: Any, shape_x: Any, shape_y: Any, instanced: Any) -> Any:
-    """The filter: one triangle and K = shape_x * shape_y rays; keep the hit where it is nearer than the cell's so far.
-
-    Lane k is pixel (k % shape_x, k // shape_x) of the packet. The user data is one int64 record per triangle, or
-    `instanced` per instance: its high half is the distance in pixels from the reference cell's pixels to those of the
-    cell that was hit, its low half the triangle's prim_id in the mesh (not read where the hit itself has that).
-    Every hit is then rejected, so that Embree goes on to the next triangle. Written as vector operations because the
-    auto-vectoriser leaves a branch per lane.
-    """
-    if not all(isinstance(constant, types.Literal) for constant in (shape_x, shape_y, instanced)):
-        raise TypingError("the packet's shape and `instanced` must be known when the filter is compiled")
-    nx, ny, by_instance = shape_x.literal_value, shape_y.literal_value, instanced.literal_value
-
-    def codegen(context: Any, builder: ir.IRBuilder, signature: Any, arguments: list[ir.Value]) -> ir.Value:
-        _emit_keep_nearest(builder, arguments[0], nx, ny, by_instance)
-        return context.get_dummy_value()
-
-    return types.void(types.int64, shape_x, shape_y, instanced), codegen
-
-
-def _emit_keep_nearest(builder: ir.IRBuilder, arguments: ir.Value, nx: int, ny: int, by_instance: bool) -> None:
-    width = nx * ny
-
-    def load(kind: ir.Type, address: ir.Value, align: int = 4) -> ir.Value:
-        value = builder.load(pointer_at(builder, address, kind.as_pointer()))
-        value.align = align
-        return value
-
-    def store(value: ir.Value, address: ir.Value, align: int = 4) -> None:
-        builder.store(value, pointer_at(builder, address, value.type.as_pointer())).align = align
-
-    def at(address: ir.Value, offset: int) -> ir.Value:
-        return builder.add(address, _I64(offset))
-
-    def vector(kind: ir.Type) -> ir.VectorType:
-        return ir.VectorType(kind, width)
-
-    def splat(value: ir.Value) -> ir.Value:
-        one = builder.insert_element(ir.Constant(vector(value.type), ir.Undefined), value, _I32(0))
-        return builder.shuffle_vector(one, one, ir.Constant(ir.VectorType(_I32, width), [0] * width))
-
-    def load_rows(kind: ir.Type, base: ir.Value, row_bytes: ir.Value) -> ir.Value:
-        """ny rows of nx neighbouring pixels -> one vector of all lanes."""
-        rows = [
-            load(ir.VectorType(kind, nx), builder.add(base, builder.mul(row_bytes, _I64(row)))) for row in range(ny)
-        ]
-        while len(rows) > 1:
-            lanes = 2 * rows[0].type.count
-            order = ir.Constant(ir.VectorType(_I32, lanes), list(range(lanes)))
-            rows = [builder.shuffle_vector(a, b, order) for a, b in zip(rows[::2], rows[1::2], strict=True)]
-        return rows[0]
-
-    def store_rows(value: ir.Value, base: ir.Value, row_bytes: ir.Value) -> None:
-        for row in range(ny):
-            lanes = ir.Constant(ir.VectorType(_I32, nx), list(range(row * nx, (row + 1) * nx)))
-            part = builder.shuffle_vector(value, value, lanes)
-            store(part, builder.add(base, builder.mul(row_bytes, _I64(row))))
-
-    valid_address = load(_I64, at(arguments, FilterArguments.valid.offset), 8)
-    context = load(_I64, at(arguments, FilterArguments.context.offset), 8)
-    lane_count = load(_I32, at(arguments, FilterArguments.ray_count.offset))
-    with builder.if_else(builder.icmp_unsigned("==", lane_count, _I32(width)), likely=True) as (expected, surprise):
-        with expected:
-            records = load(_I64, at(arguments, FilterArguments.user_data.offset), 8)
-            ray = load(_I64, at(arguments, FilterArguments.ray.offset), 8)
-            hit = load(_I64, at(arguments, FilterArguments.hit.offset), 8)
-            valid = load(vector(_I32), valid_address)
-            depth = load(vector(_F32), at(ray, layout.RAY_TFAR * width * 4))
-            # One triangle of one instance per call: every lane, active or not, carries the same prim_id and inst_id.
-            hit_prim_id = load(_I32, at(hit, layout.HIT_PRIM_ID * width * 4))
-            record_id = load(_I32, at(hit, layout.HIT_INST_ID * width * 4)) if by_instance else hit_prim_id
-            record = load(_I64, builder.add(records, builder.shl(builder.zext(record_id, _I64), _I64(3))), 8)
-            prim_id = hit_prim_id if by_instance else builder.trunc(record, _I32)
-            cell_bytes = builder.shl(builder.ashr(record, _I64(32)), _I64(2))
-            row_bytes = load(_I64, at(context, RayQueryContext.row_bytes.offset), 8)
-            depth_base = builder.add(load(_I64, at(context, RayQueryContext.depth_address.offset), 8), cell_bytes)
-            old_depth = load_rows(_F32, depth_base, row_bytes)
-            nearer = builder.and_(
-                builder.icmp_signed("!=", valid, ir.Constant(vector(_I32), [0] * width)),
-                builder.fcmp_ordered("<", depth, old_depth),
-            )
-            any_nearer = builder.icmp_unsigned(
-                "!=", builder.bitcast(nearer, ir.IntType(width)), ir.Constant(ir.IntType(width), 0)
-            )
-            with builder.if_then(any_nearer):
-                prim_base = builder.add(load(_I64, at(context, RayQueryContext.prim_id_address.offset), 8), cell_bytes)
-                old_prim_id = load_rows(_I32, prim_base, row_bytes)
-                store_rows(builder.select(nearer, depth, old_depth), depth_base, row_bytes)
-                store_rows(builder.select(nearer, splat(prim_id), old_prim_id), prim_base, row_bytes)
-            store(ir.Constant(vector(_I32), [0] * width), valid_address)
-        with surprise:
-            store(builder.zext(lane_count, _I64), at(context, RayQueryContext.wrong_width.offset), 8)
-            store(_I32(0), valid_address)

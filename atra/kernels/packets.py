@@ -36,6 +36,18 @@ class RayGrid(NamedTuple):
     rows: NDArray[np.float32]
 
 
+class PixelTiles(NamedTuple):
+    """What a loop over pixels shares out: tiles of an image in the order in which they are traced.
+
+    corners: (N, 2) int32, column and row of each tile's upper left pixel. width, height: pixels of a tile, as many as
+    whole packets have; tiles at the image's borders are cut there.
+    """
+
+    corners: NDArray[np.int32]
+    width: int
+    height: int
+
+
 class Image(NamedTuple):
     """What a loop over pixels writes. depth: (H, W) float32, inf = miss. prim_id: (H, W) uint32, MISS = miss."""
 

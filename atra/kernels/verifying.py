@@ -1,4 +1,5 @@
-"""The second pass over an image: what the first was not given is traced, only where it may lie in front."""
+"""The loop over the reference rays, and that of the second pass, which traces what the first was not given, only where
+it may lie in front."""
 
 from __future__ import annotations
 
@@ -9,10 +10,28 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.embree.layout import HIT_GEOM_ID, HIT_PRIM_ID, RAY_TFAR, RAY_TNEAR, RAY_WORDS
+from atra.embree.layout import (
+    HIT_GEOM_ID,
+    HIT_PRIM_ID,
+    RAY_TFAR,
+    RAY_TNEAR,
+    RAY_WORDS,
+    RayQueryContext,
+)
 from atra.kernels.caching import kernel
 from atra.kernels.intrinsics import fetch_add
-from atra.kernels.packets import MISS, START, hit_distance, hit_prim_id, intersect, set_pixel_ray
+from atra.kernels.packets import (
+    INFINITY,
+    MISS,
+    START,
+    hit_distance,
+    hit_prim_id,
+    intersect,
+    set_pixel_ray,
+)
+
+_CONTEXT_DEPTH = RayQueryContext.depth_address.offset // 8
+_CONTEXT_PRIM_ID = RayQueryContext.prim_id_address.offset // 8
 
 
 class Hidden(NamedTuple):
@@ -92,3 +111,49 @@ def verify_kernel(shape_x: int, shape_y: int, parallel: bool = False) -> Callabl
                                 prim_id[y0 + row, x0 + column] = hit_prim_id(packet, width, lane)
 
     return verify_pixels
+
+
+@cache
+def aligned_kernel(shape_x: int, shape_y: int, parallel: bool = False) -> Callable[..., None]:
+    """The aligned loop for packets of shape_x x shape_y pixels; the shape is a constant of the compiled code.
+
+    parallel: rays differ in their origin, and share the direction that stands in the packet, instead of the reverse.
+    """
+    width = shape_x * shape_y
+
+    @kernel
+    def trace_aligned(counter_address, scene, packet, rays, cell_rows, image):  # type: ignore[no-untyped-def]
+        """Trace the reference cell; the filter writes the pixels of all cells straight into the image.
+
+        packet: its constant fields (origin or direction, tnear, flags, inst_id) are set. image: written completely.
+        rays: the reference rays, as many columns and rows as a cell has.
+        cell_rows: rows of cells, those of all images.
+        A task is `shape_y` rows of the reference cell, and with them the same rows of every row of cells: no two tasks
+        write to the same image row. A packet may reach past the right border of its cell (its spare lanes are inactive
+        and rewrite what is there), never past its rows; memory has room for that between the rows of depth and prim_id.
+        """
+        depth, prim_id = image.depth, image.prim_id
+        cell_height, cell_width = rays.rows.shape[1], rays.columns.shape[1]
+        row_bytes = depth.strides[0]
+        while True:
+            y0 = fetch_add(counter_address, 1) * shape_y
+            if y0 >= cell_height:
+                return
+            for j in range(cell_rows):
+                for row in range(shape_y):
+                    depth[j * cell_height + y0 + row, :] = INFINITY
+                    prim_id[j * cell_height + y0 + row, :] = MISS
+            for x0 in range(0, cell_width, shape_x):
+                columns = min(shape_x, cell_width - x0)
+                for row in range(shape_y):
+                    for column in range(shape_x):
+                        lane = row * shape_x + column
+                        set_pixel_ray(packet, width, lane, parallel, rays, x0 + min(column, columns - 1), y0 + row)
+                        packet.valid[lane] = -1 if column < columns else 0
+                for lane in range(width):
+                    packet.floats[RAY_TFAR * width + lane] = INFINITY
+                packet.context[_CONTEXT_DEPTH] = depth.ctypes.data + y0 * row_bytes + x0 * 4
+                packet.context[_CONTEXT_PRIM_ID] = prim_id.ctypes.data + y0 * row_bytes + x0 * 4
+                intersect(width, packet.valid, scene, packet)
+
+    return trace_aligned

@@ -13,9 +13,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from atra.alignment.culling_kernels import write_copy
 from atra.kernels.caching import kernel, njit
 from atra.kernels.intrinsics import fetch_add
-from atra.kernels.planning import MARGIN_PIXELS, write_copy
+from atra.kernels.planning import MARGIN_PIXELS
 
 CHUNK = 1024
 """Triangles a thread takes at a time."""

@@ -9,8 +9,13 @@ from atra.errors import InputError
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.options import check_build_quality, native_packet_widths
-from atra.tracers import AlignedTracer, PixelTracer, RasterTracer, Tracer, VisibleFirstTracer, choose_packet_shape
-from atra.tracers.pixel import SQUAREST_SHAPE
+from atra.tracers.aligned import AlignedTracer
+from atra.tracers.pixel import PixelTracer
+from atra.tracers.raster import RasterTracer
+from atra.tracers.rays import SQUAREST_SHAPE
+from atra.tracers.reference_rays import choose_packet_shape
+from atra.tracers.tracer import Tracer
+from atra.tracers.visible_first import VisibleFirstTracer
 from atra.whole_numbers import is_whole_number
 
 PACKETS, RASTER, ALIGNED, VISIBLE_FIRST = "packets", "raster", "aligned", "visible_first"

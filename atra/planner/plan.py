@@ -16,7 +16,7 @@ from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.options import check_ties, native_packet_widths
 from atra.planner.choice import Choice
-from atra.tracers import Tracer
+from atra.tracers.tracer import Tracer
 from atra.whole_numbers import is_whole_number
 
 FORMAT = 2

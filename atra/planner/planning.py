@@ -18,7 +18,7 @@ from atra.parallel import resolve_threads
 from atra.planner.choice import Choice, candidates
 from atra.planner.measuring import clock_for, measure
 from atra.planner.plan import MOST, Plan
-from atra.tracers import Tracer
+from atra.tracers.tracer import Tracer
 from atra.whole_numbers import is_whole_number
 
 FEWEST_FRAMES = 16

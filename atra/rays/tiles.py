@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from atra.alignment.culling import EMBREE_BYTES_PER_COPY, PLAN_BYTES_PER_COPY, check_needed_bytes
 from atra.embree.scene import EmbreeScene, resolve_packet_width
 from atra.embree.workspace import Workspace, check_widths
 from atra.errors import InputError
@@ -20,6 +19,7 @@ from atra.kernels.callbacks import memory_monitor
 from atra.lifetime import Lifetime
 from atra.options import PacketOptions
 from atra.parallel import WorkerPool, resolve_threads
+from atra.tracing.budgets import EMBREE_BYTES_PER_COPY, PLAN_BYTES_PER_COPY, check_needed_bytes
 
 _SHAPES = {1: (1, 1), 2: (2, 1), 4: (2, 2), 8: (4, 2), 16: (4, 4)}
 """Texels across and down, by their number."""

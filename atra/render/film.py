@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.aligned_memory import aligned_empty
-from atra.alignment.culling import check_needed_bytes
 from atra.errors import InputError
 from atra.kernels.shading.gbuffer import LANES
 from atra.kernels.shading.paths import TILE
 from atra.kernels.shading.pictures import place_pixels
+from atra.tracing.budgets import check_needed_bytes
 
 MOST_PIXELS_A_SIDE = 1 << 16
 

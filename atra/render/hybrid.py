@@ -14,9 +14,10 @@ from numpy.typing import NDArray
 
 from atra.errors import InputError
 from atra.geometry.view import View
-from atra.kernels.shading.aiming import LIGHT_WORDS, Aim
+from atra.kernels.shading.aiming import Aim
 from atra.kernels.shading.gbuffer import Chunk, new_chunk
 from atra.kernels.shading.lighting import LIGHT_PLANES, SKY_PLANES, STAGES, lighting_kernel
+from atra.kernels.shading.lights import LIGHT_WORDS
 from atra.kernels.shading.paths import Pixels
 from atra.kernels.shading.surface import Surfaces
 from atra.rays.scene import Query

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from atra.errors import InputError
 from atra.geometry.view import Vector, checked_vector, unit_vector
-from atra.kernels.shading.aiming import ACROSS, KIND, LIGHT_WORDS, PLACE, POINT, SIZE, SPHERE, SUN, UP
+from atra.kernels.shading.lights import ACROSS, KIND, LIGHT_WORDS, PLACE, POINT, SIZE, SPHERE, SUN, UP
 from atra.render.checks import Colour, checked_colour, checked_number
 
 _WHITE: Colour = (1.0, 1.0, 1.0)

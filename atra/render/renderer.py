@@ -30,7 +30,8 @@ from atra.render.options import RenderOptions
 from atra.render.pictures import save_picture
 from atra.render.pixels import pixels_of
 from atra.render.scene import RenderScene
-from atra.tracers import RasterTracer, Tracer
+from atra.tracers.raster import RasterTracer
+from atra.tracers.tracer import Tracer
 from atra.whole_numbers import is_whole_number
 
 Primary = Callable[[Mesh, View], Tracer[Hits]]

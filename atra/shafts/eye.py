@@ -16,6 +16,7 @@ from atra.geometry.mesh import Mesh
 from atra.geometry.ray_space import NARROWEST_WORLD_PITCH, check_world_range, from_eye_space
 from atra.geometry.view import View
 from atra.kernels.bvh.images import Start
+from atra.kernels.packets import PixelTiles
 from atra.kernels.shafts.grid import NO_SHAFTS, Shafts
 from atra.kernels.shafts.lists import build_eye_lists
 from atra.kernels.shafts.shape import (
@@ -31,7 +32,6 @@ from atra.kernels.shafts.shape import (
     PLANES,
     SHAPE,
 )
-from atra.kernels.tracing import PixelTiles
 from atra.lifetime import in_turn
 from atra.options import BvhOptions
 from atra.shafts.options import ShaftOptions

@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.alignment.culling import check_needed_bytes
 from atra.bvh.bvh import Bvh
 from atra.errors import InputError, MemoryBudgetError
 from atra.kernels.bvh.layout import STACK
@@ -22,6 +21,7 @@ from atra.kernels.shafts.lists import LANES, Building, Sampling, build_lists, ma
 from atra.kernels.shafts.shape import SHAPE
 from atra.parallel import WorkerPool
 from atra.shafts.options import ON_RAYS, ShaftOptions
+from atra.tracing.budgets import check_needed_bytes
 
 FARTHEST = 8.0
 """Largest coordinate of an origin, of that of the box, whose shaft is told: farther away, roundings come close to

@@ -10,15 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.alignment.alignment import Alignment
-from atra.alignment.culling import (
-    AlignedGeometry,
-    LeftOut,
-    check_memory_budget,
-    plan_aligned_geometry,
-    plan_plain_geometry,
-)
+from atra.alignment.culling import plan_aligned_geometry
 from atra.alignment.instancing import check_instancing_budget, plan_instanced_geometry
-from atra.alignment.seams import with_neighbours
 from atra.alignment.split import Split
 from atra.alignment.visibility import Tiles, nearest_in_tiles
 from atra.embree.device import EmbreeDevice
@@ -29,17 +22,19 @@ from atra.geometry.view import View
 from atra.hits import Hits
 from atra.kernels.callbacks import nearest_hit_filter
 from atra.kernels.gathering.doubts import Precision
-from atra.kernels.tracing import PixelTiles
+from atra.kernels.packets import PixelTiles
 from atra.lifetime import Result, in_turn
 from atra.options import AlignedOptions
 from atra.tracers.base import ImageTracer
 from atra.tracers.gathering import NoGathering
 from atra.tracers.gathering_rays import EmbreeGathering, Shots
 from atra.tracers.images import images_of
-from atra.tracers.pixel import SQUAREST_SHAPE, image_shots
-from atra.tracers.rays import longest_ray
+from atra.tracers.pixel import image_shots
+from atra.tracers.rays import SQUAREST_SHAPE, longest_ray
 from atra.tracers.reference_rays import ReferenceRayTracer, reference_rays
-from atra.tracers.second_pass import SecondPass
+from atra.tracers.second_pass import SecondPass, with_neighbours
+from atra.tracing.budgets import check_memory_budget
+from atra.tracing.geometry import AlignedGeometry, LeftOut, plan_plain_geometry
 
 SECOND_PASS_TILE = (8, 4)
 """Width and height in pixels of the tiles of the second pass: whole packets of any shape."""

@@ -10,7 +10,6 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.alignment.culling import AlignedGeometry, check_image_memory
 from atra.embree.bvh_cost import BvhCost, bvh_cost
 from atra.embree.device import EmbreeDevice
 from atra.embree.scene import EmbreeScene
@@ -25,6 +24,8 @@ from atra.lifetime import Result, TracerLifetime, in_turn
 from atra.options import Options, resolve_packet_width
 from atra.parallel import WorkerPool, resolve_threads
 from atra.tracers.images import images_of, outputs
+from atra.tracing.budgets import check_image_memory
+from atra.tracing.geometry import AlignedGeometry
 
 Views = tuple[tuple[Mesh, View], ...]
 """What each image shows, and its camera."""

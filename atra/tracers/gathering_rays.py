@@ -9,12 +9,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.alignment.culling import AlignedGeometry
 from atra.embree.scene import EmbreeScene
 from atra.embree.workspace import check_widths
 from atra.errors import InputError
 from atra.gathering.doubts import Doubts, find_doubts
-from atra.gathering.images import target_of
 from atra.gathering.reductions import Reduction
 from atra.hits import Hits
 from atra.kernels.gathering.doubts import Precision, settling_kernel
@@ -22,11 +20,11 @@ from atra.kernels.gathering.filters import gathering_filter
 from atra.kernels.gathering.layers import finish_image
 from atra.kernels.gathering.shooting import shooting_kernel
 from atra.kernels.gathering.taking import LAYERS, THICKNESS
-from atra.kernels.packets import RayGrid
-from atra.kernels.tracing import PixelTiles
+from atra.kernels.packets import PixelTiles, RayGrid
 from atra.lifetime import in_turn
 from atra.tracers.base import EmbreeTracer, Views
-from atra.tracers.gathering import Gathering
+from atra.tracers.gathering import Gathering, target_of
+from atra.tracing.geometry import AlignedGeometry
 
 
 class Shots(NamedTuple):

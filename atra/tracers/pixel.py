@@ -7,26 +7,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.alignment.culling import AlignedGeometry, plan_plain_geometry
 from atra.embree.device import EmbreeDevice
 from atra.embree.scene import EmbreeScene
 from atra.geometry.mesh import Mesh
 from atra.geometry.ray_space import from_eye_space
 from atra.geometry.view import View
 from atra.kernels.gathering.doubts import Precision
-from atra.kernels.packets import Image, RayGrid
-from atra.kernels.tracing import PixelTiles, pixel_kernel
+from atra.kernels.packets import Image, PixelTiles, RayGrid
+from atra.kernels.tracing import pixel_kernel
 from atra.options import PixelOptions
 from atra.tracers.base import ImageTracer, check_views
 from atra.tracers.gathering_rays import EmbreeGathering, Shots
-from atra.tracers.rays import image_ray_grid, longest_ray
-
-SQUAREST_SHAPE = {1: (1, 1), 4: (2, 2), 8: (4, 2), 16: (4, 4)}
-"""Pixels of a packet when nothing else decides: the narrower the bundle, the more of the traversal its rays share."""
-
-_WIDEST_PACKET = 16
-_TILE_SIZES = {"blocks": (32, 16), "morton": (16, 16)}
-"""Width and height; tiles of rows are as wide as the image."""
+from atra.tracers.rays import SQUAREST_SHAPE, image_ray_grid, longest_ray, pixel_tiles
+from atra.tracing.geometry import AlignedGeometry, plan_plain_geometry
 
 
 class PixelTracer(EmbreeGathering, ImageTracer):
@@ -109,22 +102,3 @@ def image_shots(
         return RayGrid(*image_ray_grid(camera, offset, packet_shape))
 
     return Shots(geometry, "none", packet_shape, rays, tiles, (camera.width, camera.height), is_alone)
-
-
-def pixel_tiles(width: int, height: int, order: str = "blocks") -> PixelTiles:
-    """An image in tiles, in one of `TILE_ORDERS`: small enough to share out evenly, large enough to stay in cache."""
-    tile_width, tile_height = _TILE_SIZES.get(order, (width + -width % _WIDEST_PACKET, _WIDEST_PACKET))
-    rows, columns = np.mgrid[0:height:tile_height, 0:width:tile_width]
-    corners = np.stack([columns.ravel(), rows.ravel()], axis=1).astype(np.int32)
-    if order == "morton":
-        corners = corners[np.argsort(_along_curve(corners // (tile_width, tile_height)))]
-    return PixelTiles(corners, tile_width, tile_height)
-
-
-def _along_curve(places: NDArray[np.integer]) -> NDArray[np.int64]:
-    """(N, 2) columns and rows -> their bits in turn: the order of a Morton curve."""
-    curve = np.zeros(len(places), np.int64)
-    for bit in range(int(places.max()).bit_length()):
-        for axis in (0, 1):
-            curve |= (places[:, axis].astype(np.int64) >> bit & 1) << 2 * bit + axis
-    return curve

@@ -9,9 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.alignment.culling import check_image_memory
 from atra.embree.instruction_sets import native_lanes
-from atra.gathering.images import target_of
 from atra.gathering.reductions import Reduction
 from atra.geometry.mesh import Mesh
 from atra.geometry.ray_space import check_range
@@ -23,8 +21,9 @@ from atra.kernels.raster.frames import Scratch, compile_kernels, draw_frame
 from atra.lifetime import in_turn
 from atra.options import RasterOptions
 from atra.parallel import WorkerPool, resolve_threads
-from atra.tracers.gathering import Gathering
+from atra.tracers.gathering import Gathering, target_of
 from atra.tracers.images import images_of, outputs
+from atra.tracing.budgets import check_image_memory
 
 
 class RasterTracer(Gathering):

@@ -1,4 +1,5 @@
-"""Rays of an image as kernels take them: a summand for every column of pixels and one for every row, in float32."""
+"""Rays of an image as kernels take them: a summand for every column of pixels and one for every row, in float32; and
+the tiles of the image in whose order they are traced."""
 
 from __future__ import annotations
 
@@ -11,6 +12,15 @@ from atra.embree.workspace import Workspace
 from atra.errors import InputError
 from atra.geometry.ray_space import ray_axes
 from atra.geometry.view import View
+from atra.kernels.packets import PixelTiles
+
+SQUAREST_SHAPE = {1: (1, 1), 4: (2, 2), 8: (4, 2), 16: (4, 4)}
+"""Pixels of a packet when nothing else decides: the narrower the bundle, the more of the traversal its rays share."""
+
+_WIDEST_PACKET = 16
+
+_TILE_SIZES = {"blocks": (32, 16), "morton": (16, 16)}
+"""Width and height; tiles of rows are as wide as the image."""
 
 
 def ray_grid(
@@ -60,3 +70,22 @@ def check_pinhole(camera: View, method: str) -> None:
             f"{method} needs rays through one point, but those of {type(camera).__name__} are parallel; "
             "use AlignedTracer or PixelTracer"
         )
+
+
+def pixel_tiles(width: int, height: int, order: str = "blocks") -> PixelTiles:
+    """An image in tiles, in one of `TILE_ORDERS`: small enough to share out evenly, large enough to stay in cache."""
+    tile_width, tile_height = _TILE_SIZES.get(order, (width + -width % _WIDEST_PACKET, _WIDEST_PACKET))
+    rows, columns = np.mgrid[0:height:tile_height, 0:width:tile_width]
+    corners = np.stack([columns.ravel(), rows.ravel()], axis=1).astype(np.int32)
+    if order == "morton":
+        corners = corners[np.argsort(_along_curve(corners // (tile_width, tile_height)))]
+    return PixelTiles(corners, tile_width, tile_height)
+
+
+def _along_curve(places: NDArray[np.integer]) -> NDArray[np.int64]:
+    """(N, 2) columns and rows -> their bits in turn: the order of a Morton curve."""
+    curve = np.zeros(len(places), np.int64)
+    for bit in range(int(places.max()).bit_length()):
+        for axis in (0, 1):
+            curve |= (places[:, axis].astype(np.int64) >> bit & 1) << 2 * bit + axis
+    return curve

@@ -9,16 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.alignment.alignment import Alignment
-from atra.alignment.culling import check_image_size
 from atra.alignment.split import Split
 from atra.errors import InputError
 from atra.geometry.mesh import Mesh
 from atra.kernels.packets import Image, RayGrid
-from atra.kernels.tracing import aligned_kernel
+from atra.kernels.verifying import aligned_kernel
 from atra.lifetime import Result
 from atra.options import ReferenceRayOptions
 from atra.tracers.base import EmbreeTracer, check_views
 from atra.tracers.rays import ray_grid, share_direction
+from atra.tracing.budgets import check_image_size
 from atra.whole_numbers import is_whole_number
 
 

@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 from atra.alignment.visibility import Tiles
 from atra.embree.scene import EmbreeScene
 from atra.embree.workspace import Workspace
+from atra.geometry.mesh import Mesh, position_keys
 from atra.geometry.view import View
 from atra.kernels.packets import Image, RayGrid
 from atra.kernels.verifying import Hidden, verify_kernel
 from atra.parallel import WorkerPool
-from atra.tracers.pixel import SQUAREST_SHAPE
-from atra.tracers.rays import image_ray_grid, share_direction
+from atra.tracers.rays import SQUAREST_SHAPE, image_ray_grid, share_direction
 
 
 class SecondPass:
@@ -63,3 +63,16 @@ class SecondPass:
 
     def close(self) -> None:
         self.scene.close()
+
+
+def with_neighbours(mesh: Mesh, prim_ids: NDArray[np.integer]) -> NDArray[np.bool_]:
+    """(F,) bool: the triangles `prim_ids`, (N,), N > 0, and all that share a corner's position with one of them.
+
+    Copies and the mesh itself are rounded differently, so a ray could slip through between a triangle of the one and a
+    neighbour of the other. Where rays are also shot at the neighbours, as the mesh has them, none can.
+    """
+    keys = position_keys(mesh)
+    wanted = np.unique(keys[mesh.faces[prim_ids]])
+    found = np.minimum(np.searchsorted(wanted, keys), len(wanted) - 1)
+    is_near: NDArray[np.bool_] = (wanted[found] == keys)[mesh.faces].any(axis=1)
+    return is_near

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.alignment.culling import AlignedGeometry, check_memory_budget, count_kept, project_vertices
 from atra.alignment.split import Split
 from atra.embree.scenes import EmbreeScenes
 from atra.geometry.mesh import Mesh
+from atra.geometry.projection import count_kept, project_vertices
 from atra.geometry.ray_space import padded_vertices
 from atra.geometry.view import View
 from atra.kernels.callbacks import memory_monitor
@@ -19,8 +19,9 @@ from atra.kernels.tiles import CellScenes, list_cells, sort_by_cell, tile_kernel
 from atra.options import CellOptions
 from atra.tracers.base import ImageTracer, check_views
 from atra.tracers.gathering import NoGathering
-from atra.tracers.pixel import SQUAREST_SHAPE
-from atra.tracers.rays import check_pinhole, image_ray_grid
+from atra.tracers.rays import SQUAREST_SHAPE, check_pinhole, image_ray_grid
+from atra.tracing.budgets import check_memory_budget
+from atra.tracing.geometry import AlignedGeometry
 
 
 class TiledTracer(NoGathering, ImageTracer):

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from atra.alignment.alignment import Alignment
-from atra.alignment.culling import AlignedGeometry, plan_plain_geometry
 from atra.alignment.split import Split
 from atra.alignment.visibility import Tiles, plan_visible_geometry
 from atra.embree.scene import EmbreeScene
@@ -26,10 +25,10 @@ from atra.options import ReferenceRayOptions
 from atra.tracers.base import ImageTracer
 from atra.tracers.gathering import NoGathering
 from atra.tracers.images import new_images
-from atra.tracers.pixel import SQUAREST_SHAPE, pixel_tiles
-from atra.tracers.rays import check_pinhole, ray_grid
+from atra.tracers.rays import SQUAREST_SHAPE, check_pinhole, pixel_tiles, ray_grid
 from atra.tracers.reference_rays import ReferenceRayTracer
 from atra.tracers.second_pass import SecondPass
+from atra.tracing.geometry import AlignedGeometry, plan_plain_geometry
 
 PROBE_STEP = 4
 """The default probe shoots a ray every PROBE_STEP pixels, across and down, along the borders of the tiles."""

@@ -17,7 +17,12 @@ from atra.geometry.view import View, check_offset
 from atra.hits import Hits
 from atra.judge.ties import CoplanarOverlaps, coplanar_overlaps
 from atra.parallel import resolve_threads
-from atra.tracers import AlignedTracer, PixelTracer, RasterTracer, TiledTracer, Tracer, VisibleFirstTracer
+from atra.tracers.aligned import AlignedTracer
+from atra.tracers.pixel import PixelTracer
+from atra.tracers.raster import RasterTracer
+from atra.tracers.tiles import TiledTracer
+from atra.tracers.tracer import Tracer
+from atra.tracers.visible_first import VisibleFirstTracer
 from atra.views.shared_mesh import Parcel, SharedMesh, shared, stage_of
 from atra.whole_numbers import is_whole_number
 

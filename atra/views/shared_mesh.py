@@ -15,7 +15,7 @@ from uuid import uuid4
 
 from atra.geometry.mesh import Mesh
 from atra.judge.ties import CoplanarOverlaps, keep_overlaps
-from atra.tracers import Tracer
+from atra.tracers.tracer import Tracer
 
 _ALIGNMENT = 64
 

@@ -9,7 +9,7 @@ from typing import Any
 
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
-from atra.tracers import AlignedTracer
+from atra.tracers.aligned import AlignedTracer
 from experiments.drawing.style import BLUE
 from experiments.harness.column import WHOLE, Column
 from experiments.methods.cells import VERIFIED, AlignedCellOptions, resolve_split

@@ -10,7 +10,7 @@ from atra.bvh.scene import BvhScene
 from atra.errors import InputError
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
-from atra.tracers import Tracer
+from atra.tracers.tracer import Tracer
 from experiments.harness.column import Column
 
 PACKET_WIDTHS = (1, 4, 8, 16)

@@ -9,7 +9,7 @@ from typing import Any
 
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
-from atra.tracers import PixelTracer
+from atra.tracers.pixel import PixelTracer
 from experiments.drawing.style import GREEN, TIMES
 from experiments.methods.method import Method, Style, Tracing, check_packet_width, option, robust_option
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
-from atra.tracers import RasterTracer
+from atra.tracers.raster import RasterTracer
 from experiments.drawing.style import BLACK
 from experiments.harness.column import WHOLE, Column
 from experiments.methods.method import Method, NoOptions, Style, Tracing

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
-from atra.tracers import TiledTracer
+from atra.tracers.tiles import TiledTracer
 from experiments.drawing.style import ORANGE
 from experiments.methods.cells import CellOptions, resolve_split
 from experiments.methods.method import Method, Style, Tracing, say_robust

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
-from atra.tracers import VisibleFirstTracer
+from atra.tracers.visible_first import VisibleFirstTracer
 from experiments.drawing.style import VERMILLION
 from experiments.harness.column import REAL, Column
 from experiments.methods.cells import VERIFIED, AlignedCellOptions, resolve_split

@@ -14,7 +14,7 @@ from atra.errors import InputError
 from atra.geometry.camera import Camera
 from atra.hits import Hits
 from atra.render.pictures import srgb_of
-from atra.tracers import RasterTracer
+from atra.tracers.raster import RasterTracer
 from experiments.viewer.camera_page import CameraPage
 from experiments.viewer.request import Pose, Request, Settings
 from experiments.viewer.session import REST_S

@@ -18,7 +18,9 @@ from atra.judge.compare import compare
 from atra.render import HybridRenderer, PathRenderer, RenderScene, Sun
 from atra.render.pictures import srgb_of
 from atra.render.renderer import Renderer
-from atra.tracers import PixelTracer, RasterTracer, Tracer
+from atra.tracers.pixel import PixelTracer
+from atra.tracers.raster import RasterTracer
+from atra.tracers.tracer import Tracer
 from experiments.drawing.shading import BACKGROUND, mark_verdicts
 from experiments.harness.configuration import Chosen
 from experiments.methods import find_method

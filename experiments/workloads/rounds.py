@@ -16,7 +16,7 @@ from atra.geometry.camera import Camera
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.judge.ties import coplanar_overlaps
-from atra.tracers import PixelTracer
+from atra.tracers.pixel import PixelTracer
 from experiments.harness.environment import peak_rss_bytes, reset_peak_rss, rss_bytes
 from experiments.harness.point import Point
 from experiments.harness.rounds import RoundSamples, measure_rounds

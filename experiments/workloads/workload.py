@@ -15,7 +15,7 @@ from atra.errors import InputError
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.render import PanoramaSky, RenderScene
-from atra.tracers import Tracer
+from atra.tracers.tracer import Tracer
 from experiments.harness.column import Column
 from experiments.harness.point import Point
 from experiments.harness.records import Record

@@ -83,7 +83,7 @@ KERNELS = (
     ),
     Mutation(
         "shear_sign",
-        "atra/kernels/planning.py",
+        "atra/alignment/culling_kernels.py",
         "(shears_x[i, axis] + shears_y[j, axis]) * depth",
         "(shears_x[i, axis] - shears_y[j, axis]) * depth",
         "copies are sheared the wrong way for rows of cells",
@@ -165,7 +165,7 @@ KERNELS = (
     ),
     Mutation(
         "lamp_weight",
-        "atra/kernels/shading/aiming.py",
+        "atra/kernels/shading/lights.py",
         "strength *= TWO * depth / ratio",
         "strength *= depth / ratio",
         "the weight of a sample of a spherical light is half of what it should be",

@@ -10,12 +10,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from atra.alignment.culling import check_needed_bytes
 from atra.bake.batches import Stages
 from atra.errors import AtraError, InputError
 from atra.files import write_atomically
 from atra.kernels.baking.probes import gather_light, gather_paths, generate_probes, harmonics, look_around
 from atra.kernels.baking.tables import CHANNELS, DIRECT, ENVIRONMENT, HARMONICS, INDIRECT, Batch, Tables
+from atra.tracing.budgets import check_needed_bytes
 
 BLOCK = 64
 """Samples of a probe in a batch: a number of their own, so that no option changes the order in which they are added."""

@@ -31,7 +31,7 @@ from atra.kernels.baking.tables import (
 )
 from atra.kernels.caching import float_kernel, njit
 from atra.kernels.packets import INFINITY
-from atra.kernels.shading.aiming import ALMOST, to_lamp, to_sun
+from atra.kernels.shading.lights import ALMOST, to_lamp, to_sun
 from atra.kernels.shading.numbers import (
     ONE,
     TWO,

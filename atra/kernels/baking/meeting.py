@@ -11,10 +11,10 @@ from numba import types
 from numpy.typing import NDArray
 
 from atra.embree import layout
+from atra.embree.filters_kernels import CONTEXT, HIT, RAY_COUNT, USER_DATA, VALID, refuse
 from atra.embree.layout import RayQueryContext
 from atra.kernels.baking.tiles import ALL, SIDE
 from atra.kernels.caching import callback, kernel
-from atra.kernels.gathering.filters import CONTEXT, HIT, RAY_COUNT, USER_DATA, VALID, refuse
 from atra.kernels.gathering.lanes import nonzero_lanes, uint32_at
 from atra.kernels.intrinsics import address_at, fetch_add, set_bits_at
 from atra.kernels.packets import INFINITY, intersect

@@ -12,7 +12,7 @@ from atra.kernels.caching import njit
 SUN, POINT, SPHERE, SPOT, EMITTERS, SKY = 0, 1, 2, 3, 4, 5
 KIND, PLACE, SIZE, ACROSS, UP, COLOUR, CONE = 0, 1, 4, 5, 8, 11, 14
 LIGHT_WORDS = 16
-"""float32 of a light; up to UP as of `atra.kernels.shading.lighting`. COLOUR: times its power (3). Of a spot, ACROSS is
+"""float32 of a light; up to UP as of `atra.kernels.shading.lights`. COLOUR: times its power (3). Of a spot, ACROSS is
 the way it looks (3), and CONE the cosines of the angles where it begins to fade and where it ends (2). Emitting faces
 are one light together, and the sky is one: both have tables of their own, and these words serve the grid alone."""
 

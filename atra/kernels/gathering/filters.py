@@ -1,4 +1,4 @@
-"""Filters: what Embree calls for every triangle that rays of a packet hit, and that takes all of their hits."""
+"""The filters that take every hit of the rays of a packet."""
 
 from __future__ import annotations
 
@@ -7,31 +7,18 @@ from functools import cache
 import numpy as np
 from numba import types
 
-from atra.embree.layout import HIT_INST_ID, HIT_PRIM_ID, RAY_TFAR, FilterArguments, RayQueryContext
-from atra.kernels.caching import callback, njit
-from atra.kernels.gathering.lanes import nonzero_lanes, set_int64, uint32_at
+from atra.embree.filters_kernels import CONTEXT, HIT, RAY, RAY_COUNT, USER_DATA, VALID, refuse
+from atra.embree.layout import HIT_INST_ID, HIT_PRIM_ID, RAY_TFAR, RayQueryContext
+from atra.kernels.caching import callback
+from atra.kernels.gathering.lanes import nonzero_lanes, uint32_at
 from atra.kernels.gathering.taking import THICKNESS, TRANSMITTANCE, take
 from atra.kernels.gathering.target import target_at, without_doubts
 from atra.kernels.intrinsics import address_at, float_at
 from atra.kernels.raster.memory import load, store
 from atra.kernels.raster.vectors import repeated
 
-VALID, USER_DATA, CONTEXT = (
-    FilterArguments.valid.offset,
-    FilterArguments.user_data.offset,
-    FilterArguments.context.offset,
-)
-_RAY, HIT, RAY_COUNT = FilterArguments.ray.offset, FilterArguments.hit.offset, FilterArguments.ray_count.offset
-_WRONG_WIDTH, _TARGET = RayQueryContext.wrong_width.offset, RayQueryContext.target_address.offset
+_TARGET = RayQueryContext.target_address.offset
 _FIRST_PIXEL = RayQueryContext.first_pixel.offset
-
-
-@njit
-def refuse(context, valid, given):  # type: ignore[no-untyped-def]
-    """Reject the hits of a packet of another width than was sent, and note that (`Workspace.wrong_width`)."""
-    set_int64(context + _WRONG_WIDTH, np.int64(given))
-    for lane in range(np.int64(given)):
-        store(repeated(np.int32(0), 1), valid + lane * 4)
 
 
 @cache
@@ -39,7 +26,7 @@ def gathering_filter(kind: int, shape_x: int, shape_y: int, cells: str) -> int:
     """Address of the filter for packets of shape_x x shape_y pixels; compiled once per process, cached on disk.
 
     kind: of reduction, of `taking`. cells: "none" where the scene is the mesh itself, "copied" or "instanced" where the
-    user data is an int64 record for each triangle or instance, as `atra.kernels.intrinsics.keep_nearest` has it.
+    user data is an int64 record for each triangle or instance, as `atra.embree.filters_kernels.keep_nearest` has it.
     Every hit is rejected, so that Embree goes on to the next triangle. Hits in doubt are left out.
     """
     lanes, nx = shape_x * shape_y, shape_x
@@ -63,7 +50,7 @@ def gathering_filter(kind: int, shape_x: int, shape_y: int, cells: str) -> int:
                     prim_id = np.uint32(record & 0xFFFFFFFF)
             target = target_at(address_at(context + _TARGET))
             taken = without_doubts(lanes, nx, nonzero_lanes(valid, lanes), prim_id, pixel, target)
-            depth = load(address_at(arguments + _RAY) + tfar, np.float32(0.0), lanes)
+            depth = load(address_at(arguments + RAY) + tfar, np.float32(0.0), lanes)
             weight = float_at(target.weights + np.int64(prim_id) * 4) if weighted else np.float32(0.0)
             take(kind, lanes, nx, taken, depth, weight, prim_id, pixel, target)
             store(repeated(np.int32(0), lanes), valid)

@@ -18,6 +18,9 @@ from atra.kernels.raster.vectors import bits_of, mask_of, rarely
 LIST_END = np.uint32(0xFFFFFFFF)
 """Ends the list of a pixel's triangles in doubt; no triangle has this number."""
 
+LINE = 16
+"""Pixels of a cache line, which are as many as the widest vector has."""
+
 MARKS = 8
 """Bits of a pixel's mark: that of triangle t is bit t modulo MARKS."""
 
@@ -88,3 +91,11 @@ def without_doubts(lanes, nx, taken, prim_id, pixel, target):  # type: ignore[no
     if rarely(bits != 0):
         taken = taken & mask_of(~_listed(bits, nx, prim_id, pixel, target), lanes)
     return taken
+
+
+@njit
+def band_stride(width):  # type: ignore[no-untyped-def]
+    """Pixels from row to row, in memory, of an image that hits are gathered or drawn into: a vector more than the image
+    has, so that one may start anywhere, and an odd number of cache lines, so that the rows of a triangle do not all
+    compete for the same ones."""
+    return (((width + LINE - 1) // LINE + 1) | 1) * LINE

@@ -12,10 +12,11 @@ from functools import cache
 import numpy as np
 
 from atra.kernels.caching import kernel, njit
+from atra.kernels.gathering.target import band_stride
 from atra.kernels.intrinsics import fetch_add
 from atra.kernels.raster.clusters import CLUSTER
 from atra.kernels.raster.culling import find_farthest, forget_tiles, is_hidden
-from atra.kernels.raster.image import CACHE_LINE, Band, band_stride
+from atra.kernels.raster.image import CACHE_LINE, Band
 from atra.kernels.raster.memory import fetch, floats_at, identities_at, integers_at, load, store, stream
 from atra.kernels.raster.narrow import draw_narrow
 from atra.kernels.raster.spans import draw_spans

@@ -14,11 +14,12 @@ from atra.geometry.camera import Camera
 from atra.geometry.mesh import Mesh
 from atra.geometry.orthographic import OrthographicCamera
 from atra.geometry.view import View
+from atra.kernels.gathering.target import band_stride
 from atra.kernels.raster.clusters import CLUSTER, POINT_BYTES, VERTICES, Clusters, clusters_of
 from atra.kernels.raster.culling import TILE, cull_clusters, tile_stride
 from atra.kernels.raster.drawing import drawing_kernel
 from atra.kernels.raster.exact import SUMMANDS
-from atra.kernels.raster.image import CACHE_LINE, Eye, Image, Viewpoint, Workspace, band_stride
+from atra.kernels.raster.image import CACHE_LINE, Eye, Image, Viewpoint, Workspace
 from atra.kernels.raster.spans import ROWS
 from atra.kernels.raster.triangles import BATCH, DOUBLES, FLOATS, LIST_ROOM
 from atra.parallel import WorkerPool

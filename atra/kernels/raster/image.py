@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.kernels.caching import njit
+from atra.kernels.gathering.target import LINE
 from atra.kernels.raster.memory import identities_at
 
-SPAN = 16
+SPAN = LINE
 """Pixels along a row over which nearness is a float32 multiple of its slope; no function of `lanes`, so that the
 number of lanes changes no bit."""
 
@@ -30,13 +31,6 @@ CACHE_LINE = 64
 
 _LEAST_DEPTH = 1e-25
 """Depth that a corner has at least, of the mesh's distance from the eye: its inverse has to be a float32."""
-
-
-@njit
-def band_stride(width):  # type: ignore[no-untyped-def]
-    """Pixels from row to row of a band in memory: a vector more than the image has, so that one may start anywhere, and
-    an odd number of cache lines, so that the rows of a triangle do not all compete for the same ones."""
-    return (((width + SPAN - 1) // SPAN + 1) | 1) * SPAN
 
 
 class Image(NamedTuple):

@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.alignment.culling import check_image_memory
 from atra.errors import InputError
 from atra.gathering.gathered import Counts, Thicknesses
 from atra.gathering.reductions import Count, Gathered, Reduction, Thickness
@@ -25,6 +24,7 @@ from atra.hits import Hits
 from atra.lifetime import TracerLifetime
 from atra.parallel import resolve_threads
 from atra.tracers.rays import image_ray_grid
+from atra.tracing.budgets import check_image_memory
 from experiments.drawing.style import PURPLE
 from experiments.methods.method import Method, NoOptions, Style, Tracing, always_available
 from experiments.methods.peers.availability import package_problem, package_version

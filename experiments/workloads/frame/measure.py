@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from contextlib import ExitStack
 
-from atra.alignment.culling import EMBREE_BYTES_PER_COPY, check_needed_bytes
 from atra.geometry.mesh import Mesh
 from atra.judge.compare import compare
-from atra.tracers import Tracer
+from atra.tracers.tracer import Tracer
+from atra.tracing.budgets import EMBREE_BYTES_PER_COPY, check_needed_bytes
 from experiments.harness.point import Point
 from experiments.workloads.baselines import OWN, SINGLE
 from experiments.workloads.images import counts, depth_errors

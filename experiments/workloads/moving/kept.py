@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from atra.alignment.culling import AlignedGeometry, plan_plain_geometry
 from atra.geometry.view import View
-from atra.tracers import PixelTracer
 from atra.tracers.base import Views
+from atra.tracers.pixel import PixelTracer
+from atra.tracing.geometry import AlignedGeometry, plan_plain_geometry
 
 
 class KeptPackets(PixelTracer):

@@ -14,7 +14,8 @@ from atra.geometry.view import View
 from atra.hits import Hits
 from atra.judge.compare import compare
 from atra.lifetime import Lifetime
-from atra.tracers import FramesTracer, Tracer
+from atra.tracers.aligned import FramesTracer
+from atra.tracers.tracer import Tracer
 from experiments.harness.point import Point
 from experiments.methods.cells import AlignedCellOptions
 from experiments.methods.method import NoOptions

@@ -15,7 +15,7 @@ from atra.parallel import resolve_threads
 from atra.planner.choice import PACKETS, candidates
 from atra.planner.measuring import clock_for
 from atra.planner.planning import plan, warm_up
-from atra.tracers import Tracer
+from atra.tracers.tracer import Tracer
 from experiments.harness.point import Point
 from experiments.harness.rounds import measure_rounds
 from experiments.workloads.rounds import load_mesh, measured

@@ -18,7 +18,7 @@ from atra.prim_ids import MISS
 from atra.rays.ray_sets import ray_set
 from atra.rays.rays import RayHits, Rays
 from atra.rays.scene import RayScene
-from atra.tracers import RasterTracer
+from atra.tracers.raster import RasterTracer
 from experiments.harness.environment import peak_rss_bytes, reset_peak_rss, rss_bytes
 from experiments.harness.point import Point
 from experiments.methods import find_method

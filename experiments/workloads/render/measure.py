@@ -15,7 +15,7 @@ from atra.geometry.view import View
 from atra.hits import Hits
 from atra.judge.compare import compare
 from atra.render import HybridRenderer, PathRenderer, RenderScene, constant_sky
-from atra.tracers import Tracer
+from atra.tracers.tracer import Tracer
 from experiments.harness.point import Point
 from experiments.workloads.baselines import OWN, SINGLE
 from experiments.workloads.images import counts, depth_errors

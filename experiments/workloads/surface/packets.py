@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from atra.geometry.view import View
 from atra.kernels.packets import Image, RayGrid
 from atra.kernels.tracing import Surface, surface_kernel
-from atra.tracers import PixelTracer
+from atra.tracers.pixel import PixelTracer
 from atra.tracers.rays import image_ray_grid
 
 

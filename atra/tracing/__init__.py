@@ -1,0 +1,1 @@
+"""What all tracers share, whatever finds their hits."""
