@@ -11,10 +11,11 @@ import pytest
 
 from experiments.harness.configuration import Chosen, Configuration, MeasureConfiguration, SceneConfiguration
 from experiments.harness.points import plan_points
+from experiments.harness.processes.worker import measure_point
 from experiments.harness.records import Record
 from experiments.methods import find_method
+from experiments.methods.raster import RASTER
 from experiments.results.claims import DOES_NOT_HOLD, HOLDS, NOT_MEASURED, UNDECIDED
-from experiments.worker import measure_point
 from experiments.workloads.bake_rays import BAKE_RAYS, DIRECT, PATHS, RASTERED, BakeRaysSettings, Use
 from experiments.workloads.bake_rays.claims import judge_light
 from experiments.workloads.bake_rays.light import _directions_to
@@ -29,8 +30,8 @@ def test_a_point_times_bundles_by_every_tracer_beside_paths_and_finds_how_many_d
     configuration = Configuration(
         scene=SceneConfiguration(name="cornell_box", source=SceneSource.procedural),
         measure=MeasureConfiguration(rounds=3, warmup=1),
-        method=Chosen("raster", find_method("raster").options()),
-        workload=Chosen(BAKE_RAYS.name, settings),
+        method=Chosen(RASTER, find_method("raster").options()),
+        workload=Chosen(BAKE_RAYS, settings),
         width=32,
         height=32,
     )

@@ -21,8 +21,9 @@ from atra.render.renderer import Renderer
 from atra.tracers import PixelTracer, RasterTracer, Tracer
 from experiments.drawing.shading import BACKGROUND, mark_verdicts
 from experiments.harness.configuration import Chosen
+from experiments.harness.method import Tracing
 from experiments.methods import find_method
-from experiments.methods.method import WATERTIGHT, Tracing
+from experiments.methods.common_options import WATERTIGHT
 from experiments.viewer.request import OF_HITS, Request, Settings
 from experiments.viewer.session import Picture
 

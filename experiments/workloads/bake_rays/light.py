@@ -12,16 +12,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-import atra
+from atra import AlignedTracer, Count, PixelTracer, RasterTracer
 from atra.bake import Atlas, BakeOptions, Baker, BakeScene, LightBundles, Lightmap, Texels
 from atra.geometry.mesh import Mesh
 from atra.kernels.baking.tables import LUMINANCE
 from atra.render import constant_sky
-from experiments.harness.point import Point
+from experiments.harness.point import Measured, Point
 from experiments.workloads.bake_rays import CELLS, DIRECT, ONE_BY_ONE, PASS_SAMPLES, PATHS, RASTERED, TOGETHER
 from experiments.workloads.baselines import OWN
 from experiments.workloads.rounds import measured, timed_rounds
-from experiments.workloads.workload import Measured
 from scenes.directory import default_cache
 from scenes.lit.rooms import lit_room
 
@@ -69,12 +68,12 @@ def measure_light(point: Point, mesh: Mesh, stack: ExitStack) -> Measured:
     bundles = partial(LightBundles, scene, paths.texels, direct.maps.direct, size=size)
     camera = bundles().camera
     tracers: dict[str, Any] = {
-        OWN: stack.enter_context(atra.AlignedTracer(mesh, camera, split=(min(CELLS, size), 1), **ours)),
-        ONE_BY_ONE: stack.enter_context(atra.PixelTracer(mesh, camera, packet_width=1, **ours)),
-        TOGETHER: stack.enter_context(atra.PixelTracer(mesh, camera, **ours)),
-        RASTERED: stack.enter_context(atra.RasterTracer(mesh, camera, threads=point.threads)),
+        OWN: stack.enter_context(AlignedTracer(mesh, camera, split=(min(CELLS, size), 1), **ours)),
+        ONE_BY_ONE: stack.enter_context(PixelTracer(mesh, camera, packet_width=1, **ours)),
+        TOGETHER: stack.enter_context(PixelTracer(mesh, camera, **ours)),
+        RASTERED: stack.enter_context(RasterTracer(mesh, camera, threads=point.threads)),
     }
-    counts = {name: tracer.gather(atra.Count()).count for name, tracer in tracers.items()}
+    counts = {name: tracer.gather(Count()).count for name, tracer in tracers.items()}
 
     def error_of(light: NDArray[np.float32], of: NDArray[np.bool_] = used) -> float:
         luminance = light[of].astype(np.float64) @ LUMINANCE
