@@ -11,7 +11,6 @@ from copy import deepcopy
 from dataclasses import dataclass, field, fields
 from typing import Any
 
-from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
 from hydra.core.config_store import ConfigStore
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.core.plugins import Plugins
@@ -22,6 +21,12 @@ from experiments.commands.program import COMMAND
 from experiments.harness.configuration import read_configuration, type_configuration
 from experiments.harness.processes.launching import project_environment, stop_children
 from experiments.registry import known_kinds
+
+# Hydra's list of plugins, when it is made, runs the modules of its own plugins again. A class that was imported before
+# would not be the one that their code then means by its name.
+Plugins.instance()
+
+from hydra._internal.core_plugins.basic_sweeper import BasicSweeper  # noqa: E402
 
 _TARGET = "hydra_plugins.points.PointsSweeper"
 """The name by which the configuration chooses the sweeper. Hydra refuses plugins whose name begins in another way."""

@@ -74,7 +74,7 @@ def run_bake(configuration: Configuration) -> Path:
         raise planned.problem
     point = planned.point
     room: Any = point.workload.part("measure")
-    folder = Path(configuration.output or Path(configuration.results_dir) / "bake" / point.scene)
+    folder = Path(configuration.output or Path(configuration.results_dir) / point.workload.name / point.scene)
     check_writable(folder)
     settings, mesh = point.workload_options, load_mesh(point)
     scene = room.bake_scene(point, mesh)
