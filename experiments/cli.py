@@ -66,12 +66,15 @@ def main() -> int:
 
     from atra.errors import AtraError
     from experiments.harness.configuration import Action, register_schema
+    from experiments.registry import known_kinds
+    from experiments.sweeper import register_sweeper
 
     if f"action={Action.render.value}" in sys.argv[1:2]:
         from experiments.commands.picture import picture_arguments
 
         sys.argv[2:] = picture_arguments(sys.argv[2:])
-    register_schema()
+    register_schema(known_kinds())
+    register_sweeper()
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         if signal.getsignal(signal.SIGINT) is _leave:
@@ -98,15 +101,16 @@ def _run(composed: DictConfig) -> None:
 
     from atra.errors import AtraError
     from experiments.harness.configuration import read_configuration
+    from experiments.registry import known_kinds
 
     if HydraConfig.get().mode is RunMode.MULTIRUN:  # a job that a launcher runs for a sweep, which reports its errors
         from experiments.sweep import measure_launched
 
-        measure_launched(read_configuration(composed))
+        measure_launched(read_configuration(composed, known_kinds()))
         return
     # SystemExit passes through Hydra silently; any other exception is announced by Hydra first.
     try:
-        _act(read_configuration(composed))
+        _act(read_configuration(composed, known_kinds()))
     except (AtraError, OmegaConfBaseException) as error:
         raise SystemExit(_refuse(error)) from error
 
@@ -120,9 +124,10 @@ def _act(configuration: Configuration) -> None:
 def _refuse(error: Exception) -> int:
     from atra.errors import AtraError, printable
     from experiments.commands.messages import shorten_configuration_error
+    from experiments.registry import known_kinds
 
     if "debug=true" in (argument.lower() for argument in sys.argv):
         traceback.print_exception(error)
-    message = str(error) if isinstance(error, AtraError) else shorten_configuration_error(error)
+    message = str(error) if isinstance(error, AtraError) else shorten_configuration_error(error, known_kinds())
     print(f"{PROGRAM}: {printable(message)}", file=sys.stderr)
     return 2

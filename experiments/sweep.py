@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import random
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -15,12 +15,12 @@ from rich.console import Console
 from atra.errors import MemoryBudgetError, RecordError
 from experiments.commands.program import PROGRAM
 from experiments.harness.configuration import Configuration, check_writable, records_folder
-from experiments.harness.identity import Runner, current_environment, identity, identity_of, measure
-from experiments.harness.launching import run_worker
+from experiments.harness.identity import Runner, code_sha256, current_environment, identity, identity_of, measure
 from experiments.harness.lock import exclusive
 from experiments.harness.options import plain_options
 from experiments.harness.point import Point
 from experiments.harness.points import PlannedPoint, plan_points
+from experiments.harness.processes.launching import run_worker
 from experiments.harness.progress import SweepProgress, say
 from experiments.harness.records import Record, load_record, read_record, record_path, write_record
 from experiments.report.figures import check_figures
@@ -28,7 +28,6 @@ from experiments.report.writing import choose_folder, tell_whose_tables_are_repl
 from experiments.results.canary import BAND, strays
 from experiments.results.table import make_tables
 from experiments.results.terminal import print_sweep, results_console, say_label, say_outcome
-from experiments.workloads import find_workload
 from scenes.loading import replace_missing_scenes
 
 
@@ -126,7 +125,13 @@ def _run(
         f"{len(to_do)} to do; results in {folder}",
     )
     if to_do:
-        tell_whose_tables_are_replaced(folder, records, console)
+        by_configuration = {_key(one.planned.point.configuration()): one.planned.point for one in points.values()}
+
+        def code(record: Record) -> str | None:
+            point = by_configuration.get(_key(record.configuration))
+            return None if point is None else code_sha256(point)
+
+        tell_whose_tables_are_replaced(folder, records, console, code)
 
     def measure_all(names: Sequence[str]) -> None:
         if launch is None:
@@ -203,7 +208,7 @@ def _plan(grid_points: Sequence[GridPoint], console: Console) -> dict[str, Sweep
         grids = tuple(dict.fromkeys([*before, grid_point.grid]))
         # One that lacks memory now may have been measured when there was more.
         possible = planned.problem is None or isinstance(planned.problem, MemoryBudgetError)
-        repeated = possible and find_workload(planned.point.workload).is_timed
+        repeated = possible and planned.point.workload.is_timed
         for process in range(grid_point.configuration.measure.processes if repeated else 1):
             of_process = replace(planned, point=replace(planned.point, process=process))
             overrides = (*grid_point.overrides, *(() if process == 0 else (f"measure.process={process}",)))
@@ -220,7 +225,7 @@ def _measure_here(
             record = measure(planned, run)
             write_record(folder, record)
             done[point_identity] = record
-            kind = f"{planned.point.workload} {planned.point.method}"
+            kind = f"{planned.point.workload.name} {planned.point.method.name}"
             progress.end(say_label(planned.point), say_outcome(record), kind)
 
 
@@ -261,17 +266,22 @@ def _launched_records(to_do: dict[str, Point], folder: Path, console: Console) -
     if all(record is not None for record in own.values()):
         return {name: record for name, record in own.items() if record is not None}
     by_configuration: dict[str, Record] = {}
+    wanted = {_key(point.configuration()): point for point in to_do.values()}
     for path in sorted(folder.glob("*.json"), key=lambda path: path.stat().st_mtime):
         try:
             record = load_record(folder, path.stem)
         except RecordError:  # perhaps of another sweep or version, and not ours to set aside
             continue
-        if record is None or record.point_id != identity_of(record):
-            continue
-        if record.environment.get("code_sha256") == environment.code_sha256:
-            by_configuration[repr(sorted(record.configuration.items()))] = record
-    found = {name: by_configuration.get(repr(sorted(point.configuration().items()))) for name, point in to_do.items()}
+        point = None if record is None else wanted.get(_key(record.configuration))
+        if record is not None and point is not None and record.point_id == identity_of(record, point):
+            by_configuration[_key(record.configuration)] = record
+    found = {name: by_configuration.get(_key(point.configuration())) for name, point in to_do.items()}
     return {name: record for name, record in found.items() if record is not None}
+
+
+def _key(configuration: Mapping[str, Any]) -> str:
+    """The configuration of a point, to be looked up by."""
+    return repr(sorted(configuration.items()))
 
 
 def _warn_on(console: Console) -> Callable[[str], None]:
@@ -281,7 +291,7 @@ def _warn_on(console: Console) -> Callable[[str], None]:
 def _in_order(points: dict[str, SweepPoint], done: dict[str, Record]) -> list[str]:
     """Identities of the points done: scenes in the order given, each by what was measured, with rising settings."""
     scenes = list(dict.fromkeys(one.planned.point.scene for one in points.values()))
-    workloads = list(dict.fromkeys(one.planned.point.workload for one in points.values()))
+    workloads = list(dict.fromkeys(one.planned.point.workload.name for one in points.values()))
 
     def rank(name: str) -> tuple[Any, ...]:
         point = points[name].planned.point
@@ -289,6 +299,6 @@ def _in_order(points: dict[str, SweepPoint], done: dict[str, Record]) -> list[st
         # Splits rise last; what is left open comes before any value.
         others = sorted((key, (value is not None, str(value))) for key, value in options.items() if key not in _LAST)
         splits = [options.get(key) or 0 for key in _LAST]
-        return scenes.index(point.scene), workloads.index(point.workload), point.method, others, splits
+        return scenes.index(point.scene), workloads.index(point.workload.name), point.method.name, others, splits
 
     return sorted((name for name in points if name in done), key=rank)

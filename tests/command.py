@@ -19,9 +19,10 @@ import experiments.commands.single
 import experiments.sweep
 from experiments import cli
 from experiments.harness.identity import measure
-from experiments.harness.outcome import Outcome
 from experiments.harness.point import Point
-from experiments.worker import Job, outcome_of
+from experiments.harness.processes.outcome import Outcome
+from experiments.harness.processes.worker import Job, outcome_of
+from experiments.registry import known_kinds
 
 ROOT = Path(__file__).resolve().parents[1]
 NO_SCENES = tempfile.TemporaryDirectory(prefix="atra-tests-")
@@ -39,7 +40,7 @@ class Done:
 
 def measure_here(point: Point) -> Outcome:
     """Measure a point in this process, through the same JSON as a worker process."""
-    job = Job.from_json(Job(point, "", 0).to_json())
+    job = Job.from_json(Job(point, "", 0).to_json(), known_kinds())
     return Outcome.from_json(outcome_of(job.point).to_json(), point)
 
 

@@ -20,20 +20,20 @@ from atra.judge.oracle import examine
 from atra.judge.reference import brute_force
 from atra.prim_ids import MISS
 from experiments.harness.configuration import Chosen, Configuration, SceneConfiguration
-from experiments.harness.point import Point
+from experiments.harness.point import Measured, Point
 from experiments.harness.points import plan_points
+from experiments.harness.processes.worker import Job
 from experiments.harness.records import Record, write_record
 from experiments.methods import METHODS, find_method
-from experiments.methods.aligned import AlignedOptions
+from experiments.methods.aligned import ALIGNED, AlignedOptions
+from experiments.registry import known_kinds
 from experiments.results.table import make_table
-from experiments.worker import Job
 from experiments.workloads import rounds
-from experiments.workloads.agreement import AgreementOptions
+from experiments.workloads.agreement import AGREEMENT, AgreementOptions
 from experiments.workloads.agreement import measure as agreement
 from experiments.workloads.agreement.figures import draw_agreement_figure
 from experiments.workloads.agreement.results import errs_too_often, read_disagreements, write
 from experiments.workloads.agreement.terminal import sweep_lines
-from experiments.workloads.workload import Measured
 from scenes.loading import SceneSource
 from tests.meshes import EYE_AT_ORIGIN, quads
 
@@ -47,8 +47,8 @@ FAULT = (20, 10)  # x, y of the pixel that is spoilt
 def make_point(**options: Any) -> Point:
     configuration = Configuration(
         scene=SceneConfiguration(name="cornell_box", source=SceneSource.procedural),
-        workload=Chosen("agreement", AgreementOptions(**{"offsets": OFFSETS, "sample_rays": 50, **options})),
-        method=Chosen("aligned", AlignedOptions(split_x=4)), width=WIDTH, height=HEIGHT,
+        workload=Chosen(AGREEMENT, AgreementOptions(**{"offsets": OFFSETS, "sample_rays": 50, **options})),
+        method=Chosen(ALIGNED, AlignedOptions(split_x=4)), width=WIDTH, height=HEIGHT,
     )  # fmt: skip
     (planned,) = plan_points([configuration])
     return planned.point
@@ -171,7 +171,7 @@ def test_a_tie_is_listed_though_nobody_is_wrong_and_a_miss_is_an_empty_field() -
 def test_offsets_and_sample_are_part_of_a_point_and_reach_the_worker() -> None:
     assert make_point(offsets=((0.0, 0.0),)) != make_point()
     assert make_point(sample_rays=7) != make_point()
-    assert Job.from_json(Job(make_point(), "path", run=1).to_json()).point == make_point()
+    assert Job.from_json(Job(make_point(), "path", run=1).to_json(), known_kinds()).point == make_point()
 
 
 @pytest.mark.parametrize(

@@ -22,6 +22,7 @@ from examples import bake
 from experiments.commands import baking
 from experiments.harness.configuration import Chosen, Configuration, SceneConfiguration
 from experiments.methods import find_method
+from experiments.methods.raster import RASTER
 from experiments.workloads.bake import BAKE, BakeSettings
 from scenes.loading import SceneSource
 from tests.baked import baked, cube, sheet
@@ -152,8 +153,8 @@ def test_an_interrupted_bake_writes_what_there_is_whole_and_shows_what_the_camer
     monkeypatch.setattr(baking, "picture_restriction", lambda name: f"so says the owner of {name}")
     configuration = Configuration(
         scene=SceneConfiguration(name="cornell_box", source=SceneSource.procedural),
-        method=Chosen("raster", find_method("raster").options()),
-        workload=Chosen(BAKE.name, BakeSettings(size=32, final_samples=64, **workload)),
+        method=Chosen(RASTER, find_method("raster").options()),
+        workload=Chosen(BAKE, BakeSettings(size=32, final_samples=64, **workload)),
         width=32, height=24, output=str(tmp_path / "out"),
     )  # fmt: skip
     folder = baking.run_bake(configuration)

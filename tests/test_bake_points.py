@@ -17,13 +17,15 @@ from atra.errors import InputError
 from atra.render import constant_sky
 from experiments.drawing.figure import draw_figure
 from experiments.harness.configuration import Chosen, Configuration, MeasureConfiguration, SceneConfiguration
+from experiments.harness.point import Measured
 from experiments.harness.points import plan_points
+from experiments.harness.processes.worker import measure_point
 from experiments.harness.records import Record
 from experiments.methods import find_method
 from experiments.methods.peers.mitsuba_light import load_mitsuba
+from experiments.methods.raster import RASTER
 from experiments.results.claims import DOES_NOT_HOLD, HOLDS, NOT_MEASURED, UNDECIDED, judge_claim
 from experiments.results.table import columns
-from experiments.worker import measure_point
 from experiments.workloads.bake import BAKE, STAGES, Against, BakeSettings, Compaction
 from experiments.workloads.bake.adaptive import adaptive_bias
 from experiments.workloads.bake.claims import CLAIMS
@@ -31,7 +33,6 @@ from experiments.workloads.bake.figures import FIGURES
 from experiments.workloads.bake.measure import lamps
 from experiments.workloads.bake.results import CLAIMS_FILE, write
 from experiments.workloads.bake_rays.claims import CLAIMS as PREDICTIONS
-from experiments.workloads.workload import Measured
 from scenes.built_in import make_scene
 from scenes.loading import SceneSource
 from tests.baked import cube, sheet
@@ -56,8 +57,8 @@ def measured(**options: Any) -> tuple[Any, Measured]:
     configuration = Configuration(
         scene=SceneConfiguration(name="cornell_box", source=SceneSource.procedural),
         measure=MeasureConfiguration(rounds=3, warmup=1),
-        method=Chosen("raster", find_method("raster").options()),
-        workload=Chosen(BAKE.name, BakeSettings(**{"size": 32, "samples": 2} | options)),
+        method=Chosen(RASTER, find_method("raster").options()),
+        workload=Chosen(BAKE, BakeSettings(**{"size": 32, "samples": 2} | options)),
         width=32,
         height=32,
     )

@@ -15,19 +15,20 @@ from atra.hits import Hits
 from atra.judge.compare import compare
 from experiments.drawing.style import TIMES
 from experiments.harness.configuration import Chosen, Configuration, MeasureConfiguration, SceneConfiguration
+from experiments.harness.options import NoOptions
 from experiments.harness.point import Point
 from experiments.harness.points import PlannedPoint, plan_points
+from experiments.harness.processes.worker import measure_point
 from experiments.harness.records import Record
 from experiments.methods import find_method
 from experiments.paper.evidence import NotMeasuredError, collect_scenes
 from experiments.results.table import make_table, make_tables
 from experiments.results.terminal import print_sweep, say_label, say_outcome
-from experiments.worker import measure_point
-from experiments.workloads.multiframe import Motion, MultiframeOptions
+from experiments.workloads.frame import FRAME
+from experiments.workloads.multiframe import MULTIFRAME, Motion, MultiframeOptions
 from experiments.workloads.multiframe.measure import SeparateFrames
 from experiments.workloads.multiframe.together import make_together
 from experiments.workloads.rounds import expert_packet_widths, make_single
-from experiments.workloads.workload import NoOptions
 from scenes.loading import SceneSource, load_scene
 from tests.test_table import MEASURED
 
@@ -49,10 +50,8 @@ def configuration(
     return Configuration(
         scene=SceneConfiguration(name="cornell_box", source=SceneSource.procedural),
         measure=MeasureConfiguration(rounds=3, warmup=1),
-        method=Chosen(method, kind.options(**({"split_x": 4} if kind.has_cells else {}) | options)),
-        workload=Chosen("frame", NoOptions())
-        if frames == 1
-        else Chosen("multiframe", MultiframeOptions(frames, motion)),
+        method=Chosen(kind, kind.options(**({"split_x": 4} if kind.has_cells else {}) | options)),
+        workload=Chosen(FRAME, NoOptions()) if frames == 1 else Chosen(MULTIFRAME, MultiframeOptions(frames, motion)),
         width=48,
         height=32,
     )

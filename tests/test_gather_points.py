@@ -12,9 +12,10 @@ import pytest
 import atra
 from atra.errors import InputError
 from experiments.harness.configuration import Chosen, Configuration, SceneConfiguration
+from experiments.harness.method import Tracing
 from experiments.harness.points import plan_points
 from experiments.methods import find_method
-from experiments.methods.method import Tracing
+from experiments.methods.aligned import ALIGNED
 from experiments.methods.peers.peer import PeerTracer
 from experiments.workloads.gather import GATHER, GatherOptions, What
 from experiments.workloads.gather.measure import CLOSED, differences
@@ -75,8 +76,8 @@ def test_what_no_ray_could_gather_is_refused_before_anything_is_measured() -> No
 def test_a_warm_up_has_something_that_no_copy_shows_and_leaves_few_samples_in_doubt() -> None:
     configuration = Configuration(
         scene=SceneConfiguration(name="cornell_box", source=SceneSource.procedural),
-        method=Chosen("aligned", find_method("aligned").options(split_x=4)),
-        workload=Chosen(GATHER.name, GatherOptions()),
+        method=Chosen(ALIGNED, find_method("aligned").options(split_x=4)),
+        workload=Chosen(GATHER, GatherOptions()),
         width=64,
         height=64,
     )

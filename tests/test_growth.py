@@ -11,7 +11,10 @@ import pytest
 import atra
 from atra.errors import InputError, MemoryBudgetError
 from experiments.harness.configuration import Chosen, Configuration, MeasureConfiguration, SceneConfiguration
+from experiments.harness.options import NoOptions
 from experiments.harness.points import plan_points
+from experiments.methods.raster import RASTER
+from experiments.workloads.frame import FRAME
 from experiments.workloads.frame.growth import (
     crossings,
     fitted_slope,
@@ -23,7 +26,6 @@ from experiments.workloads.frame.growth import (
 )
 from experiments.workloads.frame.growth_figure import draw_growth_figure
 from experiments.workloads.rounds import load_mesh
-from experiments.workloads.workload import NoOptions
 from scenes.built_in import make_scene
 from scenes.loading import SceneSource, enlarged
 from scenes.scene import Scene
@@ -89,8 +91,8 @@ def configuration(memory_budget_gib: float | None = None, **scene: Any) -> Confi
     return Configuration(
         scene=SceneConfiguration(name="cornell_box", source=SceneSource.procedural, **scene),
         measure=MeasureConfiguration(rounds=3, warmup=1, memory_budget_gib=memory_budget_gib),
-        method=Chosen("raster", NoOptions()),
-        workload=Chosen("frame", NoOptions()),
+        method=Chosen(RASTER, NoOptions()),
+        workload=Chosen(FRAME, NoOptions()),
         width=16,
         height=16,
     )

@@ -19,7 +19,6 @@ import pandas as pd
 import pytest
 from hydra import compose, initialize_config_dir
 from hydra.core.config_store import ConfigStore
-from hydra.core.plugins import Plugins
 from matplotlib.figure import Figure
 
 import experiments
@@ -27,20 +26,22 @@ from atra.tracers.pixel import PixelTracer
 from experiments.drawing.figure import FigureKind, of_table
 from experiments.harness.column import WHOLE, Column
 from experiments.harness.configuration import Configuration, read_configuration, register_schema
-from experiments.harness.outcome import Outcome
-from experiments.harness.point import Point
+from experiments.harness.method import Method, Style, Tracing
+from experiments.harness.options import option
+from experiments.harness.point import Measured, Point, Workload
+from experiments.harness.processes.outcome import Outcome
+from experiments.harness.processes.worker import Job, measure_point
 from experiments.methods import METHODS
-from experiments.methods.method import Method, Style, Tracing, option
+from experiments.registry import known_kinds
 from experiments.report.writing import rewrite_report
 from experiments.results.statistics import statistics_columns
 from experiments.results.table import read_tables, workload_rows
 from experiments.results.terminal import print_point, results_console
 from experiments.sweep import GridPoint, run_sweep
-from experiments.worker import Job, measure_point
+from experiments.sweeper import register_sweeper
 from experiments.workloads import WORKLOADS
 from experiments.workloads.baselines import series
 from experiments.workloads.rounds import build_own, measured, timed_rounds
-from experiments.workloads.workload import Measured, Workload
 
 pytestmark = pytest.mark.uncovered
 
@@ -67,8 +68,8 @@ def make_toy(mesh: Any, view: Any, options: ToyOptions, tracing: Tracing) -> Toy
 
 
 TOY = Method(
-    "toy", "the toy", Style("#123456", "x"), ToyOptions, make_toy, counters=(Column("waited", WHOLE, "how often"),),
-    is_ours=False,
+    "toy", "the toy", Style("#123456", "x"), ToyOptions, make_toy, __name__, is_ours=False,
+    counters=(Column("waited", WHOLE, "how often"),),
 )  # fmt: skip
 
 
@@ -131,20 +132,20 @@ def toys(monkeypatch: pytest.MonkeyPatch) -> None:
         part.__spec__ = ModuleSpec(part.__name__, None)
         vars(part).update(contents)
         monkeypatch.setitem(sys.modules, part.__name__, part)
-    Plugins.instance()  # stores our sweeper, once for the process: a copy that is undone would take it along
     monkeypatch.setattr(ConfigStore.instance(), "repo", deepcopy(ConfigStore.instance().repo))
-    register_schema()
+    register_schema(known_kinds())
+    register_sweeper()
 
 
 def configuration(folder: Path, *overrides: str) -> Configuration:
     image = ["width=16", "height=16", "measure.rounds=3", "measure.warmup=1", "sweep.name=toys", "sweep.report=true"]
     with initialize_config_dir(str(ROOT / "conf"), version_base="1.3"):
-        return read_configuration(compose("config", [*image, f"results_dir={folder}", *overrides]))
+        return read_configuration(compose("config", [*image, f"results_dir={folder}", *overrides]), known_kinds())
 
 
 def run_here(point: Point) -> Outcome:
     """As the worker does, in this process."""
-    got = measure_point(Job.from_json(Job(point, "", 0).to_json()).point)
+    got = measure_point(Job.from_json(Job(point, "", 0).to_json(), known_kinds()).point)
     outcome = Outcome("ok", None, True, got.warmup_samples, got.samples, got.results)
     return Outcome.from_json(outcome.to_json(), point)
 

@@ -15,8 +15,9 @@ from pathlib import Path
 import psutil
 import pytest
 
-from experiments.harness.launching import run_worker
-from experiments.worker import CANNOT_WRITE, Job
+from experiments.harness.processes.launching import run_worker
+from experiments.harness.processes.worker import CANNOT_WRITE, Job
+from experiments.registry import known_kinds
 from tests.test_outcome import GOOD, POINT
 
 pytestmark = pytest.mark.uncovered
@@ -169,11 +170,12 @@ def test_what_a_worker_prints_is_read_whatever_the_system_s_encoding(monkeypatch
 @pytest.mark.parametrize("platform", [sys.platform, "win32"])
 def test_the_worker_of_a_killed_run_does_not_outlive_it(platform: str) -> None:
     sleeping = (
-        "import experiments.worker as w, sys, time; "
-        f"sys.platform = {platform!r}; w.measure_point = lambda _: time.sleep(600); w.main()"
+        "import experiments.harness.processes.worker as w, sys, time; from experiments.registry import known_kinds; "
+        f"sys.platform = {platform!r}; w.measure_point = lambda _: time.sleep(600); w.run_job(known_kinds())"
     )
     run = (
-        "import sys; from experiments.harness.launching import run_worker; from tests.test_outcome import POINT; "
+        "import sys; from experiments.harness.processes.launching import run_worker; "
+        "from tests.test_outcome import POINT; "
         f"run_worker(POINT, [sys.executable, '-c', {sleeping!r}])"
     )
     with subprocess.Popen([sys.executable, "-c", run], cwd=ROOT) as killed:
@@ -190,8 +192,10 @@ def test_the_worker_of_a_killed_run_does_not_outlive_it(platform: str) -> None:
 def test_a_worker_that_may_write_nothing_more_says_so(tmp_path: Path) -> None:
     # Past this limit the system refuses to write, as a full disk does, for the result and for words alike.
     limited = (
-        "import resource, experiments.worker as w; from experiments.workloads.workload import Measured; "
-        "w.measure_point = lambda _: resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0)) or Measured({'a': 1}); w.main()"
+        "import resource, experiments.harness.processes.worker as w; from experiments.registry import known_kinds; "
+        "from experiments.harness.point import Measured; "
+        "w.measure_point = lambda _: resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0)) or Measured({'a': 1}); "
+        "w.run_job(known_kinds())"
     )
     outcome = run_worker(POINT, [sys.executable, "-c", limited])
     assert outcome.status == "failed"
@@ -207,4 +211,4 @@ def test_a_point_leaves_nothing_among_the_temporary_files(tmp_path: Path, monkey
 def test_a_job_survives_its_line(tmp_path: Path) -> None:
     job = Job(replace(POINT, scene="two\nlines"), str(tmp_path), os.getpid())
     assert "\n" not in job.to_json()
-    assert Job.from_json(job.to_json()) == job
+    assert Job.from_json(job.to_json(), known_kinds()) == job

@@ -24,12 +24,13 @@ from experiments.harness.configuration import (
     SweepConfiguration,
 )
 from experiments.harness.identity import measure
-from experiments.harness.outcome import Outcome
+from experiments.harness.options import NoOptions
 from experiments.harness.points import plan_points
+from experiments.harness.processes.outcome import Outcome
 from experiments.harness.records import write_record
-from experiments.methods.aligned import AlignedOptions
+from experiments.methods.aligned import ALIGNED, AlignedOptions
 from experiments.sweep import GridPoint, run_sweep
-from experiments.workloads.workload import NoOptions
+from experiments.workloads.frame import FRAME
 from scenes.loading import SceneSource
 
 pytestmark = [pytest.mark.uncovered, pytest.mark.slow]
@@ -143,8 +144,8 @@ def configuration(folder: Path, split_x: int) -> Configuration:
     return Configuration(
         scene=SceneConfiguration(name="cornell_box", source=SceneSource.procedural),
         sweep=SweepConfiguration(name="toy"),
-        method=Chosen("aligned", AlignedOptions(split_x)),
-        workload=Chosen("frame", NoOptions()),
+        method=Chosen(ALIGNED, AlignedOptions(split_x)),
+        workload=Chosen(FRAME, NoOptions()),
         measure=MeasureConfiguration(processes=1),
         width=64,
         height=64,
@@ -187,7 +188,7 @@ def test_an_interrupted_launcher_loses_no_record_of_its_batch(tmp_path: Path) ->
 
 
 def test_a_job_can_import_the_project_wherever_its_interpreter_was_started(tmp_path: Path) -> None:
-    from experiments.harness.launching import project_environment
+    from experiments.harness.processes.launching import project_environment
 
     environment = project_environment()
     assert environment["PYTHONPATH"].split(os.pathsep)[0] == str(ROOT)

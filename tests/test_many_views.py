@@ -11,16 +11,16 @@ import pytest
 
 import atra
 from experiments.harness.configuration import Chosen, Configuration, MeasureConfiguration, SceneConfiguration
+from experiments.harness.point import Measured
 from experiments.harness.points import PlannedPoint, plan_points
+from experiments.harness.processes.worker import measure_point
 from experiments.methods import find_method
 from experiments.results.terminal import results_console
-from experiments.worker import measure_point
 from experiments.workloads.baselines import OWN
 from experiments.workloads.views import LIBRARY, VIEWS, Job, ViewsOptions
 from experiments.workloads.views import measure as measuring
 from experiments.workloads.views.cameras import camera_rays, cameras_around, random_rays
 from experiments.workloads.views.terminal import sweep_lines
-from experiments.workloads.workload import Measured
 from scenes.loading import SceneSource
 from tests.images import assert_same_bits
 from tests.meshes import cornell_box, cornell_camera
@@ -32,8 +32,8 @@ def planned(method: str = "embreex", **options: Any) -> PlannedPoint:
     (one,) = plan_points([Configuration(
         scene=SceneConfiguration(name="cornell_box", source=SceneSource.procedural),
         measure=MeasureConfiguration(rounds=3, warmup=0),
-        method=Chosen(method, find_method(method).options()),
-        workload=Chosen("views", ViewsOptions(**options)),
+        method=Chosen(find_method(method), find_method(method).options()),
+        workload=Chosen(VIEWS, ViewsOptions(**options)),
         width=48,
         height=32,
     )])  # fmt: skip

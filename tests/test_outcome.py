@@ -7,18 +7,22 @@ from typing import Any
 
 import pytest
 
-from experiments.harness.outcome import Outcome
+from experiments.harness.options import NoOptions
 from experiments.harness.point import Point
-from experiments.methods.aligned import AlignedOptions
-from experiments.workloads.multiframe import MultiframeOptions
-from experiments.workloads.workload import NoOptions
+from experiments.harness.processes.outcome import Outcome
+from experiments.methods.aligned import ALIGNED, AlignedOptions
+from experiments.workloads.build import BUILD
+from experiments.workloads.frame import FRAME
+from experiments.workloads.memory import MEMORY as MEMORY_WORKLOAD
+from experiments.workloads.multiframe import MULTIFRAME, MultiframeOptions
+from experiments.workloads.picture import PICTURE
 
 pytestmark = pytest.mark.uncovered
 
 POINT = Point(
     scene="box", scene_source="procedural", scene_path=None, mesh_sha256="0", triangles=1, view="own",
     eye=(0.0, 0.0, 1.0), target=(0.0, 0.0, 0.0), up=(0.0, 1.0, 0.0), fov_y_degrees=60.0, width=8, height=8,
-    method="aligned", options=AlignedOptions(split_x=1, packet_width=1), workload="frame", workload_options=NoOptions(),
+    method=ALIGNED, options=AlignedOptions(split_x=1, packet_width=1), workload=FRAME, workload_options=NoOptions(),
     threads=1, ties="lowest", build_quality="medium", rounds=4, warmup=1, frame_budget_s=1.0, time_limit_s=30.0,
     memory_budget_gib=1.0,
 )  # fmt: skip
@@ -47,11 +51,11 @@ def timed(*names: str) -> dict[str, Any]:
 @pytest.mark.parametrize(
     ("point", "changes"),
     [
-        (replace(POINT, workload="memory"), timed() | {"results": MEMORY}),
-        (replace(POINT, workload="build"), timed("plan", "build", "baseline_build") | {"results": MEMORY | ROUNDS}),
-        (replace(POINT, workload="picture"), timed() | {"results": MEMORY | COUNTS | {"pictures": {}}}),
+        (replace(POINT, workload=MEMORY_WORKLOAD), timed() | {"results": MEMORY}),
+        (replace(POINT, workload=BUILD), timed("plan", "build", "baseline_build") | {"results": MEMORY | ROUNDS}),
+        (replace(POINT, workload=PICTURE), timed() | {"results": MEMORY | COUNTS | {"pictures": {}}}),
         (
-            replace(POINT, workload="multiframe", workload_options=MultiframeOptions()),
+            replace(POINT, workload=MULTIFRAME, workload_options=MultiframeOptions()),
             timed(*METHODS, "separate", "visible_first", "rasteriser")
             | {"results": MEMORY | COUNTS | TIMES | ROUNDS | {"pixels_equal": 124}},
         ),

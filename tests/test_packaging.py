@@ -19,7 +19,7 @@ from zipfile import ZipFile
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
-OURS = {"atra", "experiments", "scenes", "examples", "hydra_plugins"}
+OURS = {"atra", "experiments", "scenes", "examples"}
 PACKAGES = {"OpenEXR": "openexr", "PIL": "pillow", "hydra": "hydra-core"}
 """Whose name is not that of their module."""
 
@@ -52,7 +52,7 @@ def test_the_library_depends_on_what_it_imports() -> None:
 
 
 def test_the_harness_adds_what_it_imports() -> None:
-    harness, extras = imported("experiments", "scenes", "examples", "hydra_plugins"), PROJECT["optional-dependencies"]
+    harness, extras = imported("experiments", "scenes", "examples"), PROJECT["optional-dependencies"]
     # requests comes with pooch, ray with its launcher
     extra = [one for name in ("fetch", "peers", "dask", "viewer") for one in extras[name]]
     optional = named([*extra, "requests", "ray"])
@@ -111,7 +111,7 @@ def run(*command: str | Path, folder: Path, **variables: str) -> subprocess.Comp
 
 def test_a_script_beside_a_clone_imports_the_package_and_not_the_clone(tmp_path: Path) -> None:
     clone = tmp_path / "atra"
-    for name in ("atra", "conf", "experiments", "hydra_plugins", "scenes"):
+    for name in ("atra", "conf", "experiments", "scenes"):
         shutil.copytree(ROOT / name, clone / name, ignore=shutil.ignore_patterns("__pycache__"))
     for name in ("pyproject.toml", "README.md", "LICENSE"):
         shutil.copy(ROOT / name, clone)

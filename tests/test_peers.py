@@ -9,8 +9,9 @@ import pytest
 import atra
 from atra.geometry.ray_space import NARROWEST_WORLD_PITCH
 from atra.judge.reference import brute_force
+from experiments.harness.method import Tracing
+from experiments.harness.options import NoOptions
 from experiments.methods import METHODS, find_method
-from experiments.methods.method import NoOptions, Tracing
 from experiments.methods.peers import embreex_run, llvmpipe
 from tests.images import trace_pixels
 from tests.meshes import EYE_AT_ORIGIN, cornell_box, cornell_camera, quads, random_triangles

@@ -14,14 +14,15 @@ import atra
 from atra.errors import InputError
 from atra.planner.choice import PACKETS, RASTER, candidates
 from experiments.harness.configuration import Chosen, Configuration, MeasureConfiguration, SceneConfiguration, Ties
+from experiments.harness.options import NoOptions
 from experiments.harness.point import Point
 from experiments.harness.points import plan_points
-from experiments.methods.pixel import PixelOptions
-from experiments.worker import measure_point
+from experiments.harness.processes.worker import measure_point
+from experiments.methods.pixel import PIXEL, PixelOptions
+from experiments.workloads.planner import PLANNER
 from experiments.workloads.planner.figures import SERIES, draw_planner_figure
 from experiments.workloads.planner.measure import FRAMES, regrets
 from experiments.workloads.planner.terminal import sweep_lines
-from experiments.workloads.workload import NoOptions
 from scenes.cornell_box import CORNELL_BOX_CAMERA
 from scenes.loading import SceneSource
 from scenes.views import VIEWS, view_fields
@@ -108,8 +109,8 @@ def toy_point(**fields: Any) -> Point:
     configuration = Configuration(
         scene=SceneConfiguration(name="cornell_box", source=SceneSource.procedural, view="near"),
         measure=MeasureConfiguration(rounds=3, warmup=1),
-        method=Chosen("pixel", PixelOptions()),
-        workload=Chosen("planner", NoOptions()),
+        method=Chosen(PIXEL, PixelOptions()),
+        workload=Chosen(PLANNER, NoOptions()),
         width=32,
         height=32,
         threads=1,

@@ -12,8 +12,8 @@ import pytest
 
 from atra.errors import InputError
 from experiments.harness.configuration import MeasureConfiguration, check_configuration
-from experiments.harness.outcome import Outcome
 from experiments.harness.point import Point
+from experiments.harness.processes.outcome import Outcome
 from experiments.harness.records import Record
 from experiments.results.canary import BAND, strays
 from experiments.results.table import make_tables

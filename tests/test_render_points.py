@@ -17,10 +17,10 @@ from atra.saving import encode_exr
 from experiments import cli
 from experiments.harness.configuration import Chosen, Configuration, MeasureConfiguration, SceneConfiguration
 from experiments.harness.points import PlannedPoint, plan_points
+from experiments.harness.processes.worker import measure_point
 from experiments.harness.records import Record
 from experiments.methods import find_method
 from experiments.methods.peers.mitsuba_light import check_llvm
-from experiments.worker import measure_point
 from experiments.workloads.baselines import PACKETS
 from experiments.workloads.render import RENDER, STAGES, Jitter, Kind, Order, RenderOptions, Rival, outside_embree
 from experiments.workloads.render.measure import Primaries
@@ -39,8 +39,8 @@ def planned(method: str = "raster", scene: str = "cornell_box", subdivided: int 
     configuration = Configuration(
         scene=SceneConfiguration(name=scene, source=SceneSource.procedural, subdivided=subdivided),
         measure=MeasureConfiguration(rounds=3, warmup=1),
-        method=Chosen(method, kind.options()),
-        workload=Chosen(RENDER.name, RenderOptions(**{"samples": 2, **options})),
+        method=Chosen(kind, kind.options()),
+        workload=Chosen(RENDER, RenderOptions(**{"samples": 2, **options})),
         width=WIDTH,
         height=HEIGHT,
     )

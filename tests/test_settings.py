@@ -16,12 +16,12 @@ from rich.console import Console
 
 from experiments.harness.configuration import Chosen
 from experiments.harness.identity import measure
+from experiments.harness.method import Method
 from experiments.harness.point import Point
 from experiments.harness.points import plan_points
 from experiments.harness.records import Record
 from experiments.methods import METHODS
 from experiments.methods.aligned import ALIGNED
-from experiments.methods.method import Method
 from experiments.report.tables import workload_tables
 from experiments.results.settings import settings, settings_that_vary
 from experiments.results.table import Tables, columns, make_table, make_tables
@@ -189,7 +189,7 @@ def test_every_field_of_a_point_and_every_option_is_a_setting_or_told_otherwise_
 
 @pytest.mark.parametrize("method", [one for one in METHODS if fields(one.options)], ids=lambda method: method.name)
 def test_an_option_left_open_does_not_pass_for_one_that_the_method_lacks(tmp_path: Path, method: Method) -> None:
-    (planned,) = plan_points([configuration(tmp_path, method=Chosen(method.name, method.options()))])
+    (planned,) = plan_points([configuration(tmp_path, method=Chosen(method, method.options()))])
     row = make_table([measure(planned, Runner())]).iloc[0]
     assert row[[field.name for field in fields(method.options)]].notna().all()
 

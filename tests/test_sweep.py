@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -13,7 +11,6 @@ import pytest
 from psutil import virtual_memory
 
 from atra.errors import InputError
-from experiments.harness import identity as identities
 from experiments.harness.configuration import (
     Chosen,
     Configuration,
@@ -21,22 +18,22 @@ from experiments.harness.configuration import (
     SceneConfiguration,
     SweepConfiguration,
 )
-from experiments.harness.identity import current_environment, identity, identity_of, imported_sources, measure
-from experiments.harness.outcome import Outcome
+from experiments.harness.identity import current_environment, identity, identity_of, measure
+from experiments.harness.options import NoOptions
 from experiments.harness.point import Point
 from experiments.harness.points import PlannedPoint, plan_points
-from experiments.harness.records import Record, write_record
-from experiments.methods.aligned import AlignedOptions
+from experiments.harness.processes.outcome import Outcome
+from experiments.harness.records import Record, point_id, write_record
+from experiments.methods.aligned import ALIGNED, AlignedOptions
+from experiments.methods.peers.embreex_run import EMBREEX
 from experiments.sweep import GridPoint, run_sweep
-from experiments.workloads import WORKLOADS
-from experiments.workloads.workload import NoOptions
+from experiments.workloads import find_workload
 from scenes.loading import SceneSource
 from tests.test_outcome import POINT
 
 pytestmark = pytest.mark.uncovered
 
 ROOT = Path(__file__).resolve().parents[1]
-MEASURE_MODULES = [f"{workload.room}.measure" for workload in WORKLOADS]
 
 
 class Runner:
@@ -67,8 +64,8 @@ def configuration(
         scene=SceneConfiguration(name="cornell_box", source=SceneSource.procedural),
         sweep=SweepConfiguration(name=sweep, figures={"figure5": []}),
         measure=MeasureConfiguration(processes=1),
-        method=fields.pop("method", Chosen("aligned", AlignedOptions(split_x))),
-        workload=Chosen(workload, NoOptions()),
+        method=fields.pop("method", Chosen(ALIGNED, AlignedOptions(split_x))),
+        workload=Chosen(find_workload(workload), NoOptions()),
         **{"width": 64, "height": 64, "results_dir": str(folder), **fields},  # type: ignore[arg-type]
     )
 
@@ -98,8 +95,8 @@ def test_what_one_sweep_measured_another_does_not_measure_again(tmp_path: Path) 
 @pytest.mark.parametrize(
     "changed",
     [
-        {"method": Chosen("aligned", AlignedOptions(1, culling=False))},
-        {"method": Chosen("aligned", AlignedOptions(1, packet_width=1))},
+        {"method": Chosen(ALIGNED, AlignedOptions(1, culling=False))},
+        {"method": Chosen(ALIGNED, AlignedOptions(1, packet_width=1))},
         {"workload": "memory"},
     ],
 )
@@ -123,7 +120,7 @@ def test_a_failed_point_is_tried_again_and_the_exit_code_tells(tmp_path: Path) -
 def test_a_point_that_lacked_memory_is_tried_again_when_more_is_free_and_not_given_up_when_less_is(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    unculled = Chosen("aligned", AlignedOptions(64, culling=False))
+    unculled = Chosen(ALIGNED, AlignedOptions(64, culling=False))
     points = [GridPoint("a", configuration(tmp_path, method=unculled))]
     points[0].configuration.measure.processes = 3
     free = virtual_memory()
@@ -173,7 +170,7 @@ def test_a_peer_s_point_is_another_one_with_another_version_of_the_peer(
     environment = current_environment()
 
     def named() -> list[str]:
-        return [identity(replace(POINT, method=method), environment) for method in ("embreex", "aligned")]
+        return [identity(replace(POINT, method=method), environment) for method in (EMBREEX, ALIGNED)]
 
     before = named()
     monkeypatch.setattr("experiments.methods.peers.peer.package_version", lambda package: "0")
@@ -182,34 +179,14 @@ def test_a_peer_s_point_is_another_one_with_another_version_of_the_peer(
     assert own == before[1]
 
 
-def test_the_identity_covers_every_source_that_a_worker_imports() -> None:
-    code = (
-        f"import sys, experiments.worker, {', '.join(MEASURE_MODULES)}; ours = ('experiments', 'scenes'); "
-        "print(*(one.__file__ for name, one in sys.modules.items() if name.partition('.')[0] in ours), sep='\\n')"
-    )
-    told = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True).stdout
-    imported = {Path(line) for line in told.splitlines()}
-    assert ROOT / "experiments" / "workloads" / "rounds.py" in imported
-    assert imported <= set(imported_sources("experiments.worker", *MEASURE_MODULES))
-
-
-@pytest.mark.parametrize(
-    "name", ["experiments.worker", "experiments.methods.cells", "scenes.cornell_box", *MEASURE_MODULES]
-)
-def test_a_point_is_another_one_once_a_source_that_measures_changes(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    changed, read = ROOT.joinpath(*name.split(".")).with_suffix(".py"), Path.read_bytes
-    environment = current_environment()
-    before = identity(POINT, environment)
-    monkeypatch.setattr(Path, "read_bytes", lambda path: read(path) + b"#" * (path == changed))
-    monkeypatch.setattr(identities, "_measuring_code_sha256", identities._measuring_code_sha256.__wrapped__)
-    assert identity(POINT, environment) != before
-
-
 def measured_elsewhere(planned: PlannedPoint, **environment: object) -> Record:
-    """The record another machine would have written; `environment` is what differs there."""
+    """The record another machine, or other code, would have written; `environment` is what differs there."""
     record = measure(planned, Runner())
+    if "code_sha256" in environment:
+        record = replace(record, point_id=point_id(record.configuration | environment, record.environment))
+        return replace(record, environment={**record.environment, **environment})
     record = replace(record, environment={**record.environment, **environment})
-    return replace(record, point_id=identity_of(record))
+    return replace(record, point_id=identity_of(record, planned.point))
 
 
 def test_launched_points_are_found_by_their_configuration(tmp_path: Path) -> None:
@@ -243,7 +220,6 @@ def test_a_job_s_record_that_this_code_did_not_write_is_not_taken(
         record = replace(record, point_id="f00")
     elif faults == "another method":  # of a later version
         record = replace(record, configuration=record.configuration | {"method": "later"})
-        record = replace(record, point_id=identity_of(record))
     path = write_record(tmp_path / "records", record)
     if faults == "no record":
         path.write_text("{}")

@@ -15,10 +15,10 @@ from atra.embree.library import load_library
 from atra.judge import ties
 from atra.judge.reference import brute_force
 from atra.parallel import WorkerPool
+from experiments.harness.point import make_own
 from experiments.methods import find_method
 from experiments.results.terminal import say_label
 from experiments.workloads.rounds import make_single
-from experiments.workloads.workload import make_own
 from tests.images import assert_no_pixel_wrong, make_tracer, trace, trace_pixels
 from tests.meshes import EYE_AT_ORIGIN, cornell_box, joined, quads, random_triangles
 from tests.test_launch import POINT
@@ -283,7 +283,7 @@ def test_a_small_decal_makes_only_its_own_tiles_worth_a_look():
 @pytest.mark.parametrize("method", ["pixel", "aligned", "visible_first", "tiles"])
 def test_a_point_is_traced_by_the_rule_it_names(method, rule):
     kind = find_method(method)
-    point = replace(POINT, method=method, options=kind.resolve(kind.options(), POINT.width), ties=rule)
+    point = replace(POINT, method=kind, options=kind.resolve(kind.options(), POINT.width), ties=rule)
     for make in (make_own, make_single):
         with make(point, cornell_box(), point.camera) as tracer:
             assert tracer.options.ties == rule

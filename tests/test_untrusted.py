@@ -11,7 +11,7 @@ import pandas as pd
 from rich.console import Console
 
 from atra.errors import InputError, printable
-from experiments.harness.launching import WORKER_COMMAND, project_environment
+from experiments.harness.processes.launching import WORKER_COMMAND, project_environment
 from experiments.harness.progress import SweepProgress, say
 from experiments.report.page import render_report
 from experiments.results.table import Tables, columns

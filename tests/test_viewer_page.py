@@ -27,6 +27,8 @@ from PIL import Image
 
 from atra.errors import InputError
 from experiments.harness.configuration import read_configuration, register_schema
+from experiments.registry import known_kinds
+from experiments.sweeper import register_sweeper
 from experiments.viewer import camera_page, command
 from experiments.viewer.camera_page import HOST
 from experiments.viewer.command import run_view
@@ -107,9 +109,10 @@ def test_without_viser_one_line_says_what_to_install(monkeypatch: pytest.MonkeyP
 
 
 def viewed(*overrides: str) -> None:
-    register_schema()
+    register_schema(known_kinds())
+    register_sweeper()
     with initialize_config_dir(str(ROOT / "conf"), version_base="1.3"):
-        run_view(read_configuration(compose("config", ["+verb=view", *overrides])))
+        run_view(read_configuration(compose("config", ["+verb=view", *overrides]), known_kinds()))
 
 
 @pytest.mark.parametrize(

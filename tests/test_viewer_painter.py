@@ -19,7 +19,8 @@ from atra.render import GradientSky, HybridRenderer, Lambertian, PanoramaSky, Pa
 from atra.render.pictures import srgb_of
 from experiments.drawing.shading import BACKGROUND, DIFFERENCE_COLOURS
 from experiments.harness.configuration import Chosen
-from experiments.methods.method import NoOptions, Tracing
+from experiments.harness.method import Tracing
+from experiments.harness.options import NoOptions
 from experiments.methods.raster import RASTER
 from experiments.viewer import painter as painter_room
 from experiments.viewer.command import light_settings
@@ -39,7 +40,7 @@ FIRST = Request(POSE, SETTINGS)
 
 
 def made() -> Painter:
-    return Painter(SCENE, Chosen(RASTER.name, NoOptions()), Tracing(threads=1))
+    return Painter(SCENE, Chosen(RASTER, NoOptions()), Tracing(threads=1))
 
 
 def never() -> bool:
@@ -65,7 +66,7 @@ def shown(painter: Painter, request: Request, samples: int = 1) -> NDArray[np.ui
 
 def test_samples_under_a_panorama_accumulate_and_its_power_costs_none() -> None:
     texels = np.random.default_rng(1).random((4, 8, 3)).astype(np.float32)
-    one = Painter(replace(SCENE, sky=PanoramaSky(texels)), Chosen(RASTER.name, NoOptions()), Tracing(threads=1))
+    one = Painter(replace(SCENE, sky=PanoramaSky(texels)), Chosen(RASTER, NoOptions()), Tracing(threads=1))
     brighter = with_settings(sky_power=2.0)
     with contextlib.closing(one):
         first = shown(one, FIRST, 2)

@@ -15,14 +15,15 @@ from PIL import Image
 
 from atra.tracers.visible_first import VisibleFirstTracer
 from experiments.harness.configuration import Chosen, Configuration, MeasureConfiguration, SceneConfiguration
+from experiments.harness.point import Measured, Workload
 from experiments.harness.points import plan_points
+from experiments.harness.processes.worker import measure_point, read_point
 from experiments.methods import METHODS, find_method
 from experiments.methods.aligned import Geometry
-from experiments.worker import measure_point, read_point
+from experiments.registry import known_kinds
 from experiments.workloads import WORKLOADS, find_workload, rounds
 from experiments.workloads.baselines import fastest_packets
 from experiments.workloads.rounds import expert_packet_widths
-from experiments.workloads.workload import Measured, Workload
 from scenes.loading import SceneSource
 from tests.test_outcome import POINT
 
@@ -36,8 +37,8 @@ def measured(workload: str, method: str = "aligned", **options: Any) -> Measured
     configuration = Configuration(
         scene=SceneConfiguration(name="cornell_box", source=SceneSource.procedural),
         measure=MeasureConfiguration(rounds=3, warmup=1),
-        method=Chosen(method, kind.options(**options)),
-        workload=Chosen(workload, find_workload(workload).options()),
+        method=Chosen(kind, kind.options(**options)),
+        workload=Chosen(find_workload(workload), find_workload(workload).options()),
         width=48,
         height=32,
     )
@@ -49,9 +50,9 @@ def measured(workload: str, method: str = "aligned", **options: Any) -> Measured
 @pytest.mark.parametrize("workload", WORKLOADS, ids=lambda workload: workload.name)
 def test_a_point_of_any_method_and_workload_comes_back_from_plain_values(workload: Workload) -> None:
     for method in METHODS:
-        of = {"method": method.name, "options": method.options(), "workload": workload.name}
+        of = {"method": method, "options": method.options(), "workload": workload}
         point = replace(POINT, **of, workload_options=workload.options())
-        assert read_point(json.loads(json.dumps(point.configuration()))) == point
+        assert read_point(json.loads(json.dumps(point.configuration())), known_kinds()) == point
 
 
 def test_a_frame_has_samples_of_every_native_width_from_8_on_and_judges_every_pixel() -> None:

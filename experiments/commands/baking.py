@@ -30,12 +30,10 @@ from atra.files import write_atomically
 from atra.hits import Hits
 from atra.render.pictures import png_of
 from experiments.harness.configuration import Configuration, check_writable
-from experiments.harness.point import Point
+from experiments.harness.point import Point, make_own
 from experiments.harness.points import plan_points
 from experiments.harness.progress import say
-from experiments.workloads import find_workload
 from experiments.workloads.rounds import load_mesh
-from experiments.workloads.workload import make_own
 from scenes.manifest import picture_restriction
 
 SHOWN = (1, 16, 256)
@@ -75,8 +73,8 @@ def run_bake(configuration: Configuration) -> Path:
     if planned.problem is not None:
         raise planned.problem
     point = planned.point
-    room: Any = find_workload(point.workload).part("measure")
-    folder = Path(configuration.output or Path(configuration.results_dir) / "bake" / point.scene)
+    room: Any = point.workload.part("measure")
+    folder = Path(configuration.output or Path(configuration.results_dir) / point.workload.name / point.scene)
     check_writable(folder)
     settings, mesh = point.workload_options, load_mesh(point)
     scene = room.bake_scene(point, mesh)

@@ -8,16 +8,17 @@ from dataclasses import is_dataclass
 from omegaconf.errors import ConfigAttributeError, ConfigKeyError, OmegaConfBaseException, ValidationError
 
 from experiments.harness.configuration import say_unknown
+from experiments.harness.point import Kinds
 
 _NOISE = ("full_key:", "object_type=", "reference_type=", "To append to your config", "Config search path", "provider=")
 
 
-def shorten_configuration_error(error: BaseException) -> str:
-    """One line: what is wrong and the choices that exist."""
+def shorten_configuration_error(error: BaseException, kinds: Kinds) -> str:
+    """One line: what is wrong and the choices that exist. kinds: what a configuration chooses from."""
     lines, cause = [line.strip() for line in str(error).splitlines()], error.__cause__
     told = error if isinstance(error, OmegaConfBaseException) else cause
     if isinstance(told, ConfigAttributeError | ConfigKeyError) and is_dataclass(told.object_type):
-        return say_unknown(told.object_type, str(told.full_key))
+        return say_unknown(told.object_type, str(told.full_key), kinds)
     if isinstance(told, ValidationError) and told.full_key:
         if "is not a ListConfig" in str(told):
             return _say_brackets(str(told.full_key))

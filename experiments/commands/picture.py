@@ -13,12 +13,12 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from atra.render.pictures import check_picture_path
 from experiments.harness.configuration import Configuration, check_writable
+from experiments.harness.point import make_own
 from experiments.harness.points import plan_points
 from experiments.harness.progress import say, say_duration
 from experiments.workloads.render import RENDER
 from experiments.workloads.render.measure import make_renderer
 from experiments.workloads.rounds import load_mesh
-from experiments.workloads.workload import make_own
 from scenes.lit.lighting import lit
 from scenes.manifest import picture_restriction
 

@@ -17,7 +17,6 @@ from experiments.harness.progress import SweepProgress
 from experiments.harness.records import Record, write_record
 from experiments.results.table import make_table
 from experiments.results.terminal import print_point, results_console, say_label, say_outcome
-from experiments.workloads import find_workload
 
 
 def run_single_point(configuration: Configuration) -> Record:
@@ -52,5 +51,5 @@ def run_single_point(configuration: Configuration) -> Record:
 
 def _write_files(configuration: Configuration, record: Record) -> list[Path]:
     """What a workload makes of a point beside numbers, in a folder of its name."""
-    room = find_workload(configuration.workload.name).part("files")
+    room = configuration.workload.kind.part("files")
     return [] if room is None else room.write(Path(configuration.results_dir) / configuration.workload.name, record)

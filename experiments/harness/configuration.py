@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass
 from difflib import get_close_matches
 from enum import Enum
@@ -16,13 +16,9 @@ from omegaconf import MISSING, DictConfig, OmegaConf
 
 from atra.errors import InputError
 from atra.parallel import resolve_threads
-from experiments.harness.options import find_named, say_unknown_field, schema, typed_options
-from experiments.methods import METHODS
-from experiments.workloads import WORKLOADS
+from experiments.harness.options import Named, find_named, say_unknown_field, schema, typed_options
+from experiments.harness.point import Kinds
 from scenes.loading import SceneSource
-
-_GROUPS: dict[str, Callable[[], Sequence[Any]]] = {"method": lambda: METHODS, "workload": lambda: WORKLOADS}
-"""Groups of the configuration, and what they choose from."""
 
 
 class Action(Enum):
@@ -132,8 +128,8 @@ class ViewConfiguration:
 class Configuration:
     """One point.
 
-    method, workload: the options of one of `METHODS` and of one of `WORKLOADS`; once read, instances of their types
-    with the names beside them. threads: null = every core; they, build_quality and ties hold for all that is traced at
+    method, workload: the options of a method and of a workload; once read, `Chosen` with instances of their types.
+    threads: null = every core; they, build_quality and ties hold for all that is traced at
     a point, baselines included. output: folder of the files of a bake; null = one of the scene's below results_dir.
     live: a bake is shown on a page of the browser, at view.port.
     """
@@ -158,23 +154,28 @@ class Configuration:
 
 @dataclass(frozen=True)
 class Chosen:
-    """A method or a workload by name, with its options."""
+    """kind: a method or a workload. options: of its type."""
 
-    name: str
+    kind: Any
     options: Any
 
+    @property
+    def name(self) -> str:
+        """What chooses it on the command line."""
+        return str(self.kind.name)
 
-def register_schema() -> None:
+
+def register_schema(kinds: Kinds) -> None:
     """Make the types known to Hydra: `schema`, on which conf/config.yaml builds, and each method's and workload's
     options, so that unknown keys are errors."""
     store = ConfigStore.instance()
     store.store(name="schema", node=Configuration, provider="atra")
-    for group, kinds in _GROUPS.items():
-        for kind in kinds():
+    for group, named in kinds.groups.items():
+        for kind in named:
             store.store(group=group, name=kind.name, node=schema(group, kind), provider="atra")
 
 
-def read_configuration(composed: DictConfig) -> Configuration:
+def read_configuration(composed: DictConfig, kinds: Kinds) -> Configuration:
     """The composed configuration as typed values; `method` and `workload` are `Chosen`.
 
     Raises InputError for a value no point could use; what depends on the scene or the machine is checked later.
@@ -182,14 +183,14 @@ def read_configuration(composed: DictConfig) -> Configuration:
     typed = OmegaConf.get_type(composed) is Configuration
     configuration = OmegaConf.to_object(composed if typed else type_configuration(composed))
     assert isinstance(configuration, Configuration)
-    _check_fields(configuration)
-    for group, kinds in _GROUPS.items():
+    _check_fields(configuration, kinds)
+    for group, named in kinds.groups.items():
         given = dict(vars(getattr(configuration, group)))
         name = given.pop("name")
         if type(getattr(configuration, group)).__name__ != f"{group}={name}":
             raise InputError(f"{group}.name cannot be set, choose with {group}={name}")
-        kind = find_named(group, kinds(), name)
-        setattr(configuration, group, Chosen(kind.name, typed_options(kind.options, given)))
+        kind = find_named(group, named, name)
+        setattr(configuration, group, Chosen(kind, typed_options(kind.options, given)))
     check_configuration(configuration)
     return configuration
 
@@ -202,31 +203,31 @@ def type_configuration(composed: DictConfig) -> DictConfig:
     return typed
 
 
-def _check_fields(section: Any, path: str = "") -> None:
+def _check_fields(section: Any, kinds: Kinds, path: str = "") -> None:
     """Raise InputError for a field that Hydra was made to add, as by `+field=value`."""
     for name, value in vars(section).items():
         if name not in section.__dataclass_fields__:
-            raise InputError(say_unknown(type(section), path + name))
+            raise InputError(say_unknown(type(section), path + name, kinds))
         if is_dataclass(value):
-            _check_fields(value, f"{path}{name}.")
+            _check_fields(value, kinds, f"{path}{name}.")
 
 
-def say_unknown(kind: type, path: str) -> str:
+def say_unknown(kind: type, path: str, kinds: Kinds) -> str:
     """That `kind` has no such field, which it has, and which was perhaps meant: one of that name elsewhere, or of a
     name much like it."""
-    known = [one for one in _fields_of(Configuration) if one != path]
+    known = [one for one in _fields_of(Configuration, kinds.groups) if one != path]
     name = path.rpartition(".")[2]
     meant = [one for one in known if one.rpartition(".")[2] == name] or get_close_matches(path, known, 1, 0.8)
     return say_unknown_field(kind, path) + (f"; did you mean {' or '.join(meant)}?" if meant else "")
 
 
-def _fields_of(kind: type, path: str = "") -> list[str]:
+def _fields_of(kind: type, groups: Mapping[str, Sequence[Named]], path: str = "") -> list[str]:
     """Every field that can be set, as it is written on the command line, each once."""
     found = []
     for one in fields(kind):
         sections = [one.default_factory] if is_dataclass(one.default_factory) else []
-        sections += [chosen.options for chosen in _GROUPS[one.name]()] if one.name in _GROUPS else []
-        below = [name for section in sections for name in _fields_of(section, f"{path}{one.name}.")]
+        sections += [chosen.options for chosen in groups.get(one.name, ())]
+        below = [name for section in sections for name in _fields_of(section, groups, f"{path}{one.name}.")]
         found += [f"{path}{one.name}", *below]
     return list(dict.fromkeys(found))
 

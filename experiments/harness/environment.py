@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import os
 import platform
 import subprocess
@@ -31,12 +30,11 @@ _PROJECT = Path(__file__).resolve().parents[2]
 class Environment:
     """Where and when a point was measured.
 
-    The fields up to `code_sha256` are stable: they belong to the machine and its software, and `stable()` returns
+    The fields up to `atra_version` are stable: they belong to the machine and its software, and `stable()` returns
     them alone. The rest describes the moment. A field that cannot be read on this system is None; all are as JSON gives
     them back.
     instruction_set: the one that Embree and Numba were held to (`atra.embree.instruction_sets`); None: all that there
-    are. code_sha256: hash of the library's own source, so that a record of an older kernel never passes for the present
-    one.
+    are.
     """
 
     cpu: str
@@ -53,7 +51,6 @@ class Environment:
     embree_version: str | None
     embreex_version: str | None
     atra_version: str | None
-    code_sha256: str
     system_release: str
     governor: str | None
     load_average: list[float] | None
@@ -69,7 +66,7 @@ class Environment:
 
 
 _NAMES = [one.name for one in fields(Environment)]
-STABLE_FIELDS = tuple(_NAMES[: _NAMES.index("code_sha256") + 1])
+STABLE_FIELDS = tuple(_NAMES[: _NAMES.index("atra_version") + 1])
 
 
 def describe_difference(first: Mapping[str, Any], second: Mapping[str, Any]) -> str | None:
@@ -102,7 +99,6 @@ def read_environment(embree_version: str | None = None, instruction_set: str | N
         embree_version=embree_version,
         embreex_version=_version("embreex"),
         atra_version=_version("atra"),
-        code_sha256=_code_sha256(),
         system_release=platform.release(),
         governor=_read(Path("/sys/devices/system/cpu/cpu0/cpufreq/scaling_governor")),
         load_average=_load_average(),
@@ -148,15 +144,6 @@ def _git_state() -> tuple[str | None, bool | None]:
     commit = _output(["git", "-C", str(_PROJECT), "rev-parse", "--verify", "HEAD"])
     changes = _output(["git", "-C", str(_PROJECT), "status", "--porcelain"])
     return commit or None, None if changes is None else bool(changes)
-
-
-@cache
-def _code_sha256() -> str:
-    package = _PROJECT / "atra"
-    digest = hashlib.sha256()
-    for path in sorted(package.rglob("*.py")):
-        digest.update(path.relative_to(package).as_posix().encode() + b"\0" + path.read_bytes())
-    return digest.hexdigest()
 
 
 def _version(package: str) -> str | None:

@@ -1,12 +1,11 @@
-"""One planned point -> its record."""
+"""One planned point -> its record; and what makes the record out: configuration, machine, and the code that made it."""
 
 from __future__ import annotations
 
-import ast
-import hashlib
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from functools import cache
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -14,17 +13,16 @@ from atra.embree.instruction_sets import chosen_instruction_set
 from atra.embree.library import embree_version
 from atra.embree.scene import resolve_packet_width
 from experiments.harness.environment import STABLE_FIELDS, Environment, read_environment
-from experiments.harness.launching import run_worker
-from experiments.harness.outcome import Outcome, skipped
 from experiments.harness.point import Point
 from experiments.harness.points import PlannedPoint
+from experiments.harness.processes.launching import run_worker
+from experiments.harness.processes.outcome import Outcome, skipped
 from experiments.harness.records import Record, point_id
-from experiments.methods import METHODS, find_method
-from experiments.workloads import WORKLOADS
+from experiments.harness.sources import Code, Source
 
 _ROOT = Path(__file__).resolve().parents[2]
-_OURS = ("experiments", "scenes")
-"""Packages whose code measures; the library has a hash of its own in the environment."""
+_OURS = ("atra", "experiments", "scenes")
+"""Packages whose code is followed. The versions of others are part of the machine, or of the method that uses them."""
 
 Runner = Callable[[Point], Outcome]
 
@@ -39,57 +37,66 @@ def current_environment() -> Environment:
 
 def identity(point: Point, environment: Environment) -> str:
     """The point's identity: its configuration, the machine, and the code that measures it."""
-    return _identity(point.configuration(), environment.stable())
+    return _identity(point, asdict(environment))
 
 
-def identity_of(record: Record) -> str:
-    """The identity `record` has if this very code has measured it, wherever that was and whatever its name says."""
-    stable = {name: record.environment.get(name) for name in STABLE_FIELDS}
-    return _identity(record.configuration, stable)
+def identity_of(record: Record, point: Point) -> str:
+    """The identity that `record` has if this very code has measured `point`, wherever that was."""
+    return _identity(point, record.environment)
 
 
-def _identity(configuration: dict[str, Any], stable_environment: dict[str, Any]) -> str:
-    measured_by: dict[str, str | None] = {"measuring_code_sha256": _measuring_code_sha256()}
-    # A record of another version may have a method that is unknown here.
-    versions = [method.version() for method in METHODS if method.name == configuration.get("method")]
-    if versions and versions[0] is not None:
-        measured_by["version"] = versions[0]
-    return point_id(configuration | measured_by, stable_environment)
+def _identity(point: Point, environment: Mapping[str, Any]) -> str:
+    stable = {name: environment.get(name) for name in STABLE_FIELDS}
+    measured_by = {"code_sha256": code_sha256(point), "version": point.method.version()}
+    return point_id(point.configuration() | measured_by, stable)
+
+
+def code_sha256(point: Point) -> str:
+    """Hash of the code that measures the point: that of its method, of its workload and of the harness."""
+    return _sha256(code_roots(point))
+
+
+def code_roots(point: Point) -> tuple[tuple[str, str | None], ...]:
+    """Where that code begins, as `Code.parts` takes it: the module of the method; what measures the workload, and its
+    options; what starts a worker, and with it what runs there."""
+    workload = point.workload
+    return (
+        (point.method.module, None),
+        (f"{workload.room}.measure", None),
+        (workload.options.__module__, workload.options.__name__),
+        (run_worker.__module__, None),
+    )
 
 
 @cache
-def _measuring_code_sha256() -> str:
-    """The library's own source is part of the environment; this is of what runs it in the worker."""
-    digest = hashlib.sha256()
-    for path in imported_sources("experiments.worker", *(f"{workload.room}.measure" for workload in WORKLOADS)):
-        digest.update(path.relative_to(_ROOT).as_posix().encode() + b"\0" + path.read_bytes())
-    return digest.hexdigest()
+def _sha256(roots: tuple[tuple[str, str | None], ...]) -> str:
+    """The sources are read once: what is changed while a sweep runs has no part in what that sweep has loaded."""
+    return _code(frozenset([*_OURS, *(module.partition(".")[0] for module, _ in roots)])).sha256(roots)
 
 
-def imported_sources(*modules: str) -> list[Path]:
-    """The sources of these modules and of all of ours outside the library that they import, directly or not, at once
-    or when needed."""
-    found: set[Path] = set()
-    waiting, known = set(modules), set(modules)
-    while waiting:
-        stem = _ROOT.joinpath(*waiting.pop().split("."))
-        for path in filter(Path.is_file, (stem.with_suffix(".py"), stem / "__init__.py")):
-            found.add(path)
-            new = {name for name in _imports(path) if name.partition(".")[0] in _OURS} - known
-            waiting |= new
-            known |= new
-    return sorted(found)
+@cache
+def _code(packages: frozenset[str]) -> Code:
+    """The code of these packages."""
+    return Code(lambda module: read_source(module) if module.partition(".")[0] in packages else None)
 
 
-def _imports(path: Path) -> set[str]:
-    """What may be a module that the source imports, and the packages around it, which Python imports with it."""
-    names: set[str] = set()
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-        if isinstance(node, ast.Import):
-            names.update(alias.name for alias in node.names)
-        elif isinstance(node, ast.ImportFrom) and node.module:
-            names.update(f"{node.module}.{alias.name}" for alias in node.names)
-    return {".".join(parts[:end]) for parts in (name.split(".") for name in names) for end in range(1, len(parts) + 1)}
+def read_source(module: str) -> Source | None:
+    """The source of a module of this project, or of a package that can be imported; None if there is none."""
+    package, *below = module.split(".")
+    for path in (_place(package).joinpath(*below).with_suffix(".py"), _place(package).joinpath(*below, "__init__.py")):
+        if path.is_file():
+            return Source(module, path.read_text(encoding="utf-8"), path.name == "__init__.py")
+    return None
+
+
+@cache
+def _place(package: str) -> Path:
+    """The folder of a package, or the file of a module without one, less its suffix."""
+    if package in _OURS:
+        return _ROOT / package
+    spec = find_spec(package)
+    origin = Path(package if spec is None or spec.origin is None else spec.origin)
+    return origin.parent if origin.name == "__init__.py" else origin.with_suffix("")
 
 
 def measure(planned: PlannedPoint, run: Runner = run_worker) -> Record:
@@ -101,7 +108,7 @@ def measure(planned: PlannedPoint, run: Runner = run_worker) -> Record:
         status=outcome.status,
         error=outcome.error,
         configuration=planned.point.configuration(),
-        environment=asdict(environment),
+        environment=asdict(environment) | {"code_sha256": code_sha256(planned.point)},
         warmup_samples=outcome.warmup_samples,
         samples=outcome.samples,
         results={**_packets(planned.point), **outcome.results, "on_purpose": outcome.on_purpose},
@@ -110,6 +117,6 @@ def measure(planned: PlannedPoint, run: Runner = run_worker) -> Record:
 
 def _packets(point: Point) -> dict[str, int]:
     """The width of its packets, which a point that comes to nothing does not tell; a peer chooses its own."""
-    if not find_method(point.method).has_packets:
+    if not point.method.has_packets:
         return {}
     return {"packet_width": resolve_packet_width(point.options.packet_width)}

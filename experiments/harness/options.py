@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import asdict, fields, make_dataclass
-from dataclasses import field as new_field
+from dataclasses import asdict, dataclass, field, fields, make_dataclass
 from enum import Enum
 from functools import partial
 from typing import Any, Protocol, TypeVar, get_args, get_type_hints
@@ -21,6 +20,19 @@ class Named(Protocol):
 
     @property
     def options(self) -> type: ...
+
+
+@dataclass(frozen=True)
+class NoOptions:
+    """Of a method or a workload that leaves nothing to choose."""
+
+
+def option(default: Any, help: str, null: str | None = None) -> Any:
+    """A field of an options type, with the help that table, report and documents show.
+
+    null: what the table says for null, where that stays open to the end; it would pass for an option that is missing.
+    """
+    return field(default=default, metadata={"help": help, "null": null})
 
 
 Kind = TypeVar("Kind", bound=Named)
@@ -58,10 +70,9 @@ def schema(group: str, named: Named) -> type:
     """
     hints = get_type_hints(named.options)
     own = [
-        (one.name, hints[one.name], new_field(default_factory=partial(default_of, one)))
-        for one in fields(named.options)
+        (one.name, hints[one.name], field(default_factory=partial(default_of, one))) for one in fields(named.options)
     ]
-    return make_dataclass(f"{group}={named.name}", [("name", str, new_field(default=named.name)), *own])
+    return make_dataclass(f"{group}={named.name}", [("name", str, field(default=named.name)), *own])
 
 
 def say_unknown_field(kind: type, path: str) -> str:

@@ -1,21 +1,31 @@
-"""Point: what is measured, complete, as plain and typed values; crosses to the worker and makes a record's identity."""
+"""Point: what is measured, complete, as typed values. Workload: one thing to measure at a point, as a value, too."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from importlib import import_module
+from importlib.util import find_spec
+from types import ModuleType
 from typing import Any
 
 from atra.geometry.camera import Camera, Vector
+from atra.geometry.mesh import Mesh
+from atra.geometry.view import View
+from atra.tracers.tracer import Tracer
+from experiments.harness.column import Column
 from experiments.harness.environment import memory_budget_bytes
-from experiments.harness.options import plain, plain_options
-from experiments.methods.method import Tracing
+from experiments.harness.method import Method, Tracing
+from experiments.harness.options import Named, plain, plain_options
+from experiments.harness.records import Record
 
-_TYPED = ("options", "workload_options")
+_TYPED = ("method", "options", "workload", "workload_options")
+"""Fields of a point that are no plain values."""
 
 
 @dataclass(frozen=True)
 class Point:
-    """One point to measure: the worker needs nothing else, and the record's identity is a hash of it.
+    """One point to measure: the worker needs nothing else, and the record's identity is a hash of it and of its code.
 
     `triangles` and `mesh_sha256` describe the mesh as traced. process: which of the processes that measure the same.
     memory_budget_gib: None = a share of what is free when it is traced, which is no part of the point.
@@ -34,9 +44,9 @@ class Point:
     fov_y_degrees: float
     width: int
     height: int
-    method: str
+    method: Method
     options: Any
-    workload: str
+    workload: Workload
     workload_options: Any
     threads: int | None
     build_quality: str
@@ -51,9 +61,12 @@ class Point:
     copies: int = 1
 
     def configuration(self) -> dict[str, Any]:
-        """All fields as plain values; options by name of their section, `method_options` and `workload_options`."""
+        """All fields as plain values: method and workload by name, their options in the sections `method_options` and
+        `workload_options`."""
         fields = {name: plain(getattr(self, name)) for name in self.__dataclass_fields__ if name not in _TYPED}
         return fields | {
+            "method": self.method.name,
+            "workload": self.workload.name,
             "method_options": plain_options(self.options),
             "workload_options": plain_options(self.workload_options),
         }
@@ -73,3 +86,89 @@ class Point:
         """Its fields and options side by side, as in a row of the table."""
         values = self.configuration()
         return {**values.pop("method_options"), **values.pop("workload_options"), **values}
+
+
+def no_samples(point: Point) -> frozenset[str]:
+    """Nothing is timed round by round."""
+    return frozenset()
+
+
+def make_own(point: Point, mesh: Mesh, view: View | None = None) -> Tracer:
+    """The point's own method. view: in place of the point's. Raises InputError and MemoryBudgetError as the tracers
+    do."""
+    return point.method.make(mesh, view or point.camera, point.options, point.tracing)
+
+
+def no_canary(record: Record) -> float | None:
+    """Nothing is measured that every method leaves alike."""
+    return None
+
+
+def no_problem(point: Point) -> str | None:
+    """Every point can be measured."""
+    return None
+
+
+@dataclass(frozen=True)
+class Workload:
+    """A workload.
+
+    name: as configured. options: its own typed settings, with defaults. columns: of the table, each read from a record.
+    headline: a measured record -> its line on the terminal. room: the package with what is imported only where it is
+    needed: `measure` (in the worker), and if there is any `figures`, `terminal`, `results` (files of a sweep) and
+    `files` (of a single point).
+    samples: which series a record of a point must hold. optional: series that it may hold beside these, at least one.
+    judged: the series whose spread makes a point doubtful. needs: results that a measured record holds at least.
+    canary: what a measured record says of the machine alone (`experiments.results.canary`).
+    problem: why a point cannot be measured.
+    """
+
+    name: str
+    options: type
+    columns: tuple[Column, ...]
+    headline: Callable[[Record], str]
+    room: str
+    samples: Callable[[Point], frozenset[str]] | None = no_samples
+    optional: frozenset[str] = frozenset()
+    judged: str | None = None
+    needs: tuple[str, ...] = ()
+    canary: Callable[[Record], float | None] = no_canary
+    problem: Callable[[Point], str | None] = no_problem
+
+    @property
+    def is_timed(self) -> bool:
+        """Whether several processes measure it; where nothing is timed they would all find the same."""
+        return self.judged is not None
+
+    def part(self, name: str) -> ModuleType | None:
+        """The module `name` of the workload's room, imported now; None if it has none."""
+        module = f"{self.room}.{name}"
+        return import_module(module) if find_spec(module) else None
+
+    def make(self, point: Point, mesh: Mesh) -> Any:
+        """The tracer that is measured at a point, neither planned nor built: what `make` of the room's `measure` makes,
+        or the point's own method. Raises InputError and MemoryBudgetError as the tracers do."""
+        make = getattr(self.part("measure"), "make", make_own)
+        return make(point, mesh)
+
+
+@dataclass(frozen=True)
+class Kinds:
+    """The methods and workloads that a configuration chooses from."""
+
+    methods: Sequence[Method]
+    workloads: Sequence[Workload]
+
+    @property
+    def groups(self) -> dict[str, Sequence[Named]]:
+        """By the group of the configuration that chooses one of them."""
+        return {"method": self.methods, "workload": self.workloads}
+
+
+@dataclass(frozen=True)
+class Measured:
+    """What came of a point; the fields are those of `experiments.harness.records.Record`."""
+
+    results: dict[str, Any]
+    warmup_samples: dict[str, list[float]] = field(default_factory=dict)
+    samples: dict[str, list[float]] = field(default_factory=dict)

@@ -12,8 +12,6 @@ from atra.geometry.mesh import Mesh
 from atra.tracers.pixel import PixelTracer
 from experiments.harness.configuration import Configuration, SceneConfiguration
 from experiments.harness.point import Point
-from experiments.methods import find_method
-from experiments.workloads import find_workload
 from scenes.loading import SceneSource, load_scene
 from scenes.scene import Scene
 from scenes.views import view_fields
@@ -63,7 +61,7 @@ def _scene_of(configuration: Configuration) -> tuple[SceneSource, str | None, st
 
 def _resolve(configuration: Configuration, scene: Scene) -> Point:
     given, measure = configuration.scene, configuration.measure
-    method, workload = find_method(configuration.method.name), configuration.workload
+    method, workload = configuration.method.kind, configuration.workload
     path = None if given.path is None else str(Path(given.path).expanduser().resolve())
     return Point(
         scene=given.name or printable(Path(given.path or "scene").stem),
@@ -77,9 +75,9 @@ def _resolve(configuration: Configuration, scene: Scene) -> Point:
         **camera_fields_of(given, scene),
         width=configuration.width,
         height=configuration.height,
-        method=method.name,
+        method=method,
         options=method.resolve(configuration.method.options, configuration.width),
-        workload=workload.name,
+        workload=workload.kind,
         workload_options=workload.options,
         threads=configuration.threads,
         build_quality=configuration.build_quality.value,
@@ -107,12 +105,11 @@ def camera_fields_of(given: SceneConfiguration, scene: Scene) -> dict[str, Any]:
 
 
 def _problem(point: Point, mesh: Mesh) -> AtraError | None:
-    workload = find_workload(point.workload)
-    problem = workload.problem(point)
+    problem = point.workload.problem(point)
     if problem is not None:
         return InputError(problem)
     try:
-        workload.make(point, mesh).close()  # the constructor checks everything; nothing is built
+        point.workload.make(point, mesh).close()  # the constructor checks everything; nothing is built
     except (InputError, MemoryBudgetError) as error:
         return error
     return None

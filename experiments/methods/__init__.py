@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+from experiments.harness.method import Method
 from experiments.harness.options import find_named
 from experiments.methods.aligned import ALIGNED
 from experiments.methods.bvh import BVH
 from experiments.methods.classified import CLASSIFIED
-from experiments.methods.method import Method
 from experiments.methods.peers.embreex_run import EMBREEX
 from experiments.methods.peers.llvmpipe import LLVMPIPE
 from experiments.methods.peers.mitsuba_scene import MITSUBA3

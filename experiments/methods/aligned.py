@@ -12,8 +12,10 @@ from atra.geometry.view import View
 from atra.tracers.aligned import AlignedTracer
 from experiments.drawing.style import BLUE
 from experiments.harness.column import WHOLE, Column
+from experiments.harness.method import Method, Style, Tracing
+from experiments.harness.options import option
 from experiments.methods.cells import VERIFIED, AlignedCellOptions, resolve_split
-from experiments.methods.method import Method, Style, Tracing, option, say_robust
+from experiments.methods.common_options import say_robust
 
 
 class Geometry(Enum):
@@ -76,6 +78,7 @@ ALIGNED = Method(
     Style(BLUE, "o"),
     AlignedOptions,
     _make,
+    __name__,
     _resolve,
     _variant,
     counters=(

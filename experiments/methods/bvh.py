@@ -13,7 +13,9 @@ from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from experiments.drawing.style import SKY
 from experiments.harness.column import WHOLE, Column
-from experiments.methods.method import Method, Style, Tracing, check_packet_width, option, robust_option, say_robust
+from experiments.harness.method import Method, Style, Tracing
+from experiments.harness.options import option
+from experiments.methods.common_options import check_packet_width, robust_option, say_robust
 
 
 class Traversal(Enum):
@@ -59,6 +61,6 @@ def variant(row: Mapping[str, Any]) -> str:
 
 
 BVH = Method(
-    "bvh", "own BVH", Style(SKY, "P"), BvhOptions, _make, variant=variant, counters=(BVH_BYTES,),
+    "bvh", "own BVH", Style(SKY, "P"), BvhOptions, _make, __name__, variant=variant, counters=(BVH_BYTES,),
     make_rays=_make_rays
 )  # fmt: skip

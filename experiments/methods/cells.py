@@ -7,7 +7,8 @@ from typing import Any, TypeVar
 
 from atra.errors import InputError
 from experiments.harness.column import WHOLE, Column
-from experiments.methods.method import check_packet_width, option, robust_option
+from experiments.harness.options import option
+from experiments.methods.common_options import check_packet_width, robust_option
 
 _LARGEST_DEFAULT_SPLIT = 128
 

@@ -17,8 +17,10 @@ from atra.shafts.scene import ShaftScene
 from atra.shafts.tracer import ClassifiedTracer
 from experiments.drawing.style import SKY
 from experiments.harness.column import REAL, WHOLE, Column
+from experiments.harness.method import Method, Style, Tracing
+from experiments.harness.options import option
 from experiments.methods.bvh import BVH_BYTES, Traversal
-from experiments.methods.method import Method, Style, Tracing, check_packet_width, option, robust_option, say_robust
+from experiments.methods.common_options import check_packet_width, robust_option, say_robust
 
 
 class Subset(Enum):
@@ -132,6 +134,7 @@ CLASSIFIED = Method(
     Style(SKY, "X"),
     ClassifiedOptions,
     _make,
+    __name__,
     variant=_variant,
     counters=SHAFT_COLUMNS,
     make_rays=_make_rays,

@@ -8,9 +8,9 @@ from typing import Any
 import pandas as pd
 
 from experiments.drawing.style import TIMES
+from experiments.harness.method import Method
 from experiments.harness.options import plain_options
 from experiments.methods import METHODS, find_method
-from experiments.methods.method import Method
 
 Row = Mapping[str, Any]
 """A row of the table, or of a point."""

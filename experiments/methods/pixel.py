@@ -11,7 +11,9 @@ from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.tracers.pixel import PixelTracer
 from experiments.drawing.style import GREEN, TIMES
-from experiments.methods.method import Method, Style, Tracing, check_packet_width, option, robust_option
+from experiments.harness.method import Method, Style, Tracing
+from experiments.harness.options import option
+from experiments.methods.common_options import check_packet_width, robust_option
 
 
 class TileOrder(Enum):
@@ -89,5 +91,5 @@ def _unusual(row: Mapping[str, Any], name: str, usual: Enum) -> list[str]:
 
 
 PIXEL = Method(
-    "pixel", "one ray per pixel", Style(GREEN, "v"), PixelOptions, make_pixel, variant=_variant, words=_words
+    "pixel", "one ray per pixel", Style(GREEN, "v"), PixelOptions, make_pixel, __name__, variant=_variant, words=_words
 )

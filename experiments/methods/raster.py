@@ -7,7 +7,8 @@ from atra.geometry.view import View
 from atra.tracers.raster import RasterTracer
 from experiments.drawing.style import BLACK
 from experiments.harness.column import WHOLE, Column
-from experiments.methods.method import Method, NoOptions, Style, Tracing
+from experiments.harness.method import Method, Style, Tracing
+from experiments.harness.options import NoOptions
 
 
 def _make(mesh: Mesh, view: View, options: NoOptions, tracing: Tracing) -> RasterTracer:
@@ -20,5 +21,6 @@ RASTER = Method(
     Style(BLACK, "*"),
     NoOptions,
     _make,
+    __name__,
     counters=(Column("scratch_bytes", WHOLE, "what frames share: projected corners, lists of triangles"),),
 )

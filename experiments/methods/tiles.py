@@ -6,8 +6,9 @@ from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.tracers.tiles import TiledTracer
 from experiments.drawing.style import ORANGE
+from experiments.harness.method import Method, Style, Tracing
 from experiments.methods.cells import CellOptions, resolve_split
-from experiments.methods.method import Method, Style, Tracing, say_robust
+from experiments.methods.common_options import say_robust
 
 
 def _make(mesh: Mesh, view: View, options: CellOptions, tracing: Tracing) -> TiledTracer:
@@ -23,6 +24,7 @@ TILES = Method(
     Style(ORANGE, "s"),
     CellOptions,
     _make,
+    __name__,
     resolve_split,
     variant=lambda row: ", ".join(say_robust(row)),
 )

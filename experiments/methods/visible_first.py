@@ -7,8 +7,9 @@ from atra.geometry.view import View
 from atra.tracers.visible_first import VisibleFirstTracer
 from experiments.drawing.style import VERMILLION
 from experiments.harness.column import REAL, Column
+from experiments.harness.method import Method, Style, Tracing
 from experiments.methods.cells import VERIFIED, AlignedCellOptions, resolve_split
-from experiments.methods.method import Method, Style, Tracing, say_robust
+from experiments.methods.common_options import say_robust
 
 
 def _make(mesh: Mesh, view: View, options: AlignedCellOptions, tracing: Tracing) -> VisibleFirstTracer:
@@ -25,6 +26,7 @@ VISIBLE_FIRST = Method(
     Style(VERMILLION, "D"),
     AlignedCellOptions,
     _make,
+    __name__,
     resolve_split,
     variant=lambda row: ", ".join(say_robust(row)),
     counters=(VERIFIED, Column("probe_time_s", REAL, "the probe, part of the plan")),

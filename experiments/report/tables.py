@@ -10,11 +10,11 @@ from typing import Any
 import pandas as pd
 
 from experiments.harness.column import TEXT, TRUTH, Column
+from experiments.harness.point import Workload
 from experiments.methods import METHODS
 from experiments.results.settings import settings_that_vary
 from experiments.results.table import columns, workload_rows
 from experiments.workloads import WORKLOADS
-from experiments.workloads.workload import Workload
 
 _ENDS = ("_low", "_high", "_low_s", "_high_s", "_half")
 """What columns end with that stand in another's cell, as its interval, or in the files alone."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from dataclasses import asdict
 from itertools import count
 from pathlib import Path
@@ -19,7 +19,7 @@ from experiments.harness.environment import describe_difference
 from experiments.harness.identity import current_environment
 from experiments.harness.lock import exclusive
 from experiments.harness.progress import say
-from experiments.harness.records import load_record
+from experiments.harness.records import Record, load_record
 from experiments.paper.claims import judge_claims
 from experiments.report import ReportContents, write_report
 from experiments.report.figures import check_figures, draw_figures
@@ -152,8 +152,13 @@ def _environment(table: pd.DataFrame, records: Path) -> dict[str, Any]:
     return {"cpu": cpus[0]} if cpus else {}
 
 
-def tell_whose_tables_are_replaced(folder: Path, records: Path, console: Console) -> None:
-    """Say so if the sweep's earlier table is of another machine or version, which is why points are measured anew."""
+def tell_whose_tables_are_replaced(
+    folder: Path, records: Path, console: Console, code: Callable[[Record], str | None]
+) -> None:
+    """Say so if the sweep's earlier table is of another machine or version, which is why points are measured anew.
+
+    code: a record -> the hash of the code that measures its point now, None for a point that is not measured now.
+    """
     tables = _readable_tables(folder, console)
     for point_identity in [] if tables is None else tables.points["point_id"]:
         try:
@@ -162,6 +167,9 @@ def tell_whose_tables_are_replaced(folder: Path, records: Path, console: Console
             continue
         if record is not None:
             difference = describe_difference(record.environment, asdict(current_environment()))
+            before, now = record.environment.get("code_sha256"), code(record)
+            if difference is None and now is not None and before != now:
+                difference = f"code_sha256 is {before!r} in one and {now!r} in the other"
             if difference is not None:
                 say(
                     console,

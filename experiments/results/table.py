@@ -17,11 +17,11 @@ from atra.errors import InputError
 from atra.files import write_atomically
 from experiments.harness.column import REAL, TEXT, TRUTH, WHOLE, Column, option_columns
 from experiments.harness.environment import BUSY_SHARE, describe_difference
+from experiments.harness.point import Workload
 from experiments.harness.records import Record
 from experiments.methods import METHODS, find_method
 from experiments.results.canary import BAND, strays
 from experiments.workloads import WORKLOADS, find_workload
-from experiments.workloads.workload import Workload
 from scenes.built_in import BUILT_IN
 
 

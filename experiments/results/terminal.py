@@ -12,12 +12,12 @@ from rich.markup import escape
 from rich.table import Table
 
 from atra.errors import printable
+from experiments.harness.method import Tracing
 from experiments.harness.options import plain_options
 from experiments.harness.point import Point
 from experiments.harness.progress import say
 from experiments.harness.records import Record
 from experiments.methods import find_method
-from experiments.methods.method import Tracing
 from experiments.methods.naming import Row, best_of, say_point
 from experiments.results.settings import say_setting, settings_that_vary
 from experiments.results.table import Tables, columns, workload_rows

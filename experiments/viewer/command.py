@@ -14,8 +14,8 @@ from atra.errors import InputError
 from atra.geometry.camera import Camera
 from atra.render import PanoramaSky, RenderScene, Sun
 from experiments.harness.configuration import Configuration
+from experiments.harness.method import Tracing
 from experiments.harness.points import camera_fields_of
-from experiments.methods.method import Tracing
 from experiments.viewer.page import Page
 from experiments.viewer.painter import Painter
 from experiments.viewer.request import COLUMNS, SPLITS, Pose, Request, Settings

@@ -23,8 +23,9 @@ from atra.tracers.raster import RasterTracer
 from atra.tracers.tracer import Tracer
 from experiments.drawing.shading import BACKGROUND, mark_verdicts
 from experiments.harness.configuration import Chosen
+from experiments.harness.method import Tracing
 from experiments.methods import find_method
-from experiments.methods.method import WATERTIGHT, Tracing
+from experiments.methods.common_options import WATERTIGHT
 from experiments.viewer.request import OF_HITS, Request, Settings
 from experiments.viewer.session import Picture
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from experiments.harness.options import find_named
+from experiments.harness.point import Workload
 from experiments.workloads.agreement import AGREEMENT
 from experiments.workloads.bake import BAKE
 from experiments.workloads.bake_rays import BAKE_RAYS
@@ -18,7 +19,6 @@ from experiments.workloads.rays import RAYS
 from experiments.workloads.render import RENDER
 from experiments.workloads.surface import SURFACE
 from experiments.workloads.views import VIEWS
-from experiments.workloads.workload import Workload
 
 WORKLOADS: tuple[Workload, ...] = (
     FRAME,

@@ -11,7 +11,7 @@ import numpy as np
 from experiments.drawing.style import BLACK, DASHED, DOTTED, GREEN
 from experiments.harness.column import REAL, WHOLE, Column
 from experiments.harness.records import Record
-from experiments.methods.method import PACKET_WIDTHS
+from experiments.methods.common_options import PACKET_WIDTHS
 from experiments.results.statistics import Series, choosing_column, statistics_columns
 
 OWN, SINGLE = "own", "rtcIntersect1"

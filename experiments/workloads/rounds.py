@@ -18,13 +18,11 @@ from atra.geometry.view import View
 from atra.judge.ties import coplanar_overlaps
 from atra.tracers.pixel import PixelTracer
 from experiments.harness.environment import peak_rss_bytes, reset_peak_rss, rss_bytes
-from experiments.harness.point import Point
+from experiments.harness.point import Measured, Point, make_own
 from experiments.harness.rounds import RoundSamples, measure_rounds
-from experiments.methods import find_method
 from experiments.methods.cells import two_cells
 from experiments.methods.pixel import PixelOptions, make_pixel
 from experiments.workloads.baselines import OWN, PACKETS, SINGLE
-from experiments.workloads.workload import Measured, make_own
 from scenes.loading import SceneSource, load_scene
 
 BUILDS, BUILDS_BUDGET_S = 5, 2.0
@@ -77,7 +75,7 @@ def build_own(point: Point, stack: ExitStack, make: MakeTracer | None = None) ->
     }
     if own.embree_bytes:  # a peer does not tell
         results["embree_bytes"] = int(own.embree_bytes)
-    counters = [column.name for column in find_method(point.method).counters]
+    counters = [column.name for column in point.method.counters]
     stack.callback(lambda: results.update({name: own.counters[name] for name in counters}))
     return own, results
 
@@ -132,7 +130,7 @@ def build_with_baselines(point: Point, stack: ExitStack) -> tuple[dict[str, Any]
 def shrunk(point: Point) -> Point:
     """The point with at most two cells of its own size along each axis: how packets fit into a cell decides which
     kernel is compiled."""
-    if not find_method(point.method).has_cells:
+    if not point.method.has_cells:
         return point
     split_x, split_y = point.options.split
     options = two_cells(point.options)

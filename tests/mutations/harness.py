@@ -70,10 +70,10 @@ HARNESS = (
     Mutation(
         "identity_without_code",
         "experiments/harness/identity.py",
-        "point_id(configuration | measured_by,",
-        "point_id(configuration,",
+        "point_id(point.configuration() | measured_by,",
+        "point_id(point.configuration(),",
         "a record made by other code passes for one of this code",
-        ("tests/test_sweep.py::test_a_point_is_another_one_once_a_source_that_measures_changes",),
+        ("tests/test_identity.py::test_the_identity_of_a_point_follows_its_code",),
     ),
     Mutation(
         "identity_without_machine",

@@ -26,7 +26,8 @@ from atra.parallel import resolve_threads
 from atra.tracers.rays import image_ray_grid
 from atra.tracing.budgets import check_image_memory
 from experiments.drawing.style import PURPLE
-from experiments.methods.method import Method, NoOptions, Style, Tracing, always_available
+from experiments.harness.method import Method, Style, Tracing, always_available
+from experiments.harness.options import NoOptions
 from experiments.methods.peers.availability import package_problem, package_version
 
 _PIXEL_CENTRE = (0.5, 0.5)
@@ -204,6 +205,7 @@ def peer_method(
         Style(PURPLE, "P"),
         NoOptions,
         make,
+        tracer.__module__,
         problem=problem,
         version=lambda: package_version(package),
         is_ours=False,

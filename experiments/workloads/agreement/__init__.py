@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from atra.errors import InputError
 from atra.geometry.view import check_offset
 from experiments.harness.column import WHOLE, Column
+from experiments.harness.options import option
+from experiments.harness.point import Workload
 from experiments.harness.records import Record
-from experiments.methods.method import option
 from experiments.workloads.images import IMAGE_COLUMNS, PIXELS, say_holes
 from experiments.workloads.resources import RESOURCE_COLUMNS, RESOURCES
-from experiments.workloads.workload import Workload
 
 Offset = tuple[float, float]
 

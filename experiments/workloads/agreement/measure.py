@@ -15,11 +15,10 @@ from numpy.typing import NDArray
 from atra.judge.compare import Verdict, compare
 from atra.judge.oracle import Correctness, Examination, examine, sample_pixels
 from atra.prim_ids import MISS
-from experiments.harness.point import Point
+from experiments.harness.point import Measured, Point
 from experiments.workloads.agreement import Offset
 from experiments.workloads.images import counts, depth_errors
 from experiments.workloads.rounds import build_own, make_single, measured
-from experiments.workloads.workload import Measured
 
 
 def measure(point: Point) -> Measured:

@@ -12,13 +12,13 @@ import numpy as np
 from atra.bake import BakeOptions
 from atra.errors import InputError
 from experiments.harness.column import REAL, WHOLE, Column
-from experiments.harness.point import Point
+from experiments.harness.options import option
+from experiments.harness.point import Point, Workload
 from experiments.harness.records import Record
-from experiments.methods.method import option
 from experiments.results.statistics import Series, statistics_columns
 from experiments.workloads.baselines import OWN, over, over_own, series
 from experiments.workloads.resources import say_mib
-from experiments.workloads.workload import UnderSky, Workload
+from experiments.workloads.under_sky import UnderSky
 
 OTHER, WHOLE_MAP, WITHOUT_VIEW = "other", "whole_map", "without_view"
 """Names in the samples, beside the point's own: what it is held against; the whole map, seen texels first; the whole

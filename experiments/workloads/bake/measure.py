@@ -15,7 +15,7 @@ import numpy as np
 from atra import render
 from atra.bake import Atlas, Baker, BakeScene, Lightmap, Seams, Surface, Texels, denoised, dilated
 from atra.geometry.mesh import Mesh
-from experiments.harness.point import Point
+from experiments.harness.point import Measured, Point, make_own
 from experiments.workloads.bake import (
     FULLEST,
     OTHER,
@@ -31,7 +31,6 @@ from experiments.workloads.bake.adaptive import adaptive_bias
 from experiments.workloads.bake.mitsuba import MitsubaPaths, with_plain_light
 from experiments.workloads.baselines import OWN
 from experiments.workloads.rounds import load_mesh, measured, timed_rounds
-from experiments.workloads.workload import Measured, make_own
 from scenes.directory import default_cache
 from scenes.lit.rooms import lit_room
 

@@ -11,18 +11,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-import atra
+from atra import AlignedTracer, Count, OrthographicCamera, PixelTracer, RayScene, sub_pixel_offsets
 from atra.bake import Atlas, Texels
 from atra.bake.tiles import Tiles
 from atra.errors import InputError
 from atra.geometry.intersection import intersect_rays
 from atra.geometry.mesh import Mesh
 from atra.rays.rays import Rays
-from experiments.harness.point import Point
+from experiments.harness.point import Measured, Point
 from experiments.workloads.bake_rays import CELLS, ONE_BY_ONE, TOGETHER, Use
 from experiments.workloads.baselines import OWN
 from experiments.workloads.rounds import load_mesh, measured, timed_rounds
-from experiments.workloads.workload import Measured
 from scenes.directory import default_cache
 
 _SUN = np.array((0.35, 1.0, -0.25))
@@ -115,19 +114,17 @@ def _measure_tiles(point: Point, mesh: Mesh, stack: ExitStack) -> Measured:
             f"no tile of a flat chart of {point.scene} has {settings.least_texels} texels: set "
             "workload.least_texels or a larger workload.map_size"
         )
-    directions, offsets = directions_of(point), atra.sub_pixel_offsets(settings.positions)
+    directions, offsets = directions_of(point), sub_pixel_offsets(settings.positions)
     own = AlignedTiles(point, tiles)
     scenes = {
         name: stack.enter_context(
-            atra.RayScene(
-                mesh, packet_width=width, threads=point.threads, build_quality=point.build_quality, robust=False
-            )
+            RayScene(mesh, packet_width=width, threads=point.threads, build_quality=point.build_quality, robust=False)
         )
         for name, width in ((ONE_BY_ONE, 1), (TOGETHER, None))
     }
     batches = [tile_rays(tiles, direction, offsets) for direction in directions]
 
-    def occlude(scene: atra.RayScene) -> list[NDArray[np.bool_]]:
+    def occlude(scene: RayScene) -> list[NDArray[np.bool_]]:
         return [scene.occluded(batch, coherent=True) for batch in batches]
 
     aligned = own.trace(directions, offsets, keep=True)
@@ -157,14 +154,13 @@ def _measure_bundles(point: Point, mesh: Mesh, stack: ExitStack) -> Measured:
     settings = point.workload_options
     size, ours = settings.map_size, point.tracing.ours
     cameras = [
-        atra.OrthographicCamera.of_light(tuple(direction), mesh.bounds, size, size)
-        for direction in directions_of(point)
+        OrthographicCamera.of_light(tuple(direction), mesh.bounds, size, size) for direction in directions_of(point)
     ]
-    offsets = [tuple(pair) for pair in atra.sub_pixel_offsets(settings.positions).tolist()]
+    offsets = [tuple(pair) for pair in sub_pixel_offsets(settings.positions).tolist()]
     tracers: dict[str, Any] = {
-        OWN: stack.enter_context(atra.AlignedTracer(mesh, cameras[0], split=(min(CELLS, size), 1), **ours)),
-        ONE_BY_ONE: stack.enter_context(atra.PixelTracer(mesh, cameras[0], packet_width=1, **ours)),
-        TOGETHER: stack.enter_context(atra.PixelTracer(mesh, cameras[0], **ours)),
+        OWN: stack.enter_context(AlignedTracer(mesh, cameras[0], split=(min(CELLS, size), 1), **ours)),
+        ONE_BY_ONE: stack.enter_context(PixelTracer(mesh, cameras[0], packet_width=1, **ours)),
+        TOGETHER: stack.enter_context(PixelTracer(mesh, cameras[0], **ours)),
     }
     prepared: list[float] = []
 
@@ -174,7 +170,7 @@ def _measure_bundles(point: Point, mesh: Mesh, stack: ExitStack) -> Measured:
             start = perf_counter()
             tracer.look(camera)
             preparing_s += perf_counter() - start
-            found += [tracer.gather(atra.Count(), offset).count for offset in offsets]
+            found += [tracer.gather(Count(), offset).count for offset in offsets]
         prepared.append(preparing_s)
         return found
 

@@ -6,11 +6,12 @@ from statistics import median
 from typing import Any
 
 from experiments.harness.column import REAL, Column
+from experiments.harness.options import NoOptions
+from experiments.harness.point import Workload
 from experiments.harness.records import Record
 from experiments.results.statistics import Series, statistics_columns
 from experiments.workloads.baselines import series
 from experiments.workloads.resources import RESOURCE_COLUMNS, RESOURCES, say_ms
-from experiments.workloads.workload import NoOptions, Workload
 
 PLAN, BVH, BASELINE = "plan", "build", "baseline_build"
 """Names in the samples: the point's plan, its BVH build, the BVH build of the plain mesh."""

@@ -6,10 +6,9 @@ from contextlib import ExitStack
 from dataclasses import asdict
 
 from atra.tracers.base import EmbreeTracer
-from experiments.harness.point import Point
+from experiments.harness.point import Measured, Point, make_own
 from experiments.workloads.build import BASELINE, BVH, PLAN
 from experiments.workloads.rounds import build_own, make_single, measured, shrunk, timed_rounds, warm_up
-from experiments.workloads.workload import Measured, make_own
 
 
 def measure(point: Point) -> Measured:

@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from experiments.harness.column import REAL, Column
+from experiments.harness.options import NoOptions
+from experiments.harness.point import Workload
 from experiments.harness.records import Record
 from experiments.workloads.baselines import OWN, PACKETS, SINGLE, TIME_COLUMNS, single_over_packets
 from experiments.workloads.images import IMAGE_COLUMNS, PIXELS
 from experiments.workloads.resources import RESOURCE_COLUMNS, RESOURCES
-from experiments.workloads.workload import NoOptions, Workload
 
 
 def _headline(record: Record) -> str:

@@ -8,7 +8,7 @@ from atra.geometry.mesh import Mesh
 from atra.judge.compare import compare
 from atra.tracers.tracer import Tracer
 from atra.tracing.budgets import EMBREE_BYTES_PER_COPY, check_needed_bytes
-from experiments.harness.point import Point
+from experiments.harness.point import Measured, Point, make_own
 from experiments.workloads.baselines import OWN, SINGLE
 from experiments.workloads.images import counts, depth_errors
 from experiments.workloads.rounds import (
@@ -22,7 +22,6 @@ from experiments.workloads.rounds import (
     timed_rounds,
     warm_up,
 )
-from experiments.workloads.workload import Measured, make_own
 
 _BYTES_PER_PIXEL = 8
 

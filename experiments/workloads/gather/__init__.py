@@ -11,13 +11,11 @@ import numpy as np
 from atra import Count, Layers, Thickness, Transmittance
 from atra.gathering.reductions import Reduction
 from experiments.harness.column import REAL, WHOLE, Column
-from experiments.harness.point import Point
+from experiments.harness.options import option
+from experiments.harness.point import Point, Workload
 from experiments.harness.records import Record
-from experiments.methods import find_method
-from experiments.methods.method import option
 from experiments.workloads.baselines import OWN, PACKETS, SINGLE, TIME_COLUMNS, single_over_packets
 from experiments.workloads.resources import RESOURCE_COLUMNS, RESOURCES
-from experiments.workloads.workload import Workload
 
 DIFFERENCES = ("hits_in_all", "hits_missing", "hits_too_many", "pixels_different")
 
@@ -63,9 +61,9 @@ def _headline(record: Record) -> str:
 
 def _problem(point: Point) -> str | None:
     what = point.workload_options.what
-    if find_method(point.method).is_ours or what in (What.count, What.thickness):
+    if point.method.is_ours or what in (What.count, What.thickness):
         return None
-    return f"method={point.method} with workload.what={what.value}, expected count or thickness: theirs do no more"
+    return f"method={point.method.name} with workload.what={what.value}, expected count or thickness: theirs do no more"
 
 
 GATHER = Workload(

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.gathering.reductions import Reduction
-from experiments.harness.point import Point
+from experiments.harness.point import Measured, Point
 from experiments.workloads.baselines import OWN, SINGLE
 from experiments.workloads.gather import DIFFERENCES
 from experiments.workloads.rounds import (
@@ -21,7 +21,6 @@ from experiments.workloads.rounds import (
     timed_rounds,
     warm_up,
 )
-from experiments.workloads.workload import Measured
 
 _EXACT_TO = 1e-5
 """Of the largest number of an image: thicknesses are differences of depths that float32 holds."""

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from contextlib import ExitStack
 
-from experiments.harness.point import Point
+from experiments.harness.point import Measured, Point, make_own
 from experiments.workloads.rounds import build_own, measured, shrunk, warm_up
-from experiments.workloads.workload import Measured, make_own
 
 
 def measure(point: Point) -> Measured:

@@ -7,12 +7,13 @@ from statistics import median
 from typing import Any
 
 from experiments.harness.column import REAL, WHOLE, Column
+from experiments.harness.options import NoOptions
+from experiments.harness.point import Workload
 from experiments.harness.records import Record
 from experiments.results.statistics import Series, statistics_columns
 from experiments.workloads.baselines import OWN, PACKETS, SINGLE, TIME_COLUMNS, over_own, series, single_over_packets
 from experiments.workloads.images import IMAGE_COLUMNS, PIXELS
 from experiments.workloads.resources import RESOURCE_COLUMNS, RESOURCES, say_ms
-from experiments.workloads.workload import NoOptions, Workload
 
 STILL, KEPT = "own_still", "packets_kept"
 """Names in the samples: the point's own method once more from the same eye; the widest packets over a BVH of the world,

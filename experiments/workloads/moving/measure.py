@@ -10,7 +10,7 @@ from typing import Any
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.judge.compare import compare
-from experiments.harness.point import Point
+from experiments.harness.point import Measured, Point, make_own
 from experiments.workloads.baselines import OWN, PACKETS, SINGLE
 from experiments.workloads.images import counts, depth_errors
 from experiments.workloads.moving import KEPT, STILL
@@ -26,7 +26,6 @@ from experiments.workloads.rounds import (
     timed_rounds,
     warm_up,
 )
-from experiments.workloads.workload import Measured, make_own
 
 
 class MovingFrames(Frames):

@@ -9,15 +9,14 @@ import numpy as np
 
 from atra.errors import InputError
 from experiments.harness.column import REAL, WHOLE, Column
-from experiments.harness.point import Point
+from experiments.harness.options import option
+from experiments.harness.point import Point, Workload
 from experiments.harness.records import Record
 from experiments.methods.aligned import ALIGNED
-from experiments.methods.method import option
 from experiments.results.statistics import statistics_columns
 from experiments.workloads.baselines import OWN, PACKETS, SINGLE, TIME_COLUMNS, over_own, series, single_over_packets
 from experiments.workloads.images import IMAGE_COLUMNS, PIXELS
 from experiments.workloads.resources import RESOURCE_COLUMNS, RESOURCES
-from experiments.workloads.workload import Workload
 
 SEPARATE, SEPARATE_VISIBLE, SEPARATE_RASTER = "separate", "visible_first", "rasteriser"
 """Names in the samples: one aligned tracer a frame, one visible-first tracer a frame, and one rasteriser a frame."""
@@ -56,11 +55,11 @@ def _headline(record: Record) -> str:
 
 
 def _problem(point: Point) -> str | None:
-    if point.method == ALIGNED.name:
+    if point.method.name == ALIGNED.name:
         return None
     return (
-        f"workload=multiframe with method={point.method}, which traces one frame; use method={ALIGNED.name}, which is "
-        "measured beside every other way"
+        f"workload=multiframe with method={point.method.name}, which traces one frame; use method={ALIGNED.name}, "
+        "which is measured beside every other way"
     )
 
 

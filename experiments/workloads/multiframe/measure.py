@@ -16,9 +16,9 @@ from atra.judge.compare import compare
 from atra.lifetime import Lifetime
 from atra.tracers.aligned import FramesTracer
 from atra.tracers.tracer import Tracer
-from experiments.harness.point import Point
+from experiments.harness.options import NoOptions
+from experiments.harness.point import Measured, Point, make_own
 from experiments.methods.cells import AlignedCellOptions
-from experiments.methods.method import NoOptions
 from experiments.methods.raster import RASTER
 from experiments.methods.visible_first import VISIBLE_FIRST
 from experiments.workloads.baselines import OWN, PACKETS, SINGLE
@@ -36,7 +36,6 @@ from experiments.workloads.rounds import (
     timed_rounds,
     warm_up,
 )
-from experiments.workloads.workload import Measured, make_own
 
 Make = Callable[[Mesh, View], Tracer[Hits]]
 

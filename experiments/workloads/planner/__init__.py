@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from atra.planner.choice import PACKETS
 from experiments.harness.column import REAL, TEXT, WHOLE, Column
+from experiments.harness.options import NoOptions
+from experiments.harness.point import Workload
 from experiments.harness.records import Record
-from experiments.workloads.workload import NoOptions, Workload
 
 
 def _headline(record: Record) -> str:

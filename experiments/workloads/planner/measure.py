@@ -16,10 +16,9 @@ from atra.planner.choice import PACKETS, candidates
 from atra.planner.measuring import clock_for
 from atra.planner.planning import plan, warm_up
 from atra.tracers.tracer import Tracer
-from experiments.harness.point import Point
+from experiments.harness.point import Measured, Point
 from experiments.harness.rounds import measure_rounds
 from experiments.workloads.rounds import load_mesh, measured
-from experiments.workloads.workload import Measured
 
 FRAMES = 64
 """What a view is planned for."""

@@ -8,14 +8,13 @@ from statistics import median
 from typing import Any
 
 from experiments.harness.column import REAL, WHOLE, Column
-from experiments.harness.point import Point
+from experiments.harness.options import option
+from experiments.harness.point import Point, Workload
 from experiments.harness.records import Record
-from experiments.methods import METHODS, find_method
-from experiments.methods.method import option
+from experiments.methods import METHODS
 from experiments.results.statistics import statistics_columns
 from experiments.workloads.baselines import OWN, PACKETS, SINGLE, fastest, over_own, series, single_over_packets
 from experiments.workloads.resources import RESOURCE_COLUMNS, RESOURCES, say_ms
-from experiments.workloads.workload import Workload
 
 PLAIN, SORTED = "plain", "packets_sorted"
 """Names in the samples: the same rays in the same order and packets, from the root; and the widest packets of Embree in
@@ -49,10 +48,10 @@ def _headline(record: Record) -> str:
 
 
 def _problem(point: Point) -> str | None:
-    if find_method(point.method).make_rays is not None:
+    if point.method.make_rays is not None:
         return None
     able = ", ".join(method.name for method in METHODS if method.make_rays is not None)
-    return f"method={point.method} traces no batches of rays, expected one of {able}"
+    return f"method={point.method.name} traces no batches of rays, expected one of {able}"
 
 
 def _break_even(record: Record) -> float | None:

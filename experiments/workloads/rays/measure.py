@@ -20,12 +20,10 @@ from atra.rays.rays import RayHits, Rays
 from atra.rays.scene import RayScene
 from atra.tracers.raster import RasterTracer
 from experiments.harness.environment import peak_rss_bytes, reset_peak_rss, rss_bytes
-from experiments.harness.point import Point
-from experiments.methods import find_method
+from experiments.harness.point import Measured, Point
 from experiments.workloads.baselines import OWN, PACKETS, SINGLE
 from experiments.workloads.rays import COUNTED, PLAIN, SORTED, Kind
 from experiments.workloads.rounds import expert_packet_widths, load_mesh, measured, timed_rounds
-from experiments.workloads.workload import Measured
 
 _LOOKUP_BYTES = 12
 """A row, a place and a length are read for each ray that has a list."""
@@ -41,7 +39,7 @@ _WARM_MESH = Mesh(np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)], np.floa
 
 def make(point: Point, mesh: Mesh) -> BvhScene:
     """What is measured. Raises InputError as the scene does."""
-    make_rays = find_method(point.method).make_rays
+    make_rays = point.method.make_rays
     assert make_rays is not None
     return make_rays(mesh, point.options, point.tracing)
 

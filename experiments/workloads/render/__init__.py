@@ -15,9 +15,9 @@ from atra.errors import InputError
 from atra.render import HybridOptions, PathOptions
 from atra.whole_numbers import is_whole_number
 from experiments.harness.column import REAL, WHOLE, Column
-from experiments.harness.point import Point
+from experiments.harness.options import option
+from experiments.harness.point import Point, Workload
 from experiments.harness.records import Record
-from experiments.methods.method import option
 from experiments.results.statistics import statistics_columns
 from experiments.workloads.baselines import (
     OWN,
@@ -31,7 +31,7 @@ from experiments.workloads.baselines import (
 )
 from experiments.workloads.images import IMAGE_COLUMNS, PIXELS
 from experiments.workloads.resources import RESOURCE_COLUMNS, RESOURCES, say_ms
-from experiments.workloads.workload import UnderSky, Workload
+from experiments.workloads.under_sky import UnderSky
 
 STAGES = {
     "primary": "primary visibility",

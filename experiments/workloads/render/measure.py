@@ -16,7 +16,7 @@ from atra.hits import Hits
 from atra.judge.compare import compare
 from atra.render import HybridRenderer, PathRenderer, RenderScene, constant_sky
 from atra.tracers.tracer import Tracer
-from experiments.harness.point import Point
+from experiments.harness.point import Measured, Point, make_own
 from experiments.workloads.baselines import OWN, SINGLE
 from experiments.workloads.images import counts, depth_errors
 from experiments.workloads.render import MITSUBA, Kind, Rival, primary
@@ -30,7 +30,6 @@ from experiments.workloads.rounds import (
     timed_rounds,
     warm_up,
 )
-from experiments.workloads.workload import Measured, make_own
 from scenes.lit.lighting import length_of, lit
 
 

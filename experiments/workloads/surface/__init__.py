@@ -5,11 +5,12 @@ from __future__ import annotations
 
 from statistics import median
 
+from experiments.harness.options import NoOptions
+from experiments.harness.point import Workload
 from experiments.harness.records import Record
 from experiments.results.statistics import statistics_columns
 from experiments.workloads.baselines import OWN, over, series
 from experiments.workloads.resources import RESOURCE_COLUMNS, RESOURCES, say_ms
-from experiments.workloads.workload import NoOptions, Workload
 
 OWN_SURFACE, PLAIN_PACKETS, PACKETS_SURFACE = "own_surface", "packets", "packets_surface"
 """Names in the samples: the point's own method and then u, v and normals on demand; packets per pixel without them, and

@@ -10,12 +10,11 @@ from numpy.typing import NDArray
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.hits import Hits
-from experiments.harness.point import Point
+from experiments.harness.point import Measured, Point, make_own
 from experiments.workloads.baselines import OWN
 from experiments.workloads.rounds import Frames, build_own, make_single, measured, shrunk, timed_rounds, warm_up
 from experiments.workloads.surface import OWN_SURFACE, PACKETS_SURFACE, PLAIN_PACKETS
 from experiments.workloads.surface.packets import SurfacePackets
-from experiments.workloads.workload import Measured, make_own
 
 
 def measure(point: Point) -> Measured:

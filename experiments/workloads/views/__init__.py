@@ -10,13 +10,12 @@ from typing import Any
 
 from atra.errors import InputError
 from experiments.harness.column import REAL, Column
-from experiments.harness.point import Point
+from experiments.harness.options import option
+from experiments.harness.point import Point, Workload
 from experiments.harness.records import Record
-from experiments.methods import METHODS, find_method
-from experiments.methods.method import option
+from experiments.methods import METHODS
 from experiments.results.statistics import Series, statistics_columns
 from experiments.workloads.baselines import OWN, series
-from experiments.workloads.workload import Workload
 
 LIBRARY = "library"
 """Name in the samples of `atra.render_views` or `atra.RayScene.intersect`."""
@@ -56,10 +55,12 @@ def _headline(record: Record) -> str:
 
 def _problem(point: Point) -> str | None:
     job = point.workload_options.job
-    if job is Job.views or not find_method(point.method).is_ours:
+    if job is Job.views or not point.method.is_ours:
         return None
     others = ", ".join(method.name for method in METHODS if not method.is_ours)
-    return f"method={point.method} with workload.job={job.value}, expected a tracer of others beside ours: {others}"
+    return (
+        f"method={point.method.name} with workload.job={job.value}, expected a tracer of others beside ours: {others}"
+    )
 
 
 _own: Series = series(OWN)

@@ -9,17 +9,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-import atra
+from atra import RayScene, render_views
 from atra.errors import InputError
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
-from experiments.harness.point import Point
+from experiments.harness.point import Measured, Point, make_own
 from experiments.methods.peers.peer import RayPeerTracer
 from experiments.workloads.baselines import OWN
 from experiments.workloads.rounds import load_mesh, measured, timed_rounds
 from experiments.workloads.views import LIBRARY, Job
 from experiments.workloads.views.cameras import camera_rays, cameras_around, random_rays
-from experiments.workloads.workload import Measured, make_own
 
 Ids = Iterator[NDArray[np.uint32]]
 
@@ -52,7 +51,7 @@ def _of_views(point: Point, mesh: Mesh) -> tuple[Callable[[], Ids], Callable[[],
     def library() -> Ids:
         tracing = point.tracing
         fresh = Mesh(mesh.vertices, mesh.faces)
-        for _, hits in atra.render_views(fresh, cameras, threads=tracing.threads, ties=tracing.ties):
+        for _, hits in render_views(fresh, cameras, threads=tracing.threads, ties=tracing.ties):
             yield hits.prim_id
 
     return own, library
@@ -66,9 +65,9 @@ def _of_rays(point: Point, mesh: Mesh, stack: ExitStack) -> tuple[Callable[[], I
         origins, directions = random_rays(mesh, point.camera.width * point.camera.height)
     tracer = stack.enter_context(make_own(point, mesh))
     if not isinstance(tracer, RayPeerTracer):
-        raise InputError(f"method={point.method} takes no rays, expected a ray tracer of others")
+        raise InputError(f"method={point.method.name} takes no rays, expected a ray tracer of others")
     rays = tracer.make_rays(origins, directions)
-    scene = stack.enter_context(atra.RayScene(mesh, threads=point.tracing.threads))
+    scene = stack.enter_context(RayScene(mesh, threads=point.tracing.threads))
 
     def own() -> Ids:
         yield tracer.cast(rays)[1]

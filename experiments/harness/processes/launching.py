@@ -16,11 +16,11 @@ from typing import Any
 import psutil
 
 from atra.errors import printable
-from experiments.harness.outcome import Outcome
 from experiments.harness.point import Point
-from experiments.worker import CANNOT_WRITE, Job
+from experiments.harness.processes.outcome import Outcome
+from experiments.harness.processes.worker import CANNOT_WRITE, Job
 
-_ROOT = Path(__file__).resolve().parents[2]
+_ROOT = Path(__file__).resolve().parents[3]
 _OUTPUT_KEPT_BYTES = 4000
 _WAIT_S = 1.0
 """So long an interrupt may have to wait on Windows."""

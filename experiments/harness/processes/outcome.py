@@ -9,7 +9,6 @@ from typing import Any
 from atra.errors import AtraError, MemoryBudgetError
 from experiments.harness.point import Point
 from experiments.harness.records import LACKED_MEMORY
-from experiments.workloads import find_workload
 
 
 @dataclass(frozen=True)
@@ -53,7 +52,7 @@ def skipped(problem: AtraError) -> Outcome:
 
 def _missing(outcome: Outcome, point: Point) -> list[str]:
     """Results and series that a measured point must hold and this one does not."""
-    workload = find_workload(point.workload)
+    workload = point.workload
     missing = [name for name in workload.needs if name not in outcome.results]
     if workload.samples is not None:
         missing += sorted(workload.samples(point) - set(outcome.samples))

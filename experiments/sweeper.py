@@ -1,20 +1,35 @@
-"""Hydra plugin (found by its place in `hydra_plugins`): hands all points of a MULTIRUN to `experiments` at once.
+"""Hydra plugin: hands all points of a MULTIRUN to `experiments` at once.
 
 Hydra's own sweeper starts job after job and knows of no whole: no count, no restart, no table at the end.
 """
 
-# No postponed annotations: Hydra runs this module before listing it in sys.modules, where dataclass would look them up.
+from __future__ import annotations
+
 import os
 from collections.abc import Mapping, Sequence
 from copy import deepcopy
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import Any
 
-from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
 from hydra.core.config_store import ConfigStore
 from hydra.core.override_parser.overrides_parser import OverridesParser
+from hydra.core.plugins import Plugins
 from hydra.core.utils import JobStatus
 from omegaconf import DictConfig, OmegaConf
+
+from experiments.commands.program import COMMAND
+from experiments.harness.configuration import read_configuration, type_configuration
+from experiments.harness.processes.launching import project_environment, stop_children
+from experiments.registry import known_kinds
+
+# Hydra's list of plugins, when it is made, runs the modules of its own plugins again. A class that was imported before
+# would not be the one that their code then means by its name.
+Plugins.instance()
+
+from hydra._internal.core_plugins.basic_sweeper import BasicSweeper  # noqa: E402
+
+_TARGET = "hydra_plugins.points.PointsSweeper"
+"""The name by which the configuration chooses the sweeper. Hydra refuses plugins whose name begins in another way."""
 
 _LAUNCHER_HERE = "hydra._internal.core_plugins.basic_launcher.BasicLauncher"
 _LAUNCHER_WITH_A_QUEUE = "hydra_plugins.hydra_submitit_launcher.submitit_launcher.SlurmLauncher"
@@ -24,12 +39,18 @@ _LAUNCHER_WITH_A_QUEUE = "hydra_plugins.hydra_submitit_launcher.submitit_launche
 class PointsSweeperConfig:
     """max_batch_size: points a launcher is given at once; null = one, for submitit_slurm, which queues them, all."""
 
-    _target_: str = "hydra_plugins.points_sweeper.PointsSweeper"
+    _target_: str = _TARGET
     max_batch_size: int | None = None
     params: dict[str, str] | None = field(default_factory=dict)
 
 
-ConfigStore.instance().store(group="hydra/sweeper", name="points", node=PointsSweeperConfig, provider="atra")
+def register_sweeper() -> None:
+    """Make the sweeper known to Hydra."""
+    plugins = Plugins.instance()
+    plugins.register(PointsSweeper)
+    # Under its own name alone, Hydra would not use it. The class stays what it is: launchers pickle it by that name.
+    plugins.class_name_to_class[_TARGET] = PointsSweeper
+    ConfigStore.instance().store(group="hydra/sweeper", name="points", node=PointsSweeperConfig, provider="atra")
 
 
 def _written(value: Any) -> Any:
@@ -46,7 +67,6 @@ class PointsSweeper(BasicSweeper):
         Hydra's default launcher is not asked: points run one by one here, as two at once would spoil each other's
         times. Any other launcher gets one job a point, `max_batch_size` of them at once.
         """
-        from experiments.commands.program import COMMAND
         from experiments.sweep import GridPoint, run_sweep
 
         assert self.config is not None
@@ -71,15 +91,12 @@ class PointsSweeper(BasicSweeper):
     def _where_they_fit(self, jobs: Sequence[list[str]], asked: set[str]) -> list[list[str]]:
         """The jobs without those options of the command line that their method or workload has not. An option that no
         job has stays, and is refused."""
-        from experiments.methods import METHODS
-        from experiments.workloads import WORKLOADS
-
-        known = {"method": {one.name: one for one in METHODS}, "workload": {one.name: one for one in WORKLOADS}}
+        known = {group: {one.name: one for one in named} for group, named in known_kinds().groups.items()}
 
         def fits(override: str, chosen: Mapping[str, str]) -> bool:
             group, _, field = override.partition("=")[0].partition(".")
             kind = known.get(group, {}).get(chosen.get(group, ""))
-            return kind is None or not field or field in kind.options.__dataclass_fields__
+            return kind is None or not field or field in {one.name for one in fields(kind.options)}
 
         chosen = [
             {group: self.config[group].name for group in known}  # type: ignore[index]
@@ -100,8 +117,6 @@ class PointsSweeper(BasicSweeper):
 
     def _launch(self, jobs: Sequence[Sequence[str]]) -> list[str | None]:
         """One Hydra job a point. Returns for each why its job failed; None = it did not."""
-        from experiments.harness.launching import project_environment, stop_children
-
         assert self.launcher is not None
         # A job is unpickled by an interpreter that was not started as run.py.
         os.environ.update(project_environment())
@@ -126,12 +141,11 @@ class _Composer:
         self._composed: dict[tuple[str, ...], DictConfig] = {}
 
     def __call__(self, overrides: Sequence[str]) -> Any:
-        from experiments.harness.configuration import read_configuration, type_configuration
-
         chosen = tuple(override for override in overrides if override.partition("=")[0] in self._groups)
         fields = [override for override in overrides if override not in chosen]
         if any(not override[0].isalpha() for override in fields):  # +field, ~field: only Hydra knows what they mean
-            return read_configuration(type_configuration(self._loader.load_sweep_config(self._config, list(overrides))))
+            composed = type_configuration(self._loader.load_sweep_config(self._config, list(overrides)))
+            return read_configuration(composed, known_kinds())
         if chosen not in self._composed:
             composed = type_configuration(self._loader.load_sweep_config(self._config, list(chosen)))
             composed.sweep.grids = {}  # of the sweep, not of a point; copying them takes time
@@ -139,4 +153,4 @@ class _Composer:
         composed = deepcopy(self._composed[chosen])
         for override in self._parser.parse_overrides(fields):
             OmegaConf.update(composed, override.get_key_element(), override.value())
-        return read_configuration(composed)
+        return read_configuration(composed, known_kinds())

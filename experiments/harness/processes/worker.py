@@ -1,0 +1,109 @@
+"""What measures one point in a process of its own, which gets a JSON job as a line on standard input.
+
+Of whatever it prints nothing is read as a result: the result goes to the path named in the job. It ends when the run
+that started it does.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import threading
+import traceback
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import psutil
+
+from atra.errors import AtraError, MemoryBudgetError, StorageError, printable
+from atra.files import write_atomically
+from experiments.harness.options import find_named, typed_options
+from experiments.harness.point import Kinds, Measured, Point
+from experiments.harness.processes.outcome import Outcome, skipped
+
+CANNOT_WRITE = 74
+"""Exit code of a worker that has no room for its result, and perhaps none for words either; EX_IOERR of sysexits."""
+
+
+@dataclass(frozen=True)
+class Job:
+    """point: what to measure. result_path: where the outcome goes, whole or not at all. run: the process that asks."""
+
+    point: Point
+    result_path: str
+    run: int
+
+    def to_json(self) -> str:
+        return json.dumps({"point": self.point.configuration(), "result_path": self.result_path, "run": self.run})
+
+    @classmethod
+    def from_json(cls, text: str, kinds: Kinds) -> Job:
+        """kinds: what the point's method and workload are looked up among."""
+        fields = json.loads(text)
+        return cls(read_point(fields["point"], kinds), fields["result_path"], fields["run"])
+
+
+def read_point(fields: dict[str, Any], kinds: Kinds) -> Point:
+    """The reverse of `Point.configuration`. Raises InputError for a method or a workload that is not among these."""
+    values: dict[str, Any] = {
+        name: tuple(value) if isinstance(value, list) else value for name, value in fields.items()
+    }
+    method = find_named("method", kinds.methods, values.pop("method"))
+    workload = find_named("workload", kinds.workloads, values.pop("workload"))
+    options = typed_options(method.options, values.pop("method_options"))
+    of_workload = typed_options(workload.options, values.pop("workload_options"))
+    return Point(**values, method=method, options=options, workload=workload, workload_options=of_workload)
+
+
+def measure_point(point: Point) -> Measured:
+    """Measure the point in this process. Raises InputError and MemoryBudgetError as the tracers do."""
+    room = point.workload.part("measure")
+    assert room is not None
+    measured: Measured = room.measure(point)
+    return measured
+
+
+def outcome_of(point: Point) -> Outcome:
+    """Whatever measuring comes to."""
+    try:
+        measured = measure_point(point)
+    except MemoryBudgetError as error:
+        return skipped(error)
+    except AtraError as error:
+        return Outcome("failed", str(error), on_purpose=True)
+    except Exception as error:
+        with suppress(OSError):  # where there is no room for words, the outcome says the most of it
+            traceback.print_exc()
+        return Outcome("failed", printable(f"{type(error).__name__}: {error}"))
+    return Outcome("ok", None, True, measured.warmup_samples, measured.samples, measured.results)
+
+
+def _end_with_the_run(run: int) -> None:
+    """Wait until the run that started this process is gone, and end: a killed run leaves no worker behind that would
+    spoil the times of the next one.
+
+    The system then closes the other end of standard input. On Windows a thread that reads it keeps libraries from being
+    loaded, numpy/numpy#24290, so there the process itself is waited for.
+    """
+    if sys.platform == "win32":
+        with suppress(psutil.NoSuchProcess):
+            psutil.Process(run).wait()
+    else:
+        while os.read(0, 4096):  # not sys.stdin, whose lock a waiting thread would hold when the interpreter ends
+            pass
+    os._exit(1)
+
+
+def run_job(kinds: Kinds) -> None:
+    """Measure the point of the job on standard input, whose method and workload are among `kinds`."""
+    job = Job.from_json(sys.stdin.readline(), kinds)
+    threading.Thread(target=_end_with_the_run, args=(job.run,), daemon=True).start()
+    try:
+        write_atomically(Path(job.result_path), outcome_of(job.point).to_json())
+    except StorageError as error:
+        with suppress(OSError):
+            print(error, flush=True)
+        raise SystemExit(CANNOT_WRITE) from None
