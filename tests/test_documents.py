@@ -1,16 +1,14 @@
-"""README and docs: code runs as printed, numbers stand in the tables that are named, and every link leads somewhere."""
+"""README and docs: numbers stand in the tables that are named, and every link leads somewhere."""
 
 from __future__ import annotations
 
 import re
 import tomllib
 from pathlib import Path
-from typing import Any
 
 import pytest
 import yaml
 
-from tests.meshes import cornell_box
 from tests.quotations import QUOTATIONS
 from tests.quotations.quotation import Quotation, with_rows
 
@@ -34,44 +32,6 @@ NOT_MEASURED = {
 
 def text_of(page: str) -> str:
     return (ROOT / page).read_text(encoding="utf-8")
-
-
-@pytest.fixture
-def model(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A folder with a `model.obj`, as the working directory."""
-    mesh = cornell_box()
-    lines = [f"v {x} {y} {z}" for x, y, z in mesh.vertices.tolist()]
-    lines += ["f " + " ".join(str(corner + 1) for corner in face) for face in mesh.faces.tolist()]
-    (tmp_path / "model.obj").write_text("\n".join(lines))
-    monkeypatch.chdir(tmp_path)
-
-
-def blocks(page: str) -> list[str]:
-    """The Python blocks of a page, of smaller images."""
-    found = re.findall(r"```python\n(.*?)```", text_of(page), re.S)
-    assert any("width=1024, height=1024" in block for block in found)
-    return [
-        block.replace("width=1024, height=1024", "width=256, height=32").replace("model.ply", "model.obj")
-        for block in found
-    ]
-
-
-@pytest.mark.usefixtures("model")
-def test_the_readme_s_example_runs_as_printed() -> None:
-    (example,) = blocks("README.md")
-    names: dict[str, Any] = {}
-    exec(compile(example, "README.md", "exec"), names)
-    assert names["hits"].depth.shape == (32, 256)
-
-
-@pytest.mark.usefixtures("model")
-def test_the_examples_of_the_library_s_page_run_in_their_order(capsys: pytest.CaptureFixture[str]) -> None:
-    names: dict[str, Any] = {}
-    for block in blocks("docs/library.md"):
-        exec(compile(block, "docs/library.md", "exec"), names)
-    told, *_ = capsys.readouterr().out.splitlines()
-    assert re.fullmatch(r"\d+ of 8192 pixels equal, \d+ tied, \d+ edge, 0 wrong", told)
-    assert names["hits"].depth.shape == (32, 256)
 
 
 def test_the_readme_is_read_in_two_minutes() -> None:
