@@ -24,7 +24,7 @@ PLAN_BYTES_PER_COPY = 3 * 12 + 12 + 8
 """Vertices, indices, record."""
 
 EMBREE_BYTES_PER_COPY = {"low": 110, "medium": 110, "high": 160}
-"""Growth of the process per triangle at the peak of a build, rounded up (docs/methods.md has the measurements)."""
+"""Growth of the process per triangle at the peak of a build, rounded up."""
 
 
 LEFT_OUT_BY_EMBREE = np.float32(3e38)
