@@ -1,1 +1,1 @@
-"""Worked examples, one for each thing that aligned rays are good for; docs/library.md shows their pictures."""
+"""Worked examples, one for each thing that aligned rays are good for; the pages of docs show their pictures."""

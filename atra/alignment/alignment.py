@@ -53,7 +53,7 @@ class Alignment:
 
     and for parallel rays the same with 1 in place of Z. Every ray keeps its parameter, which is the depth. The paper
     takes cell (0, 0)'s own rays as the reference (paper §3.1); any translate of them serves as well, and where it lies
-    changes how well boxes along the world's axes fit its rays (docs/methods.md has the figures).
+    changes how well boxes along the world's axes fit its rays.
 
     cameras: one per image, all pinhole or all orthographic, all with the same number of pixels.
     split: the cells of every image.

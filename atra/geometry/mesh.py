@@ -90,7 +90,7 @@ class Mesh:
         """(F, 3) uint32: `faces`, the corners of each needle turned so that its longest edge lies opposite the first.
 
         What tracers hand to Embree. Its test multiplies the two edges at the first corner, and in float32 the product
-        of two long edges of a needle says little about its plane (docs/methods.md has measurements). Other triangles
+        of two long edges of a needle says little about its plane (docs/methods.md, Rounding). Other triangles
         stay as they are: two that share their longest edge, like the halves of a square, are tested there with the same
         numbers if it starts at the first corner of both, and no ray slips through between them.
         """

@@ -22,8 +22,8 @@ NARROWEST_WORLD_PITCH = 2e-4
 
 Float32 in the world's axes moves a ray by some 1e-7 of the distance, whatever the pitch: a thousandth of a pixel here,
 half a pixel at a hundredth of a degree. In the camera's axes the components across the view are small numbers, exact to
-1e-7 of themselves. docs/methods.md has measurements of both. Where rays are parallel, the pitch is a length and says
-nothing of this; ray space then has the world's axes.
+1e-7 of themselves. Where rays are parallel, the pitch is a length and says nothing of this; ray space then has the
+world's axes.
 """
 
 

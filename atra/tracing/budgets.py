@@ -12,7 +12,7 @@ PLAN_BYTES_PER_COPY = 3 * 12 + 12 + 8
 
 
 EMBREE_BYTES_PER_COPY = {"low": 110, "medium": 110, "high": 160}
-"""Growth of the process per triangle at the peak of a build, rounded up (docs/methods.md has the measurements)."""
+"""Growth of the process per triangle at the peak of a build, rounded up."""
 
 
 def check_memory_budget(copies: int, cell_count: int, options: CellOptions) -> None:

@@ -56,8 +56,14 @@ class BuildQuality(Enum):
 
 @dataclass
 class SceneConfiguration:
-    """What is looked at. view: the scene's own, or another made from it (`scenes.views`); eye, target, up
-    and fov_y_degrees override its camera one by one. subdivided, copies: as of `scenes.loading.enlarged`."""
+    """What is looked at.
+
+    name: of the scene; `scene=sponza` sets it. source: where its mesh comes from; `scene=sponza` sets it, too.
+    path: the file of `scene=file`, of any format that trimesh reads.
+    view: the scene's own camera, or another made from it (`scenes.views`). eye, target, up: vectors of the camera, in
+    place of the view's. fov_y_degrees: vertical field of view, in place of the view's.
+    subdivided: how often each triangle is cut into four. copies: how many of the scene stand side by side as one mesh.
+    """
 
     name: str | None = None
     source: SceneSource = MISSING
@@ -128,10 +134,13 @@ class ViewConfiguration:
 class Configuration:
     """One point.
 
-    method, workload: the options of a method and of a workload; once read, `Chosen` with instances of their types.
-    threads: null = every core; they, build_quality and ties hold for all that is traced at
-    a point, baselines included. output: folder of the files of a bake; null = one of the scene's below results_dir.
-    live: a bake is shown on a page of the browser, at view.port.
+    action: what the run does; the verb sets it. method: what traces; its options are method.*. workload: what is
+    measured; its options are workload.*. threads: number of threads, null = every core, baselines included. width:
+    pixels of a row. height: rows of pixels. build_quality: Embree's, for every BVH, baselines included. ties: which of
+    overlapping triangles in one plane is stored: lowest = the lowest prim_id; any = what float32 puts in front.
+    results_dir: folder for all results; each sweep has a folder of its name in it. output: the file of a picture, or
+    the folder of a bake; null = one below results_dir. live: a bake is shown on a page of the browser, at view.port.
+    debug: whether an error shows its traceback.
     """
 
     scene: SceneConfiguration = field(default_factory=SceneConfiguration)

@@ -1,9 +1,11 @@
-"""What docs/lightmaps.md quotes of sweep=bake and of the other sweeps of lightmaps."""
+"""What pages quote of sweep=bake and of the other sweeps of lightmaps."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from functools import partial
+
+import pandas as pd
 
 from experiments.results.claims import Claim, judge_claim
 from experiments.workloads.bake import RARE, STAGES, Against, Compaction
@@ -18,13 +20,17 @@ _OF_VIEWS = ("culling-map", "culling-map-share")
 """Claims that a sweep of their own decides."""
 
 
-def _row(kept: Kept, label: str, column: str, **values: object) -> str:
+Say = Callable[[pd.Series, str], str]
+"""A row of a table and the name of a ratio -> the ratio as it is written."""
+
+
+def _row(kept: Kept, label: str, column: str, say: Say = interval, **values: object) -> str:
     """A line with the ratio of each scene and its interval; of several points of a scene, of the emptiest map."""
     cells = []
     for scene in SCENES:
         rows = of(kept.points, scene=scene, **values)
         rows = rows[rows[column].notna()].sort_values("map_occupancy", kind="stable")
-        cells.append("not measured" if rows.empty else interval(rows.iloc[0], column))
+        cells.append("not measured" if rows.empty else say(rows.iloc[0], column))
     return table_row(label, *cells)
 
 
@@ -63,6 +69,27 @@ def means_of_a_bake(kept: Kept) -> Quoted:
                  against=Against.lights.value, lamps=256),
             _row(kept, "code for faces that let light on over code without: time", "speedup_vs_other",
                  against=Against.translucency.value),
+        )
+    )  # fmt: skip
+
+
+def bakes_in_short(kept: Kept) -> Quoted:
+    """What gains most in a bake, without intervals."""
+
+    def row(label: str, column: str, **values: object) -> str:
+        return _row(kept, label, column, lambda found, name: digits(found[name]), **values)
+
+    return Quoted(
+        rows=(
+            row("texels that the view shows come first", "view_speedup", compaction=Compaction.bounces.value),
+            row("lanes for lit texels alone", "rays_speedup_vs_other", against=Against.compaction.value,
+                compaction=Compaction.texels.value),
+            row("16 samples of a texel side by side", "rays_speedup_vs_other",
+                against=Against.expansion.value, expansion=16),
+            row("a panorama found by both kinds of rays", "quality_vs_other",
+                against=Against.environment.value, environment="mis"),
+            row("a grid that chooses among 256 lights", "quality_vs_other",
+                against=Against.lights.value, lamps=256),
         )
     )  # fmt: skip
 

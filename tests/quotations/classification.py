@@ -1,4 +1,4 @@
-"""What docs/methods.md quotes of sweep=classification."""
+"""What the pages quote of sweep=classification."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What docs/methods.md and docs/paper.md quote of sweep=gather."""
+"""What the pages quote of sweep=gather."""
 
 from __future__ import annotations
 

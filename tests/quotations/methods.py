@@ -1,4 +1,4 @@
-"""What README and docs/methods.md quote of the sweeps that compare methods."""
+"""What the pages quote of the sweeps that compare methods."""
 
 from __future__ import annotations
 

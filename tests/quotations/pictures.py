@@ -1,4 +1,4 @@
-"""What docs/methods.md quotes of the sweep of whole pictures."""
+"""What the pages quote of the sweep of whole pictures."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What docs/methods.md quotes of sweep=views."""
+"""What the pages quote of sweep=views."""
 
 from __future__ import annotations
 
