@@ -11,12 +11,12 @@ from typing import get_type_hints
 from atra.command.render import add_render
 from experiments.harness.column import TEXT, Column, option_columns
 from experiments.harness.configuration import Action, Configuration
+from experiments.harness.method import Method
+from experiments.harness.point import Workload
 from experiments.methods import METHODS
-from experiments.methods.method import Method
 from experiments.reference.writing import choices_of, code, help_of, paragraphs, say_default, say_type, say_value, table
 from experiments.results.table import columns
 from experiments.workloads import WORKLOADS
-from experiments.workloads.workload import Workload
 
 _KEYS = ("key", "type", "default", "choices", "unit", "meaning")
 _COLUMNS = ("column", "type", "unit", "meaning")

@@ -197,7 +197,7 @@ def sun_in_the_box(kept: Kept) -> Quoted:
 
 
 def light_bundles(kept: Kept) -> Quoted:
-    """How much sooner than paths bundles that carry light reach an error of 5 %. The code that judged it went with them."""
+    """How much sooner than paths bundles that carry light reach an error of 5 %."""
     rows = kept.points[kept.points["use"].eq("light")]
     found = {
         row["scene"]: f"not reached, {row['bundle_error']:.0%} left"
