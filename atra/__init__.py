@@ -7,26 +7,36 @@ Source: Y. Nishidate, I. Fujishiro, "Affine-transformed ray alignment for accele
 Implementation with Embree".
 """
 
+from atra.alignment.aligned import AlignedTracer, FramesTracer
 from atra.alignment.alignment import Alignment
-from atra.alignment.split import Split
+from atra.alignment.frames import Frames
+from atra.alignment.visible_first import VisibleFirstTracer
+from atra.all_hits.reductions import Count, Layers, Thickness, Transmittance
+from atra.all_hits.results import Counts, LayerHits, Thicknesses, Transmittances
 from atra.bvh.tracer import BvhTracer
-from atra.cameras.colmap import read_colmap
-from atra.cameras.nerf import read_transforms
-from atra.cameras.trimesh_scene import read_trimesh
 from atra.errors import AtraError, EmbreeError, InputError, MemoryBudgetError
-from atra.frames import Frames
-from atra.gathering.gathered import Counts, LayerHits, Thicknesses, Transmittances
-from atra.gathering.reductions import Count, Layers, Thickness, Transmittance
+from atra.files.cameras.colmap import read_colmap
+from atra.files.cameras.nerf import read_transforms
+from atra.files.cameras.trimesh_scene import read_trimesh
+from atra.files.meshes.face_sources import FaceSources, load_face_sources
+from atra.files.meshes.loading import load_mesh
 from atra.geometry.camera import CalibratedCamera, Camera
 from atra.geometry.image_plane import ImagePlane
 from atra.geometry.mesh import Mesh
 from atra.geometry.orthographic import OrthographicCamera
 from atra.geometry.sampling import sub_pixel_offsets
+from atra.geometry.split import Split
 from atra.hits import Hits, VisibleTriangles
 from atra.judge.compare import Agreement, Verdict, compare
-from atra.mesh_files.face_sources import FaceSources, load_face_sources
-from atra.mesh_files.loading import load_mesh
-from atra.options import (
+from atra.packets.pixel import PixelTracer
+from atra.packets.tiles import TiledTracer
+from atra.planner.plan import Plan
+from atra.planner.planning import plan
+from atra.prim_ids import MISS
+from atra.raster.tracer import RasterTracer
+from atra.rays.rays import RayHits, Rays
+from atra.rays.scene import RayScene
+from atra.tracing.options import (
     AlignedOptions,
     BvhOptions,
     CellOptions,
@@ -36,17 +46,7 @@ from atra.options import (
     RayOptions,
     ReferenceRayOptions,
 )
-from atra.planner.plan import Plan
-from atra.planner.planning import plan
-from atra.prim_ids import MISS
-from atra.rays.rays import RayHits, Rays
-from atra.rays.scene import RayScene
-from atra.tracers.aligned import AlignedTracer, FramesTracer
-from atra.tracers.pixel import PixelTracer
-from atra.tracers.raster import RasterTracer
-from atra.tracers.tiles import TiledTracer
-from atra.tracers.tracer import Tracer
-from atra.tracers.visible_first import VisibleFirstTracer
+from atra.tracing.tracer import Tracer
 from atra.views.render_views import render_views
 
 __version__ = "0.1.0"

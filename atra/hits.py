@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from atra.compiled.threads import WorkerPool, resolve_threads
+from atra.exact.surface_kernels import ROWS, PixelGrid, Triangles, orient_hits, place_hits, weigh_corners
+from atra.files.saving import save_layers
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
-from atra.kernels.exact.surface import ROWS, PixelGrid, Triangles, orient_hits, place_hits, weigh_corners
-from atra.parallel import WorkerPool, resolve_threads
 from atra.prim_ids import MISS
-from atra.saving import save_layers
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 import atra
-from atra.bake import Baker, BakeScene, Lightmap, Seams, Surface, clay_view, lit_view
-from atra.bake.finish.export import exposure_of, finished
-from atra.render.pictures import srgb_of
+from atra.light import Baker, BakeScene, Lightmap, Seams, Surface, clay_view, lit_view
+from atra.light.lightmaps.finish.export import exposure_of, finished
+from atra.light.pictures.files import srgb_of
 from examples import parts
 from scenes.cornell_box import CORNELL_BOX_CAMERA
 from scenes.lit.rooms import lit_cornell_box

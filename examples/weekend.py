@@ -9,13 +9,13 @@ with a sun's soft shadows and ambient occlusion; and says what share of the time
 from __future__ import annotations
 
 import atra
-from atra import render
-from atra.render.pictures import srgb_of
+from atra import light
+from atra.light.pictures.files import srgb_of
 from examples import parts
 from scenes.lit.weekend import WEEKEND_CAMERA, weekend
 
 
-def shares(renderer: render.PathRenderer | render.HybridRenderer) -> str:
+def shares(renderer: light.PathRenderer | light.HybridRenderer) -> str:
     """What part each stage has in the last samples."""
     whole = sum(renderer.stage_s.values())
     return ", ".join(f"{stage} {seconds / whole:.0%}" for stage, seconds in renderer.stage_s.items())
@@ -32,8 +32,8 @@ def main(arguments: list[str] | None = None) -> dict[str, dict[str, float]]:
     camera = atra.Camera(**WEEKEND_CAMERA, width=options.width, height=options.height)
     pictures, told = [], {}
     for name, renderer in (
-        ("paths", render.PathRenderer(scene, camera, threads=options.threads, max_depth=options.max_depth)),
-        ("hybrid", render.HybridRenderer(scene, camera, threads=options.threads, occlusion_length=1.0)),
+        ("paths", light.PathRenderer(scene, camera, threads=options.threads, max_depth=options.max_depth)),
+        ("hybrid", light.HybridRenderer(scene, camera, threads=options.threads, occlusion_length=1.0)),
     ):
         with renderer:
             renderer.add(options.samples)

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from atra.errors import InputError
+from atra.files.meshes.loading import load_mesh
+from atra.files.reading import parse_json, read_regular_file
 from atra.geometry.mesh import Mesh
-from atra.mesh_files.loading import load_mesh
-from atra.reading import parse_json, read_regular_file
 from scenes.built_in import stand_in_for
 from scenes.manifest import picture_restriction, read_manifest
 from scenes.scene import Scene, camera_fields

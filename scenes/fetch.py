@@ -14,9 +14,9 @@ from typing import Any
 import trimesh
 
 from atra.errors import InputError
-from atra.files import write_atomically
+from atra.files.meshes.loading import load_mesh
+from atra.files.paths import write_atomically
 from atra.geometry.mesh import Mesh
-from atra.mesh_files.loading import load_mesh
 from scenes.directory import CAMERAS_FILE, default_cache, read_cameras
 from scenes.manifest import FetchableScene, read_manifest
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from atra.errors import InputError
 from atra.geometry.camera import Camera
 from atra.geometry.mesh import Mesh
-from atra.tracers.pixel import PixelTracer
+from atra.packets.pixel import PixelTracer
 
 HOSTILE_VIEWS = ("along_axis", "rolled")
 """Those in which components of directions are all but zero, for `sweep=agreement`."""

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import atra
-from atra.bake import Atlas, Baker, BakeScene, Lightmap
+from atra.light import Atlas, Baker, BakeScene, Lightmap
 from tests.meshes import quads
 
 _CORNERS = np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)])

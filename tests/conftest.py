@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from atra.embree.instruction_sets import INSTRUCTION_SETS, PACKET_WIDTHS, instruction_sets_here
+from atra.compiled.instruction_sets import INSTRUCTION_SETS, PACKET_WIDTHS, instruction_sets_here
 
 # A shell ignores the interrupt key for what it starts in the background, and children inherit that; the tests that
 # interrupt a sweep would wait for ever.

@@ -27,10 +27,10 @@ import numpy as np
 import trimesh
 
 from atra.errors import InputError
+from atra.files.meshes.loading import load_mesh
+from atra.files.saving import encode_exr
 from atra.geometry.camera import Camera
-from atra.mesh_files.loading import load_mesh
-from atra.render import PanoramaSky
-from atra.saving import encode_exr
+from atra.light import PanoramaSky
 from experiments.harness.records import Record, read_record, write_record
 from experiments.results.table import Tables, make_table, read_table, write_tables
 from scenes.directory import CAMERAS_FILE, load_scene_from_directory

@@ -19,9 +19,9 @@ from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 
 from atra.errors import InputError
-from atra.mesh_files.face_sources import load_face_sources
-from atra.mesh_files.loading import load_mesh
-from atra.render import PanoramaSky
+from atra.files.meshes.face_sources import load_face_sources
+from atra.files.meshes.loading import load_mesh
+from atra.light import PanoramaSky
 from tests import fuzzing
 
 MEMORY_BYTES = 2**30

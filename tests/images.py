@@ -3,7 +3,7 @@
 import numpy as np
 
 import atra
-from atra.embree.instruction_sets import chosen_instruction_set, instruction_sets_here
+from atra.compiled.instruction_sets import chosen_instruction_set, instruction_sets_here
 
 HELD = chosen_instruction_set() not in (None, *instruction_sets_here()[-1:])
 """To an instruction set other than this machine's last. There the core is tested with the vectors that are native, and

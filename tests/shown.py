@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 import atra
-from atra import render
+from atra import light
 from scenes.lit.weekend import outwards
 from scenes.shapes import ball, join
 from tests.meshes import quads
 
-BLACK = render.constant_sky(0.0)
+BLACK = light.constant_sky(0.0)
 
 
 def floor(half: float = 50.0, height: float = 0.0) -> list[tuple[float, float, float]]:
@@ -34,37 +34,37 @@ def floor_points(camera: atra.Camera) -> NDArray[np.float64]:
     return camera.eye - directions * (camera.eye[1] / directions[..., 1:2]) + origins
 
 
-def sphere(material: Any, sky: render.GradientSky, smooth: bool = True, segments: int = 24) -> render.RenderScene:
+def sphere(material: Any, sky: light.GradientSky, smooth: bool = True, segments: int = 24) -> light.RenderScene:
     part = outwards(ball(1.0, segments, segments // 2))
     normals = part.vertices if smooth else None
-    return render.RenderScene(part.to_mesh("sphere"), [material], sky=sky, normals=normals)
+    return light.RenderScene(part.to_mesh("sphere"), [material], sky=sky, normals=normals)
 
 
-def room(material: Any, sky: render.GradientSky = BLACK) -> render.RenderScene:
+def room(material: Any, sky: light.GradientSky = BLACK) -> light.RenderScene:
     """A closed box of two units around the origin, fronts inward."""
     corners = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], float)
     sides = [(0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (1, 3, 7, 5)]
-    return render.RenderScene(quads([[tuple(corners[k]) for k in side] for side in sides]), [material], sky=sky)
+    return light.RenderScene(quads([[tuple(corners[k]) for k in side] for side in sides]), [material], sky=sky)
 
 
-def hybrid(scene: render.RenderScene, camera: atra.Camera, samples: int, **options: Any) -> render.HybridRenderer:
+def hybrid(scene: light.RenderScene, camera: atra.Camera, samples: int, **options: Any) -> light.HybridRenderer:
     """A renderer with so many samples, closed."""
-    with render.HybridRenderer(scene, camera, **({"threads": 1, "jitter": "off"} | options)) as renderer:
+    with light.HybridRenderer(scene, camera, **({"threads": 1, "jitter": "off"} | options)) as renderer:
         renderer.add(samples)
     return renderer
 
 
-def traced(scene: render.RenderScene, camera: atra.Camera, samples: int, **options: Any) -> NDArray[np.float32]:
+def traced(scene: light.RenderScene, camera: atra.Camera, samples: int, **options: Any) -> NDArray[np.float32]:
     """The picture of so many samples of paths."""
-    with render.PathRenderer(scene, camera, **({"threads": 1} | options)) as renderer:
+    with light.PathRenderer(scene, camera, **({"threads": 1} | options)) as renderer:
         renderer.add(samples)
         return renderer.image
 
 
-def batches(scene: render.RenderScene, camera: atra.Camera, count: int, samples: int, **options: Any) -> NDArray[Any]:
+def batches(scene: light.RenderScene, camera: atra.Camera, count: int, samples: int, **options: Any) -> NDArray[Any]:
     """(count, H, W, 3): pictures of `samples` samples each, all different."""
     pictures, before = [], 0.0
-    with render.PathRenderer(scene, camera, **({"threads": 1} | options)) as renderer:
+    with light.PathRenderer(scene, camera, **({"threads": 1} | options)) as renderer:
         for number in range(1, count + 1):
             renderer.add(samples)
             so_far = renderer.image.astype(np.float64) * number

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import atra
-from atra.gathering.crossings import all_crossings
-from atra.gathering.plain import gather_plainly
+from atra.all_hits.plain import gather_plainly
 from atra.judge.all_hits import wrong_counts, wrong_layers, wrong_thicknesses
+from atra.raster.all_hits.crossings import all_crossings
 from tests.closed_meshes import cornell_boxes, sphere, view_of
 from tests.meshes import EYE_AT_ORIGIN, random_triangles
 from tests.test_gathering import METHODS, gathered

@@ -9,15 +9,15 @@ import psutil
 import pytest
 
 import atra
-from atra import render
-from atra.bake import Atlas, Baker, BakeScene, Seams, Surface, dilated
-from atra.bake.batches import new_batch
-from atra.bake.light.tables import tables_of
+from atra import light as render
 from atra.embree.library import load_library
 from atra.errors import MemoryBudgetError
-from atra.kernels.baking.bounces import scatter, trace_kernel
-from atra.kernels.baking.samples import generate
-from atra.kernels.baking.tables import DIRECTION, ORIGIN, Batch
+from atra.light import Atlas, Baker, BakeScene, Seams, Surface, dilated
+from atra.light.lightmaps.batches import new_batch
+from atra.light.lightmaps.bounces_kernels import scatter, trace_kernel
+from atra.light.lightmaps.gather.tables import tables_of
+from atra.light.lightmaps.gather.tables_kernels import DIRECTION, ORIGIN, Batch
+from atra.light.lightmaps.samples_kernels import generate
 from tests.baked import baked, cube, sheet
 from tests.meshes import joined, quads
 from tests.shown import floor

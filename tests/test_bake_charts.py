@@ -11,9 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import atra
-from atra import render
-from atra.bake import Atlas, Baker, BakeScene, Seams, Texels, dilated
+from atra import light
 from atra.errors import AtraError, InputError
+from atra.light import Atlas, Baker, BakeScene, Seams, Texels, dilated
 from scenes.cornell_box import cornell_box
 from tests.baked import baked, cube, sheet
 from tests.meshes import cornell_camera, quads
@@ -201,7 +201,7 @@ def test_no_mesh_and_no_uv_does_more_than_be_refused(data):
     try:
         mesh = atra.Mesh(vertices, faces)
         atlas = Atlas.of_uv(np.array(uv).reshape(count, 3, 2), 8, 8)
-        scene = BakeScene(mesh, lights=[render.PointLight((0, 0, 0))], sky=render.constant_sky(1.0))
+        scene = BakeScene(mesh, lights=[light.PointLight((0, 0, 0))], sky=light.constant_sky(1.0))
         with warnings.catch_warnings(action="ignore"):
             lightmap = baked(scene, atlas, 2)
     except AtraError:

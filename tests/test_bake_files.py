@@ -14,10 +14,10 @@ import trimesh
 from PIL import Image
 
 import atra
-from atra import render
-from atra.bake import Baker, BakeScene, ProgressiveBake, Surface, save_maps, save_model
-from atra.bake.maps import LIGHTS
+from atra import light as render
 from atra.errors import InputError
+from atra.light import Baker, BakeScene, ProgressiveBake, Surface, save_maps, save_model
+from atra.light.lightmaps.maps import LIGHTS
 from examples import bake
 from experiments.commands import baking
 from experiments.harness.configuration import Chosen, Configuration, SceneConfiguration

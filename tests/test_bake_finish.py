@@ -10,11 +10,11 @@ import pytest
 from numpy.typing import NDArray
 
 import atra
-from atra import render
-from atra.bake import BakeScene, Lightmap, Surface, Texels, clay_view, denoised, lit_view
-from atra.bake.finish.views import looked_up
+from atra import light as render
 from atra.errors import InputError
-from atra.kernels.baking.tables import LUMINANCE
+from atra.light import BakeScene, Lightmap, Surface, Texels, clay_view, denoised, lit_view
+from atra.light.lightmaps.finish.views import looked_up
+from atra.light.lightmaps.gather.tables_kernels import LUMINANCE
 from tests.baked import baked, cube, sheet
 from tests.meshes import quads
 from tests.shown import floor

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import atra
-from atra import render
-from atra.bake import Atlas, Baker, BakeScene, SpotLight, Surface
+from atra import light as render
 from atra.errors import EmbreeError, InputError
+from atra.light import Atlas, Baker, BakeScene, SpotLight, Surface
 from tests.baked import baked, cube, sheet, standard_error
 from tests.meshes import joined, quads
 from tests.shown import floor

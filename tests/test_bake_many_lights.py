@@ -9,16 +9,16 @@ import numpy as np
 import pytest
 
 import atra
-from atra import render
-from atra.bake import Baker, BakeScene, Lightmap, LightProbes, SpotLight, Surface, Texels
-from atra.bake.batches import new_batch
-from atra.bake.light.grid import LISTED, light_grid
-from atra.bake.light.lights import light_rows
-from atra.bake.light.tables import tables_of
+from atra import light as render
 from atra.errors import AtraError, InputError
-from atra.kernels.baking.choice import cell_of, chosen, odds_of
-from atra.kernels.baking.lights import aim, aim_at_sun
-from atra.kernels.baking.tables import CARRIED, DIRECTION, LENGTH, NORMAL, WEIGHT
+from atra.light import Baker, BakeScene, Lightmap, LightProbes, SpotLight, Surface, Texels
+from atra.light.lightmaps.batches import new_batch
+from atra.light.lightmaps.gather.choice_kernels import cell_of, chosen, odds_of
+from atra.light.lightmaps.gather.grid import LISTED, light_grid
+from atra.light.lightmaps.gather.lights import light_rows
+from atra.light.lightmaps.gather.lights_kernels import aim, aim_at_sun
+from atra.light.lightmaps.gather.tables import tables_of
+from atra.light.lightmaps.gather.tables_kernels import CARRIED, DIRECTION, LENGTH, NORMAL, WEIGHT
 from tests.baked import baked, cube, sheet, standard_error
 from tests.meshes import joined, quads
 from tests.shown import floor

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 import atra
-from atra import render
-from atra.bake import Atlas, Baker, BakeScene
-from atra.bake.charts.texels import unit_normals
-from atra.bake.charts.unwrap import UNMAPPED
+from atra import light
 from atra.errors import InputError
-from atra.kernels.baking.tables import LUMINANCE
+from atra.light import Atlas, Baker, BakeScene
+from atra.light.lightmaps.charts.texels import unit_normals
+from atra.light.lightmaps.charts.unwrap import UNMAPPED
+from atra.light.lightmaps.gather.tables_kernels import LUMINANCE
 from experiments.methods.peers.mitsuba_light import load_mitsuba, parts_of, suns_of
 from experiments.workloads.bake import BAKE, Against
 from experiments.workloads.bake.mitsuba import MitsubaPaths, with_plain_light
@@ -31,14 +31,14 @@ if importlib.util.find_spec("mitsuba") is None:
 BOUNCES, PATHS, TEXELS, BLOCK = 3, 64, 16, 8
 
 
-def lit_box() -> render.RenderScene:
+def lit_box() -> light.RenderScene:
     """A closed room of coloured walls with a block in it, and one wall that shines."""
     room, block = cube(inwards=True), cube(0.3)
     mesh = joined(room, block)
     colours = [(0.7, 0.7, 0.6), (0.6, 0.1, 0.1), (0.1, 0.5, 0.2), (0.7, 0.6, 0.7), (0.5, 0.5, 0.5)]
-    materials = [*(render.Lambertian(colour) for colour in colours), render.Emissive((3.0, 2.5, 2.0))]
+    materials = [*(light.Lambertian(colour) for colour in colours), light.Emissive((3.0, 2.5, 2.0))]
     numbers = np.array([1, 2, 0, 5, 3, 0, 4, 4, 4, 4, 4, 4]).repeat(2)
-    return render.RenderScene(mesh, materials, numbers, sky=render.constant_sky(0.0))
+    return light.RenderScene(mesh, materials, numbers, sky=light.constant_sky(0.0))
 
 
 def of_mitsuba(scene, origins, directions):
@@ -84,7 +84,7 @@ def test_blocks_of_texels_have_the_light_that_mitsuba_finds_from_them():
 WALL, RENDERS, SAMPLES = slice(6, 8), 16, 256
 
 
-def wall_by_mitsuba(scene: render.RenderScene) -> np.ndarray:
+def wall_by_mitsuba(scene: light.RenderScene) -> np.ndarray:
     """(RENDERS, 3): mean radiance of a wall of the Cornell box, seen from just before it."""
     mi, drjit = pytest.importorskip("mitsuba"), pytest.importorskip("drjit")
     mi.set_variant("scalar_rgb")
@@ -120,11 +120,11 @@ def test_a_wall_of_the_cornell_box_has_mitsuba_s_light_within_three_thousandths(
     assert abs(ours / theirs.mean() - 1) < 0.003
 
 
-def sunlit() -> render.RenderScene:
+def sunlit() -> light.RenderScene:
     """A box above a floor, beneath a sun and a sky."""
     mesh = joined(cube(0.5), quads([floor(3.0, -0.6)]))
-    materials, sky = [render.Lambertian((0.6, 0.5, 0.4))], render.GradientSky((0.3, 0.3, 0.3), (0.5, 0.7, 1.0))
-    return render.RenderScene(mesh, materials, lights=[render.Sun((-0.35, -1.0, 0.25), power=3.0)], sky=sky)
+    materials, sky = [light.Lambertian((0.6, 0.5, 0.4))], light.GradientSky((0.3, 0.3, 0.3), (0.5, 0.7, 1.0))
+    return light.RenderScene(mesh, materials, lights=[light.Sun((-0.35, -1.0, 0.25), power=3.0)], sky=sky)
 
 
 @pytest.mark.parametrize("room", [lit_box(), sunlit()], ids=["lamp", "sun"])
@@ -155,6 +155,6 @@ def test_a_round_of_a_point_is_held_against_as_many_paths_by_mitsuba():
 
 def test_light_that_mitsuba_is_not_handed_is_refused():
     with pytest.raises(InputError, match="expected no PointLight"):
-        suns_of([render.PointLight((0, 1, 0))])
+        suns_of([light.PointLight((0, 1, 0))])
     with pytest.raises(InputError, match="expected no Sun"):
-        suns_of([render.Sun((0, -1, 0))])
+        suns_of([light.Sun((0, -1, 0))])

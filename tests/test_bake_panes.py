@@ -8,23 +8,23 @@ import numpy as np
 import pytest
 
 import atra
-from atra import render
-from atra.bake import Baker, BakeScene, Surface
+from atra import light
 from atra.embree.library import load_library
 from atra.errors import EmbreeError
+from atra.light import Baker, BakeScene, Surface
 from tests.baked import baked, cube, sheet
 from tests.meshes import joined, quads
 from tests.shown import floor
 
 ROOM = joined(cube(inwards=True), cube(0.3))
-SUN = render.Sun((0.3, -1.0, 0.2), 0.0)
+SUN = light.Sun((0.3, -1.0, 0.2), 0.0)
 
 
 def scene_of(mesh: atra.Mesh, opacity: np.ndarray, tint=(0.9, 0.8, 0.7), albedo: float = 0.6) -> BakeScene:
     plain = Surface.plain(mesh, albedo)
     tints = np.broadcast_to(np.float32(tint), (mesh.triangle_count, 3))
-    lights = [SUN, render.PointLight((0.6, 0.7, -0.6))]
-    return BakeScene(mesh, Surface(plain.albedo, plain.emission, opacity, tints), lights, render.constant_sky(0.5))
+    lights = [SUN, light.PointLight((0.6, 0.7, -0.6))]
+    return BakeScene(mesh, Surface(plain.albedo, plain.emission, opacity, tints), lights, light.constant_sky(0.5))
 
 
 SOME = scene_of(ROOM, np.where(np.arange(24) % 5 == 1, 0.4, 1.0))

@@ -11,10 +11,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from atra.bake import Baker, BakeScene
-from atra.bake.light.adaptive import FIRST_LOOK
 from atra.errors import InputError
-from atra.render import constant_sky
+from atra.light import Baker, BakeScene, constant_sky
+from atra.light.lightmaps.gather.adaptive import FIRST_LOOK
 from experiments.drawing.figure import draw_figure
 from experiments.harness.configuration import Chosen, Configuration, MeasureConfiguration, SceneConfiguration
 from experiments.harness.point import Measured

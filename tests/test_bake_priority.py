@@ -7,8 +7,8 @@ import pytest
 import trimesh
 
 import atra
-from atra.bake import Texels
-from atra.bake.priority import visible_texels
+from atra.light import Texels
+from atra.light.lightmaps.priority import visible_texels
 from tests.baked import cube, sheet
 from tests.meshes import joined
 

@@ -11,10 +11,10 @@ import trimesh
 from PIL import Image
 
 import atra
-from atra import render
-from atra.bake import Atlas, Baker, BakeScene, Seams, Surface, Texels, dilated, save_maps, save_model
-from atra.bake.finish.views import looked_up
+from atra import light as render
 from atra.errors import InputError
+from atra.light import Atlas, Baker, BakeScene, Seams, Surface, Texels, dilated, save_maps, save_model
+from atra.light.lightmaps.finish.views import looked_up
 from tests.baked import baked, cube, sheet
 from tests.meshes import quads
 from tests.shown import floor

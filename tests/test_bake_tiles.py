@@ -10,10 +10,10 @@ import pytest
 from numpy.typing import NDArray
 
 import atra
-from atra.bake import Atlas, Texels
-from atra.bake.charts.atlas import UNMAPPED
-from atra.bake.tiles import Tiles
 from atra.errors import InputError
+from atra.light import Atlas, Texels
+from atra.light.lightmaps.charts.atlas import UNMAPPED
+from atra.light.lightmaps.sun.tiles import Tiles
 from experiments.drawing.figure import draw_figure
 from experiments.results.claims import DOES_NOT_HOLD, HOLDS, NOT_MEASURED, UNDECIDED
 from experiments.workloads.bake_rays import Use
@@ -107,7 +107,7 @@ def test_threads_share_out_tiles_and_packets():
 
 
 def test_more_copies_than_there_is_room_for_at_first_are_found_again(monkeypatch):
-    monkeypatch.setattr("atra.rays.tiles._COPIES", 3)
+    monkeypatch.setattr("atra.light.lightmaps.sun.rays._COPIES", 3)
     compare_with_single_rays(tiles_of(8, OPEN), SUN, atra.sub_pixel_offsets(2))
 
 

@@ -6,7 +6,7 @@ import trimesh
 
 from atra.geometry.camera import Camera
 from atra.judge.reference import brute_force
-from atra.tracers.pixel import PixelTracer
+from atra.packets.pixel import PixelTracer
 from scenes import shapes
 from scenes.built_in import BUILT_IN
 from scenes.cornell_box import CORNELL_BOX_CAMERA, cornell_box

@@ -5,12 +5,12 @@ import pytest
 
 import atra
 from atra.bvh.bvh import build_bvh
+from atra.bvh.layout import BIAS, BLOCK, DEEPEST
+from atra.bvh.single import BOXES, STEPS
+from atra.compiled.threads import WorkerPool
 from atra.embree.bvh_cost import bvh_cost
+from atra.embree.packets_kernels import Image
 from atra.judge.reference import brute_force
-from atra.kernels.bvh.layout import BIAS, BLOCK, DEEPEST
-from atra.kernels.bvh.single import BOXES, STEPS
-from atra.kernels.packets import Image
-from atra.parallel import WorkerPool
 from tests.images import HELD, assert_equal_images, assert_same_bits
 from tests.meshes import EYE_AT_ORIGIN, cornell_box, cornell_camera, quads, random_triangles
 from tests.test_raster import PARALLEL

@@ -9,7 +9,7 @@ import pytest
 import trimesh
 
 import atra
-from atra.cameras.colmap_files import MODELS
+from atra.files.cameras.colmap_files import MODELS
 
 SENSORS = {1: ("PINHOLE", 64, 48, (70.5, 65.25, 31.0, 25.5)), 7: ("SIMPLE_PINHOLE", 32, 24, (40.0, 15.5, 12.25))}
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from atra.alignment import culling
+from atra.alignment.aligned import AlignedTracer
 from atra.errors import InputError
 from atra.geometry.camera import Camera
 from atra.geometry.mesh import Mesh
@@ -14,10 +15,9 @@ from atra.geometry.ray_space import ray_axes, to_ray_space
 from atra.hits import Hits
 from atra.judge.compare import Agreement, DepthErrors, Verdict, compare
 from atra.judge.reference import brute_force
+from atra.packets.pixel import PixelTracer
 from atra.prim_ids import MISS
-from atra.tracers.aligned import AlignedTracer
-from atra.tracers.pixel import PixelTracer
-from atra.tracers.rays import image_ray_grid
+from atra.tracing.rays import image_ray_grid
 from scenes.cornell_box import CORNELL_BOX_CAMERA, cornell_box
 from tests.meshes import boards, random_triangles
 

@@ -6,17 +6,17 @@ from itertools import product
 import numpy as np
 import pytest
 
+from atra.exact import outline as outline_module
+from atra.exact import rounding as rounding_module
+from atra.exact.intersection import Pairs
+from atra.exact.rounding import Rounding
 from atra.geometry.camera import Camera
-from atra.geometry.intersection import Pairs
 from atra.geometry.mesh import Mesh
 from atra.geometry.orthographic import OrthographicCamera
 from atra.hits import Hits
-from atra.judge import outline as outline_module
-from atra.judge import rounding as rounding_module
 from atra.judge.compare import Verdict
 from atra.judge.depths import has_wrong_depth, relative_depth_error
 from atra.judge.reference import brute_force
-from atra.judge.rounding import Rounding
 from atra.prim_ids import MISS
 from tests.meshes import EYE_AT_ORIGIN, random_triangles
 

@@ -7,9 +7,9 @@ import pytest
 
 import atra
 from atra.alignment.culling import plan_aligned_geometry
-from atra.geometry.intersection import intersect_pixels
+from atra.compiled.threads import WorkerPool
+from atra.exact.intersection import intersect_pixels
 from atra.geometry.projection import count_kept, project_vertices
-from atra.parallel import WorkerPool
 from atra.tracing import budgets
 from atra.tracing.budgets import (
     EMBREE_BYTES_PER_COPY,

@@ -13,10 +13,10 @@ import pytest
 
 from atra.command import doctor as library_doctor
 from atra.command.doctor import render
-from atra.embree.instruction_sets import VARIABLE, instruction_sets_here
+from atra.compiled.instruction_sets import VARIABLE, instruction_sets_here
+from atra.compiled.store import cache_folder
+from atra.compiled.threads import resolve_threads
 from atra.embree.library import OVERRIDE_VARIABLE, embree_version, load_library
-from atra.kernels.caching import cache_folder
-from atra.parallel import resolve_threads
 from experiments.commands import doctor
 from experiments.commands.doctor import diagnose
 from experiments.harness import environment

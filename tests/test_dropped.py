@@ -16,11 +16,11 @@ import psutil
 import pytest
 
 import atra
-from atra import render
-from atra.bake import Baker, BakeScene, ProgressiveBake
+from atra import light
 from atra.bvh.scene import BvhScene
 from atra.bvh.tracer import BvhTracer
 from atra.embree.device import EmbreeDevice
+from atra.light import Baker, BakeScene, ProgressiveBake
 from atra.shafts.eye import EyeTracer
 from tests.images import make_tracer
 from tests.meshes import cornell_box, cornell_camera
@@ -30,7 +30,7 @@ pytestmark = pytest.mark.usefixtures("old_objects_set_aside")
 MESH, CAMERA = cornell_box(), cornell_camera(64, 48)
 RAYS = np.zeros((200, 3)), np.ones((200, 3))
 FRAMES = atra.Alignment.of_frames([CAMERA, CAMERA], atra.Split(16, 1, 64, 48))
-SCENE = render.RenderScene(MESH, lights=[render.Sun((0.1, -1, -0.2))])
+SCENE = light.RenderScene(MESH, lights=[light.Sun((0.1, -1, -0.2))])
 
 
 def traced(one: Any) -> Any:
@@ -106,8 +106,8 @@ MAKE: dict[str, Callable[[], Any]] = {
     "one that looked elsewhere": lambda: looked(atra.AlignedTracer(MESH, CAMERA, (16, 1), threads=2)),
     "ray scene": lambda: shot(atra.RayScene(MESH, threads=2)),
     "bvh scene": lambda: prepared(BvhScene(MESH, threads=2)),
-    "hybrid renderer": lambda: added(render.HybridRenderer(SCENE, CAMERA, threads=2)),
-    "path renderer": lambda: added(render.PathRenderer(SCENE, CAMERA, threads=2)),
+    "hybrid renderer": lambda: added(light.HybridRenderer(SCENE, CAMERA, threads=2)),
+    "path renderer": lambda: added(light.PathRenderer(SCENE, CAMERA, threads=2)),
     "baker": lambda: added(Baker(BakeScene(MESH), size=16, threads=2)),
     "progressive bake": baking,
     "progressive bake that is done": baked,
@@ -190,7 +190,7 @@ def test_after_a_failure_too(
 def test_a_constructor_that_fails_leaves_nothing(held: list[np.ndarray]) -> None:
     before = set(threading.enumerate())
     with pytest.raises(atra.InputError, match="does not divide"):
-        render.HybridRenderer(SCENE, CAMERA, lambda mesh, camera: atra.AlignedTracer(mesh, camera, (7, 1)), threads=2)
+        light.HybridRenderer(SCENE, CAMERA, lambda mesh, camera: atra.AlignedTracer(mesh, camera, (7, 1)), threads=2)
     assert set(threading.enumerate()) == before
     assert not held
 

@@ -14,11 +14,11 @@ from packaging.requirements import Requirement
 
 import atra
 from atra.embree import layout, library
+from atra.embree.callbacks_kernels import memory_monitor
 from atra.embree.scene import EmbreeScene
 from atra.embree.self_check import FILTER_FUNCTION, USER_DATA
 from atra.embree.workspace import Workspace
 from atra.geometry.ray_space import padded_vertices
-from atra.kernels.callbacks import memory_monitor
 from tests.meshes import cornell_box
 
 ROOT = Path(__file__).resolve().parents[1]

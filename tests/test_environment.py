@@ -12,8 +12,8 @@ import llvmlite.binding
 import psutil
 import pytest
 
-from atra.embree.instruction_sets import cpu_design
-from atra.parallel import resolve_threads
+from atra.compiled.instruction_sets import cpu_design
+from atra.compiled.threads import resolve_threads
 from experiments.harness import environment
 from experiments.harness.environment import read_environment
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import atra
+from atra.bvh.single import FROM_ROOT, LISTED, PROVEN, STEPS
+from atra.bvh.starts import ROOT_LIST
+from atra.embree.packets_kernels import Image
 from atra.judge.reference import brute_force
-from atra.kernels.bvh.single import FROM_ROOT, LISTED, PROVEN, STEPS
-from atra.kernels.packets import Image
-from atra.kernels.shafts.grid import ROOT_LIST
 from atra.shafts.eye import EyeTracer, shapes_of_tiles
 from tests.images import assert_no_pixel_wrong, assert_same_bits
 from tests.meshes import EYE_AT_ORIGIN, cornell_box, cornell_camera, random_triangles

@@ -17,8 +17,8 @@ import numpy as np
 import pytest
 
 from atra.errors import InputError
+from atra.files.meshes.loading import load_mesh
 from atra.geometry.camera import Camera
-from atra.mesh_files.loading import load_mesh
 from experiments.commands import fetching
 from experiments.commands.fetching import run_fetch
 from experiments.harness.configuration import Configuration, SceneConfiguration

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 import atra
-from atra.gathering.crossings import all_crossings
-from atra.gathering.plain import gather_plainly
-from atra.kernels.gathering.doubts import Precision
-from atra.options import native_packet_widths
+from atra.all_hits.plain import gather_plainly
+from atra.raster.all_hits.crossings import all_crossings
+from atra.raster.all_hits.doubts_kernels import Precision
+from atra.tracing.options import native_packet_widths
 from scenes.special import three_holes
 from tests.closed_meshes import box, cornell_boxes, sphere, view_of
 from tests.meshes import EYE_AT_ORIGIN, beams, boards, joined, quads, random_triangles

@@ -13,7 +13,7 @@ from PIL import Image
 
 import atra
 from atra.errors import InputError
-from atra.geometry.intersection import Intersections, Pairs, intersect_pixels
+from atra.exact.intersection import Intersections, Pairs, intersect_pixels
 from tests.images import make_tracer, trace
 from tests.meshes import EYE_AT_ORIGIN, cornell_box, cornell_camera, random_triangles
 

@@ -17,7 +17,7 @@ import pytest
 import trimesh
 
 from atra.errors import InputError
-from atra.mesh_files.loading import load_mesh
+from atra.files.meshes.loading import load_mesh
 
 ROOT = Path(__file__).resolve().parents[1]
 TRIANGLE = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], "<f4")
@@ -69,7 +69,7 @@ def many_materials_in_comments(folder: Path) -> Path:
 
 READ = """
 import sys
-from atra.mesh_files.loading import load_mesh
+from atra.files.meshes.loading import load_mesh
 for path in sys.argv[1:]:
     try: print(load_mesh(path).triangle_count)
     except Exception as error: print(error)

@@ -22,7 +22,7 @@ from hydra.core.config_store import ConfigStore
 from matplotlib.figure import Figure
 
 import experiments
-from atra.tracers.pixel import PixelTracer
+from atra.packets.pixel import PixelTracer
 from experiments.drawing.figure import FigureKind, of_table
 from experiments.harness.column import WHOLE, Column
 from experiments.harness.configuration import Configuration, read_configuration, register_schema

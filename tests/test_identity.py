@@ -17,9 +17,9 @@ from typing import Any
 import pytest
 from omegaconf import OmegaConf
 
-from atra.bake import Baker
 from atra.errors import InputError
-from atra.tracers.raster import RasterTracer
+from atra.light import Baker
+from atra.raster.tracer import RasterTracer
 from experiments.harness import identity as identities
 from experiments.harness.configuration import Chosen, Configuration, MeasureConfiguration, SceneConfiguration
 from experiments.harness.identity import code_roots, current_environment, identity, read_source

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 import atra
-from atra.embree import instruction_sets
-from atra.embree.instruction_sets import INSTRUCTION_SETS, PACKET_WIDTHS, VARIABLE, instruction_sets_here
+from atra.compiled import instruction_sets
+from atra.compiled.instruction_sets import INSTRUCTION_SETS, PACKET_WIDTHS, VARIABLE, instruction_sets_here
 from atra.embree.library import load_library
 from experiments.harness.environment import describe_difference
 from experiments.harness.identity import current_environment, identity
@@ -49,7 +49,7 @@ def test_embree_and_numba_are_held_to(name):
         [
             "-c",
             "from atra.embree.library import load_library\n"
-            "from atra.kernels.exact.brute_force import nearest_triangles\n"
+            "from atra.exact.brute_force_kernels import nearest_triangles\n"
             "import numpy as np\n"
             "print(load_library().native_packet_widths)\n"
             "z = np.zeros((3, 1)); t = np.zeros((1, 3)); counter = np.zeros(1, np.int64)\n"

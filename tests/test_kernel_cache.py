@@ -17,36 +17,50 @@ import numba
 import pytest
 
 import atra
-from atra.alignment import culling_kernels as copies
+from atra.alignment import aligned_kernels, culling_kernels, visibility_kernels
+from atra.all_hits.taking_kernels import LAYERS
+from atra.compiled import intrinsics, store, vectors
 from atra.embree import layout
-from atra.kernels import caching, intrinsics, planning, rays, ties, tiles, tracing, verifying, visible
-from atra.kernels.exact import brute_force, surface
-from atra.kernels.gathering import doubts, shooting
-from atra.kernels.gathering.drawing import gathering_kernel
-from atra.kernels.gathering.taking import LAYERS
-from atra.kernels.raster import drawing, exact, spans, vectors
-from atra.kernels.raster.drawing import drawing_kernel
-from atra.kernels.shading import lighting, paths
+from atra.exact import brute_force_kernels, edges_kernels, surface_kernels, ties_kernels
+from atra.geometry import projection_kernels
+from atra.light.pictures import lighting_kernels, path_kernels
+from atra.packets import pixel_kernels, shooting_kernels, tiles_kernels
+from atra.raster import drawing, spans
+from atra.raster.all_hits import doubts_kernels
+from atra.raster.all_hits.drawing_kernels import gathering_kernel
+from atra.raster.drawing import drawing_kernel
+from atra.rays import rays_kernels
 
 KERNELS = {
     **{
         f"{module.__name__}.{name}": value
-        for module in (brute_force, surface, lighting, paths, planning, copies, ties, tiles, tracing, visible)
+        for module in (
+            brute_force_kernels,
+            surface_kernels,
+            lighting_kernels,
+            path_kernels,
+            projection_kernels,
+            culling_kernels,
+            ties_kernels,
+            tiles_kernels,
+            pixel_kernels,
+            visibility_kernels,
+        )
         for name, value in vars(module).items()
         if getattr(value, "targetoptions", {}).get("nogil")
     },
-    "pixel_kernel": tracing.pixel_kernel(4, 2),
-    "aligned_kernel": verifying.aligned_kernel(4, 2),
-    "tile_kernel": tiles.tile_kernel(4, 2),
-    "closest_hit_kernel": rays.closest_hit_kernel(4),
-    "occlusion_kernel": rays.occlusion_kernel(4),
-    "trace_kernel": paths.trace_kernel(4),
-    "lighting_kernel": lighting.lighting_kernel(4),
-    "verify_kernel": verifying.verify_kernel(4, 2),
+    "pixel_kernel": pixel_kernels.pixel_kernel(4, 2),
+    "aligned_kernel": aligned_kernels.aligned_kernel(4, 2),
+    "tile_kernel": tiles_kernels.tile_kernel(4, 2),
+    "closest_hit_kernel": rays_kernels.closest_hit_kernel(4),
+    "occlusion_kernel": rays_kernels.occlusion_kernel(4),
+    "trace_kernel": path_kernels.trace_kernel(4),
+    "lighting_kernel": lighting_kernels.lighting_kernel(4),
+    "verify_kernel": aligned_kernels.verify_kernel(4, 2),
     "drawing_kernel": drawing_kernel(4, False),
     "gathering_kernel": gathering_kernel(4, False, LAYERS),
-    "settling_kernel": doubts.settling_kernel(LAYERS),
-    "shooting_kernel": shooting.shooting_kernel(4, 2, False),
+    "settling_kernel": doubts_kernels.settling_kernel(LAYERS),
+    "shooting_kernel": shooting_kernels.shooting_kernel(4, 2, False),
 }
 
 
@@ -60,7 +74,7 @@ def beside_the_source(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize("name", KERNELS)
 def test_a_kernel_is_kept_under_the_stamp_of_its_sources(name: str) -> None:
     path = Path(inspect.getfile(KERNELS[name].py_func))
-    assert caching.source_stamp(path) == KERNELS[name]._cache._cache_file._source_stamp
+    assert store.source_stamp(path) == KERNELS[name]._cache._cache_file._source_stamp
     assert len(KERNELS) > 15
 
 
@@ -78,7 +92,7 @@ def test_a_kernel_closes_over_constants_alone_for_compiled_code_has_another_name
 
 
 def test_a_function_that_kernels_call_is_compiled_without_wrappers_and_python_can_call_it_before_and_after() -> None:
-    called = caching.njit(lambda number: number + 1)
+    called = store.njit(lambda number: number + 1)
     calls = numba.njit(lambda number: 2 * called(number))
     assert (called(3), calls(3), called(3), called(3.5)) == (4, 8, 4, 4.5)
     (compiled,) = called.overloads.values()
@@ -91,10 +105,10 @@ def test_the_sources_of_a_kernel_are_all_files_that_its_own_imports_and_no_other
     def file(module: ModuleType) -> Path:
         return Path(str(module.__file__))
 
-    found = caching.sources(file(drawing))
-    assert found > {file(module) for module in (drawing, spans, exact, vectors)}
-    assert file(tracing) not in found
-    assert file(layout) in caching.sources(file(tracing))
+    found = store.sources(file(drawing))
+    assert found > {file(module) for module in (drawing, spans, edges_kernels, vectors)}
+    assert file(pixel_kernels) not in found
+    assert file(layout) in store.sources(file(pixel_kernels))
 
 
 class SourceAlone(importlib.machinery.SourceFileLoader):
@@ -120,10 +134,10 @@ def test_kept_code_is_run_again_until_another_file_that_it_is_made_of_changes(
 ) -> None:
     path = tmp_path / "made_of_two_files.py"
     stamps = iter((1, 1, 2))
-    monkeypatch.setattr(caching, "source_stamp", lambda path: next(stamps))
+    monkeypatch.setattr(store, "source_stamp", lambda path: next(stamps))
     path.write_text(
         "from numba import njit\n"
-        "from atra.kernels.caching import kernel\n"
+        "from atra.compiled.store import kernel\n"
         "def make(constant):  # stands for what is inlined from another file\n"
         "    global helper\n"
         "    helper = njit(inline='always')(eval(f'lambda: {constant}'))\n"
@@ -145,7 +159,7 @@ def test_kept_code_is_run_again_until_another_file_that_it_is_made_of_changes(
 TWO_KINDS = """
 import ctypes
 from numba import types
-from atra.kernels.caching import callback, kernel
+from atra.compiled.store import callback, kernel
 
 @kernel
 def half(x):
@@ -166,7 +180,7 @@ def read_from_disk():
 @pytest.fixture
 def two_kinds(tmp_path: Path) -> Path:
     """A module of a kernel and a callback."""
-    caching._warn.cache_clear()
+    store._warn.cache_clear()
     path = tmp_path / "two_kinds.py"
     path.write_text(TWO_KINDS)
     return path
@@ -211,7 +225,7 @@ def test_damaged_files_are_compiled_anew_and_replaced(
 
 
 TWO_VARIANTS = """
-from atra.kernels.caching import kernel
+from atra.compiled.store import kernel
 
 def make(number):
     @kernel
@@ -268,8 +282,8 @@ def test_what_cannot_be_kept_is_told_once_and_compiled_anew(
 OF_PARTS = """
 import numpy as np
 from numba import njit
-from atra.kernels.caching import kernel
-from atra.kernels.intrinsics import float_at
+from atra.compiled.store import kernel
+from atra.compiled.intrinsics import float_at
 
 @njit
 def farthest(slopes, box):  # of the corners of a box of two times four numbers, along several ways
@@ -301,7 +315,7 @@ print(sum(farthest_of_each.stats.cache_hits.values()), (found == expected).all()
 def test_code_that_is_kept_finds_what_it_found_when_it_was_compiled(tmp_path: Path) -> None:
     """A function called by a kernel is optimised once more there, and a part of an address is then no null pointer."""
     (tmp_path / "of_parts.py").write_text(OF_PARTS)
-    run = f"import sys; sys.path[:0] = {[str(tmp_path), str(Path(caching.__file__).parents[2])]}; import of_parts"
+    run = f"import sys; sys.path[:0] = {[str(tmp_path), str(Path(store.__file__).parents[2])]}; import of_parts"
     told = [
         subprocess.run([sys.executable, "-c", run], capture_output=True, text=True, check=True).stdout.split(maxsplit=2)
         for _ in range(2)

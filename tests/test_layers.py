@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import atra
-from atra.gathering.crossings import all_crossings
-from atra.gathering.plain import gather_plainly
-from atra.kernels.gathering.drawing import SPARE
+from atra.all_hits.plain import gather_plainly
+from atra.raster.all_hits.crossings import all_crossings
+from atra.raster.all_hits.drawing_kernels import SPARE
 from tests.closed_meshes import sphere
 from tests.meshes import EYE_AT_ORIGIN, joined, quads, random_triangles
 

@@ -13,8 +13,8 @@ import psutil
 import pytest
 
 import atra
+from atra.compiled.threads import WorkerPool
 from atra.embree.device import EmbreeDevice
-from atra.parallel import WorkerPool
 from tests.images import make_tracer
 from tests.meshes import cornell_box, cornell_camera
 from tests.strategies import NIGHTLY

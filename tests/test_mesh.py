@@ -11,8 +11,8 @@ import pytest
 import trimesh
 
 from atra.errors import InputError
+from atra.files.meshes.loading import load_mesh
 from atra.geometry.mesh import Mesh
-from atra.mesh_files.loading import load_mesh
 
 SQUARE = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], np.float32)
 TWO_FACES = np.array([[0, 1, 2], [0, 2, 3]])

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 import trimesh
 
-from atra import reading
 from atra.errors import InputError
-from atra.mesh_files.loading import load_mesh
+from atra.files import reading
+from atra.files.meshes.loading import load_mesh
 
 BOX = trimesh.creation.box()
 

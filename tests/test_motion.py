@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from atra.alignment.alignment import Alignment
-from atra.alignment.split import Split
 from atra.errors import InputError
 from atra.geometry.camera import Camera
+from atra.geometry.split import Split
 from experiments.workloads.multiframe import Motion
 from experiments.workloads.multiframe.motion import (
     EYE_DISTANCE,

@@ -7,12 +7,11 @@ import pytest
 import trimesh
 
 import atra
-from atra.bake import Atlas, Baker, BakeScene
-from atra.bake.charts.texels import Texels
 from atra.bvh.tracer import BvhTracer
 from atra.errors import InputError
 from atra.judge.reference import brute_force
-from atra.render import Sun, constant_sky
+from atra.light import Atlas, Baker, BakeScene, Sun, constant_sky
+from atra.light.lightmaps.charts.texels import Texels
 from atra.shafts.tracer import ClassifiedTracer
 from tests.images import assert_no_pixel_wrong
 from tests.meshes import quads

@@ -7,7 +7,7 @@ from functools import partial
 import pytest
 
 import atra
-from atra.tracers.base import EmbreeTracer
+from atra.tracing.base import EmbreeTracer
 from tests.meshes import cornell_box, cornell_camera
 
 MESH, CAMERA, SPLIT = cornell_box(), cornell_camera(16, 16), (4, 1)

@@ -8,8 +8,8 @@ import threading
 
 import pytest
 
-import atra.parallel
-from atra.parallel import WorkerPool
+import atra.compiled.threads
+from atra.compiled.threads import WorkerPool
 
 on_linux = pytest.mark.skipif(sys.platform != "linux", reason="only there threads are given cores")
 
@@ -45,7 +45,7 @@ def test_other_threads_are_kept_off_the_core_of_the_caller_wherever_it_runs(monk
     pool = WorkerPool(3)
     ids = threads_of(pool)  # starts the threads, which have no core given before their first run ends
     for core, others in ((5, {2, 7}), (7, {2, 5}), (7, {2, 5})):
-        monkeypatch.setattr(atra.parallel, "core_of_caller", lambda core=core: core)
+        monkeypatch.setattr(atra.compiled.threads, "core_of_caller", lambda core=core: core)
         threads_of(pool)
         assert given == {ids[1]: others, ids[2]: others}
     pool.close()
@@ -59,7 +59,7 @@ def test_threads_that_are_more_than_cores_may_run_on_all_of_them(
     given: dict[int, set[int]] = {}
     monkeypatch.setattr(os, "sched_getaffinity", lambda _: cores)
     monkeypatch.setattr(os, "sched_setaffinity", given.__setitem__)
-    monkeypatch.setattr(atra.parallel, "core_of_caller", lambda: 3)
+    monkeypatch.setattr(atra.compiled.threads, "core_of_caller", lambda: 3)
     pool = WorkerPool(3)
     threads_of(pool)
     ids = threads_of(pool)

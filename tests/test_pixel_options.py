@@ -9,7 +9,7 @@ import pytest
 
 import atra
 from atra.embree.library import load_library
-from atra.tracers.rays import SQUAREST_SHAPE, pixel_tiles
+from atra.tracing.rays import SQUAREST_SHAPE, pixel_tiles
 from tests.images import assert_equal_images, assert_same_bits, trace, trace_pixels
 from tests.meshes import cornell_box, cornell_camera, random_triangles
 

@@ -15,11 +15,11 @@ import pytest
 import atra
 from atra.embree.scene import EmbreeScene
 from atra.errors import InputError, MemoryBudgetError
-from atra.kernels.raster.frames import Scratch
 from atra.planner.choice import ALIGNED, PACKETS, RASTER, VISIBLE_FIRST, Choice, candidates
 from atra.planner.measuring import HIGH_QUALITY_COST, Trial, clock_for, measure
 from atra.planner.plan import Forecast, Plan
 from atra.planner.planning import FEWEST_FRAMES, warm_up
+from atra.raster.frames import Scratch
 from tests.images import assert_no_pixel_wrong, trace_pixels
 from tests.meshes import EYE_AT_ORIGIN, cornell_box, cornell_camera, quads
 
@@ -241,7 +241,7 @@ def test_no_trial_pays_for_what_is_kept_with_the_mesh(monkeypatch: pytest.Monkey
     mesh, kept = cornell_box(), []
 
     def note_what_is_kept(self: Trial, clock: object) -> None:
-        kept.append(mesh in atra.judge.ties._found and "without_area" in vars(mesh))
+        kept.append(mesh in atra.exact.ties._found and "without_area" in vars(mesh))
         start(self, clock)  # type: ignore[arg-type]
 
     start = Trial.start
@@ -254,7 +254,7 @@ def test_overlaps_are_found_only_for_lowest_ties() -> None:
     for ties in ("any", "lowest"):
         mesh = cornell_box()
         atra.plan(mesh, cornell_camera(64, 64), budget_s=0.05, ties=ties)
-        assert (mesh in atra.judge.ties._found) == (ties == "lowest")
+        assert (mesh in atra.exact.ties._found) == (ties == "lowest")
 
 
 @pytest.mark.parametrize("size", [(64, 64), (60, 45)], ids=str)  # the latter with rows longer in memory than the image
@@ -264,7 +264,7 @@ def test_the_kernel_of_ties_is_compiled_before_a_trial(size: tuple[int, int], mo
     def note_types(*arguments: object) -> None:
         compiled.add(tuple(numba.typeof(one) for one in arguments))
 
-    monkeypatch.setattr(atra.judge.ties, "settle_ties", note_types)
+    monkeypatch.setattr(atra.exact.ties, "settle_ties", note_types)
     mesh, camera = quads([wall(2, 1.0), wall(2, 1.5)]), square_camera(*size)
     for choice in candidates(camera):
         compiled.clear()
@@ -314,7 +314,7 @@ def test_the_tracer_of_every_choice_traces_the_image_of_single_rays(choice: Choi
 
 
 def test_a_mesh_of_too_many_overlaps_is_planned_and_traced_with_any_ties(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(atra.judge.ties, "MOST_PAIRS", 2)
+    monkeypatch.setattr(atra.exact.ties, "MOST_PAIRS", 2)
     mesh = quads([wall(2, half) for half in (1.0, 1.25, 1.5)])  # of which more pairs overlap
     with pytest.raises(MemoryBudgetError, match='ties "any"'):
         atra.plan(mesh, square_camera())

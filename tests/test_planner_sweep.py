@@ -141,7 +141,7 @@ def test_a_point_passes_its_ties_on_to_plans_and_tracers(monkeypatch: pytest.Mon
     def refuse(_: object) -> None:
         raise AssertionError("nobody may ask for ties")
 
-    for module in ("atra.judge.ties", "atra.tracers.base"):
+    for module in ("atra.exact.ties", "atra.tracing.base"):
         monkeypatch.setattr(f"{module}.coplanar_overlaps", refuse)
     measured = measure_point(toy_point(ties=Ties.any))
     assert measured.results["planned"]["ties"] == "any"

@@ -13,11 +13,11 @@ from hypothesis import strategies as st
 import atra
 from atra.alignment.alignment import Alignment
 from atra.alignment.culling import plan_aligned_geometry
+from atra.compiled.threads import WorkerPool
 from atra.embree.library import load_library
-from atra.geometry.intersection import intersect_pixels
+from atra.exact.intersection import intersect_pixels
 from atra.judge.compare import Verdict
 from atra.judge.reference import brute_force
-from atra.parallel import WorkerPool
 from tests import images
 from tests.strategies import EXAMPLES, parallel_views, views
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import atra
-from atra.embree.instruction_sets import native_lanes
+from atra.compiled.instruction_sets import native_lanes
 from atra.judge.reference import brute_force
 from tests.images import HELD, assert_equal_images, trace_pixels
 from tests.meshes import (

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import atra
-from atra.kernels.raster.clusters import CLUSTER, POINT_BYTES, clusters_of
-from atra.parallel import WorkerPool
+from atra.compiled.threads import WorkerPool
+from atra.raster.clusters import CLUSTER, POINT_BYTES, clusters_of
 from tests.images import assert_same_bits
 from tests.meshes import EYE_AT_ORIGIN, beams, boards, cornell_box, joined, quads, random_triangles
 from tests.test_raster import every_width_the_native_quick

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import atra
-from atra.kernels.raster.exact import SUMMANDS, first_beyond, side, turn
+from atra.exact.edges_kernels import SUMMANDS, first_beyond, side, turn
 from tests.meshes import EYE_AT_ORIGIN
 from tests.test_raster import draw, every_width
 

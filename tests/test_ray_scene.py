@@ -9,12 +9,12 @@ import pytest
 
 import atra
 import atra.rays.scene
-from atra.embree.instruction_sets import chosen_instruction_set, cpu_features
+from atra.compiled.instruction_sets import chosen_instruction_set, cpu_features
 from atra.embree.layout import FLAG_COHERENT
 from atra.embree.library import load_library
-from atra.geometry.intersection import intersect_rays
-from atra.kernels.exact.brute_force import nearest_triangles
-from atra.kernels.rays import CELLS, CHUNK, SORTED_CHUNK
+from atra.exact.brute_force_kernels import nearest_triangles
+from atra.exact.intersection import intersect_rays
+from atra.rays.rays_kernels import CELLS, CHUNK, SORTED_CHUNK
 from atra.rays.scene import FEWEST_RAYS, box_of
 from tests.images import assert_no_pixel_wrong, assert_same_bits, trace
 from tests.meshes import EYE_AT_ORIGIN, boards, cornell_box, cornell_camera, quads, random_triangles

@@ -15,10 +15,10 @@ import numpy as np
 import pytest
 
 import atra
-from atra import reading
 from atra.errors import InputError
-from atra.reading import LEAST_BYTES, MEMORY_PER_BYTE, VARIABLE, Allowance, parse_json
-from atra.render import PanoramaSky
+from atra.files import reading
+from atra.files.reading import LEAST_BYTES, MEMORY_PER_BYTE, VARIABLE, Allowance, parse_json
+from atra.light import PanoramaSky
 from tests.test_hostile_meshes import gltf
 from tests.test_sky_files import exr_of, openexr
 

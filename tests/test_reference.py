@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from atra.errors import InputError
+from atra.exact.intersection import intersect_pixels
 from atra.geometry.camera import Camera
-from atra.geometry.intersection import intersect_pixels
 from atra.geometry.mesh import Mesh
 from atra.geometry.orthographic import OrthographicCamera
 from atra.judge.reference import brute_force

@@ -12,7 +12,7 @@ import pytest
 import trimesh
 
 import atra
-from atra import render
+from atra import light as render
 from tests.meshes import quads
 from tests.shown import BLACK, down, floor, floor_points, hybrid, room, sphere, traced
 

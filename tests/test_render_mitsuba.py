@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import atra
-from atra import render
+from atra import light
 from experiments.workloads.render.mitsuba import mitsuba_scene
 from scenes.atrium import ATRIUM_CAMERA, atrium
 from scenes.lit.weekend import WEEKEND_CAMERA, outwards, weekend
@@ -34,14 +34,12 @@ def of_mitsuba(scene, camera):
 def cornell():
     mesh = cornell_box()
     materials = [
-        render.Lambertian((0.73, 0.7, 0.65)), render.Lambertian((0.65, 0.05, 0.05)),
-        render.Lambertian((0.12, 0.45, 0.15)), render.Emissive((9.0, 8.0, 6.0)), render.Metal((0.9, 0.8, 0.7)),
+        light.Lambertian((0.73, 0.7, 0.65)), light.Lambertian((0.65, 0.05, 0.05)),
+        light.Lambertian((0.12, 0.45, 0.15)), light.Emissive((9.0, 8.0, 6.0)), light.Metal((0.9, 0.8, 0.7)),
     ]  # fmt: skip
     numbers = np.zeros(mesh.triangle_count, int)
     numbers[6:8], numbers[8:10], numbers[10:12], numbers[24:] = 1, 2, 3, 4
-    return render.RenderScene(mesh, materials, numbers, sky=render.constant_sky((0.2, 0.3, 0.4))), cornell_camera(
-        32, 32
-    )
+    return light.RenderScene(mesh, materials, numbers, sky=light.constant_sky((0.2, 0.3, 0.4))), cornell_camera(32, 32)
 
 
 def three_balls():
@@ -50,19 +48,19 @@ def three_balls():
     mesh = joined(quads([floor(8.0)]), *balls)
     numbers = np.repeat([0, 1, 2, 3], [2, *(part.triangle_count for part in balls)])
     materials = [
-        render.Lambertian((0.5, 0.6, 0.3)), render.Lambertian((0.4, 0.2, 0.1)), render.Dielectric(1.5),
-        render.Metal((0.7, 0.6, 0.5)),
+        light.Lambertian((0.5, 0.6, 0.3)), light.Lambertian((0.4, 0.2, 0.1)), light.Dielectric(1.5),
+        light.Metal((0.7, 0.6, 0.5)),
     ]  # fmt: skip
-    scene = render.RenderScene(mesh, materials, numbers, sky=render.constant_sky((0.5, 0.7, 1.0)))
+    scene = light.RenderScene(mesh, materials, numbers, sky=light.constant_sky((0.5, 0.7, 1.0)))
     return scene, atra.Camera((3, 2.5, 6), (0, 0.8, 0), fov_y_degrees=40, width=48, height=32)
 
 
 def book():
     """The weekend's scene without fuzz, chequers and a sky of two colours, which Mitsuba's plain materials have not."""
     scene = weekend(segments=8)
-    plain = [render.Lambertian((0.5, 0.6, 0.5)), *scene.materials[1:]]
-    plain = [render.Metal(one.colour) if isinstance(one, render.Metal) else one for one in plain]
-    shown = replace(scene, materials=plain, sky=render.constant_sky((0.6, 0.7, 1.0)), normals=None, uv=None)
+    plain = [light.Lambertian((0.5, 0.6, 0.5)), *scene.materials[1:]]
+    plain = [light.Metal(one.colour) if isinstance(one, light.Metal) else one for one in plain]
+    shown = replace(scene, materials=plain, sky=light.constant_sky((0.6, 0.7, 1.0)), normals=None, uv=None)
     return shown, atra.Camera(**WEEKEND_CAMERA, width=48, height=32)
 
 
@@ -71,8 +69,8 @@ def hall():
     mesh = atrium()
     heights = mesh.vertices[mesh.faces][:, :, 1].mean(axis=1)
     is_high = heights > 0.55 * heights.max()
-    materials = [render.Lambertian((0.7, 0.6, 0.5)), render.Emissive((1.0, 0.9, 0.8))]
-    scene = render.RenderScene(mesh, materials, is_high.astype(int), sky=render.constant_sky(0.0))
+    materials = [light.Lambertian((0.7, 0.6, 0.5)), light.Emissive((1.0, 0.9, 0.8))]
+    scene = light.RenderScene(mesh, materials, is_high.astype(int), sky=light.constant_sky(0.0))
     return scene, atra.Camera(**ATRIUM_CAMERA, width=32, height=24)
 
 

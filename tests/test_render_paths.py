@@ -9,26 +9,26 @@ import numpy as np
 import pytest
 
 import atra
-from atra import render
-from atra.kernels.shading import numbers
+from atra import light
+from atra.light import numbers_kernels
 from tests.meshes import quads, random_triangles
 from tests.shown import BLACK, batches, down, floor, room, sphere, traced
 
-WHITE_SKY = render.constant_sky(1.0)
+WHITE_SKY = light.constant_sky(1.0)
 AT_BALL = atra.Camera((0, 0, 4), (0, 0, 0), fov_y_degrees=40, width=16, height=16)
 
 
 @pytest.mark.parametrize("smooth", [True, False])
 @pytest.mark.parametrize("material", [
-    render.Lambertian(1.0), render.Metal(1.0), render.Dielectric(1.5), render.Dielectric(1.5, "schlick"),
-    render.Dielectric(0.7),
+    light.Lambertian(1.0), light.Metal(1.0), light.Dielectric(1.5), light.Dielectric(1.5, "schlick"),
+    light.Dielectric(0.7),
 ])  # fmt: skip
 def test_in_a_furnace_what_absorbs_nothing_cannot_be_seen(material, smooth):
     image = traced(sphere(material, WHITE_SKY, smooth), AT_BALL, 4, max_depth=1000)
     np.testing.assert_allclose(image, 1.0, atol=1e-4)
 
 
-@pytest.mark.parametrize("material", [render.Lambertian(1.0), render.Metal(1.0)])
+@pytest.mark.parametrize("material", [light.Lambertian(1.0), light.Metal(1.0)])
 def test_no_shading_normal_sends_light_into_a_ball(material):
     image = traced(sphere(material, WHITE_SKY, segments=8), AT_BALL, 8, max_depth=2)  # one bounce, and out
     np.testing.assert_allclose(image, 1.0, atol=1e-4)
@@ -36,37 +36,37 @@ def test_no_shading_normal_sends_light_into_a_ball(material):
 
 @pytest.mark.parametrize("directions", ["cosine", "uniform"])
 def test_a_white_floor_sees_the_sky_by_the_cosine(directions):
-    sky = render.GradientSky((0, 0, 0), (1, 1, 1))  # (1 + y) / 2, where the mean of y, by the cosine, is 2 / 3
-    scene = render.RenderScene(quads([floor()]), [render.Lambertian(1.0, directions)], sky=sky)
+    sky = light.GradientSky((0, 0, 0), (1, 1, 1))  # (1 + y) / 2, where the mean of y, by the cosine, is 2 / 3
+    scene = light.RenderScene(quads([floor()]), [light.Lambertian(1.0, directions)], sky=sky)
     assert abs(traced(scene, down(8), 256, max_depth=2).mean() - 5 / 6) < 0.01
 
 
 @pytest.mark.parametrize("directions", ["cosine", "uniform"])
 def test_a_grey_ball_in_a_furnace_is_as_bright_as_its_albedo(directions):
-    image = traced(sphere(render.Lambertian(0.3, directions), WHITE_SKY, smooth=False), AT_BALL, 256)
+    image = traced(sphere(light.Lambertian(0.3, directions), WHITE_SKY, smooth=False), AT_BALL, 256)
     spread = 0.01 if directions == "cosine" else 0.08
     np.testing.assert_allclose(image[7:9, 7:9], 0.3, atol=spread)
     assert abs(image[4:12, 4:12].mean() - 0.3) < spread / 8
 
 
 def test_a_lamp_shines_to_its_front_alone_and_what_it_does_not_reach_is_dark():
-    lamp = replace(room(render.Emissive((2.0, 1.0, 0.5))), sky=BLACK)
+    lamp = replace(room(light.Emissive((2.0, 1.0, 0.5))), sky=BLACK)
     inside = atra.Camera((0, 0, 0), (1, 0.2, 0.1), width=4, height=4)
     np.testing.assert_allclose(traced(lamp, inside, 1), np.broadcast_to([2.0, 1.0, 0.5], (4, 4, 3)))
-    assert (traced(room(render.Lambertian(0.9), WHITE_SKY), inside, 4, max_depth=50) == 0).all()
+    assert (traced(room(light.Lambertian(0.9), WHITE_SKY), inside, 4, max_depth=50) == 0).all()
     behind = atra.Mesh(lamp.mesh.vertices, lamp.mesh.faces[:, ::-1])
     assert (traced(replace(lamp, mesh=behind), inside, 1) == 0).all()
 
 
 def test_the_depth_counts_rays():
-    scene = render.RenderScene(quads([floor()]), [render.Lambertian(0.5)], sky=WHITE_SKY)
+    scene = light.RenderScene(quads([floor()]), [light.Lambertian(0.5)], sky=WHITE_SKY)
     assert (traced(scene, down(4), 2, max_depth=1) == 0).all()
     np.testing.assert_allclose(traced(scene, down(4), 2, max_depth=2), 0.5)
 
 
 def test_a_mirror_shows_the_sky_where_the_mirrored_ray_points():
-    sky = render.GradientSky((0.0, 0.25, 1.0), (1.0, 0.5, 0.0))
-    scene = render.RenderScene(quads([floor()]), [render.Metal((0.5, 1.0, 0.25))], sky=sky)
+    sky = light.GradientSky((0.0, 0.25, 1.0), (1.0, 0.5, 0.0))
+    scene = light.RenderScene(quads([floor()]), [light.Metal((0.5, 1.0, 0.25))], sky=sky)
     camera = down(16, fov=90)
     image = traced(scene, camera, 1, max_depth=2)
     y, x = np.mgrid[:16, :16]
@@ -78,8 +78,8 @@ def test_a_mirror_shows_the_sky_where_the_mirrored_ray_points():
 
 def test_two_mirrors_in_a_row_multiply():
     wall = [(0, 0, 50), (0, 50, 50), (0, 50, -50), (0, 0, -50)]
-    mirrors = [render.Metal((0.5, 1.0, 0.75)), render.Metal((0.25, 0.5, 1.0))]
-    scene = render.RenderScene(quads([floor(), wall]), mirrors, [0, 0, 1, 1], sky=WHITE_SKY)
+    mirrors = [light.Metal((0.5, 1.0, 0.75)), light.Metal((0.25, 0.5, 1.0))]
+    scene = light.RenderScene(quads([floor(), wall]), mirrors, [0, 0, 1, 1], sky=WHITE_SKY)
     camera = atra.OrthographicCamera((3, 2, 0), (1, 0, 0), (0, 0, 1), 0.5, 4, 4)
     for order in ("depth_first", "waves"):
         image = traced(scene, camera, 1, order=order)  # to the floor, the wall and the sky
@@ -100,7 +100,7 @@ def test_a_slab_of_glass_passes_what_fresnel_s_equations_leave(degrees):
     slab = [floor(30, 0.0), [*reversed(floor(30, -0.5))]]
     lamp = floor(200, -2.0)
     mesh = quads([*slab, lamp])
-    scene = render.RenderScene(mesh, [render.Dielectric(1.5), render.Emissive()], [0, 0, 0, 0, 1, 1], sky=BLACK)
+    scene = light.RenderScene(mesh, [light.Dielectric(1.5), light.Emissive()], [0, 0, 0, 0, 1, 1], sky=BLACK)
     tilt = np.radians(degrees)
     camera = atra.OrthographicCamera((0, 4, 0), (4 * np.tan(tilt), 0, 0), (0, 0, -1), 0.5, 8, 8)
     r = reflectance(np.cos(tilt), 1.5, "exact")
@@ -113,10 +113,10 @@ def test_a_slab_of_glass_passes_what_fresnel_s_equations_leave(degrees):
 def test_one_surface_of_glass_mirrors_what_fresnel_or_schlick_says():
     for fresnel in ("exact", "schlick"):
         # From above, what is mirrored sees the white sky, and what passes falls into the dark.
-        sky = render.GradientSky((0, 0, 0), (0, 0, 0))
-        glass = render.Dielectric(1.5, fresnel)
+        sky = light.GradientSky((0, 0, 0), (0, 0, 0))
+        glass = light.Dielectric(1.5, fresnel)
         mesh = quads([floor(), floor(200, 30.0)[::-1]])
-        scene = render.RenderScene(mesh, [glass, render.Emissive()], [0, 0, 1, 1], sky=sky)
+        scene = light.RenderScene(mesh, [glass, light.Emissive()], [0, 0, 1, 1], sky=sky)
         for degrees in (0.0, 70.0):
             tilt = np.radians(degrees)
             camera = atra.OrthographicCamera((0, 1, 0), (np.tan(tilt), 0, 0), (0, 0, -1), 0.2, 8, 8)
@@ -126,7 +126,7 @@ def test_one_surface_of_glass_mirrors_what_fresnel_or_schlick_says():
 
 
 def test_fuzz_absorbs_what_falls_below_the_surface_and_blurs_the_rest():
-    scene = render.RenderScene(quads([floor()]), [render.Metal(1.0, 0.9)], sky=WHITE_SKY)
+    scene = light.RenderScene(quads([floor()]), [light.Metal(1.0, 0.9)], sky=WHITE_SKY)
     straight = traced(scene, down(8, fov=5), 64)
     np.testing.assert_allclose(straight, 1.0)  # a sphere of 0.9 around the tip of the normal lies above the surface
     grazing = atra.OrthographicCamera((0, 1, 0), (40, 0, 0), (0, 0, -1), 0.001, 8, 8)
@@ -135,10 +135,10 @@ def test_fuzz_absorbs_what_falls_below_the_surface_and_blurs_the_rest():
 
 
 def test_fuzz_below_the_surface_passes_where_it_is_told_to():
-    metal = render.Metal(1.0, 0.9, below="passes")
-    halves = render.GradientSky((0.0, 0.0, 0.0), (2.0, 2.0, 2.0))  # 1 + y
+    metal = light.Metal(1.0, 0.9, below="passes")
+    halves = light.GradientSky((0.0, 0.0, 0.0), (2.0, 2.0, 2.0))  # 1 + y
     for sky, expected in ((WHITE_SKY, 1.0), (halves, 1.0)):  # heights of a sphere about 0 cancel each other
-        scene = render.RenderScene(quads([floor()]), [metal], sky=sky)
+        scene = light.RenderScene(quads([floor()]), [metal], sky=sky)
         grazing = atra.OrthographicCamera((0, 1, 0), (40, 0, 0), (0, 0, -1), 0.001, 8, 8)
         image = traced(scene, grazing, 64, max_depth=2)
         assert abs(image.mean() - expected) < (1e-5 if sky is WHITE_SKY else 0.05)
@@ -150,18 +150,18 @@ def busy(count=300):
     """Triangles of all materials about the origin."""
     mesh = random_triangles(count, 5, size=0.8)
     materials = [
-        render.Lambertian((0.8, 0.6, 0.4)), render.Metal((0.9, 0.8, 0.7), 0.2), render.Dielectric(1.5),
-        render.Emissive((3.0, 2.0, 1.0)), render.Lambertian((0.2, 0.4, 0.9), "uniform"),
+        light.Lambertian((0.8, 0.6, 0.4)), light.Metal((0.9, 0.8, 0.7), 0.2), light.Dielectric(1.5),
+        light.Emissive((3.0, 2.0, 1.0)), light.Lambertian((0.2, 0.4, 0.9), "uniform"),
     ]  # fmt: skip
-    return render.RenderScene(mesh, materials, np.arange(count) % 5, lights=[render.Sun((0.3, -1, 0.2), 2.0)])
+    return light.RenderScene(mesh, materials, np.arange(count) % 5, lights=[light.Sun((0.3, -1, 0.2), 2.0)])
 
 
-WAVES = partial(render.PathRenderer, order="waves")
+WAVES = partial(light.PathRenderer, order="waves")
 
 BUSY_CAMERA = atra.Camera((0.1, 0.2, -7), (0, 0, 0), fov_y_degrees=50, width=96, height=64)
 
 
-@pytest.mark.parametrize("kind", [render.PathRenderer, WAVES, render.HybridRenderer])
+@pytest.mark.parametrize("kind", [light.PathRenderer, WAVES, light.HybridRenderer])
 def test_threads_and_waves_change_no_bit(kind):
     scene, pictures = busy(), set()
     for threads, wave_rays in ((1, 2048), (1, 4096), (1, 1 << 20), (2, 2048), (3, 4096)):
@@ -172,7 +172,7 @@ def test_threads_and_waves_change_no_bit(kind):
     assert len(pictures) == 1
 
 
-@pytest.mark.parametrize("kind", [render.PathRenderer, WAVES, render.HybridRenderer])
+@pytest.mark.parametrize("kind", [light.PathRenderer, WAVES, light.HybridRenderer])
 def test_methods_that_see_the_same_make_the_same_bits(kind):
     scene = busy()
     methods = {
@@ -208,7 +208,7 @@ def test_jitter_of_each_pixel_s_own_converges_to_the_shared_one_s_picture():
     assert (np.abs(shared.mean(axis=0) - own.mean(axis=0)) < 5 * error).all()
 
 
-@pytest.mark.parametrize("kind", [render.PathRenderer, render.HybridRenderer])
+@pytest.mark.parametrize("kind", [light.PathRenderer, light.HybridRenderer])
 def test_samples_added_in_parts_are_those_added_at_once(kind):
     with kind(busy(), BUSY_CAMERA, threads=1) as parts, kind(busy(), BUSY_CAMERA, threads=1) as whole:
         for _ in range(4):
@@ -232,9 +232,11 @@ def test_the_error_falls_with_the_square_root_of_the_samples():
 
 
 def test_samples_and_dimensions_are_uncorrelated_and_even():
-    keys = [np.array([numbers.key_of(p, s * 0x9E3779B9 & 0xFFFFFFFF) for p in range(4096)]) for s in (0, 1)]
+    keys = [np.array([numbers_kernels.key_of(p, s * 0x9E3779B9 & 0xFFFFFFFF) for p in range(4096)]) for s in (0, 1)]
     streams = [
-        np.array([numbers.unit_of(numbers.bits_of(key, d)) for key in of_sample]) for of_sample in keys for d in (0, 1)
+        np.array([numbers_kernels.unit_of(numbers_kernels.bits_of(key, d)) for key in of_sample])
+        for of_sample in keys
+        for d in (0, 1)
     ]
     for k, one in enumerate(streams):
         assert one.min() >= 0
@@ -248,6 +250,6 @@ def test_samples_and_dimensions_are_uncorrelated_and_even():
 
 def test_the_circle_is_one():
     turns = np.linspace(0, 1, 1001, endpoint=False).astype(np.float32)
-    found = np.array([numbers.circle(turn) for turn in turns])
+    found = np.array([numbers_kernels.circle(turn) for turn in turns])
     expected = np.stack([np.cos(2 * np.pi * turns.astype(float)), np.sin(2 * np.pi * turns.astype(float))], 1)
     np.testing.assert_allclose(found, expected, atol=4e-7)

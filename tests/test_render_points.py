@@ -12,8 +12,8 @@ import pytest
 from PIL import Image
 
 from atra.errors import InputError
-from atra.render import Metal
-from atra.saving import encode_exr
+from atra.files.saving import encode_exr
+from atra.light import Metal
 from experiments import cli
 from experiments.harness.configuration import Chosen, Configuration, MeasureConfiguration, SceneConfiguration
 from experiments.harness.points import PlannedPoint, plan_points

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 import atra
-from atra import render
-from atra.render import materials
-from atra.render.film import Film
-from atra.render.pictures import srgb_of
-from atra.render.reuse.carrying import carried
+from atra import light as render
+from atra.light import materials
+from atra.light.pictures.carrying import carried
+from atra.light.pictures.files import srgb_of
+from atra.light.pictures.film import Film
 from tests.meshes import quads
 from tests.shown import BLACK, down, floor, hybrid, sphere
 

@@ -14,8 +14,8 @@ import pytest
 from PIL import Image
 
 import atra
-from atra import render
-from atra.render.pictures import srgb_of
+from atra import light
+from atra.light.pictures.files import srgb_of
 from scenes.lit.weekend import WEEKEND_CAMERA, weekend
 from tests.meshes import quads
 from tests.shown import down, floor
@@ -24,54 +24,54 @@ MESH = quads([floor(1.0)])
 NAN = float("nan")
 
 WRONG = [
-    (lambda: render.Lambertian((0.5, 1.1, 0.5)), "colour of Lambertian is 1.1, expected .* at most 1"),
-    (lambda: render.Lambertian((0.5, NAN, 0.5)), "colour of Lambertian"),
-    (lambda: render.Lambertian("red"), "colour of Lambertian is 'red', expected three numbers"),
-    (lambda: render.Lambertian(0.5, "sideways"), "directions of Lambertian is 'sideways', expected one of cosine"),
-    (lambda: render.Metal(0.5, 1.5), "fuzz of Metal is 1.5"),
-    (lambda: render.Metal(0.5, -0.1), "fuzz of Metal is -0.1"),
-    (lambda: render.Metal(0.5, 0.1, "under"), "below of Metal is 'under', expected one of absorbed, passes"),
-    (lambda: render.Dielectric(0.0), "ior of Dielectric is 0.0, expected a finite number above 0"),
-    (lambda: render.Dielectric(NAN), "ior of Dielectric is nan"),
-    (lambda: render.Dielectric(1.5, "none"), "fresnel of Dielectric is 'none'"),
-    (lambda: render.Emissive((1, -1, 0)), "colour of Emissive is -1"),
-    (lambda: render.Emissive((1, np.inf, 0)), "colour of Emissive"),
-    (lambda: render.Checker((1, 1, 1), (0, 0, 0), 0.0), "scale of a checker is 0.0"),
-    (lambda: render.Image(np.zeros((2, 2))), r"texels of an image has shape \(2, 2\)"),
-    (lambda: render.Image(np.full((1, 2, 3), [[[0, 0, 0], [0, 2, 0]]])), "at column 1 of row 0"),
-    (lambda: render.GradientSky((1, 1, 1), (NAN, 0, 0)), "above of a sky"),
-    (lambda: render.GradientSky(power=-1), "power of a sky is -1"),
-    (lambda: render.PanoramaSky(np.full((1, 1, 3), NAN)), "texels of a sky"),
-    (lambda: render.Sun((0, 0, 0)), r"direction of Sun is \(0.0, 0.0, 0.0\), expected a direction of non-zero length"),
-    (lambda: render.Sun((0, -1, 0), 50), "angle_degrees of Sun is 50"),
-    (lambda: render.PointLight((0, NAN, 0)), "position of PointLight"),
-    (lambda: render.SphereLight((0, 1, 0), 0.0), "radius of SphereLight is 0.0"),
-    (lambda: render.SphereLight((0, 1, 0), 1.0, power=-2), "power of SphereLight is -2"),
-    (lambda: render.RenderScene(None), "mesh is None"),
-    (lambda: render.RenderScene(MESH, []), "no materials"),
-    (lambda: render.RenderScene(MESH, ["grey"]), "material 0 is 'grey'"),
-    (lambda: render.RenderScene(MESH, face_materials=[0]), r"face_materials is int64 of \(1,\), expected .* \(2,\)"),
-    (lambda: render.RenderScene(MESH, face_materials=[0, 1]), "face 1 is made of material 1, but there are 1"),
-    (lambda: render.RenderScene(MESH, face_materials=[0.0, 0.0]), "face_materials is float64"),
-    (lambda: render.RenderScene(MESH, lights=[MESH]), "a light is Mesh"),
-    (lambda: render.RenderScene(MESH, sky="blue"), "sky is 'blue'"),
-    (lambda: render.RenderScene(MESH, normals=np.zeros((8, 3))), "normals have shape"),
-    (lambda: render.RenderScene(MESH, normals=[(0, 1, 0)] * 3 + [(0, 0, 0)]), "normal of vertex 3 is zero"),
-    (lambda: render.RenderScene(MESH, normals=[(0, 1, 0)] * 3 + [(0, NAN, 0)]), "normals of vertex 3"),
-    (lambda: render.RenderScene(MESH, [render.Lambertian(render.Checker(1, 0))]), "material 0 has a texture, exp"),
-    (lambda: render.PathOptions(max_depth=0), "max_depth is 0"),
-    (lambda: render.PathOptions(order="sideways"), "order is 'sideways'"),
-    (lambda: render.PathOptions(jitter="none"), "jitter is 'none', expected one of shared, off, pixel"),
-    (lambda: render.HybridOptions(jitter="pixel"), "jitter is 'pixel', expected one of shared, off"),
-    (lambda: render.PathOptions(wave_rays=1000), "wave_rays is 1000, expected a multiple of 2048"),
-    (lambda: render.HybridOptions(occlusion_rays=65), "occlusion_rays is 65"),
-    (lambda: render.HybridOptions(shadow_rays=-1), "shadow_rays is -1"),
-    (lambda: render.HybridOptions(occlusion_length=0.0), "occlusion_length is 0.0"),
-    (lambda: render.HybridOptions(occlusion_length=NAN), "occlusion_length is nan"),
-    (lambda: render.HybridOptions(shadow_length=-1.0), "shadow_length is -1.0"),
-    (lambda: render.PathOptions(start_off=NAN), "start_off is nan, expected a finite number of at least 0"),
-    (lambda: render.HybridOptions(occlusion="none"), "occlusion is 'none'"),
-    (lambda: render.HybridOptions(occlusion_directions="own"), "occlusion_directions is 'own'"),
+    (lambda: light.Lambertian((0.5, 1.1, 0.5)), "colour of Lambertian is 1.1, expected .* at most 1"),
+    (lambda: light.Lambertian((0.5, NAN, 0.5)), "colour of Lambertian"),
+    (lambda: light.Lambertian("red"), "colour of Lambertian is 'red', expected three numbers"),
+    (lambda: light.Lambertian(0.5, "sideways"), "directions of Lambertian is 'sideways', expected one of cosine"),
+    (lambda: light.Metal(0.5, 1.5), "fuzz of Metal is 1.5"),
+    (lambda: light.Metal(0.5, -0.1), "fuzz of Metal is -0.1"),
+    (lambda: light.Metal(0.5, 0.1, "under"), "below of Metal is 'under', expected one of absorbed, passes"),
+    (lambda: light.Dielectric(0.0), "ior of Dielectric is 0.0, expected a finite number above 0"),
+    (lambda: light.Dielectric(NAN), "ior of Dielectric is nan"),
+    (lambda: light.Dielectric(1.5, "none"), "fresnel of Dielectric is 'none'"),
+    (lambda: light.Emissive((1, -1, 0)), "colour of Emissive is -1"),
+    (lambda: light.Emissive((1, np.inf, 0)), "colour of Emissive"),
+    (lambda: light.Checker((1, 1, 1), (0, 0, 0), 0.0), "scale of a checker is 0.0"),
+    (lambda: light.Image(np.zeros((2, 2))), r"texels of an image has shape \(2, 2\)"),
+    (lambda: light.Image(np.full((1, 2, 3), [[[0, 0, 0], [0, 2, 0]]])), "at column 1 of row 0"),
+    (lambda: light.GradientSky((1, 1, 1), (NAN, 0, 0)), "above of a sky"),
+    (lambda: light.GradientSky(power=-1), "power of a sky is -1"),
+    (lambda: light.PanoramaSky(np.full((1, 1, 3), NAN)), "texels of a sky"),
+    (lambda: light.Sun((0, 0, 0)), r"direction of Sun is \(0.0, 0.0, 0.0\), expected a direction of non-zero length"),
+    (lambda: light.Sun((0, -1, 0), 50), "angle_degrees of Sun is 50"),
+    (lambda: light.PointLight((0, NAN, 0)), "position of PointLight"),
+    (lambda: light.SphereLight((0, 1, 0), 0.0), "radius of SphereLight is 0.0"),
+    (lambda: light.SphereLight((0, 1, 0), 1.0, power=-2), "power of SphereLight is -2"),
+    (lambda: light.RenderScene(None), "mesh is None"),
+    (lambda: light.RenderScene(MESH, []), "no materials"),
+    (lambda: light.RenderScene(MESH, ["grey"]), "material 0 is 'grey'"),
+    (lambda: light.RenderScene(MESH, face_materials=[0]), r"face_materials is int64 of \(1,\), expected .* \(2,\)"),
+    (lambda: light.RenderScene(MESH, face_materials=[0, 1]), "face 1 is made of material 1, but there are 1"),
+    (lambda: light.RenderScene(MESH, face_materials=[0.0, 0.0]), "face_materials is float64"),
+    (lambda: light.RenderScene(MESH, lights=[MESH]), "a light is Mesh"),
+    (lambda: light.RenderScene(MESH, sky="blue"), "sky is 'blue'"),
+    (lambda: light.RenderScene(MESH, normals=np.zeros((8, 3))), "normals have shape"),
+    (lambda: light.RenderScene(MESH, normals=[(0, 1, 0)] * 3 + [(0, 0, 0)]), "normal of vertex 3 is zero"),
+    (lambda: light.RenderScene(MESH, normals=[(0, 1, 0)] * 3 + [(0, NAN, 0)]), "normals of vertex 3"),
+    (lambda: light.RenderScene(MESH, [light.Lambertian(light.Checker(1, 0))]), "material 0 has a texture, exp"),
+    (lambda: light.PathOptions(max_depth=0), "max_depth is 0"),
+    (lambda: light.PathOptions(order="sideways"), "order is 'sideways'"),
+    (lambda: light.PathOptions(jitter="none"), "jitter is 'none', expected one of shared, off, pixel"),
+    (lambda: light.HybridOptions(jitter="pixel"), "jitter is 'pixel', expected one of shared, off"),
+    (lambda: light.PathOptions(wave_rays=1000), "wave_rays is 1000, expected a multiple of 2048"),
+    (lambda: light.HybridOptions(occlusion_rays=65), "occlusion_rays is 65"),
+    (lambda: light.HybridOptions(shadow_rays=-1), "shadow_rays is -1"),
+    (lambda: light.HybridOptions(occlusion_length=0.0), "occlusion_length is 0.0"),
+    (lambda: light.HybridOptions(occlusion_length=NAN), "occlusion_length is nan"),
+    (lambda: light.HybridOptions(shadow_length=-1.0), "shadow_length is -1.0"),
+    (lambda: light.PathOptions(start_off=NAN), "start_off is nan, expected a finite number of at least 0"),
+    (lambda: light.HybridOptions(occlusion="none"), "occlusion is 'none'"),
+    (lambda: light.HybridOptions(occlusion_directions="own"), "occlusion_directions is 'own'"),
 ]  # fmt: skip
 
 
@@ -81,19 +81,19 @@ def test_what_cannot_be_shown_is_refused_by_name(make, message):
         make()
 
 
-@pytest.mark.parametrize("kind", [render.Metal, render.Dielectric])
+@pytest.mark.parametrize("kind", [light.Metal, light.Dielectric])
 def test_a_kind_of_material_is_known_to_two_files(kind):
     """Its class, and where light scatters; the package's list of names beside them."""
     root = Path(atra.__file__).parents[1]
     words = re.compile(rf"\b({kind.__name__}|{kind.__name__.upper()})\b")
     code = {path: re.sub(r'""".*?"""', "", path.read_text(), flags=re.DOTALL) for path in (root / "atra").rglob("*.py")}
     known = {path.relative_to(root).as_posix() for path, text in code.items() if words.search(text)}
-    assert known == {"atra/render/materials.py", "atra/kernels/shading/scattering.py", "atra/render/__init__.py"}
+    assert known == {"atra/light/materials.py", "atra/light/scattering_kernels.py", "atra/light/__init__.py"}
 
 
 def test_a_picture_needs_a_sample_and_a_number_of_them():
-    scene = render.RenderScene(MESH, lights=[render.Sun((0, -1, 0))])
-    with render.HybridRenderer(scene, down(4), threads=1) as renderer:
+    scene = light.RenderScene(MESH, lights=[light.Sun((0, -1, 0))])
+    with light.HybridRenderer(scene, down(4), threads=1) as renderer:
         for look in (lambda: renderer.image, lambda: renderer.openness, renderer.lit, lambda: renderer.save("a.png")):
             with pytest.raises(atra.InputError, match="no sample yet"):
                 look()
@@ -112,10 +112,10 @@ def test_light_beyond_all_numbers_is_reported_with_its_pixel_and_leaves_nothing_
     camera = atra.Camera((0, 0, 0), (0, 0, -1), fov_y_degrees=40, width=4, height=2)
     texels = np.full((1, 360, 3), 0.5)
     texels[0, 188:193] = 3e38  # what the pixels of the third column see
-    scene = render.RenderScene(quads([floor(0.001, height=-50)]), sky=render.PanoramaSky(texels))
-    brighter = replace(scene, sky=render.PanoramaSky(texels, power=2.0))
+    scene = light.RenderScene(quads([floor(0.001, height=-50)]), sky=light.PanoramaSky(texels))
+    brighter = replace(scene, sky=light.PanoramaSky(texels, power=2.0))
     for order in ("waves", "depth_first"):
-        with render.PathRenderer(brighter, camera, threads=1, order=order) as renderer:
+        with light.PathRenderer(brighter, camera, threads=1, order=order) as renderer:
             with pytest.raises(atra.AtraError, match=r"sample 0 of pixel \(2, 0\) is inf"):
                 renderer.add(2)
             assert renderer.samples == 0
@@ -125,15 +125,15 @@ def test_light_beyond_all_numbers_is_reported_with_its_pixel_and_leaves_nothing_
 
 
 def test_an_interrupted_sample_leaves_no_torn_picture(monkeypatch):
-    scene = render.RenderScene(MESH)
-    with render.PathRenderer(scene, down(4), threads=1, order="waves") as renderer:
+    scene = light.RenderScene(MESH)
+    with light.PathRenderer(scene, down(4), threads=1, order="waves") as renderer:
         renderer.add(2)
         expected = renderer.image
 
         def interrupt(*_):
             raise KeyboardInterrupt
 
-        monkeypatch.setattr("atra.render.path.shade", interrupt)
+        monkeypatch.setattr("atra.light.pictures.path.shade", interrupt)
         with pytest.raises(KeyboardInterrupt):
             renderer.add(1)
         monkeypatch.undo()
@@ -143,7 +143,7 @@ def test_an_interrupted_sample_leaves_no_torn_picture(monkeypatch):
 
 
 def test_a_picture_can_be_stopped_between_waves_and_then_starts_anew():
-    with render.PathRenderer(render.RenderScene(MESH), down(64), threads=1, wave_rays=2048) as renderer:
+    with light.PathRenderer(light.RenderScene(MESH), down(64), threads=1, wave_rays=2048) as renderer:
         renderer.add(2)
         expected = renderer.image
         answers = iter([False, False, False, True])  # two waves a sample: stopped within the second
@@ -156,15 +156,15 @@ def test_a_picture_can_be_stopped_between_waves_and_then_starts_anew():
 def test_sums_that_would_not_fit_are_refused_before_they_are_made(monkeypatch):
     monkeypatch.setattr("psutil.virtual_memory", lambda: SimpleNamespace(available=20 << 20))
     with pytest.raises(atra.MemoryBudgetError, match="sums of 1,048,576 pixels and waves"):
-        render.PathRenderer(render.RenderScene(MESH), down(1024), threads=1)
+        light.PathRenderer(light.RenderScene(MESH), down(1024), threads=1)
 
 
 def test_stages_are_named_and_sum_to_the_call():
-    scene = render.RenderScene(MESH, lights=[render.Sun((0, -1, 0))])
+    scene = light.RenderScene(MESH, lights=[light.Sun((0, -1, 0))])
     for kind, stages in (
-        (render.PathRenderer, {"primary", "depth_first", "other"}),
-        (partial(render.PathRenderer, order="waves"), {"primary", "generate", "trace", "compact", "shade", "other"}),
-        (render.HybridRenderer, {"primary", "surfaces", "generate", "shadow", "occlusion", "accumulate", "other"}),
+        (light.PathRenderer, {"primary", "depth_first", "other"}),
+        (partial(light.PathRenderer, order="waves"), {"primary", "generate", "trace", "compact", "shade", "other"}),
+        (light.HybridRenderer, {"primary", "surfaces", "generate", "shadow", "occlusion", "accumulate", "other"}),
     ):
         with kind(scene, down(64), threads=2) as renderer:
             before = perf_counter()
@@ -181,11 +181,9 @@ def test_a_png_is_srgb():
 
 
 def test_pictures_are_written_as_their_names_say(tmp_path):
-    scene = render.RenderScene(
-        quads([floor(0.5)]), [render.Lambertian((0.25, 0.5, 0.75))], sky=render.constant_sky(1.0)
-    )
+    scene = light.RenderScene(quads([floor(0.5)]), [light.Lambertian((0.25, 0.5, 0.75))], sky=light.constant_sky(1.0))
     camera = down(16, height=12)
-    with render.PathRenderer(scene, camera, threads=1) as renderer:
+    with light.PathRenderer(scene, camera, threads=1) as renderer:
         renderer.add(2)
         renderer.save(tmp_path / "a.png")
         shown = np.asarray(Image.open(tmp_path / "a.png"))
@@ -207,7 +205,7 @@ def test_pictures_are_written_as_their_names_say(tmp_path):
 
 def test_without_openexr_an_exr_is_refused_saying_what_to_install(monkeypatch, tmp_path):
     monkeypatch.setitem(__import__("sys").modules, "OpenEXR", None)
-    with render.PathRenderer(render.RenderScene(MESH), down(4), threads=1) as renderer:
+    with light.PathRenderer(light.RenderScene(MESH), down(4), threads=1) as renderer:
         renderer.add(1)
         with pytest.raises(atra.InputError, match="pip install OpenEXR"):
             renderer.save(tmp_path / "a.exr")
@@ -222,10 +220,10 @@ def test_the_weekend_is_the_book_s():
     count = len(scene.materials) - 4 - 3
     assert 470 <= count <= 484
     kinds = [type(material) for material in scene.materials[4 : 4 + count]]
-    assert abs(kinds.count(render.Lambertian) / count - 0.8) < 0.05
-    assert abs(kinds.count(render.Metal) / count - 0.15) < 0.05
+    assert abs(kinds.count(light.Lambertian) / count - 0.8) < 0.05
+    assert abs(kinds.count(light.Metal) / count - 0.15) < 0.05
     camera = atra.Camera(**WEEKEND_CAMERA, width=30, height=20)
-    with render.PathRenderer(scene, camera, threads=1) as renderer:
+    with light.PathRenderer(scene, camera, threads=1) as renderer:
         renderer.add(8)
         image = renderer.image
     assert np.ptp(image.mean(axis=2)) > 0.5

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import atra
-from atra.judge import ties
+from atra.exact import ties
 from atra.views import shared_mesh
 from atra.views.render_views import METHODS, trace_view
 from tests.images import assert_same_bits

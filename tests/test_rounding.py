@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 import atra
+from atra.alignment.aligned import SECOND_PASS_TILE
 from atra.alignment.rounding import roundings_of_copies
 from atra.alignment.visibility import Tiles, nearest_in_tiles
-from atra.geometry.intersection import intersect_pixels
+from atra.compiled.threads import WorkerPool
+from atra.exact.intersection import intersect_pixels
+from atra.exact.rounding_kernels import COPY_MULTIPLE, INSTANCE_MULTIPLE, MOST_ROUNDINGS
 from atra.geometry.projection import project_vertices
-from atra.kernels.rounding import COPY_MULTIPLE, INSTANCE_MULTIPLE, MOST_ROUNDINGS
-from atra.parallel import WorkerPool
-from atra.tracers.aligned import SECOND_PASS_TILE
 from scenes.special import NEEDLES_CAMERA, needles
 from tests.images import SHEARED, assert_no_pixel_wrong, trace, trace_pixels
 from tests.meshes import (

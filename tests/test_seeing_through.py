@@ -8,7 +8,7 @@ import trimesh
 from PIL import Image
 
 import atra
-from atra.gathering.closed import open_edges
+from atra.all_hits.closed import open_edges
 from examples import all_hits, radiograph, solids, transparency, voxels
 from scenes.special import three_holes
 from tests.closed_meshes import cornell_boxes

@@ -5,11 +5,11 @@ import pytest
 
 import atra
 from atra.bvh.scene import BvhScene
+from atra.bvh.single import BOXES, FROM_ROOT, PROVEN, STEPS
+from atra.bvh.starts import FIRST_LIST, PASSES, UNKNOWN
+from atra.compiled.threads import WorkerPool
 from atra.geometry.mesh import Mesh
 from atra.judge.reference import brute_force
-from atra.kernels.bvh.single import BOXES, FROM_ROOT, PROVEN, STEPS
-from atra.kernels.shafts.grid import FIRST_LIST, PASSES, UNKNOWN
-from atra.parallel import WorkerPool
 from atra.rays.ray_sets import KINDS, ray_set
 from atra.shafts.options import SUBSETS, ShaftOptions
 from atra.shafts.scene import ShaftScene

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 import atra
-from atra import render
-from atra.bake import BakeScene
+from atra import light
 from atra.errors import InputError
-from atra.saving import encode_exr
+from atra.files.saving import encode_exr
+from atra.light import BakeScene
 from tests.baked import baked, sheet
 from tests.meshes import quads
 from tests.shown import floor
@@ -49,15 +49,15 @@ def written(folder: Path, name: str, content: bytes) -> Path:
 def test_an_exr_is_read_to_the_bit_and_an_hdr_as_another_reader_does(tmp_path: Path) -> None:
     texels = sky()
     path = written(tmp_path, "sky.exr", exr_of(texels, A=texels[..., 0]))
-    np.testing.assert_array_equal(render.PanoramaSky.load(path).texels, texels)
+    np.testing.assert_array_equal(light.PanoramaSky.load(path).texels, texels)
     half = texels.astype(np.float16)
     path = written(tmp_path, "half.exr", exr_of(half))
-    np.testing.assert_array_equal(render.PanoramaSky.load(path).texels, half.astype(np.float32))
+    np.testing.assert_array_equal(light.PanoramaSky.load(path).texels, half.astype(np.float32))
     cv2 = pytest.importorskip("cv2")
     for shape in ((8, 16), (5, 300), (3, 4)):  # rows of 4 texels are stored as they are
         content = hdr_of(sky(*shape))
         theirs = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_UNCHANGED)[..., ::-1]
-        ours = render.PanoramaSky.load(written(tmp_path, "sky.HDR", content), 2.0)
+        ours = light.PanoramaSky.load(written(tmp_path, "sky.HDR", content), 2.0)
         np.testing.assert_array_equal(ours.texels, theirs)
         assert ours.power == 2.0
         np.testing.assert_allclose(ours.texels, sky(*shape), atol=0.01, rtol=0.01)
@@ -67,7 +67,7 @@ def test_an_hdr_without_runs_is_read(tmp_path: Path) -> None:
     rows = bytes([128, 64, 0, 129, 0, 255, 255, 121]) * 3
     path = written(tmp_path, "sky.hdr", HEAD + b"-Y 3 +X 2\n" + rows)
     expected = np.float32([[(1.0, 0.5, 0.0), (0.0, 255 / 2**15, 255 / 2**15)]] * 3)
-    np.testing.assert_array_equal(render.PanoramaSky.load(path).texels, expected)
+    np.testing.assert_array_equal(light.PanoramaSky.load(path).texels, expected)
 
 
 ROW = bytes([2, 2, 0, 8]) + bytes([136, 128] * 4)
@@ -88,13 +88,13 @@ ROW = bytes([2, 2, 0, 8]) + bytes([136, 128] * 4)
 ])  # fmt: skip
 def test_a_broken_file_is_refused_by_its_name(tmp_path: Path, name: str, content: bytes, told: str) -> None:
     with pytest.raises(InputError, match=rf"the sky '.*{name}'.*{told}"):
-        render.PanoramaSky.load(written(tmp_path, name, content))
+        light.PanoramaSky.load(written(tmp_path, name, content))
 
 
 def test_a_file_that_is_not_there_is_refused(tmp_path: Path) -> None:
     for path in (tmp_path / "none.exr", tmp_path):
         with pytest.raises(InputError, match="the sky"):
-            render.PanoramaSky.load(path)
+            light.PanoramaSky.load(path)
 
 
 @openexr
@@ -114,14 +114,14 @@ def test_an_exr_that_holds_no_sky_is_refused(tmp_path: Path) -> None:
     ):  # fmt: skip
         path = written(tmp_path, "sky.exr", content)
         with pytest.raises(InputError, match=rf"the sky '.*sky.exr'.*{told}"):
-            render.PanoramaSky.load(path)
+            light.PanoramaSky.load(path)
 
 
 @openexr
 def test_a_sky_of_a_file_lights_a_bake_and_a_picture_as_the_same_texels_do(tmp_path: Path) -> None:
     texels = sky()
     loaded, given = (
-        render.PanoramaSky.load(written(tmp_path, "sky.exr", exr_of(texels))), render.PanoramaSky(texels),
+        light.PanoramaSky.load(written(tmp_path, "sky.exr", exr_of(texels))), light.PanoramaSky(texels),
     )  # fmt: skip
     mesh = quads([floor(0.5)])
     first, second = (baked(BakeScene(mesh, sky=one), sheet(mesh, 4), 4) for one in (loaded, given))
@@ -130,7 +130,7 @@ def test_a_sky_of_a_file_lights_a_bake_and_a_picture_as_the_same_texels_do(tmp_p
     camera = atra.Camera((0, 1, 2), (0, 0, 0), width=16, height=16)
     pictures = []
     for one in (loaded, given):
-        with render.PathRenderer(render.RenderScene(mesh, sky=one), camera, threads=1) as renderer:
+        with light.PathRenderer(light.RenderScene(mesh, sky=one), camera, threads=1) as renderer:
             renderer.add(1)
             pictures.append(renderer.image)
     np.testing.assert_array_equal(*pictures)

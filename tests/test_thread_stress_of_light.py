@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 import atra
-from atra import render
-from atra.bake import Baker, BakeScene, Lightmap, ProgressiveBake, Surface
+from atra import light
+from atra.light import Baker, BakeScene, Lightmap, ProgressiveBake, Surface
 from tests.baked import cube, sheet
 from tests.stress import Expected, any_of, rebuild, stress
 from tests.test_threads import CAMERAS, LARGE, MESH
@@ -22,14 +22,14 @@ MOST = 3
 """Samples of a picture, at most."""
 
 LAMPS = tuple(
-    render.RenderScene(MESH, lights=[render.Sun((x, -1, -0.2), power=power)]) for x, power in ((0.1, 1.0), (0.4, 3.0))
+    light.RenderScene(MESH, lights=[light.Sun((x, -1, -0.2), power=power)]) for x, power in ((0.1, 1.0), (0.4, 3.0))
 )
-RENDERERS: dict[str, Callable[..., render.Renderer]] = {
-    "hybrid": lambda scene, camera, threads: render.HybridRenderer(scene, camera, threads=threads, most_samples=MOST),
-    "hybrid of aligned cells": lambda scene, camera, threads: render.HybridRenderer(
+RENDERERS: dict[str, Callable[..., light.Renderer]] = {
+    "hybrid": lambda scene, camera, threads: light.HybridRenderer(scene, camera, threads=threads, most_samples=MOST),
+    "hybrid of aligned cells": lambda scene, camera, threads: light.HybridRenderer(
         scene, camera, partial(atra.AlignedTracer, split=(16, 1), threads=threads), threads=threads, most_samples=MOST
     ),
-    "paths": lambda scene, camera, threads: render.PathRenderer(scene, camera, threads=threads, most_samples=MOST),
+    "paths": lambda scene, camera, threads: light.PathRenderer(scene, camera, threads=threads, most_samples=MOST),
 }
 
 
@@ -76,7 +76,7 @@ def test_pictures_of_a_renderer_that_threads_update_and_close_are_those_of_one_t
 BOX = cube(inwards=True)
 ATLAS = sheet(BOX, 8)
 BAKES = tuple(
-    BakeScene(BOX, Surface.plain(BOX, np.full((12, 3), 0.6)), [render.PointLight((0.3, 0.4, 0.1), power=power)])
+    BakeScene(BOX, Surface.plain(BOX, np.full((12, 3), 0.6)), [light.PointLight((0.3, 0.4, 0.1), power=power)])
     for power in (1.0, 0.25)
 )
 INSIDE = atra.Camera((0, 0, 0), (1, 0.2, 0.1), width=32, height=32)

@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 import atra
-from atra import render
-from atra.bake import Baker, BakeScene
+from atra import light
 from atra.bvh.tracer import BvhTracer
-from atra.lifetime import Lifetime
+from atra.light import Baker, BakeScene
 from atra.shafts.eye import EyeTracer
 from atra.shafts.tracer import ClassifiedTracer
+from atra.tracing.lifetime import Lifetime
 from tests.images import assert_same_bits, make_tracer
 from tests.meshes import cornell_box, cornell_camera
 
@@ -142,33 +142,33 @@ def test_arrays_of_another_size_are_not_written_to_when_steps_are_counted() -> N
             one.count(image)
 
 
-LAMPS = tuple(render.Sun((x, -1, -0.2)) for x in (0.1, 0.4))
+LAMPS = tuple(light.Sun((x, -1, -0.2)) for x in (0.1, 0.4))
 
 
 def picture(camera: atra.Camera) -> np.ndarray:
-    with render.HybridRenderer(render.RenderScene(MESH, lights=LAMPS), camera, threads=1) as renderer:
+    with light.HybridRenderer(light.RenderScene(MESH, lights=LAMPS), camera, threads=1) as renderer:
         renderer.add()
         return renderer.image
 
 
 def test_samples_are_wholly_those_of_the_camera_that_came_last_before_them() -> None:
-    with render.HybridRenderer(render.RenderScene(MESH, lights=LAMPS), CAMERA, threads=1) as renderer:
+    with light.HybridRenderer(light.RenderScene(MESH, lights=LAMPS), CAMERA, threads=1) as renderer:
         Interrupted(renderer, lambda: renderer.update(camera=LARGE), lambda: None)
         renderer.add()
         np.testing.assert_array_equal(renderer.image, picture(LARGE))
 
 
 def test_a_light_that_another_thread_takes_away_is_named() -> None:
-    with render.HybridRenderer(render.RenderScene(MESH, lights=LAMPS), CAMERA, threads=1) as renderer:
+    with light.HybridRenderer(light.RenderScene(MESH, lights=LAMPS), CAMERA, threads=1) as renderer:
         renderer.add()
-        fewer = render.RenderScene(MESH, lights=LAMPS[:1])
+        fewer = light.RenderScene(MESH, lights=LAMPS[:1])
         Interrupted(renderer, lambda: renderer.update(scene=fewer))
         with pytest.raises(atra.InputError, match="light is 1, but the scene has 1"):
             renderer.lit(1)
 
 
 def test_a_closed_renderer_changes_no_more_but_hands_out_its_picture() -> None:
-    with render.HybridRenderer(render.RenderScene(MESH, lights=LAMPS), CAMERA, threads=1) as renderer:
+    with light.HybridRenderer(light.RenderScene(MESH, lights=LAMPS), CAMERA, threads=1) as renderer:
         renderer.add()
     assert renderer.image.shape == (48, 64, 3)
     for call in (lambda: renderer.update(camera=SMALL), renderer.restart, renderer.add):
@@ -177,7 +177,7 @@ def test_a_closed_renderer_changes_no_more_but_hands_out_its_picture() -> None:
 
 
 def test_samples_of_a_map_are_all_of_one_scene() -> None:
-    dark, bright = (BakeScene(MESH, lights=[render.Sun((0.1, -1, -0.2), power=power)]) for power in (1.0, 3.0))
+    dark, bright = (BakeScene(MESH, lights=[light.Sun((0.1, -1, -0.2), power=power)]) for power in (1.0, 3.0))
     given: dict[str, Any] = {"size": 16, "threads": 1, "expansion": 1}
     with Baker(bright, **given) as baker:
         baker.add(3)
@@ -190,7 +190,7 @@ def test_samples_of_a_map_are_all_of_one_scene() -> None:
 
 
 def test_a_map_that_is_asked_for_is_wholly_of_the_scene_that_came_last_before() -> None:
-    dark, bright = (BakeScene(MESH, lights=[render.Sun((0.1, -1, -0.2), power=power)]) for power in (1.0, 3.0))
+    dark, bright = (BakeScene(MESH, lights=[light.Sun((0.1, -1, -0.2), power=power)]) for power in (1.0, 3.0))
     given: dict[str, Any] = {"size": 16, "threads": 1, "expansion": 1}
     with Baker(bright, **given) as baker:
         baker.add(2)
@@ -204,10 +204,10 @@ def test_a_map_that_is_asked_for_is_wholly_of_the_scene_that_came_last_before() 
 
 
 def test_a_picture_that_is_asked_for_is_wholly_that_of_the_camera_that_came_last_before() -> None:
-    with render.PathRenderer(render.RenderScene(MESH, lights=LAMPS), LARGE, threads=1) as renderer:
+    with light.PathRenderer(light.RenderScene(MESH, lights=LAMPS), LARGE, threads=1) as renderer:
         renderer.add()
         expected = renderer.image
-    with render.PathRenderer(render.RenderScene(MESH, lights=LAMPS), CAMERA, threads=1) as renderer:
+    with light.PathRenderer(light.RenderScene(MESH, lights=LAMPS), CAMERA, threads=1) as renderer:
         renderer.add()
         to_large = [lambda: renderer.update(camera=LARGE), renderer.add]
         Interrupted(renderer, lambda: [call() for call in to_large], lambda: renderer.update(camera=SMALL))

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 import atra
+from atra.compiled.threads import WorkerPool
 from atra.embree.library import load_library
-from atra.judge import ties
+from atra.exact import ties
 from atra.judge.reference import brute_force
-from atra.parallel import WorkerPool
 from experiments.harness.point import make_own
 from experiments.methods import find_method
 from experiments.results.terminal import say_label

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import atra
+from atra.alignment.reference_rays import choose_packet_shape
 from atra.embree.library import load_library
 from atra.judge.reference import brute_force
-from atra.tracers.reference_rays import choose_packet_shape
 from tests.images import (
     CELLS,
     METHODS,

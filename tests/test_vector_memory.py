@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numba import njit
 
-from atra.kernels.raster.memory import columns_of, halves, low_and_high, store
+from atra.compiled.memory import columns_of, halves, low_and_high, store
 
 
 @njit

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from atra import render
-from atra.bake import Baker, BakeScene, ProgressiveBake, Surface, Texels
+from atra import light
+from atra.light import Baker, BakeScene, ProgressiveBake, Surface, Texels
 from experiments.viewer import camera_page
 from experiments.viewer.request import Pose
 from tests.baked import cube, sheet
@@ -25,7 +25,7 @@ from experiments.viewer.lightmap import LightmapPage, say_progress
 __all__ = ["browser"]
 
 BOX = cube(inwards=True)
-SCENE = BakeScene(BOX, Surface.plain(BOX, 0.6), [render.PointLight((0.3, 0.4, 0.1), power=0.2)])
+SCENE = BakeScene(BOX, Surface.plain(BOX, 0.6), [light.PointLight((0.3, 0.4, 0.1), power=0.2)])
 ATLAS = sheet(BOX, 24)
 FIRST = Pose((0.0, 0.0, 0.9), (0.0, 0.0, 0.0), (0.0, 1.0, 0.0), 60.0)
 TARGET = 8

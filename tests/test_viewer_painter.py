@@ -15,8 +15,8 @@ import pytest
 from numpy.typing import NDArray
 
 from atra import MISS, Camera, PixelTracer
-from atra.render import GradientSky, HybridRenderer, Lambertian, PanoramaSky, PathRenderer, RenderScene, Sun
-from atra.render.pictures import srgb_of
+from atra.light import GradientSky, HybridRenderer, Lambertian, PanoramaSky, PathRenderer, RenderScene, Sun
+from atra.light.pictures.files import srgb_of
 from experiments.drawing.shading import BACKGROUND, DIFFERENCE_COLOURS
 from experiments.harness.configuration import Chosen
 from experiments.harness.method import Tracing

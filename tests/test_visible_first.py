@@ -5,9 +5,9 @@ import pytest
 
 import atra
 from atra.alignment.visibility import Tiles, plan_visible_geometry
-from atra.geometry.intersection import intersect_pixels
+from atra.compiled.threads import WorkerPool
+from atra.exact.intersection import intersect_pixels
 from atra.judge.reference import brute_force
-from atra.parallel import WorkerPool
 from tests.images import assert_equal_images, make_tracer, trace, trace_pixels
 from tests.meshes import EYE_AT_ORIGIN, cornell_box, cornell_camera, joined, quads, random_triangles
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import atra
+from atra.compiled.threads import resolve_threads
 from atra.embree.library import load_library
-from atra.parallel import resolve_threads
 from atra.planner.choice import ALIGNED, Choice
 from atra.planner.plan import Plan
 from atra.whole_numbers import is_whole_number

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from atra.tracers.visible_first import VisibleFirstTracer
+from atra.alignment.visible_first import VisibleFirstTracer
 from experiments.harness.configuration import Chosen, Configuration, MeasureConfiguration, SceneConfiguration
 from experiments.harness.point import Measured, Workload
 from experiments.harness.points import plan_points

@@ -100,7 +100,7 @@ def level_set(kind: str, cells: int, radius: float = 1.0) -> atra.Mesh:
 def sliver(seed: int) -> tuple[atra.Mesh, atra.Camera]:
     """A thin triangle, seen almost edge-on, between two that cover the image; its edges pass through pixel centres.
 
-    No copy may show it, so an aligned image has a seam there (`atra.tracers.second_pass`).
+    No copy may show it, so an aligned image has a seam there (`atra.alignment.second_pass`).
     """
     random, size = np.random.default_rng([seed, 28]), 128
     pitch = 2 * np.tan(np.radians(20)) / size

@@ -10,11 +10,11 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.alignment.split import Split
 from atra.errors import InputError
 from atra.geometry.camera import Camera
 from atra.geometry.numbers import Vector
 from atra.geometry.ray_space import from_eye_space, ray_axes
+from atra.geometry.split import Split
 from atra.geometry.view import View
 
 TOLERANCE_PIXELS = 1e-6

@@ -10,15 +10,15 @@ from numpy.typing import NDArray
 from atra.alignment.alignment import Alignment
 from atra.alignment.culling_kernels import fill_copies
 from atra.alignment.rounding import Roundings, roundings_of_copies, roundings_of_translations
+from atra.compiled.threads import WorkerPool
+from atra.exact.rounding_kernels import COPY_MULTIPLE, INSTANCE_MULTIPLE
 from atra.geometry.mesh import Mesh
 from atra.geometry.projection import count_kept, project_vertices
 from atra.geometry.ray_space import padded_vertices, unseen_from
 from atra.geometry.view import View
-from atra.kernels.rounding import COPY_MULTIPLE, INSTANCE_MULTIPLE
-from atra.options import AlignedOptions
-from atra.parallel import WorkerPool
 from atra.tracing.budgets import check_image_size, check_memory_budget
 from atra.tracing.geometry import AlignedGeometry, LeftOut
+from atra.tracing.options import AlignedOptions
 
 
 def plan_aligned_geometry(

@@ -4,9 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from atra.kernels.caching import kernel, njit
-from atra.kernels.intrinsics import fetch_add
-from atra.kernels.planning import CHUNK, CORNERS, cell_range, columns_in_row, front_part, load_triangle, pixel_range
+from atra.compiled.intrinsics import fetch_add
+from atra.compiled.store import kernel, njit
+from atra.geometry.projection_kernels import (
+    CHUNK,
+    CORNERS,
+    cell_range,
+    columns_in_row,
+    front_part,
+    load_triangle,
+    pixel_range,
+)
 
 
 @njit(forceinline=True)

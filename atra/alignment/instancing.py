@@ -7,13 +7,13 @@ from numpy.typing import NDArray
 
 from atra.alignment.alignment import Alignment
 from atra.alignment.culling import image_roundings
+from atra.compiled.threads import WorkerPool
 from atra.geometry.mesh import Mesh
 from atra.geometry.projection import project_vertices
 from atra.geometry.ray_space import from_eye_space
-from atra.options import CellOptions
-from atra.parallel import WorkerPool
 from atra.tracing.budgets import EMBREE_BYTES_PER_COPY, check_image_size, check_needed_bytes
 from atra.tracing.geometry import AlignedGeometry, LeftOut, plan_plain_geometry
+from atra.tracing.options import CellOptions
 
 PLAN_BYTES_PER_INSTANCE = 48 + 8
 """Transform, record."""

@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.alignment.alignment import Alignment
+from atra.compiled.threads import WorkerPool
+from atra.exact.rounding_kernels import COPY_MULTIPLE, ParallelRays, judge_copies, judge_translations
 from atra.geometry.mesh import Mesh
 from atra.geometry.ray_space import ray_axes
 from atra.geometry.view import View
-from atra.kernels.rounding import COPY_MULTIPLE, ParallelRays, judge_copies, judge_translations
-from atra.parallel import WorkerPool
 
 
 @dataclass(frozen=True, eq=False)

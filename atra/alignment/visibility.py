@@ -14,15 +14,15 @@ from numpy.typing import NDArray
 
 from atra.alignment.alignment import Alignment
 from atra.alignment.rounding import roundings_of_copies
+from atra.alignment.visibility_kernels import count_visible, fill_visible
+from atra.compiled.threads import WorkerPool
 from atra.geometry.mesh import Mesh
 from atra.geometry.projection import project_vertices
 from atra.geometry.ray_space import padded_vertices, unseen_from
 from atra.geometry.view import View
-from atra.kernels.visible import count_visible, fill_visible
-from atra.options import CellOptions
-from atra.parallel import WorkerPool
 from atra.tracing.budgets import check_image_size, check_memory_budget
 from atra.tracing.geometry import AlignedGeometry, LeftOut
+from atra.tracing.options import CellOptions
 
 DEPTH_SLACK = 1e-4
 """Relative margin on the depth of what is left out, or its own error in float32 where that is larger."""

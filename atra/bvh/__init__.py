@@ -1,1 +1,1 @@
-"""Our own binary BVH, whose traversal may start anywhere; Embree's starts at its root."""
+"""A BVH of our own. All modules but `bvh`, `scene` and `tracer` are kernels, so none has the suffix `_kernels`."""

@@ -8,17 +8,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from atra.bvh.building import Draft, bound_triangles, build_subtrees, fill_blocks, lay_out, split_top
+from atra.bvh.layout import BIAS, BLOCK, Tree
+from atra.compiled.threads import WorkerPool
 from atra.geometry.mesh import Mesh
-from atra.kernels.bvh.building import (
-    Draft,
-    bound_triangles,
-    build_subtrees,
-    fill_blocks,
-    lay_out,
-    split_top,
-)
-from atra.kernels.bvh.layout import BIAS, BLOCK, Tree
-from atra.parallel import WorkerPool
 
 _CACHE_LINE = 64
 _TASKS = 64
@@ -29,7 +22,7 @@ _TASKS = 64
 class Bvh:
     """A binary BVH of triangles in some space.
 
-    nodes: (N, 8) uint32 and blocks: (B, 10, 4) uint32, as `atra.kernels.bvh.layout` says, each from the start of a
+    nodes: (N, 8) uint32 and blocks: (B, 10, 4) uint32, as `atra.bvh.layout` says, each from the start of a
     cache line on. triangle_count: triangles in it.
     """
 

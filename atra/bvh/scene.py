@@ -10,18 +10,18 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from atra.bvh.batches import Batch, batch_kernel
 from atra.bvh.bvh import Bvh, bvh_of
+from atra.bvh.memory import Memory
+from atra.bvh.starts import NO_SHAFTS, ROOT_LIST, Shafts
+from atra.compiled.threads import WorkerPool, resolve_threads
+from atra.embree.packets_kernels import MISS
 from atra.errors import EmbreeError
 from atra.geometry.mesh import Mesh
 from atra.geometry.ray_space import check_world_range
-from atra.kernels.bvh.batches import Batch, batch_kernel
-from atra.kernels.bvh.memory import Memory
-from atra.kernels.packets import MISS
-from atra.kernels.shafts.grid import NO_SHAFTS, ROOT_LIST, Shafts
-from atra.lifetime import Lifetime, in_turn
-from atra.options import BvhOptions
-from atra.parallel import WorkerPool, resolve_threads
 from atra.rays.rays import RayHits, Rays
+from atra.tracing.lifetime import Lifetime, in_turn
+from atra.tracing.options import BvhOptions
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,7 +115,7 @@ class BvhScene(Lifetime):
         return prim_id != MISS
 
     def count(self, prepared: PreparedRays, any_hit: bool = False) -> tuple[NDArray[np.uint32], NDArray[np.int64]]:
-        """What rays hit, (N,) uint32 prim_id, and what it took, by the names in `atra.kernels.bvh.single`."""
+        """What rays hit, (N,) uint32 prim_id, and what it took, by the names in `atra.bvh.single`."""
         t, prim_id = np.empty(len(prepared.rays), np.float32), np.empty(len(prepared.rays), np.uint32)
         with self._tracing():
             for memory in self._memories:

@@ -10,23 +10,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.bvh.bvh import Bvh, bvh_of
+from atra.bvh.images import Start, image_kernel
+from atra.bvh.memory import Memory
+from atra.bvh.starts import NO_SHAFTS, Shafts
+from atra.compiled.threads import WorkerPool, resolve_threads
+from atra.embree.packets_kernels import Image, RayGrid
+from atra.exact.ties import coplanar_overlaps, lowest_of_ties, tie_tiles
 from atra.geometry.mesh import Mesh
 from atra.geometry.ray_space import check_range, from_eye_space, ray_axes, unseen_from
 from atra.geometry.view import View, check_offset
 from atra.hits import Hits
-from atra.judge.ties import coplanar_overlaps, lowest_of_ties, tie_tiles
-from atra.kernels.bvh.images import Start, image_kernel
-from atra.kernels.bvh.memory import Memory
-from atra.kernels.packets import Image, RayGrid
-from atra.kernels.shafts.grid import NO_SHAFTS, Shafts
-from atra.lifetime import TracerLifetime, in_turn
-from atra.options import BvhOptions
-from atra.parallel import WorkerPool, resolve_threads
-from atra.tracers.gathering import NoGathering
-from atra.tracers.images import images_of, outputs
-from atra.tracers.rays import SQUAREST_SHAPE, image_ray_grid, pixel_tiles
+from atra.tracing.all_hits import NoGathering
 from atra.tracing.budgets import check_image_memory
 from atra.tracing.geometry import plan_plain_geometry
+from atra.tracing.images import images_of, outputs
+from atra.tracing.lifetime import TracerLifetime, in_turn
+from atra.tracing.options import BvhOptions
+from atra.tracing.rays import SQUAREST_SHAPE, image_ray_grid, pixel_tiles
 
 
 class BvhTracer(NoGathering, TracerLifetime[Hits]):
@@ -104,7 +104,7 @@ class BvhTracer(NoGathering, TracerLifetime[Hits]):
         return Hits(depth, prim_id, offset, self.mesh, camera, self.threads)
 
     def count(self, image: Image, offset: tuple[float, float] = (0.5, 0.5)) -> NDArray[np.int64]:
-        """Trace a frame into arrays and return what it took, by the names in `atra.kernels.bvh.single`; takes longer.
+        """Trace a frame into arrays and return what it took, by the names in `atra.bvh.single`; takes longer.
 
         Ties are left as they are. Raises as `trace` does, also for arrays of another size than the camera's.
         """

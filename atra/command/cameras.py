@@ -6,10 +6,10 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from atra.cameras.colmap import read_colmap
-from atra.cameras.entries import Broken, Entries, allowance_of, pixels, read_json
-from atra.cameras.nerf import read_transforms
 from atra.errors import InputError
+from atra.files.cameras.colmap import read_colmap
+from atra.files.cameras.entries import Broken, Entries, allowance_of, pixels, read_json
+from atra.files.cameras.nerf import read_transforms
 from atra.geometry.camera import Camera
 from atra.geometry.view import View
 

@@ -10,11 +10,11 @@ from dataclasses import dataclass
 from importlib.metadata import version
 
 import atra
-from atra.embree.instruction_sets import VARIABLE, instruction_sets_here
+from atra.compiled.instruction_sets import VARIABLE, instruction_sets_here
+from atra.compiled.store import cache_folder
+from atra.compiled.threads import resolve_threads
 from atra.embree.library import OVERRIDE_VARIABLE, Library, embree_version, load_library
 from atra.errors import AtraError, printable
-from atra.kernels.caching import cache_folder
-from atra.parallel import resolve_threads
 
 _COLUMNS, _NAME_COLUMNS = 80, 14
 

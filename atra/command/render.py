@@ -8,12 +8,12 @@ from argparse import ArgumentParser, Namespace
 from collections.abc import Iterable
 from pathlib import Path, PurePosixPath
 
-from atra.cameras.entries import Broken
 from atra.command.cameras import read_cameras
 from atra.errors import InputError, StorageError, printable
-from atra.mesh_files.loading import load_mesh
-from atra.reading import MEMORY_PER_BYTE, VARIABLE
-from atra.saving import check_package
+from atra.files.cameras.entries import Broken
+from atra.files.meshes.loading import load_mesh
+from atra.files.reading import MEMORY_PER_BYTE, VARIABLE
+from atra.files.saving import check_package
 from atra.views.render_views import render_views
 
 FORMATS = ("npz", "exr", "png", "ply")

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.embree import layout
+from atra.embree.callbacks_kernels import COST_WORDS, builder_callbacks, fill_boxes
 from atra.embree.device import EmbreeDevice
-from atra.kernels.callbacks import COST_WORDS, builder_callbacks, fill_boxes
 
 _SIZE, _POINTER, _WORD = ctypes.c_size_t, ctypes.c_void_p, ctypes.c_uint32
 

@@ -11,13 +11,13 @@ from numba import types
 from numba.core.errors import TypingError
 from numba.extending import intrinsic
 
+from atra.compiled.intrinsics import pointer_at
+from atra.compiled.lanes import set_int64
+from atra.compiled.memory import store
+from atra.compiled.store import njit
+from atra.compiled.vectors import repeated
 from atra.embree import layout
 from atra.embree.layout import FilterArguments, RayQueryContext
-from atra.kernels.caching import njit
-from atra.kernels.gathering.lanes import set_int64
-from atra.kernels.intrinsics import pointer_at
-from atra.kernels.raster.memory import store
-from atra.kernels.raster.vectors import repeated
 
 _I32, _I64, _F32 = ir.IntType(32), ir.IntType(64), ir.FloatType()
 

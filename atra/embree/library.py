@@ -17,8 +17,8 @@ from pathlib import Path
 
 import llvmlite.binding
 
+from atra.compiled.instruction_sets import check_instruction_set
 from atra.embree import layout
-from atra.embree.instruction_sets import check_instruction_set
 from atra.embree.self_check import check_layouts
 from atra.errors import EmbreeError
 
@@ -87,7 +87,7 @@ def load_library() -> Library:
 
     Raises EmbreeError when no library is found, it cannot be loaded, its version is not supported, it was built
     without filter functions, its device cannot be created, or its structs are not laid out as `layout` says, and
-    InputError for an instruction set that this machine lacks (`atra.embree.instruction_sets`).
+    InputError for an instruction set that this machine lacks (`atra.compiled.instruction_sets`).
     """
     options = device_options(threads=1)
     path = _locate()

@@ -142,7 +142,7 @@ class Camera(View):
 class CalibratedCamera(Camera):
     """A pinhole camera with any image plane: pixels that are not square, a view axis that passes beside the middle of
     the image or outside of it. `Camera.from_opencv`, `Camera.from_matrix`, `Camera.crop` and the readers of
-    `atra.cameras` make it.
+    `atra.files.cameras` make it.
 
     eye, target, up, width, height: as for `Camera`. plane: where the pixels lie.
     fov_y_degrees: follows from them, between the upper and the lower border of the image.

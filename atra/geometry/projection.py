@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from atra.compiled.threads import WorkerPool
 from atra.geometry.mesh import Mesh
+from atra.geometry.projection_kernels import count_copies, project_points
 from atra.geometry.ray_space import from_eye_space
 from atra.geometry.view import View
-from atra.kernels.planning import count_copies, project_points
-from atra.parallel import WorkerPool
 
 
 def count_kept(

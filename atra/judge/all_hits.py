@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.gathering.gathered import Counts, LayerHits, Thicknesses
-from atra.geometry.intersection import intersect_pixels, triangles_in_camera_space
+from atra.all_hits.results import Counts, LayerHits, Thicknesses
+from atra.compiled.threads import WorkerPool, resolve_threads
+from atra.exact.intersection import intersect_pixels, triangles_in_camera_space
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
-from atra.kernels.exact.all_hits import judge_rays
-from atra.parallel import WorkerPool, resolve_threads
+from atra.judge.all_hits_kernels import judge_rays
 from atra.prim_ids import MISS
 
 TOLERANCE = 1e-5

@@ -16,15 +16,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.errors import InputError
-from atra.geometry.intersection import Pairs
+from atra.exact.intersection import Pairs
+from atra.exact.outline import is_on_outline
+from atra.exact.rounding import Rounding
+from atra.exact.ties import TIE_TOLERANCE
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.hits import Hits
 from atra.judge.depths import has_wrong_depth, relative_depth_error
 from atra.judge.holes import is_closed_around
-from atra.judge.outline import is_on_outline
-from atra.judge.rounding import Rounding
-from atra.judge.ties import TIE_TOLERANCE
 from atra.prim_ids import MISS
 
 
@@ -137,7 +137,7 @@ def compare(mesh: Mesh, camera: View, hits: Hits, reference: Hits) -> Agreement:
     hit: a plane that holds the eye, to the rounding of float64, is doubtful wherever it may be named.
 
     The rounding of float32 is that of one ray of the mesh itself, traced with the eye at the origin, and of its
-    triangle test, for this very ray and triangle (`atra.judge.rounding`), times ALLOWED_MULTIPLE. Whoever traces other
+    triangle test, for this very ray and triangle (`atra.exact.rounding`), times ALLOWED_MULTIPLE. Whoever traces other
     triangles than the mesh's, such as sheared copies of them, has to keep the errors that this brings within it.
 
     Raises InputError if the images differ in size or offset, from each other or from the camera, or name a triangle

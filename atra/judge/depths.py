@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.geometry.intersection import Pairs
+from atra.exact.intersection import Pairs
+from atra.exact.rounding import Rounding
+from atra.exact.rounding_kernels import ALLOWED_MULTIPLE, FLOAT32_UNIT
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.hits import Hits
-from atra.judge.rounding import Rounding
-from atra.kernels.rounding import ALLOWED_MULTIPLE, FLOAT32_UNIT
 from atra.prim_ids import MISS
 
 _LEAST_ROUNDINGS = 5.0

@@ -10,10 +10,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.geometry.intersection import Pairs, divided, triangles_in_camera_space, volumes_of
+from atra.exact.intersection import Pairs, divided, triangles_in_camera_space, volumes_of
+from atra.exact.outline import OUTLINE_TOLERANCE_PIXELS
+from atra.exact.rounding import Rounding
 from atra.geometry.mesh import position_keys
-from atra.judge.outline import OUTLINE_TOLERANCE_PIXELS
-from atra.judge.rounding import Rounding
 
 DIRECTIONS = 24
 """Ways in which a ray is moved: a gap between neighbours that is narrower than 15 degrees at the ray may be missed."""

@@ -13,17 +13,17 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
+from atra.compiled.threads import WorkerPool, resolve_threads
 from atra.errors import InputError
-from atra.geometry.intersection import Pairs, intersect_pixels, triangles_in_camera_space
+from atra.exact.brute_force_kernels import SLACK, nearest_triangles
+from atra.exact.intersection import Pairs, intersect_pixels, triangles_in_camera_space
+from atra.exact.rounding import Rounding
+from atra.exact.ties import TIE_TOLERANCE
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.hits import Hits
 from atra.judge.compare import Agreement, Verdict, compare
 from atra.judge.holes import is_closed_around
-from atra.judge.rounding import Rounding
-from atra.judge.ties import TIE_TOLERANCE
-from atra.kernels.exact.brute_force import SLACK, nearest_triangles
-from atra.parallel import WorkerPool, resolve_threads
 from atra.prim_ids import MISS
 
 EXHAUSTIVE_TESTS = 2e10
@@ -37,7 +37,7 @@ class Correctness(IntEnum):
     RIGHT = 0
     """The nearest triangle, or rightly nothing."""
     TIED = 1
-    """Another triangle that the ray hits just as deep, to TIE_TOLERANCE of `atra.judge.ties`."""
+    """Another triangle that the ray hits just as deep, to TIE_TOLERANCE of `atra.exact.ties`."""
     WRONG_TRIANGLE = 2
     """A triangle the ray misses or hits farther away, or nothing where there is something."""
     WRONG_DEPTH = 3
@@ -69,7 +69,7 @@ class Answer:
 
     prim_id: (N,) uint32, the triangle it names. stored_depth: (N,) float32, the depth it stores.
     depth, edge_distance: (N,) float64, where the ray meets that triangle's plane in float64, as in
-    `atra.geometry.intersection.Intersections`; inf and NaN where it names none.
+    `atra.exact.intersection.Intersections`; inf and NaN where it names none.
     correctness: (N,) uint8, values of `Correctness`.
     off_by: (N,) float64, barycentric: how far a wrong answer is from a right one. A triangle that is missed is missed
     by this, otherwise the nearest triangle was overlooked this far inside its edges. inf where a triangle without

@@ -4,18 +4,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from atra.alignment.split import Split
+from atra.alignment.aligned import AlignedTracer
+from atra.alignment.reference_rays import choose_packet_shape
+from atra.alignment.visible_first import VisibleFirstTracer
 from atra.errors import InputError
 from atra.geometry.mesh import Mesh
+from atra.geometry.split import Split
 from atra.geometry.view import View
-from atra.options import check_build_quality, native_packet_widths
-from atra.tracers.aligned import AlignedTracer
-from atra.tracers.pixel import PixelTracer
-from atra.tracers.raster import RasterTracer
-from atra.tracers.rays import SQUAREST_SHAPE
-from atra.tracers.reference_rays import choose_packet_shape
-from atra.tracers.tracer import Tracer
-from atra.tracers.visible_first import VisibleFirstTracer
+from atra.packets.pixel import PixelTracer
+from atra.raster.tracer import RasterTracer
+from atra.tracing.options import check_build_quality, native_packet_widths
+from atra.tracing.rays import SQUAREST_SHAPE
+from atra.tracing.tracer import Tracer
 from atra.whole_numbers import is_whole_number
 
 PACKETS, RASTER, ALIGNED, VISIBLE_FIRST = "packets", "raster", "aligned", "visible_first"

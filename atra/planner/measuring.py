@@ -13,7 +13,7 @@ from atra.errors import MemoryBudgetError
 from atra.hits import Hits
 from atra.planner.choice import RASTER, Choice
 from atra.planner.plan import Forecast
-from atra.tracers.tracer import Tracer
+from atra.tracing.tracer import Tracer
 
 Clock = Callable[[], float]
 

@@ -9,14 +9,14 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Self
 
-from atra.alignment.split import Split
 from atra.errors import InputError
-from atra.files import write_atomically
+from atra.files.paths import write_atomically
 from atra.geometry.mesh import Mesh
+from atra.geometry.split import Split
 from atra.geometry.view import View
-from atra.options import check_ties, native_packet_widths
 from atra.planner.choice import Choice
-from atra.tracers.tracer import Tracer
+from atra.tracing.options import check_ties, native_packet_widths
+from atra.tracing.tracer import Tracer
 from atra.whole_numbers import is_whole_number
 
 FORMAT = 2

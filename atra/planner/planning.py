@@ -6,19 +6,19 @@ from math import inf
 
 import numpy as np
 
+from atra.compiled.threads import resolve_threads
 from atra.errors import InputError
+from atra.exact.ties import coplanar_overlaps
 from atra.geometry.camera import Camera
 from atra.geometry.mesh import Mesh
 from atra.geometry.numbers import as_number
 from atra.geometry.orthographic import OrthographicCamera
 from atra.geometry.view import View
-from atra.judge.ties import coplanar_overlaps
-from atra.options import check_ties
-from atra.parallel import resolve_threads
 from atra.planner.choice import Choice, candidates
 from atra.planner.measuring import clock_for, measure
 from atra.planner.plan import MOST, Plan
-from atra.tracers.tracer import Tracer
+from atra.tracing.options import check_ties
+from atra.tracing.tracer import Tracer
 from atra.whole_numbers import is_whole_number
 
 FEWEST_FRAMES = 16

@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from atra.errors import InputError
-from atra.geometry.intersection import intersect_rays
+from atra.exact.intersection import intersect_rays
 from atra.geometry.mesh import Mesh
 from atra.geometry.ray_space import FARTHEST_FROM_EYE
-from atra.kernels.rays import first_unfit
 from atra.prim_ids import MISS
+from atra.rays.rays_kernels import first_unfit
 
 SHORTEST, LONGEST = 1e-20, 1e20
 """Sizes of a direction's largest component that are traced: float32 then has room for the t of every hit."""

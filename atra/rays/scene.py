@@ -9,14 +9,16 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from atra.aligned_memory import aligned_empty
+from atra.compiled.aligned_memory import aligned_empty
+from atra.compiled.threads import WorkerPool, resolve_threads
+from atra.embree.callbacks_kernels import memory_monitor
 from atra.embree.scene import EmbreeScene, resolve_packet_width
 from atra.embree.workspace import Workspace
 from atra.errors import InputError
 from atra.geometry.mesh import Mesh
 from atra.geometry.ray_space import check_world_range, padded_vertices
-from atra.kernels.callbacks import memory_monitor
-from atra.kernels.rays import (
+from atra.rays.rays import RayHits, Rays, rays_of
+from atra.rays.rays_kernels import (
     ALIKE_DIRECTIONS,
     ALWAYS,
     BUCKETS,
@@ -32,10 +34,8 @@ from atra.kernels.rays import (
     order_rays,
     put_back,
 )
-from atra.lifetime import Lifetime
-from atra.options import RayOptions
-from atra.parallel import WorkerPool, resolve_threads
-from atra.rays.rays import RayHits, Rays, rays_of
+from atra.tracing.lifetime import Lifetime
+from atra.tracing.options import RayOptions
 
 FEWEST_RAYS, FEWEST_TRIANGLES = 1 << 14, 1 << 17
 """Of a batch and of a mesh, for rays to be put in an order: otherwise all they touch is in the cache anyway."""

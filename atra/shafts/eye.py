@@ -10,16 +10,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.bvh.bvh import bvh_of
+from atra.bvh.images import Start
+from atra.bvh.starts import NO_SHAFTS, Shafts
 from atra.bvh.tracer import BvhTracer
+from atra.embree.packets_kernels import PixelTiles
 from atra.errors import InputError
 from atra.geometry.mesh import Mesh
 from atra.geometry.ray_space import NARROWEST_WORLD_PITCH, check_world_range, from_eye_space
 from atra.geometry.view import View
-from atra.kernels.bvh.images import Start
-from atra.kernels.packets import PixelTiles
-from atra.kernels.shafts.grid import NO_SHAFTS, Shafts
-from atra.kernels.shafts.lists import build_eye_lists
-from atra.kernels.shafts.shape import (
+from atra.shafts.lists_kernels import build_eye_lists
+from atra.shafts.options import ShaftOptions
+from atra.shafts.shafts import ShaftLists, building_of, stored_lists
+from atra.shafts.shape_kernels import (
     ACROSS,
     AXIS,
     CORNER,
@@ -32,11 +34,9 @@ from atra.kernels.shafts.shape import (
     PLANES,
     SHAPE,
 )
-from atra.lifetime import in_turn
-from atra.options import BvhOptions
-from atra.shafts.options import ShaftOptions
-from atra.shafts.shafts import ShaftLists, building_of, stored_lists
-from atra.tracers.rays import check_pinhole
+from atra.tracing.lifetime import in_turn
+from atra.tracing.options import BvhOptions
+from atra.tracing.rays import check_pinhole
 
 _SLOPE_SLACK = 2.0**-18
 """By how much a part of the image reaches farther than it does: many roundings of a float32 direction."""

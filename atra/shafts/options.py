@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from atra.errors import InputError
-from atra.options import BvhOptions
+from atra.tracing.options import BvhOptions
 from atra.whole_numbers import is_whole_number
 
 LONGEST_LIST = 255

@@ -9,15 +9,15 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from atra.bvh.batches import classify
 from atra.bvh.scene import BvhScene, PreparedRays, batch_of
+from atra.bvh.starts import EMPTY_LIST, NO_SHAFTS, PASSES, ROOT_LIST, UNKNOWN, Shafts
 from atra.geometry.mesh import Mesh
-from atra.kernels.bvh.batches import classify
-from atra.kernels.shafts.grid import EMPTY_LIST, NO_SHAFTS, PASSES, ROOT_LIST, UNKNOWN, Shafts
-from atra.lifetime import in_turn
-from atra.options import BvhOptions
 from atra.rays.rays import Rays
 from atra.shafts.options import ShaftOptions
 from atra.shafts.shafts import ShaftLists, build_shafts
+from atra.tracing.lifetime import in_turn
+from atra.tracing.options import BvhOptions
 
 SAMPLE = 64
 """One of so many rays of a batch is looked at to find which shafts are used most."""
@@ -104,7 +104,7 @@ class ShaftScene(BvhScene):
 
 
 def _lists_of(shafts: Shafts, numbers: NDArray[np.int64]) -> NDArray[np.int64]:
-    """`atra.kernels.shafts.grid.list_of` of many shafts."""
+    """`atra.bvh.starts.list_of` of many shafts."""
     of_voxel = 6 * shafts.grid.directions**2
     known = numbers >= 0
     rows = np.where(known, shafts.rows[np.where(known, numbers, 0) // of_voxel], UNKNOWN)

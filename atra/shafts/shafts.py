@@ -12,15 +12,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.bvh.bvh import Bvh
+from atra.bvh.layout import STACK
+from atra.bvh.packets import ROWS
+from atra.bvh.single import COUNTS
+from atra.bvh.starts import EMPTY_LIST, FIRST_LIST, MOST, NO_LISTS, ROOT_LIST, UNKNOWN, Grid, Shafts
+from atra.compiled.threads import WorkerPool
 from atra.errors import InputError, MemoryBudgetError
-from atra.kernels.bvh.layout import STACK
-from atra.kernels.bvh.packets import ROWS
-from atra.kernels.bvh.single import COUNTS
-from atra.kernels.shafts.grid import EMPTY_LIST, FIRST_LIST, MOST, NO_LISTS, ROOT_LIST, UNKNOWN, Grid, Shafts
-from atra.kernels.shafts.lists import LANES, Building, Sampling, build_lists, mark_voxels, store_lists
-from atra.kernels.shafts.shape import SHAPE
-from atra.parallel import WorkerPool
+from atra.shafts.lists_kernels import LANES, Building, Sampling, build_lists, mark_voxels, store_lists
 from atra.shafts.options import ON_RAYS, ShaftOptions
+from atra.shafts.shape_kernels import SHAPE
 from atra.tracing.budgets import check_needed_bytes
 
 FARTHEST = 8.0
@@ -95,7 +95,7 @@ class ShaftLists:
 
 SLACK, ROBUST_SLACK = 64.0, 256.0
 """Spacings of float32 at the largest coordinate by which voxels are larger than they are. Roundings of the tests of
-boxes and triangles move a ray of an origin within FARTHEST by up to 100 of them (`atra.kernels.bvh.single.MARGIN`)."""
+boxes and triangles move a ray of an origin within FARTHEST by up to 100 of them (`atra.bvh.single.MARGIN`)."""
 
 
 def grid_of(bvh: Bvh, cells: int, directions: int, robust: bool = False) -> Grid:

@@ -6,16 +6,16 @@ from collections.abc import Mapping
 from time import perf_counter
 from typing import Any, ClassVar
 
+from atra.bvh.images import Start
+from atra.bvh.starts import Shafts
 from atra.bvh.tracer import BvhTracer
 from atra.errors import InputError
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
-from atra.kernels.bvh.images import Start
-from atra.kernels.shafts.grid import Shafts
-from atra.lifetime import in_turn
-from atra.options import BvhOptions
 from atra.shafts.options import ShaftOptions
 from atra.shafts.shafts import ShaftLists, build_shafts
+from atra.tracing.lifetime import in_turn
+from atra.tracing.options import BvhOptions
 
 _OF_RAYS = ("sampled", "hits")
 

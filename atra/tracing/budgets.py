@@ -5,7 +5,7 @@ from __future__ import annotations
 import psutil
 
 from atra.errors import InputError, MemoryBudgetError
-from atra.options import CellOptions
+from atra.tracing.options import CellOptions
 
 PLAN_BYTES_PER_COPY = 3 * 12 + 12 + 8
 """Vertices, indices, record."""

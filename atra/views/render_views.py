@@ -11,18 +11,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from atra.alignment.aligned import AlignedTracer
+from atra.alignment.visible_first import VisibleFirstTracer
+from atra.compiled.threads import resolve_threads
 from atra.errors import InputError
+from atra.exact.ties import CoplanarOverlaps, coplanar_overlaps
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View, check_offset
 from atra.hits import Hits
-from atra.judge.ties import CoplanarOverlaps, coplanar_overlaps
-from atra.parallel import resolve_threads
-from atra.tracers.aligned import AlignedTracer
-from atra.tracers.pixel import PixelTracer
-from atra.tracers.raster import RasterTracer
-from atra.tracers.tiles import TiledTracer
-from atra.tracers.tracer import Tracer
-from atra.tracers.visible_first import VisibleFirstTracer
+from atra.packets.pixel import PixelTracer
+from atra.packets.tiles import TiledTracer
+from atra.raster.tracer import RasterTracer
+from atra.tracing.tracer import Tracer
 from atra.views.shared_mesh import Parcel, SharedMesh, shared, stage_of
 from atra.whole_numbers import is_whole_number
 

@@ -13,9 +13,9 @@ from tempfile import TemporaryDirectory
 from threading import Lock
 from uuid import uuid4
 
+from atra.exact.ties import CoplanarOverlaps, keep_overlaps
 from atra.geometry.mesh import Mesh
-from atra.judge.ties import CoplanarOverlaps, keep_overlaps
-from atra.tracers.tracer import Tracer
+from atra.tracing.tracer import Tracer
 
 _ALIGNMENT = 64
 

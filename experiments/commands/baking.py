@@ -13,7 +13,9 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from atra.bake import (
+from atra.files.paths import write_atomically
+from atra.hits import Hits
+from atra.light import (
     Baker,
     BakeScene,
     Lightmap,
@@ -25,10 +27,8 @@ from atra.bake import (
     save_maps,
     save_model,
 )
-from atra.bake.finish.export import exposure_of, finished
-from atra.files import write_atomically
-from atra.hits import Hits
-from atra.render.pictures import png_of
+from atra.light.lightmaps.finish.export import exposure_of, finished
+from atra.light.pictures.files import png_of
 from experiments.harness.configuration import Configuration, check_writable
 from experiments.harness.point import Point, make_own
 from experiments.harness.points import plan_points

@@ -15,9 +15,9 @@ from atra.command.doctor import (
     say_instructions,
     say_kernels,
 )
+from atra.compiled.threads import resolve_threads
 from atra.embree.library import embree_version
 from atra.errors import InputError
-from atra.parallel import resolve_threads
 from experiments.harness.configuration import Configuration, check_writable
 from experiments.harness.environment import BUSY_LOAD, Environment, read_environment
 from experiments.methods import METHODS

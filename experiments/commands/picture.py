@@ -11,7 +11,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from atra.render.pictures import check_picture_path
+from atra.light.pictures.files import check_picture_path
 from experiments.harness.configuration import Configuration, check_writable
 from experiments.harness.point import make_own
 from experiments.harness.points import plan_points

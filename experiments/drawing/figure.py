@@ -11,7 +11,7 @@ import matplotlib
 import pandas as pd
 from matplotlib import figure as mpl
 
-from atra.files import write_atomically
+from atra.files.paths import write_atomically
 
 Draw = Callable[[pd.DataFrame, Path, int], mpl.Figure]
 """Rows of the table, the folder of the records, and how many panels stand side by side -> figure."""

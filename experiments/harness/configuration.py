@@ -14,8 +14,8 @@ from typing import Any
 from hydra.core.config_store import ConfigStore
 from omegaconf import MISSING, DictConfig, OmegaConf
 
+from atra.compiled.threads import resolve_threads
 from atra.errors import InputError
-from atra.parallel import resolve_threads
 from experiments.harness.options import Named, find_named, say_unknown_field, schema, typed_options
 from experiments.harness.point import Kinds
 from scenes.loading import SceneSource

@@ -17,7 +17,7 @@ from typing import Any, Self
 
 import psutil
 
-from atra.embree.instruction_sets import cpu_design, cpu_features
+from atra.compiled.instruction_sets import cpu_design, cpu_features
 
 _CPU_EXTENSIONS = ("sse4.2", "avx", "avx2", "fma", "avx512f", "avx512vl", "neon", "sve")
 BUSY_LOAD = 1.0
@@ -33,7 +33,7 @@ class Environment:
     The fields up to `atra_version` are stable: they belong to the machine and its software, and `stable()` returns
     them alone. The rest describes the moment. A field that cannot be read on this system is None; all are as JSON gives
     them back.
-    instruction_set: the one that Embree and Numba were held to (`atra.embree.instruction_sets`); None: all that there
+    instruction_set: the one that Embree and Numba were held to (`atra.compiled.instruction_sets`); None: all that there
     are.
     """
 

@@ -9,7 +9,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from atra.embree.instruction_sets import chosen_instruction_set
+from atra.compiled.instruction_sets import chosen_instruction_set
 from atra.embree.library import embree_version
 from atra.embree.scene import resolve_packet_width
 from experiments.harness.environment import STABLE_FIELDS, Environment, read_environment

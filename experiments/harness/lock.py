@@ -9,7 +9,7 @@ from pathlib import Path
 from filelock import FileLock, Timeout
 
 from atra.errors import InputError, StorageError
-from atra.files import remove_abandoned_files
+from atra.files.paths import remove_abandoned_files
 
 
 @contextmanager

@@ -8,7 +8,7 @@ from typing import Any
 
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
-from atra.tracers.tracer import Tracer
+from atra.tracing.tracer import Tracer
 from experiments.harness.column import Column
 
 
@@ -16,7 +16,7 @@ from experiments.harness.column import Column
 class Tracing:
     """What holds for everything that is traced at a point, baselines included.
 
-    threads: None = every core. build_quality: Embree's. ties: see `atra.judge.ties`.
+    threads: None = every core. build_quality: Embree's. ties: see `atra.exact.ties`.
     """
 
     threads: int | None = 1

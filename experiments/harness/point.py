@@ -12,7 +12,7 @@ from typing import Any
 from atra.geometry.camera import Camera, Vector
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
-from atra.tracers.tracer import Tracer
+from atra.tracing.tracer import Tracer
 from experiments.harness.column import Column
 from experiments.harness.environment import memory_budget_bytes
 from experiments.harness.method import Method, Tracing

@@ -9,7 +9,7 @@ from typing import Any
 
 from atra.errors import AtraError, InputError, MemoryBudgetError, printable
 from atra.geometry.mesh import Mesh
-from atra.tracers.pixel import PixelTracer
+from atra.packets.pixel import PixelTracer
 from experiments.harness.configuration import Configuration, SceneConfiguration
 from experiments.harness.point import Point
 from scenes.loading import SceneSource, load_scene

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from atra.errors import RecordError
-from atra.files import write_atomically
+from atra.files.paths import write_atomically
 
 FORMAT = 2
 """Version of the file's layout. A file of another version is not used."""

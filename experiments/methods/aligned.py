@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 from enum import Enum
 from typing import Any
 
+from atra.alignment.aligned import AlignedTracer
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
-from atra.tracers.aligned import AlignedTracer
 from experiments.drawing.style import BLUE
 from experiments.harness.column import WHOLE, Column
 from experiments.harness.method import Method, Style, Tracing

@@ -9,7 +9,7 @@ from typing import Any
 
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
-from atra.tracers.pixel import PixelTracer
+from atra.packets.pixel import PixelTracer
 from experiments.drawing.style import GREEN, TIMES
 from experiments.harness.method import Method, Style, Tracing
 from experiments.harness.options import option

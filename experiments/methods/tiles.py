@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
-from atra.tracers.tiles import TiledTracer
+from atra.packets.tiles import TiledTracer
 from experiments.drawing.style import ORANGE
 from experiments.harness.method import Method, Style, Tracing
 from experiments.methods.cells import CellOptions, resolve_split

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from atra.alignment.visible_first import VisibleFirstTracer
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
-from atra.tracers.visible_first import VisibleFirstTracer
 from experiments.drawing.style import VERMILLION
 from experiments.harness.column import REAL, Column
 from experiments.harness.method import Method, Style, Tracing

@@ -14,7 +14,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined, Template
 from markupsafe import Markup
 
 from atra.errors import printable
-from atra.files import write_atomically
+from atra.files.paths import write_atomically
 from experiments.drawing.figure import DrawnFigure
 from experiments.paper.conclusion import conclude
 from experiments.paper.evidence import NotMeasuredError

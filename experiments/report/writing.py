@@ -12,7 +12,7 @@ import pandas as pd
 from rich.console import Console
 
 from atra.errors import InputError, RecordError
-from atra.files import write_atomically
+from atra.files.paths import write_atomically
 from experiments.drawing.figure import DrawnFigure, write_figure
 from experiments.harness.configuration import Configuration, records_folder, results_folder
 from experiments.harness.environment import describe_difference

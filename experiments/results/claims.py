@@ -11,7 +11,7 @@ from typing import Any
 
 import pandas as pd
 
-from atra.files import write_atomically
+from atra.files.paths import write_atomically
 
 HOLDS, DOES_NOT_HOLD, UNDECIDED, NOT_MEASURED = VERDICTS = "holds", "does not hold", "undecided", "not measured"
 """undecided = measured in full, but not precisely enough to say."""

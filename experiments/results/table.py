@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 
 from atra.errors import InputError
-from atra.files import write_atomically
+from atra.files.paths import write_atomically
 from experiments.harness.column import REAL, TEXT, TRUTH, WHOLE, Column, option_columns
 from experiments.harness.environment import BUSY_SHARE, describe_difference
 from experiments.harness.point import Workload

@@ -12,7 +12,7 @@ import numpy as np
 
 from atra.errors import InputError
 from atra.geometry.camera import Camera
-from atra.render import PanoramaSky, RenderScene, Sun
+from atra.light import PanoramaSky, RenderScene, Sun
 from experiments.harness.configuration import Configuration
 from experiments.harness.method import Tracing
 from experiments.harness.points import camera_fields_of

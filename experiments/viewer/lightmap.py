@@ -8,13 +8,13 @@ from time import monotonic
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.bake import Atlas, BakeScene, Lightmap, ProgressiveBake, clay_view, lit_view
-from atra.bake.finish.export import exposure_of, finished
 from atra.errors import InputError
 from atra.geometry.camera import Camera
 from atra.hits import Hits
-from atra.render.pictures import srgb_of
-from atra.tracers.raster import RasterTracer
+from atra.light import Atlas, BakeScene, Lightmap, ProgressiveBake, clay_view, lit_view
+from atra.light.lightmaps.finish.export import exposure_of, finished
+from atra.light.pictures.files import srgb_of
+from atra.raster.tracer import RasterTracer
 from experiments.viewer.camera_page import CameraPage
 from experiments.viewer.request import Pose, Request, Settings
 from experiments.viewer.session import REST_S

@@ -15,12 +15,12 @@ from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.hits import Hits
 from atra.judge.compare import compare
-from atra.render import HybridRenderer, PathRenderer, RenderScene, Sun
-from atra.render.pictures import srgb_of
-from atra.render.renderer import Renderer
-from atra.tracers.pixel import PixelTracer
-from atra.tracers.raster import RasterTracer
-from atra.tracers.tracer import Tracer
+from atra.light import HybridRenderer, PathRenderer, RenderScene, Sun
+from atra.light.pictures.files import srgb_of
+from atra.light.pictures.renderer import Renderer
+from atra.packets.pixel import PixelTracer
+from atra.raster.tracer import RasterTracer
+from atra.tracing.tracer import Tracer
 from experiments.drawing.shading import BACKGROUND, mark_verdicts
 from experiments.harness.configuration import Chosen
 from experiments.harness.method import Tracing

@@ -8,7 +8,7 @@ from math import cos, radians, sin, sqrt
 
 from atra.errors import InputError
 from atra.geometry.camera import Camera, Vector
-from atra.render.checks import check_one_of, checked_number
+from atra.light.checks import check_one_of, checked_number
 from atra.whole_numbers import is_whole_number
 from experiments.methods import find_method
 from experiments.methods.raster import RASTER
@@ -51,7 +51,7 @@ class Settings:
     cells where it has cells. jitter: whether samples go through different points of their pixels.
     sun_heading, sun_height: in degrees, where the sun stands, about +y and above the horizon. sun_cone: half the angle
     under which it appears, in degrees. shadow_shared, occlusion_shared: whether rays head the same way from all pixels.
-    All others: see `atra.render`'s options, lights and skies.
+    All others: see `atra.light`'s options, lights and skies.
     Raises InputError, with the value, for unknown words and for numbers outside of what can be drawn.
     """
 

@@ -12,11 +12,11 @@ import numpy as np
 
 from atra.embree.library import load_library
 from atra.errors import InputError
+from atra.exact.ties import coplanar_overlaps
 from atra.geometry.camera import Camera
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
-from atra.judge.ties import coplanar_overlaps
-from atra.tracers.pixel import PixelTracer
+from atra.packets.pixel import PixelTracer
 from experiments.harness.environment import peak_rss_bytes, reset_peak_rss, rss_bytes
 from experiments.harness.point import Measured, Point, make_own
 from experiments.harness.rounds import RoundSamples, measure_rounds

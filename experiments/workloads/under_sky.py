@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from atra.errors import InputError
-from atra.render import PanoramaSky, RenderScene
+from atra.light import PanoramaSky, RenderScene
 from experiments.harness.options import option
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from atra.errors import InputError
 from atra.geometry.camera import Camera
 from atra.geometry.mesh import Mesh
-from atra.render import GradientSky, Lambertian, RenderScene, Sun
+from atra.light import GradientSky, Lambertian, RenderScene, Sun
 from scenes.lit.weekend import weekend
 
 WITH_MATERIALS: dict[str, Callable[[], RenderScene]] = {"weekend": weekend}

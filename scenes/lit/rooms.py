@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from atra.geometry.mesh import Mesh
-from atra.render import Emissive, GradientSky, Lambertian, RenderScene, Sun, constant_sky
-from atra.render.materials import Material
+from atra.light import Emissive, GradientSky, Lambertian, RenderScene, Sun, constant_sky
+from atra.light.materials import Material
 from scenes.cornell_box import cornell_box
 
 _WHITE, _RED, _GREEN = (0.725, 0.71, 0.68), (0.63, 0.065, 0.05), (0.14, 0.45, 0.091)

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.render import Checker, Dielectric, GradientSky, Lambertian, Metal, RenderScene, Sun
+from atra.light import Checker, Dielectric, GradientSky, Lambertian, Metal, RenderScene, Sun
 from scenes.shapes import Part, ball, copies, join, lathe
 
 WEEKEND_CAMERA: dict[str, Any] = {

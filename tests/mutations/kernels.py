@@ -5,7 +5,7 @@ from tests.mutations.mutation import Mutation
 KERNELS = (
     Mutation(
         "edge_sign",
-        "atra/kernels/raster/exact.py",
+        "atra/exact/edges_kernels.py",
         "_add_product(sum_, count, -y, px)",
         "_add_product(sum_, count, y, px)",
         "a sign in the edge function, where it is summed exactly",
@@ -15,7 +15,7 @@ KERNELS = (
     ),
     Mutation(
         "edge_tie",
-        "atra/kernels/raster/exact.py",
+        "atra/exact/edges_kernels.py",
         "return -1 if qy > py else 1",
         "return 1 if qy > py else -1",
         "samples on an edge count for the triangle on the other side",
@@ -23,7 +23,7 @@ KERNELS = (
     ),
     Mutation(
         "edge_error_bound",
-        "atra/kernels/raster/exact.py",
+        "atra/exact/edges_kernels.py",
         "_SURE = 4.0 * UNIT",
         "_SURE = 0.25 * UNIT",
         "the bound on rounding is too small, so sides of edges are decided by rounded numbers",
@@ -33,7 +33,7 @@ KERNELS = (
     ),
     Mutation(
         "span_end",
-        "atra/kernels/raster/spans.py",
+        "atra/raster/spans.py",
         "smaller(old, beyond - one)",
         "smaller(old, beyond)",
         "a row of a wide triangle ends one sample late",
@@ -41,7 +41,7 @@ KERNELS = (
     ),
     Mutation(
         "depth_interpolation",
-        "atra/kernels/raster/triangles.py",
+        "atra/raster/triangles.py",
         "slope_y = (nearer2 * dx2 + nearer1 * dx1)",
         "slope_y = (nearer2 * dx2 - nearer1 * dx1)",
         "depth is interpolated wrongly from row to row of small triangles",
@@ -49,7 +49,7 @@ KERNELS = (
     ),
     Mutation(
         "raster_tie_rule",
-        "atra/kernels/raster/image.py",
+        "atra/raster/image.py",
         "identities_at(address)[lane] < prim_id",
         "identities_at(address)[lane] > prim_id",
         "of triangles at one depth the rasteriser stores the highest",
@@ -59,7 +59,7 @@ KERNELS = (
     ),
     Mutation(
         "occlusion_bound",
-        "atra/kernels/raster/culling.py",
+        "atra/raster/culling.py",
         "bounds[cluster] = (1.0 + _NEARER) / near",
         "bounds[cluster] = (1.0 + _NEARER) / far",
         "a cluster is held to be hidden by the farthest corner of its box",
@@ -67,7 +67,7 @@ KERNELS = (
     ),
     Mutation(
         "missing_culling_plane",
-        "atra/kernels/planning.py",
+        "atra/geometry/projection_kernels.py",
         "count = _clip(first, count, second, 0.0, -1.0, bottom)",
         "second = first",
         "triangles are not clipped at the lower border of a row of cells",
@@ -75,7 +75,7 @@ KERNELS = (
     ),
     Mutation(
         "first_cell",
-        "atra/kernels/planning.py",
+        "atra/geometry/projection_kernels.py",
         "first = int(np.floor(",
         "first = int(np.ceil(",
         "triangles are left out of the first cell that they meet",
@@ -91,7 +91,7 @@ KERNELS = (
     ),
     Mutation(
         "rounding_of_copies",
-        "atra/kernels/rounding.py",
+        "atra/exact/rounding_kernels.py",
         "- 3.0) / 3.0",
         "- 3.0) / 2.0",
         "sheared copies may be rounded by half as much again as the judge allows",
@@ -101,7 +101,7 @@ KERNELS = (
     ),
     Mutation(
         "bvh_box",
-        "atra/kernels/bvh/building.py",
+        "atra/bvh/building.py",
         "= max(a, b, c)",
         "= max(a, b)",
         "boxes of the own BVH do not reach around the third corner",
@@ -109,7 +109,7 @@ KERNELS = (
     ),
     Mutation(
         "bvh_split",
-        "atra/kernels/bvh/building.py",
+        "atra/bvh/building.py",
         "_grow(side, bins[k - 1])",
         "_grow(side, bins[k])",
         "the first half of a split is weighed by the box of the next bin",
@@ -117,7 +117,7 @@ KERNELS = (
     ),
     Mutation(
         "bvh_tie_rule",
-        "atra/kernels/bvh/single.py",
+        "atra/bvh/single.py",
         "and t <= best:",
         "and t < best:",
         "`<` for `<=`: of triangles at one depth the own BVH stores the first it meets",
@@ -125,7 +125,7 @@ KERNELS = (
     ),
     Mutation(
         "tied_depths",
-        "atra/kernels/ties.py",
+        "atra/exact/ties_kernels.py",
         "<= tie_tolerance * depth",
         "<= tie_tolerance",
         "which depths are equal no longer depends on the distance",
@@ -133,7 +133,7 @@ KERNELS = (
     ),
     Mutation(
         "sorting_of_layers",
-        "atra/kernels/gathering/keys.py",
+        "atra/all_hits/keys_kernels.py",
         "for size in sizes:",
         "for size in sizes[:-1]:",
         "the last merge of the sorting network is missing",
@@ -141,7 +141,7 @@ KERNELS = (
     ),
     Mutation(
         "thickness_sign",
-        "atra/kernels/gathering/drawing.py",
+        "atra/raster/all_hits/drawing_kernels.py",
         "np.float32(facing_of(",
         "np.float32(-facing_of(",
         "ways inside count as negative",
@@ -149,7 +149,7 @@ KERNELS = (
     ),
     Mutation(
         "shaft_plane",
-        "atra/kernels/shafts/shape.py",
+        "atra/shafts/shape_kernels.py",
         "shape[HIGH + a] - min(",
         "shape[HIGH + a] - max(",
         "a plane of a shaft cuts off boxes that its rays meet",
@@ -157,7 +157,7 @@ KERNELS = (
     ),
     Mutation(
         "ray_interval",
-        "atra/kernels/rays.py",
+        "atra/rays/rays_kernels.py",
         "rays.tnear + rays.number_bytes * ray) * length",
         "rays.tnear + rays.number_bytes * ray)",
         "where a ray begins is not scaled with its direction",
@@ -165,7 +165,7 @@ KERNELS = (
     ),
     Mutation(
         "lamp_weight",
-        "atra/kernels/shading/lights.py",
+        "atra/light/lights_kernels.py",
         "strength *= TWO * depth / ratio",
         "strength *= depth / ratio",
         "the weight of a sample of a spherical light is half of what it should be",

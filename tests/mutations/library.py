@@ -13,7 +13,7 @@ LIBRARY = (
     ),
     Mutation(
         "split_of_rows",
-        "atra/alignment/split.py",
+        "atra/geometry/split.py",
         "if self.width % self.nx or self.height % self.ny:",
         "if self.width % self.nx:",
         "a split whose rows do not divide the image is accepted",
@@ -21,7 +21,7 @@ LIBRARY = (
     ),
     Mutation(
         "tracer_lock",
-        "atra/lifetime.py",
+        "atra/tracing/lifetime.py",
         "threading.RLock()",
         '__import__("contextlib").nullcontext()',
         "a tracer takes no lock, so it may be closed during a frame",
@@ -29,7 +29,7 @@ LIBRARY = (
     ),
     Mutation(
         "exr_channels",
-        "atra/saving.py",
+        "atra/files/saving.py",
         '("N.X", "N.Y", "N.Z")',
         '("N.Y", "N.X", "N.Z")',
         "x and y of normals are swapped in EXR files",
@@ -37,7 +37,7 @@ LIBRARY = (
     ),
     Mutation(
         "colmap_rotation",
-        "atra/cameras/colmap.py",
+        "atra/files/cameras/colmap.py",
         "2 * (x * y - w * z)",
         "2 * (x * y + w * z)",
         "cameras of COLMAP models are turned wrongly",
@@ -45,7 +45,7 @@ LIBRARY = (
     ),
     Mutation(
         "damaged_kernel",
-        "atra/kernels/caching.py",
+        "atra/compiled/store.py",
         "if sha256(code).digest() != digest:",
         "if False:",
         "compiled code that was damaged on disk is run",

@@ -19,7 +19,7 @@ from typing import Any
 import psutil
 
 from atra.errors import AtraError, MemoryBudgetError, StorageError, printable
-from atra.files import write_atomically
+from atra.files.paths import write_atomically
 from experiments.harness.options import find_named, typed_options
 from experiments.harness.point import Kinds, Measured, Point
 from experiments.harness.processes.outcome import Outcome, skipped

@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
+from atra.compiled.threads import resolve_threads
 from atra.errors import InputError
 from atra.geometry.view import unit_vector
-from atra.parallel import resolve_threads
-from atra.render import Dielectric, Emissive, GradientSky, Lambertian, Metal, RenderScene, Sun
-from atra.render.materials import Material
+from atra.light import Dielectric, Emissive, GradientSky, Lambertian, Metal, RenderScene, Sun
+from atra.light.materials import Material
 from experiments.methods.peers.mitsuba_scene import INSTALL_LLVM, OLDEST_LLVM
 
 

@@ -14,17 +14,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from atra.all_hits.reductions import Count, Gathered, Reduction, Thickness
+from atra.all_hits.results import Counts, Thicknesses
+from atra.compiled.threads import resolve_threads
 from atra.errors import InputError
-from atra.gathering.gathered import Counts, Thicknesses
-from atra.gathering.reductions import Count, Gathered, Reduction, Thickness
 from atra.geometry.mesh import Mesh
 from atra.geometry.ray_space import from_eye_space
 from atra.geometry.view import View, check_offset
 from atra.hits import Hits
-from atra.lifetime import TracerLifetime
-from atra.parallel import resolve_threads
-from atra.tracers.rays import image_ray_grid
 from atra.tracing.budgets import check_image_memory
+from atra.tracing.lifetime import TracerLifetime
+from atra.tracing.rays import image_ray_grid
 from experiments.drawing.style import PURPLE
 from experiments.harness.method import Method, Style, Tracing, always_available
 from experiments.harness.options import NoOptions

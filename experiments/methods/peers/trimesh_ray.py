@@ -11,8 +11,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from atra.compiled.store import keep_on_disk
 from atra.embree.library import wheel_problem
-from atra.kernels.caching import keep_on_disk
 from experiments.methods.peers.blocks import Answer, BlockwiseTracer, RayArrays
 from experiments.methods.peers.peer import peer_method
 

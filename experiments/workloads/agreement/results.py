@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from atra.files import write_atomically
+from atra.files.paths import write_atomically
 from atra.judge.compare import Verdict
 from experiments.drawing.shading import encode_png, mark_verdicts
 from experiments.harness.records import load_record

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from atra.bake import BakeOptions
 from atra.errors import InputError
+from atra.light import BakeOptions
 from experiments.harness.column import REAL, WHOLE, Column
 from experiments.harness.options import option
 from experiments.harness.point import Point, Workload
@@ -36,7 +36,7 @@ FULLEST = 0.7
 
 
 class Compaction(Enum):
-    """As of `atra.bake.BakeOptions`."""
+    """As of `atra.light.BakeOptions`."""
 
     none = "none"
     texels = "texels"
@@ -44,14 +44,14 @@ class Compaction(Enum):
 
 
 class Lights(Enum):
-    """As of `atra.bake.BakeOptions`."""
+    """As of `atra.light.BakeOptions`."""
 
     uniform = "uniform"
     grid = "grid"
 
 
 class Environment(Enum):
-    """As of `atra.bake.BakeOptions`."""
+    """As of `atra.light.BakeOptions`."""
 
     mis = "mis"
     light = "light"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from time import perf_counter
 
-from atra.bake import Baker
+from atra.light import Baker
 from experiments.workloads.bake.means import mean_and_error, ratio_and_error
 
 

@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from atra import render
-from atra.bake import Atlas, Baker, BakeScene, Lightmap, Seams, Surface, Texels, denoised, dilated
+from atra import light
 from atra.geometry.mesh import Mesh
+from atra.light import Atlas, Baker, BakeScene, Lightmap, Seams, Surface, Texels, denoised, dilated
 from experiments.harness.point import Measured, Point, make_own
 from experiments.workloads.bake import (
     FULLEST,
@@ -55,31 +55,31 @@ def bake_scene(point: Point, mesh: Mesh) -> BakeScene:
         scene = replace(scene, surface=Surface.plain(mesh, albedo, surface.emission if own_light else 0.0))
     if own_light:
         return scene
-    sky = panorama() if settings.panorama else render.constant_sky(0.0)
+    sky = panorama() if settings.panorama else light.constant_sky(0.0)
     return replace(scene, lights=lamps(mesh, settings.lamps), sky=sky)
 
 
-def room_of(point: Point, mesh: Mesh) -> render.RenderScene:
+def room_of(point: Point, mesh: Mesh) -> light.RenderScene:
     """The mesh with light; with light that Mitsuba has, too, if that is asked for."""
     settings = point.workload_options
     room = settings.under_sky(lit_room(mesh))
     return with_plain_light(room) if settings.against is Against.mitsuba else room
 
 
-def lamps(mesh: Mesh, count: int) -> tuple[render.PointLight, ...]:
+def lamps(mesh: Mesh, count: int) -> tuple[light.PointLight, ...]:
     """So many point lights all over the box of the mesh, together as bright however many they are."""
     low, size = mesh.bounds[0].astype(np.float64), np.ptp(mesh.bounds, axis=0).astype(np.float64)
     places = low + size * (0.1 + 0.8 * np.random.default_rng(1).random((count, 3)))
     power = float((size**2).sum()) / 4.0 / max(count, 1)
-    return tuple(render.PointLight(tuple(place), power=power) for place in places.tolist())
+    return tuple(light.PointLight(tuple(place), power=power) for place in places.tolist())
 
 
-def panorama() -> render.PanoramaSky:
+def panorama() -> light.PanoramaSky:
     """A sky of 1 above a ground of 0.2, with a small sun."""
     texels = np.full((32, 64, 3), 0.2, np.float32)
     texels[:16] = 1.0
     texels[8, 20] = _SUN
-    return render.PanoramaSky(texels)
+    return light.PanoramaSky(texels)
 
 
 def atlas_of(point: Point, mesh: Mesh) -> Atlas:

@@ -10,12 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.bake import Baker, Lightmap
-from atra.bake.batches import new_batch
-from atra.bake.light.tables import tables_of
-from atra.kernels.baking.samples import generate
-from atra.kernels.baking.tables import LUMINANCE, NORMAL, ORIGIN
-from atra.render import GradientSky, RenderScene
+from atra.light import Baker, GradientSky, Lightmap, RenderScene
+from atra.light.lightmaps.batches import new_batch
+from atra.light.lightmaps.gather.tables import tables_of
+from atra.light.lightmaps.gather.tables_kernels import LUMINANCE, NORMAL, ORIGIN
+from atra.light.lightmaps.samples_kernels import generate
 from experiments.methods.peers.mitsuba_light import load_mitsuba, parts_of, suns_of
 from experiments.workloads.bake.means import mean_and_error, ratio_and_error
 

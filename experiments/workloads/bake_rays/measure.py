@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra import AlignedTracer, Count, OrthographicCamera, PixelTracer, RayScene, sub_pixel_offsets
-from atra.bake import Atlas, Texels
-from atra.bake.tiles import Tiles
 from atra.errors import InputError
-from atra.geometry.intersection import intersect_rays
+from atra.exact.intersection import intersect_rays
 from atra.geometry.mesh import Mesh
+from atra.light import Atlas, Texels
+from atra.light.lightmaps.sun.tiles import Tiles
 from atra.rays.rays import Rays
 from experiments.harness.point import Measured, Point
 from experiments.workloads.bake_rays import CELLS, ONE_BY_ONE, TOGETHER, Use

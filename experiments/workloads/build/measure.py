@@ -5,7 +5,7 @@ from __future__ import annotations
 from contextlib import ExitStack
 from dataclasses import asdict
 
-from atra.tracers.base import EmbreeTracer
+from atra.tracing.base import EmbreeTracer
 from experiments.harness.point import Measured, Point, make_own
 from experiments.workloads.build import BASELINE, BVH, PLAN
 from experiments.workloads.rounds import build_own, make_single, measured, shrunk, timed_rounds, warm_up

@@ -6,8 +6,8 @@ from contextlib import ExitStack
 
 from atra.geometry.mesh import Mesh
 from atra.judge.compare import compare
-from atra.tracers.tracer import Tracer
 from atra.tracing.budgets import EMBREE_BYTES_PER_COPY, check_needed_bytes
+from atra.tracing.tracer import Tracer
 from experiments.harness.point import Measured, Point, make_own
 from experiments.workloads.baselines import OWN, SINGLE
 from experiments.workloads.images import counts, depth_errors

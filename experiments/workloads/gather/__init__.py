@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from atra import Count, Layers, Thickness, Transmittance
-from atra.gathering.reductions import Reduction
+from atra.all_hits.reductions import Reduction
 from experiments.harness.column import REAL, WHOLE, Column
 from experiments.harness.options import option
 from experiments.harness.point import Point, Workload
@@ -21,7 +21,7 @@ DIFFERENCES = ("hits_in_all", "hits_missing", "hits_too_many", "pixels_different
 
 
 class What(Enum):
-    """What is made of all hits (`atra.gathering.reductions`)."""
+    """What is made of all hits (`atra.all_hits.reductions`)."""
 
     count = "count"
     thickness = "thickness"

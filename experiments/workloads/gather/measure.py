@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.gathering.reductions import Reduction
+from atra.all_hits.reductions import Reduction
 from experiments.harness.point import Measured, Point
 from experiments.workloads.baselines import OWN, SINGLE
 from experiments.workloads.gather import DIFFERENCES

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 from atra.geometry.view import View
-from atra.tracers.base import Views
-from atra.tracers.pixel import PixelTracer
+from atra.packets.pixel import PixelTracer
+from atra.tracing.base import Views
 from atra.tracing.geometry import AlignedGeometry, plan_plain_geometry
 
 

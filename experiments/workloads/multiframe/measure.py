@@ -9,13 +9,13 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
+from atra.alignment.aligned import FramesTracer
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.hits import Hits
 from atra.judge.compare import compare
-from atra.lifetime import Lifetime
-from atra.tracers.aligned import FramesTracer
-from atra.tracers.tracer import Tracer
+from atra.tracing.lifetime import Lifetime
+from atra.tracing.tracer import Tracer
 from experiments.harness.options import NoOptions
 from experiments.harness.point import Measured, Point, make_own
 from experiments.methods.cells import AlignedCellOptions

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+from atra.alignment.aligned import FramesTracer
 from atra.alignment.alignment import Alignment, Split
 from atra.geometry.camera import Camera
 from atra.geometry.mesh import Mesh
-from atra.tracers.aligned import FramesTracer
 from experiments.harness.point import Point
 from experiments.methods.aligned import tracer_options
 from experiments.workloads.multiframe import Motion

@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 from pathlib import Path
 
-from atra.files import write_atomically
+from atra.files.paths import write_atomically
 from experiments.harness.records import Record
 from experiments.workloads.baselines import SINGLE
 

@@ -9,13 +9,13 @@ from math import floor
 from statistics import median
 from typing import Any
 
+from atra.compiled.threads import resolve_threads
 from atra.errors import MemoryBudgetError
-from atra.judge.ties import coplanar_overlaps
-from atra.parallel import resolve_threads
+from atra.exact.ties import coplanar_overlaps
 from atra.planner.choice import PACKETS, candidates
 from atra.planner.measuring import clock_for
 from atra.planner.planning import plan, warm_up
-from atra.tracers.tracer import Tracer
+from atra.tracing.tracer import Tracer
 from experiments.harness.point import Measured, Point
 from experiments.harness.rounds import measure_rounds
 from experiments.workloads.rounds import load_mesh, measured

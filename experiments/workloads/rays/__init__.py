@@ -21,7 +21,7 @@ PLAIN, SORTED = "plain", "packets_sorted"
 that order, where it is not that of the batch."""
 
 COUNTED = ("traversal_steps", "box_tests", "block_tests", "list_entries", "rays_from_root", "rays_proven_miss")
-"""Results by the order of `atra.kernels.bvh.single`."""
+"""Results by the order of `atra.bvh.single`."""
 
 PLAIN_COUNTED = tuple(f"plain_{name}" for name in COUNTED[:3])
 

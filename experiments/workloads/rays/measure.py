@@ -9,16 +9,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from atra.bvh.layout import BLOCK_BYTES, NODE_BYTES
 from atra.bvh.scene import BvhScene, PreparedRays
-from atra.geometry.intersection import intersect_rays
+from atra.bvh.single import BLOCKS, BOXES, LISTED, STEPS
+from atra.exact.intersection import intersect_rays
 from atra.geometry.mesh import Mesh
-from atra.kernels.bvh.layout import BLOCK_BYTES, NODE_BYTES
-from atra.kernels.bvh.single import BLOCKS, BOXES, LISTED, STEPS
 from atra.prim_ids import MISS
+from atra.raster.tracer import RasterTracer
 from atra.rays.ray_sets import ray_set
 from atra.rays.rays import RayHits, Rays
 from atra.rays.scene import RayScene
-from atra.tracers.raster import RasterTracer
 from experiments.harness.environment import peak_rss_bytes, reset_peak_rss, rss_bytes
 from experiments.harness.point import Measured, Point
 from experiments.workloads.baselines import OWN, PACKETS, SINGLE

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from atra.errors import InputError
-from atra.render import HybridOptions, PathOptions
+from atra.light import HybridOptions, PathOptions
 from atra.whole_numbers import is_whole_number
 from experiments.harness.column import REAL, WHOLE, Column
 from experiments.harness.options import option
@@ -55,7 +55,7 @@ MITSUBA = "mitsuba"
 
 
 class Kind(Enum):
-    """How a picture is made (`atra.render`)."""
+    """How a picture is made (`atra.light`)."""
 
     hybrid = "hybrid"
     path = "path"

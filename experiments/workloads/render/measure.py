@@ -14,8 +14,8 @@ from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.hits import Hits
 from atra.judge.compare import compare
-from atra.render import HybridRenderer, PathRenderer, RenderScene, constant_sky
-from atra.tracers.tracer import Tracer
+from atra.light import HybridRenderer, PathRenderer, RenderScene, constant_sky
+from atra.tracing.tracer import Tracer
 from experiments.harness.point import Measured, Point, make_own
 from experiments.workloads.baselines import OWN, SINGLE
 from experiments.workloads.images import counts, depth_errors

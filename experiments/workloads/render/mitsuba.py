@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from atra.geometry.camera import Camera
-from atra.render import RenderScene
+from atra.light import RenderScene
 from experiments.methods.peers.mitsuba_light import load_mitsuba, parts_of
 from experiments.workloads.render import RenderOptions
 

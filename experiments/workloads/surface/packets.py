@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from atra.embree.packets_kernels import Image, RayGrid
 from atra.geometry.view import View
-from atra.kernels.packets import Image, RayGrid
-from atra.kernels.tracing import Surface, surface_kernel
-from atra.tracers.pixel import PixelTracer
-from atra.tracers.rays import image_ray_grid
+from atra.packets.pixel import PixelTracer
+from atra.packets.pixel_kernels import Surface, surface_kernel
+from atra.tracing.rays import image_ray_grid
 
 
 class SurfacePackets(PixelTracer):

@@ -1,0 +1,78 @@
+"""The second pass of a frame: pixel by pixel, up to the depth found, what the aligned pass was not given."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from atra.alignment.aligned_kernels import Hidden, verify_kernel
+from atra.alignment.visibility import Tiles
+from atra.compiled.threads import WorkerPool
+from atra.embree.packets_kernels import Image, RayGrid
+from atra.embree.scene import EmbreeScene
+from atra.embree.workspace import Workspace
+from atra.geometry.mesh import Mesh, position_keys
+from atra.geometry.view import View
+from atra.tracing.rays import SQUAREST_SHAPE, image_ray_grid, share_direction
+
+
+class SecondPass:
+    """Goes over an image in packets of pixels, tile by tile, and lets nearer hits replace those of the first pass.
+
+    Where the hits found so far are nearer than anything in the scene can be in that tile, a packet is done; elsewhere
+    it is traced from there on up to the depth found.
+
+    scene: of triangles in the camera's ray space, `prim_id` for `prim_id`; closed with `close`. nearest: shape of
+    `tiles`, float32, before this depth no ray of the tile meets any of them; inf = never.
+    """
+
+    def __init__(self, scene: EmbreeScene, camera: View, tiles: Tiles, nearest: NDArray[np.float32]) -> None:
+        self.scene = scene
+        self._camera, self._tiles, self._nearest = camera, tiles, nearest
+        self._packets_traced = np.zeros((1, 1), np.int64)
+
+    def trace(
+        self,
+        pool: WorkerPool,
+        workspaces: Sequence[Workspace],
+        packet_width: int,
+        offset: tuple[float, float],
+        depth: NDArray[np.float32],
+        prim_id: NDArray[np.uint32],
+    ) -> None:
+        """depth, prim_id: (H, W), the image of the first pass, changed in place."""
+        camera, tiles, scene = self._camera, self._tiles, self.scene.address
+        rays, image = RayGrid(*image_ray_grid(camera, offset)), Image(depth, prim_id)
+        hidden = Hidden(self._nearest, tiles.tile_width, tiles.tile_height)
+        kernel = verify_kernel(*SQUAREST_SHAPE[packet_width], camera.is_parallel)
+        self._packets_traced = np.zeros((len(workspaces), 16), np.int64)  # a cache line or two for each thread
+
+        share_direction(workspaces, camera)
+
+        def work(worker: int, counter: int) -> None:
+            kernel(counter, scene, workspaces[worker].packet, rays, hidden, image, self._packets_traced[worker])
+
+        pool.run(work)
+
+    @property
+    def packets_traced(self) -> int:
+        """Packets that the last frame had to trace."""
+        return int(self._packets_traced[:, 0].sum())
+
+    def close(self) -> None:
+        self.scene.close()
+
+
+def with_neighbours(mesh: Mesh, prim_ids: NDArray[np.integer]) -> NDArray[np.bool_]:
+    """(F,) bool: the triangles `prim_ids`, (N,), N > 0, and all that share a corner's position with one of them.
+
+    Copies and the mesh itself are rounded differently, so a ray could slip through between a triangle of the one and a
+    neighbour of the other. Where rays are also shot at the neighbours, as the mesh has them, none can.
+    """
+    keys = position_keys(mesh)
+    wanted = np.unique(keys[mesh.faces[prim_ids]])
+    found = np.minimum(np.searchsorted(wanted, keys), len(wanted) - 1)
+    is_near: NDArray[np.bool_] = (wanted[found] == keys)[mesh.faces].any(axis=1)
+    return is_near

@@ -1,0 +1,226 @@
+"""Visible-first: align what is likely to be seen, then verify what was left out, only where it could matter."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from atra.alignment.alignment import Alignment
+from atra.alignment.reference_rays import ReferenceRayTracer
+from atra.alignment.second_pass import SecondPass
+from atra.alignment.visibility import Tiles, plan_visible_geometry
+from atra.embree.callbacks_kernels import memory_monitor, nearest_hit_filter
+from atra.embree.packets_kernels import Image, RayGrid
+from atra.embree.scene import EmbreeScene
+from atra.errors import InputError
+from atra.geometry.mesh import Mesh
+from atra.geometry.split import Split
+from atra.geometry.view import View
+from atra.hits import Hits
+from atra.packets.pixel_kernels import pixel_kernel
+from atra.tracing.all_hits import NoGathering
+from atra.tracing.base import ImageTracer
+from atra.tracing.geometry import AlignedGeometry, plan_plain_geometry
+from atra.tracing.images import new_images
+from atra.tracing.lifetime import in_turn
+from atra.tracing.options import ReferenceRayOptions
+from atra.tracing.rays import SQUAREST_SHAPE, check_pinhole, pixel_tiles, ray_grid
+
+PROBE_STEP = 4
+"""The default probe shoots a ray every PROBE_STEP pixels, across and down, along the borders of the tiles."""
+
+WHOLE_BUILD_QUALITY = "low"
+"""Of the BVH of the whole mesh, which is also compact. It serves the probe and the few packets that are verified, so a
+quick build and a small size matter more than its tracing speed."""
+
+TILE_WIDTHS, TILE_HEIGHT = (4, 8), 4
+"""Pixels of a tile: the granularity at which visibility is guessed when planning and proven when tracing.
+
+Whole packets, and no wider than narrow cells, because a copy is kept in every cell that its tile meets."""
+
+
+class VisibleFirstTracer(NoGathering, ReferenceRayTracer[Hits], ImageTracer):
+    """Alignment without overdraw: the copies a probe takes for hidden are left out, and verified per pixel.
+
+    Pass 1 traces, aligned, the copies of triangles that may be seen according to the probe, and that float32 can show
+    as exactly as a ray of the mesh itself would (`atra.alignment.rounding`). Pass 2 goes over the image
+    in packets of pixels: where the hits found so far are nearer than anything that was left out can be in that tile,
+    the packet is done; elsewhere it is traced through the whole mesh, up to the depth found, and nearer hits win. The
+    image is exact for any probe; a bad one costs time.
+
+    split: (nx, ny) cells; nx must divide the width, ny the height. probe: None shoots a few rays when planning;
+    `Hits` of an image of the same size, such as an earlier frame or another camera near by, are taken as they are; an
+    integer array of prim_ids, which may be empty, names the triangles for pass 1. options: of
+    `atra.ReferenceRayOptions`, changes: fields of it by name; the build quality is that of the copies in pass 1.
+    Raises InputError for a split that does not divide the image, a probe of another size, and a prim_id that the mesh
+    does not have.
+
+    plan_time_s counts the probe, too (`counters["probe_time_s"]`); build_time_s counts both BVHs.
+    Lifts the limit of paper §5.
+    """
+
+    why_not = "it leaves out what is hidden, which is what all hits are made of"
+
+    def __init__(
+        self,
+        mesh: Mesh,
+        camera: View,
+        split: tuple[int, int],
+        options: ReferenceRayOptions | None = None,
+        probe: Hits | ArrayLike | None = None,
+        **changes: Any,
+    ) -> None:
+        check_pinhole(camera, "VisibleFirstTracer")
+        self.probe = probe if probe is None or isinstance(probe, Hits) else _checked_prim_ids(mesh, probe)
+        self.split = Split.of_image(split, camera)
+        super().__init__(options, **changes)
+        self.mesh = mesh
+        self._set_camera(camera)
+        self._probe_time_s = 0.0
+        self._whole_build_time_s = 0.0
+        self._whole: EmbreeScene | None = None
+        self._second_pass: SecondPass | None = None
+
+    def _set_camera(self, camera: View) -> None:
+        check_pinhole(camera, "VisibleFirstTracer")
+        if isinstance(self.probe, Hits) and self.probe.depth.shape != (camera.height, camera.width):
+            raise InputError(
+                f"the probe is an image of {self.probe.depth.shape}, "
+                f"expected {(camera.height, camera.width)} (height, width)"
+            )
+        self._align((self.mesh,), Alignment.of_cells(camera, self.split.of(camera)))
+        tile_width = TILE_WIDTHS[0] if self.split.cell_width <= TILE_WIDTHS[0] else TILE_WIDTHS[1]
+        self.tiles = Tiles(tile_width, TILE_HEIGHT, camera.width, camera.height)
+
+    def _plan(self) -> float:
+        return super()._plan() - self._whole_build_time_s
+
+    def _build_whole(self) -> None:
+        plain = plan_plain_geometry(self.mesh, self.camera)
+        memory_monitor()  # compiled before the clock starts
+        build_start = perf_counter()
+        whole = self._scene_of(plain, WHOLE_BUILD_QUALITY, compact=True)
+        self._whole_build_time_s = perf_counter() - build_start
+        if self._whole is not None:
+            self._whole.close()
+        self._whole = whole
+
+    def _plan_geometry(self) -> AlignedGeometry:
+        self._build_whole()
+        start = perf_counter()
+        seen = np.zeros(self.mesh.triangle_count, np.uint8)
+        if self.probe is None:
+            seen_depth = self._probe_depth()
+        elif isinstance(self.probe, Hits):
+            seen_depth = self._farthest_in_tiles(self.probe.depth)
+        else:
+            seen[self.probe] = 1
+            seen_depth = np.zeros(self.tiles.shape)
+        self._probe_time_s = perf_counter() - start
+        plan = plan_visible_geometry(
+            self.mesh,
+            self.alignment,
+            self.tiles,
+            (seen, seen_depth),
+            self.options,
+            row_stride=self._row_stride,
+            pool=self._pool,
+        )
+        assert self._whole is not None
+        self._second_pass = SecondPass(self._whole, self.camera, self.tiles, plan.nearest_hidden)
+        return plan.geometry
+
+    def _probe_depth(self) -> NDArray[np.float64]:
+        """Shoot the default probe: how far one sees in each tile, by rays on its border.
+
+        Neighbouring tiles share the rays, and an outline that crosses a tile is likely to separate two of its corners.
+        A single far corner does not count: keeping all that lies before it costs more than to verify a few packets.
+        """
+        camera = self.camera
+        assert self._whole is not None
+        scene = self._whole.address
+        shape = SQUAREST_SHAPE[self.packet_width]
+        tile_rows, tile_columns = self.tiles.shape
+        steps_x, steps_y = self.tiles.tile_width // PROBE_STEP, self.tiles.tile_height // PROBE_STEP
+        width, height = tile_columns * steps_x + 1, tile_rows * steps_y + 1
+
+        def positions(count: int, packet: int, pixels: int) -> NDArray[np.integer]:
+            return np.minimum(np.arange(count + -count % packet) * PROBE_STEP, pixels)
+
+        columns = camera.plane.columns(positions(width, shape[0], camera.width))
+        rows = camera.plane.rows(positions(height, shape[1], camera.height))
+        rays, image = RayGrid(*ray_grid(camera, columns, rows)), Image(*new_images(height, width, width))
+        kernel, tiles = pixel_kernel(*shape), pixel_tiles(width, height)
+
+        def work(worker: int, counter: int) -> None:
+            kernel(counter, scene, self._workspaces[worker].packet, rays, tiles, image)
+
+        self._pool.run(work)
+        upper, lower = (pick(image.depth[:-1], image.depth[1:]) for pick in (np.maximum, np.minimum))
+        depth = np.maximum(
+            np.minimum(upper[:, :-1], upper[:, 1:]), np.maximum(lower[:, :-1], lower[:, 1:])
+        )  # the second farthest of four corners
+        return depth.reshape(tile_rows, steps_y, tile_columns, steps_x).max(axis=(1, 3)).astype(np.float64)
+
+    def _farthest_in_tiles(self, depth: NDArray[np.float32]) -> NDArray[np.float64]:
+        """The farthest depth in each tile of an image."""
+        rows, columns = self.tiles.shape
+        farthest = np.maximum.reduceat(depth, np.arange(rows) * self.tiles.tile_height, axis=0)
+        farthest = np.maximum.reduceat(farthest, np.arange(columns) * self.tiles.tile_width, axis=1)
+        return farthest.astype(np.float64)
+
+    def _build(self) -> float:
+        return super()._build() + self._whole_build_time_s
+
+    def _filter_address(self) -> int:
+        return nearest_hit_filter(*self.packet_shape)
+
+    def _run(self, offset: tuple[float, float], depth: NDArray, prim_id: NDArray) -> None:
+        self._trace_reference_rays(offset, depth, prim_id)
+        assert self._second_pass is not None
+        self._second_pass.trace(self._pool, self._workspaces, self.packet_width, offset, depth, prim_id)
+
+    @property
+    @in_turn
+    def counters(self) -> Mapping[str, float]:
+        """What `atra.Tracer` says of counters; packets_verified and probe_time_s are known, too."""
+        verified = 0 if self._second_pass is None else self._second_pass.packets_traced
+        return {**super().counters, "packets_verified": verified, "probe_time_s": self._probe_time_s}
+
+    @property
+    @in_turn
+    def triangle_count(self) -> int:
+        """Triangles in both Embree scenes, copies included; 0 before `plan`."""
+        return 0 if self._geometry is None else self._geometry.copy_count + self.mesh.triangle_count
+
+    @property
+    @in_turn
+    def embree_bytes(self) -> int:
+        """Bytes Embree holds for both scenes by its own account; 0 before `plan`."""
+        return super().embree_bytes + (0 if self._whole is None else self._whole.embree_bytes)
+
+    def _forget(self) -> None:
+        super()._forget()
+        if self._whole is not None:
+            self._whole.close()
+        self._second_pass = None
+
+
+def _checked_prim_ids(mesh: Mesh, probe: Any) -> NDArray[np.int64]:
+    """The triangles a probe names, as int64; misses (`MISS`) are left out."""
+    prim_ids = np.asarray(probe)
+    if prim_ids.size and prim_ids.dtype.kind not in "iu":
+        raise InputError(f"the probe has dtype {prim_ids.dtype}, expected whole numbers: prim_ids of triangles seen")
+    prim_ids = prim_ids[prim_ids != 0xFFFFFFFF].astype(np.int64)
+    absent = prim_ids[(prim_ids < 0) | (prim_ids >= mesh.triangle_count)]
+    if len(absent):
+        raise InputError(
+            f"the probe names prim_id {absent.min()}, but {mesh.name!r} has {mesh.triangle_count} triangles"
+        )
+    is_seen = np.zeros(mesh.triangle_count, np.bool_)  # `np.unique` hashes, and takes ten times as long
+    is_seen[prim_ids] = True
+    return np.flatnonzero(is_seen)

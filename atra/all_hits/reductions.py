@@ -1,0 +1,157 @@
+"""Reductions: what `gather` makes of all hits along a ray.
+
+A ray crosses a triangle if its sample lies in the triangle's projection, and in front of the eye. On an edge or a
+corner, it counts as moved to the right by less than any number and down by less than that: so of the triangles around
+it exactly those are crossed that a ray near by crosses, and a closed mesh is left as often as entered. Every method
+decides that alike, exactly, on the corners as projected in float64 (`atra.exact.edges_kernels`).
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, field
+from typing import Any, ClassVar, Generic, NamedTuple, TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from atra.all_hits.closed import check_closed
+from atra.all_hits.results import Counts, LayerHits, Thicknesses, Transmittances
+from atra.all_hits.taking_kernels import COUNT, LAYERS, THICKNESS, TRANSMITTANCE
+from atra.errors import InputError
+from atra.geometry.mesh import Mesh
+from atra.prim_ids import MISS
+from atra.whole_numbers import is_whole_number
+
+MOST_LAYERS = 1024
+"""Layers of one image; a layer takes eight bytes a pixel."""
+
+Gathered = TypeVar("Gathered", bound=Counts | Thicknesses | Transmittances | LayerHits)
+
+
+class Plane(NamedTuple):
+    """An array of a result. before: what stands before (H, W) in its shape. kind: of number. start: with no hit."""
+
+    before: tuple[int, ...]
+    kind: type[np.generic]
+    start: float
+
+
+class Reduction(ABC, Generic[Gathered]):
+    """What is gathered; `result` is the type of what `gather` returns, `kind` the number kernels know it by."""
+
+    result: type[Gathered]
+    kind: ClassVar[int]
+
+    @abstractmethod
+    def planes(self) -> dict[str, Plane]:
+        """Arrays of the result by name."""
+
+    def weights(self, mesh: Mesh) -> NDArray[np.float32] | None:
+        """(F,) float32, a number for each triangle, or None. Raises InputError for a mesh that this is not for."""
+        return None
+
+
+@dataclass(frozen=True)
+class Count(Reduction[Counts]):
+    """How many triangles each ray crosses."""
+
+    result = Counts
+    kind = COUNT
+
+    def planes(self) -> dict[str, Plane]:
+        return {"count": Plane((), np.uint32, 0)}
+
+
+@dataclass(frozen=True)
+class Thickness(Reduction[Thicknesses]):
+    """How long the way inside of closed meshes is, whose triangles turn counterclockwise, seen from outside.
+
+    `gather` raises InputError for a mesh that is not closed, naming edges, or that is inside out.
+    """
+
+    result = Thicknesses
+    kind = THICKNESS
+
+    def planes(self) -> dict[str, Plane]:
+        return {"thickness": Plane((), np.float32, 0.0)}
+
+    def weights(self, mesh: Mesh) -> None:
+        check_closed(mesh)
+
+
+@dataclass(frozen=True, eq=False)
+class Transmittance(Reduction[Transmittances]):
+    """The product of a factor for each triangle that the ray crosses, in any order.
+
+    factors: a number in [0, 1] for all triangles, or an array-like (F,), one for each. Kept as float32.
+    Raises InputError for a factor outside, naming it; `gather`, if there are not as many as triangles.
+    """
+
+    factors: NDArray[np.float32] = field(repr=False)
+    result = Transmittances
+    kind = TRANSMITTANCE
+
+    def __init__(self, factors: ArrayLike) -> None:
+        object.__setattr__(self, "factors", _checked_factors(factors))
+
+    def planes(self) -> dict[str, Plane]:
+        return {"transmittance": Plane((), np.float32, 1.0)}
+
+    def weights(self, mesh: Mesh) -> NDArray[np.float32]:
+        if self.factors.ndim == 0:
+            return np.full(mesh.triangle_count, self.factors, np.float32)
+        if len(self.factors) != mesh.triangle_count:
+            raise InputError(
+                f"transmittance has {len(self.factors)} factors, expected one for each of the {mesh.triangle_count} "
+                f"triangles of {mesh.name!r}, or one number for all"
+            )
+        return self.factors
+
+
+@dataclass(frozen=True)
+class Layers(Reduction[LayerHits]):
+    """The k nearest hits of each ray in the order of their depth, and how many hits there are in all.
+
+    Raises InputError for a k that is no whole number from 1 to MOST_LAYERS.
+    """
+
+    k: int
+    result = LayerHits
+    kind = LAYERS
+
+    def __post_init__(self) -> None:
+        if not is_whole_number(self.k) or not 1 <= self.k <= MOST_LAYERS:
+            raise InputError(f"k is {self.k!r}, expected a whole number of layers from 1 to {MOST_LAYERS}")
+        object.__setattr__(self, "k", int(self.k))
+
+    def planes(self) -> dict[str, Plane]:
+        return {
+            "depth": Plane((self.k,), np.float32, np.inf),
+            "prim_id": Plane((self.k,), np.uint32, int(MISS)),
+            "count": Plane((), np.uint32, 0),
+        }
+
+
+def check_reduction(what: Any) -> None:
+    """Raise InputError for anything that cannot be gathered."""
+    if not isinstance(what, Reduction):
+        raise InputError(
+            f"cannot gather {what!r:.100}, expected atra.Count(), Thickness(), Transmittance(factors) or Layers(k)"
+        )
+
+
+def _checked_factors(given: ArrayLike) -> NDArray[np.float32]:
+    try:
+        factors = np.array(given, np.float64)
+    except (TypeError, ValueError):
+        raise InputError(f"transmittance is {given!r:.100}, expected a number, or an array of one a triangle") from None
+    if factors.ndim > 1:
+        raise InputError(f"transmittance has factors of shape {factors.shape}, expected (F,), or one number")
+    outside = np.flatnonzero(~((factors >= 0.0) & (factors <= 1.0)))  # NaN, too
+    if len(outside):
+        which = f" of triangle {outside[0]}" if factors.ndim else ""
+        raise InputError(f"transmittance{which} is {factors.flat[outside[0]]:g}, expected a factor in [0, 1]")
+    kept = factors.astype(np.float32)
+    kept.setflags(write=False)
+    return kept

@@ -1,0 +1,128 @@
+"""Taking: a hit becomes part of what is gathered, each reduction in its own way, as vectors of pixels."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from atra.compiled.lanes import (
+    chosen,
+    either,
+    first_bit,
+    is_below,
+    is_from,
+    is_same,
+    load_rows,
+    one_more,
+    store_rows,
+    store_rows_where,
+    uint32_at,
+)
+from atra.compiled.store import njit
+from atra.compiled.vectors import bits_of, rarely, repeated
+
+COUNT, THICKNESS, TRANSMITTANCE, LAYERS = range(4)
+"""Kinds of reduction: constants of compiled code, so that each has its own."""
+
+
+@njit(forceinline=True)
+def _take_count(lanes, nx, taken, pixel, target):  # type: ignore[no-untyped-def]
+    """One more for every hit."""
+    place, row = target.values + pixel * 4, target.row * 4
+    store_rows(one_more(taken, load_rows(place, row, np.uint32(0), lanes, nx)), place, row, nx)
+
+
+@njit(forceinline=True)
+def _take_thickness(lanes, nx, taken, depth, weight, pixel, target):  # type: ignore[no-untyped-def]
+    """The depths at which rays leave, less those at which they enter."""
+    place, row = target.values + pixel * 4, target.row * 4
+    old = load_rows(place, row, np.float32(0.0), lanes, nx)
+    store_rows(chosen(taken, old + repeated(weight, lanes) * depth, old), place, row, nx)
+
+
+@njit(forceinline=True)
+def _take_factor(lanes, nx, taken, weight, pixel, target):  # type: ignore[no-untyped-def]
+    """The product of the factors."""
+    place, row = target.values + pixel * 4, target.row * 4
+    old = load_rows(place, row, np.float32(0.0), lanes, nx)
+    store_rows(chosen(taken, old * repeated(weight, lanes), old), place, row, nx)
+
+
+@njit(forceinline=True)
+def is_nearer(depth, prim_id, other, other_id):  # type: ignore[no-untyped-def]
+    """The mask where a hit comes before another one in the order of layers."""
+    same = (depth <= other) & (other <= depth)
+    return either(other > depth, same & is_below(prim_id, other_id))
+
+
+@njit(forceinline=True)
+def _put(lanes, nx, mask, depth, prim_ids, place, target):  # type: ignore[no-untyped-def]
+    """Store the lanes of a mask in a layer, `place` bytes from the first one's first pixel on."""
+    store_rows_where(mask, depth, target.values + place, target.row * 4, nx)
+    store_rows_where(mask, prim_ids, target.prim_ids + place, target.row * 4, nx)
+
+
+@njit(forceinline=True)
+def _put_last(lanes, nx, mask, depth, prim_ids, pixel, target):  # type: ignore[no-untyped-def]
+    """Put a hit among the layers, and the farthest of all of them in the last one, in place of what is there."""
+    row, place = target.row * 4, pixel * 4
+    for _ in range(target.layers - 1):
+        other = load_rows(target.values + place, row, np.float32(0.0), lanes, nx)
+        other_id = load_rows(target.prim_ids + place, row, np.uint32(0), lanes, nx)
+        nearer = mask & is_nearer(depth, prim_ids, other, other_id)
+        if bits_of(nearer) != 0:
+            store_rows(chosen(nearer, depth, other), target.values + place, row, nx)
+            store_rows(chosen(nearer, prim_ids, other_id), target.prim_ids + place, row, nx)
+            depth, prim_ids = chosen(nearer, other, depth), chosen(nearer, other_id, prim_ids)
+        place += target.plane * 4
+    _put(lanes, nx, mask, depth, prim_ids, place, target)
+
+
+@njit(forceinline=True)
+def _put_next(lanes, nx, free, bits, before, depth, prim_ids, pixel, target):  # type: ignore[no-untyped-def]
+    """Put a hit behind the others where the pixels of `bits` among those of the mask `free` have as many as the first
+    of them; returns the bits that are left. Where there are none, it puts nothing."""
+    lane = first_bit(bits | 1 << lanes - 1)
+    count = uint32_at(target.counts + (pixel + lane // nx * target.row + lane % nx) * 4)
+    layer = min(np.int64(count), target.layers - 1)
+    put = free & is_same(before, repeated(np.uint32(layer), lanes))
+    _put(lanes, nx, put, depth, prim_ids, (pixel + layer * target.plane) * 4, target)
+    return bits & ~bits_of(put)
+
+
+@njit(forceinline=True)
+def _take_layer(lanes, nx, taken, depth, prim_id, pixel, target):  # type: ignore[no-untyped-def]
+    """Behind the hits that are there, in no order, for all are sorted at last. Where layers are full, the last one has
+    the farthest hit, and what is farther is counted only."""
+    row, last = target.row * 4, repeated(np.uint32(target.layers - 1), lanes)
+    counts = target.counts + pixel * 4
+    before, prim_ids = load_rows(counts, row, np.uint32(0), lanes, nx), repeated(prim_id, lanes)
+    full, free = taken & is_from(before, last), taken & is_below(before, last)
+    if rarely(bits_of(full) != 0):
+        place = (pixel + (target.layers - 1) * target.plane) * 4
+        farthest = load_rows(target.values + place, row, np.float32(0.0), lanes, nx)
+        farthest_id = load_rows(target.prim_ids + place, row, np.uint32(0), lanes, nx)
+        full = full & either(is_same(before, last), is_nearer(depth, prim_ids, farthest, farthest_id))
+        if bits_of(full) != 0:
+            _put_last(lanes, nx, full, depth, prim_ids, pixel, target)
+    # Most often all pixels have as many hits, or none is taken: asking which is slower than putting at once.
+    left = _put_next(lanes, nx, free, bits_of(free), before, depth, prim_ids, pixel, target)
+    while left != 0:
+        left = _put_next(lanes, nx, free, left, before, depth, prim_ids, pixel, target)
+    store_rows(one_more(taken, before), counts, row, nx)
+
+
+@njit(forceinline=True)
+def take(kind, lanes, nx, taken, depth, weight, prim_id, pixel, target):  # type: ignore[no-untyped-def]
+    """Take a hit of the `lanes` pixels, in rows of nx, where the mask `taken` is True; the first is `pixel`.
+
+    depth: float32 vector. weight: float32, of the triangle `prim_id`: its factor, or 1 where rays leave through it and
+    -1 where they enter.
+    """
+    if kind == COUNT:
+        _take_count(lanes, nx, taken, pixel, target)
+    elif kind == THICKNESS:
+        _take_thickness(lanes, nx, taken, depth, weight, pixel, target)
+    elif kind == TRANSMITTANCE:
+        _take_factor(lanes, nx, taken, weight, pixel, target)
+    else:
+        _take_layer(lanes, nx, taken, depth, prim_id, pixel, target)

@@ -1,1 +1,0 @@
-"""Light of a bake: lights, what rays are aimed at, and the tables that kernels read."""

@@ -1,0 +1,143 @@
+"""The loop over batches of rays that come from no camera, from the root of a BVH of ours or from the lists of
+shafts."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from atra.bvh.images import hit_of, set_ray
+from atra.bvh.memory import AHEAD
+from atra.bvh.packets import nearest_of_packet
+from atra.bvh.single import nearest
+from atra.bvh.starts import ROOT_LIST, count_start, fetch_list, find_shafts, list_of, number_of, set_ahead
+from atra.compiled.intrinsics import fetch_add
+from atra.compiled.store import float_kernel, njit
+from atra.embree.packets_kernels import INFINITY, MISS, ray_component
+from atra.rays.rays_kernels import ray_length
+
+_CHUNK = 512
+_ZERO = np.float32(0.0)
+
+
+class Batch(NamedTuple):
+    """N rays in the order in which they are traced, and the packets that they make.
+
+    origins, directions: (N, 3) float32. tnear, tfar: (N,) float32. order: (N,) int64, which ray comes when. packets:
+    (P + 1,) int64, where each begins in that order, and the end; lists: (P,) int64, where the list of each begins
+    (`atra.bvh.starts.Shafts`). Single rays look up their lists themselves.
+    """
+
+    origins: NDArray[np.float32]
+    directions: NDArray[np.float32]
+    tnear: NDArray[np.float32]
+    tfar: NDArray[np.float32]
+    order: NDArray[np.int64]
+    packets: NDArray[np.int64]
+    lists: NDArray[np.int64]
+
+
+@njit(forceinline=True)
+def _ray(batch, number):  # type: ignore[no-untyped-def]
+    """(ray, tfar, length): the direction's largest component brought to 1 to 2 by a power of two, and its ends to
+    match.
+
+    No bit of a hit then depends on the length of the direction.
+    """
+    length, inverse = ray_length(batch.directions, number)
+    x, y, z = batch.origins[number, 0], batch.origins[number, 1], batch.origins[number, 2]
+    dx = ray_component(batch.directions[number, 0] * inverse)
+    dy = ray_component(batch.directions[number, 1] * inverse)
+    dz = ray_component(batch.directions[number, 2] * inverse)
+    return (x, y, z, dx, dy, dz, batch.tnear[number] * length), batch.tfar[number] * length, inverse
+
+
+@njit(forceinline=True)
+def _look_up(tree, batch, shafts, first, last, memory):  # type: ignore[no-untyped-def]
+    """Where the lists of rays to come begin, whose nearest nodes are on their way into the cache then."""
+    for task in range(first, last):
+        ray, _, _ = _ray(batch, batch.order[task])
+        set_ahead(memory.ahead, task - first, ray)
+    find_shafts(shafts.grid, memory.ahead)
+    for k in range(last - first):
+        start = list_of(shafts, memory.ahead, k)
+        memory.starts[k] = start
+        fetch_list(tree, shafts.lists, start)
+
+
+@cache
+def batch_kernel(
+    width: int, push: bool, any_hit: bool, counting: bool, robust: bool, seeded: bool
+) -> Callable[..., None]:
+    """The loop in packets of `width`; push, any_hit, counting, robust: see `atra.bvh.single.nearest`. seeded:
+    from the lists of shafts."""
+
+    @float_kernel
+    def trace_batch(counter_address, tree, batch, shafts, t, prim_id, memory):  # type: ignore[no-untyped-def]
+        """Trace all rays; t: (N,) float32 and prim_id: (N,) uint32 are written, inf and MISS without a hit, and where
+        any hit will do t is without meaning."""
+        stack, nears, counts, bundle = memory.stack, memory.nears, memory.counts, memory.bundle
+        lists, starts = shafts.lists, memory.starts
+        tasks = len(batch.order) if width == 1 else len(batch.lists)
+        chunk = max(_CHUNK // width, 1)
+        while True:
+            start = fetch_add(counter_address, 1) * chunk
+            if start >= tasks:
+                return
+            for task in range(start, min(start + chunk, tasks)):
+                if width == 1:
+                    number = batch.order[task]
+                    ray, tfar, inverse = _ray(batch, number)
+                    place = np.int64(ROOT_LIST)
+                    if seeded:
+                        if (task - start) % AHEAD == 0:
+                            _look_up(tree, batch, shafts, task, min(task + AHEAD, tasks), memory)
+                        place = starts[(task - start) % AHEAD]
+                        if counting:
+                            count_start(place, counts)
+                    found, hit = nearest(
+                        push, any_hit, counting, robust, tree, ray, tfar, lists, place, stack, nears, counts
+                    )  # fmt: skip
+                    t[number] = found * inverse if hit != MISS else INFINITY
+                    prim_id[number] = hit
+                    continue
+                first, last = batch.packets[task], batch.packets[task + 1]
+                for lane in range(width):
+                    ray, tfar, inverse = _ray(batch, batch.order[min(first + lane, last - 1)])
+                    is_open = first + lane < last and ray[6] < tfar
+                    set_ray(bundle, lane, ray, tfar if is_open else -INFINITY)
+                if seeded and counting:
+                    count_start(batch.lists[task], counts)
+                ways = memory.ways.ctypes.data
+                nearest_of_packet(
+                    width, push, any_hit, counting, robust, tree, bundle.ctypes.data, lists, batch.lists[task], stack,
+                    ways, counts,
+                )  # fmt: skip
+                for lane in range(last - first):
+                    number = batch.order[first + lane]
+                    _, inverse = ray_length(batch.directions, number)
+                    found, hit = hit_of(bundle, width, lane)
+                    t[number] = found * inverse if hit != MISS else INFINITY
+                    prim_id[number] = hit
+
+    return trace_batch
+
+
+@float_kernel
+def classify(counter_address, batch, grid, numbers, ahead):  # type: ignore[no-untyped-def]
+    """The shaft of every ray, (N,) int64, by threads that share a counter; ahead: this thread's own."""
+    while True:
+        start = fetch_add(counter_address, 1) * AHEAD
+        if start >= len(numbers):
+            return
+        count = min(AHEAD, len(numbers) - start)
+        for k in range(count):
+            ray, _, _ = _ray(batch, start + k)
+            set_ahead(ahead, k, ray)
+        find_shafts(grid, ahead)
+        for k in range(count):
+            numbers[start + k] = number_of(grid, ahead, k)

@@ -1,0 +1,129 @@
+"""The loop over the pixels of an image, in single rays or packets, through a BVH of ours."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from enum import Enum
+from functools import cache
+
+import numpy as np
+
+from atra.bvh.memory import AHEAD
+from atra.bvh.packets import DIRECTION_X, INVERSE_X, PRIM_ID, TFAR, TNEAR, X, nearest_of_packet
+from atra.bvh.single import nearest, reciprocal
+from atra.bvh.starts import ROOT_LIST, count_start, fetch_list, find_shafts, list_of, set_ahead
+from atra.compiled.intrinsics import fetch_add, float_at
+from atra.compiled.lanes import uint32_at
+from atra.compiled.store import float_kernel, njit
+from atra.embree.packets_kernels import INFINITY, ray_component
+
+_ZERO = np.float32(0.0)
+
+
+class Start(Enum):
+    """What the rays of an image start from: the root; single rays from the lists of their shafts; or those of a tile
+    from its own list, table[0, tile] of `Shafts`."""
+
+    root = "root"
+    shaft = "shaft"
+    tile = "tile"
+
+
+@njit(forceinline=True)
+def pixel_ray(parallel, placed, rays, shared, x, y):  # type: ignore[no-untyped-def]
+    """Origin, direction and tnear of the ray of pixel (x, y); placed: rays of one eye start at `shared`, not at 0."""
+    a = ray_component(rays.columns[0, x] + rays.rows[0, y])
+    b = ray_component(rays.columns[1, x] + rays.rows[1, y])
+    c = ray_component(rays.columns[2, x] + rays.rows[2, y])
+    if parallel:
+        return (a, b, c, shared[0], shared[1], shared[2], _ZERO)
+    if placed:
+        return (shared[0], shared[1], shared[2], a, b, c, _ZERO)
+    return (_ZERO, _ZERO, _ZERO, a, b, c, _ZERO)
+
+
+@njit(forceinline=True)
+def set_ray(bundle, lane, ray, tfar):  # type: ignore[no-untyped-def]
+    """A ray into a lane of a bundle."""
+    x, y, z, dx, dy, dz, tnear = ray
+    bundle[X, lane], bundle[X + 1, lane], bundle[X + 2, lane] = x, y, z
+    bundle[DIRECTION_X, lane], bundle[DIRECTION_X + 1, lane], bundle[DIRECTION_X + 2, lane] = dx, dy, dz
+    bundle[INVERSE_X, lane], bundle[INVERSE_X + 1, lane] = reciprocal(dx), reciprocal(dy)
+    bundle[INVERSE_X + 2, lane] = reciprocal(dz)
+    bundle[TNEAR, lane], bundle[TFAR, lane] = tnear, tfar
+
+
+@njit(forceinline=True)
+def hit_of(bundle, width, lane):  # type: ignore[no-untyped-def]
+    """(t, prim_id) that a lane of a bundle holds."""
+    address = bundle.ctypes.data + 4 * lane
+    return float_at(address + 4 * width * TFAR), uint32_at(address + 4 * width * PRIM_ID)
+
+
+@cache
+def image_kernel(
+    shape_x: int, shape_y: int, push: bool, counting: bool, robust: bool, parallel: bool, start: Start
+) -> Callable[..., None]:
+    """The loop for packets of shape_x x shape_y pixels; push, counting, robust: see `atra.bvh.single.nearest`.
+
+    parallel: rays differ in their origins and share a direction, instead of the reverse. start: what rays start from.
+    """
+    width, seeded, tiled = shape_x * shape_y, start is Start.shaft, start is Start.tile
+
+    @float_kernel
+    def trace_pixels(counter_address, tree, rays, shared, tiles, image, shafts, memory):  # type: ignore[no-untyped-def]
+        """Trace every pixel, tile by tile, until the shared counter runs past the last tile.
+
+        tree: `Tree`. rays: `RayGrid`, filled up to whole packets. shared: (3,) float32, the direction of parallel rays,
+        or the eye where the lists are those of tiles. tiles: `PixelTiles`. image: written completely. shafts: `Shafts`.
+        memory: this thread's own.
+        """
+        image_height, image_width = image.depth.shape
+        stack, nears, counts, bundle = memory.stack, memory.nears, memory.counts, memory.bundle
+        lists, starts = shafts.lists, memory.starts
+        while True:
+            tile = fetch_add(counter_address, 1)
+            if tile >= len(tiles.corners):
+                return
+            left, top = np.int64(tiles.corners[tile, 0]), np.int64(tiles.corners[tile, 1])
+            first = np.int64(shafts.table[0, tile] if tiled else ROOT_LIST)
+            right, bottom = min(left + tiles.width, image_width), min(top + tiles.height, image_height)
+            for y0 in range(top, bottom, shape_y):
+                for x0 in range(left, right, shape_x):
+                    if width == 1:
+                        ray = pixel_ray(parallel, tiled, rays, shared, x0, y0)
+                        place = first
+                        if seeded:
+                            if (x0 - left) % AHEAD == 0:
+                                coming = min(AHEAD, right - x0)
+                                for k in range(coming):
+                                    set_ahead(memory.ahead, k, pixel_ray(parallel, tiled, rays, shared, x0 + k, y0))
+                                find_shafts(shafts.grid, memory.ahead)
+                                for k in range(coming):
+                                    starts[k] = list_of(shafts, memory.ahead, k)
+                                    fetch_list(tree, lists, starts[k])
+                            place = starts[(x0 - left) % AHEAD]
+                        if (seeded or tiled) and counting:
+                            count_start(place, counts)
+                        t, prim_id = nearest(
+                            push, False, counting, robust, tree, ray, INFINITY, lists, place, stack, nears, counts
+                        )  # fmt: skip
+                        image.depth[y0, x0], image.prim_id[y0, x0] = t, prim_id
+                        continue
+                    if tiled and counting:
+                        count_start(first, counts)
+                    for lane in range(width):
+                        x, y = x0 + lane % shape_x, y0 + lane // shape_x
+                        tfar = INFINITY if x < right and y < bottom else -INFINITY
+                        set_ray(bundle, lane, pixel_ray(parallel, tiled, rays, shared, x, y), tfar)
+                    ways = memory.ways.ctypes.data
+                    nearest_of_packet(
+                        width, push, False, counting, robust, tree, bundle.ctypes.data, lists, first, stack, ways,
+                        counts,
+                    )  # fmt: skip
+                    for lane in range(width):
+                        x, y = x0 + lane % shape_x, y0 + lane // shape_x
+                        if x < right and y < bottom:
+                            image.depth[y, x], image.prim_id[y, x] = hit_of(bundle, width, lane)
+
+    return trace_pixels

@@ -1,0 +1,122 @@
+"""The test of rays and triangles in vectors: four triangles and one ray, or one triangle and a packet of rays."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from llvmlite import ir
+from numba.extending import intrinsic
+
+from atra.compiled.store import njit
+from atra.compiled.vectors import bits_of, declared, larger, rarely, signed_like, size, smaller, where, widened
+
+CLAMP_SLACK = 2.0**-20
+"""Share of itself by which the parameter of a hit may lie beyond those of its triangle's corners: sixteen roundings."""
+
+
+def _fused(builder: ir.IRBuilder, a: ir.Value, b: ir.Value, c: ir.Value) -> ir.Value:
+    """a b + c, rounded once where the machine does so in one instruction."""
+    name = f"llvm.fmuladd.v{a.type.count}f32"
+    return builder.call(declared(builder, name, ir.FunctionType(a.type, [a.type] * 3)), [a, b, c])
+
+
+@intrinsic
+def difference(typingctx: Any, a: Any, b: Any, c: Any, d: Any) -> Any:
+    """a b - c d of float32 vectors."""
+
+    def codegen(context: Any, builder: ir.IRBuilder, signature: Any, values: list[ir.Value]) -> ir.Value:
+        a_, b_, c_, d_ = values
+        return _fused(builder, a_, b_, builder.fneg(builder.fmul(c_, d_)))
+
+    return a(a, a, a, a), codegen
+
+
+@intrinsic
+def product(typingctx: Any, a: Any, b: Any, c: Any, d: Any, e: Any, f: Any) -> Any:
+    """a b + c d + e f of float32 vectors."""
+
+    def codegen(context: Any, builder: ir.IRBuilder, signature: Any, values: list[ir.Value]) -> ir.Value:
+        a_, b_, c_, d_, e_, f_ = values
+        return _fused(builder, a_, b_, _fused(builder, c_, d_, builder.fmul(e_, f_)))
+
+    return a(a, a, a, a, a, a), codegen
+
+
+@njit(forceinline=True)
+def _plane(cx, cy, cz, ax, ay, az, bx, by, bz, dx, dy, dz, one):  # type: ignore[no-untyped-def]
+    """(sign and size of normal . direction, ray parameter) where lines meet the planes of triangles; as in `meet`."""
+    nx, ny, nz = difference(ay, bz, az, by), difference(az, bx, ax, bz), difference(ax, by, ay, bx)
+    facing = product(nx, dx, ny, dy, nz, dz)
+    sign, volume = signed_like(one, facing), size(facing)
+    return sign, volume, product(nx, cx, ny, cy, nz, cz) * sign / volume
+
+
+@njit(forceinline=True)
+def meet(cx, cy, cz, ax, ay, az, bx, by, bz, dx, dy, dz, zero, one):  # type: ignore[no-untyped-def]
+    """Where lines meet triangles: (mask of those that do, ray parameter), whatever the parameter is; all are vectors.
+
+    c: from the origins to the first corners; a, b: the edges there; d: directions. A triangle without area meets none.
+    Source: T. Moeller, B. Trumbore, "Fast, minimum storage ray/triangle intersection", 1997; volumes are compared
+    before they are divided, so that signs are all that decides.
+    """
+    rx, ry, rz = difference(cy, dz, cz, dy), difference(cz, dx, cx, dz), difference(cx, dy, cy, dx)
+    sign, volume, t = _plane(cx, cy, cz, ax, ay, az, bx, by, bz, dx, dy, dz, one)
+    u = product(bx, rx, by, ry, bz, rz) * sign
+    v = product(ax, rx, ay, ry, az, rz) * (zero - sign)
+    return (u >= zero) & (v >= zero) & (u + v <= volume) & (volume > zero), t
+
+
+@njit(forceinline=True)
+def _turned(is_x, is_y, x, y, z):  # type: ignore[no-untyped-def]
+    """The components of vectors in an order in which that along the major axis comes last, turned and not mirrored."""
+    return where(is_x, y, where(is_y, z, x)), where(is_x, z, where(is_y, x, y)), where(is_x, x, where(is_y, y, z))
+
+
+@njit(forceinline=True)
+def _areas(px, py, qx, qy, rx, ry):  # type: ignore[no-untyped-def]
+    """The least and the most of the areas that the origin makes with the edges of triangles."""
+    u, v, w = rx * qy - ry * qx, px * ry - py * rx, qx * py - qy * px
+    return smaller(smaller(u, v), w), larger(larger(u, v), w)
+
+
+@njit(forceinline=True)
+def shear_of(dx, dy, dz, zero, one):  # type: ignore[no-untyped-def]
+    """Of directions: where the major axis is x, and where y; the shear that brings the direction onto that axis, and
+    the inverse of the component along it. See `meet_closed`."""
+    is_x = (size(dx) >= size(dy)) & (size(dx) >= size(dz))
+    is_y = size(dy) >= size(dz)  # asked where it is not x
+    across, along, away = _turned(is_x, is_y, dx, dy, dz)
+    return is_x, is_y, across / away, along / away, one / away
+
+
+@njit(forceinline=True)
+def meet_closed(  # type: ignore[no-untyped-def]
+    cx, cy, cz, ex, ey, ez, fx, fy, fz, ax, ay, az, bx, by, bz, dx, dy, dz, shear, zero, one, slack
+):
+    """As `meet`, and no line passes between triangles that share an edge or a corner.
+
+    c, e, f: from the origins to the three corners; a, b, d: as for `meet`. shear: of `shear_of`. slack: CLAMP_SLACK.
+    Each corner is sheared by itself, so that it is the same point of the plane across the ray for all triangles that
+    have it, and on which side of an edge the origin lies there is decided exactly: float32 products are rounded alike
+    for both triangles at an edge, so their difference has the right sign or is 0, and then float64 decides, in which
+    products of float32 are exact. On an edge is inside of both.
+    Source: S. Woop, C. Benthin, I. Wald, "Watertight ray/triangle intersection", 2013. Their parameter, a mean of the
+    corners' weighted by areas, is not as exact as that of the plane, which is taken here, between those of the corners.
+    """
+    is_x, is_y, sx, sy, inverse = shear
+    px, py, pz = _turned(is_x, is_y, cx, cy, cz)
+    qx, qy, qz = _turned(is_x, is_y, ex, ey, ez)
+    rx, ry, rz = _turned(is_x, is_y, fx, fy, fz)
+    px, py, qx, qy, rx, ry = px - sx * pz, py - sy * pz, qx - sx * qz, qy - sy * qz, rx - sx * rz, ry - sy * rz
+    least, most = _areas(px, py, qx, qy, rx, ry)
+    hits = (least >= zero) | (zero >= most)
+    on_edge = hits & (((zero >= least) & (least >= zero)) | ((zero >= most) & (most >= zero)))
+    if rarely(bits_of(on_edge) != 0):
+        none = widened(zero)
+        least, most = _areas(widened(px), widened(py), widened(qx), widened(qy), widened(rx), widened(ry))
+        hits = hits & ((least >= none) | (none >= most)) & ((none > least) | (most > none))
+    _, _, t = _plane(cx, cy, cz, ax, ay, az, bx, by, bz, dx, dy, dz, one)
+    pz, qz, rz = pz * inverse, qz * inverse, rz * inverse
+    near, far = smaller(smaller(pz, qz), rz), larger(larger(pz, qz), rz)
+    near, far = near - size(near) * slack, far + size(far) * slack
+    return hits, larger(smaller(t, far), near)

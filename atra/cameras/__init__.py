@@ -1,1 +1,0 @@
-"""Cameras as other programs leave them: readers that return calibrated cameras by name, in the order of the file."""

@@ -1,0 +1,201 @@
+"""A cache of compiled code on disk, used as long as no file that the code may be made of has changed.
+
+One can do without: where it cannot be kept, or what was kept is damaged, it is compiled anew.
+"""
+
+from __future__ import annotations
+
+import inspect
+import pickle
+import re
+import warnings
+from collections.abc import Callable
+from functools import cache, partial
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+import numba
+from llvmlite.binding import Linkage
+from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataCacheFile
+from numba.core.ccallback import CFunc
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler import Compiler
+from numba.core.serialize import dumps
+from numba.core.sigutils import normalize_signature
+
+from atra.compiled.instruction_sets import limit_numba
+
+limit_numba()
+
+_PACKAGE = Path(__file__).parents[1]
+_IMPORT = re.compile(rb"^ *(?:from|import) +(atra(?:\.\w+)*)", re.MULTILINE)
+
+
+def source_stamp(path: Path) -> bytes:
+    """Changes with the text of every file that the kernels in `path` may be made of, but not with a file's time: a new
+    clone in the same place can use what an earlier one has kept, if both keep it in the folder NUMBA_CACHE_DIR."""
+    return sha256(b"".join(source.read_bytes() for source in sorted(sources(path)))).digest()
+
+
+@cache
+def sources(path: Path) -> frozenset[Path]:
+    """The file and those of this library that it imports, directly or through others."""
+    found, left = set[Path](), [path]
+    while left:
+        one = left.pop()
+        if one not in found:
+            found.add(one)
+            left += _imported_by(one)
+    return frozenset(found)
+
+
+@cache
+def _imported_by(path: Path) -> tuple[Path, ...]:
+    named = {_PACKAGE.joinpath(*name.decode().split(".")[1:]) for name in _IMPORT.findall(path.read_bytes())}
+    files = [place / "__init__.py" if place.is_dir() else place.with_suffix(".py") for place in named]
+    return tuple(file for file in files if file.exists())
+
+
+def cache_folder() -> str | None:
+    """Where compiled kernels are kept; None where Numba may write nowhere: every process then compiles them anew."""
+    try:
+        return str(FunctionCache(kernel).cache_path)
+    except RuntimeError:
+        return None
+
+
+def kernel(function: Callable[..., Any]) -> Any:
+    """Compile `function` when it is first called, to run without the GIL, and keep the code on disk."""
+    return keep_on_disk(numba.njit(nogil=True, pipeline_class=_KernelCompiler)(function))
+
+
+def float_kernel(function: Callable[..., Any]) -> Any:
+    """As `kernel`, for loops that shall be as fast as C's: a division by zero gives inf or NaN, and nothing counts who
+    refers to an array, which takes two calls wherever one gets a name. Such a kernel can make no arrays."""
+    options = {"nogil": True, "error_model": "numpy", "_nrt": False, "pipeline_class": _KernelCompiler}
+    return keep_on_disk(numba.njit(**options)(function))
+
+
+def njit(function: Callable[..., Any] | None = None, **options: Any) -> Any:
+    """Numba's `njit` for a function that kernels call. It gets no wrappers for calls from Python and C: compiling them
+    takes as long as a small function itself. A call from Python compiles the function again, with Numba's `njit`."""
+    if function is None:
+        return partial(njit, **options)
+    called = numba.njit(no_cpython_wrapper=True, no_cfunc_wrapper=True, **options)(function)
+    called._insert = lambda *_, **__: None  # keeps Numba from running a wrapper that is not there
+    called._compile_for_args = lambda *_, **__: _for_python(function, **options)  # what Numba calls instead
+    return called
+
+
+@cache
+def _for_python(function: Callable[..., Any], **options: Any) -> Any:
+    return numba.njit(**options)(function)
+
+
+def callback(signature: Any) -> Callable[[Callable[..., Any]], Any]:
+    """Compile a function for C to call, at once, and keep the code on disk. The compiled one has an `address`."""
+
+    def compiled(function: Callable[..., Any]) -> Any:
+        kind = normalize_signature(signature)
+        callback = keep_on_disk(CFunc(function, kind, locals={}, options={}, pipeline_class=_KernelCompiler))
+        callback.compile()
+        return callback
+
+    return compiled
+
+
+def keep_on_disk(compiled: Any) -> Any:
+    """The same `njit` function or C callback, made without `cache=True`, with this cache in place of none."""
+    try:
+        compiled._cache = _Cache(compiled.__wrapped__)
+    except RuntimeError:
+        _warn("no folder for it can be written to")
+    return compiled
+
+
+@cache
+def _warn(reason: str) -> None:
+    warnings.warn(
+        f"compiled code cannot be kept ({reason}), so every run compiles it anew; NUMBA_CACHE_DIR names another folder",
+        stacklevel=1,
+    )
+
+
+class _KernelCode(JITCodeLibrary):
+    """Code in which copies of other functions have names of their own.
+
+    Of functions with one name the first that a process loads is called everywhere. One that has compiled them by
+    themselves would call those, optimised in another way than the copies that it keeps, which tests would then miss.
+    """
+
+    def _optimize_final_module(self) -> None:
+        super()._optimize_final_module()
+        own = sha256(self._final_module.as_bitcode()).hexdigest()
+        for function in self._final_module.functions:
+            if function.linkage == Linkage.linkonce_odr and not function.is_declaration:
+                function.name += f".{own}"
+
+
+class _KernelCompiler(Compiler):
+    def __init__(self, typing: Any, target: Any, library: None, *rest: Any) -> None:
+        code = _KernelCode(target.codegen(), "kernel")
+        code.enable_object_caching()
+        super().__init__(typing, target, code, *rest)
+
+
+class _Sealed(CompileResultCacheImpl):
+    """Code with a digest: flipped bits would be run as they are."""
+
+    def reduce(self, cres: Any) -> Any:
+        code = dumps(super().reduce(cres))
+        return sha256(code).digest(), code
+
+    def rebuild(self, target_context: Any, reduced_data: Any) -> Any:
+        digest, code = reduced_data
+        if sha256(code).digest() != digest:
+            raise ValueError("damaged")
+        return super().rebuild(target_context, pickle.loads(code))
+
+
+class _Index(IndexDataCacheFile):
+    """Files that say whose code they hold: two processes that keep some at once may give them one name."""
+
+    def save(self, key: Any, data: Any) -> None:
+        super().save(key, (key, self._source_stamp, data))
+
+    def load(self, key: Any) -> Any:
+        kept = super().load(key)
+        return kept[2] if kept is not None and kept[:2] == (key, self._source_stamp) else None
+
+    def _load_index(self) -> Any:
+        try:
+            return super()._load_index()
+        except Exception:  # a damaged pickle may raise anything
+            return {}
+
+
+class _Cache(FunctionCache):
+    """Numba runs kept code as long as the file of the function itself is the same. Kernels inline functions of other
+    files and their constants, so here the text of all these files counts: older code would otherwise be run after an
+    update.
+    """
+
+    _impl_class = _Sealed
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        super().__init__(function)
+        stamp = source_stamp(Path(inspect.getfile(function)))
+        self._cache_file = _Index(self._cache_path, self._impl.filename_base, stamp)
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        try:
+            return super().load_overload(sig, target_context)
+        except Exception:  # as above; saving replaces it
+            return None
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        try:
+            super().save_overload(sig, data)
+        except OSError as error:
+            _warn(f"{self.cache_path}: {error.strerror or error}")

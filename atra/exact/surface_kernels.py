@@ -1,0 +1,283 @@
+"""The surface that a ray hits, in float64: barycentric weights, places and normals of an image's pixels.
+
+Neighbouring pixels mostly see the same triangle, so what only it decides is computed once for every run of them in a
+row. What is left of Möller–Trumbore (`atra.exact.intersection.Volumes`) is linear in a pixel's place.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from atra.compiled.intrinsics import fetch_add
+from atra.compiled.memory import load, store
+from atra.compiled.store import kernel, njit
+from atra.compiled.vectors import bits_of, repeated, rounded
+from atra.prim_ids import MISS
+
+ROWS = 16
+"""Rows of pixels that a worker takes at a time."""
+
+_NOISE = 1e-14  # of `atra.exact.intersection`
+_MISS = int(MISS)
+_LANES = 8  # pixels computed together; those behind the end of a run are overwritten by the next
+
+
+class Triangles(NamedTuple):
+    """vertices: (V, 3) float32, world space. faces: (F, 3) uint32."""
+
+    vertices: NDArray[np.float32]
+    faces: NDArray[np.uint32]
+
+
+class PixelGrid(NamedTuple):
+    """eye and axes: a camera's place, and right, down, forward. columns: (W,) and rows: (H,) float64, where the rays of
+    pixels pass its image plane. is_parallel: they start there and go along forward; otherwise they start at the eye,
+    and the plane is at a distance of 1."""
+
+    eye: tuple[float, float, float]
+    axes: tuple[tuple[float, float, float], ...]
+    columns: NDArray[np.float64]
+    rows: NDArray[np.float64]
+    is_parallel: bool
+
+
+@njit(forceinline=True)
+def _difference(vertices, to, start):  # type: ignore[no-untyped-def]
+    return (
+        np.float64(vertices[to, 0]) - np.float64(vertices[start, 0]),
+        np.float64(vertices[to, 1]) - np.float64(vertices[start, 1]),
+        np.float64(vertices[to, 2]) - np.float64(vertices[start, 2]),
+    )
+
+
+@njit(forceinline=True)
+def _cross(a, b):  # type: ignore[no-untyped-def]
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+@njit(forceinline=True)
+def _dot(a, b):  # type: ignore[no-untyped-def]
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@njit(forceinline=True)
+def _turned(axes, a):  # type: ignore[no-untyped-def]
+    return _dot(axes[0], a), _dot(axes[1], a), _dot(axes[2], a)
+
+
+@njit(forceinline=True)
+def _triangle(vertices, faces, prim_id):  # type: ignore[no-untyped-def]
+    """First corner and the two edges leaving it, float64, world space."""
+    first = faces[prim_id, 0]
+    corner = np.float64(vertices[first, 0]), np.float64(vertices[first, 1]), np.float64(vertices[first, 2])
+    return (
+        corner,
+        _difference(vertices, faces[prim_id, 1], first),
+        _difference(vertices, faces[prim_id, 2], first),
+    )
+
+
+@njit(forceinline=True)
+def _along_row(eye, axes, is_parallel, triangle, row):  # type: ignore[no-untyped-def]
+    """What pixels of a row that see the triangle have in common: the column that they are counted from, and slope and
+    start there of the volumes `facing`, `u`, `v` and `ahead`, and of the squares up to which `facing` and `ahead` are
+    noise."""
+    corner, e1, e2 = triangle
+    cx, cy, cz = _turned(axes, (corner[0] - eye[0], corner[1] - eye[1], corner[2] - eye[2]))
+    e1, e2 = _turned(axes, e1), _turned(axes, e2)
+    normal = _cross(e2, e1)
+    noise = _NOISE * _NOISE * _dot(e1, e1) * _dot(e2, e2)
+    if is_parallel:
+        down = row - cy
+        return (
+            cx,
+            (0.0, normal[2]),
+            (-e2[1], e2[0] * down),
+            (e1[1], -e1[0] * down),
+            (-normal[0], normal[2] * cz - normal[1] * down),
+            (0.0, noise),
+            (noise, noise * (down * down + cz * cz)),
+        )
+    to_origin = -cx, -cy, -cz
+    u, v = _cross(e2, to_origin), _cross(to_origin, e1)
+    return (
+        0.0,
+        (normal[0], normal[1] * row + normal[2]),
+        (u[0], u[1] * row + u[2]),
+        (v[0], v[1] * row + v[2]),
+        (0.0, _dot(e2, v)),
+        (noise, noise * (row * row + 1.0)),
+        (0.0, noise * _dot(to_origin, to_origin)),
+    )
+
+
+@njit
+def _weights(column, along):  # type: ignore[no-untyped-def]
+    """u and v of one pixel; NaN where its ray never hits the triangle's plane."""
+    start, facing, u, v, ahead, noise, near = along
+    x = column - start
+    determinant = facing[0] * x + facing[1]
+    if not determinant * determinant > noise[0] * x * x + noise[1]:
+        return np.nan, np.nan
+    reciprocal, way = 1.0 / determinant, ahead[0] * x + ahead[1]
+    if not (way * reciprocal > 0.0 and way * way > near[0] * x * x + near[1]):
+        return np.nan, np.nan
+    return (u[0] * x + u[1]) * reciprocal, (v[0] * x + v[1]) * reciprocal
+
+
+@njit(forceinline=True)
+def _linear(slope_and_start, x):  # type: ignore[no-untyped-def]
+    return repeated(slope_and_start[0], _LANES) * x + repeated(slope_and_start[1], _LANES)
+
+
+@njit(forceinline=True)
+def _weights_of_block(address, along):  # type: ignore[no-untyped-def]
+    """u and v of a block of pixels, and whether they all have some; address: of their columns."""
+    start, facing, u, v, ahead, noise, near = along
+    x = load(address, 0.0, _LANES) - repeated(start, _LANES)
+    determinant = _linear(facing, x)
+    reciprocal, way = repeated(1.0, _LANES) / determinant, _linear(ahead, x)
+    is_sure = (determinant * determinant > _linear(noise, x * x)) & (way * way > _linear(near, x * x))
+    has_some = is_sure & (way * reciprocal > repeated(0.0, _LANES))
+    return _linear(u, x) * reciprocal, _linear(v, x) * reciprocal, bits_of(has_some) == (1 << _LANES) - 1
+
+
+@njit(forceinline=True)
+def _linear_in_two(corner, e1, e2, u, v):  # type: ignore[no-untyped-def]
+    return rounded(repeated(corner, _LANES) + repeated(e1, _LANES) * u + repeated(e2, _LANES) * v)
+
+
+@njit(forceinline=True)
+def _end_of_run(prim_id, y, start):  # type: ignore[no-untyped-def]
+    end = start + 1
+    while end < prim_id.shape[1] and prim_id[y, end] == prim_id[y, start]:
+        end += 1
+    return end
+
+
+# Below, rows are addressed by their place in the whole array: to count who holds a slice takes as long as a triangle.
+
+
+@kernel
+def weigh_corners(counter_address, mesh, camera, prim_id, absent, weights):  # type: ignore[no-untyped-def]
+    """Barycentric weights of the second and third corner, rows of pixels until the shared counter runs past the last.
+
+    prim_id: (H, W) uint32. weights: (2, H, W) float32, u and v, written completely, NaN = miss. absent: (1,) uint32, is
+    given a `prim_id` that the mesh does not have, if there is one.
+    """
+    height, width = prim_id.shape
+    vertices, faces = mesh
+    eye, axes, columns, rows, is_parallel = camera
+    column_address, u_address, v_address = columns.ctypes.data, weights[0].ctypes.data, weights[1].ctypes.data
+    while True:
+        top = fetch_add(counter_address, 1) * ROWS
+        if top >= height:
+            return
+        for y in range(top, min(top + ROWS, height)):
+            x = 0
+            while x < width:
+                end, seen = _end_of_run(prim_id, y, x), prim_id[y, x]
+                if seen >= len(faces):
+                    if seen != _MISS:
+                        absent[0] = seen
+                    for i in range(x, end):
+                        weights[0, y, i] = weights[1, y, i] = np.nan
+                    x = end
+                    continue
+                along = _along_row(eye, axes, is_parallel, _triangle(vertices, faces, seen), rows[y])
+                while x < end:
+                    if x + _LANES <= width:
+                        u, v, has_some = _weights_of_block(column_address + 8 * x, along)
+                        if has_some:
+                            store(rounded(u), u_address + 4 * (y * width + x))
+                            store(rounded(v), v_address + 4 * (y * width + x))
+                            x += _LANES
+                            continue
+                    weights[0, y, x], weights[1, y, x] = _weights(columns[x], along)
+                    x += 1
+                x = end
+
+
+@kernel
+def place_hits(counter_address, mesh, camera, prim_id, absent, points):  # type: ignore[no-untyped-def]
+    """Where rays meet the planes of their triangles, shared out as by `weigh_corners`.
+
+    points: (H, W, 3) float32, world space, written completely, NaN = miss.
+    """
+    height, width = prim_id.shape
+    vertices, faces = mesh
+    eye, axes, columns, rows, is_parallel = camera
+    block = np.empty((3, _LANES), np.float32)
+    column_address, block_address = columns.ctypes.data, block.ctypes.data
+    while True:
+        top = fetch_add(counter_address, 1) * ROWS
+        if top >= height:
+            return
+        for y in range(top, min(top + ROWS, height)):
+            x = 0
+            while x < width:
+                end, seen = _end_of_run(prim_id, y, x), prim_id[y, x]
+                if seen >= len(faces):
+                    if seen != _MISS:
+                        absent[0] = seen
+                    for i in range(x, end):
+                        points[y, i, 0] = points[y, i, 1] = points[y, i, 2] = np.nan
+                    x = end
+                    continue
+                triangle = _triangle(vertices, faces, seen)
+                corner, e1, e2 = triangle
+                along = _along_row(eye, axes, is_parallel, triangle, rows[y])
+                while x < end:
+                    if x + _LANES <= width:
+                        u, v, has_some = _weights_of_block(column_address + 8 * x, along)
+                        if has_some:
+                            store(_linear_in_two(corner[0], e1[0], e2[0], u, v), block_address)
+                            store(_linear_in_two(corner[1], e1[1], e2[1], u, v), block_address + 4 * _LANES)
+                            store(_linear_in_two(corner[2], e1[2], e2[2], u, v), block_address + 8 * _LANES)
+                            for lane in range(min(_LANES, end - x)):
+                                points[y, x + lane, 0] = block[0, lane]
+                                points[y, x + lane, 1] = block[1, lane]
+                                points[y, x + lane, 2] = block[2, lane]
+                            x += _LANES
+                            continue
+                    at_u, at_v = _weights(columns[x], along)
+                    points[y, x, 0] = corner[0] + at_u * e1[0] + at_v * e2[0]
+                    points[y, x, 1] = corner[1] + at_u * e1[1] + at_v * e2[1]
+                    points[y, x, 2] = corner[2] + at_u * e1[2] + at_v * e2[2]
+                    x += 1
+                x = end
+
+
+@kernel
+def orient_hits(counter_address, mesh, camera, prim_id, absent, normals):  # type: ignore[no-untyped-def]
+    """Unit normals of the triangles that rays hit, shared out as by `weigh_corners`.
+
+    normals: (H, W, 3) float32, world space, written completely, NaN = miss, or a triangle without area.
+    """
+    height, width = prim_id.shape
+    vertices, faces = mesh
+    while True:
+        top = fetch_add(counter_address, 1) * ROWS
+        if top >= height:
+            return
+        for y in range(top, min(top + ROWS, height)):
+            x = 0
+            while x < width:
+                end, seen = _end_of_run(prim_id, y, x), prim_id[y, x]
+                normal, scale = (0.0, 0.0, 0.0), np.nan
+                if seen < len(faces):
+                    _, e1, e2 = _triangle(vertices, faces, seen)
+                    normal = _cross(e1, e2)
+                    length = np.sqrt(_dot(normal, normal))
+                    if length > 0.0:
+                        scale = 1.0 / length
+                elif seen != _MISS:
+                    absent[0] = seen
+                for i in range(x, end):
+                    normals[y, i, 0] = normal[0] * scale
+                    normals[y, i, 1] = normal[1] * scale
+                    normals[y, i, 2] = normal[2] * scale
+                x = end

@@ -1,0 +1,178 @@
+"""The tie rule: of triangles hit at the same depth the lowest prim_id wins, whichever method traced them.
+
+Float32 cannot decide: the depth of one and the same plane differs in the last digits with the order of a triangle's
+corners, with the shear, and between single rays and packets. So it is decided on the mesh. Triangles tie over an area
+only where they lie in one plane and overlap. These are found once per mesh, the part of the image where they may be
+seen once per view, and a pixel there that hits one of them is decided in float64 after tracing.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from weakref import WeakKeyDictionary
+
+import numpy as np
+from numpy.typing import NDArray
+
+from atra.compiled.threads import WorkerPool
+from atra.errors import MemoryBudgetError
+from atra.exact.ties_kernels import (
+    PLANE_NUMBER_ROUNDING,
+    PLANE_TOLERANCE,
+    TILE,
+    find_overlaps,
+    mark_ties,
+    number_places,
+    number_planes,
+    settle_ties,
+)
+from atra.geometry.mesh import Mesh
+from atra.geometry.view import View
+
+TIE_TOLERANCE = 1e-9
+"""Relative difference up to which two float64 depths are the same depth."""
+
+MOST_PAIRS = 1 << 24
+"""Overlapping pairs that a mesh may have, equal triangles not counted: more would take long to find and to decide."""
+
+
+@dataclass(frozen=True, eq=False)
+class CoplanarOverlaps:
+    """For each triangle the lower ones that lie in its plane and share an area with it.
+
+    may_tie: (F + 1,) uint8, 1 where there are any; the last is 0 and stands for a miss.
+    twins: (F,) uint32, the lowest triangle with the same three corners in any order, mostly the triangle itself.
+    starts: (F + 1,) uint32 and partners: (P,) uint32: those of triangle t are partners[starts[t]:starts[t + 1]],
+    ascending. Only a triangle without a lower twin has partners or is one: what holds for it holds for its twins.
+    concerned: (N,) uint32, ascending, the triangles of `pairs`, (P, 2) uint32, which are places among them: each such
+    triangle with its partners, and with itself if it has twins. A tie can only be seen where both of a pair are.
+    """
+
+    may_tie: NDArray[np.uint8]
+    twins: NDArray[np.uint32]
+    starts: NDArray[np.uint32]
+    partners: NDArray[np.uint32]
+    concerned: NDArray[np.uint32]
+    pairs: NDArray[np.uint32]
+
+
+_found: WeakKeyDictionary[Mesh, CoplanarOverlaps] = WeakKeyDictionary()
+
+
+def coplanar_overlaps(mesh: Mesh) -> CoplanarOverlaps:
+    """The triangles that can tie, found when first asked for and kept as long as the mesh.
+
+    In one plane means to a billionth of the triangles' size. Neighbours, which share an edge or a corner and no
+    area, do not overlap; triangles without area, and needles ten million times as long as wide, never do.
+    Raises MemoryBudgetError beyond MOST_PAIRS pairs.
+    """
+    overlaps = _found.get(mesh)
+    if overlaps is None:
+        overlaps = _found[mesh] = _find(mesh)
+    return overlaps
+
+
+def keep_overlaps(mesh: Mesh, overlaps: CoplanarOverlaps) -> None:
+    """Keep with `mesh` what `coplanar_overlaps` found for an equal one, so that it is not looked for again."""
+    _found[mesh] = overlaps
+
+
+def _find(mesh: Mesh) -> CoplanarOverlaps:
+    prim_ids, runs = _plane_runs(mesh)
+    corners = mesh.triangles(prim_ids)
+    places = np.empty(len(prim_ids), np.int64)
+    number_places(corners.mean(axis=1), mesh.bounds[0], mesh.bounds[1] - mesh.bounds[0], places)
+    order = np.lexsort((prim_ids, places, runs))
+    prim_ids, runs, corners = prim_ids[order].astype(np.uint32), runs[order], corners[order]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    low, high = corners.min(axis=1), corners.max(axis=1)
+    sizes = (high - low).max(axis=1)
+    slack = PLANE_TOLERANCE * sizes[:, None]
+    leaves = 1 << max(len(prim_ids) - 1, 0).bit_length()
+    boxes = np.empty((2 * leaves, 2, 4))
+    boxes[:, 0], boxes[:, 1] = np.inf, -np.inf
+    boxes[leaves : leaves + len(prim_ids), 0] = np.column_stack([low - slack, runs])
+    boxes[leaves : leaves + len(prim_ids), 1] = np.column_stack([high + slack, runs])
+    twins = np.arange(mesh.triangle_count, dtype=np.uint32)
+    pairs = find_overlaps(prim_ids, corners, normals, sizes, boxes, twins, MOST_PAIRS)
+    if len(pairs) > MOST_PAIRS:
+        raise MemoryBudgetError(
+            f"{mesh.name!r} has more than {MOST_PAIRS} pairs of triangles that overlap in one plane, too many to say "
+            'which is the lowest everywhere; trace it with ties "any"'
+        )
+    own = twins[pairs] == pairs  # a twin may have been found after it was a partner
+    pairs = pairs[own.all(axis=1)]
+    pairs = pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]
+    counts = np.bincount(pairs[:, 0], minlength=mesh.triangle_count)
+    starts = np.concatenate([[0], np.cumsum(counts)]).astype(np.uint32)
+    may_tie = np.zeros(mesh.triangle_count + 1, np.uint8)
+    may_tie[:-1] = (np.arange(mesh.triangle_count) != twins) | (counts[twins] > 0)
+    with_twins = np.unique(twins[np.arange(mesh.triangle_count) != twins])
+    seen_together = np.concatenate([pairs, np.column_stack([with_twins, with_twins])])
+    concerned, places = np.unique(seen_together, return_inverse=True)
+    return CoplanarOverlaps(
+        may_tie, twins, starts, pairs[:, 1].copy(), concerned, places.reshape(-1, 2).astype(np.uint32)
+    )
+
+
+def _plane_runs(mesh: Mesh) -> tuple[NDArray[np.integer], NDArray[np.integer]]:
+    """Triangles that may have a plane in common with another, (N,) prim_ids, and (N,) the number of their run.
+
+    Other planes may have the same number by accident; `find_overlaps` looks closer.
+    """
+    numbers = np.empty(mesh.triangle_count)
+    number_planes(mesh.vertices, mesh.faces, mesh.bounds.mean(axis=0), mesh.bounds[1] - mesh.bounds[0], numbers)
+    order = np.argsort(numbers)
+    order = order[: len(order) - np.isnan(numbers).sum()]  # NaN comes last
+    run = np.cumsum(np.diff(numbers[order], prepend=-np.inf) > PLANE_NUMBER_ROUNDING, dtype=np.int64)
+    shared = np.bincount(run)[run] > 1
+    return order[shared], run[shared]
+
+
+def tie_tiles(mesh: Mesh, camera: View) -> NDArray[np.bool_]:
+    """The tiles of the image in which a tie may be seen, (ceil(H / TILE), ceil(W / TILE)), at any sub-pixel offset.
+
+    Two triangles can tie only where the rectangles around both of them on the image overlap. A triangle that reaches
+    behind the eye may be anywhere.
+    """
+    overlaps = coplanar_overlaps(mesh)
+    rows, columns = -(-camera.height // TILE), -(-camera.width // TILE)
+    if not len(overlaps.pairs):
+        return np.zeros((rows, columns), np.bool_)
+    size, boxes = np.array([camera.width, camera.height], np.float64), np.empty((len(overlaps.concerned), 4), np.int64)
+    marks = np.zeros((rows + 1, columns + 1), np.int64)
+    mark_ties(
+        mesh.vertices, mesh.faces, overlaps.concerned, overlaps.pairs,
+        np.array(camera.eye), camera.to_pixels, size, boxes, marks,
+    )  # fmt: skip
+    return np.asarray(np.cumsum(np.cumsum(marks, axis=0), axis=1)[:-1, :-1] > 0)
+
+
+def lowest_of_ties(
+    mesh: Mesh,
+    camera: View,
+    tiles: NDArray[np.bool_],
+    offset: tuple[float, float],
+    prim_id: NDArray[np.uint32],
+    pool: WorkerPool,
+) -> None:
+    """Store in each pixel of `prim_id` (H, W), in place, the lowest triangle that its ray hits where it hits that one.
+
+    A partner of the stored triangle takes the pixel if the ray meets it, edges included, and at the same depth to
+    `TIE_TOLERANCE`, both in float64. Depths stay as traced: they are those of the same plane.
+    tiles: of `tie_tiles` for this mesh and camera.
+    """
+    overlaps = coplanar_overlaps(mesh)
+    plane = camera.plane
+    across = plane.columns(np.arange(camera.width), offset[0]) * plane.pitch_x
+    along = plane.rows(np.arange(camera.height), offset[1]) * plane.pitch_y
+    rays = np.array(camera.eye), camera.axes, across, along, camera.is_parallel
+
+    def work(_: int, counter: int) -> None:
+        settle_ties(
+            counter, tiles, overlaps.may_tie, overlaps.twins, overlaps.starts, overlaps.partners,
+            mesh.vertices, mesh.faces, *rays, TIE_TOLERANCE, prim_id,
+        )  # fmt: skip
+
+    pool.run(work)

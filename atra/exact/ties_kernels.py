@@ -1,0 +1,304 @@
+"""Triangles that can tie, found once per mesh, and the loop over an image that gives a tie to the lowest of them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from atra.compiled.intrinsics import fetch_add
+from atra.compiled.store import kernel, njit
+from atra.geometry.projection_kernels import MARGIN_PIXELS
+
+TILE = 16
+"""Pixels along the sides of the squares in which an image is looked at, or left out."""
+
+PLANE_TOLERANCE = 1e-9
+"""How far two triangles may lie apart, relative to their size, and still be in one plane, as float64 finds it."""
+
+PLANE_NUMBER_ROUNDING = 1e-8
+"""How far the numbers of one and the same plane may lie apart, for triangles that just are no needles."""
+
+# |e1 x e2| / (|e1| |e2|) below which a triangle is a needle, too thin to cover a pixel or to know its plane in float64.
+_NEEDLE = 1e-7
+
+# What counts as parallel to a plane (`atra.exact.intersection`), and as inside in spite of rounding (the reference).
+_PARALLEL = 1e-14
+_ROUNDING = 1e-12
+
+
+@kernel
+def number_planes(vertices, faces, centre, extent, numbers):  # type: ignore[no-untyped-def]
+    """numbers[t] = a number of the plane of triangle t; NaN for a needle.
+
+    It depends continuously on the plane and not on which side is its front, so that the triangles of one plane are
+    neighbours when sorted by it, and no bucket has a border that they could lie across.
+    centre, extent: (3,) float64 of the box around the mesh.
+    """
+    scale = max(extent[0], extent[1], extent[2])
+    for triangle in range(len(faces)):
+        v0, v1, v2 = faces[triangle, 0], faces[triangle, 1], faces[triangle, 2]
+        x, y, z = np.float64(vertices[v0, 0]), np.float64(vertices[v0, 1]), np.float64(vertices[v0, 2])
+        ax, ay, az = vertices[v1, 0] - x, vertices[v1, 1] - y, vertices[v1, 2] - z
+        bx, by, bz = vertices[v2, 0] - x, vertices[v2, 1] - y, vertices[v2, 2] - z
+        nx, ny, nz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+        length = np.sqrt(nx * nx + ny * ny + nz * nz)
+        if not length > _NEEDLE * np.sqrt((ax * ax + ay * ay + az * az) * (bx * bx + by * by + bz * bz)):
+            numbers[triangle] = np.nan
+            continue
+        distance = nx * (x - centre[0]) + ny * (y - centre[1]) + nz * (z - centre[2])
+        # Weights that no model is likely to fit: planes with the same number would only cost time.
+        numbers[triangle] = abs(0.6137 * nx + 0.3511 * ny + 0.7071 * nz + 0.4243 * distance / scale) / length
+
+
+@njit(forceinline=True)
+def _boxes_meet(boxes, a, b):  # type: ignore[no-untyped-def]
+    for axis in range(4):
+        if boxes[a, 0, axis] > boxes[b, 1, axis] or boxes[b, 0, axis] > boxes[a, 1, axis]:
+            return False
+    return True
+
+
+@kernel
+def number_places(points, lowest, extent, numbers):  # type: ignore[no-untyped-def]
+    """numbers[i] = the Morton code of a point (N, 3) in the box from `lowest` on, 21 bits an axis: sorted by it, points
+    that are near each other tend to be neighbours."""
+    if len(points) == 0:
+        return  # the box may be a point then
+    steps = 2097151.0 / max(extent[0], extent[1], extent[2])
+    for i in range(len(points)):
+        number = 0
+        for axis in range(3):
+            place = int((points[i, axis] - lowest[axis]) * steps)
+            for bit in range(21):
+                number |= ((place >> bit) & 1) << (3 * bit + axis)
+        numbers[i] = number
+
+
+@njit(forceinline=True)
+def _same_corners(corners, a, b):  # type: ignore[no-untyped-def]
+    """Whether each corner of one triangle is a corner of the other, in whatever order. Both have an area."""
+    for i in range(3):
+        found = False
+        for j in range(3):
+            if (
+                corners[a, i, 0] == corners[b, j, 0]
+                and corners[a, i, 1] == corners[b, j, 1]
+                and corners[a, i, 2] == corners[b, j, 2]
+            ):
+                found = True
+        if not found:
+            return False
+    return True
+
+
+@njit(forceinline=True)
+def _in_plane(corners, normals, a, b, tolerance):  # type: ignore[no-untyped-def]
+    """Whether all corners of b lie within `tolerance` of the plane of a."""
+    for corner in range(3):
+        distance = 0.0
+        for axis in range(3):
+            distance += normals[a, axis] * (corners[b, corner, axis] - corners[a, 0, axis])
+        if abs(distance) > tolerance:
+            return False
+    return True
+
+
+@njit(forceinline=True)
+def _edge_separates(corners, a, b, first, second):  # type: ignore[no-untyped-def]
+    """Whether b lies beside, or touches from outside, one of the lines along a's edges.
+
+    Seen along a world axis: first and second are the other two. Differences and products of float32 values are exact in
+    float64, or nearly so; two triangles that share an edge or a corner find zero there, not a little more.
+    """
+    area = (corners[a, 1, first] - corners[a, 0, first]) * (corners[a, 2, second] - corners[a, 0, second]) - (
+        corners[a, 1, second] - corners[a, 0, second]
+    ) * (corners[a, 2, first] - corners[a, 0, first])
+    for edge in range(3):
+        following = (edge + 1) % 3
+        along_first = corners[a, following, first] - corners[a, edge, first]
+        along_second = corners[a, following, second] - corners[a, edge, second]
+        beside = True
+        for corner in range(3):
+            side = along_first * (corners[b, corner, second] - corners[a, edge, second]) - along_second * (
+                corners[b, corner, first] - corners[a, edge, first]
+            )
+            if side * area > 0.0:
+                beside = False
+        if beside:
+            return True
+    return False
+
+
+@njit(forceinline=True)
+def _overlap(corners, normals, sizes, a, b):  # type: ignore[no-untyped-def]
+    """Whether two triangles lie in one plane and share an area there."""
+    large, small = (a, b) if sizes[a] >= sizes[b] else (b, a)  # the larger one knows the plane better
+    if not _in_plane(corners, normals, large, small, PLANE_TOLERANCE * (sizes[a] + sizes[b])):
+        return False
+    x, y, z = abs(normals[large, 0]), abs(normals[large, 1]), abs(normals[large, 2])
+    first, second = 0, 1
+    if x >= y and x >= z:
+        first = 2
+    elif y >= z:
+        second = 2
+    return not (_edge_separates(corners, a, b, first, second) or _edge_separates(corners, b, a, first, second))
+
+
+@kernel
+def find_overlaps(prim_ids, corners, normals, sizes, boxes, twins, most_pairs):  # type: ignore[no-untyped-def]
+    """Pairs of triangles that overlap in one plane, by a binary tree of boxes over triangles in a good order.
+
+    prim_ids: (N,) uint32, in an order where neighbours are near each other, equal triangles by prim_id. corners:
+    (N, 3, 3), unit normals: (N, 3), sizes: (N,) longest side of the box, all float64.
+    boxes: (2 L, 2, 4) float64, lowest and highest of x, y, z and of a number that triangles of one plane have in
+    common; those of the triangles stand from L on, a power of two, and an empty box where there is no triangle. The
+    boxes before L are filled here: node i holds nodes 2 i and 2 i + 1.
+    twins: (F,) uint32, each triangle itself on entry; on return the lowest triangle with the same corners.
+
+    Returns the pairs (P, 2) uint32: the triangle, its partner with a lower prim_id. A triangle that has a lower twin is
+    left out as soon as that is known, so a stack of equal triangles does not yield all pairs; P is most_pairs + 1 if
+    there are more than most_pairs.
+    """
+    leaves = len(boxes) // 2
+    for node in range(leaves - 1, 0, -1):
+        for axis in range(4):
+            boxes[node, 0, axis] = min(boxes[2 * node, 0, axis], boxes[2 * node + 1, 0, axis])
+            boxes[node, 1, axis] = max(boxes[2 * node, 1, axis], boxes[2 * node + 1, 1, axis])
+    pairs = np.empty((64, 2), np.uint32)
+    count = 0
+    for a in range(len(prim_ids)):
+        if twins[prim_ids[a]] != prim_ids[a]:
+            continue
+        node = leaves + a
+        while True:
+            while node & 1:  # nothing further below this node: on to the next one on the right
+                node >>= 1
+            if node == 0:
+                break
+            node += 1
+            while node < leaves and _boxes_meet(boxes, leaves + a, node):
+                node *= 2
+            b = node - leaves
+            if b < 0 or not _boxes_meet(boxes, leaves + a, node):
+                continue
+            if twins[prim_ids[b]] != prim_ids[b] or not _overlap(corners, normals, sizes, a, b):
+                continue
+            if _same_corners(corners, a, b):
+                twins[prim_ids[b]] = prim_ids[a]
+                continue
+            if count == len(pairs):
+                longer = np.empty((2 * count, 2), np.uint32)
+                for pair in range(count):  # a slice takes seconds to compile: its error message is made of strings
+                    longer[pair, 0], longer[pair, 1] = pairs[pair, 0], pairs[pair, 1]
+                pairs = longer
+            pairs[count, 0], pairs[count, 1] = max(prim_ids[a], prim_ids[b]), min(prim_ids[a], prim_ids[b])
+            count += 1
+            if count > most_pairs:
+                return pairs[:count]
+    return pairs[:count]
+
+
+@njit(forceinline=True)
+def _intersect(vertices, faces, triangle, ox, oy, oz, dx, dy, dz):  # type: ignore[no-untyped-def]
+    """(ray parameter, whether it is inside, edges included) of a ray and a plane; inf where they are parallel.
+
+    Möller–Trumbore in float64, as `atra.exact.intersection` has it.
+    """
+    v0, v1, v2 = faces[triangle, 0], faces[triangle, 1], faces[triangle, 2]
+    x, y, z = np.float64(vertices[v0, 0]), np.float64(vertices[v0, 1]), np.float64(vertices[v0, 2])
+    ax, ay, az = vertices[v1, 0] - x, vertices[v1, 1] - y, vertices[v1, 2] - z
+    bx, by, bz = vertices[v2, 0] - x, vertices[v2, 1] - y, vertices[v2, 2] - z
+    px, py, pz = dy * bz - dz * by, dz * bx - dx * bz, dx * by - dy * bx
+    determinant = px * ax + py * ay + pz * az
+    size = (dx * dx + dy * dy + dz * dz) * (ax * ax + ay * ay + az * az) * (bx * bx + by * by + bz * bz)
+    if determinant * determinant <= _PARALLEL * _PARALLEL * size:
+        return np.inf, False
+    sx, sy, sz = ox - x, oy - y, oz - z
+    qx, qy, qz = sy * az - sz * ay, sz * ax - sx * az, sx * ay - sy * ax
+    u = (px * sx + py * sy + pz * sz) / determinant
+    v = (dx * qx + dy * qy + dz * qz) / determinant
+    depth = (bx * qx + by * qy + bz * qz) / determinant
+    return depth, min(u, v, 1.0 - u - v) >= -_ROUNDING
+
+
+@kernel
+def mark_ties(vertices, faces, concerned, pairs, eye, to_pixels, size, boxes, marks):  # type: ignore[no-untyped-def]
+    """Add 1 to every tile in which both triangles of a pair may be seen, as differences: marks, (tile rows + 1, tile
+    columns + 1) int64, is summed up along both axes afterwards.
+
+    concerned: (N,) uint32 prim_ids. pairs: (P, 2) uint32, places among them. eye: (3,), to_pixels: (3, 4), size: (2,)
+    float64, of the camera. boxes: (N, 4) int64, room for the first and last column, then row, of tiles of each.
+    """
+    m = to_pixels
+    for place in range(len(concerned)):
+        low_x = low_y = nearest = np.inf
+        high_x = high_y = farthest = -np.inf
+        for corner in range(3):
+            vertex = faces[concerned[place], corner]
+            u, v, w = vertices[vertex, 0] - eye[0], vertices[vertex, 1] - eye[1], vertices[vertex, 2] - eye[2]
+            depth = m[2, 0] * u + m[2, 1] * v + m[2, 2] * w + m[2, 3]  # 1 where rays are parallel
+            nearest, farthest = min(nearest, depth), max(farthest, depth)
+            nearness = 1.0 / depth if depth != 0.0 else np.inf
+            x = (m[0, 0] * u + m[0, 1] * v + m[0, 2] * w + m[0, 3]) * nearness
+            y = (m[1, 0] * u + m[1, 1] * v + m[1, 2] * w + m[1, 3]) * nearness
+            low_x, high_x, low_y, high_y = min(low_x, x), max(high_x, x), min(low_y, y), max(high_y, y)
+        for axis, low, high in ((0, low_x, high_x), (1, low_y, high_y)):
+            first, last = low - MARGIN_PIXELS, high + MARGIN_PIXELS
+            if not nearest > 0.0:  # it reaches behind the eye, and may be anywhere
+                first, last = 0.0, size[axis] if farthest >= 0.0 else -1.0
+            boxes[place, 2 * axis] = int(min(max(first, 0.0), size[axis] + TILE)) // TILE
+            boxes[place, 2 * axis + 1] = int(max(min(last, size[axis] - 1.0), -1.0)) // TILE
+    for pair in range(len(pairs)):
+        a, b = pairs[pair, 0], pairs[pair, 1]
+        left, right = max(boxes[a, 0], boxes[b, 0]), min(boxes[a, 1], boxes[b, 1])
+        top, bottom = max(boxes[a, 2], boxes[b, 2]), min(boxes[a, 3], boxes[b, 3])
+        if left <= right and top <= bottom:
+            marks[top, left] += 1
+            marks[top, right + 1] -= 1
+            marks[bottom + 1, left] -= 1
+            marks[bottom + 1, right + 1] += 1
+
+
+@kernel
+def settle_ties(  # type: ignore[no-untyped-def]
+    counter_address, tiles, may_tie, twins, starts, partners, vertices, faces,
+    eye, axes, across, along, is_parallel, tie_tolerance, prim_id,
+):  # fmt: skip
+    """Store the lowest of the tied triangles in every pixel, until the shared counter runs past the last row of tiles.
+
+    tiles: (tile rows, tile columns) bool, those to look at. may_tie, twins, starts, partners: of
+    `atra.exact.ties.CoplanarOverlaps`. vertices: (V, 3) float32, faces: (F, 3) uint32. eye, axes: of the camera.
+    across, along: (W,), (H,) float64, how far columns and rows are from the view axis on the image plane.
+    tie_tolerance: relative difference of equal depths. prim_id: (H, W) uint32, changed in place.
+    """
+    height, width = prim_id.shape
+    miss = np.uint32(len(may_tie) - 1)
+    while True:
+        row = fetch_add(counter_address, 1)
+        if row >= tiles.shape[0]:
+            return
+        for column in range(tiles.shape[1]):
+            if not tiles[row, column]:
+                continue
+            for y in range(row * TILE, min((row + 1) * TILE, height)):
+                for x in range(column * TILE, min((column + 1) * TILE, width)):
+                    hit = min(prim_id[y, x], miss)
+                    if not may_tie[hit]:
+                        continue
+                    lowest = twins[hit]
+                    if starts[lowest] < starts[lowest + 1]:
+                        ox, oy, oz, dx, dy, dz = eye[0], eye[1], eye[2], axes[2, 0], axes[2, 1], axes[2, 2]
+                        sx = axes[0, 0] * across[x] + axes[1, 0] * along[y]
+                        sy = axes[0, 1] * across[x] + axes[1, 1] * along[y]
+                        sz = axes[0, 2] * across[x] + axes[1, 2] * along[y]
+                        if is_parallel:
+                            ox, oy, oz = ox + sx, oy + sy, oz + sz
+                        else:
+                            dx, dy, dz = dx + sx, dy + sy, dz + sz
+                        depth, _ = _intersect(vertices, faces, lowest, ox, oy, oz, dx, dy, dz)
+                        for place in range(starts[lowest], starts[lowest + 1]):
+                            partner = partners[place]
+                            other, inside = _intersect(vertices, faces, partner, ox, oy, oz, dx, dy, dz)
+                            if inside and abs(other - depth) <= tie_tolerance * depth:
+                                lowest = partner
+                                break
+                    prim_id[y, x] = lowest

@@ -1,0 +1,122 @@
+"""The cameras of a COLMAP model, text or binary."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cache, partial
+from math import hypot
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from atra.errors import InputError
+from atra.files.cameras.colmap_files import (
+    Intrinsics,
+    Pose,
+    binary_cameras,
+    binary_images,
+    text_cameras,
+    text_images,
+)
+from atra.files.cameras.entries import Broken, Cameras, Entries, allowance_of, distorted, entry, number, pixels
+from atra.geometry.calibration import image_plane_of_focals, pose_of
+from atra.geometry.camera import CalibratedCamera
+from atra.geometry.image_plane import ImagePlane
+
+UNIT_TOLERANCE = 1e-3
+"""How far the length of a quaternion may be from 1."""
+
+
+@dataclass(frozen=True)
+class _Sensor:
+    plane: ImagePlane
+    width: int
+    height: int
+
+
+def read_colmap(
+    folder: str | PathLike[str], *, broken: Broken | None = None, memory_per_byte: float | None = None
+) -> Cameras:
+    """The cameras of the images of a COLMAP model, by image name, in the order of `images.bin` or `images.txt`.
+
+    folder: where `cameras` and `images` lie, such as `sparse/0`; binary files go before text, as in COLMAP. Cameras
+    must be PINHOLE or SIMPLE_PINHOLE, as `colmap image_undistorter` writes them.
+    broken: a dict that takes the images that cannot be used, by name, each with the InputError that says why; the
+    others are returned. None: the first of them is raised.
+    memory_per_byte: bound on the memory that reading may take, as for `atra.load_mesh`, of both files.
+
+    Raises InputError, naming file, entry and value, for files that are missing or cut off, entries that are broken,
+    images whose camera is missing, and camera models with lens distortion; with `broken` only for the former, and where
+    no image is left.
+    Source: COLMAP's documentation, "Output Format".
+    """
+    folder = Path(folder)
+    for suffix, read_cameras, read_images in (
+        (".bin", binary_cameras, binary_images),
+        (".txt", text_cameras, text_images),
+    ):
+        files = folder / f"cameras{suffix}", folder / f"images{suffix}"
+        if all(path.is_file() for path in files):
+            entries: Entries[CalibratedCamera] = Entries(
+                files[1], "image", broken, allowance_of(memory_per_byte, *files)
+            )
+            return _read(files[0], read_cameras(files[0]), read_images(files[1]), entries)
+    raise InputError(f"{folder} is no COLMAP model, expected cameras.bin and images.bin, or both as .txt, in it")
+
+
+def _read(
+    cameras_path: Path, given: Iterator[Intrinsics], images: Iterator[Pose], entries: Entries[CalibratedCamera]
+) -> Cameras:
+    intrinsics = {}
+    for camera in given:
+        if camera.camera_id in intrinsics:
+            raise InputError(f"{cameras_path}: camera {camera.camera_id} is there twice")
+        intrinsics[camera.camera_id] = camera
+
+    @cache
+    def sensor(camera_id: int) -> _Sensor:
+        if camera_id not in intrinsics:
+            raise InputError(f"its camera is {camera_id!r}, which is not in {cameras_path.name}")
+        with entry(f"{cameras_path}, camera {camera_id}"):
+            return _sensor(intrinsics[camera_id])
+
+    def placed(image: Pose) -> CalibratedCamera:
+        used = sensor(image.camera_id)
+        translation = [number("a translation", value) for value in image.translation]
+        return CalibratedCamera.at(
+            *pose_of(_rotation(image.quaternion), translation), used.plane, used.width, used.height
+        )
+
+    for image in images:
+        entries.add(image.name, f"image {image.image_id} ({image.name!r})", partial(placed, image))
+    return entries.all()
+
+
+def _sensor(camera: Intrinsics) -> _Sensor:
+    names = {"SIMPLE_PINHOLE": ("f", "cx", "cy"), "PINHOLE": ("fx", "fy", "cx", "cy")}.get(camera.model)
+    if names is None:
+        raise distorted(f"its model is {camera.model}", colmap=True)
+    if len(camera.parameters) != len(names):
+        raise InputError(f"it has {len(camera.parameters)} parameters, expected {len(names)}: {', '.join(names)}")
+    *focals, cx, cy = (number(name, value) for name, value in zip(names, camera.parameters, strict=True))
+    plane = image_plane_of_focals(focals[0], focals[-1], cx, cy)
+    return _Sensor(plane, pixels("its width", camera.width), pixels("its height", camera.height))
+
+
+def _rotation(quaternion: tuple[Any, ...]) -> NDArray[np.float64]:
+    """(3, 3) float64 of (w, x, y, z). Raises InputError for one whose length is not 1."""
+    length = hypot(*(number("a part of its rotation", part) for part in quaternion))
+    if not abs(length - 1.0) <= UNIT_TOLERANCE:
+        raise InputError(f"its rotation {quaternion} is of length {length:g}, expected a unit quaternion")
+    w, x, y, z = (part / length for part in quaternion)
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )

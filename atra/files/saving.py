@@ -1,0 +1,113 @@
+"""Files of hits for other programs: arrays, layered images, pictures and point clouds, by the suffix of their name."""
+
+from __future__ import annotations
+
+import io
+import os
+from collections.abc import Callable, Mapping
+from importlib import import_module
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from atra.errors import InputError
+from atra.files.paths import write_atomically
+
+Layers = dict[str, NDArray[Any]]
+"""Arrays of an image by the names that `atra.Hits` has for them."""
+
+_PACKAGES = {".exr": "OpenEXR", ".png": "PIL"}
+"""What must be there to write files of a suffix, beside what atra needs anyway."""
+
+_DARKEST = 40  # of the hits of a picture; misses are 0
+
+
+def save_layers(path: str | os.PathLike[str], layer: Callable[[str], NDArray[Any]]) -> None:
+    """Write a file of the format that its suffix names, whole or not at all.
+
+    layer: name -> the layer; asked only for what the file needs.
+    Raises InputError for an unknown suffix or a missing package, StorageError where the file cannot be written.
+    """
+    path = Path(path)
+    if path.suffix.lower() not in _WRITERS:
+        raise InputError(f"{path} has the suffix {path.suffix!r}, expected one of {', '.join(_WRITERS)}")
+    check_package(path.suffix.lower())
+    names, encode = _WRITERS[path.suffix.lower()]
+    write_atomically(path, encode({name: layer(name) for name in names}))
+
+
+def check_package(suffix: str) -> None:
+    """Raise InputError where the package is missing that files of a suffix such as ".exr" need, if they need one."""
+    name = _PACKAGES.get(suffix, "numpy")
+    try:
+        import_module(name)
+    except ImportError:
+        install = {"PIL": "pillow"}.get(name, name.lower())
+        raise InputError(
+            f"{suffix} files need the package {name}, which is not installed: pip install {install}"
+        ) from None
+
+
+def _npz(layers: Layers) -> bytes:
+    content = io.BytesIO()
+    np.savez(content, **layers)  # type: ignore[arg-type]  # one might be called allow_pickle, says its stub
+    return content.getvalue()
+
+
+def _exr(layers: Layers) -> bytes:
+    normals = np.moveaxis(layers["normals"], 2, 0)
+    named_normals = dict(zip(("N.X", "N.Y", "N.Z"), normals, strict=True))
+    return encode_exr({"Z": layers["depth"], "prim_id": layers["prim_id"], **named_normals})
+
+
+def encode_exr(channels: Mapping[str, NDArray[Any]]) -> bytes:
+    """An EXR of (H, W) arrays, 32 bits each, by name; the package OpenEXR must be there."""
+    import OpenEXR
+
+    whole = {name: np.ascontiguousarray(channel) for name, channel in channels.items()}
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    with TemporaryDirectory() as folder:  # it writes to files alone
+        path = Path(folder, "image.exr")
+        with OpenEXR.File(header, whole) as file:
+            file.write(str(path))
+        return path.read_bytes()
+
+
+def _png(layers: Layers) -> bytes:
+    from PIL import Image
+
+    content = io.BytesIO()
+    Image.fromarray(depth_shading(layers["depth"])).save(content, "png")
+    return content.getvalue()
+
+
+def _ply(layers: Layers) -> bytes:
+    import trimesh  # slow to import, and needed only here
+
+    is_placed = np.isfinite(layers["points"]).all(axis=-1)
+    if not is_placed.any():
+        raise InputError("nothing is hit, so a .ply file would have no point; save as .npz, .exr or .png")
+    cloud = trimesh.PointCloud(layers["points"][is_placed])
+    cloud.vertex_normals = layers["normals"][is_placed]
+    return bytes(trimesh.exchange.ply.export_ply(cloud, vertex_normal=True))
+
+
+def depth_shading(depth: NDArray[np.float32]) -> NDArray[np.uint8]:
+    """(H, W) uint8: white is the nearest hit, a dark grey (40) the farthest, linear in between; black is a miss."""
+    shade, hit = np.zeros(depth.shape, np.uint8), np.isfinite(depth)
+    if hit.any():
+        near, far = (float(end(depth[hit])) for end in (np.min, np.max))
+        share = (depth[hit] - near) / ((far - near) or 1.0)
+        shade[hit] = np.rint(255 - share * (255 - _DARKEST))
+    return shade
+
+
+_WRITERS: dict[str, tuple[tuple[str, ...], Callable[[Layers], bytes]]] = {
+    ".npz": (("depth", "prim_id", "u", "v", "points", "normals"), _npz),
+    ".exr": (("depth", "prim_id", "normals"), _exr),
+    ".png": (("depth",), _png),
+    ".ply": (("points", "normals"), _ply),
+}

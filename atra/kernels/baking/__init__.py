@@ -1,1 +1,0 @@
-"""Kernels of lightmaps: texels of charts, and the stages that batches of their rays go through."""

@@ -1,1 +1,0 @@
-"""Float64 kernels that decide nothing by rounding: every ray against every triangle, and the place of each hit."""

@@ -1,1 +1,0 @@
-"""The rasteriser's kernels: vertices to pixels, triangles to bands of rows, bands to images."""

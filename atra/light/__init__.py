@@ -1,0 +1,60 @@
+"""Light: pictures and lightmaps of a mesh with materials, lights and a sky, on top of what rays see."""
+
+from atra.light.lightmaps.baker import Baker
+from atra.light.lightmaps.charts.atlas import Atlas
+from atra.light.lightmaps.charts.texels import Texels
+from atra.light.lightmaps.finish.denoise import denoised
+from atra.light.lightmaps.finish.export import save_maps, save_model
+from atra.light.lightmaps.finish.seams import Seams, dilated
+from atra.light.lightmaps.finish.views import clay_view, lit_view
+from atra.light.lightmaps.gather.lights import SpotLight
+from atra.light.lightmaps.gather.probes import LightProbes
+from atra.light.lightmaps.maps import Lightmap, relative_error
+from atra.light.lightmaps.options import BakeOptions
+from atra.light.lightmaps.progressive import ProgressiveBake
+from atra.light.lightmaps.surface import BakeScene, Surface
+from atra.light.lights import PointLight, SphereLight, Sun
+from atra.light.materials import Checker, Dielectric, Emissive, Image, Lambertian, Metal
+from atra.light.pictures.hybrid import HybridRenderer
+from atra.light.pictures.options import HybridOptions, PathOptions
+from atra.light.pictures.path import PathRenderer
+from atra.light.scene import RenderScene
+from atra.light.sky import GradientSky, PanoramaSky, constant_sky
+
+__all__ = [
+    "Atlas",
+    "BakeOptions",
+    "BakeScene",
+    "Baker",
+    "Checker",
+    "Dielectric",
+    "Emissive",
+    "GradientSky",
+    "HybridOptions",
+    "HybridRenderer",
+    "Image",
+    "Lambertian",
+    "LightProbes",
+    "Lightmap",
+    "Metal",
+    "PanoramaSky",
+    "PathOptions",
+    "PathRenderer",
+    "PointLight",
+    "ProgressiveBake",
+    "RenderScene",
+    "Seams",
+    "SphereLight",
+    "SpotLight",
+    "Sun",
+    "Surface",
+    "Texels",
+    "clay_view",
+    "constant_sky",
+    "denoised",
+    "dilated",
+    "lit_view",
+    "relative_error",
+    "save_maps",
+    "save_model",
+]

@@ -1,0 +1,1 @@
+"""Lightmaps: charts of a mesh, their texels, and the light that reaches each."""

@@ -1,0 +1,305 @@
+"""A baker: samples of the light that reaches the texels of a scene's lightmap."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from atra.errors import AtraError, InputError
+from atra.geometry.view import View
+from atra.hits import Hits
+from atra.light.lightmaps.batches import BATCH_BYTES, Job, Stages, Work, add_batch, new_batch
+from atra.light.lightmaps.charts.atlas import Atlas
+from atra.light.lightmaps.charts.texels import Texels
+from atra.light.lightmaps.gather.adaptive import is_enough, is_looked_at, until_next_look
+from atra.light.lightmaps.gather.probes import BLOCK, LightProbes, ProbeSums
+from atra.light.lightmaps.gather.tables import tables_of
+from atra.light.lightmaps.gather.tables_kernels import SUMS, Batch
+from atra.light.lightmaps.maps import Lightmap
+from atra.light.lightmaps.options import BakeOptions
+from atra.light.lightmaps.priority import visible_texels
+from atra.light.lightmaps.shadows import ShadowScenes
+from atra.light.lightmaps.surface import BakeScene
+from atra.raster.tracer import RasterTracer
+from atra.rays.scene import Query, RayScene
+from atra.tracing.budgets import check_needed_bytes
+from atra.tracing.lifetime import Lifetime
+from atra.tracing.options import RayOptions
+from atra.tracing.tracer import Tracer
+from atra.whole_numbers import is_whole_number
+
+
+class Baker(Lifetime):
+    """Light of a scene, sample by sample, on the texels of its map.
+
+        with Baker(BakeScene(mesh, lights=[...]), size=512) as baker:
+            baker.add(64)
+            baker.maps.save(folder)
+
+    scene: see `BakeScene`. atlas: where its triangles lie; None: charts by xatlas on a map of `size` texels. options,
+    changes: of `BakeOptions`.
+
+    texels: what is lit. samples: (N,) int32, of each texel so far. stage_s: seconds by stage since the last restart, of
+    stages in threads their mean. rays, lanes: how many rays were traced, and how many could have been in the same
+    batches. visible: (N,) bool, what the view shows; None without one.
+    Raises InputError as `Texels.of`, `Atlas` and the options do; MemoryBudgetError before anything large is made.
+    """
+
+    def __init__(
+        self,
+        scene: BakeScene,
+        atlas: Atlas | None = None,
+        size: int = 512,
+        options: RayOptions | None = None,
+        **changes: Any,
+    ) -> None:
+        super().__init__()
+        self.options = BakeOptions.of(type(self).__name__, options, changes)
+        self._ray_options = RayOptions.part_of(self.options)
+        self.rays_scene = RayScene(scene.mesh, self._ray_options)
+        self.shadow_scenes = ShadowScenes(scene, self._ray_options)
+        self.scene = scene
+        self._given, self._size = atlas, size
+        self.visible: NDArray[np.bool_] | None = None
+        self._texels: Texels | None = None
+
+    def _plan(self) -> float:
+        start = perf_counter()
+        atlas = self._given or Atlas.unwrap(self.scene.mesh, self._size)
+        needed = atlas.width * atlas.height * (8 * SUMS + 24) + self.options.batch_rays * BATCH_BYTES
+        what = f"sums of a map of {atlas.width} x {atlas.height} texels and rays in flight"
+        check_needed_bytes(needed, None, what, "use a smaller map, or fewer batch_rays")
+        self._texels = Texels.of(self.scene.mesh, atlas)
+        self._tables = tables_of(self.scene, self._texels, self.options)
+        self._restart()
+        return perf_counter() - start
+
+    def _build(self) -> float:
+        self.rays_scene.build()
+        return self.rays_scene.build_time_s + self.shadow_scenes.build()
+
+    def _restart(self) -> None:
+        self.samples = np.zeros(len(self.texels), np.int32)
+        self._sums = np.zeros((len(self.texels), SUMS))
+        self._enough = np.zeros(len(self.texels), np.bool_)
+        self._batches: list[Batch | None] = [None] * self.rays_scene.threads
+        self.stage_s: dict[str, float] = {}
+        self.rays = self.lanes = 0
+
+    @property
+    def texels(self) -> Texels:
+        """Raises InputError before `plan`."""
+        if self._texels is None:
+            raise InputError("there are no texels before the baker is planned; use it in a `with` block")
+        return self._texels
+
+    @property
+    def buffer_bytes(self) -> int:
+        """Of rays in flight."""
+        return sum(array.nbytes for batch in self._batches if batch is not None for array in batch)
+
+    def update(self, scene: BakeScene) -> None:
+        """Take other lights, surfaces or sky of the same mesh; the map starts anew. Raises InputError for another mesh,
+        EmbreeError after `close`."""
+        with self._lock:
+            self._check_open()
+            if scene.mesh is not self.scene.mesh:
+                raise InputError(f"the scene is of {scene.mesh!r}, expected the same mesh as before; make a new baker")
+            tables = tables_of(scene, self.texels, self.options)
+            if not self.shadow_scenes.serve(scene):
+                scenes = ShadowScenes(scene, self._ray_options)
+                try:
+                    if self._is_built:
+                        scenes.build()
+                except BaseException:
+                    scenes.close()
+                    raise
+                self.shadow_scenes.close()
+                self.shadow_scenes = scenes
+            self.scene, self._tables = scene, tables
+            self._restart()
+
+    def set_view(self, camera: View | None, tracer: Tracer[Hits] | None = None) -> None:
+        """Light first what the camera sees. tracer: what finds it, of this mesh, planned and built; it is told to look
+        there. None: the rasteriser. A camera of None: nothing comes first. No sample is lost."""
+        with self._lock:
+            self._check_open()
+            if camera is None:
+                self.visible = None
+                return
+            with self._tracing():
+                if tracer is not None:
+                    tracer.look(camera)  # type: ignore[attr-defined]
+                    hits = tracer.trace()
+                else:
+                    with RasterTracer(self.scene.mesh, camera, threads=self.rays_scene.threads) as own:
+                        hits = own.trace()
+                self.visible = visible_texels(self.texels, hits, self.rays_scene)
+
+    def add(self, samples: int = 1, stop: Callable[[], bool] | None = None) -> bool:
+        """Add so many samples to every texel. stop: asked before every batch; what is done by then stays.
+
+        Returns whether it came to its end. Raises InputError for a number below 1, EmbreeError when this is not built
+        or already closed, AtraError naming a texel for light that is no finite number.
+        """
+        _check_samples(samples)
+        with self._tracing():
+            done = True
+            every = np.ones(len(self.texels), np.bool_)
+            while samples > 0 and done:
+                count = min(samples, self.options.expansion)
+                done = self._pass(every, count, stop)
+                samples -= count
+            return done
+
+    def advance(self, target: int, stop: Callable[[], bool] | None = None) -> bool:
+        """One pass towards `target` samples of every texel: of those that the view shows, or, when these have them, of
+        all; with `adaptive`, only of those that have not enough. Of several maps that the view shows, the one comes
+        first that has the fewest samples. Returns whether there was anything left to do. Arguments and errors as for
+        `add`."""
+        _check_samples(target)
+        with self._tracing():
+            wanted = (self.samples < target) & ~self._enough
+            if self.visible is not None and (wanted & self.visible).any():
+                wanted &= self.visible
+                wanted &= self._on_the_least_converged(wanted)
+            if not wanted.any():
+                return False
+            count = min(target - int(self.samples[wanted].max()), self.options.expansion)
+            if not self.options.adaptive:
+                self._pass(wanted, count, stop)
+                return True
+            self._pass(wanted, min(count, until_next_look(self.samples[wanted])), stop)
+            looked_at = wanted & is_looked_at(self.samples)
+            if looked_at.any():
+                self._enough |= looked_at & is_enough(self.maps)
+            return True
+
+    def _on_the_least_converged(self, wanted: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """(N,) bool: on the map whose wanted texels have the fewest samples on average, the first of several."""
+        if self.texels.atlas.maps == 1:
+            return wanted
+        on_map = self.texels.map_of
+        count, total = (np.bincount(on_map[wanted], of_each) for of_each in (None, self.samples[wanted]))
+        means = np.divide(total, count, out=np.full(len(count), np.inf), where=count > 0)
+        return np.asarray(on_map == np.argmin(means))
+
+    def share_done(self, target: int) -> float:
+        """Of what there is to do until every texel has `target` samples, or, with `adaptive`, enough: what is done."""
+        enough, samples = self._enough, self.samples  # of now: who asks while it bakes is not to wait
+        left = np.where(enough, 0, np.maximum(target - samples, 0))
+        return 1.0 - float(left.mean()) / target
+
+    def _pass(self, wanted: NDArray[np.bool_], count: int, stop: Callable[[], bool] | None) -> bool:
+        """`count` samples of the texels that are wanted; whether it came to its end."""
+        with self._tracing():
+            start = perf_counter()
+            order = self._order(wanted)
+            ordered_s = perf_counter() - start
+            rays = max(self.options.batch_rays // self.rays_scene.threads, self.options.expansion)
+            job = Job(self.texels, self._tables, order, count, self.samples, self._sums)
+
+            def add(first: int, texels: int, batch: Batch, stages: Stages) -> None:
+                bad = add_batch(job, first, texels, batch, stages)
+                if bad >= 0:
+                    raise self._not_finite(bad)
+
+            done, works = self._in_batches(len(order), rays, count, add, stop)
+            self._count(works, ordered_s, perf_counter() - start)
+            return done
+
+    def _in_batches(
+        self, starts: int, rays: int, of_each: int, add: Callable[[int, int, Batch, Stages], None],
+        stop: Callable[[], bool] | None = None,
+    ) -> tuple[bool, list[Work]]:  # fmt: skip
+        """`add(first, count, batch, stages)` in all threads, of batches of so many rays, until all `starts` of them had
+        their turn; whether they did, and what was done."""
+        per_batch = max(1, rays // of_each)
+        left = deque(range(0, starts, per_batch))  # its `popleft` is safe between threads
+        works = [Work({}) for _ in range(self.rays_scene.threads)]
+
+        def work(query: Query) -> None:
+            batch, stages = self._batch(query.worker, rays), self._stages(query, works)
+            while stop is None or not stop():
+                try:
+                    first = left.popleft()
+                except IndexError:
+                    return
+                add(first, min(per_batch, starts - first), batch, stages)
+
+        self.rays_scene.run(work)
+        return not left, works
+
+    def probes(self, points: ArrayLike, samples: int = 1024) -> LightProbes:
+        """What arrives at points from all around, by so many paths each; the map stays as it is.
+
+        points: (P, 3), in the world. Raises as `add` does, and InputError naming a point that is none.
+        """
+        _check_samples(samples)
+        sums = ProbeSums(points, samples)
+        rays = max(self.options.batch_rays // self.rays_scene.threads, BLOCK)
+        with self._tracing():
+
+            def add(first: int, probes: int, batch: Batch, stages: Stages) -> None:
+                sums.add(first, probes, self._tables, batch, stages)
+
+            self._in_batches(len(sums.points), rays, BLOCK, add)
+        return sums.probes()
+
+    def _batch(self, worker: int, rays: int) -> Batch:
+        batch = self._batches[worker]
+        if batch is None or len(batch.key) < rays:
+            batch = self._batches[worker] = new_batch(rays)
+        return batch
+
+    def _stages(self, query: Query, works: list[Work]) -> Stages:
+        kind = self.rays_scene.packet_width, self.shadow_scenes.addresses(query.scene)
+        return Stages(self._tables, self.options, kind, query, works[query.worker])
+
+    def _order(self, wanted: NDArray[np.bool_]) -> NDArray[np.int32]:
+        """Numbers of texels, near ones side by side; or of the whole map in rows, -1 where there is nothing to do."""
+        if self.options.compaction != "none":
+            numbers = self.texels.along_curve
+            return numbers[wanted[numbers]]
+        numbers, atlas = np.flatnonzero(wanted).astype(np.int32), self.texels.atlas
+        order = np.full(atlas.width * atlas.height, -1, np.int32)
+        order[self.texels.number[numbers]] = numbers
+        return order
+
+    def _count(self, works: list[Work], ordered_s: float, whole_s: float) -> None:
+        stages = {"order": ordered_s}
+        for one in works:
+            self.rays += one.rays
+            self.lanes += one.lanes
+            for stage, seconds in one.stage_s.items():
+                stages[stage] = stages.get(stage, 0.0) + seconds / len(works)
+        stages["other"] = whole_s - sum(stages.values())
+        for stage, seconds in stages.items():
+            self.stage_s[stage] = self.stage_s.get(stage, 0.0) + seconds
+
+    def _not_finite(self, texel: int) -> AtraError:
+        row, column = divmod(int(self.texels.number[texel]), self.texels.atlas.width)
+        return AtraError(
+            f"the light of texel ({column}, {row}) is no finite number by sample {self.samples[texel]}; "
+            "make lights or materials darker"
+        )
+
+    @property
+    def maps(self) -> Lightmap:
+        """The means of all samples so far; a copy."""
+        with self._lock:
+            return Lightmap.of(self.texels, self.samples.copy(), self._sums.copy())
+
+    def _release(self) -> None:
+        self.rays_scene.close()
+        self.shadow_scenes.close()
+
+
+def _check_samples(samples: int) -> None:
+    if not is_whole_number(samples) or samples < 1:
+        raise InputError(f"{samples!r} samples are wanted, expected a whole number of at least 1")

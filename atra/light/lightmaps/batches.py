@@ -1,0 +1,132 @@
+"""Batches: many rays of many texels that go through all stages together, in one thread each."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from atra.light.laps import Laps
+from atra.light.lightmaps.bounces_kernels import compact, scatter, shade, trace_kernel
+from atra.light.lightmaps.charts.texels import Texels
+from atra.light.lightmaps.gather.lights_kernels import aim, aim_at_sun, plane_of
+from atra.light.lightmaps.gather.tables_kernels import KIND, PATH_ROWS, RESULTS, SUN, Batch, Tables
+from atra.light.lightmaps.options import BakeOptions
+from atra.light.lightmaps.samples_kernels import gather, generate
+from atra.light.lightmaps.shadows_kernels import shine_kernel
+from atra.light.pictures.path_kernels import ROW_PADDING
+from atra.rays.scene import Query
+
+BATCH_BYTES = 4 * (PATH_ROWS + 4 + RESULTS) + 1
+"""Of a ray in flight."""
+
+_NEVER = 1 << 30
+
+
+@dataclass
+class Work:
+    """What a thread has done: seconds by stage, rays traced, and lanes that it went through for them."""
+
+    stage_s: dict[str, float]
+    rays: int = 0
+    lanes: int = 0
+
+    def traced(self, rays: int, lanes: int) -> None:
+        self.rays += rays
+        self.lanes += lanes
+
+
+class Stages:
+    """Stages that all batches of a thread go through, whatever their rays start from.
+
+    kind: rays of a packet, and RTCScenes of what stops rays to lights, and of faces that let light on, or 0.
+    """
+
+    def __init__(
+        self, tables: Tables, options: BakeOptions, kind: tuple[int, tuple[int, int]], query: Query, work: Work
+    ) -> None:
+        self._tables, self._options, self._query, self._work = tables, options, query, work
+        width, self._shadows = kind
+        has_panes = self._shadows[1] != 0
+        self._trace, self._shine = trace_kernel(width, has_panes), shine_kernel(width, has_panes)
+        self.lap = Laps(work.stage_s)
+
+    def light(self, batch: Batch, count: int, which: int, vertex: int) -> None:
+        """Rays to a light, or to one by chance, if that is -1, and what they bring."""
+        tables, query = self._tables, self._query
+        only = 0 if len(tables.lights) == 1 else which
+        if only >= 0 and tables.lights[only, KIND] == SUN:
+            aim_at_sun(batch, count, tuple(tables.lights[only]), only, vertex)
+        else:
+            aim(batch, count, tables, which, vertex)
+        self.lap("aim")
+        plane = plane_of(vertex, int(tables.lights[max(which, 0), KIND]))
+        self._work.traced(self._shine(batch, count, plane, tables, self._shadows, query.packet), count)
+        self.lap("shadow")
+
+    def follow(self, batch: Batch, count: int) -> None:
+        """Paths whose first directions are there, to their ends."""
+        tables, options, query = self._tables, self._options, self._query
+        roulette_from = _NEVER if options.roulette_from is None else options.roulette_from
+        for vertex in range(options.bounces + 1):
+            if vertex:
+                if len(tables.lights):
+                    self.light(batch, count, -1, vertex)
+                scatter(batch, count, vertex)
+                self.lap("scatter")
+            self._work.traced(self._trace(batch, count, tables, vertex, query.scene, query.packet), count)
+            self.lap("trace")
+            going = shade(batch, count, tables, vertex, vertex == options.bounces, roulette_from)
+            self.lap("shade")
+            if going == 0:
+                break
+            if options.compaction == "bounces":
+                count = compact(batch, count)
+                self.lap("compact")
+
+
+class Job(NamedTuple):
+    """What all batches of texels share. order: as for `generate`. expansion: samples of each texel. samples, sums:
+    written to."""
+
+    texels: Texels
+    tables: Tables
+    order: NDArray[np.int32]
+    expansion: int
+    samples: NDArray[np.int32]
+    sums: NDArray[np.float64]
+
+
+def new_batch(rays: int) -> Batch:
+    """Memory of so many rays."""
+    return Batch(
+        np.zeros((PATH_ROWS, rays + ROW_PADDING), np.float32),
+        np.empty(rays, np.uint32),
+        np.empty(rays, np.float32),
+        np.empty(rays, np.uint32),
+        np.empty(rays, np.int32),
+        np.zeros(rays, np.int8),
+        np.empty((rays, RESULTS), np.float32),
+    )
+
+
+def add_batch(job: Job, first: int, texel_count: int, batch: Batch, stages: Stages) -> int:
+    """Add samples to `texel_count` texels of the order from number `first` on.
+
+    Returns the number of a texel whose light is no finite number, or -1.
+    """
+    texels, tables, expansion = job.texels, job.tables, job.expansion
+    lit = texels.prim_id, texels.number
+    generate(batch, job.order, first, texel_count, expansion, job.samples, lit, tables)
+    count = texel_count * expansion
+    stages.lap("generate")
+    for which in range(len(tables.lights)):
+        stages.light(batch, count, which, 0)
+    scatter(batch, count, 0)
+    stages.lap("scatter")
+    stages.follow(batch, count)
+    bad = gather(batch, job.order, first, texel_count, expansion, job.samples, job.sums)
+    stages.lap("gather")
+    return int(bad)

@@ -1,0 +1,257 @@
+"""Atlas: where the triangles of a mesh lie in a lightmap."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import os
+import subprocess
+import sys
+from dataclasses import dataclass
+from functools import cached_property
+from importlib.util import find_spec
+from math import frexp
+from pathlib import Path
+from typing import IO
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from atra.errors import AtraError, InputError
+from atra.files.paths import write_atomically
+from atra.geometry.mesh import Mesh
+from atra.light.lightmaps.charts.unwrap import UNMAPPED
+from atra.whole_numbers import is_whole_number
+
+MOST_TEXELS = 1 << 14
+"""Along a side of a map; and of all maps together no more than of one that has so many: 32 bits count them."""
+
+_VERSION = 3
+"""Version of kept atlases."""
+
+_SMALL, _FAR = 0.1, 256.0
+"""Size below which a mesh is handed to xatlas enlarged, and how many times its size it may lie off the origin before it
+is handed over as moved there: xatlas takes lengths below fixed ones for none, and computes in float32."""
+
+
+@dataclass(frozen=True, eq=False)
+class Atlas:
+    """Charts of a mesh, on one map or on several of one size, which stand one below the other.
+
+    uv: (F, 3, 2) float64, each triangle's corners in texels, row 0 of the first map on top; NaN: it has no place.
+    chart: (F,) int32, `UNMAPPED` where it has none. width: of a map, height: of all maps together, texels. maps: how
+    many there are.
+    Raises InputError for shapes and sizes that do not fit, and naming the first face outside of its map.
+    """
+
+    uv: NDArray[np.float64]
+    chart: NDArray[np.int32]
+    width: int
+    height: int
+    maps: int = 1
+
+    def __post_init__(self) -> None:
+        if not is_whole_number(self.maps) or self.maps < 1:
+            raise InputError(f"there are {self.maps!r} maps, expected a whole number of at least 1")
+        for name, size, maps in (("width", self.width, 1), ("height", self.height, self.maps)):
+            if not is_whole_number(size) or not maps <= size <= maps * MOST_TEXELS or size % maps:
+                of_what = "a map" if maps == 1 else f"{maps} maps together"
+                expected = f"a whole number from 1 to {MOST_TEXELS} for each"
+                raise InputError(f"{name} of {of_what} is {size!r}, expected {expected}")
+        if self.width * self.height > MOST_TEXELS**2:
+            raise InputError(f"{self.maps} maps have {self.width * self.height:,} texels, expected at most 2^28")
+        uv = np.array(self.uv, np.float64, order="C")
+        chart = np.array(self.chart, np.int32)
+        if uv.ndim != 3 or uv.shape[1:] != (3, 2) or chart.shape != uv.shape[:1]:
+            raise InputError(f"uv and charts have shapes {uv.shape} and {chart.shape}, expected (F, 3, 2) and (F,)")
+        outside = (chart != UNMAPPED) & ~((uv >= 0.0) & (uv <= (self.width, self.height))).all(axis=(1, 2))
+        if outside.any():
+            face = int(np.argmax(outside))
+            place = (uv[face] / (self.width, self.height)).tolist()
+            raise InputError(f"uv of face {face} are {place}, expected numbers from 0 to 1")
+        uv[chart == UNMAPPED] = np.nan
+        for name, array in (("uv", uv), ("chart", chart)):
+            array.setflags(write=False)
+            object.__setattr__(self, name, array)
+        first, last = (ends(uv[..., 1], axis=1) / self.map_height for ends in (np.min, np.max))
+        across = (chart != UNMAPPED) & (last > self.map_of + 1)
+        if across.any():
+            face = int(np.argmax(across))
+            raise InputError(f"face {face} lies on maps {int(first[face])} and {int(last[face])}, expected one")
+
+    @property
+    def map_height(self) -> int:
+        """Of each map, texels."""
+        return self.height // self.maps
+
+    @cached_property
+    def map_of(self) -> NDArray[np.int64]:
+        """(F,), the map that each triangle is on; 0 where it has no place."""
+        top = np.nan_to_num(self.uv[..., 1].min(axis=1)) // self.map_height
+        return np.minimum(top.astype(np.int64), self.maps - 1)
+
+    def texels_around(
+        self, points: NDArray[np.float64], face: NDArray[np.integer]
+    ) -> tuple[list[NDArray[np.int64]], list[NDArray[np.int64]], NDArray[np.float64], NDArray[np.float64]]:
+        """Of points (P, 2) of triangles (P,): two rows and two columns of texels, on the map of each, and how far from
+        the first row to the second and from the first column to the second it lies, 0 to 1; (P,) each."""
+        shifted = points - 0.5
+        corner = np.floor(shifted)
+        right, below = (shifted - corner).T
+        x, y = corner.astype(np.int64).T
+        top = self.map_height * self.map_of[face]
+        rows = [np.clip(y + k, top, top + self.map_height - 1) for k in (0, 1)]
+        columns = [np.clip(x + k, 0, self.width - 1) for k in (0, 1)]
+        return rows, columns, below, right
+
+    @property
+    def charts(self) -> int:
+        """How many there are."""
+        return int(self.chart.max(initial=UNMAPPED)) + 1
+
+    @classmethod
+    def of_uv(cls, uv: ArrayLike, width: int, height: int, map_of: ArrayLike = 0) -> Atlas:
+        """An atlas of one's own. uv: (F, 3, 2), of each triangle's corners, in [0, 1], v upwards as in model files.
+        width, height: of a map, texels. map_of: (F,), the map that each triangle is on, from 0 on; 0: all on one.
+
+        Charts are triangles of a map whose corners coincide. Raises InputError as `Atlas`.
+        """
+        try:
+            given = np.array(uv, np.float64)
+        except (TypeError, ValueError) as error:
+            raise InputError(f"uv cannot be read as an array: {error}") from None
+        if given.ndim != 3 or given.shape[1:] != (3, 2):
+            raise InputError(f"uv have shape {given.shape}, expected (F, 3, 2), a row a corner of a triangle")
+        bad = ~np.isfinite(given).all(axis=(1, 2))
+        if bad.any():
+            raise InputError(f"uv of face {int(np.argmax(bad))} are not finite, expected numbers from 0 to 1")
+        numbers = np.asarray(map_of)
+        if numbers.shape not in ((), (len(given),)) or numbers.dtype.kind not in "iu" or numbers.min(initial=0) < 0:
+            raise InputError(f"map_of has shape {numbers.shape} of {numbers.dtype}, expected (F,) numbers from 0 on")
+        on_map = np.broadcast_to(numbers.reshape(-1, 1), given.shape[:2])
+        outside = ~((given >= 0.0) & (given <= 1.0)).all(axis=(1, 2))
+        if outside.any():
+            face = int(np.argmax(outside))
+            raise InputError(f"uv of face {face} are {given[face].tolist()}, expected numbers from 0 to 1")
+        placed = np.stack([given[..., 0] * width, (1.0 - given[..., 1] + on_map) * height], axis=-1)
+        maps = int(numbers.max(initial=0)) + 1
+        return cls(placed, _connected(np.dstack([given, on_map])), width, height * maps, maps)
+
+    @classmethod
+    def unwrap(
+        cls,
+        mesh: Mesh,
+        size: int = 512,
+        *,
+        padding: int = 2,
+        texels_per_unit: float = 0.0,
+        kept_in: Path | None = None,
+        time_limit_s: float = 600.0,
+    ) -> Atlas:
+        """Charts by xatlas, on square maps of `size` texels.
+
+        padding: texels between charts. texels_per_unit: of a length in the scene, and as many maps as charts of that
+        size need; 0 = what fills one map. kept_in: a folder in which the result is kept by the hash
+        of the mesh. time_limit_s: seconds after which a process that unwraps is given up.
+        Raises InputError for bad numbers and where xatlas is not installed, AtraError past the limit.
+        Source: https://github.com/jpcy/xatlas, by its Python bindings.
+        """
+        if not is_whole_number(size) or not 8 <= size <= MOST_TEXELS:
+            raise InputError(f"size of a map is {size!r}, expected a whole number from 8 to {MOST_TEXELS}")
+        if not is_whole_number(padding) or not 0 <= padding <= 64:
+            raise InputError(f"padding is {padding!r}, expected a whole number of texels from 0 to 64")
+        key = _key(mesh, size, padding, texels_per_unit)
+        kept = None if kept_in is None else Path(kept_in) / f"{key}.npz"
+        found = None if kept is None else _read(kept)
+        if found is None:
+            found = _unwrapped(mesh, size, padding, texels_per_unit, time_limit_s)
+            if kept is not None:
+                write_atomically(kept, _packed(found))
+        return found
+
+
+def _key(mesh: Mesh, *settings: float) -> str:
+    digest = hashlib.sha256(repr((_VERSION, *settings)).encode())
+    for array in (mesh.vertices, mesh.faces):
+        digest.update(repr(array.shape).encode() + array.tobytes())
+    return digest.hexdigest()[:32]
+
+
+def _packed(atlas: Atlas) -> bytes:
+    buffer = io.BytesIO()
+    size = np.array([atlas.width, atlas.height, atlas.maps])
+    np.savez_compressed(buffer, uv=atlas.uv, chart=atlas.chart, size=size)
+    return buffer.getvalue()
+
+
+def _read(path: Path) -> Atlas | None:
+    """What is kept; None where there is nothing, or nothing that can be used."""
+    try:
+        return _loaded(path)
+    except Exception:  # a damaged archive may raise anything; it is made anew
+        return None
+
+
+def _loaded(file: IO[bytes] | Path) -> Atlas:
+    with np.load(file) as kept:
+        return Atlas(kept["uv"], kept["chart"], *kept["size"].tolist())
+
+
+def _unwrapped(mesh: Mesh, size: int, padding: int, texels_per_unit: float, time_limit_s: float) -> Atlas:
+    if find_spec("xatlas") is None:
+        raise InputError(
+            "charts need the package xatlas, which is not installed; `pip install xatlas`, or bring uv of your own"
+        )
+    job = io.BytesIO()
+    vertices, scale = _in_reach(mesh)
+    density = texels_per_unit / scale
+    np.savez(job, vertices=vertices, faces=mesh.faces, size=size, padding=padding, texels_per_unit=density)
+    command = [
+        sys.executable,
+        "-P",
+        str(Path(__file__).with_name("unwrap.py")),
+    ]  # xatlas cannot be interrupted, and may crash
+    paths = os.pathsep.join(path for path in sys.path if path)
+    try:
+        done = subprocess.run(
+            command,
+            input=job.getvalue(),
+            capture_output=True,
+            timeout=time_limit_s,
+            env=os.environ | {"PYTHONPATH": paths},
+        )
+    except subprocess.TimeoutExpired:
+        raise AtraError(f"xatlas found no charts of {mesh!r} in {time_limit_s:g} s; allow more, or bring uv") from None
+    try:
+        return _loaded(io.BytesIO(done.stdout))
+    except Exception:
+        told = done.stderr.decode(errors="replace").strip().rpartition("\n")[2]
+        raise AtraError(f"xatlas ended without charts of {mesh!r} (code {done.returncode}): {told}") from None
+
+
+def _in_reach(mesh: Mesh) -> tuple[NDArray[np.float32], float]:
+    """(V, 3) float32, the vertices where and as large as xatlas tells them apart, and how much larger they are."""
+    low, high = mesh.bounds
+    size = float((high - low).max())
+    is_small, is_far = 0.0 < size < _SMALL, float(np.abs(mesh.bounds).max()) > _FAR * size > 0.0
+    if not (is_small or is_far):
+        return mesh.vertices, 1.0
+    middle = (low + high) / 2.0 if is_far else np.zeros(3)
+    scale = 2.0 ** -frexp(size)[1] if is_small else 1.0  # a power of two keeps every digit
+    return ((mesh.vertices - middle) * scale).astype(np.float32), scale
+
+
+def _connected(places: NDArray[np.float64]) -> NDArray[np.int32]:
+    """Numbers of charts: triangles that share an edge belong together. places: (F, 3, 3), u, v and map."""
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import connected_components
+
+    _, corner = np.unique(places.reshape(-1, 3), axis=0, return_inverse=True)
+    corner = corner.reshape(-1, 3)
+    edges = np.sort(np.concatenate([corner[:, [0, 1]], corner[:, [1, 2]], corner[:, [2, 0]]]), axis=1)
+    _, edge = np.unique(edges, axis=0, return_inverse=True)
+    faces, edge_count = len(places), int(edge.max()) + 1
+    rows = np.tile(np.arange(faces), 3)
+    links = coo_matrix((np.ones(len(rows)), (rows, edge.ravel())), (faces, edge_count)).tocsr()
+    _, chart = connected_components(links @ links.T, directed=False)
+    return np.asarray(chart, np.int32)

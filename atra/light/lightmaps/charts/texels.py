@@ -1,0 +1,133 @@
+"""Texels: what a lightmap has to light, texel by texel."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from atra.errors import InputError
+from atra.exact.ties_kernels import number_places
+from atra.geometry.mesh import Mesh
+from atra.light.lightmaps.charts.atlas import Atlas
+from atra.light.lightmaps.charts.texels_kernels import claim_texels, place_texels
+from atra.light.lightmaps.charts.unwrap import UNMAPPED
+
+
+@dataclass(frozen=True, eq=False)
+class Texels:
+    """The N texels that triangles touch, in the order of rows.
+
+    number: (N,) int64, row times width plus column; rows of several maps are counted through. prim_id, chart: (N,)
+    int32. positions, normals: (N, 3) float32 in the world, of the point of the triangle nearest to the texel's centre.
+    faces_lost: triangles without area, in space or in the map, which have no texel. Each texel belongs to one triangle:
+    that which contains its centre, or else the nearest of those that reach into it, the lowest of several.
+    """
+
+    atlas: Atlas
+    mesh: Mesh
+    number: NDArray[np.int64] = field(repr=False)
+    prim_id: NDArray[np.int32] = field(repr=False)
+    positions: NDArray[np.float32] = field(repr=False)
+    normals: NDArray[np.float32] = field(repr=False)
+    faces_lost: int
+
+    def __len__(self) -> int:
+        return len(self.number)
+
+    @property
+    def chart(self) -> NDArray[np.int32]:
+        """(N,) int32."""
+        return self.atlas.chart[self.prim_id]
+
+    @cached_property
+    def along_curve(self) -> NDArray[np.int32]:
+        """(N,) int32, their numbers along a Morton curve through the scene: neighbours tend to see the same."""
+        places, (lowest, highest) = np.empty(len(self), np.int64), self.mesh.bounds
+        number_places(self.positions, lowest, highest - lowest, places)
+        return np.argsort(places, kind="stable").astype(np.int32)
+
+    @property
+    def map_of(self) -> NDArray[np.int64]:
+        """(N,), the map that each is on."""
+        return self.number // (self.atlas.width * self.atlas.map_height)
+
+    @property
+    def occupancy(self) -> float:
+        """The share of all texels that are lit."""
+        return len(self) / (self.atlas.width * self.atlas.height)
+
+    def image(self, values: NDArray, empty: float = 0) -> NDArray:
+        """(H, W, ...) of (N, ...) values, several maps one below the other; `empty` elsewhere."""
+        atlas = self.atlas
+        image = np.full((atlas.height * atlas.width, *values.shape[1:]), empty, values.dtype)
+        image[self.number] = values
+        return image.reshape(atlas.height, atlas.width, *values.shape[1:])
+
+    @property
+    def occupied(self) -> NDArray[np.bool_]:
+        """(H, W) bool."""
+        return self.image(np.ones(len(self), np.bool_))
+
+    @classmethod
+    def of(cls, mesh: Mesh, atlas: Atlas) -> Texels:
+        """The texels of a mesh's charts.
+
+        Warns of charts that one look-up between texels would mix. Raises InputError for an atlas of another mesh, for
+        triangles that overlap, naming the first two and how many texels, and where no triangle has a texel.
+        """
+        if len(atlas.uv) != mesh.triangle_count:
+            raise InputError(f"the atlas has {len(atlas.uv)} triangles, but {mesh!r} is to be lit; make one of it")
+        uv = atlas.uv.copy()
+        uv[mesh.without_area] = np.nan
+        prim_of = np.full((atlas.height, atlas.width), -1, np.int32)
+        distance = np.full(prim_of.shape, np.inf)
+        overlap = np.zeros(3, np.int64)
+        claim_texels(uv, prim_of, distance, overlap)
+        if overlap[0]:
+            count, first, second = overlap.tolist()
+            raise InputError(
+                f"faces {first} and {second} overlap in the map, in {count} texels together with others; expected that "
+                "each has a place of its own: leave uv out to have charts made"
+            )
+        number = np.flatnonzero(prim_of.ravel() >= 0)
+        if not len(number):
+            raise InputError(f"no triangle of {mesh!r} touches a texel, expected at least one")
+        _warn_of_neighbours(atlas, prim_of)
+        prim_id = prim_of.ravel()[number]
+        positions, normals = np.empty((2, len(number), 3), np.float32)
+        place_texels(
+            uv, mesh.vertices, mesh.faces, unit_normals(mesh), number, atlas.width, prim_id, positions, normals
+        )
+        lost = int((atlas.chart == UNMAPPED).sum() + len(mesh.without_area))
+        edges = uv[:, 1:] - uv[:, :1]
+        lost += int((edges[:, 0, 0] * edges[:, 1, 1] == edges[:, 0, 1] * edges[:, 1, 0]).sum())
+        return cls(atlas, mesh, number, prim_id, positions, normals, lost)
+
+
+def unit_normals(mesh: Mesh) -> NDArray[np.float64]:
+    """(F, 3) float64, of triangles; 0 of those without area."""
+    corners = [mesh.vertices[mesh.faces[:, corner]].astype(np.float64) for corner in range(3)]
+    normals = np.cross(corners[1] - corners[0], corners[2] - corners[0])
+    length = np.linalg.norm(normals, axis=1, keepdims=True)
+    return np.asarray(normals / np.where(length > 0.0, length, 1.0))
+
+
+def _warn_of_neighbours(atlas: Atlas, prim_of: NDArray[np.int32]) -> None:
+    of_texel = np.where(prim_of >= 0, atlas.chart[prim_of], UNMAPPED).reshape(atlas.maps, -1, atlas.width)
+    mixed = 0
+    for there, here in (
+        (np.s_[:, 1:], np.s_[:, :-1]), (np.s_[..., 1:], np.s_[..., :-1]),
+        (np.s_[:, 1:, 1:], np.s_[:, :-1, :-1]), (np.s_[:, 1:, :-1], np.s_[:, :-1, 1:]),
+    ):  # fmt: skip
+        a, b = of_texel[there], of_texel[here]
+        mixed += int(((a != b) & (a != UNMAPPED) & (b != UNMAPPED)).sum())
+    if mixed:
+        warnings.warn(
+            f"{mixed} pairs of neighbouring texels belong to different charts: looking up between texels mixes their "
+            "light; leave at least two texels between charts",
+            stacklevel=3,
+        )

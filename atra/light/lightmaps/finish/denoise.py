@@ -1,0 +1,107 @@
+"""Denoising: the noise of few samples taken out of a lightmap, chart by chart."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from dataclasses import replace
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from atra.compiled.threads import resolve_threads
+from atra.errors import AtraError, InputError
+from atra.light.lightmaps.finish.seams import nearest_known
+from atra.light.lightmaps.gather.tables_kernels import LUMINANCE
+from atra.light.lightmaps.maps import LIGHTS, Lightmap
+
+FEWEST = 16
+"""Texels of a chart: of fewer nobody can tell noise from light."""
+
+_BLUR = 2.0
+"""Texels: gutters are filled with means of so wide a neighbourhood, for streaks of noise would pass for light."""
+
+
+def denoised(lightmap: Lightmap, threads: int | None = None) -> Lightmap:
+    """The map with less noise; what is not `valid`, openness and the number of samples stay as they are.
+
+    Every chart is an image of its own, whose gutters are filled from its own texels: where charts share an image, light
+    of one reaches into the other. Light of each kind is denoised apart, and all of it is their sum. Where this moves a
+    chart's texels by more than their noise, it took light for noise, and the chart goes back towards what it was:
+    measured to be no worse than before, not proved. threads: None = every core. Raises InputError without the package
+    pyoidn, AtraError where it fails.
+    Sources: Intel Open Image Denoise, filter RTLightmap, https://www.openimagedenoise.org; the way back: after the
+    positive part of James and Stein's estimator (1961), which is for targets that the noise is no part of.
+    """
+    oidn = _library()
+    names = LIGHTS[:-1]
+    values: dict[str, Any] = {name: lightmap.light(name).copy() for name in names}
+    numbers = np.flatnonzero(lightmap.valid)
+    chart = lightmap.texels.chart[numbers]
+    order = numbers[np.argsort(chart, kind="stable")]
+    row, column = np.divmod(lightmap.texels.number, lightmap.texels.atlas.width)
+    with ExitStack() as stack:
+        device = stack.enter_context(oidn.Device())
+        device.set_int("numThreads", resolve_threads(threads))
+        device.set_bool("setAffinity", False)
+        device.commit()
+        for of_chart in np.split(order, np.cumsum(np.bincount(chart))[:-1]):
+            if len(of_chart) < FEWEST:
+                continue
+            place = tuple(axis[of_chart] - axis[of_chart].min() for axis in (row, column))
+            for light in values.values():
+                if light[of_chart].any():
+                    light[of_chart] = _filtered(oidn, device, _filled(place, light[of_chart]))[place]
+            share = _share_of_noise(lightmap, of_chart, sum(light[of_chart] for light in values.values()))
+            for name, light in values.items():
+                raw = lightmap.light(name)[of_chart]
+                light[of_chart] = raw + share * (light[of_chart] - raw)
+    return replace(lightmap, **values)
+
+
+def _share_of_noise(lightmap: Lightmap, texels: NDArray[np.int64], clean: NDArray[np.float32]) -> np.float32:
+    """Of what denoising took from texels of a chart, by their variance; (N, 3) clean: all their light. From 0 to 1; 1
+    where single samples tell no variance."""
+    samples = lightmap.samples[texels]
+    if samples.min() < 2:
+        return np.float32(1.0)
+    taken = float((((lightmap.combined[texels] - clean) @ np.array(LUMINANCE)) ** 2).sum())
+    noise = float((lightmap.variance[texels] / samples).sum())
+    return np.float32(min(1.0, noise / taken) if taken > 0.0 else 1.0)
+
+
+def _library() -> ModuleType:
+    try:
+        import pyoidn
+    except ImportError:
+        raise InputError(
+            "denoising needs the package pyoidn, which is not installed; run: pip install -e '.[denoise]'"
+        ) from None
+    return pyoidn  # type: ignore[no-any-return]
+
+
+def _filled(place: tuple[NDArray[np.int64], ...], values: NDArray[np.float32]) -> NDArray[np.float32]:
+    """(H, W, 3): (N, 3) values at their rows and columns, and around them means of what is near."""
+    from scipy.ndimage import gaussian_filter
+
+    shape = tuple(int(axis.max()) + 1 for axis in place)
+    known, image = np.zeros((*shape, 1)), np.zeros((*shape, 3))
+    known[place], image[place] = 1.0, values
+    near, sums = (gaussian_filter(one, (_BLUR, _BLUR, 0.0), mode="constant") for one in (known, image))
+    means = (sums[place] / near[place])[nearest_known(place, shape)]
+    return np.where(known > 0.0, image, means).astype(np.float32)
+
+
+def _filtered(oidn: Any, device: Any, image: NDArray[np.float32]) -> NDArray[np.float32]:
+    """An (H, W, 3) image without its noise, and without the light below zero that the filter may leave."""
+    image, out = np.ascontiguousarray(image, np.float32), np.empty_like(image, np.float32)
+    with oidn.Filter(device, oidn.OIDN_FILTER_TYPE_RT_LIGHTMAP) as one:
+        one.set_image(oidn.OIDN_IMAGE_COLOR, image, oidn.OIDN_FORMAT_FLOAT3)
+        one.set_image(oidn.OIDN_IMAGE_OUTPUT, out, oidn.OIDN_FORMAT_FLOAT3)
+        one.commit()
+        one.execute()
+    problem = device.get_error()
+    if problem is not None:
+        raise AtraError(f"Open Image Denoise failed at an image of {image.shape[1]} x {image.shape[0]}: {problem}")
+    return np.maximum(out, 0.0)

@@ -1,0 +1,140 @@
+"""Files of a lightmap: EXR to be worked with, PNG to be looked at, and a model that opens elsewhere."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from atra.errors import InputError
+from atra.files.paths import write_atomically
+from atra.light.lightmaps.charts.atlas import Atlas
+from atra.light.lightmaps.finish.seams import Seams, dilated
+from atra.light.lightmaps.maps import LIGHTS, Lightmap
+from atra.light.lightmaps.surface import BakeScene
+from atra.light.pictures.files import exr_of_channels, png_of, srgb_of
+
+_BRIGHT = 0.99
+"""Of texels are shown no brighter than white."""
+
+
+def finished(lightmap: Lightmap, values: NDArray[np.float32], seams: Seams | None = None) -> NDArray[np.float32]:
+    """(H, W, C): (N, C) values with gutters filled, and with seams that match, where they are given; several maps one
+    below the other."""
+    image = dilated(lightmap.texels, values, lightmap.valid)
+    return image if seams is None else seams.stitched(image)
+
+
+def exposure_of(lightmap: Lightmap) -> float:
+    """What light is multiplied by to be shown."""
+    lit = lightmap.luminance[lightmap.valid]
+    bright = float(np.quantile(lit, _BRIGHT)) if len(lit) else 0.0
+    return 1.0 / bright if bright > 0.0 else 1.0
+
+
+def save_maps(
+    lightmap: Lightmap, folder: Path, *, stitch: bool = True, visible: NDArray[np.bool_] | None = None
+) -> list[Path]:
+    """Write every kind of light and openness as EXR, linear, and PNG, and occupancy and charts as PNG; what was
+    written. Of several maps, each has files of its own, with its number behind their names.
+
+    stitch: whether seams are made to match. visible: (N,) bool, what a view shows, is written, too.
+    Raises InputError without the package OpenEXR, StorageError.
+    """
+    texels = lightmap.texels
+    seams = Seams.of(texels.mesh, texels.atlas) if stitch else None
+    exposure = exposure_of(lightmap)
+    files: dict[str, bytes] = {}
+
+    def keep(name: str, image: NDArray[Any], exposure: float = 1.0, *, exactly: bool = False) -> None:
+        for tail, part in _parts(texels.atlas, image):
+            if exactly:
+                channels = "RGB" if part.shape[2] == 3 else "Y"
+                files[f"{name}{tail}.exr"] = exr_of_channels({one: part[..., k] for k, one in enumerate(channels)})
+            files[f"{name}{tail}.png"] = png_of(np.broadcast_to(exposure * part, (*part.shape[:2], 3)))
+
+    for name in LIGHTS:
+        keep(name, finished(lightmap, lightmap.light(name), seams), exposure, exactly=True)
+    keep("openness", finished(lightmap, lightmap.openness[:, None]), exactly=True)
+    keep("occupancy", texels.occupied[..., None])
+    if visible is not None:
+        keep("culling_map", texels.image(0.2 + 0.8 * visible)[..., None])
+    keep("charts", texels.image(chart_colours(texels.chart)))
+    for name, content in files.items():
+        write_atomically(folder / name, content)
+    return [folder / name for name in files]
+
+
+def _parts(atlas: Atlas, image: NDArray[Any]) -> list[tuple[str, NDArray[Any]]]:
+    """The maps of an (H, W, C) image, and what stands behind their names."""
+    parts = np.split(image, atlas.maps)
+    return [(f"_{number}" if len(parts) > 1 else "", part) for number, part in enumerate(parts)]
+
+
+def chart_colours(chart: NDArray[np.integer]) -> NDArray[np.float64]:
+    """(N, 3), a colour of its own for each."""
+    turns = np.asarray(chart, np.float64)[:, None] * 0.618034 + (0.0, 1 / 3, 2 / 3)
+    return 0.5 + 0.4 * np.cos(2.0 * np.pi * turns)
+
+
+def save_model(lightmap: Lightmap, scene: BakeScene, path: Path, *, stitch: bool = True) -> Path:
+    """Write the mesh as binary glTF with its light, which viewers show as it is (KHR_materials_unlit).
+
+    The map is the base colour, by TEXCOORD_0 and the same as TEXCOORD_1, and MOZ_lightmap for those that know it; the
+    albedo is the colour of the corners. Of several maps, each has a mesh of its own. Raises InputError for another
+    suffix, StorageError.
+    """
+    if path.suffix.lower() != ".glb":
+        raise InputError(f"a model is to be written to {str(path)!r}, expected a name that ends in .glb")
+    import trimesh
+
+    atlas = lightmap.texels.atlas
+    seams = Seams.of(lightmap.texels.mesh, atlas) if stitch else None
+    exposure = exposure_of(lightmap)
+    image = srgb_of(exposure * finished(lightmap, lightmap.combined, seams))
+    mapped = np.isfinite(atlas.uv).all(axis=(1, 2))
+    models = {}
+    for number, (tail, part) in enumerate(_parts(atlas, image)):
+        faces = np.flatnonzero(mapped & (atlas.map_of == number))
+        if len(faces):
+            models[f"scene{tail}"] = _lit_mesh(scene, atlas, faces, part)
+    content = trimesh.Scene(models).export(
+        file_type="glb", tree_postprocessor=lambda tree: _mark_as_lightmap(tree, 1.0 / exposure)
+    )
+    write_atomically(path, content)
+    return path
+
+
+def _lit_mesh(scene: BakeScene, atlas: Atlas, faces: NDArray[np.int64], image: NDArray[np.uint8]) -> Any:
+    """These triangles, all of one map, and that map."""
+    import trimesh
+    from PIL import Image
+
+    assert scene.surface is not None
+    corners = scene.mesh.vertices[scene.mesh.faces[faces]].reshape(-1, 3)
+    uv = atlas.uv[faces].reshape(-1, 2) / (atlas.width, atlas.map_height)
+    uv[:, 1] = 1.0 + atlas.map_of[faces[0]] - uv[:, 1]
+    whole = np.clip(np.rint(255.0 * scene.surface.albedo[faces]), 0, 255).astype(np.uint8)
+    colours = np.repeat(np.column_stack([whole, np.full(len(whole), 255, np.uint8)]), 3, axis=0)
+    material = trimesh.visual.material.PBRMaterial(
+        name="lightmap", baseColorTexture=Image.fromarray(image, "RGB"), metallicFactor=0.0, roughnessFactor=1.0,
+        doubleSided=True,
+    )  # fmt: skip
+    visual = trimesh.visual.TextureVisuals(uv=uv, material=material)
+    visual.vertex_attributes["color"] = colours
+    return trimesh.Trimesh(corners, np.arange(len(corners)).reshape(-1, 3), visual=visual, process=False)
+
+
+def _mark_as_lightmap(tree: dict[str, Any], intensity: float) -> None:
+    """intensity: what the map's white stands for."""
+    for mesh in tree["meshes"]:
+        for primitive in mesh["primitives"]:
+            primitive["attributes"]["TEXCOORD_1"] = primitive["attributes"]["TEXCOORD_0"]
+    for material in tree["materials"]:
+        texture = material["pbrMetallicRoughness"]["baseColorTexture"]
+        texture["texCoord"] = 1
+        lightmap = {"index": texture["index"], "texCoord": 1, "intensity": intensity}
+        material["extensions"] = {"KHR_materials_unlit": {}, "MOZ_lightmap": lightmap}
+    tree["extensionsUsed"] = sorted({*tree.get("extensionsUsed", ()), "KHR_materials_unlit", "MOZ_lightmap"})

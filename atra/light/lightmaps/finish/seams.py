@@ -1,0 +1,141 @@
+"""Finishing: gutters filled from what is lit, and seams between charts made to match."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from atra.geometry.mesh import Mesh
+from atra.light.lightmaps.charts.atlas import Atlas
+from atra.light.lightmaps.charts.texels import Texels, unit_normals
+
+SMOOTH = np.cos(np.radians(10.0))
+"""Of the angle between two triangles: where they meet more sharply, light may differ."""
+
+_FAITHFUL = 0.05
+"""What it costs a texel to leave its value, of what a step at a seam costs."""
+
+_PER_TEXEL = 2.0
+"""Points of a seam that are compared."""
+
+
+def dilated(texels: Texels, values: NDArray[np.float32], valid: NDArray[np.bool_]) -> NDArray[np.float32]:
+    """(H, W, C) float32: (N, C) values of texels, those that are not `valid`, (N,), and all gutters filled from the
+    nearest of the same map that is; 0 everywhere on a map where none is."""
+    atlas, image = texels.atlas, np.zeros_like(texels.image(values))
+    row, column = np.divmod(texels.number, atlas.width)
+    on_map, row = np.divmod(row, atlas.map_height)
+    for number, part in enumerate(np.split(image, atlas.maps)):
+        known = np.flatnonzero(valid & (on_map == number))
+        if len(known):
+            part[:] = values[known][nearest_known((row[known], column[known]), part.shape[:2])]
+    return image
+
+
+def nearest_known(place: tuple[NDArray[np.int64], ...], shape: tuple[int, ...]) -> NDArray[np.int64]:
+    """(H, W), for each place of an image of that shape the number of the nearest that is known. place: rows and columns
+    of those, at least one."""
+    from scipy.ndimage import distance_transform_edt
+
+    number = np.full(shape, -1)
+    number[place] = np.arange(len(place[0]))
+    rows, columns = distance_transform_edt(number < 0, return_distances=False, return_indices=True)
+    return np.asarray(number[rows, columns])
+
+
+@dataclass(frozen=True, eq=False)
+class Seams:
+    """Points of edges at which two charts meet, and the texels that look-ups on either side read.
+
+    texel: (2, P, 4) int64, numbers in the map; weight: (2, P, 4) float64, summing to 1.
+    """
+
+    texel: NDArray[np.int64]
+    weight: NDArray[np.float64]
+
+    @classmethod
+    def of(cls, mesh: Mesh, atlas: Atlas) -> Seams:
+        """Edges of exactly two triangles that lie apart in the map and meet smoothly."""
+        ends, face = _seam_edges(mesh, atlas)
+        points, edge = _along(ends)
+        texel, weight = zip(*(_look_ups(atlas, points[side], face[side][edge]) for side in (0, 1)), strict=True)
+        return cls(np.array(texel), np.array(weight))
+
+    def values(self, image: NDArray[np.floating]) -> NDArray[np.float64]:
+        """(2, P, C) look-ups in an (H, W, C) image."""
+        flat = image.reshape(-1, image.shape[2]).astype(np.float64)
+        return np.einsum("spk,spkc->spc", self.weight, flat[self.texel])
+
+    def step(self, image: NDArray[np.floating]) -> float:
+        """Root mean square of the difference of both sides; 0 where there is no seam."""
+        sides = self.values(image)
+        return float(np.sqrt(((sides[0] - sides[1]) ** 2).mean())) if sides.size else 0.0
+
+    def stitched(self, image: NDArray[np.float32]) -> NDArray[np.float32]:
+        """The (H, W, C) image nearest to this one, in the sense of least squares, whose seams match."""
+        if not self.texel.size:
+            return image
+        from scipy.sparse import coo_matrix, identity
+        from scipy.sparse.linalg import cg
+
+        used, place = np.unique(self.texel, return_inverse=True)
+        place = place.reshape(self.texel.shape)
+        points = np.broadcast_to(np.arange(self.texel.shape[1])[:, None], self.texel.shape[1:])
+        signed = np.concatenate([self.weight[0].ravel(), -self.weight[1].ravel()])
+        where = np.concatenate([points.ravel()] * 2), np.concatenate([place[0].ravel(), place[1].ravel()])
+        across = coo_matrix((signed, where), (self.texel.shape[1], len(used))).tocsr()
+        matrix = (across.T @ across + _FAITHFUL * identity(len(used))).tocsr()
+        flat = image.reshape(-1, image.shape[2]).copy()
+        for channel in range(flat.shape[1]):
+            start = flat[used, channel].astype(np.float64)
+            solved, _ = cg(matrix, _FAITHFUL * start, x0=start, rtol=1e-6, maxiter=2000)
+            flat[used, channel] = np.maximum(solved, 0.0) if (start >= 0.0).all() else solved
+        return flat.reshape(image.shape)
+
+
+def _seam_edges(mesh: Mesh, atlas: Atlas) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """(2, E, 2, 2): for both triangles of every seam edge its ends in the map, in the same order; and (2, E): which
+    triangles these are."""
+    _, place = np.unique(mesh.vertices + np.float32(0.0), axis=0, return_inverse=True)  # -0 is 0
+    corner = place.reshape(-1)[mesh.faces]
+    face = np.tile(np.arange(mesh.triangle_count), 3)
+    first, second = corner.T.reshape(-1), np.roll(corner, -1, axis=1).T.reshape(-1)
+    at_first, at_second = atlas.uv.swapaxes(0, 1).reshape(-1, 2), np.roll(atlas.uv, -1, axis=1).swapaxes(0, 1)
+    at_second = at_second.reshape(-1, 2)
+    turned = first > second
+    low, high = np.where(turned, second, first), np.where(turned, first, second)
+    at_low = np.where(turned[:, None], at_second, at_first)
+    at_high = np.where(turned[:, None], at_first, at_second)
+    keep = (low != high) & np.isfinite(at_low).all(axis=1)
+    order = np.flatnonzero(keep)[np.lexsort((high[keep], low[keep]))]
+    key = low[order] * (int(corner.max()) + 1) + high[order]
+    starts = np.flatnonzero(np.diff(key, prepend=-1))
+    pairs = starts[np.diff(starts, append=len(key)) == 2]
+    one, other = order[pairs], order[pairs + 1]
+    normals = unit_normals(mesh)
+    smooth = np.einsum("ni,ni->n", normals[face[one]], normals[face[other]]) > SMOOTH
+    apart = np.abs(np.stack([at_low[one] - at_low[other], at_high[one] - at_high[other]])).max(axis=(0, 2)) > 1e-6
+    sides = np.stack([one[smooth & apart], other[smooth & apart]])
+    return np.stack([at_low[sides], at_high[sides]], axis=2), face[sides]
+
+
+def _along(ends: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """(2, P, 2): points of the edges, close enough that no texel is left out; and (P,): which edge each is of."""
+    length = np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=2).max(axis=0)
+    count = np.ceil(_PER_TEXEL * length).astype(int) + 1
+    edge = np.repeat(np.arange(len(count)), count)
+    step = np.arange(len(edge)) - np.repeat(np.cumsum(count) - count, count)
+    share = ((step + 0.5) / count[edge])[:, None]
+    return (1.0 - share) * ends[:, edge, 0] + share * ends[:, edge, 1], edge
+
+
+def _look_ups(
+    atlas: Atlas, points: NDArray[np.float64], face: NDArray[np.integer]
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """(P, 4) texels around points of triangles, on the map of each, and their bilinear weights."""
+    rows, columns, fy, fx = atlas.texels_around(points, face)
+    texel = np.stack([row * atlas.width + column for row in rows for column in columns], axis=1)
+    weight = np.stack([v * u for v in (1.0 - fy, fy) for u in (1.0 - fx, fx)], axis=1)
+    return texel, weight

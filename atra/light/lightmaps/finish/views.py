@@ -1,0 +1,43 @@
+"""Views: a scene as its lightmap shows it, and in clay."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from atra.hits import Hits
+from atra.light.lightmaps.charts.atlas import Atlas
+from atra.light.lightmaps.surface import BakeScene
+
+
+def looked_up(hits: Hits, atlas: Atlas, image: NDArray[np.float32]) -> NDArray[np.float32]:
+    """(H, W, C) float32: what an (h, w, C) map says where the hits are, between its texels; 0 where nothing is hit, and
+    where what is hit has no place in the map."""
+    shown = np.zeros((*hits.depth.shape, image.shape[2]), np.float32)
+    u, v = (weights[hits.hit].astype(np.float64)[:, None] for weights in (hits.u, hits.v))
+    face = hits.prim_id[hits.hit]
+    a, b, c = atlas.uv[face].swapaxes(0, 1)
+    place = (1.0 - u - v) * a + u * b + v * c
+    mapped = np.isfinite(place).all(axis=1)
+    rows, columns, *steps = atlas.texels_around(np.where(mapped[:, None], place, 0.0), face)
+    fy, fx = (step.astype(np.float32)[:, None] for step in steps)
+    upper, lower = ((1.0 - fx) * image[row, columns[0]] + fx * image[row, columns[1]] for row in rows)
+    shown[hits.hit] = np.where(mapped[:, None], (1.0 - fy) * upper + fy * lower, np.float32(0.0))
+    return shown
+
+
+def lit_view(hits: Hits, scene: BakeScene, atlas: Atlas, image: NDArray[np.float32]) -> NDArray[np.float32]:
+    """(H, W, 3) float32, linear RGB: the view of the hits, lit by an (h, w, 3) map alone. Faces that shine are as
+    bright as they shine."""
+    assert scene.surface is not None
+    seen = hits.prim_id[hits.hit]
+    view = looked_up(hits, atlas, image)
+    view[hits.hit] = scene.surface.albedo[seen] * view[hits.hit] + scene.surface.emission[seen]
+    return view
+
+
+def clay_view(hits: Hits) -> NDArray[np.float32]:
+    """(H, W, 3) float32, linear RGB: grey, the brighter the more a face is turned to the view."""
+    facing = np.abs((np.nan_to_num(hits.normals) * hits.camera.axes[2]).sum(axis=2, keepdims=True))
+    grey = np.where(hits.hit[..., None], 0.15 + 0.6 * facing, 0.0)
+    return np.asarray(np.repeat(grey, 3, axis=2), np.float32)

@@ -1,0 +1,1 @@
+"""The light that reaches texels: lights, probes, and the tables that kernels read."""

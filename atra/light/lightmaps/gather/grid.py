@@ -1,0 +1,82 @@
+"""A grid over the scene whose cells say which of many lights rays that start there are aimed at, and how often.
+
+A light's odds follow what it may give in the cell, shadows left aside; any may be chosen anywhere, so means stay right.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from atra.light.lightmaps.gather import tables_kernels
+
+SIDE = 32
+"""Cells along the longest side of the scene."""
+
+LISTED = 64
+"""Lights of a cell, at most; what all others may give is left to a choice among all."""
+
+OF_ALL = 0.1
+"""How often at least one of all lights is chosen, as estimates may be far off."""
+
+_AT_ONCE = 1 << 20
+
+
+class LightGrid(NamedTuple):
+    """As of `atra.light.lightmaps.gather.tables_kernels.Tables`."""
+
+    grid: NDArray[np.float64]
+    of_all: NDArray[np.float32]
+    listed: NDArray[np.int32]
+    odds: NDArray[np.float32]
+
+
+def uniform_grid() -> LightGrid:
+    """One cell, in which all lights are chosen alike."""
+    grid = np.array([[0.0] * 3, [0.0] * 3, [1.0] * 3])
+    return LightGrid(grid, np.ones(1, np.float32), np.zeros((1, 0), np.int32), np.zeros((1, 0), np.float32))
+
+
+def light_grid(rows: NDArray[np.float32], bounds: NDArray[np.floating]) -> LightGrid:
+    """Of lights as `light_rows` has them, over the box `bounds`, (2, 3)."""
+    low, size = bounds[0].astype(np.float64), np.ptp(bounds.astype(np.float64), axis=0)
+    side = float(size.max()) / SIDE or 1.0
+    count = np.maximum(1, np.ceil(size / side - 1e-9).astype(int))
+    of_each = np.where(size > 0.0, size / count, side)
+    radius = float(np.linalg.norm(of_each)) / 2.0
+    places = np.indices(count).reshape(3, -1).T
+    cells, listed = len(places), min(len(rows), LISTED)
+    made = LightGrid(
+        np.array([low, 1.0 / of_each, count]), np.ones(cells, np.float32), np.zeros((cells, listed), np.int32),
+        np.zeros((cells, listed), np.float32),
+    )  # fmt: skip
+    step = max(1, _AT_ONCE // max(1, len(rows)))
+    for first in range(0, cells, step):
+        part = slice(first, first + step)
+        given = _given(rows.astype(np.float64), low + (places[part] + 0.5) * of_each, radius)
+        total = given.sum(axis=1, keepdims=True)
+        shares = np.divide(given, total, out=np.zeros_like(given), where=total > 0.0)
+        most = np.argsort(-shares, axis=1, kind="stable")[:, :listed]
+        kept = (1.0 - OF_ALL) * np.take_along_axis(shares, most, axis=1)
+        made.listed[part], made.odds[part], made.of_all[part] = most, kept, 1.0 - kept.sum(axis=1)
+    return made
+
+
+def _given(rows: NDArray[np.float64], centres: NDArray[np.float64], radius: float) -> NDArray[np.float64]:
+    """(C, L): about how much light each gives within `radius` of each centre, that faces it and has no shadow."""
+    brightness = rows[:, tables_kernels.COLOUR : tables_kernels.CONE] @ np.array(tables_kernels.LUMINANCE, np.float64)
+    kind, spread = rows[:, tables_kernels.KIND], rows[:, tables_kernels.SIZE]
+    way = rows[:, tables_kernels.PLACE : tables_kernels.SIZE] - centres[:, None]
+    squared = (way**2).sum(axis=2)
+    given = brightness / (squared + radius**2 + spread**2)
+    for light in np.flatnonzero(kind == tables_kernels.SPOT):
+        axis, outer = rows[light, tables_kernels.ACROSS : tables_kernels.UP], rows[light, tables_kernels.CONE + 1]
+        distance = np.sqrt(squared[:, light])
+        angle = np.arccos(np.clip(-way[:, light] @ axis / np.maximum(distance, 1e-300), -1.0, 1.0))
+        seen_under = np.arcsin(np.minimum(1.0, radius / np.maximum(distance, 1e-300)))
+        given[angle - seen_under > np.arccos(outer), light] = 0.0
+    from_afar = (kind == tables_kernels.SUN) | (kind == tables_kernels.SKY)
+    given[:, from_afar] = brightness[from_afar]
+    return given

@@ -1,0 +1,142 @@
+"""Light probes: light that arrives at points in the open, from all around, as spherical harmonics."""
+
+from __future__ import annotations
+
+import io
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from atra.errors import AtraError, InputError
+from atra.files.paths import write_atomically
+from atra.light.lightmaps.batches import Stages
+from atra.light.lightmaps.gather.probes_kernels import (
+    gather_light,
+    gather_paths,
+    generate_probes,
+    harmonics,
+    look_around,
+)
+from atra.light.lightmaps.gather.tables_kernels import (
+    CHANNELS,
+    DIRECT,
+    ENVIRONMENT,
+    HARMONICS,
+    INDIRECT,
+    Batch,
+    Tables,
+)
+from atra.tracing.budgets import check_needed_bytes
+
+BLOCK = 64
+"""Samples of a probe in a batch: a number of their own, so that no option changes the order in which they are added."""
+
+_FARTHEST = 1e11
+
+_BYTES = 32
+"""Of a coefficient: its sum, its mean, and what it passes through on the way."""
+
+_OF_COSINE = np.array([1.0, *[2 / 3] * 3, *[1 / 4] * 5])
+"""What is left of each harmonic in light on a surface, over pi. Source: as of `harmonics`."""
+
+
+@dataclass(frozen=True, eq=False)
+class LightProbes:
+    """Radiance around P points, up to L2.
+
+    points: (P, 3) float32. samples: paths of each. direct, indirect, environment: (P, 9, 3) float32, coefficients of
+    the real spherical harmonics, l by l and in each from m = -l to l, by channel; kinds of light as of `Lightmap`.
+    backs: (P,) float32, share of directions in which backs of faces are seen: where it is large, a point lies inside of
+    something.
+    """
+
+    points: NDArray[np.float32]
+    samples: int
+    direct: NDArray[np.float32] = field(repr=False)
+    indirect: NDArray[np.float32] = field(repr=False)
+    environment: NDArray[np.float32] = field(repr=False)
+    backs: NDArray[np.float32] = field(repr=False)
+
+    @cached_property
+    def combined(self) -> NDArray[np.float32]:
+        """(P, 9, 3) float32, all light."""
+        return self.direct + self.indirect + self.environment
+
+    def light(self, normals: ArrayLike) -> NDArray[np.float32]:
+        """(P, 3) float32: what a white surface at each point returns, as a lightmap counts it. normals: its unit
+        normals, (P, 3), or one for all. What lies beyond L2 is lost, so a sun is soft and may be negative behind."""
+        x, y, z = np.broadcast_to(np.asarray(normals, np.float64), self.points.shape).T
+        weights = _OF_COSINE * np.stack(harmonics(x, y, z), axis=1)
+        return np.einsum("ph,phc->pc", weights, self.combined).astype(np.float32)
+
+    def save(self, path: Path) -> Path:
+        """Write its arrays, by name, as .npz. Raises InputError for another suffix, StorageError."""
+        if path.suffix.lower() != ".npz":
+            raise InputError(f"probes are to be written to {str(path)!r}, expected a name that ends in .npz")
+        content = io.BytesIO()
+        np.savez(content, **{name: getattr(self, name) for name in self.__dataclass_fields__})
+        write_atomically(path, content.getvalue())
+        return path
+
+
+class ProbeSums:
+    """Sums of probes, to which batches add. points: (P, 3), checked. Raises InputError naming a point that is none,
+    MemoryBudgetError."""
+
+    def __init__(self, points: ArrayLike, samples: int) -> None:
+        self.points, self.samples = _checked_points(points), samples
+        what = f"spherical harmonics of {len(self.points):,} probes"
+        check_needed_bytes(len(self.points) * CHANNELS * HARMONICS * _BYTES, None, what, "use fewer probes at a time")
+        self._sums = np.zeros((len(self.points), CHANNELS, HARMONICS))
+        self._backs = np.zeros(len(self.points), np.int64)
+
+    def add(self, first: int, probes: int, tables: Tables, batch: Batch, stages: Stages) -> None:
+        """All samples of `probes` points from number `first` on. Raises AtraError for light that is not finite."""
+        for sample in range(0, self.samples, BLOCK):
+            block = min(BLOCK, self.samples - sample)
+            count = probes * block
+            generate_probes(batch, self.points, first, probes, sample, block, tables)
+            stages.lap("generate")
+            for which in range(len(tables.lights)):
+                stages.light(batch, count, which, 0)
+                gather_light(batch, first, probes, block, self._sums)
+                stages.lap("gather")
+            look_around(batch, first, probes, sample, block, tables)
+            stages.lap("scatter")
+            stages.follow(batch, count)
+            bad = gather_paths(batch, first, probes, sample, block, tables, self._sums, self._backs)
+            stages.lap("gather")
+            if bad >= 0:
+                raise AtraError(
+                    f"the light of probe {bad} at {self.points[bad].tolist()} is no finite number; "
+                    "make lights or materials darker"
+                )
+
+    def probes(self) -> LightProbes:
+        """Their means."""
+        means = np.swapaxes(4.0 * np.pi / self.samples * self._sums, 1, 2).astype(np.float32)
+        direct, indirect, environment = (
+            np.ascontiguousarray(means[:, :, kind : kind + 3]) for kind in (DIRECT, INDIRECT, ENVIRONMENT)
+        )
+        backs = (self._backs / self.samples).astype(np.float32)
+        return LightProbes(self.points, self.samples, direct, indirect, environment, backs)
+
+
+def _checked_points(given: ArrayLike) -> NDArray[np.float32]:
+    try:
+        points = np.array(given, np.float32, order="C")
+    except (TypeError, ValueError) as error:
+        raise InputError(f"points of probes cannot be read as an array: {error}") from None
+    if points.ndim != 2 or points.shape[1] != 3 or not len(points):
+        raise InputError(f"points of probes have shape {points.shape}, expected (P, 3), a row a probe")
+    good = (np.abs(points) <= _FARTHEST).all(axis=1)
+    if not good.all():
+        number = int(np.argmin(good))
+        raise InputError(
+            f"the point of probe {number} is {points[number].tolist()}, expected numbers within {_FARTHEST:g}"
+        )
+    points.setflags(write=False)
+    return points

@@ -1,0 +1,124 @@
+"""Stages of a batch of rays from light probes: generation, first directions, and sums of spherical harmonics."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from atra.compiled.store import float_kernel, njit
+from atra.light.lightmaps.gather.tables_kernels import (
+    BACK,
+    CHANNELS,
+    DIRECTION,
+    HARMONICS,
+    LENGTH,
+    NORMAL,
+    ORIGIN,
+    RESULTS,
+    WEIGHT,
+    set_vector,
+    vector,
+)
+from atra.light.lightmaps.samples_kernels import sample_key
+from atra.light.numbers_kernels import ZERO, bits_of, mixed, on_sphere, unit_of
+from atra.light.scattering_kernels import WHITE
+
+_STEPS = np.uint32(3242174889), np.uint32(2447445414)
+"""Of the R2 sequence, times 2**32. Source: M. Roberts, "The unreasonable effectiveness of quasirandom sequences"."""
+
+_NOWHERE = ZERO, ZERO, ZERO
+
+
+@njit
+def _first_direction(probe, sample, seed):  # type: ignore[no-untyped-def]
+    """Of a sample of a probe: each is uniform over the sphere, and all of a probe lie evenly."""
+    key = mixed(np.uint32(np.uint32(probe) ^ mixed(seed)))
+    u = np.uint32(bits_of(key, np.uint32(0)) + np.uint32(sample) * _STEPS[0])
+    v = np.uint32(bits_of(key, np.uint32(1)) + np.uint32(sample) * _STEPS[1])
+    return on_sphere(unit_of(u), unit_of(v))
+
+
+@float_kernel
+def generate_probes(batch, points, first, probes, sample, samples, tables):  # type: ignore[no-untyped-def]
+    """Samples `sample` to `sample + samples` of `probes` points from number `first` on, side by side.
+
+    points: (P, 3) float32.
+    """
+    for k in range(probes):
+        for e in range(samples):
+            i = k * samples + e
+            batch.slot[i], batch.alive[i] = i, 1
+            for one in range(RESULTS):
+                batch.results[i, one] = ZERO
+            batch.key[i] = sample_key(first + k, sample + e, tables.seed)
+            place = points[first + k, 0], points[first + k, 1], points[first + k, 2]
+            set_vector(batch.floats, ORIGIN, i, place)
+            set_vector(batch.floats, NORMAL, i, _NOWHERE)
+            set_vector(batch.floats, WEIGHT, i, WHITE)
+
+
+@float_kernel
+def look_around(batch, first, probes, sample, samples, tables):  # type: ignore[no-untyped-def]
+    """A direction for each path, evenly over the sphere."""
+    for k in range(probes):
+        for e in range(samples):
+            direction = _first_direction(first + k, sample + e, tables.seed)
+            set_vector(batch.floats, DIRECTION, k * samples + e, direction)
+
+
+def harmonics(x, y, z):  # type: ignore[no-untyped-def]
+    """The nine real spherical harmonics up to L2 of unit vectors, float64, in the order of l and then m.
+
+    Source: R. Ramamoorthi and P. Hanrahan, "An efficient representation for irradiance environment maps", 2001.
+    """
+    return (
+        0.28209479177387814 + 0.0 * x,
+        0.4886025119029199 * y,
+        0.4886025119029199 * z,
+        0.4886025119029199 * x,
+        1.0925484305920792 * x * y,
+        1.0925484305920792 * y * z,
+        0.31539156525252005 * (3.0 * z * z - 1.0),
+        1.0925484305920792 * x * z,
+        0.5462742152960396 * (x * x - y * y),
+    )
+
+
+_harmonics = njit(harmonics)
+
+
+@njit(forceinline=True)
+def _project(results, direction, sums):  # type: ignore[no-untyped-def]
+    weights = _harmonics(np.float64(direction[0]), np.float64(direction[1]), np.float64(direction[2]))
+    for channel in range(CHANNELS):
+        for one in range(HARMONICS):
+            sums[channel, one] += results[channel] * weights[one]
+
+
+@float_kernel
+def gather_light(batch, first, probes, samples, sums):  # type: ignore[no-untyped-def]
+    """As `gather_paths`, of what came from where rays to a light went; results start anew."""
+    for k in range(probes):
+        for e in range(samples):
+            i = k * samples + e
+            if batch.floats[LENGTH, i] > ZERO:
+                _project(batch.results[i], vector(batch.floats, DIRECTION, i), sums[first + k])
+                for channel in range(CHANNELS):
+                    batch.results[i, channel] = ZERO
+
+
+@float_kernel
+def gather_paths(batch, first, probes, sample, samples, tables, sums, backs):  # type: ignore[no-untyped-def]
+    """Results times the harmonics of first directions are added to sums, (P, CHANNELS, HARMONICS) float64, sample by
+    sample, and backs of faces that were seen are counted, (P,) int64. Returns the number of a probe whose light was no
+    finite number, or -1."""
+    bad = -1
+    for k in range(probes):
+        for e in range(samples):
+            i = k * samples + e
+            direction = _first_direction(first + k, sample + e, tables.seed)
+            _project(batch.results[i], direction, sums[first + k])
+            backs[first + k] += batch.results[i, BACK] > ZERO
+        for channel in range(CHANNELS):
+            if not abs(sums[first + k, channel, 0]) < np.inf:
+                bad = first + k
+    return bad

@@ -1,0 +1,79 @@
+"""Lightmaps: what light the texels have, as numbers, images and files."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from atra.errors import InputError
+from atra.light.lightmaps.charts.texels import Texels
+from atra.light.lightmaps.gather.tables_kernels import BACK, DIRECT, ENVIRONMENT, INDIRECT, LUMINANCE, OPEN, SQUARE
+
+LIGHTS = ("direct", "indirect", "environment", "combined")
+"""Kinds of light, of which the last is all others."""
+
+MOSTLY = 0.5
+"""Of what a texel sees: where more are backs of faces, it lies inside of something."""
+
+
+@dataclass(frozen=True, eq=False)
+class Lightmap:
+    """Means of samples, texel by texel.
+
+    texels: the N that are lit. samples: (N,) int32. direct, indirect, environment: (N, 3) float32, linear RGB; what a
+    white surface returns, which is the irradiance divided by pi. direct: from lights and faces that shine;
+    environment: from the sky, straight; indirect: after bounces. openness: (N,) float32, the share of rays, by their
+    cosine, that meet nothing near by. backs: (N,) float32, the share that meet backs of faces. variance: (N,) float32,
+    of the luminance of one sample.
+    """
+
+    texels: Texels
+    samples: NDArray[np.int32] = field(repr=False)
+    direct: NDArray[np.float32] = field(repr=False)
+    indirect: NDArray[np.float32] = field(repr=False)
+    environment: NDArray[np.float32] = field(repr=False)
+    openness: NDArray[np.float32] = field(repr=False)
+    backs: NDArray[np.float32] = field(repr=False)
+    variance: NDArray[np.float32] = field(repr=False)
+
+    @classmethod
+    def of(cls, texels: Texels, samples: NDArray[np.int32], sums: NDArray[np.float64]) -> Lightmap:
+        """Of (N, SUMS) sums."""
+        count = np.maximum(samples, 1)[:, None]
+        means = sums / count
+        direct, indirect, environment = (means[:, k : k + 3] for k in (DIRECT, INDIRECT, ENVIRONMENT))
+        luminance = (direct + indirect + environment) @ np.array(LUMINANCE, np.float64)
+        spread = np.maximum(0.0, means[:, SQUARE] - luminance**2) * (count / np.maximum(count - 1, 1))[:, 0]
+        rows = direct, indirect, environment, means[:, OPEN], means[:, BACK], spread
+        return cls(texels, samples, *(np.ascontiguousarray(row, np.float32) for row in rows))
+
+    @cached_property
+    def combined(self) -> NDArray[np.float32]:
+        """(N, 3) float32, all light."""
+        return self.direct + self.indirect + self.environment
+
+    @cached_property
+    def valid(self) -> NDArray[np.bool_]:
+        """(N,) bool: has samples, and lies in the open."""
+        return (self.samples > 0) & (self.backs <= MOSTLY)
+
+    def light(self, name: str) -> NDArray[np.float32]:
+        """(N, 3) float32, one of `LIGHTS`. Raises InputError for another name."""
+        if name not in LIGHTS:
+            raise InputError(f"light is {name!r}, expected one of {', '.join(LIGHTS)}")
+        values: NDArray[np.float32] = getattr(self, name)
+        return values
+
+    @property
+    def luminance(self) -> NDArray[np.float64]:
+        """(N,) float64, of all light."""
+        return np.asarray(self.combined @ np.array(LUMINANCE, np.float64))
+
+
+def relative_error(got: NDArray[np.floating], true: NDArray[np.floating], weights: NDArray | None = None) -> float:
+    """Root mean square of the difference of luminances, over their mean. weights: of texels, such as pixels."""
+    square = np.average((got - true) ** 2, weights=weights)
+    return float(np.sqrt(square) / np.average(true, weights=weights))

@@ -1,0 +1,58 @@
+"""The culling map: which texels a camera sees."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from atra.geometry.view import View
+from atra.hits import Hits
+from atra.light.lightmaps.charts.texels import Texels
+from atra.light.lightmaps.charts.texels_kernels import mark_shown
+from atra.light.lightmaps.gather.tables import start_off
+from atra.rays.scene import RayScene
+
+
+def visible_texels(texels: Texels, hits: Hits, scene: RayScene) -> NDArray[np.bool_]:
+    """(N,) bool: in the image and not hidden, by what the pixels show, and for all others by a ray to the eye.
+
+    Texels of several triangles are seen where the one is that they stand for.
+    """
+    seen = _shown(texels, hits)
+    rest = np.flatnonzero(~seen & _in_image(texels, hits.camera))
+    seen[rest[_reach_the_eye(texels, rest, hits.camera, scene)]] = True
+    return seen
+
+
+def _shown(texels: Texels, hits: Hits) -> NDArray[np.bool_]:
+    """Of the points that pixels show, the texel that each lies in."""
+    camera, atlas, mesh = hits.camera, texels.atlas, texels.mesh
+    eye = np.append(-camera.axes[2], 0.0) if camera.is_parallel else np.append(camera.eye, 1.0)
+    shown = np.zeros((atlas.height, atlas.width), np.bool_)
+    mark_shown((hits.prim_id, hits.u, hits.v), eye, mesh.vertices, mesh.faces, atlas.uv, shown)
+    return shown.ravel()[texels.number]
+
+
+def _in_image(texels: Texels, camera: View) -> NDArray[np.bool_]:
+    points = camera.to_eye_space(texels.positions)
+    a, b, c = (points @ camera.to_pixels[:, :3].T + camera.to_pixels[:, 3]).T
+    with np.errstate(divide="ignore", invalid="ignore"):
+        inside = (a >= 0.0) & (a <= camera.width * c) & (b >= 0.0) & (b <= camera.height * c) & (c > 0.0)
+    facing = -camera.axes[2] if camera.is_parallel else -points
+    return np.asarray(inside & (points @ camera.axes[2] > 0.0) & ((texels.normals * facing).sum(axis=1) > 0.0))
+
+
+def _reach_the_eye(texels: Texels, numbers: NDArray[np.int64], camera: View, scene: RayScene) -> NDArray[np.bool_]:
+    if not len(numbers):
+        return np.zeros(0, np.bool_)
+    points = camera.to_eye_space(texels.positions[numbers])
+    if camera.is_parallel:
+        depth = points @ camera.axes[2]
+        ways = -depth[:, None] * camera.axes[2]
+    else:
+        ways = -points
+    # Rays keep `start_off` away from the texel's plane, as all rays of a bake do, and from the eye.
+    off = start_off(texels.mesh)
+    end = np.maximum(1.0 - off / np.linalg.norm(ways, axis=1), 0.0)
+    start = off / (texels.normals[numbers] * ways).sum(axis=1)  # above 0 for texels that face the eye
+    return ~scene.occluded(points + camera.eye, ways, tnear=np.minimum(start, end), tfar=end)

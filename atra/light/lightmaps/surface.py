@@ -1,0 +1,147 @@
+"""Surfaces: what each triangle reflects and sends out, and the scene that light is baked of."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from atra.errors import InputError
+from atra.geometry.mesh import Mesh
+from atra.light.lightmaps.gather.lights import BakeLight, check_bake_light
+from atra.light.materials import Checker, Image, Texture
+from atra.light.scene import RenderScene
+from atra.light.sky import Sky, constant_sky
+
+ALBEDO = 0.7
+"""Of a triangle of which nothing is known."""
+
+LARGEST_ALBEDO = 0.999
+"""With 1, light would never end."""
+
+
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """What triangles do with light: all reflect equally to all sides, on both of theirs; fronts may shine.
+
+    albedo: (F, 3) float32, linear RGB in [0, 0.999]. emission: (F, 3) float32, radiance of the front.
+    opacity: (F,) float32 in [0, 1], the share of light that a triangle stops, and reflects; the rest goes straight on,
+    times tint, (F, 3) float32 in [0, 1]. None: all is stopped, and nothing tinted.
+    Raises InputError for shapes that do not fit, naming the first face with a number outside, or that shines and is not
+    opaque.
+    """
+
+    albedo: NDArray[np.float32]
+    emission: NDArray[np.float32]
+    opacity: NDArray[np.float32] | None = None
+    tint: NDArray[np.float32] | None = None
+
+    def __post_init__(self) -> None:
+        faces = len(np.atleast_1d(self.albedo))
+        for name, shape, high in (
+            ("albedo", (faces, 3), LARGEST_ALBEDO), ("emission", (faces, 3), 1e12), ("opacity", (faces,), 1.0),
+            ("tint", (faces, 3), 1.0),
+        ):  # fmt: skip
+            given = getattr(self, name)
+            array = _numbers(name, np.ones(shape) if given is None else given, shape, high)
+            array.setflags(write=False)
+            object.__setattr__(self, name, array)
+        assert self.opacity is not None
+        wrong = (self.opacity < 1.0) & (self.emission > 0.0).any(axis=1)
+        if wrong.any():
+            face = int(np.argmax(wrong))
+            raise InputError(f"face {face} shines, but its opacity is {self.opacity[face]:g}, expected 1")
+
+    @property
+    def panes(self) -> NDArray[np.bool_]:
+        """(F,) bool: triangles that let light on."""
+        assert self.opacity is not None
+        return self.opacity < 1.0
+
+    @classmethod
+    def plain(cls, mesh: Mesh, albedo: ArrayLike = ALBEDO, emission: ArrayLike = 0.0) -> Surface:
+        """The same everywhere, or by face: numbers, (3,) or (F, 3)."""
+        shape = mesh.triangle_count, 3
+        try:
+            return cls(np.broadcast_to(albedo, shape), np.broadcast_to(emission, shape))  # type: ignore[arg-type]
+        except ValueError as error:
+            if isinstance(error, InputError):
+                raise
+            raise InputError(f"colours cannot be spread over {shape[0]} faces: {error}") from None
+
+    @classmethod
+    def of(cls, scene: RenderScene) -> Surface:
+        """Of the materials of a scene: metal and paint by their colour, glass as white as can be, lamps black and
+        shining; a texture by its colour in the middle of each triangle."""
+        albedo = np.zeros((scene.mesh.triangle_count, 3), np.float32)
+        emission = np.zeros_like(albedo)
+        numbers = np.asarray(scene.face_materials)
+        for number, material in enumerate(scene.materials):
+            faces = np.flatnonzero(numbers == number)
+            if any(material.emission):
+                emission[faces] = material.emission
+            else:
+                albedo[faces] = np.minimum(_colours(material.plain, scene, faces), LARGEST_ALBEDO)
+        return cls(albedo, emission)
+
+
+@dataclass(frozen=True, eq=False)
+class BakeScene:
+    """A mesh, what it is made of, lights and sky.
+
+    lights: of `atra.light`, and `SpotLight`. sky: black, if none is named. Light is counted as in `atra.light`: a
+    white surface that faces a sun of power 1, or the whole of a sky of radiance 1, returns 1.
+    """
+
+    mesh: Mesh
+    surface: Surface | None = None
+    lights: Sequence[BakeLight] = ()
+    sky: Sky = constant_sky(0.0)
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.mesh, Mesh):
+            raise InputError(f"mesh is {self.mesh!r:.100}, expected atra.Mesh")
+        if not isinstance(self.sky, Sky):
+            raise InputError(f"sky is {self.sky!r:.100}, expected GradientSky or PanoramaSky")
+        surface = Surface.plain(self.mesh) if self.surface is None else self.surface
+        if len(surface.albedo) != self.mesh.triangle_count:
+            raise InputError(f"surface has {len(surface.albedo)} faces, but {self.mesh!r} is to be lit")
+        lights = tuple(self.lights)
+        for light in lights:
+            check_bake_light(light)
+        object.__setattr__(self, "surface", surface)
+        object.__setattr__(self, "lights", lights)
+
+    @classmethod
+    def of(cls, scene: RenderScene) -> BakeScene:
+        """The same triangles, materials, lights and sky. Shading normals are left out."""
+        return cls(scene.mesh, Surface.of(scene), scene.lights, scene.sky)
+
+
+def _numbers(name: str, given: ArrayLike, shape: tuple[int, ...], high: float) -> NDArray[np.float32]:
+    try:
+        array = np.array(given, np.float32, order="C")
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{name} cannot be read as an array: {error}") from None
+    if array.shape != shape:
+        raise InputError(f"{name} has shape {array.shape}, expected {shape}, a row a face")
+    good = ((array >= 0.0) & (array <= np.float32(high))).reshape(shape[0], -1).all(axis=1)
+    if not good.all():
+        face = int(np.argmin(good))
+        raise InputError(f"{name} of face {face} is {array[face].tolist()}, expected numbers from 0 to {high:g}")
+    return array
+
+
+def _colours(colour: Texture, scene: RenderScene, faces: NDArray[np.int64]) -> NDArray[np.float32]:
+    if not isinstance(colour, Checker | Image):
+        return np.broadcast_to(np.array(colour, np.float32), (len(faces), 3))
+    assert scene.uv is not None
+    u, v = scene.uv[scene.mesh.faces[faces]].astype(np.float64).mean(axis=1).T
+    if isinstance(colour, Checker):
+        odd = (np.floor(u * colour.scale) + np.floor(v * colour.scale)) % 2
+        return np.where(odd[:, None] == 1, colour.second, colour.first).astype(np.float32)
+    rows, columns, _ = colour.texels.shape
+    y, x = np.floor((1.0 - v) % 1.0 * rows), np.floor(u % 1.0 * columns)
+    return colour.texels[np.minimum(y, rows - 1).astype(int), np.minimum(x, columns - 1).astype(int)]

@@ -1,0 +1,67 @@
+"""Lights as kernels read them, and rays that are aimed at them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from atra.compiled.store import njit
+from atra.light.numbers_kernels import ONE, TWO, ZERO, along, circle, dot, scaled, unit
+
+SUN, POINT, SPHERE = 0, 1, 2
+KIND, PLACE, SIZE, ACROSS, UP = 0, 1, 4, 5, 8
+LIGHT_WORDS = 11
+"""float32 of a light. PLACE: where it is, or of a sun the unit vector to it (3). SIZE: its radius, or of a sun the
+tangent of half the angle it appears under. ACROSS, UP: of a sun, unit vectors at right angles to it and to each other
+(3 each)."""
+
+ALMOST = np.float32(1 - 1e-4)
+"""Of the way to a light: what is at the light itself does not shadow it."""
+
+
+@njit(forceinline=True)
+def to_sun(light, u, v):  # type: ignore[no-untyped-def]
+    """The direction to a point of a sun."""
+    x, y = circle(v)
+    radius = light[SIZE] * np.sqrt(u)
+    centre = light[PLACE], light[PLACE + 1], light[PLACE + 2]
+    across = light[ACROSS], light[ACROSS + 1], light[ACROSS + 2]
+    up = light[UP], light[UP + 1], light[UP + 2]
+    return unit(along(along(centre, radius * x, across), radius * y, up))
+
+
+@njit(forceinline=True, error_model="numpy")
+def to_lamp(light, origin, u, v):  # type: ignore[no-untyped-def]
+    """(direction, strength, reach) of a ray to a light that is somewhere; of a sphere, to a point that is seen."""
+    centre = light[PLACE], light[PLACE + 1], light[PLACE + 2]
+    to_light = along(centre, -ONE, origin)
+    squared = dot(to_light, to_light)
+    distance = np.sqrt(squared)
+    direction = scaled(ONE / distance, to_light)
+    strength, reach = ONE / squared, distance * ALMOST
+    radius = light[SIZE]
+    if light[KIND] == SPHERE and distance > radius:
+        # Uniform over the solid angle it is seen under, 2 pi (1 - cos), of which pi (radius / distance)^2 is the
+        # projected part: their quotient, 1 for a far light, weighs its directions.
+        ratio = radius * radius / squared
+        depth = ratio / (ONE + np.sqrt(ONE - ratio))  # 1 - cos, without losing digits
+        strength *= TWO * depth / ratio
+        cosine = ONE - u * depth
+        sine = np.sqrt(max(ZERO, ONE - cosine * cosine))
+        x, y = circle(v)
+        side = _across(direction)
+        other = (
+            direction[1] * side[2] - direction[2] * side[1],
+            direction[2] * side[0] - direction[0] * side[2],
+            direction[0] * side[1] - direction[1] * side[0],
+        )
+        direction = along(along(scaled(cosine, direction), sine * x, side), sine * y, other)
+        reach = (distance - radius) * ALMOST
+    return direction, strength, reach
+
+
+@njit(error_model="numpy")
+def _across(direction):  # type: ignore[no-untyped-def]
+    """A unit vector at right angles to a unit vector."""
+    if abs(direction[0]) > abs(direction[1]):
+        return unit((-direction[2], ZERO, direction[0]))
+    return unit((ZERO, direction[2], -direction[1]))

@@ -1,0 +1,125 @@
+"""Aiming: a ray from each pixel's surface to a light, or into the sky."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from atra.compiled.store import float_kernel, njit
+from atra.light.lights_kernels import KIND, SUN, to_lamp, to_sun
+from atra.light.numbers_kernels import ONE, ZERO, around, bits_of, dot, key_of, on_sphere, scaled, unit_of
+from atra.light.pictures.gbuffer_kernels import (
+    DIRECTION,
+    LENGTH,
+    LIGHT,
+    NORMAL,
+    ORIGIN,
+    SEEN,
+    STRIDE,
+    set_vector,
+    vector_of,
+)
+
+
+class Aim(NamedTuple):
+    """Which points of the unit square rays are aimed at.
+
+    points: (N, 2) uint32, the same for all pixels, in units of 2^-32. dimension: of the hash that shifts them, pixel by
+    pixel. is_shifted: whether it does. is_traced: whether anything can be in the way. length: float32, rays' at most.
+    """
+
+    points: NDArray[np.uint32]
+    dimension: int
+    is_shifted: bool
+    is_traced: bool
+    length: np.float32
+
+
+@njit(forceinline=True)
+def _shifted(aim, number, pixel):  # type: ignore[no-untyped-def]
+    """A point as it is for a pixel: two numbers in [0, 1)."""
+    key = key_of(pixel, np.uint32(0))
+    u = np.uint32(aim.points[number, 0] + bits_of(key, aim.dimension))
+    v = np.uint32(aim.points[number, 1] + bits_of(key, aim.dimension + 1))
+    return unit_of(u), unit_of(v)
+
+
+@njit(forceinline=True)
+def _unshifted(aim, number):  # type: ignore[no-untyped-def]
+    return unit_of(aim.points[number, 0]), unit_of(aim.points[number, 1])
+
+
+@njit(forceinline=True)
+def _set_lit(floats, i, direction, carried, reach):  # type: ignore[no-untyped-def]
+    """Whether the ray carries anything; it then reaches so far."""
+    is_lit = carried > ZERO
+    set_vector(floats, DIRECTION, i, direction)
+    floats[LENGTH * STRIDE + i] = reach if is_lit else ZERO
+    floats[LIGHT * STRIDE + i] = carried if is_lit else ZERO
+    return 1 if is_lit else 0
+
+
+@njit(forceinline=True)
+def _set_open(floats, i, direction, length):  # type: ignore[no-untyped-def]
+    is_seen = floats[SEEN * STRIDE + i] != ZERO
+    set_vector(floats, DIRECTION, i, direction)
+    floats[LENGTH * STRIDE + i] = length if is_seen else ZERO
+    floats[LIGHT * STRIDE + i] = ONE
+    return 1 if is_seen else 0
+
+
+@float_kernel
+def aim_at_light(floats, first, count, light, aim, number):  # type: ignore[no-untyped-def]
+    """A ray from each pixel's surface to a point of the light, (LIGHT_WORDS,) float32. Returns how many may arrive."""
+    rays = 0
+    if light[KIND] != SUN:
+        for i in range(count):
+            rays += _aim_at_lamp(floats, first, i, light, aim, number)
+    elif aim.is_shifted:
+        for i in range(count):
+            u, v = _shifted(aim, number, first + i)
+            direction = to_sun(light, u, v)
+            rays += _set_lit(floats, i, direction, dot(vector_of(floats, NORMAL, i), direction), aim.length)
+    else:
+        u, v = _unshifted(aim, number)
+        direction = to_sun(light, u, v)
+        for i in range(count):
+            rays += _set_lit(floats, i, direction, dot(vector_of(floats, NORMAL, i), direction), aim.length)
+    return rays
+
+
+@njit(error_model="numpy")
+def _aim_at_lamp(floats, first, i, light, aim, number):  # type: ignore[no-untyped-def]
+    """`aim_at_light` of one pixel, for a light that is somewhere."""
+    u, v = _shifted(aim, number, first + i) if aim.is_shifted else _unshifted(aim, number)
+    direction, strength, reach = to_lamp(light, vector_of(floats, ORIGIN, i), u, v)
+    carried = dot(vector_of(floats, NORMAL, i), direction) * strength
+    return _set_lit(floats, i, direction, carried, min(reach, aim.length))
+
+
+@njit(forceinline=True)
+def _into_sky(normal, direction, is_cosine):  # type: ignore[no-untyped-def]
+    """A direction that is uniform over the sphere -> one of the hemisphere, uniform or by the cosine."""
+    if is_cosine:
+        return around(normal, direction)
+    return scaled(ONE if dot(direction, normal) >= ZERO else -ONE, direction)
+
+
+@float_kernel
+def aim_into_sky(floats, first, count, is_cosine, aim, number):  # type: ignore[no-untyped-def]
+    """A ray from each pixel's surface into its hemisphere. Returns how many there are."""
+    rays = 0
+    if aim.is_shifted:
+        for i in range(count):
+            u, v = _shifted(aim, number, first + i)
+            direction = _into_sky(vector_of(floats, NORMAL, i), on_sphere(u, v), is_cosine)
+            rays += _set_open(floats, i, direction, aim.length)
+    else:
+        u, v = _unshifted(aim, number)
+        shared = on_sphere(u, v)
+        for i in range(count):
+            direction = _into_sky(vector_of(floats, NORMAL, i), shared, is_cosine)
+            rays += _set_open(floats, i, direction, aim.length)
+    return rays

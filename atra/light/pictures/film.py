@@ -1,0 +1,110 @@
+"""A film: sums of the samples of an image, plane by plane."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from atra.compiled.aligned_memory import aligned_empty
+from atra.errors import InputError
+from atra.light.pictures.files_kernels import place_pixels
+from atra.light.pictures.gbuffer_kernels import LANES
+from atra.light.pictures.path_kernels import TILE
+from atra.tracing.budgets import check_needed_bytes
+
+MOST_PIXELS_A_SIDE = 1 << 16
+
+_EXACT_SAMPLES = 32
+"""So many are summed in float32, which halves what a sample has to move, before they are added to sums in float64."""
+
+_PLACE_BYTES, _PIXEL_BYTES = 4, 12
+
+
+class Film:
+    """Sums of some numbers for each pixel.
+
+    shape: how many numbers, width and height of the image. waves_bytes: of what else a renderer holds. is_set: whether
+    a sample that `is_first` sets all sums, so that they need not be 0 before.
+    places: (pixels,) uint32, x + y 2^16 of each pixel in the film's order. sums: (planes, pixels) float32, what samples
+    are added to; each row begins with a cache line. Both have room for LANES more behind. samples: how many have been.
+    Raises InputError for an image of more than 65,536 pixels a side, MemoryBudgetError.
+    """
+
+    def __init__(self, shape: tuple[int, int, int], waves_bytes: int, is_set: bool = False) -> None:
+        self.shape = planes, width, height = shape
+        self._is_set = is_set
+        if max(width, height) > MOST_PIXELS_A_SIDE:
+            raise InputError(f"the image is {width} x {height} pixels, expected at most {MOST_PIXELS_A_SIDE:,} a side")
+        pixels = width * height
+        needed = pixels * (_PIXEL_BYTES * (planes + 1) + _PLACE_BYTES) + waves_bytes
+        check_needed_bytes(needed, None, f"sums of {pixels:,} pixels and waves", "use fewer pixels, or shorter waves")
+        self.places = _places(width, height)
+        self.sums = aligned_empty((planes, (pixels // LANES + 1) * LANES), np.float32)[:, :pixels]
+        self._earlier = np.zeros((planes, pixels))
+        self.samples = 0
+        self._clear()
+
+    def _clear(self) -> None:
+        if not self._is_set:
+            self.sums.fill(0.0)
+
+    @property
+    def is_first(self) -> bool:
+        """Whether the next sample is the first that sums hold."""
+        return self.samples % _EXACT_SAMPLES == 0
+
+    def restart(self) -> None:
+        """Forget all samples."""
+        self._clear()
+        if self.samples >= _EXACT_SAMPLES:
+            self._earlier.fill(0.0)
+        self.samples = 0
+
+    def end_sample(self) -> None:
+        """All pixels have had one more."""
+        self.samples += 1
+        if self.is_first:
+            self._earlier += self.sums
+            self._clear()
+
+    def mean(self, planes: slice) -> NDArray[np.float64]:
+        """(planes, pixels), of all samples. Raises InputError where there is none yet."""
+        if not self.samples:
+            raise InputError("there is no sample yet, expected at least one; call add(1) first")
+        latest = 0.0 if self.is_first else self.sums[planes]
+        return (self._earlier[planes] + latest) / self.samples
+
+    def as_image(self, planes: NDArray[np.floating]) -> NDArray[np.float32]:
+        """(planes, pixels) in the film's order -> (H, W, planes) float32."""
+        _, width, height = self.shape
+        image = np.empty((height, width, len(planes)), np.float32)
+        place_pixels(self.places, planes, image)
+        return image
+
+    def as_row(self, image: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(H, W, planes) -> (planes, pixels) in the film's order."""
+        return image[(self.places >> 16).astype(np.intp), (self.places & 0xFFFF).astype(np.intp)].T
+
+    def place_of(self, pixel: int) -> tuple[int, int]:
+        """(x, y) of a pixel in the film's order."""
+        place = int(self.places[pixel])
+        return place & 0xFFFF, place >> 16
+
+
+@lru_cache(maxsize=4)
+def _places(width: int, height: int) -> NDArray[np.uint32]:
+    full, rest = divmod(height, TILE)
+    whole = _band(width, TILE)[None] + (np.arange(full, dtype=np.uint32)[:, None] * np.uint32(TILE << 16))
+    beyond = np.zeros(LANES, np.uint32)  # is read with the last
+    places = np.concatenate([whole.ravel(), _band(width, rest) + np.uint32(full * TILE << 16), beyond])
+    places.setflags(write=False)
+    return places[: width * height]
+
+
+def _band(width: int, height: int) -> NDArray[np.uint32]:
+    """Of a row of tiles of that height, the last of which may be narrower."""
+    y, x = np.divmod(np.arange(width * height), width)
+    order = np.lexsort((x, y, x // TILE))
+    return (x + (y << 16))[order].astype(np.uint32)

@@ -1,0 +1,240 @@
+"""What pixels see: where rays to lights and sky start, normals, and colours, before any light."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from atra.compiled.memory import columns_of, fetch, gather_at, halves, load, low_and_high, store
+from atra.compiled.store import float_kernel, njit
+from atra.compiled.vectors import bits_of, fused, last_whole, repeated, root, rounded, size, where, widened
+from atra.light.numbers_kernels import HALF, ONE, ZERO, unit
+from atra.light.pictures.path_kernels import TILE, pixel_line, place_of
+from atra.light.surface_kernels import (
+    CHECKER,
+    GRADIENT,
+    LEAST_SQUARED,
+    SCALE,
+    SECOND,
+    TEXTURE,
+    TINY,
+    colour_at,
+    material_of,
+    sky_colour,
+)
+
+CHUNK = 256
+"""Pixels that go through all stages together: all that is known of them stays in the nearest cache."""
+
+LANES = 16
+"""Pixels that are summed together; what is known of a chunk has room for so many more."""
+
+STRIDE = CHUNK + LANES
+ORIGIN, NORMAL, COLOUR, SKY, DIRECTION = 0, 3, 6, 9, 12
+LENGTH, LIGHT, SEEN, UV = 15, 16, 17, 18
+_ROWS = 20
+
+_LANES = 8
+
+
+class Chunk(NamedTuple):
+    """What at most `CHUNK` pixels see, and one ray from each.
+
+    floats: (_ROWS x STRIDE,) float32, row after row. Three rows each: ORIGIN of rays; shading NORMAL, 0 where nothing
+    is seen; COLOUR; that times the SKY's where the normal points, or the sky's that the pixel's ray meets; DIRECTION of
+    the ray. LENGTH: how far the ray reaches, 0 = there is none. LIGHT: what it carries if nothing is in its way; 0 once
+    something is. SEEN: 1, or 0 for a miss. UV: two rows, where vertices have some.
+    prim_id: (STRIDE,) uint32, 0 for a miss.
+    """
+
+    floats: NDArray[np.float32]
+    prim_id: NDArray[np.uint32]
+
+
+def new_chunk() -> Chunk:
+    """One that nothing is known of."""
+    return Chunk(np.zeros(_ROWS * STRIDE, np.float32), np.zeros(STRIDE, np.uint32))
+
+
+@njit(forceinline=True)
+def fetch_ahead(first, end, pixels):  # type: ignore[no-untyped-def]
+    """Ask for the `prim_id` of a chunk from pixel `first` on: whoever wrote them did so past the caches."""
+    for pixel in range(first, min(first + CHUNK, end), TILE):
+        x, y = place_of(pixels, pixel)
+        fetch(np.int64(pixels.prim_id.ctypes.data) + 4 * (y * pixels.stride + x))
+
+
+@float_kernel
+def find_surfaces(chunk, first, count, pixels, surfaces):  # type: ignore[no-untyped-def]
+    """What `count` pixels from number `first` on see, from the `prim_id` of `pixels`."""
+    for i in range(0, count, _LANES):
+        _look_up(chunk, i, first + i, pixels)
+    for i in range(0, count, _LANES):
+        left = _find_places(chunk, i, first + i, pixels, surfaces)
+        if left:
+            for k in range(min(_LANES, count - i)):
+                if left >> k & 1:
+                    _find_colour(chunk, i + k, first + i + k, pixels, surfaces)
+
+
+@njit(forceinline=True)
+def _at(lines, row, axis, x, y):  # type: ignore[no-untyped-def]
+    """`line_at` of `_LANES` pixels: one axis, as float64, not rounded."""
+    start, right, down = lines[row, axis], lines[row + 2, axis], lines[row + 4, axis]
+    return fused(y, repeated(down, _LANES), fused(x, repeated(right, _LANES), repeated(start, _LANES)))
+
+
+@njit(forceinline=True)
+def _dot(ax, ay, az, bx, by, bz):  # type: ignore[no-untyped-def]
+    return fused(az, bz, fused(ay, by, ax * bx))
+
+
+@njit(forceinline=True)
+def _gradient(sky, axis, height):  # type: ignore[no-untyped-def]
+    """`sky_colour` of `_LANES` pixels, one channel; height: of unit vectors."""
+    above = fused(height, repeated(HALF, _LANES), repeated(HALF, _LANES))
+    below = repeated(ONE, _LANES) - above
+    return fused(below, repeated(sky[1 + axis], _LANES), above * repeated(sky[4 + axis], _LANES))
+
+
+@njit(forceinline=True)
+def _look_up(chunk, i, pixel, pixels):  # type: ignore[no-untyped-def]
+    """Which triangles `_LANES` pixels see, the i-th of the chunk and those behind it."""
+    x, y = low_and_high(np.int64(pixels.places.ctypes.data) + 4 * pixel)
+    stride = repeated(np.float64(pixels.stride), _LANES)
+    found = gather_at(np.int64(pixels.prim_id.ctypes.data), fused(y, stride, x))
+    is_seen = found >= found  # the bits of a miss are those of no number
+    none = repeated(ZERO, _LANES)
+    store(where(is_seen, found, none), np.int64(chunk.prim_id.ctypes.data) + 4 * i)
+    seen = np.int64(chunk.floats.ctypes.data) + 4 * (SEEN * STRIDE + i)
+    store(where(is_seen, repeated(ONE, _LANES), none), seen)
+
+
+@njit(forceinline=True)
+def _find_places(chunk, i, pixel, pixels, surfaces):  # type: ignore[no-untyped-def]
+    """Of the same pixels `meet`, `leaving`, colours and sky, side by side.
+
+    Places are found in float64: float32 could carry them through a surface. Returns a bit for each pixel whose colours
+    need more; of these SKY is, under a gradient, the sky's alone.
+    """
+    address, row = np.int64(chunk.floats.ctypes.data) + 4 * i, 4 * STRIDE
+    numbers = np.int64(chunk.prim_id.ctypes.data) + 4 * i
+    x, y = low_and_high(np.int64(pixels.places.ctypes.data) + 4 * pixel)
+    zero, none, one = repeated(0.0, _LANES), repeated(ZERO, _LANES), repeated(ONE, _LANES)
+    seen = load(address + SEEN * row, ZERO, _LANES) > none
+    lines = pixels.lines
+    ox, oy, oz = _at(lines, 0, 0, x, y), _at(lines, 0, 1, x, y), _at(lines, 0, 2, x, y)
+    dx, dy, dz = _at(lines, 1, 0, x, y), _at(lines, 1, 1, x, y), _at(lines, 1, 2, x, y)
+    nx, ny, nz, plane, off, materials, colours, more = columns_of(np.int64(surfaces.records.ctypes.data), numbers)
+    facing, tiny = _dot(nx, ny, nz, dx, dy, dz), repeated(TINY, _LANES)
+    t = (plane - _dot(nx, ny, nz, ox, oy, oz)) / where(size(facing) > tiny, facing, tiny)
+    side = where(facing >= zero, repeated(-1.0, _LANES), repeated(1.0, _LANES))
+    nx, ny, nz = side * nx, side * ny, side * nz
+    px, py, pz = fused(t, dx, ox), fused(t, dy, oy), fused(t, dz, oz)
+    store(rounded(fused(off, nx, px)), address + ORIGIN * row)
+    store(rounded(fused(off, ny, py)), address + (ORIGIN + 1) * row)
+    store(rounded(fused(off, nz, pz)), address + (ORIGIN + 2) * row)
+    nx, ny, nz = rounded(nx), rounded(ny), rounded(nz)
+    u = v = none
+    if len(surfaces.weights) > 0:
+        (nx, ny, nz), (u, v) = _between_corners(nx, ny, nz, px, py, pz, dx, dy, dz, rounded(side), numbers, surfaces)
+        store(u, address + UV * row)
+        store(v, address + (UV + 1) * row)
+    height = ny
+    store(where(seen, nx, none), address + NORMAL * row)
+    store(where(seen, ny, none), address + (NORMAL + 1) * row)
+    store(where(seen, nz, none), address + (NORMAL + 2) * row)
+    red, green = halves(colours)
+    blue, is_plain = halves(more)
+    textured = seen & (none >= is_plain)
+    if bits_of(textured):
+        k = 0
+        while not bits_of(textured) >> k & 1:
+            k += 1
+        material = material_of(surfaces, np.int64(chunk.prim_id[i + k]))
+        if surfaces.materials[material, TEXTURE] == CHECKER:
+            number = repeated(np.float64(material), _LANES)
+            own = textured & (materials >= number) & (number >= materials)
+            red, green, blue = _checkered(own, red, green, blue, u, v, material, surfaces)
+            textured = textured & ((materials > number) | (number > materials))
+    store(red, address + COLOUR * row)
+    store(green, address + (COLOUR + 1) * row)
+    store(blue, address + (COLOUR + 2) * row)
+    sky, is_seen = surfaces.sky, bits_of(seen)
+    if is_seen != (1 << _LANES) - 1:
+        height = where(seen, height, rounded(dy / root(_dot(dx, dy, dz, dx, dy, dz))))
+        red, green, blue = where(seen, red, one), where(seen, green, one), where(seen, blue, one)
+    left = bits_of(textured)
+    if left:
+        red, green, blue = where(textured, one, red), where(textured, one, green), where(textured, one, blue)
+    store(red * _gradient(sky, 0, height), address + SKY * row)
+    store(green * _gradient(sky, 1, height), address + (SKY + 1) * row)
+    store(blue * _gradient(sky, 2, height), address + (SKY + 2) * row)
+    if sky[0] != GRADIENT:
+        return (1 << _LANES) - 1
+    return left
+
+
+@njit(forceinline=True)
+def _checkered(own, red, green, blue, u, v, material, surfaces):  # type: ignore[no-untyped-def]
+    """`colour_at` of `_LANES` pixels; of those that are not the checker's `own`, the colours they had."""
+    row = surfaces.materials[material]
+    scale = repeated(row[SCALE], _LANES)
+    cell = repeated(0.5, _LANES) * (last_whole(widened(u) * scale) + last_whole(widened(v) * scale))
+    is_odd = own & (rounded(cell - last_whole(cell)) > repeated(ZERO, _LANES))
+    return (
+        where(is_odd, repeated(np.float32(row[SECOND]), _LANES), red),
+        where(is_odd, repeated(np.float32(row[SECOND + 1]), _LANES), green),
+        where(is_odd, repeated(np.float32(row[SECOND + 2]), _LANES), blue),
+    )
+
+
+@njit(forceinline=True)
+def _between_corners(nx, ny, nz, px, py, pz, dx, dy, dz, side, numbers, surfaces):  # type: ignore[no-untyped-def]
+    """`shading_normal` and uv of `_LANES` pixels, of triangles' normals, points, directions and sides that are seen."""
+    vx, vy, vz, v, wx, wy, wz, w = columns_of(np.int64(surfaces.weights.ctypes.data), numbers)
+    pairs = columns_of(np.int64(surfaces.corners.ctypes.data), numbers)
+    (ax, ay), (az, bx), (by, bz), (cx, cy) = halves(pairs[0]), halves(pairs[1]), halves(pairs[2]), halves(pairs[3])
+    (cz, a_s), (a_t, b_s), (b_t, c_s), (c_t, _) = halves(pairs[4]), halves(pairs[5]), halves(pairs[6]), halves(pairs[7])
+    v, w = fused(vx, px, fused(vy, py, fused(vz, pz, v))), fused(wx, px, fused(wy, py, fused(wz, pz, w)))
+    u, v, w = rounded(repeated(1.0, _LANES) - v - w), rounded(v), rounded(w)
+    x, y, z = _dot(u, v, w, ax, bx, cx), _dot(u, v, w, ay, by, cy), _dot(u, v, w, az, bz, cz)
+    squared = _dot(x, y, z, x, y, z)
+    factor = side / root(squared)
+    x, y, z = factor * x, factor * y, factor * z
+    away = _dot(x, y, z, rounded(dx), rounded(dy), rounded(dz))
+    is_own = (repeated(LEAST_SQUARED, _LANES) >= squared) | (away >= repeated(ZERO, _LANES))
+    normal = where(is_own, nx, x), where(is_own, ny, y), where(is_own, nz, z)
+    return normal, (_dot(u, v, w, a_s, b_s, c_s), _dot(u, v, w, a_t, b_t, c_t))
+
+
+@njit(forceinline=True)
+def vector_of(floats, row, i):  # type: ignore[no-untyped-def]
+    """Three numbers of the i-th pixel, of a row and the two below."""
+    return floats[row * STRIDE + i], floats[(row + 1) * STRIDE + i], floats[(row + 2) * STRIDE + i]
+
+
+@njit(forceinline=True)
+def set_vector(floats, row, i, vector):  # type: ignore[no-untyped-def]
+    """Three numbers of the i-th pixel into a row and the two below."""
+    floats[row * STRIDE + i], floats[(row + 1) * STRIDE + i], floats[(row + 2) * STRIDE + i] = vector
+
+
+@njit
+def _find_colour(chunk, i, pixel, pixels, surfaces):  # type: ignore[no-untyped-def]
+    """Of a pixel its colour, if a texture has it, and what of the sky it shows."""
+    floats = chunk.floats
+    if floats[SEEN * STRIDE + i] == ZERO:
+        _, direction = pixel_line(pixels, pixel)
+        set_vector(floats, SKY, i, sky_colour(surfaces, unit(direction)))
+        return
+    prim_id = np.int64(chunk.prim_id[i])
+    s, t = np.float64(floats[UV * STRIDE + i]), np.float64(floats[(UV + 1) * STRIDE + i])
+    colour = colour_at(surfaces, material_of(surfaces, prim_id), s, t)
+    sky = vector_of(floats, SKY, i)
+    if surfaces.sky[0] != GRADIENT:
+        sky = sky_colour(surfaces, vector_of(floats, NORMAL, i))
+    set_vector(floats, COLOUR, i, colour)
+    set_vector(floats, SKY, i, (colour[0] * sky[0], colour[1] * sky[1], colour[2] * sky[2]))

@@ -1,0 +1,186 @@
+"""Hybrid rendering: primary visibility by any method, and rays for soft shadows and ambient occlusion."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import reduce
+from math import sqrt
+from time import perf_counter
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from atra.errors import InputError
+from atra.geometry.view import View
+from atra.light.lights import light_row
+from atra.light.lights_kernels import LIGHT_WORDS
+from atra.light.materials import Lambertian
+from atra.light.pictures.aiming_kernels import Aim
+from atra.light.pictures.carrying import carried
+from atra.light.pictures.gbuffer_kernels import Chunk, new_chunk
+from atra.light.pictures.lighting_kernels import LIGHT_PLANES, SKY_PLANES, STAGES, lighting_kernel
+from atra.light.pictures.options import HybridOptions
+from atra.light.pictures.path_kernels import Pixels
+from atra.light.pictures.renderer import CENTRE, Renderer, unlike_but_for
+from atra.light.scene import RenderScene
+from atra.light.surface_kernels import Surfaces
+from atra.light.tables import surfaces_of
+from atra.rays.scene import Query
+
+
+class _Sequence(NamedTuple):
+    """Points of rays. steps: by what they move from one to the next, in units of 2^-32 of the unit square. dimension:
+    of the hash that shifts them."""
+
+    steps: tuple[int, int]
+    dimension: int
+
+
+def _steps(*primes: int) -> tuple[int, int]:
+    x, y = (int(sqrt(prime) % 1.0 * 2**32) for prime in primes)
+    return x, y
+
+
+_SKY, _LIGHT = _Sequence(_steps(2, 3), 0), _Sequence(_steps(5, 7), 2)
+"""Steps are no rational multiples of each other, nor of the steps of `sub_pixel_offsets`, so that all of them together
+are spread evenly."""
+
+
+class _Kept(NamedTuple):
+    """Of pictures before the camera moved, in the film's order. means: (planes, pixels). counts: (1, pixels), of how
+    many samples; 0 where nothing is known."""
+
+    means: NDArray[np.float64]
+    counts: NDArray[np.float64]
+
+
+class HybridRenderer(Renderer):
+    """Pictures from what is seen, lit by the scene's lights and its sky.
+
+        with atra.light.HybridRenderer(scene, camera, occlusion_length=2.0) as renderer:
+            renderer.add(64)
+            renderer.save("picture.png")
+
+    A surface returns colour x (light x cosine x its share that is not in shadow + sky where its normal points x the
+    share that is not occluded), of every light. Each material is its colour alone: glass is white, and a lamp is as
+    bright as its colour, at most white. Arguments: see `Renderer`; options: of `HybridOptions`.
+    Stages: primary, surfaces, generate, shadow, occlusion, accumulate.
+    """
+
+    options_type = HybridOptions
+    options: HybridOptions
+
+    _ray_bytes = 0  # a few hundred rays are held at a time
+    _sets_sums = True
+
+    @property
+    def _planes(self) -> int:
+        return SKY_PLANES + LIGHT_PLANES * len(self.scene.lights)
+
+    def _tables(self) -> Surfaces:
+        rows = [light_row(light) for light in self.scene.lights]
+        self._lights = np.array(rows, np.float32).reshape(-1, LIGHT_WORDS)
+        plain = tuple(Lambertian(material.plain) for material in self.scene.materials)
+        return surfaces_of(replace(self.scene, materials=plain), 1.0, self.options.start_off)
+
+    def _start_film(self) -> None:
+        super()._start_film()
+        self._chunks: list[Chunk | None] = [None] * self.rays.threads
+        self._kept: _Kept | None = None
+
+    def update(self, *, scene: RenderScene | None = None, camera: View | None = None, **changes: Any) -> None:
+        with self._lock:
+            self._check_open()
+            most, has_moved = self.options.most_kept, camera is not None and camera != self.camera
+            if not (most and self.samples and has_moved and not changes and (scene is None or self._same_sums(scene))):
+                super().update(scene=scene, camera=camera, **changes)
+                return
+            counts = np.full((1, self._film.sums.shape[1]), self.samples, float)
+            if self._kept is not None:
+                counts += self._kept.counts
+            before = self._film.as_image(np.vstack([self._means(slice(None)), np.minimum(counts, most)]))
+            seen = self.tracer.trace(CENTRE)
+            super().update(scene=scene, camera=camera)
+            now, _ = carried(before, seen, self.tracer.trace(CENTRE))
+            rows = self._film.as_row(now)
+            self._kept = _Kept(rows[:-1], rows[-1:])
+
+    def _means(self, planes: slice) -> NDArray[np.float64]:
+        """Of all samples, and of those that were kept when the camera moved."""
+        own, kept = self._film.mean(planes), self._kept
+        if kept is None:
+            return own
+        return (self.samples * own + kept.counts * kept.means[planes]) / (self.samples + kept.counts)
+
+    def _same_sums(self, scene: RenderScene) -> bool:
+        old = self.scene
+        for name in ("face_materials", "normals", "uv"):
+            if not np.array_equal(getattr(scene, name), getattr(old, name)):
+                return False
+        if scene.materials != old.materials or len(scene.lights) != len(old.lights):
+            return False
+        if unlike_but_for(scene.sky, old.sky, "power"):
+            return False
+        pairs = zip(scene.lights, old.lights, strict=True)
+        return not any(unlike_but_for(new, light, "colour", "power") for new, light in pairs)
+
+    def _parts(self) -> Iterator[NDArray[np.float64]]:
+        yield self.scene.sky.power * self._means(slice(3))
+        for number, light in enumerate(self.scene.lights):
+            first = SKY_PLANES + number * LIGHT_PLANES
+            yield light.power * np.array(light.colour)[:, None] * self._means(slice(first, first + 3))
+
+    def _mean(self) -> NDArray[np.float64]:
+        return reduce(np.add, self._parts())
+
+    @property
+    def parts(self) -> NDArray[np.float32]:
+        """(1 + lights, H, W, 3) float32, of the image what comes from the sky, and from each light."""
+        with self._lock:
+            return np.stack([self._film.as_image(part) for part in self._parts()])
+
+    @property
+    def openness(self) -> NDArray[np.float32]:
+        """(H, W) float32, the share of rays into the sky that nothing stopped, 1 where nothing is seen."""
+        return self._share(3)
+
+    def lit(self, light: int = 0) -> NDArray[np.float32]:
+        """(H, W) float32, the share of rays to a light of the scene that nothing stopped; 0 on surfaces turned away
+        from it, and where nothing is seen. Raises InputError for a light that is not there."""
+        with self._lock:
+            if not 0 <= light < len(self.scene.lights):
+                raise InputError(f"light is {light!r}, but the scene has {len(self.scene.lights)}, counted from 0")
+            return self._share(SKY_PLANES + light * LIGHT_PLANES + 3)
+
+    def _share(self, plane: int) -> NDArray[np.float32]:
+        with self._lock:
+            return self._film.as_image(self._means(slice(plane, plane + 1)))[..., 0]
+
+    def _add_wave(self, first: int, count: int, pixels: Pixels, query: Query, stages: dict[str, float]) -> int | None:
+        options, start = self.options, perf_counter()
+        chunk = self._chunks[query.worker]
+        if chunk is None:
+            chunk = self._chunks[query.worker] = new_chunk()
+        to_lights = self._aim(options.shadow_rays, options.shadow_length, options.shadow_directions, _LIGHT)
+        into_sky = self._aim(options.occlusion_rays, options.occlusion_length, options.occlusion_directions, _SKY)
+        times = np.zeros(len(STAGES), np.int64)
+        rays = lighting_kernel(self.rays.packet_width)(
+            first, count, pixels, self._surfaces, self._lights, to_lights, into_sky, options.occlusion == "cosine",
+            query, chunk, self._film.sums, self._film.is_first, times,
+        )  # fmt: skip
+        taken_s = (perf_counter() - start) / times.sum()
+        for stage, ticks in zip(STAGES, times.tolist(), strict=True):
+            if ticks:
+                stages[stage] = stages.get(stage, 0.0) + ticks * taken_s
+        return None if rays < 0 else rays
+
+    def _aim(self, rays: int, length: float, directions: str, sequence: _Sequence) -> Aim:
+        """Of the rays of this sample; of one, to the light's middle or any, where none is traced."""
+        numbers = range(self.samples * rays, (self.samples + 1) * rays)
+        places = [[number * step + (1 << 31) & 0xFFFFFFFF for step in sequence.steps] for number in numbers]
+        is_shifted = directions == "shifted" and rays > 0
+        return Aim(
+            np.array(places or [[0, 0]], np.uint32), sequence.dimension, is_shifted, rays > 0, np.float32(length)
+        )

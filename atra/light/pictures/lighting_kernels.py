@@ -1,0 +1,174 @@
+"""Lighting of what pixels see: rays to the lights and into the sky, and the sums they are added to."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+
+import numpy as np
+
+from atra.compiled.intrinsics import ticks
+from atra.compiled.memory import load, store, stream
+from atra.compiled.store import float_kernel, njit
+from atra.compiled.vectors import bits_of, repeated, size, where
+from atra.embree.layout import FLAG_COHERENT, RAY_DIR_X, RAY_ORG_X, RAY_TFAR, RAY_TNEAR
+from atra.embree.packets_kernels import SMALLEST_COMPONENT, START, occluded
+from atra.light.numbers_kernels import ONE, ZERO
+from atra.light.pictures.aiming_kernels import aim_at_light, aim_into_sky
+from atra.light.pictures.gbuffer_kernels import (
+    CHUNK,
+    COLOUR,
+    DIRECTION,
+    LANES,
+    LENGTH,
+    LIGHT,
+    ORIGIN,
+    SKY,
+    STRIDE,
+    fetch_ahead,
+    find_surfaces,
+)
+
+SKY_PLANES = LIGHT_PLANES = 4
+"""Sums of the sky, then of each light: r, g, b, and the share that is not in shadow."""
+
+STAGES = "surfaces", "generate", "shadow", "occlusion", "accumulate"
+"""Names of `times`."""
+
+_SURFACES, _GENERATE, _SHADOW, _OCCLUSION, _ACCUMULATE = range(5)
+
+_MOST = np.finfo(np.float32).max
+
+
+@njit(forceinline=True)
+def _address(array):  # type: ignore[no-untyped-def]
+    return np.int64(array.ctypes.data)
+
+
+@njit(forceinline=True)
+def _occlude(width, floats, count, scene, packet):  # type: ignore[no-untyped-def]
+    """LIGHT becomes 0 where something is in the way of the rays of a chunk, in packets of `width`. Pixels keep their
+    lanes, so that each has the same neighbours in every chunk."""
+    field = 4 * width
+    rays, valid = _address(packet.floats), _address(packet.valid)
+    zero, tiny = repeated(ZERO, width), repeated(SMALLEST_COMPONENT, width)
+    every = load(_address(packet.all_lanes), ZERO, width)  # the bits of -1
+    store(repeated(START, width), rays + RAY_TNEAR * field)
+    for first in range(0, count, width):
+        at = _address(floats) + 4 * first
+        length = load(at + LENGTH * STRIDE * 4, ZERO, width)
+        is_traced = length > zero
+        if bits_of(is_traced) == 0:
+            continue
+        for axis in range(3):
+            origin = load(at + (ORIGIN + axis) * STRIDE * 4, ZERO, width)
+            direction = load(at + (DIRECTION + axis) * STRIDE * 4, ZERO, width)
+            store(origin, rays + (RAY_ORG_X + axis) * field)
+            store(where(size(direction) >= tiny, direction, zero), rays + (RAY_DIR_X + axis) * field)
+        store(length, rays + RAY_TFAR * field)
+        store(where(is_traced, every, zero), valid)
+        occluded(width, packet.valid, scene, packet)
+        light = load(at + LIGHT * STRIDE * 4, ZERO, width)
+        is_free = load(rays + RAY_TFAR * field, ZERO, width) >= zero
+        store(where(is_free, light, zero), at + LIGHT * STRIDE * 4)
+
+
+@njit(forceinline=True)
+def _put(numbers, address, is_first):  # type: ignore[no-untyped-def]
+    """Numbers in place of those at an address, past the caches, or added to them."""
+    if is_first:
+        stream(numbers, address)
+    else:
+        store(load(address, ZERO, LANES) + numbers, address)
+
+
+@float_kernel
+def _add_light(floats, first, count, row, share, sums, is_first):  # type: ignore[no-untyped-def]
+    """Add `share` of the light that arrived, times the colour in `row` and the two below, to four rows of sums.
+
+    is_first: what the sums held before is not counted, and not read. Returns whether all light was finite. Where none
+    arrives, sums are not touched: most of the time goes to memory.
+    """
+    zero, most, shares = repeated(ZERO, LANES), repeated(_MOST, LANES), repeated(share, LANES)
+    is_finite = zero >= zero
+    for i in range(0, count, LANES):
+        at = _address(floats) + 4 * i
+        part = load(at + LIGHT * STRIDE * 4, ZERO, LANES) * shares
+        is_lit = part > zero
+        if bits_of(is_lit) == 0 and not is_first:
+            continue
+        to = _address(sums) + 4 * (first + i)
+        for channel in range(3):
+            colour = load(at + (row + channel) * STRIDE * 4, ZERO, LANES)
+            arrived = where(is_lit, colour * part, zero)
+            is_finite = is_finite & (most >= arrived)
+            _put(arrived, to + channel * sums.strides[0], is_first)
+        _put(where(is_lit, shares, zero), to + 3 * sums.strides[0], is_first)
+    return bits_of(is_finite) == (1 << LANES) - 1
+
+
+@njit(forceinline=True)
+def _lap(times, stage, start):  # type: ignore[no-untyped-def]
+    """Ends a stage that began at `start`; the next begins."""
+    now = ticks()
+    times[stage] += now - start
+    return now
+
+
+@cache
+def lighting_kernel(width: int) -> Callable[..., int]:
+    """All stages, in packets of `width`, a constant of the compiled code."""
+
+    @float_kernel
+    def light_pixels(  # type: ignore[no-untyped-def]
+        first, count, pixels, surfaces, lights, to_lights, into_sky, is_cosine, query, chunk, sums, is_first, times
+    ):  # fmt: skip
+        """Add a sample of `count` pixels from number `first` on, a chunk at a time.
+
+        lights: (L, LIGHT_WORDS) float32. to_lights, into_sky: `Aim`. sums: (SKY_PLANES + L LIGHT_PLANES, pixels)
+        float32 of a `Film`. is_first: whatever they hold is forgotten. times: (stages,) int64, ticks that are added to.
+        Returns how many rays were traced, -1 where light was not finite.
+        """
+        floats, rays, is_finite = chunk.floats, 0, True
+        clock = ticks()
+        for start in range(first, first + count, CHUNK):
+            some = min(CHUNK, first + count - start)
+            fetch_ahead(start + CHUNK, first + count, pixels)
+            find_surfaces(chunk, start, some, pixels, surfaces)
+            _end_rows(floats, some)
+            clock = _lap(times, _SURFACES, clock)
+            query.flags[0] = FLAG_COHERENT
+            share = ONE / np.float32(len(to_lights.points))
+            for number in range(len(lights) * len(to_lights.points)):
+                of_light = number // len(to_lights.points)
+                point = number - of_light * len(to_lights.points)
+                there = aim_at_light(floats, start, some, lights[of_light], to_lights, point)
+                clock = _lap(times, _GENERATE, clock)
+                if to_lights.is_traced:
+                    rays += there
+                    _occlude(width, floats, some, query.scene, query.packet)
+                    clock = _lap(times, _SHADOW, clock)
+                own = sums[SKY_PLANES + of_light * LIGHT_PLANES :]
+                is_finite &= _add_light(floats, start, some, COLOUR, share, own, is_first and point == 0)
+                clock = _lap(times, _ACCUMULATE, clock)
+            query.flags[0] = 0 if into_sky.is_shifted else FLAG_COHERENT
+            share = ONE / np.float32(len(into_sky.points))
+            for point in range(len(into_sky.points)):
+                there = aim_into_sky(floats, start, some, is_cosine, into_sky, point)
+                clock = _lap(times, _GENERATE, clock)
+                if into_sky.is_traced:
+                    rays += there
+                    _occlude(width, floats, some, query.scene, query.packet)
+                    clock = _lap(times, _OCCLUSION, clock)
+                is_finite &= _add_light(floats, start, some, SKY, share, sums, is_first and point == 0)
+                clock = _lap(times, _ACCUMULATE, clock)
+        return rays if is_finite else -1
+
+    return light_pixels
+
+
+@njit(forceinline=True)
+def _end_rows(floats, count):  # type: ignore[no-untyped-def]
+    """No rays and no light beyond the pixels of a chunk."""
+    for i in range(count, count + LANES):
+        floats[LENGTH * STRIDE + i] = floats[LIGHT * STRIDE + i] = ZERO

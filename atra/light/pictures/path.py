@@ -1,0 +1,103 @@
+"""Path tracing: light followed backwards through three kinds of material to the sky and to emitters."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from atra.light.laps import Laps
+from atra.light.pictures.options import PathOptions
+from atra.light.pictures.path_kernels import (
+    BLOCK,
+    PATH_ROWS,
+    ROW_PADDING,
+    Paths,
+    Pixels,
+    compact,
+    follow_depth_first,
+    generate,
+    shade,
+    trace_kernel,
+)
+from atra.light.pictures.renderer import Renderer
+from atra.light.scene import RenderScene
+from atra.light.surface_kernels import Surfaces
+from atra.light.tables import surfaces_of
+from atra.rays.scene import Query
+from atra.tracing.options import RayOptions
+
+
+class PathRenderer(Renderer):
+    """Pictures by path tracing.
+
+        with atra.light.PathRenderer(scene, camera, max_depth=8) as renderer:
+            renderer.add(64)
+            renderer.save("picture.png")
+
+    Each sample sends one path through every pixel; it ends at the sky, at an `Emissive` surface, or in the dark after
+    `max_depth` rays. All random numbers are hashes of pixel, sample and bounce. Arguments: see `Renderer`; options: of
+    `PathOptions`. Stages: primary and depth_first; or, of waves, primary, generate, trace, compact (which also adds up
+    what has ended) and shade.
+    """
+
+    options_type = PathOptions
+    options: PathOptions
+
+    _planes = 3
+
+    def _ray_options(self) -> RayOptions:
+        options = super()._ray_options()
+        return options if self.options.order == "waves" else replace(options, packet_width=1)
+
+    def _tables(self) -> Surfaces:
+        return surfaces_of(self.scene, self.scene.sky.power, self.options.start_off)
+
+    def _same_sums(self, scene: RenderScene) -> bool:
+        return scene is self.scene
+
+    def _start_film(self) -> None:
+        super()._start_film()
+        self._waves: list[Paths | None] = [None] * self.rays.threads
+
+    def _mean(self) -> NDArray[np.float64]:
+        return self._film.mean(slice(3))
+
+    def _add_wave(self, first: int, count: int, pixels: Pixels, query: Query, stages: dict[str, float]) -> int | None:
+        surfaces, options = self._surfaces, self.options
+        lap = Laps(stages)
+        if options.order == "depth_first":
+            arguments = pixels, query.scene, query.packet, surfaces, self._film.sums, options.max_depth
+            rays = follow_depth_first(first, count, *arguments)
+            lap("depth_first")
+            return None if rays < 0 else rays
+        paths = self._waves[query.worker]
+        if paths is None:
+            paths = self._waves[query.worker] = _new_paths(options.wave_rays // BLOCK)
+        trace: Callable[..., int] = trace_kernel(self.rays.packet_width)
+        generate(paths, first, count, pixels)
+        lap("generate")
+        is_finite, rays = True, 0
+        for bounce in range(options.max_depth):
+            if bounce > 0 or len(pixels.prim_id) == 0:
+                rays += trace(paths, query.scene, query.packet)
+                lap("trace")
+            is_finite &= compact(paths, surfaces, self._film.sums, bounce == options.max_depth - 1)
+            lap("compact")
+            if not paths.counts.any():
+                break
+            shade(paths, surfaces, pixels.sample_key, bounce)
+            lap("shade")
+        return rays if is_finite else None
+
+
+def _new_paths(blocks: int) -> Paths:
+    rays = blocks * BLOCK
+    return Paths(
+        np.empty((PATH_ROWS, rays + ROW_PADDING), np.float32),
+        np.empty(rays, np.uint32),
+        np.empty(rays, np.int32),
+        np.zeros(blocks, np.int64),
+    )

@@ -1,0 +1,116 @@
+"""Scattering: where light goes on from a surface, by the kind of its material."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from atra.compiled.store import njit
+from atra.light.numbers_kernels import (
+    ONE,
+    TWO,
+    ZERO,
+    along,
+    around,
+    bits_of,
+    dot,
+    on_sphere,
+    scaled,
+    unit,
+    unit_of,
+)
+from atra.light.surface_kernels import (
+    KIND,
+    PARAMETER,
+    VARIANT,
+    colour_of,
+    leaving,
+    material_of,
+    meet,
+    on_side,
+    plain_colour,
+    shading_normal,
+)
+
+LAMBERTIAN, METAL, DIELECTRIC, EMISSIVE = 0, 1, 2, 3
+"""Kinds of material. PARAMETER: fuzz of a metal, ior of glass. VARIANT: directions of paint are uniform, those of metal
+that lie below its surface go on there, glass mirrors as Schlick says."""
+
+DIMENSIONS = 4
+"""Random numbers of a path at each of its surfaces."""
+
+BLACK = ZERO, ZERO, ZERO
+WHITE = ONE, ONE, ONE
+_MINUS_TWO = np.float32(-2.0)
+
+
+@njit(forceinline=True)
+def emitted(surfaces, prim_id, origin, direction):  # type: ignore[no-untyped-def]
+    """(r, g, b) of an emissive triangle: its front shines, its back is black."""
+    _, _, is_front = meet(surfaces, prim_id, origin, direction)
+    return plain_colour(surfaces, material_of(surfaces, prim_id)) if is_front else BLACK
+
+
+@njit(forceinline=True)
+def scatter(surfaces, prim_id, origin, direction, key, bounce):  # type: ignore[no-untyped-def]
+    """(goes_on, origin, direction, weight): the ray that carries light to this surface, and what of it is sent on.
+
+    direction: unit vector. key, bounce: choose the random numbers. weight: (r, g, b). goes_on: False = absorbed.
+    """
+    point, normal, is_front = meet(surfaces, prim_id, origin, direction)
+    material = material_of(surfaces, prim_id)
+    kind = surfaces.materials[material, KIND]
+    parameter = np.float32(surfaces.materials[material, PARAMETER])
+    is_variant = surfaces.materials[material, VARIANT] != 0.0
+    shaded = shading_normal(surfaces, prim_id, point, normal, is_front, direction)
+    dimension = np.uint32(bounce * DIMENSIONS)
+    side = ONE
+    if kind == DIELECTRIC:
+        chance = unit_of(bits_of(key, dimension))
+        weight = WHITE
+        onward, passes = _through_glass(direction, shaded, is_front, parameter, is_variant, chance)
+        side = -ONE if passes else ONE
+    else:
+        weight = colour_of(surfaces, material, prim_id, point)
+        sphere = on_sphere(unit_of(bits_of(key, dimension)), unit_of(bits_of(key, dimension + np.uint32(1))))
+        if kind == METAL:
+            mirrored = along(direction, _MINUS_TWO * dot(direction, shaded), shaded)
+            onward = unit(along(mirrored, parameter, sphere))
+            if not dot(onward, shaded) > ZERO:
+                if not is_variant:
+                    return False, origin, direction, BLACK
+                side = ONE if dot(onward, normal) > ZERO else -ONE
+        elif not is_variant:
+            onward = around(shaded, sphere)
+        else:  # uniform over the hemisphere: density 1 / (2 pi) where the reflectance is cos / pi
+            onward = sphere if dot(sphere, shaded) >= ZERO else scaled(-ONE, sphere)
+            weight = scaled(TWO * dot(onward, shaded), weight)
+    onward = on_side(onward, normal, side)
+    return True, leaving(surfaces, prim_id, point, scaled(side, normal)), onward, weight
+
+
+@njit(error_model="numpy")
+def _through_glass(direction, normal, is_front, ior, is_schlick, chance):  # type: ignore[no-untyped-def]
+    """(direction, passes): refracted, or mirrored with the chance that Fresnel's equations give.
+
+    Source: Fresnel's equations for unpolarised light; C. Schlick, "An inexpensive BRDF model", 1994.
+    """
+    ratio = ONE / ior if is_front else ior
+    cosine = min(ONE, -dot(direction, normal))
+    inside = ONE - ratio * ratio * (ONE - cosine * cosine)
+    mirrored = unit(along(direction, TWO * cosine, normal))
+    if inside <= ZERO:
+        return mirrored, False
+    refracted_cosine = np.sqrt(inside)
+    if is_schlick:
+        least = (ONE - ior) / (ONE + ior)
+        least *= least
+        rest = ONE - cosine
+        square = rest * rest
+        reflectance = least + (ONE - least) * square * square * rest
+    else:
+        across = (ratio * cosine - refracted_cosine) / (ratio * cosine + refracted_cosine)
+        within = (cosine - ratio * refracted_cosine) / (cosine + ratio * refracted_cosine)
+        reflectance = (across * across + within * within) / TWO
+    if chance < reflectance:
+        return mirrored, False
+    return unit(along(scaled(ratio, direction), ratio * cosine - refracted_cosine, normal)), True

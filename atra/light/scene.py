@@ -1,0 +1,148 @@
+"""A scene to be shown: triangles, what they are made of, and what lights them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from atra.errors import InputError
+from atra.geometry.mesh import Mesh
+from atra.light.lights import Light, check_light
+from atra.light.materials import Lambertian, Material, base_colour, needs_uv
+from atra.light.sky import GradientSky, Sky
+
+
+@dataclass(frozen=True, eq=False)
+class RenderScene:
+    """Triangles, materials, lights and sky; all arrays are private copies that cannot be written to.
+
+    materials: of `atra.light.materials`. face_materials: (F,) whole numbers, which of them a triangle is made of;
+    None: all are made of the first. lights: for hybrid rendering; paths find light only at the sky and at `Emissive`.
+    normals: (V, 3) shading normals of the vertices, of any length but zero, pointing to the front; None: triangles are
+    flat. uv: (V, 2) float32, for materials with a `Checker` or an `Image`; None: no material has one.
+    Raises InputError for shapes that do not fit the mesh, numbers of materials that are not there (first face named),
+    normals and uv that are not finite (first vertex named), and a texture without uv.
+    """
+
+    mesh: Mesh
+    materials: Sequence[Material] = (Lambertian(),)
+    face_materials: NDArray[np.int32] | None = None
+    lights: Sequence[Light] = ()
+    sky: Sky = GradientSky()
+    normals: NDArray[np.float32] | None = None
+    uv: NDArray[np.float32] | None = None
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.mesh, Mesh):
+            raise InputError(f"mesh is {self.mesh!r:.100}, expected atra.Mesh")
+        if not isinstance(self.sky, Sky):
+            raise InputError(f"sky is {self.sky!r:.100}, expected GradientSky or PanoramaSky")
+        materials, lights = _listed("materials", self.materials), _listed("lights", self.lights)
+        for number, material in enumerate(materials):
+            if not isinstance(material, Material):
+                raise InputError(f"material {number} is {material!r:.100}, expected one of atra.light's materials")
+        for light in lights:
+            check_light(light)
+        numbers = _checked_numbers(self.face_materials, self.mesh.triangle_count, len(materials))
+        normals = _checked_rows("normals", self.normals, len(self.mesh.vertices), 3)
+        if normals is not None and not (zero := np.abs(normals).max(axis=1) > 1e-6).all():
+            raise InputError(f"the normal of vertex {int(np.argmin(zero))} is zero, expected a direction")
+        uv = _checked_rows("uv", self.uv, len(self.mesh.vertices), 2)
+        textured = next((number for number, one in enumerate(materials) if needs_uv(one)), None)
+        if uv is None and textured is not None:
+            raise InputError(f"material {textured} has a texture, expected uv of the vertices, but uv is None")
+        changes = {"materials": materials, "lights": lights, "face_materials": numbers, "normals": normals, "uv": uv}
+        for name, value in changes.items():
+            object.__setattr__(self, name, value)
+
+    @classmethod
+    def from_trimesh(cls, loaded: Any, **others: Any) -> Self:
+        """What `trimesh.load` makes of a file, glTF say: its triangles, uv, and materials, each `Lambertian` of its
+        base colour, times the texture of that if it has one. What else a material says is not read.
+
+        loaded: a `trimesh.Trimesh`, or a `trimesh.Scene`, whose meshes follow each other. others: as for the class.
+        Raises InputError for anything else, for no triangles, and as `Mesh` and `Image` do.
+        """
+        parts = loaded.dump() if hasattr(loaded, "dump") else [loaded]
+        parts = [part for part in parts if len(getattr(part, "faces", ()))]
+        if not parts:
+            raise InputError(f"loaded is {loaded!r:.100}, expected a trimesh.Trimesh or trimesh.Scene with triangles")
+        firsts = np.cumsum([0, *(len(part.vertices) for part in parts)])
+        faces = np.concatenate([part.faces + first for part, first in zip(parts, firsts, strict=False)])
+        numbers = np.repeat(np.arange(len(parts), dtype=np.int32), [len(part.faces) for part in parts])
+        known = [_uv_of(part) for part in parts]
+        uv = [np.zeros((len(part.vertices), 2)) if one is None else one for part, one in zip(parts, known, strict=True)]
+        materials = [
+            base_colour(getattr(part.visual, "material", None), one is not None)
+            for part, one in zip(parts, known, strict=True)
+        ]
+        return cls(
+            Mesh(np.concatenate([part.vertices for part in parts]), faces),
+            materials,
+            numbers,
+            uv=np.concatenate(uv),
+            **others,
+        )
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        # Copies and unpickled arrays can be written to, whatever the original was.
+        self.__dict__.update(state)
+        for array in (self.face_materials, self.normals, self.uv):
+            if array is not None:
+                array.setflags(write=False)
+
+
+def _uv_of(part: Any) -> NDArray[np.float64] | None:
+    """Of the vertices of a `trimesh.Trimesh`."""
+    uv = getattr(part.visual, "uv", None)
+    return None if uv is None or len(uv) != len(part.vertices) else np.asarray(uv)[:, :2]
+
+
+def _listed(name: str, given: Any) -> tuple[Any, ...]:
+    if isinstance(given, str | bytes) or not isinstance(given, Iterable):
+        raise InputError(f"{name} are {given!r:.100}, expected a list of them")
+    return tuple(given)
+
+
+def _checked_numbers(given: ArrayLike | None, faces: int, materials: int) -> NDArray[np.int32]:
+    if materials == 0:
+        raise InputError("there are no materials, expected at least one")
+    try:
+        numbers = np.zeros(faces, np.int32) if given is None else np.asarray(given)
+    except ValueError as error:
+        raise InputError(f"face_materials cannot be read as an array: {error}") from None
+    if numbers.shape != (faces,) or numbers.dtype.kind not in "iu":
+        raise InputError(
+            f"face_materials is {numbers.dtype} of {numbers.shape}, expected whole numbers of ({faces},), one a face"
+        )
+    wrong = (numbers < 0) | (numbers >= materials)
+    if wrong.any():
+        face = int(np.argmax(wrong))
+        raise InputError(f"face {face} is made of material {numbers[face]}, but there are {materials}, counted from 0")
+    return _kept(numbers.astype(np.int32))
+
+
+def _checked_rows(name: str, given: ArrayLike | None, vertices: int, columns: int) -> NDArray[np.float32] | None:
+    if given is None:
+        return None
+    try:
+        with np.errstate(over="ignore"):  # becomes inf, which is refused below
+            rows = np.array(given, np.float32, order="C")
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{name} cannot be read as an array: {error}") from None
+    if rows.shape != (vertices, columns):
+        raise InputError(f"{name} have shape {rows.shape}, expected ({vertices}, {columns}), a row a vertex")
+    good = (np.abs(rows) <= 1e6).all(axis=1)
+    if not good.all():
+        vertex = int(np.argmin(good))
+        raise InputError(f"{name} of vertex {vertex} are {rows[vertex].tolist()}, expected finite numbers within 1e6")
+    return _kept(rows)
+
+
+def _kept(array: Any) -> Any:
+    array.setflags(write=False)
+    return array

@@ -1,0 +1,170 @@
+"""Skies: what rays see that leave the scene."""
+
+from __future__ import annotations
+
+import os
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from atra.errors import InputError
+from atra.files.reading import Allowance, read_regular_file
+from atra.files.saving import check_package
+from atra.light.checks import Colour, checked_colour, checked_number, checked_texels
+
+WHITE: Colour = (1.0, 1.0, 1.0)
+
+_BYTES_PER_NUMBER, _BYTES_PER_PIXEL = 20, 44
+"""Memory for a number of an EXR and for a pixel of a Radiance HDR, with the copies on the way to a sky."""
+
+_LONGEST_RUN = 127
+"""Most equal bytes that two bytes of a Radiance HDR stand for."""
+
+
+@dataclass(frozen=True)
+class GradientSky:
+    """From `below` to `above`, linear in the height (y) of the unit direction. power: a factor.
+
+    Its defaults are those of "Ray Tracing in One Weekend".
+    """
+
+    below: Colour = WHITE
+    above: Colour = (0.5, 0.7, 1.0)
+    power: float = 1.0
+
+    def __post_init__(self) -> None:
+        for name in ("below", "above"):
+            object.__setattr__(self, name, checked_colour(f"{name} of a sky", getattr(self, name), 1e12))
+        object.__setattr__(self, "power", checked_number("power of a sky", self.power, 0.0, 1e12))
+
+
+@dataclass(frozen=True, eq=False)
+class PanoramaSky:
+    """An image all around, in longitude and latitude.
+
+    texels: (H, W, 3) radiance of any size, linear RGB; row 0 is above (+y), the middle column looks along -z, those
+    right of it along +x. power: a factor.
+    """
+
+    texels: NDArray[np.float32]
+    power: float = 1.0
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "texels", checked_texels("texels of a sky", self.texels))
+        object.__setattr__(self, "power", checked_number("power of a sky", self.power, 0.0, 1e12))
+
+    @classmethod
+    def load(
+        cls, path: str | os.PathLike[str], power: float = 1.0, *, memory_per_byte: float | None = None
+    ) -> PanoramaSky:
+        """Read the panorama of an EXR or a Radiance HDR file. memory_per_byte and errors: as of `read_panorama`."""
+        return cls(read_panorama(path, memory_per_byte=memory_per_byte), power)
+
+
+Sky = GradientSky | PanoramaSky
+
+
+def constant_sky(colour: Colour | float = WHITE, power: float = 1.0) -> GradientSky:
+    """The same radiance from everywhere; black: no sky."""
+    whole = checked_colour("colour of a sky", colour, 1e12)
+    return GradientSky(whole, whole, power)
+
+
+def read_panorama(path: str | os.PathLike[str], *, memory_per_byte: float | None = None) -> NDArray[np.float32]:
+    """(H, W, 3) float32, linear RGB as stored, of an EXR or a Radiance HDR.
+
+    memory_per_byte: bound on the memory that reading may take, as for `atra.load_mesh`.
+    Raises InputError naming the file, which nobody need trust: for another suffix, what is damaged, promises more than
+    its bytes can hold or than memory_per_byte allows, negative or infinite radiance, an EXR without R, G and B, and
+    without the package OpenEXR.
+    """
+    path = Path(path)
+    readers = {".exr": _read_exr, ".hdr": _read_hdr}
+    if path.suffix.lower() not in readers:
+        raise InputError(f"the sky {str(path)!r} has the suffix {path.suffix!r}, expected .exr or .hdr")
+    if not path.is_file():
+        raise InputError(f"the sky {str(path)!r} is no file")
+    try:
+        allowance = Allowance(path.stat().st_size, memory_per_byte)
+        return checked_texels("its radiance", readers[path.suffix.lower()](path, allowance))
+    except (OSError, MemoryError, ValueError) as error:
+        raise InputError(f"the sky {str(path)!r} cannot be used: {error}") from None
+
+
+def _read_exr(path: Path, allowance: Allowance) -> NDArray[np.float32]:
+    check_package(".exr")
+    import OpenEXR
+
+    try:  # its `File` prints what is damaged, but its `InputFile` crashes there
+        with OpenEXR.File(str(path), separate_channels=True, header_only=True) as file:
+            floats = sum(_promised(part.header) for part in file.parts)
+        allowance.check(f"{floats:,} numbers", floats * _BYTES_PER_NUMBER)
+        with OpenEXR.File(str(path), separate_channels=True) as file:
+            channels = {name: np.array(one.pixels, np.float32) for name, one in file.channels().items()}
+    except InputError:
+        raise
+    except Exception as error:  # whatever the package makes of a damaged file
+        raise InputError(str(error).replace(str(path), "it") or "it is damaged") from None
+    if not {"R", "G", "B"} <= channels.keys():
+        raise InputError(f"its channels are {', '.join(channels)}, expected R, G and B")
+    return np.stack([channels[name] for name in "RGB"], axis=2)
+
+
+def _promised(header: dict[str, Any]) -> int:
+    """Numbers in a part of an EXR. Raises InputError for one that holds no flat image."""
+    if header["type"].name not in ("scanlineimage", "tiledimage"):
+        raise InputError("it holds something else than flat images")
+    low, high = (corner.astype(np.int64) for corner in header["dataWindow"])
+    width, height = (high - low + 1).tolist()
+    if width < 1 or height < 1:
+        raise InputError(f"it has {width} x {height} pixels")
+    return int(width * height * len(header["channels"]))
+
+
+def _read_hdr(path: Path, allowance: Allowance) -> NDArray[np.float32]:
+    """Source: the format that G. Ward's Radiance writes, as its manual "Radiance File Formats" has it."""
+    content = read_regular_file(path)
+    head, _, rest = content.partition(b"\n\n")
+    size, _, data = rest.partition(b"\n")
+    lines = head.split(b"\n")
+    found = re.fullmatch(rb"-Y (\d{1,9}) \+X (\d{1,9})", size)
+    if lines[0] not in (b"#?RADIANCE", b"#?RGBE") or b"FORMAT=32-bit_rle_rgbe" not in lines or not found:
+        raise InputError("expected #?RADIANCE, FORMAT=32-bit_rle_rgbe, and a size as -Y 512 +X 1024")
+    height, width = int(found[1]), int(found[2])
+    allowance.check(f"{width:,} x {height:,} pixels", width * height * _BYTES_PER_PIXEL)
+    start = bytes((2, 2, width >> 8 & 255, width & 255))
+    if len(data) == 4 * height * width and not data.startswith(start):
+        encoded = np.frombuffer(data, np.uint8).reshape(height, width, 4)
+    else:
+        encoded = _decoded(data, height, width, start)
+    exponent = encoded[..., 3:].astype(np.int32)
+    scale = np.where(exponent > 0, np.ldexp(np.float32(1.0), exponent - 136), np.float32(0.0))
+    return np.multiply(encoded[..., :3], scale, dtype=np.float32)
+
+
+def _decoded(data: bytes, height: int, width: int, start: bytes) -> NDArray[np.uint8]:
+    """(H, W, 4) of runs of equal bytes and of others, channel by channel in each row, which begins with `start`."""
+    fewest = height * (4 + 8 * -(-width // _LONGEST_RUN))
+    if not 0 < width < 1 << 15 or not 0 < fewest <= len(data):
+        raise InputError(f"its {len(data)} bytes of pixels promise {width} x {height}")
+    rows = np.empty((height, 4, width), np.uint8)
+    at = 0
+    for number, row in enumerate(rows):
+        if data[at : at + 4] != start:
+            raise InputError(f"row {number} does not begin as a row of {width} pixels does")
+        at += 4
+        for line in row:
+            place = 0
+            while place < width:
+                first = data[at] if at < len(data) else 0
+                count, bytes_taken = (first - 128, 1) if first > 128 else (first, first)
+                taken = data[at + 1 : at + 1 + bytes_taken]
+                if not 0 < count <= width - place or len(taken) != bytes_taken:
+                    raise InputError(f"row {number} is damaged")
+                line[place : place + count] = np.frombuffer(taken, np.uint8)
+                place, at = place + count, at + 1 + bytes_taken
+    return np.swapaxes(rows, 1, 2)

@@ -1,1 +1,0 @@
-"""Mesh files: how they become the triangles that are traced, whatever they hold."""

@@ -1,0 +1,112 @@
+"""The loops over the pixels of an image, one ray or packet per pixel."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from atra.compiled.intrinsics import fetch_add
+from atra.compiled.store import kernel
+from atra.embree.layout import HIT_NG_X, HIT_U, HIT_V, RAY_WORDS
+from atra.embree.packets_kernels import hit_distance, hit_prim_id, intersect, set_pixel_ray, set_unlimited
+
+
+@cache
+def pixel_kernel(shape_x: int, shape_y: int, parallel: bool = False) -> Callable[..., None]:
+    """The per-pixel loop for packets of shape_x x shape_y pixels; the shape is a constant of the compiled code.
+
+    parallel: rays differ in their origin, and share the direction that stands in the packet, instead of the reverse.
+    """
+    width = shape_x * shape_y
+
+    @kernel
+    def trace_pixels(counter_address, scene, packet, rays, tiles, image):  # type: ignore[no-untyped-def]
+        """Trace every pixel of an image, tile by tile, until the shared counter runs past the last tile.
+
+        packet: its constant fields (origin or direction, tnear, mask, flags, inst_id) are set. rays: filled up to
+        whole packets. tiles: `PixelTiles`, which together cover the image. image: written completely.
+        """
+        depth, prim_id = image.depth, image.prim_id
+        height, image_width = depth.shape
+        while True:
+            tile = fetch_add(counter_address, 1)
+            if tile >= len(tiles.corners):
+                return
+            tile_x, tile_y = np.int64(tiles.corners[tile, 0]), np.int64(tiles.corners[tile, 1])
+            for y0 in range(tile_y, min(tile_y + tiles.height, height), shape_y):
+                for x0 in range(tile_x, min(tile_x + tiles.width, image_width), shape_x):
+                    columns, rows = min(shape_x, image_width - x0), min(shape_y, height - y0)
+                    whole = columns == shape_x and rows == shape_y
+                    for row in range(shape_y):
+                        for column in range(shape_x):
+                            set_pixel_ray(packet, width, row * shape_x + column, parallel, rays, x0 + column, y0 + row)
+                    set_unlimited(packet, width)
+                    if whole:
+                        intersect(width, packet.all_lanes, scene, packet)
+                        for row in range(shape_y):
+                            for column in range(shape_x):
+                                lane = row * shape_x + column
+                                depth[y0 + row, x0 + column] = hit_distance(packet, width, lane)
+                                prim_id[y0 + row, x0 + column] = hit_prim_id(packet, width, lane)
+                    else:
+                        for lane in range(width):
+                            packet.valid[lane] = -1 if lane % shape_x < columns and lane // shape_x < rows else 0
+                        intersect(width, packet.valid, scene, packet)
+                        for row in range(rows):
+                            for column in range(columns):
+                                lane = row * shape_x + column
+                                depth[y0 + row, x0 + column] = hit_distance(packet, width, lane)
+                                prim_id[y0 + row, x0 + column] = hit_prim_id(packet, width, lane)
+
+    return trace_pixels
+
+
+class Surface(NamedTuple):
+    """What Embree says of the place of a hit: u, v: (H, W) float32, normal: (H, W, 3) float32 in ray space, of any
+    length."""
+
+    u: NDArray[np.float32]
+    v: NDArray[np.float32]
+    normal: NDArray[np.float32]
+
+
+@cache
+def surface_kernel(shape_x: int, shape_y: int) -> Callable[..., None]:
+    """The per-pixel loop that keeps the places of hits, too; the shape is a constant of the compiled code."""
+    width = shape_x * shape_y
+
+    @kernel
+    def trace_surface(counter_address, scene, packet, rays, tiles, image, surface):  # type: ignore[no-untyped-def]
+        """As `trace_pixels`; surface: `Surface`, written completely, and without meaning where nothing is hit."""
+        height, image_width = image.depth.shape
+        while True:
+            tile = fetch_add(counter_address, 1)
+            if tile >= len(tiles.corners):
+                return
+            tile_x, tile_y = np.int64(tiles.corners[tile, 0]), np.int64(tiles.corners[tile, 1])
+            for y0 in range(tile_y, min(tile_y + tiles.height, height), shape_y):
+                for x0 in range(tile_x, min(tile_x + tiles.width, image_width), shape_x):
+                    columns, rows = min(shape_x, image_width - x0), min(shape_y, height - y0)
+                    for row in range(shape_y):
+                        for column in range(shape_x):
+                            lane = row * shape_x + column
+                            set_pixel_ray(packet, width, lane, False, rays, x0 + column, y0 + row)
+                            packet.valid[lane] = -1 if row < rows and column < columns else 0
+                    set_unlimited(packet, width)
+                    intersect(width, packet.valid, scene, packet)
+                    for row in range(rows):
+                        for column in range(columns):
+                            lane, y, x = row * shape_x + column, y0 + row, x0 + column
+                            image.depth[y, x] = hit_distance(packet, width, lane)
+                            image.prim_id[y, x] = hit_prim_id(packet, width, lane)
+                            surface.u[y, x] = packet.floats[(RAY_WORDS + HIT_U) * width + lane]
+                            surface.v[y, x] = packet.floats[(RAY_WORDS + HIT_V) * width + lane]
+                            for axis in range(3):
+                                word = (RAY_WORDS + HIT_NG_X + axis) * width + lane
+                                surface.normal[y, x, axis] = packet.floats[word]
+
+    return trace_surface

@@ -1,0 +1,145 @@
+"""Cells with a scene of their own: which triangles each gets, and the loop over their pixels."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from atra.compiled.intrinsics import fetch_add
+from atra.compiled.store import kernel
+from atra.embree.packets_kernels import (
+    INFINITY,
+    MISS,
+    hit_distance,
+    hit_prim_id,
+    intersect,
+    set_pixel_ray,
+    set_unlimited,
+)
+from atra.geometry.projection_kernels import (
+    CHUNK,
+    CORNERS,
+    cell_range,
+    columns_in_row,
+    front_part,
+    load_triangle,
+    pixel_range,
+)
+
+
+@kernel
+def list_cells(counter_address, points_pixels, faces, nx, ny, cell_width, cell_height, starts, cells):  # type: ignore[no-untyped-def]
+    """cells[starts[t]:starts[t + 1]] = the cells (row-major numbers) triangle t meets, as `count_copies` counted."""
+    polygon, first, second = (
+        np.empty((CORNERS, 3)),
+        np.empty((CORNERS, 3)),
+        np.empty((CORNERS, 3)),
+    )
+    while True:
+        start = fetch_add(counter_address, 1) * CHUNK
+        if start >= len(faces):
+            return
+        for triangle in range(start, min(start + CHUNK, len(faces))):
+            copy = starts[triangle]
+            if copy == starts[triangle + 1]:
+                continue
+            nearest, farthest, largest = load_triangle(points_pixels, faces, triangle, polygon)
+            tiny = 1e-12 * largest
+            corners = front_part(polygon, nearest, farthest, first)
+            y_low, y_high = pixel_range(polygon, corners, 1, tiny)
+            top, bottom = cell_range(y_low, y_high, cell_height, ny)
+            for j in range(top, bottom + 1):
+                left, right = columns_in_row(
+                    polygon, corners, j, cell_width, cell_height, nx, y_low, y_high, tiny, first, second
+                )
+                for i in range(left, right + 1):
+                    cells[copy] = j * nx + i
+                    copy += 1
+
+
+@kernel
+def sort_by_cell(triangle_starts, cells, faces, cell_starts, cell_faces, prim_ids):  # type: ignore[no-untyped-def]
+    """Turn the cells of each triangle into the triangles of each cell, ascending: a counting sort.
+
+    cell_starts: (cells + 1,) int64, cell_faces: (N, 3) uint32, prim_ids: (N,) int64; all written.
+    """
+    cell_starts[:] = 0
+    for cell in cells:
+        cell_starts[cell + 1] += 1
+    for cell in range(1, len(cell_starts)):
+        cell_starts[cell] += cell_starts[cell - 1]
+    places = cell_starts[:-1].copy()
+    for triangle in range(len(faces)):
+        for copy in range(triangle_starts[triangle], triangle_starts[triangle + 1]):
+            place = places[cells[copy]]
+            places[cells[copy]] += 1
+            prim_ids[place] = triangle
+            for corner in range(3):
+                cell_faces[place, corner] = faces[triangle, corner]
+
+
+class CellScenes(NamedTuple):
+    """Cells with scenes of their own, row by row.
+
+    handles: (cells,) int64, the RTCScene of each, 0 for a cell without triangles. prim_ids: (N,) int64, the mesh's
+    number of each triangle, those of cell k from starts[k] on; starts: (cells + 1,) int64.
+    columns: of cells. width, height: of a cell, in pixels.
+    """
+
+    handles: NDArray[np.int64]
+    starts: NDArray[np.int64]
+    prim_ids: NDArray[np.int64]
+    columns: int
+    width: int
+    height: int
+
+
+@cache
+def tile_kernel(shape_x: int, shape_y: int) -> Callable[..., None]:
+    """The loop over cells and their pixels, in packets of shape_x x shape_y pixels (constants of the code)."""
+    width = shape_x * shape_y
+
+    @kernel
+    def trace_tiles(counter_address, cells, packet, rays, image):  # type: ignore[no-untyped-def]
+        """Trace the pixels of each cell against its own scene, until the shared counter runs past the last cell.
+
+        cells: `CellScenes`. Packet, rays and image as in `trace_pixels`.
+        """
+        depth, prim_id = image.depth, image.prim_id
+        while True:
+            cell = fetch_add(counter_address, 1)
+            if cell >= len(cells.handles):
+                return
+            left, top = cell % cells.columns * cells.width, cell // cells.columns * cells.height
+            scene, first = cells.handles[cell], cells.starts[cell]
+            if scene == 0:
+                for y in range(top, top + cells.height):
+                    for x in range(left, left + cells.width):
+                        depth[y, x] = INFINITY
+                        prim_id[y, x] = MISS
+                continue
+            for y0 in range(top, top + cells.height, shape_y):
+                for x0 in range(left, left + cells.width, shape_x):
+                    columns, rows = min(shape_x, left + cells.width - x0), min(shape_y, top + cells.height - y0)
+                    for row in range(shape_y):
+                        for column in range(shape_x):
+                            lane = row * shape_x + column
+                            x, y = x0 + min(column, columns - 1), y0 + min(row, rows - 1)
+                            set_pixel_ray(packet, width, lane, False, rays, x, y)
+                            packet.valid[lane] = -1 if row < rows and column < columns else 0
+                    set_unlimited(packet, width)
+                    intersect(width, packet.valid, scene, packet)
+                    for row in range(rows):
+                        for column in range(columns):
+                            lane = row * shape_x + column
+                            found = hit_prim_id(packet, width, lane)
+                            if found != MISS:
+                                found = np.uint32(cells.prim_ids[first + found])
+                            depth[y0 + row, x0 + column] = hit_distance(packet, width, lane)
+                            prim_id[y0 + row, x0 + column] = found
+
+    return trace_tiles

@@ -1,0 +1,304 @@
+"""Doubts: the samples so near an edge of a triangle that float32 may not tell whether their ray crosses it.
+
+Embree decides about a ray and a triangle by the signs of three volumes, each the product of the ray's direction, a
+corner and an edge. In float32 they are off by few roundings of the largest such product, so that only samples in a
+narrow strip along an edge are decided otherwise than exactly; those are listed, and decided exactly.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+from typing import NamedTuple, Self
+
+import numpy as np
+
+from atra.all_hits.taking_kernels import TRANSMITTANCE, take
+from atra.all_hits.target_kernels import LIST_END, MARKS, target_at
+from atra.compiled.intrinsics import fetch_add, float_at
+from atra.compiled.store import kernel, njit
+from atra.compiled.vectors import mask_of, repeated
+from atra.raster.all_hits.crossings_kernels import covers, depth_at, facing_of, homogeneous_of
+
+ROUNDINGS = 16.0
+"""Roundings, of the largest product, that a volume may be off by: those of the corners, of the ray, of two edges, of
+two products and their differences, and of the sum of three volumes, are 12; and a few to spare."""
+
+ROBUST_ROUNDINGS = 24.0
+"""The same of Embree's robust test. For an edge between corners p and q, from the ray's origin, it computes
+U = ((q - p) x (q + p)) . d, which is twice the volume. With corners at most `far` away and an edge of length `long`,
+counted in roundings of far long |d|, U is off by
+
+4    corners, 1 each: a corner's error times the other and the direction, which passes it by `long` at most
+2    q - p, and 2 for q + p, which is as long as 2 far
+5.7  the products of the cross product and their difference, 2 roundings of sqrt(2) long 2 far
+6    the products of the scalar product and their sums, 3 roundings of long 2 far
+4    the direction, a sum of a column and a row, 2 roundings of long 2 far
+
+together 23.7, so the volume by 11.9. Its test takes what is outside by 2^-23 |U + V + W|, too, and U + V + W is at most
+2 long^2 |d| with long <= 2 far: 4 more for the volume. That is 16, and a few to spare.
+Sources: PlueckerIntersector1 and PlueckerIntersectorK in Embree's kernels/geometry/triangle_intersector_pluecker.h;
+N. J. Higham, "Accuracy and Stability of Numerical Algorithms", 2nd ed., SIAM 2002, chapter 3."""
+
+_FLOAT32_UNIT = 2.0**-24
+
+_BEYOND = 8.0
+"""Times the length of an edge up to which, beyond its ends, Embree may find a triangle that is seen edge-on: there all
+volumes are rounding, and only the boxes of the few triangles of a leaf keep rays away."""
+
+_ROUNDING = 1e-6
+"""Pixels that boxes are enlarged by for the rounding of float64."""
+
+_CHUNK = 1024
+"""Triangles a thread takes at a time."""
+
+
+class Precision(NamedTuple):
+    """How exact float32 rays are. pitch: of pixels. direction: the longest. stretch: times that a shear lengthens at
+    most. shift: length that is added to corners, in origins of rays and in translations, at most. roundings: ROUNDINGS
+    or ROBUST_ROUNDINGS."""
+
+    pitch: float
+    direction: float
+    stretch: float
+    shift: float
+    roundings: float
+
+    @classmethod
+    def of(cls, pitch: float, direction: float, stretch: float, shift: float, robust: bool) -> Self:
+        """The bound of Embree's robust test of triangles, or of its fast one."""
+        return cls(pitch, direction, stretch, shift, ROBUST_ROUNDINGS if robust else ROUNDINGS)
+
+
+@njit(forceinline=True)
+def _whole(low, high, last):  # type: ignore[no-untyped-def]
+    """First and last whole number from `low` to `high` and of 0 ... last."""
+    return int(np.ceil(min(max(low, 0.0), last + 1.0))), int(np.floor(max(min(high, last), -1.0)))
+
+
+@njit(forceinline=True)
+def _is_beside(i, j, edge, tolerance):  # type: ignore[no-untyped-def]
+    return edge[0] * i + edge[1] * j + edge[2] < -tolerance
+
+
+@njit
+def _walk(edge, tolerance, second, second_tolerance, third, third_tolerance, box, size, triangle, keys, count):  # type: ignore[no-untyped-def]
+    """List the samples of a box where |a i + b j + c| <= tolerance of an edge, and that are not surely beside the
+    other two. box: left, right, top, bottom. size: width, height of the image. count: address of their number."""
+    a, b, c = edge
+    left, right, top, bottom = box
+    width, height = size
+    if a == 0.0 and b == 0.0:
+        return
+    is_flat = abs(b) >= abs(a)
+    across, along = (b, a) if is_flat else (a, b)
+    slope, start, reach = -along / across, -c / across, tolerance / abs(across)
+    low, high, low_across, high_across = (left, right, top, bottom) if is_flat else (top, bottom, left, right)
+    last_along, last_across = (width - 1.0, height - 1.0) if is_flat else (height - 1.0, width - 1.0)
+    first, last = _whole(low, high, last_along)
+    for at in range(first, last + 1):
+        middle = start + slope * at
+        near, far = _whole(max(middle - reach, low_across), min(middle + reach, high_across), last_across)
+        for other in range(near, far + 1):
+            i, j = (at, other) if is_flat else (other, at)
+            if _is_beside(i, j, second, second_tolerance) or _is_beside(i, j, third, third_tolerance):
+                continue
+            place = fetch_add(count, 1)
+            if place < len(keys):
+                keys[place] = (j * width + i) << 32 | triangle
+
+
+@njit(forceinline=True)
+def _normal(view, v, w):  # type: ignore[no-untyped-def]
+    """(a, b, c): the volume of samples, the eye and two corners is a i + b j + c."""
+    ax, ay, az = homogeneous_of(view, v)
+    bx, by, bz = homogeneous_of(view, w)
+    return ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+
+
+@njit(forceinline=True)
+def _sizes(view, v0, v1, v2):  # type: ignore[no-untyped-def]
+    """(farthest corner from the eye, longest edge)."""
+    vertices, eye = view.vertices, view.eye
+    x0, y0, z0 = vertices[v0, 0] - eye[0], vertices[v0, 1] - eye[1], vertices[v0, 2] - eye[2]
+    x1, y1, z1 = vertices[v1, 0] - eye[0], vertices[v1, 1] - eye[1], vertices[v1, 2] - eye[2]
+    x2, y2, z2 = vertices[v2, 0] - eye[0], vertices[v2, 1] - eye[1], vertices[v2, 2] - eye[2]
+    far = max(x0 * x0 + y0 * y0 + z0 * z0, x1 * x1 + y1 * y1 + z1 * z1, x2 * x2 + y2 * y2 + z2 * z2)
+    a = (x1 - x0) ** 2 + (y1 - y0) ** 2 + (z1 - z0) ** 2
+    b = (x2 - x1) ** 2 + (y2 - y1) ** 2 + (z2 - z1) ** 2
+    c = (x0 - x2) ** 2 + (y0 - y2) ** 2 + (z0 - z2) ** 2
+    return np.sqrt(far), np.sqrt(max(a, b, c))
+
+
+@njit
+def _list_edges(edges, tolerances, beyond, box, size, triangle, keys, count):  # type: ignore[no-untyped-def]
+    """List what is near the edges of a triangle. edges: (a, b, c) each, not negative inside. beyond: whether samples
+    past the ends of edges are to be listed, too: which side is inside is not known then."""
+    free = np.inf if beyond else 1.0
+    for k in range(3):
+        one, two, three = edges[k], edges[(k + 1) % 3], edges[(k + 2) % 3]
+        t1, t2, t3 = tolerances[k], free * tolerances[(k + 1) % 3], free * tolerances[(k + 2) % 3]
+        _walk(one, t1, two, t2, three, t3, box, size, triangle, keys, count)
+
+
+@njit
+def _list_all(edges, tolerance, size, triangle, keys, count):  # type: ignore[no-untyped-def]
+    """List all samples of the image that are beside no edge for sure, whichever side is inside."""
+    width, height = size
+    (a0, b0, c0), (a1, b1, c1), (a2, b2, c2) = edges
+    for j in range(height):
+        for i in range(width):
+            u, v, w = a0 * i + b0 * j + c0, a1 * i + b1 * j + c1, a2 * i + b2 * j + c2
+            if min(u, v, w) >= -tolerance or max(u, v, w) <= tolerance:
+                place = fetch_add(count, 1)
+                if place < len(keys):
+                    keys[place] = (j * width + i) << 32 | triangle
+
+
+@njit(forceinline=True)
+def _line(px, py, qx, qy, sign):  # type: ignore[no-untyped-def]
+    """(a, b, c) of the line through two pixel positions."""
+    dx, dy = sign * (qx - px), sign * (qy - py)
+    return -dy, dx, dy * px - dx * py
+
+
+@njit(forceinline=True)
+def _depth_line(x0, y0, w0, x1, y1, w1, x2, y2, w2):  # type: ignore[no-untyped-def]
+    """(a, b, c) of the line where the plane of a triangle meets a parallel image plane; times the area its depth."""
+    x1, y1, w1, x2, y2, w2 = x1 - x0, y1 - y0, w1 - w0, x2 - x0, y2 - y0, w2 - w0
+    a, b, area = w1 * y2 - w2 * y1, w2 * x1 - w1 * x2, x1 * y2 - y1 * x2
+    return a, b, w0 * area - a * x0 - b * y0
+
+
+@njit(forceinline=True)
+def _turned(edge, sign):  # type: ignore[no-untyped-def]
+    return edge[0] * sign, edge[1] * sign, edge[2] * sign
+
+
+@kernel
+def list_doubts(counter_address, parallel, view, points, faces, width, height, precision, keys, count):  # type: ignore[no-untyped-def]
+    """List samples in doubt, some of them twice; the int64 at `count` counts them.
+
+    points: of `projected`. keys: (N,) int64, (y * width + x) << 32 | triangle, written as far as they reach.
+    """
+    unit = precision.roundings * _FLOAT32_UNIT
+    per_pixel, size = precision.direction / precision.pitch**2, (width, height)
+    while True:
+        start = fetch_add(counter_address, 1) * _CHUNK
+        if start >= len(faces):
+            return
+        for triangle in range(start, min(start + _CHUNK, len(faces))):
+            v0, v1, v2 = np.int64(faces[triangle, 0]), np.int64(faces[triangle, 1]), np.int64(faces[triangle, 2])
+            x0, y0, w0 = points[v0, 0], points[v0, 1], points[v0, 2]
+            x1, y1, w1 = points[v1, 0], points[v1, 1], points[v1, 2]
+            x2, y2, w2 = points[v2, 0], points[v2, 1], points[v2, 2]
+            nearest, farthest = max(w0, w1, w2), min(w0, w1, w2)
+            if farthest >= 0.0 if parallel else nearest < 0.0:
+                continue
+            far, long = _sizes(view, v0, v1, v2)
+            far, long = far * precision.stretch + precision.shift, long * precision.stretch
+            largest = unit * per_pixel * far * long
+            of_depth = unit * far * long * long / precision.pitch**2
+            if not parallel and not farthest > 0.0:
+                edges = _normal(view, v1, v2), _normal(view, v2, v0), _normal(view, v0, v1)
+                x, y, z = homogeneous_of(view, v0)
+                volume = edges[0][0] * x + edges[0][1] * y + edges[0][2] * z
+                if abs(volume) <= of_depth:  # the plane is so near the eye that all of it is in doubt
+                    _list_all(edges, largest, size, triangle, keys, count)
+                    continue
+                sign = 1.0 if volume > 0.0 else -1.0
+                turned = _turned(edges[0], sign), _turned(edges[1], sign), _turned(edges[2], sign)
+                box = 0.0, width - 1.0, 0.0, height - 1.0
+                _list_edges(turned, (largest, largest, largest), False, box, size, triangle, keys, count)
+                continue
+            area = (x1 - x0) * (y2 - y0) - (y1 - y0) * (x2 - x0)
+            tolerances = (
+                (largest, largest, largest) if parallel else (largest * w1 * w2, largest * w2 * w0, largest * w0 * w1)
+            )
+            worst = max(tolerances)
+            is_thin = not abs(area) > 4.0 * worst
+            low_x, high_x, low_y, high_y = min(x0, x1, x2), max(x0, x1, x2), min(y0, y1, y2), max(y0, y1, y2)
+            wide, high = high_x - low_x, high_y - low_y
+            # What is beside no edge by more than a tolerance is the triangle, enlarged by their sum over its area.
+            share = _BEYOND if is_thin else 3.0 * worst / abs(area)
+            aside = 1.0 if is_thin else _ROUNDING
+            at_x, at_y = share * wide + aside, share * high + aside
+            box = low_x - at_x, high_x + at_x, low_y - at_y, high_y + at_y
+            if not (box[1] >= 0.0 and box[0] <= width - 1.0 and box[3] >= 0.0 and box[2] <= height - 1.0):
+                continue
+            if max(np.ceil(box[0]), 0.0) > box[1] or max(np.ceil(box[2]), 0.0) > box[3]:
+                continue
+            sign = 1.0 if area > 0.0 else -1.0
+            edges = _line(x1, y1, x2, y2, sign), _line(x2, y2, x0, y0, sign), _line(x0, y0, x1, y1, sign)
+            _list_edges(edges, tolerances, is_thin, box, size, triangle, keys, count)
+            if parallel and nearest >= 0.0:
+                plane = _depth_line(x0, y0, w0, x1, y1, w1, x2, y2, w2)
+                _walk(plane, of_depth, plane, np.inf, plane, np.inf, box, size, triangle, keys, count)
+
+
+@kernel
+def decide(parallel, view, points, faces, width, keys, exact, facings, depths):  # type: ignore[no-untyped-def]
+    """Which of the samples in doubt cross their triangle. facings: (N,) float32, 1 or -1 as `facing_of` has it, 0 =
+    not crossed; depths: (N,) float32."""
+    for k in range(len(keys)):
+        triangle, pixel = keys[k] & 0xFFFFFFFF, keys[k] >> 32
+        i, j = float(pixel % width), float(pixel // width)
+        v0, v1, v2 = faces[triangle, 0], faces[triangle, 1], faces[triangle, 2]
+        facing = facing_of(parallel, view, points, v0, v1, v2, exact)
+        facings[k], depths[k] = 0.0, 0.0
+        if facing != 0 and covers(parallel, points, v0, v1, v2, i, j, exact):
+            depth = np.float32(depth_at(parallel, view, points, v0, v1, v2, i, j))
+            if depth > 0.0:
+                facings[k], depths[k] = facing, depth
+
+
+@kernel
+def mark(keys, width, marks, first, listed):  # type: ignore[no-untyped-def]
+    """Make the lists of `Target`. keys: ascending, each once. marks: (rows, row) uint8, zero; first: (rows, row) int32.
+    listed: uint32, two for each key."""
+    place, last = 0, -1
+    for k in range(len(keys)):
+        pixel = keys[k] >> 32
+        y, x = pixel // width, pixel % width
+        if pixel != last:
+            if last >= 0:
+                listed[place] = LIST_END
+                place += 1
+            first[y, x], last = place, pixel
+        triangle = np.uint32(keys[k] & 0xFFFFFFFF)
+        listed[place] = triangle
+        place += 1
+        marks[y, x] |= np.uint8(1 << (np.int64(triangle) % MARKS))
+    if last >= 0:
+        listed[place] = LIST_END
+
+
+@kernel
+def face(counter_address, parallel, view, points, faces, exact, facings):  # type: ignore[no-untyped-def]
+    """facings: (F,) float32, of each triangle as `facing_of` has it. exact: as `turn` needs it, of this thread."""
+    while True:
+        start = fetch_add(counter_address, 1) * _CHUNK
+        if start >= len(faces):
+            return
+        for triangle in range(start, min(start + _CHUNK, len(faces))):
+            v0, v1, v2 = faces[triangle, 0], faces[triangle, 1], faces[triangle, 2]
+            facings[triangle] = facing_of(parallel, view, points, v0, v1, v2, exact)
+
+
+@cache
+def settling_kernel(kind: int) -> Callable[..., None]:
+    """The loop over decided samples; kind, of reduction, is a constant of the compiled code."""
+    has_factors = kind == TRANSMITTANCE
+
+    @kernel
+    def settle(keys, facings, depths, width, block):  # type: ignore[no-untyped-def]
+        """Take the hits among the samples in doubt. keys, facings, depths: of `decide`. block: of a `Target`."""
+        target = target_at(block)
+        for k in range(len(keys)):
+            if facings[k] != 0.0:
+                pixel, prim_id = keys[k] >> 32, np.uint32(keys[k] & 0xFFFFFFFF)
+                place = pixel // width * target.row + pixel % width
+                weight = float_at(target.weights + np.int64(prim_id) * 4) if has_factors else facings[k]
+                take(kind, 1, 1, mask_of(1, 1), repeated(depths[k], 1), weight, prim_id, place, target)
+
+    return settle

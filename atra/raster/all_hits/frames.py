@@ -1,0 +1,57 @@
+"""A frame of all hits: clusters culled, bands gone over."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from atra.all_hits.taking_kernels import LAYERS
+from atra.all_hits.target_kernels import Target
+from atra.compiled.threads import WorkerPool
+from atra.geometry.mesh import Mesh
+from atra.geometry.view import View
+from atra.raster.all_hits.drawing_kernels import SPARE, gathering_kernel
+from atra.raster.frames import Scratch
+from atra.raster.image import Viewpoint
+
+_BAND_BYTES, _LEAST_ROWS, _MOST_ROWS = 5 << 18, 16, 256
+"""Bytes of a band, which stay in the cache while it is drawn; its least and most rows, powers of two."""
+
+_BANDS = 4
+"""Of a thread, at least, so that none waits long for another."""
+
+
+def gather_frame(
+    mesh: Mesh,
+    camera: View,
+    offset: tuple[float, float],
+    lanes: int,
+    scratch: Scratch,
+    pool: WorkerPool,
+    kind: int,
+    target: Target,
+) -> None:
+    """Take all hits of all pixels. kind: of `taking_kernels`. target: its image is written completely."""
+    width, height = camera.width, camera.height
+    drawn = target.layers + 1 if kind == LAYERS else 1  # numbers of a pixel, if half of its layers hold a hit
+    row_bytes = drawn * target.row * 4
+    band_rows = _MOST_ROWS
+    while band_rows > _LEAST_ROWS and (
+        band_rows * row_bytes > _BAND_BYTES or band_rows * _BANDS * pool.threads > height
+    ):
+        band_rows //= 2
+    viewpoint = Viewpoint.of(mesh, camera, offset)
+    eye, clusters, rectangles = viewpoint.eye, scratch.clusters.addresses, scratch.rectangles
+    scratch.cull(eye, camera, band_rows, pool)
+    order = scratch.order()  # what is near first leaves little to be sorted
+    numbers = 2 * (target.layers + SPARE) + 1 if kind == LAYERS else 1
+    workspaces = scratch.workspaces_for(pool.threads, width, band_rows, band_rows * numbers * target.row * 4)
+    gather_bands: Any = gathering_kernel(lanes, camera.is_parallel, kind)
+    block = target.block()
+    address = block.ctypes.data
+
+    def gather(worker: int, counter: int) -> None:
+        gather_bands(
+            counter, eye, clusters, rectangles, order, band_rows, width, height, workspaces[worker], address
+        )  # fmt: skip
+
+    pool.run(gather)

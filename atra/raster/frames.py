@@ -1,0 +1,129 @@
+"""A frame: clusters culled, bands drawn; and the memory that frames share."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cache
+from itertools import accumulate
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from atra.all_hits.target_kernels import band_stride
+from atra.compiled.threads import WorkerPool
+from atra.exact.edges_kernels import SUMMANDS
+from atra.geometry.camera import Camera
+from atra.geometry.mesh import Mesh
+from atra.geometry.orthographic import OrthographicCamera
+from atra.geometry.view import View
+from atra.raster.clusters import CLUSTER, POINT_BYTES, VERTICES, Clusters, clusters_of
+from atra.raster.culling import TILE, cull_clusters, tile_stride
+from atra.raster.drawing import drawing_kernel
+from atra.raster.image import CACHE_LINE, Eye, Image, Viewpoint, Workspace
+from atra.raster.spans import ROWS
+from atra.raster.triangles import BATCH, DOUBLES, FLOATS, LIST_ROOM
+
+_BAND_PIXELS, _BAND_ROWS = 1 << 16, (16, 64)
+"""Pixels of a band, half a megabyte of image; and its least and most rows."""
+
+_CLUSTERS_A_THREAD = 4096
+"""Fewer are culled in less time than it takes to wake another thread."""
+
+
+@dataclass(frozen=True, eq=False)
+class Scratch:
+    """A mesh in clusters, and memory of its frames. rectangles, bounds: of `cull_clusters`."""
+
+    clusters: Clusters
+    rectangles: NDArray[np.int32]
+    bounds: NDArray[np.float32]
+    workspaces: list[NDArray[np.uint8]] = field(default_factory=list)
+
+    @classmethod
+    def of(cls, mesh: Mesh, pool: WorkerPool) -> Scratch:
+        """Make the clusters of a mesh."""
+        clusters = clusters_of(mesh, pool)
+        return cls(clusters, np.empty((clusters.count, 4), np.int32), np.empty(clusters.count, np.float32))
+
+    @property
+    def bytes(self) -> int:
+        """Memory of all arrays."""
+        own = self.rectangles.nbytes + self.bounds.nbytes + sum(memory.nbytes for memory in self.workspaces)
+        return self.clusters.bytes + own
+
+    def workspaces_for(self, threads: int, width: int, band_rows: int, band_bytes: int) -> list[Workspace]:
+        """One for each thread; band_bytes: of its image of a band."""
+        sizes = (
+            band_bytes,
+            8 * SUMMANDS,
+            8 * (band_rows + ROWS),
+            8 * (band_rows + ROWS),
+            (3 * CLUSTER + VERTICES) * POINT_BYTES,
+            8 * LIST_ROOM,
+            8 * BATCH * DOUBLES,
+            4 * BATCH * FLOATS,
+            4 * -(-band_rows // TILE) * tile_stride(width),
+            8 * (self.clusters.count + 1),
+        )
+        parts = [-(-part // CACHE_LINE) * CACHE_LINE for part in sizes]
+        wanted = sum(parts) + CACHE_LINE
+        if len(self.workspaces) != threads or len(self.workspaces[0]) < wanted:
+            self.workspaces[:] = [np.empty(wanted, np.uint8) for _ in range(threads)]
+        made = []
+        for memory in self.workspaces:
+            start = -(-memory.ctypes.data // CACHE_LINE) * CACHE_LINE
+            made.append(Workspace(*accumulate((start, *parts[:-1]))))
+        return made
+
+    def cull(self, eye: Eye, camera: View, band_rows: int, pool: WorkerPool) -> None:
+        """Find rectangles and bounds for a frame."""
+        rest = self.clusters.boxes, eye, camera.is_parallel, camera.width, camera.height, band_rows
+        threads = 1 + self.clusters.count // _CLUSTERS_A_THREAD
+        pool.run(lambda _, counter: cull_clusters(counter, *rest, self.rectangles, self.bounds), threads)
+
+    def order(self) -> NDArray[np.int64]:
+        """The clusters that may be seen, the nearest first."""
+        may_be_seen = np.flatnonzero(self.rectangles[:, 2] <= self.rectangles[:, 3])
+        return may_be_seen[np.argsort(-self.bounds[may_be_seen])]
+
+
+def draw_frame(
+    mesh: Mesh,
+    camera: View,
+    offset: tuple[float, float],
+    lanes: int,
+    scratch: Scratch,
+    pool: WorkerPool,
+    out: tuple[NDArray[np.float32], NDArray[np.uint32]],
+) -> None:
+    """Write depth and prim_id of all pixels to `out`, two arrays (H, W)."""
+    depth, prim_id = out
+    width, height, parallel = camera.width, camera.height, camera.is_parallel
+    viewpoint = Viewpoint.of(mesh, camera, offset)
+    least_rows, most_rows = _BAND_ROWS
+    band_rows = min(max(1 << (_BAND_PIXELS // width).bit_length() >> 1, least_rows), most_rows)  # a power of two
+    image = Image(depth.ctypes.data, prim_id.ctypes.data, width, height)
+    eye, addresses = viewpoint.eye, scratch.clusters.addresses
+    rectangles, bounds = scratch.rectangles, scratch.bounds
+    draw_bands: Any = drawing_kernel(lanes, parallel)
+    scratch.cull(eye, camera, band_rows, pool)
+    order = scratch.order()
+    workspaces = scratch.workspaces_for(pool.threads, width, band_rows, 8 * band_rows * band_stride(width))
+
+    def draw(worker: int, counter: int) -> None:
+        draw_bands(counter, eye, addresses, rectangles, bounds, order, band_rows, image, workspaces[worker])
+
+    pool.run(draw)
+
+
+@cache
+def compile_kernels(lanes: int, parallel: bool) -> None:
+    """Have everything that `draw_frame` calls compiled: draw one triangle."""
+    mesh = Mesh(np.eye(3, dtype=np.float32), np.array([[0, 1, 2]] * (CLUSTER + 1), np.uint32))
+    kind = OrthographicCamera if parallel else Camera
+    camera = kind((0, 0, 1), (0, 0, 0), width=1, height=1)
+    out = np.empty((1, 1), np.float32), np.empty((1, 1), np.uint32)
+    pool = WorkerPool(1)
+    draw_frame(mesh, camera, (0.5, 0.5), lanes, Scratch.of(mesh, pool), pool, out)
+    pool.close()

@@ -1,0 +1,131 @@
+"""The image that is drawn, the view that it is drawn from, and what both ways of drawing have in common."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from atra.all_hits.target_kernels import LINE
+from atra.compiled.memory import identities_at
+from atra.compiled.store import njit
+from atra.geometry.mesh import Mesh
+from atra.geometry.view import View
+
+SPAN = LINE
+"""Pixels along a row over which nearness is a float32 multiple of its slope; no function of `lanes`, so that the
+number of lanes changes no bit."""
+
+NARROW = 32
+"""Widest box, in pixels, of a triangle that is drawn without looking for the ends of its rows."""
+
+GENTLE = 2.0
+"""Nearness whose slope over so many pixels is at most so many times the least it has is gentle: rounding to float32
+along the row changes it by few units of itself. What is steeper is computed in float64, between its corners'."""
+
+
+CACHE_LINE = 64
+"""Bytes of one."""
+
+_LEAST_DEPTH = 1e-25
+"""Depth that a corner has at least, of the mesh's distance from the eye: its inverse has to be a float32."""
+
+
+class Image(NamedTuple):
+    """depth, prim_id: addresses of the first pixel, 4 bytes each, rows one after another."""
+
+    depth: int
+    prim_id: int
+    width: int
+    height: int
+
+
+class Band(NamedTuple):
+    """The rows top ... bottom of the image while they are drawn, in memory of the thread that does.
+
+    nearness, prim_id: addresses of their first pixel, 4 bytes each. stride: pixels from row to row.
+    """
+
+    nearness: int
+    prim_id: int
+    stride: int
+    top: int
+    bottom: int
+
+
+class Eye(NamedTuple):
+    """What triangles are drawn from. Addresses of float64: position (3), to_pixels (3 x 4), of homogeneous eye space,
+    with the samples at whole numbers, and depth_axis (3), the view axis in eye space. least_depth: what smaller depths
+    count as, on either side of the eye plane; 0 where rays are parallel."""
+
+    position: int
+    to_pixels: int
+    depth_axis: int
+    least_depth: float
+
+
+@dataclass(frozen=True, eq=False)
+class Viewpoint:
+    """The numbers of an `Eye`, which have to live as long as it is used.
+
+    numbers: (18,) float64, position, to_pixels and depth_axis one after another.
+    """
+
+    numbers: NDArray[np.float64]
+    least_depth: float
+
+    @classmethod
+    def of(cls, mesh: Mesh, camera: View, offset: tuple[float, float]) -> Viewpoint:
+        """What a mesh is seen from, with the samples of an offset at whole numbers."""
+        numbers = np.concatenate([camera.eye, camera.to_pixels.reshape(-1), camera.axes[2]])
+        for row, part in zip((numbers[3:7], numbers[7:11]), offset, strict=True):
+            row -= part * numbers[11:15]
+        least_depth = 0.0 if camera.is_parallel else _LEAST_DEPTH * float(np.abs(mesh.bounds - numbers[:3]).max())
+        return cls(numbers, least_depth)
+
+    @property
+    def position(self) -> NDArray[np.float64]:
+        """(3,), as of `Eye`."""
+        return self.numbers[:3]
+
+    @property
+    def to_pixels(self) -> NDArray[np.float64]:
+        """(12,), as of `Eye`."""
+        return self.numbers[3:15]
+
+    @property
+    def eye(self) -> Eye:
+        """The numbers by their addresses."""
+        first = self.numbers.ctypes.data
+        return Eye(first, first + 3 * 8, first + 15 * 8, self.least_depth)
+
+
+class Workspace(NamedTuple):
+    """Addresses of memory of one thread. band: an image of a band, such as nearness and then prim_id. exact: SUMMANDS
+    float64 for edges. first, last: float64, where each row of a triangle starts and ends, with room for whole vectors.
+    points: a cluster's vertices in pixels. listed, doubles, floats: of `triangles`. tiles: of `culling`. here: int64,
+    the clusters of a band."""
+
+    band: int
+    exact: int
+    first: int
+    last: int
+    points: int
+    listed: int
+    doubles: int
+    floats: int
+    tiles: int
+    here: int
+
+
+@njit
+def without_lower(bits, same, prim_id, address):  # type: ignore[no-untyped-def]
+    """`bits` of the lanes to be drawn without those of `same` where a lower prim_id, from the address on, is stored."""
+    lane = 0
+    while same >> lane != 0:
+        if (same >> lane) & 1 and identities_at(address)[lane] < prim_id:
+            bits &= ~(1 << lane)
+        lane += 1
+    return bits

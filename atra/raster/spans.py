@@ -1,0 +1,261 @@
+"""Spans: any triangle, row by row, from its first sample to its last; wide ones, and whatever is not quite ordinary."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from atra.compiled.memory import doubles_at, floats_at, load, store, store_where
+from atra.compiled.store import njit
+from atra.compiled.vectors import (
+    bits_of,
+    counted,
+    larger,
+    mask_of,
+    nearest_whole,
+    next_whole,
+    rarely,
+    repeated,
+    rounded,
+    size,
+    smaller,
+)
+from atra.exact.edges_kernels import SURELY_NEAREST, UNIT, crossing_error, first_beyond, turn
+from atra.raster.clusters import POINT_BYTES
+from atra.raster.culling import is_hidden
+from atra.raster.image import GENTLE, SPAN, without_lower
+from atra.raster.triangles import corner_at
+
+_VOLUME_ROUNDINGS = 8.0
+"""Roundings, of its summands, that a volume may be off by: 3 differences, 2 products and 3 sums, at most."""
+
+ROWS = 8
+"""Rows whose spans are found at once."""
+
+
+@njit
+def holds_eye(a, b, c):  # type: ignore[no-untyped-def]
+    """Whether the eye lies in the plane of a triangle, to the last digits of float64: then it is seen edge-on.
+
+    a, b, c: its corners, seen from the eye.
+    """
+    (x0, y0, z0), (x1, y1, z1), (x2, y2, z2) = a, b, c
+    volume = x0 * (y1 * z2 - z1 * y2) + y0 * (z1 * x2 - x1 * z2) + z0 * (x1 * y2 - y1 * x2)
+    sizes = abs(x0) * (abs(y1 * z2) + abs(z1 * y2)) + abs(y0) * (abs(z1 * x2) + abs(x1 * z2))
+    return abs(volume) <= _VOLUME_ROUNDINGS * UNIT * (sizes + abs(z0) * (abs(x1 * y2) + abs(y1 * x2)))
+
+
+@njit(forceinline=True)
+def from_eye(eye, vertices, count, packed, corner):  # type: ignore[no-untyped-def]
+    """A corner, in the world's axes, seen from the eye; vertices: address of the `count` of its cluster."""
+    values, position = floats_at(vertices), doubles_at(eye.position)
+    place = ((packed >> (16 * corner)) & 0xFFFF) // POINT_BYTES
+    x, y, z = values[place], values[place + count], values[place + 2 * count]
+    return x - position[0], y - position[1], z - position[2]
+
+
+@njit(forceinline=True)
+def homogeneous(m, corner):  # type: ignore[no-untyped-def]
+    """(x, y, 1) times the depth of a corner, or (x, y, 1) where rays are parallel; x and y its pixel position."""
+    u, v, w = corner
+    return (
+        m[0] * u + m[1] * v + m[2] * w + m[3],
+        m[4] * u + m[5] * v + m[6] * w + m[7],
+        m[8] * u + m[9] * v + m[10] * w + m[11],
+    )
+
+
+@njit(forceinline=True)
+def _inverse_of(volume):  # type: ignore[no-untyped-def]
+    """Of a volume of 0 something huge, so that the plane is at the eye."""
+    return 1.0 / volume if volume != 0.0 else 1e200
+
+
+@njit
+def _pinhole_plane(m, a, b, c):  # type: ignore[no-untyped-def]
+    """Nearness A i + B j + C on the plane of a triangle that may reach behind the eye.
+
+    The plane of the corners p0, p1, p2, homogeneous, with normal n = (p1 - p0) x (p2 - p0), is met at 1 / depth =
+    n . (i, j, 1) / n . p0.
+    """
+    a0, b0, c0 = homogeneous(m, a)
+    a1, b1, c1 = homogeneous(m, b)
+    a2, b2, c2 = homogeneous(m, c)
+    a1, b1, c1 = a1 - a0, b1 - b0, c1 - c0
+    a2, b2, c2 = a2 - a0, b2 - b0, c2 - c0
+    na, nb, nc = b1 * c2 - c1 * b2, c1 * a2 - a1 * c2, a1 * b2 - b1 * a2
+    inverse = _inverse_of(na * a0 + nb * b0 + nc * c0)
+    return na * inverse, nb * inverse, nc * inverse
+
+
+@njit
+def _parallel_plane(x0, y0, w0, x1, y1, w1, x2, y2, w2):  # type: ignore[no-untyped-def]
+    """The same where rays are parallel."""
+    x1, y1, w1, x2, y2, w2 = x1 - x0, y1 - y0, w1 - w0, x2 - x0, y2 - y0, w2 - w0
+    inverse = _inverse_of(x1 * y2 - y1 * x2)
+    a, b = (w1 * y2 - w2 * y1) * inverse, (w2 * x1 - w1 * x2) * inverse
+    return a, b, w0 - a * x0 - b * y0
+
+
+@njit
+def _cut(px, py, qx, qy, is_left, top, count, width, workspace):  # type: ignore[no-untyped-def]
+    """Cut the rows top, top + 1, ... off at an edge: before its first sample beyond, or from there on."""
+    address = workspace.first if is_left else workspace.last
+    limits = doubles_at(address)
+    ax, ay = (px, py) if abs(px) + abs(py) < abs(qx) + abs(qy) else (qx, qy)  # the nearer corner errs less
+    slope = (qx - px) / (qy - py)
+    error = crossing_error(ax, slope * max(abs(top - ay), abs(top + count - ay)))
+    if not error < SURELY_NEAREST:
+        for k in range(count):
+            beyond = first_beyond(px, py, qx, qy, float(top + k), width, workspace.exact)
+            limits[k] = max(limits[k], beyond) if is_left else min(limits[k], beyond - 1)
+        return
+    slopes, first_x, first_y = repeated(slope, ROWS), repeated(ax, ROWS), repeated(ay, ROWS)
+    lowest, highest, unsure = repeated(-0.5, ROWS), repeated(width + 0.5, ROWS), repeated(error, ROWS)
+    one = repeated(1.0, ROWS)
+    for k in range(0, count, ROWS):
+        crossing = (counted(float(top + k), ROWS) - first_y) * slopes + first_x
+        crossing = smaller(larger(crossing, lowest), highest)
+        beyond = next_whole(crossing)
+        place = address + k * 8
+        old = load(place, 0.0, ROWS)
+        store(larger(old, beyond) if is_left else smaller(old, beyond - one), place)
+        doubts = bits_of(size(crossing - nearest_whole(crossing)) <= unsure)
+        if rarely(doubts != 0):
+            store(old, place)
+            for row in range(k, min(k + ROWS, count)):
+                exactly = first_beyond(px, py, qx, qy, float(top + row), width, workspace.exact)
+                limits[row] = max(limits[row], exactly) if is_left else min(limits[row], exactly - 1)
+
+
+class Spans(NamedTuple):
+    """Which way a triangle turns on the image, 0 if it is not seen; its first and last row in a band; and nearness:
+    slope_x i + slope_y j + constant, from the farthest to the nearest, gentle or not (`GENTLE`)."""
+
+    facing: int
+    top: int
+    bottom: int
+    slope_x: float
+    slope_y: float
+    constant: float
+    farthest: float
+    nearest: float
+    is_gentle: bool
+
+
+@njit
+def rows_of(parallel, packed, band, points):  # type: ignore[no-untyped-def]
+    """First and last row of a band that may hold a sample of a triangle."""
+    _, y0, w0 = corner_at(points, packed, 0)
+    _, y1, w1 = corner_at(points, packed, 1)
+    _, y2, w2 = corner_at(points, packed, 2)
+    if parallel or min(w0, w1, w2) > 0.0:
+        return int(max(np.ceil(min(y0, y1, y2)), band.top)), int(min(np.floor(max(y0, y1, y2)), band.bottom))
+    return band.top, band.bottom
+
+
+@njit
+def find_spans(parallel, eye, vertices, vertex_count, packed, width, band, workspace):  # type: ignore[no-untyped-def]
+    """The `Spans` of a triangle with these corners, of a cluster with the vertices from an address on; where each of
+    its rows starts and ends is written to the workspace.
+
+    A corner behind the eye is projected to where its line through the eye meets the image, and turns the side of
+    its edges that counts, each corner once; otherwise nothing is different for it.
+    """
+    points = workspace.points
+    x0, y0, w0 = corner_at(points, packed, 0)
+    x1, y1, w1 = corner_at(points, packed, 1)
+    x2, y2, w2 = corner_at(points, packed, 2)
+    top, bottom = rows_of(parallel, packed, band, points)
+    nearest, farthest = max(w0, w1, w2), min(w0, w1, w2)
+    facing = turn(x0, y0, x1, y1, x2, y2, workspace.exact) if top <= bottom else 0
+    slope_x = slope_y = constant = least = 0.0
+    if parallel:
+        slope_x, slope_y, constant = _parallel_plane(x0, y0, w0, x1, y1, w1, x2, y2, w2)
+        least = -nearest
+    else:
+        a = from_eye(eye, vertices, vertex_count, packed, 0)
+        b = from_eye(eye, vertices, vertex_count, packed, 1)
+        c = from_eye(eye, vertices, vertex_count, packed, 2)
+        slope_x, slope_y, constant = _pinhole_plane(doubles_at(eye.to_pixels), a, b, c)
+        if farthest < 0.0:
+            if nearest < 0.0 or holds_eye(a, b, c):
+                facing = 0
+            nearest, farthest = np.inf, np.inf
+            for w in (w0, w1, w2):
+                farthest = min(farthest, w if w > 0.0 else np.inf)
+        least = farthest
+    is_gentle = abs(slope_x) * SPAN <= GENTLE * least
+    if facing != 0:
+        firsts, lasts = doubles_at(workspace.first), doubles_at(workspace.last)
+        for k in range(bottom - top + 1):
+            firsts[k], lasts[k] = 0.0, width - 1.0
+        for px, py, qx, qy, wanted in (
+            (x1, y1, x2, y2, -facing if not parallel and w0 < 0.0 else facing),
+            (x2, y2, x0, y0, -facing if not parallel and w1 < 0.0 else facing),
+            (x0, y0, x1, y1, -facing if not parallel and w2 < 0.0 else facing),
+        ):
+            if qy != py:
+                _cut(px, py, qx, qy, (qy > py) == (wanted < 0), top, bottom - top + 1, width, workspace)
+            else:
+                for k in range(bottom - top + 1):
+                    if qx == px or wanted != (1 if (qx > px) == (top + k >= py) else -1):
+                        lasts[k] = -1.0
+    return Spans(facing, top, bottom, slope_x, slope_y, constant, farthest, nearest, is_gentle)
+
+
+@njit(forceinline=True)
+def nearness_of(parallel, lanes, found, row, start):  # type: ignore[no-untyped-def]
+    """Nearness, float32, from column `start` on. found: `Spans`. row: nearness in column 0 of the row."""
+    if found.is_gentle:
+        base = start // SPAN * SPAN
+        first = repeated(np.float32(row + found.slope_x * base), lanes)
+        along = counted(np.float32(start - base), lanes) * repeated(np.float32(found.slope_x), lanes)
+        return smaller(repeated(np.float32(found.nearest), lanes), first + along)
+    wide = repeated(row, lanes) + counted(float(start), lanes) * repeated(found.slope_x, lanes)
+    if not parallel:
+        wide = size(wide)  # the sign is wrong where the eye is in the plane but for rounding
+    return rounded(smaller(larger(wide, repeated(found.farthest, lanes)), repeated(found.nearest, lanes)))
+
+
+@njit
+def draw_spans(lanes, parallel, eye, vertices, vertex_count, prim_id, packed, width, band, workspace):  # type: ignore[no-untyped-def]
+    """Draw a triangle with these corners, of a cluster with the vertices from an address on, with vectors of `lanes`,
+    unless what is drawn hides its box."""
+    points = workspace.points
+    x0, _, w0 = corner_at(points, packed, 0)
+    x1, _, w1 = corner_at(points, packed, 1)
+    x2, _, w2 = corner_at(points, packed, 2)
+    if parallel or min(w0, w1, w2) > 0.0:
+        top, bottom = rows_of(parallel, packed, band, points)
+        left, right = int(max(np.ceil(min(x0, x1, x2)), 0.0)), int(min(np.floor(max(x0, x1, x2)), width - 1.0))
+        if is_hidden(
+            left, right, top - band.top, bottom - band.top, np.float32(max(w0, w1, w2)), width, workspace.tiles
+        ):
+            return
+    spans = find_spans(parallel, eye, vertices, vertex_count, packed, width, band, workspace)
+    if spans.facing == 0:
+        return
+    firsts, lasts = doubles_at(workspace.first), doubles_at(workspace.last)
+    prim_ids, at_eye = repeated(prim_id, lanes), repeated(np.float32(0.0), lanes)
+    next_columns = repeated(np.float32(lanes), lanes)
+    for k in range(spans.bottom - spans.top + 1):
+        first, last = int(firsts[k]), int(lasts[k])
+        row = spans.slope_y * (spans.top + k) + spans.constant
+        byte = (spans.top + k - band.top) * band.stride * 4
+        before, end = repeated(np.float32(first - 1), lanes), repeated(np.float32(last), lanes)
+        columns = counted(np.float32(first // lanes * lanes), lanes)
+        for start in range(first // lanes * lanes, last + 1, lanes):
+            place = byte + start * 4
+            old = load(band.nearness + place, np.float32(0.0), lanes)
+            found = nearness_of(parallel, lanes, spans, row, start)
+            drawn = (found >= old) & (columns > before) & (columns <= end)
+            if parallel:
+                drawn = drawn & (at_eye > found)
+            same = bits_of(drawn & (found <= old))
+            if rarely(same != 0):
+                drawn = mask_of(without_lower(bits_of(drawn), same, prim_id, band.prim_id + place), lanes)
+            store_where(drawn, found, band.nearness + place)
+            store_where(drawn, prim_ids, band.prim_id + place)
+            columns = columns + next_columns
