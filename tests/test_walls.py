@@ -248,9 +248,9 @@ def test_walls_are_seen_to_fall() -> None:
     assert not breaches(Wall("atra.tracing", ("atra.embree",), but=("atra.embree",)))
     assert breaches(Wall("atra.alignment", ("atra.raster",)))
     assert breaches(Wall("atra.light", LIGHT[1:], apart_from=LIGHT[1:]))  # its face
-    assert breaches(Wall("atra.exact", ("numba",)))
+    assert breaches(Wall("atra.packets", ("numba",)))
     assert breaches(Wall("experiments", ("experiments.methods",), but=("experiments.methods.naming",)))
-    assert not breaches(Wall("atra.exact", ("numba",), suffix_apart="_kernels"))
+    assert not breaches(Wall("atra.packets", ("numba",), suffix_apart="_kernels"))
 
 
 def test_every_room_of_the_library_has_its_place_in_the_order() -> None:

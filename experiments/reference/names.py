@@ -22,7 +22,7 @@ from experiments.reference.writing import (
     table,
 )
 
-PACKAGES = ("atra", "atra.light", "atra.light")
+PACKAGES = ("atra", "atra.light")
 """Packages whose `__all__` is public: what rays see, and the light of pictures and lightmaps."""
 
 
