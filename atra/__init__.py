@@ -10,9 +10,11 @@ Implementation with Embree".
 from atra.alignment.aligned import AlignedTracer, FramesTracer
 from atra.alignment.alignment import Alignment
 from atra.alignment.frames import Frames
+from atra.alignment.options import AlignedOptions, FramesOptions, ReferenceRayOptions
 from atra.alignment.visible_first import VisibleFirstTracer
 from atra.all_hits.reductions import Count, Layers, Thickness, Transmittance
 from atra.all_hits.results import Counts, LayerHits, Thicknesses, Transmittances
+from atra.bvh.options import BvhOptions
 from atra.bvh.tracer import BvhTracer
 from atra.errors import AtraError, EmbreeError, InputError, MemoryBudgetError
 from atra.files.cameras.colmap import read_colmap
@@ -36,16 +38,7 @@ from atra.prim_ids import MISS
 from atra.raster.tracer import RasterTracer
 from atra.rays.rays import RayHits, Rays
 from atra.rays.scene import RayScene
-from atra.tracing.options import (
-    AlignedOptions,
-    BvhOptions,
-    CellOptions,
-    Options,
-    PixelOptions,
-    RasterOptions,
-    RayOptions,
-    ReferenceRayOptions,
-)
+from atra.tracing.options import CellOptions, Options, PixelOptions, RasterOptions, RayOptions
 from atra.tracing.tracer import Tracer
 from atra.views.render_views import render_views
 
@@ -68,6 +61,7 @@ __all__ = [
     "EmbreeError",
     "FaceSources",
     "Frames",
+    "FramesOptions",
     "FramesTracer",
     "Hits",
     "ImagePlane",

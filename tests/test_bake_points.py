@@ -25,7 +25,7 @@ from experiments.methods.peers.mitsuba_light import load_mitsuba
 from experiments.methods.raster import RASTER
 from experiments.results.claims import DOES_NOT_HOLD, HOLDS, NOT_MEASURED, UNDECIDED, judge_claim
 from experiments.results.table import columns
-from experiments.workloads.bake import BAKE, STAGES, Against, BakeSettings, Compaction
+from experiments.workloads.bake import BAKE, STAGES, Against, BakeSettings
 from experiments.workloads.bake.adaptive import adaptive_bias
 from experiments.workloads.bake.claims import CLAIMS
 from experiments.workloads.bake.figures import FIGURES
@@ -100,7 +100,7 @@ def test_a_point_is_held_against_the_same_bake_without_one_of_its_means(against:
 
 @xatlas
 def test_a_lane_for_every_texel_is_held_against_nothing_and_uses_fewer_lanes() -> None:
-    point, none = measured(against=Against.compaction, compaction=Compaction.none)
+    point, none = measured(against=Against.compaction, compaction="none")
     assert set(none.samples) == {"own"}
     assert point.workload_options.other is None
     _, bounces = measured(against=Against.compaction)

@@ -23,11 +23,11 @@ from matplotlib.figure import Figure
 
 import experiments
 from atra.packets.pixel import PixelTracer
+from atra.tracing.options import option
 from experiments.drawing.figure import FigureKind, of_table
 from experiments.harness.column import WHOLE, Column
 from experiments.harness.configuration import Configuration, read_configuration, register_schema
 from experiments.harness.method import Method, Style, Tracing
-from experiments.harness.options import option
 from experiments.harness.point import Measured, Point, Workload
 from experiments.harness.processes.outcome import Outcome
 from experiments.harness.processes.worker import Job, measure_point

@@ -13,7 +13,7 @@ import pytest
 import atra
 from atra.errors import InputError
 from atra.planner.choice import PACKETS, RASTER, candidates
-from experiments.harness.configuration import Chosen, Configuration, MeasureConfiguration, SceneConfiguration, Ties
+from experiments.harness.configuration import Chosen, Configuration, MeasureConfiguration, SceneConfiguration
 from experiments.harness.options import NoOptions
 from experiments.harness.point import Point
 from experiments.harness.points import plan_points
@@ -143,7 +143,7 @@ def test_a_point_passes_its_ties_on_to_plans_and_tracers(monkeypatch: pytest.Mon
 
     for module in ("atra.exact.ties", "atra.tracing.base"):
         monkeypatch.setattr(f"{module}.coplanar_overlaps", refuse)
-    measured = measure_point(toy_point(ties=Ties.any))
+    measured = measure_point(toy_point(ties="any"))
     assert measured.results["planned"]["ties"] == "any"
 
 

@@ -93,10 +93,10 @@ def test_rays_from_lists_hit_what_they_hit_from_the_root(traversal, views, empty
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize(
-    ("packet_width", "shaft_order"),
-    [(1, False), pytest.param(1, True, marks=pytest.mark.slow), pytest.param(8, True, marks=pytest.mark.slow)],
+    ("packet_width", "ray_order"),
+    [(1, "image"), pytest.param(1, "shaft", marks=pytest.mark.slow), pytest.param(8, "shaft", marks=pytest.mark.slow)],
 )
-def test_batches_hit_the_same_with_every_subset_of_shafts(kind, packet_width, shaft_order):
+def test_batches_hit_the_same_with_every_subset_of_shafts(kind, packet_width, ray_order):
     mesh, camera = MESHES["random"], atra.Camera(**EYE_AT_ORIGIN, width=41, height=23, fov_y_degrees=120)
     rays = ray_set(kind, mesh, camera, plain(mesh, camera))
     depth, prim_id = nearest_in_float64(mesh, rays)
@@ -107,7 +107,7 @@ def test_batches_hit_the_same_with_every_subset_of_shafts(kind, packet_width, sh
     np.testing.assert_allclose(expected.t[same & expected.hit], depth[same & expected.hit], rtol=1e-4)
     np.testing.assert_array_equal(occluded[same], prim_id[same] != atra.MISS)
     for subset in SUBSETS:
-        options = {**SMALL, "subset": subset, "packet_width": packet_width, "shaft_order": shaft_order}
+        options = {**SMALL, "subset": subset, "packet_width": packet_width, "ray_order": ray_order}
         with ShaftScene(mesh, **options) as scene:
             prepared = scene.prepare(rays)
             hits, counted = scene.intersect(prepared), scene.count(prepared)

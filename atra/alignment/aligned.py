@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import partial
-from typing import Any
+from typing import Any, ClassVar, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,7 @@ from atra.alignment.alignment import Alignment
 from atra.alignment.culling import plan_aligned_geometry
 from atra.alignment.frames import Frames
 from atra.alignment.instancing import check_instancing_budget, plan_instanced_geometry
+from atra.alignment.options import AlignedKeywords, AlignedOptions, FramesKeywords, FramesOptions
 from atra.alignment.reference_rays import ReferenceRayTracer, reference_rays
 from atra.alignment.second_pass import SecondPass, with_neighbours
 from atra.alignment.visibility import Tiles, nearest_in_tiles
@@ -33,7 +34,7 @@ from atra.tracing.budgets import check_memory_budget
 from atra.tracing.geometry import AlignedGeometry, LeftOut, plan_plain_geometry
 from atra.tracing.images import images_of
 from atra.tracing.lifetime import Result, in_turn
-from atra.tracing.options import AlignedOptions
+from atra.tracing.options import lists_options
 from atra.tracing.rays import SQUAREST_SHAPE, longest_ray
 
 SECOND_PASS_TILE = (8, 4)
@@ -43,18 +44,16 @@ SECOND_PASS_TILE = (8, 4)
 class _AlignedImages(ReferenceRayTracer[Result]):
     """All images of an alignment at once; `AlignedTracer` and `FramesTracer` are its two faces."""
 
-    options_type = AlignedOptions
-    options: AlignedOptions
+    options_type: ClassVar[type[FramesOptions]] = FramesOptions
+    options: FramesOptions
 
-    def __init__(
-        self, meshes: Mesh | Sequence[Mesh], alignment: Alignment, options: AlignedOptions | None = None, **changes: Any
-    ) -> None:
+    def __init__(self, meshes: Mesh | Sequence[Mesh], alignment: Alignment, options: Mapping[str, Any]) -> None:
         count = alignment.image_count
         self.meshes = (meshes,) * count if isinstance(meshes, Mesh) else tuple(meshes)
         if len(self.meshes) != count:
             raise InputError(f"{len(self.meshes)} meshes for {count} frames; expected one for each, or one for all")
         first = self.meshes[0]
-        super().__init__(options, **changes)
+        super().__init__(options)
         self._align(self.meshes, alignment)
         self._second_passes: list[SecondPass | None] = []  # of each image that copies cannot show all of
         cells = self.split.cell_count * count
@@ -137,31 +136,23 @@ class _AlignedImages(ReferenceRayTracer[Result]):
 class AlignedTracer(EmbreeGathering, _AlignedImages[Hits], ImageTracer):
     """Affine-transformed ray alignment: shoot the reference cell's rays, read the nearest hit of every cell.
 
-    split: (nx, ny) cells; nx must divide the width, ny the height. options: of `atra.AlignedOptions`, changes: fields
-    of it by name. reference: whose rays are shot, those "off_axis" or, as in the paper, those of the "first_cell"; the
-    image is the same. With instances `triangle_count` is the mesh's own.
-    Raises InputError for a split that does not divide the image, an unknown reference, and as the options do;
-    MemoryBudgetError before allocating.
+    split: (nx, ny) cells; nx must divide the width, ny the height. options: see `atra.AlignedOptions`.
+    With instances `triangle_count` is the mesh's own.
+    Raises InputError for a split that does not divide the image, and as the options do; MemoryBudgetError before
+    allocating.
     Source: paper §3.1, §3.4; instances §4.4.
     """
 
-    def __init__(
-        self,
-        mesh: Mesh,
-        camera: View,
-        split: tuple[int, int],
-        options: AlignedOptions | None = None,
-        *,
-        reference: str = "off_axis",
-        **changes: Any,
-    ) -> None:
-        self.reference = reference
-        super().__init__(
-            (mesh,), Alignment.of_cells(camera, Split.of_image(split, camera), reference), options, **changes
-        )
+    options_type = AlignedOptions
+    options: AlignedOptions
+
+    @lists_options(AlignedOptions)
+    def __init__(self, mesh: Mesh, camera: View, split: tuple[int, int], **options: Unpack[AlignedKeywords]) -> None:
+        reference = options.get("reference", AlignedOptions.reference)
+        super().__init__((mesh,), Alignment.of_cells(camera, Split.of_image(split, camera), reference), options)
 
     def _set_camera(self, camera: View) -> None:
-        self._align(self.meshes, Alignment.of_cells(camera, self.split.of(camera), self.reference))
+        self._align(self.meshes, Alignment.of_cells(camera, self.split.of(camera), self.options.reference))
 
     @property
     def _gathering_row(self) -> int:
@@ -204,13 +195,17 @@ class FramesTracer(NoGathering, _AlignedImages[Frames]):
     """Several images from one set of rays: two eyes, or frames of a moving camera, each with its own cells.
 
     meshes: one for all frames, or one per frame, so that geometry may move, too. alignment: `Alignment.of_eyes`,
-    `Alignment.of_frames`, or any other. options: of `atra.AlignedOptions`, changes: fields of it by name; instances
-    need one mesh for all frames. `look` takes one camera, and there are several: it is refused.
+    `Alignment.of_frames`, or any other. options: see `atra.FramesOptions`; instances need one mesh for all
+    frames. `look` takes one camera, and there are several: it is refused.
     Raises InputError for another number of meshes than frames, and as `AlignedTracer` does.
     Source: paper §6, Fig. 8.
     """
 
     why_not = "its result is several images; gather each with a tracer of its own"
+
+    @lists_options(FramesOptions)
+    def __init__(self, meshes: Mesh | Sequence[Mesh], alignment: Alignment, **options: Unpack[FramesKeywords]) -> None:
+        super().__init__(meshes, alignment, options)
 
     def _set_camera(self, camera: View) -> None:
         raise InputError(

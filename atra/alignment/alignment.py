@@ -10,6 +10,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
+from atra.alignment.options import REFERENCES
 from atra.errors import InputError
 from atra.geometry.camera import Camera
 from atra.geometry.numbers import Vector
@@ -19,9 +20,6 @@ from atra.geometry.view import View
 
 TOLERANCE_PIXELS = 1e-6
 """How far beside its reference ray a mapped ray may lie: float64 leaves about 1e-9, float32 tracing 1e-4."""
-
-REFERENCES = ("off_axis", "first_cell")
-"""Where the reference rays lie: a quarter of the image from its centre, or on cell (0, 0) as in the paper."""
 
 
 @dataclass(frozen=True, eq=False)

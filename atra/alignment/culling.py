@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from atra.alignment.alignment import Alignment
 from atra.alignment.culling_kernels import fill_copies
+from atra.alignment.options import FramesOptions
 from atra.alignment.rounding import Roundings, roundings_of_copies, roundings_of_translations
 from atra.compiled.threads import WorkerPool
 from atra.exact.rounding_kernels import COPY_MULTIPLE, INSTANCE_MULTIPLE
@@ -18,11 +19,10 @@ from atra.geometry.ray_space import padded_vertices, unseen_from
 from atra.geometry.view import View
 from atra.tracing.budgets import check_image_size, check_memory_budget
 from atra.tracing.geometry import AlignedGeometry, LeftOut
-from atra.tracing.options import AlignedOptions
 
 
 def plan_aligned_geometry(
-    meshes: Sequence[Mesh], alignment: Alignment, options: AlignedOptions, row_stride: int, pool: WorkerPool
+    meshes: Sequence[Mesh], alignment: Alignment, options: FramesOptions, row_stride: int, pool: WorkerPool
 ) -> AlignedGeometry:
     """Shear a copy of every triangle for every cell, or with culling only for the cells whose frustum it meets.
 

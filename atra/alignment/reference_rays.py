@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from atra.alignment.aligned_kernels import aligned_kernel
 from atra.alignment.alignment import Alignment
+from atra.alignment.options import ReferenceRayOptions
 from atra.embree.packets_kernels import Image, RayGrid
 from atra.errors import InputError
 from atra.geometry.mesh import Mesh
@@ -17,7 +18,6 @@ from atra.geometry.split import Split
 from atra.tracing.base import EmbreeTracer, check_views
 from atra.tracing.budgets import check_image_size
 from atra.tracing.lifetime import Result
-from atra.tracing.options import ReferenceRayOptions
 from atra.tracing.rays import ray_grid, share_direction
 from atra.whole_numbers import is_whole_number
 

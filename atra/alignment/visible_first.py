@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from time import perf_counter
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from atra.alignment.alignment import Alignment
+from atra.alignment.options import ReferenceRayKeywords, ReferenceRayOptions
 from atra.alignment.reference_rays import ReferenceRayTracer
 from atra.alignment.second_pass import SecondPass
 from atra.alignment.visibility import Tiles, plan_visible_geometry
@@ -27,7 +28,7 @@ from atra.tracing.base import ImageTracer
 from atra.tracing.geometry import AlignedGeometry, plan_plain_geometry
 from atra.tracing.images import new_images
 from atra.tracing.lifetime import in_turn
-from atra.tracing.options import ReferenceRayOptions
+from atra.tracing.options import lists_options
 from atra.tracing.rays import SQUAREST_SHAPE, check_pinhole, pixel_tiles, ray_grid
 
 PROBE_STEP = 4
@@ -54,8 +55,8 @@ class VisibleFirstTracer(NoGathering, ReferenceRayTracer[Hits], ImageTracer):
 
     split: (nx, ny) cells; nx must divide the width, ny the height. probe: None shoots a few rays when planning;
     `Hits` of an image of the same size, such as an earlier frame or another camera near by, are taken as they are; an
-    integer array of prim_ids, which may be empty, names the triangles for pass 1. options: of
-    `atra.ReferenceRayOptions`, changes: fields of it by name; the build quality is that of the copies in pass 1.
+    integer array of prim_ids, which may be empty, names the triangles for pass 1. options: see
+    `atra.ReferenceRayOptions`; the build quality is that of the copies in pass 1.
     Raises InputError for a split that does not divide the image, a probe of another size, and a prim_id that the mesh
     does not have.
 
@@ -65,19 +66,19 @@ class VisibleFirstTracer(NoGathering, ReferenceRayTracer[Hits], ImageTracer):
 
     why_not = "it leaves out what is hidden, which is what all hits are made of"
 
+    @lists_options(ReferenceRayOptions)
     def __init__(
         self,
         mesh: Mesh,
         camera: View,
         split: tuple[int, int],
-        options: ReferenceRayOptions | None = None,
         probe: Hits | ArrayLike | None = None,
-        **changes: Any,
+        **options: Unpack[ReferenceRayKeywords],
     ) -> None:
         check_pinhole(camera, "VisibleFirstTracer")
         self.probe = probe if probe is None or isinstance(probe, Hits) else _checked_prim_ids(mesh, probe)
         self.split = Split.of_image(split, camera)
-        super().__init__(options, **changes)
+        super().__init__(options)
         self.mesh = mesh
         self._set_camera(camera)
         self._probe_time_s = 0.0

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from time import perf_counter
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from atra.bvh.batches import Batch, batch_kernel
 from atra.bvh.bvh import Bvh, bvh_of
 from atra.bvh.memory import Memory
+from atra.bvh.options import BvhKeywords, BvhOptions
 from atra.bvh.starts import NO_SHAFTS, ROOT_LIST, Shafts
 from atra.compiled.threads import WorkerPool, resolve_threads
 from atra.embree.packets_kernels import MISS
@@ -21,7 +22,7 @@ from atra.geometry.mesh import Mesh
 from atra.geometry.ray_space import check_world_range
 from atra.rays.rays import RayHits, Rays
 from atra.tracing.lifetime import Lifetime, in_turn
-from atra.tracing.options import BvhOptions
+from atra.tracing.options import lists_options
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +50,7 @@ class BvhScene(Lifetime):
         with BvhScene(mesh) as scene:
             hits = scene.intersect(scene.prepare(atra.Rays(origins, directions)))
 
-    options: see `atra.BvhOptions`; changes: fields of it by name; packets are those of neighbours in the batch.
+    options: see `atra.BvhOptions`; packets are those of neighbours in the batch.
     Triangles and `prim_id` are as for `atra.RayScene`; of equally near ones the lowest `prim_id` is stored. The answers
     are the same to the bit for all options.
     Raises InputError as the options do, and for a mesh smaller than 1e-9 or farther than 1e11 from the world's origin.
@@ -58,10 +59,14 @@ class BvhScene(Lifetime):
     options_type: ClassVar[type[BvhOptions]] = BvhOptions
     options: BvhOptions
 
-    def __init__(self, mesh: Mesh, options: BvhOptions | None = None, **changes: Any) -> None:
+    @lists_options(BvhOptions)
+    def __init__(self, mesh: Mesh, **options: Unpack[BvhKeywords]) -> None:
+        self._set_up(mesh, options)
+
+    def _set_up(self, mesh: Mesh, options: Mapping[str, Any]) -> None:
         super().__init__()
         check_world_range(mesh)
-        self.options = self.options_type.of(type(self).__name__, options, changes)
+        self.options = self.options_type.of(type(self).__name__, options)
         self.mesh = mesh
         self.packet_width = int(self.options.packet_width)
         self.threads = resolve_threads(self.options.threads)

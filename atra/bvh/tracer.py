@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from time import perf_counter
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from atra.bvh.bvh import Bvh, bvh_of
 from atra.bvh.images import Start, image_kernel
 from atra.bvh.memory import Memory
+from atra.bvh.options import BvhKeywords, BvhOptions
 from atra.bvh.starts import NO_SHAFTS, Shafts
 from atra.compiled.threads import WorkerPool, resolve_threads
 from atra.embree.packets_kernels import Image, RayGrid
@@ -25,15 +26,14 @@ from atra.tracing.budgets import check_image_memory
 from atra.tracing.geometry import plan_plain_geometry
 from atra.tracing.images import images_of, outputs
 from atra.tracing.lifetime import TracerLifetime, in_turn
-from atra.tracing.options import BvhOptions
+from atra.tracing.options import lists_options
 from atra.tracing.rays import SQUAREST_SHAPE, image_ray_grid, pixel_tiles
 
 
 class BvhTracer(NoGathering, TracerLifetime[Hits]):
     """One ray per pixel through a binary BVH of our own (`atra.bvh`), single or in packets; no Embree.
 
-    BvhTracer(mesh, camera, options=None, **changes): options are of `atra.BvhOptions`, changes fields of it by name.
-    As `PixelTracer` it keeps the BVH while the camera turns about its eye.
+    options: see `atra.BvhOptions`. As `PixelTracer` it keeps the BVH while the camera turns about its eye.
     Raises InputError as the options do, and for a mesh smaller than 1e-9 or farther than 1e11 from the eye;
     MemoryBudgetError for an image that the free memory cannot hold.
     """
@@ -44,9 +44,13 @@ class BvhTracer(NoGathering, TracerLifetime[Hits]):
     why_not = "its traversal stops at the nearest hit"
     _start = Start.root
 
-    def __init__(self, mesh: Mesh, camera: View, options: BvhOptions | None = None, **changes: Any) -> None:
+    @lists_options(BvhOptions)
+    def __init__(self, mesh: Mesh, camera: View, **options: Unpack[BvhKeywords]) -> None:
+        self._set_up(mesh, camera, options)
+
+    def _set_up(self, mesh: Mesh, camera: View, options: Mapping[str, Any]) -> None:
         super().__init__()
-        self.options = self.options_type.of(type(self).__name__, options, changes)
+        self.options = self.options_type.of(type(self).__name__, options)
         self.mesh = mesh
         self.packet_width = int(self.options.packet_width)
         self.threads = resolve_threads(self.options.threads)

@@ -11,6 +11,9 @@ from atra.embree.library import load_library
 from atra.errors import EmbreeError, InputError
 from atra.whole_numbers import is_whole_number
 
+BUILD_QUALITIES = tuple(layout.BUILD_QUALITY)
+"""How well Embree builds a BVH, and how long that takes, from the quickest to the best."""
+
 
 class EmbreeScene(EmbreeDevice):
     """A committed Embree scene of triangles, or of instances of them, on a device of its own.
@@ -71,12 +74,6 @@ class EmbreeScene(EmbreeDevice):
         if self.closed:
             raise EmbreeError("this Embree scene is closed and cannot be traced any more")
         return self._scene
-
-
-def check_build_quality(build_quality: str) -> None:
-    """Raise InputError for a build quality that Embree does not have."""
-    if build_quality not in layout.BUILD_QUALITY:
-        raise InputError(f"build_quality is {build_quality!r}, expected one of {', '.join(layout.BUILD_QUALITY)}")
 
 
 def resolve_packet_width(packet_width: int | None) -> int:

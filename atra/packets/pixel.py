@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Unpack
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,14 +18,14 @@ from atra.packets.pixel_kernels import pixel_kernel
 from atra.raster.all_hits.doubts_kernels import Precision
 from atra.tracing.base import ImageTracer, check_views
 from atra.tracing.geometry import AlignedGeometry, plan_plain_geometry
-from atra.tracing.options import PixelOptions
+from atra.tracing.options import PixelKeywords, PixelOptions, lists_options
 from atra.tracing.rays import SQUAREST_SHAPE, image_ray_grid, longest_ray, pixel_tiles
 
 
 class PixelTracer(EmbreeGathering, ImageTracer):
     """One ray per pixel through `rtcIntersect1` (packet_width 1, the paper's baseline) or packets (4, 8, 16).
 
-    options: of `atra.PixelOptions`, changes: fields of it by name.
+    options: see `atra.PixelOptions`.
     Raises InputError as the options do, and for a mesh smaller than 1e-9 or farther than 1e11 from the eye, where
     float32 would lose triangles; MemoryBudgetError, when planning, for more overlaps than can be kept.
 
@@ -36,8 +36,9 @@ class PixelTracer(EmbreeGathering, ImageTracer):
     options_type = PixelOptions
     options: PixelOptions
 
-    def __init__(self, mesh: Mesh, camera: View, options: PixelOptions | None = None, **changes: Any) -> None:
-        super().__init__(options, **changes)
+    @lists_options(PixelOptions)
+    def __init__(self, mesh: Mesh, camera: View, **options: Unpack[PixelKeywords]) -> None:
+        super().__init__(options)
         rows = self.options.packet_rows
         self.packet_shape = SQUAREST_SHAPE[self.packet_width] if rows is None else (self.packet_width // rows, rows)
         self.mesh = mesh

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Unpack
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,7 @@ from atra.tracing.all_hits import NoGathering
 from atra.tracing.base import ImageTracer, check_views
 from atra.tracing.budgets import check_memory_budget
 from atra.tracing.geometry import AlignedGeometry
-from atra.tracing.options import CellOptions
+from atra.tracing.options import CellKeywords, CellOptions, lists_options
 from atra.tracing.rays import SQUAREST_SHAPE, check_pinhole, image_ray_grid
 
 
@@ -28,8 +28,7 @@ class TiledTracer(NoGathering, ImageTracer):
     """Every cell's frustum-culled triangles in an Embree scene of their own; one ray per pixel, in packets.
 
     The same culling as `AlignedTracer` and no shear, so that what culling buys and what alignment buys are seen apart.
-    split: (nx, ny) cells; nx must divide the width, ny the height. options: of `atra.CellOptions`, changes: fields of
-    it by name.
+    split: (nx, ny) cells; nx must divide the width, ny the height. options: see `atra.CellOptions`.
     Raises InputError for a split that does not divide the image, MemoryBudgetError before allocating.
     """
 
@@ -37,12 +36,11 @@ class TiledTracer(NoGathering, ImageTracer):
     options_type = CellOptions
     options: CellOptions
 
-    def __init__(
-        self, mesh: Mesh, camera: View, split: tuple[int, int], options: CellOptions | None = None, **changes: Any
-    ) -> None:
+    @lists_options(CellOptions)
+    def __init__(self, mesh: Mesh, camera: View, split: tuple[int, int], **options: Unpack[CellKeywords]) -> None:
         check_pinhole(camera, "TiledTracer")
         self.split = Split.of_image(split, camera)
-        super().__init__(options, **changes)
+        super().__init__(options)
         self.mesh = mesh
         self._set_camera(camera)
         self._cell_starts = np.zeros(self.split.cell_count + 1, np.int64)

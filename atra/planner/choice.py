@@ -13,7 +13,7 @@ from atra.geometry.split import Split
 from atra.geometry.view import View
 from atra.packets.pixel import PixelTracer
 from atra.raster.tracer import RasterTracer
-from atra.tracing.options import check_build_quality, native_packet_widths
+from atra.tracing.options import PacketOptions, native_packet_widths
 from atra.tracing.rays import SQUAREST_SHAPE
 from atra.tracing.tracer import Tracer
 from atra.whole_numbers import is_whole_number
@@ -46,7 +46,7 @@ class Choice:
     def __post_init__(self) -> None:
         if self.method not in METHODS:
             raise InputError(f"method is {self.method!r}, expected one of {', '.join(METHODS)}")
-        check_build_quality(self.build_quality)
+        PacketOptions(build_quality=self.build_quality)  # refuses one that Embree does not have
         for name, value in (
             ("split_x", self.split[0]), ("split_y", self.split[1]),
             ("packet_width", self.packet_width), ("packet_rows", self.packet_rows),

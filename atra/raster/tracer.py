@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from time import perf_counter
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,14 +23,14 @@ from atra.tracing.all_hits import Gathering, target_of
 from atra.tracing.budgets import check_image_memory
 from atra.tracing.images import images_of, outputs
 from atra.tracing.lifetime import in_turn
-from atra.tracing.options import RasterOptions
+from atra.tracing.options import RasterKeywords, RasterOptions, lists_options
 
 
 class RasterTracer(Gathering):
     """Every triangle drawn onto the image, exactly where the rays of its pixels meet it, nearest in front.
 
-    RasterTracer(mesh, camera, options=None, **changes): options are of `atra.RasterOptions`, changes fields of it by
-    name. What it builds, clusters of triangles, are of the mesh alone, so `look` changes the camera at no price.
+    options: see `atra.RasterOptions`. What it builds, clusters of triangles, are of the mesh alone, so `look` changes
+    the camera at no price.
     Raises InputError as the options do, and for a mesh smaller than 1e-9 or farther than 1e11 from the eye;
     MemoryBudgetError for an image that the free memory cannot hold.
     """
@@ -38,9 +38,10 @@ class RasterTracer(Gathering):
     embree_bytes = 0
     packet_width = 1
 
-    def __init__(self, mesh: Mesh, camera: View, options: RasterOptions | None = None, **changes: Any) -> None:
+    @lists_options(RasterOptions)
+    def __init__(self, mesh: Mesh, camera: View, **options: Unpack[RasterKeywords]) -> None:
         super().__init__()
-        self.options = RasterOptions.of(type(self).__name__, options, changes)
+        self.options = RasterOptions.of(type(self).__name__, options)
         self.mesh = mesh
         self.lanes = self.options.lanes or native_lanes()
         self.threads = resolve_threads(self.options.threads)

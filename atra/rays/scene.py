@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from time import perf_counter
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -35,7 +35,7 @@ from atra.rays.rays_kernels import (
     put_back,
 )
 from atra.tracing.lifetime import Lifetime
-from atra.tracing.options import RayOptions
+from atra.tracing.options import PacketKeywords, RayOptions, lists_options
 
 FEWEST_RAYS, FEWEST_TRIANGLES = 1 << 14, 1 << 17
 """Of a batch and of a mesh, for rays to be put in an order: otherwise all they touch is in the cache anyway."""
@@ -83,8 +83,7 @@ class RayScene(Lifetime):
     The first batch builds; `with` builds on entry and closes on exit, and `build` and `close` do so by hand. Several
     threads may use one scene; their batches wait for each other.
 
-    options: see `atra.RayOptions`; changes: fields of it by name. faces: (F,) bool, those that rays meet; None: all.
-
+    options: see `atra.RayOptions`. faces: (F,) bool, those that rays meet; None: all.
     Triangles are the mesh's `traced_faces`, as for the tracers, and `prim_id` counts them as the mesh does. Where
     several are equally far, whichever Embree finds is stored: there is no rule for ties.
     Raises InputError for options as `RayOptions` does, for faces of another shape or type, and for a mesh smaller than
@@ -94,15 +93,16 @@ class RayScene(Lifetime):
     `coherent` and RTC_SCENE_FLAG_ROBUST for `robust`.
     """
 
+    @lists_options(RayOptions)
     def __init__(
-        self, mesh: Mesh, options: RayOptions | None = None, *, faces: NDArray[np.bool_] | None = None, **changes: Any
+        self, mesh: Mesh, *, faces: NDArray[np.bool_] | None = None, **options: Unpack[PacketKeywords]
     ) -> None:
         super().__init__()
         check_world_range(mesh)
         if faces is not None and (np.shape(faces), np.asarray(faces).dtype) != ((mesh.triangle_count,), np.bool_):
             raise InputError(f"faces are {faces!r:.100}, expected ({mesh.triangle_count},) bool, those that rays meet")
         self.mesh, self._faces = mesh, None if faces is None else np.array(faces)
-        self.options = RayOptions.of(type(self).__name__, options, changes)
+        self.options = RayOptions.of(type(self).__name__, options)
         self.packet_width = resolve_packet_width(self.options.packet_width)
         self.threads = resolve_threads(self.options.threads)
         self._pool = WorkerPool(self.threads)

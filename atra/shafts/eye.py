@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from time import perf_counter
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
 
 from atra.bvh.bvh import bvh_of
 from atra.bvh.images import Start
+from atra.bvh.options import BvhOptions
 from atra.bvh.starts import NO_SHAFTS, Shafts
 from atra.bvh.tracer import BvhTracer
 from atra.embree.packets_kernels import PixelTiles
@@ -19,7 +20,7 @@ from atra.geometry.mesh import Mesh
 from atra.geometry.ray_space import NARROWEST_WORLD_PITCH, check_world_range, from_eye_space
 from atra.geometry.view import View
 from atra.shafts.lists_kernels import build_eye_lists
-from atra.shafts.options import ShaftOptions
+from atra.shafts.options import ShaftKeywords, ShaftOptions
 from atra.shafts.shafts import ShaftLists, building_of, stored_lists
 from atra.shafts.shape_kernels import (
     ACROSS,
@@ -35,7 +36,7 @@ from atra.shafts.shape_kernels import (
     SHAPE,
 )
 from atra.tracing.lifetime import in_turn
-from atra.tracing.options import BvhOptions
+from atra.tracing.options import lists_options
 from atra.tracing.rays import check_pinhole
 
 _SLOPE_SLACK = 2.0**-18
@@ -52,7 +53,7 @@ class EyeTracer(BvhTracer):
     All rays of such a shaft start at the eye. The BVH is the world's and serves every eye; a camera that moves takes
     new lists only. Rays start at the eye rounded to float32: far from the world's origin, in diagonals of the mesh,
     images are not as exact as those of `BvhTracer`, though the same to the bit whatever the options are.
-    options: of `atra.shafts.options.ShaftOptions`, of which those on voxels, memory, subsets and orders are not used.
+    options: see `atra.shafts.options.ShaftOptions`, of which those on voxels, memory, subsets and orders are not used.
     Raises what `BvhTracer` does; InputError for parallel rays and for pixels so narrow that rays in the world's axes
     would merge.
     Source: A. Reshetov, A. Soupikov, J. Hurley, "Multi-level ray tracing algorithm", 2005, for starting the rays of a
@@ -64,9 +65,10 @@ class EyeTracer(BvhTracer):
     options: ShaftOptions
     _start = Start.tile
 
-    def __init__(self, mesh: Mesh, camera: View, options: ShaftOptions | None = None, **changes: Any) -> None:
+    @lists_options(ShaftOptions)
+    def __init__(self, mesh: Mesh, camera: View, **options: Unpack[ShaftKeywords]) -> None:
         check_world_range(mesh)
-        super().__init__(mesh, camera, options, **changes)
+        self._set_up(mesh, camera, options)
         self._lists: ShaftLists | None = None
 
     def _set_camera(self, camera: View) -> None:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from atra.bvh.options import BvhKeywords, BvhOptions
 from atra.errors import InputError
-from atra.tracing.options import BvhOptions
+from atra.tracing.options import option, option_of
 from atra.whole_numbers import is_whole_number
 
 LONGEST_LIST = 255
@@ -21,37 +22,51 @@ the rays use that are to be traced; none, which leaves the order of rays alone."
 ON_RAYS = ("sampled", "hits", "none")
 """Those that hang on the rays that are to be traced."""
 
-EMPTY = ("miss", "root")
-"""What an empty list means: the proof that nothing is hit, or that the ray starts from the root."""
+
+class ShaftKeywords(BvhKeywords, total=False):
+    ray_order: str
+    cells: int | None
+    directions: int
+    memory: float
+    probability: float
+    rays: int
+    longest: int
+    subset: str
+    share: float
+    empty: str
+    occlusion: bool
 
 
 @dataclass(frozen=True)
 class ShaftOptions(BvhOptions):
     """Options of `ClassifiedTracer` and `ShaftScene`, beside those of `BvhTracer`.
 
-    cells: voxels; None: as many as `memory` allows. directions: cells along each side of the six faces of a cube.
-    memory: of lists and look-up, as a multiple of that of the BVH but at least 64 KiB, if `cells` is None.
-    probability: how probable a hit of a node must be for it to be opened. rays: sampled in each shaft. longest: nodes
-    of a list. subset: one of SUBSETS. share: of the rays of a sample whose shafts have lists, if `subset` is "sampled".
-    empty: one of EMPTY. occlusion: whether a sampled ray ends where it hits something. shaft_order: rays of a batch are
-    traced shaft by shaft, and packets start from the list that their rays share.
     Raises InputError, with the value, for cells, directions, rays and longest that are not whole or less than 1,
-    longest beyond 255, directions beyond 1,024, a probability or a share outside (0, 1], a memory that is not above 0,
-    and unknown words.
+    longest beyond 255, directions beyond 1,024, a probability or a share outside (0, 1] and a memory that is not above
+    0.
     """
 
-    traversal: str = "pop"
-    cells: int | None = None
-    directions: int = 4
-    memory: float = 1.0
-    probability: float = 0.5
-    rays: int = 20
-    longest: int = 31
-    subset: str = "complete"
-    share: float = 0.9
-    empty: str = "miss"
-    occlusion: bool = True
-    shaft_order: bool = False
+    traversal: str = option_of(BvhOptions, "traversal", default="pop")
+    ray_order: str = option(
+        "image",
+        "in which order a batch is traced: image = as it comes, shaft = shaft by shaft, packets from a list that their "
+        "rays share",
+        choices=("image", "shaft"),
+    )
+    cells: int | None = option(None, "voxels; null = as many as the memory allows", null="by memory")
+    directions: int = option(4, "cells along each side of a cube's faces")
+    memory: float = option(
+        1.0, "memory of look-up and lists, at least 64 KiB, where cells are null", unit="times the BVH's"
+    )
+    probability: float = option(0.5, "how probable a hit must be for a node to be opened")
+    rays: int = option(20, "sampled in each shaft")
+    longest: int = option(31, "nodes of a list, at most")
+    subset: str = option("complete", "which shafts have lists", choices=SUBSETS)
+    share: float = option(0.9, "of a sample's rays whose shafts have lists, where the subset is sampled")
+    empty: str = option(
+        "miss", "what an empty list means: a proof of a miss, or to start at the root", choices=("miss", "root")
+    )
+    occlusion: bool = option(True, "what a sampled ray hits hides what lies behind")
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -68,6 +83,3 @@ class ShaftOptions(BvhOptions):
                 raise InputError(f"{name} is {getattr(self, name)!r}, expected more than 0 and at most 1")
         if not 0 < self.memory < float("inf"):
             raise InputError(f"memory is {self.memory!r}, expected more than 0, as a multiple of the BVH's")
-        for name, words in (("subset", SUBSETS), ("empty", EMPTY)):
-            if getattr(self, name) not in words:
-                raise InputError(f"{name} is {getattr(self, name)!r}, expected one of {', '.join(words)}")

@@ -4,20 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from time import perf_counter
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
 
 from atra.bvh.batches import classify
+from atra.bvh.options import BvhOptions
 from atra.bvh.scene import BvhScene, PreparedRays, batch_of
 from atra.bvh.starts import EMPTY_LIST, NO_SHAFTS, PASSES, ROOT_LIST, UNKNOWN, Shafts
 from atra.geometry.mesh import Mesh
 from atra.rays.rays import Rays
-from atra.shafts.options import ShaftOptions
+from atra.shafts.options import ShaftKeywords, ShaftOptions
 from atra.shafts.shafts import ShaftLists, build_shafts
 from atra.tracing.lifetime import in_turn
-from atra.tracing.options import BvhOptions
+from atra.tracing.options import lists_options
 
 SAMPLE = 64
 """One of so many rays of a batch is looked at to find which shafts are used most."""
@@ -34,8 +35,9 @@ class ShaftScene(BvhScene):
     options_type: ClassVar[type[BvhOptions]] = ShaftOptions
     options: ShaftOptions
 
-    def __init__(self, mesh: Mesh, options: ShaftOptions | None = None, **changes: Any) -> None:
-        super().__init__(mesh, options, **changes)
+    @lists_options(ShaftOptions)
+    def __init__(self, mesh: Mesh, **options: Unpack[ShaftKeywords]) -> None:
+        self._set_up(mesh, options)
         self._lists: ShaftLists | None = None
 
     @property
@@ -69,7 +71,7 @@ class ShaftScene(BvhScene):
             else:
                 sampled_s = 0.0
             shafts = self.lists.shafts
-            if options.shaft_order or self.packet_width > 1:
+            if options.ray_order == "shaft" or self.packet_width > 1:
                 numbers = self._classified(batch) if numbers is None else numbers
                 batch = self._in_packets(rays, numbers, shafts)
             if options.subset == "none":
@@ -84,7 +86,7 @@ class ShaftScene(BvhScene):
     def _in_packets(self, rays: Rays, numbers: NDArray[np.int64], shafts: Shafts) -> Any:
         """Rays in their order, in packets of rays that share a list; without lists, in packets that are full."""
         width = self.packet_width
-        order = np.argsort(numbers, kind="stable") if self.options.shaft_order else np.arange(len(numbers))
+        order = np.argsort(numbers, kind="stable") if self.options.ray_order == "shaft" else np.arange(len(numbers))
         if self.options.subset == "none":
             return batch_of(rays, width, order)
         lists = _lists_of(shafts, numbers[order])

@@ -4,18 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from time import perf_counter
-from typing import Any, ClassVar
+from typing import ClassVar, Unpack
 
 from atra.bvh.images import Start
+from atra.bvh.options import BvhOptions
 from atra.bvh.starts import Shafts
 from atra.bvh.tracer import BvhTracer
 from atra.errors import InputError
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
-from atra.shafts.options import ShaftOptions
+from atra.shafts.options import ShaftKeywords, ShaftOptions
 from atra.shafts.shafts import ShaftLists, build_shafts
 from atra.tracing.lifetime import in_turn
-from atra.tracing.options import BvhOptions
+from atra.tracing.options import lists_options
 
 _OF_RAYS = ("sampled", "hits")
 
@@ -23,7 +24,7 @@ _OF_RAYS = ("sampled", "hits")
 class ClassifiedTracer(BvhTracer):
     """As `BvhTracer`, single rays, each of which starts from the list of its shaft (ray classification).
 
-    options: of `atra.ShaftOptions`. The subsets that hang on rays are for batches (`atra.shafts.scene`).
+    options: see `atra.shafts.options.ShaftOptions`. Subsets that hang on rays are for batches (`atra.shafts.scene`).
     Raises what `BvhTracer` does; InputError for packets and for those subsets; MemoryBudgetError, when building, for
     shafts that do not fit.
     Source: J. Hendrich et al., "Ray classification for accelerated BVH traversal", 2019.
@@ -33,8 +34,9 @@ class ClassifiedTracer(BvhTracer):
     options: ShaftOptions
     _start = Start.shaft
 
-    def __init__(self, mesh: Mesh, camera: View, options: ShaftOptions | None = None, **changes: Any) -> None:
-        super().__init__(mesh, camera, options, **changes)
+    @lists_options(ShaftOptions)
+    def __init__(self, mesh: Mesh, camera: View, **options: Unpack[ShaftKeywords]) -> None:
+        self._set_up(mesh, camera, options)
         if self.packet_width != 1:
             raise InputError(f"packet_width is {self.packet_width}, expected 1: pixels of a packet share no shaft")
         if self.options.subset in _OF_RAYS:

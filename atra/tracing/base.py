@@ -14,7 +14,7 @@ from atra.compiled.threads import WorkerPool, resolve_threads
 from atra.embree.bvh_cost import BvhCost, bvh_cost
 from atra.embree.callbacks_kernels import memory_monitor
 from atra.embree.device import EmbreeDevice
-from atra.embree.scene import EmbreeScene
+from atra.embree.scene import EmbreeScene, resolve_packet_width
 from atra.embree.workspace import Workspace, check_widths
 from atra.exact.ties import coplanar_overlaps, lowest_of_ties, tie_tiles
 from atra.geometry.mesh import Mesh
@@ -25,7 +25,7 @@ from atra.tracing.budgets import check_image_memory
 from atra.tracing.geometry import AlignedGeometry
 from atra.tracing.images import images_of, outputs
 from atra.tracing.lifetime import Result, TracerLifetime, in_turn
-from atra.tracing.options import Options, resolve_packet_width
+from atra.tracing.options import Options
 
 Views = tuple[tuple[Mesh, View], ...]
 """What each image shows, and its camera."""
@@ -34,7 +34,7 @@ Views = tuple[tuple[Mesh, View], ...]
 class EmbreeTracer(TracerLifetime[Result]):
     """Options, buffers and scene that the tracers share; `camera` is that of the rays shot.
 
-    options, changes: a value of `options_type`, and fields of it by name that are to be others.
+    options: fields of `options_type` by name.
     Raises InputError for a mesh smaller than 1e-9, or farther than 1e11 from the eye: float32 would lose triangles;
     MemoryBudgetError for images that the free memory cannot hold; and as the options do.
     """
@@ -45,9 +45,9 @@ class EmbreeTracer(TracerLifetime[Result]):
     camera: View
     views: Views
 
-    def __init__(self, options: Options | None = None, **changes: Any) -> None:
+    def __init__(self, options: Mapping[str, Any]) -> None:
         super().__init__()
-        self.options = self.options_type.of(type(self).__name__, options, changes)
+        self.options = self.options_type.of(type(self).__name__, options)
         self.packet_width = resolve_packet_width(self.options.packet_width)
         self.threads = resolve_threads(self.options.threads)
         self._geometry: AlignedGeometry | None = None

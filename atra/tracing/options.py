@@ -1,98 +1,198 @@
-"""Options: how a tracer traces, whatever it traces; each kind of tracer has its own type of them."""
+"""Options: how a tracer traces, whatever it traces; each kind of tracer has its own type of them.
+
+A field says all there is to know of an option: name, type, default, choices, unit and help. Checks, signatures, the
+command line of experiments, columns of tables and documents are made from it. Beside each type stands a dictionary of
+the same names and types, from which type checkers and editors know the keywords of a tracer; a test holds both equal.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
-from typing import Any, Self
+from collections.abc import Callable, Mapping
+from dataclasses import Field, dataclass, field, fields, replace
+from inspect import Parameter, signature
+from types import NoneType
+from typing import Any, Self, TypedDict, TypeVar, get_args, get_type_hints
 
 import numpy as np
 
 from atra.compiled.threads import resolve_threads
 from atra.embree.library import load_library
-from atra.embree.scene import check_build_quality, resolve_packet_width
+from atra.embree.scene import BUILD_QUALITIES, resolve_packet_width
 from atra.errors import InputError
 from atra.whole_numbers import is_whole_number
 
 TIES = ("lowest", "any")
-"""What a tracer stores where triangles tie: the lowest prim_id, or whichever float32 happens to put in front."""
-
-TILE_ORDERS = ("blocks", "rows", "morton")
-"""Which pixels are traced one after the other: see `PixelOptions`."""
-
-GEOMETRIES = ("copied", "instanced")
-"""How the cells' sheared geometry comes into the scene."""
+"""Rules for triangles that tie: the lowest prim_id is stored, or whichever float32 happens to put in front."""
 
 LANES = (4, 8, 16)
 """Numbers of pixels that can be drawn at once, and of rays that can be taken through a tree of ours together."""
 
-TRAVERSALS = ("push", "pop")
-"""When a node's box is tested: before it is put on the stack, or when it is taken from there."""
+_Function = TypeVar("_Function", bound=Callable[..., Any])
+
+
+def option(default: Any, help: str, *, choices: tuple[Any, ...] = (), unit: str = "", null: str | None = None) -> Any:
+    """A field of an options type.
+
+    choices: the values there are, beside None where the type allows it; (): any of its type. unit: of a number. null:
+    what tables show for None where it is a choice like any other; without it they show that nothing is known.
+    """
+    return field(default=default, metadata={"help": help, "choices": choices, "unit": unit, "null": null})
+
+
+def option_of(kind: type, name: str, **changes: Any) -> Any:
+    """A field like that of another options type, but for the arguments of `option` that are named."""
+    one = kind.__dataclass_fields__[name]  # type: ignore[attr-defined]
+    return option(**{"default": one.default, **one.metadata, **changes})
 
 
 @dataclass(frozen=True)
 class Choices:
-    """What all options are: values that are changed by naming fields."""
+    """What all options are: values that are changed by naming fields, and refused where they are none of the choices.
+
+    Raises InputError, with the value, for whatever a field does not allow.
+    """
+
+    def __post_init__(self) -> None:
+        check_choices(self)
 
     @classmethod
-    def of(cls, owner: str, options: Choices | None, changes: Mapping[str, Any]) -> Self:
-        """`options`, or the defaults, with the fields `changes` names changed; `owner` is who was given them.
+    def of(cls, owner: str, keywords: Mapping[str, Any]) -> Self:
+        """The defaults with the fields that `keywords` names changed; `owner` is who was given them.
 
-        Raises TypeError for other fields, naming those there are, and for options that lack fields of this type.
+        Raises TypeError for other fields, naming those there are.
         """
-        names = [field.name for field in fields(cls)]
-        unknown = next((name for name in changes if name not in names), None)
+        return cls().changed(owner, keywords)
+
+    def changed(self, owner: str, keywords: Mapping[str, Any]) -> Self:
+        """These with the fields that `keywords` names changed, as `of` the defaults."""
+        names = [one.name for one in fields(self)]
+        unknown = next((name for name in keywords if name not in names), None)
         if unknown is not None:
             raise TypeError(f"{owner} has no option {unknown!r}; its options are {', '.join(names)}")
-        if options is None:
-            return cls(**changes)
-        if not isinstance(options, cls):
-            raise TypeError(f"options of {owner} are {options!r}, expected {cls.__name__}, or fields of it by name")
-        return replace(options, **changes)
+        return replace(self, **keywords)
 
     @classmethod
     def part_of(cls, options: Choices) -> Self:
         """What options that have more fields say of those of this type."""
-        return cls(**{field.name: getattr(options, field.name) for field in fields(cls)})
+        return cls(**{one.name: getattr(options, one.name) for one in fields(cls)})
+
+    def keywords(self) -> dict[str, Any]:
+        """All fields by name, as tracers take them: `PixelTracer(mesh, camera, **options.keywords())`."""
+        return {one.name: getattr(self, one.name) for one in fields(self)}
+
+
+def types_of(options: type) -> dict[str, Any]:
+    """The types of an options type's fields, by name."""
+    return get_type_hints(options)
+
+
+def check_choices(options: Any, section: str = "", null: str = "None") -> None:
+    """Raise InputError, with the value, for the first field of a dataclass that is none of its choices, or neither True
+    nor False though it has to be. section: what is said before its name. null: how None is written."""
+    for one in fields(options):
+        check_choice(one, types_of(type(options))[one.name], getattr(options, one.name), section + one.name, null)
+
+
+def check_choice(one: Field[Any], kind: Any, value: Any, name: str, null: str = "None") -> None:
+    """`check_choices` of one field, whose type is `kind`."""
+    choices = one.metadata.get("choices", ())
+    if kind is bool and not isinstance(value, bool):
+        raise InputError(f"{name} is {value!r}, expected True or False")
+    may_be_none = NoneType in get_args(kind)
+    if not choices or (value is None and may_be_none):
+        return
+    if not (isinstance(value, str) or is_whole_number(value)) or value not in choices:
+        or_none = f", or {null}" if may_be_none else ""
+        raise InputError(f"{name} is {value!r}, expected one of {', '.join(map(str, choices))}{or_none}")
+
+
+def lists_options(kind: type[Choices], *, as_changes: bool = False) -> Callable[[_Function], _Function]:
+    """Have the signature of a function that takes `**options` list those of `kind`, for `help()`, notebooks and
+    documents. as_changes: those that are not given stay as they are, so defaults are shown as `...`."""
+
+    def listing(function: _Function) -> _Function:
+        plain = signature(function)
+        others = [one for one in plain.parameters.values() if one.kind is not Parameter.VAR_KEYWORD]
+        listed = [
+            Parameter(one.name, Parameter.KEYWORD_ONLY, default=... if as_changes else one.default, annotation=hint)
+            for one, hint in ((one, types_of(kind)[one.name]) for one in fields(kind))
+        ]
+        function.__signature__ = plain.replace(parameters=[*others, *listed])  # type: ignore[attr-defined]
+        return function
+
+    return listing
+
+
+class ThreadKeywords(TypedDict, total=False):
+    threads: int | None
+
+
+class TieKeywords(TypedDict, total=False):
+    ties: str
+
+
+class PacketKeywords(ThreadKeywords, total=False):
+    packet_width: int | None
+    build_quality: str
+    robust: bool
+
+
+class Keywords(PacketKeywords, TieKeywords, total=False):
+    pass
 
 
 @dataclass(frozen=True)
-class PacketOptions(Choices):
-    """What everything that shoots packets of rays into Embree can be told.
+class ThreadOptions(Choices):
+    """Options of whatever works in threads. Raises InputError for fewer than 1 and for more than 1,024."""
 
-    packet_width: rays of a packet; 1 is the paper's way, None takes the widest the machine supports natively.
-    threads: None takes every core the process may use. build_quality: of the BVH, "low", "medium" or "high". robust: no
-    ray slips through between two triangles that share an edge; False is Embree's fast setting, the paper's, in which
-    some do (docs/trust.md).
-    Raises InputError, with the value, for widths that are not native, threads below 1 or beyond 1,024 and unknown build
-    qualities; EmbreeError where there is no usable Embree to ask.
-    """
-
-    packet_width: int | None = None
-    threads: int | None = None
-    build_quality: str = "medium"
-    robust: bool = True
+    threads: int | None = option(None, "threads; null = every core that the process may use")
 
     def __post_init__(self) -> None:
-        check_build_quality(self.build_quality)
-        check_robust(self.robust)
-        resolve_packet_width(self.packet_width)
+        super().__post_init__()
         resolve_threads(self.threads)
 
 
 @dataclass(frozen=True)
-class Options(PacketOptions):
-    """What every tracer can be told.
+class TieOptions(Choices):
+    """Options of whatever stores one of several triangles that tie."""
 
-    ties: where triangles of one plane overlap, "lowest" stores the lowest prim_id of them (`atra.exact.ties`), "any"
-    what float32 put in front. Raises InputError, with the value, for another rule.
+    ties: str = option(
+        "lowest",
+        "what is stored where triangles of one plane overlap: the lowest prim_id, or any, which float32 put in front",
+        choices=TIES,
+    )
+
+
+@dataclass(frozen=True)
+class PacketOptions(ThreadOptions):
+    """Options of everything that shoots packets of rays into Embree.
+
+    Raises InputError for widths that are not native; EmbreeError where there is no usable Embree to ask.
     """
 
-    ties: str = "lowest"
+    packet_width: int | None = option(
+        None, "rays in a packet; 1 = single rays, null = the widest native packets", choices=(1, *LANES)
+    )
+    build_quality: str = option("medium", "Embree's, for its BVH", choices=BUILD_QUALITIES)
+    robust: bool = option(
+        True, "no ray slips through between two triangles; off: Embree's fast setting, as in the paper"
+    )
 
     def __post_init__(self) -> None:
+        resolve_packet_width(self.packet_width)
         super().__post_init__()
-        check_ties(self.ties)
+
+
+@dataclass(frozen=True)
+class Options(PacketOptions, TieOptions):
+    """Options of every tracer on Embree."""
+
+
+class PixelKeywords(Keywords, total=False):
+    packet_rows: int | None
+    coherent: bool
+    compact: bool
+    tile_order: str
 
 
 @dataclass(frozen=True)
@@ -100,17 +200,20 @@ class PixelOptions(Options):
     """Options of `PixelTracer`: those Embree offers to whoever traces one ray per pixel. All give the same image, up to
     ties and rims of triangles; `sweep=baselines` compares their times.
 
-    packet_rows: rows of pixels in a packet, so that packets of 8 are 8 x 1, 4 x 2, 2 x 4 or 1 x 8 pixels; None: the
-    squarest, and of two the wider. coherent: Embree takes the rays of a packet through its tree together. compact: a
-    tree that saves memory. tile_order: pixels are traced in tiles;
-    "blocks" of 32 x 16 pixels row by row, "rows" as wide as the image, or 16 x 16 pixels along a "morton" curve.
-    Raises InputError for rows that a packet cannot have, and for an unknown order.
+    Raises InputError for rows that a packet cannot have.
     """
 
-    packet_rows: int | None = None
-    coherent: bool = True
-    compact: bool = False
-    tile_order: str = "blocks"
+    packet_rows: int | None = option(
+        None, "rows of pixels in a packet; null = the squarest packet, and of two the wider", null="automatic"
+    )
+    coherent: bool = option(True, "Embree takes the rays of a packet through its tree together")
+    compact: bool = option(False, "a BVH that saves memory")
+    tile_order: str = option(
+        "blocks",
+        "which pixels follow each other: blocks of 32 x 16 row by row, rows as wide as the image, or 16 x 16 along a "
+        "morton curve",
+        choices=("blocks", "rows", "morton"),
+    )
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -118,8 +221,6 @@ class PixelOptions(Options):
         if rows is not None and not (is_whole_number(rows) and rows >= 1 and width % rows == 0):
             possible = ", ".join(str(1 << k) for k in range(width.bit_length()))
             raise InputError(f"packet_rows is {rows!r}, expected one of {possible} for packets of {width}, or None")
-        if self.tile_order not in TILE_ORDERS:
-            raise InputError(f"tile_order is {self.tile_order!r}, expected one of {', '.join(TILE_ORDERS)}")
 
 
 @dataclass(frozen=True)
@@ -131,15 +232,20 @@ class RayOptions(PacketOptions):
     """
 
 
+class CellKeywords(Keywords, total=False):
+    memory_budget_bytes: int | None
+
+
 @dataclass(frozen=True)
 class CellOptions(Options):
     """Options of tracers that give Embree copies of triangles, cell by cell.
 
-    memory_budget_bytes: refuse plans that need more; None: the memory that is free.
     Raises InputError for a budget that is no number of bytes.
     """
 
-    memory_budget_bytes: int | None = None
+    memory_budget_bytes: int | None = option(
+        None, "plans that need more are refused; null = the memory that is free", unit="bytes"
+    )
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -148,98 +254,24 @@ class CellOptions(Options):
             raise InputError(f"memory_budget_bytes is {budget!r}, expected a number of at least 0, or None for none")
 
 
-@dataclass(frozen=True)
-class ReferenceRayOptions(CellOptions):
-    """Options of tracers whose packets lie in one cell.
-
-    packet_rows: rows of pixels in a packet, so that packets of 8 are 8 x 1, 4 x 2, 2 x 4 or 1 x 8 pixels; None: what
-    suits the cell. A packet or a cell that has no such rows is refused where the cell is known.
-    """
-
-    packet_rows: int | None = None
+class RasterKeywords(ThreadKeywords, TieKeywords, total=False):
+    lanes: int | None
 
 
 @dataclass(frozen=True)
-class AlignedOptions(ReferenceRayOptions):
-    """Options of `AlignedTracer` and `FramesTracer`.
+class RasterOptions(ThreadOptions, TieOptions):
+    """Options of `RasterTracer`."""
 
-    culling: keep of each cell's copy only what its frustum meets. geometry: "copied" shears a copy of the triangles for
-    every cell; "instanced" gives the triangles to Embree once and an instance of them per cell, with the shear as its
-    transform. An instance is always the whole mesh, so it needs `culling=False`.
-    Raises InputError for an unknown geometry, and for instances with culling.
-    """
-
-    culling: bool = True
-    geometry: str = "copied"
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.geometry not in GEOMETRIES:
-            raise InputError(f"geometry is {self.geometry!r}, expected one of {', '.join(GEOMETRIES)}")
-        if self.geometry == "instanced" and self.culling:
-            raise InputError(
-                "geometry is 'instanced' and culling is on, but an instance is all of the mesh or nothing; "
-                "set culling=False"
-            )
-
-
-@dataclass(frozen=True)
-class RasterOptions(Choices):
-    """Options of `RasterTracer`.
-
-    threads, ties: as in `Options`. lanes: pixels drawn at once, 4, 8 or 16; None takes as many as the widest vectors of
-    this machine hold. The image is the same with all of them.
-    Raises InputError, with the value, for other numbers of lanes, for threads and for ties.
-    """
-
-    threads: int | None = None
-    ties: str = "lowest"
-    lanes: int | None = None
-
-    def __post_init__(self) -> None:
-        resolve_threads(self.threads)
-        check_ties(self.ties)
-        if self.lanes is not None and not (is_whole_number(self.lanes) and self.lanes in LANES):
-            raise InputError(f"lanes is {self.lanes!r}, expected one of {', '.join(map(str, LANES))}, or None")
-
-
-@dataclass(frozen=True)
-class BvhOptions(Choices):
-    """Options of `BvhTracer`.
-
-    threads, ties: as in `Options`. packet_width: rays taken through the tree together, 1, 4, 8 or 16. traversal: "push"
-    tests both children of a node when it is entered, and the nearer one comes next; "pop" tests a node when its turn
-    comes. The hits are the same. robust: no ray slips through between two triangles that share an edge or a corner
-    (Woop, Benthin, Wald 2013); False is a faster test of triangles, with which some do.
-    Raises InputError, with the value, for other widths and traversals, for threads and for ties.
-    """
-
-    threads: int | None = None
-    ties: str = "lowest"
-    packet_width: int = 1
-    traversal: str = "push"
-    robust: bool = True
-
-    def __post_init__(self) -> None:
-        check_robust(self.robust)
-        resolve_threads(self.threads)
-        check_ties(self.ties)
-        if self.packet_width not in (1, *LANES):
-            raise InputError(f"packet_width is {self.packet_width!r}, expected one of 1, {', '.join(map(str, LANES))}")
-        if self.traversal not in TRAVERSALS:
-            raise InputError(f"traversal is {self.traversal!r}, expected one of {', '.join(TRAVERSALS)}")
+    lanes: int | None = option(
+        None,
+        "pixels drawn at once; null = as many as this machine's widest vectors hold; no image differs",
+        choices=LANES,
+    )
 
 
 def check_ties(ties: str) -> None:
     """Raise InputError for anything but "lowest" and "any"."""
-    if ties not in TIES:
-        raise InputError(f"ties is {ties!r}, expected one of {', '.join(TIES)}")
-
-
-def check_robust(robust: bool) -> None:
-    """Raise InputError for anything but True and False."""
-    if not isinstance(robust, bool):
-        raise InputError(f"robust is {robust!r}, expected True or False")
+    TieOptions(ties)
 
 
 def native_packet_widths() -> tuple[int, ...]:

@@ -16,7 +16,8 @@ from omegaconf import MISSING, DictConfig, OmegaConf
 
 from atra.compiled.threads import resolve_threads
 from atra.errors import InputError
-from experiments.harness.options import Named, find_named, say_unknown_field, schema, typed_options
+from atra.tracing.options import Options, check_choice, option_of
+from experiments.harness.options import Named, find_named, say_options, say_unknown_field, schema, typed_options
 from experiments.harness.point import Kinds
 from scenes.loading import SceneSource
 
@@ -36,22 +37,6 @@ class Action(Enum):
     view = "view"
     render = "render"
     bake = "bake"
-
-
-class Ties(Enum):
-    """Where triangles of one plane overlap: lowest = the lowest prim_id of them wins; any = whichever float32 puts in
-    front. For our own tracers; a peer knows no such rule."""
-
-    lowest = "lowest"
-    any = "any"
-
-
-class BuildQuality(Enum):
-    """Embree's, for its BVH."""
-
-    low = "low"
-    medium = "medium"
-    high = "high"
 
 
 @dataclass
@@ -136,11 +121,9 @@ class Configuration:
 
     action: what the run does; the verb sets it. method: what traces; its options are method.*. workload: what is
     measured; its options are workload.*. threads: number of threads, null = every core, baselines included. width:
-    pixels of a row. height: rows of pixels. build_quality: Embree's, for every BVH, baselines included. ties: which of
-    overlapping triangles in one plane is stored: lowest = the lowest prim_id; any = what float32 puts in front.
-    results_dir: folder for all results; each sweep has a folder of its name in it. output: the file of a picture, or
-    the folder of a bake; null = one below results_dir. live: a bake is shown on a page of the browser, at view.port.
-    debug: whether an error shows its traceback.
+    pixels of a row. height: rows of pixels. results_dir: folder for all results; each sweep has a folder of its name in
+    it. output: the file of a picture, or the folder of a bake; null = one below results_dir. live: a bake is shown on a
+    page of the browser, at view.port. debug: whether an error shows its traceback.
     """
 
     scene: SceneConfiguration = field(default_factory=SceneConfiguration)
@@ -153,8 +136,8 @@ class Configuration:
     threads: int | None = 1
     width: int = 1024
     height: int = 1024
-    build_quality: BuildQuality = BuildQuality.medium
-    ties: Ties = Ties.lowest
+    build_quality: str = option_of(Options, "build_quality", help="Embree's, for every BVH, baselines included")
+    ties: str = option_of(Options, "ties")
     results_dir: str = "results"
     output: str | None = None
     live: bool = False
@@ -176,7 +159,12 @@ class Chosen:
 
 def register_schema(kinds: Kinds) -> None:
     """Make the types known to Hydra: `schema`, on which conf/config.yaml builds, and each method's and workload's
-    options, so that unknown keys are errors."""
+    options, so that unknown keys are errors. `--help` asks for their help by `options_of` (conf/config.yaml)."""
+
+    def options_of(group: str, name: str) -> str:
+        return say_options(group, find_named(group, kinds.groups[group], name))
+
+    OmegaConf.register_new_resolver("options_of", options_of, replace=True)
     store = ConfigStore.instance()
     store.store(name="schema", node=Configuration, provider="atra")
     for group, named in kinds.groups.items():
@@ -247,6 +235,8 @@ def check_configuration(configuration: Configuration) -> None:
     _at_least("width", configuration.width, 1)
     _at_least("height", configuration.height, 1)
     resolve_threads(configuration.threads)
+    for name in ("build_quality", "ties"):
+        check_choice(Options.__dataclass_fields__[name], str, getattr(configuration, name), name)
     _at_least("scene.subdivided", scene.subdivided, 0)
     _at_least("scene.copies", scene.copies, 1)
     if not 0 <= configuration.view.port < 1 << 16:

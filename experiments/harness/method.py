@@ -8,20 +8,18 @@ from typing import Any
 
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
+from atra.tracing.options import Options
 from atra.tracing.tracer import Tracer
 from experiments.harness.column import Column
 
 
 @dataclass(frozen=True)
 class Tracing:
-    """What holds for everything that is traced at a point, baselines included.
-
-    threads: None = every core. build_quality: Embree's. ties: see `atra.exact.ties`.
-    """
+    """What holds for everything that is traced at a point, baselines included: options of `atra.CellOptions`."""
 
     threads: int | None = 1
-    build_quality: str = "medium"
-    ties: str = "lowest"
+    build_quality: str = Options.build_quality
+    ties: str = Options.ties
     memory_budget_bytes: int | None = None
 
     @property

@@ -1,15 +1,103 @@
-"""Options as typed values, as plain values for JSON, and as types that Hydra knows."""
+"""Options as typed values, some of them the library's, as plain values for JSON, and as types that Hydra knows."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict, dataclass, field, fields, make_dataclass
 from enum import Enum
 from functools import partial
-from typing import Any, Protocol, TypeVar, get_args, get_type_hints
+from typing import (
+    TYPE_CHECKING,
+    Any,
+    ClassVar,
+    NamedTuple,
+    Protocol,
+    TypeVar,
+    dataclass_transform,
+    get_args,
+    get_type_hints,
+)
 
 from atra.errors import InputError
+from atra.tracing.options import Choices, check_choices, option, option_of, types_of
 from experiments.harness.column import default_of
+
+Type = TypeVar("Type", bound=type)
+
+
+class Settings:
+    """Options of a method or of a workload, some of which may be taken from the library (`taken`, `taking_all`).
+
+    section: where they stand on the command line. Raises InputError, naming a field as it is written there, for a value
+    that is none of its choices. The fields taken from the library are unknown to type checkers, which let all pass.
+    """
+
+    section: ClassVar[str]
+
+    def __post_init__(self) -> None:
+        check_choices(self, f"{self.section}.", "null")
+
+    if TYPE_CHECKING:
+        __dataclass_fields__: ClassVar[dict[str, Any]]
+
+        def __init__(self, *values: Any, **fields: Any) -> None: ...
+
+        def __getattr__(self, name: str) -> Any: ...
+
+
+class _Taken(NamedTuple):
+    kind: type[Choices]
+    name: str
+    changes: Mapping[str, Any]
+
+
+def taken(kind: type[Choices], name: str = "", **changes: Any) -> Any:
+    """In a class of `settings`: an option of the library's type `kind`, of the same name unless that is given, with its
+    type, default, choices, unit and help. changes: arguments of `atra.tracing.options.option` that are to be others."""
+    return _Taken(kind, name, changes)
+
+
+@dataclass_transform(frozen_default=True, field_specifiers=(option,))
+def settings(cls: Type) -> Type:
+    """A frozen dataclass, in which `name = taken(...)` is a field, too."""
+    annotations, values = dict(cls.__annotations__), dict(vars(cls))
+    hints: dict[str, Any] = {}
+    for name, value in values.items():
+        if isinstance(value, _Taken):
+            hints[name] = types_of(value.kind)[value.name or name]
+            setattr(cls, name, option_of(value.kind, value.name or name, **value.changes))
+        elif name in annotations:
+            hints[name] = annotations[name]
+    cls.__annotations__ = hints
+    made: Any = dataclass(frozen=True)(cls)
+    return made  # type: ignore[no-any-return]
+
+
+def taking_all(
+    kind: type[Choices], but: Iterable[str], names: Mapping[str, str], defaults: Mapping[str, Any]
+) -> Callable[[Type], Type]:
+    """Makes `settings` of a class, which begin with all options of the library's type `kind` that no base class has.
+
+    but: options that are left out. names: what an option is called here, where that is another name. defaults: where
+    they are others than the library's. An option that the class states itself is that of the class.
+    """
+    left_out = set(but)
+
+    def made(cls: Type) -> Type:
+        own = {name: vars(cls)[name] for name in cls.__annotations__ if name in vars(cls)}
+        for name in own:
+            delattr(cls, name)
+        known = getattr(cls, "__dataclass_fields__", {})
+        found: dict[str, Any] = {}
+        for one in fields(kind):
+            name = names.get(one.name, one.name)
+            if one.name not in left_out and name not in known:
+                found[name] = taken(kind, one.name, default=defaults.get(one.name, one.default))
+        for name, value in (found | own).items():  # one that is both stays in its place
+            setattr(cls, name, value)
+        return settings(cls)
+
+    return made
 
 
 class Named(Protocol):
@@ -25,14 +113,6 @@ class Named(Protocol):
 @dataclass(frozen=True)
 class NoOptions:
     """Of a method or a workload that leaves nothing to choose."""
-
-
-def option(default: Any, help: str, null: str | None = None) -> Any:
-    """A field of an options type, with the help that table, report and documents show.
-
-    null: what the table says for null, where that stays open to the end; it would pass for an option that is missing.
-    """
-    return field(default=default, metadata={"help": help, "null": null})
 
 
 Kind = TypeVar("Kind", bound=Named)
@@ -83,6 +163,17 @@ def say_unknown_field(kind: type, path: str) -> str:
     names = [one.name for one in fields(kind)][is_schema:]  # the first of a schema is its name
     expected = f"expected {'one of ' * (len(names) > 1)}{', '.join(names)}" if names else "which has none"
     return f"unknown field {name!r}{' of ' * bool(owner)}{owner}, {expected}"
+
+
+def say_options(group: str, named: Named) -> str:
+    """The options with their help, choices and units, a line each, as they are written on the command line."""
+    lines = []
+    for one in fields(named.options):
+        told = one.metadata
+        choices = ", ".join(map(str, told.get("choices", ())))
+        beside = [f"one of {choices}"] * bool(choices) + [told["unit"]] * bool(told.get("unit"))
+        lines.append("; ".join([f"{group}.{one.name}: {told.get('help', '')}", *beside]))
+    return "\n".join(lines) or f"{group}={named.name} has none"
 
 
 def find_named(what: str, kinds: Iterable[Kind], name: str) -> Kind:

@@ -5,34 +5,34 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
+from atra.alignment import options as of_alignment
 from atra.errors import InputError
+from atra.tracing import options as library
+from atra.tracing.options import option
 from experiments.harness.column import WHOLE, Column
-from experiments.harness.options import option
-from experiments.methods.common_options import check_packet_width, robust_option
+from experiments.methods.common_options import MethodOptions, options_of
 
 _LARGEST_DEFAULT_SPLIT = 128
 
 VERIFIED = Column("packets_verified", WHOLE, "packets of pixels traced again in the second pass of a frame")
 
-Cells = TypeVar("Cells", bound="CellOptions")
+Cells = TypeVar("Cells", bound="SplitOptions")
 
 
 @dataclass(frozen=True)
-class CellOptions:
-    """split_x: columns of cells; None = the largest power of two up to 128 that divides the width. packet_width: None =
-    the widest native packets. Raises InputError for values no image could use."""
+class SplitOptions(MethodOptions):
+    """split_x: None = the largest power of two up to 128 that divides the width. Raises InputError for values no image
+    could use."""
 
     split_x: int | None = option(None, "columns of cells")
     split_y: int = option(1, "rows of cells")
-    packet_width: int | None = option(None, "rays in a packet; 1 = single rays, null = the widest native packets")
-    robust: bool = robust_option()
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         for name in ("split_x", "split_y"):
             value = getattr(self, name)
             if value is not None and value < 1:
                 raise InputError(f"method.{name} is {value}, expected a whole number of at least 1")
-        check_packet_width(self.packet_width)
 
     @property
     def split(self) -> tuple[int, int]:
@@ -41,11 +41,14 @@ class CellOptions:
         return self.split_x, self.split_y
 
 
-@dataclass(frozen=True)
-class AlignedCellOptions(CellOptions):
-    """packet_rows: rows of pixels in a packet of aligned rays; None = what suits the cell."""
+@options_of(library.CellOptions)
+class CellOptions(SplitOptions):
+    """Options of the cells' culling."""
 
-    packet_rows: int | None = option(None, "rows of pixels in a packet; null = what suits the cell", "automatic")
+
+@options_of(of_alignment.ReferenceRayOptions)
+class AlignedCellOptions(CellOptions):
+    """Options of aligned rays."""
 
 
 def default_split_x(width: int) -> int:

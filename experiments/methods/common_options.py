@@ -2,31 +2,51 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Callable, Mapping
+from dataclasses import fields
+from typing import Any, ClassVar
 
-from atra.errors import InputError
-from experiments.harness.options import option
-
-PACKET_WIDTHS = (1, 4, 8, 16)
+from atra.tracing.options import Choices
+from experiments.harness.method import Tracing
+from experiments.harness.options import Settings, Type, taking_all
 
 WATERTIGHT = {"robust": True}
 """What is shown to people, unlike what is measured, is traced with."""
 
+MEASURED = {"robust": False}
+"""Defaults that are others than the library's. `robust` is off unless a sweep asks for it: what the paper measured, and
+what all tables without the column were measured with, is Embree's fast setting."""
 
-def robust_option() -> Any:
-    """The field `robust` of a method of ours. It is off unless a sweep asks for it: what the paper measured, and what
-    all tables without the column were measured with, is Embree's fast setting."""
-    return option(False, "no ray slips through between two triangles; off: Embree's fast setting, as in the paper")
+
+class MethodOptions(Settings):
+    """Options of a method of ours. library: the type that its tracer has. names: what options of that are called here,
+    where that is another name."""
+
+    section = "method"
+    library: ClassVar[type[Choices]]
+    names: ClassVar[Mapping[str, str]]
+
+    def keywords(self, tracing: Tracing, kind: type[Choices] | None = None) -> dict[str, Any]:
+        """What the tracer takes beside what is traced. kind: the options of another tracer, which are some of these."""
+        of_point = vars(tracing)
+        return {
+            one.name: of_point[one.name] if one.name in of_point else getattr(self, self.names.get(one.name, one.name))
+            for one in fields(kind or self.library)
+        }
+
+
+def options_of(kind: type[Choices], names: Mapping[str, str] | None = None) -> Callable[[Type], Type]:
+    """Makes a class the options of a method: those of the library's type, but for those that hold for the whole point,
+    and then its own."""
+    named = names or {}
+
+    def made(cls: Type) -> Type:
+        cls.library, cls.names = kind, named  # type: ignore[attr-defined]
+        return taking_all(kind, (one.name for one in fields(Tracing)), named, MEASURED)(cls)
+
+    return made
 
 
 def say_robust(row: Mapping[str, Any]) -> list[str]:
     """What a row is called that was measured with it: nothing where it was not, or is older than the option."""
     return ["robust"] if row.get("robust") in (True,) else []
-
-
-def check_packet_width(width: int | None) -> None:
-    """Raise InputError for a width Embree has no packets of; whether it is native is asked later."""
-    if width is not None and width not in PACKET_WIDTHS:
-        widths = ", ".join(str(width) for width in PACKET_WIDTHS)
-        raise InputError(f"method.packet_width is {width}, expected one of {widths} or null")

@@ -3,67 +3,33 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from enum import Enum
 from typing import Any
 
+from atra.embree.scene import BUILD_QUALITIES
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.packets.pixel import PixelTracer
+from atra.tracing import options as library
+from atra.tracing.options import option
 from experiments.drawing.style import GREEN, TIMES
 from experiments.harness.method import Method, Style, Tracing
-from experiments.harness.options import option
-from experiments.methods.common_options import check_packet_width, robust_option
+from experiments.methods.common_options import MethodOptions, options_of
+
+SAME = "same"
+"""Build quality of its own BVH: that of the point, which the baselines beside it have, too."""
 
 
-class TileOrder(Enum):
-    """Tiles of 32 x 16 pixels row by row; tiles as wide as the image; tiles of 16 x 16 pixels along a Morton curve."""
+@options_of(library.PixelOptions)
+class PixelOptions(MethodOptions):
+    """What an expert would try."""
 
-    blocks = "blocks"
-    rows = "rows"
-    morton = "morton"
-
-
-class OwnBuildQuality(Enum):
-    """Of its own BVH; same = `build_quality`, which is that of the baselines beside it, too."""
-
-    same = "same"
-    low = "low"
-    medium = "medium"
-    high = "high"
-
-
-@dataclass(frozen=True)
-class PixelOptions:
-    """What an expert would try. packet_width: None = the widest native packets. packet_rows: None = the squarest."""
-
-    packet_width: int | None = option(None, "rays in a packet; 1 = rtcIntersect1, null = the widest native packets")
-    packet_rows: int | None = option(None, "rows of pixels in a packet; null = what suits the cell", "automatic")
-    coherent: bool = option(True, "Embree takes the rays of a packet through its tree together")
-    compact: bool = option(False, "a BVH that saves memory")
-    robust: bool = robust_option()
-    tile_order: TileOrder = option(TileOrder.blocks, "which pixels follow each other: blocks, rows or morton")
-    own_build_quality: OwnBuildQuality = option(OwnBuildQuality.same, "of its own BVH; same = build_quality")
-
-    def __post_init__(self) -> None:
-        check_packet_width(self.packet_width)
+    own_build_quality: str = option(SAME, "of its own BVH; same = build_quality", choices=(SAME, *BUILD_QUALITIES))
 
 
 def make_pixel(mesh: Mesh, view: View, options: PixelOptions, tracing: Tracing) -> PixelTracer:
     """One ray per pixel; packets of 1 are `rtcIntersect1`."""
-    changed = (
-        {} if options.own_build_quality is OwnBuildQuality.same else {"build_quality": options.own_build_quality.value}
-    )
-    return PixelTracer(
-        mesh,
-        view,
-        packet_width=options.packet_width,
-        packet_rows=options.packet_rows,
-        coherent=options.coherent,
-        compact=options.compact,
-        tile_order=options.tile_order.value,
-        **(tracing.ours | {"robust": options.robust} | changed),
-    )
+    changed = {} if options.own_build_quality == SAME else {"build_quality": options.own_build_quality}
+    return PixelTracer(mesh, view, **options.keywords(tracing) | changed)
 
 
 def _words(packet_width: int | None) -> str:
@@ -80,14 +46,14 @@ def _variant(row: Mapping[str, Any]) -> str:
         words.append(f"{int(rows)} rows" if width is None else f"{int(width) // int(rows)} {TIMES} {int(rows)} pixels")
     words += ["incoherent"] if row.get("coherent") in (False,) else []
     words += [name for name in ("compact", "robust") if row.get(name)]
-    words += [f"tiles in {order}" for order in _unusual(row, "tile_order", TileOrder.blocks)]
-    words += [f"{quality} build quality" for quality in _unusual(row, "own_build_quality", OwnBuildQuality.same)]
+    words += [f"tiles in {order}" for order in _unusual(row, "tile_order", library.PixelOptions.tile_order)]
+    words += [f"{quality} build quality" for quality in _unusual(row, "own_build_quality", SAME)]
     return ", ".join(words)
 
 
-def _unusual(row: Mapping[str, Any], name: str, usual: Enum) -> list[str]:
+def _unusual(row: Mapping[str, Any], name: str, usual: str) -> list[str]:
     value = row.get(name)
-    return [] if value in (None, usual.value) else [str(value)]
+    return [] if value in (None, usual) else [str(value)]
 
 
 PIXEL = Method(

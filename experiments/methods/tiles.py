@@ -12,10 +12,7 @@ from experiments.methods.common_options import say_robust
 
 
 def _make(mesh: Mesh, view: View, options: CellOptions, tracing: Tracing) -> TiledTracer:
-    return TiledTracer(
-        mesh, view, options.split, packet_width=options.packet_width, memory_budget_bytes=tracing.memory_budget_bytes,
-        **tracing.ours | {"robust": options.robust},
-    )  # fmt: skip
+    return TiledTracer(mesh, view, options.split, **options.keywords(tracing))
 
 
 TILES = Method(

@@ -13,11 +13,7 @@ from experiments.methods.common_options import say_robust
 
 
 def _make(mesh: Mesh, view: View, options: AlignedCellOptions, tracing: Tracing) -> VisibleFirstTracer:
-    return VisibleFirstTracer(
-        mesh, view, options.split, packet_width=options.packet_width, packet_rows=options.packet_rows,
-        memory_budget_bytes=tracing.memory_budget_bytes,
-        **tracing.ours | {"robust": options.robust},
-    )  # fmt: skip
+    return VisibleFirstTracer(mesh, view, options.split, **options.keywords(tracing))
 
 
 VISIBLE_FIRST = Method(

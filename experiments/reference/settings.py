@@ -5,8 +5,8 @@ from __future__ import annotations
 import re
 from argparse import SUPPRESS, ArgumentParser
 from collections.abc import Iterator, Sequence
-from dataclasses import fields, is_dataclass
-from typing import get_type_hints
+from dataclasses import Field, fields, is_dataclass
+from typing import Any, get_type_hints
 
 from atra.command.render import add_render
 from experiments.harness.column import TEXT, Column, option_columns
@@ -87,7 +87,7 @@ def _rows(kind: type, path: str) -> Iterator[Sequence[str]]:
             "" if choices or group else code(say_type(one.type)),
             _configured(say_default(one)),
             ", ".join(map(code, [of.name for of in group] if group else choices)),
-            _unit(one.name),
+            _unit(one),
             help_of(kind, one),
         )
 
@@ -98,8 +98,9 @@ def _configured(default: str) -> str:
     return yaml if yaml == "required" else code(re.sub(r"^'(.*)'$", r"\1", yaml))
 
 
-def _unit(name: str) -> str:
-    return Column(name, TEXT).unit
+def _unit(field: Field[Any]) -> str:
+    """What its metadata say, or the ending of its name."""
+    return field.metadata.get("unit") or Column(field.name, TEXT).unit
 
 
 def table_columns() -> str:

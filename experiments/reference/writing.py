@@ -34,6 +34,8 @@ def say_value(value: Any) -> str:
     """A default as it is written in code, and in configuration."""
     if isinstance(value, Enum):
         return str(value.value)
+    if value is ...:  # an option that stays as it is unless it is given
+        return "..."
     return value.__name__ if callable(value) and hasattr(value, "__name__") else repr(value)
 
 

@@ -15,6 +15,7 @@ import pandas as pd
 
 from atra.errors import InputError
 from atra.files.paths import write_atomically
+from atra.tracing.options import Options
 from experiments.harness.column import REAL, TEXT, TRUTH, WHOLE, Column, option_columns
 from experiments.harness.environment import BUSY_SHARE, describe_difference
 from experiments.harness.point import Workload
@@ -64,8 +65,7 @@ _POINT_COLUMNS = (
 )
 _TRACING_COLUMNS = (
     _field("threads", WHOLE, "threads that traced"),
-    _field("build_quality", TEXT, "Embree's, for its BVH"),
-    _field("ties", TEXT, "which of overlapping triangles in one plane is stored"),
+    *(_field(name, TEXT, Options.__dataclass_fields__[name].metadata["help"]) for name in ("build_quality", "ties")),
     _field("process", WHOLE, "which of the processes that measured the point"),
 )
 _OUTCOME_COLUMNS = (

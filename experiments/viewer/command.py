@@ -49,7 +49,7 @@ def run_view(configuration: Configuration) -> None:
         **light_settings(shown),
     )
     first = Request(pose, settings)
-    tracing = Tracing(configuration.threads, configuration.build_quality.value, configuration.ties.value)
+    tracing = Tracing(configuration.threads, configuration.build_quality, configuration.ties)
     painter = Painter(shown, chosen, tracing)
     with (
         contextlib.suppress(KeyboardInterrupt),

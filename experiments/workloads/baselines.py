@@ -8,16 +8,16 @@ from typing import Any
 
 import numpy as np
 
+from atra.tracing.options import LANES
 from experiments.drawing.style import BLACK, DASHED, DOTTED, GREEN
 from experiments.harness.column import REAL, WHOLE, Column
 from experiments.harness.records import Record
-from experiments.methods.common_options import PACKET_WIDTHS
 from experiments.results.statistics import Series, choosing_column, statistics_columns
 
 OWN, SINGLE = "own", "rtcIntersect1"
 """Names in the samples of a time: the point's own method, the paper's baseline."""
 
-PACKETS = {width: f"packets_{width}" for width in PACKET_WIDTHS if width > 1}
+PACKETS = {width: f"packets_{width}" for width in LANES}
 """Names there of packets per pixel by their width; the fastest of those measured are the expert's baseline."""
 
 TIME_BASELINES: dict[str, tuple[str, dict[str, Any]]] = {

@@ -3,27 +3,31 @@
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 from atra.errors import InputError
 from atra.light import PanoramaSky, RenderScene
-from experiments.harness.options import option
+from atra.tracing.options import RayOptions, option
+from experiments.harness.options import Settings, settings, taken
 
 
-@dataclass(frozen=True)
-class UnderSky:
+@settings
+class UnderSky(Settings):
     """Options of a workload whose scene a file may light.
 
     sky_sha256 is found, not given: a changed file makes another point. Raises InputError for a file that cannot be
     read, and for one that is not what it was when the run began.
     """
 
-    sky: str | None = option(None, "an EXR or Radiance HDR all around, in place of the scene's own sky", "own")
-    sky_sha256: str | None = option(None, "hash of that file, which is found and not set", "own")
-    robust_rays: bool = option(True, "no ray of light slips through between two triangles; off: Embree's fast setting")
+    sky: str | None = option(None, "an EXR or Radiance HDR all around, in place of the scene's own sky", null="own")
+    sky_sha256: str | None = option(None, "hash of that file, which is found and not set", null="own")
+    robust_rays = taken(RayOptions, "robust")
+
+    section = "workload"
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         if self.sky is None:
             if self.sky_sha256 is not None:
                 raise InputError(f"workload.sky_sha256 is {self.sky_sha256!r} without a workload.sky, expected null")

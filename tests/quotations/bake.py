@@ -8,7 +8,7 @@ from functools import partial
 import pandas as pd
 
 from experiments.results.claims import Claim, judge_claim
-from experiments.workloads.bake import RARE, STAGES, Against, Compaction
+from experiments.workloads.bake import RARE, STAGES, Against
 from experiments.workloads.bake.claims import CLAIMS
 from experiments.workloads.bake_rays.claims import CLAIMS as PREDICTIONS
 from tests.quotations.quotation import SCENES, Kept, Quoted, digits, interval, of, table_row
@@ -47,7 +47,7 @@ def _shares(kept: Kept, label: str, **values: object) -> str:
 def means_of_a_bake(kept: Kept) -> Quoted:
     """Each means of a bake over a bake without it; above 1 is a gain, but where a label says what is over what."""
     less = partial(_row, kept, against=Against.compaction.value)
-    texels, bounces = Compaction.texels.value, Compaction.bounces.value
+    texels, bounces = "texels", "bounces"
     return Quoted(
         rows=(
             less("lanes for lit texels, near ones side by side: rays/s", "rays_speedup_vs_other", compaction=texels),
@@ -81,9 +81,9 @@ def bakes_in_short(kept: Kept) -> Quoted:
 
     return Quoted(
         rows=(
-            row("texels that the view shows come first", "view_speedup", compaction=Compaction.bounces.value),
+            row("texels that the view shows come first", "view_speedup", compaction="bounces"),
             row("lanes for lit texels alone", "rays_speedup_vs_other", against=Against.compaction.value,
-                compaction=Compaction.texels.value),
+                compaction="texels"),
             row("16 samples of a texel side by side", "rays_speedup_vs_other",
                 against=Against.expansion.value, expansion=16),
             row("a panorama found by both kinds of rays", "quality_vs_other",

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable
 from time import perf_counter
-from typing import Any
+from typing import Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -21,7 +21,7 @@ from atra.light.lightmaps.gather.probes import BLOCK, LightProbes, ProbeSums
 from atra.light.lightmaps.gather.tables import tables_of
 from atra.light.lightmaps.gather.tables_kernels import SUMS, Batch
 from atra.light.lightmaps.maps import Lightmap
-from atra.light.lightmaps.options import BakeOptions
+from atra.light.lightmaps.options import BakeKeywords, BakeOptions
 from atra.light.lightmaps.priority import visible_texels
 from atra.light.lightmaps.shadows import ShadowScenes
 from atra.light.lightmaps.surface import BakeScene
@@ -29,7 +29,7 @@ from atra.raster.tracer import RasterTracer
 from atra.rays.scene import Query, RayScene
 from atra.tracing.budgets import check_needed_bytes
 from atra.tracing.lifetime import Lifetime
-from atra.tracing.options import RayOptions
+from atra.tracing.options import RayOptions, lists_options
 from atra.tracing.tracer import Tracer
 from atra.whole_numbers import is_whole_number
 
@@ -41,8 +41,8 @@ class Baker(Lifetime):
             baker.add(64)
             baker.maps.save(folder)
 
-    scene: see `BakeScene`. atlas: where its triangles lie; None: charts by xatlas on a map of `size` texels. options,
-    changes: of `BakeOptions`.
+    scene: see `BakeScene`. atlas: where its triangles lie; None: charts by xatlas on a map of `size` texels. options:
+    see `BakeOptions`.
 
     texels: what is lit. samples: (N,) int32, of each texel so far. stage_s: seconds by stage since the last restart, of
     stages in threads their mean. rays, lanes: how many rays were traced, and how many could have been in the same
@@ -50,18 +50,18 @@ class Baker(Lifetime):
     Raises InputError as `Texels.of`, `Atlas` and the options do; MemoryBudgetError before anything large is made.
     """
 
+    @lists_options(BakeOptions)
     def __init__(
         self,
         scene: BakeScene,
         atlas: Atlas | None = None,
         size: int = 512,
-        options: RayOptions | None = None,
-        **changes: Any,
+        **options: Unpack[BakeKeywords],
     ) -> None:
         super().__init__()
-        self.options = BakeOptions.of(type(self).__name__, options, changes)
+        self.options = BakeOptions.of(type(self).__name__, options)
         self._ray_options = RayOptions.part_of(self.options)
-        self.rays_scene = RayScene(scene.mesh, self._ray_options)
+        self.rays_scene = RayScene(scene.mesh, **self._ray_options.keywords())
         self.shadow_scenes = ShadowScenes(scene, self._ray_options)
         self.scene = scene
         self._given, self._size = atlas, size

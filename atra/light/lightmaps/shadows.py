@@ -21,7 +21,7 @@ class ShadowScenes:
         assert scene.surface is not None
         self._panes = scene.surface.panes
         kinds = (~self._panes, self._panes) if self._panes.any() else ()
-        self.both = tuple(RayScene(scene.mesh, options, faces=faces) for faces in kinds)
+        self.both = tuple(RayScene(scene.mesh, faces=faces, **options.keywords()) for faces in kinds)
 
     def serve(self, scene: BakeScene) -> bool:
         """Whether these are for that scene, of the same mesh, too."""

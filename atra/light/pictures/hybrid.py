@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import reduce
 from math import sqrt
 from time import perf_counter
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,13 +21,14 @@ from atra.light.pictures.aiming_kernels import Aim
 from atra.light.pictures.carrying import carried
 from atra.light.pictures.gbuffer_kernels import Chunk, new_chunk
 from atra.light.pictures.lighting_kernels import LIGHT_PLANES, SKY_PLANES, STAGES, lighting_kernel
-from atra.light.pictures.options import HybridOptions
+from atra.light.pictures.options import HybridKeywords, HybridOptions
 from atra.light.pictures.path_kernels import Pixels
-from atra.light.pictures.renderer import CENTRE, Renderer, unlike_but_for
+from atra.light.pictures.renderer import CENTRE, Primary, Renderer, unlike_but_for
 from atra.light.scene import RenderScene
 from atra.light.surface_kernels import Surfaces
 from atra.light.tables import surfaces_of
 from atra.rays.scene import Query
+from atra.tracing.options import lists_options
 
 
 class _Sequence(NamedTuple):
@@ -65,7 +66,7 @@ class HybridRenderer(Renderer):
 
     A surface returns colour x (light x cosine x its share that is not in shadow + sky where its normal points x the
     share that is not occluded), of every light. Each material is its colour alone: glass is white, and a lamp is as
-    bright as its colour, at most white. Arguments: see `Renderer`; options: of `HybridOptions`.
+    bright as its colour, at most white. Arguments: see `Renderer`; options: see `HybridOptions`.
     Stages: primary, surfaces, generate, shadow, occlusion, accumulate.
     """
 
@@ -74,6 +75,18 @@ class HybridRenderer(Renderer):
 
     _ray_bytes = 0  # a few hundred rays are held at a time
     _sets_sums = True
+
+    @lists_options(HybridOptions)
+    def __init__(
+        self, scene: RenderScene, camera: View, primary: Primary | None = None, **options: Unpack[HybridKeywords]
+    ) -> None:
+        super().__init__(scene, camera, primary, options)
+
+    @lists_options(HybridOptions, as_changes=True)
+    def update(
+        self, *, scene: RenderScene | None = None, camera: View | None = None, **changes: Unpack[HybridKeywords]
+    ) -> None:
+        self._update(scene, camera, changes)
 
     @property
     def _planes(self) -> int:
@@ -90,19 +103,19 @@ class HybridRenderer(Renderer):
         self._chunks: list[Chunk | None] = [None] * self.rays.threads
         self._kept: _Kept | None = None
 
-    def update(self, *, scene: RenderScene | None = None, camera: View | None = None, **changes: Any) -> None:
+    def _update(self, scene: RenderScene | None, camera: View | None, changes: Mapping[str, Any]) -> None:
         with self._lock:
             self._check_open()
             most, has_moved = self.options.most_kept, camera is not None and camera != self.camera
             if not (most and self.samples and has_moved and not changes and (scene is None or self._same_sums(scene))):
-                super().update(scene=scene, camera=camera, **changes)
+                super()._update(scene, camera, changes)
                 return
             counts = np.full((1, self._film.sums.shape[1]), self.samples, float)
             if self._kept is not None:
                 counts += self._kept.counts
             before = self._film.as_image(np.vstack([self._means(slice(None)), np.minimum(counts, most)]))
             seen = self.tracer.trace(CENTRE)
-            super().update(scene=scene, camera=camera)
+            super()._update(scene, camera, changes)
             now, _ = carried(before, seen, self.tracer.trace(CENTRE))
             rows = self._film.as_row(now)
             self._kept = _Kept(rows[:-1], rows[-1:])

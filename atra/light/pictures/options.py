@@ -8,41 +8,48 @@ from typing import ClassVar
 
 from atra.errors import InputError
 from atra.geometry.numbers import as_number
-from atra.light.checks import check_one_of, checked_number
+from atra.light.checks import checked_number
 from atra.light.pictures.path_kernels import BLOCK
-from atra.tracing.options import RayOptions
+from atra.tracing.options import PacketKeywords, RayOptions, option, option_of
 from atra.whole_numbers import is_whole_number
 
 MOST_RAYS = 64
 """To a light, or into the sky, from each pixel and for each sample."""
+
+_DIRECTIONS = ("shared", "shifted")
+
+
+class RenderKeywords(PacketKeywords, total=False):
+    jitter: str
+    wave_rays: int
+    start_off: float | None
+    most_samples: int | None
 
 
 @dataclass(frozen=True)
 class RenderOptions(RayOptions):
     """Options of every renderer, beside those of the scene that its rays meet (`RayOptions`).
 
-    jitter: where in its pixels sample n's rays go, "shared": all through the same point, the n-th of
-    `sub_pixel_offsets`, which any method of primary visibility can trace; "off": always through the centre.
-    most_samples: of a picture; more are not added. None: as many as are asked for.
-    wave_rays: pixels that each thread takes at a time, at most, and of waves rays that go through a stage together; a
-    multiple of 2,048.
-    start_off: how far rays start off the triangle they leave, in scene units; None: as far as float32 needs, triangle
-    by triangle.
     built_with: names of the options that a renderer keeps for its life.
     The picture depends on neither threads nor wave_rays. Raises InputError, with the value.
     """
 
-    jitters: ClassVar[tuple[str, ...]] = ("shared", "off")
     built_with: ClassVar[frozenset[str]] = frozenset(field.name for field in fields(RayOptions)) | {"start_off"}
 
-    jitter: str = "shared"
-    wave_rays: int = 8 * BLOCK
-    start_off: float | None = None
-    most_samples: int | None = None
+    jitter: str = option(
+        "shared",
+        "where in its pixel a sample's ray goes: shared = through one point for all pixels, another for each sample, "
+        "off = through the centre",
+        choices=("shared", "off"),
+    )
+    wave_rays: int = option(8 * BLOCK, "pixels, or of waves rays, that a thread takes at a time, in steps of 2,048")
+    start_off: float | None = option(
+        None, "how far rays start off the triangle they leave; null = as far as float32 needs", unit="scene units"
+    )
+    most_samples: int | None = option(None, "samples of a picture, beyond which no more are added; null = any number")
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_one_of("jitter", self.jitter, self.jitters)
         if not is_whole_number(self.wave_rays) or not BLOCK <= self.wave_rays <= 1 << 24 or self.wave_rays % BLOCK:
             raise InputError(f"wave_rays is {self.wave_rays!r}, expected a multiple of {BLOCK} from {BLOCK} to 2^24")
         if self.most_samples is not None and (not is_whole_number(self.most_samples) or self.most_samples < 1):
@@ -51,53 +58,76 @@ class RenderOptions(RayOptions):
             object.__setattr__(self, "start_off", checked_number("start_off", self.start_off, 0.0))
 
 
+class PathKeywords(RenderKeywords, total=False):
+    max_depth: int
+    order: str
+
+
 @dataclass(frozen=True)
 class PathOptions(RenderOptions):
-    """Options of `PathRenderer`.
+    """Options of `PathRenderer`. Depth first was as fast as waves or a little faster on large scenes."""
 
-    max_depth: rays of a path at most, the one from the eye among them; a path that has found no light by then is dark.
-    jitter: may also be "pixel": every pixel has an offset of its own, and the renderer traces these rays itself.
-    order: "depth_first": one path after the other, ray by ray, which was as fast or a little faster on large scenes;
-    "waves": all paths of a wave go from stage to stage, in packets, and each stage's time is known.
-    """
-
-    jitters: ClassVar[tuple[str, ...]] = ("shared", "off", "pixel")
     built_with: ClassVar[frozenset[str]] = RenderOptions.built_with | {"order"}
 
-    max_depth: int = 5
-    order: str = "depth_first"
+    jitter: str = option_of(
+        RenderOptions,
+        "jitter",
+        help="as of every renderer, or pixel = every pixel has its own offset, and the renderer traces these rays",
+        choices=("shared", "off", "pixel"),
+    )
+    max_depth: int = option(5, "rays of a path at most, the one from the eye among them")
+    order: str = option(
+        "depth_first",
+        "depth_first = one path after the other, waves = many through each stage together, whose times are then known",
+        choices=("depth_first", "waves"),
+    )
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_one_of("order", self.order, ("depth_first", "waves"))
         if not is_whole_number(self.max_depth) or not 1 <= self.max_depth <= 1 << 20:
             raise InputError(f"max_depth is {self.max_depth!r}, expected a whole number from 1 to 2^20")
 
 
+class HybridKeywords(RenderKeywords, total=False):
+    shadow_rays: int
+    shadow_length: float
+    shadow_directions: str
+    occlusion_rays: int
+    occlusion_length: float
+    occlusion: str
+    occlusion_directions: str
+    most_kept: int
+
+
 @dataclass(frozen=True)
 class HybridOptions(RenderOptions):
-    """Options of `HybridRenderer`.
+    """Options of `HybridRenderer`. Without rays of a kind there is no shadow, or no occlusion.
 
-    shadow_rays, occlusion_rays: for each sample, to each light and into the sky, 0 to 64; without any there is no
-    shadow, or no occlusion. shadow_length, occlusion_length: how far a thing may be and still cast a shadow, or
-    occlude, in scene units; inf: any.
-    occlusion: "uniform", the share of the hemisphere that is free, or "cosine", weighted by the cosine of its angle.
-    shadow_directions, occlusion_directions: "shared": the same for all pixels (into the sky, turned to each surface's
-    side), which Embree traces faster; "shifted": by a random amount of each pixel's own, which trades bands for noise.
-    most_kept: when the camera moves and nothing else changes, pixels that see what one saw before go on with its mean,
-    as of so many samples at most; 0: all start anew. Edges and textures are a little softer for it.
+    Embree traces shared directions faster; shifted ones trade bands for noise.
     """
 
-    shadow_rays: int = 1
-    shadow_length: float = inf
-    shadow_directions: str = "shared"
-    occlusion_rays: int = 1
-    occlusion_length: float = 10.0
-    occlusion: str = "uniform"
-    occlusion_directions: str = "shifted"
-    wave_rays: int = 512 * BLOCK
-    most_samples: int | None = 512
-    most_kept: int = 0
+    shadow_rays: int = option(1, "rays to each light, for each sample, 0 to 64")
+    shadow_length: float = option(inf, "how far a thing may be and still cast a shadow", unit="scene units")
+    shadow_directions: str = option(
+        "shared", "of rays to lights: shared by all pixels, or shifted pixel by pixel", choices=_DIRECTIONS
+    )
+    occlusion_rays: int = option(1, "rays into the sky, for each sample, 0 to 64")
+    occlusion_length: float = option(10.0, "how far a thing may be and still occlude", unit="scene units")
+    occlusion: str = option(
+        "uniform",
+        "the share of the hemisphere that is free: uniform, or weighted by the cosine of its angle",
+        choices=("uniform", "cosine"),
+    )
+    occlusion_directions: str = option(
+        "shifted", "of rays into the sky: shared by all pixels, or shifted pixel by pixel", choices=_DIRECTIONS
+    )
+    wave_rays: int = option_of(RenderOptions, "wave_rays", default=512 * BLOCK)
+    most_samples: int | None = option_of(RenderOptions, "most_samples", default=512)
+    most_kept: int = option(
+        0,
+        "samples that a pixel's mean counts as when the camera moves and the pixel sees what one saw before; 0 = all "
+        "start anew; edges and textures are a little softer for it",
+    )
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -111,6 +141,3 @@ class HybridOptions(RenderOptions):
             length = as_number(getattr(self, name))
             if not 0.0 < length <= inf:
                 raise InputError(f"{name} is {getattr(self, name)!r}, expected a length above 0, or inf")
-        check_one_of("occlusion", self.occlusion, ("uniform", "cosine"))
-        for name in ("shadow_directions", "occlusion_directions"):
-            check_one_of(name, getattr(self, name), ("shared", "shifted"))

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Unpack
 
 import numpy as np
 from numpy.typing import NDArray
 
+from atra.geometry.view import View
 from atra.light.laps import Laps
-from atra.light.pictures.options import PathOptions
+from atra.light.pictures.options import PathKeywords, PathOptions
 from atra.light.pictures.path_kernels import (
     BLOCK,
     PATH_ROWS,
@@ -22,12 +24,12 @@ from atra.light.pictures.path_kernels import (
     shade,
     trace_kernel,
 )
-from atra.light.pictures.renderer import Renderer
+from atra.light.pictures.renderer import Primary, Renderer
 from atra.light.scene import RenderScene
 from atra.light.surface_kernels import Surfaces
 from atra.light.tables import surfaces_of
 from atra.rays.scene import Query
-from atra.tracing.options import RayOptions
+from atra.tracing.options import RayOptions, lists_options
 
 
 class PathRenderer(Renderer):
@@ -38,7 +40,7 @@ class PathRenderer(Renderer):
             renderer.save("picture.png")
 
     Each sample sends one path through every pixel; it ends at the sky, at an `Emissive` surface, or in the dark after
-    `max_depth` rays. All random numbers are hashes of pixel, sample and bounce. Arguments: see `Renderer`; options: of
+    `max_depth` rays. All random numbers are hashes of pixel, sample and bounce. Arguments: see `Renderer`; options: see
     `PathOptions`. Stages: primary and depth_first; or, of waves, primary, generate, trace, compact (which also adds up
     what has ended) and shade.
     """
@@ -47,6 +49,18 @@ class PathRenderer(Renderer):
     options: PathOptions
 
     _planes = 3
+
+    @lists_options(PathOptions)
+    def __init__(
+        self, scene: RenderScene, camera: View, primary: Primary | None = None, **options: Unpack[PathKeywords]
+    ) -> None:
+        super().__init__(scene, camera, primary, options)
+
+    @lists_options(PathOptions, as_changes=True)
+    def update(
+        self, *, scene: RenderScene | None = None, camera: View | None = None, **changes: Unpack[PathKeywords]
+    ) -> None:
+        self._update(scene, camera, changes)
 
     def _ray_options(self) -> RayOptions:
         options = super()._ray_options()

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import fields
 from functools import partial
 from pathlib import Path
 from time import perf_counter
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +22,7 @@ from atra.hits import Hits
 from atra.light.laps import Laps
 from atra.light.pictures.files import save_picture
 from atra.light.pictures.film import Film
-from atra.light.pictures.options import RenderOptions
+from atra.light.pictures.options import RenderKeywords, RenderOptions
 from atra.light.pictures.path_kernels import BLOCK, Pixels
 from atra.light.pictures.pixels import pixels_of
 from atra.light.scene import RenderScene
@@ -30,7 +30,7 @@ from atra.light.surface_kernels import Surfaces
 from atra.raster.tracer import RasterTracer
 from atra.rays.scene import Query, RayScene
 from atra.tracing.lifetime import Lifetime
-from atra.tracing.options import RayOptions
+from atra.tracing.options import RayOptions, lists_options
 from atra.tracing.tracer import Tracer
 from atra.whole_numbers import is_whole_number
 
@@ -47,7 +47,7 @@ class Renderer(Lifetime):
     """What both renderers share: primary visibility, a scene for all other rays, samples, and the time of stages.
 
     scene: see `RenderScene`. camera: of either kind. primary: makes the tracer of primary visibility from mesh and
-    camera; None: the rasteriser. options, changes: as for tracers.
+    camera; None: the rasteriser. options: fields of `options_type` by name.
 
     stage_s: seconds by stage of the last `add`; they sum to its duration. Of stages that run in several threads it is
     the mean, and "other" is what is left: waiting, Python. ray_count: how many rays the last `add` traced beside those
@@ -60,17 +60,10 @@ class Renderer(Lifetime):
     _ray_bytes: ClassVar[int] = 80  # in a wave, at most
     _sets_sums: ClassVar[bool] = False  # as `Film` asks
 
-    def __init__(
-        self,
-        scene: RenderScene,
-        camera: View,
-        primary: Primary | None = None,
-        options: RayOptions | None = None,
-        **changes: Any,
-    ) -> None:
+    def __init__(self, scene: RenderScene, camera: View, primary: Primary | None, options: Mapping[str, Any]) -> None:
         super().__init__()
-        self.options = self.options_type.of(type(self).__name__, options, changes)
-        self.rays = RayScene(scene.mesh, self._ray_options())
+        self.options = self.options_type.of(type(self).__name__, options)
+        self.rays = RayScene(scene.mesh, **self._ray_options().keywords())
         self._primary = primary or partial(RasterTracer, threads=self.options.threads)
         self.scene, self.camera = scene, camera
         self._tracer = self._primary(scene.mesh, camera)
@@ -210,7 +203,10 @@ class Renderer(Lifetime):
             "look for texels beyond 1e30 in the sky, and report this if there are none"
         )
 
-    def update(self, *, scene: RenderScene | None = None, camera: View | None = None, **changes: Any) -> None:
+    @lists_options(RenderOptions, as_changes=True)
+    def update(
+        self, *, scene: RenderScene | None = None, camera: View | None = None, **changes: Unpack[RenderKeywords]
+    ) -> None:
         """Go on with another scene of the same mesh, another camera, or other options.
 
         Samples stay where their sums would be the same (`HybridRenderer`: powers and colours of lights, power of the
@@ -218,12 +214,15 @@ class Renderer(Lifetime):
         `look`. Raises InputError for another mesh, and for options that the scene was built with; EmbreeError after
         `close`.
         """
+        self._update(scene, camera, changes)
+
+    def _update(self, scene: RenderScene | None, camera: View | None, changes: Mapping[str, Any]) -> None:
         with self._lock:
             self._check_open()
             fixed = sorted(self.options.built_with & changes.keys())
             if fixed:
                 raise InputError(f"{fixed[0]} is what the scene was built with; make a new {type(self).__name__}")
-            options = self.options_type.of(type(self).__name__, self.options, changes)
+            options = self.options.changed(type(self).__name__, changes)
             if scene is not None and scene.mesh is not self.scene.mesh:
                 raise InputError(f"the scene has another mesh; make a new {type(self).__name__}")
             has_other_sums = scene is not None and not self._same_sums(scene)

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 from atra.errors import InputError
 from atra.geometry.view import check_offset
+from atra.tracing.options import option
 from experiments.harness.column import WHOLE, Column
-from experiments.harness.options import option
 from experiments.harness.point import Workload
 from experiments.harness.records import Record
 from experiments.workloads.images import IMAGE_COLUMNS, PIXELS, say_holes

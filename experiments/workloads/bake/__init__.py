@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import Enum
 from statistics import median
 from typing import Any
@@ -11,8 +10,9 @@ import numpy as np
 
 from atra.errors import InputError
 from atra.light import BakeOptions
+from atra.tracing.options import option
 from experiments.harness.column import REAL, WHOLE, Column
-from experiments.harness.options import option
+from experiments.harness.options import settings, taken
 from experiments.harness.point import Point, Workload
 from experiments.harness.records import Record
 from experiments.results.statistics import Series, statistics_columns
@@ -35,29 +35,6 @@ FULLEST = 0.7
 """Of a map: occupancies are held against it."""
 
 
-class Compaction(Enum):
-    """As of `atra.light.BakeOptions`."""
-
-    none = "none"
-    texels = "texels"
-    bounces = "bounces"
-
-
-class Lights(Enum):
-    """As of `atra.light.BakeOptions`."""
-
-    uniform = "uniform"
-    grid = "grid"
-
-
-class Environment(Enum):
-    """As of `atra.light.BakeOptions`."""
-
-    mis = "mis"
-    light = "light"
-    bsdf = "bsdf"
-
-
 class Against(Enum):
     """What a round is held against in the same rounds: nothing; one kind of compaction less; a map that is as full as
     can be; rays of texels that do not lie side by side; paths that never end by roulette; a sky that is found by chance
@@ -74,29 +51,29 @@ class Against(Enum):
     mitsuba = "mitsuba"
 
 
-@dataclass(frozen=True)
+@settings
 class BakeSettings(UnderSky):
     """Raises InputError for values that no bake could use."""
 
     size: int = option(512, "texels along a side of the map, before a lower occupancy makes it larger")
     occupancy: float | None = option(
-        None, "share of the map that is lit, by empty rows; null: what xatlas makes", "any"
+        None, "share of the map that is lit, by empty rows; null: what xatlas makes", null="any"
     )
     samples: int = option(16, "of a texel, in a round")
     final_samples: int = option(512, "samples of a finished map, which nobody waits for")
-    bounces: int = option(4, "how often light is reflected at most")
-    roulette_from: int | None = option(2, "bounces after which weak paths end by chance; null: never", "never")
-    albedo: float | None = option(None, "of all faces; null: the scene's own", "own")
+    bounces = taken(BakeOptions)
+    roulette_from = taken(BakeOptions)
+    albedo: float | None = option(None, "of all faces; null: the scene's own", null="own")
     panorama: bool = option(False, "whether the sky is a panorama with a sun in it, and the only light")
-    environment: Environment = option(Environment.mis, "what finds the light of a panorama: mis, light or bsdf")
+    environment = taken(BakeOptions)
     lamps: int = option(0, "point lights all over the scene, in place of its own; 0: its own")
-    compaction: Compaction = option(Compaction.bounces, "which lanes move together: none, texels or bounces")
+    compaction = taken(BakeOptions)
     priority: bool = option(False, "whether texels that the view shows come first")
-    lights: Lights = option(Lights.uniform, "which of many lights rays are aimed at: uniform or grid")
-    adaptive: bool = option(False, "whether texels are left at 1 %, in a finished map")
-    packets: int | None = option(1, "rays of a packet; null: the widest that are native", "widest")
-    batch_rays: int = option(1 << 19, "rays in flight")
-    expansion: int = option(16, "samples of a texel side by side in a batch")
+    lights = taken(BakeOptions)
+    adaptive = taken(BakeOptions)
+    packets = taken(BakeOptions, "packet_width", null="widest")
+    batch_rays = taken(BakeOptions)
+    expansion = taken(BakeOptions)
     denoise: bool = option(False, "whether the finished map is denoised")
     against: Against = option(Against.nothing, "what a round is held against in the same rounds")
 
@@ -124,25 +101,21 @@ class BakeSettings(UnderSky):
 
     def options(self, threads: int | None = 1, build_quality: str = "medium") -> BakeOptions:
         """The library's value for it."""
+        names = (
+            "bounces", "roulette_from", "environment", "lights", "adaptive", "compaction", "batch_rays", "expansion",
+        )  # fmt: skip
         return BakeOptions(
             packet_width=self.packets,
             threads=threads,
             build_quality=build_quality,
             robust=self.robust_rays,
-            bounces=self.bounces,
-            roulette_from=self.roulette_from,
-            environment=self.environment.value,
-            lights=self.lights.value,
-            adaptive=self.adaptive,
-            compaction=self.compaction.value,
-            batch_rays=self.batch_rays,
-            expansion=self.expansion,
+            **{name: getattr(self, name) for name in names},
         )
 
     @property
     def other(self) -> dict[str, Any] | None:
         """Options of the library that are other in what it is held against; None where that is no bake of ours."""
-        less = {Compaction.texels: "none", Compaction.bounces: "texels"}
+        less = {"texels": "none", "bounces": "texels"}
         nothing = self.against is Against.compaction and self.compaction not in less
         if nothing or self.against in (Against.nothing, Against.mitsuba):
             return None

@@ -10,7 +10,7 @@ import pandas as pd
 from experiments.drawing.values import column, numbers
 from experiments.methods.visible_first import VISIBLE_FIRST
 from experiments.results.claims import NOT_MEASURED, UNDECIDED, Claim, Judgement
-from experiments.workloads.bake import RARE, STAGES, Against, Compaction, Environment
+from experiments.workloads.bake import RARE, STAGES, Against
 from experiments.workloads.bake.judges import (
     Bound,
     Which,
@@ -47,12 +47,12 @@ def _share_of(rows: pd.DataFrame, stages: tuple[str, ...]) -> object:
     return sum(numbers(rows, f"{stage}_s") for stage in stages) / whole
 
 
-def _plain(compaction: Compaction) -> Which:
-    return _against(Against.compaction, compaction=compaction.value, priority=False, albedo="own", packets="1")
+def _plain(compaction: str) -> Which:
+    return _against(Against.compaction, compaction=compaction, priority=False, albedo="own", packets="1")
 
 
 def _dark(rows: pd.DataFrame) -> pd.Series:
-    bounces = _against(Against.compaction, compaction=Compaction.bounces.value, packets="1")(rows)
+    bounces = _against(Against.compaction, compaction="bounces", packets="1")(rows)
     return bounces & column(rows, "albedo").ne("own")
 
 
@@ -66,7 +66,7 @@ def _emptiest(which: Which) -> Which:
 
 
 def _view(rows: pd.DataFrame) -> pd.Series:
-    return _where(rows, priority=True, compaction=Compaction.bounces.value) & column(rows, "view_speedup").notna()
+    return _where(rows, priority=True, compaction="bounces") & column(rows, "view_speedup").notna()
 
 
 def _half_seen(rows: pd.DataFrame) -> pd.Series:
@@ -118,16 +118,16 @@ CLAIMS = (
     _ratio(
         "compaction-tracing", _ARTICLE, "Compaction speeds tracing.", "faster",
         "Stages that trace with a lane for every texel, over those with lanes for lit ones alone, above 1.",
-        "tracing_vs_other", _plain(Compaction.texels), _MORE,
+        "tracing_vs_other", _plain("texels"), _MORE,
     ),
     _ratio(
         "compaction-shading", _ARTICLE, "Compaction speeds shading.", "faster",
-        "The same of stages that shade.", "shading_vs_other", _plain(Compaction.texels), _MORE,
+        "The same of stages that shade.", "shading_vs_other", _plain("texels"), _MORE,
     ),
     _ratio(
         "compaction-bounces", _ARTICLE, "Compaction between bounces gains, too.", "faster",
         "Time with lit lanes alone over that of lanes that go on, above 1.",
-        "speedup_vs_other", _plain(Compaction.bounces), _MORE,
+        "speedup_vs_other", _plain("bounces"), _MORE,
     ),
     _ratio(
         "occupancy-no-matter", _ARTICLE, "With it rays/s do not depend on how full a map is.", "independent",
@@ -153,7 +153,7 @@ CLAIMS = (
     _share(
         "rare-stages", _ARTICLE, "Expansion and gathering are rare.", "rare",
         "Share of both, and of the order of texels, in a round, at most 5 % (our reading).",
-        partial(_share_of, stages=RARE), _plain(Compaction.bounces), Bound(high=0.05),
+        partial(_share_of, stages=RARE), _plain("bounces"), Bound(high=0.05),
     ),
     _ratio(
         "view-sooner", _ARTICLE, "What the view shows is done sooner when it comes first.", "sooner",
@@ -167,7 +167,7 @@ CLAIMS = (
     _ratio(
         "panorama", _ARTICLE, "A sky that is found by both ways shortens the time to an error.", "shorter",
         "Variance times time with a sky found by chance alone over those with both, above 1.",
-        "quality_vs_other", _against(Against.environment, environment=Environment.mis.value), _MORE,
+        "quality_vs_other", _against(Against.environment, environment="mis"), _MORE,
     ),
     _ratio(
         "light-grid", _ARTICLE, "A grid of lights shortens the time to an error.", "shorter",
@@ -183,7 +183,7 @@ CLAIMS = (
     _share(
         "no-waiting", _ARTICLE, "There are no points at which all must wait.", "none",
         "Share of a round outside of all its stages, at most 1 % (our reading).",
-        partial(_share_of, stages=("other",)), _plain(Compaction.bounces), Bound(high=0.01),
+        partial(_share_of, stages=("other",)), _plain("bounces"), Bound(high=0.01),
     ),
     Claim(
         "culling-map", _OURS, "Visible-first rays find what a view shows 1.5 times sooner than packets.",
@@ -203,7 +203,7 @@ CLAIMS = (
     _ratio(
         "target-texels", _OURS, "Lanes for lit texels alone: 1.15 times the rays/s on the emptiest map.", "1.15",
         "Rays/s over those with a lane for every texel, at least 1.15.",
-        "rays_speedup_vs_other", _emptiest(_plain(Compaction.texels)), Bound(low=1.15),
+        "rays_speedup_vs_other", _emptiest(_plain("texels")), Bound(low=1.15),
     ),
     _ratio(
         "target-bounces", _OURS, "Lanes that go on alone: 1.15 times as fast, with an albedo of 0.5.", "1.15",

@@ -17,12 +17,12 @@ from experiments.drawing.pages import add_legend, write_foot
 from experiments.drawing.style import BLUE, DASHED, GREY, ORANGE, SKY, VERMILLION
 from experiments.drawing.values import MILLISECONDS, column, numbers, say_number
 from experiments.results.table import workload_rows
-from experiments.workloads.bake import BAKE, STAGES, THRESHOLDS, Against, Compaction
+from experiments.workloads.bake import BAKE, STAGES, THRESHOLDS, Against
 from experiments.workloads.panels import draw_panels, make_panels
 
 _MEGA = 1e-6
 
-_COLOURS = {Compaction.none.value: GREY, Compaction.texels.value: ORANGE, Compaction.bounces.value: BLUE}
+_COLOURS = {"none": GREY, "texels": ORANGE, "bounces": BLUE}
 
 _LINES: dict[str, tuple[str, str | None, dict[str, Any]]] = {
     "what the view shows, first": ("visible_", None, {"color": BLUE, "marker": "o"}),
@@ -43,7 +43,7 @@ def _measured(table: pd.DataFrame, *against: Against) -> pd.DataFrame:
 
 def _with_a_view(table: pd.DataFrame) -> pd.DataFrame:
     rows = _measured(table, Against.nothing)
-    return rows[column(rows, "compaction").eq(Compaction.bounces.value) & column(rows, "priority").eq(True)]
+    return rows[column(rows, "compaction").eq("bounces") & column(rows, "priority").eq(True)]
 
 
 def _by_compaction(table: pd.DataFrame) -> pd.DataFrame:
@@ -102,7 +102,7 @@ def _label(row: pd.Series) -> str:
 
 
 def _ordered(rows: pd.DataFrame) -> pd.DataFrame:
-    place = column(rows, "compaction").map({one.value: number for number, one in enumerate(Compaction)})
+    place = column(rows, "compaction").map({name: number for number, name in enumerate(_COLOURS)})
     rows = rows[rows["status"].eq("ok")].assign(_place=place)
     return rows.sort_values(["_place", "map_occupancy"], kind="stable")
 

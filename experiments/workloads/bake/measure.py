@@ -123,7 +123,7 @@ def measure(point: Point) -> Measured:
     with ExitStack() as stack:
 
         def baker(scene: BakeScene = scene, atlas: Atlas = atlas, **changes: Any) -> Baker:
-            one: Baker = stack.enter_context(Baker(scene, atlas, options=replace(options, **changes)))
+            one: Baker = stack.enter_context(Baker(scene, atlas, **options.keywords() | changes))
             one.add(1)  # compiles
             return one
 

@@ -7,8 +7,8 @@ from enum import Enum
 from statistics import median
 
 from atra.errors import InputError
+from atra.tracing.options import option
 from experiments.harness.column import REAL, WHOLE, Column
-from experiments.harness.options import option
 from experiments.harness.point import Point as Point
 from experiments.harness.point import Workload
 from experiments.harness.records import Record

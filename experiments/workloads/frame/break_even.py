@@ -11,11 +11,9 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from experiments.drawing.values import column
-from experiments.methods.pixel import PIXEL, OwnBuildQuality
+from experiments.methods.pixel import PIXEL, SAME
 from experiments.workloads.frame import FRAME
 from experiments.workloads.ratios import best_rows
-
-_USUAL = OwnBuildQuality.same.value
 
 
 @dataclass(frozen=True)
@@ -72,9 +70,9 @@ def baseline_costs(rows: pd.DataFrame) -> dict[str, Cost]:
     first. Whoever traces few frames builds cheaply, and whoever traces many does not."""
     chosen = rows["method"].eq(PIXEL.name) & rows["packet_width"].gt(1)
     packets = rows[chosen.fillna(False).astype(bool)]
-    qualities = column(packets, "own_build_quality").fillna(_USUAL).astype(str)
+    qualities = column(packets, "own_build_quality").fillna(SAME).astype(str)
     found: dict[str, Cost] = {}
-    for quality in sorted(qualities.unique(), key=lambda one: (one != _USUAL, one)):
+    for quality in sorted(qualities.unique(), key=lambda one: (one != SAME, one)):
         costs = [cost_of(row) for _, row in best_rows(packets[(qualities == quality).to_numpy(bool)]).iterrows()]
         known = [cost for cost in costs if cost is not None]
         if known:

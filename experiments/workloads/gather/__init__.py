@@ -10,10 +10,11 @@ import numpy as np
 
 from atra import Count, Layers, Thickness, Transmittance
 from atra.all_hits.reductions import Reduction
+from atra.tracing.options import option
 from experiments.harness.column import REAL, WHOLE, Column
-from experiments.harness.options import option
 from experiments.harness.point import Point, Workload
 from experiments.harness.records import Record
+from experiments.methods import find_method as find_method
 from experiments.workloads.baselines import OWN, PACKETS, SINGLE, TIME_COLUMNS, single_over_packets
 from experiments.workloads.resources import RESOURCE_COLUMNS, RESOURCES
 

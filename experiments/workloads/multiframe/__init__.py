@@ -8,8 +8,8 @@ from enum import Enum
 import numpy as np
 
 from atra.errors import InputError
+from atra.tracing.options import option
 from experiments.harness.column import REAL, WHOLE, Column
-from experiments.harness.options import option
 from experiments.harness.point import Point, Workload
 from experiments.harness.records import Record
 from experiments.methods.aligned import ALIGNED

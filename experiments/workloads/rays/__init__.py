@@ -7,11 +7,12 @@ from enum import Enum
 from statistics import median
 from typing import Any
 
+from atra.tracing.options import option
 from experiments.harness.column import REAL, WHOLE, Column
-from experiments.harness.options import option
 from experiments.harness.point import Point, Workload
 from experiments.harness.records import Record
 from experiments.methods import METHODS
+from experiments.methods import find_method as find_method
 from experiments.results.statistics import statistics_columns
 from experiments.workloads.baselines import OWN, PACKETS, SINGLE, fastest, over_own, series, single_over_packets
 from experiments.workloads.resources import RESOURCE_COLUMNS, RESOURCES, say_ms

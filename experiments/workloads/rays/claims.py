@@ -10,7 +10,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from experiments.drawing.values import numbers
-from experiments.methods.classified import CLASSIFIED, ClassifiedOptions, Subset
+from experiments.methods.classified import CLASSIFIED, ClassifiedOptions
 from experiments.results.claims import DOES_NOT_HOLD, HOLDS, NOT_MEASURED, UNDECIDED, Claim, Judge, Judgement
 
 KINDS = ("primary", "occlusion", "diffuse")
@@ -142,7 +142,7 @@ def dedup_saves(table: pd.DataFrame) -> Judgement | None:
 
 def occupied_serves(table: pd.DataFrame) -> Judgement | None:
     """No secondary ray starts from the root with lists for occupied voxels alone."""
-    rows = usual(table, shaft_subset=Subset.occupied.value)
+    rows = usual(table, shaft_subset="occupied")
     rows = rows[rows["ray_kind"].ne(KINDS[0])]
     if not len(rows):
         return None
@@ -163,7 +163,7 @@ def occlusion_helps(table: pd.DataFrame) -> Judgement | None:
 
 def subset_is_efficient(table: pd.DataFrame) -> Judgement | None:
     """Lists for the most used shafts: half the bytes, and at most 1.05 times the steps."""
-    pairs = _pairs(usual(table, shaft_subset=Subset.sampled.value, shaft_cells=any), usual(table, shaft_cells=any))
+    pairs = _pairs(usual(table, shaft_subset="sampled", shaft_cells=any), usual(table, shaft_cells=any))
     if not len(pairs):
         return None
     pairs["bytes"] = numbers(pairs, "list_bytes") / numbers(pairs, "list_bytes_other")
@@ -207,7 +207,7 @@ def grows_with_resolution(table: pd.DataFrame, size: Callable[[pd.DataFrame], ND
 
 def occupied_as_fast(table: pd.DataFrame) -> Judgement | None:
     """Time with lists for occupied voxels alone, within 1.05 of all, secondary rays."""
-    pairs = _pairs(usual(table, shaft_subset=Subset.occupied.value), usual(table))
+    pairs = _pairs(usual(table, shaft_subset="occupied"), usual(table))
     pairs = pairs[pairs["ray_kind"].ne(KINDS[0])]
     if not len(pairs):
         return None

@@ -4,7 +4,6 @@ same with single rays and packets in its place, round by round."""
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from enum import Enum
 from math import ceil
 from typing import Any
@@ -13,9 +12,10 @@ import numpy as np
 
 from atra.errors import InputError
 from atra.light import HybridOptions, PathOptions
+from atra.tracing.options import option
 from atra.whole_numbers import is_whole_number
 from experiments.harness.column import REAL, WHOLE, Column
-from experiments.harness.options import option
+from experiments.harness.options import settings, taken
 from experiments.harness.point import Point, Workload
 from experiments.harness.records import Record
 from experiments.results.statistics import statistics_columns
@@ -61,27 +61,6 @@ class Kind(Enum):
     path = "path"
 
 
-class Jitter(Enum):
-    """shared = another sub-pixel position for every sample; off = the same, and primary visibility is found once."""
-
-    shared = "shared"
-    off = "off"
-
-
-class Directions(Enum):
-    """Of occlusion rays: shared = the same for all pixels of a sample; shifted = by a random amount pixel by pixel."""
-
-    shared = "shared"
-    shifted = "shifted"
-
-
-class Order(Enum):
-    """Of paths: depth_first = one after the other; waves = many through each stage together."""
-
-    depth_first = "depth_first"
-    waves = "waves"
-
-
 class Rival(Enum):
     """Variants of Mitsuba 3: scalar_rgb = ray by ray; llvm_ad_rgb = compiled for vectors, by a libLLVM new enough."""
 
@@ -90,19 +69,19 @@ class Rival(Enum):
     llvm_ad_rgb = "llvm_ad_rgb"
 
 
-@dataclass(frozen=True)
+@settings
 class RenderOptions(UnderSky):
     """Raises InputError for values that no picture can have."""
 
     frame: Kind = option(Kind.hybrid, "how a picture is made: hybrid or path")
     samples: int = option(16, "samples of each pixel of a picture")
-    jitter: Jitter = option(Jitter.shared, "shared: each sample through another point of the pixel; off: through one")
-    shadow_rays: int = option(1, "hybrid: rays to each light, for each sample")
-    occlusion_rays: int = option(1, "hybrid: rays into the sky, for each sample")
+    jitter = taken(HybridOptions)
+    shadow_rays = taken(HybridOptions)
+    occlusion_rays = taken(HybridOptions)
     occlusion_part: float = option(0.1, "hybrid: how far things occlude, of the diagonal of the scene's box")
-    occlusion_directions: Directions = option(Directions.shifted, "hybrid: of rays into the sky: shared or shifted")
-    max_depth: int = option(5, "path: rays of a path at most")
-    order: Order = option(Order.depth_first, "path: depth_first or waves")
+    occlusion_directions = taken(HybridOptions)
+    max_depth = taken(PathOptions)
+    order = taken(PathOptions)
     mitsuba: Rival = option(Rival.none, "path: Mitsuba 3's variant that makes the same picture in every round")
 
     def __post_init__(self) -> None:
@@ -117,26 +96,19 @@ class RenderOptions(UnderSky):
 
     def of_library(self, diagonal: float) -> dict[str, Any]:
         """The renderer's own options, checked. diagonal: of the scene's box."""
-        jitter = self.jitter.value
+        of_both = {"jitter": self.jitter, "robust": self.robust_rays}
         if self.frame is Kind.path:
-            of_paths = {
-                "jitter": jitter,
-                "robust": self.robust_rays,
-                "max_depth": self.max_depth,
-                "order": self.order.value,
-            }
-            PathOptions(**of_paths)  # type: ignore[arg-type]
+            of_paths = of_both | {"max_depth": self.max_depth, "order": self.order}
+            PathOptions(**of_paths)
             return of_paths
-        hybrid = {
-            "jitter": jitter,
-            "robust": self.robust_rays,
+        hybrid = of_both | {
             "shadow_rays": self.shadow_rays,
             "occlusion_rays": self.occlusion_rays,
             "occlusion_length": self.occlusion_part * diagonal,
-            "occlusion_directions": self.occlusion_directions.value,
+            "occlusion_directions": self.occlusion_directions,
             "most_samples": None,
         }
-        HybridOptions(**hybrid)  # type: ignore[arg-type]
+        HybridOptions(**hybrid)
         return hybrid
 
 

@@ -134,7 +134,7 @@ def measure(point: Point) -> Measured:
         (hits, image), (single, single_image) = (pictures.sample(name) for name in (OWN, SINGLE))
         agreements = [compare(own.mesh, own.camera, hits, single)]
         unlike = (image != single_image).any(axis=-1) & (hits.prim_id == single.prim_id)
-        images = 1 if options.jitter.value == "off" else options.samples
+        images = 1 if options.jitter == "off" else options.samples
         results |= counts(agreements) | depth_errors(agreements) | plan_and_build_again(own)
         results |= {
             "pixels_unlike": int(np.count_nonzero(unlike)),

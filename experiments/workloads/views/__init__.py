@@ -9,11 +9,12 @@ from statistics import median
 from typing import Any
 
 from atra.errors import InputError
+from atra.tracing.options import option
 from experiments.harness.column import REAL, Column
-from experiments.harness.options import option
 from experiments.harness.point import Point, Workload
 from experiments.harness.records import Record
 from experiments.methods import METHODS
+from experiments.methods import find_method as find_method
 from experiments.results.statistics import Series, statistics_columns
 from experiments.workloads.baselines import OWN, series
 

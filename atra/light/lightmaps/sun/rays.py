@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from time import perf_counter
-from typing import Any
+from typing import Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,7 +19,7 @@ from atra.light.lightmaps.sun.meeting_kernels import Shots, meeting_kernel, noti
 from atra.light.lightmaps.sun.tiles_kernels import BoxTree, Prisms, carry_triangles, find_triangles
 from atra.tracing.budgets import EMBREE_BYTES_PER_COPY, PLAN_BYTES_PER_COPY, check_needed_bytes
 from atra.tracing.lifetime import Lifetime
-from atra.tracing.options import PacketOptions
+from atra.tracing.options import PacketKeywords, PacketOptions, lists_options
 
 _SHAPES = {1: (1, 1), 2: (2, 1), 4: (2, 2), 8: (4, 2), 16: (4, 4)}
 """Texels across and down, by their number."""
@@ -33,16 +33,15 @@ class TileRays(Lifetime):
 
     tree: the mesh. prisms: what the rays of each tile sweep, and how they are carried onto the rays of the one tile,
     which start at z = 0 and head along z. size: rays along a side of a tile, 1 apart, around (0, 0). options: see
-    `PacketOptions`; changes: fields of it by name. Raises InputError as these do, MemoryBudgetError in `plan`.
+    `PacketOptions`. Raises InputError as these do, MemoryBudgetError in `plan`.
     Triangles are copied for each tile that they lie before (paper §3.3); a tile all of whose rays meet one triangle
     needs no copies.
     """
 
-    def __init__(
-        self, tree: BoxTree, prisms: Prisms, size: int, options: PacketOptions | None = None, **changes: Any
-    ) -> None:
+    @lists_options(PacketOptions)
+    def __init__(self, tree: BoxTree, prisms: Prisms, size: int, **options: Unpack[PacketKeywords]) -> None:
         super().__init__()
-        self.options = PacketOptions.of(type(self).__name__, options, changes)
+        self.options = PacketOptions.of(type(self).__name__, options)
         self.tree, self.prisms, self.size = tree, prisms, size
         self.packet_width = resolve_packet_width(self.options.packet_width)
         self._pool = WorkerPool(resolve_threads(self.options.threads))

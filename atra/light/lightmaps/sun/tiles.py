@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,6 +18,7 @@ from atra.light.lightmaps.gather.tables import start_off
 from atra.light.lightmaps.sun.rays import TileRays
 from atra.light.lightmaps.sun.tiles_kernels import BoxTree, Prisms
 from atra.prim_ids import MISS
+from atra.tracing.options import PacketKeywords, PacketOptions, lists_options
 from atra.whole_numbers import is_whole_number
 
 FLAT = 1e-3
@@ -130,8 +131,9 @@ class Tiles:
         middle, half = self._rectangles
         return Prisms(onto, shift, off, middle[tiles], half[tiles])
 
-    def towards(self, tiles: NDArray[np.int64], direction: ArrayLike, **options: Any) -> TileRays:
-        """Rays of this direction from tiles; options: of `atra.tracing.options.PacketOptions`."""
+    @lists_options(PacketOptions)
+    def towards(self, tiles: NDArray[np.int64], direction: ArrayLike, **options: Unpack[PacketKeywords]) -> TileRays:
+        """Rays of this direction from tiles; options: see `atra.tracing.options.PacketOptions`."""
         return TileRays(self.tree, self.prisms(tiles, direction), self.size, **options)
 
     def rays(

@@ -1,0 +1,69 @@
+"""Options of tracers with aligned rays."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from atra.errors import InputError
+from atra.tracing.options import CellKeywords, CellOptions, option
+
+REFERENCES = ("off_axis", "first_cell")
+"""Cells whose rays are shot: one a quarter of the image from its centre, or the first, as in the paper."""
+
+
+class ReferenceRayKeywords(CellKeywords, total=False):
+    packet_rows: int | None
+
+
+@dataclass(frozen=True)
+class ReferenceRayOptions(CellOptions):
+    """Options of tracers whose packets lie in one cell; `VisibleFirstTracer` has these.
+
+    A packet or a cell that has no such rows is refused where the cell is known.
+    """
+
+    packet_rows: int | None = option(None, "rows of pixels in a packet; null = what suits the cell", null="automatic")
+
+
+class FramesKeywords(ReferenceRayKeywords, total=False):
+    geometry: str
+    culling: bool
+
+
+@dataclass(frozen=True)
+class FramesOptions(ReferenceRayOptions):
+    """Options of `FramesTracer`.
+
+    An instance is always the whole mesh, so instances need `culling=False`; InputError is raised for both together.
+    """
+
+    geometry: str = option(
+        "copied",
+        "copied = a sheared copy of the triangles per cell, instanced = one Embree instance of them per cell",
+        choices=("copied", "instanced"),
+    )
+    culling: bool = option(True, "each cell's copy keeps only what its frustum meets")
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.geometry == "instanced" and self.culling:
+            raise InputError(
+                "geometry is 'instanced' and culling is on, but an instance is all of the mesh or nothing; "
+                "set culling=False"
+            )
+
+
+class AlignedKeywords(FramesKeywords, total=False):
+    reference: str
+
+
+@dataclass(frozen=True)
+class AlignedOptions(FramesOptions):
+    """Options of `AlignedTracer`."""
+
+    reference: str = option(
+        "off_axis",
+        "where the rays that are shot lie: a quarter of the image from its centre, or in the first cell, as in the "
+        "paper; the image is the same",
+        choices=REFERENCES,
+    )

@@ -1,0 +1,30 @@
+"""Options of tracing through our own BVH."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from atra.tracing.options import LANES, ThreadKeywords, ThreadOptions, TieKeywords, TieOptions, option
+
+
+class BvhKeywords(ThreadKeywords, TieKeywords, total=False):
+    packet_width: int
+    traversal: str
+    robust: bool
+
+
+@dataclass(frozen=True)
+class BvhOptions(ThreadOptions, TieOptions):
+    """Options of `BvhTracer` and `BvhScene`. The hits are the same with every traversal.
+
+    robust is the test of triangles of Woop, Benthin, Wald 2013, which is watertight at corners, too; without it a
+    faster one is used.
+    """
+
+    packet_width: int = option(1, "rays in a packet; 1 = single rays", choices=(1, *LANES))
+    traversal: str = option(
+        "push",
+        "when a node's box is tested: push = with its sibling's, and the nearer comes next, pop = when its turn comes",
+        choices=("push", "pop"),
+    )
+    robust: bool = option(True, "no ray slips through between two triangles; off: a faster test of triangles")
