@@ -9,7 +9,6 @@ Implementation with Embree".
 
 from atra.alignment.aligned import AlignedTracer, FramesTracer
 from atra.alignment.alignment import Alignment
-from atra.alignment.frames import Frames
 from atra.alignment.options import AlignedOptions, FramesOptions, ReferenceRayOptions
 from atra.alignment.visible_first import VisibleFirstTracer
 from atra.all_hits.reductions import Count, Layers, Thickness, Transmittance
@@ -28,7 +27,7 @@ from atra.geometry.mesh import Mesh
 from atra.geometry.orthographic import OrthographicCamera
 from atra.geometry.sampling import sub_pixel_offsets
 from atra.geometry.split import Split
-from atra.hits import Hits, VisibleTriangles
+from atra.hits import Frames, Hits, VisibleTriangles
 from atra.judge.compare import Agreement, Verdict, compare
 from atra.packets.pixel import PixelTracer
 from atra.packets.tiles import TiledTracer

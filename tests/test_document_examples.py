@@ -62,12 +62,12 @@ def blocks(page: Path, language: str) -> list[str]:
 
 
 def commands(page: Path) -> list[list[str]]:
-    """Every `atra ...` and `python run.py ...` of the page's shell blocks and text, as arguments of `atra`."""
+    """Every `atra ...` and `python run.py ...` of the page's shell blocks and text, as arguments of `atra`, but for the synopsis."""
     lines = [line for block in blocks(page, "sh") for line in block.splitlines()]
     lines += [" ".join(one.split()) for one in re.findall(r"`(atra [^`]*=[^`]*)`", text_of(page))]
     parts = [part.strip() for line in lines for part in line.split(" #")[0].split("&&")]
     found = (re.fullmatch(r"(?:\.venv/bin/)?atra (.*)|python run\.py (.*)", part) for part in parts)
-    return [shlex.split(one[1] or one[2]) for one in found if one]
+    return [shlex.split(one[1] or one[2]) for one in found if one and "VERB" not in one[0]]
 
 
 def say(argument: str | tuple[str, ...]) -> str:

@@ -126,6 +126,7 @@ def toys(monkeypatch: pytest.MonkeyPatch) -> None:
                 monkeypatch.setattr(module, name, new)
     room = ModuleType("a_room")
     room.__path__ = []
+    room.__spec__ = ModuleSpec("a_room", None)
     monkeypatch.setitem(sys.modules, "a_room", room)
     for name, contents in ROOM.items():
         part = ModuleType(f"a_room.{name}")

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from atra.alignment.alignment import Alignment
 from atra.alignment.culling import plan_aligned_geometry
-from atra.alignment.frames import Frames
 from atra.alignment.instancing import check_instancing_budget, plan_instanced_geometry
 from atra.alignment.options import AlignedKeywords, AlignedOptions, FramesKeywords, FramesOptions
 from atra.alignment.reference_rays import ReferenceRayTracer, reference_rays
@@ -24,7 +23,7 @@ from atra.errors import InputError
 from atra.geometry.mesh import Mesh
 from atra.geometry.split import Split
 from atra.geometry.view import View
-from atra.hits import Hits
+from atra.hits import Frames, Hits
 from atra.packets.all_hits import EmbreeGathering, Shots
 from atra.packets.pixel import image_shots
 from atra.raster.all_hits.doubts_kernels import Precision
