@@ -62,7 +62,7 @@ def blocks(page: Path, language: str) -> list[str]:
 
 
 def commands(page: Path) -> list[list[str]]:
-    """Every `atra ...` and `python run.py ...` of the page's shell blocks and text, as arguments of `atra`, but for the synopsis."""
+    """Every `atra ...` and `python run.py ...` of the page's shell blocks and text, but for the synopsis."""
     lines = [line for block in blocks(page, "sh") for line in block.splitlines()]
     lines += [" ".join(one.split()) for one in re.findall(r"`(atra [^`]*=[^`]*)`", text_of(page))]
     parts = [part.strip() for line in lines for part in line.split(" #")[0].split("&&")]

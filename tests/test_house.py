@@ -116,7 +116,7 @@ ROOM: dict[str, dict[str, Any]] = {
 
 
 @pytest.fixture
-def toys(monkeypatch: pytest.MonkeyPatch) -> None:
+def toys(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """One more line in each registry, the workload's room, and what Hydra knows; all is undone."""
     for info in walk_packages(experiments.__path__, "experiments."):
         import_module(info.name)  # what is imported later would keep the toys
@@ -126,7 +126,10 @@ def toys(monkeypatch: pytest.MonkeyPatch) -> None:
                 monkeypatch.setattr(module, name, new)
     room = ModuleType("a_room")
     room.__path__ = []
-    room.__spec__ = ModuleSpec("a_room", None)
+    (tmp_path / "source").mkdir()
+    for name in ("__init__", *ROOM):  # a record's identity asks for the source of what measures
+        (tmp_path / "source" / f"{name}.py").write_text("")
+    room.__spec__ = ModuleSpec("a_room", None, origin=str(tmp_path / "source" / "__init__.py"))
     monkeypatch.setitem(sys.modules, "a_room", room)
     for name, contents in ROOM.items():
         part = ModuleType(f"a_room.{name}")
