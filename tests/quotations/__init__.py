@@ -53,6 +53,7 @@ QUOTATIONS = (
     Quotation(_TRUST, "agreement_raster", agreement.of_the_rasteriser),
     Quotation(_TABLES, "methods", methods.methods_in_detail),
     Quotation(_TABLES, "methods", methods.moving_cameras),
+    Quotation(_TABLES, "robust", methods.price_of_robust),
     Quotation(_TABLES, "growth", growth.growth_of_methods),
     Quotation(_TABLES, "instruction_sets", methods.other_instruction_sets),
     Quotation(_TABLES, "baselines", methods.best_packets),

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pandas as pd
 
 from experiments.methods import find_method
+from experiments.results.estimates import Estimate
 from experiments.workloads.frame.best_baseline import best_baselines
 from experiments.workloads.frame.break_even import baseline_costs, break_even_frames, cost_of
 from tests.quotations.quotation import (
@@ -197,4 +200,28 @@ def moving_cameras(kept: Kept) -> Quoted:
         rows.append(table_row(f"{label}, {TIMES} packets built anew", *rebuilt))
         over_kept = (digits(row["speedup_vs_kept_packets"]) for row in chosen)
         rows.append(table_row(f"{label}, {TIMES} packets over a kept BVH", *over_kept))
+    return Quoted(rows=tuple(rows))
+
+
+_ROBUST: tuple[tuple[str, dict[str, Any]], ...] = (
+    ("packets of 16", {"method": "pixel", "packet_width": 16}),
+    ("single rays", {"method": "pixel", "packet_width": 1}),
+    (f"aligned, 256 {TIMES} 1", {"method": "aligned", "split_x": 256}),
+    (f"visible-first, 256 {TIMES} 1", {"method": "visible_first", "split_x": 256}),
+)
+
+
+def price_of_robust(kept: Kept) -> Quoted:
+    """A frame in Embree's robust setting over one in its fast setting: time, each against packets of its own rounds."""
+
+    def speed(**values: Any) -> Estimate:
+        return Estimate.of(of(kept.processes, **values)["speedup_vs_packets"].astype(float).tolist())
+
+    rows = []
+    for label, point in _ROBUST:
+        prices = [
+            speed(scene=scene, robust=False, **point).over(speed(scene=scene, robust=True, **point)) for scene in SCENES
+        ]
+        rows.append(table_row(label, *prices))
+    assert set(of(kept.points, robust=True)["pixels_hole"].dropna()) == {0}
     return Quoted(rows=tuple(rows))
