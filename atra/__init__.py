@@ -15,7 +15,7 @@ from atra.all_hits.reductions import Count, Layers, Thickness, Transmittance
 from atra.all_hits.results import Counts, LayerHits, Thicknesses, Transmittances
 from atra.bvh.options import BvhOptions
 from atra.bvh.tracer import BvhTracer
-from atra.errors import AtraError, EmbreeError, InputError, MemoryBudgetError
+from atra.errors import AtraError, ClosedError, EmbreeError, InputError, MemoryBudgetError
 from atra.files.cameras.colmap import read_colmap
 from atra.files.cameras.nerf import read_transforms
 from atra.files.cameras.trimesh_scene import read_trimesh
@@ -55,6 +55,7 @@ __all__ = [
     "CalibratedCamera",
     "Camera",
     "CellOptions",
+    "ClosedError",
     "Count",
     "Counts",
     "EmbreeError",

@@ -31,6 +31,10 @@ class EmbreeError(AtraError, RuntimeError):
     """The Embree library is missing, of an unusable version, or reported a failure."""
 
 
+class ClosedError(AtraError, RuntimeError):
+    """A tracer, scene, renderer or baker was used after `close`."""
+
+
 class MemoryBudgetError(AtraError, MemoryError):
     """The work would need more memory than its budget; raised before anything is allocated."""
 

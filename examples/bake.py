@@ -49,7 +49,7 @@ def main(arguments: list[str] | None = None) -> dict[str, float]:
         hits = tracer.trace()
     maps = []
     with Baker(scene, size=options.size, threads=options.threads) as baker:
-        baker.set_view(camera)
+        baker.look(camera)
         for target in (1, 16, options.samples):
             while baker.advance(target):
                 pass

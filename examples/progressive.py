@@ -94,7 +94,6 @@ def main(arguments: list[str] | None = None) -> dict[int, dict[str, float]]:
         tracers = {name: stack.enter_context(make()) for name, make in makers.items()}
         for tracer in tracers.values():  # compile, and let the first build start the threads
             tracer.trace()
-            tracer.plan()
             tracer.build()
         seconds = {name: tracer.plan_time_s + tracer.build_time_s for name, tracer in tracers.items()}
         pictures, told = accumulate(tracers, dict(seconds))

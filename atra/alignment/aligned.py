@@ -27,12 +27,11 @@ from atra.hits import Frames, Hits
 from atra.packets.all_hits import EmbreeGathering, Shots
 from atra.packets.pixel import image_shots
 from atra.raster.all_hits.doubts_kernels import Precision
-from atra.tracing.all_hits import NoGathering
 from atra.tracing.base import ImageTracer
 from atra.tracing.budgets import check_memory_budget
 from atra.tracing.geometry import AlignedGeometry, LeftOut, plan_plain_geometry
 from atra.tracing.images import images_of
-from atra.tracing.lifetime import Result, in_turn
+from atra.tracing.lifetime import Result, check_same_faces, in_turn
 from atra.tracing.options import lists_options
 from atra.tracing.rays import SQUAREST_SHAPE, longest_ray
 
@@ -51,21 +50,23 @@ class _AlignedImages(ReferenceRayTracer[Result]):
         self.meshes = (meshes,) * count if isinstance(meshes, Mesh) else tuple(meshes)
         if len(self.meshes) != count:
             raise InputError(f"{len(self.meshes)} meshes for {count} frames; expected one for each, or one for all")
-        first = self.meshes[0]
         super().__init__(options)
+        self._check_meshes(self.meshes)
         self._align(self.meshes, alignment)
         self._second_passes: list[SecondPass | None] = []  # of each image that copies cannot show all of
         cells = self.split.cell_count * count
         if self.options.geometry == "instanced":
-            if any(mesh is not first for mesh in self.meshes):
-                raise InputError(
-                    "geometry is 'instanced' and the frames have meshes of their own, but instances show one mesh; "
-                    "use geometry='copied'"
-                )
-            check_instancing_budget(first, cells, self.options)
+            check_instancing_budget(self.mesh, cells, self.options)
         elif not self.options.culling:
             copies = sum(mesh.triangle_count for mesh in self.meshes) * self.split.cell_count
             check_memory_budget(copies, cells, self.options)
+
+    def _check_meshes(self, meshes: tuple[Mesh, ...]) -> None:
+        if self.options.geometry == "instanced" and any(mesh is not meshes[0] for mesh in meshes):
+            raise InputError(
+                "geometry is 'instanced' and the frames have meshes of their own, but instances show one mesh; "
+                "use geometry='copied'"
+            )
 
     def _plan_geometry(self) -> AlignedGeometry:
         if self.options.geometry == "instanced":
@@ -150,8 +151,9 @@ class AlignedTracer(EmbreeGathering, _AlignedImages[Hits], ImageTracer):
         reference = options.get("reference", AlignedOptions.reference)
         super().__init__((mesh,), Alignment.of_cells(camera, Split.of_image(split, camera), reference), options)
 
-    def _set_camera(self, camera: View) -> None:
-        self._align(self.meshes, Alignment.of_cells(camera, self.split.of(camera), self.options.reference))
+    def _show(self, mesh: Mesh, camera: View) -> None:
+        self._align((mesh,), Alignment.of_cells(camera, self.split.of(camera), self.options.reference))
+        self.meshes = (mesh,)
 
     @property
     def _gathering_row(self) -> int:
@@ -190,27 +192,56 @@ class AlignedTracer(EmbreeGathering, _AlignedImages[Hits], ImageTracer):
         return Precision.of(self.camera.pixel_pitch, direction, stretch, shift, self.options.robust)
 
 
-class FramesTracer(NoGathering, _AlignedImages[Frames]):
+class FramesTracer(_AlignedImages[Frames]):
     """Several images from one set of rays: two eyes, or frames of a moving camera, each with its own cells.
 
     meshes: one for all frames, or one per frame, so that geometry may move, too. alignment: `Alignment.of_eyes`,
     `Alignment.of_frames`, or any other. options: see `atra.FramesOptions`; instances need one mesh for all
-    frames. `look` takes one camera, and there are several: it is refused.
+    frames. `look` takes another alignment of as many frames, `update` other meshes of the same faces.
     Raises InputError for another number of meshes than frames, and as `AlignedTracer` does.
     Source: paper §6, Fig. 8.
     """
-
-    why_not = "its result is several images; gather each with a tracer of its own"
 
     @lists_options(FramesOptions)
     def __init__(self, meshes: Mesh | Sequence[Mesh], alignment: Alignment, **options: Unpack[FramesKeywords]) -> None:
         super().__init__(meshes, alignment, options)
 
-    def _set_camera(self, camera: View) -> None:
-        raise InputError(
-            f"FramesTracer shows {self.alignment.image_count} cameras at once and cannot look through one; make a new "
-            "one with Alignment.of_frames, or take AlignedTracer"
-        )
+    def _show(self, mesh: Mesh, camera: View) -> None:
+        raise NotImplementedError("frames have several cameras")
+
+    def look(self, alignment: Alignment) -> None:  # type: ignore[override]
+        """Trace what the cameras of `alignment` see from the next call on: as many frames as before.
+
+        Raises InputError for anything but an alignment of as many frames, else as `AlignedTracer.look`.
+        """
+        with self._lock:
+            self._check_open()
+            count = len(self.meshes)
+            if not isinstance(alignment, Alignment) or alignment.image_count != count:
+                raise InputError(
+                    f"FramesTracer shows {count} cameras at once and cannot look through {alignment!r:.100}; expected "
+                    f"an Alignment of {count} frames, such as Alignment.of_frames makes"
+                )
+            self._align(self.meshes, alignment)
+            self._build_again()
+
+    def update(self, meshes: Mesh | Sequence[Mesh]) -> None:
+        """Trace other vertices of the same faces from the next call on. meshes: one for all frames, or one per frame.
+
+        Raises InputError for other faces and another number of meshes, else as `AlignedTracer.update`.
+        """
+        with self._lock:
+            self._check_open()
+            count = len(self.meshes)
+            others = (meshes,) * count if isinstance(meshes, Mesh) else tuple(meshes)
+            if len(others) != count:
+                raise InputError(f"{len(others)} meshes for {count} frames; expected one for each, or one for all")
+            for before, mesh in zip(self.meshes, others, strict=True):
+                check_same_faces(before, mesh)
+            self._check_meshes(others)
+            self._align(others, self.alignment)
+            self.meshes = others
+            self._build_again()
 
     def _trace(self, offset: tuple[float, float], out: Frames | None) -> Frames:
         cameras, height, width = self.alignment.cameras, self.camera.height, self.camera.width

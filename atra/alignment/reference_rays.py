@@ -37,7 +37,7 @@ class ReferenceRayTracer(EmbreeTracer[Result]):
         check_views(views)
         packet_shape = choose_packet_shape(self.packet_width, split, self.options.packet_rows)
         check_image_size(split.height * alignment.image_count, _row_stride(split, packet_shape))
-        self._show(views)
+        self._show_views(views)
         self.alignment, self.split, self.packet_shape = alignment, split, packet_shape
 
     @property

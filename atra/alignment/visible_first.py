@@ -23,7 +23,6 @@ from atra.geometry.split import Split
 from atra.geometry.view import View
 from atra.hits import Hits
 from atra.packets.pixel_kernels import pixel_kernel
-from atra.tracing.all_hits import NoGathering
 from atra.tracing.base import ImageTracer
 from atra.tracing.geometry import AlignedGeometry, plan_plain_geometry
 from atra.tracing.images import new_images
@@ -44,7 +43,7 @@ TILE_WIDTHS, TILE_HEIGHT = (4, 8), 4
 Whole packets, and no wider than narrow cells, because a copy is kept in every cell that its tile meets."""
 
 
-class VisibleFirstTracer(NoGathering, ReferenceRayTracer[Hits], ImageTracer):
+class VisibleFirstTracer(ReferenceRayTracer[Hits], ImageTracer):
     """Alignment without overdraw: the copies a probe takes for hidden are left out, and verified per pixel.
 
     Pass 1 traces, aligned, the copies of triangles that may be seen according to the probe, and that float32 can show
@@ -64,8 +63,6 @@ class VisibleFirstTracer(NoGathering, ReferenceRayTracer[Hits], ImageTracer):
     Lifts the limit of paper §5.
     """
 
-    why_not = "it leaves out what is hidden, which is what all hits are made of"
-
     @lists_options(ReferenceRayOptions)
     def __init__(
         self,
@@ -79,21 +76,20 @@ class VisibleFirstTracer(NoGathering, ReferenceRayTracer[Hits], ImageTracer):
         self.probe = probe if probe is None or isinstance(probe, Hits) else _checked_prim_ids(mesh, probe)
         self.split = Split.of_image(split, camera)
         super().__init__(options)
-        self.mesh = mesh
-        self._set_camera(camera)
+        self._show(mesh, camera)
         self._probe_time_s = 0.0
         self._whole_build_time_s = 0.0
         self._whole: EmbreeScene | None = None
         self._second_pass: SecondPass | None = None
 
-    def _set_camera(self, camera: View) -> None:
+    def _show(self, mesh: Mesh, camera: View) -> None:
         check_pinhole(camera, "VisibleFirstTracer")
         if isinstance(self.probe, Hits) and self.probe.depth.shape != (camera.height, camera.width):
             raise InputError(
                 f"the probe is an image of {self.probe.depth.shape}, "
                 f"expected {(camera.height, camera.width)} (height, width)"
             )
-        self._align((self.mesh,), Alignment.of_cells(camera, self.split.of(camera)))
+        self._align((mesh,), Alignment.of_cells(camera, self.split.of(camera)))
         tile_width = TILE_WIDTHS[0] if self.split.cell_width <= TILE_WIDTHS[0] else TILE_WIDTHS[1]
         self.tiles = Tiles(tile_width, TILE_HEIGHT, camera.width, camera.height)
 
@@ -195,13 +191,13 @@ class VisibleFirstTracer(NoGathering, ReferenceRayTracer[Hits], ImageTracer):
     @property
     @in_turn
     def triangle_count(self) -> int:
-        """Triangles in both Embree scenes, copies included; 0 before `plan`."""
+        """Triangles in both Embree scenes, copies included; 0 before `build`."""
         return 0 if self._geometry is None else self._geometry.copy_count + self.mesh.triangle_count
 
     @property
     @in_turn
     def embree_bytes(self) -> int:
-        """Bytes Embree holds for both scenes by its own account; 0 before `plan`."""
+        """Bytes Embree holds for both scenes by its own account; 0 before `build`."""
         return super().embree_bytes + (0 if self._whole is None else self._whole.embree_bytes)
 
     def _forget(self) -> None:

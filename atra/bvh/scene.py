@@ -17,11 +17,10 @@ from atra.bvh.options import BvhKeywords, BvhOptions
 from atra.bvh.starts import NO_SHAFTS, ROOT_LIST, Shafts
 from atra.compiled.threads import WorkerPool, resolve_threads
 from atra.embree.packets_kernels import MISS
-from atra.errors import EmbreeError
 from atra.geometry.mesh import Mesh
 from atra.geometry.ray_space import check_world_range
 from atra.rays.rays import RayHits, Rays
-from atra.tracing.lifetime import Lifetime, in_turn
+from atra.tracing.lifetime import MeshLifetime, in_turn
 from atra.tracing.options import lists_options
 
 
@@ -44,7 +43,7 @@ class PreparedRays:
         return PreparedRays(self.rays, batch_of(self.rays, width, self.batch.order), NO_SHAFTS)
 
 
-class BvhScene(Lifetime):
+class BvhScene(MeshLifetime):
     """Closest hits and occlusion for rays that come from no camera, through a binary BVH of our own.
 
         with BvhScene(mesh) as scene:
@@ -65,9 +64,8 @@ class BvhScene(Lifetime):
 
     def _set_up(self, mesh: Mesh, options: Mapping[str, Any]) -> None:
         super().__init__()
-        check_world_range(mesh)
+        self._take(mesh)
         self.options = self.options_type.of(type(self).__name__, options)
-        self.mesh = mesh
         self.packet_width = int(self.options.packet_width)
         self.threads = resolve_threads(self.options.threads)
         self._pool = WorkerPool(self.threads)
@@ -76,11 +74,13 @@ class BvhScene(Lifetime):
 
     @property
     def bvh(self) -> Bvh:
-        """The BVH. Raises EmbreeError before `build` and after `close`."""
-        bvh = self._bvh
-        if bvh is None:
-            raise EmbreeError("there is no BVH before build() and after close()")
-        return bvh
+        """The BVH. Raises ClosedError after `close`."""
+        with self._in_use():
+            return self._bvh  # type: ignore[return-value]
+
+    def _take(self, mesh: Mesh) -> None:
+        check_world_range(mesh)
+        self.mesh = mesh
 
     def _plan(self) -> float:
         return 0.0
@@ -94,24 +94,25 @@ class BvhScene(Lifetime):
     @in_turn
     def counters(self) -> Mapping[str, float]:
         """Plain numbers by name: bvh_bytes, the memory of nodes and triangles."""
-        return {"bvh_bytes": self.bvh.bytes}
+        return {"bvh_bytes": 0 if self._bvh is None else self._bvh.bytes}
 
     def prepare(self, rays: Rays) -> PreparedRays:
-        """Put rays in order and find what they start from. Raises EmbreeError before `build` and after `close`."""
-        with self._tracing():
+        """Put rays in order and find what they start from. Raises ClosedError after `close`."""
+        with self._in_use():
             return PreparedRays(rays, batch_of(rays, self.packet_width), NO_SHAFTS)
 
     def intersect(self, prepared: PreparedRays, out: RayHits | None = None) -> RayHits:
         """The closest hit of every ray between its `tnear` and `tfar`.
 
         prepared: of `prepare` of this scene. out: an earlier result of as many rays whose arrays are to be overwritten.
-        Raises EmbreeError before `build` and after `close`.
+        Raises ClosedError after `close`.
         """
         count = len(prepared.rays)
         t = np.empty(count, np.float32) if out is None else out.t
         prim_id = np.empty(count, np.uint32) if out is None else out.prim_id
-        self._run(prepared, t, prim_id, any_hit=False, counting=False)
-        return RayHits(t, prim_id, prepared.rays, self.mesh)
+        with self._in_use():
+            self._run(prepared, t, prim_id, any_hit=False, counting=False)
+            return RayHits(t, prim_id, prepared.rays, self.mesh)
 
     def occluded(self, prepared: PreparedRays) -> NDArray[np.bool_]:
         """(N,) bool: whether a ray hits anything between its `tnear` and `tfar`. Raises as `intersect`."""
@@ -122,7 +123,7 @@ class BvhScene(Lifetime):
     def count(self, prepared: PreparedRays, any_hit: bool = False) -> tuple[NDArray[np.uint32], NDArray[np.int64]]:
         """What rays hit, (N,) uint32 prim_id, and what it took, by the names in `atra.bvh.single`."""
         t, prim_id = np.empty(len(prepared.rays), np.float32), np.empty(len(prepared.rays), np.uint32)
-        with self._tracing():
+        with self._in_use():
             for memory in self._memories:
                 memory.counts[:] = 0
             self._run(prepared, t, prim_id, any_hit=any_hit, counting=True)
@@ -139,7 +140,7 @@ class BvhScene(Lifetime):
     ) -> None:
         push, shafts, batch = self.options.traversal == "push", prepared.shafts, prepared.batch
         kernel = batch_kernel(self.packet_width, push, any_hit, counting, self.options.robust, shafts is not NO_SHAFTS)
-        with self._tracing():
+        with self._in_use():
             tree = self.bvh.tree
 
             def work(worker: int, counter: int) -> None:

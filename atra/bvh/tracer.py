@@ -21,7 +21,6 @@ from atra.geometry.mesh import Mesh
 from atra.geometry.ray_space import check_range, from_eye_space, ray_axes, unseen_from
 from atra.geometry.view import View, check_offset
 from atra.hits import Hits
-from atra.tracing.all_hits import NoGathering
 from atra.tracing.budgets import check_image_memory
 from atra.tracing.geometry import plan_plain_geometry
 from atra.tracing.images import images_of, outputs
@@ -30,7 +29,7 @@ from atra.tracing.options import lists_options
 from atra.tracing.rays import SQUAREST_SHAPE, image_ray_grid, pixel_tiles
 
 
-class BvhTracer(NoGathering, TracerLifetime[Hits]):
+class BvhTracer(TracerLifetime[Hits]):
     """One ray per pixel through a binary BVH of our own (`atra.bvh`), single or in packets; no Embree.
 
     options: see `atra.BvhOptions`. As `PixelTracer` it keeps the BVH while the camera turns about its eye.
@@ -41,7 +40,6 @@ class BvhTracer(NoGathering, TracerLifetime[Hits]):
     options_type: ClassVar[type[BvhOptions]] = BvhOptions
     options: BvhOptions
     embree_bytes = 0
-    why_not = "its traversal stops at the nearest hit"
     _start = Start.root
 
     @lists_options(BvhOptions)
@@ -51,30 +49,33 @@ class BvhTracer(NoGathering, TracerLifetime[Hits]):
     def _set_up(self, mesh: Mesh, camera: View, options: Mapping[str, Any]) -> None:
         super().__init__()
         self.options = self.options_type.of(type(self).__name__, options)
-        self.mesh = mesh
         self.packet_width = int(self.options.packet_width)
         self.threads = resolve_threads(self.options.threads)
         self._pool = WorkerPool(self.threads)
         self._memories = [Memory.of(self.packet_width) for _ in range(self.threads)]
         self._bvh: Bvh | None = None
-        self._set_camera(camera)
+        self._show(mesh, camera)
 
-    def _set_camera(self, camera: View) -> None:
-        check_range(self.mesh, camera)
+    def _show(self, mesh: Mesh, camera: View) -> None:
+        check_range(mesh, camera)
         check_image_memory(camera.height, camera.width)
-        self.camera = camera
+        self.mesh, self.camera = mesh, camera
         self._tie_tiles: NDArray[np.bool_] | None = None
         self._tiles = pixel_tiles(camera.width, camera.height)
 
     def _look(self, camera: View) -> bool:
         before = self.camera
-        self._set_camera(camera)
+        self._show(self.mesh, camera)
         if camera.eye == before.eye and np.array_equal(from_eye_space(camera), from_eye_space(before)):
-            if self._is_planned:
+            if self._is_built:
                 self._plan_ties()
             return True
-        self._bvh = None
+        self._bvh = None  # before another is built: both together may not fit
         return False
+
+    def _take(self, mesh: Mesh) -> None:
+        super()._take(mesh)
+        self._bvh = None
 
     @property
     def views(self) -> tuple[tuple[Mesh, View], ...]:
@@ -113,7 +114,7 @@ class BvhTracer(NoGathering, TracerLifetime[Hits]):
         Ties are left as they are. Raises as `trace` does, also for arrays of another size than the camera's.
         """
         check_offset(offset)
-        with self._tracing():
+        with self._in_use():
             outputs((self.camera.height, self.camera.width), self.camera.width, (image.depth, image.prim_id))
             for memory in self._memories:
                 memory.counts[:] = 0

@@ -132,8 +132,8 @@ class EmbreeGathering(Gathering, EmbreeTracer[Hits]):
         self._forget_shots()
         return super()._build()
 
-    def _show(self, views: Views) -> None:
-        super()._show(views)
+    def _show_views(self, views: Views) -> None:
+        super()._show_views(views)
         self._forget_shots()  # their rays are those of the camera
 
     def _forget(self) -> None:

@@ -41,13 +41,12 @@ class PixelTracer(EmbreeGathering, ImageTracer):
         super().__init__(options)
         rows = self.options.packet_rows
         self.packet_shape = SQUAREST_SHAPE[self.packet_width] if rows is None else (self.packet_width // rows, rows)
-        self.mesh = mesh
-        self._set_camera(camera)
+        self._show(mesh, camera)
 
-    def _set_camera(self, camera: View) -> None:
-        views = ((self.mesh, camera),)
+    def _show(self, mesh: Mesh, camera: View) -> None:
+        views = ((mesh, camera),)
         check_views(views)
-        self._show(views)
+        self._show_views(views)
         self._tiles = pixel_tiles(camera.width, camera.height, self.options.tile_order)
         for workspace in self._workspaces:
             workspace.set_coherent(self.options.coherent)
@@ -57,8 +56,8 @@ class PixelTracer(EmbreeGathering, ImageTracer):
         before = self.camera
         if camera.eye != before.eye or not np.array_equal(from_eye_space(camera), from_eye_space(before)):
             return super()._look(camera)
-        self._set_camera(camera)
-        if self._is_planned:
+        self._show(self.mesh, camera)
+        if self._is_built:
             self._plan_ties()
         return True
 

@@ -16,7 +16,6 @@ from atra.geometry.ray_space import padded_vertices
 from atra.geometry.split import Split
 from atra.geometry.view import View
 from atra.packets.tiles_kernels import CellScenes, list_cells, sort_by_cell, tile_kernel
-from atra.tracing.all_hits import NoGathering
 from atra.tracing.base import ImageTracer, check_views
 from atra.tracing.budgets import check_memory_budget
 from atra.tracing.geometry import AlignedGeometry
@@ -24,7 +23,7 @@ from atra.tracing.options import CellKeywords, CellOptions, lists_options
 from atra.tracing.rays import SQUAREST_SHAPE, check_pinhole, image_ray_grid
 
 
-class TiledTracer(NoGathering, ImageTracer):
+class TiledTracer(ImageTracer):
     """Every cell's frustum-culled triangles in an Embree scene of their own; one ray per pixel, in packets.
 
     The same culling as `AlignedTracer` and no shear, so that what culling buys and what alignment buys are seen apart.
@@ -32,7 +31,6 @@ class TiledTracer(NoGathering, ImageTracer):
     Raises InputError for a split that does not divide the image, MemoryBudgetError before allocating.
     """
 
-    why_not = "it shows what culling buys without alignment, for the nearest hit"
     options_type = CellOptions
     options: CellOptions
 
@@ -41,15 +39,14 @@ class TiledTracer(NoGathering, ImageTracer):
         check_pinhole(camera, "TiledTracer")
         self.split = Split.of_image(split, camera)
         super().__init__(options)
-        self.mesh = mesh
-        self._set_camera(camera)
+        self._show(mesh, camera)
         self._cell_starts = np.zeros(self.split.cell_count + 1, np.int64)
 
-    def _set_camera(self, camera: View) -> None:
+    def _show(self, mesh: Mesh, camera: View) -> None:
         check_pinhole(camera, "TiledTracer")
-        split, views = self.split.of(camera), ((self.mesh, camera),)
+        split, views = self.split.of(camera), ((mesh, camera),)
         check_views(views)
-        self._show(views)
+        self._show_views(views)
         self.split = split
 
     def _plan_geometry(self) -> AlignedGeometry:

@@ -76,7 +76,6 @@ class Trial:
     def start(self, clock: Clock) -> None:
         """Plan, build and trace the first frames. Raises MemoryBudgetError as the tracer does."""
         begin = clock()
-        self.tracer.plan()
         self.tracer.build()
         self._image = self.tracer.trace()
         self.first_s = clock() - begin

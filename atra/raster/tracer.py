@@ -42,25 +42,24 @@ class RasterTracer(Gathering):
     def __init__(self, mesh: Mesh, camera: View, **options: Unpack[RasterKeywords]) -> None:
         super().__init__()
         self.options = RasterOptions.of(type(self).__name__, options)
-        self.mesh = mesh
         self.lanes = self.options.lanes or native_lanes()
         self.threads = resolve_threads(self.options.threads)
         self._pool = WorkerPool(self.threads)
         self._scratch: Scratch | None = None
         self._pixels_checked = 0
-        self._set_camera(camera)
+        self._show(mesh, camera)
 
-    def _set_camera(self, camera: View) -> None:
-        check_range(self.mesh, camera)
+    def _show(self, mesh: Mesh, camera: View) -> None:
+        check_range(mesh, camera)
         pixels = camera.width * camera.height
         if pixels > self._pixels_checked:  # asking how much memory is free takes a tenth of a small frame
             check_image_memory(camera.height, camera.width)
             self._pixels_checked = pixels
-        self.camera = camera
+        self.mesh, self.camera = mesh, camera
         self._tie_tiles: NDArray[np.bool_] | None = None  # where to look for ties; found when first needed
 
     def _look(self, camera: View) -> bool:
-        self._set_camera(camera)
+        self._show(self.mesh, camera)
         if self._is_built:
             compile_kernels(self.lanes, camera.is_parallel)
         return True

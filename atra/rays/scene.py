@@ -34,7 +34,7 @@ from atra.rays.rays_kernels import (
     order_rays,
     put_back,
 )
-from atra.tracing.lifetime import Lifetime
+from atra.tracing.lifetime import MeshLifetime
 from atra.tracing.options import PacketKeywords, RayOptions, lists_options
 
 FEWEST_RAYS, FEWEST_TRIANGLES = 1 << 14, 1 << 17
@@ -73,7 +73,7 @@ class Query(NamedTuple):
     flags: Any
 
 
-class RayScene(Lifetime):
+class RayScene(MeshLifetime):
     """Closest hits and occlusion for rays that come from no camera: shadows, ambient occlusion, line of sight.
 
         scene = atra.RayScene(mesh)
@@ -98,10 +98,10 @@ class RayScene(Lifetime):
         self, mesh: Mesh, *, faces: NDArray[np.bool_] | None = None, **options: Unpack[PacketKeywords]
     ) -> None:
         super().__init__()
-        check_world_range(mesh)
+        self._take(mesh)
         if faces is not None and (np.shape(faces), np.asarray(faces).dtype) != ((mesh.triangle_count,), np.bool_):
             raise InputError(f"faces are {faces!r:.100}, expected ({mesh.triangle_count},) bool, those that rays meet")
-        self.mesh, self._faces = mesh, None if faces is None else np.array(faces)
+        self._faces = None if faces is None else np.array(faces)
         self.options = RayOptions.of(type(self).__name__, options)
         self.packet_width = resolve_packet_width(self.options.packet_width)
         self.threads = resolve_threads(self.options.threads)
@@ -109,6 +109,10 @@ class RayScene(Lifetime):
         self._workspaces = [Workspace(self.packet_width, coherent=False) for _ in range(self.threads)]
         self._scene: EmbreeScene | None = None
         self._memory: tuple[NDArray[np.float32], NDArray[np.uint32]] | None = None
+
+    def _take(self, mesh: Mesh) -> None:
+        check_world_range(mesh)
+        self.mesh = mesh
 
     def _plan(self) -> float:
         return 0.0
@@ -154,8 +158,7 @@ class RayScene(Lifetime):
         order, are put in one in which rays near by follow each other. The hits are as right either way.
         out: an earlier result of as many rays whose arrays are to be overwritten, which saves allocating them; it must
         not be read any more.
-        Raises InputError for rays that `atra.Rays` refuses and an `out` that does not fit, EmbreeError when the scene
-        is closed.
+        Raises InputError for rays that `atra.Rays` refuses and an `out` that does not fit, ClosedError after `close`.
         """
         rays = rays_of(origins, directions, tnear, tfar)
         count = len(rays)
@@ -164,8 +167,9 @@ class RayScene(Lifetime):
         prim_id = np.empty(count, np.uint32) if out is None else _checked_out("out.prim_id", prim_id, np.uint32, count)
         if np.may_share_memory(t, prim_id):
             raise InputError("out has one memory for t and prim_id: pass a result of `intersect`")
-        self._run(closest_hit_kernel(self.packet_width), coherent, rays, t, prim_id)
-        return RayHits(t, prim_id, rays, self.mesh)
+        with self._in_use():
+            self._run(closest_hit_kernel(self.packet_width), coherent, rays, t, prim_id)
+            return RayHits(t, prim_id, rays, self.mesh)
 
     def occluded(
         self,
@@ -188,10 +192,7 @@ class RayScene(Lifetime):
         return found
 
     def _run(self, kernel: Callable[..., None], coherent: bool | None, rays: Rays, *outputs: NDArray[Any]) -> None:
-        with self._lock:
-            self._check_open()
-            if not self._is_built:
-                self.build()
+        with self._in_use():
             together = WHERE_ALIKE if coherent is None else ALWAYS if coherent else NEVER
             size = float((self.mesh.bounds[1] - self.mesh.bounds[0]).max())
             near_by = np.float32(NEAR_BY * size)
@@ -224,9 +225,9 @@ class RayScene(Lifetime):
     def run(self, work: Callable[[Query], None], *, coherent: bool = False) -> None:
         """Call `work` once per thread, side by side, for kernels of the caller's own; nothing else is traced meanwhile.
 
-        coherent: as for `intersect`. Raises EmbreeError when the scene is not built or already closed.
+        coherent: as for `intersect`. Raises ClosedError after `close`.
         """
-        with self._tracing():
+        with self._in_use():
             scene = self.address
             for workspace in self._workspaces:
                 workspace.set_coherent(coherent)
@@ -261,8 +262,8 @@ class RayScene(Lifetime):
 
     @property
     def address(self) -> int:
-        """The RTCScene, for kernels that ask more than one. Raises EmbreeError before `build` and after `close`."""
-        with self._tracing():
+        """The RTCScene, for kernels that ask more than one. Raises ClosedError after `close`."""
+        with self._in_use():
             return self._scene.address  # type: ignore[union-attr]
 
     @property

@@ -67,21 +67,21 @@ class EyeTracer(BvhTracer):
 
     @lists_options(ShaftOptions)
     def __init__(self, mesh: Mesh, camera: View, **options: Unpack[ShaftKeywords]) -> None:
-        check_world_range(mesh)
         self._set_up(mesh, camera, options)
         self._lists: ShaftLists | None = None
 
-    def _set_camera(self, camera: View) -> None:
+    def _show(self, mesh: Mesh, camera: View) -> None:
         check_pinhole(camera, "EyeTracer")
         if not np.array_equal(from_eye_space(camera), np.eye(3)):
             raise InputError(
                 f"pixels are {camera.pixel_pitch:g} wide at depth 1, expected at least {NARROWEST_WORLD_PITCH:g}, or "
                 "rays in the world's axes merge; use BvhTracer"
             )
-        super()._set_camera(camera)
+        check_world_range(mesh)
+        super()._show(mesh, camera)
 
     def _look(self, camera: View) -> bool:
-        self._set_camera(camera)
+        self._show(self.mesh, camera)
         return False
 
     @property

@@ -49,12 +49,13 @@ class ShaftScene(BvhScene):
     def _build(self) -> float:
         taken_s = super()._build()
         start = perf_counter()
-        self._lists = build_shafts(self.bvh, self.options, self._pool)
+        assert self._bvh is not None
+        self._lists = build_shafts(self._bvh, self.options, self._pool)
         return taken_s + perf_counter() - start
 
     def prepare(self, rays: Rays) -> PreparedRays:
         """Find the shafts of rays where that is needed, build lists where they hang on rays, and put rays in order."""
-        with self._tracing():
+        with self._in_use():
             start = perf_counter()
             batch, options = batch_of(rays, self.packet_width), self.options
             numbers = None

@@ -16,8 +16,7 @@ from atra.all_hits.reductions import Gathered, Reduction, check_reduction
 from atra.all_hits.target_kernels import Target, band_stride
 from atra.compiled.aligned_memory import aligned_empty, aligned_part
 from atra.errors import InputError
-from atra.geometry.mesh import Mesh
-from atra.geometry.view import View, check_offset
+from atra.geometry.view import check_offset
 from atra.hits import Hits
 from atra.tracing.budgets import check_needed_bytes
 from atra.tracing.lifetime import TracerLifetime
@@ -40,9 +39,6 @@ def _is_unchanged(out: Any, names: Iterable[str]) -> bool:
 
 class Gathering(TracerLifetime[Hits]):
     """A tracer of one image whose rays are not stopped by what they hit."""
-
-    mesh: Mesh
-    camera: View
 
     @abstractmethod
     def _gather(
@@ -74,13 +70,13 @@ class Gathering(TracerLifetime[Hits]):
         Which triangles a ray crosses at edges and corners: `atra.all_hits.reductions`.
         Raises InputError for an offset outside the pixel, an `out` that does not fit, a mesh that `what` is not for,
         and build quality "high", with which Embree finds some triangles twice; MemoryBudgetError for a result that the
-        free memory does not hold; EmbreeError when the tracer is not built or already closed.
+        free memory does not hold; ClosedError after `close`.
         """
         check_reduction(what)
         check_offset(offset)
         self._check_gathering()
         weights = what.weights(self.mesh)
-        with self._tracing():
+        with self._in_use():
             height, width = self.camera.height, self.camera.width
             images = target_images(what, height, width, self._gathering_row, out)
             is_known = _is_unchanged(out, images)
@@ -91,18 +87,6 @@ class Gathering(TracerLifetime[Hits]):
             result = what.result(**arrays, offset=offset, mesh=self.mesh, camera=self.camera)
             _unchanged.add(result)
             return result
-
-
-class NoGathering:
-    """A tracer that cannot gather all hits; `why_not` says why."""
-
-    why_not: str
-
-    def gather(self, what: Any, offset: tuple[float, float] = (0.5, 0.5), out: Any = None) -> Any:
-        """Raises InputError: this tracer never meets all hits along a ray."""
-        raise InputError(
-            f"{type(self).__name__} cannot gather: {self.why_not}; use PixelTracer, AlignedTracer or RasterTracer"
-        )
 
 
 def target_images(

@@ -41,8 +41,6 @@ class EmbreeTracer(TracerLifetime[Result]):
 
     options_type: ClassVar[type[Options]] = Options
     options: Options
-    mesh: Mesh
-    camera: View
     views: Views
 
     def __init__(self, options: Mapping[str, Any]) -> None:
@@ -55,7 +53,7 @@ class EmbreeTracer(TracerLifetime[Result]):
         self._tie_tiles: list[NDArray[np.bool_] | None] = []  # of each image: where to look for ties, if anywhere
         self._pool = WorkerPool(self.threads)
 
-    def _show(self, views: Views) -> None:
+    def _show_views(self, views: Views) -> None:
         """Take what each image shows, and its camera."""
         self.views = views
         self.mesh, camera = views[0]
@@ -65,14 +63,9 @@ class EmbreeTracer(TracerLifetime[Result]):
             Workspace(self.packet_width, coherent=True, direction=direction) for _ in range(self.threads)
         ]
 
-    def _look(self, camera: View) -> bool:
-        self._set_camera(camera)
+    def _build_again(self) -> None:
         self._forget()  # before anything is built: both together may not fit
-        return False
-
-    @abstractmethod
-    def _set_camera(self, camera: View) -> None:
-        """Take the camera and all that hangs on it; changes nothing where it is refused."""
+        super()._build_again()
 
     @abstractmethod
     def _plan_geometry(self) -> AlignedGeometry: ...
@@ -112,7 +105,7 @@ class EmbreeTracer(TracerLifetime[Result]):
 
     @in_turn
     def bvh_cost(self) -> BvhCost | None:
-        """How well boxes tell apart the triangles given to Embree; None before `plan` and for instances, which are no
+        """How well boxes tell apart the triangles given to Embree; None before `build` and for instances, which are no
         triangles. Takes as long as another build, on one thread. Raises EmbreeError."""
         geometry = self._geometry
         if geometry is None or geometry.transforms is not None:
@@ -171,7 +164,7 @@ class EmbreeTracer(TracerLifetime[Result]):
     @property
     @in_turn
     def triangle_count(self) -> int:
-        """Triangles in the Embree scene, copies included; 0 before `plan`."""
+        """Triangles in the Embree scene, copies included; 0 before `build`."""
         return 0 if self._geometry is None else self._geometry.copy_count
 
     @property

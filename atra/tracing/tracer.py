@@ -25,9 +25,9 @@ Traced = TypeVar("Traced", bound=Images)
 class Tracer(Protocol[Traced]):
     """What every method of tracing offers.
 
-    `plan` and `build` are called once, in this order, by `with` or by hand; `trace` any number of times after them.
-    `look` changes the camera, and plans and builds anew what hangs on it and has been planned and built. Several
-    threads may call in any order (`atra.tracing.lifetime`).
+    A tracer is made from mesh, camera and options. The first `trace` builds; `with` and `build` do so earlier. `look`
+    changes the camera, `update` takes other vertices of the same faces. Several threads may call in any order
+    (`atra.tracing.lifetime`).
     mesh, camera: those of the rays, of the first image where there are several. views: what each image shows, and its
     camera, in the order of `images` of what `trace` returns. packet_width: rays of a packet.
     plan_time_s, build_time_s: seconds each took. embree_bytes: what Embree holds by its own account, bytes.
@@ -59,11 +59,11 @@ class Tracer(Protocol[Traced]):
     @property
     def counters(self) -> Mapping[str, float]: ...
 
-    def plan(self) -> None: ...
-
     def build(self) -> None: ...
 
     def look(self, camera: View) -> None: ...
+
+    def update(self, mesh: Mesh) -> None: ...
 
     def trace(self, offset: tuple[float, float] = (0.5, 0.5), out: Traced | None = None) -> Traced: ...
 

@@ -6,12 +6,13 @@ import pickle
 from collections import deque
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from atra.alignment.aligned import AlignedTracer
+from atra.alignment.options import AlignedKeywords
 from atra.alignment.visible_first import VisibleFirstTracer
 from atra.compiled.threads import resolve_threads
 from atra.errors import InputError
@@ -22,6 +23,7 @@ from atra.hits import Hits
 from atra.packets.pixel import PixelTracer
 from atra.packets.tiles import TiledTracer
 from atra.raster.tracer import RasterTracer
+from atra.tracing.options import PixelKeywords, RasterKeywords
 from atra.tracing.tracer import Tracer
 from atra.views.shared_mesh import Parcel, SharedMesh, shared, stage_of
 from atra.whole_numbers import is_whole_number
@@ -35,6 +37,14 @@ METHODS: Mapping[str, Callable[..., Tracer]] = {
 }
 """What `render_views` knows by name."""
 
+
+class ViewKeywords(AlignedKeywords, PixelKeywords, RasterKeywords, total=False):
+    """Options of all these methods; each takes its own."""
+
+    split: tuple[int, int]
+    probe: Hits | ArrayLike | None
+
+
 _Images = tuple[NDArray[np.float32], NDArray[np.uint32]]
 
 
@@ -46,7 +56,7 @@ def render_views(
     *,
     offset: tuple[float, float] = (0.5, 0.5),
     in_flight: int | None = None,
-    **options: Any,
+    **options: Unpack[ViewKeywords],
 ) -> Iterator[tuple[Any, Hits]]:
     """The name and the hits of every view, in order, as they become ready.
 
@@ -73,7 +83,7 @@ def render_views(
         in_flight = 1 if executor is None else 2 * resolve_threads(None)
     if not is_whole_number(in_flight) or in_flight < 1:
         raise InputError(f"in_flight is {in_flight!r}, expected a whole number of at least 1")
-    if executor is not None and "options" not in options:
+    if executor is not None:
         options.setdefault("threads", 1)
     named = cameras.items() if isinstance(cameras, Mapping) else enumerate(cameras)
     return _rendered(mesh, iter(named), (method, offset, options), executor or _Here(), in_flight)
@@ -130,8 +140,7 @@ def _found_once(mesh: Mesh, job: _Job) -> CoplanarOverlaps | None:
     _ = mesh.bounds
     if method != "raster":
         _ = mesh.without_area, mesh.traced_faces
-    ties = options.get("ties", getattr(options.get("options"), "ties", "lowest"))
-    return coplanar_overlaps(mesh) if ties == "lowest" else None
+    return coplanar_overlaps(mesh) if options.get("ties", "lowest") == "lowest" else None
 
 
 def _submitted(
@@ -155,8 +164,6 @@ def trace_view(where: SharedMesh, parcel: bytes | None, camera: View, job: _Job)
     try:
         if tracer is None:
             tracer = METHODS[method](stage.mesh, camera, **options)
-            tracer.plan()
-            tracer.build()
         else:
             tracer.look(camera)
         hits = tracer.trace(offset)

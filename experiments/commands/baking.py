@@ -89,7 +89,7 @@ def run_bake(configuration: Configuration) -> Path:
             f"{texels.occupancy:.0%} of the map; {texels.faces_lost} faces have none"
         )
         if settings.priority:
-            baker.set_view(point.camera)
+            baker.look(point.camera)
         start = perf_counter()
         try:
             if configuration.live:

@@ -86,7 +86,7 @@ class LightmapPage(CameraPage):
             self._hits = tracer.trace()
             self._show(self._hits, is_still=False)
         elif pose is not self._told and monotonic() - since_s >= REST_S:
-            self._bake.set_view(self._hits.camera)
+            self._bake.look(self._hits.camera)
             self._told = pose
             self._show(self._hits, is_still=True)
         elif self._has_news() and monotonic() - self._drawn_s >= GAP_S:

@@ -58,9 +58,8 @@ class Painter:
             self._sketcher = sketcher.__enter__()
         start = perf_counter()
         rays = 1 if settings.shade == "occlusion" else 0
-        sketcher.update(
-            scene=scene, camera=request.camera, occlusion_rays=rays, occlusion_length=settings.occlusion_length
-        )
+        sketcher.update(scene, occlusion_rays=rays, occlusion_length=settings.occlusion_length)
+        sketcher.look(request.camera)
         if settings.shade in OF_HITS:
             hits = sketcher.tracer.trace()
             traced = perf_counter()
@@ -102,7 +101,8 @@ class Painter:
         made_for = settings.renderer, settings.method, settings.split_x
         options = _options(settings)
         if self._made is not None and self._made[0] == made_for:
-            self._made[1].update(scene=scene, camera=camera, **options)
+            self._made[1].update(scene, **options)
+            self._made[1].look(camera)
             return self._made[1]
         if self._made is not None:
             self._made[1].close()

@@ -67,10 +67,11 @@ class Baker(Lifetime):
         self._given, self._size = atlas, size
         self.visible: NDArray[np.bool_] | None = None
         self._texels: Texels | None = None
+        self.samples = np.zeros(0, np.int32)
 
     def _plan(self) -> float:
         start = perf_counter()
-        atlas = self._given or Atlas.unwrap(self.scene.mesh, self._size)
+        self._given = atlas = self._given or Atlas.unwrap(self.scene.mesh, self._size)
         needed = atlas.width * atlas.height * (8 * SUMS + 24) + self.options.batch_rays * BATCH_BYTES
         what = f"sums of a map of {atlas.width} x {atlas.height} texels and rays in flight"
         check_needed_bytes(needed, None, what, "use a smaller map, or fewer batch_rays")
@@ -84,18 +85,21 @@ class Baker(Lifetime):
         return self.rays_scene.build_time_s + self.shadow_scenes.build()
 
     def _restart(self) -> None:
-        self.samples = np.zeros(len(self.texels), np.int32)
-        self._sums = np.zeros((len(self.texels), SUMS))
-        self._enough = np.zeros(len(self.texels), np.bool_)
+        assert self._texels is not None
+        count = len(self._texels)
+        self.samples = np.zeros(count, np.int32)
+        self._sums = np.zeros((count, SUMS))
+        self._enough = np.zeros(count, np.bool_)
         self._batches: list[Batch | None] = [None] * self.rays_scene.threads
         self.stage_s: dict[str, float] = {}
         self.rays = self.lanes = 0
 
     @property
     def texels(self) -> Texels:
-        """Raises InputError before `plan`."""
+        """What is lit. Builds where that was not done."""
         if self._texels is None:
-            raise InputError("there are no texels before the baker is planned; use it in a `with` block")
+            self.build()
+        assert self._texels is not None
         return self._texels
 
     @property
@@ -104,12 +108,15 @@ class Baker(Lifetime):
         return sum(array.nbytes for batch in self._batches if batch is not None for array in batch)
 
     def update(self, scene: BakeScene) -> None:
-        """Take other lights, surfaces or sky of the same mesh; the map starts anew. Raises InputError for another mesh,
-        EmbreeError after `close`."""
+        """Take other lights, surfaces or sky, or other vertices of the same faces; the map starts anew.
+
+        The charts stay where they are on the map. Raises InputError for a mesh of other faces, ClosedError after
+        `close`."""
         with self._lock:
             self._check_open()
             if scene.mesh is not self.scene.mesh:
-                raise InputError(f"the scene is of {scene.mesh!r}, expected the same mesh as before; make a new baker")
+                self._move(scene)
+                return
             tables = tables_of(scene, self.texels, self.options)
             if not self.shadow_scenes.serve(scene):
                 scenes = ShadowScenes(scene, self._ray_options)
@@ -124,17 +131,28 @@ class Baker(Lifetime):
             self.scene, self._tables = scene, tables
             self._restart()
 
-    def set_view(self, camera: View | None, tracer: Tracer[Hits] | None = None) -> None:
-        """Light first what the camera sees. tracer: what finds it, of this mesh, planned and built; it is told to look
-        there. None: the rasteriser. A camera of None: nothing comes first. No sample is lost."""
+    def _move(self, scene: BakeScene) -> None:
+        """Take a scene whose mesh has other vertices."""
+        self.rays_scene.update(scene.mesh)
+        self.shadow_scenes.close()
+        self.shadow_scenes = ShadowScenes(scene, self._ray_options)
+        self.scene, self.visible = scene, None
+        if self._is_built:
+            self.build()
+
+    def look(self, camera: View | None, tracer: Tracer[Hits] | None = None) -> None:
+        """Light first what the camera sees; None: nothing comes first. No sample is lost.
+
+        tracer: finds what the camera sees, of this mesh; it is told to look there. None: the rasteriser.
+        """
         with self._lock:
             self._check_open()
             if camera is None:
                 self.visible = None
                 return
-            with self._tracing():
+            with self._in_use():
                 if tracer is not None:
-                    tracer.look(camera)  # type: ignore[attr-defined]
+                    tracer.look(camera)
                     hits = tracer.trace()
                 else:
                     with RasterTracer(self.scene.mesh, camera, threads=self.rays_scene.threads) as own:
@@ -144,11 +162,11 @@ class Baker(Lifetime):
     def add(self, samples: int = 1, stop: Callable[[], bool] | None = None) -> bool:
         """Add so many samples to every texel. stop: asked before every batch; what is done by then stays.
 
-        Returns whether it came to its end. Raises InputError for a number below 1, EmbreeError when this is not built
-        or already closed, AtraError naming a texel for light that is no finite number.
+        Returns whether it came to its end. Raises InputError for a number below 1, ClosedError after `close`, AtraError
+        naming a texel for light that is no finite number.
         """
         _check_samples(samples)
-        with self._tracing():
+        with self._in_use():
             done = True
             every = np.ones(len(self.texels), np.bool_)
             while samples > 0 and done:
@@ -163,7 +181,7 @@ class Baker(Lifetime):
         first that has the fewest samples. Returns whether there was anything left to do. Arguments and errors as for
         `add`."""
         _check_samples(target)
-        with self._tracing():
+        with self._in_use():
             wanted = (self.samples < target) & ~self._enough
             if self.visible is not None and (wanted & self.visible).any():
                 wanted &= self.visible
@@ -197,7 +215,7 @@ class Baker(Lifetime):
 
     def _pass(self, wanted: NDArray[np.bool_], count: int, stop: Callable[[], bool] | None) -> bool:
         """`count` samples of the texels that are wanted; whether it came to its end."""
-        with self._tracing():
+        with self._in_use():
             start = perf_counter()
             order = self._order(wanted)
             ordered_s = perf_counter() - start
@@ -243,7 +261,7 @@ class Baker(Lifetime):
         _check_samples(samples)
         sums = ProbeSums(points, samples)
         rays = max(self.options.batch_rays // self.rays_scene.threads, BLOCK)
-        with self._tracing():
+        with self._in_use():
 
             def add(first: int, probes: int, batch: Batch, stages: Stages) -> None:
                 sums.add(first, probes, self._tables, batch, stages)
@@ -293,7 +311,8 @@ class Baker(Lifetime):
     def maps(self) -> Lightmap:
         """The means of all samples so far; a copy."""
         with self._lock:
-            return Lightmap.of(self.texels, self.samples.copy(), self._sums.copy())
+            texels = self.texels
+            return Lightmap.of(texels, self.samples.copy(), self._sums.copy())
 
     def _release(self) -> None:
         self.rays_scene.close()

@@ -57,7 +57,7 @@ class _Work:
                 self.baker.update(edit)
                 self.slot = None
             else:
-                self.baker.set_view(edit)
+                self.baker.look(edit)
 
     def edit(self, edit: BakeScene | View | None) -> None:
         with self._lock:
@@ -75,10 +75,10 @@ class ProgressiveBake:
     """Bakes in a thread of its own until every texel has `target` samples, what the view shows first.
 
         with ProgressiveBake(baker, target=512) as bake:
-            bake.set_view(camera)
+            bake.look(camera)
             lightmap = bake.snapshot()
 
-    baker: planned and built; it is the thread's until the end of `with`, which stops it after the batches in flight.
+    baker: it is the thread's until the end of `with`, which stops it after the batches in flight.
     One that is dropped within `with` stops, too.
     """
 
@@ -87,7 +87,7 @@ class ProgressiveBake:
         self._thread = threading.Thread(target=self._work.run, name="atra-bake", daemon=True)
         weakref.finalize(self, self._work.stop)
 
-    def set_view(self, camera: View | None) -> None:
+    def look(self, camera: View | None) -> None:
         """Light first what the camera sees, from the next batch on; None: nothing comes first."""
         self._work.edit(camera)
 

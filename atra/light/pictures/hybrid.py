@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import replace
 from functools import reduce
 from math import sqrt
 from time import perf_counter
-from typing import Any, NamedTuple, Unpack
+from typing import NamedTuple, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
@@ -83,10 +83,8 @@ class HybridRenderer(Renderer):
         super().__init__(scene, camera, primary, options)
 
     @lists_options(HybridOptions, as_changes=True)
-    def update(
-        self, *, scene: RenderScene | None = None, camera: View | None = None, **changes: Unpack[HybridKeywords]
-    ) -> None:
-        self._update(scene, camera, changes)
+    def update(self, scene: RenderScene | None = None, **changes: Unpack[HybridKeywords]) -> None:
+        self._update(scene, changes)
 
     @property
     def _planes(self) -> int:
@@ -103,22 +101,20 @@ class HybridRenderer(Renderer):
         self._chunks: list[Chunk | None] = [None] * self.rays.threads
         self._kept: _Kept | None = None
 
-    def _update(self, scene: RenderScene | None, camera: View | None, changes: Mapping[str, Any]) -> None:
-        with self._lock:
-            self._check_open()
-            most, has_moved = self.options.most_kept, camera is not None and camera != self.camera
-            if not (most and self.samples and has_moved and not changes and (scene is None or self._same_sums(scene))):
-                super()._update(scene, camera, changes)
-                return
-            counts = np.full((1, self._film.sums.shape[1]), self.samples, float)
-            if self._kept is not None:
-                counts += self._kept.counts
-            before = self._film.as_image(np.vstack([self._means(slice(None)), np.minimum(counts, most)]))
-            seen = self.tracer.trace(CENTRE)
-            super()._update(scene, camera, changes)
-            now, _ = carried(before, seen, self.tracer.trace(CENTRE))
-            rows = self._film.as_row(now)
-            self._kept = _Kept(rows[:-1], rows[-1:])
+    def _look(self, camera: View) -> None:
+        most = self.options.most_kept
+        if not (most and self.samples):
+            super()._look(camera)
+            return
+        counts = np.full((1, self._film.sums.shape[1]), self.samples, float)
+        if self._kept is not None:
+            counts += self._kept.counts
+        before = self._film.as_image(np.vstack([self._means(slice(None)), np.minimum(counts, most)]))
+        seen = self.tracer.trace(CENTRE)
+        super()._look(camera)
+        now, _ = carried(before, seen, self.tracer.trace(CENTRE))
+        rows = self._film.as_row(now)
+        self._kept = _Kept(rows[:-1], rows[-1:])
 
     def _means(self, planes: slice) -> NDArray[np.float64]:
         """Of all samples, and of those that were kept when the camera moved."""

@@ -57,10 +57,8 @@ class PathRenderer(Renderer):
         super().__init__(scene, camera, primary, options)
 
     @lists_options(PathOptions, as_changes=True)
-    def update(
-        self, *, scene: RenderScene | None = None, camera: View | None = None, **changes: Unpack[PathKeywords]
-    ) -> None:
-        self._update(scene, camera, changes)
+    def update(self, scene: RenderScene | None = None, **changes: Unpack[PathKeywords]) -> None:
+        self._update(scene, changes)
 
     def _ray_options(self) -> RayOptions:
         options = super()._ray_options()

@@ -64,9 +64,9 @@ class Renderer(Lifetime):
         super().__init__()
         self.options = self.options_type.of(type(self).__name__, options)
         self.rays = RayScene(scene.mesh, **self._ray_options().keywords())
-        self._primary = primary or partial(RasterTracer, threads=self.options.threads)
+        make_tracer = primary or partial(RasterTracer, threads=self.options.threads)
         self.scene, self.camera = scene, camera
-        self._tracer = self._primary(scene.mesh, camera)
+        self._tracer = make_tracer(scene.mesh, camera)
         self._surfaces: Surfaces | None = None
         self._film = self._new_film()
         self._start_film()
@@ -108,11 +108,10 @@ class Renderer(Lifetime):
         self.ray_count = 0
 
     def _plan(self) -> float:
-        self._tracer.plan()
+        self._tracer.build()
         return self._tracer.plan_time_s
 
     def _build(self) -> float:
-        self._tracer.build()
         self.rays.build()
         start = perf_counter()
         self._surfaces = self._tables()
@@ -134,12 +133,12 @@ class Renderer(Lifetime):
         No more are added than `most_samples` of the options allows. stop: asked before every wave, by several threads;
         once it says True, or when interrupted, the picture starts anew with none. Of this renderer it may read
         `samples` alone.
-        Raises InputError for a number below 1, EmbreeError when this is not built or already closed, AtraError naming
-        pixel and sample for light that is no finite number.
+        Raises InputError for a number below 1, ClosedError after `close`, AtraError naming pixel and sample for light
+        that is no finite number.
         """
         if not is_whole_number(samples) or samples < 1:
             raise InputError(f"{samples!r} samples are to be added, expected a whole number of at least 1")
-        with self._tracing():
+        with self._in_use():
             start = perf_counter()
             stages: dict[str, float] = {}
             self.ray_count = 0
@@ -203,33 +202,45 @@ class Renderer(Lifetime):
             "look for texels beyond 1e30 in the sky, and report this if there are none"
         )
 
-    @lists_options(RenderOptions, as_changes=True)
-    def update(
-        self, *, scene: RenderScene | None = None, camera: View | None = None, **changes: Unpack[RenderKeywords]
-    ) -> None:
-        """Go on with another scene of the same mesh, another camera, or other options.
+    def look(self, camera: View) -> None:
+        """Take pictures through another camera, of any size; one that is unlike the last starts with no samples.
 
-        Samples stay where their sums would be the same (`HybridRenderer`: powers and colours of lights, power of the
-        sky); otherwise it starts anew with none. A camera takes a new plan and build of the tracer, unless that can
-        `look`. Raises InputError for another mesh, and for options that the scene was built with; EmbreeError after
+        Raises as the tracer of primary visibility does; ClosedError after `close`.
+        """
+        with self._lock:
+            self._check_open()
+            if camera != self.camera:
+                self._look(camera)
+
+    def _look(self, camera: View) -> None:
+        self._tracer.look(camera)
+        self.camera = camera
+        self._start_film()
+
+    @lists_options(RenderOptions, as_changes=True)
+    def update(self, scene: RenderScene | None = None, **changes: Unpack[RenderKeywords]) -> None:
+        """Go on with another scene, or with other options.
+
+        scene: its mesh may have other vertices, but the same faces. Samples stay where their sums would be the same
+        (`HybridRenderer`: powers and colours of lights, power of the sky); otherwise it starts anew with none.
+        Raises InputError for a mesh of other faces, and for options that the scene was built with; ClosedError after
         `close`.
         """
-        self._update(scene, camera, changes)
+        self._update(scene, changes)
 
-    def _update(self, scene: RenderScene | None, camera: View | None, changes: Mapping[str, Any]) -> None:
+    def _update(self, scene: RenderScene | None, changes: Mapping[str, Any]) -> None:
         with self._lock:
             self._check_open()
             fixed = sorted(self.options.built_with & changes.keys())
             if fixed:
                 raise InputError(f"{fixed[0]} is what the scene was built with; make a new {type(self).__name__}")
             options = self.options.changed(type(self).__name__, changes)
-            if scene is not None and scene.mesh is not self.scene.mesh:
-                raise InputError(f"the scene has another mesh; make a new {type(self).__name__}")
-            has_other_sums = scene is not None and not self._same_sums(scene)
-            moves = camera is not None and camera != self.camera
-            if camera is not None and moves:
-                self._look(camera)
-            restarts = moves or has_other_sums or unlike_but_for(options, self.options, "most_samples")
+            moves = scene is not None and scene.mesh is not self.scene.mesh
+            has_other_sums = moves or (scene is not None and not self._same_sums(scene))
+            if scene is not None and moves:
+                self.rays.update(scene.mesh)
+                self._tracer.update(scene.mesh)
+            restarts = has_other_sums or unlike_but_for(options, self.options, "most_samples")
             self.options = options
             self.scene = scene or self.scene
             if has_other_sums and self._is_built:
@@ -238,27 +249,11 @@ class Renderer(Lifetime):
                 self._start_film()
 
     def restart(self) -> None:
-        """Forget all samples; the next one traces primary visibility, whatever `jitter` is. Raises EmbreeError after
+        """Forget all samples; the next one traces primary visibility, whatever `jitter` is. Raises ClosedError after
         `close`."""
         with self._lock:
             self._check_open()
             self._start_film()
-
-    def _look(self, camera: View) -> None:
-        if isinstance(self._tracer, RasterTracer):
-            self._tracer.look(camera)
-        else:
-            tracer = self._primary(self.scene.mesh, camera)
-            try:
-                if self._is_built:
-                    tracer.plan()
-                    tracer.build()
-            except BaseException:
-                tracer.close()
-                raise
-            self._tracer.close()
-            self._tracer = tracer
-        self.camera = camera
 
     @property
     def image(self) -> NDArray[np.float32]:
@@ -272,7 +267,7 @@ class Renderer(Lifetime):
         """
         with self._lock:
             image = self.image
-            with self._tracing():
+            with self._in_use():
                 save_picture(Path(path), image, lambda: self._tracer.trace(CENTRE))
 
     def _release(self) -> None:

@@ -108,10 +108,11 @@ class LlvmpipeTracer(PeerTracer):
         )
         return _Drawing(context, framebuffer, prim_ids, triangles, MISS.tobytes() * (size[0] * size[1]))
 
-    def build(self) -> None:
+    def _build(self) -> float:
         """Hand over the triangles and compile the shaders; then draw once, as Mesa compiles some of them only then."""
-        super().build()
+        taken_s = super()._build()
         self._cast(self._scene, self._rays)
+        return taken_s
 
     def _cast(self, scene: _Drawing, rays: NDArray[np.float64]) -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
         program, framebuffer = scene.triangles.program, scene.framebuffer

@@ -36,8 +36,8 @@ _PIXEL_CENTRE = (0.5, 0.5)
 class PeerTracer(TracerLifetime[Hits]):
     """A foreign tracer that offers what `atra.Tracer` asks for.
 
-    plan: makes what it needs to know of the rays through the pixel centres. build: hands over the triangles and
-    has the BVH built, also where the peer would put that off until the first query.
+    `build` makes what it needs to know of the rays through the pixel centres, hands over the triangles and has the BVH
+    built, also where the peer would put that off until the first query.
     trace: the peer's own query of all rays at once and what it takes to have its answer as `Hits`, nothing else. What
     was made for the last offset is kept, so only a frame at another offset than the one before
     makes it anew, inside the call. Measure a standing camera with one offset.
@@ -50,16 +50,18 @@ class PeerTracer(TracerLifetime[Hits]):
 
     def __init__(self, mesh: Mesh, camera: View, threads: int | None = None) -> None:
         super().__init__()
-        self.mesh = mesh
         self.threads = resolve_threads(threads)
         self._rays: Any = None
         self._scene: Any = None
-        self._look(camera)
+        self._show(mesh, camera)
+
+    def _show(self, mesh: Mesh, camera: View) -> None:
+        check_image_memory(camera.height, camera.width)
+        self.mesh, self.camera = mesh, camera
+        self._rays_offset: tuple[float, float] | None = None
 
     def _look(self, camera: View) -> bool:
-        check_image_memory(camera.height, camera.width)
-        self.camera = camera
-        self._rays_offset: tuple[float, float] | None = None
+        self._show(self.mesh, camera)
         return True
 
     @abstractmethod
@@ -100,7 +102,7 @@ class PeerTracer(TracerLifetime[Hits]):
         return perf_counter() - start
 
     def _build(self) -> float:
-        self._scene, self._is_built = None, False  # release the old one first; both together may not fit
+        self._scene = None  # release the old one first; both together may not fit
         start = perf_counter()
         self._scene = self._build_scene()
         return perf_counter() - start
@@ -129,7 +131,7 @@ class PeerTracer(TracerLifetime[Hits]):
             )
         what.weights(self.mesh)
         check_offset(offset)
-        with self._tracing():
+        with self._in_use():
             if self._rays_offset != tuple(offset):
                 self._prepare_rays(offset)
             find: Any = self._count if isinstance(what, Count) else self._thickness
@@ -163,8 +165,8 @@ class RayPeerTracer(PeerTracer):
     def cast(self, rays: Any) -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
         """What rays of `make_rays` hit: t in lengths of their directions, inf = miss, and prim_id, (N,) each.
 
-        Raises EmbreeError when the tracer is not built or already closed."""
-        with self._tracing():
+        Raises ClosedError after `close`."""
+        with self._in_use():
             return self._cast(self._scene, rays)
 
     def _rays_through(self, offset: tuple[float, float]) -> Any:

@@ -30,23 +30,24 @@ class TrimeshTracer(BlockwiseTracer):
     """`mesh.ray.intersects_first(origins, directions)`: copies, scales and normalises the rays and runs embreex.
 
     Inside `trace`: that call, which returns triangles without depth, and one compiled pass that computes the depth
-    from planes prepared in `plan`; trimesh's own function that returns locations takes longer. The BVH is built by
+    from planes prepared by `build`; trimesh's own function that returns locations takes longer. The BVH is built by
     every core. Normalising goes through numpy's BLAS, which uses every core whatever `threads` says, unless
     OPENBLAS_NUM_THREADS was set before numpy was imported.
     """
 
     _planes: _Planes
 
-    def plan(self) -> None:
+    def _plan(self) -> float:
         """Make the rays through the pixel centres and the planes of the triangles."""
-        super().plan()
+        rays_s = super()._plan()
         start = perf_counter()
         corners = self.mesh.triangles(np.arange(self.mesh.triangle_count))
         normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         self._planes = _Planes(normals, np.einsum("ij,ij->i", normals, corners[:, 0]))
-        self.plan_time_s += perf_counter() - start
+        taken_s = rays_s + perf_counter() - start
         nowhere = np.zeros((1, 3), np.float32)
         self._plane_depths(np.zeros(1, np.int32), nowhere, nowhere)  # compiled before the first frame, off the clock
+        return taken_s
 
     def _build_scene(self) -> Any:
         import trimesh  # slow to import

@@ -140,9 +140,9 @@ def measure(point: Point) -> Measured:
             )
         if settings.priority:
             with make_own(point, mesh, point.camera) as tracer:
-                own.set_view(point.camera, tracer)  # compiles
+                own.look(point.camera, tracer)  # compiles
                 begin = perf_counter()
-                own.set_view(point.camera, tracer)
+                own.look(point.camera, tracer)
                 results["culling_map_s"] = perf_counter() - begin
             if settings.other is None:
                 bakers |= {WHOLE_MAP: baker(seed=1), WITHOUT_VIEW: baker()}

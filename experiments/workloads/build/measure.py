@@ -23,7 +23,6 @@ def measure(point: Point) -> Measured:
         baseline = stack.enter_context(make_single(point, own.mesh, own.camera))
 
         def prepare() -> None:
-            own.plan()
             own.build()
             plans.append(own.plan_time_s)
             builds.append(own.build_time_s)

@@ -18,13 +18,13 @@ class KeptPackets(PixelTracer):
         forward = tuple(self.camera.axes[2].tolist())
         return plan_plain_geometry(self.mesh, replace(self.camera, eye=(0.0, 0.0, 0.0), target=forward))  # type: ignore[type-var]
 
-    def _show(self, views: Views) -> None:
-        super()._show(views)
+    def _show_views(self, views: Views) -> None:
+        super()._show_views(views)
         for workspace in self._workspaces:
             workspace.set_origin(self.camera.eye)
 
     def _look(self, camera: View) -> bool:
-        self._set_camera(camera)
-        if self._is_planned:
+        self._show(self.mesh, camera)
+        if self._is_built:
             self._plan_ties()
         return True

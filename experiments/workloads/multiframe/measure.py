@@ -84,12 +84,10 @@ class SeparateFrames(Lifetime):
 
     def _plan(self) -> float:
         for tracer in self.tracers:
-            tracer.plan()
+            tracer.build()
         return sum(tracer.plan_time_s for tracer in self.tracers)
 
     def _build(self) -> float:
-        for tracer in self.tracers:
-            tracer.build()
         return sum(tracer.build_time_s for tracer in self.tracers)
 
     def _release(self) -> None:

@@ -117,7 +117,6 @@ def _repeated(tracer: Tracer, clock: Callable[[], float]) -> tuple[list[float], 
     image = None
     for _ in range(BUILDS):
         begin = clock()
-        tracer.plan()
         tracer.build()
         image = tracer.trace()
         samples.append(clock() - begin)

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.embree.packets_kernels import Image, RayGrid
+from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.packets.pixel import PixelTracer
 from atra.packets.pixel_kernels import Surface, surface_kernel
@@ -16,8 +17,8 @@ class SurfacePackets(PixelTracer):
     """surface: of the last frame; what stands where nothing is hit has no meaning. Ties are settled in `prim_id` alone:
     where triangles tie, it may be that of another than is stored."""
 
-    def _set_camera(self, camera: View) -> None:
-        super()._set_camera(camera)
+    def _show(self, mesh: Mesh, camera: View) -> None:
+        super()._show(mesh, camera)
         size = camera.height, camera.width
         self.surface = Surface(np.empty(size, np.float32), np.empty(size, np.float32), np.empty((*size, 3), np.float32))
 

@@ -99,7 +99,7 @@ class TileRays(Lifetime):
 
     @property
     def triangle_count(self) -> int:
-        """Copies, of all tiles; 0 before `plan`."""
+        """Copies, of all tiles; 0 before `build`."""
         return len(self._tile_of)
 
     def trace(self, offsets: ArrayLike, out: NDArray[np.bool_] | None = None) -> NDArray[np.bool_]:
@@ -108,7 +108,7 @@ class TileRays(Lifetime):
 
         offsets: (P, 2), positions in a texel. out: an earlier result of as many, which is overwritten.
         Raises InputError for offsets of another shape or outside [0, 1) x [0, 1) and an `out` that does not fit,
-        MemoryBudgetError, EmbreeError before `build` and after `close`.
+        MemoryBudgetError, ClosedError after `close`.
         """
         positions = np.array(offsets, np.float64)
         if positions.ndim != 2 or positions.shape[1] != 2 or not len(positions):
@@ -122,7 +122,7 @@ class TileRays(Lifetime):
         packets = len(shots.texels) * len(shots.lanes)
         what = f"answers of {shape[0]:,} tiles to {len(positions)} positions in each texel"
         check_needed_bytes(shape[0] * 2 * packets + int(np.prod(shape)), None, what, "ask for fewer positions at once")
-        with self._tracing():
+        with self._in_use():
             assert self._scene is not None
             scene, kernel = self._scene.address, meeting_kernel(self.packet_width)
             answers = np.empty((packets, shape[0]), np.uint16)

@@ -1,0 +1,143 @@
+"""One verb for each thing: all is built on first use, and `update` takes other vertices of the same faces."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import atra
+from atra.bvh.scene import BvhScene
+from atra.light import BakeScene, Baker, HybridRenderer, PathRenderer, PointLight, RenderScene
+from atra.shafts.eye import EyeTracer
+from atra.shafts.scene import ShaftScene
+from atra.shafts.tracer import ClassifiedTracer
+from tests.images import assert_same_bits
+from tests.meshes import cornell_box, cornell_camera
+
+MESH, CAMERA = cornell_box(), cornell_camera(32, 24)
+POSED = atra.Mesh(MESH.vertices * np.float32([0.9, 1.1, 0.8]) + np.float32([0.02, -0.03, 0.01]), MESH.faces)
+OTHER = atra.Mesh(MESH.vertices, MESH.faces[::-1])
+
+TRACERS = {
+    "pixels": lambda mesh: atra.PixelTracer(mesh, CAMERA, threads=1),
+    "tiles": lambda mesh: atra.TiledTracer(mesh, CAMERA, (4, 1), threads=1),
+    "aligned": lambda mesh: atra.AlignedTracer(mesh, CAMERA, (4, 1), threads=1),
+    "instanced": lambda mesh: atra.AlignedTracer(mesh, CAMERA, (4, 1), threads=1, geometry="instanced", culling=False),
+    "visible_first": lambda mesh: atra.VisibleFirstTracer(mesh, CAMERA, (4, 1), threads=1),
+    "raster": lambda mesh: atra.RasterTracer(mesh, CAMERA, threads=1),
+    "bvh": lambda mesh: atra.BvhTracer(mesh, CAMERA, threads=1),
+    "classified": lambda mesh: ClassifiedTracer(mesh, CAMERA, threads=1, cells=4),
+    "tile shafts": lambda mesh: EyeTracer(mesh, CAMERA, threads=1),
+}
+
+
+@pytest.mark.parametrize("kind", TRACERS)
+def test_a_tracer_builds_on_first_use_and_an_updated_mesh_is_seen_as_by_a_new_tracer(kind):
+    with TRACERS[kind](POSED) as new:
+        expected = new.trace()
+    one = TRACERS[kind](MESH)
+    one.update(POSED)  # before anything is built
+    assert_same_bits(one.trace(), expected)
+    one.update(MESH)
+    with TRACERS[kind](MESH) as new:
+        assert_same_bits(one.trace(), new.trace())
+    one.update(POSED)
+    hits = one.trace()
+    assert_same_bits(hits, expected)
+    assert hits.mesh is one.mesh is POSED
+    with pytest.raises(atra.InputError, match="expected .* as before"):
+        one.update(OTHER)
+    with pytest.raises(atra.InputError, match=r"1 triangles, expected other vertices of the same faces"):
+        one.update(atra.Mesh(MESH.vertices, MESH.faces[:1]))
+    assert_same_bits(one.trace(), expected)
+    one.close()
+    for call in (one.trace, one.build, lambda: one.look(CAMERA), lambda: one.update(MESH)):
+        with pytest.raises(atra.ClosedError, match=f"this {type(one).__name__} is closed; make a new one"):
+            call()
+
+
+@pytest.mark.parametrize("kind", ["pixels", "aligned", "raster"])
+def test_all_hits_of_an_updated_mesh_are_those_of_a_new_tracer(kind):
+    with TRACERS[kind](MESH) as one, TRACERS[kind](POSED) as new:
+        one.gather(atra.Count())
+        one.update(POSED)
+        np.testing.assert_array_equal(one.gather(atra.Count()).count, new.gather(atra.Count()).count)
+
+
+@pytest.mark.parametrize("kind", ["tiles", "visible_first", "bvh"])
+def test_gather_is_there_only_where_it_works(kind):
+    assert not hasattr(TRACERS[kind](MESH), "gather")
+
+
+def test_frames_look_through_another_alignment_and_take_other_meshes():
+    split = atra.Split(4, 1, CAMERA.width, CAMERA.height)
+    near = replace(CAMERA, eye=tuple(np.add(CAMERA.eye, (0.02, 0.01, 0.0)).tolist()))
+    first, second = (atra.Alignment.of_frames(cameras, split) for cameras in ([CAMERA, near], [near, CAMERA]))
+    with atra.FramesTracer([POSED, MESH], second, threads=1) as new:
+        expected = new.trace()
+    one = atra.FramesTracer(MESH, first, threads=1)
+    one.trace()
+    one.look(second)
+    one.update([POSED, MESH])
+    assert_same_bits(one.trace(), expected)
+    with pytest.raises(atra.InputError, match="3 meshes for 2 frames"):
+        one.update([MESH] * 3)
+    with pytest.raises(atra.InputError, match="expected .* as before"):
+        one.update([MESH, OTHER])
+    with pytest.raises(atra.InputError, match="expected an Alignment of 2 frames"):
+        one.look(CAMERA)
+    assert_same_bits(one.trace(), expected)
+
+
+@pytest.mark.parametrize("kind", [atra.RayScene, BvhScene, ShaftScene])
+def test_a_scene_of_rays_builds_on_first_use_and_takes_other_vertices(kind):
+    directions = np.random.default_rng(3).normal(size=(500, 3)).astype(np.float32)
+    rays = atra.Rays(np.zeros((500, 3), np.float32) + np.float32([0.1, 1.0, 0.2]), directions)
+
+    def hits(scene):
+        given = rays if kind is atra.RayScene else scene.prepare(rays)
+        return scene.intersect(given)
+
+    one, new = kind(MESH, threads=1), kind(POSED, threads=1)
+    before = hits(one)
+    one.update(POSED)
+    after, expected = hits(one), hits(new)
+    np.testing.assert_array_equal(after.t, expected.t)
+    np.testing.assert_array_equal(after.prim_id, expected.prim_id)
+    assert (before.t != after.t).any()
+    with pytest.raises(atra.InputError, match="expected .* as before"):
+        one.update(OTHER)
+
+
+LAMP = PointLight((0.0, 1.5, 0.0), power=5.0)
+
+
+@pytest.mark.parametrize("kind", [HybridRenderer, PathRenderer])
+def test_a_renderer_takes_another_pose_and_another_camera(kind):
+    camera = replace(CAMERA, width=24)
+    with kind(RenderScene(POSED, lights=[LAMP]), camera, threads=1) as new:
+        new.add(2)
+        expected = new.image
+    one = kind(RenderScene(MESH, lights=[LAMP]), CAMERA, threads=1)
+    one.add()
+    one.update(RenderScene(POSED, lights=[LAMP]))
+    assert one.samples == 0
+    one.look(camera)
+    one.add(2)
+    np.testing.assert_array_equal(one.image, expected)
+    with pytest.raises(atra.InputError, match="expected .* as before"):
+        one.update(RenderScene(OTHER, lights=[LAMP]))
+
+
+def test_a_bake_takes_another_pose_on_the_charts_it_has():
+    one = Baker(BakeScene(MESH, lights=[LAMP]), size=64, threads=1)
+    one.add(1)
+    atlas = one.texels.atlas
+    one.update(BakeScene(POSED, lights=[LAMP]))
+    one.add(2)
+    assert one.texels.atlas is atlas
+    with Baker(BakeScene(POSED, lights=[LAMP]), atlas, threads=1) as new:
+        new.add(2)
+        np.testing.assert_array_equal(one.maps.combined, new.maps.combined)
+    with pytest.raises(atra.InputError, match="expected .* as before"):
+        one.update(BakeScene(OTHER, lights=[LAMP]))
