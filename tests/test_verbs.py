@@ -7,7 +7,7 @@ import pytest
 
 import atra
 from atra.bvh.scene import BvhScene
-from atra.light import BakeScene, Baker, HybridRenderer, PathRenderer, PointLight, RenderScene
+from atra.light import Baker, BakeScene, HybridRenderer, PathRenderer, PointLight, RenderScene
 from atra.shafts.eye import EyeTracer
 from atra.shafts.scene import ShaftScene
 from atra.shafts.tracer import ClassifiedTracer
@@ -45,7 +45,7 @@ def test_a_tracer_builds_on_first_use_and_an_updated_mesh_is_seen_as_by_a_new_tr
     hits = one.trace()
     assert_same_bits(hits, expected)
     assert hits.mesh is one.mesh is POSED
-    with pytest.raises(atra.InputError, match="expected .* as before"):
+    with pytest.raises(atra.InputError, match=r"expected .* as before"):
         one.update(OTHER)
     with pytest.raises(atra.InputError, match=r"1 triangles, expected other vertices of the same faces"):
         one.update(atra.Mesh(MESH.vertices, MESH.faces[:1]))
@@ -82,7 +82,7 @@ def test_frames_look_through_another_alignment_and_take_other_meshes():
     assert_same_bits(one.trace(), expected)
     with pytest.raises(atra.InputError, match="3 meshes for 2 frames"):
         one.update([MESH] * 3)
-    with pytest.raises(atra.InputError, match="expected .* as before"):
+    with pytest.raises(atra.InputError, match=r"expected .* as before"):
         one.update([MESH, OTHER])
     with pytest.raises(atra.InputError, match="expected an Alignment of 2 frames"):
         one.look(CAMERA)
@@ -105,7 +105,7 @@ def test_a_scene_of_rays_builds_on_first_use_and_takes_other_vertices(kind):
     np.testing.assert_array_equal(after.t, expected.t)
     np.testing.assert_array_equal(after.prim_id, expected.prim_id)
     assert (before.t != after.t).any()
-    with pytest.raises(atra.InputError, match="expected .* as before"):
+    with pytest.raises(atra.InputError, match=r"expected .* as before"):
         one.update(OTHER)
 
 
@@ -125,7 +125,7 @@ def test_a_renderer_takes_another_pose_and_another_camera(kind):
     one.look(camera)
     one.add(2)
     np.testing.assert_array_equal(one.image, expected)
-    with pytest.raises(atra.InputError, match="expected .* as before"):
+    with pytest.raises(atra.InputError, match=r"expected .* as before"):
         one.update(RenderScene(OTHER, lights=[LAMP]))
 
 
@@ -139,5 +139,5 @@ def test_a_bake_takes_another_pose_on_the_charts_it_has():
     with Baker(BakeScene(POSED, lights=[LAMP]), atlas, threads=1) as new:
         new.add(2)
         np.testing.assert_array_equal(one.maps.combined, new.maps.combined)
-    with pytest.raises(atra.InputError, match="expected .* as before"):
+    with pytest.raises(atra.InputError, match=r"expected .* as before"):
         one.update(BakeScene(OTHER, lights=[LAMP]))
