@@ -11,6 +11,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 import atra
+from atra.command.compiling import add_compile, run_compile
 from atra.command.doctor import run_doctor
 from atra.command.render import add_render, run_render
 from atra.errors import AtraError
@@ -75,6 +76,9 @@ def _parser() -> ArgumentParser:
     verbs = parser.add_subparsers(metavar="verb", required=True)
     doctor = verbs.add_parser("doctor", help="say what this machine has and lacks; a bug report needs it")
     doctor.set_defaults(run=lambda arguments: run_doctor())
+    compiling = verbs.add_parser("compile", help="compile kernels now, such as for a container image")
+    add_compile(compiling)
+    compiling.set_defaults(run=run_compile)
     render = verbs.add_parser("render", help="write what every view of a mesh sees: depth, triangles, normals, points")
     add_render(render)
     render.set_defaults(run=run_render)

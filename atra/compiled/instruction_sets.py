@@ -67,13 +67,23 @@ def native_lanes() -> int:
 
 
 def limit_numba() -> None:
-    """Have kernels compiled for the chosen set. To be called before the first is compiled.
+    """Have kernels compiled for the chosen set, or for the widest set here, rather than for this very processor: the
+    code is as fast, and serves every processor of that set. To be called before the first kernel is compiled.
 
-    A choice that cannot be met is left to `check_instruction_set`: this runs while modules are imported.
+    NUMBA_CPU_NAME is left as it is. A choice that cannot be met is left to `check_instruction_set`, as this runs while
+    modules are imported.
     """
-    name = os.environ.get(VARIABLE)
-    if name in instruction_sets_here():
-        numba.config.CPU_NAME, numba.config.CPU_FEATURES = _PROCESSORS[str(name)][0], ""
+    here, name = instruction_sets_here(), os.environ.get(VARIABLE)
+    if name not in here:
+        name = None if numba.config.CPU_NAME or not here else here[-1]
+    if name is not None:
+        numba.config.CPU_NAME, numba.config.CPU_FEATURES = _PROCESSORS[name][0], ""
+
+
+def processor_compiled_for() -> str:
+    """LLVM's name of the processors that kernels are compiled for: "x86-64-v4" and the like, or this one's own."""
+    limit_numba()
+    return str(numba.config.CPU_NAME or llvmlite.binding.get_host_cpu_name())
 
 
 def check_instruction_set() -> str | None:

@@ -1,11 +1,13 @@
-"""A cache of compiled code on disk, used as long as no file that the code may be made of has changed.
+"""Compiled code on disk: shipped with the library, or kept from an earlier run.
 
-One can do without: where it cannot be kept, or what was kept is damaged, it is compiled anew.
+Either is used as long as no file that the code may be made of has changed. Where there is none, where it cannot be kept
+or is damaged, the code is compiled.
 """
 
 from __future__ import annotations
 
 import inspect
+import os
 import pickle
 import re
 import warnings
@@ -17,18 +19,26 @@ from typing import Any
 
 import numba
 from llvmlite.binding import Linkage
-from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataCacheFile
+from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataCacheFile, _CacheLocator
 from numba.core.ccallback import CFunc
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
 from numba.core.serialize import dumps
 from numba.core.sigutils import normalize_signature
 
+from atra.compiled import progress
 from atra.compiled.instruction_sets import limit_numba
+from atra.compiled.locks import FileLock
 
 limit_numba()
 
 _PACKAGE = Path(__file__).parents[1]
+
+SHIPPED = _PACKAGE / "compiled" / "shipped"
+"""Folder of the kernels that a wheel brings along, in folders by room; a clone has none."""
+
+INTO_VARIABLE = "ATRA_COMPILE_INTO"
+"""Names a folder to keep compiled kernels in, in folders by room, where all are compiled to be shipped."""
 _IMPORT = re.compile(rb"^ *(?:from|import) +(atra(?:\.\w+)*)", re.MULTILINE)
 
 
@@ -58,11 +68,9 @@ def _imported_by(path: Path) -> tuple[Path, ...]:
 
 
 def cache_folder() -> str | None:
-    """Where compiled kernels are kept; None where Numba may write nowhere: every process then compiles them anew."""
-    try:
-        return str(FunctionCache(kernel).cache_path)
-    except RuntimeError:
-        return None
+    """Where compiled kernels are kept; None where nothing can be written: every process then compiles them anew."""
+    folder = _Cache(kernel).cache_path
+    return str(folder) if folder else None
 
 
 def kernel(function: Callable[..., Any]) -> Any:
@@ -107,10 +115,7 @@ def callback(signature: Any) -> Callable[[Callable[..., Any]], Any]:
 
 def keep_on_disk(compiled: Any) -> Any:
     """The same `njit` function or C callback, made without `cache=True`, with this cache in place of none."""
-    try:
-        compiled._cache = _Cache(compiled.__wrapped__)
-    except RuntimeError:
-        _warn("no folder for it can be written to")
+    compiled._cache = _Cache(compiled.__wrapped__)
     return compiled
 
 
@@ -144,8 +149,31 @@ class _KernelCompiler(Compiler):
         super().__init__(typing, target, code, *rest)
 
 
+class _Nowhere(_CacheLocator):
+    """Stands for a folder where none can be written to, neither beside the source nor in the home directory."""
+
+    @classmethod
+    def from_function(cls, function: Any, path: str) -> Any:
+        place = cls()
+        place.line = str(function.__code__.co_firstlineno)
+        return place
+
+    line = "0"
+
+    def get_cache_path(self) -> str:
+        return ""
+
+    def get_source_stamp(self) -> Any:
+        return None
+
+    def get_disambiguator(self) -> str:
+        return self.line
+
+
 class _Sealed(CompileResultCacheImpl):
     """Code with a digest: flipped bits would be run as they are."""
+
+    _locator_classes = (*CompileResultCacheImpl._locator_classes, _Nowhere)
 
     def reduce(self, cres: Any) -> Any:
         code = dumps(super().reduce(cres))
@@ -185,17 +213,52 @@ class _Cache(FunctionCache):
 
     def __init__(self, function: Callable[..., Any]) -> None:
         super().__init__(function)
-        stamp = source_stamp(Path(inspect.getfile(function)))
-        self._cache_file = _Index(self._cache_path, self._impl.filename_base, stamp)
+        source, into = Path(inspect.getfile(function)), os.environ.get(INTO_VARIABLE)
+        base, stamp = self._impl.filename_base, source_stamp(source)
+        room = source.resolve().parent.relative_to(_PACKAGE) if source.is_relative_to(_PACKAGE) else Path()
+        if into:
+            self._cache_path = str(Path(into) / room)
+        self._shipped = None if into or not SHIPPED.is_dir() else _Index(str(SHIPPED / room), base, stamp)
+        self._cache_file = _Index(self._cache_path, base, stamp)
+        self._lock: FileLock | None = None
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        try:
-            return super().load_overload(sig, target_context)
-        except Exception:  # as above; saving replaces it
-            return None
+        """What is shipped or kept; else None, after which Numba compiles and saves. Of two processes that need the
+        same, one compiles while the other waits for it here."""
+        found = self._found(sig, target_context)
+        if found is None and self._cache_path:
+            self._lock = FileLock(Path(self._cache_path) / f"{self._impl.filename_base}.lock")
+            if self._lock.waited:
+                found = self._found(sig, target_context)
+        if found is None:
+            progress.begin()
+        elif self._lock is not None:
+            self._lock.release()
+        return found
+
+    def _found(self, sig: Any, target_context: Any) -> Any:
+        key = self._index_key(sig, target_context.codegen())
+        for index in (self._shipped, self._cache_file):
+            try:
+                data = None if index is None else index.load(key)
+                if data is not None:
+                    target_context.refresh()
+                    return self._impl.rebuild(target_context, data)
+            except Exception:  # a damaged pickle may raise anything; saving replaces what is kept
+                continue
+        return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
+        progress.end()
         try:
-            super().save_overload(sig, data)
+            if not self._cache_path:
+                _warn("no folder for it can be written to")
+            else:
+                if os.environ.get(INTO_VARIABLE):
+                    Path(self._cache_path).mkdir(parents=True, exist_ok=True)
+                super().save_overload(sig, data)
         except OSError as error:
             _warn(f"{self.cache_path}: {error.strerror or error}")
+        finally:
+            if self._lock is not None:
+                self._lock.release()

@@ -63,7 +63,7 @@ class Scratch:
             8 * LIST_ROOM,
             8 * BATCH * DOUBLES,
             4 * BATCH * FLOATS,
-            4 * -(-band_rows // TILE) * tile_stride(width),
+            4 * -(-band_rows // TILE) * tile_stride.py_func(width),
             8 * (self.clusters.count + 1),
         )
         parts = [-(-part // CACHE_LINE) * CACHE_LINE for part in sizes]
@@ -109,7 +109,7 @@ def draw_frame(
     draw_bands: Any = drawing_kernel(lanes, parallel)
     scratch.cull(eye, camera, band_rows, pool)
     order = scratch.order()
-    workspaces = scratch.workspaces_for(pool.threads, width, band_rows, 8 * band_rows * band_stride(width))
+    workspaces = scratch.workspaces_for(pool.threads, width, band_rows, 8 * band_rows * band_stride.py_func(width))
 
     def draw(worker: int, counter: int) -> None:
         draw_bands(counter, eye, addresses, rectangles, bounds, order, band_rows, image, workspaces[worker])

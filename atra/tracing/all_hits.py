@@ -58,7 +58,7 @@ class Gathering(TracerLifetime[Hits]):
     @property
     def _gathering_row(self) -> int:
         """Pixels from one row of what is gathered into to the next."""
-        return int(band_stride(self.camera.width))
+        return int(band_stride.py_func(self.camera.width))
 
     def gather(
         self, what: Reduction[Gathered], offset: tuple[float, float] = (0.5, 0.5), out: Gathered | None = None

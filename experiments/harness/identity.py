@@ -83,9 +83,10 @@ def _code(packages: frozenset[str]) -> Code:
 def read_source(module: str) -> Source | None:
     """The source of a module of this project, or of a package that can be imported; None if there is none."""
     package, *below = module.split(".")
-    for path in (_place(package).joinpath(*below).with_suffix(".py"), _place(package).joinpath(*below, "__init__.py")):
+    place = _place(package).joinpath(*below)
+    for path in (place.with_suffix(".py"), place / "__init__.pyi", place / "__init__.py"):  # a stub names lazy imports
         if path.is_file():
-            return Source(module, path.read_text(encoding="utf-8"), path.name == "__init__.py")
+            return Source(module, path.read_text(encoding="utf-8"), path.stem == "__init__")
     return None
 
 

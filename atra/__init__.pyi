@@ -1,0 +1,101 @@
+from .alignment.aligned import AlignedTracer as AlignedTracer
+from .alignment.aligned import FramesTracer as FramesTracer
+from .alignment.alignment import Alignment as Alignment
+from .alignment.options import (
+    AlignedOptions as AlignedOptions,
+)
+from .alignment.options import (
+    FramesOptions as FramesOptions,
+)
+from .alignment.options import (
+    ReferenceRayOptions as ReferenceRayOptions,
+)
+from .alignment.visible_first import VisibleFirstTracer as VisibleFirstTracer
+from .all_hits.reductions import (
+    Count as Count,
+)
+from .all_hits.reductions import (
+    Layers as Layers,
+)
+from .all_hits.reductions import (
+    Thickness as Thickness,
+)
+from .all_hits.reductions import (
+    Transmittance as Transmittance,
+)
+from .all_hits.results import (
+    Counts as Counts,
+)
+from .all_hits.results import (
+    LayerHits as LayerHits,
+)
+from .all_hits.results import (
+    Thicknesses as Thicknesses,
+)
+from .all_hits.results import (
+    Transmittances as Transmittances,
+)
+from .bvh.options import BvhOptions as BvhOptions
+from .bvh.tracer import BvhTracer as BvhTracer
+from .errors import (
+    AtraError as AtraError,
+)
+from .errors import (
+    ClosedError as ClosedError,
+)
+from .errors import (
+    EmbreeError as EmbreeError,
+)
+from .errors import (
+    InputError as InputError,
+)
+from .errors import (
+    MemoryBudgetError as MemoryBudgetError,
+)
+from .files.cameras.colmap import read_colmap as read_colmap
+from .files.cameras.nerf import read_transforms as read_transforms
+from .files.cameras.trimesh_scene import read_trimesh as read_trimesh
+from .files.meshes.face_sources import FaceSources as FaceSources
+from .files.meshes.face_sources import load_face_sources as load_face_sources
+from .files.meshes.loading import load_mesh as load_mesh
+from .geometry.camera import CalibratedCamera as CalibratedCamera
+from .geometry.camera import Camera as Camera
+from .geometry.image_plane import ImagePlane as ImagePlane
+from .geometry.mesh import Mesh as Mesh
+from .geometry.orthographic import OrthographicCamera as OrthographicCamera
+from .geometry.sampling import sub_pixel_offsets as sub_pixel_offsets
+from .geometry.split import Split as Split
+from .hits import Frames as Frames
+from .hits import Hits as Hits
+from .hits import VisibleTriangles as VisibleTriangles
+from .judge.compare import Agreement as Agreement
+from .judge.compare import Verdict as Verdict
+from .judge.compare import compare as compare
+from .packets.pixel import PixelTracer as PixelTracer
+from .packets.tiles import TiledTracer as TiledTracer
+from .planner.plan import Plan as Plan
+from .planner.planning import plan as plan
+from .prim_ids import MISS as MISS
+from .raster.tracer import RasterTracer as RasterTracer
+from .rays.rays import RayHits as RayHits
+from .rays.rays import Rays as Rays
+from .rays.scene import RayScene as RayScene
+from .tracing.options import (
+    CellOptions as CellOptions,
+)
+from .tracing.options import (
+    Options as Options,
+)
+from .tracing.options import (
+    PixelOptions as PixelOptions,
+)
+from .tracing.options import (
+    RasterOptions as RasterOptions,
+)
+from .tracing.options import (
+    RayOptions as RayOptions,
+)
+from .tracing.tracer import Tracer as Tracer
+from .views.render_views import render_views as render_views
+
+__version__: str

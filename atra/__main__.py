@@ -1,0 +1,7 @@
+"""`python -m atra` is the command `atra`."""
+
+import sys
+
+from atra.command.main import main
+
+sys.exit(main())

@@ -1,0 +1,170 @@
+"""`atra compile`: compile kernels in advance, for a container image or to be shipped."""
+
+from __future__ import annotations
+
+import os
+import sys
+from argparse import ArgumentParser, Namespace
+from collections.abc import Callable, Iterator
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from functools import partial
+from itertools import product
+from multiprocessing import get_context
+from pathlib import Path
+
+import numpy as np
+
+import atra
+from atra.compiled.instruction_sets import native_lanes, processor_compiled_for
+from atra.compiled.progress import QUIET_VARIABLE
+from atra.compiled.store import INTO_VARIABLE, cache_folder
+from atra.compiled.threads import resolve_threads
+from atra.errors import InputError, printable
+from atra.geometry.view import View
+
+_WIDTH, _HEIGHT = 64, 48
+
+
+def add_compile(parser: ArgumentParser) -> None:
+    """Declare its arguments."""
+    parser.add_argument("--all", action="store_true", help="every method of the core, not only the rasteriser")
+    parser.add_argument("--into", type=Path, metavar="FOLDER", help="keep the kernels in this folder, to ship them")
+
+
+def run_compile(arguments: Namespace) -> int:
+    """Compile in as many processes as there are cores, and say where the kernels are."""
+    into = arguments.into
+    if into is not None:
+        if into.exists() and not into.is_dir():
+            raise InputError(f"--into is {printable(str(into))!r}, which is no folder")
+        os.environ[INTO_VARIABLE] = str(into.resolve())
+    folder = Path(os.environ[INTO_VARIABLE]) if into is not None else None
+    if folder is None and cache_folder() is None:
+        raise InputError("compiled kernels can be kept nowhere here; name a folder with NUMBA_CACHE_DIR")
+    os.environ[QUIET_VARIABLE] = "1"
+    names = [name for name in JOBS if arguments.all or name.startswith("raster")]
+    # Processes that are spawned, not forked: a fork would have this process's threads and no kernel of its own.
+    with ProcessPoolExecutor(min(resolve_threads(None), len(names)), get_context("spawn")) as pool:
+        running = {pool.submit(_run, name): name for name in names}
+        for count, done in enumerate(as_completed(running), 1):
+            done.result()
+            print(f"{count} of {len(names)}: {running[done]}", file=sys.stderr)
+    print(said_of_kernels(folder))
+    return 0
+
+
+def said_of_kernels(folder: Path | None = None) -> str:
+    """Where kernels are kept, how large they are, and which processors they serve."""
+    kept = [folder] if folder is not None else _folders()
+    size = sum(file.stat().st_size for place in kept for file in place.rglob("*.nb[ic]"))
+    where = str(folder) if folder is not None else _said_of_places(kept)
+    return f"kernels of {size / 1e6:.1f} MB in {where}, for processors of {processor_compiled_for()}"
+
+
+def _folders() -> list[Path]:
+    """The folders in which Numba keeps the kernels of each room."""
+    package = Path(atra.__file__ or "").parent
+    if (given := os.environ.get("NUMBA_CACHE_DIR")) is not None:
+        return [Path(given)]
+    return [package] if any(package.rglob("*.nbi")) else [Path(cache_folder() or package).parent]
+
+
+def _said_of_places(kept: list[Path]) -> str:
+    return ", ".join(map(str, kept))
+
+
+def _run(name: str) -> None:
+    JOBS[name]()
+
+
+def _cameras() -> dict[str, View]:
+    eye, target = (0.3, 0.4, 3.0), (0.0, 0.0, 0.0)
+    size = {"width": _WIDTH, "height": _HEIGHT}
+    return {
+        "pinhole": atra.Camera(eye, target, **size),
+        "orthographic": atra.OrthographicCamera(eye, target, view_height=3.0, **size),
+    }
+
+
+def _mesh() -> atra.Mesh:
+    """A closed box, every face of which is there twice, so that ties are settled, too."""
+    corners = np.array(list(product((-1.0, 1.0), repeat=3)), np.float32)
+    quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    faces = [face for a, b, c, d in quads for face in ((a, b, c), (a, c, d))]
+    return atra.Mesh(corners, np.array(faces + faces[:2], np.uint32))
+
+
+def _closed() -> atra.Mesh:
+    mesh = _mesh()
+    return atra.Mesh(mesh.vertices, mesh.faces[:12])
+
+
+_REDUCTIONS = {
+    "count": atra.Count,
+    "layers": lambda: atra.Layers(4),
+    "thickness": atra.Thickness,
+    "transmittance": lambda: atra.Transmittance(np.full(12, 0.5, np.float32)),
+}
+
+_TRACERS: dict[str, Callable[[atra.Mesh, View], atra.Tracer]] = {
+    "raster": atra.RasterTracer,
+    "single rays": lambda mesh, camera: atra.PixelTracer(mesh, camera, packet_width=1),
+    "packets": atra.PixelTracer,
+    "aligned": lambda mesh, camera: atra.AlignedTracer(mesh, camera, (4, 1)),
+    "aligned instances": lambda mesh, camera: atra.AlignedTracer(
+        mesh, camera, (4, 1), geometry="instanced", culling=False
+    ),
+    "tiles": lambda mesh, camera: atra.TiledTracer(mesh, camera, (4, 1)),
+    "visible-first": lambda mesh, camera: atra.VisibleFirstTracer(mesh, camera, (4, 1)),
+    "bvh": atra.BvhTracer,
+}
+_PINHOLE_ONLY, _ALL_HITS = ("tiles", "visible-first"), ("raster", "packets", "aligned")
+
+
+def _trace(tracer: str, view: str) -> None:
+    with _TRACERS[tracer](_mesh(), _cameras()[view]) as one:
+        one.trace()
+
+
+def _gather(tracer: str, view: str, what: str) -> None:
+    with _TRACERS[tracer](_closed(), _cameras()[view]) as one:
+        one.gather(_REDUCTIONS[what]())  # type: ignore[attr-defined]
+
+
+def _shoot_rays() -> None:
+    """Batches at a mesh so large that rays are sorted, single and in packets."""
+    side = 260
+    x, y = np.meshgrid(np.arange(side), np.arange(side), indexing="ij")
+    vertices = np.stack([x.ravel(), y.ravel(), np.zeros(side * side)], axis=1)
+    low = (x[:-1, :-1] * side + y[:-1, :-1]).ravel()
+    faces = np.concatenate(
+        [np.stack([low, low + side, low + 1], 1), np.stack([low + 1, low + side, low + side + 1], 1)]
+    )
+    random = np.random.default_rng(0)
+    origins = random.uniform(1, side - 2, (1 << 15, 3)).astype(np.float32) + np.float32([0, 0, 5])
+    directions = random.normal(size=origins.shape).astype(np.float32)
+    mesh = atra.Mesh(vertices, faces)
+    for width in {1, native_lanes()}:
+        with atra.RayScene(mesh, packet_width=width) as scene:
+            scene.intersect(origins, directions)
+            scene.occluded(origins, directions)
+
+
+def _compare() -> None:
+    mesh, camera = _mesh(), _cameras()["pinhole"]
+    with atra.RasterTracer(mesh, camera) as one, atra.PixelTracer(mesh, camera) as other:
+        atra.compare(mesh, camera, one.trace(), other.trace())
+
+
+def _jobs() -> Iterator[tuple[str, Callable[[], None]]]:
+    for view, tracer in product(_cameras(), _TRACERS):
+        if view == "pinhole" or tracer not in _PINHOLE_ONLY:
+            yield f"{tracer}, {view}", partial(_trace, tracer, view)
+    for what, view, tracer in product(_REDUCTIONS, _cameras(), _ALL_HITS):
+        yield f"{tracer}, {view}, {what}", partial(_gather, tracer, view, what)
+    yield "rays", _shoot_rays
+    yield "comparing", _compare
+
+
+JOBS = dict(_jobs())
+"""What is compiled: small calls of the library by name, which compile what they use."""
