@@ -13,6 +13,9 @@ from atra.compiled.instruction_sets import INSTRUCTION_SETS, PACKET_WIDTHS, inst
 # interrupt a sweep would wait for ever.
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
+# Tests compile all the time, and read what programs write on standard error.
+os.environ.setdefault("ATRA_QUIET", "1")
+
 # Numba compiles for minutes in all, a sixth of them spent on looking for garbage among what is needed anyway.
 gc.freeze()
 gc.set_threshold(100_000, 50, 50)

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 import numba
-from llvmlite.binding import Linkage
+from llvmlite.binding import Linkage, parse_assembly
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataCacheFile, _CacheLocator
 from numba.core.ccallback import CFunc
 from numba.core.codegen import JITCodeLibrary
@@ -134,12 +134,26 @@ class _KernelCode(JITCodeLibrary):
     themselves would call those, optimised in another way than the copies that it keeps, which tests would then miss.
     """
 
+    def serialize_using_object_code(self) -> Any:
+        """Machine code, and a module that has no more than the names in it. Numba keeps all bitcode, which is several
+        times as large, for functions that call this one; nothing calls a kernel."""
+        name, kind, (machine_code, _) = super().serialize_using_object_code()
+        module = self._get_module_for_linking()
+        lines = [f'define void @"{one.name}"() {{ ret void }}' for one in module.functions if _is_own(one)]
+        lines += [f'@"{one.name}" = global i8 0' for one in module.global_variables if _is_own(one)]
+        return name, kind, (machine_code, parse_assembly("\n".join(lines)).as_bitcode())
+
     def _optimize_final_module(self) -> None:
         super()._optimize_final_module()
         own = sha256(self._final_module.as_bitcode()).hexdigest()
         for function in self._final_module.functions:
             if function.linkage == Linkage.linkonce_odr and not function.is_declaration:
                 function.name += f".{own}"
+
+
+def _is_own(symbol: Any) -> bool:
+    """Whether code defines this symbol, and for others to see."""
+    return not symbol.is_declaration and symbol.linkage not in (Linkage.internal, Linkage.private)
 
 
 class _KernelCompiler(Compiler):

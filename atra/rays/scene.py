@@ -17,9 +17,9 @@ from atra.embree.workspace import Workspace
 from atra.errors import InputError
 from atra.geometry.mesh import Mesh
 from atra.geometry.ray_space import check_world_range, padded_vertices
+from atra.rays.order import box_of, has_order_already, is_large, near_by_of
 from atra.rays.rays import RayHits, Rays, rays_of
 from atra.rays.rays_kernels import (
-    ALIKE_DIRECTIONS,
     ALWAYS,
     BUCKETS,
     CELLS,
@@ -37,22 +37,11 @@ from atra.rays.rays_kernels import (
 from atra.tracing.lifetime import MeshLifetime
 from atra.tracing.options import PacketKeywords, RayOptions, lists_options
 
-FEWEST_RAYS, FEWEST_TRIANGLES = 1 << 14, 1 << 17
-"""Of a batch and of a mesh, for rays to be put in an order: otherwise all they touch is in the cache anyway."""
-
 ORDERED = 1 << 20
 """Rays that are put in an order at a time, which bounds the memory that takes; more gain nothing."""
 
-_SAMPLES, _NEIGHBOURS = 64, 16
-"""Places in a batch, and rays at each, that say whether it has an order already."""
-
-_BOX_SAMPLES = 1024
-
 _NOWHERE = np.uint32(0xFFFFFFFF)
 """A corner that no mesh has: Embree leaves out the triangles that name it, and the others keep their numbers."""
-
-NEAR_BY = 1 / 64
-"""Of the size of the mesh: rays that start nearer to each other than this may be taken through the tree together."""
 
 
 Numbers = tuple[NDArray[np.float32], ...]
@@ -194,10 +183,8 @@ class RayScene(MeshLifetime):
     def _run(self, kernel: Callable[..., None], coherent: bool | None, rays: Rays, *outputs: NDArray[Any]) -> None:
         with self._in_use():
             together = WHERE_ALIKE if coherent is None else ALWAYS if coherent else NEVER
-            size = float((self.mesh.bounds[1] - self.mesh.bounds[0]).max())
-            near_by = np.float32(NEAR_BY * size)
-            large = len(rays) >= FEWEST_RAYS and self.mesh.triangle_count >= FEWEST_TRIANGLES
-            has_order = coherent is not None or not large or _has_order(rays, near_by)
+            near_by = near_by_of(self.mesh)
+            has_order = coherent is not None or not is_large(rays, self.mesh) or has_order_already(rays, near_by)
 
             def trace(given: Numbers, *answers: NDArray[Any]) -> None:
                 origins, directions, tnear, tfar = given
@@ -276,22 +263,6 @@ class RayScene(MeshLifetime):
         self._memory = None
         if self._scene is not None:
             self._scene.close()
-
-
-def box_of(origins: NDArray[np.float32]) -> NDArray[np.float32]:
-    """(2, 3), lowest and highest corner of the box that rays are ordered in, of a sample of them: others lie beside."""
-    some = origins[:: max(1, len(origins) // _BOX_SAMPLES)]
-    return np.stack([some.min(axis=0), some.max(axis=0)])
-
-
-def _has_order(rays: Rays, near_by: np.float32) -> bool:
-    """Whether neighbours start and head alike at most places of a batch."""
-    places = np.linspace(0, len(rays) - _NEIGHBOURS, _SAMPLES).astype(int)[:, None] + np.arange(_NEIGHBOURS)
-    starts, ways = rays.origins[places], rays.directions[places]
-    sizes = np.abs(ways[:, :1]).max(axis=2, keepdims=True)
-    moved, turned = np.abs(starts - starts[:, :1]), np.abs(ways - ways[:, :1])
-    alike = (moved <= near_by) & (turned <= ALIKE_DIRECTIONS * sizes)
-    return bool(alike.all(axis=(1, 2)).mean() > 0.5)
 
 
 def _checked_out(name: str, array: Any, kind: type, count: int) -> NDArray[Any]:

@@ -114,31 +114,21 @@ class Baker(Lifetime):
         `close`."""
         with self._lock:
             self._check_open()
-            if scene.mesh is not self.scene.mesh:
-                self._move(scene)
-                return
-            tables = tables_of(scene, self.texels, self.options)
-            if not self.shadow_scenes.serve(scene):
-                scenes = ShadowScenes(scene, self._ray_options)
-                try:
-                    if self._is_built:
-                        scenes.build()
-                except BaseException:
-                    scenes.close()
-                    raise
+            moves = scene.mesh is not self.scene.mesh
+            tables = tables_of(scene, self.texels, self.options) if self._is_built and not moves else None
+            scenes = None if self.shadow_scenes.serve(scene) and not moves else ShadowScenes(scene, self._ray_options)
+            if moves:
+                self.rays_scene.update(scene.mesh)
+                self.visible = None
+            if scenes is not None:
                 self.shadow_scenes.close()
                 self.shadow_scenes = scenes
-            self.scene, self._tables = scene, tables
-            self._restart()
-
-    def _move(self, scene: BakeScene) -> None:
-        """Take a scene whose mesh has other vertices."""
-        self.rays_scene.update(scene.mesh)
-        self.shadow_scenes.close()
-        self.shadow_scenes = ShadowScenes(scene, self._ray_options)
-        self.scene, self.visible = scene, None
-        if self._is_built:
-            self.build()
+            self.scene = scene
+            if tables is not None:
+                self._tables = tables
+                self._restart()
+            elif self._is_built:
+                self.build()
 
     def look(self, camera: View | None, tracer: Tracer[Hits] | None = None) -> None:
         """Light first what the camera sees; None: nothing comes first. No sample is lost.

@@ -1,0 +1,227 @@
+"""Kernels that are shipped or compiled in advance, what is said while compiling, and processes that need the same."""
+
+from __future__ import annotations
+
+import io
+import subprocess
+import sys
+import threading
+from pathlib import Path
+
+import numba
+import numpy as np
+import pytest
+
+import atra
+from atra.command.compiling import JOBS, said_of_kernels
+from atra.compiled import progress, store
+from atra.compiled.instruction_sets import instruction_sets_here
+from tests.images import assert_same_bits
+from tests.meshes import cornell_box, cornell_camera
+from tests.test_kernel_cache import TWO_KINDS, imported, with_another_bit
+
+ROOT = Path(__file__).parents[1]
+
+
+@pytest.fixture
+def two_kinds(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A module of a kernel and a callback, compiled to be shipped; what is kept elsewhere is kept in `kept`."""
+    store._warn.cache_clear()
+    path = tmp_path / "two_kinds.py"
+    path.write_text(TWO_KINDS)
+    monkeypatch.setattr(numba.core.config, "CACHE_DIR", str(tmp_path / "kept"))
+    with monkeypatch.context() as shipping:
+        shipping.setenv(store.INTO_VARIABLE, str(tmp_path / "shipped"))
+        assert imported(path).answers() == (21, 42)
+    assert not list((tmp_path / "kept").rglob("*.nbc"))
+    monkeypatch.setattr(store, "SHIPPED", tmp_path / "shipped")
+    return path
+
+
+def test_shipped_kernels_are_run_wherever_the_library_lies_and_nothing_is_kept(two_kinds: Path, tmp_path: Path) -> None:
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    again = imported(two_kinds.rename(elsewhere / two_kinds.name))
+    assert again.answers() == (21, 42)
+    assert again.read_from_disk() == (1, 1)
+    assert not list((tmp_path / "kept").rglob("*.nbc"))
+
+
+@pytest.mark.parametrize("harm", ["another text", "a damaged file", "another version of Numba", "no folder"])
+def test_shipped_kernels_that_do_not_fit_are_compiled_and_kept(
+    harm: str, two_kinds: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shipped = sorted((tmp_path / "shipped").rglob("*.nbc"))
+    assert len(shipped) == 2
+    if harm == "another text":
+        two_kinds.write_text(TWO_KINDS + "\n# changed\n", encoding="utf-8")
+    elif harm == "a damaged file":
+        for path in shipped:
+            path.write_bytes(with_another_bit(path.read_bytes()))
+    elif harm == "another version of Numba":
+        monkeypatch.setattr(numba, "__version__", "0.0.1")
+    else:
+        monkeypatch.setattr(store, "SHIPPED", tmp_path / "nothing here")
+    before = [path.read_bytes() for path in shipped]
+    first, second = imported(two_kinds), imported(two_kinds)
+    assert first.answers() == second.answers() == (21, 42)
+    assert (first.read_from_disk(), second.read_from_disk()) == ((0, 0), (1, 1))
+    assert [path.read_bytes() for path in shipped] == before  # which may belong to all users of the machine
+
+
+def test_a_kernel_is_compiled_for_an_instruction_set_so_that_what_one_processor_keeps_serves_others() -> None:
+    from numba.core.registry import cpu_target
+
+    _, processor, features = cpu_target.target_context.codegen().magic_tuple()
+    if instruction_sets_here():
+        assert (processor[:8], features) in {("x86-64-v", ""), ("sandybri", "")}
+
+
+COUNTED = """
+import numba.core.event as event
+from atra.compiled.store import kernel
+
+class Compilations(event.Listener):
+    def on_start(self, one): print("compiled", flush=True)
+    def on_end(self, one): pass
+
+@kernel
+def total(n):
+    found = 0
+    for k in range(n):
+        found += k % 3
+    return found
+
+def run():
+    input()
+    with event.install_listener("numba:compile", Compilations()):
+        assert total(10) == 9
+"""
+
+
+def test_of_processes_that_need_the_same_kernel_at_once_one_compiles_it(tmp_path: Path) -> None:
+    (tmp_path / "counted.py").write_text(COUNTED, encoding="utf-8")
+    run = f"import sys; sys.path[:0] = {[str(tmp_path), str(ROOT)]}; import counted; counted.run()"
+    processes = [
+        subprocess.Popen([sys.executable, "-c", run], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+        for _ in range(3)
+    ]
+    for process in processes:
+        process.stdin.write("\n")  # type: ignore[union-attr]
+        process.stdin.flush()  # type: ignore[union-attr]
+    told = [process.communicate()[0] for process in processes]
+    assert [process.returncode for process in processes] == [0, 0, 0]
+    assert "".join(told).count("compiled") == 1
+
+
+class Terminal(io.StringIO):
+    def isatty(self) -> bool:
+        return True
+
+
+@pytest.fixture
+def fresh(monkeypatch: pytest.MonkeyPatch) -> list[threading.Timer]:
+    """Nothing has been compiled or said; timers are kept and do not run."""
+    made: list[threading.Timer] = []
+
+    class Kept(threading.Timer):
+        def start(self) -> None:
+            made.append(self)
+
+    monkeypatch.setattr(threading, "Timer", Kept)
+    for name, value in {"_depth": 0, "_count": 0, "_said": False, "_timer": None}.items():
+        monkeypatch.setattr(progress, name, value)
+    monkeypatch.delenv(progress.QUIET_VARIABLE, raising=False)
+    return made
+
+
+def test_compiling_that_takes_longer_than_a_second_is_told_in_one_line(
+    fresh: list[threading.Timer], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys, "stderr", said := io.StringIO())
+    for _ in range(3):
+        progress.begin()
+        if progress._depth and not progress._said:
+            fresh[-1].function()
+        progress.end()
+    assert said.getvalue() == "atra: compiling kernels for this machine, once\n"
+    assert fresh[0].interval == 1.0
+
+
+def test_a_terminal_counts_kernels_in_a_line_that_goes(
+    fresh: list[threading.Timer], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys, "stderr", said := Terminal())
+    progress.begin()
+    progress.begin()
+    fresh[0].function()
+    progress.end()
+    assert said.getvalue().endswith("\r\x1b[K1 kernels")
+    progress.end()
+    assert said.getvalue().endswith("\r\x1b[K")
+
+
+@pytest.mark.parametrize("quiet", ["1", None])
+def test_what_is_compiled_at_once_or_quietly_is_not_told(
+    quiet: str | None, fresh: list[threading.Timer], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if quiet:
+        monkeypatch.setenv(progress.QUIET_VARIABLE, quiet)
+    monkeypatch.setattr(sys, "stderr", said := io.StringIO())
+    progress.begin()
+    progress.end()
+    for timer in fresh:
+        timer.function()
+    assert (said.getvalue(), len(fresh)) == ("", 0 if quiet else 1)
+
+
+def test_compiling_in_advance_names_what_there_is() -> None:
+    assert {"raster, pinhole", "packets, orthographic, layers", "rays"} <= JOBS.keys()
+    assert "for processors of " in said_of_kernels()
+
+
+SHIPPED_IMAGE = """
+import sys
+from pathlib import Path
+from atra.compiled import store
+if sys.argv[1] != "none":
+    store.SHIPPED = Path(sys.argv[1])
+import numba.core.event as event
+compiled = []
+class Compilations(event.Listener):
+    def on_start(self, one): compiled.append(one)
+    def on_end(self, one): pass
+event.register("numba:compile", Compilations())
+import numpy, atra
+from tests.meshes import cornell_box, cornell_camera
+with atra.RasterTracer(cornell_box(), cornell_camera(64, 48)) as tracer:
+    hits = tracer.trace()
+numpy.savez(sys.argv[2], depth=hits.depth, prim_id=hits.prim_id)
+print(len(compiled))
+"""
+
+
+@pytest.mark.slow
+def test_shipped_kernels_give_the_image_of_freshly_compiled_ones_and_nothing_is_compiled(tmp_path: Path) -> None:
+    def run(*command: str, **environment: str) -> str:
+        variables = {"PATH": "", "HOME": str(tmp_path / "home"), "PYTHONPATH": str(ROOT), **environment}
+        variables["NUMBA_CACHE_DIR"] = str(tmp_path / "kept")
+        done = subprocess.run([sys.executable, *command], env=variables, capture_output=True, text=True, check=True)
+        return done.stdout
+
+    run(
+        "-c",
+        "from atra.command.main import main; raise SystemExit(main())",
+        "compile",
+        "--into",
+        str(tmp_path / "shipped"),
+    )
+    script = tmp_path / "image.py"
+    script.write_text(SHIPPED_IMAGE)
+    assert run(str(script), str(tmp_path / "shipped"), str(tmp_path / "image.npz")) == "0\n"
+    assert not list((tmp_path / "kept").rglob("*.nbc"))
+    with np.load(tmp_path / "image.npz") as image, atra.RasterTracer(cornell_box(), cornell_camera(64, 48)) as tracer:
+        hits = tracer.trace()
+        np.testing.assert_array_equal(image["depth"], hits.depth)
+        np.testing.assert_array_equal(image["prim_id"], hits.prim_id)
+        assert_same_bits(hits, tracer.trace())
