@@ -20,7 +20,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 OURS = {"atra", "experiments", "scenes", "examples"}
-PACKAGES = {"OpenEXR": "openexr", "PIL": "pillow", "hydra": "hydra-core"}
+PACKAGES = {"OpenEXR": "openexr", "PIL": "pillow", "hydra": "hydra-core", "lazy_loader": "lazy-loader"}
 """Whose name is not that of their module."""
 
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
@@ -113,7 +113,7 @@ def test_a_script_beside_a_clone_imports_the_package_and_not_the_clone(tmp_path:
     clone = tmp_path / "atra"
     for name in ("atra", "conf", "experiments", "scenes"):
         shutil.copytree(ROOT / name, clone / name, ignore=shutil.ignore_patterns("__pycache__"))
-    for name in ("pyproject.toml", "README.md", "LICENSE"):
+    for name in ("pyproject.toml", "hatch_build.py", "README.md", "LICENSE"):
         shutil.copy(ROOT / name, clone)
     python = make_environment(tmp_path / "venv")
     install(python, "-e", str(clone))

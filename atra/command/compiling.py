@@ -22,8 +22,6 @@ from atra.compiled.threads import resolve_threads
 from atra.errors import InputError, printable
 from atra.geometry.view import View
 
-_WIDTH, _HEIGHT = 64, 48
-
 
 def add_compile(parser: ArgumentParser) -> None:
     """Declare its arguments."""
@@ -78,11 +76,10 @@ def _run(name: str) -> None:
 
 
 def _cameras() -> dict[str, View]:
-    eye, target = (0.3, 0.4, 3.0), (0.0, 0.0, 0.0)
-    size = {"width": _WIDTH, "height": _HEIGHT}
+    eye, target, width, height = (0.3, 0.4, 3.0), (0.0, 0.0, 0.0), 64, 48
     return {
-        "pinhole": atra.Camera(eye, target, **size),
-        "orthographic": atra.OrthographicCamera(eye, target, view_height=3.0, **size),
+        "pinhole": atra.Camera(eye, target, width=width, height=height),
+        "orthographic": atra.OrthographicCamera(eye, target, view_height=3.0, width=width, height=height),
     }
 
 
@@ -135,15 +132,13 @@ def _shoot_rays() -> None:
     """Batches at a mesh so large that rays are sorted, single and in packets."""
     side = 260
     x, y = np.meshgrid(np.arange(side), np.arange(side), indexing="ij")
-    vertices = np.stack([x.ravel(), y.ravel(), np.zeros(side * side)], axis=1)
+    vertices = np.stack([x.ravel(), y.ravel(), np.zeros(side * side)], axis=1).astype(np.float32)
     low = (x[:-1, :-1] * side + y[:-1, :-1]).ravel()
-    faces = np.concatenate(
-        [np.stack([low, low + side, low + 1], 1), np.stack([low + 1, low + side, low + side + 1], 1)]
-    )
+    corners = np.stack([low, low + side, low + 1, low + 1, low + side, low + side + 1], axis=1)
+    mesh = atra.Mesh(vertices, corners.reshape(-1, 3).astype(np.uint32))
     random = np.random.default_rng(0)
-    origins = random.uniform(1, side - 2, (1 << 15, 3)).astype(np.float32) + np.float32([0, 0, 5])
+    origins = random.uniform(1, side - 2, (1 << 15, 3)).astype(np.float32)
     directions = random.normal(size=origins.shape).astype(np.float32)
-    mesh = atra.Mesh(vertices, faces)
     for width in {1, native_lanes()}:
         with atra.RayScene(mesh, packet_width=width) as scene:
             scene.intersect(origins, directions)
