@@ -23,8 +23,8 @@ from experiments.harness.point import Point
 from experiments.harness.processes.outcome import Outcome
 from experiments.harness.processes.worker import Job, outcome_of
 from experiments.registry import known_kinds
+from tests.folders import ROOT
 
-ROOT = Path(__file__).resolve().parents[1]
 NO_SCENES = tempfile.TemporaryDirectory(prefix="atra-tests-")
 """Stands for the folder where the person who runs the tests may keep fetched scenes."""
 

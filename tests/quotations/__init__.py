@@ -3,7 +3,7 @@
     python -m tests.quotations
 
 writes the rows into the pages, below their marks (`<!-- rows: name -->`), and prints the phrases, to be put in by hand.
-tests/test_documents.py looks for each of them. reports/reference/tables.md has every table; the pages have few.
+tests/documents/test_documents.py looks for each of them. reports/reference/tables.md has every table.
 """
 
 from tests.quotations import (

@@ -12,8 +12,8 @@ from typing import Any
 import pandas as pd
 
 from experiments.workloads.ratios import best_rows
+from tests.folders import ROOT
 
-ROOT = Path(__file__).resolve().parents[2]
 REFERENCE = ROOT / "reports" / "reference"
 TIMES = "\N{MULTIPLICATION SIGN}"
 SCENES = ("cornell_box", "mitsuba", "fireplace_room", "sponza")

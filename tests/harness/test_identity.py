@@ -1,0 +1,320 @@
+"""A record's identity is the code that made it: what its method, its workload and the harness import, no more."""
+
+from __future__ import annotations
+
+import ast
+import re
+import sys
+from collections.abc import Callable, Collection
+from dataclasses import replace
+from functools import cache
+from itertools import product
+from textwrap import dedent
+from types import FrameType
+from typing import Any
+
+import pytest
+from omegaconf import OmegaConf
+
+from atra.errors import InputError
+from atra.light import Baker
+from atra.raster.tracer import RasterTracer
+from experiments.harness import identity as identities
+from experiments.harness.configuration import Chosen, Configuration, MeasureConfiguration, SceneConfiguration
+from experiments.harness.identity import code_roots, current_environment, identity, read_source
+from experiments.harness.point import Point
+from experiments.harness.points import plan_points
+from experiments.harness.processes.launching import run_worker
+from experiments.harness.processes.worker import measure_point
+from experiments.harness.rounds import measure_rounds
+from experiments.harness.sources import Code, Part, Source
+from experiments.methods import METHODS, find_method
+from experiments.methods.aligned import ALIGNED
+from experiments.methods.bvh import BVH
+from experiments.methods.pixel import PIXEL
+from experiments.methods.raster import RASTER
+from experiments.workloads import WORKLOADS, find_workload
+from experiments.workloads.bake import BAKE
+from experiments.workloads.frame import FRAME
+from scenes.loading import SceneSource
+from tests.folders import ROOT
+from tests.harness.processes.test_outcome import POINT
+
+pytestmark = pytest.mark.uncovered
+
+OURS = ("atra", "experiments", "scenes")
+
+Change = Callable[[str], str]
+
+
+def point_of(method: Any, workload: Any) -> Point:
+    return replace(POINT, method=method, workload=workload)
+
+
+EVERY_METHOD = [point_of(method, FRAME) for method in METHODS]
+EVERY_WORKLOAD = [point_of(ALIGNED, workload) for workload in WORKLOADS]
+
+
+@cache
+def source(module: str) -> Source | None:
+    return read_source(module) if module.partition(".")[0] in OURS else None
+
+
+CODE = Code(source)
+
+
+def sha256(point: Point, changed: Collection[str] = (), change: Change = lambda text: text + "\nCHANGED = 1\n") -> str:
+    """Of the code of a point, where the sources of these modules have been changed."""
+    if not changed:
+        return CODE.sha256(code_roots(point))
+
+    def read(module: str) -> Source | None:
+        found = source(module)
+        return found if found is None or module not in changed else replace(found, text=change(found.text))
+
+    return Code(read).sha256(code_roots(point))
+
+
+def modules(*points: Point) -> set[str]:
+    return {part.module for point in points for part in CODE.parts(code_roots(point))}
+
+
+def paper_points() -> list[Point]:
+    """Every method with every workload of the sweep whose tables and figures are the paper's."""
+    folder, found = ROOT / "conf" / "sweep", set()
+    for name in [one for one in OmegaConf.load(folder / "paper.yaml").defaults if one != "_self_"]:
+        for grid in OmegaConf.load(folder / f"{name}.yaml").sweep.grids.values():
+            methods, workloads = grid.get("method", ALIGNED.name), grid.get("workload", FRAME.name)
+            found |= set(product(methods.split(","), workloads.split(",")))
+    return [point_of(find_method(method), find_workload(workload)) for method, workload in sorted(found)]
+
+
+def test_comments_docstrings_and_blank_lines_anywhere_change_nothing() -> None:
+    def chatter(text: str) -> str:
+        text = text.replace('"""', '"""Said in another way. ', 1)
+        return re.sub(r"^(def |class |@|[A-Z_]+ = )", r"\n# a comment\n\n\1", text, flags=re.M) + "\n# the end\n"
+
+    for point in (point_of(ALIGNED, FRAME), point_of(RASTER, BAKE)):
+        everywhere = modules(point)
+        assert any(chatter(one.text) != one.text for name in everywhere if (one := source(name)))
+        assert sha256(point, everywhere, chatter) == sha256(point)
+
+
+def test_a_constant_of_the_rasteriser_makes_other_records_of_the_rasteriser_but_not_of_packets() -> None:
+    constant = re.compile(r"^(_?[A-Z][A-Z_]*) = (\d+)", re.M)
+    raster, packets = point_of(RASTER, FRAME), point_of(PIXEL, FRAME)
+    of_raster = modules(raster) - modules(packets)
+    assert RasterTracer.__module__ in of_raster
+    with_constants = [name for name in sorted(of_raster) if (one := source(name)) and constant.search(one.text)]
+    assert with_constants
+    for module in with_constants:
+        changed = [module], lambda text: constant.sub(r"\1 = 1 + \2", text, count=1)
+        assert sha256(raster, *changed) != sha256(raster)
+        assert sha256(packets, *changed) == sha256(packets)
+
+
+def test_a_change_of_the_baker_leaves_the_records_of_the_paper_valid() -> None:
+    room = Baker.__module__.rpartition(".")[0]
+    baker = {name for name in modules(point_of(RASTER, BAKE)) if name.startswith(f"{room}.")}
+    assert Baker.__module__ in baker
+    points = paper_points()
+    assert len({point.workload.name for point in points}) > 2
+    assert [sha256(point, baker) for point in points] == [sha256(point) for point in points]
+    assert sha256(point_of(RASTER, BAKE), baker) != sha256(point_of(RASTER, BAKE))
+
+
+@pytest.mark.parametrize("code", [measure_rounds, measure_point, run_worker, Point], ids=lambda code: code.__name__)
+def test_a_change_of_what_the_harness_measures_with_makes_other_records_of_every_point(code: Any) -> None:
+    for point in (*EVERY_METHOD, *EVERY_WORKLOAD):
+        assert sha256(point, [code.__module__]) != sha256(point), (point.method.name, point.workload.name)
+
+
+def test_a_change_of_a_method_or_a_workload_leaves_the_records_of_others_valid() -> None:
+    for point in EVERY_METHOD:
+        measured_beside = {PIXEL.name, point.method.name}  # every frame is measured beside rays per pixel
+        others = [one for one in EVERY_METHOD if point.method.name not in measured_beside | {one.method.name}]
+        assert sha256(point, [point.method.module]) != sha256(point)
+        assert [sha256(one, [point.method.module]) for one in others] == [sha256(one) for one in others]
+    for point in EVERY_WORKLOAD:
+        measure = [f"{point.workload.room}.measure"]
+        assert sha256(point, measure) != sha256(point)
+        others = [one for one in EVERY_WORKLOAD if one is not point]
+        assert [sha256(one, measure) for one in others] == [sha256(one) for one in others]
+
+
+def test_what_only_tells_of_results_is_no_part_of_a_record() -> None:
+    """Figures, terminal lines and pages, and the registries, by which everything would lead to everything."""
+    found = {part for point in (*EVERY_METHOD, *EVERY_WORKLOAD) for part in CODE.parts(code_roots(point))}
+    registries = {Part("experiments.methods"), Part("experiments.workloads"), Part("experiments.methods", "METHODS")}
+    assert registries.isdisjoint(found)
+    rooms = tuple(f"experiments.{name}." for name in ("report", "paper", "commands", "viewer"))
+    names = {part.module for part in found}
+    assert not [name for name in names if name.startswith(rooms) or name.endswith((".figures", ".terminal"))]
+
+
+def test_the_identity_of_a_point_follows_its_code(monkeypatch: pytest.MonkeyPatch) -> None:
+    environment = current_environment()
+    before = identity(POINT, environment)
+    read = identities.read_source
+
+    def changed(module: str) -> Source | None:
+        found = read(module)
+        return replace(found, text=found.text + "\nCHANGED = 1\n") if found and module == POINT.method.module else found
+
+    monkeypatch.setattr(identities, "read_source", changed)
+    monkeypatch.setattr(identities, "_code", identities._code.__wrapped__)
+    monkeypatch.setattr(identities, "_sha256", identities._sha256.__wrapped__)
+    assert identity(POINT, environment) != before
+    assert identity(replace(POINT, method=RASTER), environment) == identity(replace(POINT, method=RASTER), environment)
+
+
+RUNS = [(ALIGNED, "frame"), (RASTER, "gather"), (RASTER, "bake"), (BVH, "rays")]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("method", "workload"), RUNS, ids=[f"{one.name}-{name}" for one, name in RUNS])
+def test_every_function_that_runs_while_a_point_is_measured_is_part_of_its_code(method: Any, workload: str) -> None:
+    kind = find_workload(workload)
+    small = {"size": 32, "samples": 1} if kind is BAKE else {}
+    configuration = Configuration(
+        scene=SceneConfiguration(name="cornell_box", source=SceneSource.procedural),
+        measure=MeasureConfiguration(rounds=1, warmup=0),
+        method=Chosen(method, method.options(**({"split_x": 4} if method.has_cells else {}))),
+        workload=Chosen(kind, kind.options(**small)),
+        width=32,
+        height=32,
+    )
+    point = plan_points([configuration])[0].point
+    ran: set[str] = set()
+
+    def note(frame: FrameType, event: str, argument: object) -> None:
+        if event == "call" and frame.f_code.co_name != "<module>":
+            ran.add(str(frame.f_globals.get("__name__")))
+
+    measure_point(point)  # compiles, which would take very long below
+    sys.setprofile(note)
+    try:
+        measure_point(point)
+    finally:
+        sys.setprofile(None)
+    ours = {name for name in ran if name.partition(".")[0] in OURS}
+    assert kind.room + ".measure" in ours
+    assert not ours - modules(point)
+
+
+def test_package_faces_do_nothing_when_they_are_loaded() -> None:
+    """A face that runs only on the way to a module below it does not count, so it may not have any effect."""
+    harmless = (ast.Import, ast.ImportFrom, ast.Assign, ast.AnnAssign, ast.FunctionDef, ast.ClassDef)
+    for package in OURS:
+        for path in (ROOT / package).rglob("__init__.py"):
+            for node in ast.parse(path.read_text(encoding="utf-8")).body:
+                is_text = isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
+                assert is_text or isinstance(node, harmless), f"{path}, line {node.lineno}"
+
+
+def made_up(**sources: str) -> Code:
+    """Code of modules `a`, `a.b`, written `a`, `a__b`; those that others are below are packages."""
+    texts = {name.replace("__", "."): dedent(text) for name, text in sources.items()}
+
+    def read(module: str) -> Source | None:
+        is_face = any(name.startswith(f"{module}.") for name in texts)
+        return Source(module, texts[module], is_face) if module in texts else None
+
+    return Code(read)
+
+
+def parts(code: Code, *roots: tuple[str, str | None]) -> set[str]:
+    return {part.module if part.name is None else f"{part.module}:{part.name}" for part in code.parts(roots)}
+
+
+LIBRARY = {
+    "lib": """
+        '''The face.'''
+        from lib.near import near
+        from lib.far import far as distant
+        LIMIT = 3
+        def both(): return near(), LIMIT
+        def lonely(): return 1
+    """,
+    "lib__near": "def near(): return 1",
+    "lib__far": "import lib.deep\ndef far(): return 2",
+    "lib__deep": "import numpy",
+}
+
+
+@pytest.mark.parametrize(
+    ("source", "expected"),
+    [
+        ("from lib import near", {"lib.near"}),
+        ("from lib import distant", {"lib.far", "lib.deep"}),
+        ("from lib import both", {"lib:both", "lib:LIMIT", "lib.near"}),
+        ("from lib import lonely", {"lib:lonely"}),
+        ("from lib import deep", {"lib.deep"}),
+        ("from lib.far import far", {"lib.far", "lib.deep"}),
+        ("import lib.deep", {"lib.deep"}),
+        ("def late():\n    from lib.near import near", {"lib.near"}),
+        ("class A:\n    def late(self):\n        import lib.near", {"lib.near"}),
+        ("import lib", {"lib", "lib.near", "lib.far", "lib.deep"}),
+        ("from lib import unheard_of", {"lib", "lib.near", "lib.far", "lib.deep"}),
+        ("from importlib import import_module\nimport_module('lib.near')", {"lib.near"}),
+        ("from importlib import import_module\nDOES = {'it': 'lib.near:near'}", {"lib.near"}),
+        ("SAYS = 'lib.near'", set()),
+        ("import numpy, os.path", set()),
+    ],
+)
+def test_of_a_package_face_only_the_names_that_are_taken_count(source: str, expected: set[str]) -> None:
+    assert parts(made_up(**LIBRARY, user=source), ("user", None)) == expected | {"user"}
+
+
+LAZY = """
+    from importlib import import_module
+    from lib.near import near
+    _LAZY = {"far": "lib.far", "deep_one": ".deep"}
+    def __getattr__(name): return getattr(import_module(_LAZY[name], __name__), name)
+"""
+
+
+def test_a_name_that_a_face_loads_when_it_is_asked_for_counts_as_if_it_were_imported() -> None:
+    code = {**LIBRARY, "lib": LAZY}
+    assert parts(made_up(**code, user="from lib import near"), ("user", None)) == {"user", "lib.near"}
+    assert parts(made_up(**code, user="from lib import far"), ("user", None)) == {"user", "lib.far", "lib.deep"}
+    assert parts(made_up(**code, user="from lib import deep_one"), ("user", None)) == {"user", "lib.deep"}
+    anything = parts(made_up(**code, user="from lib import another"), ("user", None))
+    assert anything == {"user", "lib", "lib.near", "lib.far", "lib.deep"}
+
+
+def test_modules_of_a_package_may_import_each_other_by_relative_names() -> None:
+    code = made_up(lib="from .near import near", lib__near="from . import deep", lib__deep="from .deep import x")
+    assert parts(code, ("lib", "near")) == {"lib.near", "lib.deep"}
+
+
+@pytest.mark.parametrize(
+    ("other", "is_the_same"),
+    [
+        ("# why\n\nLIMIT = 3  # three\ndef f(x):\n\n    return x", True),
+        ("LIMIT = 3\n'''Of x.'''\ndef f(x):\n    '''As it is.'''\n    return x", True),
+        ("LIMIT = (\n    3\n)\ndef f(x): return x", True),
+        ("LIMIT = 4\ndef f(x): return x", False),
+        ("LIMIT = 3\ndef f(x): return -x", False),
+        ("LIMIT = 3\ndef f(x): return 'x'", False),
+        ("LIMIT = 3\ndef f(x=1): return x", False),
+        ("LIMIT = 3.0\ndef f(x): return x", False),
+        ("LIMIT = 3\n@cached\ndef f(x): return x", False),
+    ],
+)
+def test_what_runs_makes_the_hash_and_not_how_it_is_written(other: str, is_the_same: bool) -> None:
+    one = made_up(user="LIMIT = 3\ndef f(x):\n    return x").sha256([("user", None)])
+    assert (made_up(user=other).sha256([("user", None)]) == one) is is_the_same
+
+
+def test_of_a_name_taken_from_a_face_only_its_own_statement_is_hashed() -> None:
+    def sha(face: str) -> str:
+        return made_up(lib=face, lib__near="", user="from lib import f").sha256([("user", None)])
+
+    assert sha("A = 1\nB = 2\ndef f(): return A") == sha("A = 1\nB = 3\ndef f(): return A")
+    assert sha("A = 1\nB = 2\ndef f(): return A") != sha("A = 2\nB = 2\ndef f(): return A")
+
+
+def test_a_method_of_which_there_is_no_source_is_refused() -> None:
+    with pytest.raises(InputError, match="module 'nowhere' has no source"):
+        identity(replace(POINT, method=replace(RASTER, module="nowhere")), current_environment())

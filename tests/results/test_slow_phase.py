@@ -1,0 +1,121 @@
+"""A slow phase during half of a sweep, recorded: it may leave open what was decided, and never turn it around.
+
+`tests/data/slow_phase.json`, in the order of a table: the built-in Cornell box, 512 x 512 pixels, one thread, `aligned`
+with culling at 1, 16 and 128 cells, five rounds in each of six processes, the points in turn. During the last three
+processes a burner filled arrays on the same core. Other work was on that core all the time, so each call was timed by
+two clocks: that of the thread ("cpu"), which others do not move, stands for a quiet machine, and the wall clock for the
+slow phase.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import combinations
+
+import numpy as np
+import pytest
+
+from experiments.harness.records import Record
+from experiments.results import table as table_module
+from experiments.results.estimates import Estimate
+from experiments.results.table import make_tables
+from experiments.workloads.baselines import fastest, over_own, series
+from tests.folders import ROOT
+from tests.results.test_table import MEASURED
+
+pytestmark = pytest.mark.uncovered
+
+RECORDED = json.loads((ROOT / "tests" / "data" / "slow_phase.json").read_text(encoding="utf-8"))
+SPLITS = (1, 16, 128)
+WIDEST = 1.5
+"""Ends of an interval of a sweep half of whose processes are left out, upper over lower."""
+
+
+def records(slow_phase: bool) -> list[Record]:
+    return [
+        replace(
+            MEASURED,
+            point_id=f"{one['split_x']} {one['process']}",
+            samples=one["wall" if slow_phase and one["burner"] else "cpu"],
+            configuration=MEASURED.configuration
+            | {"process": one["process"], "method_options": {"split_x": one["split_x"], "split_y": 1}},
+        )
+        for one in RECORDED
+    ]
+
+
+def estimates(values: dict[tuple[str, int], Sequence[float]]) -> dict[str, Estimate]:
+    """Every gain over a baseline, and every split over another."""
+    found = {name: Estimate.of(list(of_point)) for name, of_point in values.items()}
+    ratios = {
+        f"{baseline}: {more} over {fewer}": found[baseline, more].over(found[baseline, fewer])
+        for baseline in ("speedup", "speedup_vs_packets")
+        for fewer, more in combinations(SPLITS, 2)
+    }
+    return ratios | {f"{baseline} at {split}": one for (baseline, split), one in found.items()}
+
+
+def judged(slow_phase: bool) -> dict[str, Estimate]:
+    """As claims judge: a value of each process that is not left out."""
+    rows = make_tables(records(slow_phase)).processes
+    rows = rows[rows["status"] == "ok"]
+    return estimates({
+        (baseline, split): rows.loc[rows["split_x"] == split, baseline].to_numpy(float)
+        for baseline in ("speedup", "speedup_vs_packets")
+        for split in SPLITS
+    })  # fmt: skip
+
+
+def with_rounds_as_the_unit(slow_phase: bool) -> dict[str, Estimate]:
+    """As if every round were an independent measurement."""
+    kept = make_tables(records(slow_phase)).processes["status"].eq("ok").to_numpy()
+    read = {"speedup": over_own(series("rtcIntersect1")), "speedup_vs_packets": over_own(fastest)}
+    return estimates({
+        (baseline, split): np.concatenate([
+            ratios(record)
+            for record, keep in zip(records(slow_phase), kept, strict=True)
+            if keep and record.configuration["method_options"]["split_x"] == split
+        ])
+        for baseline, ratios in read.items()
+        for split in SPLITS
+    })  # fmt: skip
+
+
+def turned_around(quiet: dict[str, Estimate], slow: dict[str, Estimate]) -> list[str]:
+    """Ratios of which there is a limit that the one sweep says they are above, and the other below."""
+    return [name for name, one in quiet.items() if one.high < slow[name].low or slow[name].high < one.low]
+
+
+def leave_nobody_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(table_module, "strays", lambda records: set())
+
+
+def test_a_slow_phase_turns_no_verdict_around() -> None:
+    quiet, slow = judged(slow_phase=False), judged(slow_phase=True)
+    assert len(quiet) == 12
+    assert turned_around(quiet, slow) == []
+
+
+def test_the_slow_phase_is_left_out_and_the_rest_still_decides() -> None:
+    tables = make_tables(records(slow_phase=True))
+    left_out = tables.processes["status"].eq("unsteady")
+    during = np.array([one["burner"] for one in RECORDED])
+    assert left_out[during].mean() > 0.8
+    assert left_out[~during].mean() < 0.2
+    assert make_tables(records(slow_phase=False)).points["processes_left_out"].sum() <= 1
+    for name, one in judged(slow_phase=True).items():
+        assert one.high / one.low < WIDEST, name
+
+
+def test_without_the_canary_little_would_be_decided(monkeypatch: pytest.MonkeyPatch) -> None:
+    leave_nobody_out(monkeypatch)
+    quiet, slow = judged(slow_phase=False), judged(slow_phase=True)
+    assert turned_around(quiet, slow) == []  # such intervals exclude hardly anything
+    assert sum(one.high / one.low > WIDEST for one in slow.values()) >= 6
+
+
+def test_with_rounds_as_the_unit_and_no_canary_verdicts_would_be_turned_around(monkeypatch: pytest.MonkeyPatch) -> None:
+    leave_nobody_out(monkeypatch)
+    assert turned_around(with_rounds_as_the_unit(slow_phase=False), with_rounds_as_the_unit(slow_phase=True))
