@@ -1,7 +1,5 @@
 """The examples of all hits along rays meet their closed forms: radiographs, transparent layers, solid voxels."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 import trimesh
@@ -17,12 +15,12 @@ from tests.meshes import joined
 TOY = ["--width", "64", "--height", "48"]
 
 
-def size_of(path: Path) -> tuple[int, int]:
+def size_of(path):
     return Image.open(path).size
 
 
 @pytest.mark.parametrize("name", solids.SOLIDS)
-def test_a_solid_is_closed_and_its_bodies_stay_apart(name: str) -> None:
+def test_a_solid_is_closed_and_its_bodies_stay_apart(name):
     mesh = solids.SOLIDS[name]()
     assert not len(open_edges(mesh))
     bodies = trimesh.Trimesh(mesh.vertices, mesh.faces).split()
@@ -37,14 +35,14 @@ def test_a_solid_is_closed_and_its_bodies_stay_apart(name: str) -> None:
                 assert (np.maximum(one[0], other[0]) > np.minimum(one[1], other[1])).any()
 
 
-def test_radiographs_of_a_ball_and_a_box_meet_their_closed_forms(tmp_path: Path) -> None:
+def test_radiographs_of_a_ball_and_a_box_meet_their_closed_forms(tmp_path):
     off = radiograph.main([*TOY, "--out", str(tmp_path)])
     assert list(off) == ["ball, parallel", "ball, pinhole", "box, parallel", "box, pinhole"]
     assert max(off.values()) < 1e-5
     assert size_of(tmp_path / "radiograph.png") == (2 * 64 + 4, 48)
 
 
-def test_chords_are_those_of_lines_known_by_heart() -> None:
+def test_chords_are_those_of_lines_known_by_heart():
     camera = atra.OrthographicCamera((0.25, 0.25, 5), (0.25, 0.25, 0), view_height=1.0, width=2, height=2)
     np.testing.assert_allclose(radiograph.chords_of_ball(camera, 1.0), 2 * np.sqrt([[0.75, 0.5], [1, 0.75]]))
     tilted = atra.OrthographicCamera((5, 0, 5), (0, 0, 0), view_height=1e-6, width=1, height=1)
@@ -53,20 +51,18 @@ def test_chords_are_those_of_lines_known_by_heart() -> None:
     np.testing.assert_array_equal(radiograph.chords_of_box(beside, np.array([(-1, -1, -1), (1, 1, 1)])), 0)
 
 
-def test_light_is_weakened_by_the_law_of_beer_and_lambert() -> None:
+def test_light_is_weakened_by_the_law_of_beer_and_lambert():
     np.testing.assert_allclose(radiograph.transmitted(np.float32([0, 1, 2]), np.log(2)), [1, 0.5, 0.25], rtol=1e-6)
 
 
-def test_panes_show_through_each_other_in_the_order_of_their_depth() -> None:
+def test_panes_show_through_each_other_in_the_order_of_their_depth():
     assert transparency.check() < 1e-12
     depths = [low[2] for low, *_ in transparency.PANES]
     assert depths != sorted(depths)
     assert depths != sorted(depths, reverse=True)
 
 
-def test_layers_are_kept_as_a_stack_and_let_through_their_product(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_layers_are_kept_as_a_stack_and_let_through_their_product(tmp_path, capsys):
     layers = transparency.main([*TOY, "--out", str(tmp_path)])
     assert len(layers.depth) == layers.count.max() > 4
     assert float(capsys.readouterr().out.split("off the product by ")[1].split()[0]) < 1e-6
@@ -78,7 +74,7 @@ def test_layers_are_kept_as_a_stack_and_let_through_their_product(
     assert size_of(tmp_path / "transparency.png") == (64, 48)
 
 
-def test_bodies_have_a_colour_each_that_is_darker_from_the_side() -> None:
+def test_bodies_have_a_colour_each_that_is_darker_from_the_side():
     mesh = joined(solids.box(), atra.Mesh(solids.box().vertices + np.float32([0, 0, 3]), solids.box().faces))
     colours = transparency.colours_of_bodies(mesh, atra.Camera((0, 0, 9), (0, 0, 0)))
     shades = {tuple(colour) for colour in colours.round(6).tolist()}
@@ -88,7 +84,7 @@ def test_bodies_have_a_colour_each_that_is_darker_from_the_side() -> None:
 
 
 @pytest.mark.parametrize("cells", [9, 24])
-def test_voxels_of_a_ball_are_its_cells_and_have_its_volume(cells: int) -> None:
+def test_voxels_of_a_ball_are_its_cells_and_have_its_volume(cells):
     ball = solids.ball()
     pitch = voxels.pitch_of(ball, cells)
     found = voxels.fill(ball, pitch)
@@ -101,7 +97,7 @@ def test_voxels_of_a_ball_are_its_cells_and_have_its_volume(cells: int) -> None:
 
 
 @pytest.mark.parametrize("mesh", [solids.parcel(), cornell_boxes(), three_holes(9)], ids=lambda mesh: mesh.name)
-def test_columns_along_x_y_and_z_find_the_same_cells_of_a_closed_mesh(mesh: atra.Mesh) -> None:
+def test_columns_along_x_y_and_z_find_the_same_cells_of_a_closed_mesh(mesh):
     pitch = voxels.pitch_of(mesh, 32)
     along = [voxels.fill(mesh, pitch, axis) for axis in (0, 1, 2)]
     for found in along:
@@ -110,7 +106,7 @@ def test_columns_along_x_y_and_z_find_the_same_cells_of_a_closed_mesh(mesh: atra
     assert along[0].cells.any()
 
 
-def test_cells_lie_where_the_mesh_does_whichever_way_the_rays_go() -> None:
+def test_cells_lie_where_the_mesh_does_whichever_way_the_rays_go():
     low, high = np.array([(0.1, 1.2, -2.3), (1.4, 2.9, -0.2)])
     made = trimesh.creation.box(bounds=[low, high])
     for axis in (0, 1, 2):
@@ -119,12 +115,12 @@ def test_cells_lie_where_the_mesh_does_whichever_way_the_rays_go() -> None:
         np.testing.assert_array_equal(found.cells, inside)
 
 
-def test_an_open_mesh_has_odd_columns() -> None:
+def test_an_open_mesh_has_odd_columns():
     ball = solids.ball(2)
     assert voxels.fill(atra.Mesh(ball.vertices, ball.faces[1:]), 0.02).odd_columns > 0
 
 
-def test_trimesh_s_voxels_are_compared_cell_by_cell(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_trimesh_s_voxels_are_compared_cell_by_cell(tmp_path, capsys):
     found = voxels.main([*TOY, "--cells", "16", "--scene", "box", "--out", str(tmp_path)])
     assert list(found) == ["ball", "box"]
     for ours, theirs in found.values():
@@ -140,6 +136,6 @@ def test_trimesh_s_voxels_are_compared_cell_by_cell(tmp_path: Path, capsys: pyte
     assert size_of(tmp_path / "voxels.png") == (64, 48)
 
 
-def test_the_three_stand_side_by_side(tmp_path: Path) -> None:
+def test_the_three_stand_side_by_side(tmp_path):
     all_hits.main([*TOY, "--out", str(tmp_path)])
     assert size_of(tmp_path / "all_hits.png") == (3 * 64 + 2 * 4, 48)

@@ -1,7 +1,5 @@
 """run.py as a user meets it: bad input, a toy sweep, the same sweep again."""
 
-from __future__ import annotations
-
 import json
 import os
 import signal
@@ -23,7 +21,7 @@ TOY = ["width=64", "height=64", "measure.processes=1", "measure.rounds=3", "meas
 TOY_SWEEP = ["sweep=horizontal", "method.split_x=1,2,3", *TOY]
 
 
-def run(folder: Path, *arguments: str, scenes: str | None = None, **variables: str) -> subprocess.CompletedProcess[str]:
+def run(folder, *arguments, scenes=None, **variables):
     """`python run.py` with these arguments, in a process of its own."""
     environment = {name: value for name, value in os.environ.items() if name != "ATRA_SCENES"}
     environment |= {"XDG_CACHE_HOME": NO_SCENES.name, "LOCALAPPDATA": NO_SCENES.name, **variables}
@@ -83,9 +81,7 @@ def run(folder: Path, *arguments: str, scenes: str | None = None, **variables: s
     ],
     ids=lambda value: " ".join(value) if isinstance(value, list) else "",
 )
-def test_bad_input_gets_one_line_and_exit_code_2_before_any_work(
-    tmp_path: Path, arguments: list[str], message: str
-) -> None:
+def test_bad_input_gets_one_line_and_exit_code_2_before_any_work(tmp_path, arguments, message):
     done = run_here(tmp_path, *arguments)
     assert done.returncode == 2, done.stderr
     assert message in done.stderr
@@ -93,13 +89,13 @@ def test_bad_input_gets_one_line_and_exit_code_2_before_any_work(
     assert list(tmp_path.iterdir()) == []
 
 
-def test_the_debug_switch_shows_the_traceback(tmp_path: Path) -> None:
+def test_the_debug_switch_shows_the_traceback(tmp_path):
     done = run_here(tmp_path, "width=10", "method.split_x=3", "debug=true")
     assert done.returncode == 2
     assert "Traceback" in done.stderr
 
 
-def test_a_lone_point_prints_its_table_and_writes_its_record(tmp_path: Path) -> None:
+def test_a_lone_point_prints_its_table_and_writes_its_record(tmp_path):
     done = run(tmp_path, *TOY, "method=pixel", "method.packet_width=1")
     assert done.returncode == 0, done.stderr
     assert "rtcIntersect1 / this" in done.stdout
@@ -113,7 +109,7 @@ def test_a_lone_point_prints_its_table_and_writes_its_record(tmp_path: Path) -> 
     assert [entry.name for entry in tmp_path.iterdir()] == ["results"]
 
 
-def test_measuring_a_picture_writes_it_and_says_where(tmp_path: Path) -> None:
+def test_measuring_a_picture_writes_it_and_says_where(tmp_path):
     done = run_here(tmp_path, *TOY, "workload=picture", "method=pixel")
     assert done.returncode == 0, done.stderr
     written = [Path(line[9:]) for line in done.stdout.splitlines() if line.startswith("written: ")]
@@ -124,7 +120,7 @@ def test_measuring_a_picture_writes_it_and_says_where(tmp_path: Path) -> None:
         assert Image.open(tmp_path / path).size == (64, 64)
 
 
-def test_a_sweep_leaves_records_table_and_figure_and_goes_on_where_it_stopped(tmp_path: Path) -> None:
+def test_a_sweep_leaves_records_table_and_figure_and_goes_on_where_it_stopped(tmp_path):
     done = run_here(tmp_path, *TOY_SWEEP)
     assert done.returncode == 0, done.stderr
     folder = tmp_path / "results" / "horizontal"
@@ -162,7 +158,7 @@ def test_a_sweep_leaves_records_table_and_figure_and_goes_on_where_it_stopped(tm
     assert len(pd.read_csv(folder / "table.csv")) == 6
 
 
-def test_results_that_cannot_be_written_are_refused_before_measuring(tmp_path: Path) -> None:
+def test_results_that_cannot_be_written_are_refused_before_measuring(tmp_path):
     (tmp_path / "taken").write_text("a file, not a folder")
     done = run_here(tmp_path, *TOY, "results_dir=taken")
     assert done.returncode == 2, done.stderr
@@ -172,7 +168,7 @@ def test_results_that_cannot_be_written_are_refused_before_measuring(tmp_path: P
 
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows sends no SIGINT to one process")
-def test_an_interrupt_keeps_what_is_done_and_exits_with_130(tmp_path: Path) -> None:
+def test_an_interrupt_keeps_what_is_done_and_exits_with_130(tmp_path):
     command = [sys.executable, str(ROOT / "run.py"), "sweep=horizontal", *TOY]
     with subprocess.Popen(
         command, cwd=tmp_path, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True
@@ -192,7 +188,7 @@ def test_an_interrupt_keeps_what_is_done_and_exits_with_130(tmp_path: Path) -> N
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows sends no SIGINT to one process")
-def test_an_interrupt_while_importing_is_one_line_and_130(tmp_path: Path) -> None:
+def test_an_interrupt_while_importing_is_one_line_and_130(tmp_path):
     slow = (
         "print('importing', flush=True)\nimport time\ntry: time.sleep(60)\nexcept BaseException: pass  # as some do\n"
     )
@@ -209,7 +205,7 @@ def test_an_interrupt_while_importing_is_one_line_and_130(tmp_path: Path) -> Non
     assert (running.returncode, told) == (130, "run.py: interrupted\n")
 
 
-def test_a_report_is_written_from_the_table_and_without_one_no_claim_holds(tmp_path: Path) -> None:
+def test_a_report_is_written_from_the_table_and_without_one_no_claim_holds(tmp_path):
     done = run_here(tmp_path, *TOY_SWEEP)
     assert done.returncode == 0, done.stderr
     folder = tmp_path / "results" / "horizontal"
@@ -228,20 +224,20 @@ def test_a_report_is_written_from_the_table_and_without_one_no_claim_holds(tmp_p
     assert '"holds"' not in text
 
 
-def test_a_report_of_no_sweep_says_what_to_run(tmp_path: Path) -> None:
+def test_a_report_of_no_sweep_says_what_to_run(tmp_path):
     done = run_here(tmp_path, "report", "sweep=paper")
     assert done.returncode == 2
     assert "run sweep=paper first" in done.stderr
     assert len(done.stderr.strip().splitlines()) == 1
 
 
-def test_fetching_a_built_in_scene_says_that_it_is_here(tmp_path: Path) -> None:
+def test_fetching_a_built_in_scene_says_that_it_is_here(tmp_path):
     done = run_here(tmp_path, "fetch", "scene=atrium")
     assert done.returncode == 0, done.stderr
     assert "nothing needs fetching" in done.stdout
 
 
-def test_a_name_that_the_output_s_encoding_lacks_is_shown_escaped(tmp_path: Path) -> None:
+def test_a_name_that_the_output_s_encoding_lacks_is_shown_escaped(tmp_path):
     folder = tmp_path / "\N{KATAKANA LETTER SI}"
     folder.mkdir()
     (folder / "sponza.ply").touch()

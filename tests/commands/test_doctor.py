@@ -1,12 +1,9 @@
 """`python run.py doctor`: one screen, whatever the machine has or lacks, and an exit code that tells."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys
 from dataclasses import replace
-from pathlib import Path
 
 import psutil
 import pytest
@@ -26,16 +23,16 @@ from experiments.methods.peers.embreex_run import EMBREEX
 from tests.folders import ROOT, empty_cache
 
 
-def run(folder: Path, *arguments: str, **variables: str) -> subprocess.CompletedProcess[str]:
+def run(folder, *arguments, **variables):
     command = [sys.executable, str(ROOT / "run.py"), "doctor", *arguments]
     return subprocess.run(command, cwd=folder, env={**os.environ, **variables}, capture_output=True, text=True)
 
 
-def facts(**fields: str) -> dict[str, str]:
+def facts(**fields):
     return dict(diagnose(Configuration(**fields)).facts)
 
 
-def test_this_machine_is_described_on_one_screen_and_nothing_is_written(tmp_path: Path) -> None:
+def test_this_machine_is_described_on_one_screen_and_nothing_is_written(tmp_path):
     done = run(tmp_path)
     assert done.returncode == 0, done.stderr
     assert done.stderr == ""
@@ -46,7 +43,7 @@ def test_this_machine_is_described_on_one_screen_and_nothing_is_written(tmp_path
     assert list(tmp_path.iterdir()) == []
 
 
-def test_the_facts_are_those_of_this_machine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_facts_are_those_of_this_machine(tmp_path, monkeypatch):
     cache = empty_cache(tmp_path, monkeypatch)
     monkeypatch.delenv(VARIABLE, raising=False)
     cache.mkdir(parents=True)
@@ -67,7 +64,7 @@ def test_the_facts_are_those_of_this_machine(tmp_path: Path, monkeypatch: pytest
     assert sys.version.split()[0] in told["Python"]
 
 
-def test_without_a_usable_embree_it_says_why_and_fails(tmp_path: Path) -> None:
+def test_without_a_usable_embree_it_says_why_and_fails(tmp_path):
     (tmp_path / "broken").write_text("no library")
     done = run(tmp_path, **{OVERRIDE_VARIABLE: "broken"})
     assert done.returncode == 1, done.stderr
@@ -79,9 +76,7 @@ def test_without_a_usable_embree_it_says_why_and_fails(tmp_path: Path) -> None:
     assert "Traceback" not in done.stdout + done.stderr
 
 
-def test_a_missing_instruction_set_and_results_that_cannot_be_written_are_obstacles(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_missing_instruction_set_and_results_that_cannot_be_written_are_obstacles(tmp_path, monkeypatch):
     (tmp_path / "taken").touch()
     monkeypatch.setattr(library_doctor, "load_library", load_library.__wrapped__)
     monkeypatch.setenv(VARIABLE, "avx1024")
@@ -96,13 +91,13 @@ def test_a_missing_instruction_set_and_results_that_cannot_be_written_are_obstac
     assert taken in last
 
 
-def test_without_git_the_commit_is_unknown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_git_the_commit_is_unknown(tmp_path, monkeypatch):
     monkeypatch.setattr(environment, "_PROJECT", tmp_path)
     assert facts()["atra"].endswith(", commit unknown")
 
 
 @pytest.mark.parametrize("platform", ["darwin", "win32"])
-def test_a_system_without_affinity_load_and_proc_is_described(platform: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_system_without_affinity_load_and_proc_is_described(platform, monkeypatch):
     monkeypatch.setattr(sys, "platform", platform)
     monkeypatch.delattr(os, "sched_getaffinity", raising=False)
     monkeypatch.delattr(os, "getloadavg", raising=False)
@@ -125,13 +120,13 @@ def test_a_system_without_affinity_load_and_proc_is_described(platform: str, mon
         (None, {1}, "unknown physical by the system's account; this process may use only 1"),
     ],
 )
-def test_cores_are_told_from_hardware_threads(physical, affinity, expected, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_cores_are_told_from_hardware_threads(physical, affinity, expected, monkeypatch):
     monkeypatch.setattr(psutil, "cpu_count", lambda logical=True: 2 if logical else physical)
     monkeypatch.setattr(os, "sched_getaffinity", lambda _: affinity, raising=False)
     assert facts()["cores"] == f"2 logical, {expected}"
 
 
-def test_what_may_spoil_times_is_doubted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_may_spoil_times_is_doubted(tmp_path, monkeypatch):
     monkeypatch.setattr(os, "getloadavg", lambda: (3.25, 1.0, 1.0), raising=False)
     monkeypatch.setattr(library_doctor, "cache_folder", lambda: None)
     monkeypatch.setenv("ATRA_SCENES", str(tmp_path / "nowhere"))
@@ -149,9 +144,7 @@ def test_what_may_spoil_times_is_doubted(tmp_path: Path, monkeypatch: pytest.Mon
     assert diagnosis.obstacles == ()
 
 
-def test_a_folder_of_many_scenes_and_reasons_of_any_length_still_fit_the_screen(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_folder_of_many_scenes_and_reasons_of_any_length_still_fit_the_screen(tmp_path, monkeypatch):
     for number in range(500):
         (tmp_path / f"scene{number}.ply").touch()
     monkeypatch.setenv("ATRA_SCENES", str(tmp_path))

@@ -1,10 +1,7 @@
 """Sweeps of one's own: a folder that keeps the table before it, a figure, lines of 80 columns, an honest time to go."""
 
-from __future__ import annotations
-
 import io
 import sys
-from pathlib import Path
 
 import pytest
 from rich.console import Console
@@ -21,20 +18,18 @@ from tests.harness.test_sweep import Runner, configuration
 pytestmark = pytest.mark.uncovered
 
 
-def sweep(folder: Path, command: str, *splits: int) -> None:
+def sweep(folder, command, *splits):
     points = [GridPoint("points", configuration(folder, "point", split)) for split in splits]
     run_sweep(points, command=command, run=Runner())
 
 
-def splits_in(folder: Path) -> list[int]:
+def splits_in(folder):
     tables = read_tables(folder)
     assert tables is not None
     return sorted(tables.points["split_x"])
 
 
-def test_a_second_sweep_of_a_name_has_a_folder_of_its_own_and_says_so(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_second_sweep_of_a_name_has_a_folder_of_its_own_and_says_so(tmp_path, capsys):
     sweep(tmp_path, "run.py -m method.split_x=1,2", 1, 2)
     assert "which stays" not in capsys.readouterr().err
     sweep(tmp_path, "run.py -m method.split_x=4", 4)
@@ -45,7 +40,7 @@ def test_a_second_sweep_of_a_name_has_a_folder_of_its_own_and_says_so(
     assert [splits_in(tmp_path / name) for name in ("point", "point_2", "point_3")] == [[1, 2], [4], [8]]
 
 
-def test_a_sweep_that_goes_on_or_grows_keeps_its_folder(tmp_path: Path) -> None:
+def test_a_sweep_that_goes_on_or_grows_keeps_its_folder(tmp_path):
     sweep(tmp_path, "run.py -m method.split_x=1,2", 1, 2)
     sweep(tmp_path, "run.py -m method.split_x=1,2", 1, 2)
     sweep(tmp_path, "run.py -m method.split_x=1,2,4", 1, 2, 4)
@@ -56,8 +51,8 @@ def test_a_sweep_that_goes_on_or_grows_keeps_its_folder(tmp_path: Path) -> None:
     assert not (tmp_path / "point_3").exists()
 
 
-def test_a_grid_may_ask_for_a_setting_that_is_left_to_the_machine(monkeypatch: pytest.MonkeyPatch) -> None:
-    asked: list[GridPoint] = []
+def test_a_grid_may_ask_for_a_setting_that_is_left_to_the_machine(monkeypatch):
+    asked = []
     monkeypatch.setattr("experiments.sweep.run_sweep", lambda points, **_: asked.extend(points))
     monkeypatch.setattr(sys, "argv", ["run.py", "sweep=baselines", "scene=cornell_box", "method.packet_rows=1"])
     cli.main()
@@ -74,23 +69,23 @@ def test_a_grid_may_ask_for_a_setting_that_is_left_to_the_machine(monkeypatch: p
     ],
     ids=["scenes", "packets", "views"],
 )
-def test_a_sweep_that_no_other_figure_fits_draws_its_rates(rows: list[dict[str, object]]) -> None:
+def test_a_sweep_that_no_other_figure_fits_draws_its_rates(rows):
     assert drawing(rows) == ["rates"]
 
 
-def test_a_sweep_that_another_figure_fits_draws_no_rates() -> None:
+def test_a_sweep_that_another_figure_fits_draws_no_rates():
     assert drawing([time_row(8, 0.01, width=512), time_row(8, 0.02, width=1024)]) == ["growth"]
     assert drawing([time_row(8, 0.01), time_row(16, 0.02)]) == ["figure5", "figure5_speedup"]
     assert drawing([method_row("pixel"), method_row("visible_first")]) == ["methods", "break_even"]
 
 
-def drawing(rows: list[dict[str, object]]) -> list[str]:
+def drawing(rows):
     """Figures that have something to show of these rows."""
     table = make_rows(*rows)
     return [kind.name for kind in figure_kinds() if len(kind.rows(table))]
 
 
-def test_tables_fit_80_columns_and_nothing_in_them_is_cut(tmp_path: Path) -> None:
+def test_tables_fit_80_columns_and_nothing_in_them_is_cut(tmp_path):
     shown = io.StringIO()
     console = Console(file=shown, width=80)
     rows = [
@@ -111,7 +106,7 @@ def test_tables_fit_80_columns_and_nothing_in_them_is_cut(tmp_path: Path) -> Non
     assert "\N{HORIZONTAL ELLIPSIS}" not in shown.getvalue()
 
 
-def test_the_time_to_go_leaves_out_points_that_may_have_waited_for_the_compiler() -> None:
+def test_the_time_to_go_leaves_out_points_that_may_have_waited_for_the_compiler():
     shown, now = io.StringIO(), [0.0]
     console = Console(file=shown, width=200)
     seconds = {"frame aligned": [60.0, 2.0, 2.0, 2.0], "frame pixel": [30.0, 2.0]}

@@ -1,9 +1,5 @@
 """Every sweep of conf/sweep runs at toy size and leaves its figures."""
 
-from __future__ import annotations
-
-from pathlib import Path
-
 import pandas as pd
 import pytest
 
@@ -13,14 +9,7 @@ from tests.command import ROOT, run_here
 
 pytestmark = pytest.mark.uncovered
 
-TOY = [
-    "scene=cornell_box",
-    "width=32",
-    "height=32",
-    "measure.processes=1",
-    "measure.rounds=3",
-    "measure.warmup=1",
-]
+TOY = ["scene=cornell_box", "width=32", "height=32", "measure.processes=1", "measure.rounds=3", "measure.warmup=1"]
 FIGURE5 = [
     f"{name}_{rays}"
     for name in ("figure5", "figure5_speedup")
@@ -32,17 +21,11 @@ OTHER_PICTURES = ("split", "tiles", "peers", "samples", "still", "waves", "mitsu
 IN_PROCESS = ("occupancy", "dark", "packets", "batch", "size", "expansion", "roulette", "environment", "translucency")
 # An image of 32 pixels takes no split of 64: such points are skipped.
 SWEEPS = {
-    "smoke": (
-        [],
-        {"figure3", "figure3_differences", *OVER_SPLITS, "figure6", "figure7", "figure7_instancing"},
-    ),
+    "smoke": ([], {"figure3", "figure3_differences", *OVER_SPLITS, "figure6", "figure7", "figure7_instancing"}),
     "build": (["method.split_x=1,4"], {"figure6"}),
     "memory": (["method.split_x=1,4"], {"figure7", "figure7_instancing"}),
     "scenes": (["scene=cornell_box"], {"figure3", "figure3_differences"}),
-    "methods": (
-        ["method.split_x=4", "method.split_y=1"],
-        {"methods", "break_even", "moving"},
-    ),
+    "methods": (["method.split_x=4", "method.split_y=1"], {"methods", "break_even", "moving"}),
     "baselines": (["method.packet_width=4", "method.packet_rows=null"], {"rates"}),
     "reference_rays": (["method.split_x=4", "method.culling=true"], set(FIGURE5)),
     "threads": ([], {"threads"}),
@@ -105,12 +88,12 @@ SLOW = {
 """Sweeps of workloads that a quick one has, too."""
 
 
-def sweep_of(name: str) -> str:
+def sweep_of(name):
     """The sweep of a case; behind a hyphen its name says which part of the sweep runs."""
     return name.partition("-")[0]
 
 
-def test_no_sweep_is_left_out_here() -> None:
+def test_no_sweep_is_left_out_here():
     names = {path.stem for path in (ROOT / "conf" / "sweep").glob("*.yaml")}
     assert names - {"point"} == {sweep_of(name) for name in SWEEPS} | PARTS_OF_SMOKE | WITH_A_TWIN
 
@@ -118,7 +101,7 @@ def test_no_sweep_is_left_out_here() -> None:
 @pytest.mark.parametrize(
     "name", [pytest.param(name, marks=pytest.mark.slow if name in SLOW else ()) for name in SWEEPS]
 )
-def test_a_sweep_runs_and_leaves_its_figures(name: str, tmp_path: Path) -> None:
+def test_a_sweep_runs_and_leaves_its_figures(name, tmp_path):
     overrides, figures = SWEEPS[name]
     done = run_here(tmp_path, f"sweep={sweep_of(name)}", *TOY, *overrides)
     assert done.returncode == 0, done.stderr

@@ -1,13 +1,9 @@
 """Names, folders and command lines nobody vouches for: nothing they hold is run, or reaches a terminal as it is."""
 
-from __future__ import annotations
-
 import io
 import subprocess
 from dataclasses import replace
-from pathlib import Path
 
-import pandas as pd
 from rich.console import Console
 
 from atra.errors import InputError, printable
@@ -21,7 +17,7 @@ from tests.report_samples import CLAIMS, drawn_figure, scene_pictures, small_con
 CONTROLS = "\x1b]0;title\x07\x1b[2J\x9b31m\u202edesrever\u2028\x00"
 
 
-def hostile_table() -> pd.DataFrame:
+def hostile_table():
     """Every text of every row is hostile, but for those a row is told apart by."""
     table = small_table()
     for name in ("scene", "error", "doubts", "cpu", "stands_for", "measured_at"):
@@ -29,23 +25,23 @@ def hostile_table() -> pd.DataFrame:
     return table
 
 
-def controls_in(text: str) -> set[str]:
+def controls_in(text):
     return {sign for sign in text if not sign.isprintable() and sign not in "\n"}
 
 
-def test_printable_keeps_every_letter_and_escapes_what_has_no_picture() -> None:
+def test_printable_keeps_every_letter_and_escapes_what_has_no_picture():
     assert printable("Größe “2 μ” 模型") == "Größe “2 μ” 模型"
     assert printable("a\x1b[31m\n\u202e\x9b") == r"a\x1b[31m\n\u202e\x9b"
 
 
-def test_a_long_message_keeps_its_ends() -> None:
+def test_a_long_message_keeps_its_ends():
     text = str(InputError("start" + "x" * 100_000 + "end"))
     assert text.startswith("start")
     assert text.endswith("end")
     assert len(text) <= 2000
 
 
-def test_no_control_character_of_a_name_or_an_error_reaches_the_page() -> None:
+def test_no_control_character_of_a_name_or_an_error_reaches_the_page():
     claim = replace(CLAIMS[0], **dict.fromkeys(("text", "paper_value", "how", "value", "interval", "why"), CONTROLS))
     page = render_report(
         small_contents(
@@ -62,7 +58,7 @@ def test_no_control_character_of_a_name_or_an_error_reaches_the_page() -> None:
     assert r"\x1b[2J" in page
 
 
-def test_no_control_character_reaches_the_terminal(tmp_path: Path) -> None:
+def test_no_control_character_reaches_the_terminal(tmp_path):
     written = io.StringIO()
     console = Console(file=written, width=200)
     table = hostile_table()
@@ -77,7 +73,7 @@ def test_no_control_character_reaches_the_terminal(tmp_path: Path) -> None:
     assert written.getvalue().count(r"\x1b[2J") > 5
 
 
-def test_a_worker_imports_nothing_from_the_folder_it_is_started_in(tmp_path: Path) -> None:
+def test_a_worker_imports_nothing_from_the_folder_it_is_started_in(tmp_path):
     for name in ("numpy", "json", "experiments", "atra"):
         (tmp_path / f"{name}.py").write_text(f"open({str(tmp_path / 'imported')!r}, 'a').write({name!r})")
     subprocess.run(

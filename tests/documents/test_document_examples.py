@@ -1,7 +1,5 @@
 """README and docs: every Python block runs in the order of its page, and every command is understood."""
 
-from __future__ import annotations
-
 import json
 import os
 import re
@@ -9,7 +7,6 @@ import shlex
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any
 from unittest.mock import Mock, patch
 
 import numpy as np
@@ -53,15 +50,15 @@ CALIBRATED = {
 LAUNCHER = "hydra/launcher="
 
 
-def text_of(page: Path) -> str:
+def text_of(page):
     return page.read_text(encoding="utf-8")
 
 
-def blocks(page: Path, language: str) -> list[str]:
+def blocks(page, language):
     return re.findall(rf"```{language}\n(.*?)```", text_of(page), re.S)
 
 
-def commands(page: Path) -> list[list[str]]:
+def commands(page):
     """Every `atra ...` and `python run.py ...` of the page's shell blocks and text, but for the synopsis."""
     lines = [line for block in blocks(page, "sh") for line in block.splitlines()]
     lines += [" ".join(one.split()) for one in re.findall(r"`(atra [^`]*=[^`]*)`", text_of(page))]
@@ -70,7 +67,7 @@ def commands(page: Path) -> list[list[str]]:
     return [shlex.split(one[1] or one[2]) for one in found if one and "VERB" not in one[0]]
 
 
-def say(argument: str | tuple[str, ...]) -> str:
+def say(argument):
     """A page's name or a command, as part of a test's name."""
     return argument if isinstance(argument, str) else " ".join(argument)
 
@@ -82,7 +79,7 @@ FOR_THE_HARNESS = [(page, one) for page, one in COMMANDS if (page, one) not in F
 
 
 @pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def folder(tmp_path, monkeypatch):
     """The working directory, with a model, and cameras in every kind of file that the pages name."""
     mesh = cornell_box()
     box = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
@@ -99,8 +96,8 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def run_blocks(page: Path, smaller: dict[str, str]) -> dict[str, Any]:
-    names: dict[str, Any] = {"__name__": page.name}
+def run_blocks(page, smaller):
+    names = {"__name__": page.name}
     for block in blocks(page, "python"):
         for said, run in smaller.items():
             block = block.replace(said, run)
@@ -110,19 +107,17 @@ def run_blocks(page: Path, smaller: dict[str, str]) -> dict[str, Any]:
 
 @pytest.mark.parametrize("page", WITH_CODE, ids=lambda page: page.name)
 @pytest.mark.usefixtures("folder")
-def test_the_python_of_a_page_runs_in_its_order(page: Path) -> None:
+def test_the_python_of_a_page_runs_in_its_order(page):
     assert run_blocks(page, SMALLER)
 
 
 @pytest.mark.usefixtures("folder")
-def test_two_methods_of_a_page_find_the_same_image(capsys: pytest.CaptureFixture[str]) -> None:
+def test_two_methods_of_a_page_find_the_same_image(capsys):
     run_blocks(ROOT / "docs" / "views.md", SMALLER)
     assert re.search(r"^\d+ of 8192 pixels equal, \d+ tied, \d+ edge, 0 wrong", capsys.readouterr().out, re.M)
 
 
-def test_the_tutorial_prints_what_it_says(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_tutorial_prints_what_it_says(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     page = ROOT / "docs" / AS_PRINTED
     run_blocks(page, {})
@@ -136,7 +131,7 @@ def test_the_tutorial_prints_what_it_says(
 
 
 @pytest.mark.slow
-def test_the_program_for_processes_runs(folder: Path) -> None:
+def test_the_program_for_processes_runs(folder):
     (program,) = blocks(ROOT / "docs" / A_PROGRAM, "python")
     (folder / "program.py").write_text(program, encoding="utf-8")
     subprocess.run(
@@ -147,14 +142,14 @@ def test_the_program_for_processes_runs(folder: Path) -> None:
 
 @pytest.mark.parametrize(("page", "arguments"), FOR_FILES, ids=say)
 @pytest.mark.usefixtures("folder")
-def test_a_command_for_files_writes_its_views(page: str, arguments: tuple[str, ...]) -> None:
+def test_a_command_for_files_writes_its_views(page, arguments):
     with patch.object(sys, "argv", ["atra", *arguments]):
         assert run_console() == 0
     assert list(Path("out").iterdir())
 
 
 @pytest.mark.parametrize(("page", "arguments"), FOR_THE_HARNESS, ids=say)
-def test_a_command_for_the_harness_names_what_there_is(page: str, arguments: tuple[str, ...], folder: Path) -> None:
+def test_a_command_for_the_harness_names_what_there_is(page, arguments, folder):
     """Its fields are read and its points are planned; nothing is measured."""
     given = [one for one in arguments if LAUNCHER not in one and "hydra.launcher." not in one]
     done = Mock(return_value=None)
@@ -164,6 +159,6 @@ def test_a_command_for_the_harness_names_what_there_is(page: str, arguments: tup
     done.assert_called_once()
 
 
-def test_commands_of_every_kind_are_found() -> None:
+def test_commands_of_every_kind_are_found():
     found = {one[0].partition("=")[0] for _, one in COMMANDS}
     assert {"doctor", "measure", "sweep", "-m", "report", "fetch", "render", "bake", "view"} <= found

@@ -1,17 +1,14 @@
 """README and docs: numbers stand in the tables that are named, and every link leads somewhere."""
 
-from __future__ import annotations
-
 import re
 import tomllib
-from pathlib import Path
 
 import pytest
 import yaml
 
 from tests.folders import ROOT
 from tests.quotations import QUOTATIONS
-from tests.quotations.quotation import Quotation, with_rows
+from tests.quotations.quotation import with_rows
 
 pytestmark = pytest.mark.uncovered
 
@@ -38,26 +35,26 @@ NOT_MEASURED = {
 """Numbers with a unit that are settings, or that a test computes."""
 
 
-def text_of(page: str) -> str:
+def text_of(page):
     return (ROOT / page).read_text(encoding="utf-8")
 
 
-def test_the_readme_is_read_in_two_minutes() -> None:
+def test_the_readme_is_read_in_two_minutes():
     assert len(text_of("README.md").splitlines()) <= 120
 
 
-def test_the_documents_are_short_enough_to_be_read() -> None:
+def test_the_documents_are_short_enough_to_be_read():
     words = {page: len(text_of(page).split()) for page in PAGES if page != GENERATED}
     assert sum(words.values()) <= MOST_WORDS, words
 
 
-def test_the_readme_leads_to_every_page() -> None:
+def test_the_readme_leads_to_every_page():
     pages = {f"docs/{path.name}" for path in (ROOT / "docs").glob("*.md")}
     assert pages <= set(re.findall(r"\]\(([^)#]+)[^)]*\)", text_of("README.md")))
 
 
 @pytest.mark.parametrize("quotation", QUOTATIONS, ids=lambda one: f"{one.page}:{one.name}")
-def test_what_a_page_quotes_stands_in_the_table_it_names(quotation: Quotation) -> None:
+def test_what_a_page_quotes_stands_in_the_table_it_names(quotation):
     page = text_of(quotation.page)
     words = " ".join(page.split())
     quoted = quotation.quoted()
@@ -70,13 +67,13 @@ def test_what_a_page_quotes_stands_in_the_table_it_names(quotation: Quotation) -
     assert re.search(rf"\]\({folder}{re.escape(quotation.sweep)}[)/]", page)
 
 
-def test_every_table_that_is_kept_is_quoted() -> None:
+def test_every_table_that_is_kept_is_quoted():
     kept = {path.parent.name for path in REFERENCE.glob("*/table.parquet")}
     assert kept == {one.sweep for one in QUOTATIONS}
 
 
 @pytest.mark.parametrize("page", READ_IN_TABLES)
-def test_a_page_has_no_measured_number_of_its_own(page: str) -> None:
+def test_a_page_has_no_measured_number_of_its_own(page):
     quoted = [one.quoted() for one in QUOTATIONS if one.page == page]
     known = {row for one in quoted for row in one.rows}
     own_rows = [line for line in text_of(page).splitlines() if line.startswith("|") and line not in known]
@@ -87,7 +84,7 @@ def test_a_page_has_no_measured_number_of_its_own(page: str) -> None:
     assert set(MEASURED.findall(words)) <= NOT_MEASURED.get(page, set())
 
 
-def test_the_documents_name_every_sweep_and_no_other() -> None:
+def test_the_documents_name_every_sweep_and_no_other():
     there = {path.stem for path in (ROOT / "conf" / "sweep").glob("*.yaml")} - {"point", "planner_fit"}
     text = "\n".join(document.read_text(encoding="utf-8") for document in DOCUMENTS)
     assert set(re.findall(r"sweep=(\w+)", text)) <= there
@@ -96,7 +93,7 @@ def test_the_documents_name_every_sweep_and_no_other() -> None:
     assert {name for cell in first_cells for name in re.findall(r"`(\w+)`", cell)} == there
 
 
-def test_every_page_that_code_or_configuration_names_is_there() -> None:
+def test_every_page_that_code_or_configuration_names_is_there():
     folders = ("atra", "conf", "examples", "experiments", "scenes", "tests", ".github")
     files = [
         path for folder in folders for path in (ROOT / folder).rglob("*") if path.suffix in (".py", ".yaml", ".yml")
@@ -110,13 +107,13 @@ def test_every_page_that_code_or_configuration_names_is_there() -> None:
     assert [one for one in sorted(named) if not (ROOT / one[1]).exists()] == []
 
 
-def anchors(document: Path) -> set[str]:
+def anchors(document):
     headings = re.findall(r"^#+ (.*)$", document.read_text(encoding="utf-8"), re.M)
     return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
 
 
 @pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.relative_to(ROOT).as_posix())
-def test_every_link_and_picture_is_there(document: Path) -> None:
+def test_every_link_and_picture_is_there(document):
     links = re.findall(r"\]\(([^)\s]+)\)", document.read_text(encoding="utf-8"))
     for link in links:
         if link.startswith(("http://", "https://")):
@@ -128,14 +125,14 @@ def test_every_link_and_picture_is_there(document: Path) -> None:
             assert anchor in anchors(target), link
 
 
-def test_every_picture_of_the_documents_is_shown_somewhere() -> None:
+def test_every_picture_of_the_documents_is_shown_somewhere():
     shown = {
         link for document in DOCUMENTS for link in re.findall(r"images/([\w.]+)", document.read_text(encoding="utf-8"))
     }
     assert {path.name for path in (ROOT / "docs" / "images").iterdir()} == shown
 
 
-def test_the_workflow_runs_the_readme_s_two_commands_on_the_oldest_python_and_says_that_it_never_ran() -> None:
+def test_the_workflow_runs_the_readme_s_two_commands_on_the_oldest_python_and_says_that_it_never_ran():
     text = (ROOT / ".github" / "workflows" / "test.yml").read_text(encoding="utf-8")
     job = yaml.safe_load(text)["jobs"]["test"]
     runs = [step["run"].replace("$BIN", ".venv/bin") for step in job["steps"] if "command" in step.get("name", "")]

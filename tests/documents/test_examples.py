@@ -1,7 +1,5 @@
 """The worked examples run at toy size, and what they trace is right."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from PIL import Image
@@ -15,11 +13,11 @@ pytestmark = pytest.mark.uncovered
 TOY = ["--scene", "cornell_box", "--width", "64", "--height", "48"]
 
 
-def picture(path: Path) -> np.ndarray:
+def picture(path):
     return np.asarray(Image.open(path).convert("RGB"))
 
 
-def test_progressive_tells_a_growing_time_for_every_method_and_smooths_edges(tmp_path: Path) -> None:
+def test_progressive_tells_a_growing_time_for_every_method_and_smooths_edges(tmp_path):
     told = progressive.main([*TOY, "--out", str(tmp_path)])
     assert list(told) == [1, 4, 16, 64]
     for name in told[1]:
@@ -31,7 +29,7 @@ def test_progressive_tells_a_growing_time_for_every_method_and_smooths_edges(tmp
     assert len(np.unique(image[:, :64].reshape(-1, 3), axis=0)) > one_sample
 
 
-def shadeless_colours(scene: str) -> int:
+def shadeless_colours(scene):
     """Colours of one frame: averaging edges makes more."""
     from examples import parts
     from experiments.drawing.shading import shade
@@ -41,14 +39,14 @@ def shadeless_colours(scene: str) -> int:
         return len(np.unique(shade(tracer.trace()).reshape(-1, 3), axis=0))
 
 
-def test_the_eyes_are_apart_along_the_images_rows_and_look_the_same_way() -> None:
+def test_the_eyes_are_apart_along_the_images_rows_and_look_the_same_way():
     camera = atra.Camera((1, 2, 3), (4, 2, 5))
     left, right = stereo.eyes(camera, 0.5)
     np.testing.assert_allclose(np.subtract(right.eye, left.eye), 0.5 * camera.axes[0])
     np.testing.assert_allclose(left.axes, right.axes, atol=1e-12)
 
 
-def test_stereo_shows_what_each_eye_sees(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_stereo_shows_what_each_eye_sees(tmp_path, capsys):
     both = stereo.main([*TOY, "--out", str(tmp_path)])
     assert len(both) == 2
     assert capsys.readouterr().out.count("0 wrong") == 2
@@ -58,7 +56,7 @@ def test_stereo_shows_what_each_eye_sees(tmp_path: Path, capsys: pytest.CaptureF
     assert (red != green).any()
 
 
-def test_the_drawing_shows_sixteen_rays_hits_on_four_at_the_same_depths(tmp_path: Path) -> None:
+def test_the_drawing_shows_sixteen_rays_hits_on_four_at_the_same_depths(tmp_path):
     alignment, depths = alignment_drawing.main(["--out", str(tmp_path)])
     assert np.isfinite(depths).sum() > alignment_drawing.PIXELS / 2
     assert (np.isfinite(depths).reshape(4, 4).sum(axis=1) > 0).all()  # something is seen in every cell
@@ -75,8 +73,8 @@ def test_the_drawing_shows_sixteen_rays_hits_on_four_at_the_same_depths(tmp_path
     assert all((drawn == colour).all(axis=-1).any() for colour in ((213, 94, 0), (0, 114, 178), (0, 158, 115)))
 
 
-def test_the_drawing_s_pieces_stay_in_their_cell_and_lose_no_area() -> None:
-    def area(outline: np.ndarray) -> float:
+def test_the_drawing_s_pieces_stay_in_their_cell_and_lose_no_area():
+    def area(outline):
         x, y = outline.T
         return abs(float(x @ np.roll(y, -1) - y @ np.roll(x, -1))) / 2
 
@@ -91,19 +89,19 @@ def test_the_drawing_s_pieces_stay_in_their_cell_and_lose_no_area() -> None:
     np.testing.assert_allclose(sum(map(area, kept)), sum(map(area, alignment_drawing.SHAPES)))
 
 
-def test_frames_are_those_traced_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_frames_are_those_traced_alone(tmp_path, capsys):
     assert len(frames.main([*TOY, "--frames", "3", "--out", str(tmp_path)])) == 3
     assert capsys.readouterr().out.count("0 wrong") == 3
     assert picture(tmp_path / "frames.png").shape[1] == 3 * 32 + 2 * 4
 
 
-def test_the_shadow_map_is_the_one_of_single_rays(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_shadow_map_is_the_one_of_single_rays(tmp_path, capsys):
     shadow_map.main([*TOY, "--map", "96", "--out", str(tmp_path)])
     assert "0 wrong" in capsys.readouterr().out
     assert picture(tmp_path / "shadow_map.png").shape[0] == 48
 
 
-def test_the_weekend_is_shown_by_paths_and_below_by_hybrid_rendering(tmp_path: Path) -> None:
+def test_the_weekend_is_shown_by_paths_and_below_by_hybrid_rendering(tmp_path):
     size = ["--width", "48", "--height", "32", "--samples", "2", "--segments", "6"]
     told = weekend.main([*size, "--out", str(tmp_path)])
     assert list(told) == ["paths", "hybrid"]
@@ -114,7 +112,7 @@ def test_the_weekend_is_shown_by_paths_and_below_by_hybrid_rendering(tmp_path: P
     assert (above != below).mean() > 0.5
 
 
-def test_a_point_behind_another_as_the_light_goes_is_in_shadow() -> None:
+def test_a_point_behind_another_as_the_light_goes_is_in_shadow():
     step = atra.Mesh([(-1, 1, -1), (0, 1, -1), (0, 1, 1), (-1, 1, 1)], [(0, 1, 2), (0, 2, 3)])
     sun = atra.OrthographicCamera.of_light((0, -1, 0), [(-1, 0, -1), (1, 1, 1)], 32, 32)
     with atra.AlignedTracer(step, sun, (4, 1), threads=1) as tracer:
@@ -123,7 +121,7 @@ def test_a_point_behind_another_as_the_light_goes_is_in_shadow() -> None:
     np.testing.assert_array_equal(shadow_map.is_lit(points, light, 1e-3), [False, True, True, True])
 
 
-def test_calibrated_views_are_those_of_single_rays(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_calibrated_views_are_those_of_single_rays(tmp_path, capsys):
     found = calibrated_views.main([*TOY, "--views", "3", "--out", str(tmp_path)])
     assert list(found) == ["view_000", "view_001", "view_002"]
     assert all(isinstance(hits.camera, atra.CalibratedCamera) for hits in found.values())

@@ -1,7 +1,5 @@
 """u, v and normals: on demand they are those of the triangle that was hit, as Embree's are."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from experiments.workloads.surface.measure import surface_of
@@ -10,7 +8,7 @@ from tests.images import assert_same_bits, trace
 from tests.meshes import cornell_box, cornell_camera
 
 
-def test_what_is_computed_on_demand_is_what_embree_hands_over() -> None:
+def test_what_is_computed_on_demand_is_what_embree_hands_over():
     mesh, camera = cornell_box(), cornell_camera(67, 45)
     with SurfacePackets(mesh, camera, threads=2, ties="any") as tracer:
         stored = tracer.trace()

@@ -1,7 +1,5 @@
 """The machine's description on other systems, which are faked: what they lack, and where they keep it."""
 
-from __future__ import annotations
-
 import os
 import platform
 import sys
@@ -20,7 +18,7 @@ from experiments.harness.environment import read_environment
 pytestmark = pytest.mark.uncovered
 
 
-def test_a_system_without_affinity_and_load_is_described_without(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_system_without_affinity_and_load_is_described_without(monkeypatch):
     monkeypatch.delattr(os, "sched_getaffinity", raising=False)  # macOS, Windows
     monkeypatch.delattr(os, "getloadavg", raising=False)  # Windows
     described = read_environment()
@@ -29,8 +27,8 @@ def test_a_system_without_affinity_and_load_is_described_without(monkeypatch: py
     assert resolve_threads(None) == os.cpu_count()
 
 
-def test_a_load_that_the_system_does_not_tell_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:
-    def unobtainable() -> None:
+def test_a_load_that_the_system_does_not_tell_is_missing(monkeypatch):
+    def unobtainable():
         raise OSError("Load averages are unobtainable")
 
     monkeypatch.setattr(os, "getloadavg", unobtainable, raising=False)
@@ -47,9 +45,7 @@ def test_a_load_that_the_system_does_not_tell_is_missing(monkeypatch: pytest.Mon
         ("win32", None, None, "AMD64 Family 25, AuthenticAMD", "AMD64 Family 25, AuthenticAMD"),
     ],
 )
-def test_the_processor_is_named_by_what_each_system_has(
-    system: str, cpuinfo: str | None, sysctl: str | None, processor: str, expected: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_processor_is_named_by_what_each_system_has(system, cpuinfo, sysctl, processor, expected, monkeypatch):
     monkeypatch.setattr(sys, "platform", system)
     monkeypatch.setattr(environment, "_read", lambda _: cpuinfo)
     monkeypatch.setattr(environment, "_output", lambda _: sysctl)
@@ -61,21 +57,19 @@ def test_the_processor_is_named_by_what_each_system_has(
 @pytest.mark.parametrize(
     ("known_to_llvm", "expected"), [("znver3", "AMD EPYC (znver3)"), ("generic", "AMD EPYC"), ("", "AMD EPYC")]
 )
-def test_processors_of_one_name_are_told_apart_by_their_design(
-    known_to_llvm: str, expected: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_processors_of_one_name_are_told_apart_by_their_design(known_to_llvm, expected, monkeypatch):
     monkeypatch.setattr(llvmlite.binding, "get_host_cpu_name", lambda: known_to_llvm)
     monkeypatch.setattr(environment, "cpu_design", cpu_design.__wrapped__)
     monkeypatch.setattr(environment, "_cpu_model", lambda: "AMD EPYC")
     assert read_environment().cpu == expected
 
 
-def test_outside_a_repository_there_is_no_commit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_outside_a_repository_there_is_no_commit(tmp_path, monkeypatch):
     monkeypatch.setattr(environment, "_PROJECT", tmp_path)
     assert environment._git_state() == (None, None)
 
 
-def test_without_git_there_is_no_commit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_git_there_is_no_commit(tmp_path, monkeypatch):
     (tmp_path / ".git").mkdir()
     monkeypatch.setattr(environment, "_PROJECT", tmp_path)
     monkeypatch.setenv("PATH", str(tmp_path))
@@ -85,9 +79,7 @@ def test_without_git_there_is_no_commit(tmp_path: Path, monkeypatch: pytest.Monk
 @pytest.mark.parametrize(
     ("system", "expected"), [("win32", 7_000_000), ("darwin", 5_000_000), ("freebsd14", 5_000_000 * 1024)]
 )
-def test_the_peak_of_memory_is_read_in_the_unit_of_each_system(
-    system: str, expected: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_peak_of_memory_is_read_in_the_unit_of_each_system(system, expected, monkeypatch):
     usage = SimpleNamespace(ru_maxrss=5_000_000)
     monkeypatch.setitem(sys.modules, "resource", SimpleNamespace(getrusage=lambda _: usage, RUSAGE_SELF=0))
     monkeypatch.setattr(psutil.Process, "memory_info", lambda _: SimpleNamespace(peak_wset=7_000_000))
@@ -95,8 +87,8 @@ def test_the_peak_of_memory_is_read_in_the_unit_of_each_system(
     assert environment.peak_rss_bytes() == expected
 
 
-def test_a_system_without_proc_counts_the_peak_from_the_start(monkeypatch: pytest.MonkeyPatch) -> None:
-    def absent(*_: object, **__: object) -> None:
+def test_a_system_without_proc_counts_the_peak_from_the_start(monkeypatch):
+    def absent(*_, **__):
         raise FileNotFoundError("/proc/self/clear_refs")
 
     monkeypatch.setattr(Path, "write_text", absent)

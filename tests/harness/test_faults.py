@@ -1,15 +1,11 @@
 """Faults of disk and hand while a sweep runs: a clear refusal or a row, and never a wrong number."""
 
-from __future__ import annotations
-
 import errno
 import os
 import tempfile
-from collections.abc import Callable
 from dataclasses import replace
 from html import escape
 from pathlib import Path
-from typing import NoReturn
 
 import pandas as pd
 import pytest
@@ -17,7 +13,7 @@ import pytest
 from atra.errors import InputError, RecordError, StorageError
 from experiments.harness.identity import current_environment, identity, measure
 from experiments.harness.points import plan_points
-from experiments.harness.records import Record, load_record, record_path, write_record
+from experiments.harness.records import load_record, record_path, write_record
 from experiments.report.writing import rewrite_report
 from experiments.results.table import Tables, make_table, make_tables, write_tables
 from experiments.sweep import GridPoint, run_sweep
@@ -26,19 +22,19 @@ from tests.harness.test_sweep import Runner, configuration, measured_elsewhere
 pytestmark = pytest.mark.uncovered
 
 
-def points(folder: Path, *splits: int) -> list[GridPoint]:
+def points(folder, *splits):
     return [GridPoint("one", configuration(folder, split_x=split)) for split in splits]
 
 
-def files(folder: Path) -> set[str]:
+def files(folder):
     return {path.name for path in folder.iterdir()} if folder.is_dir() else set()
 
 
-def full_disk(monkeypatch: pytest.MonkeyPatch, concerns: Callable[[str], bool]) -> None:
+def full_disk(monkeypatch, concerns):
     """No file whose final name `concerns` says yes to can be put in its place any more."""
     rename = os.replace
 
-    def refusing(source: str, target: Path) -> None:
+    def refusing(source, target):
         if concerns(Path(target).name):
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
         rename(source, target)
@@ -46,9 +42,7 @@ def full_disk(monkeypatch: pytest.MonkeyPatch, concerns: Callable[[str], bool]) 
     monkeypatch.setattr(os, "replace", refusing)
 
 
-def test_a_disk_that_fills_up_between_two_records_loses_no_finished_point(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_disk_that_fills_up_between_two_records_loses_no_finished_point(tmp_path, monkeypatch):
     records = tmp_path / "records"
     with monkeypatch.context() as filling:
         full_disk(filling, lambda _: any(not name.startswith(".") for name in files(records)))
@@ -64,8 +58,8 @@ def test_a_disk_that_fills_up_between_two_records_loses_no_finished_point(
 
 @pytest.mark.parametrize("name", ["table.parquet", "figure5.png"])
 def test_a_disk_that_is_full_for_a_result_names_it_and_the_next_run_makes_it_without_measuring(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
-) -> None:
+    tmp_path, monkeypatch, name
+):
     (point,) = points(tmp_path, 1)
     point.configuration.sweep.figures = {"figure5": ["one"]}
     with monkeypatch.context() as full:
@@ -79,10 +73,8 @@ def test_a_disk_that_is_full_for_a_result_names_it_and_the_next_run_makes_it_wit
     assert name in files(tmp_path / "one")
 
 
-def test_a_results_folder_that_takes_no_file_is_refused_before_any_work(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def refusing(**_: object) -> NoReturn:
+def test_a_results_folder_that_takes_no_file_is_refused_before_any_work(tmp_path, monkeypatch):
+    def refusing(**_):
         raise OSError(errno.EROFS, os.strerror(errno.EROFS))
 
     monkeypatch.setattr(tempfile, "TemporaryFile", refusing)
@@ -92,7 +84,7 @@ def test_a_results_folder_that_takes_no_file_is_refused_before_any_work(
     assert runner.points == []
 
 
-def test_a_report_is_refused_if_a_record_behind_it_is_damaged_and_leaves_that_where_it_is(tmp_path: Path) -> None:
+def test_a_report_is_refused_if_a_record_behind_it_is_damaged_and_leaves_that_where_it_is(tmp_path):
     path = record_path(tmp_path / "records", run_sweep(points(tmp_path, 1), run=Runner())["point_id"][0])
     path.write_text("{")
     with pytest.raises(RecordError, match=rf"{path.name} cannot be read .*start its sweep again"):
@@ -101,7 +93,7 @@ def test_a_report_is_refused_if_a_record_behind_it_is_damaged_and_leaves_that_wh
     assert "report.html" not in files(tmp_path / "one")
 
 
-def test_a_report_without_records_is_made_of_the_table_alone(tmp_path: Path) -> None:
+def test_a_report_without_records_is_made_of_the_table_alone(tmp_path):
     table = run_sweep(points(tmp_path, 1), run=Runner())
     record_path(tmp_path / "records", table["point_id"][0]).unlink()
     page = rewrite_report(configuration(tmp_path)).read_text(encoding="utf-8")
@@ -110,9 +102,7 @@ def test_a_report_without_records_is_made_of_the_table_alone(tmp_path: Path) -> 
 
 
 @pytest.mark.parametrize("field", ["cpu", "code_sha256"])
-def test_a_table_of_another_machine_or_version_is_told_and_its_points_are_measured_anew(
-    tmp_path: Path, field: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_table_of_another_machine_or_version_is_told_and_its_points_are_measured_anew(tmp_path, field, capsys):
     (planned,) = plan_points([configuration(tmp_path)])
     foreign = measured_elsewhere(planned, **{field: "another"})
     kept = write_record(tmp_path / "records", foreign)
@@ -126,7 +116,7 @@ def test_a_table_of_another_machine_or_version_is_told_and_its_points_are_measur
     assert kept.exists()
 
 
-def test_a_table_of_another_layout_is_told_and_replaced(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_table_of_another_layout_is_told_and_replaced(tmp_path, capsys):
     (tmp_path / "one").mkdir()
     pd.DataFrame({"scene": ["box"]}).to_parquet(tmp_path / "one" / "table.parquet")
     with pytest.raises(InputError, match="cannot be read as a table of this version"):
@@ -136,7 +126,7 @@ def test_a_table_of_another_layout_is_told_and_replaced(tmp_path: Path, capsys: 
 
 
 @pytest.mark.parametrize(("field", "with_records"), [("cpu", True), ("cpu", False), ("embree_version", True)])
-def test_a_report_of_two_machines_or_versions_is_refused(tmp_path: Path, field: str, with_records: bool) -> None:
+def test_a_report_of_two_machines_or_versions_is_refused(tmp_path, field, with_records):
     planned = plan_points([configuration(tmp_path, split_x=split) for split in (1, 2)])
     records = [measure(planned[0], Runner()), measured_elsewhere(planned[1], **{field: "another"})]
     for record in records if with_records else []:
@@ -149,7 +139,7 @@ def test_a_report_of_two_machines_or_versions_is_refused(tmp_path: Path, field: 
     assert "report.html" not in files(tmp_path / "one")
 
 
-def test_a_report_of_another_machine_names_that_machine(tmp_path: Path) -> None:
+def test_a_report_of_another_machine_names_that_machine(tmp_path):
     (planned,) = plan_points([configuration(tmp_path)])
     foreign = measured_elsewhere(planned, cpu="a cpu far away")
     write_record(tmp_path / "records", foreign)
@@ -157,7 +147,7 @@ def test_a_report_of_another_machine_names_that_machine(tmp_path: Path) -> None:
     assert "a cpu far away" in rewrite_report(configuration(tmp_path)).read_text(encoding="utf-8")
 
 
-def doubts(record: Record) -> str:
+def doubts(record):
     told = make_table([record])["doubts"][0]
     return "" if pd.isna(told) else told
 
@@ -172,9 +162,7 @@ def doubts(record: Record) -> str:
         (0.02, ""),
     ],
 )
-def test_a_sample_out_of_all_proportion_is_a_doubt_and_stays(
-    tmp_path: Path, method: str, sample: float, told: str
-) -> None:
+def test_a_sample_out_of_all_proportion_is_a_doubt_and_stays(tmp_path, method, sample, told):
     (planned,) = plan_points([configuration(tmp_path)])
     record = measure(planned, Runner())
     odd = replace(record, samples={**record.samples, method: [0.1, sample, 0.1]})

@@ -1,17 +1,13 @@
 """A record's identity is the code that made it: what its method, its workload and the harness import, no more."""
 
-from __future__ import annotations
-
 import ast
 import re
 import sys
-from collections.abc import Callable, Collection
+from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 from itertools import product
 from textwrap import dedent
-from types import FrameType
-from typing import Any
 
 import pytest
 from omegaconf import OmegaConf
@@ -47,7 +43,7 @@ OURS = ("atra", "experiments", "scenes")
 Change = Callable[[str], str]
 
 
-def point_of(method: Any, workload: Any) -> Point:
+def point_of(method, workload):
     return replace(POINT, method=method, workload=workload)
 
 
@@ -56,30 +52,30 @@ EVERY_WORKLOAD = [point_of(ALIGNED, workload) for workload in WORKLOADS]
 
 
 @cache
-def source(module: str) -> Source | None:
+def source(module):
     return read_source(module) if module.partition(".")[0] in OURS else None
 
 
 CODE = Code(source)
 
 
-def sha256(point: Point, changed: Collection[str] = (), change: Change = lambda text: text + "\nCHANGED = 1\n") -> str:
+def sha256(point, changed=(), change=lambda text: text + "\nCHANGED = 1\n"):
     """Of the code of a point, where the sources of these modules have been changed."""
     if not changed:
         return CODE.sha256(code_roots(point))
 
-    def read(module: str) -> Source | None:
+    def read(module):
         found = source(module)
         return found if found is None or module not in changed else replace(found, text=change(found.text))
 
     return Code(read).sha256(code_roots(point))
 
 
-def modules(*points: Point) -> set[str]:
+def modules(*points):
     return {part.module for point in points for part in CODE.parts(code_roots(point))}
 
 
-def paper_points() -> list[Point]:
+def paper_points():
     """Every method with every workload of the sweep whose tables and figures are the paper's."""
     folder, found = ROOT / "conf" / "sweep", set()
     for name in [one for one in OmegaConf.load(folder / "paper.yaml").defaults if one != "_self_"]:
@@ -89,8 +85,8 @@ def paper_points() -> list[Point]:
     return [point_of(find_method(method), find_workload(workload)) for method, workload in sorted(found)]
 
 
-def test_comments_docstrings_and_blank_lines_anywhere_change_nothing() -> None:
-    def chatter(text: str) -> str:
+def test_comments_docstrings_and_blank_lines_anywhere_change_nothing():
+    def chatter(text):
         text = text.replace('"""', '"""Said in another way. ', 1)
         return re.sub(r"^(def |class |@|[A-Z_]+ = )", r"\n# a comment\n\n\1", text, flags=re.M) + "\n# the end\n"
 
@@ -100,7 +96,7 @@ def test_comments_docstrings_and_blank_lines_anywhere_change_nothing() -> None:
         assert sha256(point, everywhere, chatter) == sha256(point)
 
 
-def test_a_constant_of_the_rasteriser_makes_other_records_of_the_rasteriser_but_not_of_packets() -> None:
+def test_a_constant_of_the_rasteriser_makes_other_records_of_the_rasteriser_but_not_of_packets():
     constant = re.compile(r"^(_?[A-Z][A-Z_]*) = (\d+)", re.M)
     raster, packets = point_of(RASTER, FRAME), point_of(PIXEL, FRAME)
     of_raster = modules(raster) - modules(packets)
@@ -113,7 +109,7 @@ def test_a_constant_of_the_rasteriser_makes_other_records_of_the_rasteriser_but_
         assert sha256(packets, *changed) == sha256(packets)
 
 
-def test_a_change_of_the_baker_leaves_the_records_of_the_paper_valid() -> None:
+def test_a_change_of_the_baker_leaves_the_records_of_the_paper_valid():
     room = Baker.__module__.rpartition(".")[0]
     baker = {name for name in modules(point_of(RASTER, BAKE)) if name.startswith(f"{room}.")}
     assert Baker.__module__ in baker
@@ -124,12 +120,12 @@ def test_a_change_of_the_baker_leaves_the_records_of_the_paper_valid() -> None:
 
 
 @pytest.mark.parametrize("code", [measure_rounds, measure_point, run_worker, Point], ids=lambda code: code.__name__)
-def test_a_change_of_what_the_harness_measures_with_makes_other_records_of_every_point(code: Any) -> None:
+def test_a_change_of_what_the_harness_measures_with_makes_other_records_of_every_point(code):
     for point in (*EVERY_METHOD, *EVERY_WORKLOAD):
         assert sha256(point, [code.__module__]) != sha256(point), (point.method.name, point.workload.name)
 
 
-def test_a_change_of_a_method_or_a_workload_leaves_the_records_of_others_valid() -> None:
+def test_a_change_of_a_method_or_a_workload_leaves_the_records_of_others_valid():
     for point in EVERY_METHOD:
         measured_beside = {PIXEL.name, point.method.name}  # every frame is measured beside rays per pixel
         others = [one for one in EVERY_METHOD if point.method.name not in measured_beside | {one.method.name}]
@@ -142,7 +138,7 @@ def test_a_change_of_a_method_or_a_workload_leaves_the_records_of_others_valid()
         assert [sha256(one, measure) for one in others] == [sha256(one) for one in others]
 
 
-def test_what_only_tells_of_results_is_no_part_of_a_record() -> None:
+def test_what_only_tells_of_results_is_no_part_of_a_record():
     """Figures, terminal lines and pages, and the registries, by which everything would lead to everything."""
     found = {part for point in (*EVERY_METHOD, *EVERY_WORKLOAD) for part in CODE.parts(code_roots(point))}
     registries = {Part("experiments.methods"), Part("experiments.workloads"), Part("experiments.methods", "METHODS")}
@@ -152,12 +148,12 @@ def test_what_only_tells_of_results_is_no_part_of_a_record() -> None:
     assert not [name for name in names if name.startswith(rooms) or name.endswith((".figures", ".terminal"))]
 
 
-def test_the_identity_of_a_point_follows_its_code(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_identity_of_a_point_follows_its_code(monkeypatch):
     environment = current_environment()
     before = identity(POINT, environment)
     read = identities.read_source
 
-    def changed(module: str) -> Source | None:
+    def changed(module):
         found = read(module)
         return replace(found, text=found.text + "\nCHANGED = 1\n") if found and module == POINT.method.module else found
 
@@ -173,7 +169,7 @@ RUNS = [(ALIGNED, "frame"), (RASTER, "gather"), (RASTER, "bake"), (BVH, "rays")]
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("method", "workload"), RUNS, ids=[f"{one.name}-{name}" for one, name in RUNS])
-def test_every_function_that_runs_while_a_point_is_measured_is_part_of_its_code(method: Any, workload: str) -> None:
+def test_every_function_that_runs_while_a_point_is_measured_is_part_of_its_code(method, workload):
     kind = find_workload(workload)
     small = {"size": 32, "samples": 1} if kind is BAKE else {}
     configuration = Configuration(
@@ -185,9 +181,9 @@ def test_every_function_that_runs_while_a_point_is_measured_is_part_of_its_code(
         height=32,
     )
     point = plan_points([configuration])[0].point
-    ran: set[str] = set()
+    ran = set()
 
-    def note(frame: FrameType, event: str, argument: object) -> None:
+    def note(frame, event, argument):
         if event == "call" and frame.f_code.co_name != "<module>":
             ran.add(str(frame.f_globals.get("__name__")))
 
@@ -202,7 +198,7 @@ def test_every_function_that_runs_while_a_point_is_measured_is_part_of_its_code(
     assert not ours - modules(point)
 
 
-def test_package_faces_do_nothing_when_they_are_loaded() -> None:
+def test_package_faces_do_nothing_when_they_are_loaded():
     """A face that runs only on the way to a module below it does not count, so it may not have any effect."""
     harmless = (ast.Import, ast.ImportFrom, ast.Assign, ast.AnnAssign, ast.FunctionDef, ast.ClassDef)
     for package in OURS:
@@ -212,18 +208,18 @@ def test_package_faces_do_nothing_when_they_are_loaded() -> None:
                 assert is_text or isinstance(node, harmless), f"{path}, line {node.lineno}"
 
 
-def made_up(**sources: str) -> Code:
+def made_up(**sources):
     """Code of modules `a`, `a.b`, written `a`, `a__b`; those that others are below are packages."""
     texts = {name.replace("__", "."): dedent(text) for name, text in sources.items()}
 
-    def read(module: str) -> Source | None:
+    def read(module):
         is_face = any(name.startswith(f"{module}.") for name in texts)
         return Source(module, texts[module], is_face) if module in texts else None
 
     return Code(read)
 
 
-def parts(code: Code, *roots: tuple[str, str | None]) -> set[str]:
+def parts(code, *roots):
     return {part.module if part.name is None else f"{part.module}:{part.name}" for part in code.parts(roots)}
 
 
@@ -262,7 +258,7 @@ LIBRARY = {
         ("import numpy, os.path", set()),
     ],
 )
-def test_of_a_package_face_only_the_names_that_are_taken_count(source: str, expected: set[str]) -> None:
+def test_of_a_package_face_only_the_names_that_are_taken_count(source, expected):
     assert parts(made_up(**LIBRARY, user=source), ("user", None)) == expected | {"user"}
 
 
@@ -274,7 +270,7 @@ LAZY = """
 """
 
 
-def test_a_name_that_a_face_loads_when_it_is_asked_for_counts_as_if_it_were_imported() -> None:
+def test_a_name_that_a_face_loads_when_it_is_asked_for_counts_as_if_it_were_imported():
     code = {**LIBRARY, "lib": LAZY}
     assert parts(made_up(**code, user="from lib import near"), ("user", None)) == {"user", "lib.near"}
     assert parts(made_up(**code, user="from lib import far"), ("user", None)) == {"user", "lib.far", "lib.deep"}
@@ -283,7 +279,7 @@ def test_a_name_that_a_face_loads_when_it_is_asked_for_counts_as_if_it_were_impo
     assert anything == {"user", "lib", "lib.near", "lib.far", "lib.deep"}
 
 
-def test_modules_of_a_package_may_import_each_other_by_relative_names() -> None:
+def test_modules_of_a_package_may_import_each_other_by_relative_names():
     code = made_up(lib="from .near import near", lib__near="from . import deep", lib__deep="from .deep import x")
     assert parts(code, ("lib", "near")) == {"lib.near", "lib.deep"}
 
@@ -302,19 +298,19 @@ def test_modules_of_a_package_may_import_each_other_by_relative_names() -> None:
         ("LIMIT = 3\n@cached\ndef f(x): return x", False),
     ],
 )
-def test_what_runs_makes_the_hash_and_not_how_it_is_written(other: str, is_the_same: bool) -> None:
+def test_what_runs_makes_the_hash_and_not_how_it_is_written(other, is_the_same):
     one = made_up(user="LIMIT = 3\ndef f(x):\n    return x").sha256([("user", None)])
     assert (made_up(user=other).sha256([("user", None)]) == one) is is_the_same
 
 
-def test_of_a_name_taken_from_a_face_only_its_own_statement_is_hashed() -> None:
-    def sha(face: str) -> str:
+def test_of_a_name_taken_from_a_face_only_its_own_statement_is_hashed():
+    def sha(face):
         return made_up(lib=face, lib__near="", user="from lib import f").sha256([("user", None)])
 
     assert sha("A = 1\nB = 2\ndef f(): return A") == sha("A = 1\nB = 3\ndef f(): return A")
     assert sha("A = 1\nB = 2\ndef f(): return A") != sha("A = 2\nB = 2\ndef f(): return A")
 
 
-def test_a_method_of_which_there_is_no_source_is_refused() -> None:
+def test_a_method_of_which_there_is_no_source_is_refused():
     with pytest.raises(InputError, match="module 'nowhere' has no source"):
         identity(replace(POINT, method=replace(RASTER, module="nowhere")), current_environment())

@@ -1,10 +1,7 @@
 """Two runs never share a results folder."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
@@ -27,7 +24,7 @@ with exclusive(Path(sys.argv[1])):
 IN_USE = "in use by another run; wait for it to end or choose another results_dir"
 
 
-def test_a_second_run_or_report_is_refused_and_may_go_on_when_the_first_is_killed(tmp_path: Path) -> None:
+def test_a_second_run_or_report_is_refused_and_may_go_on_when_the_first_is_killed(tmp_path):
     (tmp_path / "one").mkdir()
     command = [sys.executable, "-c", HOLD, str(tmp_path)]
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, cwd=ROOT) as other:
@@ -43,13 +40,13 @@ def test_a_second_run_or_report_is_refused_and_may_go_on_when_the_first_is_kille
         pass
 
 
-def test_a_folder_that_cannot_be_locked_is_refused(tmp_path: Path) -> None:
+def test_a_folder_that_cannot_be_locked_is_refused(tmp_path):
     (tmp_path / ".lock").mkdir()
     with pytest.raises(StorageError, match=r"cannot be locked: .*choose another results_dir"):
         exclusive(tmp_path).__enter__()
 
 
-def test_half_written_files_of_a_killed_run_are_removed_and_nothing_else(tmp_path: Path) -> None:
+def test_half_written_files_of_a_killed_run_are_removed_and_nothing_else(tmp_path):
     for name in (".a.json.x1.unfinished", "a.json", "a.json.corrupt"):
         (tmp_path / name).write_text("{")
     with exclusive(tmp_path, tmp_path):

@@ -1,14 +1,11 @@
 """Records: identity, whole files or none, bad files set aside."""
 
-from __future__ import annotations
-
 import errno
 import json
 import os
 import tempfile
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, NoReturn
 
 import pytest
 
@@ -25,7 +22,7 @@ from experiments.harness.records import (
 
 pytestmark = pytest.mark.uncovered
 
-CONFIGURATION: dict[str, Any] = {"scene": "box", "split_x": 4, "culling": True, "eye": [0.0, 1.0, 2.0], "threads": None}
+CONFIGURATION = {"scene": "box", "split_x": 4, "culling": True, "eye": [0.0, 1.0, 2.0], "threads": None}
 MACHINE = {"cpu": "some cpu", "logical_cores": 2}
 RECORD = Record(
     point_id=point_id(CONFIGURATION, MACHINE),
@@ -39,12 +36,12 @@ RECORD = Record(
 )
 
 
-def test_a_record_survives_the_file(tmp_path: Path) -> None:
+def test_a_record_survives_the_file(tmp_path):
     write_record(tmp_path / "made" / "on demand", RECORD)
     assert read_record(tmp_path / "made" / "on demand", RECORD.point_id) == RECORD
 
 
-def test_a_missing_record_is_none(tmp_path: Path) -> None:
+def test_a_missing_record_is_none(tmp_path):
     assert read_record(tmp_path, RECORD.point_id) is None
 
 
@@ -58,15 +55,15 @@ def test_a_missing_record_is_none(tmp_path: Path) -> None:
         (CONFIGURATION, {**MACHINE, "logical_cores": 4}),
     ],
 )
-def test_the_identity_changes_with_every_field(configuration: dict[str, Any], machine: dict[str, Any]) -> None:
+def test_the_identity_changes_with_every_field(configuration, machine):
     assert point_id(configuration, machine) != RECORD.point_id
 
 
-def test_the_identity_ignores_the_order_of_keys() -> None:
+def test_the_identity_ignores_the_order_of_keys():
     assert point_id(dict(reversed(CONFIGURATION.items())), MACHINE) == RECORD.point_id
 
 
-def test_a_half_written_record_is_set_aside_with_a_warning(tmp_path: Path) -> None:
+def test_a_half_written_record_is_set_aside_with_a_warning(tmp_path):
     path = write_record(tmp_path, RECORD)
     half = path.read_text()[:100]
     path.write_text(half)
@@ -77,7 +74,7 @@ def test_a_half_written_record_is_set_aside_with_a_warning(tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize("content", [b"", b"[]", b"null", b"\xff\xfe", b'{"format": 2, "status": "ok", "unknown": 1}'])
-def test_a_file_that_is_no_record_is_set_aside(tmp_path: Path, content: bytes) -> None:
+def test_a_file_that_is_no_record_is_set_aside(tmp_path, content):
     record_path(tmp_path, RECORD.point_id).write_bytes(content)
     with pytest.raises(RecordError, match="start its sweep again"):
         load_record(tmp_path, RECORD.point_id)
@@ -88,20 +85,20 @@ def test_a_file_that_is_no_record_is_set_aside(tmp_path: Path, content: bytes) -
 
 
 @pytest.mark.parametrize("version", [1, 3, None])
-def test_a_record_of_another_version_is_refused(tmp_path: Path, version: int | None) -> None:
+def test_a_record_of_another_version_is_refused(tmp_path, version):
     path = write_record(tmp_path, RECORD)
     path.write_text(json.dumps(json.loads(path.read_text()) | {"format": version}))
     with pytest.raises(RecordError, match=rf"it is of format {version}, expected 2\); start its sweep again"):
         load_record(tmp_path, RECORD.point_id)
 
 
-def test_a_record_with_the_digest_of_earlier_versions_is_read(tmp_path: Path) -> None:
+def test_a_record_with_the_digest_of_earlier_versions_is_read(tmp_path):
     path = write_record(tmp_path, RECORD)
     path.write_text(json.dumps(json.loads(path.read_text()) | {"sha256": "0"}))
     assert load_record(tmp_path, RECORD.point_id) == RECORD
 
 
-def refuse(*_: object, **__: object) -> NoReturn:
+def refuse(*_, **__):
     """A call of the system for which there is no room."""
     raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
@@ -111,9 +108,7 @@ def refuse(*_: object, **__: object) -> NoReturn:
     [(tempfile, "mkstemp"), (os, "fsync"), (os, "chmod"), (os, "replace"), (Path, "mkdir")],
     ids=lambda one: getattr(one, "__name__", one),
 )
-def test_a_failed_write_names_the_file_and_leaves_the_earlier_record_and_no_litter(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, module: Any, call: str
-) -> None:
+def test_a_failed_write_names_the_file_and_leaves_the_earlier_record_and_no_litter(tmp_path, monkeypatch, module, call):
     path = write_record(tmp_path, RECORD)
     with monkeypatch.context() as broken:
         broken.setattr(module, call, refuse)
@@ -124,7 +119,7 @@ def test_a_failed_write_names_the_file_and_leaves_the_earlier_record_and_no_litt
     assert [path.name for path in tmp_path.iterdir()] == [f"{RECORD.point_id}.json"]
 
 
-def test_only_points_that_failed_or_lacked_memory_are_worth_a_retry() -> None:
+def test_only_points_that_failed_or_lacked_memory_are_worth_a_retry():
     assert RECORD.finished
     assert replace(RECORD, status="skipped", error="too large").finished
     assert not replace(RECORD, status="skipped", error="too large", results={LACKED_MEMORY: True}).finished

@@ -1,10 +1,6 @@
 """Sweeps as a whole, with a runner that measures nothing: what is measured, what is shared, what is refused."""
 
-from __future__ import annotations
-
-from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 
 import psutil
 import pytest
@@ -20,10 +16,9 @@ from experiments.harness.configuration import (
 )
 from experiments.harness.identity import current_environment, identity, identity_of, measure
 from experiments.harness.options import NoOptions
-from experiments.harness.point import Point
-from experiments.harness.points import PlannedPoint, plan_points
+from experiments.harness.points import plan_points
 from experiments.harness.processes.outcome import Outcome
-from experiments.harness.records import Record, point_id, write_record
+from experiments.harness.records import point_id, write_record
 from experiments.methods.aligned import ALIGNED, AlignedOptions
 from experiments.methods.peers.embreex_run import EMBREEX
 from experiments.sweep import GridPoint, run_sweep
@@ -37,11 +32,11 @@ pytestmark = pytest.mark.uncovered
 class Runner:
     """Stands in for the worker: remembers the points it was given."""
 
-    def __init__(self, status: str = "ok") -> None:
+    def __init__(self, status="ok"):
         self.status = status
-        self.points: list[Point] = []
+        self.points = []
 
-    def __call__(self, point: Point) -> Outcome:
+    def __call__(self, point):
         self.points.append(point)
         if self.status != "ok":
             return Outcome(self.status, "on purpose")
@@ -54,9 +49,7 @@ class Runner:
         return Outcome("ok", samples={name: [0.1, 0.1, 0.1] for name in names}, results=results)
 
 
-def configuration(
-    folder: Path, sweep: str = "one", split_x: int = 1, workload: str = "frame", **fields: object
-) -> Configuration:
+def configuration(folder, sweep="one", split_x=1, workload="frame", **fields):
     """Of a sweep that draws nothing: drawing takes time."""
     return Configuration(
         scene=SceneConfiguration(name="cornell_box", source=SceneSource.procedural),
@@ -64,11 +57,11 @@ def configuration(
         measure=MeasureConfiguration(processes=1),
         method=fields.pop("method", Chosen(ALIGNED, AlignedOptions(split_x))),
         workload=Chosen(find_workload(workload), NoOptions()),
-        **{"width": 64, "height": 64, "results_dir": str(folder), **fields},  # type: ignore[arg-type]
+        **{"width": 64, "height": 64, "results_dir": str(folder), **fields},
     )
 
 
-def test_a_point_of_two_grids_is_measured_once_and_belongs_to_both(tmp_path: Path) -> None:
+def test_a_point_of_two_grids_is_measured_once_and_belongs_to_both(tmp_path):
     runner = Runner()
     points = [
         GridPoint("horizontal", configuration(tmp_path, split_x=1)),
@@ -80,7 +73,7 @@ def test_a_point_of_two_grids_is_measured_once_and_belongs_to_both(tmp_path: Pat
     assert list(table["grids"]) == ["horizontal", "horizontal,grid"]
 
 
-def test_what_one_sweep_measured_another_does_not_measure_again(tmp_path: Path) -> None:
+def test_what_one_sweep_measured_another_does_not_measure_again(tmp_path):
     run_sweep([GridPoint("a", configuration(tmp_path, "first"))], run=Runner())
     runner = Runner()
     both = [GridPoint("b", configuration(tmp_path, "second", split_x=split)) for split in (1, 4)]
@@ -98,14 +91,14 @@ def test_what_one_sweep_measured_another_does_not_measure_again(tmp_path: Path) 
         {"workload": "memory"},
     ],
 )
-def test_a_point_that_differs_in_any_field_is_another_point(tmp_path: Path, changed: dict[str, object]) -> None:
+def test_a_point_that_differs_in_any_field_is_another_point(tmp_path, changed):
     run_sweep([GridPoint("a", configuration(tmp_path))], run=Runner())
     runner = Runner(status="skipped")
-    run_sweep([GridPoint("a", configuration(tmp_path, **changed))], run=runner)  # type: ignore[arg-type]
+    run_sweep([GridPoint("a", configuration(tmp_path, **changed))], run=runner)
     assert len(runner.points) == 1
 
 
-def test_a_failed_point_is_tried_again_and_the_exit_code_tells(tmp_path: Path) -> None:
+def test_a_failed_point_is_tried_again_and_the_exit_code_tells(tmp_path):
     points = [GridPoint("a", configuration(tmp_path))]
     with pytest.raises(SystemExit) as failed:
         run_sweep(points, run=Runner(status="failed"))
@@ -116,14 +109,14 @@ def test_a_failed_point_is_tried_again_and_the_exit_code_tells(tmp_path: Path) -
 
 
 def test_a_point_that_lacked_memory_is_tried_again_when_more_is_free_and_not_given_up_when_less_is(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+    tmp_path, monkeypatch
+):
     unculled = Chosen(ALIGNED, AlignedOptions(64, culling=False))
     points = [GridPoint("a", configuration(tmp_path, method=unculled))]
     points[0].configuration.measure.processes = 3
     free = virtual_memory()
 
-    def sweep(available: int) -> tuple[list[str], int]:
+    def sweep(available):
         monkeypatch.setattr(psutil, "virtual_memory", lambda: free._replace(available=available))
         runner = Runner()
         return list(run_sweep(points, run=runner)["status"]), len(runner.points)
@@ -133,16 +126,14 @@ def test_a_point_that_lacked_memory_is_tried_again_when_more_is_free_and_not_giv
     assert sweep(10 * 2**20) == (["ok"], 0)
 
 
-def test_the_memory_budget_is_a_share_of_what_is_free_or_what_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_memory_budget_is_a_share_of_what_is_free_or_what_is_said(monkeypatch):
     free = virtual_memory()
     monkeypatch.setattr(psutil, "virtual_memory", lambda: free._replace(available=24 * 2**30))
     assert replace(POINT, memory_budget_gib=None).tracing.memory_budget_bytes == 18 * 2**30
     assert replace(POINT, memory_budget_gib=4.0).tracing.memory_budget_bytes == 4 * 2**30
 
 
-def test_a_scene_that_is_not_here_is_replaced_by_its_stand_in_only_where_allowed(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_scene_that_is_not_here_is_replaced_by_its_stand_in_only_where_allowed(tmp_path, monkeypatch, capsys):
     monkeypatch.setenv("ATRA_SCENES", str(tmp_path))
     missing = configuration(tmp_path)
     missing.scene = SceneConfiguration(name="sponza", source=SceneSource.directory)
@@ -154,7 +145,7 @@ def test_a_scene_that_is_not_here_is_replaced_by_its_stand_in_only_where_allowed
     assert "sponza is not on this machine; atrium, its stand-in, is not that scene" in capsys.readouterr().err
 
 
-def test_a_model_in_the_home_folder_is_found_by_the_worker_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_model_in_the_home_folder_is_found_by_the_worker_too(tmp_path, monkeypatch):
     monkeypatch.setenv("HOME", str(tmp_path))
     (tmp_path / "model.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
     scene = SceneConfiguration(source=SceneSource.file, path="~/model.obj")
@@ -162,12 +153,10 @@ def test_a_model_in_the_home_folder_is_found_by_the_worker_too(tmp_path: Path, m
     assert planned.point.scene_path == str(tmp_path / "model.obj")
 
 
-def test_a_peer_s_point_is_another_one_with_another_version_of_the_peer(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_peer_s_point_is_another_one_with_another_version_of_the_peer(tmp_path, monkeypatch):
     environment = current_environment()
 
-    def named() -> list[str]:
+    def named():
         return [identity(replace(POINT, method=method), environment) for method in (EMBREEX, ALIGNED)]
 
     before = named()
@@ -177,7 +166,7 @@ def test_a_peer_s_point_is_another_one_with_another_version_of_the_peer(
     assert own == before[1]
 
 
-def measured_elsewhere(planned: PlannedPoint, **environment: object) -> Record:
+def measured_elsewhere(planned, **environment):
     """The record another machine, or other code, would have written; `environment` is what differs there."""
     record = measure(planned, Runner())
     if "code_sha256" in environment:
@@ -187,12 +176,12 @@ def measured_elsewhere(planned: PlannedPoint, **environment: object) -> Record:
     return replace(record, point_id=identity_of(record, planned.point))
 
 
-def test_launched_points_are_found_by_their_configuration(tmp_path: Path) -> None:
+def test_launched_points_are_found_by_their_configuration(tmp_path):
     configurations = [configuration(tmp_path, split_x=split) for split in (1, 2)]
     points = [GridPoint("a", one, (f"method.split_x={one.method.options.split_x}",)) for one in configurations]
     written = []
 
-    def launch(jobs: Sequence[Sequence[str]]) -> list[str | None]:
+    def launch(jobs):
         assert sorted(jobs) == [("method.split_x=1",), ("method.split_x=2",)]
         for planned in plan_points(configurations):
             record = measured_elsewhere(planned, cpu="another cpu")
@@ -207,9 +196,7 @@ def test_launched_points_are_found_by_their_configuration(tmp_path: Path) -> Non
 
 
 @pytest.mark.parametrize("faults", ["other code", "another name", "another method", "no record"])
-def test_a_job_s_record_that_this_code_did_not_write_is_not_taken(
-    tmp_path: Path, faults: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_job_s_record_that_this_code_did_not_write_is_not_taken(tmp_path, faults, capsys):
     (planned,) = plan_points([configuration(tmp_path)])
     record = measured_elsewhere(planned, cpu="another cpu")
     if faults == "other code":
@@ -227,10 +214,10 @@ def test_a_job_s_record_that_this_code_did_not_write_is_not_taken(
     assert path.exists()  # it may be of another version, which can still read it
 
 
-def test_launched_points_of_two_machines_are_not_put_into_one_table(tmp_path: Path) -> None:
+def test_launched_points_of_two_machines_are_not_put_into_one_table(tmp_path):
     configurations = [configuration(tmp_path, split_x=split) for split in (1, 2)]
 
-    def launch(jobs: Sequence[Sequence[str]]) -> list[str | None]:
+    def launch(jobs):
         for planned in plan_points(configurations):
             record = measured_elsewhere(planned, cpu=f"cpu {planned.point.options.split_x}")
             write_record(tmp_path / "records", record)
@@ -240,8 +227,8 @@ def test_launched_points_of_two_machines_are_not_put_into_one_table(tmp_path: Pa
         run_sweep([GridPoint("a", one) for one in configurations], launch=launch, at_once=2)
 
 
-def test_a_peer_that_does_not_tell_its_memory_is_no_reason_to_stop(tmp_path: Path) -> None:
-    def run(point: Point) -> Outcome:
+def test_a_peer_that_does_not_tell_its_memory_is_no_reason_to_stop(tmp_path):
+    def run(point):
         results = Runner()(point).results
         return Outcome("ok", results={"rss_bytes": results["rss_bytes"], "peak_rss_bytes": 9})
 

@@ -1,18 +1,14 @@
 """The oracle finds what brute force finds, and tells whose fault a disagreement is."""
 
-from __future__ import annotations
-
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
 
 import atra
 import atra.judge.oracle as oracle
-from atra.hits import Hits
 from atra.judge.compare import Agreement, Verdict, compare
-from atra.judge.oracle import Correctness, Examination, examine, nearest_hits, sample_pixels
+from atra.judge.oracle import Correctness, examine, nearest_hits, sample_pixels
 from atra.judge.reference import brute_force
 from atra.prim_ids import MISS
 from scenes.cornell_box import cornell_box
@@ -23,23 +19,23 @@ PIXEL = (5, 3)  # x, y
 NEAR, NEAR_TWIN, FAR, BESIDE = 1, 3, 5, 7  # of the two triangles of each square, the one that PIXEL's ray meets
 
 
-def square(depth: float, half: float = 4.0) -> list[tuple[float, float, float]]:
+def square(depth, half=4.0):
     return [(-half, -half, depth), (half, -half, depth), (half, half, depth), (-half, half, depth)]
 
 
 @pytest.fixture(scope="module")
-def mesh() -> atra.Mesh:
+def mesh():
     """Squares face-on at depths 2, 2 and 3 that fill the view, and one beside it."""
     beside = [(x + 20.0, y, z) for x, y, z in square(2.0)]
     return quads([square(2.0), square(2.0), square(3.0), beside])
 
 
 @pytest.fixture(scope="module")
-def truth(mesh: atra.Mesh) -> Hits:
+def truth(mesh):
     return brute_force(mesh, CAMERA)
 
 
-def changed(image: Hits, prim_id: int | None = None, depth: float | None = None) -> Hits:
+def changed(image, prim_id=None, depth=None):
     """The image with another answer at PIXEL."""
     x, y = PIXEL
     prim_ids, depths = image.prim_id.copy(), image.depth.copy()
@@ -48,12 +44,12 @@ def changed(image: Hits, prim_id: int | None = None, depth: float | None = None)
     return replace(image, prim_id=prim_ids, depth=depths)
 
 
-def examined(mesh: atra.Mesh, hits: Hits, reference: Hits, sample: Any = None) -> Examination:
+def examined(mesh, hits, reference, sample=None):
     return examine(mesh, CAMERA, hits, reference, compare(mesh, CAMERA, hits, reference), sample)
 
 
 @pytest.mark.parametrize(("offset", "threads"), [((0.5, 0.5), 1), ((0.0, 0.0), 1), ((0.25, 0.75), 2)])
-def test_the_oracle_finds_exactly_the_hits_of_brute_force(offset: tuple[float, float], threads: int) -> None:
+def test_the_oracle_finds_exactly_the_hits_of_brute_force(offset, threads):
     around = atra.Camera(**EYE_AT_ORIGIN, fov_y_degrees=130.0, width=37, height=23)
     parallel = atra.OrthographicCamera(**EYE_AT_ORIGIN, view_height=4.0, width=37, height=23)
     triangles = random_triangles(150, 3)
@@ -66,7 +62,7 @@ def test_the_oracle_finds_exactly_the_hits_of_brute_force(offset: tuple[float, f
         assert np.array_equal(found.depth.astype(np.float32), expected.depth.reshape(-1))
 
 
-def test_the_oracle_finds_no_hit_on_triangles_without_area_edge_on_or_behind_the_eye() -> None:
+def test_the_oracle_finds_no_hit_on_triangles_without_area_edge_on_or_behind_the_eye():
     vertices = [(-9, 0, 3), (9, 0, 3), (0, 0, 3), (0, 0, 1), (5, 0, 9), (-9, -9, -1), (9, -9, -1), (0, 9, -1)]
     mesh = atra.Mesh(vertices, [(0, 1, 2), (0, 0, 1), (0, 3, 4), (5, 6, 7)])
     found = nearest_hits(mesh, CAMERA, np.array([4]), np.array([3]), (0.0, 0.0))
@@ -74,7 +70,7 @@ def test_the_oracle_finds_no_hit_on_triangles_without_area_edge_on_or_behind_the
     assert np.isnan(found.edge_distance[0])
 
 
-def test_a_lone_ray_through_an_edge_or_a_corner_is_not_lost() -> None:
+def test_a_lone_ray_through_an_edge_or_a_corner_is_not_lost():
     rim = [(np.cos(t), np.sin(t), 1.0) for t in np.arange(8) * np.pi / 4]
     fan = atra.Mesh([(0, 0, 1.0), *rim], [(0, 1 + i, 1 + (i + 1) % 8) for i in range(8)])
     camera = atra.Camera(**EYE_AT_ORIGIN, fov_y_degrees=60.0, width=17, height=17)
@@ -85,7 +81,7 @@ def test_a_lone_ray_through_an_edge_or_a_corner_is_not_lost() -> None:
         assert nearest_hits(fan, camera, x, y).prim_id[0] == expected.prim_id[y[0], x[0]]
 
 
-def test_the_oracle_finds_no_hit_on_a_triangle_flattened_by_rounding_only() -> None:
+def test_the_oracle_finds_no_hit_on_a_triangle_flattened_by_rounding_only():
     mesh = atra.Mesh([(0.1, 0.1, 0.1), (0.2, 0.2, 0.2), (0.4, 0.4, 0.4)], [(0, 1, 2)])
     for eye_x in np.linspace(0.5, 2.5, 9):
         camera = atra.Camera(eye=(eye_x, 0.7, 2.9), target=(0.2, 0.2, 0.2), width=9, height=9)
@@ -107,8 +103,8 @@ INSIDE, ASIDE = pytest.approx(1 / 12), pytest.approx(17 / 8)
     (OFF, TRUE, (WRONG_DEPTH, RIGHT), None), (TRUE, OFF, (RIGHT, WRONG_DEPTH), None),
 ])  # fmt: skip
 def test_a_wrong_pixel_is_blamed_on_the_image_that_is_wrong_and_how_far(
-    mesh: atra.Mesh, truth: Hits, hits: Any, reference: Any, correctness: Any, off_by: Any
-) -> None:
+    mesh, truth, hits, reference, correctness, off_by
+):
     found = examined(mesh, changed(truth, *hits), changed(truth, *reference))
     assert [(found.x[0], found.y[0])] == [PIXEL]
     assert list(found.verdict) == [Verdict.WRONG]
@@ -119,13 +115,13 @@ def test_a_wrong_pixel_is_blamed_on_the_image_that_is_wrong_and_how_far(
     assert off_by is None or (*found.hits.off_by, *found.reference.off_by) == off_by
 
 
-def test_nobody_is_wrong_about_equally_deep_triangles(mesh: atra.Mesh, truth: Hits) -> None:
+def test_nobody_is_wrong_about_equally_deep_triangles(mesh, truth):
     found = examined(mesh, changed(truth, NEAR_TWIN), truth)
     assert list(found.verdict) == [Verdict.TIED]
     assert (*found.hits.correctness, *found.reference.correctness) == (Correctness.TIED, RIGHT)
 
 
-def test_the_sample_finds_where_both_images_are_wrong_alike(mesh: atra.Mesh, truth: Hits) -> None:
+def test_the_sample_finds_where_both_images_are_wrong_alike(mesh, truth):
     alike = changed(truth, FAR, 3.0)
     assert len(examined(mesh, alike, alike).x) == 0
     x, y = PIXEL
@@ -139,7 +135,7 @@ def test_the_sample_finds_where_both_images_are_wrong_alike(mesh: atra.Mesh, tru
     assert list(found.hits.wrong) == list(found.reference.wrong) == [False, True]
 
 
-def test_a_sample_is_distinct_pixels_of_the_image_the_same_for_the_same_seed() -> None:
+def test_a_sample_is_distinct_pixels_of_the_image_the_same_for_the_same_seed():
     sample = sample_pixels(CAMERA, 20, [1, 2])
     assert len(np.unique(sample)) == 20
     assert sample.min() >= 0
@@ -149,9 +145,7 @@ def test_a_sample_is_distinct_pixels_of_the_image_the_same_for_the_same_seed() -
     assert sorted(sample_pixels(CAMERA, 1000, [1])) == list(range(8 * 6))
 
 
-def test_where_too_many_pixels_disagree_the_nearer_confirmed_answer_is_the_truth(
-    mesh: atra.Mesh, truth: Hits, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_where_too_many_pixels_disagree_the_nearer_confirmed_answer_is_the_truth(mesh, truth, monkeypatch):
     monkeypatch.setattr(oracle, "EXHAUSTIVE_TESTS", 0)
     found = examined(mesh, changed(truth, FAR, 3.0), changed(truth, BESIDE, 2.0), np.array([0]))
     disputed = found.disputed
@@ -164,6 +158,6 @@ def test_where_too_many_pixels_disagree_the_nearer_confirmed_answer_is_the_truth
     assert list(twins.truth.prim_id) == [NEAR]
 
 
-def test_an_agreement_of_another_size_is_refused(mesh: atra.Mesh, truth: Hits) -> None:
+def test_an_agreement_of_another_size_is_refused(mesh, truth):
     with pytest.raises(atra.InputError, match=r"agreement is of an image of \(2, 2\), the camera's is \(6, 8\)"):
         examine(mesh, CAMERA, truth, truth, Agreement(np.zeros((2, 2), np.uint8)))

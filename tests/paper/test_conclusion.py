@@ -1,10 +1,5 @@
 """The conclusion and the best gains, on tables whose every verdict is known."""
 
-from __future__ import annotations
-
-from typing import Any
-
-import pandas as pd
 import pytest
 
 from experiments.paper.claims import judge_claims
@@ -16,15 +11,15 @@ from tests.paper_table import BEST, agreeing_table, scaled, skipped
 
 pytestmark = pytest.mark.uncovered
 
-SINGLE: dict[str, Any] = {"workload": "frame", "packet_width": 1}
+SINGLE = {"workload": "frame", "packet_width": 1}
 
 
 @pytest.fixture(scope="module")
-def agreeing() -> pd.DataFrame:
+def agreeing():
     return agreeing_table()
 
 
-def concluded(table: pd.DataFrame | None) -> list[str]:
+def concluded(table):
     """Its sentences."""
     try:
         gains = scene_gains(table)
@@ -34,7 +29,7 @@ def concluded(table: pd.DataFrame | None) -> list[str]:
     return [f"{sentence.rstrip('.')}." for sentence in text.split(". ")]
 
 
-def test_gains_are_the_best_of_each_scene_beside_the_paper_s_and_packets_stand_apart(agreeing: pd.DataFrame) -> None:
+def test_gains_are_the_best_of_each_scene_beside_the_paper_s_and_packets_stand_apart(agreeing):
     halved = scaled(agreeing, 0.5, **SINGLE, scene="sponza")
     cornell, *_, sponza = scene_gains(halved)
     assert (cornell.paper, sponza.paper, sponza.triangles) == (7.5, 1.71, 262267)
@@ -43,7 +38,7 @@ def test_gains_are_the_best_of_each_scene_beside_the_paper_s_and_packets_stand_a
     assert (sponza.packet_width, sponza.single["all hits"].best.splits) == (8, 1024)
 
 
-def test_gains_where_every_hit_is_wanted_are_over_what_gathers_the_same(agreeing: pd.DataFrame) -> None:
+def test_gains_where_every_hit_is_wanted_are_over_what_gathers_the_same(agreeing):
     frames = agreeing[agreeing["workload"] == "frame"]
     *_, sponza = scene_gains(scaled(frames.assign(workload="gather", what="count"), 0.5, scene="sponza"))
     assert [found.best.gain.value for found in sponza.single.values()] == pytest.approx([BEST["sponza"]], rel=0.005)
@@ -51,7 +46,7 @@ def test_gains_where_every_hit_is_wanted_are_over_what_gathers_the_same(agreeing
     assert packets == pytest.approx([BEST["sponza"], BEST["sponza"]], rel=0.005)
 
 
-def test_what_is_not_the_paper_s_scene_or_size_has_no_number_of_the_paper_beside_it(agreeing: pd.DataFrame) -> None:
+def test_what_is_not_the_paper_s_scene_or_size_has_no_number_of_the_paper_beside_it(agreeing):
     atrium = agreeing_table(("sponza",)).assign(scene="atrium", stands_for="sponza")
     (one,) = scene_gains(atrium)
     assert (one.scene, one.stand_in, one.paper) == ("atrium", True, None)
@@ -60,9 +55,7 @@ def test_what_is_not_the_paper_s_scene_or_size_has_no_number_of_the_paper_beside
     }
 
 
-def test_a_split_that_was_skipped_may_have_been_better_and_too_few_processes_have_no_best(
-    agreeing: pd.DataFrame,
-) -> None:
+def test_a_split_that_was_skipped_may_have_been_better_and_too_few_processes_have_no_best(agreeing):
     (one,) = scene_gains(skipped(agreeing_table(("sponza",)), **SINGLE, culling=True, split_x=1024, split_y=1))
     found = one.single["nearest hit"]
     assert found.best.splits == 512
@@ -71,7 +64,7 @@ def test_a_split_that_was_skipped_may_have_been_better_and_too_few_processes_hav
         scene_gains(agreeing[agreeing["process"].fillna(0) < 2])
 
 
-def test_the_conclusion_is_two_sentences_that_count_verdicts(agreeing: pd.DataFrame) -> None:
+def test_the_conclusion_is_two_sentences_that_count_verdicts(agreeing):
     table = scaled(agreeing, 0.5, **SINGLE, scene="sponza")
     speed, others = concluded(table)
     assert speed == (
@@ -83,7 +76,7 @@ def test_the_conclusion_is_two_sentences_that_count_verdicts(agreeing: pd.DataFr
     )
 
 
-def test_what_noise_leaves_open_and_what_is_missing_is_said(agreeing: pd.DataFrame) -> None:
+def test_what_noise_leaves_open_and_what_is_missing_is_said(agreeing):
     noise = agreeing["process"].map({0: 0.8, 1: 1.25, 2: 1.0, 3: 0.8, 4: 1.25})
     noisy = agreeing.assign(speedup=agreeing["speedup"] * noise.where(agreeing["scene"] == "mitsuba", 1.0))
     speed, others = concluded(noisy[noisy["scene"] != "sponza"])
@@ -91,7 +84,7 @@ def test_what_noise_leaves_open_and_what_is_missing_is_said(agreeing: pd.DataFra
     assert "were not measured" in others
 
 
-def test_little_measured_is_a_conclusion_too(agreeing: pd.DataFrame) -> None:
+def test_little_measured_is_a_conclusion_too(agreeing):
     nothing = [
         "No speed-up was measured that is to be held against the paper's.",
         "None of its other claims was measured.",

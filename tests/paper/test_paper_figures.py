@@ -1,14 +1,8 @@
 """Figures 3 to 5 of the paper are drawn as the paper has them, from what the table says and no more."""
 
-from __future__ import annotations
-
-from typing import Any
-
 import numpy as np
 import pandas as pd
 import pytest
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from experiments.drawing.shading import encode_png
 from experiments.drawing.style import PANEL_INCHES, TIMES
@@ -31,17 +25,17 @@ SPLIT = [
 ]  # fmt: skip
 
 
-def panels(figure: Figure) -> list[Axes]:
+def panels(figure):
     return [axis for axis in figure.axes if axis.get_title(loc="left")]
 
 
-def cells(axis: Axes) -> dict[tuple[int, int], str]:
+def cells(axis):
     """(column, row) -> what is written there."""
     whole = [text for text in axis.texts if text.get_transform() == axis.transData]
     return {tuple(map(int, text.get_position())): text.get_text() for text in whole if text.get_text()}
 
 
-def test_figure_5_draws_the_table_s_times_in_ms_with_intervals_and_both_baselines() -> None:
+def test_figure_5_draws_the_table_s_times_in_ms_with_intervals_and_both_baselines():
     table = make_rows(*SPLIT)
     figure = draw_split_times(table)
     (axis,) = figure.axes
@@ -58,21 +52,21 @@ def test_figure_5_draws_the_table_s_times_in_ms_with_intervals_and_both_baseline
 
 
 @pytest.mark.parametrize(("draw", "heights"), [(draw_split_times, [40, 20]), (draw_split_ratios, [1.25, 2])])
-def test_the_best_split_is_ringed_and_told(draw: Any, heights: list[float]) -> None:
+def test_the_best_split_is_ringed_and_told(draw, heights):
     figure = draw(make_rows(*SPLIT))
     rings = [one.get_xydata()[0] for one in figure.axes[0].get_lines() if one.get_label() == "_best"]
     np.testing.assert_allclose(rings, [(2, height) for height in heights])
     assert "culling on: 2 best, 20.0 ms" in words(figure)
 
 
-def test_over_vertical_splits_the_abscissa_is_theirs() -> None:
+def test_over_vertical_splits_the_abscissa_is_theirs():
     rows = [row | {"split_x": 1, "split_y": row["split_x"]} for row in SPLIT]
     (axis,) = draw_split_times(make_rows(*rows), axis_name="split_y").axes
     assert line(axis, "aligned, culling on") == {1: 80, 2: 20, 4: 25}
     assert axis.get_xlabel() == "vertical splits"
 
 
-def test_beside_figure_5_stands_the_speed_up_with_every_baseline_where_it_lies_among_the_ratios() -> None:
+def test_beside_figure_5_stands_the_speed_up_with_every_baseline_where_it_lies_among_the_ratios():
     figure = draw_split_ratios(make_rows(*SPLIT))
     (axis,) = figure.axes
     assert line(axis, "aligned, culling on") == {1: 0.625, 2: 2.0, 4: 1.75}
@@ -85,7 +79,7 @@ def test_beside_figure_5_stands_the_speed_up_with_every_baseline_where_it_lies_a
     assert f"culling on: 2 best, 20.0 ms, 2.00{TIMES}; over all hits 4.00{TIMES}" in words(figure)
 
 
-def test_single_rays_are_held_against_single_rays() -> None:
+def test_single_rays_are_held_against_single_rays():
     rows = make_rows(time_row(1, 0.05, packet_width=1), time_row(2, 0.02, packet_width=1, ratio=0.1))
     (axis,) = draw_split_ratios(rows).axes
     assert line(axis, "aligned, culling on") == {1: 2, 2: 5}
@@ -99,7 +93,7 @@ GRID = [
 ]
 
 
-def test_figure_4_is_a_map_of_the_table_s_times_in_ms_for_culling_off_beside_one_for_culling_on() -> None:
+def test_figure_4_is_a_map_of_the_table_s_times_in_ms_for_culling_off_beside_one_for_culling_on():
     figure = draw_grid_times(make_rows(*GRID))
     off, on = panels(figure)
     assert [axis.get_title(loc="left") for axis in (off, on)] == [
@@ -114,7 +108,7 @@ def test_figure_4_is_a_map_of_the_table_s_times_in_ms_for_culling_off_beside_one
     assert off.images[0].get_clim() == on.images[0].get_clim() == (25, 200)
 
 
-def test_figure_4_frames_the_best_split_and_the_one_that_splits_and_culls_nothing() -> None:
+def test_figure_4_frames_the_best_split_and_the_one_that_splits_and_culls_nothing():
     off, on = panels(draw_grid_times(make_rows(*GRID)))
     framed = [
         {patch.get_label(): tuple(map(round, patch.get_center())) for patch in axis.patches} for axis in (off, on)
@@ -123,7 +117,7 @@ def test_figure_4_frames_the_best_split_and_the_one_that_splits_and_culls_nothin
     assert framed == [{best: (1, 1), ALL_HITS: (0, 0)}, {best: (1, 1)}]
 
 
-def test_beside_figure_4_stands_the_speed_up_under_both_readings() -> None:
+def test_beside_figure_4_stands_the_speed_up_under_both_readings():
     off, on = panels(draw_grid_ratios(make_rows(*GRID)))
     np.testing.assert_allclose(off.images[0].get_array(), [[0.25, 0.5], [0.5, 1]])
     assert cells(off)[1, 1] == f"1.00{TIMES}\n4.00{TIMES}"
@@ -131,13 +125,13 @@ def test_beside_figure_4_stands_the_speed_up_under_both_readings() -> None:
 
 
 @pytest.mark.parametrize("draw", [draw_split_times, draw_split_ratios])
-def test_a_packet_width_is_a_panel_of_its_own_and_scenes_keep_their_rows(draw: Any) -> None:
+def test_a_packet_width_is_a_panel_of_its_own_and_scenes_keep_their_rows(draw):
     table = make_rows(*(time_row(1, 0.08, packet_width=width, scene=name) for name in "ab" for width in (8, 1)))
     titles = [axis.get_title(loc="left") for axis in panels(draw(table))]
     assert titles == [f"{name} (10 triangles), packet width {width}" for name in "ab" for width in (1, 8)]
 
 
-def test_a_packet_width_has_maps_of_its_own() -> None:
+def test_a_packet_width_has_maps_of_its_own():
     table = make_rows(*(time_row(1, 0.08, packet_width=width) for width in (8, 1)))
     titles = [axis.get_title(loc="left") for axis in panels(draw_grid_times(table))]
     assert titles == [
@@ -145,7 +139,7 @@ def test_a_packet_width_has_maps_of_its_own() -> None:
     ]
 
 
-def test_what_is_missing_is_said_point_by_point() -> None:
+def test_what_is_missing_is_said_point_by_point():
     rows = [SPLIT[0], skipped(SPLIT[1]), *SPLIT[3:]]
     (axis,) = draw_split_times(make_rows(*rows)).axes
     said = " ".join(text.get_text() for text in axis.texts)
@@ -158,7 +152,7 @@ def test_what_is_missing_is_said_point_by_point() -> None:
     assert "\N{EN DASH} 2 cells: not in the table" in said
 
 
-def test_an_unsteady_point_s_time_is_not_drawn() -> None:
+def test_an_unsteady_point_s_time_is_not_drawn():
     unsteady = {
         "status": "unsteady",
         "error": "rtcIntersect1 over packets was more than 10% off the median of the sweep",
@@ -173,7 +167,7 @@ def test_an_unsteady_point_s_time_is_not_drawn() -> None:
 
 
 @pytest.mark.parametrize("draw", [draw_split_times, draw_split_ratios, draw_grid_times, draw_grid_ratios])
-def test_a_table_without_culling_off_says_so(draw: Any) -> None:
+def test_a_table_without_culling_off_says_so(draw):
     said = words(draw(make_rows(*SPLIT[3:])))
     assert "culling off: not in the table" in said
     assert "culling on: not in the table" not in said
@@ -190,20 +184,20 @@ def test_a_table_without_culling_off_says_so(draw: Any) -> None:
         (draw_grid_ratios, ["speedup", "speedup_vs_packets"], f"{ALL_HITS}: not measured"),
     ],
 )
-def test_an_older_table_without_a_column_says_what_is_missing(draw: Any, gone: list[str], said: str) -> None:
+def test_an_older_table_without_a_column_says_what_is_missing(draw, gone, said):
     figure = draw(make_rows(*SPLIT).drop(columns=gone))
     assert said in unfolded(figure)
     save(figure)
 
 
-def reference(grid: str) -> pd.DataFrame:
+def reference(grid):
     tables = read_tables(REFERENCE)
     assert tables is not None
     rows = rows_of(tables.points, grid)
     return rows[rows["packet_width"] == 1]
 
 
-def test_figure_5_of_the_kept_reference_has_its_times() -> None:
+def test_figure_5_of_the_kept_reference_has_its_times():
     rows = reference("horizontal")
     figure = draw_split_times(rows)
     assert len(panels(figure)) == 4
@@ -213,7 +207,7 @@ def test_figure_5_of_the_kept_reference_has_its_times() -> None:
             assert line(axis, label) == dict(zip(points["split_x"], 1000 * points["render_time_s"], strict=True))
 
 
-def test_figure_4_of_the_kept_reference_has_its_times_and_says_what_was_not_measured() -> None:
+def test_figure_4_of_the_kept_reference_has_its_times_and_says_what_was_not_measured():
     rows = reference("grid")
     off, on, *_ = panels(draw_grid_times(rows))
     splits = [1, 2, 4, 8, 16]
@@ -228,15 +222,15 @@ def test_figure_4_of_the_kept_reference_has_its_times_and_says_what_was_not_meas
 IMAGES = [np.full((4, 8, 3), value, np.uint8) for value in (10, 20, 30)]
 
 
-def pictures(scene: str, stands_for: str | None = None) -> ScenePictures:
+def pictures(scene, stands_for=None):
     return ScenePictures(scene, 61600, stands_for, 8, 4, 29, 2, 1, 0, *map(encode_png, IMAGES))
 
 
-def picture_row(scene: str, **fields: Any) -> dict[str, Any]:
+def picture_row(scene, **fields):
     return COMMON | {"workload": "picture", "scene": scene, "triangles": 61600} | fields
 
 
-def test_figure_3_shows_each_scene_with_its_name_and_triangles() -> None:
+def test_figure_3_shows_each_scene_with_its_name_and_triangles():
     rows = make_rows(picture_row("ball", stands_for="mitsuba"), picture_row("room"))
     figure = draw_scenes_figure(rows, [pictures("ball"), pictures("room")])
     assert figure.get_figwidth() == pytest.approx(2 * PANEL_INCHES)
@@ -247,7 +241,7 @@ def test_figure_3_shows_each_scene_with_its_name_and_triangles() -> None:
     assert f"8 {TIMES} 4 pixels" in unfolded(figure)
 
 
-def test_figure_3_holds_no_picture_that_must_not_be_passed_on_and_says_what_it_lacks() -> None:
+def test_figure_3_holds_no_picture_that_must_not_be_passed_on_and_says_what_it_lacks():
     rows = make_rows(picture_row("mitsuba"), picture_row("room"), skipped(picture_row("hall")))
     figure = draw_scenes_figure(rows, [pictures("mitsuba")])
     assert not any(axis.images for axis in figure.axes)
@@ -258,7 +252,7 @@ def test_figure_3_holds_no_picture_that_must_not_be_passed_on_and_says_what_it_l
     save(figure)
 
 
-def test_beside_figure_3_stand_the_pictures_of_both_methods_with_their_counts() -> None:
+def test_beside_figure_3_stand_the_pictures_of_both_methods_with_their_counts():
     one = pictures("ball", stands_for="mitsuba")
     figure = draw_differences_figure([one, one])
     assert len(figure.axes) == 6

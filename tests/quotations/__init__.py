@@ -6,18 +6,7 @@ writes the rows into the pages, below their marks (`<!-- rows: name -->`), and p
 tests/documents/test_documents.py looks for each of them. reports/reference/tables.md has every table.
 """
 
-from tests.quotations import (
-    agreement,
-    bake,
-    classification,
-    gathering,
-    glance,
-    growth,
-    methods,
-    paper,
-    pictures,
-    views,
-)
+from tests.quotations import agreement, bake, classification, gathering, glance, growth, methods, paper, pictures, views
 from tests.quotations.quotation import Quotation
 
 _TABLES, _METHODS, _PAPER = "reports/reference/tables.md", "docs/methods.md", "docs/paper.md"

@@ -1,13 +1,9 @@
 """Figures draw what the table says, on tables small enough to read."""
 
-from __future__ import annotations
-
 from pathlib import Path
-from typing import Any
 
 import pandas as pd
 import pytest
-from matplotlib.axes import Axes
 from matplotlib.axis import Tick
 from matplotlib.figure import Figure
 from matplotlib.text import Text
@@ -50,24 +46,24 @@ from tests.report.test_frame_figures import walk
 pytestmark = pytest.mark.uncovered
 
 
-def crosses(axis: Axes) -> set[float]:
+def crosses(axis):
     return {float(x) for line in axis.get_lines() if line.get_marker() == "x" for x in line.get_xdata()}
 
 
 @pytest.mark.parametrize(("axis_name", "said"), [("split_x", "horizontal splits"), ("split_y", "vertical splits")])
-def test_the_axis_of_splits_says_which_way_they_run(axis_name: str, said: str) -> None:
+def test_the_axis_of_splits_says_which_way_they_run(axis_name, said):
     figure = draw_split_times(make_rows(time_row(1, 0.08), time_row(2, 0.02)), axis_name=axis_name)
     assert {axis.get_xlabel() for axis in figure.axes} == {said}
 
 
-def test_processes_left_out_are_said_in_the_foot() -> None:
+def test_processes_left_out_are_said_in_the_foot():
     unsteady = time_row(2, 0.1) | {"status": "unsteady", "error": "too noisy", "processes_left_out": 3}
     figure = draw_split_times(make_rows(time_row(1, 0.1, processes_left_out=1), unsteady))
     assert "4 processes left out as unsteady" in unfolded(figure)
     assert "culling on, 2: unsteady, too noisy" in unfolded(figure)
 
 
-def test_the_build_figure_draws_plan_and_build_of_copies_and_the_build_of_instances() -> None:
+def test_the_build_figure_draws_plan_and_build_of_copies_and_the_build_of_instances():
     instanced = build_row(2, 0.001, 0.003, geometry="instanced", culling=False)
     table = make_rows(build_row(1, 0.002, 0.005), build_row(2, 0.003, 0.007), instanced, skipped(build_row(4, 0, 0)))
     figure = draw_build_figure(table)
@@ -80,7 +76,7 @@ def test_the_build_figure_draws_plan_and_build_of_copies_and_the_build_of_instan
     assert "culling on, 4: skipped, needs more memory than its budget" in unfolded(figure)
 
 
-def test_the_memory_figure_takes_the_mesh_off_and_draws_the_pixel_rows_as_baselines() -> None:
+def test_the_memory_figure_takes_the_mesh_off_and_draws_the_pixel_rows_as_baselines():
     table = make_rows(
         memory_row(1, 100, 110, 130),
         memory_row(2, 101, 121, 141),
@@ -98,7 +94,7 @@ def test_the_memory_figure_takes_the_mesh_off_and_draws_the_pixel_rows_as_baseli
     assert crosses(axis) == {4}
 
 
-def test_rss_is_drawn_where_it_grew_by_more_than_the_noise_of_pages_and_embree_s_bytes_everywhere() -> None:
+def test_rss_is_drawn_where_it_grew_by_more_than_the_noise_of_pages_and_embree_s_bytes_everywhere():
     figure = draw_memory_figure(make_rows(memory_row(1, 100, 100, 130), memory_row(2, 100, 110, 130)))
     (axis,) = figure.axes
     assert line(axis, "RSS over the mesh, after the build") == {2: 10}
@@ -106,14 +102,14 @@ def test_rss_is_drawn_where_it_grew_by_more_than_the_noise_of_pages_and_embree_s
     assert "RSS is drawn from 1 MiB on" in unfolded(figure)
 
 
-def test_a_failure_is_told_in_its_own_words_and_a_long_list_of_points_by_its_ends() -> None:
+def test_a_failure_is_told_in_its_own_words_and_a_long_list_of_points_by_its_ends():
     rows = [skipped(memory_row(2**k, 0, 0, 0)) | {"status": "failed", "error": "memory ran out"} for k in range(7)]
     figure = draw_memory_figure(make_rows(*rows))
     assert "culling on, 1 to 64 (7 points): failed, memory ran out" in words(figure)
     assert crosses(figure.axes[0]) == {1, 2, 4, 8, 16, 32, 64}
 
 
-def test_the_instancing_figure_sets_embree_s_bytes_beside_the_speed_up_at_the_width_of_the_instances() -> None:
+def test_the_instancing_figure_sets_embree_s_bytes_beside_the_speed_up_at_the_width_of_the_instances():
     table = make_rows(
         memory_row(2, 100, 110, 110),
         memory_row(2, 100, 150, 150, culling=False, embree_bytes=9 * MIB),
@@ -134,7 +130,7 @@ def test_the_instancing_figure_sets_embree_s_bytes_beside_the_speed_up_at_the_wi
     assert line(speed, "aligned, instanced") == {2: 0.5}
 
 
-def drawn_names(*rows: dict[str, Any], grids: dict[str, list[str]] | None = None) -> list[str]:
+def drawn_names(*rows, grids=None):
     return [figure.name for figure in draw_figures(make_rows(*rows), Path(), grids)]
 
 
@@ -166,20 +162,18 @@ INSTANCED = memory_row(2, 100, 102, 102, culling=False, geometry="instanced")
         ([], []),
     ],
 )
-def test_without_grids_a_table_draws_every_figure_that_has_something_to_show(
-    rows: list[dict[str, Any]], expected: list[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_without_grids_a_table_draws_every_figure_that_has_something_to_show(rows, expected, monkeypatch):
     monkeypatch.setattr(Figure, "savefig", lambda *_, **__: None)  # each three times; how they look, others test
     assert drawn_names(*rows) == expected
 
 
-def test_a_sweep_that_names_figures_draws_these_of_the_points_of_their_grids_alone() -> None:
+def test_a_sweep_that_names_figures_draws_these_of_the_points_of_their_grids_alone():
     rows = [row | {"grids": "horizontal"} for row in SPLITS] + [build_row(1, 0.1, 0.2, grids="build")]
     assert drawn_names(*rows, grids={"figure5": ["horizontal"], "figure7": ["memory"]}) == ["figure5"]
     assert drawn_names(*rows, grids={"figure6": ["build", "none"]}) == ["figure6"]
 
 
-def test_a_figure_of_one_packet_width_holds_the_points_of_that_width() -> None:
+def test_a_figure_of_one_packet_width_holds_the_points_of_that_width():
     table = make_rows(*SPLITS, *(row | {"packet_width": 1} for row in SPLITS))
     drawn = draw_figures(table, Path())
     single, packets = next(drawn), next(drawn)
@@ -189,23 +183,20 @@ def test_a_figure_of_one_packet_width_holds_the_points_of_that_width() -> None:
 @pytest.mark.parametrize(
     ("figures", "message"),
     [
-        (
-            {"figure9": ["horizontal"]},
-            "sweep.figures names 'figure9', expected one of figure4, figure4_speed",
-        ),
+        ({"figure9": ["horizontal"]}, "sweep.figures names 'figure9', expected one of figure4, figure4_speed"),
         ({"figure5": ["vertical"]}, "sweep.figures.figure5 names 'vertical', expected one of horizontal"),
     ],
 )
 def test_an_unknown_figure_or_grid_is_refused_with_the_known_names_before_anything_is_measured(
-    tmp_path: Path, figures: dict[str, list[str]], message: str
-) -> None:
+    tmp_path, figures, message
+):
     sweep = SweepConfiguration(figures=figures)
     with pytest.raises(InputError, match=message):
         run_sweep([GridPoint("horizontal", Configuration(sweep=sweep, results_dir=str(tmp_path)))])
     assert list(tmp_path.iterdir()) == []
 
 
-def draw_growth_to_larger_images(rows: pd.DataFrame, columns: int = 2) -> Figure:
+def draw_growth_to_larger_images(rows, columns=2):
     """Growth takes two sizes: each row is there again with four times the pixels."""
     larger = rows.assign(width=2 * rows["width"], height=2 * rows["height"])
     return draw_growth_figure(pd.concat([rows, larger], ignore_index=True), columns)
@@ -235,7 +226,7 @@ LEFT = ["scene", "status", "method", "split_x", "split_y", "culling", "workload"
 @pytest.mark.parametrize(
     "name", [pytest.param(name, marks=pytest.mark.slow if place % 3 else ()) for place, name in enumerate(ONE_ROW)]
 )
-def test_every_figure_copes_with_one_row_with_none_and_with_a_row_of_missing_values(name: str) -> None:
+def test_every_figure_copes_with_one_row_with_none_and_with_a_row_of_missing_values(name):
     draw, row = ONE_ROW[name]
     one = make_rows(row)
     missing = one.copy()
@@ -249,7 +240,7 @@ def test_every_figure_copes_with_one_row_with_none_and_with_a_row_of_missing_val
 @pytest.mark.slow
 @pytest.mark.parametrize("columns", [1, 2])
 @pytest.mark.parametrize("name", ONE_ROW)
-def test_every_text_is_large_enough_for_a_page_of_400_px_and_inside_its_figure(name: str, columns: int) -> None:
+def test_every_text_is_large_enough_for_a_page_of_400_px_and_inside_its_figure(name, columns):
     draw, row = ONE_ROW[name]
     scenes = ("fireplace_room", "living_room")
     long = [row | {"scene": scene, "triangles": 143_163, "stands_for": "sponza"} for scene in scenes]
@@ -268,13 +259,13 @@ def test_every_text_is_large_enough_for_a_page_of_400_px_and_inside_its_figure(n
 @pytest.mark.parametrize(
     "name", [pytest.param(name, marks=() if name == "methods" else pytest.mark.slow) for name in ONE_ROW]
 )
-def test_a_stand_in_is_named_as_one_and_no_other_scene_is(name: str) -> None:
+def test_a_stand_in_is_named_as_one_and_no_other_scene_is(name):
     draw, row = ONE_ROW[name]
     assert "stand-in for sponza, not that scene" in words(draw(make_rows(row | {"stands_for": "sponza"})))
     assert "stand-in" not in words(draw(make_rows(row)))
 
 
-def test_the_foot_says_only_what_the_table_tells() -> None:
+def test_the_foot_says_only_what_the_table_tells():
     assert (
         describe_measurement(make_rows(memory_row(1, 1, 2, 3)))
         == f"1000 {TIMES} 1000 pixels, threads 1, packet width 8"

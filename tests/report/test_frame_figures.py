@@ -1,12 +1,7 @@
 """The figures of several frames draw what the table says, on tables small enough to read."""
 
-from __future__ import annotations
-
-from typing import Any
-
 import numpy as np
 import pytest
-from matplotlib.axes import Axes
 
 from experiments.drawing.style import TIMES
 from experiments.workloads.multiframe.frame_parts import PACKETS, SEPARATE_FRAMES, TOGETHER, VISIBLE_FRAMES, best_place
@@ -20,7 +15,7 @@ NAMES = ("separate", "visible_first", "rasteriser")
 RASTER_S = 0.004
 
 
-def frames_row(split_x: int, together_s: float, separate_s: float, visible_s: float, **fields: Any) -> dict[str, Any]:
+def frames_row(split_x, together_s, separate_s, visible_s, **fields):
     """A row of several frames; packets take 0.05 s. Intervals of times are half and double."""
     row = method_row("aligned", split_x, together_s, 0.05 / together_s, frames=2, motion="eyes", workload="multiframe")
     for name, time_s in zip(NAMES, (separate_s, visible_s, RASTER_S), strict=True):
@@ -31,7 +26,7 @@ def frames_row(split_x: int, together_s: float, separate_s: float, visible_s: fl
     return row | {name: count * 2**20 for name, count in sizes.items()} | fields
 
 
-def test_each_way_has_the_split_at_which_packets_lose_most_to_it() -> None:
+def test_each_way_has_the_split_at_which_packets_lose_most_to_it():
     rows = make_rows(
         frames_row(1, 0.1, 0.01, 0.02),
         frames_row(64, 0.02, 0.05, 0.04),
@@ -47,7 +42,7 @@ def test_each_way_has_the_split_at_which_packets_lose_most_to_it() -> None:
     assert best_place(rows.iloc[3:], PACKETS) is None
 
 
-def test_the_stereo_figure_draws_every_way_at_its_best_split_in_milliseconds_with_intervals_and_paired_ratios() -> None:
+def test_the_stereo_figure_draws_every_way_at_its_best_split_in_milliseconds_with_intervals_and_paired_ratios():
     figure = draw_stereo_figure(make_rows(frames_row(64, 0.02, 0.05, 0.04), frames_row(128, 0.04, 0.02, 0.01)))
     (axis,) = figure.axes
     assert bars(axis) == {
@@ -62,13 +57,13 @@ def test_the_stereo_figure_draws_every_way_at_its_best_split_in_milliseconds_wit
     assert set(line(axis, "fastest packets per pixel")) == {50}
 
 
-def test_the_stereo_figure_draws_a_split_of_too_few_processes_for_an_interval() -> None:
+def test_the_stereo_figure_draws_a_split_of_too_few_processes_for_an_interval():
     row = frames_row(64, 0.02, 0.05, 0.04)
     row |= {name: None for name in row if name.endswith(("_low", "_high", "_low_s", "_high_s"))}
     assert f"20.0 ms, 2.50{TIMES}" in words(draw_stereo_figure(make_rows(row)))
 
 
-def test_the_figures_of_frames_say_what_was_skipped_and_which_pixels_are_wrong() -> None:
+def test_the_figures_of_frames_say_what_was_skipped_and_which_pixels_are_wrong():
     reason = "skipped, needs more memory than its budget"
     table = make_rows(frames_row(64, 0.02, 0.05, 0.04, pixels_wrong=7), skipped(frames_row(128, 0.04, 0.02, 0.01)))
     for draw in (draw_stereo_figure, draw_multiframe_figure):
@@ -78,17 +73,17 @@ def test_the_figures_of_frames_say_what_was_skipped_and_which_pixels_are_wrong()
     assert "nothing measured" in words(draw_multiframe_figure(make_rows(skipped(walk(8, 0.02)))))
 
 
-def walk(frames: int, together_s: float, **fields: Any) -> dict[str, Any]:
+def walk(frames, together_s, **fields):
     return frames_row(64, together_s, 2 * together_s, 0.5 * together_s, frames=frames, motion="walk", **fields)
 
 
-def lines_of(axis: Axes, color: str) -> list[tuple[list[float], list[float]]]:
+def lines_of(axis, color):
     """Abscissae and ordinates of the lines of a colour, intervals left out."""
     drawn = [one for one in axis.get_lines() if one.get_color() == color and one.get_label() != "_bars"]
     return [(list(one.get_xdata()), list(one.get_ydata())) for one in drawn]
 
 
-def test_the_multiframe_figure_draws_the_time_of_one_frame_of_each_way_and_motion() -> None:
+def test_the_multiframe_figure_draws_the_time_of_one_frame_of_each_way_and_motion():
     turned_row = frames_row(64, 0.02, 0.05, 0.04, motion="turn", pixels_wrong=7)
     table = make_rows(walk(2, 0.02), walk(4, 0.02), turned_row)
     figure = draw_multiframe_figure(table)
@@ -111,7 +106,7 @@ def test_the_multiframe_figure_draws_the_time_of_one_frame_of_each_way_and_motio
     save(figure)
 
 
-def test_the_multiframe_figure_draws_embree_s_bytes_and_the_peak_at_the_split_of_the_times() -> None:
+def test_the_multiframe_figure_draws_embree_s_bytes_and_the_peak_at_the_split_of_the_times():
     slower = walk(2, 0.04) | {"split_x": 128, "embree_bytes": 9 * 2**20, "peak_rss_bytes": 9 * 2**20}
     figure = draw_multiframe_figure(make_rows(walk(2, 0.02), slower))
     memory = figure.axes[-1]

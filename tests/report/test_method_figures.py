@@ -1,7 +1,5 @@
 """The figures that compare methods draw what the table says, on tables small enough to read."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -18,7 +16,7 @@ pytestmark = pytest.mark.uncovered
 PIXEL = method_row("pixel", 1, 0.05, 1.0, plan_time_s=0.0, embree_bytes=2000, first_frame_time_s=0.06)
 
 
-def test_the_methods_figure_draws_the_ratio_at_the_best_split_its_interval_the_time_and_both_baselines() -> None:
+def test_the_methods_figure_draws_the_ratio_at_the_best_split_its_interval_the_time_and_both_baselines():
     table = make_rows(
         method_row("tiles", 4, 0.04, 1.25, split_y=4),
         method_row("aligned", 64, 0.01, 1.5),
@@ -38,7 +36,7 @@ def test_the_methods_figure_draws_the_ratio_at_the_best_split_its_interval_the_t
     assert set(line(axis, "fastest packets per pixel")) == {1}
 
 
-def test_a_method_without_a_time_keeps_its_place_and_its_reason() -> None:
+def test_a_method_without_a_time_keeps_its_place_and_its_reason():
     table = make_rows(skipped(method_row("tiles", 4, split_y=4)), method_row("aligned", 2))
     figure = draw_methods_figure(table)
     assert list(bars(figure.axes[0])) == [f"aligned, packets of 8, 2 {TIMES} 1"]
@@ -47,13 +45,13 @@ def test_a_method_without_a_time_keeps_its_place_and_its_reason() -> None:
     assert f"{TIMES} culled tiles, packets of 8, 4 {TIMES} 4: {reason}" in unfolded(figure)
 
 
-def test_wrong_pixels_are_told_below_the_panel() -> None:
+def test_wrong_pixels_are_told_below_the_panel():
     for draw in (draw_methods_figure, draw_peers_figure):
         assert "1,234 pixels wrong" in words(draw(make_rows(method_row("aligned", 2, pixels_wrong=1234))))
         assert "wrong" not in words(draw(make_rows(method_row("aligned", 2))))
 
 
-def test_the_price_figure_draws_cumulative_seconds_marks_the_break_even_and_lists_the_parts() -> None:
+def test_the_price_figure_draws_cumulative_seconds_marks_the_break_even_and_lists_the_parts():
     aligned = method_row("aligned", 128, 0.02, 2.5, plan_time_s=0.03, build_time_s=0.1, first_frame_time_s=0.05)
     figure = draw_break_even_figure(make_rows(aligned, method_row("aligned", 64, 0.001, 1.0), PIXEL))
     (axis,) = figure.axes
@@ -68,7 +66,7 @@ def test_the_price_figure_draws_cumulative_seconds_marks_the_break_even_and_list
     assert {f"aligned, packets of 8, 128 {TIMES} 1", *parts} <= set(said)
 
 
-def test_the_price_figure_draws_one_line_a_method_at_its_best_packet_width() -> None:
+def test_the_price_figure_draws_one_line_a_method_at_its_best_packet_width():
     single = method_row("aligned", 256, 0.08, 0.5, packet_width=1)
     figure = draw_break_even_figure(make_rows(single, method_row("aligned", 128, 0.02, 2.5), PIXEL))
     assert line(figure.axes[0], "aligned")[2] == 0.053
@@ -76,13 +74,13 @@ def test_the_price_figure_draws_one_line_a_method_at_its_best_packet_width() -> 
     assert "single rays" not in words(figure)
 
 
-def test_the_price_figure_says_never_and_marks_nothing_for_a_method_that_stays_behind() -> None:
+def test_the_price_figure_says_never_and_marks_nothing_for_a_method_that_stays_behind():
     figure = draw_break_even_figure(make_rows(method_row("tiles", 4, 0.06, 0.8), PIXEL))
     assert "never" in words(figure)
     assert "_ring" not in [line.get_label() for line in figure.axes[0].get_lines()]
 
 
-def test_the_price_figure_without_a_baseline_draws_the_methods_and_says_what_is_missing() -> None:
+def test_the_price_figure_without_a_baseline_draws_the_methods_and_says_what_is_missing():
     table = make_rows(method_row("aligned", 2), method_row("tiles", 2, first_frame_time_s=None))
     figure = draw_break_even_figure(table)
     assert line(figure.axes[0], "aligned")[1] == 0.033
@@ -91,7 +89,7 @@ def test_the_price_figure_without_a_baseline_draws_the_methods_and_says_what_is_
     assert f"{TIMES} fastest packets per pixel: not measured in full, so no break-even" in said
 
 
-def test_the_threads_figure_divides_the_time_on_one_thread_and_combines_the_intervals_conservatively() -> None:
+def test_the_threads_figure_divides_the_time_on_one_thread_and_combines_the_intervals_conservatively():
     table = make_rows(
         method_row("aligned", 128, 0.08, 2.0),
         method_row("aligned", 64, 0.01, 1.0),
@@ -111,13 +109,13 @@ def test_the_threads_figure_divides_the_time_on_one_thread_and_combines_the_inte
     assert f"aligned, packets of 8, threads 8, 128 {TIMES} 1: skipped, needs more memory" in unfolded(figure)
 
 
-def test_a_series_without_a_time_on_one_thread_is_named_and_not_drawn() -> None:
+def test_a_series_without_a_time_on_one_thread_is_named_and_not_drawn():
     figure = draw_threads_figure(make_rows(method_row("tiles", 2, threads=2), method_row("aligned", 2)))
     assert f"{TIMES} culled tiles, packets of 8: nothing to compare with on one thread" in unfolded(figure)
     assert [one.get_label() for one in figure.axes[0].get_lines()].count("culled tiles, packets of 8") == 0
 
 
-def test_the_peers_figure_sorts_by_rays_a_second_and_lists_who_is_missing_once() -> None:
+def test_the_peers_figure_sorts_by_rays_a_second_and_lists_who_is_missing_once():
     rows = [
         method_row("embreex", 1, 0.2, 0.25, packet_width=None),
         method_row("aligned", 128, 0.02, 2.5),
@@ -140,6 +138,6 @@ def test_the_peers_figure_sorts_by_rays_a_second_and_lists_who_is_missing_once()
     assert f"{TIMES} culled tiles, packets of 8, 4 {TIMES} 4: skipped, {needs} (ball)" in unfolded(figure)
 
 
-def test_numbers_are_said_with_three_digits() -> None:
+def test_numbers_are_said_with_three_digits():
     said = [say_number(value) for value in (0, 0.0123, 9.999, 34, 99.96, 1234.5)]
     assert said == ["0", "0.0123", "10.0", "34.0", "100", "1,234"]

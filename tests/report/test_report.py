@@ -1,11 +1,8 @@
 """The report as a file: what it says, and what it hides. How it looks is tested in a browser."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from html.parser import HTMLParser
-from pathlib import Path
 
 import pandas as pd
 import pytest
@@ -14,7 +11,7 @@ from experiments.paper.claims import judge_claims
 from experiments.report import write_report
 from experiments.report.facts import count_doubts, missing_points
 from experiments.report.page import render_report
-from experiments.report.tables import WorkloadTable, workload_tables
+from experiments.report.tables import workload_tables
 from experiments.results.canary import BAND
 from experiments.results.claims import NOT_MEASURED
 from tests.paper_table import agreeing_table, scaled
@@ -26,12 +23,12 @@ APOSTROPHE, TIMES = "\N{RIGHT SINGLE QUOTATION MARK}", "\N{MULTIPLICATION SIGN}"
 
 
 @pytest.fixture(scope="module")
-def page() -> str:
+def page():
     return render_report(small_contents())
 
 
 @pytest.fixture(scope="module")
-def full_page() -> str:
+def full_page():
     """Of all four scenes, which agree with the paper but for single rays of one: half as fast, gathering or not."""
     processes = scaled(agreeing_table(), 0.5, workload="frame", packet_width=1, scene="sponza")
     points = processes[processes["process"].fillna(0) == 0]
@@ -41,26 +38,26 @@ def full_page() -> str:
 class _Page(HTMLParser):
     """Collects tags, addresses, and ids."""
 
-    def __init__(self, text: str) -> None:
+    def __init__(self, text):
         super().__init__()
-        self.tags: set[str] = set()
-        self.addresses: list[str] = []
-        self.ids: list[str] = []
+        self.tags = set()
+        self.addresses = []
+        self.ids = []
         self.feed(text)
 
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+    def handle_starttag(self, tag, attrs):
         self.tags.add(tag)
         self.addresses += [value for name, value in attrs if name in ("src", "href", "srcset", "action") and value]
         self.ids += [value for name, value in attrs if name == "id" and value]
 
 
-def test_the_report_is_one_file_and_equal_contents_make_equal_ones(tmp_path: Path, page: str) -> None:
+def test_the_report_is_one_file_and_equal_contents_make_equal_ones(tmp_path, page):
     assert write_report(tmp_path, small_contents()) == tmp_path / "report.html"
     assert [path.name for path in tmp_path.iterdir()] == ["report.html"]
     assert (tmp_path / "report.html").read_text(encoding="utf-8") == page
 
 
-def test_the_page_names_nothing_outside_itself_but_the_tables_beside_it(page: str) -> None:
+def test_the_page_names_nothing_outside_itself_but_the_tables_beside_it(page):
     parsed = _Page(page)
     inside = {address[1:] for address in parsed.addresses if address[0] == "#"}
     assert {"figures", "claims", "pictures", "missing", "tables"} <= inside <= set(parsed.ids)
@@ -70,7 +67,7 @@ def test_the_page_names_nothing_outside_itself_but_the_tables_beside_it(page: st
     assert len(parsed.ids) == len(set(parsed.ids))
 
 
-def test_text_from_data_never_becomes_markup() -> None:
+def test_text_from_data_never_becomes_markup():
     hostile_claim = replace(
         CLAIMS[0], **dict.fromkeys(("text", "paper_value", "how", "value", "interval", "why"), HOSTILE)
     )
@@ -93,14 +90,14 @@ def test_text_from_data_never_becomes_markup() -> None:
 
 
 @pytest.mark.parametrize("verdict", ["holds", "does not hold", "undecided", "not measured"])
-def test_a_verdict_is_said_in_words(verdict: str) -> None:
+def test_a_verdict_is_said_in_words(verdict):
     page = render_report(small_contents(claims=(replace(CLAIMS[0], verdict=verdict), CLAIMS[1])))
     shown, _ = re.findall(r'<span class="verdict [^"]*"><span aria-hidden="true">(.)</span> ([^<]*)</span>', page)
     assert shown[1] == verdict
     assert shown[0] in "✔✘≈○"
 
 
-def test_a_picture_that_must_not_be_passed_on_is_left_out_and_its_counts_and_the_reason_stay() -> None:
+def test_a_picture_that_must_not_be_passed_on_is_left_out_and_its_counts_and_the_reason_stay():
     shown, withheld = (
         render_report(small_contents(pictures=(scene_pictures(scene),), figures=()))
         for scene in ("cornell_box", "mitsuba")
@@ -111,12 +108,12 @@ def test_a_picture_that_must_not_be_passed_on_is_left_out_and_its_counts_and_the
     assert "254 pixels equal" in withheld
 
 
-def test_where_pictures_are_equal_no_empty_one_shows_their_difference() -> None:
+def test_where_pictures_are_equal_no_empty_one_shows_their_difference():
     page = render_report(small_contents(pictures=(scene_pictures(pixels_equal=256, pixels_tied=0),), figures=()))
     assert page.count("data:image/png") == 2
 
 
-def test_stand_ins_are_called_stand_ins_wherever_their_numbers_stand(page: str) -> None:
+def test_stand_ins_are_called_stand_ins_wherever_their_numbers_stand(page):
     said = f"stand-in, not the paper{APOSTROPHE}s mitsuba"
     assert f'material_ball</strong> is a <span class="stand-in">{said}' in page
     assert len(re.findall(rf"<th[^>]*>material_ball\b.*?{said}", page)) == 1
@@ -124,9 +121,7 @@ def test_stand_ins_are_called_stand_ins_wherever_their_numbers_stand(page: str) 
     assert "stand-in, not" not in render_report(small_contents(table=real))
 
 
-def test_the_page_begins_with_the_conclusion_and_shows_the_paper_s_number_beside_ours_under_both_readings(
-    full_page: str,
-) -> None:
+def test_the_page_begins_with_the_conclusion_and_shows_the_paper_s_number_beside_ours_under_both_readings(full_page):
     assert re.search(rf"</h1>\s*<p class=.conclusion.>The paper{APOSTROPHE}s best speed-ups", full_page)
     first, ours, *_ = re.findall(r"<table.*?</table>", full_page, re.S)
     (sponza,) = re.findall(r"<th[^>]*>sponza.*?</tr>", first, re.S)
@@ -135,7 +130,7 @@ def test_the_page_begins_with_the_conclusion_and_shows_the_paper_s_number_beside
     assert ours.count(f"1,024 {TIMES} 1, packets of 8") == 12
 
 
-def test_readings_that_part_are_seen_at_a_glance_and_an_inference_is_called_one(full_page: str) -> None:
+def test_readings_that_part_are_seen_at_a_glance_and_an_inference_is_called_one(full_page):
     (best,) = re.findall(r'<tbody[^>]*id="claim-best-speedup-sponza">.*?</tbody>', full_page, re.S)
     verdicts = re.findall(r'<span class="verdict [^"]*"><span aria-hidden="true">.</span> ([^<]*)</span>', best)
     assert verdicts == ["holds under one reading only", "does not hold", "holds"]
@@ -147,7 +142,7 @@ def test_readings_that_part_are_seen_at_a_glance_and_an_inference_is_called_one(
     )
 
 
-def test_the_page_says_how_many_processes_were_left_out_and_how_busy_the_machine_was() -> None:
+def test_the_page_says_how_many_processes_were_left_out_and_how_busy_the_machine_was():
     table = small_table().assign(processes=5, processes_left_out=0, load_average=0.25)
     table.loc[0, ["processes", "processes_left_out", "load_average"]] = [3, 2, 1.75]
     page = render_report(small_contents(table=table, processes=table))
@@ -164,19 +159,19 @@ def test_the_page_says_how_many_processes_were_left_out_and_how_busy_the_machine
         (0.2, "<dd>others took 1.0% to 20.0% of its cores while it measured"),
     ],
 )
-def test_that_nothing_else_was_running_is_said_only_where_it_was_measured(most: float, said: str) -> None:
+def test_that_nothing_else_was_running_is_said_only_where_it_was_measured(most, said):
     table = small_table().assign(load_average=0.1, others_share=0.01, stolen_share=pd.NA)
     table.loc[0, "stolen_share"] = most - 0.01
     assert said in render_report(small_contents(table=table, processes=table))
 
 
-def column(table: WorkloadTable, name: str) -> list[tuple[str, str]]:
+def column(table, name):
     """Text and interval of each cell of a column."""
     (place,) = [place for place, heading in enumerate(table.headings) if heading.name == name]
     return [cells[place] for cells, _ in table.rows]
 
 
-def test_a_table_holds_the_measured_points_of_its_workload_in_units_people_read(page: str) -> None:
+def test_a_table_holds_the_measured_points_of_its_workload_in_units_people_read(page):
     frame, memory = workload_tables(small_table())
     assert (frame.workload, memory.workload) == ("frame", "memory")
     assert column(frame, "split_x") == [("1", ""), ("2", ""), ("4", ""), ("8", ""), ("2", "")]
@@ -191,12 +186,12 @@ def test_a_table_holds_the_measured_points_of_its_workload_in_units_people_read(
     assert re.search(r'<td class="number">9\.00 <small>\[8\.55, 9\.54\]</small></td>', page)
 
 
-def test_a_number_too_small_for_its_decimals_is_not_shown_as_zero() -> None:
+def test_a_number_too_small_for_its_decimals_is_not_shown_as_zero():
     frame, _ = workload_tables(small_table())
     assert column(frame, "plan_time_s")[2] == ("1.5e-04", "")
 
 
-def test_a_table_has_no_ends_of_intervals_and_no_column_without_a_value() -> None:
+def test_a_table_has_no_ends_of_intervals_and_no_column_without_a_value():
     frame, memory = workload_tables(small_table())
     names = [heading.name for heading in frame.headings]
     assert not {"render_time_low_s", "embree_bytes", "point_id"} & set(names)
@@ -205,7 +200,7 @@ def test_a_table_has_no_ends_of_intervals_and_no_column_without_a_value() -> Non
     assert "render_time_s" not in [heading.name for heading in memory.headings]
 
 
-def test_doubts_of_a_kind_are_counted_together() -> None:
+def test_doubts_of_a_kind_are_counted_together():
     doubts = count_doubts(small_table())
     assert (doubts.points, doubts.measured, doubts.doubtful) == (8, 6, 2)
     assert [(doubt.text, doubt.points) for doubt in doubts.kinds] == [
@@ -214,13 +209,13 @@ def test_doubts_of_a_kind_are_counted_together() -> None:
     ]
 
 
-def test_a_figure_carries_the_doubts_of_its_own_points(page: str) -> None:
+def test_a_figure_carries_the_doubts_of_its_own_points(page):
     captions = re.findall(r'<p class="doubts">(.*?)</p>', page, re.S)
     assert "Doubts on 2 of 5 measured points" in " ".join(captions[0].split())
     assert "No doubts on any of its 1 measured points" in " ".join(captions[1].split())
 
 
-def test_missing_points_are_listed_with_their_reasons(page: str) -> None:
+def test_missing_points_are_listed_with_their_reasons(page):
     skipped, failed = missing_points(small_table())
     assert (skipped.status, skipped.reason) == ("skipped", "needs 9.5 GiB, the budget is 4 GiB")
     assert skipped.points == (f"frame: aligned, packets of 8, 16 {TIMES} 1, culling on",)
@@ -228,7 +223,7 @@ def test_missing_points_are_listed_with_their_reasons(page: str) -> None:
     assert "needs 9.5 GiB, the budget is 4 GiB" in page
 
 
-def test_reasons_that_differ_in_numbers_alone_are_one() -> None:
+def test_reasons_that_differ_in_numbers_alone_are_one():
     table = small_table()
     skipped = table[table["status"] == "skipped"]
     more = pd.concat(
@@ -237,7 +232,7 @@ def test_reasons_that_differ_in_numbers_alone_are_one() -> None:
     assert [len(group.points) for group in missing_points(more)] == [2]
 
 
-def test_a_page_on_which_no_claim_was_judged_speaks_of_none() -> None:
+def test_a_page_on_which_no_claim_was_judged_speaks_of_none():
     unjudged = tuple(replace(one, verdict=NOT_MEASURED) for one in CLAIMS)
     page = render_report(small_contents(claims=unjudged))
     assert "claims of the paper hold" not in page
@@ -246,7 +241,7 @@ def test_a_page_on_which_no_claim_was_judged_speaks_of_none() -> None:
     assert 'class="conclusion"' not in page
 
 
-def test_an_empty_table_still_makes_a_page() -> None:
+def test_an_empty_table_still_makes_a_page():
     empty = small_table().iloc[:0]
     page = render_report(small_contents(table=empty, processes=empty, figures=(), pictures=(), claims=()))
     assert "No best speed-up can be told: the table is empty." in page

@@ -1,7 +1,5 @@
 """Pictures of hits, and of where two images differ."""
 
-from __future__ import annotations
-
 import io
 
 import numpy as np
@@ -18,19 +16,19 @@ from tests.meshes import EYE_AT_ORIGIN, quads
 ALL = np.ones((32, 32), bool)
 
 
-def wall(*depths: float) -> tuple[atra.Mesh, atra.Camera]:
+def wall(*depths):
     """Walls across the left half of the view, facing the eye, and a camera."""
     camera = atra.Camera(**EYE_AT_ORIGIN, fov_y_degrees=60, width=32, height=32)
     corners = [[(0, -9, z), (9, -9, z), (9, 9, z), (0, 9, z)] for z in depths]
     return quads(corners), camera
 
 
-def flat_hits(mesh: atra.Mesh, camera: atra.Camera, hit: np.ndarray = ALL) -> Hits:
+def flat_hits(mesh, camera, hit=ALL):
     depths, prim_id = np.where(hit, 2, np.inf).astype(np.float32), np.where(hit, 0, MISS).astype(np.uint32)
     return Hits(depths, prim_id, (0.5, 0.5), mesh, camera)
 
 
-def test_a_wall_facing_the_eye_is_evenly_lit_and_a_miss_is_background() -> None:
+def test_a_wall_facing_the_eye_is_evenly_lit_and_a_miss_is_background():
     mesh, camera = wall(2.0)
     hit = ALL & (np.arange(32) < 16)
     picture = shade(flat_hits(mesh, camera, hit=hit))
@@ -40,10 +38,10 @@ def test_a_wall_facing_the_eye_is_evenly_lit_and_a_miss_is_background() -> None:
     assert (shade(flat_hits(mesh, camera, hit=~ALL)) == BACKGROUND).all()
 
 
-def test_light_comes_from_above_whatever_way_the_vertices_run() -> None:
+def test_light_comes_from_above_whatever_way_the_vertices_run():
     mesh, camera = wall(2.0)
 
-    def brightness(slope: float, faces: np.ndarray) -> int:
+    def brightness(slope, faces):
         vertices = mesh.vertices.copy()
         vertices[:, 2] += slope * vertices[:, 1]
         return int(shade(flat_hits(atra.Mesh(vertices, faces), camera)).sum())
@@ -54,7 +52,7 @@ def test_light_comes_from_above_whatever_way_the_vertices_run() -> None:
     assert brightness(0.2, mesh.faces) == brightness(0.2, mesh.faces[:, ::-1])
 
 
-def test_a_difference_picture_marks_exactly_the_pixels_that_differ() -> None:
+def test_a_difference_picture_marks_exactly_the_pixels_that_differ():
     mesh, camera = wall(2.0, 3.0)
     one, other = flat_hits(mesh, camera), flat_hits(mesh, camera)
     other.prim_id[3, 5], other.depth[7, 9] = 1, 2.1
@@ -66,7 +64,7 @@ def test_a_difference_picture_marks_exactly_the_pixels_that_differ() -> None:
     assert (difference_picture(misses, misses) == 255).all()
 
 
-def test_marks_have_the_verdict_s_colour_reach_beyond_their_pixel_and_stay_in_the_picture() -> None:
+def test_marks_have_the_verdict_s_colour_reach_beyond_their_pixel_and_stay_in_the_picture():
     mesh, camera = wall(2.0)
     hits = flat_hits(mesh, camera)
     verdict = np.zeros((32, 32), np.uint8)
@@ -81,7 +79,7 @@ def test_marks_have_the_verdict_s_colour_reach_beyond_their_pixel_and_stay_in_th
 
 
 @pytest.mark.parametrize("colours", [3, 256, 4096])
-def test_png_is_lossless_with_and_without_a_palette(colours: int) -> None:
+def test_png_is_lossless_with_and_without_a_palette(colours):
     random = np.random.default_rng(1)
     palette = random.integers(0, 256, (colours, 3), np.uint8)
     image = palette[random.integers(0, colours, (90, 70))]

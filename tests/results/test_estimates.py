@@ -1,7 +1,5 @@
 """Estimates against hand calculations, and what is called 95 % against simulated processes."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 
@@ -20,7 +18,7 @@ EDGE = 4 * math.sqrt(0.95 * 0.05 / SIMULATIONS)
 """Four standard errors of a coverage that is 95 %."""
 
 
-def test_an_interval_is_student_s_of_the_logarithms() -> None:
+def test_an_interval_is_student_s_of_the_logarithms():
     one = Estimate.of([math.exp(1), math.exp(2), math.exp(3)])
     half = 4.302652730 / math.sqrt(3)  # 97.5 % point for two degrees of freedom
     assert (one.value, one.low, one.high) == pytest.approx((math.exp(2), math.exp(2 - half), math.exp(2 + half)))
@@ -29,12 +27,12 @@ def test_an_interval_is_student_s_of_the_logarithms() -> None:
 
 
 @pytest.mark.parametrize("values", [[], [1.0, 2.0], [1.0, 2.0, 0.0], [1.0, 2.0, math.nan], [1.0, 2.0, math.inf]])
-def test_too_few_processes_and_impossible_values_have_no_interval(values: list[float]) -> None:
+def test_too_few_processes_and_impossible_values_have_no_interval(values):
     with pytest.raises(ValueError, match=r"at least 3 are needed|expected positive numbers"):
         Estimate.of(values)
 
 
-def test_a_ratio_and_a_mean_have_welch_s_degrees_of_freedom() -> None:
+def test_a_ratio_and_a_mean_have_welch_s_degrees_of_freedom():
     few, many = Estimate(1.0, 0.5, 2), Estimate(3.0, 0.25, 4)
     ratio = few.over(many)
     assert (ratio.log_mean, ratio.variance) == (-2.0, 0.75)
@@ -45,21 +43,21 @@ def test_a_ratio_and_a_mean_have_welch_s_degrees_of_freedom() -> None:
     assert few.inverse().value == pytest.approx(1 / few.value)
 
 
-def test_a_limit_inside_the_interval_is_left_open() -> None:
+def test_a_limit_inside_the_interval_is_left_open():
     cases = {(1.01, 1.2): True, (0.99, 1.2): None, (0.8, 0.99): False, (0.8, 1.0): None}
     for (low, high), decided in cases.items():
         assert decide_greater(Interval(1.0, low, high)) is decided
 
 
-def log_normal(random: np.random.Generator, count: int) -> np.ndarray:
+def log_normal(random, count):
     return np.exp(random.normal(0, 0.02, count))
 
 
-def heavy_tailed(random: np.random.Generator, count: int) -> np.ndarray:
+def heavy_tailed(random, count):
     return np.exp(0.02 * random.standard_t(3, count))
 
 
-def skewed(random: np.random.Generator, count: int) -> np.ndarray:
+def skewed(random, count):
     return np.exp(0.02 * (random.exponential(1.0, count) - 1))
 
 
@@ -73,8 +71,8 @@ QUOTED = [
 
 @pytest.mark.parametrize(("draw", "processes", "of_number", "of_ratio"), QUOTED)
 def test_what_is_called_95_percent_covers_that_much_of_a_ratio_and_unless_skewed_of_a_number(
-    draw: Draw, processes: int, of_number: int, of_ratio: int
-) -> None:
+    draw, processes, of_number, of_ratio
+):
     random = np.random.default_rng(1)
     numbers = [Estimate.of(draw(random, processes).tolist()) for _ in range(2 * SIMULATIONS)]
     ratios = [one.over(other) for one, other in zip(numbers[:SIMULATIONS], numbers[SIMULATIONS:], strict=True)]
@@ -84,7 +82,7 @@ def test_what_is_called_95_percent_covers_that_much_of_a_ratio_and_unless_skewed
         assert covered > 0.95 - EDGE or percent < 95
 
 
-def test_resampling_three_processes_cannot_cover_95_percent() -> None:
+def test_resampling_three_processes_cannot_cover_95_percent():
     """Why the intervals are Student's: a bootstrap never leaves the range of its samples."""
     random = np.random.default_rng(1)
     covered = []
@@ -96,7 +94,7 @@ def test_resampling_three_processes_cannot_cover_95_percent() -> None:
 
 
 @pytest.mark.parametrize("lead", [0.0, 0.01, 0.05])
-def test_the_interval_of_the_chosen_best_covers_what_it_is_and_not_what_chance_made_of_it(lead: float) -> None:
+def test_the_interval_of_the_chosen_best_covers_what_it_is_and_not_what_chance_made_of_it(lead):
     random = np.random.default_rng(2)
     truth = np.zeros(11)
     truth[4] = lead
@@ -113,7 +111,7 @@ def test_the_interval_of_the_chosen_best_covers_what_it_is_and_not_what_chance_m
         assert np.mean(naive) > 0.01
 
 
-def test_a_fitted_exponent_and_its_interval_agree_with_a_hand_calculation() -> None:
+def test_a_fitted_exponent_and_its_interval_agree_with_a_hand_calculation():
     # log x = 0 ... 4, log y = 0, 1, 2, 3, 5: slope 1.2, residual sum 0.4, so 3.1824 sqrt(0.4 / 3 / 10).
     fit = fit_exponent([math.exp(x) for x in range(5)], [math.exp(y) for y in (0, 1, 2, 3, 5)])
     assert fit.exponent.value == pytest.approx(1.2)

@@ -1,10 +1,6 @@
 """Processes as the unit of repetition: what they share, who is left out, and what a slow phase can do to a verdict."""
 
-from __future__ import annotations
-
 from dataclasses import replace
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -12,8 +8,6 @@ import pytest
 
 from atra.errors import InputError
 from experiments.harness.configuration import MeasureConfiguration, check_configuration
-from experiments.harness.point import Point
-from experiments.harness.processes.outcome import Outcome
 from experiments.harness.records import Record
 from experiments.results.canary import BAND, strays
 from experiments.results.table import make_tables
@@ -24,12 +18,12 @@ from tests.results.test_table import MEASURED
 pytestmark = pytest.mark.uncovered
 
 
-def points(folder: Path, *splits: int, processes: int = 3, **fields: Any) -> list[GridPoint]:
+def points(folder, *splits, processes=3, **fields):
     measure = MeasureConfiguration(processes=processes)
     return [GridPoint("a", replace(configuration(folder, split_x=one, **fields), measure=measure)) for one in splits]
 
 
-def in_process(number: int, factor: float = 1.0, canary: float = 1.0) -> Record:
+def in_process(number, factor=1.0, canary=1.0):
     """`MEASURED` with its own method slower by a factor, and its baseline by another."""
     samples = {"own": [factor], "rtcIntersect1": [8.0 * canary], "packets_8": [4.0]}
     return replace(
@@ -37,7 +31,7 @@ def in_process(number: int, factor: float = 1.0, canary: float = 1.0) -> Record:
     )
 
 
-def test_every_point_has_its_first_process_before_any_has_its_second(tmp_path: Path) -> None:
+def test_every_point_has_its_first_process_before_any_has_its_second(tmp_path):
     runner = Runner()
     table = run_sweep(points(tmp_path, 1, 2, 4, 8), run=runner)
     assert [point.process for point in runner.points] == [0] * 4 + [1] * 4 + [2] * 4
@@ -46,26 +40,26 @@ def test_every_point_has_its_first_process_before_any_has_its_second(tmp_path: P
     assert len(pd.read_parquet(tmp_path / "one" / "processes.parquet")) == 12
 
 
-def test_more_processes_keep_those_that_were_measured(tmp_path: Path) -> None:
+def test_more_processes_keep_those_that_were_measured(tmp_path):
     run_sweep(points(tmp_path, 1), run=Runner())
     runner = Runner()
     assert run_sweep(points(tmp_path, 1, processes=5), run=runner)["processes"][0] == 5
     assert [point.process for point in runner.points] == [3, 4]
 
 
-def test_what_is_counted_and_not_timed_is_measured_once(tmp_path: Path) -> None:
+def test_what_is_counted_and_not_timed_is_measured_once(tmp_path):
     runner = Runner()
     run_sweep(points(tmp_path, 1, workload="memory"), run=runner)
     assert len(runner.points) == 1
 
 
 @pytest.mark.parametrize(("name", "value"), [("processes", 0), ("process", -1)])
-def test_impossible_numbers_of_processes_are_refused(tmp_path: Path, name: str, value: int) -> None:
+def test_impossible_numbers_of_processes_are_refused(tmp_path, name, value):
     with pytest.raises(InputError, match=f"measure.{name} is {value}"):
         check_configuration(replace(configuration(tmp_path), measure=MeasureConfiguration(**{name: value})))
 
 
-def test_the_row_of_a_point_has_the_mean_of_its_processes_and_the_interval_only_of_three() -> None:
+def test_the_row_of_a_point_has_the_mean_of_its_processes_and_the_interval_only_of_three():
     three = [in_process(number, factor) for number, factor in enumerate((1.0, 2.0, 4.0))]
     row = make_tables(three).points.iloc[0]
     assert (row["render_time_s"], row["speedup"]) == pytest.approx((2.0, 4.0))
@@ -77,14 +71,14 @@ def test_the_row_of_a_point_has_the_mean_of_its_processes_and_the_interval_only_
     assert set(two.processes["point_id"]) == {"p0"}
 
 
-def test_one_failed_process_makes_the_point_a_failed_one() -> None:
+def test_one_failed_process_makes_the_point_a_failed_one():
     failed = Record("p1", "failed", "killed", in_process(1).configuration, MEASURED.environment)
     row = make_tables([in_process(0), failed, in_process(2)]).points.iloc[0]
     assert (row["status"], row["error"]) == ("failed", "killed")
     assert pd.isna(row["render_time_s"])
 
 
-def test_a_process_in_which_the_machine_was_not_as_it_mostly_was_is_left_out() -> None:
+def test_a_process_in_which_the_machine_was_not_as_it_mostly_was_is_left_out():
     usual = [in_process(number, canary=1 + 0.01 * number) for number in range(4)]
     strange = in_process(4, factor=3.0, canary=1.2)
     assert strays([*usual, strange]) == {"p4"}
@@ -96,7 +90,7 @@ def test_a_process_in_which_the_machine_was_not_as_it_mostly_was_is_left_out() -
     assert strays([*usual[:2], strange]) == set()  # too few to say who is unusual
 
 
-def test_a_point_all_of_whose_processes_are_left_out_is_not_measured() -> None:
+def test_a_point_all_of_whose_processes_are_left_out_is_not_measured():
     others = [
         replace(
             in_process(number), point_id=f"q{number}", configuration=in_process(number).configuration | {"rounds": 9}
@@ -107,9 +101,9 @@ def test_a_point_all_of_whose_processes_are_left_out_is_not_measured() -> None:
     assert (row["status"], row["processes_left_out"]) == ("unsteady", 3)
 
 
-def test_what_strays_is_measured_again_at_the_end_and_only_once(tmp_path: Path) -> None:
+def test_what_strays_is_measured_again_at_the_end_and_only_once(tmp_path):
     class Bumpy(Runner):
-        def __call__(self, point: Point) -> Outcome:
+        def __call__(self, point):
             outcome = super().__call__(point)
             slow = point.process == 1 and point.options.split_x == 2
             samples = outcome.samples | {"rtcIntersect1": [0.2] * 3} if slow else outcome.samples

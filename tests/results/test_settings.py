@@ -1,30 +1,22 @@
 """Points that differ in a setting never look alike: not in the table, a figure, the page or the terminal."""
 
-from __future__ import annotations
-
 import io
 import re
-from collections.abc import Callable
 from dataclasses import fields, replace
 from functools import cache
-from pathlib import Path
-from typing import Any
 
 import pytest
-from matplotlib.figure import Figure
 from rich.console import Console
 
 from experiments.harness.configuration import Chosen
 from experiments.harness.identity import measure
-from experiments.harness.method import Method
 from experiments.harness.point import Point
 from experiments.harness.points import plan_points
-from experiments.harness.records import Record
 from experiments.methods import METHODS
 from experiments.methods.aligned import ALIGNED
 from experiments.report.tables import workload_tables
 from experiments.results.settings import settings, settings_that_vary
-from experiments.results.table import Tables, columns, make_table, make_tables
+from experiments.results.table import columns, make_table, make_tables
 from experiments.results.terminal import print_sweep
 from experiments.workloads import WORKLOADS
 from experiments.workloads.build.figures import draw_build_figure
@@ -42,7 +34,7 @@ OPTIONS = {"options", "workload_options"}
 EFFORT = {"process", "rounds", "warmup", "frame_budget_s", "time_limit_s", "memory_budget_gib"}
 
 # Two values of each setting, as a record's configuration holds them, and the second one in words.
-VALUES: dict[str, tuple[Any, Any, str]] = {
+VALUES = {
     "subdivided": (0, 1, "subdivided 1"),
     "copies": (1, 4, "copies 4"),
     "mesh_sha256": ("ab" * 32, "cd" * 32, "mesh cdcdcdcd"),
@@ -138,7 +130,7 @@ QUICK = ("split_x", "culling", "packet_width", "view", "threads", "what", "bounc
 """Settings of points, methods and workloads, of each some."""
 
 
-def cases(names: list[str]) -> pytest.MarkDecorator:
+def cases(names):
     """Settings as cases of a test; those that are not quick are slow."""
     return pytest.mark.parametrize(
         "name", [pytest.param(name, marks=() if name in QUICK else pytest.mark.slow) for name in names]
@@ -149,23 +141,23 @@ some_settings = cases(list(settings()))
 some_settings_but_samples = cases([name for name in settings() if name not in ("offsets", "sample_rays")])
 
 
-def records_that_differ_in(name: str) -> list[Record]:
+def records_that_differ_in(name):
     return [record_with(name, value) for value in VALUES[name][:2]]
 
 
 @cache
-def tables_that_differ_in(name: str) -> Tables:
+def tables_that_differ_in(name):
     return make_tables(records_that_differ_in(name))
 
 
 @cache
-def headings_of(name: str) -> list[str]:
+def headings_of(name):
     """The columns of the page where points differ in this setting."""
     (table,) = workload_tables(tables_that_differ_in(name).points)
     return [heading.name for heading in table.headings]
 
 
-def record_with(name: str, value: Any) -> Record:
+def record_with(name, value):
     """Of the aligned method, or of the first that has the option, and of the workload that knows the setting."""
     values = {key: first for key, (first, _, _) in VALUES.items()} | {name: value}
     workload = WORKLOAD_OF.get(name, WORKLOADS[0])
@@ -182,34 +174,34 @@ def record_with(name: str, value: Any) -> Record:
     return replace(MEASURED, point_id=str(value), configuration=configuration, samples=samples, results=ran)
 
 
-def test_every_field_of_a_point_and_every_option_is_a_setting_or_told_otherwise_or_effort() -> None:
+def test_every_field_of_a_point_and_every_option_is_a_setting_or_told_otherwise_or_effort():
     assert {field.name for field in fields(Point)} - set(settings()) == OTHERWISE_TOLD | OPTIONS | EFFORT
     assert OF_METHODS | WORKLOAD_OF.keys() <= set(settings()) == VALUES.keys() <= columns().keys()
 
 
 @pytest.mark.parametrize("method", [one for one in METHODS if fields(one.options)], ids=lambda method: method.name)
-def test_an_option_left_open_does_not_pass_for_one_that_the_method_lacks(tmp_path: Path, method: Method) -> None:
+def test_an_option_left_open_does_not_pass_for_one_that_the_method_lacks(tmp_path, method):
     (planned,) = plan_points([configuration(tmp_path, method=Chosen(method, method.options()))])
     row = make_table([measure(planned, Runner())]).iloc[0]
     assert row[[field.name for field in fields(method.options)]].notna().all()
 
 
 @every_setting
-def test_two_points_that_differ_in_a_setting_differ_in_its_column(name: str) -> None:
+def test_two_points_that_differ_in_a_setting_differ_in_its_column(name):
     table = tables_that_differ_in(name).points
     assert settings_that_vary(table) == [name]
     assert settings_that_vary(table, besides=[name]) == []
 
 
 @some_settings
-def test_the_page_shows_a_setting_that_varies(name: str) -> None:
+def test_the_page_shows_a_setting_that_varies(name):
     assert headings_of(name).count(name) == 1
     if name not in OF_METHODS:
         assert name not in headings_of("split_x")
 
 
 @some_settings_but_samples
-def test_the_best_of_a_scene_is_told_for_each_value_of_a_setting_but_the_split(tmp_path: Path, name: str) -> None:
+def test_the_best_of_a_scene_is_told_for_each_value_of_a_setting_but_the_split(tmp_path, name):
     shown = io.StringIO()
     print_sweep(tables_that_differ_in(name), tmp_path, Console(file=shown, width=200))
     rows = [line for line in shown.getvalue().splitlines() if re.match(r"[ │]+box[ ,]", line)]
@@ -231,7 +223,7 @@ FIGURES = (
 NO_LINE_OF_ITS_OWN = [name for name in settings() if name not in {*TOLD_APART, *WORKLOAD_OF, *OF_OTHERS}]
 
 
-def assert_told_apart(draw: Callable[..., Figure], row: dict[str, Any], name: str) -> None:
+def assert_told_apart(draw, row, name):
     values = tables_that_differ_in(name).points[name]
     figure = draw(make_rows(*(row | {name: value} for value in values)))
     # A map of each form of the geometry stands beside the other.
@@ -242,29 +234,29 @@ def assert_told_apart(draw: Callable[..., Figure], row: dict[str, Any], name: st
 
 
 @pytest.mark.parametrize("name", NO_LINE_OF_ITS_OWN)
-def test_a_figure_over_splits_draws_no_two_values_of_a_setting_as_one_line(name: str) -> None:
+def test_a_figure_over_splits_draws_no_two_values_of_a_setting_as_one_line(name):
     assert_told_apart(*FIGURES[0], name)
 
 
 @pytest.mark.parametrize("figure", FIGURES[1:], ids=lambda figure: figure[0].__name__)
-def test_every_figure_over_splits_tells_settings_apart_as_the_first_does(figure: tuple[Any, Any]) -> None:
+def test_every_figure_over_splits_tells_settings_apart_as_the_first_does(figure):
     for name in ("threads", "build_quality"):
         assert_told_apart(*figure, name)
 
 
-def test_another_view_is_not_told_again_by_its_eye() -> None:
+def test_another_view_is_not_told_again_by_its_eye():
     first, second = records_that_differ_in("view")
     second.configuration["eye"] = [9.0, 9.0, 9.0]
     assert settings_that_vary(make_table([first, second])) == ["view"]
 
 
-def test_instances_are_not_told_again_by_their_culling() -> None:
+def test_instances_are_not_told_again_by_their_culling():
     first, second = records_that_differ_in("geometry")
     first.configuration["method_options"]["culling"] = True
     assert settings_that_vary(make_table([first, second])) == ["geometry"]
 
 
-def test_a_method_that_lacks_a_setting_is_told_so(tmp_path: Path) -> None:
+def test_a_method_that_lacks_a_setting_is_told_so(tmp_path):
     pixel = MEASURED.configuration | {"method": "pixel", "method_options": {"packet_width": 8}}
     shown = io.StringIO()
     records = [*records_that_differ_in("packet_rows"), replace(MEASURED, configuration=pixel)]
@@ -272,7 +264,7 @@ def test_a_method_that_lacks_a_setting_is_told_so(tmp_path: Path) -> None:
     assert "packets of 8 per pixel, no packet rows" in shown.getvalue()
 
 
-def test_scenes_have_cameras_of_their_own() -> None:
+def test_scenes_have_cameras_of_their_own():
     first, second = records_that_differ_in("eye")
     second.configuration["scene"] = "another"
     assert settings_that_vary(make_table([first, second])) == []

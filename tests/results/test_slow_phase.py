@@ -7,17 +7,13 @@ two clocks: that of the thread ("cpu"), which others do not move, stands for a q
 slow phase.
 """
 
-from __future__ import annotations
-
 import json
-from collections.abc import Sequence
 from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
 import pytest
 
-from experiments.harness.records import Record
 from experiments.results import table as table_module
 from experiments.results.estimates import Estimate
 from experiments.results.table import make_tables
@@ -33,7 +29,7 @@ WIDEST = 1.5
 """Ends of an interval of a sweep half of whose processes are left out, upper over lower."""
 
 
-def records(slow_phase: bool) -> list[Record]:
+def records(slow_phase):
     return [
         replace(
             MEASURED,
@@ -46,7 +42,7 @@ def records(slow_phase: bool) -> list[Record]:
     ]
 
 
-def estimates(values: dict[tuple[str, int], Sequence[float]]) -> dict[str, Estimate]:
+def estimates(values):
     """Every gain over a baseline, and every split over another."""
     found = {name: Estimate.of(list(of_point)) for name, of_point in values.items()}
     ratios = {
@@ -57,7 +53,7 @@ def estimates(values: dict[tuple[str, int], Sequence[float]]) -> dict[str, Estim
     return ratios | {f"{baseline} at {split}": one for (baseline, split), one in found.items()}
 
 
-def judged(slow_phase: bool) -> dict[str, Estimate]:
+def judged(slow_phase):
     """As claims judge: a value of each process that is not left out."""
     rows = make_tables(records(slow_phase)).processes
     rows = rows[rows["status"] == "ok"]
@@ -68,7 +64,7 @@ def judged(slow_phase: bool) -> dict[str, Estimate]:
     })  # fmt: skip
 
 
-def with_rounds_as_the_unit(slow_phase: bool) -> dict[str, Estimate]:
+def with_rounds_as_the_unit(slow_phase):
     """As if every round were an independent measurement."""
     kept = make_tables(records(slow_phase)).processes["status"].eq("ok").to_numpy()
     read = {"speedup": over_own(series("rtcIntersect1")), "speedup_vs_packets": over_own(fastest)}
@@ -83,22 +79,22 @@ def with_rounds_as_the_unit(slow_phase: bool) -> dict[str, Estimate]:
     })  # fmt: skip
 
 
-def turned_around(quiet: dict[str, Estimate], slow: dict[str, Estimate]) -> list[str]:
+def turned_around(quiet, slow):
     """Ratios of which there is a limit that the one sweep says they are above, and the other below."""
     return [name for name, one in quiet.items() if one.high < slow[name].low or slow[name].high < one.low]
 
 
-def leave_nobody_out(monkeypatch: pytest.MonkeyPatch) -> None:
+def leave_nobody_out(monkeypatch):
     monkeypatch.setattr(table_module, "strays", lambda records: set())
 
 
-def test_a_slow_phase_turns_no_verdict_around() -> None:
+def test_a_slow_phase_turns_no_verdict_around():
     quiet, slow = judged(slow_phase=False), judged(slow_phase=True)
     assert len(quiet) == 12
     assert turned_around(quiet, slow) == []
 
 
-def test_the_slow_phase_is_left_out_and_the_rest_still_decides() -> None:
+def test_the_slow_phase_is_left_out_and_the_rest_still_decides():
     tables = make_tables(records(slow_phase=True))
     left_out = tables.processes["status"].eq("unsteady")
     during = np.array([one["burner"] for one in RECORDED])
@@ -109,13 +105,13 @@ def test_the_slow_phase_is_left_out_and_the_rest_still_decides() -> None:
         assert one.high / one.low < WIDEST, name
 
 
-def test_without_the_canary_little_would_be_decided(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_the_canary_little_would_be_decided(monkeypatch):
     leave_nobody_out(monkeypatch)
     quiet, slow = judged(slow_phase=False), judged(slow_phase=True)
     assert turned_around(quiet, slow) == []  # such intervals exclude hardly anything
     assert sum(one.high / one.low > WIDEST for one in slow.values()) >= 6
 
 
-def test_with_rounds_as_the_unit_and_no_canary_verdicts_would_be_turned_around(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_with_rounds_as_the_unit_and_no_canary_verdicts_would_be_turned_around(monkeypatch):
     leave_nobody_out(monkeypatch)
     assert turned_around(with_rounds_as_the_unit(slow_phase=False), with_rounds_as_the_unit(slow_phase=True))

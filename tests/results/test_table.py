@@ -1,10 +1,6 @@
 """The table, on samples small enough to do by hand."""
 
-from __future__ import annotations
-
 from dataclasses import replace
-from pathlib import Path
-from typing import Any
 
 import pandas as pd
 import pytest
@@ -50,7 +46,7 @@ MEASURED = Record(
 )  # fmt: skip
 
 
-def with_options(**options: object) -> dict[str, Any]:
+def with_options(**options):
     """The configuration of `MEASURED` with other options of its method."""
     return MEASURED.configuration | {"method_options": MEASURED.configuration["method_options"] | options}
 
@@ -58,24 +54,24 @@ def with_options(**options: object) -> dict[str, Any]:
 SKIPPED = Record("b", "skipped", "needs 9 GiB", with_options(culling=False), MEASURED.environment)
 
 
-def test_the_columns_asked_for_are_there_and_in_order() -> None:
+def test_the_columns_asked_for_are_there_and_in_order():
     assert [name for name in make_table([MEASURED]).columns if name in ASKED_FOR] == ASKED_FOR
 
 
-def test_two_columns_of_one_name_and_two_types_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_two_columns_of_one_name_and_two_types_are_refused(monkeypatch):
     monkeypatch.setattr(tables, "WORKLOADS", (FRAME, replace(FRAME, columns=(Column("speedup", WHOLE),))))
     with pytest.raises(ValueError, match="column speedup is Float64 and Int64"):
         columns()
 
 
-def test_times_are_medians() -> None:
+def test_times_are_medians():
     row = make_table([MEASURED]).iloc[0]
     assert (row["render_time_s"], row["baseline_render_time_s"], row["packets_render_time_s"]) == (2.0, 10.0, 4.0)
     assert row["render_time_spread_s"] == 1.5
     assert pd.isna(row["render_time_low_s"])  # one process says nothing of others
 
 
-def test_packets_are_the_fastest_and_every_width_has_columns_of_its_own() -> None:
+def test_packets_are_the_fastest_and_every_width_has_columns_of_its_own():
     samples = MEASURED.samples | {"packets_16": [3.0, 3.0, 3.0]}
     row = make_table([replace(MEASURED, samples=samples)]).iloc[0]
     assert (row["packet_width"], row["packets_width"], row["packets_render_time_s"]) == (8, 16, 3.0)
@@ -84,14 +80,14 @@ def test_packets_are_the_fastest_and_every_width_has_columns_of_its_own() -> Non
     assert pd.isna(row["packets_4_render_time_s"])
 
 
-def test_ratios_are_medians_of_ratios_not_ratios_of_medians() -> None:
+def test_ratios_are_medians_of_ratios_not_ratios_of_medians():
     row = make_table([MEASURED]).iloc[0]
     assert row["speedup"] == 3.0  # of 10, 2, 3; the medians alone would give 5
     assert row["speedup_vs_packets"] == 2.0  # of 2, 2, 1
 
 
 @pytest.mark.parametrize(("affinity", "logical", "told"), [([1], 8, 1), (None, 2, 2), ([0, 1, 2], 3, None)])
-def test_more_threads_than_cores_are_a_doubt(affinity: list[int] | None, logical: int, told: int | None) -> None:
+def test_more_threads_than_cores_are_a_doubt(affinity, logical, told):
     environment = MEASURED.environment | {"affinity": affinity, "logical_cores": logical}
     calm = {name: [1.0, 1.0, 1.0] for name in MEASURED.samples}
     record = replace(MEASURED, environment=environment, samples=calm, results=MEASURED.results | {"threads": 3})
@@ -99,7 +95,7 @@ def test_more_threads_than_cores_are_a_doubt(affinity: list[int] | None, logical
     assert pd.isna(doubts) if told is None else doubts == f"3 threads on {told} cores"
 
 
-def test_a_wide_spread_and_missing_rounds_are_doubts() -> None:
+def test_a_wide_spread_and_missing_rounds_are_doubts():
     doubts = make_table([replace(MEASURED, configuration={**MEASURED.configuration, "rounds": 9})]).iloc[0]["doubts"]
     assert "spread" in doubts
     assert "3 of 9 rounds" in doubts
@@ -107,7 +103,7 @@ def test_a_wide_spread_and_missing_rounds_are_doubts() -> None:
     assert pd.isna(make_table([calm]).iloc[0]["doubts"])
 
 
-def test_a_skipped_point_is_a_row_with_its_reason_and_no_numbers() -> None:
+def test_a_skipped_point_is_a_row_with_its_reason_and_no_numbers():
     table = make_table([MEASURED, SKIPPED])
     row = table.iloc[1]
     assert (row["status"], row["error"], row["split_x"], row["triangles"]) == ("skipped", "needs 9 GiB", 2, 10)
@@ -115,7 +111,7 @@ def test_a_skipped_point_is_a_row_with_its_reason_and_no_numbers() -> None:
     assert row[measured].isna().all()
 
 
-def test_both_files_hold_the_same_rows(tmp_path: Path) -> None:
+def test_both_files_hold_the_same_rows(tmp_path):
     table = make_table([MEASURED, SKIPPED])
     write_tables(tmp_path, Tables(table, table))
     from_parquet = pd.read_parquet(tmp_path / "table.parquet")
@@ -127,7 +123,7 @@ def test_both_files_hold_the_same_rows(tmp_path: Path) -> None:
         assert pd.isna(from_parquet[name][1])
 
 
-def test_a_table_comes_back_from_its_file_as_it_was(tmp_path: Path) -> None:
+def test_a_table_comes_back_from_its_file_as_it_was(tmp_path):
     tables = make_tables([MEASURED, SKIPPED], {"a": ("horizontal", "grid")})
     assert read_tables(tmp_path) is None
     write_tables(tmp_path, tables)
@@ -140,7 +136,7 @@ def test_a_table_comes_back_from_its_file_as_it_was(tmp_path: Path) -> None:
         read_tables(tmp_path)
 
 
-def test_a_column_newer_than_a_stored_table_reads_as_missing(tmp_path: Path) -> None:
+def test_a_column_newer_than_a_stored_table_reads_as_missing(tmp_path):
     table = make_table([MEASURED])
     older = table.drop(columns=["speedup", "ties", "culling"])
     write_tables(tmp_path, Tables(older, older))
@@ -151,7 +147,7 @@ def test_a_column_newer_than_a_stored_table_reads_as_missing(tmp_path: Path) -> 
     pd.testing.assert_frame_equal(stored.points, expected)
 
 
-def test_a_point_of_two_grids_is_a_row_of_each() -> None:
+def test_a_point_of_two_grids_is_a_row_of_each():
     table = make_table([MEASURED, SKIPPED], {"a": ("horizontal", "grid"), "b": ("grid",)})
     assert list(rows_of(table, "horizontal")["point_id"]) == ["a"]
     assert list(rows_of(table, "grid")["point_id"]) == ["a", "b"]
@@ -159,7 +155,7 @@ def test_a_point_of_two_grids_is_a_row_of_each() -> None:
 
 
 @pytest.mark.parametrize(("field", "value"), [("cpu", "another cpu"), ("embree_version", "4.4.1")])
-def test_two_environments_never_share_a_table_and_the_field_is_named(field: str, value: str) -> None:
+def test_two_environments_never_share_a_table_and_the_field_is_named(field, value):
     later = replace(SKIPPED, environment={**MEASURED.environment, "taken_at": "2001-01-01"})  # the moment may differ
     other = replace(MEASURED, point_id="c", environment={**MEASURED.environment, field: value})
     assert len(make_table([MEASURED, later])) == 2
@@ -167,7 +163,7 @@ def test_two_environments_never_share_a_table_and_the_field_is_named(field: str,
         make_table([MEASURED, later, other])
 
 
-def test_builds_have_times_of_plan_and_build_and_none_of_frames() -> None:
+def test_builds_have_times_of_plan_and_build_and_none_of_frames():
     built = replace(
         MEASURED,
         configuration={**MEASURED.configuration, "workload": "build"},
@@ -179,8 +175,8 @@ def test_builds_have_times_of_plan_and_build_and_none_of_frames() -> None:
     assert pd.isna(row["render_time_s"])
 
 
-def test_a_stand_in_says_whose_place_it_takes() -> None:
-    def row(scene: str, source: str) -> pd.Series:
+def test_a_stand_in_says_whose_place_it_takes():
+    def row(scene, source):
         configuration = {**MEASURED.configuration, "scene": scene, "scene_source": source}
         return make_table([replace(MEASURED, configuration=configuration)]).iloc[0]
 
@@ -189,8 +185,8 @@ def test_a_stand_in_says_whose_place_it_takes() -> None:
     assert pd.isna(row("cornell_box", "procedural")["stands_for"])
 
 
-def test_a_machine_that_was_busy_while_it_measured_is_a_doubt_and_one_that_was_before_is_none() -> None:
-    def row(**results: float | None) -> pd.Series:
+def test_a_machine_that_was_busy_while_it_measured_is_a_doubt_and_one_that_was_before_is_none():
+    def row(**results):
         busy = replace(
             MEASURED,
             samples={name: [1.0, 1.0, 1.0] for name in MEASURED.samples},
@@ -207,20 +203,20 @@ def test_a_machine_that_was_busy_while_it_measured_is_a_doubt_and_one_that_was_b
 
 
 @pytest.mark.parametrize("records", [[], [SKIPPED]])
-def test_nothing_measured_gives_a_table_and_no_figure(tmp_path: Path, records: list[Record]) -> None:
+def test_nothing_measured_gives_a_table_and_no_figure(tmp_path, records):
     table = make_table(records)
     write_tables(tmp_path, Tables(table, table))
     assert len(pd.read_csv(tmp_path / "table.csv")) == len(records)
     assert list(draw_figures(table, tmp_path)) == []
 
 
-def test_the_figure_says_what_is_missing() -> None:
+def test_the_figure_says_what_is_missing():
     figure = draw_split_times(make_table([MEASURED, SKIPPED]))
     texts = [text.get_text() for axis in figure.axes for text in axis.texts]
     assert any("culling off, 2: skipped, needs 9 GiB" in text for text in texts)
 
 
-def test_the_grid_figure_writes_each_time_into_its_cell_and_the_status_where_there_is_none() -> None:
+def test_the_grid_figure_writes_each_time_into_its_cell_and_the_status_where_there_is_none():
     beside = Record("c", "skipped", "does not divide", with_options(split_x=3), MEASURED.environment)
     figure = draw_grid_times(make_table([MEASURED, beside, SKIPPED]))
     assert {"2,000", "skipped"} <= {text.get_text() for axis in figure.axes for text in axis.texts}

@@ -1,15 +1,11 @@
 """The viewer's gate: senseless messages are ignored, other origins refused, and no client takes another's turn."""
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import threading
 import urllib.error
 import urllib.request
 from collections import Counter
-from collections.abc import Callable, Iterator
-from typing import Any
 
 import numpy as np
 import pytest
@@ -19,7 +15,7 @@ from hypothesis import strategies as st
 from atra.errors import InputError
 from experiments.viewer.messages import LARGEST_BYTES, Messages
 from experiments.viewer.page import Page
-from experiments.viewer.request import Request, Settings
+from experiments.viewer.request import Settings
 from experiments.viewer.session import Picture
 from tests.viewer.test_viewer_session import FIRST
 
@@ -30,7 +26,7 @@ viser = pytest.importorskip("viser", reason="viser is not installed: pip install
 import msgspec  # noqa: E402
 from websockets.asyncio.server import ServerConnection  # noqa: E402
 from websockets.exceptions import ConnectionClosed, InvalidStatus  # noqa: E402
-from websockets.sync.client import ClientConnection, connect  # noqa: E402
+from websockets.sync.client import connect  # noqa: E402
 
 from experiments.viewer import camera_page, gate  # noqa: E402
 
@@ -48,30 +44,30 @@ INF, NAN = float("inf"), float("nan")
 class QuickArtist:
     """Draws black, and works out all that a picture depends on."""
 
-    def sketch(self, request: Request) -> Picture:
+    def sketch(self, request):
         return self.show(request)
 
-    def add(self, request: Request, stop: Callable[[], bool]) -> bool:
+    def add(self, request, stop):
         return True
 
-    def show(self, request: Request) -> Picture:
+    def show(self, request):
         assert request.camera.width > 0
         assert np.isfinite(request.settings.sun_direction).all()
         return Picture(np.zeros((8, 8, 3), np.uint8), {})
 
 
 @pytest.fixture(scope="module")
-def page() -> Iterator[Page]:
+def page():
     leave_s, camera_page.LEAVE_S = camera_page.LEAVE_S, 1e6  # or it ends between two tests
     one = Page(QuickArtist(), FIRST, 0, "a test", 3.0)
     want = one.session.want
 
-    def heard(*pose: Any, **fields: Any) -> None:
+    def heard(*pose, **fields):
         want(*pose, **fields)
         with HEARD:
             HEARD.notify_all()
 
-    one.session.want = heard  # type: ignore[method-assign]
+    one.session.want = heard
     thread = threading.Thread(target=one.run)
     thread.start()
     yield one
@@ -83,7 +79,7 @@ def page() -> Iterator[Page]:
     camera_page.LEAVE_S = leave_s
 
 
-def joined(page: Page, origin: str | None = "own", host: str | None = None) -> ClientConnection:
+def joined(page, origin="own", host=None):
     address = page.address.replace("http", "ws")
     headers = {} if host is None else {"Host": host}
     client = connect(
@@ -94,28 +90,28 @@ def joined(page: Page, origin: str | None = "own", host: str | None = None) -> C
     return client
 
 
-def sent(message: object) -> bytes:
+def sent(message):
     return msgspec.msgpack.encode(message)
 
 
-def update(page: Page, label: str, value: object) -> dict[str, Any]:
+def update(page, label, value):
     uuid = next(one._impl.uuid for one in controls(page) if one.label == label)
     return {"type": "GuiUpdateMessage", "uuid": uuid, "updates": {"value": value}}
 
 
-def controls(page: Page) -> list[Any]:
+def controls(page):
     every = page._server.gui._gui_input_handle_from_uuid.values()
     return [one for one in every if one._impl.uuid in page._messages.controls]
 
 
-def arrives(page: Page, client: ClientConnection, side: int) -> None:
+def arrives(page, client, side):
     """A healthy message of this client does what it says."""
     client.send(sent(update(page, "side, pixels", side)))
     with HEARD:
         assert HEARD.wait_for(lambda: page.session.wanted.settings.side == side, PATIENCE_S)
 
 
-def closed(client: ClientConnection) -> int | None:
+def closed(client):
     """With which code the server ends the connection."""
     with contextlib.suppress(ConnectionClosed):
         while True:
@@ -132,7 +128,7 @@ BAD = [
 ]  # fmt: skip
 
 
-def test_no_control_takes_a_value_that_it_cannot_have_and_the_viewer_goes_on(page: Page) -> None:
+def test_no_control_takes_a_value_that_it_cannot_have_and_the_viewer_goes_on(page):
     before = page.session.wanted
     with joined(page) as client:
         for label, value in BAD:
@@ -144,7 +140,7 @@ def test_no_control_takes_a_value_that_it_cannot_have_and_the_viewer_goes_on(pag
     )
 
 
-def test_malformed_messages_are_ignored(page: Page) -> None:
+def test_malformed_messages_are_ignored(page):
     healthy = update(page, "samples", 9)
     malformed = [
         b"", b"\xc1", b"\x91" * 4000, sent([]), sent({}), sent({"type": 1}), sent({"type": "Message"}), sent({1: 2}),
@@ -173,7 +169,7 @@ JSON = st.recursive(
 
 @settings(deadline=None, max_examples=150)
 @given(st.data())
-def test_random_json_is_ignored_or_leads_to_settings_that_can_be_drawn(page: Page, data: st.DataObject) -> None:
+def test_random_json_is_ignored_or_leads_to_settings_that_can_be_drawn(page, data):
     kind = data.draw(st.sampled_from(["any", "camera", "control"]))
     if kind == "any":
         message = data.draw(JSON)
@@ -190,7 +186,7 @@ def test_random_json_is_ignored_or_leads_to_settings_that_can_be_drawn(page: Pag
     assert kind != "any"
     handled = page._server._websock_server._message_class.deserialize(raw)  # what viser makes of it
 
-    async def handle() -> None:
+    async def handle():
         await page._server.gui._handle_gui_updates(0, handled)
 
     if kind == "control":
@@ -200,18 +196,18 @@ def test_random_json_is_ignored_or_leads_to_settings_that_can_be_drawn(page: Pag
 
 @settings(deadline=None)
 @given(st.binary(max_size=200))
-def test_random_bytes_never_raise(raw: bytes) -> None:
+def test_random_bytes_never_raise(raw):
     assert not Messages().make_sense(raw)
 
 
-def test_a_message_longer_than_any_of_the_page_ends_its_own_connection_alone(page: Page) -> None:
+def test_a_message_longer_than_any_of_the_page_ends_its_own_connection_alone(page):
     with joined(page) as bad, joined(page) as good:
         bad.send(bytes(LARGEST_BYTES + 1))
         assert closed(bad) == 1009
         arrives(page, good, 256)
 
 
-def test_a_connection_is_closed_after_a_hundred_messages_that_make_no_sense(page: Page) -> None:
+def test_a_connection_is_closed_after_a_hundred_messages_that_make_no_sense(page):
     with joined(page) as bad, joined(page) as good:
         for _ in range(gate.MOST_BAD):
             bad.send(b"x")
@@ -220,7 +216,7 @@ def test_a_connection_is_closed_after_a_hundred_messages_that_make_no_sense(page
 
 
 @pytest.mark.parametrize("origin", [None, "http://evil.example", "null", "http://127.0.0.1:1", "https://{own}"])
-def test_a_websocket_of_another_origin_is_refused(page: Page, origin: str | None) -> None:
+def test_a_websocket_of_another_origin_is_refused(page, origin):
     own = page.address.removeprefix("http://")
     with pytest.raises(InvalidStatus, match="403"):
         joined(page, None if origin is None else origin.replace("{own}", own))
@@ -231,7 +227,7 @@ def test_a_websocket_of_another_origin_is_refused(page: Page, origin: str | None
     ({"Host": "evil.example"}, 403), ({"Host": "evil.example:80", "Origin": "http://evil.example:80"}, 403),
     ({"Host": "localhost:8"}, 200), ({"Host": "localhost:8", "Origin": "http://localhost:8"}, 200),
 ])  # fmt: skip
-def test_pages_are_given_to_their_own_origin_alone(page: Page, headers: dict[str, str], status: int) -> None:
+def test_pages_are_given_to_their_own_origin_alone(page, headers, status):
     """A port that is forwarded, as localhost:8, is an origin of its own."""
     own = {name: page.address if value == "own" else value for name, value in headers.items()}
     try:
@@ -242,7 +238,7 @@ def test_pages_are_given_to_their_own_origin_alone(page: Page, headers: dict[str
     assert found == status
 
 
-def test_no_more_than_sixteen_pages_are_let_in() -> None:
+def test_no_more_than_sixteen_pages_are_let_in():
     headers = gate.Headers({"Host": "localhost:1", "Origin": "http://localhost:1", "Upgrade": "websocket"})
     assert gate.refusal(headers, gate.MOST_CLIENTS - 1) is None
     refused = gate.refusal(headers, gate.MOST_CLIENTS)
@@ -250,11 +246,11 @@ def test_no_more_than_sixteen_pages_are_let_in() -> None:
     assert refused.status_code == 503
 
 
-def test_however_much_others_send_a_good_client_has_every_turn_that_it_wants(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_however_much_others_send_a_good_client_has_every_turn_that_it_wants(monkeypatch):
     """Messages are counted, not seconds: between two of the good client the bad ones have one each, and few more."""
-    taken: Counter[str] = Counter()
+    taken = Counter()
 
-    async def here_already(self: Any, decode: Any = None) -> bytes:
+    async def here_already(self, decode=None):
         taken[self.name] += 1
         return b"good" if self.name == "good" else b"bad"
 
@@ -263,12 +259,12 @@ def test_however_much_others_send_a_good_client_has_every_turn_that_it_wants(mon
     messages = Messages()
     monkeypatch.setattr(messages, "make_sense", lambda raw: raw == b"good")
 
-    def connection(name: str) -> gate.GatedConnection:
+    def connection(name):
         one = gate.GatedConnection.__new__(gate.GatedConnection)
-        one._messages, one._bad, one.name = messages, 0, name  # type: ignore[attr-defined]
+        one._messages, one._bad, one.name = messages, 0, name
         return one
 
-    async def race() -> None:
+    async def race():
         others = [asyncio.create_task(connection(f"bad {k}").recv()) for k in range(gate.MOST_CLIENTS - 1)]
         good = connection("good")
         for _ in range(50):
@@ -286,6 +282,6 @@ def test_however_much_others_send_a_good_client_has_every_turn_that_it_wants(mon
     ("sun_cone", -1.0), ("sun_power", NAN), ("jitter", 1), ("sun_colour", (1, 2)), ("sun_colour", (0, 0, 256)),
     ("shadow_rays", 65), ("max_depth", 0), ("occlusion_length", INF),
 ])  # fmt: skip
-def test_settings_that_cannot_be_drawn_are_refused_by_name(field: str, value: object) -> None:
+def test_settings_that_cannot_be_drawn_are_refused_by_name(field, value):
     with pytest.raises(InputError, match=field):
-        Settings(**{field: value})  # type: ignore[arg-type]
+        Settings(**{field: value})

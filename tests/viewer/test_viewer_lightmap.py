@@ -1,11 +1,7 @@
 """The page of a lightmap: what a real browser shows while texels converge; skipped, with the reason, where viser or a
 browser is missing."""
 
-from __future__ import annotations
-
 import threading
-from collections.abc import Iterator
-from typing import Any
 
 import numpy as np
 import pytest
@@ -31,7 +27,7 @@ FIRST = Pose((0.0, 0.0, 0.9), (0.0, 0.0, 0.0), (0.0, 1.0, 0.0), 60.0)
 TARGET = 8
 
 
-def test_the_panel_says_how_far_texels_are() -> None:
+def test_the_panel_says_how_far_texels_are():
     samples = np.full(96, TARGET, np.int32)
     assert say_progress(samples, TARGET, 1.0, True).startswith(f"**done**: {TARGET} samples of 96 texels")
     samples[:24] = 2
@@ -43,17 +39,17 @@ def test_the_panel_says_how_far_texels_are() -> None:
 class Shown(LightmapPage):
     """Keeps what went to the page."""
 
-    def __init__(self, *arguments: Any, **options: Any) -> None:
-        self.sent: list[tuple[bool, float]] = []
+    def __init__(self, *arguments, **options):
+        self.sent = []
         super().__init__(*arguments, **options)
 
-    def send(self, image: Any, is_still: bool) -> None:
+    def send(self, image, is_still):
         self.sent.append((is_still, float(image.mean())))
         super().send(image, is_still)
 
 
 @pytest.fixture
-def page(monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[Shown, Baker, threading.Thread]]:
+def page(monkeypatch):
     monkeypatch.setattr(camera_page, "LEAVE_S", 0.5)
     with Baker(SCENE, ATLAS, threads=1) as baker:
         bake = ProgressiveBake(baker, TARGET)
@@ -68,9 +64,9 @@ def page(monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[Shown, Baker, thread
 
 
 @pytest.mark.slow
-def test_a_browser_shows_the_map_and_its_camera_says_what_comes_first(page: Any, browser: Any) -> None:
+def test_a_browser_shows_the_map_and_its_camera_says_what_comes_first(page, browser):
     shown, baker, thread = page
-    complaints: list[str] = []
+    complaints = []
     with browser.new_context(viewport={"width": 400, "height": 800}) as context:
         tab = context.new_page()
         tab.set_default_timeout(1e3 * PATIENCE_S)

@@ -1,8 +1,6 @@
 """The viewer's page: its port, its errors, its ends, and what a real browser shows; skipped, with the reason, where
 viser or a browser is missing."""
 
-from __future__ import annotations
-
 import io
 import os
 import re
@@ -13,16 +11,12 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
 from dataclasses import replace
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import psutil
 import pytest
 from hydra import compose, initialize_config_dir
-from numpy.typing import NDArray
 from PIL import Image
 
 from atra.errors import InputError
@@ -33,8 +27,7 @@ from experiments.viewer import camera_page, command
 from experiments.viewer.camera_page import HOST
 from experiments.viewer.command import run_view
 from experiments.viewer.page import Page, say_numbers
-from experiments.viewer.painter import Painter
-from experiments.viewer.request import Request, Settings
+from experiments.viewer.request import Settings
 from experiments.viewer.session import REST_S, Frame, Picture
 from tests.folders import ROOT
 from tests.viewer.test_viewer_painter import FIRST, made
@@ -49,7 +42,7 @@ PATIENCE_S = 60.0
 """For what takes a second where nobody else computes."""
 
 
-def wait_for(happens: Callable[[], Any], what: str) -> Any:
+def wait_for(happens, what):
     end_s = time.monotonic() + PATIENCE_S
     while time.monotonic() < end_s:
         if found := happens():
@@ -59,7 +52,7 @@ def wait_for(happens: Callable[[], Any], what: str) -> Any:
 
 
 @pytest.fixture
-def page(monkeypatch: pytest.MonkeyPatch) -> Iterator[Page]:
+def page(monkeypatch):
     """It runs in a thread, at 64 x 64 pixels."""
     monkeypatch.setattr(camera_page, "LEAVE_S", 0.5)
     painter = made()
@@ -67,7 +60,7 @@ def page(monkeypatch: pytest.MonkeyPatch) -> Iterator[Page]:
     one.prepare()
     thread = threading.Thread(target=one.run)
     thread.start()
-    one.thread = thread  # type: ignore[attr-defined]
+    one.thread = thread
     yield one
     one.session.close()
     thread.join(PATIENCE_S)
@@ -75,14 +68,14 @@ def page(monkeypatch: pytest.MonkeyPatch) -> Iterator[Page]:
     painter.close()
 
 
-def test_only_this_machine_reaches_it_and_nobody_can_share_it(page: Page) -> None:
+def test_only_this_machine_reaches_it_and_nobody_can_share_it(page):
     port = page._server.get_port()
     listening = [one.laddr for one in psutil.Process().net_connections("inet") if one.status == psutil.CONN_LISTEN]
     assert [address.ip for address in listening if address.port == port] == [HOST] == ["127.0.0.1"]
     assert page._server.request_share_url() is None
 
 
-def test_samples_wait_for_a_page_that_looks(page: Page) -> None:
+def test_samples_wait_for_a_page_that_looks(page):
     assert page.session._shown is not None, "no first sketch is there"
     time.sleep(2 * REST_S)
     assert page.session._samples == 0
@@ -90,7 +83,7 @@ def test_samples_wait_for_a_page_that_looks(page: Page) -> None:
     wait_for(lambda: page.session._samples == 3, "the picture at rest")
 
 
-def test_a_taken_port_is_told_in_one_line_and_not_evaded() -> None:
+def test_a_taken_port_is_told_in_one_line_and_not_evaded():
     with socket.socket() as other:
         other.bind((HOST, 0))
         other.listen()
@@ -102,13 +95,13 @@ def test_a_taken_port_is_told_in_one_line_and_not_evaded() -> None:
     assert done.stderr == f"run.py: port {port} is taken; choose another by view.port=..., or 0 for any that is free\n"
 
 
-def test_without_viser_one_line_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_viser_one_line_says_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "viser", None)
     with pytest.raises(InputError, match=r"^the viewer needs viser, .*pip install -e '\.\[viewer\]'$"):
         Page(made(), FIRST, 0, "the box", 3.0)
 
 
-def viewed(*overrides: str) -> None:
+def viewed(*overrides):
     register_schema(known_kinds())
     register_sweeper()
     with initialize_config_dir(str(ROOT / "conf"), version_base="1.3"):
@@ -122,17 +115,17 @@ def viewed(*overrides: str) -> None:
         ("method.split_x=3", "method.split_x is 3, expected one of 2, 4, 8, 16, 32, 64 in the viewer"),
     ],
 )
-def test_what_cannot_be_shown_is_refused_in_one_line(override: str, told: str) -> None:
+def test_what_cannot_be_shown_is_refused_in_one_line(override, told):
     with pytest.raises(InputError) as refused:
         viewed("method=aligned", override)
     assert str(refused.value) == told
 
 
-def test_the_sky_of_a_file_stands_above_what_is_shown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_sky_of_a_file_stands_above_what_is_shown(tmp_path, monkeypatch):
     path, shown = tmp_path / "sky.hdr", []
     path.write_bytes(b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 1\n" + bytes([128, 64, 32, 130]))
 
-    def keep(painter: Painter, *others: Any) -> None:
+    def keep(painter, *others):
         shown.append(painter._scene_of(Settings(sky_power=2.0)).sky)
         raise InputError("that is all")
 
@@ -145,7 +138,7 @@ def test_the_sky_of_a_file_stands_above_what_is_shown(tmp_path: Path, monkeypatc
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows sends no SIGINT to one process")
-def test_ctrl_c_ends_it_cleanly() -> None:
+def test_ctrl_c_ends_it_cleanly():
     process = subprocess.Popen(
         [sys.executable, "run.py", "view", "view.port=0", "threads=1"],
         cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
@@ -162,7 +155,7 @@ def test_ctrl_c_ends_it_cleanly() -> None:
     assert (process.returncode, out, errors) == (0, "viewer: ended\n", "")
 
 
-def test_numbers_tell_samples_stages_and_rates() -> None:
+def test_numbers_tell_samples_stages_and_rates():
     picture = Picture(np.zeros((64, 64, 3), np.uint8), {"primary": 0.002, "shadow": 0.006}, "a note")
     still = say_numbers(Frame(FIRST, picture, 2), None).split("\n\n")
     assert still == [
@@ -178,7 +171,7 @@ def test_numbers_tell_samples_stages_and_rates() -> None:
 
 
 @pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
+def browser():
     with playwright.sync_playwright() as driver:
         found = next(filter(None, map(shutil.which, _BROWSERS)), None)
         # Containers often lack what Chromium's sandbox needs, and a GPU; the page is our own.
@@ -194,16 +187,16 @@ def browser() -> Iterator[Any]:
 class Shown:
     """Requests of frames that went to the page, and their formats."""
 
-    def __init__(self, page: Page, monkeypatch: pytest.MonkeyPatch) -> None:
-        self.frames: list[tuple[Request, int]] = []
-        self.formats: list[tuple[bool, str]] = []
+    def __init__(self, page, monkeypatch):
+        self.frames = []
+        self.formats = []
         show, send = page.show, page._server.scene.set_background_image
 
-        def shown(frame: Frame) -> None:
+        def shown(frame):
             self.frames.append((frame.request, frame.samples))
             show(frame)
 
-        def sent(image: NDArray[np.uint8], format: str, **more: Any) -> None:
+        def sent(image, format, **more):
             self.formats.append((self.frames[-1][1] > 0, format))
             send(image, format=format, **more)
 
@@ -211,14 +204,14 @@ class Shown:
         monkeypatch.setattr(page._server.scene, "set_background_image", sent)
 
 
-def screenshot(tab: Any) -> NDArray[np.uint8]:
+def screenshot(tab):
     return np.asarray(Image.open(io.BytesIO(tab.screenshot())).convert("RGB"))
 
 
 @pytest.mark.slow
 def test_a_browser_shows_the_picture_moves_the_camera_changes_parameters_and_ends_the_viewer(
-    page: Page, browser: Any, monkeypatch: pytest.MonkeyPatch
-) -> None:
+    page, browser, monkeypatch
+):
     shown, complaints = Shown(page, monkeypatch), []
     with browser.new_context(viewport={"width": 640, "height": 400}) as context:
         tab = context.new_page()
@@ -249,12 +242,12 @@ def test_a_browser_shows_the_picture_moves_the_camera_changes_parameters_and_end
         wait_for(lambda: shown.frames[-1] == (page.session.wanted, 3), "the picture without jitter")
         assert set(shown.formats) == {(False, "jpeg"), (True, "png")}
     assert complaints == []
-    page.thread.join(PATIENCE_S)  # type: ignore[attr-defined]
-    assert not page.thread.is_alive(), "the last page is closed, the viewer is not"  # type: ignore[attr-defined]
+    page.thread.join(PATIENCE_S)
+    assert not page.thread.is_alive(), "the last page is closed, the viewer is not"
 
 
 @pytest.mark.slow
-def test_controls_are_reached_and_nothing_scrolls_sideways_on_desktop_and_phone(page: Page, browser: Any) -> None:
+def test_controls_are_reached_and_nothing_scrolls_sideways_on_desktop_and_phone(page, browser):
     with browser.new_context(viewport={"width": 400, "height": 800}) as context:
         tab = context.new_page()
         tab.set_default_timeout(1e3 * PATIENCE_S)

@@ -1,20 +1,15 @@
 """The viewer's painter: what it shows is what renderers, tracers and the judge say, for the request and no other."""
 
-from __future__ import annotations
-
 import contextlib
 import random
 import threading
 import time
-from collections.abc import Iterator
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
-from atra import MISS, Camera, PixelTracer
+from atra import MISS, PixelTracer
 from atra.light import GradientSky, HybridRenderer, Lambertian, PanoramaSky, PathRenderer, RenderScene, Sun
 from atra.light.pictures.files import srgb_of
 from experiments.drawing.shading import BACKGROUND, DIFFERENCE_COLOURS
@@ -26,7 +21,7 @@ from experiments.viewer import painter as painter_room
 from experiments.viewer.command import light_settings
 from experiments.viewer.painter import Painter
 from experiments.viewer.request import Pose, Request, Settings
-from experiments.viewer.session import Frame, Session
+from experiments.viewer.session import Session
 from scenes.built_in import make_scene
 from tests.viewer.test_viewer_session import OTHER
 
@@ -39,32 +34,32 @@ SETTINGS = Settings(side=64, samples=2, occlusion_length=0.5)
 FIRST = Request(POSE, SETTINGS)
 
 
-def made() -> Painter:
+def made():
     return Painter(SCENE, Chosen(RASTER, NoOptions()), Tracing(threads=1))
 
 
-def never() -> bool:
+def never():
     return False
 
 
 @pytest.fixture
-def painter() -> Iterator[Painter]:
+def painter():
     one = made()
     yield one
     one.close()
 
 
-def with_settings(**settings: Any) -> Request:
+def with_settings(**settings):
     return Request(POSE, replace(SETTINGS, **settings))
 
 
-def shown(painter: Painter, request: Request, samples: int = 1) -> NDArray[np.uint8]:
+def shown(painter, request, samples=1):
     for _ in range(samples):
         assert painter.add(request, never)
     return painter.show(request).image
 
 
-def test_samples_under_a_panorama_accumulate_and_its_power_costs_none() -> None:
+def test_samples_under_a_panorama_accumulate_and_its_power_costs_none():
     texels = np.random.default_rng(1).random((4, 8, 3)).astype(np.float32)
     one = Painter(replace(SCENE, sky=PanoramaSky(texels)), Chosen(RASTER, NoOptions()), Tracing(threads=1))
     brighter = with_settings(sky_power=2.0)
@@ -79,12 +74,12 @@ def test_samples_under_a_panorama_accumulate_and_its_power_costs_none() -> None:
         assert renderer.samples == 0
 
 
-def single_rays(camera: Camera) -> Any:
+def single_rays(camera):
     with PixelTracer(BOX.mesh, camera, packet_width=1, threads=1) as tracer:
         return tracer.trace()
 
 
-def test_a_picture_is_the_renderer_s_own(painter: Painter) -> None:
+def test_a_picture_is_the_renderer_s_own(painter):
     scene = painter._scene_of(SETTINGS)
     for request, kind, options in (
         (FIRST, HybridRenderer, {"occlusion_length": 0.5}),
@@ -96,7 +91,7 @@ def test_a_picture_is_the_renderer_s_own(painter: Painter) -> None:
 
 
 @pytest.mark.parametrize("field", OTHER)
-def test_samples_stay_exactly_where_the_request_says_so(painter: Painter, field: str) -> None:
+def test_samples_stay_exactly_where_the_request_says_so(painter, field):
     first = with_settings(frame="path") if field == "max_depth" else FIRST
     other = replace(first, settings=replace(first.settings, **{field: OTHER[field]}))
     shown(painter, first, 2)
@@ -106,7 +101,7 @@ def test_samples_stay_exactly_where_the_request_says_so(painter: Painter, field:
 
 
 @pytest.mark.parametrize("direction", [(-0.4, -1.0, 0.3), (0.0, 0.0, 5.0), (1.0, 0.2, -1.0)])
-def test_controls_of_the_sun_begin_with_the_scene_s_own(direction: tuple[float, float, float]) -> None:
+def test_controls_of_the_sun_begin_with_the_scene_s_own(direction):
     own = Sun(direction, 2.0, (1.0, 0.4, 0.0), 3.0)
     settings = Settings(**light_settings(RenderScene(BOX.mesh, lights=[own], sky=GradientSky(power=0.3))))
     assert np.dot(settings.sun_direction, np.array(direction) / np.linalg.norm(direction)) > np.cos(np.radians(1.0))
@@ -115,14 +110,14 @@ def test_controls_of_the_sun_begin_with_the_scene_s_own(direction: tuple[float, 
     assert light_settings(RenderScene(BOX.mesh)) == {"sky_power": 1.0}
 
 
-def test_a_sample_that_is_stopped_leaves_none(painter: Painter) -> None:
+def test_a_sample_that_is_stopped_leaves_none(painter):
     shown(painter, FIRST, 2)
     assert not painter.add(FIRST, lambda: True)
     assert np.array_equal(shown(painter, FIRST), shown(made(), FIRST))
 
 
 @pytest.mark.parametrize("method", ["raster", "visible_first"])
-def test_shades_of_hits_are_those_of_single_rays(painter: Painter, method: str) -> None:
+def test_shades_of_hits_are_those_of_single_rays(painter, method):
     request = with_settings(method=method, split_x=8)
     hits = single_rays(request.camera)
     ids = shown(painter, replace(request, settings=replace(request.settings, shade="prim_id")))
@@ -141,7 +136,7 @@ def test_shades_of_hits_are_those_of_single_rays(painter: Painter, method: str) 
     assert (normal[back_wall] == (127, 127, 255)).all()
 
 
-def test_occlusion_is_dark_in_corners_and_of_the_picture_s_frame_not_of_its_kind(painter: Painter) -> None:
+def test_occlusion_is_dark_in_corners_and_of_the_picture_s_frame_not_of_its_kind(painter):
     image = shown(painter, with_settings(shade="occlusion", frame="path"), 16)
     hits = single_rays(FIRST.camera)
     assert (image[~hits.hit] == 255).all()
@@ -150,16 +145,14 @@ def test_occlusion_is_dark_in_corners_and_of_the_picture_s_frame_not_of_its_kind
     assert image[back_wall & (x > 0.95)].mean() < image[back_wall & (x < 0.4)].mean() - 20
 
 
-def test_right_pixels_are_white_and_a_wrong_one_is_marked_and_counted(
-    painter: Painter, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_right_pixels_are_white_and_a_wrong_one_is_marked_and_counted(painter, monkeypatch):
     request = with_settings(shade="wrong")
     shown(painter, request)
     assert "0 wrong" in painter.show(request).note
 
     trace = painter_room.RasterTracer.trace
 
-    def tampered(self: Any, *arguments: Any, **named: Any) -> Any:
+    def tampered(self, *arguments, **named):
         hits = trace(self, *arguments, **named)
         hits.prim_id[10, 20] = 0 if hits.prim_id[10, 20] != 0 else 1
         return hits
@@ -171,7 +164,7 @@ def test_right_pixels_are_white_and_a_wrong_one_is_marked_and_counted(
     assert tuple(picture.image[10, 20]) == wrong
 
 
-def test_a_sketch_has_the_pixels_of_the_picture_and_no_shadow(painter: Painter) -> None:
+def test_a_sketch_has_the_pixels_of_the_picture_and_no_shadow(painter):
     sketch = painter.sketch(FIRST)
     unshadowed = with_settings(shadow_rays=0, occlusion_rays=0, jitter=False)
     assert np.array_equal(sketch.image, shown(painter, unshadowed))
@@ -179,7 +172,7 @@ def test_a_sketch_has_the_pixels_of_the_picture_and_no_shadow(painter: Painter) 
 
 
 @pytest.mark.parametrize("method", ["raster", "visible_first"])
-def test_after_another_camera_pictures_are_those_of_a_new_painter(painter: Painter, method: str) -> None:
+def test_after_another_camera_pictures_are_those_of_a_new_painter(painter, method):
     first = with_settings(method=method, split_x=8)
     other = replace(first, pose=replace(POSE, eye=(0.3, 1.0, 3.0), aspect=2.0))
     painter.sketch(first), shown(painter, first)
@@ -192,17 +185,17 @@ def test_after_another_camera_pictures_are_those_of_a_new_painter(painter: Paint
 
 
 class Recorder:
-    def __init__(self) -> None:
-        self.frames: list[Frame] = []
+    def __init__(self):
+        self.frames = []
 
-    def show(self, frame: Frame) -> None:
+    def show(self, frame):
         self.frames.append(frame)
 
-    def tell(self, problem: str) -> None:
+    def tell(self, problem):
         raise AssertionError(problem)
 
 
-def test_frames_of_a_real_session_are_those_of_their_request_alone(painter: Painter) -> None:
+def test_frames_of_a_real_session_are_those_of_their_request_alone(painter):
     chosen, screen = random.Random(2), Recorder()
     session = Session(painter, screen, FIRST)
     thread = threading.Thread(target=session.run)

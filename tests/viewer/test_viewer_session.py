@@ -1,19 +1,15 @@
 """The viewer's session without page, thread or renderer: what is drawn when, by a clock that the tests move."""
 
-from __future__ import annotations
-
 import random
 import threading
-from collections.abc import Callable
 from dataclasses import fields, replace
-from typing import Any
 
 import numpy as np
 import pytest
 
 from atra.errors import InputError
 from experiments.viewer.request import COLUMNS, SHADES, SPLITS, Pose, Request, Settings
-from experiments.viewer.session import GROWTH, LEAST_GAP_S, REST_S, Frame, Picture, Session
+from experiments.viewer.session import GROWTH, LEAST_GAP_S, REST_S, Picture, Session
 
 pytestmark = pytest.mark.uncovered
 
@@ -32,21 +28,21 @@ KEEP_SAMPLES = {"shade", "samples", "sun_power", "sun_colour", "sky_power"}
 """Of hybrid rendering: what costs no sample."""
 
 
-def at(x: float) -> Pose:
+def at(x):
     return replace(FIRST.pose, eye=(x, 0.0, 0.0))
 
 
 class Clock:
     """Moves when it is told to, and does what is due on the way."""
 
-    def __init__(self) -> None:
+    def __init__(self):
         self.now_s = 0.0
-        self.due: list[tuple[float, Callable[[], None]]] = []
+        self.due = []
 
-    def __call__(self) -> float:
+    def __call__(self):
         return self.now_s
 
-    def pass_(self, seconds: float) -> None:
+    def pass_(self, seconds):
         end_s = self.now_s + seconds
         while self.due and self.due[0][0] <= end_s:
             self.now_s, act = self.due.pop(0)
@@ -58,15 +54,15 @@ class Artist:
     """Draws wave after wave, which takes time, into one film; a sample that is stopped leaves it torn, as it must not
     be shown then. The picture holds, wave by wave, the camera and the samples that were drawn."""
 
-    def __init__(self, clock: Clock, wave_s: float = 0.004) -> None:
+    def __init__(self, clock, wave_s=0.004):
         self.clock, self.wave_s = clock, wave_s
         self.film = np.zeros((WAVES, 1, 3))
-        self.drawn: Request | None = None
+        self.drawn = None
         self.added = 0
-        self.sketched: list[Request] = []
+        self.sketched = []
         self.stopped = 0
 
-    def sketch(self, request: Request) -> Picture:
+    def sketch(self, request):
         self.sketched.append(request)
         film = np.zeros((WAVES, 1, 3))
         for wave in range(WAVES):
@@ -74,7 +70,7 @@ class Artist:
             film[wave] = request.pose.eye[0], request.settings.sun_power, 0
         return Picture(film, {})
 
-    def add(self, request: Request, stop: Callable[[], bool]) -> bool:
+    def add(self, request, stop):
         if self.drawn is None or not request.keeps_samples_of(self.drawn):
             self.film[:] = 0.0
         self.drawn = request
@@ -89,32 +85,32 @@ class Artist:
         self.added += 1
         return True
 
-    def show(self, request: Request) -> Picture:
+    def show(self, request):
         assert self.drawn is not None, "there is nothing whole to be shown"
         self.film[:, :, 1] = request.settings.sun_power
         return Picture(self.film.copy(), {})
 
 
 class Screen:
-    def __init__(self, clock: Clock) -> None:
+    def __init__(self, clock):
         self.clock = clock
-        self.frames: list[tuple[float, Frame]] = []
-        self.told: list[str] = []
+        self.frames = []
+        self.told = []
 
-    def show(self, frame: Frame) -> None:
+    def show(self, frame):
         self.frames.append((self.clock.now_s, frame))
 
-    def tell(self, problem: str) -> None:
+    def tell(self, problem):
         self.told.append(problem)
 
 
-def made(first: Request = FIRST) -> tuple[Session, Artist, Screen, Clock]:
+def made(first=FIRST):
     clock = Clock()
     artist, screen = Artist(clock), Screen(clock)
     return Session(artist, screen, first, clock), artist, screen, clock
 
 
-def run(session: Session, clock: Clock) -> None:
+def run(session, clock):
     """Until there is nothing more to do and nothing more will be asked for."""
     while True:
         pauses_s = [] if (pause_s := session.step()) is None else [pause_s]
@@ -124,12 +120,12 @@ def run(session: Session, clock: Clock) -> None:
         clock.pass_(min(pauses_s))
 
 
-def test_no_frame_of_1000_random_camera_moves_is_torn_and_the_newest_wins() -> None:
+def test_no_frame_of_1000_random_camera_moves_is_torn_and_the_newest_wins():
     session, artist, screen, clock = made()
     chosen, asked, when_s = random.Random(1), [FIRST], 0.0
 
-    def move(number: int) -> Callable[[], None]:
-        def act() -> None:
+    def move(number):
+        def act():
             if chosen.random() < 0.2:
                 session.want(**chosen.choice([{"sun_power": float(number)}, {"samples": 3 + number % 5}]))
             else:
@@ -156,7 +152,7 @@ def test_no_frame_of_1000_random_camera_moves_is_torn_and_the_newest_wins() -> N
     assert len(artist.sketched) < 900, "cameras that were overtaken were drawn"
 
 
-def test_samples_wait_until_the_camera_has_rested() -> None:
+def test_samples_wait_until_the_camera_has_rested():
     session, _, screen, clock = made()
     clock.due = [(0.1 * number, lambda number=number: session.want(at(number))) for number in range(1, 6)]
     run(session, clock)
@@ -166,7 +162,7 @@ def test_samples_wait_until_the_camera_has_rested() -> None:
     assert still[0] == pytest.approx(0.5 + REST_S + WAVES * 0.004)
 
 
-def test_a_wave_is_the_last_when_the_camera_moves() -> None:
+def test_a_wave_is_the_last_when_the_camera_moves():
     session, artist, screen, clock = made()
     clock.due = [(REST_S + 2.5 * artist.wave_s, lambda: session.want(at(1.0)))]
     run(session, clock)
@@ -174,11 +170,11 @@ def test_a_wave_is_the_last_when_the_camera_moves() -> None:
     assert screen.frames[1][0] == pytest.approx(REST_S + (3 + WAVES) * artist.wave_s)  # three waves and a sketch
 
 
-def test_a_camera_that_goes_and_comes_back_within_a_wave_finds_no_half_sample(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_camera_that_goes_and_comes_back_within_a_wave_finds_no_half_sample(monkeypatch):
     session, artist, screen, clock = made()
     add = artist.add
 
-    def goes_and_comes_back(request: Request, stop: Callable[[], bool]) -> bool:
+    def goes_and_comes_back(request, stop):
         if artist.added != 2 or artist.stopped:
             return add(request, stop)
         session.want(at(1.0))
@@ -196,7 +192,7 @@ def test_a_camera_that_goes_and_comes_back_within_a_wave_finds_no_half_sample(mo
     assert screen.frames[-1][1].samples == 5
 
 
-def test_samples_end_when_there_are_enough_and_more_can_be_asked_for() -> None:
+def test_samples_end_when_there_are_enough_and_more_can_be_asked_for():
     session, artist, screen, clock = made()
     run(session, clock)
     assert artist.added == 5
@@ -208,7 +204,7 @@ def test_samples_end_when_there_are_enough_and_more_can_be_asked_for() -> None:
     assert screen.frames[-1][1].samples == 8
 
 
-def test_a_picture_is_sent_less_often_the_longer_it_has_converged() -> None:
+def test_a_picture_is_sent_less_often_the_longer_it_has_converged():
     session, _, screen, clock = made(replace(FIRST, settings=Settings(samples=1000)))
     run(session, clock)
     times = np.array([when_s for when_s, frame in screen.frames if frame.samples])
@@ -221,7 +217,7 @@ def test_a_picture_is_sent_less_often_the_longer_it_has_converged() -> None:
 
 
 @pytest.mark.parametrize("field", OTHER)
-def test_what_restarts_a_picture(field: str) -> None:
+def test_what_restarts_a_picture(field):
     assert OTHER.keys() == {one.name for one in fields(Settings)}
     first = replace(FIRST, settings=replace(FIRST.settings, frame="path")) if field == "max_depth" else FIRST
     session, artist, screen, clock = made(first)
@@ -233,14 +229,14 @@ def test_what_restarts_a_picture(field: str) -> None:
     assert (screen.frames[-1][1].samples, len(artist.sketched)) == ((5, 1) if keeps else (0, 2))
 
 
-def test_in_path_tracing_light_is_in_the_samples_and_restarts_them() -> None:
+def test_in_path_tracing_light_is_in_the_samples_and_restarts_them():
     path = replace(FIRST.settings, frame="path")
     assert not replace(path, sky_power=2.0).keeps_samples_of(path)
     assert replace(path, samples=2).keeps_samples_of(path)
     assert not replace(path, shade="occlusion").keeps_samples_of(path)  # it is hybrid rendering's
 
 
-def test_other_light_does_not_stop_the_sample_that_is_being_added() -> None:
+def test_other_light_does_not_stop_the_sample_that_is_being_added():
     session, artist, screen, clock = made()
     clock.due = [(REST_S + 2.5 * artist.wave_s, lambda: session.want(sun_power=3.0))]
     run(session, clock)
@@ -248,7 +244,7 @@ def test_other_light_does_not_stop_the_sample_that_is_being_added() -> None:
     assert screen.frames[-1][1].picture.image[0, 0, 1] == 3.0
 
 
-def test_asking_for_the_same_again_changes_nothing() -> None:
+def test_asking_for_the_same_again_changes_nothing():
     session, _, screen, clock = made()
     run(session, clock)
     count = len(screen.frames)
@@ -258,18 +254,16 @@ def test_asking_for_the_same_again_changes_nothing() -> None:
 
 
 @pytest.mark.parametrize("shade", SHADES)
-def test_what_is_hit_needs_one_sample_and_light_many(shade: str) -> None:
+def test_what_is_hit_needs_one_sample_and_light_many(shade):
     enough = replace(FIRST.settings, shade=shade).enough
     assert enough == (5 if shade in ("material", "occlusion") else 1)
 
 
 @pytest.mark.parametrize("broken", ["sketch", "add", "show"])
-def test_what_cannot_be_drawn_is_told_once_and_the_next_camera_is_drawn(
-    broken: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_cannot_be_drawn_is_told_once_and_the_next_camera_is_drawn(broken, monkeypatch):
     session, artist, screen, clock = made()
 
-    def refuse(*_: Any) -> None:
+    def refuse(*_):
         raise InputError("too far away")
 
     with monkeypatch.context() as patched:
@@ -285,7 +279,7 @@ def test_what_cannot_be_drawn_is_told_once_and_the_next_camera_is_drawn(
     assert screen.frames[-1][1].request.pose == at(2.0)
 
 
-def test_a_thread_that_runs_it_draws_sleeps_wakes_and_ends() -> None:
+def test_a_thread_that_runs_it_draws_sleeps_wakes_and_ends():
     clock = Clock()
     screen = Screen(clock)
     session = Session(Artist(clock), screen, FIRST, clock)  # the clock stands still: no camera ever rests
@@ -304,7 +298,7 @@ def test_a_thread_that_runs_it_draws_sleeps_wakes_and_ends() -> None:
 
 
 @pytest.mark.parametrize("aspect", [0.01, 0.5, 1.0, 1.42, 2.0, 100.0])
-def test_pictures_have_the_asked_for_pixels_and_widths_that_every_split_divides(aspect: float) -> None:
+def test_pictures_have_the_asked_for_pixels_and_widths_that_every_split_divides(aspect):
     camera = replace(FIRST, pose=replace(FIRST.pose, aspect=aspect)).camera
     assert camera.width % COLUMNS == 0
     assert all(camera.width % split == 0 for split in SPLITS)
@@ -316,6 +310,6 @@ def test_pictures_have_the_asked_for_pixels_and_widths_that_every_split_divides(
 @pytest.mark.parametrize(
     ("heading", "height", "travels"), [(0, 0, (0, 0, -1)), (90, 0, (-1, 0, 0)), (5, 90, (0, -1, 0))]
 )
-def test_the_sun_stands_where_its_angles_say(heading: float, height: float, travels: tuple[float, ...]) -> None:
+def test_the_sun_stands_where_its_angles_say(heading, height, travels):
     settings = Settings(sun_heading=heading, sun_height=height)
     assert settings.sun_direction == pytest.approx(travels, abs=1e-12)

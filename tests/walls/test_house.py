@@ -4,16 +4,13 @@ from __future__ import annotations
 
 import ast
 import sys
-from collections.abc import Iterator, Mapping
 from contextlib import ExitStack
 from copy import deepcopy
 from dataclasses import dataclass
 from importlib import import_module
 from importlib.machinery import ModuleSpec
-from pathlib import Path
 from pkgutil import walk_packages
 from types import ModuleType
-from typing import Any
 
 import pandas as pd
 import pytest
@@ -26,9 +23,9 @@ from atra.packets.pixel import PixelTracer
 from atra.tracing.options import option
 from experiments.drawing.figure import FigureKind, of_table
 from experiments.harness.column import WHOLE, Column
-from experiments.harness.configuration import Configuration, read_configuration, register_schema
-from experiments.harness.method import Method, Style, Tracing
-from experiments.harness.point import Measured, Point, Workload
+from experiments.harness.configuration import read_configuration, register_schema
+from experiments.harness.method import Method, Style
+from experiments.harness.point import Workload
 from experiments.harness.processes.outcome import Outcome
 from experiments.harness.processes.worker import Job, measure_point
 from experiments.methods import METHODS
@@ -56,11 +53,11 @@ class ToyTracer(PixelTracer):
     patience = 1
 
     @property
-    def counters(self) -> Mapping[str, float]:
+    def counters(self):
         return {**super().counters, "waited": 10 * self.patience}
 
 
-def make_toy(mesh: Any, view: Any, options: ToyOptions, tracing: Tracing) -> ToyTracer:
+def make_toy(mesh, view, options, tracing):
     tracer = ToyTracer(mesh, view, packet_width=1, **tracing.ours)
     tracer.patience = options.patience
     return tracer
@@ -92,20 +89,20 @@ GAME = Workload(
 )
 
 
-def measure_game(point: Point) -> Measured:
+def measure_game(point):
     with ExitStack() as stack:
         own, results = build_own(point, stack)
         timed = timed_rounds(point, {"game": own.trace})
     return measured(results | {"moves": 7 * point.workload_options.players}, timed)
 
 
-def draw_game(rows: pd.DataFrame, columns: int) -> Figure:
+def draw_game(rows, columns):
     figure = Figure()
     figure.subplots().plot(rows["moves"].to_numpy(float), rows["game_time_s"].to_numpy(float))
     return figure
 
 
-ROOM: dict[str, dict[str, Any]] = {
+ROOM = {
     "measure": {"measure": measure_game},
     "figures": {
         "FIGURES": (FigureKind("games", "Games played", lambda rows: workload_rows(rows, "game"), of_table(draw_game)),)
@@ -115,7 +112,7 @@ ROOM: dict[str, dict[str, Any]] = {
 
 
 @pytest.fixture
-def toys(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def toys(monkeypatch, tmp_path):
     """One more line in each registry, the workload's room, and what Hydra knows; all is undone."""
     for info in walk_packages(experiments.__path__, "experiments."):
         import_module(info.name)  # what is imported later would keep the toys
@@ -140,13 +137,13 @@ def toys(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     register_sweeper()
 
 
-def configuration(folder: Path, *overrides: str) -> Configuration:
+def configuration(folder, *overrides):
     image = ["width=16", "height=16", "measure.rounds=3", "measure.warmup=1", "sweep.name=toys", "sweep.report=true"]
     with initialize_config_dir(str(ROOT / "conf"), version_base="1.3"):
         return read_configuration(compose("config", [*image, f"results_dir={folder}", *overrides]), known_kinds())
 
 
-def run_here(point: Point) -> Outcome:
+def run_here(point):
     """As the worker does, in this process."""
     got = measure_point(Job.from_json(Job(point, "", 0).to_json(), known_kinds()).point)
     outcome = Outcome("ok", None, True, got.warmup_samples, got.samples, got.results)
@@ -154,9 +151,7 @@ def run_here(point: Point) -> Outcome:
 
 
 @pytest.mark.slow
-def test_a_new_method_and_a_new_workload_go_from_the_command_line_to_the_page(
-    toys: None, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_new_method_and_a_new_workload_go_from_the_command_line_to_the_page(toys, tmp_path, capsys):
     points = [
         ["method=toy", "workload=game"],
         ["method=toy", "method.patience=4", "workload=game", "workload.players=3"],
@@ -206,7 +201,7 @@ CALLS = {"eq", "ne", "isin", "get", "find_method", "find_workload", "workload_ro
 """What compares its arguments with names, or looks up by them."""
 
 
-def compared_names(source: str) -> Iterator[str]:
+def compared_names(source):
     """Names that `source` compares with or looks up by: operands, patterns, arguments, subscripts, and
     collections and tables of names alone, by which something is chosen elsewhere."""
     for node in ast.walk(ast.parse(source)):
@@ -229,13 +224,13 @@ def compared_names(source: str) -> Iterator[str]:
             yield from _names(one)
 
 
-def _names(node: ast.expr | None) -> list[str]:
+def _names(node):
     """The constant, or those of a collection, if they are names of ours."""
     parts = node.elts if isinstance(node, ast.Tuple | ast.List | ast.Set) else [node]
     return [one.value for one in parts if isinstance(one, ast.Constant) and one.value in NAMES]
 
 
-def own_places() -> dict[str, Path]:
+def own_places():
     """Where a name is at home: a method in its file, a workload in its folder."""
     rooms = {one.name: ROOT / one.room.replace(".", "/") for one in WORKLOADS}
     registry = ROOT / "experiments" / "methods" / "__init__.py"
@@ -251,7 +246,7 @@ def own_places() -> dict[str, Path]:
     return rooms | files
 
 
-def test_no_file_compares_with_the_name_of_a_method_or_workload_but_its_own() -> None:
+def test_no_file_compares_with_the_name_of_a_method_or_workload_but_its_own():
     home = own_places()
     strangers = {
         (path.relative_to(ROOT / "experiments").as_posix(), name)
@@ -275,9 +270,9 @@ def test_no_file_compares_with_the_name_of_a_method_or_workload_but_its_own() ->
     "OURS = ('aligned', 'tiles')",
     "match name:\n case 'planner': pass",
 ])  # fmt: skip
-def test_a_comparison_with_a_name_is_found(source: str) -> None:
+def test_a_comparison_with_a_name_is_found(source):
     assert list(compared_names(source))
 
 
-def test_a_word_that_only_looks_like_a_name_is_left_alone() -> None:
+def test_a_word_that_only_looks_like_a_name_is_left_alone():
     assert not list(compared_names("labels = {'memory': 1, 'cores': 2}\nsay('memory')\n'frame time' == text"))

@@ -5,11 +5,9 @@ from __future__ import annotations
 import ast
 import subprocess
 import sys
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
 from graphlib import CycleError, TopologicalSorter
-from pathlib import Path
 
 import pytest
 
@@ -173,12 +171,12 @@ WALLS = (
 )
 
 
-def is_below(module: str, names: tuple[str, ...]) -> bool:
+def is_below(module, names):
     return any(module == name or module.startswith(f"{name}.") for name in names)
 
 
 @cache
-def modules(package: str) -> dict[str, Path]:
+def modules(package):
     """Module name -> file, of all in the package, or of the one module of that name."""
     found = {}
     place = ROOT / package.replace(".", "/")
@@ -190,12 +188,12 @@ def modules(package: str) -> dict[str, Path]:
 
 
 @cache
-def tree(path: Path) -> ast.Module:
+def tree(path):
     return ast.parse(path.read_text(encoding="utf-8"))
 
 
 @cache
-def imports(path: Path) -> frozenset[str]:
+def imports(path):
     """All that a file imports: modules, and names in them as if they were modules."""
     found = set()
     for node in ast.walk(tree(path)):
@@ -207,7 +205,7 @@ def imports(path: Path) -> frozenset[str]:
     return frozenset(found)
 
 
-def breaches(wall: Wall) -> list[str]:
+def breaches(wall):
     return [
         f"{module} imports {name}"
         for module, path in modules(wall.of).items()
@@ -220,11 +218,11 @@ def breaches(wall: Wall) -> list[str]:
 
 
 @pytest.mark.parametrize("wall", WALLS, ids=lambda wall: f"{wall.of}: {wall.reason}")
-def test_a_wall_stands(wall: Wall) -> None:
+def test_a_wall_stands(wall):
     assert not breaches(wall), wall.reason
 
 
-def test_what_workloads_share_imports_none_of_them() -> None:
+def test_what_workloads_share_imports_none_of_them():
     registry = "experiments.workloads"
     shared = [one for one in modules(registry) if one != registry and not is_below(one, WORKLOAD_ROOMS)]
     assert "experiments.workloads.rounds" in shared
@@ -232,7 +230,7 @@ def test_what_workloads_share_imports_none_of_them() -> None:
         assert not [name for name in imports(modules(registry)[module]) if is_below(name, WORKLOAD_ROOMS)], module
 
 
-def test_the_harness_loads_no_method_and_no_workload() -> None:
+def test_the_harness_loads_no_method_and_no_workload():
     """Not even by the way, as a package's `__init__` does that lies above an imported module."""
     code = f"import sys, {', '.join(modules('experiments.harness'))}; print(*sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
@@ -240,7 +238,7 @@ def test_the_harness_loads_no_method_and_no_workload() -> None:
     assert {name for name in loaded if not is_below(name, ("experiments.harness",))} == {"experiments"}
 
 
-def test_walls_are_seen_to_fall() -> None:
+def test_walls_are_seen_to_fall():
     assert breaches(Wall("atra.tracing", ("atra.embree",)))  # at the top of a module
     assert breaches(Wall("atra.files.meshes", ("trimesh",)))  # inside of a function
     assert not breaches(Wall("atra.tracing", ("atra.embree",), apart_from=("atra.tracing",)))
@@ -252,19 +250,19 @@ def test_walls_are_seen_to_fall() -> None:
     assert not breaches(Wall("atra.packets", ("numba",), suffix_apart="_kernels"))
 
 
-def test_every_room_of_the_library_has_its_place_in_the_order() -> None:
+def test_every_room_of_the_library_has_its_place_in_the_order():
     rooms = {module.split(".")[1] for module in modules("atra") if "." in module}
     assert rooms == {*CORE, *WINGS, "command", *(name.removeprefix("atra.") for name in GROUND)}
 
 
-def test_the_words_that_everything_uses_import_nothing_of_the_library_but_each_other() -> None:
+def test_the_words_that_everything_uses_import_nothing_of_the_library_but_each_other():
     for name in GROUND:
         assert not [
             one for one in imports(modules("atra")[name]) if is_below(one, ("atra",)) and not is_below(one, GROUND)
         ]
 
 
-def test_importing_the_library_loads_no_wing_and_no_command() -> None:
+def test_importing_the_library_loads_no_wing_and_no_command():
     told = subprocess.run(
         [sys.executable, "-c", "import atra, sys; print(*sys.modules)"],
         cwd=ROOT, capture_output=True, text=True, check=True,
@@ -275,11 +273,11 @@ def test_importing_the_library_loads_no_wing_and_no_command() -> None:
 
 
 @pytest.mark.parametrize("name", ["atra.light", "atra.shafts.eye"])
-def test_a_wing_is_loaded_by_its_own_name(name: str) -> None:
+def test_a_wing_is_loaded_by_its_own_name(name):
     subprocess.run([sys.executable, "-c", f"import {name}"], cwd=ROOT, check=True)
 
 
-def test_a_file_of_kernels_declares_some() -> None:
+def test_a_file_of_kernels_declares_some():
     found = [module for module in modules("atra") if module.endswith("_kernels")]
     assert len(found) > 30
     assert not [
@@ -290,7 +288,7 @@ def test_a_file_of_kernels_declares_some() -> None:
 
 
 @pytest.mark.parametrize("package", WITHOUT_CIRCLES)
-def test_modules_import_each_other_in_one_direction_only(package: str) -> None:
+def test_modules_import_each_other_in_one_direction_only(package):
     known = modules(package)
     graph = {
         module: {name if name in known else name.rpartition(".")[0] for name in imports(path)} & known.keys()
@@ -303,18 +301,18 @@ def test_modules_import_each_other_in_one_direction_only(package: str) -> None:
 
 
 @pytest.mark.parametrize("path", [path for name in WITHOUT_CIRCLES for path in modules(name).values()], ids=str)
-def test_a_file_is_not_too_long_to_read_at_a_sitting(path: Path) -> None:
+def test_a_file_is_not_too_long_to_read_at_a_sitting(path):
     assert len(path.read_text(encoding="utf-8").splitlines()) <= MOST_LINES
 
 
 @pytest.mark.parametrize(
     "folder", sorted({path.parent for name in WITHOUT_CIRCLES for path in modules(name).values()}), ids=str
 )
-def test_a_folder_is_not_too_full(folder: Path) -> None:
+def test_a_folder_is_not_too_full(folder):
     assert len([path for path in folder.glob("*.py") if path.name != "__init__.py"]) <= MOST_FILES
 
 
-def private_names(path: Path) -> Iterator[str]:
+def private_names(path):
     """Names with an underscore that a file takes from other modules or from objects that are not its own `self`."""
     for node in ast.walk(tree(path)):
         if isinstance(node, ast.ImportFrom):
@@ -325,7 +323,7 @@ def private_names(path: Path) -> Iterator[str]:
                 yield node.attr
 
 
-def test_names_that_others_use_are_public() -> None:
+def test_names_that_others_use_are_public():
     found = [
         f"{module}: {name}"
         for module, path in modules("atra").items()
@@ -336,7 +334,7 @@ def test_names_that_others_use_are_public() -> None:
     assert "_cache" in private_names(modules("atra")["atra.compiled.store"])  # of Numba: such names are seen
 
 
-def test_constructors_take_few_arguments_beside_their_options() -> None:
+def test_constructors_take_few_arguments_beside_their_options():
     too_many = [
         f"{module}, line {node.lineno}"
         for module, path in modules("atra").items()

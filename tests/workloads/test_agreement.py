@@ -1,13 +1,8 @@
 """From disagreement to list, line and figure: a fault put into one pixel comes out with the right name on it."""
 
-from __future__ import annotations
-
 import csv
 import io
-from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -15,12 +10,10 @@ import pytest
 from PIL import Image
 
 import atra
-from atra.hits import Hits
 from atra.judge.oracle import examine
 from atra.judge.reference import brute_force
 from atra.prim_ids import MISS
 from experiments.harness.configuration import Chosen, Configuration, SceneConfiguration
-from experiments.harness.point import Measured, Point
 from experiments.harness.points import plan_points
 from experiments.harness.processes.worker import Job
 from experiments.harness.records import Record, write_record
@@ -44,7 +37,7 @@ WIDTH, HEIGHT = 48, 32
 FAULT = (20, 10)  # x, y of the pixel that is spoilt
 
 
-def make_point(**options: Any) -> Point:
+def make_point(**options):
     configuration = Configuration(
         scene=SceneConfiguration(name="cornell_box", source=SceneSource.procedural),
         workload=Chosen(AGREEMENT, AgreementOptions(**{"offsets": OFFSETS, "sample_rays": 50, **options})),
@@ -57,58 +50,58 @@ def make_point(**options: Any) -> Point:
 class Spoilt:
     """A tracer whose image has one answer changed at FAULT, at every offset."""
 
-    def __init__(self, tracer: atra.Tracer, change: Callable[[Hits, tuple[int, int]], None]) -> None:
+    def __init__(self, tracer, change):
         self._tracer, self._change = tracer, change
 
-    def __getattr__(self, name: str) -> Any:
+    def __getattr__(self, name):
         return getattr(self._tracer, name)
 
-    def __enter__(self) -> Spoilt:
+    def __enter__(self):
         self._tracer.__enter__()
         return self
 
-    def __exit__(self, *error: Any) -> None:
+    def __exit__(self, *error):
         self._tracer.close()
 
-    def trace(self, offset: tuple[float, float]) -> Hits:
+    def trace(self, offset):
         hits = self._tracer.trace(offset)
         self._change(hits, (FAULT[1], FAULT[0]))
         return hits
 
 
-def name_another_triangle(hits: Hits, place: tuple[int, int]) -> None:
+def name_another_triangle(hits, place):
     hits.prim_id[place] = (hits.prim_id[place] + 500) % hits.mesh.triangle_count
 
 
-def store_another_depth(hits: Hits, place: tuple[int, int]) -> None:
+def store_another_depth(hits, place):
     hits.depth[place] *= 1.01
 
 
-def see_nothing(hits: Hits, place: tuple[int, int]) -> None:
+def see_nothing(hits, place):
     hits.prim_id[place], hits.depth[place] = MISS, np.inf
 
 
 MAKERS = {"method": (rounds, "make_own"), "baseline": (agreement, "make_single")}
 
 
-def spoil(monkeypatch: pytest.MonkeyPatch, who: str, change: Callable[[Hits, tuple[int, int]], None]) -> None:
+def spoil(monkeypatch, who, change):
     """Put a fault into the tracer of the method or of the baseline."""
     module, name = MAKERS[who]
     make = getattr(module, name)
     monkeypatch.setattr(module, name, lambda *arguments: Spoilt(make(*arguments), change))
 
 
-def at_fault(found: Measured) -> pd.DataFrame:
+def at_fault(found):
     listed = pd.DataFrame(found.results["disagreements"])
     return listed[(listed["x"] == FAULT[0]) & (listed["y"] == FAULT[1])]
 
 
 @pytest.fixture(scope="module")
-def sound() -> Measured:
+def sound():
     return agreement.measure(make_point())
 
 
-def test_every_offset_is_an_image_every_disagreement_a_row(sound: Measured) -> None:
+def test_every_offset_is_an_image_every_disagreement_a_row(sound):
     results = sound.results
     assert results["images"] == len(OFFSETS)
     kinds = ("equal", "tied", "edge", "wrong")
@@ -125,8 +118,8 @@ def test_every_offset_is_an_image_every_disagreement_a_row(sound: Measured) -> N
     (name_another_triangle, "wrong triangle"), (see_nothing, "hole"), (store_another_depth, "wrong depth"),
 ])  # fmt: skip
 def test_a_fault_in_one_pixel_is_listed_and_counted_against_who_made_it(
-    sound: Measured, monkeypatch: pytest.MonkeyPatch, who: str, other: str, change: Any, correctness: str
-) -> None:
+    sound, monkeypatch, who, other, change, correctness
+):
     spoil(monkeypatch, who, change)
     found = agreement.measure(make_point())
     rows = at_fault(found)
@@ -140,7 +133,7 @@ def test_a_fault_in_one_pixel_is_listed_and_counted_against_who_made_it(
     assert found.results["pixels_wrong"] == len(OFFSETS)
 
 
-def test_the_sample_counts_what_both_get_wrong_alike(sound: Measured, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_sample_counts_what_both_get_wrong_alike(sound, monkeypatch):
     for who in MAKERS:
         spoil(monkeypatch, who, see_nothing)
     found = agreement.measure(make_point(sample_rays=WIDTH * HEIGHT))
@@ -151,7 +144,7 @@ def test_the_sample_counts_what_both_get_wrong_alike(sound: Measured, monkeypatc
     assert found.results["method_wrong"] == sound.results["method_wrong"]
 
 
-def test_a_tie_is_listed_though_nobody_is_wrong_and_a_miss_is_an_empty_field() -> None:
+def test_a_tie_is_listed_though_nobody_is_wrong_and_a_miss_is_an_empty_field():
     square = [(-4.0, -4.0, 2.0), (4.0, -4.0, 2.0), (4.0, 4.0, 2.0), (-4.0, 4.0, 2.0)]
     mesh = quads([square, square])
     camera = atra.Camera(**EYE_AT_ORIGIN, fov_y_degrees=60.0, width=4, height=4)
@@ -168,7 +161,7 @@ def test_a_tie_is_listed_though_nobody_is_wrong_and_a_miss_is_an_empty_field() -
     assert listed["method_stored_depth"] == listed["method_depth"] == [2.0, None]
 
 
-def test_offsets_and_sample_are_part_of_a_point_and_reach_the_worker() -> None:
+def test_offsets_and_sample_are_part_of_a_point_and_reach_the_worker():
     assert make_point(offsets=((0.0, 0.0),)) != make_point()
     assert make_point(sample_rays=7) != make_point()
     assert Job.from_json(Job(make_point(), "path", run=1).to_json(), known_kinds()).point == make_point()
@@ -183,7 +176,7 @@ def test_offsets_and_sample_are_part_of_a_point_and_reach_the_worker() -> None:
         ({"sample_rays": -1}, "workload.sample_rays is -1"),
     ],
 )
-def test_offsets_outside_the_pixel_and_negative_samples_are_refused(options: dict[str, Any], message: str) -> None:
+def test_offsets_outside_the_pixel_and_negative_samples_are_refused(options, message):
     with pytest.raises(atra.InputError, match=message):
         AgreementOptions(**options)
 
@@ -195,7 +188,7 @@ COUNTS = {
 }  # fmt: skip
 
 
-def make_record(name: str, listed: dict[str, list[Any]] | None = None, **fields: Any) -> Record:
+def make_record(name, listed=None, **fields):
     configuration = {
         "scene": "box", "triangles": 10, "width": 8, "height": 6, "method": "aligned", "threads": 1,
         "workload": "agreement", "view": "own", "fov_y_degrees": 60.0, "workload_options": {},
@@ -211,9 +204,9 @@ def make_record(name: str, listed: dict[str, list[Any]] | None = None, **fields:
     return Record(name, "ok", None, configuration, {"cpu": "some cpu"}, results=results)
 
 
-def rows_of_three() -> dict[str, list[Any]]:
+def rows_of_three():
     """A tie, a wrong method beside the triangle, and a pixel of the sample where both see nothing."""
-    columns: dict[str, list[Any]] = {
+    columns = {
         "offset_x": [0.5, 0.5, 0.25], "offset_y": [0.5, 0.5, 0.75], "x": [1, 7, 3], "y": [2, 5, 0],
         "verdict": ["tied", "edge", "equal"], "sampled": [False, False, True],
         "truth_prim_id": [4, 5, 6], "truth_depth": [1.0, 2.0, 3.0], "truth_edge_distance": [0.1, 0.2, 0.3],
@@ -231,13 +224,13 @@ def rows_of_three() -> dict[str, list[Any]]:
     return columns
 
 
-def written(folder: Path, *records: Record) -> pd.DataFrame:
+def written(folder, *records):
     for record in records:
         write_record(folder, record)
     return make_table(records)
 
 
-def test_the_list_says_of_every_row_which_point_it_is_from_and_who_was_wrong(tmp_path: Path) -> None:
+def test_the_list_says_of_every_row_which_point_it_is_from_and_who_was_wrong(tmp_path):
     table = written(tmp_path, make_record("a", rows_of_three()), make_record("b"), make_record("c", rows_of_three(), split_x=4))  # fmt: skip  # noqa: E501
     write(tmp_path, tmp_path, table)
     rows = list(csv.DictReader(io.StringIO((tmp_path / "disagreements.csv").read_text())))
@@ -253,13 +246,13 @@ def test_the_list_says_of_every_row_which_point_it_is_from_and_who_was_wrong(tmp
     )
 
 
-def test_the_list_blames_the_baseline_where_it_alone_is_wrong(tmp_path: Path) -> None:
+def test_the_list_blames_the_baseline_where_it_alone_is_wrong(tmp_path):
     columns = rows_of_three() | {"method_correctness": ["right"] * 3, "baseline_correctness": ["wrong depth"] * 3}
     table = written(tmp_path, make_record("a", columns))
     assert list(read_disagreements(table, tmp_path)["wrong"]) == ["baseline"] * 3
 
 
-def test_the_picture_marks_the_pixels_that_differ(tmp_path: Path) -> None:
+def test_the_picture_marks_the_pixels_that_differ(tmp_path):
     table = written(tmp_path, make_record("a", rows_of_three()), make_record("b", scene="../none"))
     write(tmp_path, tmp_path, table)
     pictures = {path.name: np.asarray(Image.open(path).convert("RGB")) for path in tmp_path.glob("*.png")}
@@ -270,12 +263,12 @@ def test_the_picture_marks_the_pixels_that_differ(tmp_path: Path) -> None:
     assert (pictures["disagreements_.._none_8x6.png"] == 255).all()
 
 
-def test_a_table_without_agreement_leaves_no_list(tmp_path: Path) -> None:
+def test_a_table_without_agreement_leaves_no_list(tmp_path):
     write(tmp_path, tmp_path, make_table([]))
     assert list(tmp_path.iterdir()) == []
 
 
-def test_the_line_of_a_scene_sums_its_points_and_names_who_errs_too_often() -> None:
+def test_the_line_of_a_scene_sums_its_points_and_names_who_errs_too_often():
     fine, beyond = make_record("a"), make_record("b", method="tiles", method_wrong=3)
     (line,) = sweep_lines(make_table([fine, beyond]))
     assert line == (
@@ -290,19 +283,19 @@ def test_the_line_of_a_scene_sums_its_points_and_names_who_errs_too_often() -> N
 @pytest.mark.parametrize(
     ("method", "baseline", "too_often"), [(0, 0, False), (2, 1, False), (3, 1, True), (1, 0, True)]
 )
-def test_twice_the_baseline_s_errors_are_allowed_and_no_more(method: int, baseline: int, too_often: bool) -> None:
+def test_twice_the_baseline_s_errors_are_allowed_and_no_more(method, baseline, too_often):
     table = make_table([make_record("a", method_wrong=method, baseline_wrong=baseline)])
     assert errs_too_often(table) is too_often
 
 
-def words(table: pd.DataFrame) -> str:
+def words(table):
     figure = draw_agreement_figure(table)
     figure.savefig(io.BytesIO(), format="png", dpi=30)
     texts = [text.get_text() for axis in figure.axes for text in (*axis.texts, *axis.get_yticklabels())]
     return "\n".join([*texts, figure.get_supxlabel()])
 
 
-def test_the_figure_draws_method_beside_baseline_and_writes_the_counts() -> None:
+def test_the_figure_draws_method_beside_baseline_and_writes_the_counts():
     table = make_table(
         [make_record("a"), make_record("b", split_x=4), make_record("c", method="tiles", method_wrong=9)]
     )
@@ -315,7 +308,7 @@ def test_the_figure_draws_method_beside_baseline_and_writes_the_counts() -> None
     assert "6 images" in said
 
 
-def test_the_figure_copes_with_no_rows_with_points_not_measured_and_with_missing_values() -> None:
+def test_the_figure_copes_with_no_rows_with_points_not_measured_and_with_missing_values():
     skipped = replace(make_record("s", method="tiles"), status="skipped", error="needs 9 GiB of memory", results={})
     table = make_table([make_record("a"), skipped])
     assert "tiles, 2 \N{MULTIPLICATION SIGN} 1: skipped, needs more memory than its budget" in " ".join(
@@ -329,7 +322,7 @@ def test_the_figure_copes_with_no_rows_with_points_not_measured_and_with_missing
     assert "not measured" in words(missing)
 
 
-def test_every_method_has_a_name_in_the_figure() -> None:
+def test_every_method_has_a_name_in_the_figure():
     rows = [make_record(method.name, method=method.name) for method in METHODS]
     rows += [make_record("i", geometry="instanced", culling=False), make_record("s", packet_width=1)]
     said = words(make_table(rows))

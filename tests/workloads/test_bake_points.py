@@ -1,11 +1,8 @@
 """Workload bake: what a point is held against, what its claims make of a table, and its figures."""
 
-from __future__ import annotations
-
 import importlib.util
 import math
 import sys
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -16,7 +13,6 @@ from atra.light import Baker, BakeScene, constant_sky
 from atra.light.lightmaps.gather.adaptive import FIRST_LOOK
 from experiments.drawing.figure import draw_figure
 from experiments.harness.configuration import Chosen, Configuration, MeasureConfiguration, SceneConfiguration
-from experiments.harness.point import Measured
 from experiments.harness.points import plan_points
 from experiments.harness.processes.worker import measure_point
 from experiments.harness.records import Record
@@ -52,7 +48,7 @@ from tests.quotations.quotation import Kept
 xatlas = pytest.mark.skipif(importlib.util.find_spec("xatlas") is None, reason="xatlas is not installed (extra `bake`)")
 
 
-def measured(**options: Any) -> tuple[Any, Measured]:
+def measured(**options):
     configuration = Configuration(
         scene=SceneConfiguration(name="cornell_box", source=SceneSource.procedural),
         measure=MeasureConfiguration(rounds=3, warmup=1),
@@ -68,7 +64,7 @@ def measured(**options: Any) -> tuple[Any, Measured]:
 
 @xatlas
 @pytest.mark.parametrize("against", [one for one in Against if one is not Against.mitsuba])
-def test_a_point_is_held_against_the_same_bake_without_one_of_its_means(against: Against) -> None:
+def test_a_point_is_held_against_the_same_bake_without_one_of_its_means(against):
     asked = {
         Against.nothing: {"priority": True}, Against.expansion: {"priority": True, "batch_rays": 512},
         Against.occupancy: {"occupancy": 0.3}, Against.environment: {"panorama": True},
@@ -99,7 +95,7 @@ def test_a_point_is_held_against_the_same_bake_without_one_of_its_means(against:
 
 
 @xatlas
-def test_a_lane_for_every_texel_is_held_against_nothing_and_uses_fewer_lanes() -> None:
+def test_a_lane_for_every_texel_is_held_against_nothing_and_uses_fewer_lanes():
     point, none = measured(against=Against.compaction, compaction="none")
     assert set(none.samples) == {"own"}
     assert point.workload_options.other is None
@@ -108,7 +104,7 @@ def test_a_lane_for_every_texel_is_held_against_nothing_and_uses_fewer_lanes() -
     assert none.results["rays_per_round"] == bounces.results["rays_per_round"]
 
 
-def test_lamps_are_as_bright_together_however_many_and_lie_inside_the_scene() -> None:
+def test_lamps_are_as_bright_together_however_many_and_lie_inside_the_scene():
     mesh = make_scene("cornell_box").mesh
     one, many = lamps(mesh, 1), lamps(mesh, 256)
     assert (len(one), len(many), lamps(mesh, 0)) == (1, 256, ())
@@ -120,19 +116,19 @@ def test_lamps_are_as_bright_together_however_many_and_lie_inside_the_scene() ->
 
 
 @pytest.mark.parametrize("light", [{"albedo": 0.5}, {"lamps": 4}, {"panorama": True}, {"priority": True}])
-def test_mitsuba_is_handed_a_scene_in_its_own_light_alone(light: dict[str, Any]) -> None:
+def test_mitsuba_is_handed_a_scene_in_its_own_light_alone(light):
     (name,) = light
     with pytest.raises(InputError, match=f"workload.{name} is .* with workload.against=mitsuba"):
         BakeSettings(against=Against.mitsuba, **light)
 
 
-def test_without_mitsuba_a_point_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_mitsuba_a_point_says_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "mitsuba", None)
     with pytest.raises(InputError, match=r"workload\.against=mitsuba needs mitsuba; run: pip install -e '\.\[peers\]'"):
         load_mitsuba("llvm_ad_rgb", "workload.against=mitsuba", 1)
 
 
-def test_an_adaptive_map_of_even_light_is_as_bright_as_its_sky_and_leaves_out_what_comes_after_the_first_look() -> None:
+def test_an_adaptive_map_of_even_light_is_as_bright_as_its_sky_and_leaves_out_what_comes_after_the_first_look():
     mesh = cube()
     brighter, scene = (BakeScene(mesh, sky=constant_sky(radiance)) for radiance in (2.2, 2.0))
     with (
@@ -149,7 +145,7 @@ def test_an_adaptive_map_of_even_light_is_as_bright_as_its_sky_and_leaves_out_wh
 
 
 @xatlas
-def test_a_point_of_an_adaptive_bake_tells_its_bias() -> None:
+def test_a_point_of_an_adaptive_bake_tells_its_bias():
     _, found = measured(adaptive=True, final_samples=32, size=16)
     assert abs(found.results["adaptive_bias"]) < 5 * found.results["adaptive_bias_error"]
     assert found.results["adaptive_left_out"] == 0.0  # before the first look
@@ -157,7 +153,7 @@ def test_a_point_of_an_adaptive_bake_tells_its_bias() -> None:
 
 
 @xatlas
-def test_finishing_is_measured_against_a_map_of_other_random_numbers() -> None:
+def test_finishing_is_measured_against_a_map_of_other_random_numbers():
     pytest.importorskip("pyoidn", reason="pyoidn is not installed: pip install -e '.[denoise]'")
     _, found = measured(denoise=True, final_samples=8)
     assert 0 < found.results["denoised_ratio"] < 2  # of a map of 8 samples, over one of 32
@@ -165,16 +161,16 @@ def test_finishing_is_measured_against_a_map_of_other_random_numbers() -> None:
     assert found.results["denoise_s"] > 0
 
 
-def record(samples: dict[str, list[float]], **results: Any) -> Record:
+def record(samples, **results):
     return Record("0", "ok", None, {"workload": BAKE.name}, {}, {}, samples, results)
 
 
-def value(one: Record, name: str) -> Any:
+def value(one, name):
     (column,) = (found for found in BAKE.columns if found.name == name)
     return column.value([one])
 
 
-def test_ratios_are_of_rounds_of_rays_and_of_variance_times_time() -> None:
+def test_ratios_are_of_rounds_of_rays_and_of_variance_times_time():
     one = record(
         {"own": [1.0, 1.0, 2.0], "other": [2.0, 3.0, 4.0]}, rays_per_round=100, other_rays_per_round=150.0,
         variance_ratio=0.5, tracing_ratio=1.5,
@@ -190,7 +186,7 @@ def test_ratios_are_of_rounds_of_rays_and_of_variance_times_time() -> None:
 SCENES = ("cornell_box", "mitsuba", "fireplace_room", "sponza")
 
 
-def table(*rows: dict[str, Any]) -> pd.DataFrame:
+def table(*rows):
     """Rows of all scenes with these values, as a sweep's table holds them."""
     usual = {"workload": BAKE.name, "method": "raster", "status": "ok", "grids": "bake", "albedo": "own",
              "priority": False, "compaction": "bounces", "packets": "1", "against": "compaction", "denoise": False,
@@ -204,14 +200,14 @@ def table(*rows: dict[str, Any]) -> pd.DataFrame:
     return frame.astype({name: column.dtype for name, column in columns().items()})
 
 
-def ratio(name: str, *ends: tuple[float, float]) -> dict[str, Any]:
+def ratio(name, *ends):
     """A column and its interval, of all four scenes."""
     low, high = zip(*ends, strict=True)
     middle = tuple(math.sqrt(a * b) for a, b in ends)
     return {name: middle, f"{name}_low": low, f"{name}_high": high}
 
 
-def verdict(claim: str, rows: pd.DataFrame) -> str:
+def verdict(claim, rows):
     (found,) = (one for one in CLAIMS if one.id == claim)
     (judged,) = judge_claim(found, rows)
     return judged.verdict
@@ -227,18 +223,18 @@ GOOD, BAD, OPEN = (1.2, 1.3), (0.8, 0.9), (0.9, 1.2)
     ((GOOD, GOOD, OPEN, BAD), UNDECIDED),
     ((OPEN,) * 4, UNDECIDED),
 ])  # fmt: skip
-def test_a_ratio_is_judged_by_whole_intervals_on_all_scenes_but_one(ends: Any, expected: str) -> None:
+def test_a_ratio_is_judged_by_whole_intervals_on_all_scenes_but_one(ends, expected):
     assert verdict("compaction-bounces", table(ratio("speedup_vs_other", *ends))) == expected
     assert verdict("compaction-bounces", table(ratio("view_speedup", *ends))) == NOT_MEASURED
 
 
-def test_of_a_single_scene_none_is_spared() -> None:
+def test_of_a_single_scene_none_is_spared():
     rows = table({"occupancy": "any", "map_occupancy": 0.4} | ratio("speedup_vs_other", *[BAD] * 4))
     for claim in ("compaction-bounces", "occupancy"):
         assert verdict(claim, rows[rows["scene"].eq("sponza")]) == DOES_NOT_HOLD
 
 
-def test_a_bound_has_two_ends_and_a_claim_its_own_points() -> None:
+def test_a_bound_has_two_ends_and_a_claim_its_own_points():
     emptiest = {"against": "occupancy"}
     assert (
         verdict("occupancy-no-matter", table(emptiest | ratio("rays_speedup_vs_other", *[(0.97, 1.03)] * 4))) == HOLDS
@@ -259,7 +255,7 @@ def test_a_bound_has_two_ends_and_a_claim_its_own_points() -> None:
     assert verdict("target-texels", both) == HOLDS  # of the emptiest maps alone
 
 
-def test_what_every_process_finds_alike_needs_no_interval() -> None:
+def test_what_every_process_finds_alike_needs_no_interval():
     natural = {"occupancy": "any", "map_occupancy": (0.6, 0.55, 0.69, 0.4)}
     assert verdict("occupancy", table(natural)) == HOLDS
     assert verdict("occupancy", table(natural | {"map_occupancy": (0.6, 0.55, 0.72, 0.4)})) == DOES_NOT_HOLD
@@ -274,13 +270,13 @@ def test_what_every_process_finds_alike_needs_no_interval() -> None:
     assert verdict("no-waiting", table(stages | {"other_s": 0.02})) == DOES_NOT_HOLD
 
 
-def test_what_opaque_scenes_pay_is_judged_by_the_bound_that_was_set() -> None:
+def test_what_opaque_scenes_pay_is_judged_by_the_bound_that_was_set():
     through = {"against": "translucency"}
     for ends, expected in (((0.99, 1.02), HOLDS), ((1.04, 1.06), DOES_NOT_HOLD), ((1.0, 1.06), UNDECIDED)):
         assert verdict("opaque", table(through | ratio("speedup_vs_other", *[ends] * 4))) == expected
 
 
-def test_paths_beside_mitsuba_count_in_one_thread_and_where_both_find_the_same_light() -> None:
+def test_paths_beside_mitsuba_count_in_one_thread_and_where_both_find_the_same_light():
     held = {"against": "mitsuba", "threads": 1, "other_light_ratio": 1.01, "other_light_error": 0.003}
     good, slower = (held | ratio("speedup_vs_best_other", *[ends] * 4) for ends in ((1.02, 1.1), (0.95, 1.1)))
     assert verdict("target-mitsuba", table(good)) == HOLDS
@@ -289,7 +285,7 @@ def test_paths_beside_mitsuba_count_in_one_thread_and_where_both_find_the_same_l
     assert verdict("target-mitsuba", table(good | {"threads": 2})) == NOT_MEASURED
 
 
-def test_the_search_for_what_a_view_shows_is_judged_where_both_methods_searched() -> None:
+def test_the_search_for_what_a_view_shows_is_judged_where_both_methods_searched():
     seconds = [{"method": "pixel", "culling_map_s": 0.3}, {"method": "visible_first", "culling_map_s": 0.1}]
     assert verdict("culling-map", table(*seconds)) == HOLDS
     seconds[1]["culling_map_s"] = (0.1, 0.1, 0.25, 0.25)
@@ -303,7 +299,7 @@ def test_the_search_for_what_a_view_shows_is_judged_where_both_methods_searched(
     )
 
 
-def test_claims_are_written_and_nothing_is_claimed_of_no_table(tmp_path: Any) -> None:
+def test_claims_are_written_and_nothing_is_claimed_of_no_table(tmp_path):
     for rows in (None, table({})[:0]):
         assert {judge_claim(claim, rows)[0].verdict for claim in CLAIMS} == {NOT_MEASURED}
     write(tmp_path, tmp_path, table(ratio("speedup_vs_other", *[GOOD] * 4)))
@@ -312,7 +308,7 @@ def test_claims_are_written_and_nothing_is_claimed_of_no_table(tmp_path: Any) ->
     assert len({claim.id for claim in CLAIMS}) == len(CLAIMS)
 
 
-def drawn_rows() -> pd.DataFrame:
+def drawn_rows():
     """Made-up rows of a whole sweep=bake, of which all figures draw something."""
     rng = np.random.default_rng(1)
     rows = []
@@ -331,7 +327,7 @@ def drawn_rows() -> pd.DataFrame:
     return table(*rows)
 
 
-def test_figures_show_errors_over_time_stages_and_rays(tmp_path: Any) -> None:
+def test_figures_show_errors_over_time_stages_and_rays(tmp_path):
     rows = drawn_rows()
     rows = rows[rows["scene"].isin(SCENES[:2])]
     for kind in FIGURES:
@@ -344,7 +340,7 @@ def test_figures_show_errors_over_time_stages_and_rays(tmp_path: Any) -> None:
         (tmp_path / f"{kind.name}.png").write_bytes(figure.png)
 
 
-def test_what_pages_quote_has_a_row_a_means_and_a_cell_a_scene() -> None:
+def test_what_pages_quote_has_a_row_a_means_and_a_cell_a_scene():
     kept = Kept(drawn_rows(), pd.DataFrame(), [])
     rows = means_of_a_bake(kept).rows
     assert {row.count("|") for row in rows} == {2 + len(SCENES)}
@@ -353,10 +349,10 @@ def test_what_pages_quote_has_a_row_a_means_and_a_cell_a_scene() -> None:
     assert finished_maps(kept).rows[1].count("not measured") == 4
 
 
-def test_what_pages_quote_of_points_is_of_those_that_a_row_names() -> None:
+def test_what_pages_quote_of_points_is_of_those_that_a_row_names():
     wrong = ratio("speedup_vs_other", *[(0.5, 0.6)] * 4) | ratio("quality_vs_other", *[(0.5, 0.6)] * 4)
 
-    def one(low: float, high: float, **values: Any) -> dict[str, Any]:
+    def one(low, high, **values):
         return values | ratio("speedup_vs_other", *[(low, high)] * 4) | ratio("quality_vs_other", *[(low, high)] * 4)
 
     rows = table(
@@ -383,7 +379,7 @@ def test_what_pages_quote_of_points_is_of_those_that_a_row_names() -> None:
     }
 
 
-def test_what_pages_quote_beside_mitsuba_and_of_adaptive_maps_has_a_cell_a_scene() -> None:
+def test_what_pages_quote_beside_mitsuba_and_of_adaptive_maps_has_a_cell_a_scene():
     held = [
         {"against": "mitsuba", "packets": packets} | ratio("speedup_vs_other", *[(low, low + 0.05)] * 4)
         for packets, low in (("1", 1.2), ("8", 1.5))
@@ -397,7 +393,7 @@ def test_what_pages_quote_beside_mitsuba_and_of_adaptive_maps_has_a_cell_a_scene
     assert [row.count(text) for row, text in zip(rows, ("-0.12 ± 0.04 %", "18.3 %", "1.25"), strict=True)] == [4] * 3
 
 
-def test_pages_have_a_verdict_on_every_claim_from_the_sweep_that_decides_it() -> None:
+def test_pages_have_a_verdict_on_every_claim_from_the_sweep_that_decides_it():
     finishing = table({"denoise": True, "against": "nothing", "seam_step_ratio": 0.1, "denoised_ratio": 0.8})
     sizes = table(*({"size": size, "batch_rays": 1 << 12, "buffer_bytes": 1000} for size in (256, 2048)))
     found = table({"method": "pixel", "culling_map_s": 0.3}, {"method": "visible_first", "culling_map_s": 0.1})
@@ -418,7 +414,7 @@ def test_pages_have_a_verdict_on_every_claim_from_the_sweep_that_decides_it() ->
     assert [cells[2] for cells in quoted[verdicts_on_views]] == [HOLDS, NOT_MEASURED]
 
 
-def test_of_several_points_of_a_scene_a_claim_says_from_where_to_where() -> None:
+def test_of_several_points_of_a_scene_a_claim_says_from_where_to_where():
     (claim,) = (one for one in CLAIMS if one.id == "compaction-bounces")
     slower, faster = ratio("speedup_vs_other", *[GOOD] * 4), ratio("speedup_vs_other", *[(1.4, 1.5)] * 4)
     (judged,) = judge_claim(claim, table({"occupancy": "0.7"} | slower, faster))

@@ -1,9 +1,6 @@
 """Points of workload gather: timed beside what gathers the same, and lost or doubled hits counted."""
 
-from __future__ import annotations
-
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -30,16 +27,16 @@ from tests.report_samples import table_of
 pytestmark = pytest.mark.uncovered
 
 
-def counted(count: list[list[int]]) -> atra.Counts:
+def counted(count):
     return atra.Counts(np.array(count, np.uint32), (0.5, 0.5), cornell_box(), cornell_camera(2, 2))
 
 
-def test_lost_and_doubled_hits_are_counted_and_do_not_cancel() -> None:
+def test_lost_and_doubled_hits_are_counted_and_do_not_cancel():
     found = differences(counted([[1, 5], [0, 2]]), counted([[2, 4], [0, 2]]), atra.Count())
     assert found == {"hits_in_all": 8, "hits_missing": 1, "hits_too_many": 1, "pixels_different": 2}
 
 
-def test_a_layer_of_another_triangle_is_a_different_pixel_and_the_same_depth_to_rounding_is_none() -> None:
+def test_a_layer_of_another_triangle_is_a_different_pixel_and_the_same_depth_to_rounding_is_none():
     with atra.PixelTracer(cornell_box(), cornell_camera(8, 8), threads=1) as tracer:
         single = tracer.gather(atra.Layers(2))
     nudged = replace(single, depth=single.depth * np.float32(1 + 1e-7))
@@ -50,7 +47,7 @@ def test_a_layer_of_another_triangle_is_a_different_pixel_and_the_same_depth_to_
 
 
 @pytest.mark.parametrize("name", ["trimesh", "open3d"])
-def test_a_peer_counts_the_hits_of_open_space_and_gathers_nothing_else(name: str) -> None:
+def test_a_peer_counts_the_hits_of_open_space_and_gathers_nothing_else(name):
     method = find_method(name)
     if method.problem() is not None:
         pytest.skip(str(method.problem()))
@@ -66,14 +63,14 @@ def test_a_peer_counts_the_hits_of_open_space_and_gathers_nothing_else(name: str
     assert (found.count == ours.count).mean() > 0.9
 
 
-def test_what_no_ray_could_gather_is_refused_before_anything_is_measured() -> None:
+def test_what_no_ray_could_gather_is_refused_before_anything_is_measured():
     with pytest.raises(InputError, match="k is 0"):
         GatherOptions(What.layers, layers=0)
     with pytest.raises(InputError, match="transmittance is 2"):
         GatherOptions(What.transmittance, factor=2.0)
 
 
-def test_a_warm_up_has_something_that_no_copy_shows_and_leaves_few_samples_in_doubt() -> None:
+def test_a_warm_up_has_something_that_no_copy_shows_and_leaves_few_samples_in_doubt():
     configuration = Configuration(
         scene=SceneConfiguration(name="cornell_box", source=SceneSource.procedural),
         method=Chosen(ALIGNED, find_method("aligned").options(split_x=4)),
@@ -84,7 +81,7 @@ def test_a_warm_up_has_something_that_no_copy_shows_and_leaves_few_samples_in_do
     (planned,) = plan_points([configuration])
     left_out, in_doubt = [], []
 
-    def gather(tracer: Any) -> None:
+    def gather(tracer):
         tracer.gather(atra.Count())
         left_out.append(tracer.counters.get("triangles_left_out"))
         in_doubt.append(len(tracer._doubts[1].keys))
@@ -94,7 +91,7 @@ def test_a_warm_up_has_something_that_no_copy_shows_and_leaves_few_samples_in_do
     assert 0 < max(in_doubt) < 64 * 64 / 4
 
 
-def gathered_row(scene: str, method: str, what: str, over_single: float, **fields: Any) -> dict[str, Any]:
+def gathered_row(scene, method, what, over_single, **fields):
     """Of packets that take a quarter of the time of single rays: 40 ms to count, twice that for layers."""
     ratios = {"speedup": over_single, "speedup_vs_packets": over_single / 4.0}
     packets_s = 0.08 if what == "layers" else 0.04
@@ -107,7 +104,7 @@ def gathered_row(scene: str, method: str, what: str, over_single: float, **field
     } | ratios | intervals | fields  # fmt: skip
 
 
-def gathered_rows(scene: str) -> list[dict[str, Any]]:
+def gathered_rows(scene):
     """Aligned single rays are best at 512 cells, and without culling better still; packets at 256."""
     split = {"packet_width": 16, "split_x": 128}
     lossy = {"hits_missing": 1234, "hits_too_many": 5, "pixels_different": 7}
@@ -122,7 +119,7 @@ def gathered_rows(scene: str) -> list[dict[str, Any]]:
 
 
 @pytest.fixture
-def kept() -> Kept:
+def kept():
     rows = [row for scene in SCENES for row in gathered_rows(scene)]
     for what, cost in (("count", 1.0), ("thickness", 1.5)):
         rows += [
@@ -136,11 +133,11 @@ def kept() -> Kept:
     return Kept(table_of(rows), table_of(processes), [])
 
 
-def cells(row: str) -> list[str]:
+def cells(row):
     return [cell.strip() for cell in row.strip("|").split("|")]
 
 
-def test_pages_tell_packets_that_gather_from_single_rays_and_from_the_rasteriser(kept: Kept) -> None:
+def test_pages_tell_packets_that_gather_from_single_rays_and_from_the_rasteriser(kept):
     found = {label: first for label, first, *_ in map(cells, gathering.counting(kept).rows)}
     assert found == {
         "packets, ms": "40.0",
@@ -152,7 +149,7 @@ def test_pages_tell_packets_that_gather_from_single_rays_and_from_the_rasteriser
     }
 
 
-def test_what_else_is_gathered_is_held_against_counts_of_the_same_rays(kept: Kept) -> None:
+def test_what_else_is_gathered_is_held_against_counts_of_the_same_rays(kept):
     rows = [cells(row) for row in gathering.over_counting(kept).rows]
     assert [row[0] for row in rows[:3]] == [f"transmittance, {rays}" for rays in ("packets", "aligned", "rasteriser")]
     assert {len(row) for row in rows} == {1 + len(SCENES)}
@@ -162,7 +159,7 @@ def test_what_else_is_gathered_is_held_against_counts_of_the_same_rays(kept: Kep
     assert "too few processes" in gathering.over_counting(few).rows[0]
 
 
-def test_pages_say_what_other_tracers_lose_and_what_a_closed_mesh_takes(kept: Kept) -> None:
+def test_pages_say_what_other_tracers_lose_and_what_a_closed_mesh_takes(kept):
     rows = [cells(row) for row in gathering.counts_of_others(kept).rows]
     assert rows[0] == ["`cornell_box`, trimesh", "20.0", "400", "9,000", "1,234", "5"]
     assert rows[-1] == ["`three_holes`, trimesh", "20.0", "200", "9,000", "0", "0"]
@@ -172,7 +169,7 @@ def test_pages_say_what_other_tracers_lose_and_what_a_closed_mesh_takes(kept: Ke
     assert solid["trimesh"][-1] == "3"
 
 
-def test_pages_have_the_paper_s_claims_where_every_hit_is_wanted() -> None:
+def test_pages_have_the_paper_s_claims_where_every_hit_is_wanted():
     claims = [
         {"id": name, "text": text, "section": "§4", "reading": "every hit wanted", "verdict": verdict, "inferred": own}
         for name, text, verdict, own in (

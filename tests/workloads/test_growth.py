@@ -1,11 +1,6 @@
 """Growth: scenes with more triangles, fitted exponents, and where one method overtakes another."""
 
-from __future__ import annotations
-
-from typing import Any
-
 import numpy as np
-import pandas as pd
 import pytest
 
 import atra
@@ -37,12 +32,12 @@ pytestmark = pytest.mark.uncovered
 # Scenes
 
 
-def area(mesh: atra.Mesh) -> np.ndarray:
+def area(mesh):
     a, b, c = np.moveaxis(mesh.triangles(np.arange(mesh.triangle_count)), 1, 0)
     return 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
 
 
-def test_a_subdivided_triangle_becomes_four_of_a_quarter_of_its_area_in_its_place() -> None:
+def test_a_subdivided_triangle_becomes_four_of_a_quarter_of_its_area_in_its_place():
     scene = make_scene("cornell_box")
     cut = enlarged(scene, 2, 1)
     assert cut.mesh.triangle_count == 16 * scene.mesh.triangle_count
@@ -52,7 +47,7 @@ def test_a_subdivided_triangle_becomes_four_of_a_quarter_of_its_area_in_its_plac
     assert (cut.camera, cut.name) == (scene.camera, scene.name)
 
 
-def test_neighbours_share_the_vertices_in_the_middle_of_their_edges() -> None:
+def test_neighbours_share_the_vertices_in_the_middle_of_their_edges():
     faces = np.array([(0, 1, 2), (2, 1, 3)], np.uint32)
     mesh = atra.Mesh(np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0), (1, 1, 0.3)], np.float32), faces)
     cut = enlarged(Scene("square", mesh, {}), 1, 1).mesh
@@ -62,7 +57,7 @@ def test_neighbours_share_the_vertices_in_the_middle_of_their_edges() -> None:
     assert sorted(shared) == [1] * 8 + [2] * 8
 
 
-def test_a_subdivided_scene_looks_the_same() -> None:
+def test_a_subdivided_scene_looks_the_same():
     scene = make_scene("cornell_box")
     camera = atra.Camera(**scene.camera, width=48, height=32)
     depths = [trace_pixels(one.mesh, camera, ties="any").depth for one in (scene, enlarged(scene, 1, 1))]
@@ -70,7 +65,7 @@ def test_a_subdivided_scene_looks_the_same() -> None:
 
 
 @pytest.mark.parametrize("copies", [2, 4, 7])
-def test_copies_lie_side_by_side_and_the_first_where_the_scene_is(copies: int) -> None:
+def test_copies_lie_side_by_side_and_the_first_where_the_scene_is(copies):
     scene = make_scene("cornell_box")
     many = enlarged(scene, 0, copies).mesh
     corners = many.triangles(np.arange(many.triangle_count)).reshape(copies, -1, 3, 3)
@@ -82,12 +77,12 @@ def test_copies_lie_side_by_side_and_the_first_where_the_scene_is(copies: int) -
 
 
 @pytest.mark.parametrize(("subdivided", "copies"), [(9, 1), (10**9, 1), (0, 10**9)])
-def test_more_triangles_than_can_be_meant_are_refused(subdivided: int, copies: int) -> None:
+def test_more_triangles_than_can_be_meant_are_refused(subdivided, copies):
     with pytest.raises(InputError, match=f"scene.subdivided={subdivided} and scene.copies={copies} make"):
         enlarged(make_scene("cornell_box"), subdivided, copies)
 
 
-def configuration(memory_budget_gib: float | None = None, **scene: Any) -> Configuration:
+def configuration(memory_budget_gib=None, **scene):
     return Configuration(
         scene=SceneConfiguration(name="cornell_box", source=SceneSource.procedural, **scene),
         measure=MeasureConfiguration(rounds=3, warmup=1, memory_budget_gib=memory_budget_gib),
@@ -98,7 +93,7 @@ def configuration(memory_budget_gib: float | None = None, **scene: Any) -> Confi
     )
 
 
-def test_points_know_their_enlarged_mesh_and_the_worker_loads_it() -> None:
+def test_points_know_their_enlarged_mesh_and_the_worker_loads_it():
     given = [configuration(), configuration(subdivided=1, copies=2), configuration()]
     points = [one.point for one in plan_points(given)]
     assert [one.triangles for one in points] == [1112, 8896, 1112]
@@ -107,7 +102,7 @@ def test_points_know_their_enlarged_mesh_and_the_worker_loads_it() -> None:
     assert load_mesh(points[1]).triangle_count == 8896
 
 
-def test_a_point_whose_baselines_do_not_fit_has_the_reason_as_its_problem() -> None:
+def test_a_point_whose_baselines_do_not_fit_has_the_reason_as_its_problem():
     few, many = plan_points([configuration(1e-3), configuration(1e-3, subdivided=3)])
     assert few.problem is None
     assert isinstance(many.problem, MemoryBudgetError)
@@ -117,14 +112,14 @@ def test_a_point_whose_baselines_do_not_fit_has_the_reason_as_its_problem() -> N
 # Figure
 
 
-def size_row(method: str, triangles: int, time_s: float, ratio: float, **fields: Any) -> dict[str, Any]:
+def size_row(method, triangles, time_s, ratio, **fields):
     """Four times the triangles are one more subdivision of 1,000."""
     subdivided = round(np.log(triangles / 1000) / np.log(4))
     own = {"triangles": triangles, "subdivided": subdivided, "copies": 1, "mesh_sha256": f"m{triangles}"}
     return method_row(method, time_s=time_s, ratio=ratio, **own | fields)
 
 
-def power_laws() -> pd.DataFrame:
+def power_laws():
     """The rasteriser grows as n^1, packets as n^(1/4); as fast at 16,000 triangles."""
     rows = []
     for n in (1000, 4000, 64_000, 256_000):
@@ -136,7 +131,7 @@ def power_laws() -> pd.DataFrame:
     return make_rows(*rows)
 
 
-def test_exponents_are_those_of_power_laws() -> None:
+def test_exponents_are_those_of_power_laws():
     (panel,) = growth_panels(power_laws())
     packets, raster = growths(panel)
     assert (packets.method, raster.method) == ("pixel", "raster")
@@ -147,7 +142,7 @@ def test_exponents_are_those_of_power_laws() -> None:
     assert fitted_slope(raster.sizes[:1], raster.time_s[:1]) is None
 
 
-def test_a_crossing_of_power_laws_is_found_between_sizes_and_drawn_and_told() -> None:
+def test_a_crossing_of_power_laws_is_found_between_sizes_and_drawn_and_told():
     (panel,) = growth_panels(power_laws())
     packets, raster = growths(panel)
     for pair in ((packets, raster), (raster, packets)):
@@ -164,7 +159,7 @@ def test_a_crossing_of_power_laws_is_found_between_sizes_and_drawn_and_told() ->
     assert any(text.endswith("a frame of rasteriser grows as triangles^1.00") for text in growth_lines(power_laws()))
 
 
-def test_ratios_decide_and_times_of_another_hour_do_not() -> None:
+def test_ratios_decide_and_times_of_another_hour_do_not():
     rows = [size_row("pixel", n, 0.05, 1.0) for n in (1000, 4000)]
     slow_hour = [size_row("raster", 1000, 0.02, 2.0), size_row("raster", 4000, 0.1, 1.9)]
     (panel,) = growth_panels(make_rows(*rows, *slow_hour))
@@ -174,15 +169,15 @@ def test_ratios_decide_and_times_of_another_hour_do_not() -> None:
     )
 
 
-def test_what_is_as_fast_overtakes_nobody() -> None:
+def test_what_is_as_fast_overtakes_nobody():
     rows = [size_row("pixel", n, 0.05, 1.0) for n in (1000, 4000, 16_000)]
     level = [size_row("raster", n, 0.05, ratio) for n, ratio in ((1000, 1.01), (4000, 0.99), (16_000, 1.01))]
     (panel,) = growth_panels(make_rows(*rows, *level))
     assert crossings(*growths(panel)) == []
 
 
-def test_every_thing_that_grows_has_a_panel_and_all_else_is_held() -> None:
-    def row(subdivided: int, copies: int, width: int) -> dict[str, Any]:
+def test_every_thing_that_grows_has_a_panel_and_all_else_is_held():
+    def row(subdivided, copies, width):
         own = {"subdivided": subdivided, "copies": copies, "mesh_sha256": f"{subdivided}, {copies}"}
         triangles = 10 * 4**subdivided * copies
         return method_row("raster", width=width, height=width, triangles=triangles, **own)
@@ -197,10 +192,10 @@ def test_every_thing_that_grows_has_a_panel_and_all_else_is_held() -> None:
     assert len(growing_rows(make_rows(row(0, 1, 64)))) == 0
 
 
-def test_a_size_that_was_not_measured_is_told_with_its_reason() -> None:
+def test_a_size_that_was_not_measured_is_told_with_its_reason():
     table = make_rows(size_row("raster", 1000, 0.1, 1.0), skipped(size_row("raster", 4000, 0.1, 1.0)))
     assert "rasteriser: skipped, needs more memory than its budget" in unfolded(draw_growth_figure(table))
 
 
-def test_counts_are_said_short() -> None:
+def test_counts_are_said_short():
     assert [say_count(one) for one in (7, 1000, 17_792, 999_999, 16_785_088)] == ["7", "1k", "17.8k", "1M", "16.8M"]

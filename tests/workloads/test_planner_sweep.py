@@ -1,10 +1,7 @@
 """The sweep of plans: views, what is compared, regret by hand, and the figure."""
 
-from __future__ import annotations
-
 import time
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -15,7 +12,6 @@ from atra.errors import InputError
 from atra.planner.choice import PACKETS, RASTER, candidates
 from experiments.harness.configuration import Chosen, Configuration, MeasureConfiguration, SceneConfiguration
 from experiments.harness.options import NoOptions
-from experiments.harness.point import Point
 from experiments.harness.points import plan_points
 from experiments.harness.processes.worker import measure_point
 from experiments.methods.pixel import PIXEL, PixelOptions
@@ -33,7 +29,7 @@ pytestmark = pytest.mark.uncovered
 
 
 @pytest.mark.parametrize("view", VIEWS)
-def test_every_view_shows_the_scene_from_a_place_of_its_own(view: str) -> None:
+def test_every_view_shows_the_scene_from_a_place_of_its_own(view):
     mesh = cornell_box()
     fields = view_fields(mesh, CORNELL_BOX_CAMERA, view)
     camera = atra.Camera(**fields, width=16, height=16)
@@ -44,7 +40,7 @@ def test_every_view_shows_the_scene_from_a_place_of_its_own(view: str) -> None:
     assert fields not in others
 
 
-def test_a_view_moved_in_stands_nearer_by_four_tenths_of_what_it_looked_at_and_an_unknown_one_is_refused() -> None:
+def test_a_view_moved_in_stands_nearer_by_four_tenths_of_what_it_looked_at_and_an_unknown_one_is_refused():
     eye = np.asarray(CORNELL_BOX_CAMERA["eye"])
     moved = np.asarray(view_fields(cornell_box(), CORNELL_BOX_CAMERA, "near")["eye"])
     with atra.PixelTracer(cornell_box(), cornell_camera(1, 1), packet_width=1) as tracer:
@@ -53,7 +49,7 @@ def test_a_view_moved_in_stands_nearer_by_four_tenths_of_what_it_looked_at_and_a
         view_fields(cornell_box(), CORNELL_BOX_CAMERA, "behind")
 
 
-def test_regret_is_the_choice_over_the_best_in_frames_and_in_all() -> None:
+def test_regret_is_the_choice_over_the_best_in_frames_and_in_all():
     first_s = {"packets": 4.0, "a": 65.0, "b": 18.0}
     frame_s = {"packets": 4.0, "a": 1.0, "b": 2.0}
     assert FRAMES == 64
@@ -64,7 +60,7 @@ def test_regret_is_the_choice_over_the_best_in_frames_and_in_all() -> None:
     assert found["regret_with_planning"] == (48 + 144) / 128
 
 
-def test_planning_pays_from_the_frame_at_which_its_time_is_made_good() -> None:
+def test_planning_pays_from_the_frame_at_which_its_time_is_made_good():
     first_s, frame_s = {"packets": 4.0, "b": 18.0}, {"packets": 4.0, "b": 2.0}
     frames = np.arange(1, 100)
     for planning_s in (0.0, 48.0, 49.0):
@@ -74,7 +70,7 @@ def test_planning_pays_from_the_frame_at_which_its_time_is_made_good() -> None:
     assert regrets({"packets": 4.0, "b": 1.0}, frame_s, "packets", "b", 1.0)["pays_from_frames"] == 1
 
 
-def planner_table() -> pd.DataFrame:
+def planner_table():
     """Three views; regrets 1.0, 1.1 and 1.2."""
     common = {
         "scene": "cornell_box", "triangles": 1112, "width": 64, "height": 64, "status": "ok", "threads": 1,
@@ -85,7 +81,7 @@ def planner_table() -> pd.DataFrame:
     return table_of([{**common, "view": view, "regret": 1.0 + 0.1 * place} for place, view in views])
 
 
-def test_the_terminal_says_median_and_worst_of_all_plans() -> None:
+def test_the_terminal_says_median_and_worst_of_all_plans():
     told, counted = sweep_lines(planner_table().assign(pays_from_frames=pd.array([20, 30, None], "Int64")))
     assert told.startswith("plans: regret 1.10, at worst 1.20;")
     assert "over packets at worst 0.50" in told
@@ -95,7 +91,7 @@ def test_the_terminal_says_median_and_worst_of_all_plans() -> None:
     )
 
 
-def test_the_figure_shows_every_view_where_it_belongs() -> None:
+def test_the_figure_shows_every_view_where_it_belongs():
     table = planner_table()
     figure = draw_planner_figure(table)
     (axis,) = [axis for axis in figure.axes if axis.get_visible()]
@@ -105,7 +101,7 @@ def test_the_figure_shows_every_view_where_it_belongs() -> None:
         assert drawn[label] == pytest.approx(list(table.set_index("view")[name][views]))
 
 
-def toy_point(**fields: Any) -> Point:
+def toy_point(**fields):
     configuration = Configuration(
         scene=SceneConfiguration(name="cornell_box", source=SceneSource.procedural, view="near"),
         measure=MeasureConfiguration(rounds=3, warmup=1),
@@ -120,7 +116,7 @@ def toy_point(**fields: Any) -> Point:
     return planned.point
 
 
-def test_a_measured_point_holds_every_candidate_in_the_same_rounds() -> None:
+def test_a_measured_point_holds_every_candidate_in_the_same_rounds():
     point = toy_point()
     measured = measure_point(point)
     wanted = {str(one) for one in candidates(point.camera)}
@@ -131,14 +127,14 @@ def test_a_measured_point_holds_every_candidate_in_the_same_rounds() -> None:
     assert measured.results["regret_with_planning"] > measured.results["regret"]
 
 
-def test_a_point_is_measured_where_processor_time_does_not_tell_frames_apart(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_point_is_measured_where_processor_time_does_not_tell_frames_apart(monkeypatch):
     monkeypatch.setattr(time, "thread_time", lambda: 0.0)
     measured = measure_point(toy_point())
     assert all(value > 0 for values in measured.samples.values() for value in values)
 
 
-def test_a_point_passes_its_ties_on_to_plans_and_tracers(monkeypatch: pytest.MonkeyPatch) -> None:
-    def refuse(_: object) -> None:
+def test_a_point_passes_its_ties_on_to_plans_and_tracers(monkeypatch):
+    def refuse(_):
         raise AssertionError("nobody may ask for ties")
 
     for module in ("atra.exact.ties", "atra.tracing.base"):
@@ -147,7 +143,7 @@ def test_a_point_passes_its_ties_on_to_plans_and_tracers(monkeypatch: pytest.Mon
     assert measured.results["planned"]["ties"] == "any"
 
 
-def test_a_point_leaves_out_what_does_not_fit_into_its_memory_budget() -> None:
+def test_a_point_leaves_out_what_does_not_fit_into_its_memory_budget():
     measured = measure_point(replace(toy_point(), memory_budget_gib=1e-9))
     assert {one["method"] for one in measured.results["candidates"]} == {PACKETS, RASTER}
     assert measured.results["plan"] in (PACKETS, RASTER)

@@ -1,11 +1,8 @@
 """Workload render and the verb of that name: pictures that are timed, and one that is written."""
 
-from __future__ import annotations
-
 import sys
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -16,7 +13,7 @@ from atra.files.saving import encode_exr
 from atra.light import Metal
 from experiments import cli
 from experiments.harness.configuration import Chosen, Configuration, MeasureConfiguration, SceneConfiguration
-from experiments.harness.points import PlannedPoint, plan_points
+from experiments.harness.points import plan_points
 from experiments.harness.processes.worker import measure_point
 from experiments.harness.records import Record
 from experiments.methods import find_method
@@ -34,7 +31,7 @@ pytestmark = pytest.mark.uncovered
 WIDTH, HEIGHT = 24, 16
 
 
-def planned(method: str = "raster", scene: str = "cornell_box", subdivided: int = 0, **options: Any) -> PlannedPoint:
+def planned(method="raster", scene="cornell_box", subdivided=0, **options):
     kind = find_method(method)
     configuration = Configuration(
         scene=SceneConfiguration(name=scene, source=SceneSource.procedural, subdivided=subdivided),
@@ -52,9 +49,7 @@ def planned(method: str = "raster", scene: str = "cornell_box", subdivided: int 
     ({"frame": Kind.path}, {"primary", "depth_first", "other"}),
     ({"frame": Kind.path, "order": "waves"}, {"primary", "generate", "trace", "compact", "shade", "other"}),
 ])  # fmt: skip
-def test_a_point_has_pictures_by_each_primary_visibility_and_their_stages(
-    options: dict[str, Any], stages: set[str]
-) -> None:
+def test_a_point_has_pictures_by_each_primary_visibility_and_their_stages(options, stages):
     found = measure_point(planned(**options).point)
     primaries = {"own", "rtcIntersect1", *(PACKETS[width] for width in expert_packet_widths())}
     assert set(found.samples) == primaries | {f"{name}_primary" for name in primaries}
@@ -67,7 +62,7 @@ def test_a_point_has_pictures_by_each_primary_visibility_and_their_stages(
     assert (np.array(found.samples["own_primary"]) < own).all()
 
 
-def test_a_pre_pass_by_llvmpipe_makes_pictures_and_its_pixels_are_judged() -> None:
+def test_a_pre_pass_by_llvmpipe_makes_pictures_and_its_pixels_are_judged():
     if problem := find_method("llvmpipe").problem():
         pytest.skip(problem)
     found = measure_point(planned("llvmpipe").point)
@@ -76,7 +71,7 @@ def test_a_pre_pass_by_llvmpipe_makes_pictures_and_its_pixels_are_judged() -> No
     assert set(found.results["stages"]) >= {"primary", "surfaces", "shadow", "occlusion"}
 
 
-def test_with_a_still_camera_primary_visibility_is_found_once_a_picture() -> None:
+def test_with_a_still_camera_primary_visibility_is_found_once_a_picture():
     found = {
         jitter: measure_point(planned(jitter=jitter, shadow_rays=0, occlusion_rays=0).point)
         for jitter in ("shared", "off")
@@ -85,17 +80,17 @@ def test_with_a_still_camera_primary_visibility_is_found_once_a_picture() -> Non
     assert rays == {"shared": 2 * WIDTH * HEIGHT, "off": WIDTH * HEIGHT}
 
 
-def a_record(samples: dict[str, list[float]], **results: Any) -> Record:
+def a_record(samples, **results):
     configuration = {"workload": RENDER.name, "workload_options": {"samples": 4}}
     return Record("0", "ok", None, configuration, {}, {}, samples, results)
 
 
-def value(record: Record, name: str) -> Any:
+def value(record, name):
     (column,) = (one for one in RENDER.columns if one.name == name)
     return column.value([record])
 
 
-def test_amdahl_s_forecast_is_the_packets_picture_with_the_own_primary_in_it() -> None:
+def test_amdahl_s_forecast_is_the_packets_picture_with_the_own_primary_in_it():
     record = a_record(
         {
             "own": [6.0, 6.0, 6.0], "own_primary": [1.0, 1.0, 1.0], "rtcIntersect1": [30.0] * 3,
@@ -116,27 +111,27 @@ def test_amdahl_s_forecast_is_the_packets_picture_with_the_own_primary_in_it() -
     assert value(nothing_behind, "break_even_subframes") == 1
 
 
-def test_what_embree_takes_of_paths_followed_one_by_one_is_not_known() -> None:
+def test_what_embree_takes_of_paths_followed_one_by_one_is_not_known():
     assert outside_embree({"primary": 1.0, "depth_first": 3.0}) is None
 
 
 class _Tracer:
-    def __init__(self) -> None:
-        self.out: list[Any] = []
+    def __init__(self):
+        self.out = []
 
-    def trace(self, offset: Any, out: Any) -> object:
+    def trace(self, offset, out):
         self.out.append(out)
         return self
 
 
-def test_each_primary_keeps_an_image_of_its_own() -> None:
+def test_each_primary_keeps_an_image_of_its_own():
     tracers = {"own": _Tracer(), "other": _Tracer()}
     primaries = Primaries(tracers)
     primaries.trace((0.5, 0.5))
     primaries.chosen = "other"
     primaries.trace((0.5, 0.5))
     primaries.trace((0.5, 0.5))
-    assert primaries.latest is tracers["other"]  # type: ignore[comparison-overlap]
+    assert primaries.latest is tracers["other"]
     assert tracers["own"].out == [None]
     assert tracers["other"].out == [None, tracers["other"]]
 
@@ -148,12 +143,12 @@ def test_each_primary_keeps_an_image_of_its_own() -> None:
     ({"sky": "nowhere.exr"}, "nowhere.exr', which cannot be read"), ({"sky_sha256": "ab"}, "without a workload.sky"),
     ({"sky": "run.py", "sky_sha256": "ab"}, "changed since this run began"),
 ])  # fmt: skip
-def test_what_no_picture_can_have_is_refused(options: dict[str, Any], message: str) -> None:
+def test_what_no_picture_can_have_is_refused(options, message):
     with pytest.raises(InputError, match=message):
         RenderOptions(**options)
 
 
-def test_a_scene_has_its_own_materials_or_a_sun_that_shines_where_the_camera_looks() -> None:
+def test_a_scene_has_its_own_materials_or_a_sun_that_shines_where_the_camera_looks():
     camera = planned().point.camera
     shown = lit("weekend", make_scene("weekend").mesh, camera)
     assert any(isinstance(material, Metal) for material in shown.materials)
@@ -161,11 +156,11 @@ def test_a_scene_has_its_own_materials_or_a_sun_that_shines_where_the_camera_loo
         planned(scene="weekend", subdivided=1)
     grey = lit("cornell_box", make_scene("cornell_box").mesh, camera)
     (sun,) = grey.lights
-    assert np.dot(sun.direction, camera.axes[2]) > 0  # type: ignore[union-attr]
-    assert sun.direction[1] < 0  # type: ignore[union-attr]
+    assert np.dot(sun.direction, camera.axes[2]) > 0
+    assert sun.direction[1] < 0
 
 
-def run(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> int:
+def run(monkeypatch, *arguments):
     size = f"width={WIDTH}", f"height={HEIGHT}"
     monkeypatch.setattr(sys, "argv", ["run.py", "render", *size, "threads=1", *arguments])
     try:
@@ -174,9 +169,7 @@ def run(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> int:
         return int(left.code or 0)
 
 
-def test_one_picture_is_written_with_its_progress(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_one_picture_is_written_with_its_progress(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     assert run(monkeypatch, "samples=5", "output=new/a.png") == 0
     told = capsys.readouterr()
@@ -201,9 +194,9 @@ def test_one_picture_is_written_with_its_progress(
     (["output=run.py/a.png"], "results cannot be written to"),
 ])  # fmt: skip
 def test_what_cannot_be_made_is_one_line_before_any_work(
-    arguments: list[str], message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:  # fmt: skip
+    arguments, message, tmp_path, monkeypatch,
+    capsys,
+):  # fmt: skip
     monkeypatch.chdir(tmp_path)
     (tmp_path / "run.py").touch()
     assert run(monkeypatch, *arguments) == 2
@@ -214,7 +207,7 @@ def test_what_cannot_be_made_is_one_line_before_any_work(
     assert [path.name for path in tmp_path.iterdir()] == ["run.py"]
 
 
-def test_a_libllvm_that_would_end_the_process_is_refused_by_its_version() -> None:
+def test_a_libllvm_that_would_end_the_process_is_refused_by_its_version():
     with pytest.raises(InputError, match=r"finds libLLVM 15\.0\.6, expected 16 or newer: install libLLVM"):
         check_llvm((15, 0, 6), "workload.mitsuba=llvm_ad_rgb")
     check_llvm((19, 1, 7), "workload.mitsuba=llvm_ad_rgb")

@@ -1,13 +1,10 @@
 """Each workload of a point, measured for real at toy size."""
 
-from __future__ import annotations
-
 import base64
 import io
 import json
 from dataclasses import replace
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -15,7 +12,6 @@ from PIL import Image
 
 from atra.alignment.visible_first import VisibleFirstTracer
 from experiments.harness.configuration import Chosen, Configuration, MeasureConfiguration, SceneConfiguration
-from experiments.harness.point import Measured, Workload
 from experiments.harness.points import plan_points
 from experiments.harness.processes.worker import measure_point, read_point
 from experiments.methods import METHODS, find_method
@@ -29,7 +25,7 @@ from tests.harness.processes.test_outcome import POINT
 pytestmark = pytest.mark.uncovered
 
 
-def measured(workload: str, method: str = "aligned", **options: Any) -> Measured:
+def measured(workload, method="aligned", **options):
     """What a point of the workload tells; options are the method's, by default 4 cells."""
     kind = find_method(method)
     options = {"split_x": 4, **options} if kind.has_cells else options
@@ -47,14 +43,14 @@ def measured(workload: str, method: str = "aligned", **options: Any) -> Measured
 
 
 @pytest.mark.parametrize("workload", WORKLOADS, ids=lambda workload: workload.name)
-def test_a_point_of_any_method_and_workload_comes_back_from_plain_values(workload: Workload) -> None:
+def test_a_point_of_any_method_and_workload_comes_back_from_plain_values(workload):
     for method in METHODS:
         of = {"method": method, "options": method.options(), "workload": workload}
         point = replace(POINT, **of, workload_options=workload.options())
         assert read_point(json.loads(json.dumps(point.configuration())), known_kinds()) == point
 
 
-def test_a_frame_has_samples_of_every_native_width_from_8_on_and_judges_every_pixel() -> None:
+def test_a_frame_has_samples_of_every_native_width_from_8_on_and_judges_every_pixel():
     outcome = measured("frame")
     methods = {"own", "rtcIntersect1", *(f"packets_{width}" for width in expert_packet_widths())}
     assert {name: len(values) for name, values in outcome.samples.items()} == dict.fromkeys(methods, 3)
@@ -63,13 +59,13 @@ def test_a_frame_has_samples_of_every_native_width_from_8_on_and_judges_every_pi
     assert outcome.results["pixels_wrong"] == 0
 
 
-def test_the_baseline_are_the_packets_with_the_shortest_median() -> None:
+def test_the_baseline_are_the_packets_with_the_shortest_median():
     samples = {"own": [1.0], "packets_8": [3.0, 3.0, 9.0], "packets_16": [1.0, 4.0, 4.0]}
     assert fastest_packets(samples) == 8
     assert fastest_packets(samples | {"packets_16": [9.0, 2.0, 2.0]}) == 16
 
 
-def test_an_expert_tries_every_native_width_from_8_on_or_else_the_widest(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_expert_tries_every_native_width_from_8_on_or_else_the_widest(monkeypatch):
     expected = {(1, 4, 8, 16): (8, 16), (1, 4, 8): (8,), (1, 4): (4,), (1,): (1,)}
     for native, widths in expected.items():
         library = SimpleNamespace(native_packet_widths=native)
@@ -77,9 +73,7 @@ def test_an_expert_tries_every_native_width_from_8_on_or_else_the_widest(monkeyp
         assert expert_packet_widths() == widths
 
 
-def test_a_timed_point_plans_and_builds_five_times_but_not_again_what_takes_long(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_timed_point_plans_and_builds_five_times_but_not_again_what_takes_long(monkeypatch):
     results = measured("frame").results
     for name in ("plan", "build"):
         assert len(results[f"{name}_samples_s"]) == 5
@@ -90,18 +84,18 @@ def test_a_timed_point_plans_and_builds_five_times_but_not_again_what_takes_long
 
 
 @pytest.mark.parametrize("geometry", ["copied", "instanced"])
-def test_a_build_has_samples_of_plan_and_build_and_of_the_plain_mesh(geometry: str) -> None:
+def test_a_build_has_samples_of_plan_and_build_and_of_the_plain_mesh(geometry):
     outcome = measured("build", geometry=geometry)
     assert set(outcome.samples) == {"plan", "build", "baseline_build"}
     assert all(len(values) == 3 for values in outcome.samples.values())
     assert "plan_time_s" not in outcome.results
 
 
-def test_a_build_is_timed_by_the_method_s_own_clocks(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_build_is_timed_by_the_method_s_own_clocks(monkeypatch):
     # Visible-first builds one of its BVHs while it plans, which counts as build.
     plan = VisibleFirstTracer.plan
 
-    def slowly(self: VisibleFirstTracer) -> None:
+    def slowly(self):
         plan(self)
         self.plan_time_s, self._whole_build_time_s = 1000.0, 2000.0
 
@@ -114,7 +108,7 @@ def test_a_build_is_timed_by_the_method_s_own_clocks(monkeypatch: pytest.MonkeyP
 
 
 @pytest.mark.parametrize("fields", [{}, {"geometry": "instanced"}, {"method": "pixel"}])
-def test_a_memory_has_the_bytes_of_each_step_and_no_times(fields: dict[str, Any]) -> None:
+def test_a_memory_has_the_bytes_of_each_step_and_no_times(fields):
     outcome = measured("memory", **fields)
     results = outcome.results
     assert outcome.samples == {}
@@ -123,14 +117,14 @@ def test_a_memory_has_the_bytes_of_each_step_and_no_times(fields: dict[str, Any]
     assert not [name for name in results if name.endswith("_s")]
 
 
-def test_instances_hold_fewer_triangles_than_copies_without_culling() -> None:
+def test_instances_hold_fewer_triangles_than_copies_without_culling():
     copied = measured("memory", culling=False).results
     instanced = measured("memory", geometry="instanced").results
     # But for the one that no copy can show.
     assert 0.99 < copied["triangles_traced"] / (4 * instanced["triangles_traced"]) <= 1
 
 
-def test_the_pictures_have_the_image_s_size_and_the_difference_marks_what_the_counts_tell() -> None:
+def test_the_pictures_have_the_image_s_size_and_the_difference_marks_what_the_counts_tell():
     results = measured("picture").results
     files = {name: io.BytesIO(base64.b64decode(text)) for name, text in results["pictures"].items()}
     images = {name: np.asarray(Image.open(file).convert("RGB")) for name, file in files.items()}

@@ -1,16 +1,12 @@
 """A worker may end in any way: its point becomes a row with a reason, and the sweep goes on."""
 
-from __future__ import annotations
-
 import os
 import re
 import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 
 import psutil
 import pytest
@@ -26,18 +22,18 @@ pytestmark = pytest.mark.uncovered
 POSIX_ONLY = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no signals, groups or limits of this kind")
 
 
-def worker(code: str) -> list[str]:
+def worker(code):
     """A worker that runs `code`; `job` is what it was given."""
     start = "import json, os, signal, subprocess, sys, time; job = json.loads(sys.stdin.readline())"
     return [sys.executable, "-c", f"{start}\n{code}"]
 
 
-def leaving(content: bytes) -> list[str]:
+def leaving(content):
     """A worker whose result is `content`."""
     return worker(f"open(job['result_path'], 'wb').write({content!r})")
 
 
-def wait_until(true: Callable[[], bool]) -> None:
+def wait_until(true):
     for _ in range(1200):
         if true():
             return
@@ -45,14 +41,14 @@ def wait_until(true: Callable[[], bool]) -> None:
     pytest.fail("waited a minute in vain")
 
 
-def ended(pid: int) -> bool:
+def ended(pid):
     try:
         return psutil.Process(pid).status() == psutil.STATUS_ZOMBIE
     except psutil.NoSuchProcess:
         return True
 
 
-def test_the_point_reaches_the_worker_and_the_outcome_comes_back() -> None:
+def test_the_point_reaches_the_worker_and_the_outcome_comes_back():
     told = f"told = json.loads({GOOD.to_json()!r}); told['results']['width'] = job['point']['width']\n"
     outcome = run_worker(POINT, worker(told + "json.dump(told, open(job['result_path'], 'w')); print('noise')"))
     assert outcome == replace(GOOD, results=GOOD.results | {"width": POINT.width})
@@ -68,21 +64,21 @@ def test_the_point_reaches_the_worker_and_the_outcome_comes_back() -> None:
         (["no such program"], "no worker could be started"),
     ],
 )
-def test_a_worker_without_a_result_fails_with_the_reason(command: list[str], reason: str) -> None:
+def test_a_worker_without_a_result_fails_with_the_reason(command, reason):
     outcome = run_worker(POINT, command)
     assert outcome.status == "failed"
     assert re.search(reason, str(outcome.error))
 
 
 @pytest.mark.parametrize("content", [b"", b"[1, 2]", GOOD.to_json()[:300]], ids=["nothing", "another shape", "half"])
-def test_an_incomplete_result_of_a_worker_is_a_failed_point_without_samples(content: bytes) -> None:
+def test_an_incomplete_result_of_a_worker_is_a_failed_point_without_samples(content):
     outcome = run_worker(POINT, leaving(content))
     assert (outcome.status, outcome.samples) == ("failed", {})
     assert "the worker's result is not complete" in str(outcome.error)
 
 
 @POSIX_ONLY
-def test_a_killed_worker_fails_with_the_signal_even_if_its_result_is_there() -> None:
+def test_a_killed_worker_fails_with_the_signal_even_if_its_result_is_there():
     code = f"open(job['result_path'], 'wb').write({GOOD.to_json()!r}); os.kill(os.getpid(), 9)"
     outcome = run_worker(POINT, worker(code))
     assert (outcome.status, outcome.error) == ("failed", "the worker was killed by SIGKILL (out of memory?)")
@@ -90,7 +86,7 @@ def test_a_killed_worker_fails_with_the_signal_even_if_its_result_is_there() -> 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("code", ["time.sleep(60)", "signal.signal(signal.SIGTERM, signal.SIG_IGN)\nwhile True: pass"])
-def test_a_worker_past_its_time_limit_is_stopped_whatever_it_ignores(code: str) -> None:
+def test_a_worker_past_its_time_limit_is_stopped_whatever_it_ignores(code):
     outcome = run_worker(replace(POINT, time_limit_s=1.0), worker(code))
     assert outcome.status == "failed"
     assert "time limit of 1 s" in str(outcome.error)
@@ -99,7 +95,7 @@ def test_a_worker_past_its_time_limit_is_stopped_whatever_it_ignores(code: str) 
 @pytest.mark.slow
 @POSIX_ONLY
 @pytest.mark.parametrize("end", ["", "time.sleep(60)"], ids=["ends", "hangs"])
-def test_processes_a_worker_leaves_behind_are_killed_and_not_waited_for(end: str) -> None:
+def test_processes_a_worker_leaves_behind_are_killed_and_not_waited_for(end):
     # The child holds the worker's output open, and lives on when the worker ends.
     code = f"child = subprocess.Popen([sys.executable, '-c', 'import time; time.sleep(600)']); print(child.pid)\n{end}"
     outcome = run_worker(replace(POINT, time_limit_s=5.0), [*worker(code)[:1], "-u", *worker(code)[1:]])
@@ -109,9 +105,7 @@ def test_processes_a_worker_leaves_behind_are_killed_and_not_waited_for(end: str
 
 
 @pytest.mark.slow
-def test_without_process_groups_a_worker_is_stopped_with_what_it_has_started(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_without_process_groups_a_worker_is_stopped_with_what_it_has_started(monkeypatch, tmp_path):
     monkeypatch.delattr(os, "killpg", raising=False)  # as on Windows
     code = "child = subprocess.Popen([sys.executable, '-c', 'import time; time.sleep(600)'])\n"
     code += f"open({str(tmp_path / 'child')!r}, 'w').write(str(child.pid)); time.sleep(600)"
@@ -125,12 +119,10 @@ def test_without_process_groups_a_worker_is_stopped_with_what_it_has_started(
     ("platform", "apart"),
     [("linux", {"process_group": 0}), ("darwin", {"process_group": 0}), ("win32", {"creationflags": 512})],
 )
-def test_the_interrupt_key_does_not_reach_a_worker_on(
-    platform: str, apart: dict[str, int], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    options: dict[str, object] = {}
+def test_the_interrupt_key_does_not_reach_a_worker_on(platform, apart, monkeypatch):
+    options = {}
 
-    def start(*_: object, **given: object) -> None:
+    def start(*_, **given):
         options.update(given)
         raise OSError("enough seen")
 
@@ -142,10 +134,10 @@ def test_the_interrupt_key_does_not_reach_a_worker_on(
     assert {name: options[name] for name in ("process_group", "creationflags") if name in options} == apart
 
 
-def test_nobody_waits_for_a_worker_so_long_that_an_interrupt_would_have_to(monkeypatch: pytest.MonkeyPatch) -> None:
-    waits: list[float | None] = []
+def test_nobody_waits_for_a_worker_so_long_that_an_interrupt_would_have_to(monkeypatch):
+    waits = []
 
-    def wait(process: subprocess.Popen[bytes], timeout: float | None = None) -> int:
+    def wait(process, timeout=None):
         waits.append(timeout)
         return true_wait(process, timeout)
 
@@ -159,7 +151,7 @@ def test_nobody_waits_for_a_worker_so_long_that_an_interrupt_would_have_to(monke
     assert after_it_was_killed is None
 
 
-def test_what_a_worker_prints_is_read_whatever_the_system_s_encoding(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_a_worker_prints_is_read_whatever_the_system_s_encoding(monkeypatch):
     monkeypatch.setenv("PYTHONIOENCODING", "cp1252")
     outcome = run_worker(POINT, worker("print('\\u30b7\\u30fc\\u30f3'); sys.exit(3)"))
     assert str(outcome.error).endswith("it said: \u30b7\u30fc\u30f3")
@@ -168,7 +160,7 @@ def test_what_a_worker_prints_is_read_whatever_the_system_s_encoding(monkeypatch
 @pytest.mark.slow
 @POSIX_ONLY
 @pytest.mark.parametrize("platform", [sys.platform, "win32"])
-def test_the_worker_of_a_killed_run_does_not_outlive_it(platform: str) -> None:
+def test_the_worker_of_a_killed_run_does_not_outlive_it(platform):
     sleeping = (
         "import experiments.harness.processes.worker as w, sys, time; from experiments.registry import known_kinds; "
         f"sys.platform = {platform!r}; w.measure_point = lambda _: time.sleep(600); w.run_job(known_kinds())"
@@ -189,7 +181,7 @@ def test_the_worker_of_a_killed_run_does_not_outlive_it(platform: str) -> None:
 
 
 @POSIX_ONLY
-def test_a_worker_that_may_write_nothing_more_says_so(tmp_path: Path) -> None:
+def test_a_worker_that_may_write_nothing_more_says_so(tmp_path):
     # Past this limit the system refuses to write, as a full disk does, for the result and for words alike.
     limited = (
         "import resource, experiments.harness.processes.worker as w; from experiments.registry import known_kinds; "
@@ -202,13 +194,13 @@ def test_a_worker_that_may_write_nothing_more_says_so(tmp_path: Path) -> None:
     assert "could not write its result" in str(outcome.error)
 
 
-def test_a_point_leaves_nothing_among_the_temporary_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_point_leaves_nothing_among_the_temporary_files(tmp_path, monkeypatch):
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     run_worker(POINT, leaving(b""))
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_job_survives_its_line(tmp_path: Path) -> None:
+def test_a_job_survives_its_line(tmp_path):
     job = Job(replace(POINT, scene="two\nlines"), str(tmp_path), os.getpid())
     assert "\n" not in job.to_json()
     assert Job.from_json(job.to_json(), known_kinds()) == job

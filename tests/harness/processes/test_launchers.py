@@ -1,16 +1,12 @@
 """Sweeps whose points Hydra's launchers measure, each in a job of its own."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess
 import sys
 import time
-from collections.abc import Sequence
 from contextlib import suppress
 from importlib import metadata
-from pathlib import Path
 
 import pandas as pd
 import psutil
@@ -49,7 +45,7 @@ TOY = [
 PACKAGES = {"joblib": "hydra-joblib-launcher", "submitit_local": "hydra-submitit-launcher"}
 
 
-def command(launcher: str, *more: str) -> list[str]:
+def command(launcher, *more):
     try:
         metadata.version(PACKAGES[launcher])
     except metadata.PackageNotFoundError:
@@ -65,9 +61,7 @@ def command(launcher: str, *more: str) -> list[str]:
     ],
     ids=["joblib", "submitit_local"],
 )
-def test_launched_jobs_measure_every_point_once_and_litter_only_the_results_folder(
-    launcher: str, more: list[str], left: set[str], tmp_path: Path
-) -> None:
+def test_launched_jobs_measure_every_point_once_and_litter_only_the_results_folder(launcher, more, left, tmp_path):
     start = command(launcher, *more)
     done = subprocess.run(start, cwd=tmp_path, capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stderr
@@ -88,7 +82,7 @@ def test_launched_jobs_measure_every_point_once_and_litter_only_the_results_fold
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows sends no SIGINT to one process")
 @pytest.mark.parametrize("launcher", PACKAGES)
-def test_an_interrupt_ends_the_jobs_and_keeps_what_is_done(launcher: str, tmp_path: Path) -> None:
+def test_an_interrupt_ends_the_jobs_and_keeps_what_is_done(launcher, tmp_path):
     # Seed 0 keeps the order: a short point, and one that would take a minute.
     endless = ["method.split_x=1", "measure.rounds=3,1000000", "measure.frame_budget_s=60", "sweep.shuffle_seed=0"]
     start = command(launcher, *endless)
@@ -111,7 +105,7 @@ def test_an_interrupt_ends_the_jobs_and_keeps_what_is_done(launcher: str, tmp_pa
     assert list(table["status"]) == ["ok"]
 
 
-def processes_below(pid: int) -> list[psutil.Process]:
+def processes_below(pid):
     """All of them, once the worker of a point is among them."""
     for _ in range(600):
         below = psutil.Process(pid).children(recursive=True)
@@ -125,12 +119,12 @@ def processes_below(pid: int) -> list[psutil.Process]:
 class Launcher:
     """Stands in for a launcher: writes records of made-up times, save for one split, and remembers its batches."""
 
-    def __init__(self, folder: Path, refused: int | None = None) -> None:
+    def __init__(self, folder, refused=None):
         self.folder = folder
         self.refused = refused
-        self.batches: list[list[int]] = []
+        self.batches = []
 
-    def __call__(self, jobs: Sequence[Sequence[str]]) -> list[str | None]:
+    def __call__(self, jobs):
         splits = [int(job[0]) for job in jobs]
         self.batches.append(splits)
         for split in splits:
@@ -140,7 +134,7 @@ class Launcher:
         return ["the queue is closed" if split == self.refused else None for split in splits]
 
 
-def configuration(folder: Path, split_x: int) -> Configuration:
+def configuration(folder, split_x):
     return Configuration(
         scene=SceneConfiguration(name="cornell_box", source=SceneSource.procedural),
         sweep=SweepConfiguration(name="toy"),
@@ -153,23 +147,21 @@ def configuration(folder: Path, split_x: int) -> Configuration:
     )
 
 
-def sweep(folder: Path, launcher: Launcher, at_once: int) -> int | str | None:
+def sweep(folder, launcher, at_once):
     points = [GridPoint("points", configuration(folder, split), (str(split),)) for split in (1, 2, 4, 8, 16)]
     with pytest.raises(SystemExit) as ended:
         run_sweep(points, launch=launcher, at_once=at_once)
     return ended.value.code
 
 
-def test_a_launcher_is_given_so_many_points_at_once_and_each_just_once(tmp_path: Path) -> None:
+def test_a_launcher_is_given_so_many_points_at_once_and_each_just_once(tmp_path):
     launcher = Launcher(tmp_path)
     sweep(tmp_path, launcher, at_once=2)
     assert [len(batch) for batch in launcher.batches] == [2, 2, 1]
     assert sorted(split for batch in launcher.batches for split in batch) == [1, 2, 4, 8, 16]
 
 
-def test_a_point_whose_job_failed_is_named_with_the_reason_and_the_others_are_in_the_table(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_point_whose_job_failed_is_named_with_the_reason_and_the_others_are_in_the_table(tmp_path, capsys):
     assert sweep(tmp_path, Launcher(tmp_path, refused=4), at_once=5) == 1
     told = capsys.readouterr().err
     assert "4 \N{MULTIPLICATION SIGN} 1, culling on: no record: the queue is closed" in told
@@ -177,9 +169,9 @@ def test_a_point_whose_job_failed_is_named_with_the_reason_and_the_others_are_in
     assert sorted(pd.read_csv(tmp_path / "toy" / "table.csv")["split_x"]) == [1, 2, 8, 16]
 
 
-def test_an_interrupted_launcher_loses_no_record_of_its_batch(tmp_path: Path) -> None:
+def test_an_interrupted_launcher_loses_no_record_of_its_batch(tmp_path):
     class Interrupted(Launcher):
-        def __call__(self, jobs: Sequence[Sequence[str]]) -> list[str | None]:
+        def __call__(self, jobs):
             super().__call__(jobs)
             raise KeyboardInterrupt
 
@@ -187,7 +179,7 @@ def test_an_interrupted_launcher_loses_no_record_of_its_batch(tmp_path: Path) ->
     assert sorted(pd.read_csv(tmp_path / "toy" / "table.csv")["split_x"]) == [1, 2, 8, 16]
 
 
-def test_a_job_can_import_the_project_wherever_its_interpreter_was_started(tmp_path: Path) -> None:
+def test_a_job_can_import_the_project_wherever_its_interpreter_was_started(tmp_path):
     from experiments.harness.processes.launching import project_environment
 
     environment = project_environment()

@@ -1,9 +1,6 @@
 """A worker's result comes through unchanged, and an incomplete one is refused with the reason."""
 
-from __future__ import annotations
-
 from dataclasses import replace
-from typing import Any
 
 import pytest
 
@@ -40,11 +37,11 @@ GOOD = Outcome(
 )
 
 
-def test_a_good_result_comes_through_unchanged() -> None:
+def test_a_good_result_comes_through_unchanged():
     assert Outcome.from_json(GOOD.to_json(), POINT) == GOOD
 
 
-def timed(*names: str) -> dict[str, Any]:
+def timed(*names):
     return {"warmup_samples": {name: [1.0] for name in names}, "samples": {name: [1.0] * 4 for name in names}}
 
 
@@ -61,7 +58,7 @@ def timed(*names: str) -> dict[str, Any]:
         ),
     ],
 )
-def test_each_workload_has_results_of_its_own(point: Point, changes: dict[str, Any]) -> None:
+def test_each_workload_has_results_of_its_own(point, changes):
     outcome = replace(GOOD, **changes)
     assert Outcome.from_json(outcome.to_json(), point) == outcome
 
@@ -69,13 +66,13 @@ def test_each_workload_has_results_of_its_own(point: Point, changes: dict[str, A
 @pytest.mark.parametrize(
     "content", [b"", b"null", b"[1]", b"{}", GOOD.to_json()[:-200], b'{"status": "ok", "other": 1}']
 )
-def test_what_is_no_result_is_refused(content: bytes) -> None:
+def test_what_is_no_result_is_refused(content):
     with pytest.raises((ValueError, TypeError)):
         Outcome.from_json(content, POINT)
 
 
 @pytest.mark.parametrize("name", sorted({*GOOD.results, *METHODS} - {"rounds"}))
-def test_a_measured_point_with_something_missing_is_refused(name: str) -> None:
+def test_a_measured_point_with_something_missing_is_refused(name):
     results = {key: value for key, value in GOOD.results.items() if key != name}
     samples = {key: value for key, value in GOOD.samples.items() if key != name}
     with pytest.raises(ValueError, match=f"status ok without .*{name}"):
@@ -83,11 +80,11 @@ def test_a_measured_point_with_something_missing_is_refused(name: str) -> None:
 
 
 @pytest.mark.parametrize("status", ["failed", "skipped"])
-def test_what_was_not_measured_needs_nothing_but_a_reason(status: str) -> None:
+def test_what_was_not_measured_needs_nothing_but_a_reason(status):
     outcome = Outcome(status, "the reason")
     assert Outcome.from_json(outcome.to_json(), POINT) == outcome
 
 
-def test_a_worker_cannot_write_a_number_that_is_none() -> None:
+def test_a_worker_cannot_write_a_number_that_is_none():
     with pytest.raises(ValueError, match="not JSON compliant"):
         replace(GOOD, results={"build_time_s": float("nan")}).to_json()

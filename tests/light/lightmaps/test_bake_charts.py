@@ -1,7 +1,5 @@
 """Charts and texels of lightmaps: what belongs to whom, gutters and seams, the culling map, and hostile input."""
 
-from __future__ import annotations
-
 import importlib.util
 import warnings
 
@@ -133,7 +131,7 @@ def test_gutters_are_filled_from_what_is_lit_and_lit_texels_stay():
     assert not dilated(texels, values, ~valid & False).any()
 
 
-def folded() -> atra.Mesh:
+def folded():
     """A plane of two squares that share an edge."""
     return quads([[(-1, 0, 1), (0, 0, 1), (0, 0, -1), (-1, 0, -1)], [(0, 0, 1), (1, 0, 1), (1, 0, -1), (0, 0, -1)]])
 

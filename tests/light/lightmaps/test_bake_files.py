@@ -1,11 +1,8 @@
 """Progressive bakes, their snapshots, and the files of lightmaps."""
 
-from __future__ import annotations
-
 import importlib.util
 import threading
 from dataclasses import replace
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -35,7 +32,7 @@ ATLAS = sheet(BOX, 8)
 LONG_S = 600
 
 
-def alive() -> list[str]:
+def alive():
     return [thread.name for thread in threading.enumerate() if thread.name == "atra-bake"]
 
 
@@ -106,7 +103,7 @@ def test_a_model_opens_elsewhere_with_its_map_and_colours(tmp_path):
 
 
 @pytest.mark.skipif(importlib.util.find_spec("xatlas") is None, reason="xatlas is not installed (extra `bake`)")
-def test_the_command_bakes_a_scene_by_name_under_the_sky_of_a_file(tmp_path: Path):
+def test_the_command_bakes_a_scene_by_name_under_the_sky_of_a_file(tmp_path):
     (tmp_path / "sky.hdr").write_bytes(b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 1\n" + bytes([128] * 4))
     told = run(
         tmp_path, "bake", "scene=cornell_box", "output=out", "workload.size=48", "workload.final_samples=4",

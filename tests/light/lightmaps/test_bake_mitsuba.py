@@ -1,7 +1,5 @@
 """Lightmaps against Mitsuba 3's path tracer from the same points: blocks of texels, by a test of means."""
 
-from __future__ import annotations
-
 import importlib.util
 
 import numpy as np
@@ -31,7 +29,7 @@ if importlib.util.find_spec("mitsuba") is None:
 BOUNCES, PATHS, TEXELS, BLOCK = 3, 64, 16, 8
 
 
-def lit_box() -> light.RenderScene:
+def lit_box():
     """A closed room of coloured walls with a block in it, and one wall that shines."""
     room, block = cube(inwards=True), cube(0.3)
     mesh = joined(room, block)
@@ -84,7 +82,7 @@ def test_blocks_of_texels_have_the_light_that_mitsuba_finds_from_them():
 WALL, RENDERS, SAMPLES = slice(6, 8), 16, 256
 
 
-def wall_by_mitsuba(scene: light.RenderScene) -> np.ndarray:
+def wall_by_mitsuba(scene):
     """(RENDERS, 3): mean radiance of a wall of the Cornell box, seen from just before it."""
     mi, drjit = pytest.importorskip("mitsuba"), pytest.importorskip("drjit")
     mi.set_variant("scalar_rgb")
@@ -120,7 +118,7 @@ def test_a_wall_of_the_cornell_box_has_mitsuba_s_light_within_three_thousandths(
     assert abs(ours / theirs.mean() - 1) < 0.003
 
 
-def sunlit() -> light.RenderScene:
+def sunlit():
     """A box above a floor, beneath a sun and a sky."""
     mesh = joined(cube(0.5), quads([floor(3.0, -0.6)]))
     materials, sky = [light.Lambertian((0.6, 0.5, 0.4))], light.GradientSky((0.3, 0.3, 0.3), (0.5, 0.7, 1.0))

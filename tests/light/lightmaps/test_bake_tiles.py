@@ -1,13 +1,10 @@
 """Rays of texels of flat charts, carried onto one tile: they see what they would see by themselves."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
 import pytest
-from numpy.typing import NDArray
 
 import atra
 from atra.errors import InputError
@@ -29,11 +26,11 @@ SUN = (0.35, 1.0, -0.25)
 FLOOR = [(-1, 0, -1), (-1, 0, 1), (1, 0, 1), (1, 0, -1)]
 
 
-def tiles_of(size: int, mesh: atra.Mesh = ROOM) -> Tiles:
+def tiles_of(size, mesh=ROOM):
     return Tiles.of(Texels.of(mesh, sheet(mesh, 12)), size)
 
 
-def shadowed(*above: tuple[tuple[float, float, float], ...]) -> Tiles:
+def shadowed(*above):
     """Tiles of 8 x 8 texels of a floor of 16 x 16 below triangles, which have no texels."""
     corners = np.array(FLOOR + [corner for triangle in above for corner in triangle], np.float32)
     faces = np.concatenate([[(0, 1, 2), (0, 2, 3)], 4 + np.arange(3 * len(above)).reshape(-1, 3)])
@@ -43,7 +40,7 @@ def shadowed(*above: tuple[tuple[float, float, float], ...]) -> Tiles:
     return Tiles.of(Texels.of(atra.Mesh(corners, faces), Atlas(uv, chart, 16, 16)), 8)
 
 
-def compare_with_single_rays(tiles: Tiles, direction, offsets, **options) -> NDArray[np.bool_]:
+def compare_with_single_rays(tiles, direction, offsets, **options):
     """(R, P) bool, what rays of both kinds meet."""
     facing = tiles.facing(direction)
     with tiles.towards(facing, direction, threads=1, **options) as rays:
@@ -175,7 +172,7 @@ def test_positions_and_results_that_do_not_fit_are_refused(offsets, out, told):
         rays.trace(offsets, out=out)
 
 
-def rows(*intervals: tuple[float, float], scene: str = "cornell_box") -> pd.DataFrame:
+def rows(*intervals, scene="cornell_box"):
     return pd.DataFrame(
         [
             {

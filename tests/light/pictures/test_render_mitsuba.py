@@ -1,7 +1,5 @@
 """Pictures against Mitsuba 3's of the same triangles and materials: tile by tile, by a test of means."""
 
-from __future__ import annotations
-
 import importlib.util
 from dataclasses import replace
 

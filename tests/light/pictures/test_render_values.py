@@ -1,7 +1,5 @@
 """What is handed to renderers, what is refused, and what is written."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from functools import partial

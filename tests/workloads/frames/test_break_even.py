@@ -1,14 +1,11 @@
 """What methods cost over many frames, by hand; times are powers of two, so that float64 holds them exactly."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
 import pandas as pd
 import pytest
 
-from experiments.harness.records import Record
 from experiments.results.estimates import best_of
 from experiments.results.table import make_table
 from experiments.workloads.frame.break_even import (
@@ -28,11 +25,11 @@ pytestmark = pytest.mark.uncovered
 BASELINE = Cost("pixel", 0.0, 1.0, 4.0, 4.0)
 
 
-def cost(once_s: float, first_s: float, frame_s: float) -> Cost:
+def cost(once_s, first_s, frame_s):
     return Cost("aligned", once_s / 2, once_s / 2, first_s, frame_s)
 
 
-def test_cumulative_time_is_plan_build_first_frame_and_then_the_further_frames() -> None:
+def test_cumulative_time_is_plan_build_first_frame_and_then_the_further_frames():
     total_s = cumulative_time_s(Cost("tiles", 1.0, 2.0, 8.0, 0.5), np.array([1, 2, 3, 1000]))
     np.testing.assert_array_equal(total_s, [11, 11.5, 12, 510.5])
 
@@ -53,9 +50,7 @@ def test_cumulative_time_is_plan_build_first_frame_and_then_the_further_frames()
         (0.5, 1.0, 4.5, None),  # leads for a while, and then no more
     ],
 )
-def test_break_even_is_the_first_frame_from_which_on_the_time_in_all_is_less(
-    once_s: float, first_s: float, frame_s: float, expected: int | None
-) -> None:
+def test_break_even_is_the_first_frame_from_which_on_the_time_in_all_is_less(once_s, first_s, frame_s, expected):
     candidate = cost(once_s, first_s, frame_s)
     assert break_even_frames(candidate, [BASELINE]) == expected
     frames = np.arange(1, 200)
@@ -66,7 +61,7 @@ def test_break_even_is_the_first_frame_from_which_on_the_time_in_all_is_less(
         np.testing.assert_array_equal(ahead, frames >= expected)
 
 
-def test_the_best_row_has_the_largest_ratio_not_the_shortest_time_and_is_the_first_of_equals() -> None:
+def test_the_best_row_has_the_largest_ratio_not_the_shortest_time_and_is_the_first_of_equals():
     table = make_rows(
         method_row("aligned", 64, time_s=0.01, ratio=1.5),
         method_row("aligned", 128, time_s=0.02, ratio=2.5),
@@ -75,7 +70,7 @@ def test_the_best_row_has_the_largest_ratio_not_the_shortest_time_and_is_the_fir
     assert best_rows(pd.concat([table, table]))["split_x"].tolist() == [128]  # whatever the index of the table
 
 
-def test_single_rays_are_held_against_single_rays_and_all_else_against_packets() -> None:
+def test_single_rays_are_held_against_single_rays_and_all_else_against_packets():
     ratios = [{"speedup": 2.0, "speedup_vs_packets": 4.0}, {"speedup": 3.0, "speedup_vs_packets": 1.0}]
     single, packets = (
         make_rows(*(method_row("aligned", split, packet_width=width) | one for split, one in enumerate(ratios, 1)))
@@ -84,7 +79,7 @@ def test_single_rays_are_held_against_single_rays_and_all_else_against_packets()
     assert (best_rows(single)["split_x"].tolist(), best_rows(packets)["split_x"].tolist()) == ([2], [1])
 
 
-def test_the_best_is_chosen_by_the_processes_that_choose_it_in_the_claims() -> None:
+def test_the_best_is_chosen_by_the_processes_that_choose_it_in_the_claims():
     processes = {64: [2.0, 2.0, 9.0, 9.0, 9.0], 128: [3.0, 3.0, 1.0, 1.0, 1.0]}
     records = [
         ran(split, process, value) for split, values in processes.items() for process, value in enumerate(values)
@@ -93,7 +88,7 @@ def test_the_best_is_chosen_by_the_processes_that_choose_it_in_the_claims() -> N
     assert row["split_x"] == best_of(processes)[0] == 128
 
 
-def ran(split_x: int, process: int, ratio: float) -> Record:
+def ran(split_x, process, ratio):
     """Packets take so many times as long as the point's own method."""
     options = MEASURED.configuration["method_options"] | {"split_x": split_x, "packet_width": 8}
     configuration = MEASURED.configuration | {"method_options": options, "process": process}
@@ -101,14 +96,14 @@ def ran(split_x: int, process: int, ratio: float) -> Record:
     return replace(MEASURED, point_id=f"{split_x}-{process}", configuration=configuration, samples=samples)
 
 
-def test_another_scene_method_width_or_thread_count_has_its_own_best_row() -> None:
+def test_another_scene_method_width_or_thread_count_has_its_own_best_row():
     rows = [method_row("aligned", 64, 0.03, ratio=2.0), method_row("aligned", 32, 0.02, ratio=3.0)]
     others = {"scene": "b", "method": "tiles", "packet_width": 1, "threads": 2, "width": 16, "build_quality": "high"}
     table = make_rows(*rows, *(row | {name: value} for name, value in others.items() for row in rows))
     assert best_rows(table)["split_x"].tolist() == [32] * 7
 
 
-def test_points_without_a_ratio_or_of_another_workload_are_no_best_row() -> None:
+def test_points_without_a_ratio_or_of_another_workload_are_no_best_row():
     good = method_row("aligned", 64, ratio=2.0)
     table = make_rows(
         skipped(method_row("aligned", 128, ratio=9.0)),
@@ -121,14 +116,14 @@ def test_points_without_a_ratio_or_of_another_workload_are_no_best_row() -> None
     assert len(best_rows(table.iloc[:0])) == 0
 
 
-def test_the_price_of_a_row_is_its_columns_and_missing_ones_leave_no_price() -> None:
+def test_the_price_of_a_row_is_its_columns_and_missing_ones_leave_no_price():
     row = method_row("visible_first", 64, time_s=0.5, plan_time_s=0.25, build_time_s=0.125, first_frame_time_s=2.0)
     table = make_rows(row, row | {"first_frame_time_s": None}, row | {"plan_time_s": None, "embree_bytes": None})
     expected = Cost("visible_first", 0.25, 0.125, 2.0, 0.5, 3000, 0.05)
     assert [cost_of(one) for _, one in table.iterrows()] == [expected, None, None]
 
 
-def test_the_baseline_is_the_row_of_8_wide_packets_per_pixel_which_plans_nothing() -> None:
+def test_the_baseline_is_the_row_of_8_wide_packets_per_pixel_which_plans_nothing():
     single = method_row("pixel", 1, time_s=0.5, packet_width=1, plan_time_s=None)
     packets = method_row("pixel", 1, time_s=0.25, plan_time_s=None, build_time_s=0.5, first_frame_time_s=1.0)
     table = make_rows(method_row("aligned", 64), single, packets)
@@ -136,7 +131,7 @@ def test_the_baseline_is_the_row_of_8_wide_packets_per_pixel_which_plans_nothing
     assert baseline_costs(make_rows(method_row("aligned", 64), single)) == {}
 
 
-def test_packets_have_a_baseline_of_each_build_quality_the_usual_one_first() -> None:
+def test_packets_have_a_baseline_of_each_build_quality_the_usual_one_first():
     rows = [
         method_row("pixel", 1, time_s=0.5, own_build_quality="low", build_time_s=0.25),
         method_row("pixel", 1, time_s=0.25, own_build_quality="same", build_time_s=0.5),
@@ -148,7 +143,7 @@ def test_packets_have_a_baseline_of_each_build_quality_the_usual_one_first() -> 
     ]  # fmt: skip
 
 
-def test_break_even_is_with_whichever_build_of_packets_is_cheapest_so_far() -> None:
+def test_break_even_is_with_whichever_build_of_packets_is_cheapest_so_far():
     cheap = Cost("pixel", 0.0, 0.0, 4.0, 5.0)  # of low quality: ahead for the first frame alone
     candidate = cost(2.0, 4.0, 3.5)
     assert break_even_frames(candidate, [BASELINE]) == 4  # 1 s behind, 0.5 s gained a frame
@@ -159,7 +154,7 @@ def test_break_even_is_with_whichever_build_of_packets_is_cheapest_so_far() -> N
     assert break_even_frames(cost(1.0, 4.0, 4.5), [BASELINE, cheap]) is None
 
 
-def test_a_baseline_frame_is_carried_over_by_the_packets_that_both_were_timed_with() -> None:
+def test_a_baseline_frame_is_carried_over_by_the_packets_that_both_were_timed_with():
     slow_moment = Cost("aligned", 4.0, 4.0, 4.0, 3.0, None, packets_frame_time_s=8.0)
     timed = Cost("pixel", 0.0, 1.0, 4.0, 4.0, None, packets_frame_time_s=4.0)
     assert break_even_frames(slow_moment, [timed]) == 3  # 7 s behind, 5 s gained a frame; 1 s a frame would need 9

@@ -1,10 +1,7 @@
 """Points of several frames: what is refused, what is measured, and what of it the table and the terminal show."""
 
-from __future__ import annotations
-
 import io
 from contextlib import ExitStack
-from typing import Any
 
 import pandas as pd
 import pytest
@@ -16,8 +13,7 @@ from atra.judge.compare import compare
 from experiments.drawing.style import TIMES
 from experiments.harness.configuration import Chosen, Configuration, MeasureConfiguration, SceneConfiguration
 from experiments.harness.options import NoOptions
-from experiments.harness.point import Point
-from experiments.harness.points import PlannedPoint, plan_points
+from experiments.harness.points import plan_points
 from experiments.harness.processes.worker import measure_point
 from experiments.harness.records import Record
 from experiments.methods import find_method
@@ -42,9 +38,7 @@ SAMPLES = {
 }  # fmt: skip
 
 
-def configuration(
-    frames: int = 2, motion: Motion = Motion.walk, method: str = "aligned", **options: Any
-) -> Configuration:
+def configuration(frames=2, motion=Motion.walk, method="aligned", **options):
     """options: of the method, by default 4 cells; one frame is a point of the workload that knows no others."""
     kind = find_method(method)
     return Configuration(
@@ -57,19 +51,19 @@ def configuration(
     )
 
 
-def planned(**fields: Any) -> PlannedPoint:
+def planned(**fields):
     """Beside a point that can be measured: alone, a point with a problem is an error at once."""
     one, _ = plan_points([configuration(**fields), configuration()])
     return one
 
 
-def point(**fields: Any) -> Point:
+def point(**fields):
     one = planned(**fields)
     assert one.problem is None
     return one.point
 
 
-def frames_record(**fields: Any) -> Record:
+def frames_record(**fields):
     own = {"workload": "multiframe", "workload_options": {"frames": 2, "motion": "eyes"}}
     results = MEASURED.results | {"separate_embree_bytes": 40}
     given = {"point_id": "f", "configuration": MEASURED.configuration | own, "samples": SAMPLES, "results": results}
@@ -83,19 +77,19 @@ def frames_record(**fields: Any) -> Record:
         (3, Motion.eyes, "frames is 3 with .*motion=eyes, expected 2"),
     ],
 )
-def test_several_frames_are_at_least_two_and_eyes_are_two(frames: int, motion: Motion, expected: str) -> None:
+def test_several_frames_are_at_least_two_and_eyes_are_two(frames, motion, expected):
     with pytest.raises(InputError, match=expected):
         MultiframeOptions(frames, motion)
 
 
 @pytest.mark.parametrize("method", ["visible_first", "pixel", "tiles", "embreex"])
-def test_what_knows_one_frame_only_is_a_problem_of_that_point(method: str) -> None:
+def test_what_knows_one_frame_only_is_a_problem_of_that_point(method):
     told = str(planned(method=method).problem)
     assert f"workload=multiframe with method={method}, which traces one frame; use method=aligned" in told
 
 
-def test_the_memory_budget_counts_the_copies_of_every_frame() -> None:
-    def copied(frames: int) -> PlannedPoint:
+def test_the_memory_budget_counts_the_copies_of_every_frame():
+    def copied(frames):
         one = configuration(frames, Motion.turn, culling=False)
         one.measure.memory_budget_gib = 0.001
         planned_point, _ = plan_points([one, configuration()])
@@ -106,7 +100,7 @@ def test_the_memory_budget_counts_the_copies_of_every_frame() -> None:
 
 
 @pytest.mark.parametrize(("frames", "motion"), [(2, Motion.eyes), (3, Motion.walk), (3, Motion.turn)])
-def test_a_time_has_samples_of_every_way_and_judges_every_pixel_of_every_frame(frames: int, motion: Motion) -> None:
+def test_a_time_has_samples_of_every_way_and_judges_every_pixel_of_every_frame(frames, motion):
     outcome = measure_point(point(frames=frames, motion=motion))
     ways = {"own", "rtcIntersect1", "separate", "visible_first", "rasteriser", *PACKETS_HERE}
     assert {name: len(values) for name, values in outcome.samples.items()} == dict.fromkeys(ways, 3)
@@ -115,13 +109,13 @@ def test_a_time_has_samples_of_every_way_and_judges_every_pixel_of_every_frame(f
     assert outcome.results["separate_embree_bytes"] > 0
 
 
-def test_a_memory_is_of_all_frames() -> None:
+def test_a_memory_is_of_all_frames():
     two, four = (measure_point(point(frames=frames)).results for frames in (2, 4))
     assert four["triangles_traced"] > 1.5 * two["triangles_traced"]
 
 
 @pytest.mark.parametrize("motion", list(Motion))
-def test_frame_by_frame_is_traced_with_each_frame_s_own_camera_and_mesh(motion: Motion) -> None:
+def test_frame_by_frame_is_traced_with_each_frame_s_own_camera_and_mesh(motion):
     one = point(motion=motion)
     mesh = load_scene(SceneSource.procedural, "cornell_box", None).mesh
     with ExitStack() as stack:
@@ -133,15 +127,15 @@ def test_frame_by_frame_is_traced_with_each_frame_s_own_camera_and_mesh(motion: 
     assert all(_wrong(alone[i], _with_image(alone[i], alone[1 - i])) > 0 for i in (0, 1))
 
 
-def _wrong(frame: Hits, other: Hits) -> int:
+def _wrong(frame, other):
     return compare(frame.mesh, frame.camera, frame, other).pixels_wrong
 
 
-def _with_image(frame: Hits, other: Hits) -> Hits:
+def _with_image(frame, other):
     return Hits(other.depth, other.prim_id, other.offset, frame.mesh, frame.camera)
 
 
-def test_the_table_has_paired_speed_ups_over_frames_traced_separately() -> None:
+def test_the_table_has_paired_speed_ups_over_frames_traced_separately():
     row = make_table([frames_record(), MEASURED]).iloc[0]
     assert (row["frames"], row["motion"], row["separate_embree_bytes"]) == (2, "eyes", 40)
     assert (row["separate_render_time_s"], row["visible_first_render_time_s"]) == (6.0, 1.0)
@@ -152,7 +146,7 @@ def test_the_table_has_paired_speed_ups_over_frames_traced_separately() -> None:
     assert alone[["frames", "separate_render_time_s", "speedup_vs_separate", "separate_embree_bytes"]].isna().all()
 
 
-def test_the_terminal_tells_the_speed_up_over_separate_frames(tmp_path: Any) -> None:
+def test_the_terminal_tells_the_speed_up_over_separate_frames(tmp_path):
     assert say_outcome(frames_record()) == "4000.0 ms, 2.00x rtcIntersect1, 1.50x separate frames"
     assert "separate" not in say_outcome(MEASURED)
     four = frames_record().configuration | {
@@ -169,7 +163,7 @@ def test_the_terminal_tells_the_speed_up_over_separate_frames(tmp_path: Any) -> 
     assert f"skipped: box, multiframe, frames 2, motion eyes, aligned, 4 {TIMES} 1, culling on" in shown.getvalue()
 
 
-def test_frames_are_no_evidence_for_the_paper_s_claims_about_one_image() -> None:
+def test_frames_are_no_evidence_for_the_paper_s_claims_about_one_image():
     triangles = {"scene": "cornell_box", "triangles": 1112}
     several = make_table([frames_record(configuration=frames_record().configuration | triangles)])
     with pytest.raises(NotMeasuredError):
@@ -179,5 +173,5 @@ def test_frames_are_no_evidence_for_the_paper_s_claims_about_one_image() -> None
     assert len(collect_scenes(both)["cornell_box"].rows) == 1
 
 
-def test_a_point_of_several_frames_says_so() -> None:
+def test_a_point_of_several_frames_says_so():
     assert "multiframe, frames 3, motion walk" in say_label(point(frames=3))

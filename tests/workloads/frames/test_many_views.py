@@ -1,9 +1,6 @@
 """Workload `views`: others and the library do the same work from the same start, and rays go to whoever takes rays."""
 
-from __future__ import annotations
-
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -11,8 +8,7 @@ import pytest
 
 import atra
 from experiments.harness.configuration import Chosen, Configuration, MeasureConfiguration, SceneConfiguration
-from experiments.harness.point import Measured
-from experiments.harness.points import PlannedPoint, plan_points
+from experiments.harness.points import plan_points
 from experiments.harness.processes.worker import measure_point
 from experiments.methods import find_method
 from experiments.results.terminal import results_console
@@ -28,7 +24,7 @@ from tests.meshes import cornell_box, cornell_camera
 MESH, CAMERA = cornell_box(), cornell_camera(48, 32)
 
 
-def planned(method: str = "embreex", **options: Any) -> PlannedPoint:
+def planned(method="embreex", **options):
     (one,) = plan_points([Configuration(
         scene=SceneConfiguration(name="cornell_box", source=SceneSource.procedural),
         measure=MeasureConfiguration(rounds=3, warmup=0),
@@ -40,13 +36,13 @@ def planned(method: str = "embreex", **options: Any) -> PlannedPoint:
     return one
 
 
-def measured(method: str = "embreex", **options: Any) -> Measured:
+def measured(method="embreex", **options):
     one = planned(method, **options)
     assert one.problem is None
     return measure_point(one.point)
 
 
-def test_cameras_have_an_eye_each_and_see_the_mesh_off_the_middle_of_their_images() -> None:
+def test_cameras_have_an_eye_each_and_see_the_mesh_off_the_middle_of_their_images():
     cameras = cameras_around(CAMERA, MESH, 20)
     assert len({camera.eye for camera in cameras}) == 20
     middle = 0.45 * 48 + 0.5, 0.55 * 32 + 0.5  # of OpenCV, whose pixels begin half a pixel later
@@ -59,13 +55,13 @@ def test_cameras_have_an_eye_each_and_see_the_mesh_off_the_middle_of_their_image
 
 
 @pytest.mark.parametrize("job", list(Job))
-def test_others_and_the_library_find_the_same_triangles_and_are_timed_in_the_same_rounds(job: Job) -> None:
+def test_others_and_the_library_find_the_same_triangles_and_are_timed_in_the_same_rounds(job):
     got = measured(job=job, views=3)
     assert {name: len(values) for name, values in got.samples.items()} == {OWN: 3, LIBRARY: 3}
     assert got.results["ids_equal"] > 0.99
 
 
-def test_views_of_our_own_methods_are_those_of_the_library(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_views_of_our_own_methods_are_those_of_the_library(monkeypatch):
     made = []
     mesh = measuring.Mesh
     monkeypatch.setattr(measuring, "Mesh", lambda *given: made.append(mesh(*given)) or made[-1])
@@ -73,7 +69,7 @@ def test_views_of_our_own_methods_are_those_of_the_library(monkeypatch: pytest.M
     assert len(made) == 2 * (1 + 3)  # of which nothing is known when the clock starts
 
 
-def test_only_tracers_of_others_are_given_rays() -> None:
+def test_only_tracers_of_others_are_given_rays():
     with pytest.raises(atra.InputError, match="job=random_rays, expected a tracer of others beside ours: embreex"):
         planned("pixel", job=Job.random_rays)
     assert planned("pixel").problem is None
@@ -81,7 +77,7 @@ def test_only_tracers_of_others_are_given_rays() -> None:
         ViewsOptions(views=0)
 
 
-def test_rays_of_a_camera_and_from_anywhere_are_what_they_are_called() -> None:
+def test_rays_of_a_camera_and_from_anywhere_are_what_they_are_called():
     origins, directions = camera_rays(CAMERA)
     with atra.RayScene(MESH, threads=1) as scene, atra.PixelTracer(MESH, CAMERA, threads=1) as tracer:
         found = scene.intersect(origins, directions).prim_id.reshape(32, 48)
@@ -93,14 +89,14 @@ def test_rays_of_a_camera_and_from_anywhere_are_what_they_are_called() -> None:
 
 
 @pytest.mark.parametrize("name", ["embreex", "trimesh", "mitsuba3", "open3d"])
-def test_a_peer_is_given_any_rays_and_another_camera(name: str) -> None:
+def test_a_peer_is_given_any_rays_and_another_camera(name):
     method = find_method(name)
     if method.problem() is not None:
         pytest.skip(str(method.problem()))
     origins, directions = random_rays(MESH, 3000)
     moved = cameras_around(CAMERA, MESH, 3)[1]
 
-    def make(camera: Any) -> Any:
+    def make(camera):
         return method.make(MESH, camera, method.options(), replace(planned().point.tracing, threads=1))
 
     with make(CAMERA) as tracer, make(moved) as other, atra.RayScene(MESH, threads=1) as scene:
@@ -113,7 +109,7 @@ def test_a_peer_is_given_any_rays_and_another_camera(name: str) -> None:
         assert_same_bits(tracer.trace(), other.trace())
 
 
-def test_the_terminal_says_how_many_times_as_fast_the_library_is(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_terminal_says_how_many_times_as_fast_the_library_is(capsys):
     row = {"scene": "cornell_box", "method": "embreex", "job": "views", "views": 20, "workload": VIEWS.name}
     values = {"job_time_s": 6.0, "library_time_s": 0.75, "library_gain": 8.0, "ids_equal": 0.99997}
     ends = {"library_gain_low": 7.5, "library_gain_high": 8.5}

@@ -1,7 +1,5 @@
 """The frames of a point: eyes side by side, a walk, a turning mesh."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -26,7 +24,7 @@ DIAGONAL = float(np.linalg.norm(MESH.bounds[1] - MESH.bounds[0]))
 SPLIT = Split(4, 1, 48, 32)
 
 
-def test_the_eyes_stand_side_by_side_around_the_view_and_look_the_same_way() -> None:
+def test_the_eyes_stand_side_by_side_around_the_view_and_look_the_same_way():
     (left, right), meshes = frames_of(CAMERA, MESH, 2, Motion.eyes)
     assert meshes == (MESH, MESH)
     apart = np.subtract(right.eye, left.eye)
@@ -35,7 +33,7 @@ def test_the_eyes_stand_side_by_side_around_the_view_and_look_the_same_way() -> 
     Alignment.of_eyes(left, right, SPLIT)  # refuses eyes that are not parallel
 
 
-def test_a_walk_starts_at_the_view_and_steps_turns_and_zooms_with_every_frame() -> None:
+def test_a_walk_starts_at_the_view_and_steps_turns_and_zooms_with_every_frame():
     cameras, meshes = frames_of(CAMERA, MESH, 3, Motion.walk)
     assert cameras[0] == CAMERA
     assert meshes == (MESH,) * 3
@@ -48,7 +46,7 @@ def test_a_walk_starts_at_the_view_and_steps_turns_and_zooms_with_every_frame() 
     assert cameras[1].axes[2] @ CAMERA.axes[0] < 0  # to its left
 
 
-def test_a_turning_mesh_has_vertices_of_its_own_every_frame_and_keeps_its_shape_and_triangles() -> None:
+def test_a_turning_mesh_has_vertices_of_its_own_every_frame_and_keeps_its_shape_and_triangles():
     cameras, meshes = frames_of(CAMERA, MESH, 3, Motion.turn)
     assert cameras == (CAMERA,) * 3
     assert meshes[0] is MESH
@@ -65,7 +63,7 @@ def test_a_turning_mesh_has_vertices_of_its_own_every_frame_and_keeps_its_shape_
 
 
 @pytest.mark.parametrize("motion", list(Motion))
-def test_the_same_view_gives_the_same_frames(motion: Motion) -> None:
+def test_the_same_view_gives_the_same_frames(motion):
     cameras, meshes = frames_of(CAMERA, MESH, 2, motion)
     again, meshes_again = frames_of(CAMERA, MESH, 2, motion)
     assert cameras == again
@@ -74,7 +72,7 @@ def test_the_same_view_gives_the_same_frames(motion: Motion) -> None:
     Alignment.of_frames(cameras, SPLIT)
 
 
-def test_three_eyes_and_a_view_that_widens_to_half_a_circle_are_refused() -> None:
+def test_three_eyes_and_a_view_that_widens_to_half_a_circle_are_refused():
     with pytest.raises(InputError, match="frames is 3 with motion=eyes, expected 2"):
         frames_of(CAMERA, MESH, 3, Motion.eyes)
     wide = Camera(CAMERA.eye, CAMERA.target, fov_y_degrees=179.5)

@@ -1,9 +1,6 @@
 """Workload `moving`: every frame is seen from another eye, by the method and by the baselines alike."""
 
-from __future__ import annotations
-
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 import pytest
@@ -30,7 +27,7 @@ MESH, CAMERA = cornell_box(), cornell_camera(40, 24)
 PATH = eyes_around(CAMERA, MESH)
 
 
-def test_the_path_has_another_eye_in_every_frame_and_looks_the_same_way() -> None:
+def test_the_path_has_another_eye_in_every_frame_and_looks_the_same_way():
     assert len({camera.eye for camera in (CAMERA, *PATH)}) == EYES + 1
     size = float(np.linalg.norm(MESH.bounds[1] - MESH.bounds[0]))
     for camera, following in pairwise([*PATH, PATH[0]]):
@@ -42,7 +39,7 @@ def test_the_path_has_another_eye_in_every_frame_and_looks_the_same_way() -> Non
     assert eyes_around(CAMERA, MESH) == PATH
 
 
-def test_every_frame_is_of_the_next_camera() -> None:
+def test_every_frame_is_of_the_next_camera():
     with atra.RasterTracer(MESH, CAMERA, threads=1) as tracer:
         frames = MovingFrames(tracer, PATH[:2])
         seen = []
@@ -53,9 +50,7 @@ def test_every_frame_is_of_the_next_camera() -> None:
 
 
 @pytest.mark.parametrize("method", ["pixel", "aligned", "visible_first", "tiles", "raster"])
-def test_a_point_has_samples_of_a_moving_and_a_standing_eye_and_no_pixel_of_the_last_frame_is_wrong(
-    method: str,
-) -> None:
+def test_a_point_has_samples_of_a_moving_and_a_standing_eye_and_no_pixel_of_the_last_frame_is_wrong(method):
     got = measured("moving", method)
     names = {OWN, STILL, SINGLE, KEPT, *(f"packets_{width}" for width in expert_packet_widths())}
     assert {name: len(values) for name, values in got.samples.items()} == dict.fromkeys(names, 3)
@@ -64,7 +59,7 @@ def test_a_point_has_samples_of_a_moving_and_a_standing_eye_and_no_pixel_of_the_
 
 
 @pytest.mark.parametrize("packet_width", [1, *expert_packet_widths()])
-def test_packets_over_a_bvh_of_the_world_keep_it_from_eye_to_eye_and_see_what_they_should(packet_width: int) -> None:
+def test_packets_over_a_bvh_of_the_world_keep_it_from_eye_to_eye_and_see_what_they_should(packet_width):
     with KeptPackets(MESH, CAMERA, threads=1, packet_width=packet_width) as tracer:
         scene = tracer.embree_bytes
         for camera in (CAMERA, *PATH[:3]):
@@ -73,13 +68,13 @@ def test_packets_over_a_bvh_of_the_world_keep_it_from_eye_to_eye_and_see_what_th
             assert_no_pixel_wrong(MESH, camera, tracer.trace(), trace_pixels(MESH, camera))
 
 
-def moving_row(method: str, split_x: int, time_s: float, ratio: float, **fields: Any) -> dict[str, Any]:
+def moving_row(method, split_x, time_s, ratio, **fields):
     """Packets take 50 ms, over a BVH of the world 25."""
     own = {"workload": "moving", "kept_packets_time_s": 0.025, "speedup_vs_kept_packets": 0.025 / time_s}
     return method_row(method, split_x, time_s, ratio, pixels_wrong=0, moving_over_still=1.25) | own | fields
 
 
-def test_the_figure_draws_every_method_at_its_best_split_and_packets_that_keep_their_bvh() -> None:
+def test_the_figure_draws_every_method_at_its_best_split_and_packets_that_keep_their_bvh():
     table = make_rows(
         moving_row("aligned", 64, 0.08, 0.5),
         moving_row("aligned", 128, 0.04, 1.5),
@@ -97,7 +92,7 @@ def test_the_figure_draws_every_method_at_its_best_split_and_packets_that_keep_t
     assert "3 pixels wrong" in words(figure)
 
 
-def test_the_terminal_says_what_another_eye_costs(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_terminal_says_what_another_eye_costs(capsys):
     rows = make_rows(moving_row("aligned", 64, 0.08, 0.5), moving_row("aligned", 128, 0.04, 1.5))
     (table,) = sweep_lines(rows)
     results_console().print(table)
