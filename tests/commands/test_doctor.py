@@ -112,14 +112,11 @@ def test_a_system_without_affinity_load_and_proc_is_described(platform, monkeypa
     )  # what a machine says of itself cannot steer the terminal
 
 
-@pytest.mark.parametrize(
-    ("physical", "affinity", "expected"),
-    [
-        (1, {0, 1}, "1 physical by the system's account; the second may be a hardware thread of the first"),
-        (2, {0, 1}, "2 physical by the system's account"),
-        (None, {1}, "unknown physical by the system's account; this process may use only 1"),
-    ],
-)
+@pytest.mark.parametrize(("physical", "affinity", "expected"), [
+    (1, {0, 1}, "1 physical by the system's account; the second may be a hardware thread of the first"),
+    (2, {0, 1}, "2 physical by the system's account"),
+    (None, {1}, "unknown physical by the system's account; this process may use only 1"),
+])  # fmt: skip
 def test_cores_are_told_from_hardware_threads(physical, affinity, expected, monkeypatch):
     monkeypatch.setattr(psutil, "cpu_count", lambda logical=True: 2 if logical else physical)
     monkeypatch.setattr(os, "sched_getaffinity", lambda _: affinity, raising=False)

@@ -60,15 +60,11 @@ def test_a_grid_may_ask_for_a_setting_that_is_left_to_the_machine(monkeypatch):
     assert widths == {("baselines_shape", None), ("baselines_shape_of_8", 8)}
 
 
-@pytest.mark.parametrize(
-    "rows",
-    [
-        [method_row("pixel", scene="a"), method_row("pixel", scene="b")],
-        [method_row("pixel", packet_width=8), method_row("pixel", packet_width=16)],
-        [time_row(8, 0.01, view="own"), time_row(8, 0.02, view="above")],
-    ],
-    ids=["scenes", "packets", "views"],
-)
+@pytest.mark.parametrize("rows", [
+    [method_row("pixel", scene="a"), method_row("pixel", scene="b")],
+    [method_row("pixel", packet_width=8), method_row("pixel", packet_width=16)],
+    [time_row(8, 0.01, view="own"), time_row(8, 0.02, view="above")],
+], ids=["scenes", "packets", "views"])  # fmt: skip
 def test_a_sweep_that_no_other_figure_fits_draws_its_rates(rows):
     assert drawing(rows) == ["rates"]
 

@@ -20,8 +20,6 @@ from tests.command import run_here
 from tests.folders import ROOT
 from tests.meshes import cornell_box
 
-pytestmark = pytest.mark.uncovered
-
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 
 AS_PRINTED = "start.md"

@@ -1,14 +1,11 @@
 """The worked examples run at toy size, and what they trace is right."""
 
 import numpy as np
-import pytest
 from PIL import Image
 
 import atra
 from examples import alignment_drawing, calibrated_views, frames, progressive, shadow_map, stereo, weekend
 from tests.folders import ROOT
-
-pytestmark = pytest.mark.uncovered
 
 TOY = ["--scene", "cornell_box", "--width", "64", "--height", "48"]
 

@@ -13,8 +13,6 @@ from experiments.reference.page import PAGE, reference
 from experiments.reference.writing import choices_of, help_of, say_type, table
 from experiments.results.table import columns
 
-pytestmark = pytest.mark.uncovered
-
 
 class Colour(Enum):
     """What it looks like."""

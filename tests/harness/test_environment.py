@@ -15,8 +15,6 @@ from atra.compiled.threads import resolve_threads
 from experiments.harness import environment
 from experiments.harness.environment import read_environment
 
-pytestmark = pytest.mark.uncovered
-
 
 def test_a_system_without_affinity_and_load_is_described_without(monkeypatch):
     monkeypatch.delattr(os, "sched_getaffinity", raising=False)  # macOS, Windows
@@ -35,16 +33,13 @@ def test_a_load_that_the_system_does_not_tell_is_missing(monkeypatch):
     assert read_environment().load_average is None
 
 
-@pytest.mark.parametrize(
-    ("system", "cpuinfo", "sysctl", "processor", "expected"),
-    [
-        ("linux", "processor: 0\nmodel name\t: AMD EPYC\n", None, "x86_64", "AMD EPYC"),
-        ("linux", "processor: 0\nBogoMIPS: 50\n", None, "", "machine"),  # Arm has no model name
-        ("darwin", None, "Apple M2", "arm", "Apple M2"),
-        ("darwin", None, None, "arm", "arm"),
-        ("win32", None, None, "AMD64 Family 25, AuthenticAMD", "AMD64 Family 25, AuthenticAMD"),
-    ],
-)
+@pytest.mark.parametrize(("system", "cpuinfo", "sysctl", "processor", "expected"), [
+    ("linux", "processor: 0\nmodel name\t: AMD EPYC\n", None, "x86_64", "AMD EPYC"),
+    ("linux", "processor: 0\nBogoMIPS: 50\n", None, "", "machine"),  # Arm has no model name
+    ("darwin", None, "Apple M2", "arm", "Apple M2"),
+    ("darwin", None, None, "arm", "arm"),
+    ("win32", None, None, "AMD64 Family 25, AuthenticAMD", "AMD64 Family 25, AuthenticAMD"),
+])  # fmt: skip
 def test_the_processor_is_named_by_what_each_system_has(system, cpuinfo, sysctl, processor, expected, monkeypatch):
     monkeypatch.setattr(sys, "platform", system)
     monkeypatch.setattr(environment, "_read", lambda _: cpuinfo)

@@ -19,8 +19,6 @@ from experiments.results.table import Tables, make_table, make_tables, write_tab
 from experiments.sweep import GridPoint, run_sweep
 from tests.harness.test_sweep import Runner, configuration, measured_elsewhere
 
-pytestmark = pytest.mark.uncovered
-
 
 def points(folder, *splits):
     return [GridPoint("one", configuration(folder, split_x=split)) for split in splits]
@@ -153,15 +151,12 @@ def doubts(record):
 
 
 @pytest.mark.parametrize("method", ["own", "packets_8"])
-@pytest.mark.parametrize(
-    ("sample", "told"),
-    [
-        (3_600.0, "longest sample is 36,000 times the median"),
-        (0.001, "median is 100 times the shortest sample"),
-        (0.9, ""),
-        (0.02, ""),
-    ],
-)
+@pytest.mark.parametrize(("sample", "told"), [
+    (3_600.0, "longest sample is 36,000 times the median"),
+    (0.001, "median is 100 times the shortest sample"),
+    (0.9, ""),
+    (0.02, ""),
+])  # fmt: skip
 def test_a_sample_out_of_all_proportion_is_a_doubt_and_stays(tmp_path, method, sample, told):
     (planned,) = plan_points([configuration(tmp_path)])
     record = measure(planned, Runner())

@@ -16,27 +16,22 @@ from atra.errors import InputError
 from atra.light import Baker
 from atra.raster.tracer import RasterTracer
 from experiments.harness import identity as identities
-from experiments.harness.configuration import Chosen, Configuration, MeasureConfiguration, SceneConfiguration
 from experiments.harness.identity import code_roots, current_environment, identity, read_source
 from experiments.harness.point import Point
-from experiments.harness.points import plan_points
 from experiments.harness.processes.launching import run_worker
 from experiments.harness.processes.worker import measure_point
 from experiments.harness.rounds import measure_rounds
 from experiments.harness.sources import Code, Part, Source
 from experiments.methods import METHODS, find_method
 from experiments.methods.aligned import ALIGNED
-from experiments.methods.bvh import BVH
 from experiments.methods.pixel import PIXEL
 from experiments.methods.raster import RASTER
 from experiments.workloads import WORKLOADS, find_workload
 from experiments.workloads.bake import BAKE
 from experiments.workloads.frame import FRAME
-from scenes.loading import SceneSource
 from tests.folders import ROOT
 from tests.harness.processes.test_outcome import POINT
-
-pytestmark = pytest.mark.uncovered
+from tests.points import planned
 
 OURS = ("atra", "experiments", "scenes")
 
@@ -164,23 +159,13 @@ def test_the_identity_of_a_point_follows_its_code(monkeypatch):
     assert identity(replace(POINT, method=RASTER), environment) == identity(replace(POINT, method=RASTER), environment)
 
 
-RUNS = [(ALIGNED, "frame"), (RASTER, "gather"), (RASTER, "bake"), (BVH, "rays")]
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize(("method", "workload"), RUNS, ids=[f"{one.name}-{name}" for one, name in RUNS])
+@pytest.mark.parametrize(
+    ("method", "workload"), [("aligned", "frame"), ("raster", "gather"), ("raster", "bake"), ("bvh", "rays")]
+)
 def test_every_function_that_runs_while_a_point_is_measured_is_part_of_its_code(method, workload):
-    kind = find_workload(workload)
-    small = {"size": 32, "samples": 1} if kind is BAKE else {}
-    configuration = Configuration(
-        scene=SceneConfiguration(name="cornell_box", source=SceneSource.procedural),
-        measure=MeasureConfiguration(rounds=1, warmup=0),
-        method=Chosen(method, method.options(**({"split_x": 4} if method.has_cells else {}))),
-        workload=Chosen(kind, kind.options(**small)),
-        width=32,
-        height=32,
-    )
-    point = plan_points([configuration])[0].point
+    small = {"size": 32, "samples": 1} if workload == "bake" else {}
+    point = planned(method, workload, (32, 32), measure={"rounds": 1, "warmup": 0}, asked=small).point
     ran = set()
 
     def note(frame, event, argument):
@@ -194,7 +179,7 @@ def test_every_function_that_runs_while_a_point_is_measured_is_part_of_its_code(
     finally:
         sys.setprofile(None)
     ours = {name for name in ran if name.partition(".")[0] in OURS}
-    assert kind.room + ".measure" in ours
+    assert point.workload.room + ".measure" in ours
     assert not ours - modules(point)
 
 
@@ -238,26 +223,23 @@ LIBRARY = {
 }
 
 
-@pytest.mark.parametrize(
-    ("source", "expected"),
-    [
-        ("from lib import near", {"lib.near"}),
-        ("from lib import distant", {"lib.far", "lib.deep"}),
-        ("from lib import both", {"lib:both", "lib:LIMIT", "lib.near"}),
-        ("from lib import lonely", {"lib:lonely"}),
-        ("from lib import deep", {"lib.deep"}),
-        ("from lib.far import far", {"lib.far", "lib.deep"}),
-        ("import lib.deep", {"lib.deep"}),
-        ("def late():\n    from lib.near import near", {"lib.near"}),
-        ("class A:\n    def late(self):\n        import lib.near", {"lib.near"}),
-        ("import lib", {"lib", "lib.near", "lib.far", "lib.deep"}),
-        ("from lib import unheard_of", {"lib", "lib.near", "lib.far", "lib.deep"}),
-        ("from importlib import import_module\nimport_module('lib.near')", {"lib.near"}),
-        ("from importlib import import_module\nDOES = {'it': 'lib.near:near'}", {"lib.near"}),
-        ("SAYS = 'lib.near'", set()),
-        ("import numpy, os.path", set()),
-    ],
-)
+@pytest.mark.parametrize(("source", "expected"), [
+    ("from lib import near", {"lib.near"}),
+    ("from lib import distant", {"lib.far", "lib.deep"}),
+    ("from lib import both", {"lib:both", "lib:LIMIT", "lib.near"}),
+    ("from lib import lonely", {"lib:lonely"}),
+    ("from lib import deep", {"lib.deep"}),
+    ("from lib.far import far", {"lib.far", "lib.deep"}),
+    ("import lib.deep", {"lib.deep"}),
+    ("def late():\n    from lib.near import near", {"lib.near"}),
+    ("class A:\n    def late(self):\n        import lib.near", {"lib.near"}),
+    ("import lib", {"lib", "lib.near", "lib.far", "lib.deep"}),
+    ("from lib import unheard_of", {"lib", "lib.near", "lib.far", "lib.deep"}),
+    ("from importlib import import_module\nimport_module('lib.near')", {"lib.near"}),
+    ("from importlib import import_module\nDOES = {'it': 'lib.near:near'}", {"lib.near"}),
+    ("SAYS = 'lib.near'", set()),
+    ("import numpy, os.path", set()),
+])  # fmt: skip
 def test_of_a_package_face_only_the_names_that_are_taken_count(source, expected):
     assert parts(made_up(**LIBRARY, user=source), ("user", None)) == expected | {"user"}
 
@@ -284,20 +266,17 @@ def test_modules_of_a_package_may_import_each_other_by_relative_names():
     assert parts(code, ("lib", "near")) == {"lib.near", "lib.deep"}
 
 
-@pytest.mark.parametrize(
-    ("other", "is_the_same"),
-    [
-        ("# why\n\nLIMIT = 3  # three\ndef f(x):\n\n    return x", True),
-        ("LIMIT = 3\n'''Of x.'''\ndef f(x):\n    '''As it is.'''\n    return x", True),
-        ("LIMIT = (\n    3\n)\ndef f(x): return x", True),
-        ("LIMIT = 4\ndef f(x): return x", False),
-        ("LIMIT = 3\ndef f(x): return -x", False),
-        ("LIMIT = 3\ndef f(x): return 'x'", False),
-        ("LIMIT = 3\ndef f(x=1): return x", False),
-        ("LIMIT = 3.0\ndef f(x): return x", False),
-        ("LIMIT = 3\n@cached\ndef f(x): return x", False),
-    ],
-)
+@pytest.mark.parametrize(("other", "is_the_same"), [
+    ("# why\n\nLIMIT = 3  # three\ndef f(x):\n\n    return x", True),
+    ("LIMIT = 3\n'''Of x.'''\ndef f(x):\n    '''As it is.'''\n    return x", True),
+    ("LIMIT = (\n    3\n)\ndef f(x): return x", True),
+    ("LIMIT = 4\ndef f(x): return x", False),
+    ("LIMIT = 3\ndef f(x): return -x", False),
+    ("LIMIT = 3\ndef f(x): return 'x'", False),
+    ("LIMIT = 3\ndef f(x=1): return x", False),
+    ("LIMIT = 3.0\ndef f(x): return x", False),
+    ("LIMIT = 3\n@cached\ndef f(x): return x", False),
+])  # fmt: skip
 def test_what_runs_makes_the_hash_and_not_how_it_is_written(other, is_the_same):
     one = made_up(user="LIMIT = 3\ndef f(x):\n    return x").sha256([("user", None)])
     assert (made_up(user=other).sha256([("user", None)]) == one) is is_the_same

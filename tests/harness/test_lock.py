@@ -11,8 +11,6 @@ from experiments.report.writing import rewrite_report
 from tests.folders import ROOT
 from tests.harness.test_sweep import configuration
 
-pytestmark = pytest.mark.uncovered
-
 HOLD = """
 import sys
 from pathlib import Path

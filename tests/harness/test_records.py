@@ -20,8 +20,6 @@ from experiments.harness.records import (
     write_record,
 )
 
-pytestmark = pytest.mark.uncovered
-
 CONFIGURATION = {"scene": "box", "split_x": 4, "culling": True, "eye": [0.0, 1.0, 2.0], "threads": None}
 MACHINE = {"cpu": "some cpu", "logical_cores": 2}
 RECORD = Record(
@@ -45,16 +43,13 @@ def test_a_missing_record_is_none(tmp_path):
     assert read_record(tmp_path, RECORD.point_id) is None
 
 
-@pytest.mark.parametrize(
-    ("configuration", "machine"),
-    [
-        ({**CONFIGURATION, "split_x": 8}, MACHINE),
-        ({**CONFIGURATION, "culling": False}, MACHINE),
-        ({**CONFIGURATION, "eye": [0.0, -1.0, 2.0]}, MACHINE),
-        ({**CONFIGURATION, "eye": [0.0, 0.1, 2.0]}, MACHINE),
-        (CONFIGURATION, {**MACHINE, "logical_cores": 4}),
-    ],
-)
+@pytest.mark.parametrize(("configuration", "machine"), [
+    ({**CONFIGURATION, "split_x": 8}, MACHINE),
+    ({**CONFIGURATION, "culling": False}, MACHINE),
+    ({**CONFIGURATION, "eye": [0.0, -1.0, 2.0]}, MACHINE),
+    ({**CONFIGURATION, "eye": [0.0, 0.1, 2.0]}, MACHINE),
+    (CONFIGURATION, {**MACHINE, "logical_cores": 4}),
+])  # fmt: skip
 def test_the_identity_changes_with_every_field(configuration, machine):
     assert point_id(configuration, machine) != RECORD.point_id
 

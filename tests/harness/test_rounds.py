@@ -5,8 +5,6 @@ import pytest
 from atra.errors import ClockError
 from experiments.harness.rounds import MINIMUM_ROUNDS, measure_rounds
 
-pytestmark = pytest.mark.uncovered
-
 
 class FakeClock:
     def __init__(self):

@@ -26,8 +26,6 @@ from experiments.workloads import find_workload
 from scenes.loading import SceneSource
 from tests.harness.processes.test_outcome import POINT
 
-pytestmark = pytest.mark.uncovered
-
 
 class Runner:
     """Stands in for the worker: remembers the points it was given."""
@@ -83,14 +81,11 @@ def test_what_one_sweep_measured_another_does_not_measure_again(tmp_path):
     assert (tmp_path / "second" / "table.csv").exists()
 
 
-@pytest.mark.parametrize(
-    "changed",
-    [
-        {"method": Chosen(ALIGNED, AlignedOptions(1, culling=False))},
-        {"method": Chosen(ALIGNED, AlignedOptions(1, packet_width=1))},
-        {"workload": "memory"},
-    ],
-)
+@pytest.mark.parametrize("changed", [
+    {"method": Chosen(ALIGNED, AlignedOptions(1, culling=False))},
+    {"method": Chosen(ALIGNED, AlignedOptions(1, packet_width=1))},
+    {"workload": "memory"},
+])  # fmt: skip
 def test_a_point_that_differs_in_any_field_is_another_point(tmp_path, changed):
     run_sweep([GridPoint("a", configuration(tmp_path))], run=Runner())
     runner = Runner(status="skipped")

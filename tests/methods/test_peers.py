@@ -16,8 +16,6 @@ from experiments.methods.peers import embreex_run, llvmpipe
 from tests.images import trace_pixels
 from tests.meshes import EYE_AT_ORIGIN, cornell_box, cornell_camera, quads, random_triangles
 
-pytestmark = pytest.mark.uncovered
-
 LOADER = "cannot open shared object file: No such file or directory"
 
 

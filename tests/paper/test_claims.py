@@ -15,8 +15,6 @@ from experiments.results.table import columns
 from tests.paper_table import agreeing_rows, agreeing_table, longer_build, more_bytes, scaled, skipped, where
 from tests.report_samples import table_of
 
-pytestmark = pytest.mark.uncovered
-
 STAND_INS = {"mitsuba": "material_ball", "fireplace_room": "living_room", "sponza": "atrium"}
 IMPOSSIBLE_TOGETHER = {"cost-model", "nearest-alone-may-lose"}
 """Times that follow log(N_p) N_r fall without end, so no table can confirm it beside a minimum of time; and who
@@ -151,13 +149,10 @@ def test_without_numbers_nothing_holds_and_nothing_fails(agreeing):
         assert all(one.why for one in findings)
 
 
-@pytest.mark.parametrize(
-    "column",
-    [
-        "speedup",
-        *(pytest.param(name, marks=pytest.mark.slow) for name in ("build_over_plain", "embree_bytes", "pixels_wrong")),
-    ],
-)
+@pytest.mark.parametrize("column", [
+    "speedup",
+    *(pytest.param(name, marks=pytest.mark.slow) for name in ("build_over_plain", "embree_bytes", "pixels_wrong")),
+])  # fmt: skip
 def test_a_missing_column_leaves_its_claims_not_measured_and_the_others_as_they_were(agreeing, column):
     before = {(one.id, one.reading): one.verdict for one in judge_claims(agreeing)}
     after = {(one.id, one.reading): one.verdict for one in judge_claims(agreeing.drop(columns=column))}

@@ -9,8 +9,6 @@ from experiments.paper.gains import scene_gains
 from experiments.report.facts import stand_ins
 from tests.paper_table import BEST, agreeing_table, scaled, skipped
 
-pytestmark = pytest.mark.uncovered
-
 SINGLE = {"workload": "frame", "packet_width": 1}
 
 

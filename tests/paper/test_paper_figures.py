@@ -14,8 +14,6 @@ from experiments.workloads.split_figure import ALL_HITS, draw_split_ratios, draw
 from tests.drawn import COMMON, level, line, make_rows, save, skipped, time_row, unfolded, words
 from tests.folders import ROOT
 
-pytestmark = pytest.mark.uncovered
-
 REFERENCE = ROOT / "reports" / "reference" / "paper"
 
 OFF = {"culling": False}
@@ -173,17 +171,14 @@ def test_a_table_without_culling_off_says_so(draw):
     assert "culling on: not in the table" not in said
 
 
-@pytest.mark.parametrize(
-    ("draw", "gone", "said"),
-    [
-        (draw_split_times, ["render_time_s"], "culling on, 1, 2, 4: not measured"),
-        (draw_split_times, ["packets_render_time_s"], "fastest packets per pixel: not measured"),
-        (draw_split_ratios, ["baseline_render_time_s"], "rtcIntersect1 per pixel: not measured"),
-        (draw_split_ratios, ["speedup", "speedup_vs_packets"], "culling on, 1, 2, 4: not measured"),
-        (draw_grid_times, ["render_time_s"], "3 cells: measured, but without this value"),
-        (draw_grid_ratios, ["speedup", "speedup_vs_packets"], f"{ALL_HITS}: not measured"),
-    ],
-)
+@pytest.mark.parametrize(("draw", "gone", "said"), [
+    (draw_split_times, ["render_time_s"], "culling on, 1, 2, 4: not measured"),
+    (draw_split_times, ["packets_render_time_s"], "fastest packets per pixel: not measured"),
+    (draw_split_ratios, ["baseline_render_time_s"], "rtcIntersect1 per pixel: not measured"),
+    (draw_split_ratios, ["speedup", "speedup_vs_packets"], "culling on, 1, 2, 4: not measured"),
+    (draw_grid_times, ["render_time_s"], "3 cells: measured, but without this value"),
+    (draw_grid_ratios, ["speedup", "speedup_vs_packets"], f"{ALL_HITS}: not measured"),
+])  # fmt: skip
 def test_an_older_table_without_a_column_says_what_is_missing(draw, gone, said):
     figure = draw(make_rows(*SPLIT).drop(columns=gone))
     assert said in unfolded(figure)

@@ -43,8 +43,6 @@ from tests.drawn import (
 )
 from tests.report.test_frame_figures import walk
 
-pytestmark = pytest.mark.uncovered
-
 
 def crosses(axis):
     return {float(x) for line in axis.get_lines() if line.get_marker() == "x" for x in line.get_xdata()}
@@ -139,29 +137,26 @@ SPLITS = [time_row(split, 0.01 * split) for split in (1, 2)]
 INSTANCED = memory_row(2, 100, 102, 102, culling=False, geometry="instanced")
 
 
-@pytest.mark.parametrize(
-    ("rows", "expected"),
-    [
-        (SPLITS, FIGURE5),
-        (
-            [*SPLITS, *(row | {"packet_width": 1} for row in SPLITS)],
-            [f"{name}_{rays}" for name in FIGURE5 for rays in ("single_rays", "packets_of_8")],
-        ),
-        (
-            [row | {"split_x": 1, "split_y": row["split_x"]} for row in SPLITS],
-            ["figure5_vertical", "figure5_vertical_speedup"],
-        ),
-        ([*SPLITS, time_row(1, 0.01, split_y=2)], ["figure4", "figure4_speedup"]),
-        ([*SPLITS, build_row(1, 0.1, 0.2), memory_row(1, 1, 2, 3)], [*FIGURE5, "figure6", "figure7"]),
-        ([*SPLITS, INSTANCED], [*FIGURE5, "figure7", "figure7_instancing"]),
-        ([time_row(2, 0.01), time_row(2, 0.01, method="tiles")], ["methods", "break_even"]),
-        ([time_row(2, 0.01), time_row(1, 0.01, method="embreex")], ["methods", "break_even", "peers"]),
-        ([time_row(2, 0.01), time_row(2, 0.01, threads=2)], ["threads"]),
-        ([time_row(2, 0.01)], []),
-        ([skipped(row) for row in SPLITS], []),
-        ([], []),
-    ],
-)
+@pytest.mark.parametrize(("rows", "expected"), [
+    (SPLITS, FIGURE5),
+    (
+        [*SPLITS, *(row | {"packet_width": 1} for row in SPLITS)],
+        [f"{name}_{rays}" for name in FIGURE5 for rays in ("single_rays", "packets_of_8")],
+    ),
+    (
+        [row | {"split_x": 1, "split_y": row["split_x"]} for row in SPLITS],
+        ["figure5_vertical", "figure5_vertical_speedup"],
+    ),
+    ([*SPLITS, time_row(1, 0.01, split_y=2)], ["figure4", "figure4_speedup"]),
+    ([*SPLITS, build_row(1, 0.1, 0.2), memory_row(1, 1, 2, 3)], [*FIGURE5, "figure6", "figure7"]),
+    ([*SPLITS, INSTANCED], [*FIGURE5, "figure7", "figure7_instancing"]),
+    ([time_row(2, 0.01), time_row(2, 0.01, method="tiles")], ["methods", "break_even"]),
+    ([time_row(2, 0.01), time_row(1, 0.01, method="embreex")], ["methods", "break_even", "peers"]),
+    ([time_row(2, 0.01), time_row(2, 0.01, threads=2)], ["threads"]),
+    ([time_row(2, 0.01)], []),
+    ([skipped(row) for row in SPLITS], []),
+    ([], []),
+])  # fmt: skip
 def test_without_grids_a_table_draws_every_figure_that_has_something_to_show(rows, expected, monkeypatch):
     monkeypatch.setattr(Figure, "savefig", lambda *_, **__: None)  # each three times; how they look, others test
     assert drawn_names(*rows) == expected
@@ -180,13 +175,10 @@ def test_a_figure_of_one_packet_width_holds_the_points_of_that_width():
     assert (single.point_ids, packets.point_ids) == (set(table["point_id"][2:]), set(table["point_id"][:2]))
 
 
-@pytest.mark.parametrize(
-    ("figures", "message"),
-    [
-        ({"figure9": ["horizontal"]}, "sweep.figures names 'figure9', expected one of figure4, figure4_speed"),
-        ({"figure5": ["vertical"]}, "sweep.figures.figure5 names 'vertical', expected one of horizontal"),
-    ],
-)
+@pytest.mark.parametrize(("figures", "message"), [
+    ({"figure9": ["horizontal"]}, "sweep.figures names 'figure9', expected one of figure4, figure4_speed"),
+    ({"figure5": ["vertical"]}, "sweep.figures.figure5 names 'vertical', expected one of horizontal"),
+])  # fmt: skip
 def test_an_unknown_figure_or_grid_is_refused_with_the_known_names_before_anything_is_measured(
     tmp_path, figures, message
 ):

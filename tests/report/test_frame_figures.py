@@ -9,8 +9,6 @@ from experiments.workloads.multiframe.multiframe_figure import draw_multiframe_f
 from experiments.workloads.multiframe.stereo_figure import draw_stereo_figure
 from tests.drawn import bars, line, make_rows, method_row, save, skipped, whiskers, words
 
-pytestmark = pytest.mark.uncovered
-
 NAMES = ("separate", "visible_first", "rasteriser")
 RASTER_S = 0.004
 

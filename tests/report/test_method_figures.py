@@ -1,7 +1,6 @@
 """The figures that compare methods draw what the table says, on tables small enough to read."""
 
 import numpy as np
-import pytest
 
 from experiments.drawing.style import TIMES
 from experiments.drawing.values import say_number
@@ -10,8 +9,6 @@ from experiments.workloads.frame.peers_figure import draw_peers_figure
 from experiments.workloads.frame.threads_figure import draw_threads_figure
 from experiments.workloads.methods_figure import draw_methods_figure
 from tests.drawn import bars, line, make_rows, method_row, skipped, unfolded, whiskers, words
-
-pytestmark = pytest.mark.uncovered
 
 PIXEL = method_row("pixel", 1, 0.05, 1.0, plan_time_s=0.0, embree_bytes=2000, first_frame_time_s=0.06)
 

@@ -17,8 +17,6 @@ from experiments.results.claims import NOT_MEASURED
 from tests.paper_table import agreeing_table, scaled
 from tests.report_samples import CLAIMS, HOSTILE, drawn_figure, scene_pictures, small_contents, small_table
 
-pytestmark = pytest.mark.uncovered
-
 APOSTROPHE, TIMES = "\N{RIGHT SINGLE QUOTATION MARK}", "\N{MULTIPLICATION SIGN}"
 
 
@@ -152,13 +150,10 @@ def test_the_page_says_how_many_processes_were_left_out_and_how_busy_the_machine
     assert "nothing else" not in page
 
 
-@pytest.mark.parametrize(
-    ("most", "said"),
-    [
-        (0.03, "nothing else was running: others took 1.0% to 3.0% of its cores while it measured"),
-        (0.2, "<dd>others took 1.0% to 20.0% of its cores while it measured"),
-    ],
-)
+@pytest.mark.parametrize(("most", "said"), [
+    (0.03, "nothing else was running: others took 1.0% to 3.0% of its cores while it measured"),
+    (0.2, "<dd>others took 1.0% to 20.0% of its cores while it measured"),
+])  # fmt: skip
 def test_that_nothing_else_was_running_is_said_only_where_it_was_measured(most, said):
     table = small_table().assign(load_average=0.1, others_share=0.01, stolen_share=pd.NA)
     table.loc[0, "stolen_share"] = most - 0.01

@@ -11,7 +11,7 @@ from experiments.report.figures import draw_figures
 from tests.drawn import make_rows, time_row
 from tests.report_samples import HOSTILE, small_contents
 
-pytestmark = [pytest.mark.uncovered, pytest.mark.slow]
+pytestmark = pytest.mark.slow
 
 playwright = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed: pip install -e '.[test]'")
 

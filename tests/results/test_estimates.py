@@ -9,8 +9,6 @@ from scipy import stats
 
 from experiments.results.estimates import Estimate, Interval, best_of, decide_greater, fit_exponent, geometric_mean
 
-pytestmark = pytest.mark.uncovered
-
 Draw = Callable[[np.random.Generator, int], np.ndarray]
 
 SIMULATIONS = 2000

@@ -15,8 +15,6 @@ from experiments.sweep import GridPoint, run_sweep
 from tests.harness.test_sweep import Runner, configuration
 from tests.results.test_table import MEASURED
 
-pytestmark = pytest.mark.uncovered
-
 
 def points(folder, *splits, processes=3, **fields):
     measure = MeasureConfiguration(processes=processes)

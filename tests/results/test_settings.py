@@ -27,8 +27,6 @@ from tests.drawn import build_row, make_rows, memory_row, time_row
 from tests.harness.test_sweep import Runner, configuration
 from tests.results.test_table import MEASURED
 
-pytestmark = pytest.mark.uncovered
-
 OTHERWISE_TOLD = {"scene", "triangles", "method", "workload", "scene_source", "scene_path"}
 OPTIONS = {"options", "workload_options"}
 EFFORT = {"process", "rounds", "warmup", "frame_budget_s", "time_limit_s", "memory_budget_gib"}

@@ -12,7 +12,6 @@ from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
-import pytest
 
 from experiments.results import table as table_module
 from experiments.results.estimates import Estimate
@@ -20,8 +19,6 @@ from experiments.results.table import make_tables
 from experiments.workloads.baselines import fastest, over_own, series
 from tests.folders import ROOT
 from tests.results.test_table import MEASURED
-
-pytestmark = pytest.mark.uncovered
 
 RECORDED = json.loads((ROOT / "tests" / "data" / "slow_phase.json").read_text(encoding="utf-8"))
 SPLITS = (1, 16, 128)

@@ -15,8 +15,6 @@ from experiments.workloads.frame import FRAME
 from experiments.workloads.frame.grid_figure import draw_grid_times
 from experiments.workloads.split_figure import draw_split_times
 
-pytestmark = pytest.mark.uncovered
-
 ASKED_FOR = [
     "scene", "triangles", "width", "height", "workload", "method", "split_x", "split_y", "packet_width", "culling",
     "threads", "build_quality", "triangles_traced", "rss_bytes", "peak_rss_bytes", "embree_bytes", "pixels_equal",

@@ -41,14 +41,11 @@ def test_no_ray_of_a_stand_ins_camera_leaves_through_a_hole_and_detail_fills_par
     assert len(np.unique(hits.prim_id)) > 1000
 
 
-@pytest.mark.parametrize(
-    ("name", "stated"),
-    [
-        ("material_ball", 2.5),
-        pytest.param("living_room", 2.9, marks=pytest.mark.slow),
-        pytest.param("atrium", 6.4, marks=pytest.mark.slow),
-    ],
-)
+@pytest.mark.parametrize(("name", "stated"), [
+    ("material_ball", 2.5),
+    pytest.param("living_room", 2.9, marks=pytest.mark.slow),
+    pytest.param("atrium", 6.4, marks=pytest.mark.slow),
+])  # fmt: skip
 def test_the_depth_complexity_is_the_one_the_docstring_states(name, stated, meshes):
     assert f"crosses {stated} triangles" in BUILT_IN[name].make.__doc__
     camera = Camera(**BUILT_IN[name].camera, width=32, height=32)
@@ -106,30 +103,24 @@ def test_the_default_camera_sees_walls_light_box_and_sphere():
     assert counts.all(), counts
 
 
-@pytest.mark.parametrize(
-    ("part", "triangles", "volume"),
-    [
-        (shapes.ball(2.0, 64, 48), 64 * 94, 4 / 3 * np.pi * 8),
-        (shapes.box(1.0, 2.0, 3.0), 12, 6.0),
-        (shapes.ring(2.0, 0.5, 64, 48), 2 * 64 * 48, 2 * np.pi**2 * 2.0 * 0.25),
-        (shapes.lathe([(0, 0), (1, 0), (1, 2), (0, 2)], 90), 90 * 4, 2 * np.pi),
-        (shapes.cushion(1.0, 1.0, 1.0, 4, 0.0), 12 * 16, 1.0),
-    ],
-)
+@pytest.mark.parametrize(("part", "triangles", "volume"), [
+    (shapes.ball(2.0, 64, 48), 64 * 94, 4 / 3 * np.pi * 8),
+    (shapes.box(1.0, 2.0, 3.0), 12, 6.0),
+    (shapes.ring(2.0, 0.5, 64, 48), 2 * 64 * 48, 2 * np.pi**2 * 2.0 * 0.25),
+    (shapes.lathe([(0, 0), (1, 0), (1, 2), (0, 2)], 90), 90 * 4, 2 * np.pi),
+    (shapes.cushion(1.0, 1.0, 1.0, 4, 0.0), 12 * 16, 1.0),
+])  # fmt: skip
 def test_a_closed_shape_has_its_triangle_count_and_volume(part, triangles, volume):
     assert part.triangle_count == triangles
     assert abs(trimesh.Trimesh(part.vertices, part.faces, process=False).volume) == pytest.approx(volume, rel=0.01)
 
 
-@pytest.mark.parametrize(
-    ("part", "triangles"),
-    [
-        (shapes.cloth(1, 1, 7, 5, 2, 0.1), 70),
-        (shapes.leaf(1, 0.2, 8, 0.7), 28),
-        (shapes.tube([(0, 0, 0), (1, 0, 0), (2, 1, 0)], 0.1, 6, (0, 0, 1)), 24),
-        (shapes.blades(np.zeros((9, 3)), 0.1, 1.0), 9),
-    ],
-)
+@pytest.mark.parametrize(("part", "triangles"), [
+    (shapes.cloth(1, 1, 7, 5, 2, 0.1), 70),
+    (shapes.leaf(1, 0.2, 8, 0.7), 28),
+    (shapes.tube([(0, 0, 0), (1, 0, 0), (2, 1, 0)], 0.1, 6, (0, 0, 1)), 24),
+    (shapes.blades(np.zeros((9, 3)), 0.1, 1.0), 9),
+])  # fmt: skip
 def test_an_open_shape_has_the_count_its_docstring_gives(part, triangles):
     assert part.triangle_count == triangles
 

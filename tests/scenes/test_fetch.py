@@ -28,8 +28,6 @@ from scenes.fetch import fetch_scene
 from scenes.loading import SceneSource
 from tests.folders import empty_cache
 
-pytestmark = pytest.mark.uncovered
-
 OBJ = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3\nf 1 3 4\n"
 
 
@@ -290,15 +288,12 @@ def test_a_built_in_scene_needs_no_fetching(name, home, capsys):
     assert not default_cache().exists()
 
 
-@pytest.mark.parametrize(
-    ("name", "source", "reason"),
-    [
-        (None, SceneSource.file, "scene=file is read from scene.path"),
-        (None, SceneSource.directory, "needs scene.name"),
-        ("dragon", SceneSource.directory, "no scene 'dragon' can be fetched, expected one of cornell_box"),
-        ("dragon", SceneSource.procedural, "unknown procedural scene 'dragon'"),
-    ],
-)
+@pytest.mark.parametrize(("name", "source", "reason"), [
+    (None, SceneSource.file, "scene=file is read from scene.path"),
+    (None, SceneSource.directory, "needs scene.name"),
+    ("dragon", SceneSource.directory, "no scene 'dragon' can be fetched, expected one of cornell_box"),
+    ("dragon", SceneSource.procedural, "unknown procedural scene 'dragon'"),
+])  # fmt: skip
 def test_what_cannot_be_fetched_is_refused_and_leaves_nothing(name, source, reason, home):
     with pytest.raises(InputError, match=reason):
         run_fetch(asked_for(name, source))

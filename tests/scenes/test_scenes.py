@@ -58,16 +58,13 @@ def test_the_folder_comes_from_the_environment_relative_to_the_working_directory
         assert load_scene_from_directory("tri").mesh.triangle_count == 1
 
 
-@pytest.mark.parametrize(
-    ("system", "variables", "expected"),
-    [
-        ("linux", {}, "home/.cache"),
-        ("linux", {"XDG_CACHE_HOME": "mine"}, "mine"),
-        ("darwin", {"XDG_CACHE_HOME": "mine"}, "home/Library/Caches"),
-        ("win32", {"LOCALAPPDATA": "mine"}, "mine"),
-        ("win32", {}, "home/AppData/Local"),
-    ],
-)
+@pytest.mark.parametrize(("system", "variables", "expected"), [
+    ("linux", {}, "home/.cache"),
+    ("linux", {"XDG_CACHE_HOME": "mine"}, "mine"),
+    ("darwin", {"XDG_CACHE_HOME": "mine"}, "home/Library/Caches"),
+    ("win32", {"LOCALAPPDATA": "mine"}, "mine"),
+    ("win32", {}, "home/AppData/Local"),
+])  # fmt: skip
 def test_the_cache_is_where_each_system_keeps_caches(tmp_path, monkeypatch, system, variables, expected):
     for name in ("HOME", "USERPROFILE"):
         monkeypatch.setenv(name, str(tmp_path / "home"))
@@ -170,19 +167,16 @@ def test_an_unknown_scene_or_missing_mesh_is_refused_listing_what_there_is(folde
         load_scene_from_directory("absent", folder)
 
 
-@pytest.mark.parametrize(
-    ("field", "value"),
-    [
-        ("eye", "abc"),
-        ("eye", [0, 1]),
-        ("target", [0, 1, None]),
-        ("up", [0, 1, float("nan")]),
-        ("up", {"x": 0, "y": 1, "z": 0}),
-        ("fov_y_degrees", [45]),
-        ("fov_y_degrees", 10**400),
-        ("target", [0, 0, 5]),  # where the eye is
-    ],
-)
+@pytest.mark.parametrize(("field", "value"), [
+    ("eye", "abc"),
+    ("eye", [0, 1]),
+    ("target", [0, 1, None]),
+    ("up", [0, 1, float("nan")]),
+    ("up", {"x": 0, "y": 1, "z": 0}),
+    ("fov_y_degrees", [45]),
+    ("fov_y_degrees", 10**400),
+    ("target", [0, 0, 5]),  # where the eye is
+])  # fmt: skip
 def test_a_camera_field_that_is_no_number_or_vector_is_refused_naming_it(field, value, folder):
     cameras = {"tri": {"eye": [0, 0, 5], "target": [0, 0, 0], field: value}}
     (folder / "cameras.json").write_text(json.dumps(cameras))

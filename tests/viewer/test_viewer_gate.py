@@ -19,8 +19,6 @@ from experiments.viewer.request import Settings
 from experiments.viewer.session import Picture
 from tests.viewer.test_viewer_session import FIRST
 
-pytestmark = pytest.mark.uncovered
-
 viser = pytest.importorskip("viser", reason="viser is not installed: pip install -e '.[viewer]'")
 
 import msgspec  # noqa: E402

@@ -32,8 +32,6 @@ from experiments.viewer.session import REST_S, Frame, Picture
 from tests.folders import ROOT
 from tests.viewer.test_viewer_painter import FIRST, made
 
-pytestmark = pytest.mark.uncovered
-
 pytest.importorskip("viser", reason="viser is not installed: pip install -e '.[viewer]'")
 playwright = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed: pip install -e '.[test]'")
 
@@ -108,13 +106,10 @@ def viewed(*overrides):
         run_view(read_configuration(compose("config", ["+verb=view", *overrides]), known_kinds()))
 
 
-@pytest.mark.parametrize(
-    ("override", "told"),
-    [
-        ("view.port=70000", "view.port is 70000, expected a whole number from 0 to 65535"),
-        ("method.split_x=3", "method.split_x is 3, expected one of 2, 4, 8, 16, 32, 64 in the viewer"),
-    ],
-)
+@pytest.mark.parametrize(("override", "told"), [
+    ("view.port=70000", "view.port is 70000, expected a whole number from 0 to 65535"),
+    ("method.split_x=3", "method.split_x is 3, expected one of 2, 4, 8, 16, 32, 64 in the viewer"),
+])  # fmt: skip
 def test_what_cannot_be_shown_is_refused_in_one_line(override, told):
     with pytest.raises(InputError) as refused:
         viewed("method=aligned", override)

@@ -25,8 +25,6 @@ from experiments.viewer.session import Session
 from scenes.built_in import make_scene
 from tests.viewer.test_viewer_session import OTHER
 
-pytestmark = pytest.mark.uncovered
-
 BOX = make_scene("cornell_box")
 SCENE = RenderScene(BOX.mesh, [Lambertian((0.7, 0.5, 0.3))])
 POSE = Pose((0.0, 0.8, 3.4), (0.0, 0.8, 0.0), (0.0, 1.0, 0.0), 50.0)

@@ -11,8 +11,6 @@ from atra.errors import InputError
 from experiments.viewer.request import COLUMNS, SHADES, SPLITS, Pose, Request, Settings
 from experiments.viewer.session import GROWTH, LEAST_GAP_S, REST_S, Picture, Session
 
-pytestmark = pytest.mark.uncovered
-
 WAVES = 8
 FIRST = Request(Pose((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, 1.0, 0.0), 45.0), Settings(samples=5))
 

@@ -41,8 +41,6 @@ from experiments.workloads.baselines import series
 from experiments.workloads.rounds import build_own, measured, timed_rounds
 from tests.folders import ROOT
 
-pytestmark = pytest.mark.uncovered
-
 
 @dataclass(frozen=True)
 class ToyOptions:

@@ -14,8 +14,6 @@ import pytest
 from experiments.workloads import WORKLOADS
 from tests.folders import ROOT
 
-pytestmark = pytest.mark.uncovered
-
 WITHOUT_CIRCLES = ("atra", "experiments", "scenes")
 """Packages whose modules import each other in one direction only."""
 

@@ -13,22 +13,19 @@ import atra
 from atra.judge.oracle import examine
 from atra.judge.reference import brute_force
 from atra.prim_ids import MISS
-from experiments.harness.configuration import Chosen, Configuration, SceneConfiguration
-from experiments.harness.points import plan_points
 from experiments.harness.processes.worker import Job
 from experiments.harness.records import Record, write_record
 from experiments.methods import METHODS, find_method
-from experiments.methods.aligned import ALIGNED, AlignedOptions
 from experiments.registry import known_kinds
 from experiments.results.table import make_table
 from experiments.workloads import rounds
-from experiments.workloads.agreement import AGREEMENT, AgreementOptions
+from experiments.workloads.agreement import AgreementOptions
 from experiments.workloads.agreement import measure as agreement
 from experiments.workloads.agreement.figures import draw_agreement_figure
 from experiments.workloads.agreement.results import errs_too_often, read_disagreements, write
 from experiments.workloads.agreement.terminal import sweep_lines
-from scenes.loading import SceneSource
 from tests.meshes import EYE_AT_ORIGIN, quads
+from tests.points import planned
 
 pytestmark = pytest.mark.uncovered
 
@@ -38,13 +35,8 @@ FAULT = (20, 10)  # x, y of the pixel that is spoilt
 
 
 def make_point(**options):
-    configuration = Configuration(
-        scene=SceneConfiguration(name="cornell_box", source=SceneSource.procedural),
-        workload=Chosen(AGREEMENT, AgreementOptions(**{"offsets": OFFSETS, "sample_rays": 50, **options})),
-        method=Chosen(ALIGNED, AlignedOptions(split_x=4)), width=WIDTH, height=HEIGHT,
-    )  # fmt: skip
-    (planned,) = plan_points([configuration])
-    return planned.point
+    asked = {"offsets": OFFSETS, "sample_rays": 50, **options}
+    return planned("aligned", "agreement", (WIDTH, HEIGHT), asked=asked).point
 
 
 class Spoilt:
@@ -167,15 +159,12 @@ def test_offsets_and_sample_are_part_of_a_point_and_reach_the_worker():
     assert Job.from_json(Job(make_point(), "path", run=1).to_json(), known_kinds()).point == make_point()
 
 
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"offsets": [[0.5, 1.0]]}, r"workload.offsets is \(0.5, 1.0\), expected two numbers in \[0, 1\)"),
-        ({"offsets": [[0.5]]}, r"workload.offsets is \(0.5,\)"),
-        ({"offsets": []}, "workload.offsets is empty"),
-        ({"sample_rays": -1}, "workload.sample_rays is -1"),
-    ],
-)
+@pytest.mark.parametrize(("options", "message"), [
+    ({"offsets": [[0.5, 1.0]]}, r"workload.offsets is \(0.5, 1.0\), expected two numbers in \[0, 1\)"),
+    ({"offsets": [[0.5]]}, r"workload.offsets is \(0.5,\)"),
+    ({"offsets": []}, "workload.offsets is empty"),
+    ({"sample_rays": -1}, "workload.sample_rays is -1"),
+])  # fmt: skip
 def test_offsets_outside_the_pixel_and_negative_samples_are_refused(options, message):
     with pytest.raises(atra.InputError, match=message):
         AgreementOptions(**options)

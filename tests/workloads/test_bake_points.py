@@ -12,13 +12,9 @@ from atra.errors import InputError
 from atra.light import Baker, BakeScene, constant_sky
 from atra.light.lightmaps.gather.adaptive import FIRST_LOOK
 from experiments.drawing.figure import draw_figure
-from experiments.harness.configuration import Chosen, Configuration, MeasureConfiguration, SceneConfiguration
-from experiments.harness.points import plan_points
 from experiments.harness.processes.worker import measure_point
 from experiments.harness.records import Record
-from experiments.methods import find_method
 from experiments.methods.peers.mitsuba_light import load_mitsuba
-from experiments.methods.raster import RASTER
 from experiments.results.claims import DOES_NOT_HOLD, HOLDS, NOT_MEASURED, UNDECIDED, judge_claim
 from experiments.results.table import columns
 from experiments.workloads.bake import BAKE, STAGES, Against, BakeSettings
@@ -29,37 +25,18 @@ from experiments.workloads.bake.measure import lamps
 from experiments.workloads.bake.results import CLAIMS_FILE, write
 from experiments.workloads.bake_rays.claims import CLAIMS as PREDICTIONS
 from scenes.built_in import make_scene
-from scenes.loading import SceneSource
 from tests.baked import cube, sheet
-from tests.quotations.bake import (
-    bias_of_adaptive,
-    finished_maps,
-    means_of_a_bake,
-    paths_beside_mitsuba,
-    verdicts_on_alignment,
-    verdicts_on_buffers,
-    verdicts_on_finishing,
-    verdicts_on_lightmaps,
-    verdicts_on_mitsuba,
-    verdicts_on_views,
-)
+from tests.points import planned
+from tests.quotations import bake
 from tests.quotations.quotation import Kept
 
 xatlas = pytest.mark.skipif(importlib.util.find_spec("xatlas") is None, reason="xatlas is not installed (extra `bake`)")
 
 
 def measured(**options):
-    configuration = Configuration(
-        scene=SceneConfiguration(name="cornell_box", source=SceneSource.procedural),
-        measure=MeasureConfiguration(rounds=3, warmup=1),
-        method=Chosen(RASTER, find_method("raster").options()),
-        workload=Chosen(BAKE, BakeSettings(**{"size": 32, "samples": 2} | options)),
-        width=32,
-        height=32,
-    )
-    (planned,) = plan_points([configuration])
-    assert planned.problem is None
-    return planned.point, measure_point(planned.point)
+    one = planned("raster", "bake", (32, 32), asked={"size": 32, "samples": 2} | options)
+    assert one.problem is None
+    return one.point, measure_point(one.point)
 
 
 @xatlas
@@ -341,12 +318,12 @@ def test_figures_show_errors_over_time_stages_and_rays(tmp_path):
 
 
 def test_what_pages_quote_has_a_row_a_means_and_a_cell_a_scene():
-    kept = Kept(drawn_rows(), pd.DataFrame(), [])
-    rows = means_of_a_bake(kept).rows
+    kept = Kept(drawn_rows())
+    rows = list(bake.means_of_a_bake(kept))
     assert {row.count("|") for row in rows} == {2 + len(SCENES)}
     (seen,) = (row for row in rows if row.startswith("| what the view shows"))
     assert seen.count("2.00 [1.90, 2.10]") == 4
-    assert finished_maps(kept).rows[1].count("not measured") == 4
+    assert list(bake.finished_maps(kept))[1].count("not measured") == 4
 
 
 def test_what_pages_quote_of_points_is_of_those_that_a_row_names():
@@ -364,7 +341,7 @@ def test_what_pages_quote_of_points_is_of_those_that_a_row_names():
         one(1.8, 1.85, against="environment", environment="mis"),
         {"against": "expansion", "expansion": 16} | {f"{stage}_s": 1.0 for stage in STAGES} | wrong,
     )  # fmt: skip
-    quoted = means_of_a_bake(Kept(rows, pd.DataFrame(), [])).rows
+    quoted = bake.means_of_a_bake(Kept(rows))
     cells = {label: set(found) for label, *found in (row.strip("| ").split(" | ") for row in quoted)}
     told = {label.partition(":")[0]: found for label, found in cells.items() if found != {"not measured"}}
     assert told == {
@@ -384,12 +361,12 @@ def test_what_pages_quote_beside_mitsuba_and_of_adaptive_maps_has_a_cell_a_scene
         {"against": "mitsuba", "packets": packets} | ratio("speedup_vs_other", *[(low, low + 0.05)] * 4)
         for packets, low in (("1", 1.2), ("8", 1.5))
     ]
-    rows = paths_beside_mitsuba(Kept(table(*held), pd.DataFrame(), [])).rows
+    rows = bake.paths_beside_mitsuba(Kept(table(*held)))
     assert [
         row.count(text) for row, text in zip(rows, ("1.22", "not measured", "1.52", "not measured"), strict=True)
     ] == [4] * 4
     bias = {"adaptive": True, "adaptive_bias": -0.00125, "adaptive_bias_error": 0.0004, "adaptive_left_out": 0.183}
-    rows = bias_of_adaptive(Kept(table(bias | {"adaptive_speedup": 1.25}), pd.DataFrame(), [])).rows
+    rows = bake.bias_of_adaptive(Kept(table(bias | {"adaptive_speedup": 1.25})))
     assert [row.count(text) for row, text in zip(rows, ("-0.12 ± 0.04 %", "18.3 %", "1.25"), strict=True)] == [4] * 3
 
 
@@ -398,20 +375,21 @@ def test_pages_have_a_verdict_on_every_claim_from_the_sweep_that_decides_it():
     sizes = table(*({"size": size, "batch_rays": 1 << 12, "buffer_bytes": 1000} for size in (256, 2048)))
     found = table({"method": "pixel", "culling_map_s": 0.3}, {"method": "visible_first", "culling_map_s": 0.1})
     quoted = {
-        make: [row.strip("| ").split(" | ") for row in make(Kept(rows, pd.DataFrame(), [])).rows]
+        make: [row.strip("| ").split(" | ") for row in make(Kept(rows))]
         for make, rows in (
-            (verdicts_on_lightmaps, drawn_rows()), (verdicts_on_finishing, finishing), (verdicts_on_buffers, sizes),
-            (verdicts_on_alignment, found), (verdicts_on_mitsuba, drawn_rows()), (verdicts_on_views, found),
+            (bake.verdicts_on_lightmaps, drawn_rows()), (bake.verdicts_on_finishing, finishing),
+            (bake.verdicts_on_buffers, sizes), (bake.verdicts_on_alignment, found),
+            (bake.verdicts_on_mitsuba, drawn_rows()), (bake.verdicts_on_views, found),
         )
     }  # fmt: skip
     claims = [*CLAIMS, *PREDICTIONS]
     assert sorted(cells[0] for rows in quoted.values() for cells in rows) == sorted(claim.text for claim in claims)
-    (sooner,) = (cells for cells in quoted[verdicts_on_lightmaps] if cells[0].startswith("What the view shows"))
+    (sooner,) = (cells for cells in quoted[bake.verdicts_on_lightmaps] if cells[0].startswith("What the view shows"))
     assert sooner[1:] == ["cornell_box 2.00; mitsuba 2.00; fireplace_room 2.00; sponza 2.00", HOLDS]
-    assert [cells[2] for cells in quoted[verdicts_on_finishing]] == [HOLDS, HOLDS]
-    assert [cells[2] for cells in quoted[verdicts_on_buffers]] == [HOLDS]
-    assert [cells[2] for cells in quoted[verdicts_on_alignment]] == [NOT_MEASURED] * len(PREDICTIONS)
-    assert [cells[2] for cells in quoted[verdicts_on_views]] == [HOLDS, NOT_MEASURED]
+    assert [cells[2] for cells in quoted[bake.verdicts_on_finishing]] == [HOLDS, HOLDS]
+    assert [cells[2] for cells in quoted[bake.verdicts_on_buffers]] == [HOLDS]
+    assert [cells[2] for cells in quoted[bake.verdicts_on_alignment]] == [NOT_MEASURED] * len(PREDICTIONS)
+    assert [cells[2] for cells in quoted[bake.verdicts_on_views]] == [HOLDS, NOT_MEASURED]
 
 
 def test_of_several_points_of_a_scene_a_claim_says_from_where_to_where():

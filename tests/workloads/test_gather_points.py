@@ -8,18 +8,15 @@ import pytest
 
 import atra
 from atra.errors import InputError
-from experiments.harness.configuration import Chosen, Configuration, SceneConfiguration
 from experiments.harness.method import Tracing
-from experiments.harness.points import plan_points
 from experiments.methods import find_method
-from experiments.methods.aligned import ALIGNED
 from experiments.methods.peers.peer import PeerTracer
-from experiments.workloads.gather import GATHER, GatherOptions, What
+from experiments.workloads.gather import GatherOptions, What
 from experiments.workloads.gather.measure import CLOSED, differences
 from experiments.workloads.rounds import own_and_baselines, shrunk, warm_up
-from scenes.loading import SceneSource
 from tests.meshes import cornell_box, cornell_camera
 from tests.paper_table import SCATTER, agreeing_table
+from tests.points import planned
 from tests.quotations import gathering
 from tests.quotations.quotation import SCENES, Kept
 from tests.report_samples import table_of
@@ -71,14 +68,7 @@ def test_what_no_ray_could_gather_is_refused_before_anything_is_measured():
 
 
 def test_a_warm_up_has_something_that_no_copy_shows_and_leaves_few_samples_in_doubt():
-    configuration = Configuration(
-        scene=SceneConfiguration(name="cornell_box", source=SceneSource.procedural),
-        method=Chosen(ALIGNED, find_method("aligned").options(split_x=4)),
-        workload=Chosen(GATHER, GatherOptions()),
-        width=64,
-        height=64,
-    )
-    (planned,) = plan_points([configuration])
+    point = planned("aligned", "gather", (64, 64)).point
     left_out, in_doubt = [], []
 
     def gather(tracer):
@@ -86,7 +76,7 @@ def test_a_warm_up_has_something_that_no_copy_shows_and_leaves_few_samples_in_do
         left_out.append(tracer.counters.get("triangles_left_out"))
         in_doubt.append(len(tracer._doubts[1].keys))
 
-    warm_up(planned.point, own_and_baselines(shrunk(planned.point)), gather, CLOSED)
+    warm_up(point, own_and_baselines(shrunk(point)), gather, CLOSED)
     assert left_out[0] > 0
     assert 0 < max(in_doubt) < 64 * 64 / 4
 
@@ -130,7 +120,7 @@ def kept():
         ]
     times = ("render_time_s", "packets_render_time_s")
     processes = [row | {name: row[name] * factor for name in times} for row in rows for factor in SCATTER]
-    return Kept(table_of(rows), table_of(processes), [])
+    return Kept(table_of(rows), table_of(processes))
 
 
 def cells(row):
@@ -138,7 +128,7 @@ def cells(row):
 
 
 def test_pages_tell_packets_that_gather_from_single_rays_and_from_the_rasteriser(kept):
-    found = {label: first for label, first, *_ in map(cells, gathering.counting(kept).rows)}
+    found = {label: first for label, first, *_ in map(cells, gathering.counting(kept))}
     assert found == {
         "packets, ms": "40.0",
         "rasteriser, \N{MULTIPLICATION SIGN} packets": "20.0 [18.0, 22.0]",
@@ -150,20 +140,20 @@ def test_pages_tell_packets_that_gather_from_single_rays_and_from_the_rasteriser
 
 
 def test_what_else_is_gathered_is_held_against_counts_of_the_same_rays(kept):
-    rows = [cells(row) for row in gathering.over_counting(kept).rows]
+    rows = [cells(row) for row in gathering.over_counting(kept)]
     assert [row[0] for row in rows[:3]] == [f"transmittance, {rays}" for rays in ("packets", "aligned", "rasteriser")]
     assert {len(row) for row in rows} == {1 + len(SCENES)}
     assert [row[1].partition(" ")[0] for row in rows] == ["1.00", "1.25", "1.25", "2.00", "2.00", "2.00"]
     assert rows[1][4].startswith("1.25 [1.2")
-    few = Kept(kept.points, kept.processes.groupby(["scene", "method", "what", "split_x"]).head(2), [])
-    assert "too few processes" in gathering.over_counting(few).rows[0]
+    few = Kept(kept.points, kept.processes.groupby(["scene", "method", "what", "split_x"]).head(2))
+    assert "too few processes" in next(gathering.over_counting(few))
 
 
 def test_pages_say_what_other_tracers_lose_and_what_a_closed_mesh_takes(kept):
-    rows = [cells(row) for row in gathering.counts_of_others(kept).rows]
+    rows = [cells(row) for row in gathering.counts_of_others(kept)]
     assert rows[0] == ["`cornell_box`, trimesh", "20.0", "400", "9,000", "1,234", "5"]
     assert rows[-1] == ["`three_holes`, trimesh", "20.0", "200", "9,000", "0", "0"]
-    solid = {label: rest for label, *rest in map(cells, gathering.solids(kept).rows)}
+    solid = {label: rest for label, *rest in map(cells, gathering.solids(kept))}
     assert solid["rasteriser"] == ["4.0", "6.0", "1.50", "200", "133", "0"]
     assert solid["aligned"][:3] == ["20.0", "30.0", "1.50"]
     assert solid["trimesh"][-1] == "3"
@@ -178,10 +168,10 @@ def test_pages_have_the_paper_s_claims_where_every_hit_is_wanted():
             ("larger", "Less.", "holds", True),
         )
     ]
-    rows = gathering.verdicts_where_every_hit_is_wanted(Kept(pd.DataFrame(), pd.DataFrame(), claims)).rows
-    assert rows == ("| Faster. | §4 | undecided |", "| Less. (an inference of ours) | §4 | holds |")
+    rows = gathering.verdicts_where_every_hit_is_wanted(Kept(pd.DataFrame(), pd.DataFrame(), claims))
+    assert list(rows) == ["| Faster. | §4 | undecided |", "| Less. (an inference of ours) | §4 | holds |"]
     frames = agreeing_table()
     gathered = frames[frames["workload"] == "frame"].assign(workload="gather", what="count")
-    rows = gathering.gains_where_every_hit_is_wanted(Kept(pd.DataFrame(), gathered, [])).rows
+    rows = list(gathering.gains_where_every_hit_is_wanted(Kept(pd.DataFrame(), gathered)))
     assert len(rows) == len(SCENES)
     assert rows[0].startswith("| `cornell_box` | 7.50 | 7.6")

@@ -5,11 +5,7 @@ import pytest
 
 import atra
 from atra.errors import InputError, MemoryBudgetError
-from experiments.harness.configuration import Chosen, Configuration, MeasureConfiguration, SceneConfiguration
-from experiments.harness.options import NoOptions
 from experiments.harness.points import plan_points
-from experiments.methods.raster import RASTER
-from experiments.workloads.frame import FRAME
 from experiments.workloads.frame.growth import (
     crossings,
     fitted_slope,
@@ -22,10 +18,11 @@ from experiments.workloads.frame.growth import (
 from experiments.workloads.frame.growth_figure import draw_growth_figure
 from experiments.workloads.rounds import load_mesh
 from scenes.built_in import make_scene
-from scenes.loading import SceneSource, enlarged
+from scenes.loading import enlarged
 from scenes.scene import Scene
 from tests.drawn import line, make_rows, method_row, skipped, unfolded
 from tests.images import trace_pixels
+from tests.points import configured
 
 pytestmark = pytest.mark.uncovered
 
@@ -83,14 +80,7 @@ def test_more_triangles_than_can_be_meant_are_refused(subdivided, copies):
 
 
 def configuration(memory_budget_gib=None, **scene):
-    return Configuration(
-        scene=SceneConfiguration(name="cornell_box", source=SceneSource.procedural, **scene),
-        measure=MeasureConfiguration(rounds=3, warmup=1, memory_budget_gib=memory_budget_gib),
-        method=Chosen(RASTER, NoOptions()),
-        workload=Chosen(FRAME, NoOptions()),
-        width=16,
-        height=16,
-    )
+    return configured("raster", "frame", (16, 16), scene, {"memory_budget_gib": memory_budget_gib})
 
 
 def test_points_know_their_enlarged_mesh_and_the_worker_loads_it():

@@ -10,19 +10,14 @@ import pytest
 import atra
 from atra.errors import InputError
 from atra.planner.choice import PACKETS, RASTER, candidates
-from experiments.harness.configuration import Chosen, Configuration, MeasureConfiguration, SceneConfiguration
-from experiments.harness.options import NoOptions
-from experiments.harness.points import plan_points
 from experiments.harness.processes.worker import measure_point
-from experiments.methods.pixel import PIXEL, PixelOptions
-from experiments.workloads.planner import PLANNER
 from experiments.workloads.planner.figures import SERIES, draw_planner_figure
 from experiments.workloads.planner.measure import FRAMES, regrets
 from experiments.workloads.planner.terminal import sweep_lines
 from scenes.cornell_box import CORNELL_BOX_CAMERA
-from scenes.loading import SceneSource
 from scenes.views import VIEWS, view_fields
 from tests.meshes import cornell_box, cornell_camera
+from tests.points import planned
 from tests.report_samples import table_of
 
 pytestmark = pytest.mark.uncovered
@@ -102,18 +97,7 @@ def test_the_figure_shows_every_view_where_it_belongs():
 
 
 def toy_point(**fields):
-    configuration = Configuration(
-        scene=SceneConfiguration(name="cornell_box", source=SceneSource.procedural, view="near"),
-        measure=MeasureConfiguration(rounds=3, warmup=1),
-        method=Chosen(PIXEL, PixelOptions()),
-        workload=Chosen(PLANNER, NoOptions()),
-        width=32,
-        height=32,
-        threads=1,
-        **fields,
-    )
-    (planned,) = plan_points([configuration])
-    return planned.point
+    return planned("pixel", "planner", (32, 32), {"view": "near"}, threads=1, **fields).point
 
 
 def test_a_measured_point_holds_every_candidate_in_the_same_rounds():

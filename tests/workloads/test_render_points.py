@@ -12,8 +12,6 @@ from atra.errors import InputError
 from atra.files.saving import encode_exr
 from atra.light import Metal
 from experiments import cli
-from experiments.harness.configuration import Chosen, Configuration, MeasureConfiguration, SceneConfiguration
-from experiments.harness.points import plan_points
 from experiments.harness.processes.worker import measure_point
 from experiments.harness.records import Record
 from experiments.methods import find_method
@@ -24,24 +22,15 @@ from experiments.workloads.render.measure import Primaries
 from experiments.workloads.rounds import expert_packet_widths
 from scenes.built_in import make_scene
 from scenes.lit.lighting import lit
-from scenes.loading import SceneSource
+from tests import points
 
 pytestmark = pytest.mark.uncovered
 
 WIDTH, HEIGHT = 24, 16
 
 
-def planned(method="raster", scene="cornell_box", subdivided=0, **options):
-    kind = find_method(method)
-    configuration = Configuration(
-        scene=SceneConfiguration(name=scene, source=SceneSource.procedural, subdivided=subdivided),
-        measure=MeasureConfiguration(rounds=3, warmup=1),
-        method=Chosen(kind, kind.options()),
-        workload=Chosen(RENDER, RenderOptions(**{"samples": 2, **options})),
-        width=WIDTH,
-        height=HEIGHT,
-    )
-    return plan_points([configuration])[0]
+def planned(method="raster", scene=None, **options):
+    return points.planned(method, "render", (WIDTH, HEIGHT), scene=scene, asked={"samples": 2, **options})
 
 
 @pytest.mark.parametrize(("options", "stages"), [
@@ -153,7 +142,7 @@ def test_a_scene_has_its_own_materials_or_a_sun_that_shines_where_the_camera_loo
     shown = lit("weekend", make_scene("weekend").mesh, camera)
     assert any(isinstance(material, Metal) for material in shown.materials)
     with pytest.raises(InputError, match="neither subdivide nor copy it"):
-        planned(scene="weekend", subdivided=1)
+        planned(scene={"name": "weekend", "subdivided": 1})
     grey = lit("cornell_box", make_scene("cornell_box").mesh, camera)
     (sun,) = grey.lights
     assert np.dot(sun.direction, camera.axes[2]) > 0

@@ -11,15 +11,13 @@ import pytest
 from PIL import Image
 
 from atra.alignment.visible_first import VisibleFirstTracer
-from experiments.harness.configuration import Chosen, Configuration, MeasureConfiguration, SceneConfiguration
-from experiments.harness.points import plan_points
-from experiments.harness.processes.worker import measure_point, read_point
-from experiments.methods import METHODS, find_method
+from experiments.harness.processes.worker import read_point
+from experiments.methods import METHODS
 from experiments.registry import known_kinds
-from experiments.workloads import WORKLOADS, find_workload, rounds
+from experiments.workloads import WORKLOADS, rounds
 from experiments.workloads.baselines import fastest_packets
 from experiments.workloads.rounds import expert_packet_widths
-from scenes.loading import SceneSource
+from tests import points
 from tests.harness.processes.test_outcome import POINT
 
 pytestmark = pytest.mark.uncovered
@@ -27,19 +25,7 @@ pytestmark = pytest.mark.uncovered
 
 def measured(workload, method="aligned", **options):
     """What a point of the workload tells; options are the method's, by default 4 cells."""
-    kind = find_method(method)
-    options = {"split_x": 4, **options} if kind.has_cells else options
-    configuration = Configuration(
-        scene=SceneConfiguration(name="cornell_box", source=SceneSource.procedural),
-        measure=MeasureConfiguration(rounds=3, warmup=1),
-        method=Chosen(kind, kind.options(**options)),
-        workload=Chosen(find_workload(workload), find_workload(workload).options()),
-        width=48,
-        height=32,
-    )
-    (planned,) = plan_points([configuration])
-    assert planned.problem is None
-    return measure_point(planned.point)
+    return points.measured(method, workload, options=options)
 
 
 @pytest.mark.parametrize("workload", WORKLOADS, ids=lambda workload: workload.name)

@@ -17,8 +17,6 @@ from experiments.registry import known_kinds
 from tests.folders import ROOT
 from tests.harness.processes.test_outcome import GOOD, POINT
 
-pytestmark = pytest.mark.uncovered
-
 POSIX_ONLY = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no signals, groups or limits of this kind")
 
 
@@ -54,16 +52,13 @@ def test_the_point_reaches_the_worker_and_the_outcome_comes_back():
     assert outcome == replace(GOOD, results=GOOD.results | {"width": POINT.width})
 
 
-@pytest.mark.parametrize(
-    ("command", "reason"),
-    [
-        (worker("print('the last words'); sys.exit(3)"), "exit code 3; it said: the last words"),
-        (worker("pass"), "without a result"),
-        (worker(f"sys.exit({CANNOT_WRITE})"), "could not write its result to .*TMPDIR"),
-        ([sys.executable, "-c", "raise SystemExit(4)"], "exit code 4"),  # it does not listen
-        (["no such program"], "no worker could be started"),
-    ],
-)
+@pytest.mark.parametrize(("command", "reason"), [
+    (worker("print('the last words'); sys.exit(3)"), "exit code 3; it said: the last words"),
+    (worker("pass"), "without a result"),
+    (worker(f"sys.exit({CANNOT_WRITE})"), "could not write its result to .*TMPDIR"),
+    ([sys.executable, "-c", "raise SystemExit(4)"], "exit code 4"),  # it does not listen
+    (["no such program"], "no worker could be started"),
+])  # fmt: skip
 def test_a_worker_without_a_result_fails_with_the_reason(command, reason):
     outcome = run_worker(POINT, command)
     assert outcome.status == "failed"

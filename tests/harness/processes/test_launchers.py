@@ -13,24 +13,17 @@ import psutil
 import pytest
 
 from experiments.harness.configuration import (
-    Chosen,
-    Configuration,
-    MeasureConfiguration,
-    SceneConfiguration,
     SweepConfiguration,
 )
 from experiments.harness.identity import measure
-from experiments.harness.options import NoOptions
 from experiments.harness.points import plan_points
 from experiments.harness.processes.outcome import Outcome
 from experiments.harness.records import write_record
-from experiments.methods.aligned import ALIGNED, AlignedOptions
 from experiments.sweep import GridPoint, run_sweep
-from experiments.workloads.frame import FRAME
-from scenes.loading import SceneSource
 from tests.folders import ROOT
+from tests.points import configured
 
-pytestmark = [pytest.mark.uncovered, pytest.mark.slow]
+pytestmark = pytest.mark.slow
 
 TOY = [
     "sweep=horizontal",
@@ -53,14 +46,10 @@ def command(launcher, *more):
     return [sys.executable, str(ROOT / "run.py"), *TOY, f"hydra/launcher={launcher}", *more]
 
 
-@pytest.mark.parametrize(
-    ("launcher", "more", "left"),
-    [
-        ("joblib", ["hydra.sweeper.max_batch_size=2", "hydra.launcher.n_jobs=2"], set()),
-        ("submitit_local", [], {".submitit"}),
-    ],
-    ids=["joblib", "submitit_local"],
-)
+@pytest.mark.parametrize(("launcher", "more", "left"), [
+    ("joblib", ["hydra.sweeper.max_batch_size=2", "hydra.launcher.n_jobs=2"], set()),
+    ("submitit_local", [], {".submitit"}),
+], ids=["joblib", "submitit_local"])  # fmt: skip
 def test_launched_jobs_measure_every_point_once_and_litter_only_the_results_folder(launcher, more, left, tmp_path):
     start = command(launcher, *more)
     done = subprocess.run(start, cwd=tmp_path, capture_output=True, text=True, timeout=300)
@@ -135,16 +124,8 @@ class Launcher:
 
 
 def configuration(folder, split_x):
-    return Configuration(
-        scene=SceneConfiguration(name="cornell_box", source=SceneSource.procedural),
-        sweep=SweepConfiguration(name="toy"),
-        method=Chosen(ALIGNED, AlignedOptions(split_x)),
-        workload=Chosen(FRAME, NoOptions()),
-        measure=MeasureConfiguration(processes=1),
-        width=64,
-        height=64,
-        results_dir=str(folder),
-    )
+    kept_in = {"sweep": SweepConfiguration(name="toy"), "results_dir": str(folder)}
+    return configured("aligned", "frame", (64, 64), measure={"processes": 1}, options={"split_x": split_x}, **kept_in)
 
 
 def sweep(folder, launcher, at_once):

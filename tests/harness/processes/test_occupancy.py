@@ -5,11 +5,8 @@ from collections import namedtuple
 from dataclasses import replace
 
 import psutil
-import pytest
 
 from experiments.harness.environment import Moment, Occupancy
-
-pytestmark = pytest.mark.uncovered
 
 Linux = namedtuple("Linux", "user nice system idle iowait irq softirq steal guest guest_nice")
 Mac = namedtuple("Mac", "user nice system idle")

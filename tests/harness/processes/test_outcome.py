@@ -14,8 +14,6 @@ from experiments.workloads.memory import MEMORY as MEMORY_WORKLOAD
 from experiments.workloads.multiframe import MULTIFRAME, MultiframeOptions
 from experiments.workloads.picture import PICTURE
 
-pytestmark = pytest.mark.uncovered
-
 POINT = Point(
     scene="box", scene_source="procedural", scene_path=None, mesh_sha256="0", triangles=1, view="own",
     eye=(0.0, 0.0, 1.0), target=(0.0, 0.0, 0.0), up=(0.0, 1.0, 0.0), fov_y_degrees=60.0, width=8, height=8,
@@ -45,19 +43,16 @@ def timed(*names):
     return {"warmup_samples": {name: [1.0] for name in names}, "samples": {name: [1.0] * 4 for name in names}}
 
 
-@pytest.mark.parametrize(
-    ("point", "changes"),
-    [
-        (replace(POINT, workload=MEMORY_WORKLOAD), timed() | {"results": MEMORY}),
-        (replace(POINT, workload=BUILD), timed("plan", "build", "baseline_build") | {"results": MEMORY | ROUNDS}),
-        (replace(POINT, workload=PICTURE), timed() | {"results": MEMORY | COUNTS | {"pictures": {}}}),
-        (
-            replace(POINT, workload=MULTIFRAME, workload_options=MultiframeOptions()),
-            timed(*METHODS, "separate", "visible_first", "rasteriser")
-            | {"results": MEMORY | COUNTS | TIMES | ROUNDS | {"pixels_equal": 124}},
-        ),
-    ],
-)
+@pytest.mark.parametrize(("point", "changes"), [
+    (replace(POINT, workload=MEMORY_WORKLOAD), timed() | {"results": MEMORY}),
+    (replace(POINT, workload=BUILD), timed("plan", "build", "baseline_build") | {"results": MEMORY | ROUNDS}),
+    (replace(POINT, workload=PICTURE), timed() | {"results": MEMORY | COUNTS | {"pictures": {}}}),
+    (
+        replace(POINT, workload=MULTIFRAME, workload_options=MultiframeOptions()),
+        timed(*METHODS, "separate", "visible_first", "rasteriser")
+        | {"results": MEMORY | COUNTS | TIMES | ROUNDS | {"pixels_equal": 124}},
+    ),
+])  # fmt: skip
 def test_each_workload_has_results_of_its_own(point, changes):
     outcome = replace(GOOD, **changes)
     assert Outcome.from_json(outcome.to_json(), point) == outcome

@@ -17,13 +17,9 @@ from atra.light import Baker, BakeScene, ProgressiveBake, Surface, save_maps, sa
 from atra.light.lightmaps.maps import LIGHTS
 from examples import bake
 from experiments.commands import baking
-from experiments.harness.configuration import Chosen, Configuration, SceneConfiguration
-from experiments.methods import find_method
-from experiments.methods.raster import RASTER
-from experiments.workloads.bake import BAKE, BakeSettings
-from scenes.loading import SceneSource
 from tests.baked import baked, cube, sheet
 from tests.commands.test_command_line import run
+from tests.points import configured
 
 BOX = cube(inwards=True)
 COLOURS = np.repeat([(0.7, 0.6, 0.5), (0.2, 0.4, 0.1)], 6, axis=0)
@@ -148,13 +144,8 @@ def test_an_interrupted_bake_writes_what_there_is_whole_and_shows_what_the_camer
 
     monkeypatch.setattr(Baker, "advance", interrupted)
     monkeypatch.setattr(baking, "picture_restriction", lambda name: f"so says the owner of {name}")
-    configuration = Configuration(
-        scene=SceneConfiguration(name="cornell_box", source=SceneSource.procedural),
-        method=Chosen(RASTER, find_method("raster").options()),
-        workload=Chosen(BAKE, BakeSettings(size=32, final_samples=64, **workload)),
-        width=32, height=24, output=str(tmp_path / "out"),
-    )  # fmt: skip
-    folder = baking.run_bake(configuration)
+    asked = {"size": 32, "final_samples": 64, **workload}
+    folder = baking.run_bake(configured("raster", "bake", (32, 24), asked=asked, output=str(tmp_path / "out")))
     assert capsys.readouterr().err == "not to be published: so says the owner of cornell_box\n"
     lights = {f"{name}.{end}" for name in (*LIGHTS, "openness") for end in ("exr", "png")}
     others = {"occupancy.png", "charts.png", "view_clay.png", "view_1.png", "view.png", "scene.glb"}

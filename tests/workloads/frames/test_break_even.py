@@ -34,22 +34,19 @@ def test_cumulative_time_is_plan_build_first_frame_and_then_the_further_frames()
     np.testing.assert_array_equal(total_s, [11, 11.5, 12, 510.5])
 
 
-@pytest.mark.parametrize(
-    ("once_s", "first_s", "frame_s", "expected"),
-    [
-        (0.5, 4.0, 4.0, 1),  # cheaper to set up, never overtaken
-        (0.5, 4.0, 2.0, 1),
-        (1.0, 4.0, 2.0, 2),  # level after the first frame, ahead after the second
-        (2.0, 4.0, 2.0, 2),  # 1 s behind, gains 2 s a frame
-        (3.0, 4.0, 2.0, 3),  # level after the second frame
-        (4.0, 4.0, 2.0, 3),
-        (1.0, 11.0, 2.0, 5),  # a slow first frame counts as well: 7 s behind
-        (1.0, 4.0, 4.0, None),  # as dear to the last frame
-        (9.0, 4.0, 4.0, None),
-        (1.0, 4.0, 8.0, None),
-        (0.5, 1.0, 4.5, None),  # leads for a while, and then no more
-    ],
-)
+@pytest.mark.parametrize(("once_s", "first_s", "frame_s", "expected"), [
+    (0.5, 4.0, 4.0, 1),  # cheaper to set up, never overtaken
+    (0.5, 4.0, 2.0, 1),
+    (1.0, 4.0, 2.0, 2),  # level after the first frame, ahead after the second
+    (2.0, 4.0, 2.0, 2),  # 1 s behind, gains 2 s a frame
+    (3.0, 4.0, 2.0, 3),  # level after the second frame
+    (4.0, 4.0, 2.0, 3),
+    (1.0, 11.0, 2.0, 5),  # a slow first frame counts as well: 7 s behind
+    (1.0, 4.0, 4.0, None),  # as dear to the last frame
+    (9.0, 4.0, 4.0, None),
+    (1.0, 4.0, 8.0, None),
+    (0.5, 1.0, 4.5, None),  # leads for a while, and then no more
+])  # fmt: skip
 def test_break_even_is_the_first_frame_from_which_on_the_time_in_all_is_less(once_s, first_s, frame_s, expected):
     candidate = cost(once_s, first_s, frame_s)
     assert break_even_frames(candidate, [BASELINE]) == expected

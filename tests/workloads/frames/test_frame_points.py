@@ -11,21 +11,18 @@ from atra.errors import InputError
 from atra.hits import Hits
 from atra.judge.compare import compare
 from experiments.drawing.style import TIMES
-from experiments.harness.configuration import Chosen, Configuration, MeasureConfiguration, SceneConfiguration
-from experiments.harness.options import NoOptions
 from experiments.harness.points import plan_points
 from experiments.harness.processes.worker import measure_point
 from experiments.harness.records import Record
-from experiments.methods import find_method
 from experiments.paper.evidence import NotMeasuredError, collect_scenes
 from experiments.results.table import make_table, make_tables
 from experiments.results.terminal import print_sweep, say_label, say_outcome
-from experiments.workloads.frame import FRAME
-from experiments.workloads.multiframe import MULTIFRAME, Motion, MultiframeOptions
+from experiments.workloads.multiframe import Motion, MultiframeOptions
 from experiments.workloads.multiframe.measure import SeparateFrames
 from experiments.workloads.multiframe.together import make_together
 from experiments.workloads.rounds import expert_packet_widths, make_single
 from scenes.loading import SceneSource, load_scene
+from tests.points import configured
 from tests.results.test_table import MEASURED
 
 pytestmark = pytest.mark.uncovered
@@ -40,15 +37,8 @@ SAMPLES = {
 
 def configuration(frames=2, motion=Motion.walk, method="aligned", **options):
     """options: of the method, by default 4 cells; one frame is a point of the workload that knows no others."""
-    kind = find_method(method)
-    return Configuration(
-        scene=SceneConfiguration(name="cornell_box", source=SceneSource.procedural),
-        measure=MeasureConfiguration(rounds=3, warmup=1),
-        method=Chosen(kind, kind.options(**({"split_x": 4} if kind.has_cells else {}) | options)),
-        workload=Chosen(FRAME, NoOptions()) if frames == 1 else Chosen(MULTIFRAME, MultiframeOptions(frames, motion)),
-        width=48,
-        height=32,
-    )
+    asked = ("frame", {}) if frames == 1 else ("multiframe", {"frames": frames, "motion": motion})
+    return configured(method, asked[0], asked=asked[1], options=options)
 
 
 def planned(**fields):
@@ -70,13 +60,10 @@ def frames_record(**fields):
     return Record(**{**vars(MEASURED), **given, **fields})
 
 
-@pytest.mark.parametrize(
-    ("frames", "motion", "expected"),
-    [
-        (1, Motion.walk, "frames is 1, expected at least 2"),
-        (3, Motion.eyes, "frames is 3 with .*motion=eyes, expected 2"),
-    ],
-)
+@pytest.mark.parametrize(("frames", "motion", "expected"), [
+    (1, Motion.walk, "frames is 1, expected at least 2"),
+    (3, Motion.eyes, "frames is 3 with .*motion=eyes, expected 2"),
+])  # fmt: skip
 def test_several_frames_are_at_least_two_and_eyes_are_two(frames, motion, expected):
     with pytest.raises(InputError, match=expected):
         MultiframeOptions(frames, motion)

@@ -7,8 +7,6 @@ import pandas as pd
 import pytest
 
 import atra
-from experiments.harness.configuration import Chosen, Configuration, MeasureConfiguration, SceneConfiguration
-from experiments.harness.points import plan_points
 from experiments.harness.processes.worker import measure_point
 from experiments.methods import find_method
 from experiments.results.terminal import results_console
@@ -17,7 +15,7 @@ from experiments.workloads.views import LIBRARY, VIEWS, Job, ViewsOptions
 from experiments.workloads.views import measure as measuring
 from experiments.workloads.views.cameras import camera_rays, cameras_around, random_rays
 from experiments.workloads.views.terminal import sweep_lines
-from scenes.loading import SceneSource
+from tests import points
 from tests.images import assert_same_bits
 from tests.meshes import cornell_box, cornell_camera
 
@@ -25,15 +23,7 @@ MESH, CAMERA = cornell_box(), cornell_camera(48, 32)
 
 
 def planned(method="embreex", **options):
-    (one,) = plan_points([Configuration(
-        scene=SceneConfiguration(name="cornell_box", source=SceneSource.procedural),
-        measure=MeasureConfiguration(rounds=3, warmup=0),
-        method=Chosen(find_method(method), find_method(method).options()),
-        workload=Chosen(VIEWS, ViewsOptions(**options)),
-        width=48,
-        height=32,
-    )])  # fmt: skip
-    return one
+    return points.planned(method, "views", measure={"warmup": 0}, asked=options)
 
 
 def measured(method="embreex", **options):

@@ -19,7 +19,7 @@ from experiments.workloads.rounds import expert_packet_widths
 from tests.drawn import bars, line, make_rows, method_row, whiskers, words
 from tests.images import assert_no_pixel_wrong, trace_pixels
 from tests.meshes import cornell_box, cornell_camera
-from tests.workloads.test_workloads import measured
+from tests.points import measured
 
 pytestmark = pytest.mark.uncovered
 
@@ -51,7 +51,7 @@ def test_every_frame_is_of_the_next_camera():
 
 @pytest.mark.parametrize("method", ["pixel", "aligned", "visible_first", "tiles", "raster"])
 def test_a_point_has_samples_of_a_moving_and_a_standing_eye_and_no_pixel_of_the_last_frame_is_wrong(method):
-    got = measured("moving", method)
+    got = measured(method, "moving")
     names = {OWN, STILL, SINGLE, KEPT, *(f"packets_{width}" for width in expert_packet_widths())}
     assert {name: len(values) for name, values in got.samples.items()} == dict.fromkeys(names, 3)
     assert sum(got.results[f"pixels_{kind}"] for kind in ("equal", "tied", "edge", "wrong")) == 48 * 32
