@@ -1,5 +1,7 @@
 """Contents of a made-up report: a small table, figures, pictures, claims, a machine."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from experiments.drawing.figure import DrawnFigure
@@ -122,3 +124,16 @@ def small_contents(**fields):
         "claims": CLAIMS, "environment": ENVIRONMENT,
     }  # fmt: skip
     return ReportContents(**values | fields)
+
+
+def contents_that_say(text):
+    """A report that has this text wherever a text of data may stand."""
+    table = small_table()
+    for name in ("scene", "error", "doubts", "cpu", "stands_for", "measured_at"):
+        table[name] = (table[name].fillna("") + text).astype(table[name].dtype)
+    said = dict.fromkeys(("text", "paper_value", "how", "value", "interval", "why"), text)
+    return small_contents(
+        title=text, command=text, table=table, processes=table, claims=(replace(CLAIMS[0], **said),),
+        figures=(drawn_figure(text, f'"{text}', *table["point_id"]),),
+        pictures=(scene_pictures(text, stands_for=text),), environment={"cpu": text, text: text},
+    )  # fmt: skip

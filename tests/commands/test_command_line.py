@@ -37,6 +37,8 @@ def run(folder, *arguments, scenes=None, **variables):
     (["width=10", "method.split_x=3"], "split (3, 1) does not divide image 10 x 1024"),
     (["sweep=horizontal", "method.split_x=3,5"], "split (3, 1) does not divide image 1024 x 1024"),
     (["width=0"], "width is 0"),
+    (["report", "sweep=paper"], "run sweep=paper first"),
+    ([f"results_dir={ROOT / 'run.py'}"], "results cannot be written to"),
     (["scene.fov_y_degrees=180"], "fov_y_degrees is 180.0"),
     (["nonsense=1"], "unknown field 'nonsense', expected one of scene, sweep"),
     (["sweep=horizontal", "+nonsense=1"], "unknown field 'nonsense', expected one of scene, sweep"),
@@ -83,9 +85,7 @@ def test_bad_input_gets_one_line_and_exit_code_2_before_any_work(tmp_path, argum
 
 
 def test_the_debug_switch_shows_the_traceback(tmp_path):
-    done = run_here(tmp_path, "width=10", "method.split_x=3", "debug=true")
-    assert done.returncode == 2
-    assert "Traceback" in done.stderr
+    assert "Traceback" in run_here(tmp_path, "width=0", "debug=true").stderr
 
 
 def test_a_lone_point_prints_its_table_and_writes_its_record(tmp_path):
@@ -151,14 +151,6 @@ def test_a_sweep_leaves_records_table_and_figure_and_goes_on_where_it_stopped(tm
     assert len(pd.read_csv(folder / "table.csv")) == 6
 
 
-def test_results_that_cannot_be_written_are_refused_before_measuring(tmp_path):
-    (tmp_path / "taken").write_text("a file, not a folder")
-    done = run_here(tmp_path, *TOY, "results_dir=taken")
-    assert done.returncode == 2, done.stderr
-    assert "results cannot be written to" in done.stderr
-    assert len(done.stderr.strip().splitlines()) == 1
-
-
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows sends no SIGINT to one process")
 def test_an_interrupt_keeps_what_is_done_and_exits_with_130(tmp_path):
@@ -166,7 +158,6 @@ def test_an_interrupt_keeps_what_is_done_and_exits_with_130(tmp_path):
     with subprocess.Popen(
         command, cwd=tmp_path, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True
     ) as running:
-        assert running.stderr is not None
         for line in running.stderr:
             if " ms, " in line:  # the first point is done
                 running.send_signal(signal.SIGINT)
@@ -191,7 +182,6 @@ def test_an_interrupt_while_importing_is_one_line_and_130(tmp_path):
     with subprocess.Popen(
         command, cwd=tmp_path, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     ) as running:
-        assert running.stdout is not None
         assert running.stdout.readline() == "importing\n"
         running.send_signal(signal.SIGINT)
         _, told = running.communicate(timeout=50)
@@ -215,19 +205,6 @@ def test_a_report_is_written_from_the_table_and_without_one_no_claim_holds(tmp_p
     text = (folder / "claims.json").read_text(encoding="utf-8")
     assert '"not measured"' in text
     assert '"holds"' not in text
-
-
-def test_a_report_of_no_sweep_says_what_to_run(tmp_path):
-    done = run_here(tmp_path, "report", "sweep=paper")
-    assert done.returncode == 2
-    assert "run sweep=paper first" in done.stderr
-    assert len(done.stderr.strip().splitlines()) == 1
-
-
-def test_fetching_a_built_in_scene_says_that_it_is_here(tmp_path):
-    done = run_here(tmp_path, "fetch", "scene=atrium")
-    assert done.returncode == 0, done.stderr
-    assert "nothing needs fetching" in done.stdout
 
 
 def test_a_name_that_the_output_s_encoding_lacks_is_shown_escaped(tmp_path):

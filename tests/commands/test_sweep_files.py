@@ -73,18 +73,9 @@ SWEEPS = {
 WITH_A_TWIN = {"bake", "bake_denoise", "bake_mitsuba", "bake_rays", "classification"}
 PARTS_OF_SMOKE = {"horizontal", "vertical", "grid", "paper"}
 SLOW = {
-    "smoke",
-    "methods",
-    "peers",
-    "baselines",
-    "reference_rays",
-    "threads",
-    "growth",
-    "bake_buffers",
-    "bake_adaptive",
-    "bake_culling_map",
-    "classification_smoke",
-}
+    "smoke", "methods", "peers", "baselines", "reference_rays", "threads", "growth", "bake_buffers", "bake_adaptive",
+    "bake_culling_map", "classification_smoke",
+}  # fmt: skip
 """Sweeps of workloads that a quick one has, too."""
 
 

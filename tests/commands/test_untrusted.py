@@ -2,7 +2,6 @@
 
 import io
 import subprocess
-from dataclasses import replace
 
 from rich.console import Console
 
@@ -10,19 +9,11 @@ from atra.errors import InputError, printable
 from experiments.harness.processes.launching import WORKER_COMMAND, project_environment
 from experiments.harness.progress import SweepProgress, say
 from experiments.report.page import render_report
-from experiments.results.table import Tables, columns
+from experiments.results.table import Tables
 from experiments.results.terminal import print_point, print_sweep
-from tests.report_samples import CLAIMS, drawn_figure, scene_pictures, small_contents, small_table
+from tests.report_samples import contents_that_say
 
 CONTROLS = "\x1b]0;title\x07\x1b[2J\x9b31m\u202edesrever\u2028\x00"
-
-
-def hostile_table():
-    """Every text of every row is hostile, but for those a row is told apart by."""
-    table = small_table()
-    for name in ("scene", "error", "doubts", "cpu", "stands_for", "measured_at"):
-        table[name] = table[name].fillna("").map(lambda text: text + CONTROLS).astype(columns()[name].dtype)
-    return table
 
 
 def controls_in(text):
@@ -42,18 +33,7 @@ def test_a_long_message_keeps_its_ends():
 
 
 def test_no_control_character_of_a_name_or_an_error_reaches_the_page():
-    claim = replace(CLAIMS[0], **dict.fromkeys(("text", "paper_value", "how", "value", "interval", "why"), CONTROLS))
-    page = render_report(
-        small_contents(
-            title=CONTROLS,
-            command=CONTROLS,
-            table=hostile_table(),
-            claims=(claim,),
-            figures=(drawn_figure(CONTROLS, CONTROLS),),
-            pictures=(scene_pictures(CONTROLS, stands_for=CONTROLS),),
-            environment={"cpu": CONTROLS, CONTROLS: CONTROLS},
-        )
-    )
+    page = render_report(contents_that_say(CONTROLS))
     assert controls_in(page) == set()
     assert r"\x1b[2J" in page
 
@@ -61,7 +41,7 @@ def test_no_control_character_of_a_name_or_an_error_reaches_the_page():
 def test_no_control_character_reaches_the_terminal(tmp_path):
     written = io.StringIO()
     console = Console(file=written, width=200)
-    table = hostile_table()
+    table = contents_that_say(CONTROLS).table
     print_sweep(Tables(table, table), tmp_path, console)
     for _, row in table[table["status"] == "ok"].iterrows():
         print_point(row, console)

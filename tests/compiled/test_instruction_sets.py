@@ -3,7 +3,6 @@
 import os
 import subprocess
 import sys
-from dataclasses import asdict, replace
 
 import pytest
 
@@ -11,11 +10,9 @@ import atra
 from atra.compiled import instruction_sets
 from atra.compiled.instruction_sets import INSTRUCTION_SETS, PACKET_WIDTHS, VARIABLE, instruction_sets_here
 from atra.embree.library import load_library
-from experiments.harness.environment import describe_difference
-from experiments.harness.identity import current_environment, identity
+from experiments.harness.identity import current_environment
 from tests.conftest import said_of_instruction_sets
 from tests.folders import ROOT
-from tests.harness.processes.test_outcome import POINT
 
 TESTS = ROOT / "tests"
 CORE = sorted(str(path) for path in TESTS.rglob("test_*.py") if "pytest.mark.core" in path.read_text(encoding="utf-8"))
@@ -93,16 +90,6 @@ def test_the_chosen_set_is_recorded(monkeypatch):
     for name in instruction_sets_here():
         monkeypatch.setenv(VARIABLE, name)
         assert current_environment().instruction_set == name
-
-
-def test_points_of_two_instruction_sets_have_two_identities_and_share_no_table():
-    environment = current_environment()
-    assert environment.instruction_set == (os.environ.get(VARIABLE) or None)
-    held, other = (replace(environment, instruction_set=name) for name in ("sse4.2", "avx"))
-    assert identity(POINT, held) != identity(POINT, other)
-    assert (
-        describe_difference(asdict(held), asdict(other)) == "instruction_set is 'sse4.2' in one and 'avx' in the other"
-    )
 
 
 def test_the_last_line_names_what_could_not_be_tested():

@@ -17,20 +17,16 @@ from experiments.harness.environment import read_environment
 
 
 def test_a_system_without_affinity_and_load_is_described_without(monkeypatch):
-    monkeypatch.delattr(os, "sched_getaffinity", raising=False)  # macOS, Windows
-    monkeypatch.delattr(os, "getloadavg", raising=False)  # Windows
-    described = read_environment()
-    assert described.affinity is None
-    assert described.load_average is None
-    assert resolve_threads(None) == os.cpu_count()
-
-
-def test_a_load_that_the_system_does_not_tell_is_missing(monkeypatch):
     def unobtainable():
         raise OSError("Load averages are unobtainable")
 
     monkeypatch.setattr(os, "getloadavg", unobtainable, raising=False)
     assert read_environment().load_average is None
+    monkeypatch.delattr(os, "sched_getaffinity", raising=False)  # macOS, Windows
+    monkeypatch.delattr(os, "getloadavg", raising=False)  # Windows
+    described = read_environment()
+    assert (described.affinity, described.load_average) == (None, None)
+    assert resolve_threads(None) == os.cpu_count()
 
 
 @pytest.mark.parametrize(("system", "cpuinfo", "sysctl", "processor", "expected"), [
@@ -59,15 +55,12 @@ def test_processors_of_one_name_are_told_apart_by_their_design(known_to_llvm, ex
     assert read_environment().cpu == expected
 
 
-def test_outside_a_repository_there_is_no_commit(tmp_path, monkeypatch):
+@pytest.mark.parametrize("is_repository", [False, True])
+def test_outside_a_repository_and_without_git_there_is_no_commit(is_repository, tmp_path, monkeypatch):
+    if is_repository:
+        (tmp_path / ".git").mkdir()
+        monkeypatch.setenv("PATH", str(tmp_path))
     monkeypatch.setattr(environment, "_PROJECT", tmp_path)
-    assert environment._git_state() == (None, None)
-
-
-def test_without_git_there_is_no_commit(tmp_path, monkeypatch):
-    (tmp_path / ".git").mkdir()
-    monkeypatch.setattr(environment, "_PROJECT", tmp_path)
-    monkeypatch.setenv("PATH", str(tmp_path))
     assert environment._git_state() == (None, None)
 
 

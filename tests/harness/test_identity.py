@@ -6,11 +6,9 @@ import sys
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
-from itertools import product
 from textwrap import dedent
 
 import pytest
-from omegaconf import OmegaConf
 
 from atra.errors import InputError
 from atra.light import Baker
@@ -22,11 +20,11 @@ from experiments.harness.processes.launching import run_worker
 from experiments.harness.processes.worker import measure_point
 from experiments.harness.rounds import measure_rounds
 from experiments.harness.sources import Code, Part, Source
-from experiments.methods import METHODS, find_method
+from experiments.methods import METHODS
 from experiments.methods.aligned import ALIGNED
 from experiments.methods.pixel import PIXEL
 from experiments.methods.raster import RASTER
-from experiments.workloads import WORKLOADS, find_workload
+from experiments.workloads import WORKLOADS
 from experiments.workloads.bake import BAKE
 from experiments.workloads.frame import FRAME
 from tests.folders import ROOT
@@ -70,16 +68,6 @@ def modules(*points):
     return {part.module for point in points for part in CODE.parts(code_roots(point))}
 
 
-def paper_points():
-    """Every method with every workload of the sweep whose tables and figures are the paper's."""
-    folder, found = ROOT / "conf" / "sweep", set()
-    for name in [one for one in OmegaConf.load(folder / "paper.yaml").defaults if one != "_self_"]:
-        for grid in OmegaConf.load(folder / f"{name}.yaml").sweep.grids.values():
-            methods, workloads = grid.get("method", ALIGNED.name), grid.get("workload", FRAME.name)
-            found |= set(product(methods.split(","), workloads.split(",")))
-    return [point_of(find_method(method), find_workload(workload)) for method, workload in sorted(found)]
-
-
 def test_comments_docstrings_and_blank_lines_anywhere_change_nothing():
     def chatter(text):
         text = text.replace('"""', '"""Said in another way. ', 1)
@@ -91,27 +79,19 @@ def test_comments_docstrings_and_blank_lines_anywhere_change_nothing():
         assert sha256(point, everywhere, chatter) == sha256(point)
 
 
-def test_a_constant_of_the_rasteriser_makes_other_records_of_the_rasteriser_but_not_of_packets():
-    constant = re.compile(r"^(_?[A-Z][A-Z_]*) = (\d+)", re.M)
-    raster, packets = point_of(RASTER, FRAME), point_of(PIXEL, FRAME)
-    of_raster = modules(raster) - modules(packets)
-    assert RasterTracer.__module__ in of_raster
-    with_constants = [name for name in sorted(of_raster) if (one := source(name)) and constant.search(one.text)]
-    assert with_constants
-    for module in with_constants:
-        changed = [module], lambda text: constant.sub(r"\1 = 1 + \2", text, count=1)
-        assert sha256(raster, *changed) != sha256(raster)
-        assert sha256(packets, *changed) == sha256(packets)
+NO_BAKES = [one for one in (*EVERY_METHOD, *EVERY_WORKLOAD) if one.workload.name not in ("bake", "bake_rays")]
 
 
-def test_a_change_of_the_baker_leaves_the_records_of_the_paper_valid():
-    room = Baker.__module__.rpartition(".")[0]
-    baker = {name for name in modules(point_of(RASTER, BAKE)) if name.startswith(f"{room}.")}
-    assert Baker.__module__ in baker
-    points = paper_points()
-    assert len({point.workload.name for point in points}) > 2
-    assert [sha256(point, baker) for point in points] == [sha256(point) for point in points]
-    assert sha256(point_of(RASTER, BAKE), baker) != sha256(point_of(RASTER, BAKE))
+@pytest.mark.parametrize(("code", "user", "others"), [
+    (RasterTracer, point_of(RASTER, FRAME), [point_of(PIXEL, FRAME)]), (Baker, point_of(RASTER, BAKE), NO_BAKES),
+], ids=["rasteriser", "baker"])  # fmt: skip
+def test_a_change_of_a_room_of_the_library_makes_other_records_of_its_users_alone(code, user, others):
+    room = code.__module__.rpartition(".")[0]
+    changed = {name for name in modules(user) - modules(*others) if name.startswith(f"{room}.")}
+    assert code.__module__ in changed
+    for module in changed:
+        assert sha256(user, [module]) != sha256(user)
+    assert [sha256(one, changed) for one in others] == [sha256(one) for one in others]
 
 
 @pytest.mark.parametrize("code", [measure_rounds, measure_point, run_worker, Point], ids=lambda code: code.__name__)
@@ -252,13 +232,13 @@ LAZY = """
 """
 
 
-def test_a_name_that_a_face_loads_when_it_is_asked_for_counts_as_if_it_were_imported():
-    code = {**LIBRARY, "lib": LAZY}
-    assert parts(made_up(**code, user="from lib import near"), ("user", None)) == {"user", "lib.near"}
-    assert parts(made_up(**code, user="from lib import far"), ("user", None)) == {"user", "lib.far", "lib.deep"}
-    assert parts(made_up(**code, user="from lib import deep_one"), ("user", None)) == {"user", "lib.deep"}
-    anything = parts(made_up(**code, user="from lib import another"), ("user", None))
-    assert anything == {"user", "lib", "lib.near", "lib.far", "lib.deep"}
+@pytest.mark.parametrize(("name", "expected"), [
+    ("near", {"lib.near"}), ("far", {"lib.far", "lib.deep"}), ("deep_one", {"lib.deep"}),
+    ("another", {"lib", "lib.near", "lib.far", "lib.deep"}),
+])  # fmt: skip
+def test_a_name_that_a_face_loads_when_it_is_asked_for_counts_as_if_it_were_imported(name, expected):
+    code = made_up(**LIBRARY | {"lib": LAZY}, user=f"from lib import {name}")
+    assert parts(code, ("user", None)) == {"user"} | expected
 
 
 def test_modules_of_a_package_may_import_each_other_by_relative_names():

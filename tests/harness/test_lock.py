@@ -26,7 +26,6 @@ def test_a_second_run_or_report_is_refused_and_may_go_on_when_the_first_is_kille
     (tmp_path / "one").mkdir()
     command = [sys.executable, "-c", HOLD, str(tmp_path)]
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, cwd=ROOT) as other:
-        assert other.stdout is not None
         assert other.stdout.readline() == b"held\n"
         with pytest.raises(InputError, match=IN_USE):
             exclusive(tmp_path).__enter__()

@@ -34,13 +34,10 @@ RECORD = Record(
 )
 
 
-def test_a_record_survives_the_file(tmp_path):
+def test_a_record_survives_the_file_and_a_missing_one_is_none(tmp_path):
+    assert read_record(tmp_path / "made" / "on demand", RECORD.point_id) is None
     write_record(tmp_path / "made" / "on demand", RECORD)
     assert read_record(tmp_path / "made" / "on demand", RECORD.point_id) == RECORD
-
-
-def test_a_missing_record_is_none(tmp_path):
-    assert read_record(tmp_path, RECORD.point_id) is None
 
 
 @pytest.mark.parametrize(("configuration", "machine"), [

@@ -81,18 +81,6 @@ def test_what_one_sweep_measured_another_does_not_measure_again(tmp_path):
     assert (tmp_path / "second" / "table.csv").exists()
 
 
-@pytest.mark.parametrize("changed", [
-    {"method": Chosen(ALIGNED, AlignedOptions(1, culling=False))},
-    {"method": Chosen(ALIGNED, AlignedOptions(1, packet_width=1))},
-    {"workload": "memory"},
-])  # fmt: skip
-def test_a_point_that_differs_in_any_field_is_another_point(tmp_path, changed):
-    run_sweep([GridPoint("a", configuration(tmp_path))], run=Runner())
-    runner = Runner(status="skipped")
-    run_sweep([GridPoint("a", configuration(tmp_path, **changed))], run=runner)
-    assert len(runner.points) == 1
-
-
 def test_a_failed_point_is_tried_again_and_the_exit_code_tells(tmp_path):
     points = [GridPoint("a", configuration(tmp_path))]
     with pytest.raises(SystemExit) as failed:
@@ -171,21 +159,28 @@ def measured_elsewhere(planned, **environment):
     return replace(record, point_id=identity_of(record, planned.point))
 
 
-def test_launched_points_are_found_by_their_configuration(tmp_path):
-    configurations = [configuration(tmp_path, split_x=split) for split in (1, 2)]
-    points = [GridPoint("a", one, (f"method.split_x={one.method.options.split_x}",)) for one in configurations]
-    written = []
+class Elsewhere:
+    """Stands in for a launcher whose jobs run on other machines: each writes the record of its point."""
 
-    def launch(jobs):
-        assert sorted(jobs) == [("method.split_x=1",), ("method.split_x=2",)]
-        for planned in plan_points(configurations):
-            record = measured_elsewhere(planned, cpu="another cpu")
-            write_record(tmp_path / "records", record)
-            written.append(record.point_id)
+    def __init__(self, folder, configurations, cpu):
+        self.folder, self.configurations, self.cpu, self.written, self.jobs = folder, configurations, cpu, [], []
+
+    def __call__(self, jobs):
+        self.jobs += jobs
+        for planned in plan_points(self.configurations):
+            record = measured_elsewhere(planned, cpu=self.cpu.format(planned.point.options.split_x))
+            write_record(self.folder / "records", record)
+            self.written.append(record.point_id)
         return [None] * len(jobs)
 
+
+def test_launched_points_are_found_by_their_configuration(tmp_path):
+    configurations = [configuration(tmp_path, split_x=split) for split in (1, 2)]
+    launch = Elsewhere(tmp_path, configurations, "another cpu")
+    points = [GridPoint("a", one, (f"method.split_x={one.method.options.split_x}",)) for one in configurations]
     table = run_sweep(points, launch=launch, at_once=2)
-    assert list(table["point_id"]) == written
+    assert sorted(launch.jobs) == [("method.split_x=1",), ("method.split_x=2",)]
+    assert list(table["point_id"]) == launch.written
     assert list(table["grids"]) == ["a", "a"]
     assert set(table["cpu"]) == {"another cpu"}
 
@@ -211,15 +206,12 @@ def test_a_job_s_record_that_this_code_did_not_write_is_not_taken(tmp_path, faul
 
 def test_launched_points_of_two_machines_are_not_put_into_one_table(tmp_path):
     configurations = [configuration(tmp_path, split_x=split) for split in (1, 2)]
-
-    def launch(jobs):
-        for planned in plan_points(configurations):
-            record = measured_elsewhere(planned, cpu=f"cpu {planned.point.options.split_x}")
-            write_record(tmp_path / "records", record)
-        return [None] * len(jobs)
-
     with pytest.raises(InputError, match="cpu is 'cpu 1' in one and 'cpu 2' in the other"):
-        run_sweep([GridPoint("a", one) for one in configurations], launch=launch, at_once=2)
+        run_sweep(
+            [GridPoint("a", one) for one in configurations],
+            launch=Elsewhere(tmp_path, configurations, "cpu {}"),
+            at_once=2,
+        )
 
 
 def test_a_peer_that_does_not_tell_its_memory_is_no_reason_to_stop(tmp_path):

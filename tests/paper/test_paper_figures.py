@@ -1,20 +1,15 @@
 """Figures 3 to 5 of the paper are drawn as the paper has them, from what the table says and no more."""
 
 import numpy as np
-import pandas as pd
 import pytest
 
 from experiments.drawing.shading import encode_png
 from experiments.drawing.style import PANEL_INCHES, TIMES
-from experiments.results.table import read_tables, rows_of
 from experiments.workloads.frame.grid_figure import draw_grid_ratios, draw_grid_times
 from experiments.workloads.picture.figures import draw_differences_figure, draw_scenes_figure
 from experiments.workloads.picture.pictures import ScenePictures
 from experiments.workloads.split_figure import ALL_HITS, draw_split_ratios, draw_split_times
 from tests.drawn import COMMON, level, line, make_rows, save, skipped, time_row, unfolded, words
-from tests.folders import ROOT
-
-REFERENCE = ROOT / "reports" / "reference" / "paper"
 
 OFF = {"culling": False}
 SPLIT = [
@@ -55,13 +50,6 @@ def test_the_best_split_is_ringed_and_told(draw, heights):
     rings = [one.get_xydata()[0] for one in figure.axes[0].get_lines() if one.get_label() == "_best"]
     np.testing.assert_allclose(rings, [(2, height) for height in heights])
     assert "culling on: 2 best, 20.0 ms" in words(figure)
-
-
-def test_over_vertical_splits_the_abscissa_is_theirs():
-    rows = [row | {"split_x": 1, "split_y": row["split_x"]} for row in SPLIT]
-    (axis,) = draw_split_times(make_rows(*rows), axis_name="split_y").axes
-    assert line(axis, "aligned, culling on") == {1: 80, 2: 20, 4: 25}
-    assert axis.get_xlabel() == "vertical splits"
 
 
 def test_beside_figure_5_stands_the_speed_up_with_every_baseline_where_it_lies_among_the_ratios():
@@ -183,35 +171,6 @@ def test_an_older_table_without_a_column_says_what_is_missing(draw, gone, said):
     figure = draw(make_rows(*SPLIT).drop(columns=gone))
     assert said in unfolded(figure)
     save(figure)
-
-
-def reference(grid):
-    tables = read_tables(REFERENCE)
-    assert tables is not None
-    rows = rows_of(tables.points, grid)
-    return rows[rows["packet_width"] == 1]
-
-
-def test_figure_5_of_the_kept_reference_has_its_times():
-    rows = reference("horizontal")
-    figure = draw_split_times(rows)
-    assert len(panels(figure)) == 4
-    for axis, (_, scene) in zip(panels(figure), rows.groupby("scene", sort=False), strict=True):
-        for culling, label in ((True, "aligned, culling on"), (False, "aligned, culling off")):
-            points = scene[(scene["culling"] == culling) & (scene["status"] == "ok")]
-            assert line(axis, label) == dict(zip(points["split_x"], 1000 * points["render_time_s"], strict=True))
-
-
-def test_figure_4_of_the_kept_reference_has_its_times_and_says_what_was_not_measured():
-    rows = reference("grid")
-    off, on, *_ = panels(draw_grid_times(rows))
-    splits = [1, 2, 4, 8, 16]
-    of_scene = rows[(rows["scene"] == "cornell_box")]
-    for axis, culling in ((off, False), (on, True)):
-        points = of_scene[of_scene["culling"] == culling].set_index(["split_y", "split_x"])["render_time_s"]
-        times = points.reindex(pd.MultiIndex.from_product([splits, splits])).to_numpy(float).reshape(5, 5)
-        np.testing.assert_allclose(np.ma.filled(axis.images[0].get_array(), np.nan), 1000 * times)
-    assert "20 cells: not in the table" in " ".join(text.get_text() for text in off.texts)
 
 
 IMAGES = [np.full((4, 8, 3), value, np.uint8) for value in (10, 20, 30)]

@@ -15,7 +15,7 @@ from experiments.report.tables import workload_tables
 from experiments.results.canary import BAND
 from experiments.results.claims import NOT_MEASURED
 from tests.paper_table import agreeing_table, scaled
-from tests.report_samples import CLAIMS, HOSTILE, drawn_figure, scene_pictures, small_contents, small_table
+from tests.report_samples import CLAIMS, HOSTILE, contents_that_say, scene_pictures, small_contents, small_table
 
 APOSTROPHE, TIMES = "\N{RIGHT SINGLE QUOTATION MARK}", "\N{MULTIPLICATION SIGN}"
 
@@ -66,23 +66,7 @@ def test_the_page_names_nothing_outside_itself_but_the_tables_beside_it(page):
 
 
 def test_text_from_data_never_becomes_markup():
-    hostile_claim = replace(
-        CLAIMS[0], **dict.fromkeys(("text", "paper_value", "how", "value", "interval", "why"), HOSTILE)
-    )
-    table = small_table()
-    for name in ("scene", "stands_for", "doubts", "cpu", "error"):
-        table[name] = pd.array([HOSTILE] * len(table), dtype="string")
-    contents = small_contents(
-        title=HOSTILE,
-        command=HOSTILE,
-        table=table,
-        processes=table,
-        claims=(hostile_claim,),
-        figures=(drawn_figure(HOSTILE, f'"{HOSTILE}', *table["point_id"]),),
-        pictures=(scene_pictures(HOSTILE, stands_for=HOSTILE),),
-        environment={"cpu": HOSTILE, HOSTILE: HOSTILE},
-    )
-    page = render_report(contents)
+    page = render_report(contents_that_say(HOSTILE))
     assert "script" not in _Page(page).tags
     assert page.count("&lt;script&gt;document") > 30
 

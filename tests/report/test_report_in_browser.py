@@ -1,6 +1,5 @@
 """The report in a real browser, opened from a file; skipped, with the reason, where there is no browser."""
 
-import shutil
 from pathlib import Path
 
 import pytest
@@ -8,14 +7,13 @@ import pytest
 from experiments.drawing.style import PANEL_INCHES, SMALL
 from experiments.report import write_report
 from experiments.report.figures import draw_figures
+from tests.browser import chromium
 from tests.drawn import make_rows, time_row
 from tests.report_samples import HOSTILE, small_contents
 
 pytestmark = pytest.mark.slow
 
-playwright = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed: pip install -e '.[test]'")
 
-_BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
 PHONE, DESKTOP = {"width": 390, "height": 844}, {"width": 1280, "height": 900}
 
 
@@ -26,15 +24,8 @@ def address(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def browser():
-    with playwright.sync_playwright() as driver:
-        found = next(filter(None, map(shutil.which, _BROWSERS)), None)
-        try:
-            # Containers often lack what Chromium's sandbox needs; the page is our own.
-            started = driver.chromium.launch(executable_path=found, args=["--no-sandbox"])
-        except playwright.Error as error:
-            pytest.skip(f"no Chromium could be started: {str(error).splitlines()[0]}")
+    with chromium() as started:
         yield started
-        started.close()
 
 
 @pytest.fixture

@@ -5,7 +5,6 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from scipy import stats
 
 from experiments.results.estimates import Estimate, Interval, best_of, decide_greater, fit_exponent, geometric_mean
 
@@ -78,17 +77,6 @@ def test_what_is_called_95_percent_covers_that_much_of_a_ratio_and_unless_skewed
         covered = np.mean([one.low <= 1 <= one.high for one in estimates])
         assert covered == pytest.approx(percent / 100, abs=EDGE + 0.005)
         assert covered > 0.95 - EDGE or percent < 95
-
-
-def test_resampling_three_processes_cannot_cover_95_percent():
-    """Why the intervals are Student's: a bootstrap never leaves the range of its samples."""
-    random = np.random.default_rng(1)
-    covered = []
-    for _ in range(200):
-        samples = (random.normal(0, 0.02, 3),)
-        found = stats.bootstrap(samples, np.mean, n_resamples=200, method="percentile", rng=random)
-        covered.append(found.confidence_interval.low <= 0 <= found.confidence_interval.high)
-    assert np.mean(covered) < 0.85
 
 
 @pytest.mark.parametrize("lead", [0.0, 0.01, 0.05])

@@ -16,7 +16,6 @@ import numpy as np
 from experiments.results import table as table_module
 from experiments.results.estimates import Estimate
 from experiments.results.table import make_tables
-from experiments.workloads.baselines import fastest, over_own, series
 from tests.folders import ROOT
 from tests.results.test_table import MEASURED
 
@@ -39,56 +38,29 @@ def records(slow_phase):
     ]
 
 
-def estimates(values):
-    """Every gain over a baseline, and every split over another."""
-    found = {name: Estimate.of(list(of_point)) for name, of_point in values.items()}
+def judged(slow_phase):
+    """Every gain over a baseline, and every split over another, as claims judge: a value of each process that is not
+    left out."""
+    rows = make_tables(records(slow_phase)).processes
+    rows = rows[rows["status"] == "ok"]
+    found = {
+        f"{baseline} at {split}": Estimate.of(rows.loc[rows["split_x"] == split, baseline].tolist())
+        for baseline in ("speedup", "speedup_vs_packets")
+        for split in SPLITS
+    }
     ratios = {
-        f"{baseline}: {more} over {fewer}": found[baseline, more].over(found[baseline, fewer])
+        f"{baseline}: {more} over {fewer}": found[f"{baseline} at {more}"].over(found[f"{baseline} at {fewer}"])
         for baseline in ("speedup", "speedup_vs_packets")
         for fewer, more in combinations(SPLITS, 2)
     }
-    return ratios | {f"{baseline} at {split}": one for (baseline, split), one in found.items()}
-
-
-def judged(slow_phase):
-    """As claims judge: a value of each process that is not left out."""
-    rows = make_tables(records(slow_phase)).processes
-    rows = rows[rows["status"] == "ok"]
-    return estimates({
-        (baseline, split): rows.loc[rows["split_x"] == split, baseline].to_numpy(float)
-        for baseline in ("speedup", "speedup_vs_packets")
-        for split in SPLITS
-    })  # fmt: skip
-
-
-def with_rounds_as_the_unit(slow_phase):
-    """As if every round were an independent measurement."""
-    kept = make_tables(records(slow_phase)).processes["status"].eq("ok").to_numpy()
-    read = {"speedup": over_own(series("rtcIntersect1")), "speedup_vs_packets": over_own(fastest)}
-    return estimates({
-        (baseline, split): np.concatenate([
-            ratios(record)
-            for record, keep in zip(records(slow_phase), kept, strict=True)
-            if keep and record.configuration["method_options"]["split_x"] == split
-        ])
-        for baseline, ratios in read.items()
-        for split in SPLITS
-    })  # fmt: skip
-
-
-def turned_around(quiet, slow):
-    """Ratios of which there is a limit that the one sweep says they are above, and the other below."""
-    return [name for name, one in quiet.items() if one.high < slow[name].low or slow[name].high < one.low]
-
-
-def leave_nobody_out(monkeypatch):
-    monkeypatch.setattr(table_module, "strays", lambda records: set())
+    return found | ratios
 
 
 def test_a_slow_phase_turns_no_verdict_around():
     quiet, slow = judged(slow_phase=False), judged(slow_phase=True)
     assert len(quiet) == 12
-    assert turned_around(quiet, slow) == []
+    # There is no limit that the one sweep says a ratio is above, and the other below.
+    assert not [name for name, one in quiet.items() if one.high < slow[name].low or slow[name].high < one.low]
 
 
 def test_the_slow_phase_is_left_out_and_the_rest_still_decides():
@@ -103,12 +75,5 @@ def test_the_slow_phase_is_left_out_and_the_rest_still_decides():
 
 
 def test_without_the_canary_little_would_be_decided(monkeypatch):
-    leave_nobody_out(monkeypatch)
-    quiet, slow = judged(slow_phase=False), judged(slow_phase=True)
-    assert turned_around(quiet, slow) == []  # such intervals exclude hardly anything
-    assert sum(one.high / one.low > WIDEST for one in slow.values()) >= 6
-
-
-def test_with_rounds_as_the_unit_and_no_canary_verdicts_would_be_turned_around(monkeypatch):
-    leave_nobody_out(monkeypatch)
-    assert turned_around(with_rounds_as_the_unit(slow_phase=False), with_rounds_as_the_unit(slow_phase=True))
+    monkeypatch.setattr(table_module, "strays", lambda records: set())
+    assert sum(one.high / one.low > WIDEST for one in judged(slow_phase=True).values()) >= 6

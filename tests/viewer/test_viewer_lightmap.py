@@ -14,7 +14,6 @@ from tests.baked import cube, sheet
 from tests.viewer.test_viewer_page import PATIENCE_S, browser, screenshot, wait_for
 
 pytest.importorskip("viser", reason="viser is not installed: pip install -e '.[viewer]'")
-pytest.importorskip("playwright.sync_api", reason="Playwright is not installed: pip install -e '.[test]'")
 
 from experiments.viewer.lightmap import LightmapPage, say_progress
 

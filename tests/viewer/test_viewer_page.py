@@ -4,7 +4,6 @@ viser or a browser is missing."""
 import io
 import os
 import re
-import shutil
 import signal
 import socket
 import subprocess
@@ -29,13 +28,12 @@ from experiments.viewer.command import run_view
 from experiments.viewer.page import Page, say_numbers
 from experiments.viewer.request import Settings
 from experiments.viewer.session import REST_S, Frame, Picture
+from tests.browser import chromium
 from tests.folders import ROOT
 from tests.viewer.test_viewer_painter import FIRST, made
 
 pytest.importorskip("viser", reason="viser is not installed: pip install -e '.[viewer]'")
-playwright = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed: pip install -e '.[test]'")
 
-_BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
 PATIENCE_S = 60.0
 """For what takes a second where nobody else computes."""
 
@@ -139,7 +137,6 @@ def test_ctrl_c_ends_it_cleanly():
         cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
     )  # fmt: skip
     try:
-        assert process.stdout is not None
         assert process.stdout.readline().startswith("viewer: preparing; a first start compiles kernels")
         said = process.stdout.readline()
         assert re.fullmatch(r"viewer: http://127\.0\.0\.1:\d+ shows cornell_box; Ctrl-C ends it\n", said)
@@ -167,16 +164,8 @@ def test_numbers_tell_samples_stages_and_rates():
 
 @pytest.fixture(scope="module")
 def browser():
-    with playwright.sync_playwright() as driver:
-        found = next(filter(None, map(shutil.which, _BROWSERS)), None)
-        # Containers often lack what Chromium's sandbox needs, and a GPU; the page is our own.
-        flags = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
-        try:
-            started = driver.chromium.launch(executable_path=found, args=flags)
-        except playwright.Error as error:
-            pytest.skip(f"no Chromium could be started: {str(error).splitlines()[0]}")
+    with chromium("--use-angle=swiftshader", "--enable-unsafe-swiftshader") as started:
         yield started
-        started.close()
 
 
 class Shown:

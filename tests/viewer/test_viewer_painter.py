@@ -23,7 +23,6 @@ from experiments.viewer.painter import Painter
 from experiments.viewer.request import Pose, Request, Settings
 from experiments.viewer.session import Session
 from scenes.built_in import make_scene
-from tests.viewer.test_viewer_session import OTHER
 
 BOX = make_scene("cornell_box")
 SCENE = RenderScene(BOX.mesh, [Lambertian((0.7, 0.5, 0.3))])
@@ -88,16 +87,6 @@ def test_a_picture_is_the_renderer_s_own(painter):
             assert np.array_equal(shown(painter, request, 2), srgb_of(renderer.image))
 
 
-@pytest.mark.parametrize("field", OTHER)
-def test_samples_stay_exactly_where_the_request_says_so(painter, field):
-    first = with_settings(frame="path") if field == "max_depth" else FIRST
-    other = replace(first, settings=replace(first.settings, **{field: OTHER[field]}))
-    shown(painter, first, 2)
-    assert painter.add(other, never)
-    assert painter._made is not None
-    assert painter._made[1].samples == (3 if other.keeps_samples_of(first) else 1)
-
-
 @pytest.mark.parametrize("direction", [(-0.4, -1.0, 0.3), (0.0, 0.0, 5.0), (1.0, 0.2, -1.0)])
 def test_controls_of_the_sun_begin_with_the_scene_s_own(direction):
     own = Sun(direction, 2.0, (1.0, 0.4, 0.0), 3.0)
@@ -106,12 +95,6 @@ def test_controls_of_the_sun_begin_with_the_scene_s_own(direction):
     values = settings.sun_cone, settings.sun_power, settings.sun_colour, settings.sky_power
     assert values == (2.0, 3.0, (255, 102, 0), 0.3)
     assert light_settings(RenderScene(BOX.mesh)) == {"sky_power": 1.0}
-
-
-def test_a_sample_that_is_stopped_leaves_none(painter):
-    shown(painter, FIRST, 2)
-    assert not painter.add(FIRST, lambda: True)
-    assert np.array_equal(shown(painter, FIRST), shown(made(), FIRST))
 
 
 @pytest.mark.parametrize("method", ["raster", "visible_first"])

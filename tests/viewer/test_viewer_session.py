@@ -1,7 +1,6 @@
 """The viewer's session without page, thread or renderer: what is drawn when, by a clock that the tests move."""
 
 import random
-import threading
 from dataclasses import fields, replace
 
 import numpy as np
@@ -275,24 +274,6 @@ def test_what_cannot_be_drawn_is_told_once_and_the_next_camera_is_drawn(broken, 
     run(session, clock)
     assert screen.frames[-1][1].samples == 5
     assert screen.frames[-1][1].request.pose == at(2.0)
-
-
-def test_a_thread_that_runs_it_draws_sleeps_wakes_and_ends():
-    clock = Clock()
-    screen = Screen(clock)
-    session = Session(Artist(clock), screen, FIRST, clock)  # the clock stands still: no camera ever rests
-    thread = threading.Thread(target=session.run)
-    thread.start()
-    for number in range(1, 4):
-        session.want(at(float(number)))
-        for _ in range(500):
-            if any(frame.request.pose == at(float(number)) for _, frame in screen.frames):
-                break
-            thread.join(0.01)
-    session.close()
-    thread.join(10.0)
-    assert not thread.is_alive()
-    assert screen.frames[-1][1].request is session.wanted
 
 
 @pytest.mark.parametrize("aspect", [0.01, 0.5, 1.0, 1.42, 2.0, 100.0])

@@ -183,7 +183,6 @@ def test_a_new_method_and_a_new_workload_go_from_the_command_line_to_the_page(to
     assert "Games played" in page
     assert all(f'title="{name}: ' in page for name in ("patience", "players", "waited", "moves", "game_time_s"))
     stored = read_tables(folder)
-    assert stored is not None
     pd.testing.assert_frame_equal(stored.points, table)
     assert rewrite_report(given[0].configuration).read_text(encoding="utf-8") == page
 

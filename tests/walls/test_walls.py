@@ -8,6 +8,7 @@ import sys
 from dataclasses import dataclass
 from functools import cache
 from graphlib import CycleError, TopologicalSorter
+from itertools import permutations
 
 import pytest
 
@@ -56,20 +57,9 @@ GROUND = ("atra.errors", "atra.prim_ids", "atra.whole_numbers")
 METHOD_ROOMS = ("raster", "packets", "alignment", "bvh")
 
 CORE = (
-    "compiled",
-    "embree",
-    "geometry",
-    "files",
-    "exact",
-    "hits",
-    "all_hits",
-    "tracing",
-    "rays",
-    *METHOD_ROOMS,
-    "judge",
-    "views",
-    "planner",
-)
+    "compiled", "embree", "geometry", "files", "exact", "hits", "all_hits", "tracing", "rays", *METHOD_ROOMS, "judge",
+    "views", "planner",
+)  # fmt: skip
 """Rooms of the library, from the ground up: each imports only those that stand before it."""
 
 WINGS = ("light", "shafts")
@@ -89,84 +79,45 @@ LIGHT = ("atra.light", "atra.light.pictures", "atra.light.lightmaps")
 COMPILED_ROOMS = ("atra.compiled", "atra.embree", "atra.raster", "atra.bvh")
 """Rooms where every module may compile; elsewhere those whose names end in `_kernels` do."""
 
+
+def below(package, *rooms):
+    return tuple(f"{package}.{room}" for room in rooms)
+
+
 WALLS = (
-    Wall(
-        "atra",
-        ("experiments", "scenes", "examples", "tests", "hydra", "omegaconf"),
-        apart_from=("atra.command",),
-        reason="the library knows no configuration and none of its users",
-    ),
+    Wall("atra", ("experiments", "scenes", "examples", "tests", "hydra", "omegaconf"), apart_from=("atra.command",),
+         reason="the library knows no configuration and none of its users"),
     Wall("atra", ("atra.command",), apart_from=("atra.command",), reason="the library does not know its command"),
-    Wall(
-        "atra",
-        ("ctypes", "embreex", "llvmlite", "numba", "atra.embree.layout", "atra.embree.self_check"),
-        apart_from=COMPILED_ROOMS,
-        suffix_apart="_kernels",
-        reason="only kernels compile, and only they and embree/ know the C API",
-    ),
-    *(
-        Wall(
-            f"atra.{room}",
-            tuple(f"atra.{later}" for later in (*CORE[number + 1 :], *WINGS)),
-            reason="a room imports only rooms before it",
-        )
-        for number, room in enumerate(CORE)
-    ),
-    *(
-        Wall(
-            f"atra.{room}",
-            (f"atra.{other}",),
-            but=SHARED_BY_METHODS.get((room, other), ()),
-            reason=f"methods stand side by side: this one does not know {other}/",
-        )
-        for room in METHOD_ROOMS
-        for other in METHOD_ROOMS
-        if other != room
-    ),
+    Wall("atra", ("ctypes", "embreex", "llvmlite", "numba", "atra.embree.layout", "atra.embree.self_check"),
+         apart_from=COMPILED_ROOMS, suffix_apart="_kernels",
+         reason="only kernels compile, and only they and embree/ know the C API"),
+    *(Wall(f"atra.{room}", below("atra", *CORE[number + 1 :], *WINGS), reason="a room imports only rooms before it")
+      for number, room in enumerate(CORE)),
+    *(Wall(f"atra.{room}", (f"atra.{other}",), but=SHARED_BY_METHODS.get((room, other), ()),
+           reason=f"methods stand side by side: this one does not know {other}/")
+      for room, other in permutations(METHOD_ROOMS, 2)),
     *(Wall("atra", (f"atra.{wing}",), apart_from=(f"atra.{wing}",), reason="the core knows no wing") for wing in WINGS),
     Wall(LIGHT[0], LIGHT[1:], apart_from=LIGHT[1:], faces=False, reason="scenes do not know what is made of them"),
     Wall(LIGHT[1], LIGHT[2:], reason="pictures know no lightmaps"),
-    Wall(
-        "experiments.harness",
-        ("experiments",),
-        # Modules of its own are below "experiments", too.
-        but=("experiments.harness",),
-        reason="the harness names no workload and no method; it is given both",
-    ),
-    Wall(
-        "experiments.methods",
-        ("experiments.workloads", "experiments.results", *USERS),
-        reason="a method does not know what is measured with it",
-    ),
-    Wall(
-        "experiments.workloads",
-        tuple(
-            f"experiments.{room}" for room in ("report", "paper", "viewer", "commands", "registry", "sweep", "worker")
-        ),
-        reason="a workload knows nobody who runs or reports it",
-    ),
-    Wall(
-        "experiments.drawing",
-        tuple(f"experiments.{room}" for room in ("harness", "methods", "workloads", "results", "report", "paper")),
-        reason="drawing knows no method, workload or peer",
-    ),
-    Wall(
-        "experiments.results",
-        ("experiments.drawing", "experiments.report", "experiments.paper", "matplotlib", *WORKLOAD_ROOMS),
-        reason="results know no figure",
-    ),
-    *(
-        Wall(room, tuple(other for other in WORKLOAD_ROOMS if other != room), reason="a workload never imports another")
-        for room in WORKLOAD_ROOMS
-    ),
-    Wall(
-        "experiments",
-        ("viser",),
-        apart_from=("experiments.viewer.camera_page", "experiments.viewer.page"),
-        reason="only pages know viser",
-    ),
+    # Modules of the harness are below "experiments", too.
+    Wall("experiments.harness", ("experiments",), but=("experiments.harness",),
+         reason="the harness names no workload and no method; it is given both"),
+    Wall("experiments.methods", ("experiments.workloads", "experiments.results", *USERS),
+         reason="a method does not know what is measured with it"),
+    Wall("experiments.workloads", USERS,
+         reason="a workload knows nobody who runs or reports it"),
+    Wall("experiments.drawing",
+         below("experiments", "harness", "methods", "workloads", "results", "report", "paper"),
+         reason="drawing knows no method, workload or peer"),
+    Wall("experiments.results",
+         ("experiments.drawing", "experiments.report", "experiments.paper", "matplotlib", *WORKLOAD_ROOMS),
+         reason="results know no figure"),
+    *(Wall(room, tuple(other for other in WORKLOAD_ROOMS if other != room), reason="a workload never imports another")
+      for room in WORKLOAD_ROOMS),
+    Wall("experiments", ("viser",), apart_from=("experiments.viewer.camera_page", "experiments.viewer.page"),
+         reason="only pages know viser"),
     Wall("scenes", ("experiments", "hydra", "omegaconf"), reason="scenes know no experiment"),
-)
+)  # fmt: skip
 
 
 def is_below(module, names):

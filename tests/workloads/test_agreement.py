@@ -13,10 +13,8 @@ import atra
 from atra.judge.oracle import examine
 from atra.judge.reference import brute_force
 from atra.prim_ids import MISS
-from experiments.harness.processes.worker import Job
 from experiments.harness.records import Record, write_record
 from experiments.methods import METHODS, find_method
-from experiments.registry import known_kinds
 from experiments.results.table import make_table
 from experiments.workloads import rounds
 from experiments.workloads.agreement import AgreementOptions
@@ -24,6 +22,7 @@ from experiments.workloads.agreement import measure as agreement
 from experiments.workloads.agreement.figures import draw_agreement_figure
 from experiments.workloads.agreement.results import errs_too_often, read_disagreements, write
 from experiments.workloads.agreement.terminal import sweep_lines
+from tests.drawn import save, words
 from tests.meshes import EYE_AT_ORIGIN, quads
 from tests.points import planned
 
@@ -153,12 +152,6 @@ def test_a_tie_is_listed_though_nobody_is_wrong_and_a_miss_is_an_empty_field():
     assert listed["method_stored_depth"] == listed["method_depth"] == [2.0, None]
 
 
-def test_offsets_and_sample_are_part_of_a_point_and_reach_the_worker():
-    assert make_point(offsets=((0.0, 0.0),)) != make_point()
-    assert make_point(sample_rays=7) != make_point()
-    assert Job.from_json(Job(make_point(), "path", run=1).to_json(), known_kinds()).point == make_point()
-
-
 @pytest.mark.parametrize(("options", "message"), [
     ({"offsets": [[0.5, 1.0]]}, r"workload.offsets is \(0.5, 1.0\), expected two numbers in \[0, 1\)"),
     ({"offsets": [[0.5]]}, r"workload.offsets is \(0.5,\)"),
@@ -277,11 +270,10 @@ def test_twice_the_baseline_s_errors_are_allowed_and_no_more(method, baseline, t
     assert errs_too_often(table) is too_often
 
 
-def words(table):
+def said(table):
     figure = draw_agreement_figure(table)
-    figure.savefig(io.BytesIO(), format="png", dpi=30)
-    texts = [text.get_text() for axis in figure.axes for text in (*axis.texts, *axis.get_yticklabels())]
-    return "\n".join([*texts, figure.get_supxlabel()])
+    save(figure)
+    return words(figure)
 
 
 def test_the_figure_draws_method_beside_baseline_and_writes_the_counts():
@@ -290,30 +282,30 @@ def test_the_figure_draws_method_beside_baseline_and_writes_the_counts():
     )
     (axis,) = draw_agreement_figure(table).axes
     assert [bar.get_width() for bar in axis.patches] == [4, 2, 9, 1]
-    said = words(table)
-    assert "4 : 2\nof 0.0002 M pixels; 0 wrong, 6 edge, 4 tied" in said
-    assert "9 : 1, over 2\N{MULTIPLICATION SIGN}" in said
-    assert "of 30 rays drawn from all pixels" in said.replace("\n   ", " ")
-    assert "6 images" in said
+    told = said(table)
+    assert "4 : 2\nof 0.0002 M pixels; 0 wrong, 6 edge, 4 tied" in told
+    assert "9 : 1, over 2\N{MULTIPLICATION SIGN}" in told
+    assert "of 30 rays drawn from all pixels" in told.replace("\n   ", " ")
+    assert "6 images" in told
 
 
 def test_the_figure_copes_with_no_rows_with_points_not_measured_and_with_missing_values():
     skipped = replace(make_record("s", method="tiles"), status="skipped", error="needs 9 GiB of memory", results={})
     table = make_table([make_record("a"), skipped])
     assert "tiles, 2 \N{MULTIPLICATION SIGN} 1: skipped, needs more memory than its budget" in " ".join(
-        words(table).split()
+        said(table).split()
     )
     missing = table.copy()
     kept = ["scene", "status", "method", "geometry", "split_x", "split_y", "workload"]
     missing[[name for name in table.columns if name not in kept]] = pd.NA
     for part in (table.iloc[:0], missing, table.iloc[1:]):
-        words(part)
-    assert "not measured" in words(missing)
+        said(part)
+    assert "not measured" in said(missing)
 
 
 def test_every_method_has_a_name_in_the_figure():
     rows = [make_record(method.name, method=method.name) for method in METHODS]
     rows += [make_record("i", geometry="instanced", culling=False), make_record("s", packet_width=1)]
-    said = words(make_table(rows))
+    told = said(make_table(rows))
     for name in ("aligned, culling on", "aligned, instanced", "packets of 8 per pixel", "visible-first", "embreex"):
-        assert name in said
+        assert name in told

@@ -1,15 +1,12 @@
 """Claims on ray classification, and its figures, from tables small enough to judge by hand."""
 
-import pandas as pd
 import pytest
 
 from experiments.methods.classified import CLASSIFIED, ClassifiedOptions
 from experiments.results.claims import DOES_NOT_HOLD, HOLDS, NOT_MEASURED, UNDECIDED, judge_claim
-from experiments.results.table import columns
+from experiments.results.table import frame_of
 from experiments.workloads.rays.claims import CLAIMS, usual_value
 from experiments.workloads.rays.figures import FIGURES, draw
-from tests.quotations import classification
-from tests.quotations.quotation import SCENES, Kept
 
 pytestmark = pytest.mark.uncovered
 
@@ -33,9 +30,7 @@ def of_all_kinds(**changes):
 
 
 def table(*rows):
-    return pd.DataFrame({
-        name: pd.array([one.get(name) for one in rows], dtype=column.dtype) for name, column in columns().items()
-    })  # fmt: skip
+    return frame_of(rows)
 
 
 def verdict(claim, *rows):
@@ -124,56 +119,3 @@ def test_figures_draw_a_line_for_each_kind_of_rays_and_nothing_where_nothing_var
     (axis,) = draw(drawn, 1, "shaft_probability").axes
     lines = {line.get_label(): line.get_ydata().tolist() for line in axis.lines if not line.get_label().startswith("_")}
     assert lines == {"primary": [0.25, 0.5, 1.0], "diffuse": [0.25, 0.5, 1.0]}
-
-
-def quoted(make, *rows):
-    return list(make(Kept(table(*rows))))
-
-
-def test_pages_quote_each_kind_of_rays_of_each_scene_popped_and_pushed():
-    rows = [one | {"scene": scene} for scene in SCENES for one in of_all_kinds(speedup=0.8)]
-    pushed = [one | {"traversal": "push", "speedup_vs_bvh": 1.1, "speedup": 0.7} for one in rows]
-    other = row(scene="mitsuba", shaft_probability=0.25, steps_ratio=0.9)
-    lines = quoted(classification.classified_rays, other, *rows, *pushed)
-    assert len(lines) == 12
-    assert lines[4] == "| `mitsuba`, occlusion | 0.50 | 1.30 [1.20, 1.40] | 1.10 | 0.70 |"
-    with pytest.raises(AssertionError):
-        quoted(classification.classified_rays, *rows, *pushed, row(rays_wrong=1))
-
-
-def test_pages_quote_what_shafts_take_and_when_that_is_paid_back():
-    rows = [
-        row(kind, scene, bvh_bytes=1000, shaft_build_time_s=0.25, break_even_batches=batches)
-        for scene in SCENES
-        for kind, batches in (("primary", 12.4), ("occlusion", None), ("diffuse", 1234.0))
-    ]
-    lines = quoted(classification.memory_of_shafts, *rows)
-    assert lines[3] == "| `sponza` | 96 | 4.00 | 1.36 | 0.25 | 12 | never | 1,234 |"
-
-
-def test_pages_quote_packets_by_what_has_lists_and_single_rays_beside_them():
-    rows = [
-        row("diffuse", scene, traversal="push", ray_order="shaft", packet_width=width, shaft_subset=subset,
-            speedup_vs_bvh=width + gain, break_even_batches=7.0, speedup=1.5, speedup_vs_sorted=0.75)
-        for scene in SCENES for width in (1, 8)
-        for subset, gain in (("none", 0.0), ("complete", 0.1), ("sampled", 0.2), ("hits", 0.3))
-    ]  # fmt: skip
-    lines = quoted(classification.packets_from_lists, *rows, *of_all_kinds())
-    assert lines[2] == "| single rays | sampled | 1.20, 7 | 1.20, 7 | 1.20, 7 | 1.20, 7 |"
-    assert lines[7] == "| packets of 8 | hits | 8.30, 7 | 8.30, 7 | 8.30, 7 | 8.30, 7 |"
-    assert lines[8] == "| packets of 8, over `rtcIntersect1`, unsorted | hits | 1.50 | 1.50 | 1.50 | 1.50 |"
-    assert lines[9] == "| packets of 8, over packets of Embree, sorted | hits | 0.75 | 0.75 | 0.75 | 0.75 |"
-
-
-def test_pages_quote_frames_of_an_eye_that_moves_and_the_own_bvh():
-    moving = [
-        {"scene": scene, "method": method, "workload": "moving", "status": "ok", "packet_width": width,
-         "render_time_s": 0.004 * width, "speedup_vs_kept_packets": 0.5}
-        for scene in SCENES for method, width in (("classified", 1), ("classified", 8), ("tiles", 16))
-    ]  # fmt: skip
-    plain = [row(scene=scene, method="bvh", speedup=0.6 + 0.1 * k) for k, scene in enumerate(SCENES)]
-    lines = quoted(classification.eyes_that_move, *moving, *of_all_kinds())
-    assert lines[1].startswith("| shafts of an eye, packets of 8 | 32.0, 0.50 | 32.0, 0.50 |")
-    assert lines[2].startswith("| culled tiles | 64.0, 0.50 |")
-    (phrase,) = quoted(classification.own_bvh, *plain, *of_all_kinds())
-    assert phrase == "0.60, 0.70, 0.80, 0.90 times as fast as `rtcIntersect1`"

@@ -18,7 +18,6 @@ from experiments.methods import find_method
 from experiments.methods.peers.mitsuba_light import check_llvm
 from experiments.workloads.baselines import PACKETS
 from experiments.workloads.render import RENDER, STAGES, Kind, RenderOptions, Rival, outside_embree
-from experiments.workloads.render.measure import Primaries
 from experiments.workloads.rounds import expert_packet_widths
 from scenes.built_in import make_scene
 from scenes.lit.lighting import lit
@@ -102,27 +101,6 @@ def test_amdahl_s_forecast_is_the_packets_picture_with_the_own_primary_in_it():
 
 def test_what_embree_takes_of_paths_followed_one_by_one_is_not_known():
     assert outside_embree({"primary": 1.0, "depth_first": 3.0}) is None
-
-
-class _Tracer:
-    def __init__(self):
-        self.out = []
-
-    def trace(self, offset, out):
-        self.out.append(out)
-        return self
-
-
-def test_each_primary_keeps_an_image_of_its_own():
-    tracers = {"own": _Tracer(), "other": _Tracer()}
-    primaries = Primaries(tracers)
-    primaries.trace((0.5, 0.5))
-    primaries.chosen = "other"
-    primaries.trace((0.5, 0.5))
-    primaries.trace((0.5, 0.5))
-    assert primaries.latest is tracers["other"]
-    assert tracers["own"].out == [None]
-    assert tracers["other"].out == [None, tracers["other"]]
 
 
 @pytest.mark.parametrize(("options", "message"), [

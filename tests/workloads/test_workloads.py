@@ -15,7 +15,6 @@ from experiments.harness.processes.worker import read_point
 from experiments.methods import METHODS
 from experiments.registry import known_kinds
 from experiments.workloads import WORKLOADS, rounds
-from experiments.workloads.baselines import fastest_packets
 from experiments.workloads.rounds import expert_packet_widths
 from tests import points
 from tests.harness.processes.test_outcome import POINT
@@ -43,12 +42,6 @@ def test_a_frame_has_samples_of_every_native_width_from_8_on_and_judges_every_pi
     assert {name: len(values) for name, values in outcome.warmup_samples.items()} == dict.fromkeys(methods, 1)
     assert sum(outcome.results[f"pixels_{kind}"] for kind in ("equal", "tied", "edge", "wrong")) == 48 * 32
     assert outcome.results["pixels_wrong"] == 0
-
-
-def test_the_baseline_are_the_packets_with_the_shortest_median():
-    samples = {"own": [1.0], "packets_8": [3.0, 3.0, 9.0], "packets_16": [1.0, 4.0, 4.0]}
-    assert fastest_packets(samples) == 8
-    assert fastest_packets(samples | {"packets_16": [9.0, 2.0, 2.0]}) == 16
 
 
 def test_an_expert_tries_every_native_width_from_8_on_or_else_the_widest(monkeypatch):

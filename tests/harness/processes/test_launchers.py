@@ -26,15 +26,9 @@ from tests.points import configured
 pytestmark = pytest.mark.slow
 
 TOY = [
-    "sweep=horizontal",
-    "method.split_x=1,2",
-    "method.culling=true",
-    "width=32",
-    "height=32",
-    "measure.processes=1",
-    "measure.rounds=3",
-    "measure.warmup=1",
-]
+    "sweep=horizontal", "method.split_x=1,2", "method.culling=true", "width=32", "height=32", "measure.processes=1",
+    "measure.rounds=3", "measure.warmup=1",
+]  # fmt: skip
 PACKAGES = {"joblib": "hydra-joblib-launcher", "submitit_local": "hydra-submitit-launcher"}
 
 
@@ -76,7 +70,6 @@ def test_an_interrupt_ends_the_jobs_and_keeps_what_is_done(launcher, tmp_path):
     endless = ["method.split_x=1", "measure.rounds=3,1000000", "measure.frame_budget_s=60", "sweep.shuffle_seed=0"]
     start = command(launcher, *endless)
     with subprocess.Popen(start, cwd=tmp_path, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True) as running:
-        assert running.stderr is not None
         for line in running.stderr:
             if line.startswith("[1/2]"):
                 break

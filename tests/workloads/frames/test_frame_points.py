@@ -88,7 +88,9 @@ def test_the_memory_budget_counts_the_copies_of_every_frame():
 
 @pytest.mark.parametrize(("frames", "motion"), [(2, Motion.eyes), (3, Motion.walk), (3, Motion.turn)])
 def test_a_time_has_samples_of_every_way_and_judges_every_pixel_of_every_frame(frames, motion):
-    outcome = measure_point(point(frames=frames, motion=motion))
+    one = point(frames=frames, motion=motion)
+    assert f"multiframe, frames {frames}, motion {motion.value}" in say_label(one)
+    outcome = measure_point(one)
     ways = {"own", "rtcIntersect1", "separate", "visible_first", "rasteriser", *PACKETS_HERE}
     assert {name: len(values) for name, values in outcome.samples.items()} == dict.fromkeys(ways, 3)
     assert sum(outcome.results[f"pixels_{kind}"] for kind in ("equal", "tied", "edge", "wrong")) == frames * 48 * 32
@@ -158,7 +160,3 @@ def test_frames_are_no_evidence_for_the_paper_s_claims_about_one_image():
     one = Record(**{**vars(MEASURED), "configuration": MEASURED.configuration | triangles})
     both = pd.concat([several, make_table([one])])
     assert len(collect_scenes(both)["cornell_box"].rows) == 1
-
-
-def test_a_point_of_several_frames_says_so():
-    assert "multiframe, frames 3, motion walk" in say_label(point(frames=3))
