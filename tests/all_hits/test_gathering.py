@@ -8,7 +8,6 @@ import pytest
 import atra
 from atra.all_hits.plain import gather_plainly
 from atra.raster.all_hits.crossings import all_crossings
-from atra.raster.all_hits.doubts_kernels import Precision
 from atra.tracing.options import native_packet_widths
 from scenes.special import three_holes
 from tests.closed_meshes import box, cornell_boxes, sphere, view_of
@@ -113,21 +112,6 @@ def test_what_no_copy_may_show_is_counted_once(method):
         assert tracer.counters["triangles_left_out"] > 0
         found = tracer.gather(atra.Count())
     np.testing.assert_array_equal(found.count, gather_plainly(all_crossings(mesh, camera), atra.Count()).count)
-
-
-@pytest.mark.parametrize("method", ["packets", "aligned"])
-def test_nothing_hangs_on_how_many_samples_are_held_to_be_in_doubt(method, monkeypatch):
-    mesh, camera = random_triangles(300, 5, 0.3), CAMERAS["ordinary"]
-
-    with METHODS[method](mesh, camera) as tracer:
-        pitch, direction, stretch, shift, roundings = tracer._precision()
-        few = tracer.gather(atra.Count())
-        before = len(tracer._doubts[1].keys)
-    with METHODS[method](mesh, camera) as tracer:
-        monkeypatch.setattr(tracer, "_precision", lambda: Precision(pitch, direction, 60.0 * stretch, shift, roundings))
-        many = tracer.gather(atra.Count())
-        assert len(tracer._doubts[1].keys) > 10 * before + 1000
-    np.testing.assert_array_equal(many.count, few.count)
 
 
 @of_every_camera(METHODS, slow="raster")

@@ -21,7 +21,6 @@ from scenes.built_in import make_scene
 from scenes.loading import enlarged
 from scenes.scene import Scene
 from tests.drawn import line, make_rows, method_row, skipped, unfolded
-from tests.images import trace_pixels
 from tests.points import configured
 
 pytestmark = pytest.mark.uncovered
@@ -52,13 +51,6 @@ def test_neighbours_share_the_vertices_in_the_middle_of_their_edges():
     edges = np.sort(cut.faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
     _, shared = np.unique(edges, axis=0, return_counts=True)
     assert sorted(shared) == [1] * 8 + [2] * 8
-
-
-def test_a_subdivided_scene_looks_the_same():
-    scene = make_scene("cornell_box")
-    camera = atra.Camera(**scene.camera, width=48, height=32)
-    depths = [trace_pixels(one.mesh, camera, ties="any").depth for one in (scene, enlarged(scene, 1, 1))]
-    np.testing.assert_allclose(*depths, rtol=1e-5)
 
 
 @pytest.mark.parametrize("copies", [2, 4, 7])

@@ -1,6 +1,5 @@
 """Sweeps whose points Hydra's launchers measure, each in a job of its own."""
 
-import os
 import signal
 import subprocess
 import sys
@@ -151,11 +150,3 @@ def test_an_interrupted_launcher_loses_no_record_of_its_batch(tmp_path):
 
     assert sweep(tmp_path, Interrupted(tmp_path, refused=4), at_once=5) == 130
     assert sorted(pd.read_csv(tmp_path / "toy" / "table.csv")["split_x"]) == [1, 2, 8, 16]
-
-
-def test_a_job_can_import_the_project_wherever_its_interpreter_was_started(tmp_path):
-    from experiments.harness.processes.launching import project_environment
-
-    environment = project_environment()
-    assert environment["PYTHONPATH"].split(os.pathsep)[0] == str(ROOT)
-    subprocess.run([sys.executable, "-c", "import experiments, scenes"], cwd=tmp_path, env=environment, check=True)

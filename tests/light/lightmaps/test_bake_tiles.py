@@ -61,19 +61,6 @@ def test_every_texel_of_a_flat_chart_is_in_one_tile_and_lies_where_the_tile_says
     np.testing.assert_allclose(places, tiles.texels.positions[tiles.texel[k, y, x]], atol=1e-5)
 
 
-def test_tiles_carry_their_rays_onto_those_of_the_one_tile():
-    tiles, offset = tiles_of(5), (0.213, 0.871)
-    facing = tiles.facing(SUN)
-    prisms = tiles.prisms(facing, SUN)
-    k, y, x = np.nonzero(tiles.texel[facing] >= 0)
-    origins, directions = tiles.rays(facing, SUN, offset)
-    onto = prisms.onto[k]
-    found = (onto @ origins[:, :, None])[..., 0] - prisms.shift[k]
-    wanted = np.stack([x + offset[0] - 2.5, y + offset[1] - 2.5, np.zeros(len(x))], axis=1)
-    np.testing.assert_allclose(found, wanted, atol=1e-4)
-    np.testing.assert_allclose((onto @ directions[:, :, None])[..., 0], np.tile((0, 0, 1.0), (len(x), 1)), atol=1e-5)
-
-
 @pytest.mark.parametrize("direction", [SUN, (-0.313, 0.871, 0.529)])
 @pytest.mark.parametrize(("size", "positions", "width"), [(8, 1, None), (5, 7, None), (8, 20, None), (11, 3, 1)])
 def test_aligned_rays_of_tiles_see_what_each_ray_sees(direction, size, positions, width):

@@ -62,16 +62,6 @@ def test_a_turning_mesh_has_vertices_of_its_own_every_frame_and_keeps_its_shape_
     assert np.abs(meshes[2].vertices - MESH.vertices).max() > 0.01
 
 
-@pytest.mark.parametrize("motion", list(Motion))
-def test_the_same_view_gives_the_same_frames(motion):
-    cameras, meshes = frames_of(CAMERA, MESH, 2, motion)
-    again, meshes_again = frames_of(CAMERA, MESH, 2, motion)
-    assert cameras == again
-    for mesh, other in zip(meshes, meshes_again, strict=True):
-        np.testing.assert_array_equal(mesh.vertices, other.vertices)
-    Alignment.of_frames(cameras, SPLIT)
-
-
 def test_three_eyes_and_a_view_that_widens_to_half_a_circle_are_refused():
     with pytest.raises(InputError, match="frames is 3 with motion=eyes, expected 2"):
         frames_of(CAMERA, MESH, 3, Motion.eyes)
