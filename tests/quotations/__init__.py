@@ -6,7 +6,7 @@ writes the rows into the pages, below their marks (`<!-- rows: name -->`), and p
 tests/documents/test_documents.py looks for each of them. reports/reference/tables.md has every table.
 """
 
-from tests.quotations import agreement, bake, classification, gathering, glance, growth, methods, paper, pictures, views
+from tests.quotations import agreement, bake, classification, gathering, glance, growth, methods, paper, pictures
 from tests.quotations.quotation import Quotation
 
 QUOTED = {
@@ -45,7 +45,7 @@ QUOTED = {
         "baselines": [methods.best_packets],
         "peers": [methods.other_tracers],
         "threads": [methods.two_threads],
-        "views": [views.twenty_views, views.million_rays],
+        "views": [methods.twenty_views, methods.million_rays],
         "gather": [
             gathering.counting, gathering.over_counting, gathering.counts_of_others, gathering.solids,
             gathering.gains_where_every_hit_is_wanted, gathering.verdicts_where_every_hit_is_wanted,

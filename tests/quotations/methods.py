@@ -1,4 +1,4 @@
-"""What the pages quote of the sweeps that compare methods."""
+"""What the pages quote of the sweeps that compare methods, views and rays among them."""
 
 import pandas as pd
 
@@ -146,3 +146,25 @@ def price_of_robust(kept):
         fast, robust = ([speed(scene=scene, robust=how, **point) for scene in SCENES] for how in (False, True))
         yield table_row(label, *(a.over(b) for a, b in zip(fast, robust, strict=True)))
     assert set(of(kept.points, robust=True)["pixels_hole"].dropna()) == {0}
+
+
+_JOBS = {"camera_rays": "of a camera", "random_rays": "from anywhere to anywhere"}
+
+
+def twenty_views(kept):
+    """A mesh a row: triangles, how many times as fast the library is as each tracer of others, and the least share of
+    pixels with the same triangle."""
+    table = of(kept.points, job="views")
+    methods = tuple(table["method"].unique())
+    for triangles, of_mesh in table.groupby("triangles"):
+        gains = (interval(of(of_mesh, method=method).iloc[0], "library_gain") for method in methods)
+        yield table_row(f"{triangles:,}", *gains, f"{of_mesh['ids_equal'].min():.5f}")
+    yield from (f"{TIMES} {find_method(method).label}" for method in methods)
+
+
+def million_rays(kept):
+    """A mesh a row: triangles, and for rays of every kind how many times as fast the library is as embreex."""
+    for triangles, of_mesh in of(kept.points, method="embreex").groupby("triangles"):
+        gains = (interval(of(of_mesh, job=job).iloc[0], "library_gain") for job in _JOBS)
+        yield table_row(f"{triangles:,}", *gains)
+    yield from _JOBS.values()
