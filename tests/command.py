@@ -10,7 +10,6 @@ import tempfile
 from contextlib import ExitStack, chdir, contextmanager, redirect_stderr, redirect_stdout, suppress
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
 from unittest.mock import patch
 
 from hydra.core.global_hydra import GlobalHydra
@@ -19,12 +18,11 @@ import experiments.commands.single
 import experiments.sweep
 from experiments import cli
 from experiments.harness.identity import measure
-from experiments.harness.point import Point
 from experiments.harness.processes.outcome import Outcome
 from experiments.harness.processes.worker import Job, outcome_of
 from experiments.registry import known_kinds
+from tests.folders import ROOT
 
-ROOT = Path(__file__).resolve().parents[1]
 NO_SCENES = tempfile.TemporaryDirectory(prefix="atra-tests-")
 """Stands for the folder where the person who runs the tests may keep fetched scenes."""
 
@@ -38,13 +36,13 @@ class Done:
     stderr: str
 
 
-def measure_here(point: Point) -> Outcome:
+def measure_here(point):
     """Measure a point in this process, through the same JSON as a worker process."""
     job = Job.from_json(Job(point, "", 0).to_json(), known_kinds())
     return Outcome.from_json(outcome_of(job.point).to_json(), point)
 
 
-def run_here(folder: Path, *arguments: str, scenes: str | None = None) -> Done:
+def run_here(folder, *arguments, scenes=None):
     """What `python run.py` with these arguments does in `folder`; points are measured in this process, too.
 
     scenes: the value of ATRA_SCENES, unset otherwise."""
@@ -61,10 +59,10 @@ def run_here(folder: Path, *arguments: str, scenes: str | None = None) -> Done:
         stack.enter_context(redirect_stdout(out))
         stack.enter_context(redirect_stderr(err))
         code = _exit_code()
-    return Done(code, *(stream.buffer.getvalue().decode() for stream in (out, err)))  # type: ignore[attr-defined]
+    return Done(code, *(stream.buffer.getvalue().decode() for stream in (out, err)))
 
 
-def _exit_code() -> int:
+def _exit_code():
     try:
         return cli.main()
     except SystemExit as end:

@@ -29,11 +29,16 @@ def old_objects_set_aside():
     gc.unfreeze()
 
 
+UNCOVERED = {"documents", "harness", "methods", "paper", "report", "results", "scenes", "viewer", "walls"}
+"""Folders all of whose tests are `uncovered`: what they test stands on the library."""
+
+
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_protocol(item):
-    """Tests marked `uncovered` run without coverage's tracer, and so do the processes they start. pytest-cov's
-    `no_cover` would not do: in a process of xdist it hands over to a second tracer, that of the patch of processes."""
-    if item.get_closest_marker("uncovered") is None:
+    """Tests in these folders or marked `uncovered` run without coverage's tracer, and so do the processes they start.
+    pytest-cov's `no_cover` would not do: in a process of xdist it hands over to a second tracer, that of the patch of
+    processes."""
+    if UNCOVERED.isdisjoint(item.nodeid.split("/")) and item.get_closest_marker("uncovered") is None:
         return (yield)
     tracer, variables = sys.gettrace(), {name: os.environ[name] for name in os.environ if name.startswith("COVERAGE_")}
     sys.settrace(None)

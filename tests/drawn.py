@@ -1,14 +1,8 @@
 """Rows of a table for the tests of figures, and what a figure shows of them."""
 
-from __future__ import annotations
-
 import io
-from typing import Any
 
-import pandas as pd
 import pytest
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from tests.report_samples import table_of
 
@@ -20,11 +14,11 @@ COMMON = {
 }  # fmt: skip
 
 
-def make_rows(*rows: dict[str, Any]) -> pd.DataFrame:
+def make_rows(*rows):
     return table_of([COMMON | {"point_id": f"{place:020x}"} | row for place, row in enumerate(rows)])
 
 
-def method_row(method: str, split_x: int = 1, time_s: float = 0.02, ratio: Any = 2.0, **fields: Any) -> dict[str, Any]:
+def method_row(method, split_x=1, time_s=0.02, ratio=2.0, **fields):
     """A timed frame; intervals of times are half and double."""
     return COMMON | {
         "workload": "frame", "rounds": 9, "method": method, "split_x": split_x, "render_time_s": time_s,
@@ -35,61 +29,61 @@ def method_row(method: str, split_x: int = 1, time_s: float = 0.02, ratio: Any =
     } | fields  # fmt: skip
 
 
-def time_row(split_x: int, time_s: float, **fields: Any) -> dict[str, Any]:
+def time_row(split_x, time_s, **fields):
     return method_row(**{"method": "aligned", "split_x": split_x, "time_s": time_s} | fields)
 
 
-def build_row(split_x: int, plan_s: float, build_s: float, **fields: Any) -> dict[str, Any]:
+def build_row(split_x, plan_s, build_s, **fields):
     return {
         "workload": "build", "split_x": split_x, "plan_time_s": plan_s, "build_time_s": build_s,
         "build_time_low_s": build_s, "build_time_high_s": 2 * build_s, "baseline_build_time_s": 0.004,
     } | fields  # fmt: skip
 
 
-def memory_row(split_x: int, mesh_mib: int, after_mib: int, peak_mib: int, **fields: Any) -> dict[str, Any]:
+def memory_row(split_x, mesh_mib, after_mib, peak_mib, **fields):
     return {
         "workload": "memory", "split_x": split_x, "rss_mesh_bytes": mesh_mib * MIB, "rss_bytes": after_mib * MIB,
         "peak_rss_bytes": peak_mib * MIB, "embree_bytes": 3 * split_x * MIB,
     } | fields  # fmt: skip
 
 
-def skipped(row: dict[str, Any], error: str = "needs 9 GiB, more than the memory budget of 4 GiB") -> dict[str, Any]:
+def skipped(row, error="needs 9 GiB, more than the memory budget of 4 GiB"):
     """The row as it is when its point could not be measured."""
     measured = [name for name in row if name.endswith(("_s", "_bytes", "_wrong")) or name.startswith("speedup")]
     return row | dict.fromkeys(measured) | {"status": "skipped", "error": error}
 
 
-def line(axis: Axes, label: str) -> dict[float, float]:
+def line(axis, label):
     """Abscissa -> ordinate of the line with this label."""
     (one,) = [one for one in axis.get_lines() if one.get_label() == label]
     return {float(x): pytest.approx(float(y)) for x, y in zip(*one.get_data(), strict=True)}
 
 
-def level(axis: Axes, label: str) -> float:
+def level(axis, label):
     """Where the level line with this label lies."""
     (ordinate,) = {place.expected for place in line(axis, label).values()}
     return ordinate
 
 
-def bars(axis: Axes) -> dict[str, float]:
+def bars(axis):
     """Label -> length of each bar, in units of the axis, from the top down."""
     return {one.get_label(): pytest.approx(one.patches[0].get_width()) for one in axis.containers}
 
 
-def whiskers(axis: Axes) -> list[list[float]]:
+def whiskers(axis):
     return [pytest.approx(list(one.get_xdata())) for one in axis.get_lines() if one.get_label() == "_bars"]
 
 
-def words(figure: Figure) -> str:
+def words(figure):
     texts = [text.get_text() for axis in figure.axes for text in (*axis.texts, axis.title, axis._left_title)]
     ticks = [tick.get_text() for axis in figure.axes for tick in axis.get_yticklabels()]
     return "\n".join([*texts, *ticks, figure.get_supxlabel()])
 
 
-def unfolded(figure: Figure) -> str:
+def unfolded(figure):
     """The same in one line: what is folded to its panel's or figure's width is whole."""
     return " ".join(words(figure).split())
 
 
-def save(figure: Figure) -> None:
+def save(figure):
     figure.savefig(io.BytesIO(), format="png", dpi=30)

@@ -1,6 +1,10 @@
-"""A cache of fetched scenes for one test, whatever the person running it has in theirs."""
+"""The folder of the project, and for one test an empty cache of fetched scenes."""
+
+from pathlib import Path
 
 from scenes.directory import SCENES_VARIABLE, default_cache
+
+ROOT = Path(__file__).resolve().parents[1]
 
 HOME_VARIABLES = ("HOME", "XDG_CACHE_HOME", "LOCALAPPDATA")
 """What decides where the cache is, on one system or another."""

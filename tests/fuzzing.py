@@ -21,7 +21,6 @@ import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import trimesh
@@ -62,7 +61,7 @@ class Kind:
     read: Callable[[Path], bool]
 
 
-def _read_mesh(path: Path) -> bool:
+def _read_mesh(path):
     mesh = load_mesh(path)
     assert mesh.vertices.ndim == mesh.faces.ndim == 2
     assert np.isfinite(mesh.vertices).all()
@@ -71,7 +70,7 @@ def _read_mesh(path: Path) -> bool:
     return True
 
 
-def _read_record(path: Path) -> bool:
+def _read_record(path):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         record = read_record(path.parent, path.stem)
@@ -79,14 +78,14 @@ def _read_record(path: Path) -> bool:
     return record is not None
 
 
-def _read_table(path: Path) -> bool:
+def _read_table(path):
     table = read_table(path)
     assert table is not None
     assert list(table.columns) == list(make_table([]).columns)
     return True
 
 
-def _read_cameras(path: Path) -> bool:
+def _read_cameras(path):
     (path.parent / "box.ply").write_bytes(_mesh_samples()["mesh.ply"][0])
     fields = load_scene_from_directory("box", path.parent).camera
     assert tuple(fields) == CAMERA_FIELDS
@@ -94,7 +93,7 @@ def _read_cameras(path: Path) -> bool:
     return True
 
 
-def _read_sky(path: Path) -> bool:
+def _read_sky(path):
     texels = PanoramaSky.load(path).texels
     assert texels.ndim == 3
     assert np.isfinite(texels).all()
@@ -102,7 +101,7 @@ def _read_sky(path: Path) -> bool:
     return True
 
 
-def _sky_samples() -> dict[str, tuple[bytes, ...]]:
+def _sky_samples():
     texels = np.random.default_rng(1).random((6, 12, 3)).astype(np.float32)
     texels[3:] = 0.5
     whole, half = ({name: texels[..., k].astype(kind) for k, name in enumerate("RGB")} for kind in ("f4", "f2"))
@@ -114,14 +113,14 @@ def _sky_samples() -> dict[str, tuple[bytes, ...]]:
     }
 
 
-def _mesh_samples() -> dict[str, tuple[bytes, ...]]:
+def _mesh_samples():
     box = trimesh.creation.box()
     ball = trimesh.creation.icosphere(subdivisions=1)
     scene = trimesh.Scene([box])
     scene.add_geometry(ball, transform=trimesh.transformations.translation_matrix((3, 0, 0)))
     meshes = (box, ball)
 
-    def exported(**options: Any) -> tuple[bytes, ...]:
+    def exported(**options):
         texts = (mesh.export(**options) for mesh in meshes)
         return tuple(text.encode() if isinstance(text, str) else text for text in texts)
 
@@ -151,7 +150,7 @@ def _mesh_samples() -> dict[str, tuple[bytes, ...]]:
     }
 
 
-def _big_endian(little: bytes) -> bytes:
+def _big_endian(little):
     """A binary PLY as trimesh writes it, in the other order of bytes."""
     head, end, body = little.partition(b"end_header\n")
     vertices, faces = (int(count) for count in re.findall(rb"element \w+ (\d+)", head))
@@ -161,7 +160,7 @@ def _big_endian(little: bytes) -> bytes:
     return head.replace(b"little", b"big") + end + words + swapped
 
 
-def _record_sample(folder: Path) -> bytes:
+def _record_sample(folder):
     record = Record(
         "mutated", "ok", None, {"scene": "box", "split_x": 4, "eye": [0.0, 1.0, 2.0]}, {"cpu": "a cpu", "load": [0.5]},
         {"own": [2.0]}, {"own": [1.0, 1.5], "rtcIntersect1": [3.0, 3.5]}, {"rss_bytes": 123},
@@ -169,7 +168,7 @@ def _record_sample(folder: Path) -> bytes:
     return write_record(folder, record).read_bytes()
 
 
-def kinds() -> dict[str, Kind]:
+def kinds():
     """Every kind of file that is read, by name."""
     found = {path: Kind(path, samples, _read_mesh) for path, samples in _mesh_samples().items()}
     # The file's name is its author's, too.
@@ -203,24 +202,24 @@ _INTRUDERS = (
 )  # fmt: skip
 
 
-def mutate(content: bytes, other: bytes, choose: random.Random) -> bytes:
+def mutate(content, other, choose):
     """One to four changes to `content`; `other` is a healthy file of the same kind to take pieces from."""
     for _ in range(choose.choice((1, 1, 1, 1, 2, 4))):
         content = choose.choice(_CHANGES)(content, other, choose)[:_LARGEST_INPUT_BYTES]
     return content
 
 
-def _place(content: bytes, choose: random.Random) -> int:
+def _place(content, choose):
     # Headers are short but decide most.
     return choose.randrange(min(len(content), choose.choice((200, len(content)))) + 1) if content else 0
 
 
-def _piece(content: bytes, choose: random.Random) -> tuple[int, int]:
+def _piece(content, choose):
     start = _place(content, choose)
     return start, start + choose.choice((1, 2, 4, 16, 100, 1000))
 
 
-def _flip(content: bytes, _: bytes, choose: random.Random) -> bytes:
+def _flip(content, _, choose):
     changed = bytearray(content)
     for _i in range(choose.choice((1, 1, 3, 20))):
         if changed:
@@ -228,31 +227,31 @@ def _flip(content: bytes, _: bytes, choose: random.Random) -> bytes:
     return bytes(changed)
 
 
-def _truncate(content: bytes, _: bytes, choose: random.Random) -> bytes:
+def _truncate(content, _, choose):
     return content[: choose.randrange(len(content) + 1)]
 
 
-def _delete(content: bytes, _: bytes, choose: random.Random) -> bytes:
+def _delete(content, _, choose):
     start, end = _piece(content, choose)
     return content[:start] + content[end:]
 
 
-def _duplicate(content: bytes, _: bytes, choose: random.Random) -> bytes:
+def _duplicate(content, _, choose):
     start, end = _piece(content, choose)
     return content[:end] + content[start:end] * choose.choice((1, 2, 1000)) + content[end:]
 
 
-def _splice(content: bytes, other: bytes, choose: random.Random) -> bytes:
+def _splice(content, other, choose):
     at, (start, end) = _place(content, choose), _piece(other, choose)
     return content[:at] + other[start:end] + content[at:]
 
 
-def _insert(content: bytes, _: bytes, choose: random.Random) -> bytes:
+def _insert(content, _, choose):
     at = _place(content, choose)
     return content[:at] + choose.choice(_INTRUDERS) + content[at:]
 
 
-def _renumber(content: bytes, _: bytes, choose: random.Random) -> bytes:
+def _renumber(content, _, choose):
     found = [match.span() for match in re.finditer(rb"-?\d+(?:\.\d+)?(?:e[-+]?\d+)?", content[:200_000])]
     if not found:
         return content
@@ -260,7 +259,7 @@ def _renumber(content: bytes, _: bytes, choose: random.Random) -> bytes:
     return content[:start] + choose.choice(_NUMBERS) + content[end:]
 
 
-def _reword(content: bytes, _: bytes, choose: random.Random) -> bytes:
+def _reword(content, _, choose):
     words = [match.span() for match in re.finditer(rb"[A-Za-z_]{2,}", content[:200_000])]
     if len(words) < 2:
         return content
@@ -268,7 +267,7 @@ def _reword(content: bytes, _: bytes, choose: random.Random) -> bytes:
     return content[:start] + content[first:last] + content[end:]
 
 
-def _overwrite(content: bytes, _: bytes, choose: random.Random) -> bytes:
+def _overwrite(content, _, choose):
     at = _place(content, choose) // choose.choice((1, 4)) * 4
     return content[:at] + choose.choice(_WORDS) + content[at + 4 :]
 
@@ -276,13 +275,13 @@ def _overwrite(content: bytes, _: bytes, choose: random.Random) -> bytes:
 _CHANGES = (_flip, _truncate, _delete, _duplicate, _splice, _insert, _renumber, _renumber, _reword, _overwrite)
 
 
-def make_input(kind: Kind, name: str, seed: int) -> bytes:
+def make_input(kind, name, seed):
     """The mutated file of that seed; the same every time."""
     choose = random.Random(f"{name} {seed}")
     return mutate(choose.choice(kind.samples), choose.choice(kind.samples), choose)
 
 
-def work(count: int, folder: Path, only: tuple[str, int] | None = None) -> dict[str, Any]:
+def work(count, folder, only=None):
     """Work through `count` inputs, all kinds in turn.
 
     folder: empty. `now.txt` in it names the input being read, for whoever finds this process dead.
@@ -293,7 +292,7 @@ def work(count: int, folder: Path, only: tuple[str, int] | None = None) -> dict[
     # Before the memory is bounded: imports and tables made on first use are not the inputs'.
     healthy = [name for name, kind in every.items() if _try(kind, kind.samples[0], folder)]
     tally = {name: {"used": 0, "refused": 0} for name in every}
-    wrong: list[str] = []
+    wrong = []
     names = list(every)
     todo = [only] if only else [(names[number % len(names)], number // len(names)) for number in range(count)]
     bound_memory(MEMORY_BYTES)
@@ -311,7 +310,7 @@ def work(count: int, folder: Path, only: tuple[str, int] | None = None) -> dict[
     return {"healthy": healthy, "tally": tally, "wrong": wrong}
 
 
-def _try(kind: Kind, content: bytes, folder: Path) -> bool:
+def _try(kind, content, folder):
     """Whether the input was used; raises for whatever must not happen."""
     before = _names(folder)
     with tempfile.TemporaryDirectory(dir=folder) as inside:
@@ -326,21 +325,21 @@ def _try(kind: Kind, content: bytes, folder: Path) -> bool:
     return used
 
 
-def check_refusal(error: BaseException) -> None:
+def check_refusal(error):
     """A refusal is one printable line, and came before the memory ran out."""
     assert str(error).isprintable(), f"raw control characters in {str(error)!r}"
     assert len(str(error)) <= 2000, f"a message of {len(str(error))} characters"
-    cause: BaseException | None = error
+    cause = error
     while cause is not None:
         assert not isinstance(cause, MemoryError), f"memory was asked for in vain: {error}"
         cause = cause.__cause__ or cause.__context__
 
 
-def _names(folder: Path) -> set[str]:
+def _names(folder):
     return {path.name for path in folder.iterdir()}
 
 
-def bound_memory(more_bytes: int) -> None:
+def bound_memory(more_bytes):
     """Let this process grow by so much and no more."""
     pages = int(Path("/proc/self/statm").read_text(encoding="utf-8").split()[0])
     limit = pages * resource.getpagesize() + more_bytes

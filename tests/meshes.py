@@ -1,7 +1,5 @@
 """Small meshes the tests share."""
 
-from __future__ import annotations
-
 import numpy as np
 
 import atra
@@ -11,7 +9,7 @@ EYE_AT_ORIGIN = {"eye": (0, 0, 0), "target": (0, 0, 1), "up": (0, 1, 0)}
 """A camera looking along world +z: camera space is X right = world -x, Y down = world -y, Z = world z."""
 
 
-def quads(corners: list[list[tuple[float, float, float]]], name: str = "quads") -> atra.Mesh:
+def quads(corners, name="quads"):
     """A mesh of two triangles per quadrilateral."""
     vertices = np.array([corner for quad in corners for corner in quad], np.float32)
     first = 4 * np.arange(len(corners))[:, None]
@@ -19,14 +17,14 @@ def quads(corners: list[list[tuple[float, float, float]]], name: str = "quads") 
     return atra.Mesh(vertices, faces, name)
 
 
-def joined(*meshes: atra.Mesh) -> atra.Mesh:
+def joined(*meshes):
     """All triangles, one mesh after the other."""
     first = np.cumsum([0] + [len(mesh.vertices) for mesh in meshes])
     faces = [mesh.faces.astype(np.int64) + start for mesh, start in zip(meshes, first[:-1], strict=True)]
     return atra.Mesh(np.concatenate([mesh.vertices for mesh in meshes]), np.concatenate(faces))
 
 
-def random_triangles(count: int, seed: int, size: float = 1.0, spread: float = 3.0) -> atra.Mesh:
+def random_triangles(count, seed, size=1.0, spread=3.0):
     """Triangles all around the origin: in front of the eye, behind it and through its plane."""
     random = np.random.default_rng(seed)
     centres = random.uniform(-spread, spread, (count, 1, 3))
@@ -34,7 +32,7 @@ def random_triangles(count: int, seed: int, size: float = 1.0, spread: float = 3
     return atra.Mesh(vertices, np.arange(3 * count).reshape(-1, 3), "random triangles")
 
 
-def boards(count: int = 40, tilted: bool = False) -> atra.Mesh:
+def boards(count=40, tilted=False):
     """Planks of 100 x 0.05 side by side, 0.3 below the eye: a floor of needles, which copies do not know the plane of.
 
     tilted: turned off the axes, where a ray of the mesh itself does not know it well either.
@@ -51,14 +49,14 @@ def boards(count: int = 40, tilted: bool = False) -> atra.Mesh:
     return atra.Mesh(mesh.vertices @ turn.T, mesh.faces, "tilted boards")
 
 
-def cornell_camera(width: int, height: int) -> atra.Camera:
+def cornell_camera(width, height):
     return atra.Camera(**CORNELL_BOX_CAMERA, width=width, height=height)
 
 
 __all__ = ["EYE_AT_ORIGIN", "boards", "cornell_box", "cornell_camera", "joined", "quads", "random_triangles"]
 
 
-def beams(seed: int, count: int = 80) -> atra.Mesh:
+def beams(seed, count=80):
     """Long thin triangles around the eye, some of them along an axis, as floors and beams are."""
     random = np.random.default_rng(seed)
     centre = random.normal(size=(count, 3)) * random.choice([0.3, 1.0, 3.0], (count, 1))
@@ -71,14 +69,14 @@ def beams(seed: int, count: int = 80) -> atra.Mesh:
     return atra.Mesh(corners.reshape(-1, 3), np.arange(3 * count).reshape(-1, 3), f"beams {seed}")
 
 
-def needle_camera(seed: int, fov_y_degrees: float, size: int = 64) -> atra.Camera:
+def needle_camera(seed, fov_y_degrees, size=64):
     """At the origin, along an axis or anywhere."""
     random = np.random.default_rng([seed, 1])
     target = np.array([0.0, 0.0, -1.0]) if seed % 2 else random.normal(size=3)
     return atra.Camera((0, 0, 0), tuple(target), (0.1, 1, 0.2), fov_y_degrees, size, size)
 
 
-def specks(camera: atra.Camera, seed: int, count: int = 40_000) -> atra.Mesh:
+def specks(camera, seed, count=40_000):
     """Triangles of a pixel or less to three, all over the image, 100 to 10,000 away, in planes along the world's x.
 
     Three quarters are of walls that a view along x grazes near its middle. Distances lie above powers of two, where
@@ -92,7 +90,7 @@ def specks(camera: atra.Camera, seed: int, count: int = 40_000) -> atra.Mesh:
     angle = np.where(is_wall, np.pi / 2, rng.uniform(0, np.pi, count))
     normal = np.stack([0 * angle, np.cos(angle), np.sin(angle)], axis=-1)
 
-    def towards(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    def towards(x, y):
         plane = camera.plane
         sides = plane.columns(x, 0.0) * plane.pitch_x, plane.rows(y, 0.0) * plane.pitch_y
         return np.stack([*sides, np.ones_like(x)], axis=-1) @ camera.axes

@@ -1,7 +1,5 @@
 """A table of processes small enough to know the verdict of each of the paper's claims, and ways to change it."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 
@@ -20,21 +18,21 @@ BEST = {"cornell_box": 7.6, "mitsuba": 3.0, "fireplace_room": 1.9, "sponza": 1.7
 Row = dict[str, Any]
 
 
-def agreeing_rows(scene: str) -> list[Row]:
+def agreeing_rows(scene):
     """Rows of one scene that confirm every claim but those no table can confirm beside the others."""
     triangles = PAPER_SCENES[scene]
-    common: Row = {
+    common = {
         "scene": scene, "triangles": triangles, "width": 1024, "height": 1024, "threads": 1, "build_quality": "medium",
         "method": "aligned", "geometry": "copied", "culling": True, "packet_width": 8, "split_y": 1, "status": "ok",
         "cpu": "some cpu",
     }  # fmt: skip
 
-    def gain(cells: int) -> float:
+    def gain(cells):
         return BEST[scene] * (cells / 1024) ** 0.05
 
-    rows: list[Row] = []
+    rows = []
 
-    def time(split_x: int, split_y: int, speedup: float, **fields: Any) -> None:
+    def time(split_x, split_y, speedup, **fields):
         numbers = {"speedup": speedup}
         if fields["packet_width"] > 1:
             numbers["speedup_vs_packets"] = speedup
@@ -70,7 +68,7 @@ def agreeing_rows(scene: str) -> list[Row]:
     return processes(rows)
 
 
-def processes(rows: list[Row]) -> list[Row]:
+def processes(rows):
     """Each row once for every process; bytes and pixels are counted in one alone."""
     of_processes = []
     for number, row in enumerate(rows):
@@ -83,11 +81,11 @@ def processes(rows: list[Row]) -> list[Row]:
     return of_processes
 
 
-def agreeing_table(scenes: tuple[str, ...] = tuple(PAPER_SCENES)) -> pd.DataFrame:
+def agreeing_table(scenes=tuple(PAPER_SCENES)):
     return table_of([row for scene in scenes for row in agreeing_rows(scene)])
 
 
-def where(table: pd.DataFrame, **wanted: Any) -> pd.Series:
+def where(table, **wanted):
     chosen = pd.Series(True, index=table.index)
     for name, value in wanted.items():
         chosen &= (table[name] == value).fillna(False)
@@ -95,7 +93,7 @@ def where(table: pd.DataFrame, **wanted: Any) -> pd.Series:
     return chosen
 
 
-def scaled(table: pd.DataFrame, factor: float, column: str = "speedup", **wanted: Any) -> pd.DataFrame:
+def scaled(table, factor, column="speedup", **wanted):
     """The table with one number multiplied in the rows with `wanted`."""
     table = table.copy()
     table[column] = table[column].astype("Float64")
@@ -103,7 +101,7 @@ def scaled(table: pd.DataFrame, factor: float, column: str = "speedup", **wanted
     return table
 
 
-def skipped(table: pd.DataFrame, **wanted: Any) -> pd.DataFrame:
+def skipped(table, **wanted):
     table = table.copy()
     chosen = where(table, **wanted)
     table.loc[chosen, ["status", "error"]] = ["skipped", "needs 9 GiB"]
@@ -111,10 +109,10 @@ def skipped(table: pd.DataFrame, **wanted: Any) -> pd.DataFrame:
     return table
 
 
-def longer_build(table: pd.DataFrame, scene: str, split_x: int) -> pd.DataFrame:
+def longer_build(table, scene, split_x):
     return scaled(table, 2, "build_over_plain", workload="build", scene=scene, split_x=split_x)
 
 
-def more_bytes(table: pd.DataFrame, scene: str, split_x: int, **fields: Any) -> pd.DataFrame:
+def more_bytes(table, scene, split_x, **fields):
     wanted = {"culling": True, "workload": "memory", "scene": scene, "split_x": split_x, **fields}
     return scaled(table, 9 if fields else 2, "embree_bytes", **wanted)

@@ -1,12 +1,8 @@
 """Contents of a made-up report: a small table, figures, pictures, claims, a machine."""
 
-from __future__ import annotations
-
-from collections.abc import Sequence
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
-import pandas as pd
 
 from experiments.drawing.figure import DrawnFigure
 from experiments.drawing.shading import encode_png
@@ -20,7 +16,7 @@ from experiments.workloads.picture.pictures import ScenePictures
 HOSTILE = "<script>document.title='taken over'</script>"
 SCENES = {"cornell_box": (1112, None), "material_ball": (61600, "mitsuba")}
 
-ENVIRONMENT: dict[str, Any] = {
+ENVIRONMENT = {
     "cpu": "Some processor", "cpu_extensions": ["sse4.2", "avx2"], "instruction_set": None, "logical_cores": 4,
     "system": "Linux", "python_version": "3.11.7", "embree_version": "4.4.0", "load_average": [0.5, 0.25, 0.1],
     "memory_total_bytes": 2**34, "git_commit": "0123456789abcdef0123", "git_dirty": True,
@@ -40,7 +36,7 @@ CLAIMS = (
 )  # fmt: skip
 
 
-def small_table() -> pd.DataFrame:
+def small_table():
     """Eight rows: two doubtful, one skipped, one failed with an error and a scene of angle brackets and line breaks."""
     times = zip((1, 2, 4, 8), (0.05, 0.009, 0.1, 0.02), strict=True)
     rows = [_time_row("cornell_box", split, time) for split, time in times]
@@ -56,7 +52,7 @@ def small_table() -> pd.DataFrame:
     return table_of([row | {"point_id": f"{place:020x}"} for place, row in enumerate(rows)])
 
 
-def _row(scene: str, **fields: Any) -> dict[str, Any]:
+def _row(scene, **fields):
     triangles, stands_for = SCENES.get(scene, (10, None))
     return {
         "scene": scene, "triangles": triangles, "stands_for": stands_for, "width": 1024, "height": 1024, "split_x": 1,
@@ -66,7 +62,7 @@ def _row(scene: str, **fields: Any) -> dict[str, Any]:
     } | fields  # fmt: skip
 
 
-def _time_row(scene: str, split_x: int, time_s: float, packet_width: int = 8) -> dict[str, Any]:
+def _time_row(scene, split_x, time_s, packet_width=8):
     measured = {}
     medians = {"render_time{}_s": time_s, "speedup{}": 0.15 / time_s, "speedup_vs_packets{}": 0.06 / time_s}
     for name, median in medians.items():
@@ -78,7 +74,7 @@ def _time_row(scene: str, split_x: int, time_s: float, packet_width: int = 8) ->
     )  # fmt: skip
 
 
-def table_of(rows: Sequence[dict[str, Any]]) -> pd.DataFrame:
+def table_of(rows):
     """A table of these rows; as in one of records, a row has no option that its method or workload has not."""
     unknown = {name for row in rows for name in row} - set(columns())
     assert not unknown, unknown
@@ -91,10 +87,10 @@ def table_of(rows: Sequence[dict[str, Any]]) -> pd.DataFrame:
     return frame_of(own)
 
 
-def scene_pictures(scene: str = "cornell_box", **fields: Any) -> ScenePictures:
+def scene_pictures(scene="cornell_box", **fields):
     """Pictures of 16 x 16 pixels that differ in two."""
     images = {name: encode_png(np.full((16, 16, 3), tone, np.uint8)) for name, tone in _TONES.items()}
-    values: dict[str, Any] = {
+    values = {
         "triangles": 1112, "stands_for": None, "width": 16, "height": 16, "pixels_equal": 254, "pixels_tied": 2,
         "pixels_edge": 0, "pixels_wrong": 0,
     }  # fmt: skip
@@ -109,15 +105,15 @@ SVG = (
 )
 
 
-def drawn_figure(name: str, caption: str, *point_ids: str) -> DrawnFigure:
+def drawn_figure(name, caption, *point_ids):
     return DrawnFigure(name, caption, b"", SVG, SVG.replace(b"0 0 600", b"0 0 300"), frozenset(point_ids))
 
 
-def small_contents(**fields: Any) -> ReportContents:
+def small_contents(**fields):
     """Whose second scene's pictures must not be passed on."""
     table = small_table()
     times, memory = (rows_of(table, grid)["point_id"] for grid in ("horizontal", "memory"))
-    values: dict[str, Any] = {
+    values = {
         "title": "The paper on this machine", "command": "python run.py sweep=paper", "table": table,
         "processes": table.assign(process=0),
         "figures": (
@@ -128,3 +124,16 @@ def small_contents(**fields: Any) -> ReportContents:
         "claims": CLAIMS, "environment": ENVIRONMENT,
     }  # fmt: skip
     return ReportContents(**values | fields)
+
+
+def contents_that_say(text):
+    """A report that has this text wherever a text of data may stand."""
+    table = small_table()
+    for name in ("scene", "error", "doubts", "cpu", "stands_for", "measured_at"):
+        table[name] = (table[name].fillna("") + text).astype(table[name].dtype)
+    said = dict.fromkeys(("text", "paper_value", "how", "value", "interval", "why"), text)
+    return small_contents(
+        title=text, command=text, table=table, processes=table, claims=(replace(CLAIMS[0], **said),),
+        figures=(drawn_figure(text, f'"{text}', *table["point_id"]),),
+        pictures=(scene_pictures(text, stands_for=text),), environment={"cpu": text, text: text},
+    )  # fmt: skip

@@ -1,11 +1,6 @@
 """Scenes of few triangles for the tests of pictures, and the means they are compared by."""
 
-from __future__ import annotations
-
-from typing import Any
-
 import numpy as np
-from numpy.typing import NDArray
 
 import atra
 from atra import light
@@ -16,17 +11,17 @@ from tests.meshes import quads
 BLACK = light.constant_sky(0.0)
 
 
-def floor(half: float = 50.0, height: float = 0.0) -> list[tuple[float, float, float]]:
+def floor(half=50.0, height=0.0):
     """Corners of a square whose front faces up."""
     return [(-half, height, half), (half, height, half), (half, height, -half), (-half, height, -half)]
 
 
-def down(size: int, eye: tuple[float, float, float] = (0, 4, 0), fov: float = 40.0, height: int = 0) -> atra.Camera:
+def down(size, eye=(0, 4, 0), fov=40.0, height=0):
     """Looks straight down: +x is to the right, -z up."""
     return atra.Camera(eye, (eye[0], eye[1] - 1, eye[2]), (0, 0, -1), fov, size, height or size)
 
 
-def floor_points(camera: atra.Camera) -> NDArray[np.float64]:
+def floor_points(camera):
     """(H, W, 3): where the rays through the pixels' centres meet the floor at height 0."""
     y, x = np.mgrid[: camera.height, : camera.width]
     origins, directions = camera.rays(x, y)
@@ -34,34 +29,34 @@ def floor_points(camera: atra.Camera) -> NDArray[np.float64]:
     return camera.eye - directions * (camera.eye[1] / directions[..., 1:2]) + origins
 
 
-def sphere(material: Any, sky: light.GradientSky, smooth: bool = True, segments: int = 24) -> light.RenderScene:
+def sphere(material, sky, smooth=True, segments=24):
     part = outwards(ball(1.0, segments, segments // 2))
     normals = part.vertices if smooth else None
     return light.RenderScene(part.to_mesh("sphere"), [material], sky=sky, normals=normals)
 
 
-def room(material: Any, sky: light.GradientSky = BLACK) -> light.RenderScene:
+def room(material, sky=BLACK):
     """A closed box of two units around the origin, fronts inward."""
     corners = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], float)
     sides = [(0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (1, 3, 7, 5)]
     return light.RenderScene(quads([[tuple(corners[k]) for k in side] for side in sides]), [material], sky=sky)
 
 
-def hybrid(scene: light.RenderScene, camera: atra.Camera, samples: int, **options: Any) -> light.HybridRenderer:
+def hybrid(scene, camera, samples, **options):
     """A renderer with so many samples, closed."""
     with light.HybridRenderer(scene, camera, **({"threads": 1, "jitter": "off"} | options)) as renderer:
         renderer.add(samples)
     return renderer
 
 
-def traced(scene: light.RenderScene, camera: atra.Camera, samples: int, **options: Any) -> NDArray[np.float32]:
+def traced(scene, camera, samples, **options):
     """The picture of so many samples of paths."""
     with light.PathRenderer(scene, camera, **({"threads": 1} | options)) as renderer:
         renderer.add(samples)
         return renderer.image
 
 
-def batches(scene: light.RenderScene, camera: atra.Camera, count: int, samples: int, **options: Any) -> NDArray[Any]:
+def batches(scene, camera, count, samples, **options):
     """(count, H, W, 3): pictures of `samples` samples each, all different."""
     pictures, before = [], 0.0
     with light.PathRenderer(scene, camera, **({"threads": 1} | options)) as renderer:

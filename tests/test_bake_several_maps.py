@@ -16,9 +16,9 @@ from atra.errors import InputError
 from atra.light import Atlas, Baker, BakeScene, Seams, Surface, Texels, dilated, save_maps, save_model
 from atra.light.lightmaps.finish.views import looked_up
 from tests.baked import baked, cube, sheet
+from tests.light.lightmaps.test_bake_charts import folded
 from tests.meshes import quads
 from tests.shown import floor
-from tests.test_bake_charts import folded
 
 BOX = cube(inwards=True)
 SCENE = BakeScene(BOX, Surface.plain(BOX, 0.5), [render.PointLight((0.3, 0.4, 0.1))], render.constant_sky(0.5))

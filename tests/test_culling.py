@@ -43,7 +43,7 @@ def kept_pairs(geometry, alignment, row_stride):
 
 
 def left_out(geometry):
-    """{prim_id} of what is traced pixel by pixel instead (tests/test_rounding.py)."""
+    """{prim_id} of what is traced pixel by pixel instead (tests/exact/test_rounding.py)."""
     return {int(prim_id) for one in geometry.left_out if one is not None for prim_id in one.prim_ids}
 
 

@@ -91,7 +91,7 @@ def test_culling_keeps_every_triangle_in_every_cell_where_a_float64_ray_hits_it(
     geometry = plan_aligned_geometry([mesh], alignment, atra.AlignedOptions(), camera.width, pool)
     pool.close()
     kept = set(zip(geometry.records & 0xFFFFFFFF, geometry.records >> 32, strict=True))  # prim_id, first pixel of cell
-    left_out = {prim_id for one in geometry.left_out if one for prim_id in one.prim_ids}  # tests/test_rounding.py
+    left_out = {prim_id for one in geometry.left_out if one for prim_id in one.prim_ids}  # tests/exact/test_rounding.py
     y, x = (grid.ravel() for grid in np.mgrid[: camera.height, : camera.width])
     cell_x, cell_y = (pixels // count for pixels, count in zip((camera.width, camera.height), view.split, strict=True))
     first_pixel = y // cell_y * cell_y * camera.width + x // cell_x * cell_x

@@ -2,5 +2,5 @@
 
     python -m experiments.reference
 
-writes the file anew. tests/test_reference_page.py checks that the stored file is the one this program makes.
+writes the file anew. tests/documents/test_reference_page.py checks that the stored file is the one this program makes.
 """

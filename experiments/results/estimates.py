@@ -31,7 +31,7 @@ class Estimate:
 
     log_mean: of the values' logarithms. variance: of that mean. freedom: its degrees of freedom.
     The interval is Student's, in logarithms: processes are few, and resampling them cannot leave their range, which
-    holds the middle of three in no more than 75 % of all cases (tests/test_estimates.py simulates it).
+    holds the middle of three in no more than 75 % of all cases (tests/results/test_estimates.py simulates it).
     """
 
     log_mean: float

@@ -9,7 +9,7 @@ HARNESS = (
         '"the fastest packets per pixel", fastest)',
         '"the fastest packets per pixel", series(SINGLE))',
         "the column of packets' times is read from the samples of single rays",
-        ("tests/test_table.py::test_times_are_medians",),
+        ("tests/results/test_table.py::test_times_are_medians",),
     ),
     Mutation(
         "strays_counted",
@@ -17,7 +17,7 @@ HARNESS = (
         "_row(kept or of_point)",
         "_row(of_point)",
         "processes that were left out count in the row of their point all the same",
-        ("tests/test_processes.py::test_a_process_in_which_the_machine_was_not_as_it_mostly_was_is_left_out",),
+        ("tests/results/test_processes.py::test_a_process_in_which_the_machine_was_not_as_it_mostly_was_is_left_out",),
     ),
     Mutation(
         "ratio_inverted",
@@ -25,7 +25,7 @@ HARNESS = (
         "_combine((self, other), (1.0, -1.0))",
         "_combine((self, other), (-1.0, 1.0))",
         "a ratio of two estimates is inverted",
-        ("tests/test_estimates.py::test_a_ratio_and_a_mean_have_welch_s_degrees_of_freedom",),
+        ("tests/results/test_estimates.py::test_a_ratio_and_a_mean_have_welch_s_degrees_of_freedom",),
     ),
     Mutation(
         "one_sided_interval",
@@ -33,7 +33,7 @@ HARNESS = (
         "(1 + CONFIDENCE) / 2",
         "CONFIDENCE",
         "a 95 % interval covers 90 %",
-        ("tests/test_estimates.py::test_an_interval_is_student_s_of_the_logarithms",),
+        ("tests/results/test_estimates.py::test_an_interval_is_student_s_of_the_logarithms",),
     ),
     Mutation(
         "decided_by_value",
@@ -41,7 +41,7 @@ HARNESS = (
         "if value.low > limit:",
         "if value.value > limit:",
         "a claim holds although its interval contains the limit",
-        ("tests/test_estimates.py::test_a_limit_inside_the_interval_is_left_open",),
+        ("tests/results/test_estimates.py::test_a_limit_inside_the_interval_is_left_open",),
     ),
     Mutation(
         "milliseconds",
@@ -49,7 +49,9 @@ HARNESS = (
         "MILLISECONDS = 1e3",
         "MILLISECONDS = 1.0",
         "figures write seconds as milliseconds",
-        ("tests/test_figures.py::test_the_build_figure_draws_plan_and_build_of_copies_and_the_build_of_instances",),
+        (
+            "tests/report/test_figures.py::test_the_build_figure_draws_plan_and_build_of_copies_and_the_build_of_instances",
+        ),
     ),
     Mutation(
         "baseline_label",
@@ -57,7 +59,7 @@ HARNESS = (
         "zip((OVER_SINGLE, OVER_PACKETS), TIME_BASELINES",
         "zip((OVER_PACKETS, OVER_SINGLE), TIME_BASELINES",
         "figures of speed-up name the wrong baseline on their axis",
-        ("tests/test_paper_figures.py::test_single_rays_are_held_against_single_rays",),
+        ("tests/paper/test_paper_figures.py::test_single_rays_are_held_against_single_rays",),
     ),
     Mutation(
         "split_label",
@@ -65,7 +67,7 @@ HARNESS = (
         '{"split_x": "horizontal splits", "split_y": "vertical splits"}',
         '{"split_y": "horizontal splits", "split_x": "vertical splits"}',
         "figures over splits name the other axis",
-        ("tests/test_figures.py::test_the_axis_of_splits_says_which_way_they_run",),
+        ("tests/report/test_figures.py::test_the_axis_of_splits_says_which_way_they_run",),
     ),
     Mutation(
         "identity_without_code",
@@ -73,7 +75,7 @@ HARNESS = (
         "point_id(point.configuration() | measured_by,",
         "point_id(point.configuration(),",
         "a record made by other code passes for one of this code",
-        ("tests/test_identity.py::test_the_identity_of_a_point_follows_its_code",),
+        ("tests/harness/test_identity.py::test_the_identity_of_a_point_follows_its_code",),
     ),
     Mutation(
         "identity_without_machine",
@@ -81,7 +83,7 @@ HARNESS = (
         '"environment": stable_environment}',
         '"environment": {}}',
         "a record of another machine passes for one of this machine",
-        ("tests/test_records.py::test_the_identity_changes_with_every_field",),
+        ("tests/harness/test_records.py::test_the_identity_changes_with_every_field",),
     ),
     Mutation(
         "two_machines",
@@ -89,7 +91,7 @@ HARNESS = (
         "if difference is not None:",
         "if False:",
         "records of two machines share a table",
-        ("tests/test_table.py::test_two_environments_never_share_a_table_and_the_field_is_named",),
+        ("tests/results/test_table.py::test_two_environments_never_share_a_table_and_the_field_is_named",),
     ),
     Mutation(
         "results_lock",
@@ -97,7 +99,7 @@ HARNESS = (
         "lock.acquire(timeout=0)",
         "pass",
         "two runs may write into one results folder",
-        ("tests/test_lock.py::test_a_second_run_or_report_is_refused_and_may_go_on_when_the_first_is_killed",),
+        ("tests/harness/test_lock.py::test_a_second_run_or_report_is_refused_and_may_go_on_when_the_first_is_killed",),
     ),
     Mutation(
         "no_processes",
@@ -105,7 +107,7 @@ HARNESS = (
         '_at_least("measure.processes", measure.processes, 1)',
         '_at_least("measure.processes", measure.processes, 0)',
         "a sweep of no process is accepted",
-        ("tests/test_processes.py::test_impossible_numbers_of_processes_are_refused",),
+        ("tests/results/test_processes.py::test_impossible_numbers_of_processes_are_refused",),
     ),
     Mutation(
         "withheld_picture",
@@ -114,7 +116,7 @@ HARNESS = (
         "source is None or not source.pictures_may_be_passed_on",
         "pictures that must not be passed on are shown in the report",
         (
-            "tests/test_report.py::test_a_picture_that_must_not_be_passed_on_is_left_out_and_its_counts_and_the_reason_stay",
+            "tests/report/test_report.py::test_a_picture_that_must_not_be_passed_on_is_left_out_and_its_counts_and_the_reason_stay",
         ),
     ),
     Mutation(
@@ -123,7 +125,7 @@ HARNESS = (
         'f"sha256:{source.sha256}"',
         "None",
         "the checksum of a downloaded scene is not compared",
-        ("tests/test_fetch.py::test_a_wrong_hash_is_refused_and_nothing_of_it_is_kept",),
+        ("tests/scenes/test_fetch.py::test_a_wrong_hash_is_refused_and_nothing_of_it_is_kept",),
     ),
     Mutation(
         "default_camera",
@@ -131,7 +133,7 @@ HARNESS = (
         "(centre + distance * direction)",
         "(centre - distance * direction)",
         "a mesh file is shown from behind",
-        ("tests/test_scenes.py::test_the_default_camera_frames_the_whole_mesh",),
+        ("tests/scenes/test_scenes.py::test_the_default_camera_frames_the_whole_mesh",),
     ),
     Mutation(
         "hash_of_faces",
@@ -139,6 +141,6 @@ HARNESS = (
         "for array in (self.mesh.vertices, self.mesh.faces):",
         "for array in (self.mesh.vertices,):",
         "two scenes with the same vertices and other triangles have one hash",
-        ("tests/test_scenes.py::test_the_hash_of_a_scene_changes_with_its_vertices_and_with_its_faces",),
+        ("tests/scenes/test_scenes.py::test_the_hash_of_a_scene_changes_with_its_vertices_and_with_its_faces",),
     ),
 )

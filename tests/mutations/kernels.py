@@ -96,7 +96,7 @@ KERNELS = (
         "- 3.0) / 2.0",
         "sheared copies may be rounded by half as much again as the judge allows",
         (
-            "tests/test_rounding.py::test_small_triangles_of_walls_along_the_view_are_left_out_by_the_roundings_of_both_products_with_the_normal",
+            "tests/exact/test_rounding.py::test_small_triangles_of_walls_along_the_view_are_left_out_by_the_roundings_of_both_products_with_the_normal",
         ),
     ),
     Mutation(
@@ -129,7 +129,7 @@ KERNELS = (
         "<= tie_tolerance * depth",
         "<= tie_tolerance",
         "which depths are equal no longer depends on the distance",
-        ("tests/test_ties.py::test_equally_deep_depends_on_the_distance_of_the_eye",),
+        ("tests/exact/test_ties.py::test_equally_deep_depends_on_the_distance_of_the_eye",),
     ),
     Mutation(
         "sorting_of_layers",
@@ -145,7 +145,7 @@ KERNELS = (
         "np.float32(facing_of(",
         "np.float32(-facing_of(",
         "ways inside count as negative",
-        ("tests/test_gathering.py::test_the_thickness_of_a_box_is_its_depth_and_of_a_sphere_its_chord",),
+        ("tests/all_hits/test_gathering.py::test_the_thickness_of_a_box_is_its_depth_and_of_a_sphere_its_chord",),
     ),
     Mutation(
         "shaft_plane",

@@ -1,8 +1,4 @@
-"""What the pages quote of the sweeps that compare methods."""
-
-from __future__ import annotations
-
-from typing import Any
+"""What the pages quote of the sweeps that compare methods, views and rays among them."""
 
 import pandas as pd
 
@@ -13,215 +9,162 @@ from experiments.workloads.frame.break_even import baseline_costs, break_even_fr
 from tests.quotations.quotation import (
     SCENES,
     TIMES,
-    Kept,
-    Quoted,
     best,
+    best_of_each,
     digits,
+    each_scene,
     interval,
+    line,
     milliseconds,
+    number,
     of,
     split_of,
     table_row,
-)
+)  # fmt: skip
 
-_COMPARED = ("raster", "visible_first", "aligned")
+COMPARED = ("raster", "visible_first", "aligned")
 
 
-def frames_of_each_method(kept: Kept) -> Quoted:
+def frames_of_each_method(kept):
     """Scene, triangles, packets in ms, and over packets: aligned, visible-first, from which frame on, raster."""
-    table, rows = of(kept.points, workload="frame"), []
+    table = of(kept.points, workload="frame")
     for scene in SCENES:
-        aligned, visible_first, raster = (
-            best(table, scene=scene, method=name) for name in ("aligned", "visible_first", "raster")
-        )
+        raster, visible_first, aligned = (best(table, scene=scene, method=name) for name in COMPARED)
         cost, packets = cost_of(visible_first), baseline_costs(of(table, scene=scene))
         ahead = None if cost is None else break_even_frames(cost, packets.values())
-        rows.append(
-            table_row(
-                f"`{scene}`",
-                f"{aligned['triangles']:,}",
-                milliseconds(aligned["packets_render_time_s"]),
-                interval(aligned, "speedup_vs_packets"),
-                interval(visible_first, "speedup_vs_packets"),
-                "never" if ahead is None else f"{ahead:,}",
-                interval(raster, "speedup_vs_packets"),
-            )
+        yield table_row(
+            f"`{scene}`",
+            f"{aligned['triangles']:,}",
+            milliseconds(aligned["packets_render_time_s"]),
+            interval(aligned, "speedup_vs_packets"),
+            interval(visible_first, "speedup_vs_packets"),
+            "never" if ahead is None else f"{ahead:,}",
+            interval(raster, "speedup_vs_packets"),
         )
     assert set(table["pixels_wrong"].dropna()) == {0}
-    return Quoted(rows=tuple(rows), phrases=(f"none of the {int(table['pixels_equal'].notna().sum())} images",))
+    yield f"none of the {int(table['pixels_equal'].notna().sum())} images"
 
 
-def methods_in_detail(kept: Kept) -> Quoted:
-    table, rows = of(kept.points, workload="frame"), []
-    for name in _COMPARED:
-        chosen = [best(table, scene=scene, method=name) for scene in SCENES]
-        splits = ["" if pd.isna(row["split_x"]) else f" ({split_of(row)})" for row in chosen]
-        gains = (digits(row["speedup_vs_packets"]) + split for row, split in zip(chosen, splits, strict=True))
-        rows.append(table_row(f"{find_method(name).label}, {TIMES} packets", *gains))
-        rows.append(
-            table_row(
-                f"{find_method(name).label}, {TIMES} `rtcIntersect1`", *(digits(row["speedup"]) for row in chosen)
-            )
-        )
-    return Quoted(rows=tuple(rows))
+def methods_in_detail(kept):
+    def gain_and_split(row, column):
+        return number(row, column) + ("" if pd.isna(row["split_x"]) else f" ({split_of(row)})")
+
+    for name in COMPARED:
+        chosen = best_of_each(of(kept.points, workload="frame"), method=name)
+        yield line(f"{find_method(name).label}, {TIMES} packets", chosen, "speedup_vs_packets", gain_and_split)
+        yield line(f"{find_method(name).label}, {TIMES} `rtcIntersect1`", chosen, "speedup")
 
 
-def surfaces(kept: Kept) -> Quoted:
+def surfaces(kept):
     """A frame with u, v and normals over one without, and over packets that store them."""
-    rows = []
     for method in kept.points["method"].unique():
-        chosen = [of(kept.points, scene=scene, method=method).iloc[0] for scene in SCENES]
-        label = find_method(method).label
-        asked = (interval(row, "surface_over_frame") for row in chosen)
-        rows.append(table_row(f"{label}: a frame with `u`, `v` and normals ÷ without", *asked))
-        gains = (interval(row, "speedup_vs_packets_with_surface") for row in chosen)
-        rows.append(table_row(f"{label}: {TIMES} packets that store them", *gains))
-    return Quoted(rows=tuple(rows))
+        chosen, label = each_scene(kept.points, method=method), find_method(method).label
+        yield line(f"{label}: a frame with `u`, `v` and normals ÷ without", chosen, "surface_over_frame", interval)
+        yield line(f"{label}: {TIMES} packets that store them", chosen, "speedup_vs_packets_with_surface", interval)
 
 
-def best_packets(kept: Kept) -> Quoted:
-    rows = []
+def best_packets(kept):
     for one in best_baselines(kept.processes):
         said = "more than noise" if one.is_faster else "no more than noise"
         margin = "too few processes" if one.margin is None else f"{one.margin}"
-        rows.append(table_row(f"`{one.scene}`", one.tried, one.name, margin, said))
-    return Quoted(rows=tuple(rows))
+        yield table_row(f"`{one.scene}`", one.tried, one.name, margin, said)
 
 
-def place_of_the_reference_rays(kept: Kept) -> Quoted:
-    """Time with the paper's place over time with ours, by split, packets and culling."""
-    table = of(kept.points, workload="frame")
-    rows = []
-    for width, culling, split in (
-        (width, culling, split)
-        for width in sorted(table["packet_width"].unique())
-        for culling in (True, False)
-        for split in sorted(table["split_x"].unique())
-        if split > 1
-    ):
-        ratios = []
-        for scene in SCENES:
-            ours, first = (
-                of(table, scene=scene, split_x=split, culling=culling, packet_width=width, reference=place)["speedup"]
-                for place in ("off_axis", "first_cell")
-            )
-            ratios.append(digits(ours.item() / first.item()) if len(ours) and len(first) else "not measured")
-        rays = "single rays" if width == 1 else f"packets of {width}"
-        rows.append(table_row(f"{split} {TIMES} 1, {rays}, culling {'on' if culling else 'off'}", *ratios))
-    return Quoted(rows=tuple(rows))
-
-
-def other_tracers(kept: Kept) -> Quoted:
+def other_tracers(kept):
     """Over rtcIntersect1 in the same rounds, and wrong pixels."""
-    table, rows = of(kept.points, workload="frame"), []
-    for method in table["method"].unique():
-        of_scenes = [of(table, scene=scene, method=method) for scene in SCENES]
-        cells = ["not measured" if one.empty else digits(one["speedup"].item()) for one in of_scenes]
-        wrong = [0 if one.empty else int(one["pixels_wrong"].item()) for one in of_scenes]
-        rows.append(table_row(find_method(method).label, *cells, f"{sum(wrong):,}"))
-    return Quoted(rows=tuple(rows))
+    table = of(kept.points, workload="frame")
+    return tracers_over_single_rays(table, table["method"].unique())
 
 
-def other_instruction_sets(kept: Kept) -> Quoted:
+def tracers_over_single_rays(table, methods):
+    for method in methods:
+        found = of(table, method=method)
+        of_scenes = [of(found, scene=scene) for scene in SCENES]
+        cells = ("not measured" if one.empty else digits(one["speedup"].item()) for one in of_scenes)
+        yield table_row(find_method(method).label, *cells, f"{int(found['pixels_wrong'].sum()):,}")
+
+
+def other_instruction_sets(kept):
     """The rasteriser over the packets that are native there; the width of packets tells the sets apart."""
-    rows = []
     for width, name in ((8, "AVX2, packets of 8"), (4, "SSE4.2, packets of 4")):
-        narrow = of(kept.points, packets_width=width)
-        cells = (interval(best(narrow, scene=scene, method="raster"), "speedup_vs_packets") for scene in SCENES)
-        rows.append(table_row(name, *cells))
-    return Quoted(rows=tuple(rows))
+        chosen = best_of_each(of(kept.points, packets_width=width), method="raster")
+        yield line(name, chosen, "speedup_vs_packets", interval)
 
 
-def two_threads(kept: Kept) -> Quoted:
-    rows = []
+def two_threads(kept):
     for method in kept.points["method"].unique():
-        ratios = []
-        for scene in SCENES:
-            one, two = (of(kept.points, scene=scene, method=method, threads=threads) for threads in (1, 2))
-            ratios.append(digits(one["render_time_s"].item() / two["render_time_s"].item()))
-        rows.append(table_row(find_method(method).label, *ratios))
-    return Quoted(rows=tuple(rows))
+        yield table_row(find_method(method).label, *map(digits, gains_of_two_threads(kept.points, method)))
 
 
-def two_eyes(kept: Kept) -> Quoted:
-    rows = []
-    for scene in SCENES:
-        row = best(kept.points, scene=scene)
-        ratios = ("speedup_vs_separate", "speedup_vs_visible_first", "speedup_vs_packets")
-        rows.append(
-            table_row(
-                f"`{scene}`, {split_of(row)}",
-                milliseconds(row["render_time_s"]),
-                *(interval(row, name) for name in ratios),
-            )
-        )
-    return Quoted(rows=tuple(rows))
+def gains_of_two_threads(table, method):
+    one, two = (each_scene(table, method=method, threads=threads) for threads in (1, 2))
+    return [a["render_time_s"] / b["render_time_s"] for a, b in zip(one, two, strict=True)]
 
 
-def several_frames(kept: Kept) -> Quoted:
-    """Over each frame aligned alone / visible-first / packets."""
-    rows = []
-    for motion in ("walk", "turn"):
-        for scene in SCENES:
-            cells = []
-            for frames in sorted(kept.points["frames"].unique()):
-                row = best(kept.points, scene=scene, motion=motion, frames=frames)
-                names = ("speedup_vs_separate", "speedup_vs_visible_first", "speedup_vs_packets")
-                cells.append(" / ".join(digits(row[name]) for name in names))
-            rows.append(table_row(f"`{scene}`, {motion}", *cells))
-    return Quoted(rows=tuple(rows))
+def two_eyes(kept):
+    for row in best_of_each(kept.points):
+        gains = (interval(row, f"speedup_vs_{name}") for name in ("separate", "visible_first", "packets"))
+        yield table_row(f"`{row['scene']}`, {split_of(row)}", milliseconds(row["render_time_s"]), *gains)
 
 
-def regret(kept: Kept) -> Quoted:
-    rows = []
-    measured = of(kept.points)
-    for scene, of_scene in measured.groupby("scene", sort=False):
+def regret(kept):
+    for scene, of_scene in of(kept.points).groupby("scene", sort=False):
         pays = of_scene["pays_from_frames"]
-        rows.append(
-            table_row(
-                f"`{scene}`",
-                len(of_scene),
-                *(digits(of_scene["regret"].agg(name)) for name in ("median", "max")),
-                *(digits(of_scene["regret_with_planning"].agg(name)) for name in ("median", "max")),
-                digits(of_scene["packets_regret"].median()),
-                f"{pays.median():,.0f}" if pays.notna().all() else f"{pays.notna().sum()} of {len(pays)} ever do",
-            )
+        both = (of_scene[name] for name in ("regret", "regret_with_planning"))
+        yield table_row(
+            f"`{scene}`",
+            len(of_scene),
+            *(digits(value) for one in both for value in (one.median(), one.max())),
+            digits(of_scene["packets_regret"].median()),
+            f"{pays.median():,.0f}" if pays.notna().all() else f"{pays.notna().sum()} of {len(pays)} ever do",
         )
-    return Quoted(rows=tuple(rows))
 
 
-def moving_cameras(kept: Kept) -> Quoted:
+def moving_cameras(kept):
     """Over packets that build anew for every eye, and over those that keep a BVH in world space."""
-    table, rows = of(kept.points, workload="moving"), []
-    for name in ("raster", "visible_first", "aligned"):
-        chosen = [best(table, scene=scene, method=name) for scene in SCENES]
-        label = find_method(name).label
-        rebuilt = (digits(row["speedup_vs_packets"]) for row in chosen)
-        rows.append(table_row(f"{label}, {TIMES} packets built anew", *rebuilt))
-        over_kept = (digits(row["speedup_vs_kept_packets"]) for row in chosen)
-        rows.append(table_row(f"{label}, {TIMES} packets over a kept BVH", *over_kept))
-    return Quoted(rows=tuple(rows))
+    for name in COMPARED:
+        chosen, label = best_of_each(of(kept.points, workload="moving"), method=name), find_method(name).label
+        yield line(f"{label}, {TIMES} packets built anew", chosen, "speedup_vs_packets")
+        yield line(f"{label}, {TIMES} packets over a kept BVH", chosen, "speedup_vs_kept_packets")
 
 
-_ROBUST: tuple[tuple[str, dict[str, Any]], ...] = (
-    ("packets of 16", {"method": "pixel", "packet_width": 16}),
-    ("single rays", {"method": "pixel", "packet_width": 1}),
-    (f"aligned, 256 {TIMES} 1", {"method": "aligned", "split_x": 256}),
-    (f"visible-first, 256 {TIMES} 1", {"method": "visible_first", "split_x": 256}),
-)
+ROBUST = {
+    "packets of 16": {"method": "pixel", "packet_width": 16},
+    "single rays": {"method": "pixel", "packet_width": 1},
+    f"aligned, 256 {TIMES} 1": {"method": "aligned", "split_x": 256},
+    f"visible-first, 256 {TIMES} 1": {"method": "visible_first", "split_x": 256},
+}
 
 
-def price_of_robust(kept: Kept) -> Quoted:
+def price_of_robust(kept):
     """A frame in Embree's robust setting over one in its fast setting: time, each against packets of its own rounds."""
 
-    def speed(**values: Any) -> Estimate:
+    def speed(**values):
         return Estimate.of(of(kept.processes, **values)["speedup_vs_packets"].astype(float).tolist())
 
-    rows = []
-    for label, point in _ROBUST:
-        prices = [
-            speed(scene=scene, robust=False, **point).over(speed(scene=scene, robust=True, **point)) for scene in SCENES
-        ]
-        rows.append(table_row(label, *prices))
+    for label, point in ROBUST.items():
+        fast, robust = ([speed(scene=scene, robust=how, **point) for scene in SCENES] for how in (False, True))
+        yield table_row(label, *(a.over(b) for a, b in zip(fast, robust, strict=True)))
     assert set(of(kept.points, robust=True)["pixels_hole"].dropna()) == {0}
-    return Quoted(rows=tuple(rows))
+
+
+_JOBS = {"camera_rays": "of a camera", "random_rays": "from anywhere to anywhere"}
+
+
+def twenty_views(kept):
+    """A mesh a row: triangles, how many times as fast the library is as each tracer of others, and the least share of
+    pixels with the same triangle."""
+    table = of(kept.points, job="views")
+    methods = tuple(table["method"].unique())
+    for triangles, of_mesh in table.groupby("triangles"):
+        gains = (interval(of(of_mesh, method=method).iloc[0], "library_gain") for method in methods)
+        yield table_row(f"{triangles:,}", *gains, f"{of_mesh['ids_equal'].min():.5f}")
+    yield from (f"{TIMES} {find_method(method).label}" for method in methods)
+
+
+def million_rays(kept):
+    """A mesh a row: triangles, and for rays of every kind how many times as fast the library is as embreex."""
+    for triangles, of_mesh in of(kept.points, method="embreex").groupby("triangles"):
+        gains = (interval(of(of_mesh, job=job).iloc[0], "library_gain") for job in _JOBS)
+        yield table_row(f"{triangles:,}", *gains)
+    yield from _JOBS.values()

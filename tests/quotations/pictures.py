@@ -1,50 +1,48 @@
 """What the pages quote of the sweep of whole pictures."""
 
-from __future__ import annotations
-
-from collections.abc import Callable
-from typing import Any
-
-import pandas as pd
-
 from experiments.methods.peers.llvmpipe import LLVMPIPE
-from tests.quotations.quotation import SCENES, Kept, Quoted, digits, interval, milliseconds, of, table_row
+from tests.quotations.quotation import SCENES, digits, interval, milliseconds, of, table_row
 
-_PLAIN = {"method": "raster", "frame": "hybrid", "samples": 1, "jitter": "shared", "order": "depth_first"}
+_PLAIN = {
+    "method": "raster", "frame": "hybrid", "samples": 1, "jitter": "shared", "order": "depth_first", "mitsuba": "none",
+}  # fmt: skip
 
-_QUANTITIES: tuple[tuple[str, dict[str, Any], Callable[[pd.Series], str]], ...] = (
-    ("hybrid, ms a sample", {}, lambda row: milliseconds(row["render_time_s"])),
-    ("hybrid, over packets", {}, lambda row: interval(row, "speedup_vs_packets")),
+
+def _time(row):
+    return milliseconds(row["render_time_s"])
+
+
+def _gain(row):
+    return interval(row, "speedup_vs_packets")
+
+
+def _outside(row):
+    return f"{100.0 * row['outside_embree']:.0f} %"
+
+
+_QUANTITIES = (
+    ("hybrid, ms a sample", {}, _time),
+    ("hybrid, over packets", {}, _gain),
     ("forecast of that by Amdahl", {}, lambda row: digits(row["speedup_forecast"])),
-    ("hybrid, outside Embree", {}, lambda row: percent(row["outside_embree"])),
-    ("visible-first for the rasteriser", {"method": "visible_first"}, lambda row: interval(row, "speedup_vs_packets")),
-    ("4 samples, camera still", {"jitter": "off", "samples": 4}, lambda row: interval(row, "speedup_vs_packets")),
-    ("paths, over packets", {"frame": "path"}, lambda row: interval(row, "speedup_vs_packets")),
-    ("waves of paths, outside Embree", {"frame": "path", "order": "waves"}, lambda row: percent(row["outside_embree"])),
-    (
-        "samples over Mitsuba 3's",
-        {"frame": "path", "mitsuba": "llvm_ad_rgb"},
-        lambda row: interval(row, "samples_vs_mitsuba"),
-    ),
-)
+    ("hybrid, outside Embree", {}, _outside),
+    ("visible-first for the rasteriser", {"method": "visible_first"}, _gain),
+    ("4 samples, camera still", {"jitter": "off", "samples": 4}, _gain),
+    ("paths, over packets", {"frame": "path"}, _gain),
+    ("waves of paths, outside Embree", {"frame": "path", "order": "waves"}, _outside),
+    ("samples over Mitsuba 3's", {"frame": "path", "mitsuba": "llvm_ad_rgb"},
+     lambda row: interval(row, "samples_vs_mitsuba")),
+)  # fmt: skip
 """Label, what is other than in a plain sample, and what is quoted of that row."""
 
 
-def whole_pictures(kept: Kept) -> Quoted:
+def whole_pictures(kept):
     """A quantity a row, a scene a column. Of images by our own methods none may have a wrong pixel."""
-    rows = []
     for label, other, quote in _QUANTITIES:
-        given = {"mitsuba": "none"} | _PLAIN | other
+        given = _PLAIN | other
         scenes = (*SCENES, "weekend") if given["mitsuba"] == "none" else SCENES
         found = [of(kept.points, scene=scene, **given) for scene in scenes]
         assert all(len(of_scene) == 1 for of_scene in found), f"not one row each of {given}"
         cells = [quote(of_scene.iloc[0]) for of_scene in found]
-        rows.append(table_row(label, *cells, *["not asked"] * (len(SCENES) + 1 - len(cells))))
+        yield table_row(label, *cells, *["not asked"] * (len(SCENES) + 1 - len(cells)))
     own = kept.points[kept.points["method"] != LLVMPIPE.name]
     assert set(own["pixels_wrong"].dropna()) == set(own["pixels_unlike"].dropna()) == {0}
-    return Quoted(rows=tuple(rows))
-
-
-def percent(share: float) -> str:
-    """ "24 %"."""
-    return f"{100.0 * share:.0f} %"

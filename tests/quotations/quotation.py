@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
 from math import floor, log10
 from pathlib import Path
 from typing import Any
@@ -12,8 +12,8 @@ from typing import Any
 import pandas as pd
 
 from experiments.workloads.ratios import best_rows
+from tests.folders import ROOT
 
-ROOT = Path(__file__).resolve().parents[2]
 REFERENCE = ROOT / "reports" / "reference"
 TIMES = "\N{MULTIPLICATION SIGN}"
 SCENES = ("cornell_box", "mitsuba", "fireplace_room", "sponza")
@@ -24,29 +24,18 @@ class Kept:
     """What is kept of a sweep. points: a row a point. processes: a row a process of it. claims: those judged."""
 
     points: pd.DataFrame
-    processes: pd.DataFrame
-    claims: list[dict[str, Any]]
-
-
-@dataclass(frozen=True)
-class Quoted:
-    """rows: of a table of the page. phrases: of its text."""
-
-    rows: tuple[str, ...] = ()
-    phrases: tuple[str, ...] = ()
-
-    @property
-    def fragments(self) -> tuple[str, ...]:
-        return (*self.rows, *self.phrases)
+    processes: pd.DataFrame = field(default_factory=pd.DataFrame)
+    claims: list[dict[str, Any]] = field(default_factory=list)
 
 
 @dataclass(frozen=True)
 class Quotation:
-    """page: that quotes. sweep: whose tables are kept in a folder of that name. make: what is quoted of them."""
+    """page: that quotes. sweep: whose tables are kept in a folder of that name. make: what is quoted of them; lines
+    that begin with a bar are rows of a table of the page, others phrases of its text."""
 
     page: str
     sweep: str
-    make: Callable[[Kept], Quoted]
+    make: Callable[[Kept], Iterable[str]]
 
     @property
     def name(self) -> str:
@@ -56,14 +45,15 @@ class Quotation:
     def folder(self) -> Path:
         return REFERENCE / self.sweep
 
-    def quoted(self) -> Quoted:
+    def rows_and_phrases(self) -> tuple[list[str], list[str]]:
         points, processes = (
             pd.read_parquet(path) if path.exists() else pd.DataFrame()
             for path in (self.folder / "table.parquet", self.folder / "processes.parquet")
         )
         claims = self.folder / "claims.json"
         judged = json.loads(claims.read_text(encoding="utf-8")) if claims.exists() else []
-        return self.make(Kept(points, processes, judged))
+        lines = list(self.make(Kept(points, processes, judged)))
+        return [one for one in lines if one.startswith("|")], [one for one in lines if not one.startswith("|")]
 
 
 def mark(name: str) -> str:
@@ -71,7 +61,7 @@ def mark(name: str) -> str:
     return f"<!-- rows: {name} -->"
 
 
-def with_rows(page: str, name: str, rows: tuple[str, ...]) -> str:
+def with_rows(page: str, name: str, rows: Iterable[str]) -> str:
     """The page with other rows in the table below the mark: after a line of text or none, a head and a rule. Raises
     ValueError for a page without it."""
     lines = page.splitlines()
@@ -125,3 +115,32 @@ def best(table: pd.DataFrame, **values: Any) -> pd.Series:
     rows = best_rows(of(table, **values))
     assert len(rows) == 1, f"{len(rows)} best rows for {values}"
     return rows.iloc[0]
+
+
+def each_scene(table: pd.DataFrame, **values: Any) -> list[pd.Series]:
+    """The one row of each scene."""
+    found = [of(table, scene=scene, **values) for scene in SCENES]
+    assert all(len(rows) == 1 for rows in found), values
+    return [rows.iloc[0] for rows in found]
+
+
+def best_of_each(table: pd.DataFrame, **values: Any) -> list[pd.Series]:
+    """The best row of each scene."""
+    return [best(table, scene=scene, **values) for scene in SCENES]
+
+
+def number(row: pd.Series, name: str) -> str:
+    return digits(row[name])
+
+
+def line(
+    label: str, rows: Iterable[pd.Series], column: str, say: Callable[[pd.Series, str], str] = number, *more: Any
+) -> str:
+    """A row of a page: the label, this column of each row as `say` writes it, and more cells."""
+    return table_row(label, *(say(row, column) for row in rows), *more)
+
+
+def span(values: Iterable[float]) -> str:
+    """ "1.22 to 1.98"."""
+    known = [value for value in values if not pd.isna(value)]
+    return f"{digits(min(known))} to {digits(max(known))}"

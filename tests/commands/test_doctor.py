@@ -1,0 +1,153 @@
+"""`python run.py doctor`: one screen, whatever the machine has or lacks, and an exit code that tells."""
+
+import os
+import subprocess
+import sys
+from dataclasses import replace
+
+import psutil
+import pytest
+
+from atra.command import doctor as library_doctor
+from atra.command.doctor import render
+from atra.compiled.instruction_sets import VARIABLE, instruction_sets_here
+from atra.compiled.store import cache_folder
+from atra.compiled.threads import resolve_threads
+from atra.embree.library import OVERRIDE_VARIABLE, embree_version, load_library
+from experiments.commands import doctor
+from experiments.commands.doctor import diagnose
+from experiments.harness import environment
+from experiments.harness.configuration import Configuration
+from experiments.methods import METHODS
+from experiments.methods.peers.embreex_run import EMBREEX
+from tests.folders import ROOT, empty_cache
+
+
+def run(folder, *arguments, **variables):
+    command = [sys.executable, str(ROOT / "run.py"), "doctor", *arguments]
+    return subprocess.run(command, cwd=folder, env={**os.environ, **variables}, capture_output=True, text=True)
+
+
+def facts(**fields):
+    return dict(diagnose(Configuration(**fields)).facts)
+
+
+def test_this_machine_is_described_on_one_screen_and_nothing_is_written(tmp_path):
+    done = run(tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert done.stderr == ""
+    *lines, last = done.stdout.splitlines()
+    assert len(lines) <= 30
+    assert max(map(len, lines)) <= 80
+    assert last == "points can be measured here"
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_facts_are_those_of_this_machine(tmp_path, monkeypatch):
+    cache = empty_cache(tmp_path, monkeypatch)
+    monkeypatch.delenv(VARIABLE, raising=False)
+    cache.mkdir(parents=True)
+    (cache / "sponza.ply").touch()
+    told = facts(results_dir=str(tmp_path / "results"))
+    library = load_library()
+    widths = ", ".join(map(str, library.native_packet_widths))
+    assert told["Embree"].startswith(f"{embree_version()}, native packets of {widths}")
+    assert told["libembree4"] == str(library.path)
+    assert told["instructions"].startswith(", ".join(instruction_sets_here()))
+    assert told["instructions"].endswith("all are used (ATRA_ISA is not set)")
+    assert told["scenes"] == "built in: cornell_box, needles, three_holes, weekend, material_ball, living_room, atrium"
+    assert told["fetched"] == f"{cache} holds sponza.ply"
+    assert "ATRA_SCENES" not in told
+    assert f"embreex {EMBREEX.version()}" in told["peers"]
+    assert told["results"] == f"go to {tmp_path / 'results'}"
+    assert told["kernels"] == f"kept in {cache_folder()}"
+    assert sys.version.split()[0] in told["Python"]
+
+
+def test_without_a_usable_embree_it_says_why_and_fails(tmp_path):
+    (tmp_path / "broken").write_text("no library")
+    done = run(tmp_path, **{OVERRIDE_VARIABLE: "broken"})
+    assert done.returncode == 1, done.stderr
+    *lines, last = done.stdout.splitlines()
+    assert last.startswith(f"nothing can be measured here: {tmp_path / 'broken'} is not a usable libembree4")
+    assert "pip install" in last
+    assert "Embree        cannot be used, see the last line" in lines
+    assert any(line.startswith("CPU") for line in lines)
+    assert "Traceback" not in done.stdout + done.stderr
+
+
+def test_a_missing_instruction_set_and_results_that_cannot_be_written_are_obstacles(tmp_path, monkeypatch):
+    (tmp_path / "taken").touch()
+    monkeypatch.setattr(library_doctor, "load_library", load_library.__wrapped__)
+    monkeypatch.setenv(VARIABLE, "avx1024")
+    diagnosis = diagnose(Configuration(results_dir=str(tmp_path / "taken")))
+    told, (lacking, taken) = dict(diagnosis.facts), diagnosis.obstacles
+    assert "ATRA_ISA is 'avx1024', expected one of what this machine has" in lacking
+    assert "held to avx1024 (ATRA_ISA)" in told["instructions"]
+    assert told["results"] == f"cannot be written to {tmp_path / 'taken'}"
+    assert taken.startswith(f"results cannot be written to {tmp_path / 'taken'}: ")
+    last = render(diagnosis, "points", "measured").splitlines()[-1]
+    assert last.startswith(f"nothing can be measured here: {lacking}")
+    assert taken in last
+
+
+def test_without_git_the_commit_is_unknown(tmp_path, monkeypatch):
+    monkeypatch.setattr(environment, "_PROJECT", tmp_path)
+    assert facts()["atra"].endswith(", commit unknown")
+
+
+@pytest.mark.parametrize("platform", ["darwin", "win32"])
+def test_a_system_without_affinity_load_and_proc_is_described(platform, monkeypatch):
+    monkeypatch.setattr(sys, "platform", platform)
+    monkeypatch.delattr(os, "sched_getaffinity", raising=False)
+    monkeypatch.delattr(os, "getloadavg", raising=False)
+    monkeypatch.setattr(environment, "_read", lambda _: None)
+    monkeypatch.setattr(environment, "_cpu_model", lambda: "CPU\x1b[31m")
+    diagnosis = diagnose(Configuration())
+    assert "this process" not in dict(diagnosis.facts)["cores"]
+    assert not any("busy" in doubt for doubt in diagnosis.doubts)
+    assert "\nCPU " in render(diagnosis, "points", "measured")
+    assert "\x1b" not in render(
+        diagnosis, "points", "measured"
+    )  # what a machine says of itself cannot steer the terminal
+
+
+@pytest.mark.parametrize(("physical", "affinity", "expected"), [
+    (1, {0, 1}, "1 physical by the system's account; the second may be a hardware thread of the first"),
+    (2, {0, 1}, "2 physical by the system's account"),
+    (None, {1}, "unknown physical by the system's account; this process may use only 1"),
+])  # fmt: skip
+def test_cores_are_told_from_hardware_threads(physical, affinity, expected, monkeypatch):
+    monkeypatch.setattr(psutil, "cpu_count", lambda logical=True: 2 if logical else physical)
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: affinity, raising=False)
+    assert facts()["cores"] == f"2 logical, {expected}"
+
+
+def test_what_may_spoil_times_is_doubted(tmp_path, monkeypatch):
+    monkeypatch.setattr(os, "getloadavg", lambda: (3.25, 1.0, 1.0), raising=False)
+    monkeypatch.setattr(library_doctor, "cache_folder", lambda: None)
+    monkeypatch.setenv("ATRA_SCENES", str(tmp_path / "nowhere"))
+    configuration = Configuration(results_dir=str(tmp_path))
+    configuration.measure.memory_budget_gib = 1e9
+    configuration.threads = 1025
+    diagnosis = diagnose(configuration)
+    scenes, threads, load, memory, kernels = diagnosis.doubts
+    assert "ATRA_SCENES is" in scenes
+    assert threads == f"more threads are asked for than there are cores (1025 on {resolve_threads(None)})"
+    assert load == "the machine is busy (load 3.2)"
+    assert "memory_budget_gib=1e+09" in memory
+    assert "NUMBA_CACHE_DIR" in kernels
+    assert dict(diagnosis.facts)["kernels"] == "not kept"
+    assert diagnosis.obstacles == ()
+
+
+def test_a_folder_of_many_scenes_and_reasons_of_any_length_still_fit_the_screen(tmp_path, monkeypatch):
+    for number in range(500):
+        (tmp_path / f"scene{number}.ply").touch()
+    monkeypatch.setenv("ATRA_SCENES", str(tmp_path))
+    wordy = [replace(one, problem=lambda: f"it says {'much ' * 500}; do this") for one in METHODS]
+    monkeypatch.setattr(doctor, "METHODS", wordy)
+    lines = render(diagnose(Configuration()), "points", "measured").splitlines()
+    assert len(lines) <= 36
+    assert max(map(len, lines)) <= 80
+    assert not any("do this" in line for line in lines)

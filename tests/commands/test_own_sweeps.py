@@ -1,0 +1,109 @@
+"""Sweeps of one's own: a folder that keeps the table before it, a figure, lines of 80 columns, an honest time to go."""
+
+import io
+import sys
+
+import pytest
+from rich.console import Console
+
+from experiments import cli
+from experiments.harness.progress import SweepProgress
+from experiments.report.figures import figure_kinds
+from experiments.results.table import Tables, read_tables
+from experiments.results.terminal import print_point, print_sweep
+from experiments.sweep import GridPoint, run_sweep
+from tests.drawn import make_rows, method_row, time_row
+from tests.harness.test_sweep import Runner, configuration
+
+pytestmark = pytest.mark.uncovered
+
+
+def sweep(folder, command, *splits):
+    points = [GridPoint("points", configuration(folder, "point", split)) for split in splits]
+    run_sweep(points, command=command, run=Runner())
+
+
+def splits_in(folder):
+    tables = read_tables(folder)
+    return sorted(tables.points["split_x"])
+
+
+def test_a_second_sweep_of_a_name_has_a_folder_of_its_own_and_says_so(tmp_path, capsys):
+    sweep(tmp_path, "run.py -m method.split_x=1,2", 1, 2)
+    assert "which stays" not in capsys.readouterr().err
+    sweep(tmp_path, "run.py -m method.split_x=4", 4)
+    told = capsys.readouterr().err
+    assert f"{tmp_path / 'point'} holds the table of `run.py -m method.split_x=1,2`, which stays" in told
+    assert f"this sweep goes to {tmp_path / 'point_2'}, unless sweep.name=... says otherwise" in told
+    sweep(tmp_path, "run.py -m method.split_x=8", 8)
+    assert [splits_in(tmp_path / name) for name in ("point", "point_2", "point_3")] == [[1, 2], [4], [8]]
+
+
+def test_a_sweep_that_goes_on_or_grows_keeps_its_folder(tmp_path):
+    sweep(tmp_path, "run.py -m method.split_x=1,2", 1, 2)
+    sweep(tmp_path, "run.py -m method.split_x=1,2", 1, 2)
+    sweep(tmp_path, "run.py -m method.split_x=1,2,4", 1, 2, 4)
+    assert splits_in(tmp_path / "point") == [1, 2, 4]
+    sweep(tmp_path, "run.py -m method.split_x=8", 8)
+    sweep(tmp_path, "run.py -m method.split_x=8", 8)
+    assert splits_in(tmp_path / "point_2") == [8]
+    assert not (tmp_path / "point_3").exists()
+
+
+def test_a_grid_may_ask_for_a_setting_that_is_left_to_the_machine(monkeypatch):
+    asked = []
+    monkeypatch.setattr("experiments.sweep.run_sweep", lambda points, **_: asked.extend(points))
+    monkeypatch.setattr(sys, "argv", ["run.py", "sweep=baselines", "scene=cornell_box", "method.packet_rows=1"])
+    cli.main()
+    widths = {(one.grid, one.configuration.method.options.packet_width) for one in asked if "shape" in one.grid}
+    assert widths == {("baselines_shape", None), ("baselines_shape_of_8", 8)}
+
+
+@pytest.mark.parametrize(("rows", "figures"), [
+    ([method_row("pixel", scene="a"), method_row("pixel", scene="b")], ["rates"]),
+    ([method_row("pixel", packet_width=8), method_row("pixel", packet_width=16)], ["rates"]),
+    ([time_row(8, 0.01, view="own"), time_row(8, 0.02, view="above")], ["rates"]),
+    ([time_row(8, 0.01, width=512), time_row(8, 0.02, width=1024)], ["growth"]),
+    ([time_row(8, 0.01), time_row(16, 0.02)], ["figure5", "figure5_speedup"]),
+    ([method_row("pixel"), method_row("visible_first")], ["methods", "break_even"]),
+])  # fmt: skip
+def test_a_sweep_that_no_other_figure_fits_draws_its_rates(rows, figures):
+    table = make_rows(*rows)
+    assert [kind.name for kind in figure_kinds() if len(kind.rows(table))] == figures
+
+
+def test_tables_fit_80_columns_and_nothing_in_them_is_cut(tmp_path):
+    shown = io.StringIO()
+    console = Console(file=shown, width=80)
+    rows = [
+        method_row(name, 1024, 1.2345, scene="fireplace_room", speedup=10000 / 81, pixels_wrong=1048576, view=view)
+        for name in ("aligned", "visible_first", "pixel")
+        for view in ("own", "along_axis")
+    ]
+    table = make_rows(*rows)
+    print_sweep(Tables(table, table.iloc[:0]), tmp_path, console)
+    *lines, _, _ = shown.getvalue().splitlines()  # the last ones name files, and no terminal breaks them well
+    assert max(map(len, lines)) <= 80
+    assert "\N{HORIZONTAL ELLIPSIS}" not in shown.getvalue()
+    for text in ("fireplace_room", "1,234.5 ms", "1024 x 1", "123.46x", "1048576", "visible-first", "pixels"):
+        assert any(text in line for line in lines), text
+    shown.truncate(shown.seek(0))
+    print_point(table.assign(doubts="x" * 100).iloc[0], console)
+    assert max(map(len, shown.getvalue().splitlines())) <= 80
+    assert "\N{HORIZONTAL ELLIPSIS}" not in shown.getvalue()
+
+
+def test_the_time_to_go_leaves_out_points_that_may_have_waited_for_the_compiler():
+    shown, now = io.StringIO(), [0.0]
+    console = Console(file=shown, width=200)
+    seconds = {"frame aligned": [60.0, 2.0, 2.0, 2.0], "frame pixel": [30.0, 2.0]}
+    with SweepProgress(8, console, clock=lambda: now[0]) as progress:
+        for kind, times in seconds.items():
+            for taken in times:
+                progress.begin("a point")
+                now[0] += taken
+                progress.end("a point", "done", kind)
+    lines = shown.getvalue().splitlines()
+    assert [line.partition("(")[2] for line in lines] == [
+        "7 left)", "6 left)", "5 left)", "4 left, about 8 s)", "3 left, about 6 s)", "2 left, about 4 s)",
+    ]  # fmt: skip

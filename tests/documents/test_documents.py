@@ -1,0 +1,143 @@
+"""README and docs: numbers stand in the tables that are named, and every link leads somewhere."""
+
+import re
+import tomllib
+
+import pytest
+import yaml
+
+from tests.folders import ROOT
+from tests.quotations import QUOTATIONS
+from tests.quotations.quotation import with_rows
+
+REFERENCE = ROOT / "reports" / "reference"
+DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")), *sorted(REFERENCE.glob("*.md"))]
+TABLES = "reports/reference/tables.md"
+GENERATED = "docs/reference.md"
+PAGES = ["README.md", *(path.relative_to(ROOT).as_posix() for path in DOCUMENTS if path.parent.name == "docs")]
+MOST_WORDS = 12_000
+READ_IN_TABLES = [page for page in PAGES if page not in (GENERATED, "docs/platforms.md")] + [TABLES]
+"""Pages on which every measured number comes from a kept table. Numbers in docs/platforms.md are versions."""
+
+MEASURED = re.compile(r"\d[\d.,]*\s?(?:ms|[μ\u00b5]s|ns|KiB|MiB|GiB|%|times)(?!\w)")
+NOT_MEASURED = {
+    "README.md": {"95 %"},
+    "docs/start.md": {"95 %", "35.1%"},  # what its example prints
+    "docs/lightmaps.md": {"1 %", "99 %"},  # an adaptive bake's target
+    "docs/sweeps.md": {"95 %", "10 %"},  # the canary's band
+    "docs/paper.md": {"95 %"},
+    "docs/not_helpful.md": {"5 %"},  # the error that was asked for
+    "docs/trust.md": {"95 %", "10 %", "128 MiB"},  # simulated by test_estimates; limits
+    TABLES: {"95 %", "5 %"},
+}
+"""Numbers with a unit that are settings, or that a test computes."""
+
+
+def text_of(page):
+    return (ROOT / page).read_text(encoding="utf-8")
+
+
+def test_the_readme_is_read_in_two_minutes():
+    assert len(text_of("README.md").splitlines()) <= 120
+
+
+def test_the_documents_are_short_enough_to_be_read():
+    words = {page: len(text_of(page).split()) for page in PAGES if page != GENERATED}
+    assert sum(words.values()) <= MOST_WORDS, words
+
+
+def test_the_readme_leads_to_every_page():
+    pages = {f"docs/{path.name}" for path in (ROOT / "docs").glob("*.md")}
+    assert pages <= set(re.findall(r"\]\(([^)#]+)[^)]*\)", text_of("README.md")))
+
+
+@pytest.mark.parametrize("quotation", QUOTATIONS, ids=lambda one: f"{one.page}:{one.name}")
+def test_what_a_page_quotes_stands_in_the_table_it_names(quotation):
+    page = text_of(quotation.page)
+    words = " ".join(page.split())
+    rows, phrases = quotation.rows_and_phrases()
+    assert rows or phrases
+    if rows:
+        assert page == with_rows(page, quotation.name, rows)
+    for phrase in phrases:
+        assert phrase in words, phrase
+    folder = "" if quotation.page == TABLES else r"(\.\./)?reports/reference/"
+    assert re.search(rf"\]\({folder}{re.escape(quotation.sweep)}[)/]", page)
+
+
+def test_every_table_that_is_kept_is_quoted():
+    kept = {path.parent.name for path in REFERENCE.glob("*/table.parquet")}
+    assert kept == {one.sweep for one in QUOTATIONS}
+
+
+@pytest.mark.parametrize("page", READ_IN_TABLES)
+def test_a_page_has_no_measured_number_of_its_own(page):
+    quoted = [one.rows_and_phrases() for one in QUOTATIONS if one.page == page]
+    known = {row for rows, _ in quoted for row in rows}
+    own_rows = [line for line in text_of(page).splitlines() if line.startswith("|") and line not in known]
+    assert [row for row in own_rows if re.search(r"\d\.\d", row)] == []
+    words = " ".join(line for line in text_of(page).splitlines() if not line.startswith("|"))
+    for phrase in (phrase for _, phrases in quoted for phrase in phrases):
+        words = words.replace(phrase, "")
+    assert set(MEASURED.findall(words)) <= NOT_MEASURED.get(page, set())
+
+
+def test_the_documents_name_every_sweep_and_no_other():
+    there = {path.stem for path in (ROOT / "conf" / "sweep").glob("*.yaml")} - {"point", "planner_fit"}
+    text = "\n".join(document.read_text(encoding="utf-8") for document in DOCUMENTS)
+    assert set(re.findall(r"sweep=(\w+)", text)) <= there
+    listed, *_ = re.findall(r"\| sweep \|(.*?)\n\n", text_of("docs/sweeps.md"), re.S)
+    first_cells = re.findall(r"^\| (`.*?) \|", listed, re.M)
+    assert {name for cell in first_cells for name in re.findall(r"`(\w+)`", cell)} == there
+
+
+def test_every_page_that_code_or_configuration_names_is_there():
+    folders = ("atra", "conf", "examples", "experiments", "scenes", "tests", ".github")
+    files = [
+        path for folder in folders for path in (ROOT / folder).rglob("*") if path.suffix in (".py", ".yaml", ".yml")
+    ]
+    named = {
+        (path.name, page)
+        for path in files
+        for page in re.findall(r"\bdocs/\w+\.md\b", path.read_text(encoding="utf-8"))
+    }
+    assert named
+    assert [one for one in sorted(named) if not (ROOT / one[1]).exists()] == []
+
+
+def anchors(document):
+    headings = re.findall(r"^#+ (.*)$", document.read_text(encoding="utf-8"), re.M)
+    return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
+
+
+@pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.relative_to(ROOT).as_posix())
+def test_every_link_and_picture_is_there(document):
+    links = re.findall(r"\]\(([^)\s]+)\)", document.read_text(encoding="utf-8"))
+    for link in links:
+        if link.startswith(("http://", "https://")):
+            continue
+        name, _, anchor = link.partition("#")
+        target = (document.parent / name).resolve() if name else document
+        assert target.exists(), link
+        if anchor:
+            assert anchor in anchors(target), link
+
+
+def test_every_picture_of_the_documents_is_shown_somewhere():
+    shown = {
+        link for document in DOCUMENTS for link in re.findall(r"images/([\w.]+)", document.read_text(encoding="utf-8"))
+    }
+    assert {path.name for path in (ROOT / "docs" / "images").iterdir()} == shown
+
+
+def test_the_workflow_runs_the_readme_s_two_commands_on_the_oldest_python_and_says_that_it_never_ran():
+    text = (ROOT / ".github" / "workflows" / "test.yml").read_text(encoding="utf-8")
+    job = yaml.safe_load(text)["jobs"]["test"]
+    runs = [step["run"].replace("$BIN", ".venv/bin") for step in job["steps"] if "command" in step.get("name", "")]
+    commands = re.findall(r"^python3 -m venv .*$", text_of("README.md"), re.M)
+    assert [run.replace("python -m venv", "python3 -m venv") for run in runs] == commands
+    assert len(commands) == 2
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    assert project["requires-python"] == f">={job['strategy']['matrix']['python'][0]}"
+    for told in (text, text_of("docs/platforms.md")):
+        assert "has never been run" in " ".join(told.split())

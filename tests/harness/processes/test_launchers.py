@@ -1,0 +1,152 @@
+"""Sweeps whose points Hydra's launchers measure, each in a job of its own."""
+
+import signal
+import subprocess
+import sys
+import time
+from contextlib import suppress
+from importlib import metadata
+
+import pandas as pd
+import psutil
+import pytest
+
+from experiments.harness.configuration import (
+    SweepConfiguration,
+)
+from experiments.harness.identity import measure
+from experiments.harness.points import plan_points
+from experiments.harness.processes.outcome import Outcome
+from experiments.harness.records import write_record
+from experiments.sweep import GridPoint, run_sweep
+from tests.folders import ROOT
+from tests.points import configured
+
+pytestmark = pytest.mark.slow
+
+TOY = [
+    "sweep=horizontal", "method.split_x=1,2", "method.culling=true", "width=32", "height=32", "measure.processes=1",
+    "measure.rounds=3", "measure.warmup=1",
+]  # fmt: skip
+PACKAGES = {"joblib": "hydra-joblib-launcher", "submitit_local": "hydra-submitit-launcher"}
+
+
+def command(launcher, *more):
+    try:
+        metadata.version(PACKAGES[launcher])
+    except metadata.PackageNotFoundError:
+        pytest.skip(f"{PACKAGES[launcher]} is not installed: pip install 'atra[{launcher.partition('_')[0]}]'")
+    return [sys.executable, str(ROOT / "run.py"), *TOY, f"hydra/launcher={launcher}", *more]
+
+
+@pytest.mark.parametrize(("launcher", "more", "left"), [
+    ("joblib", ["hydra.sweeper.max_batch_size=2", "hydra.launcher.n_jobs=2"], set()),
+    ("submitit_local", [], {".submitit"}),
+], ids=["joblib", "submitit_local"])  # fmt: skip
+def test_launched_jobs_measure_every_point_once_and_litter_only_the_results_folder(launcher, more, left, tmp_path):
+    start = command(launcher, *more)
+    done = subprocess.run(start, cwd=tmp_path, capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stderr
+    assert "[2/2] cornell_box" in done.stderr
+    assert [entry.name for entry in tmp_path.iterdir()] == ["results"]
+    kept = {entry.name for entry in (tmp_path / "results").iterdir()} - {".lock"}
+    assert kept == {"horizontal", "records"} | left
+    table = pd.read_csv(tmp_path / "results" / "horizontal" / "table.csv")
+    assert list(zip(table["split_x"], table["status"], table["pixels_wrong"], strict=True)) == [
+        (1, "ok", 0), (2, "ok", 0),
+    ]  # fmt: skip
+    assert (tmp_path / "results" / "horizontal" / "figure5.png").exists()
+
+    again = subprocess.run(start, cwd=tmp_path, capture_output=True, text=True, timeout=120)
+    assert again.returncode == 0, again.stderr
+    assert "2 points in 2 processes: 2 finished before, 0 cannot be measured, 0 to do" in again.stderr
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows sends no SIGINT to one process")
+@pytest.mark.parametrize("launcher", PACKAGES)
+def test_an_interrupt_ends_the_jobs_and_keeps_what_is_done(launcher, tmp_path):
+    # Seed 0 keeps the order: a short point, and one that would take a minute.
+    endless = ["method.split_x=1", "measure.rounds=3,1000000", "measure.frame_budget_s=60", "sweep.shuffle_seed=0"]
+    start = command(launcher, *endless)
+    with subprocess.Popen(start, cwd=tmp_path, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True) as running:
+        for line in running.stderr:
+            if line.startswith("[1/2]"):
+                break
+        started = processes_below(running.pid)
+        running.send_signal(signal.SIGINT)
+        assert running.wait(timeout=30) == 130
+        _, alive = psutil.wait_procs(started, timeout=10)
+        for process in alive:
+            process.kill()
+        rest = running.stderr.read()  # ends with the last of them
+    assert "1 points left, the same command goes on from here" in rest
+    assert "Traceback" not in rest
+    assert not alive
+    table = pd.read_csv(tmp_path / "results" / "horizontal" / "table.csv")
+    assert list(table["status"]) == ["ok"]
+
+
+def processes_below(pid):
+    """All of them, once the worker of a point is among them."""
+    for _ in range(600):
+        below = psutil.Process(pid).children(recursive=True)
+        with suppress(psutil.Error):  # one that has just ended
+            if any("experiments.worker" in process.cmdline() for process in below):
+                return below
+        time.sleep(0.1)
+    pytest.fail("no worker was started")
+
+
+class Launcher:
+    """Stands in for a launcher: writes records of made-up times, save for one split, and remembers its batches."""
+
+    def __init__(self, folder, refused=None):
+        self.folder = folder
+        self.refused = refused
+        self.batches = []
+
+    def __call__(self, jobs):
+        splits = [int(job[0]) for job in jobs]
+        self.batches.append(splits)
+        for split in splits:
+            if split != self.refused:
+                (planned,) = plan_points([configuration(self.folder, split)])
+                write_record(self.folder / "records", measure(planned, lambda _: Outcome("failed", "on purpose")))
+        return ["the queue is closed" if split == self.refused else None for split in splits]
+
+
+def configuration(folder, split_x):
+    kept_in = {"sweep": SweepConfiguration(name="toy"), "results_dir": str(folder)}
+    return configured("aligned", "frame", (64, 64), measure={"processes": 1}, options={"split_x": split_x}, **kept_in)
+
+
+def sweep(folder, launcher, at_once):
+    points = [GridPoint("points", configuration(folder, split), (str(split),)) for split in (1, 2, 4, 8, 16)]
+    with pytest.raises(SystemExit) as ended:
+        run_sweep(points, launch=launcher, at_once=at_once)
+    return ended.value.code
+
+
+def test_a_launcher_is_given_so_many_points_at_once_and_each_just_once(tmp_path):
+    launcher = Launcher(tmp_path)
+    sweep(tmp_path, launcher, at_once=2)
+    assert [len(batch) for batch in launcher.batches] == [2, 2, 1]
+    assert sorted(split for batch in launcher.batches for split in batch) == [1, 2, 4, 8, 16]
+
+
+def test_a_point_whose_job_failed_is_named_with_the_reason_and_the_others_are_in_the_table(tmp_path, capsys):
+    assert sweep(tmp_path, Launcher(tmp_path, refused=4), at_once=5) == 1
+    told = capsys.readouterr().err
+    assert "4 \N{MULTIPLICATION SIGN} 1, culling on: no record: the queue is closed" in told
+    assert "1 points have no record" in told
+    assert sorted(pd.read_csv(tmp_path / "toy" / "table.csv")["split_x"]) == [1, 2, 8, 16]
+
+
+def test_an_interrupted_launcher_loses_no_record_of_its_batch(tmp_path):
+    class Interrupted(Launcher):
+        def __call__(self, jobs):
+            super().__call__(jobs)
+            raise KeyboardInterrupt
+
+    assert sweep(tmp_path, Interrupted(tmp_path, refused=4), at_once=5) == 130
+    assert sorted(pd.read_csv(tmp_path / "toy" / "table.csv")["split_x"]) == [1, 2, 8, 16]

@@ -1,0 +1,166 @@
+"""Faults of disk and hand while a sweep runs: a clear refusal or a row, and never a wrong number."""
+
+import errno
+import os
+import tempfile
+from dataclasses import replace
+from html import escape
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from atra.errors import InputError, RecordError, StorageError
+from experiments.harness.identity import current_environment, identity, measure
+from experiments.harness.points import plan_points
+from experiments.harness.records import load_record, record_path, write_record
+from experiments.report.writing import rewrite_report
+from experiments.results.table import Tables, make_table, make_tables, write_tables
+from experiments.sweep import GridPoint, run_sweep
+from tests.harness.test_sweep import Runner, configuration, measured_elsewhere
+
+
+def points(folder, *splits):
+    return [GridPoint("one", configuration(folder, split_x=split)) for split in splits]
+
+
+def files(folder):
+    return {path.name for path in folder.iterdir()} if folder.is_dir() else set()
+
+
+def full_disk(monkeypatch, concerns):
+    """No file whose final name `concerns` says yes to can be put in its place any more."""
+    rename = os.replace
+
+    def refusing(source, target):
+        if concerns(Path(target).name):
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        rename(source, target)
+
+    monkeypatch.setattr(os, "replace", refusing)
+
+
+def test_a_disk_that_fills_up_between_two_records_loses_no_finished_point(tmp_path, monkeypatch):
+    records = tmp_path / "records"
+    with monkeypatch.context() as filling:
+        full_disk(filling, lambda _: any(not name.startswith(".") for name in files(records)))
+        with pytest.raises(StorageError, match=r"\.json cannot be written: No space left on device; .* start again"):
+            run_sweep(points(tmp_path, 1, 2, 4), run=Runner())
+    assert len(files(records)) == 1
+    assert files(tmp_path / "one") == set()
+    again = Runner()
+    table = run_sweep(points(tmp_path, 1, 2, 4), run=again)
+    assert len(again.points) == 2
+    assert list(table["status"]) == ["ok", "ok", "ok"]
+
+
+@pytest.mark.parametrize("name", ["table.parquet", "figure5.png"])
+def test_a_disk_that_is_full_for_a_result_names_it_and_the_next_run_makes_it_without_measuring(
+    tmp_path, monkeypatch, name
+):
+    (point,) = points(tmp_path, 1)
+    point.configuration.sweep.figures = {"figure5": ["one"]}
+    with monkeypatch.context() as full:
+        full_disk(full, lambda written: written == name)
+        with pytest.raises(StorageError, match=f"{name} cannot be written: No space left on device"):
+            run_sweep([point], run=Runner())
+    assert not [left for left in files(tmp_path / "one") if left.startswith(".")]
+    again = Runner()
+    run_sweep([point], run=again)
+    assert again.points == []
+    assert name in files(tmp_path / "one")
+
+
+def test_a_results_folder_that_takes_no_file_is_refused_before_any_work(tmp_path, monkeypatch):
+    def refusing(**_):
+        raise OSError(errno.EROFS, os.strerror(errno.EROFS))
+
+    monkeypatch.setattr(tempfile, "TemporaryFile", refusing)
+    runner = Runner()
+    with pytest.raises(InputError, match=r"cannot be written to .*: Read-only file system; choose another results_dir"):
+        run_sweep(points(tmp_path, 1), run=runner)
+    assert runner.points == []
+
+
+def test_a_report_is_refused_if_a_record_behind_it_is_damaged_and_leaves_that_where_it_is(tmp_path):
+    path = record_path(tmp_path / "records", run_sweep(points(tmp_path, 1), run=Runner())["point_id"][0])
+    path.write_text("{")
+    with pytest.raises(RecordError, match=rf"{path.name} cannot be read .*start its sweep again"):
+        rewrite_report(configuration(tmp_path))
+    assert path.exists()
+    assert "report.html" not in files(tmp_path / "one")
+
+
+def test_a_report_without_records_is_made_of_the_table_alone(tmp_path):
+    table = run_sweep(points(tmp_path, 1), run=Runner())
+    record_path(tmp_path / "records", table["point_id"][0]).unlink()
+    page = rewrite_report(configuration(tmp_path)).read_text(encoding="utf-8")
+    assert escape(table["cpu"][0]) in page
+    assert "unknown versions" in page
+
+
+@pytest.mark.parametrize("field", ["cpu", "code_sha256"])
+def test_a_table_of_another_machine_or_version_is_told_and_its_points_are_measured_anew(tmp_path, field, capsys):
+    (planned,) = plan_points([configuration(tmp_path)])
+    foreign = measured_elsewhere(planned, **{field: "another"})
+    kept = write_record(tmp_path / "records", foreign)
+    write_tables(tmp_path / "one", make_tables([foreign]))
+    runner = Runner()
+    table = run_sweep(points(tmp_path, 1), run=runner)
+    assert len(runner.points) == 1
+    assert list(table["point_id"]) == [identity(planned.point, current_environment())]
+    told = capsys.readouterr().err
+    assert f"is of another machine or version ({field} is 'another' in one and " in told
+    assert kept.exists()
+
+
+def test_a_table_of_another_layout_is_told_and_replaced(tmp_path, capsys):
+    (tmp_path / "one").mkdir()
+    pd.DataFrame({"scene": ["box"]}).to_parquet(tmp_path / "one" / "table.parquet")
+    with pytest.raises(InputError, match="cannot be read as a table of this version"):
+        rewrite_report(configuration(tmp_path))
+    assert len(run_sweep(points(tmp_path, 1), run=Runner())) == 1
+    assert "cannot be read as a table of this version" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("field", "with_records"), [("cpu", True), ("cpu", False), ("embree_version", True)])
+def test_a_report_of_two_machines_or_versions_is_refused(tmp_path, field, with_records):
+    planned = plan_points([configuration(tmp_path, split_x=split) for split in (1, 2)])
+    records = [measure(planned[0], Runner()), measured_elsewhere(planned[1], **{field: "another"})]
+    for record in records if with_records else []:
+        write_record(tmp_path / "records", record)
+    # No sweep makes such a table; a hand does.
+    table = pd.concat([make_tables([record]).points for record in records], ignore_index=True)
+    write_tables(tmp_path / "one", Tables(table, table))
+    with pytest.raises(InputError, match="another"):
+        rewrite_report(configuration(tmp_path))
+    assert "report.html" not in files(tmp_path / "one")
+
+
+def test_a_report_of_another_machine_names_that_machine(tmp_path):
+    (planned,) = plan_points([configuration(tmp_path)])
+    foreign = measured_elsewhere(planned, cpu="a cpu far away")
+    write_record(tmp_path / "records", foreign)
+    write_tables(tmp_path / "one", make_tables([foreign]))
+    assert "a cpu far away" in rewrite_report(configuration(tmp_path)).read_text(encoding="utf-8")
+
+
+def doubts(record):
+    told = make_table([record])["doubts"][0]
+    return "" if pd.isna(told) else told
+
+
+@pytest.mark.parametrize("method", ["own", "packets_8"])
+@pytest.mark.parametrize(("sample", "told"), [
+    (3_600.0, "longest sample is 36,000 times the median"),
+    (0.001, "median is 100 times the shortest sample"),
+    (0.9, ""),
+    (0.02, ""),
+])  # fmt: skip
+def test_a_sample_out_of_all_proportion_is_a_doubt_and_stays(tmp_path, method, sample, told):
+    (planned,) = plan_points([configuration(tmp_path)])
+    record = measure(planned, Runner())
+    odd = replace(record, samples={**record.samples, method: [0.1, sample, 0.1]})
+    assert told in doubts(odd)
+    assert ("times the" in doubts(odd)) == bool(told)
+    assert load_record(tmp_path, write_record(tmp_path, odd).stem) == odd

@@ -1,0 +1,275 @@
+"""A record's identity is the code that made it: what its method, its workload and the harness import, no more."""
+
+import ast
+import re
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cache
+from textwrap import dedent
+
+import pytest
+
+from atra.errors import InputError
+from atra.light import Baker
+from atra.raster.tracer import RasterTracer
+from experiments.harness import identity as identities
+from experiments.harness.identity import code_roots, current_environment, identity, read_source
+from experiments.harness.point import Point
+from experiments.harness.processes.launching import run_worker
+from experiments.harness.processes.worker import measure_point
+from experiments.harness.rounds import measure_rounds
+from experiments.harness.sources import Code, Part, Source
+from experiments.methods import METHODS
+from experiments.methods.aligned import ALIGNED
+from experiments.methods.pixel import PIXEL
+from experiments.methods.raster import RASTER
+from experiments.workloads import WORKLOADS
+from experiments.workloads.bake import BAKE
+from experiments.workloads.frame import FRAME
+from tests.folders import ROOT
+from tests.harness.processes.test_outcome import POINT
+from tests.points import planned
+
+OURS = ("atra", "experiments", "scenes")
+
+Change = Callable[[str], str]
+
+
+def point_of(method, workload):
+    return replace(POINT, method=method, workload=workload)
+
+
+EVERY_METHOD = [point_of(method, FRAME) for method in METHODS]
+EVERY_WORKLOAD = [point_of(ALIGNED, workload) for workload in WORKLOADS]
+
+
+@cache
+def source(module):
+    return read_source(module) if module.partition(".")[0] in OURS else None
+
+
+CODE = Code(source)
+
+
+def sha256(point, changed=(), change=lambda text: text + "\nCHANGED = 1\n"):
+    """Of the code of a point, where the sources of these modules have been changed."""
+    if not changed:
+        return CODE.sha256(code_roots(point))
+
+    def read(module):
+        found = source(module)
+        return found if found is None or module not in changed else replace(found, text=change(found.text))
+
+    return Code(read).sha256(code_roots(point))
+
+
+def modules(*points):
+    return {part.module for point in points for part in CODE.parts(code_roots(point))}
+
+
+def test_comments_docstrings_and_blank_lines_anywhere_change_nothing():
+    def chatter(text):
+        text = text.replace('"""', '"""Said in another way. ', 1)
+        return re.sub(r"^(def |class |@|[A-Z_]+ = )", r"\n# a comment\n\n\1", text, flags=re.M) + "\n# the end\n"
+
+    for point in (point_of(ALIGNED, FRAME), point_of(RASTER, BAKE)):
+        everywhere = modules(point)
+        assert any(chatter(one.text) != one.text for name in everywhere if (one := source(name)))
+        assert sha256(point, everywhere, chatter) == sha256(point)
+
+
+NO_BAKES = [one for one in (*EVERY_METHOD, *EVERY_WORKLOAD) if one.workload.name not in ("bake", "bake_rays")]
+
+
+@pytest.mark.parametrize(("code", "user", "others"), [
+    (RasterTracer, point_of(RASTER, FRAME), [point_of(PIXEL, FRAME)]), (Baker, point_of(RASTER, BAKE), NO_BAKES),
+], ids=["rasteriser", "baker"])  # fmt: skip
+def test_a_change_of_a_room_of_the_library_makes_other_records_of_its_users_alone(code, user, others):
+    room = code.__module__.rpartition(".")[0]
+    changed = {name for name in modules(user) - modules(*others) if name.startswith(f"{room}.")}
+    assert code.__module__ in changed
+    for module in changed:
+        assert sha256(user, [module]) != sha256(user)
+    assert [sha256(one, changed) for one in others] == [sha256(one) for one in others]
+
+
+@pytest.mark.parametrize("code", [measure_rounds, measure_point, run_worker, Point], ids=lambda code: code.__name__)
+def test_a_change_of_what_the_harness_measures_with_makes_other_records_of_every_point(code):
+    for point in (*EVERY_METHOD, *EVERY_WORKLOAD):
+        assert sha256(point, [code.__module__]) != sha256(point), (point.method.name, point.workload.name)
+
+
+def test_a_change_of_a_method_or_a_workload_leaves_the_records_of_others_valid():
+    for point in EVERY_METHOD:
+        measured_beside = {PIXEL.name, point.method.name}  # every frame is measured beside rays per pixel
+        others = [one for one in EVERY_METHOD if point.method.name not in measured_beside | {one.method.name}]
+        assert sha256(point, [point.method.module]) != sha256(point)
+        assert [sha256(one, [point.method.module]) for one in others] == [sha256(one) for one in others]
+    for point in EVERY_WORKLOAD:
+        measure = [f"{point.workload.room}.measure"]
+        assert sha256(point, measure) != sha256(point)
+        others = [one for one in EVERY_WORKLOAD if one is not point]
+        assert [sha256(one, measure) for one in others] == [sha256(one) for one in others]
+
+
+def test_what_only_tells_of_results_is_no_part_of_a_record():
+    """Figures, terminal lines and pages, and the registries, by which everything would lead to everything."""
+    found = {part for point in (*EVERY_METHOD, *EVERY_WORKLOAD) for part in CODE.parts(code_roots(point))}
+    registries = {Part("experiments.methods"), Part("experiments.workloads"), Part("experiments.methods", "METHODS")}
+    assert registries.isdisjoint(found)
+    rooms = tuple(f"experiments.{name}." for name in ("report", "paper", "commands", "viewer"))
+    names = {part.module for part in found}
+    assert not [name for name in names if name.startswith(rooms) or name.endswith((".figures", ".terminal"))]
+
+
+def test_the_identity_of_a_point_follows_its_code(monkeypatch):
+    environment = current_environment()
+    before = identity(POINT, environment)
+    read = identities.read_source
+
+    def changed(module):
+        found = read(module)
+        return replace(found, text=found.text + "\nCHANGED = 1\n") if found and module == POINT.method.module else found
+
+    monkeypatch.setattr(identities, "read_source", changed)
+    monkeypatch.setattr(identities, "_code", identities._code.__wrapped__)
+    monkeypatch.setattr(identities, "_sha256", identities._sha256.__wrapped__)
+    assert identity(POINT, environment) != before
+    assert identity(replace(POINT, method=RASTER), environment) == identity(replace(POINT, method=RASTER), environment)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("method", "workload"), [("aligned", "frame"), ("raster", "gather"), ("raster", "bake"), ("bvh", "rays")]
+)
+def test_every_function_that_runs_while_a_point_is_measured_is_part_of_its_code(method, workload):
+    small = {"size": 32, "samples": 1} if workload == "bake" else {}
+    point = planned(method, workload, (32, 32), measure={"rounds": 1, "warmup": 0}, asked=small).point
+    ran = set()
+
+    def note(frame, event, argument):
+        if event == "call" and frame.f_code.co_name != "<module>":
+            ran.add(str(frame.f_globals.get("__name__")))
+
+    measure_point(point)  # compiles, which would take very long below
+    sys.setprofile(note)
+    try:
+        measure_point(point)
+    finally:
+        sys.setprofile(None)
+    ours = {name for name in ran if name.partition(".")[0] in OURS}
+    assert point.workload.room + ".measure" in ours
+    assert not ours - modules(point)
+
+
+def test_package_faces_do_nothing_when_they_are_loaded():
+    """A face that runs only on the way to a module below it does not count, so it may not have any effect."""
+    harmless = (ast.Import, ast.ImportFrom, ast.Assign, ast.AnnAssign, ast.FunctionDef, ast.ClassDef)
+    for package in OURS:
+        for path in (ROOT / package).rglob("__init__.py"):
+            for node in ast.parse(path.read_text(encoding="utf-8")).body:
+                is_text = isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
+                assert is_text or isinstance(node, harmless), f"{path}, line {node.lineno}"
+
+
+def made_up(**sources):
+    """Code of modules `a`, `a.b`, written `a`, `a__b`; those that others are below are packages."""
+    texts = {name.replace("__", "."): dedent(text) for name, text in sources.items()}
+
+    def read(module):
+        is_face = any(name.startswith(f"{module}.") for name in texts)
+        return Source(module, texts[module], is_face) if module in texts else None
+
+    return Code(read)
+
+
+def parts(code, *roots):
+    return {part.module if part.name is None else f"{part.module}:{part.name}" for part in code.parts(roots)}
+
+
+LIBRARY = {
+    "lib": """
+        '''The face.'''
+        from lib.near import near
+        from lib.far import far as distant
+        LIMIT = 3
+        def both(): return near(), LIMIT
+        def lonely(): return 1
+    """,
+    "lib__near": "def near(): return 1",
+    "lib__far": "import lib.deep\ndef far(): return 2",
+    "lib__deep": "import numpy",
+}
+
+
+@pytest.mark.parametrize(("source", "expected"), [
+    ("from lib import near", {"lib.near"}),
+    ("from lib import distant", {"lib.far", "lib.deep"}),
+    ("from lib import both", {"lib:both", "lib:LIMIT", "lib.near"}),
+    ("from lib import lonely", {"lib:lonely"}),
+    ("from lib import deep", {"lib.deep"}),
+    ("from lib.far import far", {"lib.far", "lib.deep"}),
+    ("import lib.deep", {"lib.deep"}),
+    ("def late():\n    from lib.near import near", {"lib.near"}),
+    ("class A:\n    def late(self):\n        import lib.near", {"lib.near"}),
+    ("import lib", {"lib", "lib.near", "lib.far", "lib.deep"}),
+    ("from lib import unheard_of", {"lib", "lib.near", "lib.far", "lib.deep"}),
+    ("from importlib import import_module\nimport_module('lib.near')", {"lib.near"}),
+    ("from importlib import import_module\nDOES = {'it': 'lib.near:near'}", {"lib.near"}),
+    ("SAYS = 'lib.near'", set()),
+    ("import numpy, os.path", set()),
+])  # fmt: skip
+def test_of_a_package_face_only_the_names_that_are_taken_count(source, expected):
+    assert parts(made_up(**LIBRARY, user=source), ("user", None)) == expected | {"user"}
+
+
+LAZY = """
+    from importlib import import_module
+    from lib.near import near
+    _LAZY = {"far": "lib.far", "deep_one": ".deep"}
+    def __getattr__(name): return getattr(import_module(_LAZY[name], __name__), name)
+"""
+
+
+@pytest.mark.parametrize(("name", "expected"), [
+    ("near", {"lib.near"}), ("far", {"lib.far", "lib.deep"}), ("deep_one", {"lib.deep"}),
+    ("another", {"lib", "lib.near", "lib.far", "lib.deep"}),
+])  # fmt: skip
+def test_a_name_that_a_face_loads_when_it_is_asked_for_counts_as_if_it_were_imported(name, expected):
+    code = made_up(**LIBRARY | {"lib": LAZY}, user=f"from lib import {name}")
+    assert parts(code, ("user", None)) == {"user"} | expected
+
+
+def test_modules_of_a_package_may_import_each_other_by_relative_names():
+    code = made_up(lib="from .near import near", lib__near="from . import deep", lib__deep="from .deep import x")
+    assert parts(code, ("lib", "near")) == {"lib.near", "lib.deep"}
+
+
+@pytest.mark.parametrize(("other", "is_the_same"), [
+    ("# why\n\nLIMIT = 3  # three\ndef f(x):\n\n    return x", True),
+    ("LIMIT = 3\n'''Of x.'''\ndef f(x):\n    '''As it is.'''\n    return x", True),
+    ("LIMIT = (\n    3\n)\ndef f(x): return x", True),
+    ("LIMIT = 4\ndef f(x): return x", False),
+    ("LIMIT = 3\ndef f(x): return -x", False),
+    ("LIMIT = 3\ndef f(x): return 'x'", False),
+    ("LIMIT = 3\ndef f(x=1): return x", False),
+    ("LIMIT = 3.0\ndef f(x): return x", False),
+    ("LIMIT = 3\n@cached\ndef f(x): return x", False),
+])  # fmt: skip
+def test_what_runs_makes_the_hash_and_not_how_it_is_written(other, is_the_same):
+    one = made_up(user="LIMIT = 3\ndef f(x):\n    return x").sha256([("user", None)])
+    assert (made_up(user=other).sha256([("user", None)]) == one) is is_the_same
+
+
+def test_of_a_name_taken_from_a_face_only_its_own_statement_is_hashed():
+    def sha(face):
+        return made_up(lib=face, lib__near="", user="from lib import f").sha256([("user", None)])
+
+    assert sha("A = 1\nB = 2\ndef f(): return A") == sha("A = 1\nB = 3\ndef f(): return A")
+    assert sha("A = 1\nB = 2\ndef f(): return A") != sha("A = 2\nB = 2\ndef f(): return A")
+
+
+def test_a_method_of_which_there_is_no_source_is_refused():
+    with pytest.raises(InputError, match="module 'nowhere' has no source"):
+        identity(replace(POINT, method=replace(RASTER, module="nowhere")), current_environment())

@@ -1,0 +1,118 @@
+"""Records: identity, whole files or none, bad files set aside."""
+
+import errno
+import json
+import os
+import tempfile
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from atra.errors import RecordError, StorageError
+from experiments.harness.records import (
+    LACKED_MEMORY,
+    Record,
+    load_record,
+    point_id,
+    read_record,
+    record_path,
+    write_record,
+)
+
+CONFIGURATION = {"scene": "box", "split_x": 4, "culling": True, "eye": [0.0, 1.0, 2.0], "threads": None}
+MACHINE = {"cpu": "some cpu", "logical_cores": 2}
+RECORD = Record(
+    point_id=point_id(CONFIGURATION, MACHINE),
+    status="ok",
+    error=None,
+    configuration=CONFIGURATION,
+    environment=MACHINE,
+    warmup_samples={"own": [2.0]},
+    samples={"own": [1.0, 1.5], "rtcIntersect1": [3.0, 3.5]},
+    results={"rss_bytes": 123},
+)
+
+
+def test_a_record_survives_the_file_and_a_missing_one_is_none(tmp_path):
+    assert read_record(tmp_path / "made" / "on demand", RECORD.point_id) is None
+    write_record(tmp_path / "made" / "on demand", RECORD)
+    assert read_record(tmp_path / "made" / "on demand", RECORD.point_id) == RECORD
+
+
+@pytest.mark.parametrize(("configuration", "machine"), [
+    ({**CONFIGURATION, "split_x": 8}, MACHINE),
+    ({**CONFIGURATION, "culling": False}, MACHINE),
+    ({**CONFIGURATION, "eye": [0.0, -1.0, 2.0]}, MACHINE),
+    ({**CONFIGURATION, "eye": [0.0, 0.1, 2.0]}, MACHINE),
+    (CONFIGURATION, {**MACHINE, "logical_cores": 4}),
+])  # fmt: skip
+def test_the_identity_changes_with_every_field(configuration, machine):
+    assert point_id(configuration, machine) != RECORD.point_id
+
+
+def test_the_identity_ignores_the_order_of_keys():
+    assert point_id(dict(reversed(CONFIGURATION.items())), MACHINE) == RECORD.point_id
+
+
+def test_a_half_written_record_is_set_aside_with_a_warning(tmp_path):
+    path = write_record(tmp_path, RECORD)
+    half = path.read_text()[:100]
+    path.write_text(half)
+    with pytest.warns(UserWarning, match=rf"{path.name} cannot be read .*kept as .*corrupt, measuring the point again"):
+        assert read_record(tmp_path, RECORD.point_id) is None
+    assert not path.exists()
+    assert (tmp_path / f"{RECORD.point_id}.json.corrupt").read_text() == half
+
+
+@pytest.mark.parametrize("content", [b"", b"[]", b"null", b"\xff\xfe", b'{"format": 2, "status": "ok", "unknown": 1}'])
+def test_a_file_that_is_no_record_is_set_aside(tmp_path, content):
+    record_path(tmp_path, RECORD.point_id).write_bytes(content)
+    with pytest.raises(RecordError, match="start its sweep again"):
+        load_record(tmp_path, RECORD.point_id)
+    assert record_path(tmp_path, RECORD.point_id).exists()
+    with pytest.warns(UserWarning, match="measuring the point again"):
+        assert read_record(tmp_path, RECORD.point_id) is None
+    assert not record_path(tmp_path, RECORD.point_id).exists()
+
+
+@pytest.mark.parametrize("version", [1, 3, None])
+def test_a_record_of_another_version_is_refused(tmp_path, version):
+    path = write_record(tmp_path, RECORD)
+    path.write_text(json.dumps(json.loads(path.read_text()) | {"format": version}))
+    with pytest.raises(RecordError, match=rf"it is of format {version}, expected 2\); start its sweep again"):
+        load_record(tmp_path, RECORD.point_id)
+
+
+def test_a_record_with_the_digest_of_earlier_versions_is_read(tmp_path):
+    path = write_record(tmp_path, RECORD)
+    path.write_text(json.dumps(json.loads(path.read_text()) | {"sha256": "0"}))
+    assert load_record(tmp_path, RECORD.point_id) == RECORD
+
+
+def refuse(*_, **__):
+    """A call of the system for which there is no room."""
+    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+
+@pytest.mark.parametrize(
+    ("module", "call"),
+    [(tempfile, "mkstemp"), (os, "fsync"), (os, "chmod"), (os, "replace"), (Path, "mkdir")],
+    ids=lambda one: getattr(one, "__name__", one),
+)
+def test_a_failed_write_names_the_file_and_leaves_the_earlier_record_and_no_litter(tmp_path, monkeypatch, module, call):
+    path = write_record(tmp_path, RECORD)
+    with monkeypatch.context() as broken:
+        broken.setattr(module, call, refuse)
+        with pytest.raises(StorageError) as failed:
+            write_record(tmp_path, replace(RECORD, results={"rss_bytes": 456}))
+    assert str(failed.value).startswith(f"{path} cannot be written: {os.strerror(errno.ENOSPC)}; ")
+    assert read_record(tmp_path, RECORD.point_id) == RECORD
+    assert [path.name for path in tmp_path.iterdir()] == [f"{RECORD.point_id}.json"]
+
+
+def test_only_points_that_failed_or_lacked_memory_are_worth_a_retry():
+    assert RECORD.finished
+    assert replace(RECORD, status="skipped", error="too large").finished
+    assert not replace(RECORD, status="skipped", error="too large", results={LACKED_MEMORY: True}).finished
+    assert not replace(RECORD, status="failed", error="killed").finished

@@ -1,0 +1,208 @@
+"""Charts and texels of lightmaps: what belongs to whom, gutters and seams, the culling map, and hostile input."""
+
+import importlib.util
+import warnings
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import atra
+from atra import light
+from atra.errors import AtraError, InputError
+from atra.light import Atlas, Baker, BakeScene, Seams, Texels, dilated
+from scenes.cornell_box import cornell_box
+from tests.baked import baked, cube, sheet
+from tests.meshes import cornell_camera, quads
+from tests.shown import floor
+
+xatlas = pytest.mark.skipif(importlib.util.find_spec("xatlas") is None, reason="xatlas is not installed (extra `bake`)")
+
+PLATE = quads([floor(0.5)])
+
+
+def clipped_area(triangle, x, y):
+    """Of a triangle within the texel at (x, y), by cutting it at its four sides."""
+    polygon = [tuple(corner) for corner in triangle]
+    for axis, sign, at in ((0, 1, x), (0, -1, x + 1), (1, 1, y), (1, -1, y + 1)):
+        cut = []
+        for p, q in zip(polygon, polygon[1:] + polygon[:1], strict=True):
+            a, b = sign * (p[axis] - at), sign * (q[axis] - at)
+            if a >= 0:
+                cut.append(p)
+            if (a > 0) != (b > 0) and a != b:
+                t = a / (a - b)
+                cut.append((p[0] + t * (q[0] - p[0]), p[1] + t * (q[1] - p[1])))
+        polygon = cut
+        if len(polygon) < 3:
+            return 0.0
+    a = np.array(polygon)
+    b = np.roll(a, -1, axis=0)
+    return abs((a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).sum()) / 2
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.lists(st.floats(0, 12, width=32), min_size=6, max_size=6))
+def test_a_triangle_has_just_the_texels_that_it_reaches_into(places):
+    uv = np.array(places).reshape(1, 3, 2)
+    area = np.linalg.det(uv[0, 1:] - uv[0, 0])
+    mesh = atra.Mesh([(0, 0, 0), (1, 0, 0), (0, 1, 0)], [(0, 1, 2)])
+    if abs(area) < 1e-3:
+        return
+    occupied = Texels.of(mesh, Atlas(uv, np.zeros(1, int), 12, 12)).occupied
+    overlap = np.array([[clipped_area(uv[0], x, y) for x in range(12)] for y in range(12)])
+    assert occupied[overlap > 1e-4].all()
+    assert not occupied[overlap == 0].any()
+
+
+def test_a_texel_belongs_to_the_triangle_around_its_centre_and_lies_where_that_lies():
+    mesh = cube()
+    texels = Texels.of(mesh, sheet(mesh, 7))
+    assert len(texels) == 6 * 49
+    assert texels.faces_lost == 0
+    assert texels.atlas.charts == 6
+    assert (np.bincount(texels.chart) == 49).all()
+    np.testing.assert_allclose(np.abs(texels.positions).max(axis=1), 1.0, rtol=1e-6)
+    np.testing.assert_allclose((texels.positions * texels.normals).sum(axis=1), 1.0, rtol=1e-6)
+
+
+def test_a_triangle_smaller_than_a_texel_still_has_one_and_one_without_area_has_none():
+    vertices = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (2, 0, 0)]
+    mesh = atra.Mesh(vertices, [(0, 1, 2), (0, 1, 3)])
+    uv = np.array([[(0.30, 0.3), (0.31, 0.3), (0.3, 0.31)], [(0.6, 0.6), (0.8, 0.6), (0.6, 0.8)]])
+    texels = Texels.of(mesh, Atlas.of_uv(uv, 8, 8))
+    assert texels.prim_id.tolist() == [0]
+    assert texels.faces_lost == 1
+
+
+def test_uv_of_ones_own_are_refused_where_they_overlap_or_leave_the_map_and_where_they_mix_one_is_warned():
+    uv = sheet(PLATE, 6).uv / 10
+    uv[..., 1] = 1 - uv[..., 1]
+    with pytest.raises(InputError, match=r"faces 0 and 1 overlap in the map, in \d+ texels"):
+        Texels.of(PLATE, Atlas.of_uv(uv[[0, 0]], 10, 10))
+    with pytest.raises(InputError, match="uv of face 1 are"):
+        Atlas.of_uv(np.stack([uv[0], uv[1] + 0.5]), 10, 10)
+    with pytest.raises(InputError, match="uv of face 0 are not finite"):
+        Atlas.of_uv(np.full((2, 3, 2), np.nan), 10, 10)
+    with pytest.raises(InputError, match=r"expected \(F, 3, 2\)"):
+        Atlas.of_uv(np.zeros((2, 3)), 10, 10)
+    with pytest.raises(InputError, match="width of a map is 0"):
+        Atlas.of_uv(uv, 0, 10)
+    with pytest.raises(InputError, match=r"no triangle of .* touches a texel"):
+        Texels.of(PLATE, Atlas.of_uv(np.zeros((2, 3, 2)), 10, 10))
+    two = quads([floor(0.5), floor(0.5, 1.0)])
+    uv = sheet(two, 6, gap=0).uv.copy()
+    uv[2:, :, 0] = 6.5 + 0.9 * (uv[2:, :, 0] - 6.0)
+    with pytest.warns(UserWarning, match="pairs of neighbouring texels belong to different charts"):
+        Texels.of(two, Atlas(uv, np.array([0, 0, 1, 1]), 12, 12))
+
+
+@xatlas
+def test_charts_by_xatlas_are_kept_by_the_mesh_and_made_anew_where_damaged(tmp_path):
+    mesh = cornell_box()
+    atlas = Atlas.unwrap(mesh, 64, kept_in=tmp_path)
+    (kept,) = tmp_path.iterdir()
+    first = kept.stat().st_mtime_ns
+    again = Atlas.unwrap(mesh, 64, kept_in=tmp_path)
+    assert kept.stat().st_mtime_ns == first
+    kept.write_bytes(kept.read_bytes()[:100])
+    for other in (again, Atlas.unwrap(mesh, 64, kept_in=tmp_path)):
+        np.testing.assert_array_equal(atlas.uv, other.uv)
+        np.testing.assert_array_equal(atlas.chart, other.chart)
+    texels = Texels.of(mesh, atlas)
+    assert texels.faces_lost == 0
+    assert 0.3 < texels.occupancy < 1
+    with pytest.raises(AtraError, match=r"no charts of Mesh\('cornell_box'.* in 0.01 s"):
+        Atlas.unwrap(mesh, 64, time_limit_s=0.01)
+
+
+def test_gutters_are_filled_from_what_is_lit_and_lit_texels_stay():
+    mesh = cube()
+    texels = Texels.of(mesh, sheet(mesh, 5, gap=3))
+    values = np.random.default_rng(1).random((len(texels), 3)).astype(np.float32) + 1
+    valid = np.ones(len(texels), bool)
+    valid[7] = False
+    image = dilated(texels, values, valid)
+    assert image.min() >= 1
+    kept = image.reshape(-1, 3)[texels.number]
+    np.testing.assert_array_equal(kept[valid], values[valid])
+    assert not (kept[7] == values[7]).any()
+    assert not dilated(texels, values, ~valid & False).any()
+
+
+def folded():
+    """A plane of two squares that share an edge."""
+    return quads([[(-1, 0, 1), (0, 0, 1), (0, 0, -1), (-1, 0, -1)], [(0, 0, 1), (1, 0, 1), (1, 0, -1), (0, 0, -1)]])
+
+
+def test_a_seam_is_stitched_to_a_quarter_of_its_step_or_less_and_the_rest_is_left_alone():
+    mesh = folded()
+    texels = Texels.of(mesh, sheet(mesh, 12, gap=4))
+    seams = Seams.of(mesh, texels.atlas)
+    noise = np.random.default_rng(1).normal(0, 0.1, (len(texels), 3)).astype(np.float32)
+    image = dilated(texels, 1 + noise, np.ones(len(texels), bool))
+    stitched = seams.stitched(image)
+    assert seams.step(image) > 0.05
+    assert seams.step(stitched) < 0.25 * seams.step(image)
+    assert (stitched != image).any(axis=2).mean() < 0.4
+    sharp = cube()
+    assert Seams.of(sharp, sheet(sharp, 6)).step(image) == 0.0  # light may differ around a corner
+
+
+def test_look_ups_inside_of_a_chart_read_no_empty_texel():
+    mesh = cube()
+    texels = Texels.of(mesh, sheet(mesh, 5))
+    image = dilated(texels, np.ones((len(texels), 1), np.float32), np.ones(len(texels), bool))
+    uv = texels.atlas.uv
+    weights = np.random.default_rng(1).dirichlet([1, 1, 1], 600)
+    points = np.einsum("nc,nck->nk", weights, uv[np.arange(600) % 12])
+    corner = np.floor(points - 0.5).astype(int)
+    for dx in (0, 1):
+        for dy in (0, 1):
+            assert (image[corner[:, 1] + dy, corner[:, 0] + dx] == 1).all()
+
+
+@pytest.mark.parametrize("tracer", [atra.RasterTracer, atra.PixelTracer])
+def test_the_culling_map_is_what_a_ray_from_each_texel_says(tracer):
+    mesh = cornell_box()
+    uv = np.zeros((mesh.triangle_count, 3, 2))  # a cell of a grid each
+    cells = int(np.ceil(np.sqrt(mesh.triangle_count)))
+    row, column = np.divmod(np.arange(mesh.triangle_count), cells)
+    uv[:] = (np.stack([column, row], 1)[:, None] + [(0.1, 0.1), (0.9, 0.1), (0.1, 0.9)]) / cells
+    atlas = Atlas.of_uv(uv, 5 * cells, 5 * cells)
+    camera = cornell_camera(64, 64)
+    crowded = warnings.catch_warnings(action="ignore")
+    with crowded, Baker(BakeScene(mesh), atlas, threads=1) as baker, tracer(mesh, camera) as primary:
+        baker.set_view(camera, primary)
+        texels, visible = baker.texels, baker.visible
+    points = camera.to_eye_space(texels.positions)
+    a, b, c = camera.to_pixels[:, :3] @ points.T
+    inside = (c > 0) & (a >= 0) & (a <= 64 * c) & (b >= 0) & (b <= 64 * c)
+    facing = (texels.normals * -points).sum(axis=1) > 0
+    hidden = atra.RayScene(mesh, threads=1).occluded(texels.positions, -points, tnear=1e-4, tfar=0.9999)
+    true = inside & facing & ~hidden
+    assert 0.1 < true.mean() < 0.9
+    assert (visible & true).sum() / true.sum() >= 0.99
+    assert (visible & true).sum() / visible.sum() >= 0.99
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.data())
+def test_no_mesh_and_no_uv_does_more_than_be_refused(data):
+    count = data.draw(st.integers(1, 6))
+    numbers = st.one_of(st.floats(-1e11, 1e11), st.sampled_from([0.0, 1.0, 1e-30, 1e11, 0.5]))
+    vertices = data.draw(st.lists(st.tuples(numbers, numbers, numbers), min_size=3, max_size=8))
+    faces = data.draw(st.lists(st.tuples(*[st.integers(0, len(vertices) - 1)] * 3), min_size=count, max_size=count))
+    places = st.one_of(st.floats(0, 1), st.sampled_from([0.0, 1.0, 0.5]), st.floats())
+    uv = data.draw(st.lists(places, min_size=6 * count, max_size=6 * count))
+    try:
+        mesh = atra.Mesh(vertices, faces)
+        atlas = Atlas.of_uv(np.array(uv).reshape(count, 3, 2), 8, 8)
+        scene = BakeScene(mesh, lights=[light.PointLight((0, 0, 0))], sky=light.constant_sky(1.0))
+        with warnings.catch_warnings(action="ignore"):
+            lightmap = baked(scene, atlas, 2)
+    except AtraError:
+        return
+    assert np.isfinite(lightmap.combined).all()
+    assert (lightmap.openness <= 1).all()

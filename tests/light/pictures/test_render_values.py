@@ -1,0 +1,228 @@
+"""What is handed to renderers, what is refused, and what is written."""
+
+import re
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from time import perf_counter
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from PIL import Image
+
+import atra
+from atra import light
+from atra.light.pictures.files import srgb_of
+from scenes.lit.weekend import WEEKEND_CAMERA, weekend
+from tests.meshes import quads
+from tests.shown import down, floor
+
+MESH = quads([floor(1.0)])
+NAN = float("nan")
+
+WRONG = [
+    (lambda: light.Lambertian((0.5, 1.1, 0.5)), "colour of Lambertian is 1.1, expected .* at most 1"),
+    (lambda: light.Lambertian((0.5, NAN, 0.5)), "colour of Lambertian"),
+    (lambda: light.Lambertian("red"), "colour of Lambertian is 'red', expected three numbers"),
+    (lambda: light.Lambertian(0.5, "sideways"), "directions of Lambertian is 'sideways', expected one of cosine"),
+    (lambda: light.Metal(0.5, 1.5), "fuzz of Metal is 1.5"),
+    (lambda: light.Metal(0.5, -0.1), "fuzz of Metal is -0.1"),
+    (lambda: light.Metal(0.5, 0.1, "under"), "below of Metal is 'under', expected one of absorbed, passes"),
+    (lambda: light.Dielectric(0.0), "ior of Dielectric is 0.0, expected a finite number above 0"),
+    (lambda: light.Dielectric(NAN), "ior of Dielectric is nan"),
+    (lambda: light.Dielectric(1.5, "none"), "fresnel of Dielectric is 'none'"),
+    (lambda: light.Emissive((1, -1, 0)), "colour of Emissive is -1"),
+    (lambda: light.Emissive((1, np.inf, 0)), "colour of Emissive"),
+    (lambda: light.Checker((1, 1, 1), (0, 0, 0), 0.0), "scale of a checker is 0.0"),
+    (lambda: light.Image(np.zeros((2, 2))), r"texels of an image has shape \(2, 2\)"),
+    (lambda: light.Image(np.full((1, 2, 3), [[[0, 0, 0], [0, 2, 0]]])), "at column 1 of row 0"),
+    (lambda: light.GradientSky((1, 1, 1), (NAN, 0, 0)), "above of a sky"),
+    (lambda: light.GradientSky(power=-1), "power of a sky is -1"),
+    (lambda: light.PanoramaSky(np.full((1, 1, 3), NAN)), "texels of a sky"),
+    (lambda: light.Sun((0, 0, 0)), r"direction of Sun is \(0.0, 0.0, 0.0\), expected a direction of non-zero length"),
+    (lambda: light.Sun((0, -1, 0), 50), "angle_degrees of Sun is 50"),
+    (lambda: light.PointLight((0, NAN, 0)), "position of PointLight"),
+    (lambda: light.SphereLight((0, 1, 0), 0.0), "radius of SphereLight is 0.0"),
+    (lambda: light.SphereLight((0, 1, 0), 1.0, power=-2), "power of SphereLight is -2"),
+    (lambda: light.RenderScene(None), "mesh is None"),
+    (lambda: light.RenderScene(MESH, []), "no materials"),
+    (lambda: light.RenderScene(MESH, ["grey"]), "material 0 is 'grey'"),
+    (lambda: light.RenderScene(MESH, face_materials=[0]), r"face_materials is int64 of \(1,\), expected .* \(2,\)"),
+    (lambda: light.RenderScene(MESH, face_materials=[0, 1]), "face 1 is made of material 1, but there are 1"),
+    (lambda: light.RenderScene(MESH, face_materials=[0.0, 0.0]), "face_materials is float64"),
+    (lambda: light.RenderScene(MESH, lights=[MESH]), "a light is Mesh"),
+    (lambda: light.RenderScene(MESH, sky="blue"), "sky is 'blue'"),
+    (lambda: light.RenderScene(MESH, normals=np.zeros((8, 3))), "normals have shape"),
+    (lambda: light.RenderScene(MESH, normals=[(0, 1, 0)] * 3 + [(0, 0, 0)]), "normal of vertex 3 is zero"),
+    (lambda: light.RenderScene(MESH, normals=[(0, 1, 0)] * 3 + [(0, NAN, 0)]), "normals of vertex 3"),
+    (lambda: light.RenderScene(MESH, [light.Lambertian(light.Checker(1, 0))]), "material 0 has a texture, exp"),
+    (lambda: light.PathOptions(max_depth=0), "max_depth is 0"),
+    (lambda: light.PathOptions(order="sideways"), "order is 'sideways'"),
+    (lambda: light.PathOptions(jitter="none"), "jitter is 'none', expected one of shared, off, pixel"),
+    (lambda: light.HybridOptions(jitter="pixel"), "jitter is 'pixel', expected one of shared, off"),
+    (lambda: light.PathOptions(wave_rays=1000), "wave_rays is 1000, expected a multiple of 2048"),
+    (lambda: light.HybridOptions(occlusion_rays=65), "occlusion_rays is 65"),
+    (lambda: light.HybridOptions(shadow_rays=-1), "shadow_rays is -1"),
+    (lambda: light.HybridOptions(occlusion_length=0.0), "occlusion_length is 0.0"),
+    (lambda: light.HybridOptions(occlusion_length=NAN), "occlusion_length is nan"),
+    (lambda: light.HybridOptions(shadow_length=-1.0), "shadow_length is -1.0"),
+    (lambda: light.PathOptions(start_off=NAN), "start_off is nan, expected a finite number of at least 0"),
+    (lambda: light.HybridOptions(occlusion="none"), "occlusion is 'none'"),
+    (lambda: light.HybridOptions(occlusion_directions="own"), "occlusion_directions is 'own'"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("make", "message"), WRONG)
+def test_what_cannot_be_shown_is_refused_by_name(make, message):
+    with pytest.raises(atra.InputError, match=message):
+        make()
+
+
+@pytest.mark.parametrize("kind", [light.Metal, light.Dielectric])
+def test_a_kind_of_material_is_known_to_two_files(kind):
+    """Its class, and where light scatters; the package's list of names beside them."""
+    root = Path(atra.__file__).parents[1]
+    words = re.compile(rf"\b({kind.__name__}|{kind.__name__.upper()})\b")
+    code = {path: re.sub(r'""".*?"""', "", path.read_text(), flags=re.DOTALL) for path in (root / "atra").rglob("*.py")}
+    known = {path.relative_to(root).as_posix() for path, text in code.items() if words.search(text)}
+    assert known == {"atra/light/materials.py", "atra/light/scattering_kernels.py", "atra/light/__init__.py"}
+
+
+def test_a_picture_needs_a_sample_and_a_number_of_them():
+    scene = light.RenderScene(MESH, lights=[light.Sun((0, -1, 0))])
+    with light.HybridRenderer(scene, down(4), threads=1) as renderer:
+        for look in (lambda: renderer.image, lambda: renderer.openness, renderer.lit, lambda: renderer.save("a.png")):
+            with pytest.raises(atra.InputError, match="no sample yet"):
+                look()
+        for wrong in (0, -1, 1.5):
+            with pytest.raises(atra.InputError, match="samples are to be added"):
+                renderer.add(wrong)
+        with pytest.raises(atra.InputError, match="light is 1, but the scene has 1"):
+            renderer.lit(1)
+        with pytest.raises(TypeError, match="has no option 'depth'"):
+            renderer.update(depth=3)
+    with pytest.raises(atra.EmbreeError, match="closed"):
+        renderer.add(1)
+
+
+def test_light_beyond_all_numbers_is_reported_with_its_pixel_and_leaves_nothing_behind():
+    camera = atra.Camera((0, 0, 0), (0, 0, -1), fov_y_degrees=40, width=4, height=2)
+    texels = np.full((1, 360, 3), 0.5)
+    texels[0, 188:193] = 3e38  # what the pixels of the third column see
+    scene = light.RenderScene(quads([floor(0.001, height=-50)]), sky=light.PanoramaSky(texels))
+    brighter = replace(scene, sky=light.PanoramaSky(texels, power=2.0))
+    for order in ("waves", "depth_first"):
+        with light.PathRenderer(brighter, camera, threads=1, order=order) as renderer:
+            with pytest.raises(atra.AtraError, match=r"sample 0 of pixel \(2, 0\) is inf"):
+                renderer.add(2)
+            assert renderer.samples == 0
+            renderer.update(scene=scene)
+            renderer.add(1)
+            assert np.isfinite(renderer.image).all()
+
+
+def test_an_interrupted_sample_leaves_no_torn_picture(monkeypatch):
+    scene = light.RenderScene(MESH)
+    with light.PathRenderer(scene, down(4), threads=1, order="waves") as renderer:
+        renderer.add(2)
+        expected = renderer.image
+
+        def interrupt(*_):
+            raise KeyboardInterrupt
+
+        monkeypatch.setattr("atra.light.pictures.path.shade", interrupt)
+        with pytest.raises(KeyboardInterrupt):
+            renderer.add(1)
+        monkeypatch.undo()
+        assert renderer.samples == 0
+        renderer.add(2)
+        np.testing.assert_array_equal(renderer.image, expected)
+
+
+def test_a_picture_can_be_stopped_between_waves_and_then_starts_anew():
+    with light.PathRenderer(light.RenderScene(MESH), down(64), threads=1, wave_rays=2048) as renderer:
+        renderer.add(2)
+        expected = renderer.image
+        answers = iter([False, False, False, True])  # two waves a sample: stopped within the second
+        renderer.add(9, stop=lambda: next(answers))
+        assert renderer.samples == 0
+        renderer.add(2, stop=lambda: False)
+        np.testing.assert_array_equal(renderer.image, expected)
+
+
+def test_sums_that_would_not_fit_are_refused_before_they_are_made(monkeypatch):
+    monkeypatch.setattr("psutil.virtual_memory", lambda: SimpleNamespace(available=20 << 20))
+    with pytest.raises(atra.MemoryBudgetError, match="sums of 1,048,576 pixels and waves"):
+        light.PathRenderer(light.RenderScene(MESH), down(1024), threads=1)
+
+
+def test_stages_are_named_and_sum_to_the_call():
+    scene = light.RenderScene(MESH, lights=[light.Sun((0, -1, 0))])
+    for kind, stages in (
+        (light.PathRenderer, {"primary", "depth_first", "other"}),
+        (partial(light.PathRenderer, order="waves"), {"primary", "generate", "trace", "compact", "shade", "other"}),
+        (light.HybridRenderer, {"primary", "surfaces", "generate", "shadow", "occlusion", "accumulate", "other"}),
+    ):
+        with kind(scene, down(64), threads=2) as renderer:
+            before = perf_counter()
+            renderer.add(4)
+            whole = perf_counter() - before
+            assert renderer.stage_s.keys() == stages
+            assert min(renderer.stage_s.values()) >= 0
+            assert sum(renderer.stage_s.values()) <= whole
+
+
+def test_a_png_is_srgb():
+    ends = srgb_of(np.array([[[0.0, 1.0, 7.0]], [[0.5, 0.002, 0.2158605]]]))
+    assert ends.tolist() == [[[0, 255, 255]], [[188, 7, 128]]]
+
+
+def test_pictures_are_written_as_their_names_say(tmp_path):
+    scene = light.RenderScene(quads([floor(0.5)]), [light.Lambertian((0.25, 0.5, 0.75))], sky=light.constant_sky(1.0))
+    camera = down(16, height=12)
+    with light.PathRenderer(scene, camera, threads=1) as renderer:
+        renderer.add(2)
+        renderer.save(tmp_path / "a.png")
+        shown = np.asarray(Image.open(tmp_path / "a.png"))
+        np.testing.assert_array_equal(shown, srgb_of(renderer.image))
+        with pytest.raises(atra.InputError, match=r"ends in \.png or \.exr"):
+            renderer.save(tmp_path / "a.jpg")
+        exr = pytest.importorskip("OpenEXR")
+        renderer.save(tmp_path / "a.exr")
+        hits = renderer.tracer.trace((0.5, 0.5))
+        parts = exr.File(str(tmp_path / "a.exr"), separate_channels=True).channels()
+        np.testing.assert_array_equal(np.stack([parts[name].pixels for name in "RGB"], -1), renderer.image)
+        np.testing.assert_array_equal(parts["Z"].pixels, hits.depth)
+        np.testing.assert_array_equal(parts["prim_id"].pixels, hits.prim_id)
+        normals = np.stack([parts[f"N.{name}"].pixels for name in "XYZ"], -1)
+        np.testing.assert_array_equal(normals[hits.hit], np.broadcast_to([0, 1, 0], (hits.hit.sum(), 3)))
+        assert 0 < hits.hit.mean() < 1
+        assert (normals[~hits.hit] == 0).all()
+
+
+def test_without_openexr_an_exr_is_refused_saying_what_to_install(monkeypatch, tmp_path):
+    monkeypatch.setitem(__import__("sys").modules, "OpenEXR", None)
+    with light.PathRenderer(light.RenderScene(MESH), down(4), threads=1) as renderer:
+        renderer.add(1)
+        with pytest.raises(atra.InputError, match="pip install OpenEXR"):
+            renderer.save(tmp_path / "a.exr")
+
+
+def test_the_weekend_is_the_book_s():
+    scene = weekend(segments=8)
+    corners = scene.mesh.triangles(np.arange(scene.mesh.triangle_count))
+    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    inner = scene.normals[scene.mesh.faces].astype(float).sum(axis=1)
+    assert ((across * inner).sum(axis=1) > 0).all()  # fronts are outside
+    count = len(scene.materials) - 4 - 3
+    assert 470 <= count <= 484
+    kinds = [type(material) for material in scene.materials[4 : 4 + count]]
+    assert abs(kinds.count(light.Lambertian) / count - 0.8) < 0.05
+    assert abs(kinds.count(light.Metal) / count - 0.15) < 0.05
+    camera = atra.Camera(**WEEKEND_CAMERA, width=30, height=20)
+    with light.PathRenderer(scene, camera, threads=1) as renderer:
+        renderer.add(8)
+        image = renderer.image
+    assert np.ptp(image.mean(axis=2)) > 0.5
+    np.testing.assert_allclose(image[0, :, 2], 1.0, atol=0.2)  # the sky is blue

@@ -1,0 +1,116 @@
+"""Processes as the unit of repetition: what they share, who is left out, and what a slow phase can do to a verdict."""
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from atra.errors import InputError
+from experiments.harness.configuration import MeasureConfiguration, check_configuration
+from experiments.harness.records import Record
+from experiments.results.canary import BAND, strays
+from experiments.results.table import make_tables
+from experiments.sweep import GridPoint, run_sweep
+from tests.harness.test_sweep import Runner, configuration
+from tests.results.test_table import MEASURED
+
+
+def points(folder, *splits, processes=3, **fields):
+    measure = MeasureConfiguration(processes=processes)
+    return [GridPoint("a", replace(configuration(folder, split_x=one, **fields), measure=measure)) for one in splits]
+
+
+def in_process(number, factor=1.0, canary=1.0):
+    """`MEASURED` with its own method slower by a factor, and its baseline by another."""
+    samples = {"own": [factor], "rtcIntersect1": [8.0 * canary], "packets_8": [4.0]}
+    return replace(
+        MEASURED, point_id=f"p{number}", configuration=MEASURED.configuration | {"process": number}, samples=samples
+    )
+
+
+def test_every_point_has_its_first_process_before_any_has_its_second(tmp_path):
+    runner = Runner()
+    table = run_sweep(points(tmp_path, 1, 2, 4, 8), run=runner)
+    assert [point.process for point in runner.points] == [0] * 4 + [1] * 4 + [2] * 4
+    assert {point.options.split_x for point in runner.points[:4]} == {1, 2, 4, 8}
+    assert list(table["processes"]) == [3, 3, 3, 3]
+    assert len(pd.read_parquet(tmp_path / "one" / "processes.parquet")) == 12
+
+
+def test_more_processes_keep_those_that_were_measured(tmp_path):
+    run_sweep(points(tmp_path, 1), run=Runner())
+    runner = Runner()
+    assert run_sweep(points(tmp_path, 1, processes=5), run=runner)["processes"][0] == 5
+    assert [point.process for point in runner.points] == [3, 4]
+
+
+def test_what_is_counted_and_not_timed_is_measured_once(tmp_path):
+    runner = Runner()
+    run_sweep(points(tmp_path, 1, workload="memory"), run=runner)
+    assert len(runner.points) == 1
+
+
+@pytest.mark.parametrize(("name", "value"), [("processes", 0), ("process", -1)])
+def test_impossible_numbers_of_processes_are_refused(tmp_path, name, value):
+    with pytest.raises(InputError, match=f"measure.{name} is {value}"):
+        check_configuration(replace(configuration(tmp_path), measure=MeasureConfiguration(**{name: value})))
+
+
+def test_the_row_of_a_point_has_the_mean_of_its_processes_and_the_interval_only_of_three():
+    three = [in_process(number, factor) for number, factor in enumerate((1.0, 2.0, 4.0))]
+    row = make_tables(three).points.iloc[0]
+    assert (row["render_time_s"], row["speedup"]) == pytest.approx((2.0, 4.0))
+    assert row["render_time_low_s"] == pytest.approx(2 ** (1 - 4.302653 / np.sqrt(3)), rel=1e-5)
+    assert (row["point_id"], row["processes"], row["processes_left_out"]) == ("p0", 3, 0)
+    two = make_tables(three[:2])
+    assert two.points[["render_time_low_s", "speedup_high"]].iloc[0].isna().all()
+    assert list(two.processes["render_time_s"]) == [1.0, 2.0]
+    assert set(two.processes["point_id"]) == {"p0"}
+
+
+def test_one_failed_process_makes_the_point_a_failed_one():
+    failed = Record("p1", "failed", "killed", in_process(1).configuration, MEASURED.environment)
+    row = make_tables([in_process(0), failed, in_process(2)]).points.iloc[0]
+    assert (row["status"], row["error"]) == ("failed", "killed")
+    assert pd.isna(row["render_time_s"])
+
+
+def test_a_process_in_which_the_machine_was_not_as_it_mostly_was_is_left_out():
+    usual = [in_process(number, canary=1 + 0.01 * number) for number in range(4)]
+    strange = in_process(4, factor=3.0, canary=1.2)
+    assert strays([*usual, strange]) == {"p4"}
+    tables = make_tables([*usual, strange])
+    row = tables.points.iloc[0]
+    assert (row["processes"], row["processes_left_out"], row["render_time_s"]) == (4, 1, 1.0)
+    assert list(tables.processes["status"]) == ["ok"] * 4 + ["unsteady"]
+    assert f"more than {BAND:.0%} off the median" in tables.processes["error"][4]
+    assert strays([*usual[:2], strange]) == set()  # too few to say who is unusual
+
+
+def test_a_point_all_of_whose_processes_are_left_out_is_not_measured():
+    others = [
+        replace(
+            in_process(number), point_id=f"q{number}", configuration=in_process(number).configuration | {"rounds": 9}
+        )
+        for number in range(9)
+    ]
+    row = make_tables([in_process(number, canary=2.0) for number in range(3)] + others).points.iloc[0]
+    assert (row["status"], row["processes_left_out"]) == ("unsteady", 3)
+
+
+def test_what_strays_is_measured_again_at_the_end_and_only_once(tmp_path):
+    class Bumpy(Runner):
+        def __call__(self, point):
+            outcome = super().__call__(point)
+            slow = point.process == 1 and point.options.split_x == 2
+            samples = outcome.samples | {"rtcIntersect1": [0.2] * 3} if slow else outcome.samples
+            return replace(outcome, samples=samples)
+
+    runner = Bumpy()
+    table = run_sweep(points(tmp_path, 1, 2), run=runner)
+    assert [(point.options.split_x, point.process) for point in runner.points[6:]] == [(2, 1)]
+    assert list(table["processes_left_out"]) == [0, 1]
+    again = Bumpy()
+    run_sweep(points(tmp_path, 1, 2), run=again)
+    assert again.points == []

@@ -1,0 +1,268 @@
+"""Points that differ in a setting never look alike: not in the table, a figure, the page or the terminal."""
+
+import io
+import re
+from dataclasses import fields, replace
+from functools import cache
+
+import pytest
+from rich.console import Console
+
+from experiments.harness.configuration import Chosen
+from experiments.harness.identity import measure
+from experiments.harness.point import Point
+from experiments.harness.points import plan_points
+from experiments.methods import METHODS
+from experiments.methods.aligned import ALIGNED
+from experiments.report.tables import workload_tables
+from experiments.results.settings import settings, settings_that_vary
+from experiments.results.table import columns, make_table, make_tables
+from experiments.results.terminal import print_sweep
+from experiments.workloads import WORKLOADS
+from experiments.workloads.build.figures import draw_build_figure
+from experiments.workloads.frame.grid_figure import draw_grid_times
+from experiments.workloads.memory.figures import draw_memory_figure
+from experiments.workloads.split_figure import draw_split_times
+from tests.drawn import build_row, make_rows, memory_row, time_row
+from tests.harness.test_sweep import Runner, configuration
+from tests.results.test_table import MEASURED
+
+OTHERWISE_TOLD = {"scene", "triangles", "method", "workload", "scene_source", "scene_path"}
+OPTIONS = {"options", "workload_options"}
+EFFORT = {"process", "rounds", "warmup", "frame_budget_s", "time_limit_s", "memory_budget_gib"}
+
+# Two values of each setting, as a record's configuration holds them, and the second one in words.
+VALUES = {
+    "subdivided": (0, 1, "subdivided 1"),
+    "copies": (1, 4, "copies 4"),
+    "mesh_sha256": ("ab" * 32, "cd" * 32, "mesh cdcdcdcd"),
+    "view": ("own", "turned", "view turned"),
+    "eye": ([0.0, 1.0, 3.0], [0.0, 1.5, 3.0], "eye 0, 1.5, 3"),
+    "target": ([0.0, 1.0, 0.0], [0.0, 1.0, 1e-9], "target 0, 1, 1e-09"),
+    "up": ([0.0, 1.0, 0.0], [0.0, 1.0, 1.0], "up 0, 1, 1"),
+    "fov_y_degrees": (45.0, 60.0, "fov y degrees 60.0"),
+    "width": (8, 16, "width 16"),
+    "height": (4, 8, "height 8"),
+    "offsets": ([[0.5, 0.5]], [[0.5, 0.5], [0.0, 1.0]], "offsets [[0.5, 0.5], [0.0, 1.0]]"),
+    "sample_rays": (0, 7, "sample rays 7"),
+    "motion": ("turn", "walk", "motion walk"),
+    "frames": (2, 4, "frames 4"),
+    "what": ("count", "layers", "what layers"),
+    "layers": (4, 8, "layers 8"),
+    "factor": (0.25, 0.5, "factor 0.5"),
+    "frame": ("hybrid", "path", "frame path"),
+    "samples": (4, 16, "samples 16"),
+    "jitter": ("off", "shared", "jitter shared"),
+    "shadow_rays": (0, 1, "shadow rays 1"),
+    "occlusion_rays": (1, 2, "occlusion rays 2"),
+    "occlusion_part": (0.1, 0.5, "occlusion part 0.5"),
+    "occlusion_directions": ("shared", "shifted", "occlusion directions shifted"),
+    "max_depth": (4, 5, "max depth 5"),
+    "order": ("depth_first", "waves", "order waves"),
+    "mitsuba": ("none", "scalar_rgb", "mitsuba scalar_rgb"),
+    "job": ("camera_rays", "random_rays", "job random_rays"),
+    "views": (10, 20, "views 20"),
+    "size": (256, 512, "size 512"),
+    "occupancy": (0.5, None, "occupancy any"),
+    "final_samples": (256, 512, "final samples 512"),
+    "bounces": (2, 4, "bounces 4"),
+    "roulette_from": (2, None, "roulette from never"),
+    "albedo": (0.5, None, "albedo own"),
+    "panorama": (False, True, "panorama on"),
+    "environment": ("mis", "bsdf", "environment bsdf"),
+    "lamps": (0, 16, "lamps 16"),
+    "compaction": ("none", "texels", "compaction texels"),
+    "priority": (False, True, "priority on"),
+    "packets": (1, None, "packets widest"),
+    "lights": ("uniform", "grid", "lights grid"),
+    "adaptive": (False, True, "adaptive on"),
+    "sky": ("dawn.exr", None, "sky own"),
+    "sky_sha256": ("ab" * 32, "cd" * 32, "sky cdcdcdcd"),
+    "batch_rays": (4096, 8192, "batch rays 8192"),
+    "expansion": (4, 16, "expansion 16"),
+    "denoise": (False, True, "denoise on"),
+    "robust_rays": (False, True, "robust rays on"),
+    "against": ("nothing", "roulette", "against roulette"),
+    "use": ("sun", "sky", "use sky"),
+    "positions": (4, 16, "positions 16"),
+    "directions": (1, 8, "directions 8"),
+    "map_size": (256, 512, "map size 512"),
+    "least_texels": (1, 16, "least texels 16"),
+    "tile_size": (16, 32, "tile size 32"),
+    "geometry": ("copied", "instanced", "instanced geometry"),
+    "culling": (False, True, "culling on"),
+    "split_x": (1, 2, "split x 2"),
+    "split_y": (1, 2, "split y 2"),
+    "packet_width": (1, 8, "packet width 8"),
+    "packet_rows": (2, None, "packet rows automatic"),
+    "reference": ("first_cell", "off_axis", "reference off_axis"),
+    "coherent": (False, True, "coherent on"),
+    "compact": (False, True, "compact on"),
+    "robust": (False, True, "robust on"),
+    "tile_order": ("blocks", "rows", "tile order rows"),
+    "own_build_quality": ("low", "same", "own build quality same"),
+    "threads": (1, 2, "threads 2"),
+    "build_quality": ("high", "low", "low build quality"),
+    "ties": ("any", "lowest", "ties lowest"),
+    "ray_kind": ("diffuse", "primary", "ray kind primary"),
+    "traversal": ("push", "pop", "traversal pop"),
+    "ray_order": ("image", "shaft", "ray order shaft"),
+    "shaft_cells": (None, 8, "shaft cells 8"),
+    "shaft_directions": (4, 8, "shaft directions 8"),
+    "shaft_memory": (1.0, 2.0, "shaft memory 2.0"),
+    "shaft_probability": (0.5, 0.25, "shaft probability 0.25"),
+    "shaft_rays": (20, 5, "shaft rays 5"),
+    "shaft_list": (31, 7, "shaft list 7"),
+    "shaft_subset": ("complete", "hits", "shaft subset hits"),
+    "shaft_share": (0.9, 0.5, "shaft share 0.5"),
+    "shaft_empty": ("miss", "root", "shaft empty root"),
+    "shaft_occlusion": (True, False, "shaft occlusion off"),
+}
+BESIDE = ("separate", "visible_first", "rasteriser", *(f"{name}_primary" for name in MEASURED.samples))
+"""Series that workloads have of their own."""
+WORKLOAD_OF = {field.name: workload for workload in WORKLOADS for field in fields(workload.options)}
+OF_METHODS = {field.name for method in METHODS for field in fields(method.options)}
+every_setting = pytest.mark.parametrize("name", settings())
+
+QUICK = ("split_x", "culling", "packet_width", "view", "threads", "what", "bounces", "shaft_cells")
+"""Settings of points, methods and workloads, of each some."""
+
+
+def cases(names):
+    """Settings as cases of a test; those that are not quick are slow."""
+    return pytest.mark.parametrize(
+        "name", [pytest.param(name, marks=() if name in QUICK else pytest.mark.slow) for name in names]
+    )
+
+
+some_settings = cases(list(settings()))
+some_settings_but_samples = cases([name for name in settings() if name not in ("offsets", "sample_rays")])
+
+
+def records_that_differ_in(name):
+    return [record_with(name, value) for value in VALUES[name][:2]]
+
+
+@cache
+def tables_that_differ_in(name):
+    return make_tables(records_that_differ_in(name))
+
+
+@cache
+def headings_of(name):
+    """The columns of the page where points differ in this setting."""
+    (table,) = workload_tables(tables_that_differ_in(name).points)
+    return [heading.name for heading in table.headings]
+
+
+def record_with(name, value):
+    """Of the aligned method, or of the first that has the option, and of the workload that knows the setting."""
+    values = {key: first for key, (first, _, _) in VALUES.items()} | {name: value}
+    workload = WORKLOAD_OF.get(name, WORKLOADS[0])
+    configuration = MEASURED.configuration | {
+        key: values[key] for key in values.keys() - OF_METHODS - WORKLOAD_OF.keys()
+    }
+    method = next((one for one in METHODS if one.has(name) and not ALIGNED.has(name)), ALIGNED)
+    configuration["method"] = method.name
+    configuration["method_options"] = {field.name: values[field.name] for field in fields(method.options)}
+    configuration["workload"] = workload.name
+    configuration["workload_options"] = {field.name: values[field.name] for field in fields(workload.options)}
+    ran = {key: result for key, result in MEASURED.results.items() if key != "packet_width"}
+    samples = MEASURED.samples | {key: [1.0, 2.0, 3.0] for key in BESIDE}
+    return replace(MEASURED, point_id=str(value), configuration=configuration, samples=samples, results=ran)
+
+
+def test_every_field_of_a_point_and_every_option_is_a_setting_or_told_otherwise_or_effort():
+    assert {field.name for field in fields(Point)} - set(settings()) == OTHERWISE_TOLD | OPTIONS | EFFORT
+    assert OF_METHODS | WORKLOAD_OF.keys() <= set(settings()) == VALUES.keys() <= columns().keys()
+
+
+@pytest.mark.parametrize("method", [one for one in METHODS if fields(one.options)], ids=lambda method: method.name)
+def test_an_option_left_open_does_not_pass_for_one_that_the_method_lacks(tmp_path, method):
+    (planned,) = plan_points([configuration(tmp_path, method=Chosen(method, method.options()))])
+    row = make_table([measure(planned, Runner())]).iloc[0]
+    assert row[[field.name for field in fields(method.options)]].notna().all()
+
+
+@every_setting
+def test_two_points_that_differ_in_a_setting_differ_in_its_column(name):
+    table = tables_that_differ_in(name).points
+    assert settings_that_vary(table) == [name]
+    assert settings_that_vary(table, besides=[name]) == []
+
+
+@some_settings
+def test_the_page_shows_a_setting_that_varies(name):
+    assert headings_of(name).count(name) == 1
+    if name not in OF_METHODS:
+        assert name not in headings_of("split_x")
+
+
+@some_settings_but_samples
+def test_the_best_of_a_scene_is_told_for_each_value_of_a_setting_but_the_split(tmp_path, name):
+    shown = io.StringIO()
+    print_sweep(tables_that_differ_in(name), tmp_path, Console(file=shown, width=200))
+    rows = [line for line in shown.getvalue().splitlines() if re.match(r"[ │]+box[ ,]", line)]
+    assert len(rows) == (1 if name in ("split_x", "split_y") else 2)
+
+
+TOLD_APART = ("split_x", "geometry", "culling")  # by the figures themselves: the abscissa, and a line for each
+
+
+OF_OTHERS = {name for name in OF_METHODS if not ALIGNED.has(name)}
+
+
+FIGURES = (
+    (draw_split_times, time_row(1, 0.08)),
+    (draw_build_figure, build_row(1, 0.02, 0.04)),
+    (draw_memory_figure, memory_row(1, 1, 2, 3)),
+    (draw_grid_times, time_row(1, 0.08)),
+)
+NO_LINE_OF_ITS_OWN = [name for name in settings() if name not in {*TOLD_APART, *WORKLOAD_OF, *OF_OTHERS}]
+
+
+def assert_told_apart(draw, row, name):
+    values = tables_that_differ_in(name).points[name]
+    figure = draw(make_rows(*(row | {name: value} for value in values)))
+    # A map of each form of the geometry stands beside the other.
+    written = {axis.get_title(loc="left").replace("\n", " ") for axis in figure.axes} - {""}
+    titles = {re.sub(", culling (off|on)$", "", title) for title in written}
+    assert len(titles) == 2
+    assert f"box (10 triangles), {VALUES[name][2]}" in titles
+
+
+@pytest.mark.parametrize("name", NO_LINE_OF_ITS_OWN)
+def test_a_figure_over_splits_draws_no_two_values_of_a_setting_as_one_line(name):
+    assert_told_apart(*FIGURES[0], name)
+
+
+@pytest.mark.parametrize("figure", FIGURES[1:], ids=lambda figure: figure[0].__name__)
+def test_every_figure_over_splits_tells_settings_apart_as_the_first_does(figure):
+    for name in ("threads", "build_quality"):
+        assert_told_apart(*figure, name)
+
+
+def test_another_view_is_not_told_again_by_its_eye():
+    first, second = records_that_differ_in("view")
+    second.configuration["eye"] = [9.0, 9.0, 9.0]
+    assert settings_that_vary(make_table([first, second])) == ["view"]
+
+
+def test_instances_are_not_told_again_by_their_culling():
+    first, second = records_that_differ_in("geometry")
+    first.configuration["method_options"]["culling"] = True
+    assert settings_that_vary(make_table([first, second])) == ["geometry"]
+
+
+def test_a_method_that_lacks_a_setting_is_told_so(tmp_path):
+    pixel = MEASURED.configuration | {"method": "pixel", "method_options": {"packet_width": 8}}
+    shown = io.StringIO()
+    records = [*records_that_differ_in("packet_rows"), replace(MEASURED, configuration=pixel)]
+    print_sweep(make_tables(records), tmp_path, Console(file=shown, width=200))
+    assert "packets of 8 per pixel, no packet rows" in shown.getvalue()
+
+
+def test_scenes_have_cameras_of_their_own():
+    first, second = records_that_differ_in("eye")
+    second.configuration["scene"] = "another"
+    assert settings_that_vary(make_table([first, second])) == []

@@ -1,0 +1,128 @@
+"""The scenes made by code, the stand-ins for the paper's among them, and the shapes they are made of."""
+
+import numpy as np
+import pytest
+import trimesh
+
+from atra.geometry.camera import Camera
+from atra.judge.reference import brute_force
+from atra.packets.pixel import PixelTracer
+from scenes import shapes
+from scenes.built_in import BUILT_IN
+from scenes.cornell_box import CORNELL_BOX_CAMERA, cornell_box
+from scenes.manifest import read_manifest
+
+STAND_INS = [name for name, made in BUILT_IN.items() if made.stands_for]
+MADE = ["cornell_box", *STAND_INS]
+
+
+@pytest.fixture(scope="module")
+def meshes():
+    return {name: BUILT_IN[name].make() for name in MADE}
+
+
+@pytest.mark.parametrize("name", MADE)
+def test_a_built_in_scene_has_the_papers_triangle_count_none_degenerate_and_is_the_same_every_time(name, meshes):
+    mesh, again = meshes[name], BUILT_IN[name].make()
+    assert mesh.triangle_count == read_manifest().scene(BUILT_IN[name].stands_for or name).triangles
+    assert mesh.name == name
+    assert np.array_equal(again.vertices, mesh.vertices)
+    assert np.array_equal(again.faces, mesh.faces)
+    corners = mesh.triangles(np.arange(mesh.triangle_count))
+    assert np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1).min() > 2e-6
+
+
+@pytest.mark.parametrize("name", STAND_INS)
+def test_no_ray_of_a_stand_ins_camera_leaves_through_a_hole_and_detail_fills_part_of_the_image(name, meshes):
+    camera = Camera(**BUILT_IN[name].camera, width=128, height=128)
+    with PixelTracer(meshes[name], camera, packet_width=1, threads=1) as tracer:
+        hits = tracer.trace()
+    assert hits.hit.all()
+    assert len(np.unique(hits.prim_id)) > 1000
+
+
+@pytest.mark.parametrize(("name", "stated"), [
+    ("material_ball", 2.5),
+    pytest.param("living_room", 2.9, marks=pytest.mark.slow),
+    pytest.param("atrium", 6.4, marks=pytest.mark.slow),
+])  # fmt: skip
+def test_the_depth_complexity_is_the_one_the_docstring_states(name, stated, meshes):
+    assert f"crosses {stated} triangles" in BUILT_IN[name].make.__doc__
+    camera = Camera(**BUILT_IN[name].camera, width=32, height=32)
+    assert crossings(meshes[name], camera).mean() == pytest.approx(stated, abs=0.05)
+
+
+def crossings(mesh, camera):
+    """How many triangles each ray crosses: signs of its products with the planes through the eye and the edges."""
+    a, b, c = np.moveaxis(camera.to_camera_space(mesh.vertices)[mesh.faces], 1, 0)
+    seen = (a[:, 2] > 0) | (b[:, 2] > 0) | (c[:, 2] > 0)
+    a, b, c = a[seen], b[seen], c[seen]
+    planes = np.concatenate([np.cross(a, b), np.cross(b, c), np.cross(c, a)])
+    volume = np.einsum("ij,ij->i", a, np.cross(b, c))
+    x, y = np.meshgrid(np.arange(camera.width), np.arange(camera.height))
+    counts = []
+    for direction in camera.directions(x.ravel(), y.ravel()):
+        sides = (planes @ direction).reshape(3, -1)
+        inside = (sides > 0).all(axis=0) | (sides < 0).all(axis=0)
+        counts.append(np.count_nonzero(volume[inside] * sides[0, inside] > 0))
+    return np.array(counts)
+
+
+def test_the_box_and_the_sphere_stand_on_the_floor_inside_the_room_and_apart():
+    mesh = cornell_box()
+    assert np.allclose(mesh.bounds, [[-1, 0, -1], [1, 1.59, 1]])
+    box, sphere = (mesh.triangles(np.arange(*part)).reshape(-1, 3) for part in ((12, 24), (24, 1112)))
+    for part in (box, sphere):
+        assert part[:, 1].min() == pytest.approx(0.0, abs=1e-6)
+        assert np.abs(part[:, [0, 2]]).max() < 1.0
+        assert part[:, 1].max() < 1.5
+    centre = sphere.min(axis=0) / 2 + sphere.max(axis=0) / 2
+    assert np.allclose(np.linalg.norm(sphere - centre, axis=1), 0.4, atol=1e-6)
+    footprint = box[:, [0, 2]]
+    assert np.linalg.norm(footprint[:, None] - centre[[0, 2]], axis=-1).min() > 0.4
+
+
+def test_the_box_and_the_sphere_are_closed_and_their_normals_point_outwards():
+    mesh = cornell_box()
+    for part, volume in (((12, 24), 0.56 * 0.6 * 0.56), ((24, 1112), 4 / 3 * np.pi * 0.4**3)):
+        solid = trimesh.Trimesh(mesh.vertices, mesh.faces[slice(*part)].astype(np.int64), process=False)
+        assert solid.is_watertight
+        assert solid.volume == pytest.approx(volume, rel=0.02)
+
+
+def test_the_walls_face_into_the_room():
+    corners = cornell_box().triangles(np.arange(12))
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    assert ((np.array([0, 0.8, 0]) - corners[:, 0]) * normal).sum(axis=1).min() > 0
+
+
+def test_the_default_camera_sees_walls_light_box_and_sphere():
+    hits = brute_force(cornell_box(), Camera(**CORNELL_BOX_CAMERA, width=48, height=48))
+    assert hits.hit.mean() > 0.9
+    counts, _ = np.histogram(hits.prim_id[hits.hit], [0, 2, 4, 6, 8, 10, 12, 24, 1112])
+    assert counts.all(), counts
+
+
+@pytest.mark.parametrize(("part", "triangles", "volume"), [
+    (shapes.ball(2.0, 64, 48), 64 * 94, 4 / 3 * np.pi * 8),
+    (shapes.box(1.0, 2.0, 3.0), 12, 6.0),
+    (shapes.ring(2.0, 0.5, 64, 48), 2 * 64 * 48, 2 * np.pi**2 * 2.0 * 0.25),
+    (shapes.lathe([(0, 0), (1, 0), (1, 2), (0, 2)], 90), 90 * 4, 2 * np.pi),
+    (shapes.cushion(1.0, 1.0, 1.0, 4, 0.0), 12 * 16, 1.0),
+    (shapes.cloth(1, 1, 7, 5, 2, 0.1), 70, None),
+    (shapes.leaf(1, 0.2, 8, 0.7), 28, None),
+    (shapes.tube([(0, 0, 0), (1, 0, 0), (2, 1, 0)], 0.1, 6, (0, 0, 1)), 24, None),
+    (shapes.blades(np.zeros((9, 3)), 0.1, 1.0), 9, None),
+])  # fmt: skip
+def test_a_shape_has_its_triangle_count_and_a_closed_one_its_volume(part, triangles, volume):
+    assert part.triangle_count == triangles
+    solid = trimesh.Trimesh(part.vertices, part.faces, process=False)
+    assert volume is None or abs(solid.volume) == pytest.approx(volume, rel=0.01)
+
+
+def test_copies_are_leant_then_turned_then_moved():
+    arrow = shapes.Part(np.array([[0.0, 0, 0], [0, 1, 0], [0, 0, 1]]), np.array([[0, 1, 2]]))
+    placed = shapes.copies(arrow, [(5, 0, 0), (0, 7, 0)], shapes.frames([90, 0], [0, 90], [1, 2]))
+    assert np.allclose(placed.vertices[:3], [(5, 0, 0), (5, 1, 0), (6, 0, 0)])
+    assert np.allclose(placed.vertices[3:], [(0, 7, 0), (0, 7, 2), (0, 5, 0)])
+    assert placed.faces.tolist() == [[0, 1, 2], [3, 4, 5]]

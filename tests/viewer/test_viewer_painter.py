@@ -1,0 +1,201 @@
+"""The viewer's painter: what it shows is what renderers, tracers and the judge say, for the request and no other."""
+
+import contextlib
+import random
+import threading
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from atra import MISS, PixelTracer
+from atra.light import GradientSky, HybridRenderer, Lambertian, PanoramaSky, PathRenderer, RenderScene, Sun
+from atra.light.pictures.files import srgb_of
+from experiments.drawing.shading import BACKGROUND, DIFFERENCE_COLOURS
+from experiments.harness.configuration import Chosen
+from experiments.harness.method import Tracing
+from experiments.harness.options import NoOptions
+from experiments.methods.raster import RASTER
+from experiments.viewer import painter as painter_room
+from experiments.viewer.command import light_settings
+from experiments.viewer.painter import Painter
+from experiments.viewer.request import Pose, Request, Settings
+from experiments.viewer.session import Session
+from scenes.built_in import make_scene
+
+BOX = make_scene("cornell_box")
+SCENE = RenderScene(BOX.mesh, [Lambertian((0.7, 0.5, 0.3))])
+POSE = Pose((0.0, 0.8, 3.4), (0.0, 0.8, 0.0), (0.0, 1.0, 0.0), 50.0)
+SETTINGS = Settings(side=64, samples=2, occlusion_length=0.5)
+FIRST = Request(POSE, SETTINGS)
+
+
+def made():
+    return Painter(SCENE, Chosen(RASTER, NoOptions()), Tracing(threads=1))
+
+
+def never():
+    return False
+
+
+@pytest.fixture
+def painter():
+    one = made()
+    yield one
+    one.close()
+
+
+def with_settings(**settings):
+    return Request(POSE, replace(SETTINGS, **settings))
+
+
+def shown(painter, request, samples=1):
+    for _ in range(samples):
+        assert painter.add(request, never)
+    return painter.show(request).image
+
+
+def test_samples_under_a_panorama_accumulate_and_its_power_costs_none():
+    texels = np.random.default_rng(1).random((4, 8, 3)).astype(np.float32)
+    one = Painter(replace(SCENE, sky=PanoramaSky(texels)), Chosen(RASTER, NoOptions()), Tracing(threads=1))
+    brighter = with_settings(sky_power=2.0)
+    with contextlib.closing(one):
+        first = shown(one, FIRST, 2)
+        assert one.show(brighter).image.mean() > first.mean() + 10
+        assert np.array_equal(one.show(FIRST).image, first)
+        other = replace(SCENE, sky=PanoramaSky(texels[::-1], 0.5), lights=one._scene_of(SETTINGS).lights)
+        renderer = one._renderer(FIRST)
+        assert renderer.samples == 2
+        renderer.update(scene=other)
+        assert renderer.samples == 0
+
+
+def single_rays(camera):
+    with PixelTracer(BOX.mesh, camera, packet_width=1, threads=1) as tracer:
+        return tracer.trace()
+
+
+def test_a_picture_is_the_renderer_s_own(painter):
+    scene = painter._scene_of(SETTINGS)
+    for request, kind, options in (
+        (FIRST, HybridRenderer, {"occlusion_length": 0.5}),
+        (with_settings(frame="path"), PathRenderer, {"max_depth": 5}),
+    ):
+        with kind(scene, request.camera, threads=1, **options) as renderer:
+            renderer.add(2)
+            assert np.array_equal(shown(painter, request, 2), srgb_of(renderer.image))
+
+
+@pytest.mark.parametrize("direction", [(-0.4, -1.0, 0.3), (0.0, 0.0, 5.0), (1.0, 0.2, -1.0)])
+def test_controls_of_the_sun_begin_with_the_scene_s_own(direction):
+    own = Sun(direction, 2.0, (1.0, 0.4, 0.0), 3.0)
+    settings = Settings(**light_settings(RenderScene(BOX.mesh, lights=[own], sky=GradientSky(power=0.3))))
+    assert np.dot(settings.sun_direction, np.array(direction) / np.linalg.norm(direction)) > np.cos(np.radians(1.0))
+    values = settings.sun_cone, settings.sun_power, settings.sun_colour, settings.sky_power
+    assert values == (2.0, 3.0, (255, 102, 0), 0.3)
+    assert light_settings(RenderScene(BOX.mesh)) == {"sky_power": 1.0}
+
+
+@pytest.mark.parametrize("method", ["raster", "visible_first"])
+def test_shades_of_hits_are_those_of_single_rays(painter, method):
+    request = with_settings(method=method, split_x=8)
+    hits = single_rays(request.camera)
+    ids = shown(painter, replace(request, settings=replace(request.settings, shade="prim_id")))
+    expected, own = hits.prim_id.ravel(), ids.reshape(-1, 3)
+    colours = {prim_id: own[expected == prim_id] for prim_id in np.unique(expected)}
+    assert all((of_one == of_one[0]).all() for of_one in colours.values())
+    assert len({tuple(of_one[0]) for of_one in colours.values()}) == len(colours) > 50
+    assert tuple(colours[MISS][0]) == BACKGROUND
+
+    depth = shown(painter, replace(request, settings=replace(request.settings, shade="depth")))
+    order = np.argsort(hits.depth[hits.hit])
+    assert (np.diff(depth[hits.hit][order, 0].astype(int)) <= 0).all(), "what is farther is lighter"
+    normal = shown(painter, replace(request, settings=replace(request.settings, shade="normal")))
+    back_wall = hits.hit & (hits.normals[..., 2] > 0.999)
+    assert back_wall.sum() > 400
+    assert (normal[back_wall] == (127, 127, 255)).all()
+
+
+def test_occlusion_is_dark_in_corners_and_of_the_picture_s_frame_not_of_its_kind(painter):
+    image = shown(painter, with_settings(shade="occlusion", frame="path"), 16)
+    hits = single_rays(FIRST.camera)
+    assert (image[~hits.hit] == 255).all()
+    x, z = np.abs(hits.points[..., 0]), hits.points[..., 2]
+    back_wall = hits.hit & (z < -0.999) & (hits.points[..., 1] > 1.0) & (hits.points[..., 1] < 1.3)
+    assert image[back_wall & (x > 0.95)].mean() < image[back_wall & (x < 0.4)].mean() - 20
+
+
+def test_right_pixels_are_white_and_a_wrong_one_is_marked_and_counted(painter, monkeypatch):
+    request = with_settings(shade="wrong")
+    shown(painter, request)
+    assert "0 wrong" in painter.show(request).note
+
+    trace = painter_room.RasterTracer.trace
+
+    def tampered(self, *arguments, **named):
+        hits = trace(self, *arguments, **named)
+        hits.prim_id[10, 20] = 0 if hits.prim_id[10, 20] != 0 else 1
+        return hits
+
+    monkeypatch.setattr(painter_room.RasterTracer, "trace", tampered)
+    picture = painter.show(request)
+    assert "1 wrong" in picture.note
+    (wrong,) = (colour for verdict, colour in DIFFERENCE_COLOURS.items() if verdict.name == "WRONG")
+    assert tuple(picture.image[10, 20]) == wrong
+
+
+def test_a_sketch_has_the_pixels_of_the_picture_and_no_shadow(painter):
+    sketch = painter.sketch(FIRST)
+    unshadowed = with_settings(shadow_rays=0, occlusion_rays=0, jitter=False)
+    assert np.array_equal(sketch.image, shown(painter, unshadowed))
+    assert {"primary", "surfaces"} < sketch.stage_s.keys()
+
+
+@pytest.mark.parametrize("method", ["raster", "visible_first"])
+def test_after_another_camera_pictures_are_those_of_a_new_painter(painter, method):
+    first = with_settings(method=method, split_x=8)
+    other = replace(first, pose=replace(POSE, eye=(0.3, 1.0, 3.0), aspect=2.0))
+    painter.sketch(first), shown(painter, first)
+    new = made()
+    try:
+        assert np.array_equal(painter.sketch(other).image, new.sketch(other).image)
+        assert np.array_equal(shown(painter, other), shown(new, other))
+    finally:
+        new.close()
+
+
+class Recorder:
+    def __init__(self):
+        self.frames = []
+
+    def show(self, frame):
+        self.frames.append(frame)
+
+    def tell(self, problem):
+        raise AssertionError(problem)
+
+
+def test_frames_of_a_real_session_are_those_of_their_request_alone(painter):
+    chosen, screen = random.Random(2), Recorder()
+    session = Session(painter, screen, FIRST)
+    thread = threading.Thread(target=session.run)
+    thread.start()
+    for _ in range(60):
+        eye = tuple(chosen.uniform(-0.5, 0.5) + place for place in POSE.eye)
+        shade = chosen.choice(["material", "material", "material", "normal"])
+        session.want(replace(POSE, eye=eye), shade=shade, sun_power=chosen.choice([0.5, 1.0]))
+        time.sleep(chosen.choice([0.0, 0.005, 0.02]))
+    end_s = time.monotonic() + 20.0
+    while not (screen.frames and screen.frames[-1].samples == session.wanted.settings.enough):
+        assert time.monotonic() < end_s, "the picture at rest never came"
+        time.sleep(0.02)
+    session.close()
+    thread.join(20.0)
+    assert not thread.is_alive()
+    assert screen.frames[-1].request is session.wanted
+    for frame in screen.frames:
+        request, samples, new = frame.request, frame.samples, made()
+        expected = shown(new, request, samples) if samples else new.sketch(request).image
+        assert np.array_equal(frame.picture.image, expected)
+        new.close()

@@ -1,0 +1,275 @@
+"""Methods and workloads are values: a new one is a line in a registry, and no other file knows it by name."""
+
+from __future__ import annotations
+
+import ast
+import sys
+from contextlib import ExitStack
+from copy import deepcopy
+from dataclasses import dataclass
+from importlib import import_module
+from importlib.machinery import ModuleSpec
+from pkgutil import walk_packages
+from types import ModuleType
+
+import pandas as pd
+import pytest
+from hydra import compose, initialize_config_dir
+from hydra.core.config_store import ConfigStore
+from matplotlib.figure import Figure
+
+import experiments
+from atra.packets.pixel import PixelTracer
+from atra.tracing.options import option
+from experiments.drawing.figure import FigureKind, of_table
+from experiments.harness.column import WHOLE, Column
+from experiments.harness.configuration import read_configuration, register_schema
+from experiments.harness.method import Method, Style
+from experiments.harness.point import Workload
+from experiments.harness.processes.outcome import Outcome
+from experiments.harness.processes.worker import Job, measure_point
+from experiments.methods import METHODS
+from experiments.registry import known_kinds
+from experiments.report.writing import rewrite_report
+from experiments.results.statistics import statistics_columns
+from experiments.results.table import read_tables, workload_rows
+from experiments.results.terminal import print_point, results_console
+from experiments.sweep import GridPoint, run_sweep
+from experiments.sweeper import register_sweeper
+from experiments.workloads import WORKLOADS
+from experiments.workloads.baselines import series
+from experiments.workloads.rounds import build_own, measured, timed_rounds
+from tests.folders import ROOT
+
+
+@dataclass(frozen=True)
+class ToyOptions:
+    patience: int = option(1, "how long it waits")
+
+
+class ToyTracer(PixelTracer):
+    patience = 1
+
+    @property
+    def counters(self):
+        return {**super().counters, "waited": 10 * self.patience}
+
+
+def make_toy(mesh, view, options, tracing):
+    tracer = ToyTracer(mesh, view, packet_width=1, **tracing.ours)
+    tracer.patience = options.patience
+    return tracer
+
+
+TOY = Method(
+    "toy", "the toy", Style("#123456", "x"), ToyOptions, make_toy, __name__, is_ours=False,
+    counters=(Column("waited", WHOLE, "how often"),),
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class GameOptions:
+    players: int = option(2, "who play")
+
+
+GAME = Workload(
+    name="game",
+    options=GameOptions,
+    columns=(
+        *statistics_columns("game_time{}_s", "one game", series("game")),
+        Column("moves", WHOLE, "of all who play"),
+    ),
+    headline=lambda record: f"{record.results['moves']} moves",
+    room="a_room",
+    samples=lambda point: frozenset(("game",)),
+    judged="game",
+    needs=("moves",),
+)
+
+
+def measure_game(point):
+    with ExitStack() as stack:
+        own, results = build_own(point, stack)
+        timed = timed_rounds(point, {"game": own.trace})
+    return measured(results | {"moves": 7 * point.workload_options.players}, timed)
+
+
+def draw_game(rows, columns):
+    figure = Figure()
+    figure.subplots().plot(rows["moves"].to_numpy(float), rows["game_time_s"].to_numpy(float))
+    return figure
+
+
+ROOM = {
+    "measure": {"measure": measure_game},
+    "figures": {
+        "FIGURES": (FigureKind("games", "Games played", lambda rows: workload_rows(rows, "game"), of_table(draw_game)),)
+    },
+    "terminal": {"sweep_lines": lambda rows: [f"{rows['moves'].sum()} moves in all"]},
+}
+
+
+@pytest.fixture
+def toys(monkeypatch, tmp_path):
+    """One more line in each registry, the workload's room, and what Hydra knows; all is undone."""
+    for info in walk_packages(experiments.__path__, "experiments."):
+        import_module(info.name)  # what is imported later would keep the toys
+    for name, old, new in (("METHODS", METHODS, (*METHODS, TOY)), ("WORKLOADS", WORKLOADS, (*WORKLOADS, GAME))):
+        for module in list(sys.modules.values()):
+            if getattr(module, "__dict__", {}).get(name) is old:
+                monkeypatch.setattr(module, name, new)
+    room = ModuleType("a_room")
+    room.__path__ = []
+    (tmp_path / "source").mkdir()
+    for name in ("__init__", *ROOM):  # a record's identity asks for the source of what measures
+        (tmp_path / "source" / f"{name}.py").write_text("")
+    room.__spec__ = ModuleSpec("a_room", None, origin=str(tmp_path / "source" / "__init__.py"))
+    monkeypatch.setitem(sys.modules, "a_room", room)
+    for name, contents in ROOM.items():
+        part = ModuleType(f"a_room.{name}")
+        part.__spec__ = ModuleSpec(part.__name__, None)
+        vars(part).update(contents)
+        monkeypatch.setitem(sys.modules, part.__name__, part)
+    monkeypatch.setattr(ConfigStore.instance(), "repo", deepcopy(ConfigStore.instance().repo))
+    register_schema(known_kinds())
+    register_sweeper()
+
+
+def configuration(folder, *overrides):
+    image = ["width=16", "height=16", "measure.rounds=3", "measure.warmup=1", "sweep.name=toys", "sweep.report=true"]
+    with initialize_config_dir(str(ROOT / "conf"), version_base="1.3"):
+        return read_configuration(compose("config", [*image, f"results_dir={folder}", *overrides]), known_kinds())
+
+
+def run_here(point):
+    """As the worker does, in this process."""
+    got = measure_point(Job.from_json(Job(point, "", 0).to_json(), known_kinds()).point)
+    outcome = Outcome("ok", None, True, got.warmup_samples, got.samples, got.results)
+    return Outcome.from_json(outcome.to_json(), point)
+
+
+@pytest.mark.slow
+def test_a_new_method_and_a_new_workload_go_from_the_command_line_to_the_page(toys, tmp_path, capsys):
+    points = [
+        ["method=toy", "workload=game"],
+        ["method=toy", "method.patience=4", "workload=game", "workload.players=3"],
+        ["method=pixel", "workload=game"],
+        ["method=toy", "workload=frame"],
+        ["method=pixel", "workload=frame"],
+    ]
+    given = [GridPoint("toys", configuration(tmp_path, *overrides)) for overrides in points]
+    table = run_sweep(given, run=run_here)
+    told = capsys.readouterr()
+
+    assert list(table["status"]) == ["ok"] * 5
+    games, toy = table[table["workload"] == "game"], table[table["method"] == "toy"]
+    columns = ["patience", "players", "waited", "moves", "game_time_high_s"]
+    assert list(map(str, table[columns].dtypes)) == ["Int64"] * 4 + ["Float64"]
+    assert sorted(zip(games["players"], games["moves"], strict=True)) == [(2, 14), (2, 14), (3, 21)]
+    assert (games["game_time_s"] > 0).all()
+    assert sorted(zip(toy["patience"], toy["waited"], strict=True)) == [(1, 10), (1, 10), (4, 40)]
+    assert table[table["method"] == "pixel"][["patience", "waited"]].isna().all(axis=None)
+    assert table[table["workload"] == "frame"][["players", "moves", "game_time_s"]].isna().all(axis=None)
+
+    assert "cornell_box, game, players 3, the toy: 21 moves" in told.err
+    assert "49 moves in all" in told.out
+    print_point(games.iloc[-1], results_console())
+    assert "of all who play" in capsys.readouterr().out
+
+    folder = tmp_path / "toys"
+    assert (folder / "games.png").exists()
+    assert "<!-- the toy" in (folder / "peers.svg").read_text(encoding="utf-8")
+    page = (folder / "report.html").read_text(encoding="utf-8")
+    assert "Games played" in page
+    assert all(f'title="{name}: ' in page for name in ("patience", "players", "waited", "moves", "game_time_s"))
+    stored = read_tables(folder)
+    pd.testing.assert_frame_equal(stored.points, table)
+    assert rewrite_report(given[0].configuration).read_text(encoding="utf-8") == page
+
+
+NAMES = {one.name for one in (*METHODS, *WORKLOADS)}
+NO_NAME_OF_OURS = {
+    ("drawing/missing.py", "memory"): "a word in the text of an error",
+    ("workloads/render/__init__.py", "rays"): "how many there are, among the results of a point",
+}
+"""Constants that are spelled like one of `NAMES` and compared, and why they are something else."""
+
+CALLS = {"eq", "ne", "isin", "get", "find_method", "find_workload", "workload_rows", "say_series"}
+"""What compares its arguments with names, or looks up by them."""
+
+
+def compared_names(source):
+    """Names that `source` compares with or looks up by: operands, patterns, arguments, subscripts, and
+    collections and tables of names alone, by which something is chosen elsewhere."""
+    for node in ast.walk(ast.parse(source)):
+        match node:
+            case ast.Compare():
+                found = [node.left, *node.comparators]
+            case ast.Call(func=ast.Attribute(attr=name) | ast.Name(id=name)) if name in CALLS:
+                found = node.args
+            case ast.MatchValue():
+                found = [node.value]
+            case ast.Subscript():
+                found = [node.slice]
+            case ast.Dict() if all(map(_names, node.keys)):
+                found = [key for key in node.keys if key is not None]
+            case ast.Tuple() | ast.List() | ast.Set() if all(map(_names, node.elts)):
+                found = node.elts
+            case _:
+                continue
+        for one in found:
+            yield from _names(one)
+
+
+def _names(node):
+    """The constant, or those of a collection, if they are names of ours."""
+    parts = node.elts if isinstance(node, ast.Tuple | ast.List | ast.Set) else [node]
+    return [one.value for one in parts if isinstance(one, ast.Constant) and one.value in NAMES]
+
+
+def own_places():
+    """Where a name is at home: a method in its file, a workload in its folder."""
+    rooms = {one.name: ROOT / one.room.replace(".", "/") for one in WORKLOADS}
+    registry = ROOT / "experiments" / "methods" / "__init__.py"
+    files = {
+        method.name: ROOT / f"{node.module.replace('.', '/')}.py"
+        for node in ast.parse(registry.read_text(encoding="utf-8")).body
+        if isinstance(node, ast.ImportFrom) and node.module
+        for alias in node.names
+        for method in METHODS
+        if getattr(sys.modules["experiments.methods"], alias.name) is method
+    }
+    assert files.keys() == {one.name for one in METHODS}
+    return rooms | files
+
+
+def test_no_file_compares_with_the_name_of_a_method_or_workload_but_its_own():
+    home = own_places()
+    strangers = {
+        (path.relative_to(ROOT / "experiments").as_posix(), name)
+        for path in (ROOT / "experiments").rglob("*.py")
+        for name in compared_names(path.read_text(encoding="utf-8"))
+        if home[name] not in (path, *path.parents)
+    }
+    assert strangers == set(NO_NAME_OF_OURS)
+
+
+@pytest.mark.parametrize("source", [
+    "if row['method'] == 'pixel': pass",
+    "'tiles' != name",
+    "name in ('aligned', other)",
+    "rows[rows['workload'].isin(['frame', 'build'])]",
+    "rows['method'].eq('pixel')",
+    "STYLES['embreex']",
+    "STYLES.get('embreex')",
+    "find_method('aligned')",
+    "DRAW = {'frame': draw_frame, 'build': draw_build}",
+    "OURS = ('aligned', 'tiles')",
+    "match name:\n case 'planner': pass",
+])  # fmt: skip
+def test_a_comparison_with_a_name_is_found(source):
+    assert list(compared_names(source))
+
+
+def test_a_word_that_only_looks_like_a_name_is_left_alone():
+    assert not list(compared_names("labels = {'memory': 1, 'cores': 2}\nsay('memory')\n'frame time' == text"))

@@ -1,0 +1,331 @@
+"""Workload bake: what a point is held against, what its claims make of a table, and its figures."""
+
+import importlib.util
+import math
+import sys
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from atra.errors import InputError
+from atra.light import Baker, BakeScene, constant_sky
+from atra.light.lightmaps.gather.adaptive import FIRST_LOOK
+from experiments.drawing.figure import draw_figure
+from experiments.harness.processes.worker import measure_point
+from experiments.harness.records import Record
+from experiments.methods.peers.mitsuba_light import load_mitsuba
+from experiments.results.claims import DOES_NOT_HOLD, HOLDS, NOT_MEASURED, UNDECIDED, judge_claim
+from experiments.results.table import frame_of
+from experiments.workloads.bake import BAKE, STAGES, Against, BakeSettings
+from experiments.workloads.bake.adaptive import adaptive_bias
+from experiments.workloads.bake.claims import CLAIMS
+from experiments.workloads.bake.figures import FIGURES
+from experiments.workloads.bake.measure import lamps
+from experiments.workloads.bake.results import CLAIMS_FILE, write
+from experiments.workloads.bake_rays.claims import CLAIMS as PREDICTIONS
+from scenes.built_in import make_scene
+from tests.baked import cube, sheet
+from tests.points import planned
+from tests.quotations import QUOTED, bake
+from tests.quotations.quotation import Kept
+
+xatlas = pytest.mark.skipif(importlib.util.find_spec("xatlas") is None, reason="xatlas is not installed (extra `bake`)")
+
+
+def measured(**options):
+    one = planned("raster", "bake", (32, 32), asked={"size": 32, "samples": 2} | options)
+    assert one.problem is None
+    return one.point, measure_point(one.point)
+
+
+@xatlas
+@pytest.mark.parametrize("against", [one for one in Against if one is not Against.mitsuba])
+def test_a_point_is_held_against_the_same_bake_without_one_of_its_means(against):
+    asked = {
+        Against.nothing: {"priority": True}, Against.expansion: {"priority": True, "batch_rays": 512},
+        Against.occupancy: {"occupancy": 0.3}, Against.environment: {"panorama": True},
+    }  # fmt: skip
+    point, found = measured(against=against, **asked.get(against, {}))
+    assert BAKE.samples is not None
+    assert set(found.samples) == BAKE.samples(point)
+    assert {len(values) for values in found.samples.values()} == {3}
+    results = found.results
+    assert set(BAKE.needs) <= set(results)
+    if against is Against.nothing:
+        assert set(found.samples) == {"own", "whole_map", "without_view"}
+        assert 0.1 < results["visible_share"] < 0.9
+        assert results["visible_time_to_rmse_5_s"] > 0
+    else:
+        assert set(found.samples) == {"own", "other"}
+        assert results["other_rays_per_round"] > 0
+    # Lights and rays are the same on average, and the variances forecast how far two maps lie apart.
+    if against not in (Against.environment, Against.translucency):
+        assert results["error_over_forecast"] == pytest.approx(1.0, abs=0.35)
+    if against is Against.occupancy:
+        assert results["map_occupancy"] == pytest.approx(0.3, abs=0.02)
+    if against is Against.roulette:
+        assert results["other_rays_per_round"] > 1.2 * results["rays_per_round"]
+        assert results["variance_ratio"] < 1
+    if against is Against.expansion:
+        assert 0.5 < results["batch_fill"] <= 1
+
+
+@xatlas
+def test_a_lane_for_every_texel_is_held_against_nothing_and_uses_fewer_lanes():
+    point, none = measured(against=Against.compaction, compaction="none")
+    assert set(none.samples) == {"own"}
+    assert point.workload_options.other is None
+    _, bounces = measured(against=Against.compaction)
+    assert none.results["lane_utilisation"] < 0.6 * bounces.results["lane_utilisation"]
+    assert none.results["rays_per_round"] == bounces.results["rays_per_round"]
+
+
+def test_lamps_are_as_bright_together_however_many_and_lie_inside_the_scene():
+    mesh = make_scene("cornell_box").mesh
+    one, many = lamps(mesh, 1), lamps(mesh, 256)
+    assert (len(one), len(many), lamps(mesh, 0)) == (1, 256, ())
+    assert sum(light.power for light in many) == pytest.approx(one[0].power)
+    places = np.array([light.position for light in many])
+    assert ((places > mesh.bounds[0]) & (places < mesh.bounds[1])).all()
+    with pytest.raises(InputError, match="lamps is -1"):
+        BakeSettings(lamps=-1)
+
+
+@pytest.mark.parametrize("light", [{"albedo": 0.5}, {"lamps": 4}, {"panorama": True}, {"priority": True}])
+def test_mitsuba_is_handed_a_scene_in_its_own_light_alone(light):
+    (name,) = light
+    with pytest.raises(InputError, match=f"workload.{name} is .* with workload.against=mitsuba"):
+        BakeSettings(against=Against.mitsuba, **light)
+
+
+def test_without_mitsuba_a_point_says_what_to_install(monkeypatch):
+    monkeypatch.setitem(sys.modules, "mitsuba", None)
+    with pytest.raises(InputError, match=r"workload\.against=mitsuba needs mitsuba; run: pip install -e '\.\[peers\]'"):
+        load_mitsuba("llvm_ad_rgb", "workload.against=mitsuba", 1)
+
+
+def test_an_adaptive_map_of_even_light_is_as_bright_as_its_sky_and_leaves_out_what_comes_after_the_first_look():
+    mesh = cube()
+    brighter, scene = (BakeScene(mesh, sky=constant_sky(radiance)) for radiance in (2.2, 2.0))
+    with (
+        Baker(brighter, sheet(mesh, 8), threads=1, adaptive=True) as adaptive,
+        Baker(scene, sheet(mesh, 8), threads=1, seed=1) as full,
+    ):
+        found = adaptive_bias(adaptive, full, 256)
+        assert (adaptive.samples == FIRST_LOOK).all()
+        assert (full.samples == 256).all()
+    assert found["adaptive_bias"] == pytest.approx(0.1, abs=1e-6)
+    assert found["adaptive_bias_error"] < 1e-6
+    assert found["adaptive_left_out"] == 1.0 - FIRST_LOOK / 256
+    assert found["adaptive_speedup"] > 0.0
+
+
+@xatlas
+def test_a_point_of_an_adaptive_bake_tells_its_bias():
+    _, found = measured(adaptive=True, final_samples=32, size=16)
+    assert abs(found.results["adaptive_bias"]) < 5 * found.results["adaptive_bias_error"]
+    assert found.results["adaptive_left_out"] == 0.0  # before the first look
+    assert "adaptive_bias" not in measured(size=16)[1].results
+
+
+@xatlas
+def test_finishing_is_measured_against_a_map_of_other_random_numbers():
+    pytest.importorskip("pyoidn", reason="pyoidn is not installed: pip install -e '.[denoise]'")
+    _, found = measured(denoise=True, final_samples=8)
+    assert 0 < found.results["denoised_ratio"] < 2  # of a map of 8 samples, over one of 32
+    assert 0 < found.results["seam_step_ratio"] <= 0.25
+    assert found.results["denoise_s"] > 0
+
+
+def record(samples, **results):
+    return Record("0", "ok", None, {"workload": BAKE.name}, {}, {}, samples, results)
+
+
+def value(one, name):
+    (column,) = (found for found in BAKE.columns if found.name == name)
+    return column.value([one])
+
+
+def test_ratios_are_of_rounds_of_rays_and_of_variance_times_time():
+    one = record(
+        {"own": [1.0, 1.0, 2.0], "other": [2.0, 3.0, 4.0]}, rays_per_round=100, other_rays_per_round=150.0,
+        variance_ratio=0.5, tracing_ratio=1.5,
+    )  # fmt: skip
+    assert value(one, "speedup_vs_other") == 2.0
+    assert value(one, "rays_speedup_vs_other") == pytest.approx(2.0 * 100 / 150)
+    assert value(one, "quality_vs_other") == 1.0
+    assert value(one, "tracing_vs_other") == 1.5
+    assert value(one, "shading_vs_other") is None
+    assert value(record({"own": [1.0] * 3}, rays_per_round=100), "quality_vs_other") is None
+
+
+SCENES = ("cornell_box", "mitsuba", "fireplace_room", "sponza")
+
+
+def table(*rows):
+    """Rows of all scenes with these values, as a sweep's table holds them."""
+    usual = {"workload": BAKE.name, "method": "raster", "status": "ok", "grids": "bake", "albedo": "own",
+             "priority": False, "compaction": "bounces", "packets": "1", "against": "compaction", "denoise": False,
+             "occupancy": "0.44", "triangles": 10}  # fmt: skip
+    every = [
+        usual | {"scene": scene, "point_id": f"{place:03d}{number}"}
+        | {name: one[number] if isinstance(one, tuple) else one for name, one in row.items()}
+        for place, row in enumerate(rows) for number, scene in enumerate(SCENES)
+    ]  # fmt: skip
+    return frame_of(every)
+
+
+def ratio(name, *ends):
+    """A column and its interval, of all four scenes."""
+    low, high = zip(*ends, strict=True)
+    middle = tuple(math.sqrt(a * b) for a, b in ends)
+    return {name: middle, f"{name}_low": low, f"{name}_high": high}
+
+
+def verdict(claim, rows):
+    (found,) = (one for one in CLAIMS if one.id == claim)
+    (judged,) = judge_claim(found, rows)
+    return judged.verdict
+
+
+GOOD, BAD, OPEN = (1.2, 1.3), (0.8, 0.9), (0.9, 1.2)
+
+
+@pytest.mark.parametrize(("ends", "expected"), [
+    ((GOOD,) * 4, HOLDS),
+    ((GOOD, GOOD, GOOD, BAD), HOLDS),  # on all scenes but one
+    ((GOOD, GOOD, BAD, BAD), DOES_NOT_HOLD),
+    ((GOOD, GOOD, OPEN, BAD), UNDECIDED),
+    ((OPEN,) * 4, UNDECIDED),
+])  # fmt: skip
+def test_a_ratio_is_judged_by_whole_intervals_on_all_scenes_but_one(ends, expected):
+    assert verdict("compaction-bounces", table(ratio("speedup_vs_other", *ends))) == expected
+    assert verdict("compaction-bounces", table(ratio("view_speedup", *ends))) == NOT_MEASURED
+
+
+def test_of_a_single_scene_none_is_spared():
+    rows = table({"occupancy": "any", "map_occupancy": 0.4} | ratio("speedup_vs_other", *[BAD] * 4))
+    for claim in ("compaction-bounces", "occupancy"):
+        assert verdict(claim, rows[rows["scene"].eq("sponza")]) == DOES_NOT_HOLD
+
+
+def test_a_bound_has_two_ends_and_a_claim_its_own_points():
+    emptiest = {"against": "occupancy"}
+    assert (
+        verdict("occupancy-no-matter", table(emptiest | ratio("rays_speedup_vs_other", *[(0.97, 1.03)] * 4))) == HOLDS
+    )
+    for ends in ((1.06, 1.1), (0.9, 0.94)):
+        rows = table(emptiest | ratio("rays_speedup_vs_other", *[ends] * 4))
+        assert verdict("occupancy-no-matter", rows) == DOES_NOT_HOLD
+    view = {"priority": True, "against": "nothing"} | ratio("view_speedup", *[(1.7, 1.8)] * 4)
+    assert verdict("target-view", table(view | {"visible_share": 0.4})) == HOLDS
+    assert verdict("target-view", table(view | {"visible_share": 0.6})) == NOT_MEASURED
+    dark = {"albedo": "0.5"} | ratio("speedup_vs_other", *[(1.2, 1.3)] * 4)
+    assert verdict("target-bounces", table(dark)) == HOLDS
+    assert verdict("compaction-bounces", table(dark)) == NOT_MEASURED
+    assert verdict("target-bounces", table(dark | {"albedo": "own"})) == NOT_MEASURED
+    texels = {"compaction": "texels"}
+    fuller = texels | {"occupancy": "0.7"} | ratio("rays_speedup_vs_other", *[BAD] * 4)
+    both = table(texels | ratio("rays_speedup_vs_other", *[GOOD] * 4), fuller)
+    assert verdict("target-texels", both) == HOLDS  # of the emptiest maps alone
+
+
+def test_what_every_process_finds_alike_needs_no_interval():
+    natural = {"occupancy": "any", "map_occupancy": (0.6, 0.55, 0.69, 0.4)}
+    assert verdict("occupancy", table(natural)) == HOLDS
+    assert verdict("occupancy", table(natural | {"map_occupancy": (0.6, 0.55, 0.72, 0.4)})) == DOES_NOT_HOLD
+    sizes = [{"size": size, "batch_rays": 1 << 12, "buffer_bytes": 1000} for size in (256, 512)]
+    assert verdict("buffers", table(*sizes)) == HOLDS
+    assert verdict("buffers", table(sizes[0], sizes[1] | {"buffer_bytes": 1030})) == DOES_NOT_HOLD
+    assert verdict("buffers", table(sizes[0])) == NOT_MEASURED
+    stages = dict.fromkeys((f"{stage}_s" for stage in STAGES), 0.0) | {"trace_s": 0.96}
+    assert verdict("rare-stages", table(stages | {"gather_s": 0.04})) == HOLDS
+    assert verdict("rare-stages", table(stages | {"gather_s": 0.1})) == DOES_NOT_HOLD
+    assert verdict("no-waiting", table(stages | {"other_s": 0.005})) == HOLDS
+    assert verdict("no-waiting", table(stages | {"other_s": 0.02})) == DOES_NOT_HOLD
+
+
+def test_what_opaque_scenes_pay_is_judged_by_the_bound_that_was_set():
+    through = {"against": "translucency"}
+    for ends, expected in (((0.99, 1.02), HOLDS), ((1.04, 1.06), DOES_NOT_HOLD), ((1.0, 1.06), UNDECIDED)):
+        assert verdict("opaque", table(through | ratio("speedup_vs_other", *[ends] * 4))) == expected
+
+
+def test_paths_beside_mitsuba_count_in_one_thread_and_where_both_find_the_same_light():
+    held = {"against": "mitsuba", "threads": 1, "other_light_ratio": 1.01, "other_light_error": 0.003}
+    good, slower = (held | ratio("speedup_vs_best_other", *[ends] * 4) for ends in ((1.02, 1.1), (0.95, 1.1)))
+    assert verdict("target-mitsuba", table(good)) == HOLDS
+    assert verdict("target-mitsuba", table(good, slower)) == UNDECIDED  # of all points of a scene
+    assert verdict("target-mitsuba", table(good | {"other_light_error": (0.003, 0.003, 0.003, 0.002)})) == UNDECIDED
+    assert verdict("target-mitsuba", table(good | {"threads": 2})) == NOT_MEASURED
+
+
+def test_the_search_for_what_a_view_shows_is_judged_where_both_methods_searched():
+    seconds = [{"method": "pixel", "culling_map_s": 0.3}, {"method": "visible_first", "culling_map_s": 0.1}]
+    assert verdict("culling-map", table(*seconds)) == HOLDS
+    seconds[1]["culling_map_s"] = (0.1, 0.1, 0.25, 0.25)
+    assert verdict("culling-map", table(*seconds)) == DOES_NOT_HOLD
+    assert verdict("culling-map", table(seconds[0])) == NOT_MEASURED
+    found = {"method": "visible_first", "priority": True, "culling_map_s": 0.1}
+    assert verdict("culling-map-share", table(found | {"visible_time_to_rmse_5_s": 4.0})) == HOLDS
+    assert verdict("culling-map-share", table(found | {"visible_time_to_rmse_5_s": 1.0})) == DOES_NOT_HOLD
+    assert verdict("culling-map-share", table(found | {"visible_time_to_rmse_5_s": 4.0, "method": "raster"})) == (
+        NOT_MEASURED
+    )
+
+
+def test_claims_are_written_and_nothing_is_claimed_of_no_table(tmp_path):
+    for rows in (None, table({})[:0]):
+        assert {judge_claim(claim, rows)[0].verdict for claim in CLAIMS} == {NOT_MEASURED}
+    write(tmp_path, tmp_path, table(ratio("speedup_vs_other", *[GOOD] * 4)))
+    written = pd.read_csv(tmp_path / f"{CLAIMS_FILE}.csv")
+    assert list(written["id"]) == [claim.id for claim in CLAIMS]
+    assert len({claim.id for claim in CLAIMS}) == len(CLAIMS)
+
+
+def drawn_rows():
+    """Made-up rows of a whole sweep=bake, of which all figures draw something."""
+    rng = np.random.default_rng(1)
+    rows = []
+    for occupancy in ("0.44", "0.7"):
+        for compaction, rate in (("none", 3.0e6), ("texels", 3.6e6), ("bounces", 4.2e6)):
+            parts = {f"{stage}_s": float(rng.uniform(0, 0.02)) for stage in STAGES}
+            rates = tuple((rate * f * 0.97, rate * f * 1.03) for f in (1.0, 0.7, 0.5, 0.4))
+            rows.append({
+                "compaction": compaction, "occupancy": occupancy, "map_occupancy": float(occupancy),
+                "lane_utilisation": 0.5, **parts, **ratio("rays_per_s", *rates),
+            })  # fmt: skip
+    times = {f"time_to_rmse_{limit}_s": 40.0 / limit**2 for limit in (10, 5, 2)}
+    seen = {f"visible_{name}": 0.4 * one for name, one in times.items()}
+    ratios = ratio("view_speedup", *[(1.9, 2.1)] * 4) | ratio("whole_map_cost", *[(0.99, 1.05)] * 4)
+    rows.append({"against": "nothing", "priority": True} | times | seen | ratios)
+    return table(*rows)
+
+
+def test_figures_show_errors_over_time_stages_and_rays(tmp_path):
+    rows = drawn_rows()
+    rows = rows[rows["scene"].isin(SCENES[:2])]
+    for kind in FIGURES:
+        chosen = kind.rows(rows)
+        (figure,) = draw_figure(kind, chosen, tmp_path)
+        assert set(figure.point_ids) == set(chosen["point_id"])
+        assert len(chosen) == (2 if kind.name == "bake_convergence" else 12)
+        assert len(kind.rows(rows[:0])) == 0
+        assert b"nothing measured" not in figure.svg
+        (tmp_path / f"{kind.name}.png").write_bytes(figure.png)
+
+
+def test_pages_have_a_verdict_on_every_claim_from_one_sweep():
+    makers = [make for sweeps in QUOTED.values() for every in sweeps.values() for make in every]
+    makers = [make for make in makers if make.__module__ == bake.__name__ and make.__name__.startswith("verdicts_on_")]
+    rows = [row for make in makers for row in make(Kept(drawn_rows()))]
+    claims = [claim.text for claim in (*CLAIMS, *PREDICTIONS)]
+    assert sorted(row.split(" | ")[0].removeprefix("| ") for row in rows) == sorted(claims)
+
+
+def test_of_several_points_of_a_scene_a_claim_says_from_where_to_where():
+    (claim,) = (one for one in CLAIMS if one.id == "compaction-bounces")
+    slower, faster = ratio("speedup_vs_other", *[GOOD] * 4), ratio("speedup_vs_other", *[(1.4, 1.5)] * 4)
+    (judged,) = judge_claim(claim, table({"occupancy": "0.7"} | slower, faster))
+    assert judged.value.startswith("cornell_box 1.25 to 1.45; mitsuba 1.25 to 1.45; ")

@@ -1,0 +1,74 @@
+"""Points of workload gather: timed beside what gathers the same, and lost or doubled hits counted."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import atra
+from atra.errors import InputError
+from experiments.harness.method import Tracing
+from experiments.methods import find_method
+from experiments.workloads.gather import GatherOptions, What
+from experiments.workloads.gather.measure import CLOSED, differences
+from experiments.workloads.rounds import own_and_baselines, shrunk, warm_up
+from tests.meshes import cornell_box, cornell_camera
+from tests.points import planned
+
+pytestmark = pytest.mark.uncovered
+
+
+def counted(count):
+    return atra.Counts(np.array(count, np.uint32), (0.5, 0.5), cornell_box(), cornell_camera(2, 2))
+
+
+def test_lost_and_doubled_hits_are_counted_and_do_not_cancel():
+    found = differences(counted([[1, 5], [0, 2]]), counted([[2, 4], [0, 2]]), atra.Count())
+    assert found == {"hits_in_all": 8, "hits_missing": 1, "hits_too_many": 1, "pixels_different": 2}
+
+
+def test_a_layer_of_another_triangle_is_a_different_pixel_and_the_same_depth_to_rounding_is_none():
+    with atra.PixelTracer(cornell_box(), cornell_camera(8, 8), threads=1) as tracer:
+        single = tracer.gather(atra.Layers(2))
+    nudged = replace(single, depth=single.depth * np.float32(1 + 1e-7))
+    assert differences(nudged, single, atra.Layers(2))["pixels_different"] == 0
+    other = single.prim_id.copy()
+    other[0, 3, 4] ^= 1
+    assert differences(replace(single, prim_id=other), single, atra.Layers(2))["pixels_different"] == 1
+
+
+@pytest.mark.parametrize("name", ["trimesh", "open3d"])
+def test_a_peer_counts_the_hits_of_open_space_and_gathers_nothing_else(name):
+    method = find_method(name)
+    if method.problem() is not None:
+        pytest.skip(str(method.problem()))
+    mesh, camera = cornell_box(), cornell_camera(16, 16)
+    with method.make(mesh, camera, method.options(), Tracing()) as tracer:
+        found = tracer.gather(atra.Count())
+        with pytest.raises(InputError, match=r"expected atra\.Count"):
+            tracer.gather(atra.Layers(2))
+    with atra.PixelTracer(mesh, camera, threads=1) as tracer:
+        ours = tracer.gather(atra.Count())
+    # Rays through edges apart, which peers may lose or count twice.
+    assert (found.count == ours.count).mean() > 0.9
+
+
+def test_what_no_ray_could_gather_is_refused_before_anything_is_measured():
+    with pytest.raises(InputError, match="k is 0"):
+        GatherOptions(What.layers, layers=0)
+    with pytest.raises(InputError, match="transmittance is 2"):
+        GatherOptions(What.transmittance, factor=2.0)
+
+
+def test_a_warm_up_has_something_that_no_copy_shows_and_leaves_few_samples_in_doubt():
+    point = planned("aligned", "gather", (64, 64)).point
+    left_out, in_doubt = [], []
+
+    def gather(tracer):
+        tracer.gather(atra.Count())
+        left_out.append(tracer.counters.get("triangles_left_out"))
+        in_doubt.append(len(tracer._doubts[1].keys))
+
+    warm_up(point, own_and_baselines(shrunk(point)), gather, CLOSED)
+    assert left_out[0] > 0
+    assert 0 < max(in_doubt) < 64 * 64 / 4

@@ -1,0 +1,180 @@
+"""Workload render and the verb of that name: pictures that are timed, and one that is written."""
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from atra.errors import InputError
+from atra.files.saving import encode_exr
+from atra.light import Metal
+from experiments import cli
+from experiments.harness.processes.worker import measure_point
+from experiments.harness.records import Record
+from experiments.methods import find_method
+from experiments.methods.peers.mitsuba_light import check_llvm
+from experiments.workloads.baselines import PACKETS
+from experiments.workloads.render import RENDER, STAGES, Kind, RenderOptions, Rival, outside_embree
+from experiments.workloads.rounds import expert_packet_widths
+from scenes.built_in import make_scene
+from scenes.lit.lighting import lit
+from tests import points
+
+pytestmark = pytest.mark.uncovered
+
+WIDTH, HEIGHT = 24, 16
+
+
+def planned(method="raster", scene=None, **options):
+    return points.planned(method, "render", (WIDTH, HEIGHT), scene=scene, asked={"samples": 2, **options})
+
+
+@pytest.mark.parametrize(("options", "stages"), [
+    ({}, {"primary", "surfaces", "generate", "shadow", "occlusion", "accumulate", "other"}),
+    ({"frame": Kind.path}, {"primary", "depth_first", "other"}),
+    ({"frame": Kind.path, "order": "waves"}, {"primary", "generate", "trace", "compact", "shade", "other"}),
+])  # fmt: skip
+def test_a_point_has_pictures_by_each_primary_visibility_and_their_stages(options, stages):
+    found = measure_point(planned(**options).point)
+    primaries = {"own", "rtcIntersect1", *(PACKETS[width] for width in expert_packet_widths())}
+    assert set(found.samples) == primaries | {f"{name}_primary" for name in primaries}
+    assert {len(values) for values in found.samples.values()} == {3}
+    assert set(found.results["stages"]) == stages
+    assert stages <= set(STAGES)
+    assert found.results["pixels_wrong"] == found.results["pixels_unlike"] == 0
+    assert 2 * WIDTH * HEIGHT < found.results["rays"] <= 2 * WIDTH * HEIGHT * (5 if "frame" in options else 3)
+    own = np.array(found.samples["own"])
+    assert (np.array(found.samples["own_primary"]) < own).all()
+
+
+def test_a_pre_pass_by_llvmpipe_makes_pictures_and_its_pixels_are_judged():
+    if problem := find_method("llvmpipe").problem():
+        pytest.skip(problem)
+    found = measure_point(planned("llvmpipe").point)
+    assert found.results["pixels_unlike"] == 0
+    assert 0 <= found.results["pixels_wrong"] < 0.02 * WIDTH * HEIGHT
+    assert set(found.results["stages"]) >= {"primary", "surfaces", "shadow", "occlusion"}
+
+
+def test_with_a_still_camera_primary_visibility_is_found_once_a_picture():
+    found = {
+        jitter: measure_point(planned(jitter=jitter, shadow_rays=0, occlusion_rays=0).point)
+        for jitter in ("shared", "off")
+    }
+    rays = {jitter: one.results["rays"] for jitter, one in found.items()}
+    assert rays == {"shared": 2 * WIDTH * HEIGHT, "off": WIDTH * HEIGHT}
+
+
+def a_record(samples, **results):
+    configuration = {"workload": RENDER.name, "workload_options": {"samples": 4}}
+    return Record("0", "ok", None, configuration, {}, {}, samples, results)
+
+
+def value(record, name):
+    (column,) = (one for one in RENDER.columns if one.name == name)
+    return column.value([record])
+
+
+def test_amdahl_s_forecast_is_the_packets_picture_with_the_own_primary_in_it():
+    record = a_record(
+        {
+            "own": [6.0, 6.0, 6.0], "own_primary": [1.0, 1.0, 1.0], "rtcIntersect1": [30.0] * 3,
+            "packets_8": [10.0, 10.0, 20.0], "packets_8_primary": [5.0, 6.0, 5.0],
+        },
+        stages={"primary": 1.0, "shadow": 2.0, "accumulate": 3.0}, rays=600,
+        plan_time_s=2.0, build_time_s=3.0, baseline_build_time_s=1.5,
+    )  # fmt: skip
+    assert value(record, "speedup_forecast") == 10 / 6  # of 10/6, 10/5 and 20/16
+    assert value(record, "speedup_vs_packets") == 10 / 6
+    assert value(record, "speedup_over_forecast") == 1.0
+    assert value(record, "outside_embree") == 0.5
+    assert value(record, "rays_per_second") == 100
+    assert value(record, "break_even_subframes") == 4  # 3.5 s behind, 1 s of each sample gained
+    slower = replace(record, samples=record.samples | {"own": [11.0] * 3})
+    assert value(slower, "break_even_subframes") is None
+    nothing_behind = replace(record, results=record.results | {"baseline_build_time_s": 9.0})
+    assert value(nothing_behind, "break_even_subframes") == 1
+
+
+def test_what_embree_takes_of_paths_followed_one_by_one_is_not_known():
+    assert outside_embree({"primary": 1.0, "depth_first": 3.0}) is None
+
+
+@pytest.mark.parametrize(("options", "message"), [
+    ({"samples": 0}, "samples is 0"), ({"occlusion_rays": 65}, "occlusion_rays is 65"),
+    ({"frame": Kind.path, "max_depth": 0}, "max_depth is 0"), ({"occlusion_part": -1.0}, "occlusion_length is -1"),
+    ({"mitsuba": Rival.scalar_rgb}, "expected workload.frame=path"),
+    ({"sky": "nowhere.exr"}, "nowhere.exr', which cannot be read"), ({"sky_sha256": "ab"}, "without a workload.sky"),
+    ({"sky": "run.py", "sky_sha256": "ab"}, "changed since this run began"),
+])  # fmt: skip
+def test_what_no_picture_can_have_is_refused(options, message):
+    with pytest.raises(InputError, match=message):
+        RenderOptions(**options)
+
+
+def test_a_scene_has_its_own_materials_or_a_sun_that_shines_where_the_camera_looks():
+    camera = planned().point.camera
+    shown = lit("weekend", make_scene("weekend").mesh, camera)
+    assert any(isinstance(material, Metal) for material in shown.materials)
+    with pytest.raises(InputError, match="neither subdivide nor copy it"):
+        planned(scene={"name": "weekend", "subdivided": 1})
+    grey = lit("cornell_box", make_scene("cornell_box").mesh, camera)
+    (sun,) = grey.lights
+    assert np.dot(sun.direction, camera.axes[2]) > 0
+    assert sun.direction[1] < 0
+
+
+def run(monkeypatch, *arguments):
+    size = f"width={WIDTH}", f"height={HEIGHT}"
+    monkeypatch.setattr(sys, "argv", ["run.py", "render", *size, "threads=1", *arguments])
+    try:
+        return cli.main()
+    except SystemExit as left:
+        return int(left.code or 0)
+
+
+def test_one_picture_is_written_with_its_progress(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert run(monkeypatch, "samples=5", "output=new/a.png") == 0
+    told = capsys.readouterr()
+    assert told.out == f"written: {Path('new', 'a.png')}\n"
+    assert "[4/5] samples, about" in told.err
+    picture = np.asarray(Image.open(tmp_path / "new" / "a.png"))
+    assert picture.shape == (HEIGHT, WIDTH, 3)
+    assert len(np.unique(picture)) > 10
+    OpenEXR = pytest.importorskip("OpenEXR")
+    (tmp_path / "sky.exr").write_bytes(encode_exr({name: np.full((2, 4), 64.0, np.float32) for name in "RGB"}))
+    assert run(monkeypatch, "samples=1", "method=pixel", "frame=path", "sky=sky.exr", "output=b.exr") == 0
+    with OpenEXR.File(str(tmp_path / "b.exr")) as file:
+        assert {"RGB", "Z", "N.X", "prim_id"} <= set(file.channels())
+        assert file.channels()["RGB"].pixels.max() > 10
+
+
+@pytest.mark.parametrize(("arguments", "message"), [
+    (["output=a.jpg"], "expected a name that ends in .png or .exr"),
+    (["samples=0"], "workload.samples is 0"),
+    (["scene=nowhere"], "unknown scene 'nowhere'"),
+    (["frame=film"], "frame"),
+    (["output=run.py/a.png"], "results cannot be written to"),
+])  # fmt: skip
+def test_what_cannot_be_made_is_one_line_before_any_work(
+    arguments, message, tmp_path, monkeypatch,
+    capsys,
+):  # fmt: skip
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "run.py").touch()
+    assert run(monkeypatch, *arguments) == 2
+    told = capsys.readouterr()
+    assert message in told.err
+    assert told.err.count("\n") == 1
+    assert told.out == ""
+    assert [path.name for path in tmp_path.iterdir()] == ["run.py"]
+
+
+def test_a_libllvm_that_would_end_the_process_is_refused_by_its_version():
+    with pytest.raises(InputError, match=r"finds libLLVM 15\.0\.6, expected 16 or newer: install libLLVM"):
+        check_llvm((15, 0, 6), "workload.mitsuba=llvm_ad_rgb")
+    check_llvm((19, 1, 7), "workload.mitsuba=llvm_ad_rgb")
