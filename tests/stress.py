@@ -78,5 +78,4 @@ def any_of(values: tuple[Any, ...], random: np.random.Generator) -> Any:
 
 
 def rebuild(one: Any, random: np.random.Generator) -> None:
-    one.plan()
     one.build()

@@ -125,7 +125,7 @@ def test_a_map_and_probes_that_are_too_large_are_refused_before_they_are_made(mo
     monkeypatch.setattr(psutil, "virtual_memory", lambda: SimpleNamespace(available=1 << 30))
     uv = np.array([[(0, 0), (1, 0), (1, 1)], [(0, 0), (1, 1), (0, 1)]], float)
     with pytest.raises(MemoryBudgetError, match="use a smaller map"):
-        Baker(BakeScene(PLATE), Atlas.of_uv(uv, 1 << 14, 1 << 14), threads=1).plan()
+        Baker(BakeScene(PLATE), Atlas.of_uv(uv, 1 << 14, 1 << 14), threads=1).build()
     with (
         Baker(BakeScene(PLATE), sheet(PLATE, 4), threads=1) as baker,
         pytest.raises(MemoryBudgetError, match="500,000 probes"),

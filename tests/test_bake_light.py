@@ -9,7 +9,7 @@ import pytest
 
 import atra
 from atra import light as render
-from atra.errors import EmbreeError, InputError
+from atra.errors import ClosedError, InputError
 from atra.light import Atlas, Baker, BakeScene, SpotLight, Surface
 from tests.baked import baked, cube, sheet, standard_error
 from tests.meshes import joined, quads
@@ -208,7 +208,7 @@ def test_how_rays_are_grouped_changes_no_bit(options):
 def test_seen_texels_come_first_and_the_order_changes_no_bit():
     atlas = sheet(BOX, 6)
     with Baker(LIT, atlas, threads=1) as baker:
-        baker.set_view(atra.Camera((0, 0, 0), (1, 0.2, 0.1), width=32, height=32))
+        baker.look(atra.Camera((0, 0, 0), (1, 0.2, 0.1), width=32, height=32))
         assert 0.05 < baker.visible.mean() < 0.9
         assert baker.advance(16)
         assert (baker.samples == np.where(baker.visible, 16, 0)).all()
@@ -241,7 +241,7 @@ def test_other_lights_start_anew_and_another_mesh_is_refused():
         np.testing.assert_array_equal(baker.maps.combined, baked(dark, atlas, 4).combined)
         with pytest.raises(InputError, match="expected the same mesh"):
             baker.update(BakeScene(cube()))
-    with pytest.raises(EmbreeError, match="closed"):
+    with pytest.raises(ClosedError, match="closed"):
         baker.add(1)
 
 

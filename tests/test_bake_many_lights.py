@@ -136,7 +136,7 @@ def test_lights_are_chosen_as_often_as_their_odds_say():
 def until(scene: BakeScene, target: int, **options) -> Lightmap:
     with Baker(scene, sheet(BOX, 4), **{"threads": 1, "adaptive": True} | options) as baker:
         if options.get("compaction") == "none":
-            baker.set_view(atra.Camera((0, 0, 0), (1, 0.2, 0.1), width=32, height=32))
+            baker.look(atra.Camera((0, 0, 0), (1, 0.2, 0.1), width=32, height=32))
         while baker.advance(target):
             pass
         return baker.maps

@@ -10,7 +10,7 @@ import pytest
 import atra
 from atra import light
 from atra.embree.library import load_library
-from atra.errors import EmbreeError
+from atra.errors import ClosedError
 from atra.light import Baker, BakeScene, Surface
 from tests.baked import baked, cube, sheet
 from tests.meshes import joined, quads
@@ -103,9 +103,9 @@ def test_a_baker_takes_surfaces_with_panes_and_without_and_bakes_as_a_new_one_do
             built.append(baker.shadow_scenes)
             np.testing.assert_array_equal(baker.maps.combined, baked(scene, atlas, 4).combined)
         assert built[3] is built[4]  # lights alone build nothing
-        with pytest.raises(EmbreeError, match="closed"):
+        with pytest.raises(ClosedError, match="closed"):
             built[0].addresses(0)
-    with pytest.raises(EmbreeError, match="closed"):
+    with pytest.raises(ClosedError, match="closed"):
         built[-1].addresses(0)
 
 
@@ -114,7 +114,7 @@ def test_a_view_shows_the_same_texels_whether_or_not_faces_let_light_on():
     seen = []
     for opacity in (1.0, 0.5):
         with Baker(scene_of(ROOM, np.full(24, opacity)), atlas, threads=1) as baker:
-            baker.set_view(camera)
+            baker.look(camera)
             seen.append(baker.visible)
     np.testing.assert_array_equal(*seen)
     assert 0.05 < seen[0].mean() < 0.9

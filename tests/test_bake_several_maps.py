@@ -81,7 +81,7 @@ def test_gutters_and_look_ups_take_nothing_from_another_map():
 
 def test_of_the_maps_that_a_view_shows_the_least_converged_comes_first():
     with Baker(SCENE, six_maps(), threads=1, expansion=4) as baker:
-        baker.set_view(atra.Camera((0, 0, 0), (1, 0.2, 0.1), fov_y_degrees=110, width=32, height=32))
+        baker.look(atra.Camera((0, 0, 0), (1, 0.2, 0.1), fov_y_degrees=110, width=32, height=32))
         on_map, seen = baker.texels.map_of, baker.visible
         shown = np.unique(on_map[seen])
         assert len(shown) > 1

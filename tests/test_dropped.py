@@ -34,7 +34,6 @@ SCENE = light.RenderScene(MESH, lights=[light.Sun((0.1, -1, -0.2))])
 
 
 def traced(one: Any) -> Any:
-    one.plan()
     one.build()
     one.trace()
     return one
@@ -57,14 +56,12 @@ def shot(scene: Any) -> Any:
 
 
 def prepared(scene: Any) -> Any:
-    scene.plan()
     scene.build()
     scene.intersect(scene.prepare(atra.Rays(*RAYS)))
     return scene
 
 
 def added(one: Any) -> Any:
-    one.plan()
     one.build()
     one.add()
     return one
@@ -73,7 +70,6 @@ def added(one: Any) -> Any:
 def baking() -> ProgressiveBake:
     """In the midst of a bake that would take hours."""
     baker = Baker(BakeScene(MESH), size=16, threads=2)
-    baker.plan()
     baker.build()
     bake = ProgressiveBake(baker, 1 << 30).__enter__()
     while bake.snapshot() is None:
@@ -84,7 +80,6 @@ def baking() -> ProgressiveBake:
 def baked() -> ProgressiveBake:
     """With every sample it was to take: its thread waits for edits."""
     baker = Baker(BakeScene(MESH), size=16, threads=2)
-    baker.plan()
     baker.build()
     bake = ProgressiveBake(baker, 1).__enter__()
     assert bake.wait(60)

@@ -133,7 +133,7 @@ def test_a_closed_scene_has_no_address_and_closing_twice_is_harmless():
     scene.close()
     assert scene.closed
     assert scene.embree_bytes == 0
-    with pytest.raises(atra.EmbreeError, match="closed"):
+    with pytest.raises(atra.ClosedError, match="closed"):
         _ = scene.address
 
 

@@ -337,7 +337,7 @@ def test_a_plan_keeps_its_ties_and_its_tracer_takes_others(tmp_path: Path) -> No
 
 def test_a_plans_tracer_keeps_to_its_memory_budget() -> None:
     with pytest.raises(MemoryBudgetError, match="memory budget"):
-        a_plan().tracer(cornell_box(), square_camera(), memory_budget_bytes=1).plan()
+        a_plan().tracer(cornell_box(), square_camera(), memory_budget_bytes=1).build()
 
 
 def test_a_plan_for_an_image_of_another_size_is_refused() -> None:

@@ -187,7 +187,7 @@ def test_another_camera_gives_its_own_image_at_once():
             assert_equal_images(mesh, camera, hits, brute_force(mesh, camera))
         tracer.look(PARALLEL)
         assert_equal_images(mesh, PARALLEL, tracer.trace(), brute_force(mesh, PARALLEL))
-    with pytest.raises(atra.EmbreeError, match="closed"):
+    with pytest.raises(atra.ClosedError, match="closed"):
         tracer.look(PARALLEL)
 
 

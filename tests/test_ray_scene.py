@@ -484,7 +484,7 @@ def test_the_order_that_a_large_batch_is_traced_in_changes_no_bit(width, monkeyp
         scene.intersect(atra.Rays(np.zeros((FEWEST_RAYS, 3)), np.ones((FEWEST_RAYS, 3))))  # has an order
         scene.intersect(random_rays(FEWEST_RAYS - 1, 1, mesh))
         assert len(ordered) == 4
-    with pytest.raises(atra.EmbreeError, match="closed"):
+    with pytest.raises(atra.ClosedError, match="closed"):
         scene.intersect(rays)
 
 
@@ -541,7 +541,7 @@ def test_the_first_batch_builds_a_scene_that_is_not_built_and_none_builds_a_clos
     unbuilt = atra.RayScene(mesh, threads=1)
     unbuilt.close()
     for closed in (scene, unbuilt):
-        with pytest.raises(atra.EmbreeError, match="closed"):
+        with pytest.raises(atra.ClosedError, match="closed"):
             closed.intersect(rays)
 
 
@@ -558,9 +558,9 @@ def test_a_scene_is_traced_between_build_and_close():
     assert scene.embree_bytes == 0
     scene.close()
     for call in (scene.intersect, scene.occluded):
-        with pytest.raises(atra.EmbreeError, match="closed"):
+        with pytest.raises(atra.ClosedError, match="closed"):
             call(rays)
-    with pytest.raises(atra.EmbreeError, match="closed"):
+    with pytest.raises(atra.ClosedError, match="closed"):
         scene.build()
 
 

@@ -140,7 +140,7 @@ def test_no_frame_of_a_thousand_random_moves_is_torn():
     with render.HybridRenderer(scene, cameras[0], threads=2) as renderer:
         for _ in range(1000):
             number = int(random.integers(len(cameras)))
-            renderer.update(camera=cameras[number])
+            renderer.look(cameras[number])
             answers = iter([False] * int(random.integers(0, 6)) + [True] * 9)
             if random.random() < 0.5:
                 renderer.add(int(random.integers(1, 4)), stop=lambda answers=answers: next(answers))
@@ -241,7 +241,7 @@ def test_after_a_turn_of_one_degree_pixels_go_on_with_what_they_saw_before():
     for kept in (0, 32):
         with render.HybridRenderer(scene, STEPS_CAMERA, threads=1, most_kept=kept) as renderer:
             renderer.add(64)
-            renderer.update(camera=moved)
+            renderer.look(moved)
             assert renderer.samples == 0
             renderer.add(2)
             errors[kept] = rmse(renderer.image, truth)

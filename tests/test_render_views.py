@@ -81,7 +81,7 @@ def test_all_tracers_are_closed_in_the_end_busy_ones_when_they_come_back(monkeyp
     stage.strike()
     stage.put(busy)
     for tracer in (*made, busy):
-        with pytest.raises(atra.EmbreeError, match="closed"):
+        with pytest.raises(atra.ClosedError, match="closed"):
             tracer.build()
 
 

@@ -72,7 +72,7 @@ def test_frames_of_a_tracer_that_threads_trace_and_close_are_those_of_one_thread
         earlier.out = frames
 
     def look(one: Any, random: np.random.Generator) -> None:
-        with pytest.raises((atra.InputError, atra.EmbreeError), match=r"cannot look through one|closed"):
+        with pytest.raises((atra.InputError, atra.ClosedError), match=r"cannot look through|closed"):
             one.look(SMALL)
 
     calls = {"trace": trace, "look": look, "build": rebuild, "counters": lambda one, random: one.counters}

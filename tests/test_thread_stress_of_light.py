@@ -64,7 +64,7 @@ def test_pictures_of_a_renderer_that_threads_update_and_close_are_those_of_one_t
         "image": image,
         "add": add,
         "stopped": stopped,
-        "camera": lambda one, random: one.update(camera=any_of(CAMERAS, random)),
+        "camera": lambda one, random: one.look(any_of(CAMERAS, random)),
         "scene": lambda one, random: one.update(scene=any_of(LAMPS, random)),
         "restart": lambda one, random: one.restart(),
         "save": lambda one, random: one.save(tmp_path / f"{threading.get_ident()}.png"),
@@ -129,7 +129,7 @@ def test_maps_of_a_baker_that_threads_update_and_close_are_those_of_one_thread()
         "add": add,
         "advance": lambda one, random: one.advance(5),
         "update": lambda one, random: one.update(any_of(BAKES, random)),
-        "view": lambda one, random: one.set_view(any_of(VIEWS, random)),
+        "view": lambda one, random: one.look(any_of(VIEWS, random)),
         "stopped": stopped,
         "probes": probes,
         "share": lambda one, random: one.share_done(5),
@@ -162,7 +162,7 @@ def test_snapshots_of_a_bake_that_threads_edit_and_leave_are_those_of_one_thread
 
     calls = {
         "snapshot": snapshot,
-        "view": lambda one, random: one.set_view(any_of(VIEWS, random)),
+        "view": lambda one, random: one.look(any_of(VIEWS, random)),
         "update": lambda one, random: one.update(any_of(BAKES, random)),
         "wait": lambda one, random: one.wait(0.02),
         "share": lambda one, random: one.share_done,

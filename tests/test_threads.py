@@ -121,7 +121,7 @@ def test_a_call_that_another_thread_closes_before_ends_in_a_clear_error(kind: st
             return
         Interrupted(one, one.close)
         arguments = {"look": (SMALL,), "gather": (atra.Count(),)}.get(call, ())
-        with pytest.raises(atra.EmbreeError, match="closed"):
+        with pytest.raises(atra.ClosedError, match="closed"):
             getattr(one, call)(*arguments)
 
 
@@ -129,7 +129,7 @@ def test_a_call_that_another_thread_closes_before_ends_in_a_clear_error(kind: st
 def test_tracers_closed_between_planning_and_building_of_another_thread_hold_nothing(kind: str) -> None:
     one = MAKE[kind](CAMERA)
     Interrupted(one, lambda: None, one.close)  # after `plan`
-    with pytest.raises(atra.EmbreeError, match="closed"), one:
+    with pytest.raises(atra.ClosedError, match="closed"), one:
         pass
     assert one.embree_bytes == 0
 
@@ -153,7 +153,7 @@ def picture(camera: atra.Camera) -> np.ndarray:
 
 def test_samples_are_wholly_those_of_the_camera_that_came_last_before_them() -> None:
     with light.HybridRenderer(light.RenderScene(MESH, lights=LAMPS), CAMERA, threads=1) as renderer:
-        Interrupted(renderer, lambda: renderer.update(camera=LARGE), lambda: None)
+        Interrupted(renderer, lambda: renderer.look(LARGE), lambda: None)
         renderer.add()
         np.testing.assert_array_equal(renderer.image, picture(LARGE))
 
@@ -171,8 +171,8 @@ def test_a_closed_renderer_changes_no_more_but_hands_out_its_picture() -> None:
     with light.HybridRenderer(light.RenderScene(MESH, lights=LAMPS), CAMERA, threads=1) as renderer:
         renderer.add()
     assert renderer.image.shape == (48, 64, 3)
-    for call in (lambda: renderer.update(camera=SMALL), renderer.restart, renderer.add):
-        with pytest.raises(atra.EmbreeError, match="closed"):
+    for call in (lambda: renderer.look(SMALL), renderer.restart, renderer.add):
+        with pytest.raises(atra.ClosedError, match="closed"):
             call()
 
 
@@ -209,19 +209,19 @@ def test_a_picture_that_is_asked_for_is_wholly_that_of_the_camera_that_came_last
         expected = renderer.image
     with light.PathRenderer(light.RenderScene(MESH, lights=LAMPS), CAMERA, threads=1) as renderer:
         renderer.add()
-        to_large = [lambda: renderer.update(camera=LARGE), renderer.add]
-        Interrupted(renderer, lambda: [call() for call in to_large], lambda: renderer.update(camera=SMALL))
+        to_large = [lambda: renderer.look(LARGE), renderer.add]
+        Interrupted(renderer, lambda: [call() for call in to_large], lambda: renderer.look(SMALL))
         np.testing.assert_array_equal(renderer.image, expected)
 
 
-@pytest.mark.parametrize("call", ["add", "advance", "update", "set_view", "probes"])
+@pytest.mark.parametrize("call", ["add", "advance", "update", "look", "probes"])
 def test_a_baker_that_another_thread_closes_before_says_so_but_hands_out_its_map(call: str) -> None:
     scene = BakeScene(MESH)
     with Baker(scene, size=16, threads=1) as baker:
         baker.add()
-        arguments = {"advance": (3,), "update": (scene,), "set_view": (CAMERA,), "probes": ([(0, 0, 0)],)}.get(call, ())
+        arguments = {"advance": (3,), "update": (scene,), "look": (CAMERA,), "probes": ([(0, 0, 0)],)}.get(call, ())
         Interrupted(baker, baker.close)
-        with pytest.raises(atra.EmbreeError, match="closed"):
+        with pytest.raises(atra.ClosedError, match="closed"):
             getattr(baker, call)(*arguments)
         assert (baker.maps.samples == 1).all()
 
@@ -231,7 +231,7 @@ def test_a_tracer_of_frames_that_another_thread_closes_before_says_so(call: str)
     alignment = atra.Alignment.of_frames([CAMERA, CAMERA], atra.Split(16, 1, 64, 48))
     with atra.FramesTracer(MESH, alignment, threads=1) as one:
         Interrupted(one, one.close)
-        with pytest.raises(atra.EmbreeError, match="closed"):
+        with pytest.raises(atra.ClosedError, match="closed"):
             getattr(one, call)()
         assert one.embree_bytes == 0
 
@@ -242,5 +242,5 @@ def test_a_ray_scene_that_another_thread_closes_before_a_call_says_so(call: str)
     with atra.RayScene(MESH, threads=1) as scene:
         Interrupted(scene, scene.close)
         arguments = {"build": (), "run": (lambda query: None,)}.get(call, (rays,))
-        with pytest.raises(atra.EmbreeError, match="closed"):
+        with pytest.raises(atra.ClosedError, match="closed"):
             getattr(scene, call)(*arguments)

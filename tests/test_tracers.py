@@ -289,7 +289,7 @@ def test_a_plan_over_its_memory_budget_is_refused():
         ("instanced", (32, 16), 1 << 18, "512 instances of them need about"),
     ):
         with pytest.raises(atra.MemoryBudgetError, match=message):
-            make_tracer(method, mesh, camera, split, memory_budget_bytes=budget).plan()
+            make_tracer(method, mesh, camera, split, memory_budget_bytes=budget).build()
     with pytest.raises(atra.MemoryBudgetError, match="free"):
         make_tracer("unculled", random_triangles(300_000, 0), cornell_camera(1024, 1024), (1024, 4))
 

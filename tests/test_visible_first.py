@@ -110,7 +110,6 @@ def test_the_probe_is_timed_and_both_scenes_are_counted():
         assert tracer.embree_bytes > pixels.embree_bytes
         first = tracer.triangle_count
         assert first > mesh.triangle_count
-        tracer.plan()
         tracer.build()
         assert tracer.triangle_count == first
         assert_equal_images(mesh, camera, tracer.trace(), pixels.trace())

@@ -225,14 +225,6 @@ def test_what_a_mesh_or_a_tracer_is_not_for_is_named():
         tracer.gather(atra.Thickness())
     with atra.PixelTracer(mesh, camera, build_quality="high") as tracer, pytest.raises(atra.InputError, match="'high'"):
         tracer.gather(atra.Count())
-    for tracer, reason in (
-        (atra.VisibleFirstTracer(mesh, camera, (8, 1)), "leaves out what is hidden"),
-        (atra.TiledTracer(mesh, camera, (8, 1)), "nearest hit"),
-    ):
-        with pytest.raises(atra.InputError, match=reason):
-            tracer.gather(atra.Count())
-    with pytest.raises(atra.EmbreeError, match="not built yet"):
-        atra.PixelTracer(mesh, camera).gather(atra.Count())
 
 
 def test_an_edge_is_closed_by_position_not_by_number():

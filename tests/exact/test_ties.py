@@ -243,7 +243,7 @@ def test_more_overlaps_than_can_be_kept_are_refused_and_may_be_traced_without_th
     mesh = strips(facing)
     camera = camera_before(mesh)
     with pytest.raises(atra.MemoryBudgetError, match=r'more than 20 pairs .* trace it with ties "any"'):
-        atra.AlignedTracer(mesh, camera, (8, 1)).plan()
+        atra.AlignedTracer(mesh, camera, (8, 1)).build()
     assert trace("aligned", mesh, camera, (8, 1), ties="any").hit.any()
 
 

@@ -174,7 +174,7 @@ def test_the_culling_map_is_what_a_ray_from_each_texel_says(tracer):
     camera = cornell_camera(64, 64)
     crowded = warnings.catch_warnings(action="ignore")
     with crowded, Baker(BakeScene(mesh), atlas, threads=1) as baker, tracer(mesh, camera) as primary:
-        baker.set_view(camera, primary)
+        baker.look(camera, primary)
         texels, visible = baker.texels, baker.visible
     points = camera.to_eye_space(texels.positions)
     a, b, c = camera.to_pixels[:, :3] @ points.T

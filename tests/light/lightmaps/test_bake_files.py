@@ -34,7 +34,7 @@ def alive():
 
 def test_a_snapshot_is_the_bake_that_stopped_there():
     with Baker(SCENE, ATLAS, threads=1, expansion=4) as baker, ProgressiveBake(baker, 64) as bake:
-        bake.set_view(atra.Camera((0, 0, 0), (1, 0.2, 0.1), width=32, height=32))
+        bake.look(atra.Camera((0, 0, 0), (1, 0.2, 0.1), width=32, height=32))
         seen = [one for _ in range(2000) if (one := bake.snapshot()) is not None]
         assert bake.wait(LONG_S)
         seen.append(bake.snapshot())

@@ -102,7 +102,7 @@ def test_a_picture_needs_a_sample_and_a_number_of_them():
             renderer.lit(1)
         with pytest.raises(TypeError, match="has no option 'depth'"):
             renderer.update(depth=3)
-    with pytest.raises(atra.EmbreeError, match="closed"):
+    with pytest.raises(atra.ClosedError, match="closed"):
         renderer.add(1)
 
 
