@@ -1,6 +1,8 @@
-"""One scene of triangles on a device of its own: built once, traced, closed once."""
+"""One Embree scene of triangles on a device of its own."""
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,20 +14,19 @@ from atra.errors import EmbreeError, InputError
 from atra.whole_numbers import is_whole_number
 
 BUILD_QUALITIES = tuple(layout.BUILD_QUALITY)
-"""How well Embree builds a BVH, and how long that takes, from the quickest to the best."""
+"""Embree's build qualities of a BVH, from the fastest build to the best BVH."""
 
 
 class EmbreeScene(EmbreeDevice):
     """A committed Embree scene of triangles, or of instances of them, on a device of its own.
 
-    vertices: (V, 3) float32 C-contiguous with at least 16 readable bytes after the last vertex,
-    as `padded_vertices` of `atra.geometry.ray_space` has.
+    vertices: (V, 3) float32 C-contiguous, with 16 readable bytes after the last vertex (`padded_vertices`).
     faces: (F, 3) uint32 C-contiguous.
-    filter_address: compiled RTCFilterFunctionN, or 0 for none; `user_data` is handed to it.
-    transforms: (I, 3, 4) float32 C-contiguous: the triangles are put once into an inner scene, and the scene holds one
-    instance of it per row-major affine transform, with `inst_id` 0 ... I - 1. The filter and `user_data` stay with the
-    triangles; rays reach the filter transformed back into the triangles' space, with the ray parameter they have.
-    Other arguments, and the lifetime, as for `EmbreeDevice`.
+    filter_address: compiled RTCFilterFunctionN, 0 = none; Embree passes `user_data` to it.
+    transforms: (I, 3, 4) float32 C-contiguous, affine, row-major. If given, the scene holds an instance of the
+    triangles for each, with `inst_id` 0 ... I - 1. The filter then sees rays in the triangles' own space; their ray
+    parameter is unchanged.
+    device: arguments of `EmbreeDevice`, which also says how a scene is closed.
 
     Raises EmbreeError naming the call that failed.
     """
@@ -35,24 +36,12 @@ class EmbreeScene(EmbreeDevice):
         vertices: NDArray[np.float32],
         faces: NDArray[np.uint32],
         *,
-        build_quality: str = "medium",
-        threads: int = 1,
         filter_address: int = 0,
         user_data: NDArray | None = None,
-        monitor_address: int = 0,
         transforms: NDArray[np.float32] | None = None,
-        compact: bool = False,
-        robust: bool = False,
-        filter_in_arguments: bool = False,
+        **device: Any,
     ) -> None:
-        super().__init__(
-            build_quality=build_quality,
-            threads=threads,
-            monitor_address=monitor_address,
-            compact=compact,
-            robust=robust,
-            filter_in_arguments=filter_in_arguments,
-        )
+        super().__init__(**device)
         try:
             scene = self._new_scene()
             if len(faces):
@@ -77,10 +66,10 @@ class EmbreeScene(EmbreeDevice):
 
 
 def resolve_packet_width(packet_width: int | None) -> int:
-    """The packet width to use: the widest native one for None, else the given one.
+    """The packet width to use; None = the widest native one.
 
-    Raises InputError for a width this machine does not support natively: Embree would split or pad such packets, and
-    the filter would see other lanes than were sent.
+    Raises InputError for a width that is not native: Embree would split or pad such packets, and the filter would see
+    other lanes than were sent.
     """
     native = load_library().native_packet_widths
     if packet_width is None:

@@ -1,6 +1,8 @@
-"""Many small scenes over one vertex buffer, on one device."""
+"""Many small Embree scenes with one vertex buffer, on one device."""
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,9 +15,7 @@ class EmbreeScenes(EmbreeDevice):
     """Committed Embree scenes; scene k holds the triangles faces[starts[k]] ... faces[starts[k + 1] - 1].
 
     vertices, faces: as for `EmbreeScene`; all scenes share the vertices, and a hit's prim_id counts from the scene's
-    first triangle. starts: (scenes + 1,) int64, ascending.
-    handles: (scenes,) int64, the RTCScene of each for compiled code, 0 where it has no triangle.
-    Other arguments, and the lifetime, as for `EmbreeDevice`.
+    first triangle. starts: (scenes + 1,) int64, ascending. device: as for `EmbreeScene`.
 
     Raises EmbreeError naming the call that failed.
     """
@@ -25,13 +25,9 @@ class EmbreeScenes(EmbreeDevice):
         vertices: NDArray[np.float32],
         faces: NDArray[np.uint32],
         starts: NDArray[np.int64],
-        *,
-        build_quality: str = "medium",
-        threads: int = 1,
-        monitor_address: int = 0,
-        robust: bool = False,
+        **device: Any,
     ) -> None:
-        super().__init__(build_quality=build_quality, threads=threads, monitor_address=monitor_address, robust=robust)
+        super().__init__(**device)
         self._handles = np.zeros(len(starts) - 1, np.int64)
         try:
             for k in np.nonzero(np.diff(starts))[0]:
@@ -44,7 +40,7 @@ class EmbreeScenes(EmbreeDevice):
 
     @property
     def handles(self) -> NDArray[np.int64]:
-        """The scenes, as above. Raises EmbreeError after `close`."""
+        """(scenes,) int64, RTCScene handles for compiled code, 0 = no triangle. Raises EmbreeError after `close`."""
         if self.closed:
             raise EmbreeError("these Embree scenes are closed and cannot be traced any more")
         return self._handles
