@@ -49,7 +49,7 @@ def _camera(fields: Any, size: tuple[int, int] | None) -> View:
         if name not in (*kind, *_SIZE) and (name not in _OPTIONAL or kind is not _KINDS[0]):
             raise InputError(f"its field {name!r} is unknown, expected {', '.join((*kind, *_SIZE))}")
     if not set(_SIZE) <= set(told):
-        raise InputError("the size of the image is not told, expected width and height; or give --size 1920 1080")
+        raise InputError("the size of the image is missing, expected width and height; or give --size 1920 1080")
     width, height = (pixels(name, told.pop(name)) for name in _SIZE)
     if kind is _KINDS[0]:
         return Camera(**told, width=width, height=height)
