@@ -1,4 +1,4 @@
-"""Numbers and vectors as users give them: converted, or refused by name."""
+"""Checks and conversions of numbers and vectors that users give."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Vector = tuple[float, float, float]
 
 
 def as_number(value: Any) -> float:
-    """`value` as a float; NaN, which no range contains, where it is no number."""
+    """`value` as a float; NaN, which no range contains, if it is no number."""
     try:
         return float(value)
     except (TypeError, ValueError, OverflowError):
@@ -22,12 +22,12 @@ def as_number(value: Any) -> float:
 
 
 def unit_vector(name: str, vector: ArrayLike) -> NDArray[np.float64]:
-    """(3,) float64, the direction of three finite numbers. Raises InputError, naming it, if all of them are zero."""
+    """(3,) float64, three finite numbers scaled to length 1. Raises InputError, naming them, if all are zero."""
     components = np.asarray(vector, np.float64)
     largest = np.abs(components).max()
     if largest == 0.0:
         raise InputError(f"{name} is {tuple(components.tolist())}, expected a direction of non-zero length")
-    # By a power of two, which keeps every digit: squares of very large or small numbers would leave float64.
+    # Squares of very large or small numbers would leave float64; scaling by a power of two is exact.
     scaled = np.ldexp(components, -np.frexp(largest)[1])
     return np.asarray(scaled / np.linalg.norm(scaled))
 

@@ -1,4 +1,4 @@
-"""Orthographic camera: parallel rays, for plans, elevations and the shadow maps of directional lights."""
+"""The orthographic camera: parallel rays, as for plans, elevations and shadow maps of directional lights."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from atra.geometry.image_plane import ImagePlane
 from atra.geometry.numbers import Vector, as_number, checked_vector, unit_vector
 from atra.geometry.view import View
 
-# Share by which `of_light` widens the view, so that rounding leaves no corner of the box outside.
 _WIDENING = 1e-9
+"""Share by which `of_light` widens the view, so that rounding leaves no corner of the box outside."""
 
 
 @dataclass(frozen=True)
@@ -27,9 +27,9 @@ class OrthographicCamera(View):
     ((x + ox - W/2) p, (y + oy - H/2) p, 0) with pixel pitch p = view_height / H and has direction (0, 0, 1), so a ray
     parameter *is* a depth along the view axis, and nothing behind the image plane is seen.
 
-    eye: centre of the image plane; eye, target, up: three finite floats each, scene units.
-    view_height: what the height of the image covers, scene units, above 0; pixels are square.
-    width, height: image size in pixels, at least 1.
+    eye: centre of the image plane, three finite floats, scene units.
+    target, up, width, height: as for `Camera`.
+    view_height: height of the image, scene units, above 0; pixels are square.
 
     Raises InputError for a size below 1, a view_height that is not above 0, eye = target, or up parallel to the view.
     """
@@ -52,15 +52,15 @@ class OrthographicCamera(View):
 
     @classmethod
     def of_light(cls, direction: Vector, bounds: ArrayLike, width: int, height: int, up: Vector | None = None) -> Self:
-        """The view of a directional light that covers a box wholly, as for a shadow map.
+        """The view along a directional light that contains a box, as for a shadow map.
 
-        The box is centred and fills the image in one axis at least. The image plane stands one diagonal of the box
+        The box is centred and fills the image along one axis or both. The image plane lies one diagonal of the box
         before its centre, so that the whole box lies in front of it.
 
-        direction: the way the light travels, three finite floats of any length but 0.
-        bounds: (2, 3), lowest and highest corner of the box, such as `Mesh.bounds`, scene units.
-        up: None takes the world's axis most across the light.
-        Raises InputError for a direction of no length, a box that is not one, or one that has no extent across the
+        direction: the light's direction, three finite floats of any length but 0.
+        bounds: (2, 3), lowest and highest corner of the box, scene units, such as `Mesh.bounds`.
+        up: None = the world axis that is most across the light.
+        Raises InputError for a direction of length 0, corners that are no box, and a box without extent across the
         light.
         """
         forward = unit_vector("direction", checked_vector("direction", direction))
@@ -71,7 +71,7 @@ class OrthographicCamera(View):
         centre, diagonal = (low + high) / 2, high - low
         distance = hypot(*diagonal.tolist()) or 1.0
         unit = cls(_floats(centre - distance * forward), _floats(centre), up, 1.0, width, height)
-        # A box reaches as far across an axis as its diagonal does with every component counted positive.
+        # The extent of a box along an axis is that of its diagonal if all components count positive.
         extent_right, extent_down = np.abs(unit.axes[:2]) @ diagonal
         view_height = max(extent_down, extent_right * unit.height / unit.width) * (1.0 + _WIDENING)
         if not view_height > 0.0:
