@@ -107,8 +107,8 @@ def target_of(eye: NDArray[np.float64], forward: NDArray[np.float64]) -> Vector:
     """
     if not np.abs(eye).max() <= FARTHEST_EYE:
         raise InputError(
-            f"the eye lies at {tuple(eye.tolist())}, expected at most {FARTHEST_EYE:g} from the origin, so that float64 "
-            "can hold what it sees"
+            f"the eye lies at {tuple(eye.tolist())}, expected at most {FARTHEST_EYE:g} from the origin: beyond, "
+            "coordinates would leave float64"
         )
     distance = 2.0 ** max(frexp(float(np.abs(eye).max()))[1], 0)
     x, y, z = (eye + distance * forward).tolist()
