@@ -35,16 +35,16 @@ class VisibleTriangles:
 class Hits:
     """The nearest hit of every pixel; row 0 is the top of the image.
 
+    The properties `u`, `v`, `points` and `normals` are computed in float64 at first use. They are NaN for a miss, and,
+    except `normals`, for a ray that lies in its triangle's plane. They raise InputError for a bad offset and a
+    `prim_id` that the mesh does not have.
+
     depth: (H, W) float32, distance along the view axis in scene units, inf = miss.
     prim_id: (H, W) uint32 in the mesh's own numbering, `MISS` (0xFFFFFFFF) = miss.
     offset: the sub-pixel position of the rays.
     mesh: the mesh that was traced.
     camera: the pinhole or orthographic camera.
-    threads: threads of the properties' computation; None = every core.
-
-    The properties `u`, `v`, `points` and `normals` are computed in float64 at first use. They are NaN for a miss, and,
-    except `normals`, for a ray that lies in its triangle's plane. They raise InputError for a bad offset and a
-    `prim_id` that the mesh does not have.
+    threads: threads that compute the properties; None = every core.
     """
 
     depth: NDArray[np.float32]

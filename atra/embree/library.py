@@ -60,14 +60,10 @@ _SIGNATURES = {
     "rtcNewBVH": (_P, (_P,)),
     "rtcBuildBVH": (_P, (_P,)),
     "rtcReleaseBVH": (None, (_P,)),
-    "rtcIntersect1": (None, (_P, _P, _P)),
-    "rtcIntersect4": (None, (_P, _P, _P, _P)),
-    "rtcIntersect8": (None, (_P, _P, _P, _P)),
-    "rtcIntersect16": (None, (_P, _P, _P, _P)),
-    "rtcOccluded1": (None, (_P, _P, _P)),
-    "rtcOccluded4": (None, (_P, _P, _P, _P)),
-    "rtcOccluded8": (None, (_P, _P, _P, _P)),
-    "rtcOccluded16": (None, (_P, _P, _P, _P)),
+} | {
+    f"rtc{query}{width}": (None, (_P,) * (3 if width == 1 else 4))
+    for query in ("Intersect", "Occluded")
+    for width in (1, 4, 8, 16)
 }
 
 

@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
+from atra.compiled.aligned_memory import aligned_empty
 from atra.embree import layout
 from atra.embree.layout import IntersectArguments, Packet, RayQueryContext
 from atra.errors import EmbreeError
 
 _ORIGIN_FIELDS = (layout.RAY_ORG_X, layout.RAY_ORG_Y, layout.RAY_ORG_Z)
-_ZERO_RAY_FIELDS = (*_ORIGIN_FIELDS, layout.RAY_TIME)
 _DIRECTION_FIELDS = (layout.RAY_DIR_X, layout.RAY_DIR_Y, layout.RAY_DIR_Z)
 
 
@@ -26,9 +27,9 @@ class Workspace:
     def __init__(self, width: int, *, coherent: bool, direction: Sequence[float] | None = None) -> None:
         packet_bytes = layout.packet_words(width) * 4
         sizes = (packet_bytes, width * 4, width * 4, layout.CONTEXT_BYTES, layout.ARGUMENTS_BYTES)
-        packet, all_lanes, valid, context, arguments = (_aligned_bytes(size) for size in sizes)
+        packet, all_lanes, valid, context, arguments = (_zeros(size) for size in sizes)
         self.width = width
-        self._arguments = arguments  # kept alive: its address is what travels
+        self._arguments = arguments  # keeps it alive: Embree is given its address
         self.flags = arguments[:4].view(np.uint32)  # the first field of IntersectArguments
         self.packet = Packet(
             packet.view(np.float32),
@@ -39,14 +40,10 @@ class Workspace:
             arguments.ctypes.data,
         )
         floats, ids = self.packet.floats, self.packet.ids
-        for field in _ZERO_RAY_FIELDS:
-            self._lanes(floats, field, width)[:] = 0.0
         self._lanes(floats, layout.RAY_TNEAR, width)[:] = layout.AFTER_START
         if direction is not None:
             self.set_direction(direction)
         self._lanes(ids, layout.RAY_MASK, width)[:] = layout.INVALID_ID
-        self._lanes(ids, layout.RAY_ID, width)[:] = 0
-        self._lanes(ids, layout.RAY_FLAGS, width)[:] = 0
         ids[layout.RAY_WORDS * width :] = layout.INVALID_ID
         self.packet.all_lanes[:] = -1
         self.packet.valid[:] = -1
@@ -101,10 +98,9 @@ def check_widths(workspaces: Iterable[Workspace]) -> None:
             raise EmbreeError(f"Embree handed the filter {one.wrong_width} rays instead of {one.width}; hits were lost")
 
 
-def _aligned_bytes(size: int) -> np.ndarray:
-    """Zeroed bytes at an address that suits the widest packet."""
-    alignment = layout.PACKET_ALIGNMENT_BYTES
-    size = -(-size // alignment) * alignment  # whole lines, so that two threads never share one
-    memory = np.zeros(size + alignment, np.uint8)
-    start = -memory.ctypes.data % alignment
-    return memory[start : start + size]
+def _zeros(size: int) -> NDArray[np.uint8]:
+    """Zeroed bytes in cache lines of their own, which two threads never share."""
+    line = layout.PACKET_ALIGNMENT_BYTES
+    memory = aligned_empty((-(-size // line) * line,), np.uint8)
+    memory[:] = 0
+    return memory

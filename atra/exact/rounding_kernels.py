@@ -81,21 +81,15 @@ def _enlarge(points, faces, triangle, shear_x, shear_y, depth, largest):  # type
     largest[0, 0] = max(largest[0, 0], abs(px), abs(px + ax), abs(px + bx))
     largest[0, 1] = max(largest[0, 1], abs(py), abs(py + ay), abs(py + by))
     largest[0, 2] = max(largest[0, 2], abs(pz), abs(pz + az), abs(pz + bz))
-    largest[1, 0], largest[1, 1], largest[1, 2] = (
-        max(largest[1, 0], abs(ax)),
-        max(largest[1, 1], abs(ay)),
-        max(largest[1, 2], abs(az)),
-    )
-    largest[2, 0], largest[2, 1], largest[2, 2] = (
-        max(largest[2, 0], abs(bx)),
-        max(largest[2, 1], abs(by)),
-        max(largest[2, 2], abs(bz)),
-    )
-    largest[3, 0], largest[3, 1], largest[3, 2] = (
-        max(largest[3, 0], abs(nx)),
-        max(largest[3, 1], abs(ny)),
-        max(largest[3, 2], abs(nz)),
-    )
+    largest[1, 0] = max(largest[1, 0], abs(ax))
+    largest[1, 1] = max(largest[1, 1], abs(ay))
+    largest[1, 2] = max(largest[1, 2], abs(az))
+    largest[2, 0] = max(largest[2, 0], abs(bx))
+    largest[2, 1] = max(largest[2, 1], abs(by))
+    largest[2, 2] = max(largest[2, 2], abs(bz))
+    largest[3, 0] = max(largest[3, 0], abs(nx))
+    largest[3, 1] = max(largest[3, 1], abs(ny))
+    largest[3, 2] = max(largest[3, 2], abs(nz))
     return abs(nx * px + ny * py + nz * pz)
 
 
@@ -141,11 +135,7 @@ def judge_copies(  # type: ignore[no-untyped-def]
     are linear in its shear and largest at the image's corners; only if these are too large are single cells tested.
     """
     largest, nothing = np.empty((4, 3)), np.zeros(3)
-    polygon, first, second = (
-        np.empty((CORNERS, 3)),
-        np.empty((CORNERS, 3)),
-        np.empty((CORNERS, 3)),
-    )
+    polygon, first, second = np.empty((CORNERS, 3)), np.empty((CORNERS, 3)), np.empty((CORNERS, 3))
     nx, ny = len(shears_x), len(shears_y)
     while True:
         start = fetch_add(counter_address, 1) * CHUNK

@@ -143,12 +143,12 @@ class Camera(View):
 
 @dataclass(frozen=True)
 class CalibratedCamera(Camera):
-    """A pinhole camera with any image plane: other pixels than square ones, a principal point beside the middle.
+    """A pinhole camera whose pixels need not be square and whose principal point need not be in the middle.
 
     `Camera.from_opencv`, `Camera.from_matrix`, `Camera.crop` and the readers of camera files return it.
 
     eye, target, up, width, height: as for `Camera`.
-    plane: the grid of pixels on the image plane.
+    plane: grid of pixels on the image plane.
     fov_y_degrees: angle between the upper and the lower border of the image, computed.
 
     Raises InputError as `Camera`, and for a principal point more than 1e6 pixels outside the image.

@@ -22,11 +22,12 @@ class ImagePlane:
 
         (left + x + ox - axis_x) pitch_x,    (top + y + oy - axis_y) pitch_y
 
-    pitch_x, pitch_y: distance between neighbouring columns, and rows, above 0; for a pinhole camera at depth 1, which
-        is 1 / focal length in pixels.
-    axis_x, axis_y: column, and row, of the principal point; (0, 0) is a corner, (0.5, 0.5) a centre of a pixel.
-    left, top: first column, and row, of the image, whole numbers; only they differ in a crop, so its rays are the same
-        to the bit.
+    pitch_x: distance between neighbouring columns, above 0; for a pinhole camera 1 / focal length in pixels.
+    pitch_y: distance between neighbouring rows, likewise.
+    axis_x: column of the principal point, pixels; 0 is the left border of column 0, 0.5 its middle.
+    axis_y: row of the principal point, likewise.
+    left: first column of the image, a whole number; only this and `top` differ in a crop, whose rays stay the same.
+    top: first row of the image, a whole number.
 
     Raises InputError for a pitch that is not finite and above 0, an axis that is not finite, and a left or top that is
     no whole number.

@@ -24,13 +24,12 @@ _LONGER_PRODUCT = 4.0
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Mesh:
-    """Indexed triangles in world space.
+    """Indexed triangles in world space; the arrays are C-contiguous, read-only copies, with triangles without area.
 
     vertices: (V, 3) float32, scene units; any real array-like is converted.
     faces: (F, 3) uint32, vertex indices; row i is the triangle with `prim_id` i. Any integer array-like is converted.
     name: the mesh's name in messages and records.
 
-    Both arrays are C-contiguous, read-only copies. Triangles without area are kept, so that rows keep their numbers.
     Raises InputError for a wrong shape or dtype, no triangle, the first coordinate that is not finite or beyond 1e12 in
     size, and the first face with an index outside the vertices.
     """
@@ -133,9 +132,7 @@ def _checked_vertices(given: ArrayLike) -> NDArray[np.float32]:
         raise InputError(
             f"vertex {index} is {value}, expected finite numbers of at most {_LARGEST_COORDINATE:g} in size"
         )
-    copied = np.array(vertices, dtype=np.float32, order="C")
-    copied.setflags(write=False)
-    return copied
+    return _read_only_copy(vertices, np.float32)
 
 
 def _checked_faces(given: ArrayLike, vertex_count: int) -> NDArray[np.uint32]:
@@ -150,7 +147,11 @@ def _checked_faces(given: ArrayLike, vertex_count: int) -> NDArray[np.uint32]:
     if bad.any():
         face, corner = (int(i) for i in np.argwhere(bad)[0])
         raise InputError(f"face {face} names vertex {faces[face, corner]}, but the mesh has {vertex_count} vertices")
-    copied = np.array(faces, dtype=np.uint32, order="C")
+    return _read_only_copy(faces, np.uint32)
+
+
+def _read_only_copy(array: NDArray[Any], kind: type[np.generic]) -> NDArray[Any]:
+    copied = np.array(array, dtype=kind, order="C")
     copied.setflags(write=False)
     return copied
 

@@ -16,8 +16,8 @@ class Split:
 
     nx: columns of cells.
     ny: rows of cells.
-    width: of the image, pixels.
-    height: of the image, pixels.
+    width: width of the image, pixels.
+    height: height of the image, pixels.
 
     Raises InputError unless all are whole numbers of at least 1, and nx divides width and ny divides height.
     """

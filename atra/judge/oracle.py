@@ -183,7 +183,7 @@ def examine(
     return Examination(x, y, verdict[pixels], sampled[pixels], truth, answers[0], answers[1])
 
 
-def _truth(pairs: Pairs, other: NDArray[np.uint32], exhaustive: NDArray[np.bool_], threads: int | None) -> Truth:
+def _truth(pairs: Pairs, other: NDArray[np.integer], exhaustive: NDArray[np.bool_], threads: int | None) -> Truth:
     """The nearest of all triangles where `exhaustive`, elsewhere of those of `pairs` and `other`."""
     depth, prim_id = np.full(len(other), np.inf), np.full(len(other), MISS)
     for candidate in (np.minimum(pairs.prim_id, other), np.maximum(pairs.prim_id, other)):  # the lowest of ties wins
@@ -214,7 +214,8 @@ def _judge_answer(
     beside = (pairs.prim_id != MISS) & ~is_met
     # Within SLACK a ray hits from slightly outside; its distance counts as 0.
     off_by = np.where(right | tied, 0.0, np.where(beside, -edge_distance, np.maximum(truth.edge_distance, 0.0)))
-    return Answer(pairs.prim_id, stored_depth, depth, edge_distance, correctness, off_by)
+    prim_id = np.asarray(pairs.prim_id, np.uint32)
+    return Answer(prim_id, stored_depth, depth, edge_distance, correctness, off_by)
 
 
 def _holes(pairs: Pairs, correctness: NDArray[np.uint8], depth: NDArray[np.float64], truth: Truth) -> NDArray[np.int64]:

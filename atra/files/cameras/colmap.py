@@ -77,7 +77,8 @@ def _read(
     def placed(image: Pose) -> CalibratedCamera:
         used = sensor(image.camera_id)
         translation = [number("a translation", value) for value in image.translation]
-        return CalibratedCamera.at(*pose_of(_rotation(image.quaternion), translation), *used)
+        eye, axes = pose_of(_rotation(image.quaternion), translation)
+        return CalibratedCamera.at(eye, axes, *used)
 
     for image in images:
         entries.add(image.name, f"image {image.image_id} ({image.name!r})", partial(placed, image))
