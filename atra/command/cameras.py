@@ -26,8 +26,7 @@ def read_cameras(
     """The cameras at `path` by name, in the order of the file.
 
     A folder is read as a COLMAP model, a JSON file with frames as a transforms.json. Any other JSON file maps names to
-    arguments of `atra.Camera` (eye, target, up, fov_y_degrees, width, height) or of `atra.Camera.from_opencv` (K, R, t,
-    width, height).
+    arguments of `atra.Camera` (eye, target, …) or of `atra.Camera.from_opencv` (K, R, t, …).
     size: width and height of cameras without them. broken: receives the errors of cameras that cannot be used, by name.
     memory_per_byte: as for `atra.load_mesh`. Raises InputError, naming the file, if no camera can be used.
     """

@@ -21,8 +21,7 @@ _COLUMNS, _NAME_COLUMNS = 80, 14
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """What was found. facts: (name, text), in the order shown. doubts: what may spoil results. obstacles: reasons why
-    nothing can be traced; empty = it can."""
+    """facts: (name, text), in the order shown. doubts: what may spoil results. obstacles: why nothing can be traced."""
 
     facts: tuple[tuple[str, str], ...]
     doubts: tuple[str, ...]

@@ -37,8 +37,7 @@ def keep_nearest(typingctx: Any, arguments_address: Any, shape_x: Any, shape_y: 
     Lane k is pixel (k % shape_x, k // shape_x) of the packet. The user data is one int64 record per triangle or, if
     `instanced`, per instance. Its high half is the distance in pixels from the reference cell to the cell that was hit.
     Its low half is the triangle's prim_id in the mesh; with instances the hit itself has it.
-    Every hit is then rejected, so that Embree goes on to the next triangle. Written as vector operations because the
-    auto-vectoriser leaves a branch per lane.
+    Every hit is then rejected, so that Embree goes on to the next triangle.
     """
     if not all(isinstance(constant, types.Literal) for constant in (shape_x, shape_y, instanced)):
         raise TypingError("the packet's shape and `instanced` must be known when the filter is compiled")

@@ -21,8 +21,7 @@ SMALLEST_COMPONENT = np.float32(1e-17)
 """Smaller components of a ray are replaced by 0.
 
 Embree takes the reciprocal of a component below 1e-18 as that of +1e-18, but its packets choose near and far planes by
-the original sign, so that rays with a tiny negative component miss triangles. The change moves a hit by 1e-17 of its
-depth.
+the original sign, so that rays with a tiny negative component miss triangles. The change moves no hit visibly.
 """
 
 
@@ -39,8 +38,7 @@ class RayGrid(NamedTuple):
 class PixelTiles(NamedTuple):
     """Tiles of an image in the order in which threads take them.
 
-    corners: (N, 2) int32, column and row of each tile's upper left pixel. width, height: of a tile in pixels, whole
-    packets; the image's borders cut tiles.
+    corners: (N, 2) int32, column and row of each tile's upper left pixel. width, height: of a tile, in pixels.
     """
 
     corners: NDArray[np.int32]

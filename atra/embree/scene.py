@@ -24,8 +24,7 @@ class EmbreeScene(EmbreeDevice):
     faces: (F, 3) uint32 C-contiguous.
     filter_address: compiled RTCFilterFunctionN, 0 = none; Embree passes `user_data` to it.
     transforms: (I, 3, 4) float32 C-contiguous, affine, row-major. If given, the scene holds an instance of the
-    triangles for each, with `inst_id` 0 ... I - 1. The filter then sees rays in the triangles' own space; their ray
-    parameter is unchanged.
+    triangles for each, with `inst_id` 0 ... I - 1. The filter then sees rays in the triangles' own space.
     device: arguments of `EmbreeDevice`, which also says how a scene is closed.
 
     Raises EmbreeError naming the call that failed.
@@ -68,8 +67,7 @@ class EmbreeScene(EmbreeDevice):
 def resolve_packet_width(packet_width: int | None) -> int:
     """The packet width to use; None = the widest native one.
 
-    Raises InputError for a width that is not native: Embree would split or pad such packets, and the filter would see
-    other lanes than were sent.
+    Raises InputError for a width that is not native: Embree would give the filter other lanes than were sent.
     """
     native = load_library().native_packet_widths
     if packet_width is None:

@@ -113,8 +113,7 @@ def triangles_in_camera_space(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """First corner and the two edges leaving it, camera space, (N, 3) float64 each.
 
-    Edges are subtracted before the rotation, which is exact for float32 vertices: triangles without area keep none, and
-    coplanar triangles stay coplanar.
+    Edges are subtracted before the rotation, exactly: triangles without area, and coplanar ones, stay so.
     """
     corners = mesh.triangles(prim_id)
     first = corners[:, 0]
@@ -162,8 +161,7 @@ def intersect_rays(
 ) -> Intersections:
     """Intersect each ray with the plane of its triangle `prim_id` in float64; `depth` is in units of the direction.
 
-    origins, directions: (N, 3), world space. prim_id: (N,) integers. Raises InputError for a `prim_id` that the mesh
-    does not have.
+    origins, directions: (N, 3), world space. prim_id: (N,) integers. Raises InputError for an unknown `prim_id`.
     """
     corners = mesh.triangles(prim_id)
     first, edges = corners[:, 0], corners[:, 1:] - corners[:, :1]

@@ -121,8 +121,7 @@ def judge_copies(  # type: ignore[no-untyped-def]
     """Bound the depth error of each triangle of the mesh, and find triangles whose copies would have too large errors.
 
     points_pixels: (V, 3) float64 homogeneous pixels. points_own: (V, 3) float64, ray space of the triangle's own
-    camera. points_ray: (V, 3) float64, to be sheared. shears_x: (nx, 3), shears_y: (ny, 3) float64, per unit depth, of
-    the columns and rows of cells.
+    camera. points_ray: (V, 3) float64, to be sheared. shears_x: (nx, 3), shears_y: (ny, 3) float64, per unit depth.
     depth_error: (F,) float64, relative error, ALLOWED_MULTIPLE times the mesh's own roundings; inf if the plane passes
     through the eye. left_out: (F,) uint8, 1 if the mesh itself has more than MOST_ROUNDINGS, or a copy in some cell has
     more than COPY_RATIO times the mesh's roundings and, with those of n . d, more than admitted_multiple times.
@@ -209,8 +208,7 @@ def judge_translations(  # type: ignore[no-untyped-def]
     reference rays far away. The error of a corner then does not depend on the depth, and near the image plane it may
     exceed it. With first corner v0, normal n and ray o + t d, a depth is n . (v0 - o) / n . d. Its roundings are those
     of the corners and the origin's two summands, times n; those of n, times the way from v0 to the hit; and those of
-    n . d, times the depth. A copy may have `admitted_multiple` times those of the mesh itself, at every depth and way
-    of the triangle.
+    n . d, times the depth. A copy may have `admitted_multiple` times those of the mesh, at all its depths and ways.
     """
     sizes, copy = np.empty((3, 3)), np.empty((3, 3))
     nx, ny = len(shears_x), len(shears_y)

@@ -28,8 +28,7 @@ _PARALLEL, _ROUNDING = 1e-14, 1e-12
 def number_planes(vertices, faces, centre, extent, numbers):  # type: ignore[no-untyped-def]
     """Set numbers[t] to a number of triangle t's plane, NaN for a needle; centre, extent: (3,) float64, the mesh's box.
 
-    It is a continuous function of the plane without its orientation, so sorting by it puts triangles of one plane
-    together.
+    It is a continuous function of the plane without its orientation, so sorting puts triangles of one plane together.
     """
     scale = max(extent[0], extent[1], extent[2])
     for triangle in range(len(faces)):

@@ -67,8 +67,7 @@ class Allowance:
 
 
 def read_regular_file(path: Path) -> bytes:
-    """The bytes of a file. Raises InputError for a pipe or device, which may never end, and for a file larger than the
-    free memory."""
+    """The bytes of a file. Raises InputError for a pipe or device, and for a file larger than the free memory."""
     if path.exists() and not path.is_file():
         raise InputError(f"{path.name} is no regular file")
     size = path.stat().st_size

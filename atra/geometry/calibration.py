@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from atra.errors import InputError
 from atra.geometry.image_plane import ImagePlane
-from atra.geometry.numbers import Vector
+from atra.geometry.numbers import Vector, as_vector
 
 AXES = ("opengl", "opencv")
 """Axes of camera space: X right, Y up, Z backward (OpenGL, Blender, NeRF); X right, Y down, Z forward (OpenCV)."""
@@ -27,8 +27,7 @@ ROTATION_TOLERANCE = 1e-4
 def image_plane_of(K: ArrayLike) -> ImagePlane:
     """The image plane of an intrinsic matrix ((fx, 0, cx), (0, fy, cy), (0, 0, 1)) in OpenCV's pixels.
 
-    Raises InputError for another shape or last row, numbers that are not finite, a singular matrix, skew, and focal
-    lengths that are not above 0.
+    Raises InputError for another shape or last row, numbers not finite, a singular matrix, skew, and bad focal lengths.
     """
     matrix = _numbers("K", K, "(3, 3)", (3, 3))
     with np.errstate(over="ignore"):
@@ -68,8 +67,7 @@ def pose_of(R: ArrayLike, t: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np
 def pose_of_matrix(camera_to_world: ArrayLike, axes: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """The same as `pose_of`, from a matrix (4, 4) or (3, 4) from camera space, with one of `AXES`, to world space.
 
-    Raises InputError for other axes, another shape or last row, numbers that are not finite, and a left part that is
-    no rotation.
+    Raises InputError for other axes, another shape or last row, numbers not finite, and a left part not a rotation.
     """
     if axes not in AXES:
         raise InputError(f"axes is {axes!r}, expected one of {', '.join(AXES)}")
@@ -111,8 +109,7 @@ def target_of(eye: NDArray[np.float64], forward: NDArray[np.float64]) -> Vector:
             "coordinates would leave float64"
         )
     distance = 2.0 ** max(frexp(float(np.abs(eye).max()))[1], 0)
-    x, y, z = (eye + distance * forward).tolist()
-    return x, y, z
+    return as_vector(eye + distance * forward)
 
 
 def _numbers(name: str, given: ArrayLike, expected: str, *shapes: tuple[int, ...]) -> NDArray[np.float64]:

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from atra.errors import InputError
 from atra.geometry.calibration import image_plane_of, pose_of, pose_of_matrix, target_of
 from atra.geometry.image_plane import ImagePlane
-from atra.geometry.numbers import Vector, as_number
+from atra.geometry.numbers import Vector, as_number, as_vector
 from atra.geometry.view import View, check_offset
 from atra.whole_numbers import is_whole_number
 
@@ -69,8 +69,7 @@ class Camera(View):
 
         K: (3, 3), focal lengths fx, fy and principal point cx, cy in pixels; no skew. R: (3, 3), t: three numbers,
         world to camera. width, height: of the image, pixels.
-        Raises InputError for a K that is singular, has skew or another last row, an R that is no rotation, and numbers
-        that are not finite.
+        Raises InputError for a K that is singular or has skew, an R that is no rotation, and numbers not finite.
         """
         return CalibratedCamera.at(*pose_of(R, t), image_plane_of(K), width, height)
 
@@ -89,8 +88,7 @@ class Camera(View):
         camera_to_world: (4, 4) or (3, 4), a rotation and the eye. axes: of the camera's space, "opengl" for X right, Y
         up, Z backward (OpenGL, Blender, NeRF), "opencv" for X right, Y down, Z forward. Give either fov_y_degrees, or K
         as for `from_opencv`.
-        Raises InputError for a matrix with scale, reflection or no rotation, for other axes, and unless exactly one of
-        fov_y_degrees and K is given.
+        Raises InputError for a matrix with scale, reflection or no rotation, other axes, and neither or both of those.
         """
         eye, rotation = pose_of_matrix(camera_to_world, axes)
         if (fov_y_degrees is None) == (K is None):
@@ -180,6 +178,4 @@ class CalibratedCamera(Camera):
 
 def _placed(eye: NDArray[np.float64], axes: NDArray[np.float64]) -> tuple[Vector, Vector, Vector]:
     """eye, target and up of a camera whose axes right, down, forward are the rows of `axes`."""
-    x, y, z = eye.tolist()
-    up_x, up_y, up_z = (-axes[1]).tolist()
-    return (x, y, z), target_of(eye, axes[2]), (up_x, up_y, up_z)
+    return as_vector(eye), target_of(eye, axes[2]), as_vector(-axes[1])

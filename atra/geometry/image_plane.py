@@ -29,8 +29,7 @@ class ImagePlane:
     left: first column of the image, a whole number; only this and `top` differ in a crop, whose rays stay the same.
     top: first row of the image, a whole number.
 
-    Raises InputError for a pitch that is not finite and above 0, an axis that is not finite, and a left or top that is
-    no whole number.
+    Raises InputError for a pitch not finite or not above 0, an axis not finite, and a left or top that is not whole.
     """
 
     pitch_x: float

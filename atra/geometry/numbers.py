@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from atra.errors import InputError
 
 Vector = tuple[float, float, float]
+"""Three floats of Python."""
 
 
 def as_number(value: Any) -> float:
@@ -19,6 +20,12 @@ def as_number(value: Any) -> float:
         return float(value)
     except (TypeError, ValueError, OverflowError):
         return nan
+
+
+def as_vector(array: NDArray[np.float64]) -> Vector:
+    """Three numbers of an array (3,) as floats of Python."""
+    x, y, z = array.tolist()
+    return x, y, z
 
 
 def unit_vector(name: str, vector: ArrayLike) -> NDArray[np.float64]:

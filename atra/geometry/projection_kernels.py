@@ -1,8 +1,7 @@
 """Projection of vertices to pixels, and the cells of an image that each triangle meets (paper §3.4).
 
 A triangle is clipped against the eye plane and one row of cells; the rest spans one contiguous range of columns.
-Coordinates are homogeneous pixels (a, b, c) with pixel position (a / c, b / c) and depth c, in which the planes of
-every frustum are linear.
+Coordinates are homogeneous pixels (a, b, c), in which frustums have planes: pixel position (a / c, b / c), depth c.
 """
 
 from __future__ import annotations

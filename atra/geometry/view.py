@@ -21,11 +21,9 @@ _PARALLEL_SINE = 1e-6
 class View(ABC):
     """The base of `Camera` and `OrthographicCamera`.
 
-    Camera space has the eye at the origin, X to the right (forward x up), Y down (down = forward x right) and Z along
-    the view axis. Ray directions have Z = 1 and rays start at Z = 0, so a ray parameter *is* a depth.
+    Camera space is as for `Camera`. Ray directions have Z = 1 and rays start at Z = 0, so a ray parameter *is* a depth.
 
-    eye, target, up, width, height: as for `Camera`. Raises InputError for a size below 1, eye = target, an up of length
-    0, and an up parallel to the view.
+    eye, target, up, width, height: as for `Camera`. Raises InputError as `Camera`.
     """
 
     eye: Vector

@@ -75,16 +75,14 @@ def wrong_counts(counts: Counts, threads: int | None = 1) -> NDArray[np.bool_]:
 
 
 def wrong_thicknesses(found: Thicknesses, threads: int | None = 1) -> NDArray[np.bool_]:
-    """(H, W) bool, whether a thickness errs by more than TOLERANCE and ROUNDINGS allow; False where float64 cannot
-    decide what is hit."""
+    """(H, W) bool, whether a thickness errs by more than allowed; False where float64 cannot decide what is hit."""
     truth = all_hits(found.mesh, found.camera, found.offset, threads=threads)
     allowed = TOLERANCE * truth.thickness + ROUNDINGS * truth.products
     return (truth.least == truth.most) & ~(np.abs(found.thickness - truth.thickness) <= allowed)
 
 
 def wrong_layers(found: LayerHits, threads: int | None = 1) -> NDArray[np.bool_]:
-    """(H, W) bool, whether layers are not the nearest hits, each once, in order and at their depths, or float64
-    excludes `count`."""
+    """(H, W) bool, whether layers are not the nearest hits in order, each once, or float64 excludes their `count`."""
     depth, prim_id = found.depth.astype(np.float64), found.prim_id
     given = prim_id != MISS
     full = given.all(axis=0)

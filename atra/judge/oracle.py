@@ -43,8 +43,7 @@ class Correctness(IntEnum):
     WRONG_DEPTH = 3
     """The nearest triangle, or one at the same depth, with a depth that `compare` does not accept."""
     HOLE = 4
-    """A miss, or a triangle behind, where the ray hits a triangle inside or between it and a neighbour, not at an open
-    rim (`atra.judge.holes`)."""
+    """A miss, or a triangle behind, where the ray hits a surface inside, not at its rim (`atra.judge.holes`)."""
 
 
 @dataclass(frozen=True, eq=False)

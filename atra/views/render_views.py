@@ -6,6 +6,7 @@ import pickle
 from collections import deque
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -93,13 +94,10 @@ def _rendered(
     between_processes = not isinstance(executor, (_Here, ThreadPoolExecutor))
     with shared(mesh, overlaps, between_processes) as where:
         try:
-            more = True
-            while more or pending:
-                while more and len(pending) < in_flight:
-                    if more := (following := next(named, None)) is not None:
-                        name, camera = following
-                        pending.append((name, camera, _submitted(executor, where, None, camera, job)))
-                        count += 1
+            while True:
+                for name, camera in islice(named, in_flight - len(pending)):
+                    pending.append((name, camera, _submitted(executor, where, None, camera, job)))
+                    count += 1
                 if not pending:
                     break
                 name, camera, future = pending.popleft()

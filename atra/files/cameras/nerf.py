@@ -31,8 +31,7 @@ def read_transforms(
 
     A frame, or else the file, has the size `w` and `h`; the focal lengths `fl_x` and `fl_y`, or the angles
     `camera_angle_x` and `camera_angle_y` in radians (pixels are square if one axis is missing); the principal point
-    `cx` and `cy`, counted from the image's corner (default: the middle). `transform_matrix` is camera to world; the
-    camera looks along -Z with Y up.
+    `cx` and `cy`, from the image's corner (default: its middle). `transform_matrix`: camera to world, OpenGL's axes.
     size: width and height of frames without them, as Blender writes them.
     broken: a dict that receives the InputError of each frame that cannot be used, by name; None: the first is raised.
     memory_per_byte: bound on the memory that reading may take, as for `atra.load_mesh`.

@@ -80,8 +80,7 @@ def _check_triangles(corners: NDArray[np.integer], count: int) -> None:
 
 
 def _triangles_by_size(corners: NDArray[np.integer], count: int) -> NDArray[np.integer]:
-    """The polygon of each triangle in trimesh's order: triangles, first halves of all quads, their second halves, fans
-    of larger polygons."""
+    """The polygon of each triangle in trimesh's order: triangles, first and then second halves of quads, fans."""
     _check_triangles(corners, count)
     triangles, quads, others = (np.flatnonzero(kind) for kind in (corners == 3, corners == 4, corners > 4))
     return np.concatenate([triangles, quads, quads, np.repeat(others, corners[others] - 2)])

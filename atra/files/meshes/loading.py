@@ -44,8 +44,7 @@ def load_mesh(path: str | Path, *, memory_per_byte: float | None = None) -> Mesh
     read; a glTF may name buffers in its own folder only. A mesh from an STL shares no vertices.
 
     memory_per_byte: bound on the memory that reading may take, in bytes for each byte of the file and of the buffers it
-    names; 128 MiB are always allowed. None: the environment variable ATRA_MEMORY_PER_BYTE, or 100. inf: the free memory
-    is the only bound.
+    names; 128 MiB are always allowed. None: the environment variable ATRA_MEMORY_PER_BYTE, or 100. inf: free memory.
 
     The file need not be trusted (docs/trust.md). Raises InputError naming the path: missing, no regular file, an
     unknown format, unreadable, cut short, without triangles, beyond memory_per_byte, or with values that `Mesh`
