@@ -103,9 +103,6 @@ class EmbreeDevice:
         finally:
             self._library.functions.rtcReleaseGeometry(geometry)
 
-    def _commit(self, scene: int) -> None:
-        self._call("rtcCommitScene", scene)
-
     def _call(self, name: str, *arguments: object) -> int:
         result = getattr(self._library.functions, name)(*arguments)
         code = self._library.functions.rtcGetDeviceError(self._device)

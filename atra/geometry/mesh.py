@@ -71,7 +71,7 @@ class Mesh:
         """(2, 3) float64, lowest and highest corner of the box around all vertices of faces."""
         is_used = np.zeros(len(self.vertices), np.bool_)
         is_used[self.faces] = True
-        axes = self.vertices.T.copy()  # an axis at a time is several times faster
+        axes = self.vertices.T.copy()  # one axis at a time is faster
         axes[:, ~is_used] = axes[:, self.faces[0, :1]]
         return np.stack([axes.min(axis=1), axes.max(axis=1)]).astype(np.float64)
 

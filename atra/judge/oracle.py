@@ -124,8 +124,8 @@ def nearest_hits(
 ) -> Truth:
     """The nearest hit of the ray of each pixel (x, y), found by testing all triangles in float64.
 
-    x, y: (N,) integers. The rules and hits are those of `atra.judge.reference.brute_force`. Takes N times F tests of
-    some nanoseconds each. Raises InputError for a bad offset or thread count.
+    x, y: (N,) integers. The rules and hits are those of `atra.judge.reference.brute_force`. Raises InputError for a
+    bad offset or thread count.
     """
     origins, directions = (np.ascontiguousarray(part.T) for part in camera.rays(x, y, offset))
     geometry = triangles_in_camera_space(mesh, camera, np.arange(mesh.triangle_count))
