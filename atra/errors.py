@@ -1,7 +1,6 @@
-"""The errors `atra` raises on purpose.
+"""The errors that `atra` raises on purpose; any other exception is a bug.
 
-Each message carries the offending value, what was expected and, where it is not obvious, what to do. Everything
-else that escapes the library is a bug.
+A message states the offending value, what was expected and, if that is not obvious, what to do.
 """
 
 from __future__ import annotations
@@ -10,10 +9,9 @@ _LONGEST_MESSAGE = 2000
 
 
 class AtraError(Exception):
-    """Base of every error raised on purpose; its text is meant for the person at the keyboard.
+    """Base of all errors raised on purpose; the message is for the user.
 
-    It may quote a file or its name, so it is made `printable` and, beyond 2,000 characters, cut in the middle: whoever
-    shows it need not think of that again.
+    Since it may quote files, it is made `printable`, and beyond 2,000 characters its middle is left out.
     """
 
     def __init__(self, message: str) -> None:
@@ -24,11 +22,11 @@ class AtraError(Exception):
 
 
 class InputError(AtraError, ValueError):
-    """A value handed in cannot be used: a split that does not divide the image, a NaN vertex, a missing file."""
+    """An input cannot be used: a split that does not divide the image, a NaN vertex, a missing file."""
 
 
 class EmbreeError(AtraError, RuntimeError):
-    """The Embree library is missing, of an unusable version, or reported a failure."""
+    """The Embree library is missing, has an unsupported version, or reported a failure."""
 
 
 class ClosedError(AtraError, RuntimeError):
@@ -36,26 +34,25 @@ class ClosedError(AtraError, RuntimeError):
 
 
 class MemoryBudgetError(AtraError, MemoryError):
-    """The work would need more memory than its budget; raised before anything is allocated."""
+    """A computation would need more memory than its budget; raised before anything is allocated."""
 
 
 class StorageError(AtraError, OSError):
-    """A file could not be written: disk full, read-only folder, a limit of the system. Nothing half-written stays."""
+    """A file could not be written (disk full, read-only folder, a limit of the system); no partial file remains."""
 
 
 class RecordError(AtraError, ValueError):
-    """A record's file is there but cannot be used: damaged, or of another version."""
+    """A record's file is damaged or of another version."""
 
 
 class ClockError(AtraError, RuntimeError):
-    """The clock did not move forward while something was timed, so there is no time to keep."""
+    """The clock did not advance during a measurement."""
 
 
 def printable(text: str) -> str:
-    """`text` with every character that has no picture of its own as a Python escape.
+    """`text` as one line, with every character that is not printable as a Python escape.
 
-    Control characters move a terminal's cursor, change its colours and title; marks of direction reverse what is read.
-    Line breaks are escaped, too: what comes back is one line.
+    Control characters could move a terminal's cursor or change its colours; direction marks could reverse the text.
     """
     if text.isprintable():
         return text

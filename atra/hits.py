@@ -1,4 +1,4 @@
-"""Hits: what a traced image holds; frames: what several of them hold that are traced at once."""
+"""Hits: the result of tracing an image. Frames: the result of tracing several images at once."""
 
 from __future__ import annotations
 
@@ -21,7 +21,11 @@ from atra.prim_ids import MISS
 
 @dataclass(frozen=True, eq=False)
 class VisibleTriangles:
-    """The triangles that an image shows. prim_id: (N,) uint32, ascending. pixels: (N,) int64, how many show each."""
+    """The triangles that an image shows.
+
+    prim_id: (N,) uint32, ascending.
+    pixels: (N,) int64, number of pixels that show each.
+    """
 
     prim_id: NDArray[np.uint32]
     pixels: NDArray[np.int64]
@@ -31,13 +35,16 @@ class VisibleTriangles:
 class Hits:
     """The nearest hit of every pixel; row 0 is the top of the image.
 
+    The properties `u`, `v`, `points` and `normals` are computed in float64 at first use. They are NaN for a miss, and,
+    except `normals`, for a ray that lies in its triangle's plane. They raise InputError for a bad offset and a
+    `prim_id` that the mesh does not have.
+
     depth: (H, W) float32, distance along the view axis in scene units, inf = miss.
     prim_id: (H, W) uint32 in the mesh's own numbering, `MISS` (0xFFFFFFFF) = miss.
     offset: the sub-pixel position of the rays.
-    mesh, camera: what was traced, by a camera of either kind; what the properties below say is computed from them, in
-    float64, when first asked for. It is NaN for a miss, and apart from `normals` also where the ray lies in the plane
-    of the triangle that it hits. Raises InputError, then, for a bad offset and a `prim_id` that the mesh does not have.
-    threads: those of that computation; None = every core.
+    mesh: the mesh that was traced.
+    camera: the pinhole or orthographic camera.
+    threads: threads that compute the properties; None = every core.
     """
 
     depth: NDArray[np.float32]
@@ -49,12 +56,12 @@ class Hits:
 
     @property
     def images(self) -> tuple[Hits]:
-        """The images, of which there is one: as `Frames.images`, so that callers need not tell one from several."""
+        """This image alone, as a tuple like `Frames.images`."""
         return (self,)
 
     @property
     def hit(self) -> NDArray[np.bool_]:
-        """(H, W) bool, True where the ray hits."""
+        """(H, W) bool, whether the ray hits anything."""
         return self.prim_id != MISS
 
     @property
@@ -69,28 +76,28 @@ class Hits:
 
     @cached_property
     def points(self) -> NDArray[np.float32]:
-        """(H, W, 3) float32, where the rays meet the planes of their triangles, world space, scene units."""
+        """(H, W, 3) float32, positions of the hits, world space, scene units."""
         return self._computed(place_hits, (*self.prim_id.shape, 3))
 
     @cached_property
     def normals(self) -> NDArray[np.float32]:
-        """(H, W, 3) float32, unit normals of the triangles, world space. They point to the side from which the corners
-        a, b, c run anticlockwise, along (b - a) x (c - a), wherever the camera is."""
+        """(H, W, 3) float32, unit normals of the triangles a, b, c, world space, along (b - a) x (c - a): to the side
+        from which the corners run anticlockwise."""
         return self._computed(orient_hits, (*self.prim_id.shape, 3))
 
     def visible_triangles(self) -> VisibleTriangles:
-        """The triangles that are hit, and by how many pixels."""
+        """The triangles that are hit, and the number of pixels of each."""
         pixels = np.bincount(self.prim_id[self.hit])
         seen = np.flatnonzero(pixels)
         return VisibleTriangles(seen.astype(np.uint32), pixels[seen])
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the image, so that a reader sees all of it or none, in the format that the suffix names.
+        """Write the image, whole or not at all, in the format that the suffix names.
 
-        ".npz": depth, prim_id, u, v, points and normals, as here, for `np.load`. ".exr": channels Z (depth), prim_id,
-        N.X, N.Y and N.Z; needs the package OpenEXR. ".png": the depth as grey, for the eye alone: white is the nearest
-        hit, dark grey the farthest, black a miss; needs Pillow. ".ply": a point cloud with normals, of the hits alone.
-        Raises InputError for another suffix, a missing package and a point cloud without points, StorageError where the
+        ".npz": depth, prim_id, u, v, points and normals, for `np.load`. ".exr": channels Z (depth), prim_id, N.X, N.Y,
+        N.Z; needs the package OpenEXR. ".png": depth as grey from white (nearest hit) to dark grey, black = miss; needs
+        Pillow. ".ply": the hits as a point cloud with normals.
+        Raises InputError for other suffixes, a missing package and a point cloud without points, StorageError if the
         file cannot be written.
         """
         save_layers(path, partial(getattr, self))
@@ -99,9 +106,8 @@ class Hits:
         height, width = self.depth.shape
         hit = np.isfinite(self.depth)
         range_ = f", depth {self.depth[hit].min():.4g} to {self.depth[hit].max():.4g}" if hit.any() else ""
-        return (
-            f"Hits({width} x {height} pixels of {self.mesh.name!r}, {hit.mean():.1%} hit{range_}, offset {self.offset})"
-        )
+        share = f"{hit.mean():.1%} hit{range_}"
+        return f"Hits({width} x {height} pixels of {self.mesh.name!r}, {share}, offset {self.offset})"
 
     @cached_property
     def _barycentric(self) -> NDArray[np.float32]:
@@ -117,13 +123,13 @@ class Hits:
         finally:
             pool.close()
         if absent[0] != MISS:
-            self.mesh.triangles(absent)  # raises, naming it
+            self.mesh.triangles(absent)  # raises InputError naming it
         return found
 
     @property
     def _pixels(self) -> PixelGrid:
         camera, (height, width) = self.camera, self.prim_id.shape
-        on_plane = 0 if camera.is_parallel else 1  # origins lie on the image plane, or directions end there
+        on_plane = 0 if camera.is_parallel else 1  # origins lie, or directions end, on the image plane
         columns = camera.rays(np.arange(width), np.zeros(width, int), self.offset)[on_plane][:, 0]
         rows = camera.rays(np.zeros(height, int), np.arange(height), self.offset)[on_plane][:, 1]
         axes = tuple(tuple(axis) for axis in camera.axes.tolist())
@@ -131,7 +137,7 @@ class Hits:
 
 
 def read_only(array: NDArray[Any]) -> NDArray[Any]:
-    """A view that cannot be written to: Numba compiles anew for one that can."""
+    """A read-only view: Numba compiles read-only and writable arrays apart."""
     view = array.view()
     view.setflags(write=False)
     return view
@@ -139,11 +145,14 @@ def read_only(array: NDArray[Any]) -> NDArray[Any]:
 
 @dataclass(frozen=True, eq=False)
 class Frames:
-    """The nearest hits of K images of one size, in order; `frames[k]` is frame k as `Hits`.
+    """The nearest hits of K images of one size; `frames[k]` is frame k as `Hits`.
 
-    depth: (K, H, W) float32, along each frame's own view axis, inf = miss. prim_id: (K, H, W) uint32 in the numbering
-    of the frame's mesh, `MISS` = miss. offset: the sub-pixel position of the rays. meshes, cameras: of each frame.
-    threads: as of `Hits`.
+    depth: (K, H, W) float32, along each frame's own view axis, scene units, inf = miss.
+    prim_id: (K, H, W) uint32 in the numbering of the frame's mesh, `MISS` = miss.
+    offset: the sub-pixel position of the rays.
+    meshes: the mesh of each frame.
+    cameras: the camera of each frame.
+    threads: as for `Hits`.
     """
 
     depth: NDArray[np.float32]

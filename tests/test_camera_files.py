@@ -98,8 +98,8 @@ NOWHERE = (0.0, 0.0, 0.0)
     [
         (
             ("OPENCV", 64, 48, (70.0, 70.0, 32.0, 24.0, 0.1, 0.0, 0.0, 0.0)),
-            "its model is OPENCV, but rays are straight here: images must be undistorted first, by "
-            "`colmap image_undistorter`",
+            r"its model is OPENCV, but atra has no lens distortion: undistort the images first "
+            r"\(`colmap image_undistorter`\)",
         ),
         (("PINHOLE", 64, 48, (0.0, 65.0, 31.0, 25.0)), r"the focal length fx is 0\.0"),
         (("PINHOLE", 64, 48, (60.0, 65.0, np.nan, 25.0)), "cx is nan, expected a finite number"),
@@ -117,7 +117,7 @@ def test_a_broken_or_distorted_camera_of_a_colmap_model_is_named(write, sensor, 
     ("images", "message"),
     [
         ([(5, UNTURNED, NOWHERE, 2, "a")], r", image 5 \('a'\): its camera is 2, which is not in cameras"),
-        ([(5, (2.0, 0.0, 0.0, 0.0), NOWHERE, 1, "a")], r", image 5 \('a'\): its rotation .* is of length 2, expected"),
+        ([(5, (2.0, 0.0, 0.0, 0.0), NOWHERE, 1, "a")], r", image 5 \('a'\): its rotation .* has length 2, expected"),
         ([(5, (1.0, 0.0, 0.0, np.inf), NOWHERE, 1, "a")], r", image 5 \('a'\): a part of its rotation is inf"),
         ([(5, UNTURNED, (0.0, np.nan, 0.0), 1, "a")], r", image 5 \('a'\): a translation is nan"),
         ([(i, UNTURNED, NOWHERE, 1, "a") for i in (5, 6)], r", image 6 \('a'\): the name 'a' is there twice"),
@@ -145,7 +145,7 @@ def test_a_distorted_camera_that_no_image_uses_does_no_harm(tmp_path):
             "7 PINHOLE 6x 48 70 70 3 24\n",
             r"cameras\.txt, camera 7: its width is '6x', expected a finite",
         ),
-        ("cameras.txt", "1.5 PINHOLE 64 48 70 70 3 24\n", r"line 1: '1\.5' stands there, expected a whole number"),
+        ("cameras.txt", "1.5 PINHOLE 64 48 70 70 3 24\n", r"line 1 starts with '1\.5', expected a whole number"),
         ("cameras.txt", "7 PINHOLE 64 48 70 70 3\n", "camera 7: it has 3 parameters, expected 4: fx, fy, cx, cy"),
         ("cameras.txt", "7 PINHOLE 64 48 1 1 3 4\n" * 2, "camera 7 is there twice"),
         (
@@ -271,20 +271,20 @@ def test_a_field_of_view_alone_means_square_pixels_about_the_middle_and_the_size
     assert camera.fov_y_degrees == pytest.approx(np.degrees(0.5))
 
 
-UNDISTORT = r"images must be undistorted first, by `cv2\.undistort\(image, K, distortion\)`"
+UNDISTORT = r"undistort the images first \(`cv2\.undistort\(image, K, distortion\)`\)"
 
 
 @pytest.mark.parametrize(
     ("contents", "message"),
     [
-        (transforms(k1=0.1), rf"frame 0 \('images/0\.png'\): k1 is 0.1, but rays are straight here: {UNDISTORT}"),
+        (transforms(k1=0.1), rf"frame 0 \('images/0\.png'\): k1 is 0.1, but atra has no lens distortion: {UNDISTORT}"),
         (transforms({}, {"p1": -1e-3}), rf"frame 1 \('images/1\.png'\): p1 is -0.001, .*{UNDISTORT}"),
         (transforms(camera_model="OPENCV_FISHEYE"), rf"the camera model is 'OPENCV_FISHEYE', .*{UNDISTORT}"),
         (transforms(is_fisheye=True), rf"the camera model is a fisheye, .*{UNDISTORT}"),
-        (transforms(w=None), r"the size of the image is not told, expected w and h; give size="),
+        (transforms(w=None), r"the size of the image is missing, expected w and h; or give size="),
         (transforms(h=0), "h is 0, expected a whole number of pixels"),
         (transforms(w="64"), "w is '64', expected a finite number"),
-        (transforms(fl_x=None, fl_y=None), "the focal length is not told, expected fl_x or camera_angle_x"),
+        (transforms(fl_x=None, fl_y=None), "the focal length is missing, expected fl_x or camera_angle_x"),
         (transforms(fl_x=0), "fl_x is 0, expected a number of pixels above 0"),
         (transforms(fl_x=None, camera_angle_x=4), "camera_angle_x is 4, expected radians between 0 and pi"),
         (transforms({"cy": float("nan")}), r"frame 0 .*: cy is nan, expected a finite number"),

@@ -92,7 +92,7 @@ def test_a_transforms_json_and_a_colmap_model_are_read_too(folder: Path, monkeyp
         ({"a": LOOKING | {"width": 0}}, [], "camera 'a': width is 0, expected a whole number of pixels of at least 1"),
         ({"a": LOOKING | {"eye": [0, 0, 0]}}, [], "cameras.json, camera 'a': "),
         ({"a": CALIBRATED | {"R": np.ones((3, 3)).tolist()}}, [], "cameras.json, camera 'a': R is"),
-        ({"a": {"eye": [0, 0, 1], "target": [0, 0, 0]}}, [], "the size of the image is not told, expected width and"),
+        ({"a": {"eye": [0, 0, 1], "target": [0, 0, 0]}}, [], "the size of the image is missing, expected width and"),
         ({"x/a.jpg": LOOKING, "x/a.png": LOOKING}, [], "'x/a.jpg' and 'x/a.png' would both be written to x_a; rename"),
         ({"a": LOOKING}, ["--camera", "none.json"], "none.json cannot be read: "),
         ({"a": LOOKING}, ["--out", "model.glb"], "model.glb cannot be made: "),

@@ -30,7 +30,7 @@ def test_a_later_start_goes_on_where_the_sequence_stopped():
 
 @pytest.mark.parametrize("count", [-1, 2.5, "3", None, True])
 def test_what_is_no_whole_number_of_at_least_0_is_refused(count):
-    with pytest.raises(atra.InputError, match=f"{count!r} offsets from number 0"):
+    with pytest.raises(atra.InputError, match=f"count is {count!r} and first is 0"):
         atra.sub_pixel_offsets(count)
-    with pytest.raises(atra.InputError, match=f"8 offsets from number {count!r}"):
+    with pytest.raises(atra.InputError, match=f"count is 8 and first is {count!r}"):
         atra.sub_pixel_offsets(8, first=count)

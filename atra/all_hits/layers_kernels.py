@@ -7,10 +7,10 @@ import numpy as np
 from atra.all_hits.keys_kernels import depths_of, keys_of, load_keys, prim_ids_of, sort_few, store_keys
 from atra.all_hits.target_kernels import target_at
 from atra.compiled.intrinsics import fetch_add
-from atra.compiled.lanes import chosen, highest, is_below
+from atra.compiled.lanes import highest, is_below
 from atra.compiled.memory import load, store, stream
 from atra.compiled.store import kernel, njit
-from atra.compiled.vectors import bits_of, repeated
+from atra.compiled.vectors import bits_of, repeated, where
 from atra.prim_ids import MISS
 
 _LANES = 16
@@ -28,21 +28,21 @@ def _sort_many(counts, most, values, prim_ids, plane, kept):  # type: ignore[no-
         place = layer * plane
         has_hit = is_below(repeated(np.uint32(layer), _LANES), counts)
         depths = load(values + place, np.float32(0.0), _LANES)
-        keys = chosen(has_hit, keys_of(depths, load(prim_ids + place, np.uint32(0), _LANES)), nothing)
+        keys = where(has_hit, keys_of(depths, load(prim_ids + place, np.uint32(0), _LANES)), nothing)
         if layer >= kept:
             place = (kept - 1) * plane
             farthest = load_keys(values + place, prim_ids + place, _LANES)
             nearer = is_below(keys, farthest)
             if bits_of(nearer) == 0:
                 continue
-            keys = chosen(nearer, keys, farthest)
+            keys = where(nearer, keys, farthest)
         while place > 0:
             before = load_keys(values + place - plane, prim_ids + place - plane, _LANES)
             nearer = is_below(keys, before)
             if bits_of(nearer) == 0:
                 break
-            store_keys(chosen(nearer, before, keys), values + place, prim_ids + place)
-            keys = chosen(nearer, keys, before)
+            store_keys(where(nearer, before, keys), values + place, prim_ids + place)
+            keys = where(nearer, keys, before)
             place -= plane
         store_keys(keys, values + place, prim_ids + place)
 

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from atra.compiled.intrinsics import uint32_at
 from atra.compiled.lanes import (
-    chosen,
-    either,
     first_bit,
     is_below,
     is_from,
@@ -15,10 +14,9 @@ from atra.compiled.lanes import (
     one_more,
     store_rows,
     store_rows_where,
-    uint32_at,
 )
 from atra.compiled.store import njit
-from atra.compiled.vectors import bits_of, rarely, repeated
+from atra.compiled.vectors import bits_of, rarely, repeated, where
 
 COUNT, THICKNESS, TRANSMITTANCE, LAYERS = range(4)
 """Kinds of reduction: constants of compiled code, so that each has its own."""
@@ -36,7 +34,7 @@ def _take_thickness(lanes, nx, taken, depth, weight, pixel, target):  # type: ig
     """The depths at which rays leave, less those at which they enter."""
     place, row = target.values + pixel * 4, target.row * 4
     old = load_rows(place, row, np.float32(0.0), lanes, nx)
-    store_rows(chosen(taken, old + repeated(weight, lanes) * depth, old), place, row, nx)
+    store_rows(where(taken, old + repeated(weight, lanes) * depth, old), place, row, nx)
 
 
 @njit(forceinline=True)
@@ -44,14 +42,14 @@ def _take_factor(lanes, nx, taken, weight, pixel, target):  # type: ignore[no-un
     """The product of the factors."""
     place, row = target.values + pixel * 4, target.row * 4
     old = load_rows(place, row, np.float32(0.0), lanes, nx)
-    store_rows(chosen(taken, old * repeated(weight, lanes), old), place, row, nx)
+    store_rows(where(taken, old * repeated(weight, lanes), old), place, row, nx)
 
 
 @njit(forceinline=True)
 def is_nearer(depth, prim_id, other, other_id):  # type: ignore[no-untyped-def]
     """The mask where a hit comes before another one in the order of layers."""
     same = (depth <= other) & (other <= depth)
-    return either(other > depth, same & is_below(prim_id, other_id))
+    return (other > depth) | (same & is_below(prim_id, other_id))
 
 
 @njit(forceinline=True)
@@ -70,9 +68,9 @@ def _put_last(lanes, nx, mask, depth, prim_ids, pixel, target):  # type: ignore[
         other_id = load_rows(target.prim_ids + place, row, np.uint32(0), lanes, nx)
         nearer = mask & is_nearer(depth, prim_ids, other, other_id)
         if bits_of(nearer) != 0:
-            store_rows(chosen(nearer, depth, other), target.values + place, row, nx)
-            store_rows(chosen(nearer, prim_ids, other_id), target.prim_ids + place, row, nx)
-            depth, prim_ids = chosen(nearer, other, depth), chosen(nearer, other_id, prim_ids)
+            store_rows(where(nearer, depth, other), target.values + place, row, nx)
+            store_rows(where(nearer, prim_ids, other_id), target.prim_ids + place, row, nx)
+            depth, prim_ids = where(nearer, other, depth), where(nearer, other_id, prim_ids)
         place += target.plane * 4
     _put(lanes, nx, mask, depth, prim_ids, place, target)
 
@@ -101,7 +99,7 @@ def _take_layer(lanes, nx, taken, depth, prim_id, pixel, target):  # type: ignor
         place = (pixel + (target.layers - 1) * target.plane) * 4
         farthest = load_rows(target.values + place, row, np.float32(0.0), lanes, nx)
         farthest_id = load_rows(target.prim_ids + place, row, np.uint32(0), lanes, nx)
-        full = full & either(is_same(before, last), is_nearer(depth, prim_ids, farthest, farthest_id))
+        full = full & (is_same(before, last) | is_nearer(depth, prim_ids, farthest, farthest_id))
         if bits_of(full) != 0:
             _put_last(lanes, nx, full, depth, prim_ids, pixel, target)
     # Most often all pixels have as many hits, or none is taken: asking which is slower than putting at once.

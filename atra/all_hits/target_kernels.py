@@ -10,8 +10,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.compiled.intrinsics import address_at
-from atra.compiled.lanes import int32_at, marked_rows, uint32_at
+from atra.compiled.intrinsics import address_at, int32_at, uint32_at
+from atra.compiled.lanes import marked_rows
 from atra.compiled.store import njit
 from atra.compiled.vectors import bits_of, mask_of, rarely
 

@@ -12,8 +12,7 @@ from atra.bvh.memory import AHEAD
 from atra.bvh.packets import DIRECTION_X, INVERSE_X, PRIM_ID, TFAR, TNEAR, X, nearest_of_packet
 from atra.bvh.single import nearest, reciprocal
 from atra.bvh.starts import ROOT_LIST, count_start, fetch_list, find_shafts, list_of, set_ahead
-from atra.compiled.intrinsics import fetch_add, float_at
-from atra.compiled.lanes import uint32_at
+from atra.compiled.intrinsics import fetch_add, float_at, uint32_at
 from atra.compiled.store import float_kernel, njit
 from atra.embree.packets_kernels import INFINITY, ray_component
 

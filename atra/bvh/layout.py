@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from atra.compiled.lanes import int32_at
+from atra.compiled.intrinsics import int32_at
 from atra.compiled.store import njit
 
 NODE_BYTES = 32

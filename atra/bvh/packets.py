@@ -7,8 +7,8 @@ import numpy as np
 from atra.bvh.layout import BLOCK, BLOCK_BYTES, IDS, NODE_BYTES, first_of, kind_of
 from atra.bvh.single import BLOCKS, BOXES, MARGIN, SLACK, STEPS, next_node
 from atra.bvh.triangles import CLAMP_SLACK, meet, meet_closed, shear_of
-from atra.compiled.intrinsics import float_at
-from atra.compiled.lanes import is_below, uint32_at
+from atra.compiled.intrinsics import float_at, uint32_at
+from atra.compiled.lanes import is_below
 from atra.compiled.memory import load, store
 from atra.compiled.store import njit
 from atra.compiled.vectors import bits_of, lane, larger, repeated, size, smaller, where

@@ -6,7 +6,7 @@ import numpy as np
 
 from atra.bvh.layout import BLOCK, BLOCK_BYTES, IDS, NODE_BYTES, first_of, kind_of
 from atra.bvh.triangles import CLAMP_SLACK, meet, meet_closed, shear_of
-from atra.compiled.lanes import uint32_at
+from atra.compiled.intrinsics import uint32_at
 from atra.compiled.memory import fetch, load
 from atra.compiled.store import njit
 from atra.compiled.vectors import bits_of, lane, larger, repeated, size, smaller, with_lane

@@ -1,1 +1,1 @@
-"""The console command `atra`: a program around the library, which knows nothing of it."""
+"""The console command `atra`."""

@@ -1,4 +1,4 @@
-"""Cameras for `atra render`: a COLMAP model, a transforms.json, or a JSON file of cameras by name."""
+"""Cameras for `atra render`."""
 
 from __future__ import annotations
 
@@ -15,19 +15,20 @@ from atra.geometry.view import View
 
 _SIZE = ("width", "height")
 _KINDS = (("eye", "target"), ("K", "R", "t"))
-"""What a camera must have, beside its size: it looks at something, or was calibrated as OpenCV does."""
+"""Required fields of a camera beside its size: of `atra.Camera`, or of an OpenCV calibration."""
 _OPTIONAL = ("up", "fov_y_degrees")
+"""Optional fields of `atra.Camera`."""
 
 
 def read_cameras(
     path: Path, size: tuple[int, int] | None, broken: Broken, memory_per_byte: float | None = None
 ) -> dict[str, View]:
-    """The cameras at `path` by name, in its order. size: width and height of those that do not tell theirs.
-    broken: takes those that cannot be used, by name, with the reason. memory_per_byte: as for `atra.load_mesh`.
+    """The cameras at `path` by name, in the order of the file.
 
-    A folder is a COLMAP model; a JSON file with frames a transforms.json; another maps names to what `atra.Camera`
-    takes (eye, target, up, fov_y_degrees, width, height) or `atra.Camera.from_opencv` (K, R, t, width, height).
-    Raises InputError, naming the file, for one that is none, or has no camera that can be used.
+    A folder is read as a COLMAP model, a JSON file with frames as a transforms.json. Any other JSON file maps names to
+    arguments of `atra.Camera` (eye, target, …) or of `atra.Camera.from_opencv` (K, R, t, …).
+    size: width and height of cameras without them. broken: receives the errors of cameras that cannot be used, by name.
+    memory_per_byte: as for `atra.load_mesh`. Raises InputError, naming the file, if no camera can be used.
     """
     if path.is_dir():
         return dict(read_colmap(path, broken=broken, memory_per_byte=memory_per_byte))
@@ -49,7 +50,7 @@ def _camera(fields: Any, size: tuple[int, int] | None) -> View:
         if name not in (*kind, *_SIZE) and (name not in _OPTIONAL or kind is not _KINDS[0]):
             raise InputError(f"its field {name!r} is unknown, expected {', '.join((*kind, *_SIZE))}")
     if not set(_SIZE) <= set(told):
-        raise InputError("the size of the image is not told, expected width and height; or give --size 1920 1080")
+        raise InputError("the size of the image is missing, expected width and height; or give --size 1920 1080")
     width, height = (pixels(name, told.pop(name)) for name in _SIZE)
     if kind is _KINDS[0]:
         return Camera(**told, width=width, height=height)

@@ -1,4 +1,4 @@
-"""`atra doctor`: what this machine has and what it lacks, on one screen, as a bug report needs it."""
+"""`atra doctor`: what this machine has and what it lacks, on one screen, for bug reports."""
 
 from __future__ import annotations
 
@@ -21,8 +21,7 @@ _COLUMNS, _NAME_COLUMNS = 80, 14
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """facts: names and what is here, in the order shown. doubts: what may spoil results. obstacles: why nothing can be
-    done here; empty = it can."""
+    """facts: (name, text), in the order shown. doubts: what may spoil results. obstacles: why nothing can be traced."""
 
     facts: tuple[tuple[str, str], ...]
     doubts: tuple[str, ...]
@@ -30,15 +29,14 @@ class Diagnosis:
 
 
 def run_doctor() -> int:
-    """Print what the library needs of this machine; returns 1 when nothing can be traced, the reason being the last
-    line, else 0."""
+    """Print the diagnosis; returns 1 if nothing can be traced, which the last line explains, else 0."""
     diagnosis = diagnose()
     print(render(diagnosis, "views", "traced"))
     return 1 if diagnosis.obstacles else 0
 
 
 def diagnose() -> Diagnosis:
-    """Look at all that the library relies on. Nothing is traced or written, and what is missing is no error."""
+    """Examine all that the library relies on. Nothing is traced or written, and nothing missing is an error."""
     library, obstacles = load_embree()
     facts = [
         ("atra", atra.__version__),
@@ -53,7 +51,7 @@ def diagnose() -> Diagnosis:
 
 
 def render(diagnosis: Diagnosis, things: str, done: str) -> str:
-    """Lines of 80 columns, and as the last one, of any length, that `things` can be `done` here, or why not."""
+    """The diagnosis in lines of 80 columns; a last line of any length says that `things` can be `done`, or why not."""
     lines = [
         textwrap.fill(
             printable(text),
@@ -70,7 +68,7 @@ def render(diagnosis: Diagnosis, things: str, done: str) -> str:
 
 
 def load_embree() -> tuple[Library | None, list[str]]:
-    """Embree, or why it cannot be used."""
+    """Embree, or None and the reason why it cannot be used."""
     try:
         return load_library(), []
     except AtraError as error:
@@ -78,7 +76,7 @@ def load_embree() -> tuple[Library | None, list[str]]:
 
 
 def embree_facts(library: Library | None) -> Iterator[tuple[str, str]]:
-    """Its version, its packets, and where it is."""
+    """Embree's version, packets and file."""
     if library is None:
         yield "Embree", "cannot be used, see the last line"
     else:
@@ -89,7 +87,7 @@ def embree_facts(library: Library | None) -> Iterator[tuple[str, str]]:
 
 
 def say_instructions(extensions: Sequence[str] = ()) -> str:
-    """Instruction sets, or what else the processor is known to have where they have other names, and which are used."""
+    """The machine's instruction sets and which are used; extensions: features of processors other than x86-64."""
     here = ", ".join(instruction_sets_here() or extensions) or "none that is known"
     held = os.environ.get(VARIABLE)
     used = f"Embree and Numba are held to {held} ({VARIABLE})" if held else f"all are used ({VARIABLE} is not set)"
@@ -97,11 +95,11 @@ def say_instructions(extensions: Sequence[str] = ()) -> str:
 
 
 def say_kernels() -> str:
-    """Where compiled kernels are kept."""
+    """The folder of compiled kernels."""
     return f"kept in {cache_folder()}" if cache_folder() else "not kept"
 
 
 def kernel_doubts() -> Iterator[str]:
-    """That they are kept nowhere."""
+    """The doubt that kernels are kept nowhere."""
     if cache_folder() is None:
         yield "every process compiles its kernels, as Numba may write nowhere; NUMBA_CACHE_DIR can name a folder"

@@ -1,4 +1,4 @@
-"""Entry of the console command: `atra doctor`, `atra render`, and whatever the harness does, where that is installed.
+"""Entry of the console command: `atra doctor`, `atra render`, and, if it is installed, the harness.
 
 Exit codes: 0 done, 1 something failed, 2 the input cannot be used, 130 interrupted.
 """
@@ -54,14 +54,14 @@ def main() -> int:
 
 
 def _is_of_the_harness(verb: str, first: list[str]) -> bool:
-    """`render` of a scene, as of a file, has two readings: fields are set by "=", and no file is called so."""
+    """Whether the harness runs this verb; its `render` has fields with "=" where that of the library has a file."""
     if verb == "render":
         return any("=" in one and not Path(one).exists() for one in first)
     return "=" in verb or verb in _OF_THE_HARNESS or (verb == "doctor" and _harness_is_here())
 
 
 def _harness_is_here() -> bool:
-    """It lies beside the library, in a clone, and has packages of its own."""
+    """Whether the harness is there: it lies beside the library in a clone and has packages of its own."""
     return (_CLONE / "experiments" / "cli.py").is_file() and find_spec("hydra") is not None
 
 

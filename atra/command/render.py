@@ -1,4 +1,4 @@
-"""`atra render`: what every view of a mesh sees, as files, one view after the other."""
+"""`atra render`: the hits of every view of a mesh, written to files."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ FORMATS = ("npz", "exr", "png", "ply")
 
 
 def add_render(parser: ArgumentParser) -> None:
-    """The arguments of `run_render`."""
+    """Add the arguments of `run_render`."""
     parser.add_argument("mesh", type=Path, help="a file of any format that trimesh reads: model.glb, .obj, .ply, …")
     parser.add_argument(
         "--camera", type=Path, required=True, metavar="CAMERAS",
@@ -33,20 +33,20 @@ def add_render(parser: ArgumentParser) -> None:
         help="npz (the default): depth, prim_id, u, v, points, normals; exr: depth, prim_id, normals; png: depth to "
         "look at; ply: points and normals",
     )  # fmt: skip
-    parser.add_argument("--size", nargs=2, type=int, metavar=("WIDTH", "HEIGHT"), help="of cameras that tell none")
-    parser.add_argument("--threads", type=int, help="every core, unless told otherwise")
+    parser.add_argument("--size", nargs=2, type=int, metavar=("WIDTH", "HEIGHT"), help="size of cameras without one")
+    parser.add_argument("--threads", type=int, help="number of threads (default: every core)")
     parser.add_argument(
         "--memory-per-byte", type=float, metavar="NUMBER",
-        help="bound on the memory that reading mesh and cameras may take, bytes for each byte of a file; what "
-        f"{VARIABLE} says or {MEMORY_PER_BYTE:g}, unless told otherwise",
+        help="bound on the memory that reading mesh and cameras may take, in bytes for each byte of a file (default: "
+        f"{VARIABLE} or {MEMORY_PER_BYTE:g})",
     )  # fmt: skip
 
 
 def run_render(given: Namespace) -> int:
-    """Trace and write view after view, a line for each; returns 1 if some could not be read, traced or written, 0 else.
+    """Trace and write all views, printing a line for each; returns 0 if all went well.
 
-    Which those are, and why, is said at the end. Raises InputError for what cannot be used, before anything is traced,
-    and StorageError.
+    Otherwise it prints at the end which views could not be read, traced or written, and why, and returns 1. Raises
+    InputError, before anything is traced, for inputs that cannot be used, and StorageError.
     """
     for suffix in given.format:
         check_package(f".{suffix}")
@@ -66,7 +66,7 @@ def run_render(given: Namespace) -> int:
             try:
                 for path in paths:
                     hits.save(path)
-            except InputError as error:  # it sees nothing, say, and that has no points
+            except InputError as error:  # for example a .ply of a view without hits
                 error.add_note(f"in view {name!r}")
                 failures.append(error)
                 continue
@@ -85,9 +85,9 @@ def run_render(given: Namespace) -> int:
 
 
 def file_stems(names: Iterable[str]) -> dict[str, str]:
-    """Names of views -> names of files without suffix: no folders, and nothing that a file system treats as special.
+    """File names, without folder and suffix, by the names of views; characters special to file systems become "_".
 
-    Raises InputError where two views would share a file.
+    Raises InputError if two views would share a file.
     """
     stems: dict[str, str] = {}
     for name in names:

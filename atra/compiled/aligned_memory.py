@@ -1,4 +1,4 @@
-"""Memory from a cache line's start on: kernels may write to it past the caches."""
+"""Arrays that start at a cache line, which streaming stores (past the caches) need."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ _CACHE_LINE_BYTES = 64
 
 
 def aligned_empty(shape: tuple[int, ...], kind: type[np.generic]) -> NDArray[Any]:
-    """An uninitialised array, whose memory nothing else shares."""
+    """An uninitialised array that shares its memory with nothing else."""
     size = int(np.prod(shape)) * np.dtype(kind).itemsize
     return aligned_part(np.empty(size + _CACHE_LINE_BYTES, np.uint8), shape, kind)
 
 
 def aligned_part(memory: NDArray[np.uint8], shape: tuple[int, ...], kind: type[np.generic]) -> NDArray[Any]:
-    """The array in the memory of an `aligned_empty`. Raises ValueError for less memory."""
+    """The array in memory that `aligned_empty` allocated. Raises ValueError for memory of another size."""
     start = -memory.ctypes.data % _CACHE_LINE_BYTES
     size = len(memory) - _CACHE_LINE_BYTES
     return memory[start : start + size].view(kind).reshape(shape)

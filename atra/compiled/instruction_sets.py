@@ -1,4 +1,4 @@
-"""Instruction sets: those that this machine has, and the one that `ATRA_ISA` holds Embree and Numba to."""
+"""Instruction sets: which ones this machine has, and the one that `ATRA_ISA` limits Embree and Numba to."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ _PROCESSORS = {
     "avx2": ("x86-64-v3", ("avx2", "fma", "bmi", "bmi2", "lzcnt", "f16c")),
     "avx512": ("x86-64-v4", ("avx512f", "avx512cd", "avx512dq", "avx512bw", "avx512vl")),
 }
-"""By Embree's name, narrowest first: LLVM's name for a processor of this set and none wider, and what it must have."""
+"""Instruction sets by Embree's name, narrowest first: LLVM's name for such a processor, and the features it needs."""
 
 INSTRUCTION_SETS = tuple(_PROCESSORS)
 
 PACKET_WIDTHS = {"sse4.2": (4,), "avx": (4, 8), "avx2": (4, 8), "avx512": (4, 8, 16)}
-"""Packets that are native under each."""
+"""Widths of Embree's native packets by instruction set."""
 
 
 @cache
 def cpu_features() -> frozenset[str]:
-    """LLVM's names of what this processor can do, such as "avx2" or "neon"; none where LLVM does not know."""
+    """LLVM's names of this processor's features, such as "avx2" or "neon"; empty where LLVM does not know them."""
     try:
         return frozenset(name for name, present in llvmlite.binding.get_host_cpu_features().items() if present)
     except RuntimeError:
@@ -37,18 +37,18 @@ def cpu_features() -> frozenset[str]:
 
 @cache
 def cpu_design() -> str | None:
-    """LLVM's name of what this processor is a model of, such as "znver5"; None where LLVM does not know."""
+    """LLVM's name of this processor's design, such as "znver5"; None where LLVM does not know it."""
     name = llvmlite.binding.get_host_cpu_name()
     return None if name in ("", "generic") else str(name)
 
 
 def instruction_sets_here() -> tuple[str, ...]:
-    """The sets that this machine has, narrowest first; none where they have other names, as on Arm."""
+    """The instruction sets of this machine, narrowest first; empty where they have other names, as on Arm."""
     return tuple(name for name, (_, needed) in _PROCESSORS.items() if cpu_features().issuperset(needed))
 
 
 def chosen_instruction_set() -> str | None:
-    """What `ATRA_ISA` names; None: everything the machine has may be used. Raises InputError for what it lacks."""
+    """The instruction set that `ATRA_ISA` names, None = no limit. Raises InputError for one that this machine lacks."""
     name = os.environ.get(VARIABLE)
     if not name:
         return None
@@ -59,7 +59,7 @@ def chosen_instruction_set() -> str | None:
 
 
 def native_lanes() -> int:
-    """Float32 numbers in the widest vectors of what kernels are compiled for: 16, 8 or 4."""
+    """Float32 numbers in the widest vectors that kernels use: 16, 8 or 4."""
     here = instruction_sets_here()
     chosen = os.environ.get(VARIABLE)
     name = chosen if chosen in here else here[-1] if here else None
@@ -67,11 +67,10 @@ def native_lanes() -> int:
 
 
 def limit_numba() -> None:
-    """Have kernels compiled for the chosen set, or for the widest set here, rather than for this very processor: the
-    code is as fast, and serves every processor of that set. To be called before the first kernel is compiled.
+    """Let Numba compile for the chosen set, or for the widest set here; call it before the first kernel is compiled.
 
-    NUMBA_CPU_NAME is left as it is. A choice that cannot be met is left to `check_instruction_set`, as this runs while
-    modules are imported.
+    A set, not this very processor: the code is as fast, and serves every processor that has the set. NUMBA_CPU_NAME is
+    left as it is. It runs while modules are imported, so it leaves a bad choice to `check_instruction_set`.
     """
     here, name = instruction_sets_here(), os.environ.get(VARIABLE)
     if name not in here:
@@ -87,9 +86,9 @@ def processor_compiled_for() -> str:
 
 
 def check_instruction_set() -> str | None:
-    """The chosen set, once Numba is sure to compile for it.
+    """The chosen instruction set (None = no limit), for which Numba is sure to compile.
 
-    Raises InputError for a set this machine lacks, or if Numba was at work before `atra` was imported.
+    Raises InputError for a set that this machine lacks, and if Numba was used before `atra` was imported.
     """
     name = chosen_instruction_set()
     if name is not None:

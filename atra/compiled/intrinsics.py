@@ -1,7 +1,8 @@
-"""The machine-level operations Numba has no words for: an atomic counter, a clock, and memory by its address."""
+"""Machine operations that Numba lacks: atomic addition, a clock, and single numbers read and written by address."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from platform import machine
 from typing import Any
 
@@ -9,16 +10,24 @@ from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
-_I16, _I64 = ir.IntType(16), ir.IntType(64)
-_F32, _F64 = ir.FloatType(), ir.DoubleType()
+_I16, _I64, _F64 = ir.IntType(16), ir.IntType(64), ir.DoubleType()
+
+
+def emitting(emit: Callable[..., ir.Value | None]) -> Callable[..., Any]:
+    """Turn `emit(builder, *values)` into a code generator as Numba calls it; a result of None stands for none."""
+
+    def codegen(context: Any, builder: ir.IRBuilder, signature: Any, values: list[ir.Value]) -> Any:
+        result = emit(builder, *values)
+        return context.get_dummy_value() if result is None else result
+
+    return codegen
 
 
 def pointer_at(builder: ir.IRBuilder, address: ir.Value, kind: ir.Type) -> ir.Value:
-    """An address -> a pointer of this kind.
+    """Convert an int64 address to a pointer of type `kind`.
 
-    Numba links a function into others as its compilation has left it, and optimises it once more. By then LLVM may take
-    a part of the address for the pointer, and, unless told otherwise, that a null pointer is never read: of
-    `first + (16 if second else 0)` only 16 was left.
+    Numba optimises a function again after linking it into another. By then LLVM may take a part of the address for the
+    pointer, and it assumes that a null pointer is never read: of `first + (16 if second else 0)` only 16 was left.
     """
     set.add(builder.function.attributes, "null_pointer_is_valid")  # llvmlite's own `add` has not heard of it
     return builder.inttoptr(address, kind)
@@ -26,67 +35,65 @@ def pointer_at(builder: ir.IRBuilder, address: ir.Value, kind: ir.Type) -> ir.Va
 
 @intrinsic
 def fetch_add(typingctx: Any, address: Any, value: Any) -> Any:
-    """Add `value` to the int64 at `address`, atomically; returns what was there before."""
+    """Add `value` to the int64 at `address` atomically and return its former value."""
 
-    def codegen(context: Any, builder: ir.IRBuilder, signature: Any, arguments: list[ir.Value]) -> ir.Value:
-        pointer = pointer_at(builder, arguments[0], _I64.as_pointer())
-        return builder.atomic_rmw("add", pointer, arguments[1], "monotonic")
+    def emit(builder: ir.IRBuilder, address: ir.Value, value: ir.Value) -> ir.Value:
+        return builder.atomic_rmw("add", pointer_at(builder, address, _I64.as_pointer()), value, "monotonic")
 
-    return types.int64(types.int64, types.int64), codegen
+    return types.int64(types.int64, types.int64), emitting(emit)
 
 
 @intrinsic
 def ticks(typingctx: Any) -> Any:
-    """What an even clock of the processor shows; reading it takes some ten nanoseconds."""
+    """The processor's clock, which counts at a constant rate."""
 
-    def codegen(context: Any, builder: ir.IRBuilder, signature: Any, arguments: list[ir.Value]) -> ir.Value:
+    def emit(builder: ir.IRBuilder) -> ir.Value:
         kind = ir.FunctionType(_I64, [])
-        if machine().lower() in ("arm64", "aarch64"):  # what LLVM reads there is kept from programs
+        if machine().lower() in ("arm64", "aarch64"):  # programs may not read the register that LLVM reads there
             return builder.asm(kind, "mrs $0, cntvct_el0", "=r", [], side_effect=True)
         return builder.call(builder.module.declare_intrinsic("llvm.readcyclecounter", [], kind), [])
 
-    return types.int64(), codegen
+    return types.int64(), emitting(emit)
 
 
-@intrinsic
-def float_at(typingctx: Any, address: Any) -> Any:
-    """The float32 at an address."""
+def _number_at(kind: types.Type, llvm_kind: ir.Type) -> Any:
+    @intrinsic
+    def number_at(typingctx: Any, address: Any) -> Any:
+        def emit(builder: ir.IRBuilder, address: ir.Value) -> ir.Value:
+            return builder.load(pointer_at(builder, address, llvm_kind.as_pointer()))
 
-    def codegen(context: Any, builder: ir.IRBuilder, signature: Any, arguments: list[ir.Value]) -> ir.Value:
-        return builder.load(pointer_at(builder, arguments[0], _F32.as_pointer()))
+        return kind(types.int64), emitting(emit)
 
-    return types.float32(types.int64), codegen
+    return number_at
 
 
-@intrinsic
-def address_at(typingctx: Any, address: Any) -> Any:
-    """The pointer at an address."""
+float_at = _number_at(types.float32, ir.FloatType())
+"""The float32 at an address."""
 
-    def codegen(context: Any, builder: ir.IRBuilder, signature: Any, arguments: list[ir.Value]) -> ir.Value:
-        return builder.load(pointer_at(builder, arguments[0], _I64.as_pointer()))
+int32_at, uint32_at = (_number_at(kind, ir.IntType(32)) for kind in (types.int32, types.uint32))
+"""The int32 and the uint32 at an address."""
 
-    return types.int64(types.int64), codegen
+address_at = _number_at(types.int64, _I64)
+"""The pointer at an address."""
 
 
 @intrinsic
 def add_at(typingctx: Any, address: Any, value: Any) -> Any:
     """Add to the float64 at an address."""
 
-    def codegen(context: Any, builder: ir.IRBuilder, signature: Any, arguments: list[ir.Value]) -> ir.Value:
-        pointer = pointer_at(builder, arguments[0], _F64.as_pointer())
-        builder.store(builder.fadd(builder.load(pointer), arguments[1]), pointer)
-        return context.get_dummy_value()
+    def emit(builder: ir.IRBuilder, address: ir.Value, value: ir.Value) -> None:
+        pointer = pointer_at(builder, address, _F64.as_pointer())
+        builder.store(builder.fadd(builder.load(pointer), value), pointer)
 
-    return types.void(types.int64, types.float64), codegen
+    return types.void(types.int64, types.float64), emitting(emit)
 
 
 @intrinsic
 def set_bits_at(typingctx: Any, address: Any, bits: Any) -> Any:
-    """Set bits, an int64 below 2^16, of the uint16 at an address."""
+    """Set bits in the uint16 at an address; bits: int64 below 2^16."""
 
-    def codegen(context: Any, builder: ir.IRBuilder, signature: Any, arguments: list[ir.Value]) -> ir.Value:
-        pointer = pointer_at(builder, arguments[0], _I16.as_pointer())
-        builder.store(builder.or_(builder.load(pointer), builder.trunc(arguments[1], _I16)), pointer)
-        return context.get_dummy_value()
+    def emit(builder: ir.IRBuilder, address: ir.Value, bits: ir.Value) -> None:
+        pointer = pointer_at(builder, address, _I16.as_pointer())
+        builder.store(builder.or_(builder.load(pointer), builder.trunc(bits, _I16)), pointer)
 
-    return types.void(types.int64, types.int64), codegen
+    return types.void(types.int64, types.int64), emitting(emit)

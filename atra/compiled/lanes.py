@@ -1,4 +1,4 @@
-"""Lanes: vectors of pixels that lie in a few rows of an image, and the masks by which they are chosen."""
+"""Vectors of pixels that lie in a few rows of an image, and masks that choose among their lanes."""
 
 from __future__ import annotations
 
@@ -9,35 +9,20 @@ from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
-from atra.compiled.intrinsics import pointer_at
-from atra.compiled.memory import store_lanes
-from atra.compiled.vectors import HAS_MASK_REGISTERS, Mask, Vector, declared
+from atra.compiled.intrinsics import emitting, pointer_at
+from atra.compiled.memory import load_aligned, store_lanes
+from atra.compiled.vectors import Mask, Vector, declared, packed, splat, unpacked
 
 _I1, _I8, _I32, _I64 = ir.IntType(1), ir.IntType(8), ir.IntType(32), ir.IntType(64)
 
 
-def _bits(builder: ir.IRBuilder, mask: ir.Value) -> ir.Value:
-    """The bit of each lane, as comparisons and selections have them."""
-    return mask if HAS_MASK_REGISTERS else builder.icmp_signed("<", mask, ir.Constant(mask.type, None))
-
-
-def _mask(builder: ir.IRBuilder, bits: ir.Value) -> ir.Value:
-    return bits if HAS_MASK_REGISTERS else builder.sext(bits, ir.VectorType(_I32, bits.type.count))
-
-
-def _load(builder: ir.IRBuilder, kind: ir.Type, address: ir.Value, align: int) -> ir.Value:
-    value = builder.load(pointer_at(builder, address, kind.as_pointer()))
-    value.align = align
-    return value
-
-
-def _load_rows(
+def emit_load_rows(
     builder: ir.IRBuilder, kind: ir.Type, first: ir.Value, row_bytes: ir.Value, nx: int, ny: int
 ) -> ir.Value:
-    """ny rows of nx neighbouring numbers -> one vector; ny is a power of two."""
+    """Emit the load of ny rows of nx neighbouring numbers of type `kind` as one vector; ny is a power of two."""
     align = kind.width // 8 if isinstance(kind, ir.IntType) else 4
     rows = [
-        _load(builder, ir.VectorType(kind, nx), builder.add(first, builder.mul(row_bytes, _I64(row))), align)
+        load_aligned(builder, builder.add(first, builder.mul(row_bytes, _I64(row))), ir.VectorType(kind, nx), align)
         for row in range(ny)
     ]
     while len(rows) > 1:
@@ -47,50 +32,60 @@ def _load_rows(
     return rows[0]
 
 
+def emit_store_rows(
+    builder: ir.IRBuilder,
+    value: ir.Value,
+    first: ir.Value,
+    row_bytes: ir.Value,
+    nx: int,
+    bits: ir.Value | None = None,
+) -> None:
+    """Emit the reverse of `emit_load_rows` for numbers of 4 bytes; bits: of the lanes to store, None = all."""
+
+    def part(vector: ir.Value, row: int) -> ir.Value:
+        if vector.type.count == nx:
+            return vector
+        lanes = ir.Constant(ir.VectorType(_I32, nx), list(range(row * nx, (row + 1) * nx)))
+        return builder.shuffle_vector(vector, vector, lanes)
+
+    for row in range(value.type.count // nx):
+        place, stored = builder.add(first, builder.mul(row_bytes, _I64(row))), part(value, row)
+        if bits is None:
+            builder.store(stored, pointer_at(builder, place, stored.type.as_pointer())).align = 4
+        else:
+            store_lanes(builder, part(bits, row), stored, place)
+
+
 @intrinsic(prefer_literal=True)
 def load_rows(typingctx: Any, address: Any, row_bytes: Any, like: Any, lanes: Any, nx: Any) -> Any:
-    """Numbers of four bytes from rows of nx of them, the first at an address, any alignment; like: one of theirs."""
+    """Load `lanes` numbers of 4 bytes from rows of nx; address: of the first, any alignment. like: gives their type."""
     columns, rows = nx.literal_value, lanes.literal_value // nx.literal_value
     vector = Vector(types.unliteral(like), lanes.literal_value)
 
     def codegen(context: Any, builder: ir.IRBuilder, signature: Any, values: list[ir.Value]) -> ir.Value:
-        kind = context.get_value_type(vector.element)
-        return _load_rows(builder, kind, values[0], values[1], columns, rows)
+        return emit_load_rows(builder, context.get_value_type(vector.element), values[0], values[1], columns, rows)
 
     return vector(types.int64, types.int64, vector.element, lanes, nx), codegen
 
 
 @intrinsic(prefer_literal=True)
 def store_rows(typingctx: Any, vector: Any, address: Any, row_bytes: Any, nx: Any) -> Any:
-    """The reverse of `load_rows`."""
-    columns, rows = nx.literal_value, vector.lanes // nx.literal_value
+    """Store a vector as `load_rows` loads it."""
 
-    def codegen(context: Any, builder: ir.IRBuilder, signature: Any, values: list[ir.Value]) -> ir.Value:
-        value, first, row_bytes_ = values[:3]
-        for row in range(rows):
-            lanes = ir.Constant(ir.VectorType(_I32, columns), list(range(row * columns, (row + 1) * columns)))
-            part = builder.shuffle_vector(value, value, lanes) if rows > 1 else value
-            address_ = builder.add(first, builder.mul(row_bytes_, _I64(row)))
-            builder.store(part, pointer_at(builder, address_, part.type.as_pointer())).align = 4
-        return context.get_dummy_value()
+    def emit(builder: ir.IRBuilder, value: ir.Value, address: ir.Value, row_bytes: ir.Value, _: ir.Value) -> None:
+        emit_store_rows(builder, value, address, row_bytes, nx.literal_value)
 
-    return types.void(vector, types.int64, types.int64, nx), codegen
+    return types.void(vector, types.int64, types.int64, nx), emitting(emit)
 
 
 @intrinsic(prefer_literal=True)
 def store_rows_where(typingctx: Any, mask: Any, vector: Any, address: Any, row_bytes: Any, nx: Any) -> Any:
-    """`store_rows` of the lanes of a mask; what the others would be stored to stays."""
-    columns, rows = nx.literal_value, vector.lanes // nx.literal_value
+    """`store_rows` for the lanes of a mask only."""
 
-    def codegen(context: Any, builder: ir.IRBuilder, signature: Any, values: list[ir.Value]) -> ir.Value:
-        bits, value, first, row_bytes_ = _bits(builder, values[0]), *values[1:4]
-        for row in range(rows):
-            lanes = ir.Constant(ir.VectorType(_I32, columns), list(range(row * columns, (row + 1) * columns)))
-            part, which = (builder.shuffle_vector(one, one, lanes) if rows > 1 else one for one in (value, bits))
-            store_lanes(builder, which, part, builder.add(first, builder.mul(row_bytes_, _I64(row))))
-        return context.get_dummy_value()
+    def emit(builder: ir.IRBuilder, mask: ir.Value, value: ir.Value, *where: ir.Value) -> None:
+        emit_store_rows(builder, value, where[0], where[1], nx.literal_value, unpacked(builder, mask))
 
-    return types.void(mask, vector, types.int64, types.int64, nx), codegen
+    return types.void(mask, vector, types.int64, types.int64, nx), emitting(emit)
 
 
 def _places(of_lane: Callable[[int, int], int]) -> Any:
@@ -108,7 +103,7 @@ def _places(of_lane: Callable[[int, int], int]) -> Any:
 
 
 columns_of, rows_of = _places(lambda lane, nx: lane % nx), _places(lambda lane, nx: lane // nx)
-"""columns_of(lanes, nx), rows_of(lanes, nx): float32 vectors, which column and row each pixel is in."""
+"""columns_of(lanes, nx), rows_of(lanes, nx): float32 vectors of the column and of the row of each pixel."""
 
 
 @intrinsic(prefer_literal=True)
@@ -117,15 +112,12 @@ def marked_rows(typingctx: Any, address: Any, row_bytes: Any, mark: Any, lanes: 
     columns, rows = nx.literal_value, lanes.literal_value // nx.literal_value
     mask = Mask(lanes.literal_value)
 
-    def codegen(context: Any, builder: ir.IRBuilder, signature: Any, values: list[ir.Value]) -> ir.Value:
-        marks = _load_rows(builder, _I8, values[0], values[1], columns, rows)
-        mark_ = builder.trunc(values[2], _I8)
-        one = builder.insert_element(ir.Constant(marks.type, ir.Undefined), mark_, _I32(0))
-        same = builder.shuffle_vector(one, one, ir.Constant(ir.VectorType(_I32, mask.lanes), [0] * mask.lanes))
-        shared = builder.and_(marks, same)
-        return _mask(builder, builder.icmp_signed("!=", shared, ir.Constant(marks.type, None)))
+    def emit(builder: ir.IRBuilder, address: ir.Value, row_bytes: ir.Value, mark: ir.Value, *_: ir.Value) -> ir.Value:
+        marks = emit_load_rows(builder, _I8, address, row_bytes, columns, rows)
+        shared = builder.and_(marks, splat(builder, builder.trunc(mark, _I8), mask.lanes))
+        return packed(builder, builder.icmp_signed("!=", shared, ir.Constant(marks.type, None)))
 
-    return mask(types.int64, types.int64, types.int64, lanes, nx), codegen
+    return mask(types.int64, types.int64, types.int64, lanes, nx), emitting(emit)
 
 
 @intrinsic(prefer_literal=True)
@@ -133,106 +125,49 @@ def nonzero_lanes(typingctx: Any, address: Any, lanes: Any) -> Any:
     """The mask of the int32 at an address that are not 0."""
     mask = Mask(lanes.literal_value)
 
-    def codegen(context: Any, builder: ir.IRBuilder, signature: Any, values: list[ir.Value]) -> ir.Value:
-        numbers = _load(builder, ir.VectorType(_I32, mask.lanes), values[0], 4)
-        return _mask(builder, builder.icmp_signed("!=", numbers, ir.Constant(numbers.type, None)))
+    def emit(builder: ir.IRBuilder, address: ir.Value, _: ir.Value) -> ir.Value:
+        numbers = load_aligned(builder, address, ir.VectorType(_I32, mask.lanes), 4)
+        return packed(builder, builder.icmp_signed("!=", numbers, ir.Constant(numbers.type, None)))
 
-    return mask(types.int64, lanes), codegen
-
-
-@intrinsic
-def chosen(typingctx: Any, mask: Any, this: Any, other: Any) -> Any:
-    """`this` where the mask is True, elsewhere `other`."""
-
-    def codegen(context: Any, builder: ir.IRBuilder, signature: Any, values: list[ir.Value]) -> ir.Value:
-        return builder.select(_bits(builder, values[0]), values[1], values[2])
-
-    return this(mask, this, this), codegen
-
-
-@intrinsic
-def either(typingctx: Any, a: Any, b: Any) -> Any:
-    """The mask of the lanes of both masks."""
-
-    def codegen(context: Any, builder: ir.IRBuilder, signature: Any, values: list[ir.Value]) -> ir.Value:
-        return builder.or_(*values)
-
-    return a(a, a), codegen
+    return mask(types.int64, lanes), emitting(emit)
 
 
 @intrinsic
 def one_more(typingctx: Any, mask: Any, numbers: Any) -> Any:
-    """Whole numbers, one larger where the mask is True."""
+    """A vector of whole numbers with 1 added in the lanes of a mask."""
 
-    def codegen(context: Any, builder: ir.IRBuilder, signature: Any, values: list[ir.Value]) -> ir.Value:
-        more = builder.add(values[1], ir.Constant(values[1].type, [1] * numbers.lanes))
-        return builder.select(_bits(builder, values[0]), more, values[1])
+    def emit(builder: ir.IRBuilder, mask: ir.Value, values: ir.Value) -> ir.Value:
+        more = builder.add(values, ir.Constant(values.type, [1] * numbers.lanes))
+        return builder.select(unpacked(builder, mask), more, values)
 
-    return numbers(mask, numbers), codegen
+    return numbers(mask, numbers), emitting(emit)
 
 
 def _compared(sign: str) -> Any:
     @intrinsic
     def compared(typingctx: Any, a: Any, b: Any) -> Any:
-        def codegen(context: Any, builder: ir.IRBuilder, signature: Any, values: list[ir.Value]) -> ir.Value:
-            return _mask(builder, builder.icmp_unsigned(sign, *values))
-
-        return Mask(a.lanes)(a, b), codegen
+        return Mask(a.lanes)(a, b), emitting(lambda builder, a, b: packed(builder, builder.icmp_unsigned(sign, a, b)))
 
     return compared
 
 
 is_below, is_same, is_from = _compared("<"), _compared("=="), _compared(">=")
-"""The masks where an unsigned whole number of a vector is less than that of another, the same, and not less."""
+"""Masks of the lanes in which one vector of unsigned whole numbers is <, == and >= another."""
 
 
 @intrinsic
 def highest(typingctx: Any, numbers: Any) -> Any:
     """The highest of a vector of uint32, as int64."""
 
-    def codegen(context: Any, builder: ir.IRBuilder, signature: Any, values: list[ir.Value]) -> ir.Value:
-        kind = ir.FunctionType(_I32, [values[0].type])
-        return builder.zext(
-            builder.call(declared(builder, f"llvm.vector.reduce.umax.v{numbers.lanes}i32", kind), values), _I64
-        )
+    def emit(builder: ir.IRBuilder, values: ir.Value) -> ir.Value:
+        kind = ir.FunctionType(_I32, [values.type])
+        reduce = declared(builder, f"llvm.vector.reduce.umax.v{numbers.lanes}i32", kind)
+        return builder.zext(builder.call(reduce, [values]), _I64)
 
-    return types.int64(numbers), codegen
+    return types.int64(numbers), emitting(emit)
 
 
 @intrinsic
 def first_bit(typingctx: Any, bits: Any) -> Any:
-    """The place of the lowest bit that is set of an int64 that is not 0."""
-
-    def codegen(context: Any, builder: ir.IRBuilder, signature: Any, values: list[ir.Value]) -> ir.Value:
-        return builder.cttz(values[0], _I1(1))
-
-    return types.int64(types.int64), codegen
-
-
-def _number_at(kind: types.Type) -> Any:
-    @intrinsic
-    def number_at(typingctx: Any, address: Any) -> Any:
-        def codegen(context: Any, builder: ir.IRBuilder, signature: Any, values: list[ir.Value]) -> ir.Value:
-            return builder.load(pointer_at(builder, values[0], _I32.as_pointer()))
-
-        return kind(types.int64), codegen
-
-    return number_at
-
-
-int32_at = _number_at(types.int32)
-"""The int32 at an address."""
-
-uint32_at = _number_at(types.uint32)
-"""The uint32 at an address."""
-
-
-@intrinsic
-def set_int64(typingctx: Any, address: Any, value: Any) -> Any:
-    """Store an int64 at an address."""
-
-    def codegen(context: Any, builder: ir.IRBuilder, signature: Any, values: list[ir.Value]) -> ir.Value:
-        builder.store(values[1], pointer_at(builder, values[0], _I64.as_pointer()))
-        return context.get_dummy_value()
-
-    return types.void(types.int64, types.int64), codegen
+    """The place of the lowest bit that is set in an int64 that is not 0."""
+    return types.int64(types.int64), emitting(lambda builder, bits: builder.cttz(bits, _I1(1)))

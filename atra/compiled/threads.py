@@ -1,7 +1,8 @@
-"""Worker threads that run a kernel side by side and share one work counter."""
+"""Worker threads that run a kernel together and share one work counter."""
 
 from __future__ import annotations
 
+import ctypes
 import os
 import sys
 from collections.abc import Callable
@@ -12,16 +13,21 @@ from typing import Any
 
 import numpy as np
 
-from atra.compiled.cores import core_of_caller
 from atra.errors import InputError
 from atra.whole_numbers import is_whole_number
 
 MOST_THREADS = 1024
-"""Each has memory of its own and takes time to start, and no machine of today has more cores."""
+"""Upper limit of the number of threads: each takes memory and time to start, and no machine of today has more cores."""
+
+core_of_caller: Callable[[], int] = ctypes.PyDLL(None).sched_getcpu if sys.platform == "linux" else lambda: -1
+"""The core that the calling thread runs on, as numbered by `os.sched_getaffinity`; -1 but on Linux.
+
+`PyDLL` keeps the GIL, which is faster than releasing it.
+"""
 
 
 def resolve_threads(threads: int | None) -> int:
-    """The number of threads to use; None is every core this process may run on."""
+    """The number of threads to use; None = every core this process may run on. Raises InputError below 1."""
     if threads is None:
         cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
         return min(cores, MOST_THREADS)
@@ -33,7 +39,7 @@ def resolve_threads(threads: int | None) -> int:
 
 
 class WorkerPool:
-    """`threads` threads, the caller among them, that run a kernel side by side until its shared counter is used up.
+    """`threads` threads, the caller's among them, that run a kernel together.
 
     A pool that is dropped without `close` ends its threads by itself.
     """
@@ -44,17 +50,16 @@ class WorkerPool:
 
     def _start(self) -> None:
         self._process = os.getpid()
-        self._others: dict[int, set[int]] = {}  # native id of each other thread, and the cores that it was last given
+        self._others: dict[int, set[int]] = {}  # other threads by native id: the cores each was last allowed
         self._executor = None
         if self.threads > 1:
             # Its threads know `_others` alone, not this pool: an executor that nothing refers to ends its threads.
             self._executor = ThreadPoolExecutor(self.threads - 1, "atra", _note_thread, (self._others,))
 
     def _keep_off_core_of_caller(self) -> None:
-        """Let the other threads run on every core but the caller's, where a system can tell it.
+        """Let the other threads run on every core but the caller's (Linux only).
 
-        Linux looks for an idle core only while few are busy; of two it often woke them on the caller's, until the next
-        time it balanced cores, which is longer than a frame takes.
+        Otherwise Linux often wakes them on the caller's core and moves them only after a frame is done.
         """
         if sys.platform != "linux":
             return
@@ -67,9 +72,9 @@ class WorkerPool:
                 self._others[thread] = others
 
     def run(self, kernel: Callable[[int, int], Any], most_threads: int = MOST_THREADS) -> None:
-        """Call kernel(worker, counter_address) once per thread, of at most so many; the counter there starts at zero.
+        """Call kernel(worker, counter_address) once in each of at most `most_threads` threads; the counter starts at 0.
 
-        Returns, or raises what one of them raised, when all are done: until then they write to the caller's memory.
+        Returns when all threads are done, since they write to the caller's memory; raises what one of them raised.
         """
         if self._process != os.getpid():  # a child of fork has none of its parent's threads
             self._start()
@@ -97,12 +102,12 @@ def _note_thread(others: dict[int, set[int]]) -> None:
 
 
 def _wait_whatever_happens(others: list[Future[Any]]) -> None:
-    """Wait even when Ctrl-C interrupts the waiting; it is passed on afterwards."""
+    """Wait for all, even if Ctrl-C interrupts the waiting; raise the interruption afterwards."""
     interruption: BaseException | None = None
     while True:
         try:
             for other in others:
-                other.exception()  # by several microseconds cheaper than `concurrent.futures.wait`
+                other.exception()  # cheaper than `concurrent.futures.wait`
         except BaseException as error:
             interruption = error
         else:

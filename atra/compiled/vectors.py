@@ -1,7 +1,7 @@
-"""Vectors: a few numbers side by side as one value in Numba code, which becomes one vector of LLVM's.
+"""Vectors: several numbers as one value of Numba code, which becomes one vector of LLVM.
 
-Numba itself has none, and what its auto-vectoriser makes of a loop with conditions is a branch per lane. A vector has
-any number of lanes; LLVM splits what is wider than the machine's registers.
+Numba has no vectors, and its auto-vectoriser turns conditions in a loop into a branch per lane. A vector has any number
+of lanes; LLVM splits vectors that are wider than the machine's registers.
 """
 
 from __future__ import annotations
@@ -16,16 +16,17 @@ from numba.core.typing.templates import AbstractTemplate, infer_global, signatur
 from numba.extending import intrinsic, lower_builtin, models, register_model
 
 from atra.compiled.instruction_sets import cpu_features, limit_numba, native_lanes
+from atra.compiled.intrinsics import emitting
 
 limit_numba()
 
 _I1, _I32, _I64 = ir.IntType(1), ir.IntType(32), ir.IntType(64)
 
 HAS_MASK_REGISTERS = native_lanes() == 16 and "avx512vl" in cpu_features()
-"""Whether lanes are switched off by a bit each (AVX-512), and a store that leaves some out is cheap.
+"""Whether a mask has one bit per lane, as in AVX-512, which makes masked stores cheap.
 
-Elsewhere a mask is a vector of numbers, and a store writes back what it finds in the lanes it leaves out: AVX2's own
-masked stores take many times as long on some processors.
+Elsewhere a mask is a vector of int32, and a masked store writes back what it finds in the other lanes: AVX2's own
+masked stores are slow on some processors.
 """
 
 
@@ -58,13 +59,13 @@ class _MaskModel(models.PrimitiveModel):
         super().__init__(manager, mask, ir.VectorType(_I1 if HAS_MASK_REGISTERS else _I32, mask.lanes))
 
 
-def _packed(builder: ir.IRBuilder, bits: ir.Value) -> ir.Value:
-    """A comparison's bits -> a mask. Without mask registers bits would be packed and unpacked between blocks."""
+def packed(builder: ir.IRBuilder, bits: ir.Value) -> ir.Value:
+    """Convert the bits of a comparison to a mask; int32 lanes spare repacking where there are no mask registers."""
     return bits if HAS_MASK_REGISTERS else builder.sext(bits, ir.VectorType(_I32, bits.type.count))
 
 
 def unpacked(builder: ir.IRBuilder, mask: ir.Value) -> ir.Value:
-    """A mask -> a bit for each lane."""
+    """Convert a mask to one bit for each lane."""
     return mask if HAS_MASK_REGISTERS else builder.icmp_signed("<", mask, ir.Constant(mask.type, [0] * mask.type.count))
 
 
@@ -74,8 +75,14 @@ def splat(builder: ir.IRBuilder, value: ir.Value, lanes: int) -> ir.Value:
     return builder.shuffle_vector(one, one, ir.Constant(ir.VectorType(_I32, lanes), [0] * lanes))
 
 
+def every_second(builder: ir.IRBuilder, value: ir.Value, lanes: int) -> list[ir.Value]:
+    """The even and the odd lanes of a vector, as two vectors."""
+    orders = (ir.Constant(ir.VectorType(_I32, lanes // 2), list(range(first, lanes, 2))) for first in (0, 1))
+    return [builder.shuffle_vector(value, value, order) for order in orders]
+
+
 def declared(builder: ir.IRBuilder, name: str, kind: ir.FunctionType) -> ir.Function:
-    """A function of LLVM's own."""
+    """The LLVM function of this name, declared in the module if it is not yet."""
     return builder.module.globals.get(name) or ir.Function(builder.module, kind, name)
 
 
@@ -83,7 +90,7 @@ Emit = Callable[[ir.IRBuilder, ir.Value, ir.Value], ir.Value]
 
 
 def _operator(function: Any, kind: type[types.Type], emit: Emit, gives_mask: bool = False) -> None:
-    """Python's operator `function` between two equal vectors, or masks, gives one more of them, or a mask."""
+    """Define a Python operator for two vectors, or masks, of one type; the result has that type, or is a mask."""
 
     @infer_global(function)
     class _Typing(AbstractTemplate):
@@ -96,8 +103,8 @@ def _operator(function: Any, kind: type[types.Type], emit: Emit, gives_mask: boo
 
 
 def _comparison(function: Any, sign: str) -> None:
-    """Of floats; False where one is NaN."""
-    _operator(function, Vector, lambda builder, a, b: _packed(builder, builder.fcmp_ordered(sign, a, b)), True)
+    """Define a comparison of float vectors; it is False where a number is NaN."""
+    _operator(function, Vector, lambda builder, a, b: packed(builder, builder.fcmp_ordered(sign, a, b)), True)
 
 
 _operator(operator.add, Vector, ir.IRBuilder.fadd)
@@ -114,10 +121,7 @@ _comparison(operator.le, "<=")
 def _between(compare: str) -> Any:
     @intrinsic
     def chosen(typingctx: Any, a: Any, b: Any) -> Any:
-        def codegen(context: Any, builder: ir.IRBuilder, signature: Any, values: list[ir.Value]) -> ir.Value:
-            return builder.select(builder.fcmp_ordered(compare, *values), *values)
-
-        return a(a, b), codegen
+        return a(a, b), emitting(lambda builder, a, b: builder.select(builder.fcmp_ordered(compare, a, b), a, b))
 
     return chosen
 
@@ -130,14 +134,14 @@ larger = _between(">")
 
 
 def _each(name: str, vector: Any, count: int) -> tuple[Any, Any]:
-    """A function of LLVM's of so many vectors, lane by lane."""
+    """An LLVM function of `count` vectors, applied lane by lane."""
 
-    def codegen(context: Any, builder: ir.IRBuilder, signature: Any, values: list[ir.Value]) -> ir.Value:
+    def emit(builder: ir.IRBuilder, *values: ir.Value) -> ir.Value:
         kind, suffix = values[0].type, f"v{vector.lanes}f{vector.element.bitwidth}"
         function = declared(builder, f"llvm.{name}.{suffix}", ir.FunctionType(kind, [kind] * count))
         return builder.call(function, values)
 
-    return vector(*[vector] * count), codegen
+    return vector(*[vector] * count), emitting(emit)
 
 
 def _of_each(name: str) -> Any:
@@ -149,10 +153,10 @@ def _of_each(name: str) -> Any:
 
 
 nearest_whole, next_whole, last_whole = _of_each("rint"), _of_each("ceil"), _of_each("floor")
-"""Of each number of a float vector: the nearest whole number, the first that is not smaller, the last not larger."""
+"""Round each number of a float vector to the nearest whole number, up, and down."""
 
 size, root = _of_each("fabs"), _of_each("sqrt")
-"""Of each number of a float vector its absolute value; its square root."""
+"""The absolute values and the square roots of a float vector."""
 
 
 @intrinsic
@@ -163,112 +167,84 @@ def signed_like(typingctx: Any, vector: Any, other: Any) -> Any:
 
 @intrinsic
 def fused(typingctx: Any, a: Any, b: Any, c: Any) -> Any:
-    """a b + c of float vectors, rounded once where the machine can, and twice elsewhere."""
+    """a b + c of float vectors, rounded once where the machine can do so, else twice."""
     return _each("fmuladd", a, 3)
 
 
 @intrinsic
 def where(typingctx: Any, mask: Any, a: Any, b: Any) -> Any:
     """a in the lanes of a mask, b in the others."""
-
-    def codegen(context: Any, builder: ir.IRBuilder, signature: Any, values: list[ir.Value]) -> ir.Value:
-        return builder.select(unpacked(builder, values[0]), values[1], values[2])
-
-    return a(mask, a, b), codegen
+    return a(mask, a, b), emitting(lambda builder, mask, a, b: builder.select(unpacked(builder, mask), a, b))
 
 
 @intrinsic
 def folded(typingctx: Any, vector: Any) -> Any:
-    """The smaller of each pair of neighbours: half as many lanes."""
+    """The smaller of each pair of neighbouring lanes: a vector of half as many."""
     half = Vector(vector.element, vector.lanes // 2)
 
-    def codegen(context: Any, builder: ir.IRBuilder, signature: Any, values: list[ir.Value]) -> ir.Value:
-        even, odd = (
-            builder.shuffle_vector(
-                values[0], values[0], ir.Constant(ir.VectorType(_I32, half.lanes), list(range(first, vector.lanes, 2)))
-            )
-            for first in (0, 1)
-        )
+    def emit(builder: ir.IRBuilder, value: ir.Value) -> ir.Value:
+        even, odd = every_second(builder, value, vector.lanes)
         return builder.select(builder.fcmp_ordered("<", even, odd), even, odd)
 
-    return half(vector), codegen
+    return half(vector), emitting(emit)
 
 
 @intrinsic(prefer_literal=True)
 def repeated(typingctx: Any, value: Any, lanes: Any) -> Any:
     """The same number in each lane."""
     vector = Vector(types.unliteral(value), lanes.literal_value)
-
-    def codegen(context: Any, builder: ir.IRBuilder, signature: Any, values: list[ir.Value]) -> ir.Value:
-        return splat(builder, values[0], vector.lanes)
-
-    return vector(vector.element, lanes), codegen
+    return vector(vector.element, lanes), emitting(lambda builder, value, _: splat(builder, value, vector.lanes))
 
 
 @intrinsic(prefer_literal=True)
 def counted(typingctx: Any, first: Any, lanes: Any) -> Any:
-    """first, first + 1, first + 2, ...; first: a float of either width."""
+    """first, first + 1, first + 2, ...; first: float32 or float64."""
     vector = Vector(first, lanes.literal_value)
 
-    def codegen(context: Any, builder: ir.IRBuilder, signature: Any, values: list[ir.Value]) -> ir.Value:
-        start = splat(builder, values[0], vector.lanes)
+    def emit(builder: ir.IRBuilder, first: ir.Value, _: ir.Value) -> ir.Value:
+        start = splat(builder, first, vector.lanes)
         return builder.fadd(start, ir.Constant(start.type, [float(lane) for lane in range(vector.lanes)]))
 
-    return vector(first, lanes), codegen
+    return vector(first, lanes), emitting(emit)
 
 
 @intrinsic(prefer_literal=True)
 def lane(typingctx: Any, vector: Any, number: Any) -> Any:
     """One number of a vector."""
-    number_ = number.literal_value
-
-    def codegen(context: Any, builder: ir.IRBuilder, signature: Any, values: list[ir.Value]) -> ir.Value:
-        return builder.extract_element(values[0], _I32(number_))
-
-    return vector.element(vector, number), codegen
+    place = _I32(number.literal_value)
+    return vector.element(vector, number), emitting(lambda builder, value, _: builder.extract_element(value, place))
 
 
 @intrinsic(prefer_literal=True)
 def with_lane(typingctx: Any, vector: Any, number: Any, value: Any) -> Any:
     """A vector with another value in one lane."""
-    number_ = number.literal_value
-
-    def codegen(context: Any, builder: ir.IRBuilder, signature: Any, values: list[ir.Value]) -> ir.Value:
-        return builder.insert_element(values[0], values[2], _I32(number_))
-
-    return vector(vector, number, vector.element), codegen
+    place = _I32(number.literal_value)
+    emit = emitting(lambda builder, vector, _, value: builder.insert_element(vector, value, place))
+    return vector(vector, number, vector.element), emit
 
 
 @intrinsic
 def rounded(typingctx: Any, vector: Any) -> Any:
-    """float64 -> float32."""
-    narrow = Vector(types.float32, vector.lanes)
-
-    def codegen(context: Any, builder: ir.IRBuilder, signature: Any, values: list[ir.Value]) -> ir.Value:
-        return builder.fptrunc(values[0], context.get_value_type(narrow))
-
-    return narrow(vector), codegen
+    """Convert float64 to float32."""
+    kind = ir.VectorType(ir.FloatType(), vector.lanes)
+    return Vector(types.float32, vector.lanes)(vector), emitting(lambda builder, value: builder.fptrunc(value, kind))
 
 
 @intrinsic
 def widened(typingctx: Any, vector: Any) -> Any:
-    """float32 -> float64."""
-    wide = Vector(types.float64, vector.lanes)
-
-    def codegen(context: Any, builder: ir.IRBuilder, signature: Any, values: list[ir.Value]) -> ir.Value:
-        return builder.fpext(values[0], context.get_value_type(wide))
-
-    return wide(vector), codegen
+    """Convert float32 to float64."""
+    kind = ir.VectorType(ir.DoubleType(), vector.lanes)
+    return Vector(types.float64, vector.lanes)(vector), emitting(lambda builder, value: builder.fpext(value, kind))
 
 
 @intrinsic
 def bits_of(typingctx: Any, mask: Any) -> Any:
     """An int64 with bit k set where lane k is True."""
 
-    def codegen(context: Any, builder: ir.IRBuilder, signature: Any, values: list[ir.Value]) -> ir.Value:
-        return builder.zext(builder.bitcast(unpacked(builder, values[0]), ir.IntType(mask.lanes)), _I64)
+    def emit(builder: ir.IRBuilder, value: ir.Value) -> ir.Value:
+        return builder.zext(builder.bitcast(unpacked(builder, value), ir.IntType(mask.lanes)), _I64)
 
-    return types.int64(mask), codegen
+    return types.int64(mask), emitting(emit)
 
 
 @intrinsic(prefer_literal=True)
@@ -276,29 +252,25 @@ def mask_of(typingctx: Any, bits: Any, lanes: Any) -> Any:
     """The mask with lane k True where bit k of an int64 is set."""
     mask = Mask(lanes.literal_value)
 
-    def codegen(context: Any, builder: ir.IRBuilder, signature: Any, values: list[ir.Value]) -> ir.Value:
-        narrow = builder.trunc(values[0], ir.IntType(mask.lanes))
-        return _packed(builder, builder.bitcast(narrow, ir.VectorType(_I1, mask.lanes)))
+    def emit(builder: ir.IRBuilder, bits: ir.Value, _: ir.Value) -> ir.Value:
+        narrow = builder.trunc(bits, ir.IntType(mask.lanes))
+        return packed(builder, builder.bitcast(narrow, ir.VectorType(_I1, mask.lanes)))
 
-    return mask(types.int64, lanes), codegen
+    return mask(types.int64, lanes), emitting(emit)
 
 
 @intrinsic
 def rarely(typingctx: Any, condition: Any) -> Any:
-    """The same condition, which the compiler is to expect to be False."""
+    """The condition itself; the compiler expects it to be False."""
 
-    def codegen(context: Any, builder: ir.IRBuilder, signature: Any, values: list[ir.Value]) -> ir.Value:
+    def emit(builder: ir.IRBuilder, value: ir.Value) -> ir.Value:
         expect = builder.module.declare_intrinsic("llvm.expect", [_I1], ir.FunctionType(_I1, [_I1, _I1]))
-        return builder.call(expect, [values[0], _I1(0)])
+        return builder.call(expect, [value, _I1(0)])
 
-    return types.boolean(types.boolean), codegen
+    return types.boolean(types.boolean), emitting(emit)
 
 
 @intrinsic
 def multiply_add(typingctx: Any, a: Any, b: Any, c: Any) -> Any:
     """a b + c of float64, rounded once."""
-
-    def codegen(context: Any, builder: ir.IRBuilder, signature: Any, values: list[ir.Value]) -> ir.Value:
-        return builder.fma(*values)
-
-    return types.float64(types.float64, types.float64, types.float64), codegen
+    return types.float64(types.float64, types.float64, types.float64), emitting(ir.IRBuilder.fma)

@@ -1,1 +1,1 @@
-"""The only room that knows Embree's C API: the library, its struct layouts, device and scene lifetimes, errors."""
+"""Embree's C API, which no other room knows: the library, struct layouts, lifetimes of devices and scenes, errors."""

@@ -1,7 +1,7 @@
 """The surface area cost of a BVH: how many boxes a random ray enters, and how many triangles it is tested with.
 
-Embree shows nothing of the BVH of a scene, but its builder can be asked to build one of the same boxes and to report
-every node. Source: Embree 4 API manual, `rtcBuildBVH`; the cost is that of Goldsmith and Salmon, 1987.
+Embree does not show the BVH of a scene, but its builder can build one from the same boxes and report every node.
+Source: Embree 4 API manual, `rtcBuildBVH`; J. Goldsmith, J. Salmon, 1987.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ _SIZE, _POINTER, _WORD = ctypes.c_size_t, ctypes.c_void_p, ctypes.c_uint32
 
 
 class BuildArguments(ctypes.Structure):
-    """RTCBuildArguments."""
+    """Embree's RTCBuildArguments."""
 
     _fields_ = (
         ("byte_size", _SIZE),
@@ -49,8 +49,10 @@ class BuildArguments(ctypes.Structure):
 
 @dataclass(frozen=True)
 class BvhCost:
-    """Means over random rays that meet the box of everything and are stopped by nothing. boxes_entered: of nodes and
-    leaves, but the root's. triangles_tested: those of the leaves that are entered."""
+    """Means over random lines that meet the root's box.
+
+    boxes_entered: boxes of nodes and leaves, without the root. triangles_tested: triangles in the leaves entered.
+    """
 
     boxes_entered: float
     triangles_tested: float
@@ -59,10 +61,10 @@ class BvhCost:
 def bvh_cost(
     vertices: NDArray[np.float32], faces: NDArray[np.uint32], build_quality: str = "medium", children: int = 8
 ) -> BvhCost:
-    """Of the BVH that Embree builds of these triangles, with so many children a node and up to four triangles a leaf.
+    """The cost of the BVH that Embree builds of triangles, with up to `children` a node and four triangles a leaf.
 
-    vertices: (V, 3) float32. faces: (F, 3) uint32; no face: no test. build_quality: "low" or "medium"; "high", which
-    splits triangles, counts as medium. Raises EmbreeError.
+    vertices: (V, 3) float32. faces: (F, 3) uint32; the cost of no faces is 0. build_quality: "low" or "medium"; "high",
+    which splits triangles, counts as medium. Raises EmbreeError naming the call that failed.
     """
     if not len(faces):
         return BvhCost(0.0, 0.0)
@@ -71,11 +73,11 @@ def bvh_cost(
     cost = np.zeros(COST_WORDS, np.float64)
     create_node, set_node_children, set_node_bounds, create_leaf = builder_callbacks()
     # One thread: the callbacks add up without locks.
-    with _Builder(build_quality=build_quality, threads=1, monitor_address=0) as builder:
+    with _Builder(build_quality=build_quality) as builder:
         builder.build(
             BuildArguments(
                 byte_size=ctypes.sizeof(BuildArguments),
-                # Splitting triangles, as high quality does, would need a callback for it.
+                # High quality splits triangles, which needs one more callback.
                 quality=min(layout.BUILD_QUALITY[build_quality], layout.BUILD_QUALITY["medium"]),
                 max_branching_factor=children,
                 max_depth=48,

@@ -1,4 +1,4 @@
-"""Compiled C callbacks that Embree calls: the filter, the memory monitor, and what its BVH builder reports."""
+"""Compiled C functions that Embree calls: the filter, the memory monitor, and those of its BVH builder."""
 
 from __future__ import annotations
 
@@ -14,10 +14,7 @@ from atra.embree.filters_kernels import keep_nearest
 
 @cache
 def nearest_hit_filter(shape_x: int, shape_y: int, instanced: bool = False) -> int:
-    """Address of the filter for packets of shape_x x shape_y pixels; compiled once per process, cached on disk.
-
-    instanced: the scene holds an instance per cell, and the user data a record per instance (`keep_nearest`).
-    """
+    """Address of the filter for packets of shape_x x shape_y pixels; arguments as for `keep_nearest`."""
 
     @callback(types.void(types.int64))
     def keep_nearest_hit(arguments_address):  # type: ignore[no-untyped-def]
@@ -29,7 +26,7 @@ def nearest_hit_filter(shape_x: int, shape_y: int, instanced: bool = False) -> i
 
 @cache
 def memory_monitor() -> int:
-    """Address of the callback that adds Embree's allocations to the int64 it is registered with."""
+    """Address of the memory monitor, which adds Embree's allocations to the int64 it is registered with."""
 
     @callback(types.boolean(types.int64, types.int64, types.boolean))
     def count_bytes(counter_address, byte_count, after):  # type: ignore[no-untyped-def]
@@ -41,7 +38,7 @@ def memory_monitor() -> int:
 
 
 COST_WORDS = 2
-"""float64 that the builder's callbacks add to: half the areas of all children; of all leaves, times their triangles."""
+"""Sums, float64, that the builder's callbacks add to: half the areas of all children, and of leaves times triangles."""
 
 
 @njit(forceinline=True)
@@ -52,8 +49,10 @@ def _half_area(low_x, low_y, low_z, high_x, high_y, high_z):  # type: ignore[no-
 
 @kernel
 def fill_boxes(vertices, faces, boxes):  # type: ignore[no-untyped-def]
-    """Write RTCBuildPrimitives, (F, 8) float32, each lower corner, geomID, upper corner, primID; both numbers 0.
-    Returns half the area of the box of all."""
+    """Fill `boxes`, (F, 8) float32, with RTCBuildPrimitives: lower corner, geomID, upper corner, primID, the ids 0.
+
+    Returns half the area of the box around all.
+    """
     low = np.full(3, np.inf, np.float32)
     high = np.full(3, -np.inf, np.float32)
     for face in range(len(faces)):
@@ -73,7 +72,7 @@ def builder_callbacks() -> tuple[int, int, int, int]:
 
     @callback(types.int64(types.int64, types.uint32, types.int64))
     def create_node(allocator, child_count, cost):  # type: ignore[no-untyped-def]
-        return cost  # any address but 0: nobody looks
+        return cost  # any address but 0 will do
 
     @callback(types.void(types.int64, types.int64, types.uint32, types.int64))
     def set_node_children(node, children, child_count, cost):  # type: ignore[no-untyped-def]

@@ -1,9 +1,8 @@
-"""An Embree device and the scenes on it, with one lifetime: made together, released together."""
+"""An Embree device and its scenes, which share one lifetime."""
 
 from __future__ import annotations
 
 import weakref
-from types import TracebackType
 from typing import Self
 
 import numpy as np
@@ -15,22 +14,23 @@ from atra.errors import EmbreeError
 
 
 class EmbreeDevice:
-    """A device of its own and whatever scenes are made on it.
+    """An Embree device with the scenes made on it.
 
-    build_quality: of every scene and geometry. compact: scenes that save memory and trace more slowly. robust: scenes
-    in which no ray slips through between two triangles. filter_in_arguments: rays may bring a filter of their own.
-    threads: build threads. monitor_address: compiled RTCMemoryMonitorFunction counting into `embree_bytes`, or 0.
+    build_quality: "low", "medium" or "high", for every scene and geometry. threads: build threads.
+    monitor_address: compiled RTCMemoryMonitorFunction that counts into `embree_bytes`, or 0.
+    compact: scenes save memory and trace more slowly. robust: no ray slips through between two triangles.
+    filter_in_arguments: queries may bring a filter of their own.
 
-    Arrays given to Embree are shared, not copied; the device keeps them alive. Closing twice is harmless; a device that
-    is dropped without closing is released by the garbage collector. Raises EmbreeError naming the call that failed.
+    Embree shares the arrays it is given, and the device keeps them alive. `close` may be called twice; the garbage
+    collector closes a device that is dropped. Raises EmbreeError naming the call that failed.
     """
 
     def __init__(
         self,
         *,
-        build_quality: str,
-        threads: int,
-        monitor_address: int,
+        build_quality: str = "medium",
+        threads: int = 1,
+        monitor_address: int = 0,
         compact: bool = False,
         robust: bool = False,
         filter_in_arguments: bool = False,
@@ -46,10 +46,10 @@ class EmbreeDevice:
             code = api.rtcGetDeviceError(None)
             raise EmbreeError(f"rtcNewDevice failed: {layout.ERROR_NAMES.get(code, code)}")
         self._scenes: list[int] = []
-        # What Embree reads and writes rides along with the finalizer, so that it outlives every Embree call.
+        # The finalizer holds what Embree reads and writes, so that it outlives every Embree call.
         self._kept: list[object] = [self._byte_count]
         self._finalizer = weakref.finalize(self, _release, self._library, self._device, self._scenes, self._kept)
-        self._finalizer.atexit = False  # a daemon thread may still be tracing then; the system takes the memory back
+        self._finalizer.atexit = False  # at exit a daemon thread may still be tracing
         if monitor_address:
             counter = self._byte_count.ctypes.data
             self._call("rtcSetDeviceMemoryMonitorFunction", self._device, monitor_address, counter)
@@ -71,8 +71,7 @@ class EmbreeDevice:
         filter_address: int = 0,
         user_data: NDArray | None = None,
     ) -> None:
-        """vertices: (V, 3) float32 with at least 16 readable bytes after the last one. faces: (F, 3) uint32. Both
-        C-contiguous."""
+        """Add triangles to a scene; arrays as for `EmbreeScene`."""
         self._kept.append((vertices, faces, user_data))
         geometry = self._call("rtcNewGeometry", self._device, layout.GEOMETRY_TRIANGLE)
         try:
@@ -93,7 +92,7 @@ class EmbreeDevice:
             self._library.functions.rtcReleaseGeometry(geometry)
 
     def _add_instance(self, scene: int, instanced_scene: int, transform: NDArray[np.float32], inst_id: int) -> None:
-        """transform: (3, 4) float32 C-contiguous, row-major; Embree copies it."""
+        """Add an instance of a scene to another; transform: (3, 4) float32 C-contiguous, which Embree copies."""
         geometry = self._call("rtcNewGeometry", self._device, layout.GEOMETRY_INSTANCE)
         try:
             self._call("rtcSetGeometryInstancedScene", geometry, instanced_scene)
@@ -104,9 +103,6 @@ class EmbreeDevice:
         finally:
             self._library.functions.rtcReleaseGeometry(geometry)
 
-    def _commit(self, scene: int) -> None:
-        self._call("rtcCommitScene", scene)
-
     def _call(self, name: str, *arguments: object) -> int:
         result = getattr(self._library.functions, name)(*arguments)
         code = self._library.functions.rtcGetDeviceError(self._device)
@@ -116,7 +112,7 @@ class EmbreeDevice:
 
     @property
     def embree_bytes(self) -> int:
-        """Bytes Embree holds for this device by its own account."""
+        """Bytes that Embree holds for this device, as it reports them."""
         return int(self._byte_count[0])
 
     @property
@@ -124,20 +120,18 @@ class EmbreeDevice:
         return not self._finalizer.alive
 
     def close(self) -> None:
-        """Release scenes and device; nothing may be tracing. Harmless when already closed."""
+        """Release scenes and device; no query may be running."""
         self._finalizer()
 
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
 
 def _release(library: Library, device: int, scenes: list[int], kept: list[object]) -> None:
-    """Newest first: a scene of instances goes before the scene they show, the device last, then what it was reading."""
+    """Release the newest scene first (instances before what they show), then the device, then the arrays it reads."""
     for scene in reversed(scenes):
         library.functions.rtcReleaseScene(scene)
     library.functions.rtcReleaseDevice(device)

@@ -1,5 +1,5 @@
-"""Filters, which Embree calls for every triangle that rays of a packet hit: what all of them read and do, and the one
-that keeps the nearest hit of every cell (LLVM IR)."""
+"""Filters: functions that Embree calls for every triangle that rays of a packet hit. Here: what all filters share, and
+the filter that keeps the nearest hit of every cell (LLVM IR)."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from numba.core.errors import TypingError
 from numba.extending import intrinsic
 
 from atra.compiled.intrinsics import pointer_at
-from atra.compiled.lanes import set_int64
-from atra.compiled.memory import store
+from atra.compiled.lanes import emit_load_rows, emit_store_rows
+from atra.compiled.memory import load_aligned, store
 from atra.compiled.store import njit
-from atra.compiled.vectors import repeated
+from atra.compiled.vectors import repeated, splat
 from atra.embree import layout
 from atra.embree.layout import FilterArguments, RayQueryContext
 
@@ -32,13 +32,12 @@ _WRONG_WIDTH = RayQueryContext.wrong_width.offset
 
 @intrinsic(prefer_literal=True)
 def keep_nearest(typingctx: Any, arguments_address: Any, shape_x: Any, shape_y: Any, instanced: Any) -> Any:
-    """The filter: one triangle and K = shape_x * shape_y rays; keep the hit where it is nearer than the cell's so far.
+    """The filter: keep the hits of one triangle by K = shape_x * shape_y rays where they are nearer than the cell's.
 
-    Lane k is pixel (k % shape_x, k // shape_x) of the packet. The user data is one int64 record per triangle, or
-    `instanced` per instance: its high half is the distance in pixels from the reference cell's pixels to those of the
-    cell that was hit, its low half the triangle's prim_id in the mesh (not read where the hit itself has that).
-    Every hit is then rejected, so that Embree goes on to the next triangle. Written as vector operations because the
-    auto-vectoriser leaves a branch per lane.
+    Lane k is pixel (k % shape_x, k // shape_x) of the packet. The user data is one int64 record per triangle or, if
+    `instanced`, per instance. Its high half is the distance in pixels from the reference cell to the cell that was hit.
+    Its low half is the triangle's prim_id in the mesh; with instances the hit itself has it.
+    Every hit is then rejected, so that Embree goes on to the next triangle.
     """
     if not all(isinstance(constant, types.Literal) for constant in (shape_x, shape_y, instanced)):
         raise TypingError("the packet's shape and `instanced` must be known when the filter is compiled")
@@ -55,9 +54,7 @@ def _emit_keep_nearest(builder: ir.IRBuilder, arguments: ir.Value, nx: int, ny: 
     width = nx * ny
 
     def load(kind: ir.Type, address: ir.Value, align: int = 4) -> ir.Value:
-        value = builder.load(pointer_at(builder, address, kind.as_pointer()))
-        value.align = align
-        return value
+        return load_aligned(builder, address, kind, align)
 
     def store(value: ir.Value, address: ir.Value, align: int = 4) -> None:
         builder.store(value, pointer_at(builder, address, value.type.as_pointer())).align = align
@@ -67,27 +64,6 @@ def _emit_keep_nearest(builder: ir.IRBuilder, arguments: ir.Value, nx: int, ny: 
 
     def vector(kind: ir.Type) -> ir.VectorType:
         return ir.VectorType(kind, width)
-
-    def splat(value: ir.Value) -> ir.Value:
-        one = builder.insert_element(ir.Constant(vector(value.type), ir.Undefined), value, _I32(0))
-        return builder.shuffle_vector(one, one, ir.Constant(ir.VectorType(_I32, width), [0] * width))
-
-    def load_rows(kind: ir.Type, base: ir.Value, row_bytes: ir.Value) -> ir.Value:
-        """ny rows of nx neighbouring pixels -> one vector of all lanes."""
-        rows = [
-            load(ir.VectorType(kind, nx), builder.add(base, builder.mul(row_bytes, _I64(row)))) for row in range(ny)
-        ]
-        while len(rows) > 1:
-            lanes = 2 * rows[0].type.count
-            order = ir.Constant(ir.VectorType(_I32, lanes), list(range(lanes)))
-            rows = [builder.shuffle_vector(a, b, order) for a, b in zip(rows[::2], rows[1::2], strict=True)]
-        return rows[0]
-
-    def store_rows(value: ir.Value, base: ir.Value, row_bytes: ir.Value) -> None:
-        for row in range(ny):
-            lanes = ir.Constant(ir.VectorType(_I32, nx), list(range(row * nx, (row + 1) * nx)))
-            part = builder.shuffle_vector(value, value, lanes)
-            store(part, builder.add(base, builder.mul(row_bytes, _I64(row))))
 
     valid_address = load(_I64, at(arguments, FilterArguments.valid.offset), 8)
     context = load(_I64, at(arguments, FilterArguments.context.offset), 8)
@@ -107,7 +83,7 @@ def _emit_keep_nearest(builder: ir.IRBuilder, arguments: ir.Value, nx: int, ny: 
             cell_bytes = builder.shl(builder.ashr(record, _I64(32)), _I64(2))
             row_bytes = load(_I64, at(context, RayQueryContext.row_bytes.offset), 8)
             depth_base = builder.add(load(_I64, at(context, RayQueryContext.depth_address.offset), 8), cell_bytes)
-            old_depth = load_rows(_F32, depth_base, row_bytes)
+            old_depth = emit_load_rows(builder, _F32, depth_base, row_bytes, nx, ny)
             nearer = builder.and_(
                 builder.icmp_signed("!=", valid, ir.Constant(vector(_I32), [0] * width)),
                 builder.fcmp_ordered("<", depth, old_depth),
@@ -117,9 +93,11 @@ def _emit_keep_nearest(builder: ir.IRBuilder, arguments: ir.Value, nx: int, ny: 
             )
             with builder.if_then(any_nearer):
                 prim_base = builder.add(load(_I64, at(context, RayQueryContext.prim_id_address.offset), 8), cell_bytes)
-                old_prim_id = load_rows(_I32, prim_base, row_bytes)
-                store_rows(builder.select(nearer, depth, old_depth), depth_base, row_bytes)
-                store_rows(builder.select(nearer, splat(prim_id), old_prim_id), prim_base, row_bytes)
+                old_prim_id = emit_load_rows(builder, _I32, prim_base, row_bytes, nx, ny)
+                kept_depth = builder.select(nearer, depth, old_depth)
+                kept_prim_id = builder.select(nearer, splat(builder, prim_id, width), old_prim_id)
+                emit_store_rows(builder, kept_depth, depth_base, row_bytes, nx)
+                emit_store_rows(builder, kept_prim_id, prim_base, row_bytes, nx)
             store(ir.Constant(vector(_I32), [0] * width), valid_address)
         with surprise:
             store(builder.zext(lane_count, _I64), at(context, RayQueryContext.wrong_width.offset), 8)
@@ -128,7 +106,7 @@ def _emit_keep_nearest(builder: ir.IRBuilder, arguments: ir.Value, nx: int, ny: 
 
 @njit
 def refuse(context, valid, given):  # type: ignore[no-untyped-def]
-    """Reject the hits of a packet of another width than was sent, and note that (`Workspace.wrong_width`)."""
-    set_int64(context + _WRONG_WIDTH, np.int64(given))
+    """Reject the hits of a packet of another width than was sent; `Workspace.wrong_width` then tells `given`."""
+    store(repeated(np.int64(given), 1), context + _WRONG_WIDTH)
     for lane in range(np.int64(given)):
         store(repeated(np.int32(0), 1), valid + lane * 4)

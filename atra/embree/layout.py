@@ -1,8 +1,7 @@
 """Layouts of the Embree structs that compiled code reads and writes (Embree 4 API manual, `rtcore_ray.h`).
 
-A packet RTCRayHitK is a structure of arrays: field after field, K 32-bit values each; a single ray is the case K = 1.
-So a field of lane `k` sits at word `FIELD * K + k` of the packet (the one exception, K = 1, pads the ray to 48 bytes,
-which these numbers already agree with: 12 words).
+A packet RTCRayHitK is a structure of arrays: field after field, K values of 32 bits each; a single ray has K = 1. So a
+field of lane k is word `FIELD * K + k` of the packet.
 """
 
 from __future__ import annotations
@@ -19,15 +18,17 @@ RAY_DIR_X, RAY_DIR_Y, RAY_DIR_Z, RAY_TIME = 4, 5, 6, 7
 RAY_TFAR, RAY_MASK, RAY_ID, RAY_FLAGS = 8, 9, 10, 11
 RAY_WORDS = 12
 HIT_NG_X, HIT_NG_Y, HIT_NG_Z, HIT_U, HIT_V = 0, 1, 2, 3, 4
-HIT_PRIM_ID, HIT_GEOM_ID, HIT_INST_ID, HIT_INST_PRIM_ID = 5, 6, 7, 8
+HIT_PRIM_ID, HIT_GEOM_ID, HIT_INST_ID = 5, 6, 7
 HIT_WORDS = 9
 
 PACKET_ALIGNMENT_BYTES = 64
 INVALID_ID = 0xFFFFFFFF
 
 AFTER_START = 2.0**-126
-"""tnear of rays that do not hit what they start on. Embree's robust test of triangles takes a hit at tnear itself, its
-fast one does not. This is the smallest number of float32 that is above 0 where numbers below 2^-126 count as 0, too."""
+"""tnear of rays that do not hit what they start on, since Embree's robust test accepts a hit at tnear itself.
+
+The smallest float32 above 0 that is not denormal: denormal numbers may count as 0.
+"""
 
 FLAG_FILTER_IN_ARGUMENTS, FLAG_COHERENT = 1 << 1, 1 << 16
 FEATURE_ALL = 0xFFFFFFFF
@@ -55,18 +56,18 @@ BUILD_QUALITY = {"low": 0, "medium": 1, "high": 2}
 
 
 def packet_words(width: int) -> int:
-    """32-bit words of RTCRayHitK for K = `width`, its tail padding included."""
+    """32-bit words of RTCRayHitK for K = `width`, with the padding at its end."""
     words = (RAY_WORDS + HIT_WORDS) * width
     alignment_words = {1: 4, 4: 4, 8: 8, 16: 16}[width]
     return -(-words // alignment_words) * alignment_words
 
 
 class Packet(NamedTuple):
-    """One thread's query memory as kernels take it: a packet of K rays, and what goes to Embree with it.
+    """The memory for one thread's queries, as kernels take it: a packet of K rays and the arguments of a query.
 
-    floats, ids: (words,) float32 and uint32 views of the same RTCRayHitK. all_lanes, valid: (K,) int32 lane masks, the
-    first with every lane active. context: (words,) int64 of `RayQueryContext`. arguments_address: of
-    RTCIntersectArguments (or RTCOccludedArguments, laid out alike).
+    floats, ids: (words,) float32 and uint32 views of the same RTCRayHitK. all_lanes, valid: (K,) int32 lane masks;
+    all_lanes has every lane active. context: (words,) int64, the `RayQueryContext`. arguments_address: address of
+    RTCIntersectArguments, which is laid out like RTCOccludedArguments.
     """
 
     floats: NDArray[np.float32]
@@ -78,22 +79,22 @@ class Packet(NamedTuple):
 
 
 class RayQueryContext(ctypes.Structure):
-    """RTCRayQueryContext, extended with what our filters need; Embree hands it back to the filter untouched."""
+    """RTCRayQueryContext, extended by what our filters need; Embree passes it on to the filter."""
 
     _fields_ = (
         ("inst_id", ctypes.c_uint32),
         ("inst_prim_id", ctypes.c_uint32),
-        ("depth_address", ctypes.c_void_p),  # where lane 0's depth of the reference cell goes
-        ("prim_id_address", ctypes.c_void_p),  # and its prim_id
+        ("depth_address", ctypes.c_void_p),  # of the depth of lane 0 in the reference cell
+        ("prim_id_address", ctypes.c_void_p),  # of its prim_id
         ("row_bytes", ctypes.c_int64),  # distance between image rows
-        ("wrong_width", ctypes.c_int64),  # the filter writes N here if Embree ever hands it another packet width
-        ("target_address", ctypes.c_void_p),  # block of addresses of what all hits are gathered into
-        ("first_pixel", ctypes.c_int64),  # where lane 0 of the reference cell is in it
+        ("wrong_width", ctypes.c_int64),  # packet width that the filter was given instead of the one sent
+        ("target_address", ctypes.c_void_p),  # of the `Target` that all hits are gathered into
+        ("first_pixel", ctypes.c_int64),  # pixel of lane 0 there
     )
 
 
 class IntersectArguments(ctypes.Structure):
-    """RTCIntersectArguments (min-width is off in the official build)."""
+    """Embree's RTCIntersectArguments; the official build has no field for the minimum width."""
 
     _fields_ = (
         ("flags", ctypes.c_uint32),
@@ -105,7 +106,7 @@ class IntersectArguments(ctypes.Structure):
 
 
 class FilterArguments(ctypes.Structure):
-    """RTCFilterFunctionNArguments: what a filter is given."""
+    """Embree's RTCFilterFunctionNArguments: the arguments of a filter."""
 
     _fields_ = (
         ("valid", ctypes.c_void_p),

@@ -1,6 +1,6 @@
-"""Find and load libembree4, once per process.
+"""The libembree4 library, found and loaded once per process.
 
-The `embreex` wheel carries the official library beside the package; `ATRA_EMBREE` names another file instead.
+The wheel of `embreex` carries the official library; `ATRA_EMBREE` names another file.
 """
 
 from __future__ import annotations
@@ -24,16 +24,16 @@ from atra.errors import EmbreeError
 
 OVERRIDE_VARIABLE = "ATRA_EMBREE"
 SUPPORTED_VERSIONS = ((4, 4, 0), (5, 0, 0))
-"""From the first (included) to the second (excluded): the struct layouts in `layout` are those of Embree 4.4."""
+"""Supported versions: from the first up to, but not including, the second. `layout` describes Embree 4.4."""
 
 _HINT = f"install it with `pip install 'embreex>=4.4,<5'`, or set {OVERRIDE_VARIABLE} to a libembree4 of version 4.4"
 
 _WHEELS = {"linux": ("Linux", ("x86_64",)), "darwin": ("macOS", ("arm64", "x86_64")), "win32": ("Windows", ("AMD64",))}
-"""Of embreex 4.4: by `sys.platform`, the system's name and the machines there is a wheel for."""
+"""Wheels of embreex 4.4: by `sys.platform`, the system's name and its machines."""
 
 _FIRST_PYTHON_WITHOUT_WHEEL = (3, 16)
 
-# name: (result, arguments). Handles travel as void pointers.
+# Result and argument types by function; handles are void pointers.
 _P, _U, _I, _S = ctypes.c_void_p, ctypes.c_uint, ctypes.c_int, ctypes.c_size_t
 _SIGNATURES = {
     "rtcNewDevice": (_P, (ctypes.c_char_p,)),
@@ -60,20 +60,16 @@ _SIGNATURES = {
     "rtcNewBVH": (_P, (_P,)),
     "rtcBuildBVH": (_P, (_P,)),
     "rtcReleaseBVH": (None, (_P,)),
-    "rtcIntersect1": (None, (_P, _P, _P)),
-    "rtcIntersect4": (None, (_P, _P, _P, _P)),
-    "rtcIntersect8": (None, (_P, _P, _P, _P)),
-    "rtcIntersect16": (None, (_P, _P, _P, _P)),
-    "rtcOccluded1": (None, (_P, _P, _P)),
-    "rtcOccluded4": (None, (_P, _P, _P, _P)),
-    "rtcOccluded8": (None, (_P, _P, _P, _P)),
-    "rtcOccluded16": (None, (_P, _P, _P, _P)),
+} | {
+    f"rtc{query}{width}": (None, (_P,) * (3 if width == 1 else 4))
+    for query in ("Intersect", "Occluded")
+    for width in (1, 4, 8, 16)
 }
 
 
 @dataclass(frozen=True)
 class Library:
-    """The loaded library: `functions` for ctypes; its symbols are known to Numba by name."""
+    """The loaded library. functions: for ctypes; Numba knows its symbols by name."""
 
     path: Path
     version: tuple[int, int, int]
@@ -83,11 +79,11 @@ class Library:
 
 @cache
 def load_library() -> Library:
-    """Load libembree4 and check what it can do.
+    """Load libembree4 and check it.
 
-    Raises EmbreeError when no library is found, it cannot be loaded, its version is not supported, it was built
-    without filter functions, its device cannot be created, or its structs are not laid out as `layout` says, and
-    InputError for an instruction set that this machine lacks (`atra.compiled.instruction_sets`).
+    Raises EmbreeError if no library is found or it cannot be loaded, has an unsupported version or no filter functions,
+    cannot create a device, or lays out its structs differently from `layout`. Raises InputError for an instruction set
+    that this machine lacks.
     """
     options = device_options(threads=1)
     path = _locate()
@@ -122,7 +118,7 @@ def load_library() -> Library:
 
 
 def device_options(threads: int) -> bytes:
-    """How a device is asked for: so many build threads, and the instruction set that was chosen, if any."""
+    """Options of a new device: its build threads, and the instruction set that `ATRA_ISA` names, if any."""
     instruction_set = check_instruction_set()
     return f"threads={threads}{f',isa={instruction_set}' if instruction_set else ''}".encode()
 
@@ -135,7 +131,7 @@ def embree_version() -> str:
 def wheel_problem() -> str | None:
     """Why pip cannot install embreex here, such as "embreex has no wheel for Linux on aarch64"; None where it can.
 
-    Neither an older macOS than 13 nor a Linux without glibc is noticed: there pip itself ends, finding no embreex.
+    It does not notice a macOS before 13 or a Linux without glibc; there pip itself reports that it finds no embreex.
     """
     system, machines = _WHEELS.get(sys.platform, (platform.system(), ()))
     here = platform.python_implementation()
@@ -160,7 +156,7 @@ def _check_version(path: Path, number: int) -> tuple[int, int, int]:
 def _locate() -> Path:
     override = os.environ.get(OVERRIDE_VARIABLE)
     if override:
-        path = Path(override).expanduser().resolve()  # the loader would search for a name without a folder
+        path = Path(override).expanduser().resolve()  # the loader would search the system for a bare name
         if not path.is_file():
             raise EmbreeError(f"{OVERRIDE_VARIABLE} is {override!r}, expected the file of a libembree4")
         return path
@@ -178,7 +174,7 @@ def _locate() -> Path:
 
 
 def _candidates(package: Path) -> Iterator[Path]:
-    """Where the wheel's repair tools put the library: Linux, macOS, Windows."""
+    """The places where wheels have the library on Linux, macOS and Windows."""
     places = (
         (package.parent / "embreex.libs", ("libembree4*.so*", "embree4*.dll")),
         (package / ".dylibs", ("libembree4*.dylib",)),

@@ -1,6 +1,8 @@
-"""One scene of triangles on a device of its own: built once, traced, closed once."""
+"""Embree scenes of triangles: one, or many small ones with one vertex buffer, on a device of their own."""
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,20 +14,18 @@ from atra.errors import EmbreeError, InputError
 from atra.whole_numbers import is_whole_number
 
 BUILD_QUALITIES = tuple(layout.BUILD_QUALITY)
-"""How well Embree builds a BVH, and how long that takes, from the quickest to the best."""
+"""Embree's build qualities of a BVH, from the fastest build to the best BVH."""
 
 
 class EmbreeScene(EmbreeDevice):
     """A committed Embree scene of triangles, or of instances of them, on a device of its own.
 
-    vertices: (V, 3) float32 C-contiguous with at least 16 readable bytes after the last vertex,
-    as `padded_vertices` of `atra.geometry.ray_space` has.
+    vertices: (V, 3) float32 C-contiguous, with 16 readable bytes after the last vertex (`padded_vertices`).
     faces: (F, 3) uint32 C-contiguous.
-    filter_address: compiled RTCFilterFunctionN, or 0 for none; `user_data` is handed to it.
-    transforms: (I, 3, 4) float32 C-contiguous: the triangles are put once into an inner scene, and the scene holds one
-    instance of it per row-major affine transform, with `inst_id` 0 ... I - 1. The filter and `user_data` stay with the
-    triangles; rays reach the filter transformed back into the triangles' space, with the ray parameter they have.
-    Other arguments, and the lifetime, as for `EmbreeDevice`.
+    filter_address: compiled RTCFilterFunctionN, 0 = none; Embree passes `user_data` to it.
+    transforms: (I, 3, 4) float32 C-contiguous, affine, row-major. If given, the scene holds an instance of the
+    triangles for each, with `inst_id` 0 ... I - 1. The filter then sees rays in the triangles' own space.
+    device: arguments of `EmbreeDevice`, which also says how a scene is closed.
 
     Raises EmbreeError naming the call that failed.
     """
@@ -35,34 +35,22 @@ class EmbreeScene(EmbreeDevice):
         vertices: NDArray[np.float32],
         faces: NDArray[np.uint32],
         *,
-        build_quality: str = "medium",
-        threads: int = 1,
         filter_address: int = 0,
         user_data: NDArray | None = None,
-        monitor_address: int = 0,
         transforms: NDArray[np.float32] | None = None,
-        compact: bool = False,
-        robust: bool = False,
-        filter_in_arguments: bool = False,
+        **device: Any,
     ) -> None:
-        super().__init__(
-            build_quality=build_quality,
-            threads=threads,
-            monitor_address=monitor_address,
-            compact=compact,
-            robust=robust,
-            filter_in_arguments=filter_in_arguments,
-        )
+        super().__init__(**device)
         try:
             scene = self._new_scene()
             if len(faces):
                 self._add_triangles(scene, vertices, faces, filter_address=filter_address, user_data=user_data)
-            self._commit(scene)
+            self._call("rtcCommitScene", scene)
             if transforms is not None:
                 triangles, scene = scene, self._new_scene()
                 for inst_id, transform in enumerate(transforms):
                     self._add_instance(scene, triangles, transform, inst_id)
-                self._commit(scene)
+                self._call("rtcCommitScene", scene)
         except BaseException:
             self.close()
             raise
@@ -76,11 +64,41 @@ class EmbreeScene(EmbreeDevice):
         return self._scene
 
 
-def resolve_packet_width(packet_width: int | None) -> int:
-    """The packet width to use: the widest native one for None, else the given one.
+class EmbreeScenes(EmbreeDevice):
+    """Committed Embree scenes; scene k holds the triangles faces[starts[k]] ... faces[starts[k + 1] - 1].
 
-    Raises InputError for a width this machine does not support natively: Embree would split or pad such packets, and
-    the filter would see other lanes than were sent.
+    vertices, faces: as for `EmbreeScene`; all scenes share the vertices, and a hit's prim_id counts from the scene's
+    first triangle. starts: (scenes + 1,) int64, ascending. device: as for `EmbreeScene`.
+
+    Raises EmbreeError naming the call that failed.
+    """
+
+    def __init__(
+        self, vertices: NDArray[np.float32], faces: NDArray[np.uint32], starts: NDArray[np.int64], **device: Any
+    ) -> None:
+        super().__init__(**device)
+        self._handles = np.zeros(len(starts) - 1, np.int64)
+        try:
+            for k in np.nonzero(np.diff(starts))[0]:
+                self._handles[k] = scene = self._new_scene()
+                self._add_triangles(scene, vertices, faces[starts[k] : starts[k + 1]])
+                self._call("rtcCommitScene", scene)
+        except BaseException:
+            self.close()
+            raise
+
+    @property
+    def handles(self) -> NDArray[np.int64]:
+        """(scenes,) int64, RTCScene handles for compiled code, 0 = no triangle. Raises EmbreeError after `close`."""
+        if self.closed:
+            raise EmbreeError("these Embree scenes are closed and cannot be traced any more")
+        return self._handles
+
+
+def resolve_packet_width(packet_width: int | None) -> int:
+    """The packet width to use; None = the widest native one.
+
+    Raises InputError for a width that is not native: Embree would give the filter other lanes than were sent.
     """
     native = load_library().native_packet_widths
     if packet_width is None:

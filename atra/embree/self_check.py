@@ -1,7 +1,7 @@
-"""The check of a library: one known triangle is traced and every field read back, to see if `layout` is right.
+"""The check of `layout` against a loaded library: a known triangle is traced and every field read back.
 
-Compiled code reads and writes Embree's structs by number of word. A library with another layout would not fail, it
-would return wrong images; so it is asked, once per process, before anything relies on it.
+Compiled code addresses the fields of Embree's structs by word. With a library of another layout it would not fail but
+return wrong images, so the check runs once per process before anything relies on the layout.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from atra.embree.layout import FilterArguments
 from atra.embree.workspace import Workspace
 from atra.errors import EmbreeError
 
-# The corners and four floats more, because vertices are read as 16 bytes. The triangle fills the view along +z from the
-# origin, and is slanted so that no two fields of a hit are alike. Primitive 0 has no area.
+# Three corners, and four floats more because Embree reads 16 bytes per vertex. The triangle fills the view along +z
+# from the origin; it is slanted so that all fields of a hit differ. Primitive 0 has no area.
 _VERTICES = np.array([-6, -7, 4, 9, -5, 5, -2, 8, 7, 0, 0, 0, 0], np.float32)
 _FACES = np.array([[0, 0, 0], [0, 1, 2]], np.uint32)
 _PRIM_ID, _GEOM_ID, _INST_ID = 1, 3, 5
@@ -43,11 +43,10 @@ FILTER_FUNCTION = ctypes.CFUNCTYPE(None, ctypes.c_void_p)
 
 
 def check_layouts(functions: Any, device: int, widths: tuple[int, ...]) -> None:
-    """Trace the known triangle with packets of each of `widths` (1: `rtcIntersect1` and `rtcOccluded1`) and compare all
-    that comes back.
+    """Trace the known triangle with packets of each of `widths` and compare all that comes back.
 
-    functions: the library, its signatures declared. Raises EmbreeError naming the first field that is not where
-    `layout` has it: in the rays and hits, in what the filter is given, or in the query context.
+    functions: the library, its signatures declared. Raises EmbreeError naming the first field of the packet, the
+    filter's arguments or the query context that is not where `layout` has it.
     """
     calls: list[dict[str, Any]] = []
     filter_function = FILTER_FUNCTION(lambda address: calls.append(_read_filter_arguments(address, max(widths))))
@@ -61,7 +60,7 @@ def check_layouts(functions: Any, device: int, widths: tuple[int, ...]) -> None:
                     _query(f"rtcIntersect{width}", functions, scene, own)
                     hit = _known_hit(sent) | {"prim_id": _PRIM_ID, "geom_id": _GEOM_ID, "inst_id": _INST_ID}
                     _check_packet(own, width, sent, hit, hits)
-                    if coherent:  # as all rays that have a filter are
+                    if coherent:  # the library traces with filters coherently only
                         _check_calls(own, width, hit, hits, calls)
                     own, sent, hits = _sent(width, signs_differ, coherent)
                     _query(f"rtcOccluded{width}", functions, scene, own)
@@ -71,7 +70,7 @@ def check_layouts(functions: Any, device: int, widths: tuple[int, ...]) -> None:
 
 
 def _new_scene(functions: Any, device: int, filter_function: Any) -> int:
-    """The triangles as geometry _GEOM_ID of the scene that is shown by instance _INST_ID."""
+    """A scene with one instance, _INST_ID, of a scene whose geometry _GEOM_ID is the triangles."""
     inner, outer = functions.rtcNewScene(device), functions.rtcNewScene(device)
     triangles = functions.rtcNewGeometry(device, layout.GEOMETRY_TRIANGLE)
     for buffer, kind, array, count in (
@@ -97,10 +96,10 @@ def _new_scene(functions: Any, device: int, filter_function: Any) -> int:
 
 
 def _sent(width: int, signs_differ: bool, coherent: bool) -> tuple[Workspace, dict[str, NDArray], NDArray[np.bool_]]:
-    """A workspace with a packet to trace, its ray fields, and which of the lanes hit the triangle.
+    """A workspace with a packet to trace, its ray fields, and a mask of the lanes that hit the triangle.
 
-    Lanes of three kinds: most hit, the second passes by, the last of a packet is switched off. signs_differ: of dir_y,
-    from lane to lane; Embree may then take the packet apart.
+    The second ray misses, the last one of a packet is switched off, the others hit. signs_differ: the signs of dir_y
+    differ among lanes, so that Embree may split the packet.
     """
     own = Workspace(width, coherent=coherent)
     lanes = np.arange(width)
@@ -126,7 +125,7 @@ def _query(name: str, functions: Any, scene: int, own: Workspace) -> None:
 def _check_packet(
     own: Workspace, width: int, sent: dict[str, NDArray], hit: dict[str, Any], hits: NDArray[np.bool_]
 ) -> None:
-    """Only tfar and the hit change, and only where something is hit."""
+    """Check that only tfar and the hit have changed, and only in the lanes that hit."""
     where = "the packet" if width > 1 else "the ray"
     for field in _RAY_FIELDS:
         expected = np.where(hits, hit["tfar"], np.inf) if field == "tfar" else sent[field]
@@ -141,8 +140,7 @@ def _check_packet(
 
 
 def _check_occluded(own: Workspace, width: int, sent: dict[str, NDArray], hits: NDArray[np.bool_]) -> None:
-    """What the loop over batches relies on: tfar is negative where an active ray hits, and only there; what it does not
-    write anew for every packet stays."""
+    """Check that tfar is negative just where an active ray hits, and that fields which kernels set only once stay."""
     where, active = f"what rtcOccluded{width} returns", own.packet.valid[:width] != 0
     _check(where, width, "tfar < 0", (_field(own.packet.floats, "tfar", width) < 0.0)[active], hits[active])
     for field in ("time", "mask", "id", "flags"):
@@ -152,8 +150,8 @@ def _check_occluded(own: Workspace, width: int, sent: dict[str, NDArray], hits: 
 def _check_calls(
     own: Workspace, width: int, hit: dict[str, Any], hits: NDArray[np.bool_], calls: list[dict[str, Any]]
 ) -> None:
-    """What the compiled filters rely on: all lanes in their places, in each call; every hit in one call or another,
-    once; and one triangle of one instance a call, which lane 0 names whether it is active or not."""
+    """Check what compiled filters rely on: every call has all lanes in their places and is of one triangle of one
+    instance, which lane 0 names even if it is not active; every hit comes in one call."""
     where = "what the filter is given"
     for seen in calls:
         _check(where, width, "N", seen["N"], width)
@@ -169,7 +167,7 @@ def _check_calls(
 
 
 def _known_hit(sent: dict[str, NDArray]) -> dict[str, Any]:
-    """Where the rays meet the triangle's plane, by the definition of t, u and v: tfar and fields of a hit, float64."""
+    """tfar and the fields of the hits, float64, from the definition of t, u and v."""
     first, second, third = _VERTICES[:9].reshape(3, 3).astype(np.float64)
     along_u, along_v = second - first, third - first
     origins, directions = (np.stack([sent[f"{name}_{axis}"] for axis in "xyz"], axis=1) for name in ("org", "dir"))
@@ -184,7 +182,7 @@ def _known_hit(sent: dict[str, NDArray]) -> dict[str, Any]:
 
 
 def _read_filter_arguments(address: int, largest_width: int) -> dict[str, Any]:
-    """A copy of all that a filter is given; what it points to is gone when the filter returns."""
+    """A copy of all arguments of a filter, which are gone when it returns."""
     arguments = FilterArguments.from_address(address)
     width = arguments.ray_count
     seen: dict[str, Any] = {"N": width, "user_data": arguments.user_data, "context": arguments.context}
@@ -199,7 +197,7 @@ def _read_filter_arguments(address: int, largest_width: int) -> dict[str, Any]:
 
 
 def _field(words: NDArray[np.float32], field: str, width: int, first_word: int = 0) -> NDArray:
-    """All lanes of a field of the ray or the hit, a view; first_word: of what `words` holds."""
+    """A view of all lanes of a field of the ray or the hit; first_word: the word of a packet that `words` starts at."""
     first = (_WORDS[field] - first_word) * width
     lanes = words[first : first + width]
     return lanes.view(np.uint32) if field in _WHOLE_NUMBERS else lanes

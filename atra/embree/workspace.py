@@ -1,35 +1,35 @@
-"""The memory one thread needs to query Embree: a packet, its lane mask, the arguments and the context."""
+"""The memory of one thread's queries to Embree: packet, lane mask, arguments and context."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
+from atra.compiled.aligned_memory import aligned_empty
 from atra.embree import layout
 from atra.embree.layout import IntersectArguments, Packet, RayQueryContext
 from atra.errors import EmbreeError
 
 _ORIGIN_FIELDS = (layout.RAY_ORG_X, layout.RAY_ORG_Y, layout.RAY_ORG_Z)
-_ZERO_RAY_FIELDS = (*_ORIGIN_FIELDS, layout.RAY_TIME)
 _DIRECTION_FIELDS = (layout.RAY_DIR_X, layout.RAY_DIR_Y, layout.RAY_DIR_Z)
 
 
 class Workspace:
-    """One thread's query memory for packets of `width` rays.
+    """The query memory of one thread for packets of `width` rays.
 
-    coherent: as for `set_coherent`. direction: three numbers, the direction that all rays share; None: they share their
-    origin, which is zero. A kernel that sets both for every ray needs neither.
-    packet: as kernels take it; the constant fields are set here, once, and every lane is active. flags: (1,) uint32, of
-    the query, as `set_coherent` sets them.
+    coherent: as for `set_coherent`. direction: three numbers, the direction of parallel rays; None: rays share their
+    origin, which is zero, unless kernels set it.
+    packet: as kernels take it, with every lane active. flags: (1,) uint32, the flags of a query.
     """
 
     def __init__(self, width: int, *, coherent: bool, direction: Sequence[float] | None = None) -> None:
         packet_bytes = layout.packet_words(width) * 4
         sizes = (packet_bytes, width * 4, width * 4, layout.CONTEXT_BYTES, layout.ARGUMENTS_BYTES)
-        packet, all_lanes, valid, context, arguments = (_aligned_bytes(size) for size in sizes)
+        packet, all_lanes, valid, context, arguments = (_zeros(size) for size in sizes)
         self.width = width
-        self._arguments = arguments  # kept alive: its address is what travels
+        self._arguments = arguments  # keeps it alive: Embree is given its address
         self.flags = arguments[:4].view(np.uint32)  # the first field of IntersectArguments
         self.packet = Packet(
             packet.view(np.float32),
@@ -40,14 +40,10 @@ class Workspace:
             arguments.ctypes.data,
         )
         floats, ids = self.packet.floats, self.packet.ids
-        for field in _ZERO_RAY_FIELDS:
-            self._lanes(floats, field, width)[:] = 0.0
         self._lanes(floats, layout.RAY_TNEAR, width)[:] = layout.AFTER_START
         if direction is not None:
             self.set_direction(direction)
         self._lanes(ids, layout.RAY_MASK, width)[:] = layout.INVALID_ID
-        self._lanes(ids, layout.RAY_ID, width)[:] = 0
-        self._lanes(ids, layout.RAY_FLAGS, width)[:] = 0
         ids[layout.RAY_WORDS * width :] = layout.INVALID_ID
         self.packet.all_lanes[:] = -1
         self.packet.valid[:] = -1
@@ -65,25 +61,25 @@ class Workspace:
 
     @property
     def wrong_width(self) -> int:
-        """The packet width Embree handed to the filter when it was not the one sent; 0 as long as all was well."""
+        """The packet width that Embree passed to the filter if it was not the one sent; else 0."""
         return int(self.packet.context[RayQueryContext.wrong_width.offset // 8])
 
     def set_coherent(self, coherent: bool) -> None:
-        """Whether the rays of a packet start and head alike: Embree then takes them through its tree together."""
+        """Tell Embree whether the rays of a packet are alike in origin and direction, and may be traced together."""
         IntersectArguments.from_buffer(self._arguments.data).flags = layout.FLAG_COHERENT if coherent else 0
 
     def set_origin(self, origin: Sequence[float]) -> None:
-        """Three numbers, where all rays start; zero until told otherwise. Nothing where they share their direction."""
+        """Set the origin of all rays, three numbers; it has no effect for kernels of parallel rays."""
         for field, value in zip(_ORIGIN_FIELDS, origin, strict=True):
             self._lanes(self.packet.floats, field, self.width)[:] = value
 
     def set_direction(self, direction: Sequence[float]) -> None:
-        """Three numbers, the direction that all rays share; nothing where they share their origin."""
+        """Set the direction of all rays, three numbers; it only has an effect for kernels of parallel rays."""
         for field, value in zip(_DIRECTION_FIELDS, direction, strict=True):
             self._lanes(self.packet.floats, field, self.width)[:] = value
 
     def gather_with(self, filter_address: int, block_address: int) -> None:
-        """Have hits in scenes that allow it given to a filter, and the block of a `Target` to that; 0, 0: no more."""
+        """Let queries call a filter that gathers into the `Target` at block_address; 0, 0: no filter any more."""
         query = IntersectArguments.from_buffer(self._arguments.data)
         query.flags = query.flags & ~layout.FLAG_FILTER_IN_ARGUMENTS
         query.flags |= layout.FLAG_FILTER_IN_ARGUMENTS if filter_address else 0
@@ -91,21 +87,20 @@ class Workspace:
         self.packet.context[RayQueryContext.target_address.offset // 8] = block_address
 
     def set_row_bytes(self, row_bytes: int) -> None:
-        """Distance in bytes between the image rows the filter writes to."""
+        """Set the distance in bytes between the image rows that the filter writes."""
         self.packet.context[RayQueryContext.row_bytes.offset // 8] = row_bytes
 
 
 def check_widths(workspaces: Iterable[Workspace]) -> None:
-    """Raises EmbreeError where Embree handed the filter packets of another width than were sent."""
+    """Raise EmbreeError if Embree passed packets of another width than were sent to the filter."""
     for one in workspaces:
         if one.wrong_width:
             raise EmbreeError(f"Embree handed the filter {one.wrong_width} rays instead of {one.width}; hits were lost")
 
 
-def _aligned_bytes(size: int) -> np.ndarray:
-    """Zeroed bytes, their address a multiple of the widest packet's alignment."""
-    alignment = layout.PACKET_ALIGNMENT_BYTES
-    size = -(-size // alignment) * alignment  # whole lines, so that two threads never share one
-    memory = np.zeros(size + alignment, np.uint8)
-    start = -memory.ctypes.data % alignment
-    return memory[start : start + size]
+def _zeros(size: int) -> NDArray[np.uint8]:
+    """Zeroed bytes in cache lines of their own, which two threads never share."""
+    line = layout.PACKET_ALIGNMENT_BYTES
+    memory = aligned_empty((-(-size // line) * line,), np.uint8)
+    memory[:] = 0
+    return memory

@@ -1,1 +1,1 @@
-"""Decisions without rounding: sides of edges, ties, places of hits, bounds of float32's error, brute force."""
+"""Exact decisions: sides of edges, ties, positions of hits, bounds of float32's error, brute force."""

@@ -1,7 +1,7 @@
-"""Brute force: every ray against every triangle in float64, with nothing in between that could lose a hit.
+"""Brute force: every ray is tested against every triangle in float64.
 
-The arithmetic is that of `atra.judge.reference`, operation by operation, so that both name the same triangle of the
-same ray; only its divisions wait until a ray comes near a triangle.
+The arithmetic is that of `atra.judge.reference`, operation by operation, so that both find the same triangles; only the
+divisions are postponed until a ray comes near a triangle.
 """
 
 from __future__ import annotations
@@ -13,15 +13,16 @@ from atra.compiled.store import kernel, njit
 from atra.prim_ids import MISS
 
 SLACK = 1e-12
-"""For `inside` and for `equally deep`, as in `atra.judge.reference`."""
+"""Tolerance of `inside` and of `equally deep`, as in `atra.judge.reference`."""
 
-_NOISE = 1e-14  # of `atra.exact.intersection`: a triangle edge-on or without area, a plane that holds the origin
+_NOISE = 1e-14  # NOISE of `atra.exact.intersection`
 
-# For the test without divisions, as a share of the determinant. A ray inside by the exact test has barycentrics of at
-# least -SLACK, known to some units of rounding (1e-16): a thousand times SLACK lets none of them fail here.
 _NEAR = 1e-9
+"""Tolerance of the test without divisions, a share of the determinant; larger than SLACK, so that it loses no hit."""
 
-_BLOCK = 128  # rays per pass over the triangles: they stay in the first-level cache
+_BLOCK = 128
+"""Rays per pass over the triangles, few enough for the first-level cache."""
+
 _MISS = int(MISS)
 
 
@@ -37,7 +38,7 @@ def _dot(ax, ay, az, bx, by, bz):  # type: ignore[no-untyped-def]
 
 @kernel
 def nearest_triangles(counter_address, origins, directions, corners, edges_1, edges_2, depth, prim_id):  # type: ignore[no-untyped-def]
-    """The nearest triangle of every ray, block by block, until the shared counter runs past the last block.
+    """Find the nearest triangle of every ray; threads share blocks of rays.
 
     origins, directions: (3, N) float64. corners, edges_1, edges_2: (F, 3) float64, first corner and the edges leaving
     it, in the rays' space. depth: (N,) float64 and prim_id: (N,) uint32 are written completely, inf and MISS = no hit.

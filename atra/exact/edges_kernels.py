@@ -1,15 +1,14 @@
-"""Exact decisions: on which side of an edge a sample lies, without any rounding.
+"""Exact sides of edges: on which side of an edge a sample lies, without rounding.
 
-An edge runs between two projected corners p and q, float64 as they are stored, and a sample lies at whole numbers (i,
-j). On which side it lies is the sign of
+An edge runs between two projected corners p and q, float64, and a sample lies at whole numbers (i, j). Its side is the
+sign of
 
     (q.x - p.x) (j - p.y) - (q.y - p.y) (i - p.x)
 
-computed in float64 where that is sure, and otherwise summed without error from the six products it consists of, each
-the sum of two float64. Where it is 0 the sample lies on the line and counts as moved by (e, e^2), e > 0 smaller than
-any number: the sign is that of -dy, or of dx where dy is 0. So there is no sample that is on neither or on both sides
-of an edge, however many triangles share it, and none can slip through between them: each triangle is the
-intersection of the sides of its edges, and the sides of moved samples are those of a real point near by.
+computed in float64 where that is sure; otherwise its six products, each the sum of two float64, are summed without
+error. A sample on the line counts as moved by (e, e^2) with an infinitely small e > 0: the sign is that of -dy, or of
+dx if dy is 0. So every sample is on exactly one side of an edge, and none slips through between triangles that share
+the edge.
 Source: J. R. Shewchuk, "Adaptive precision floating-point arithmetic and fast robust geometric predicates", 1997.
 """
 
@@ -22,25 +21,24 @@ from atra.compiled.store import njit
 from atra.compiled.vectors import multiply_add
 
 SUMMANDS = 12
-"""Of an exact sum: callers hand over the address of room for so many float64."""
+"""Summands of an exact sum; callers provide the address of memory for as many float64."""
 
 UNIT = 2.0**-53
 """Largest relative error of one rounding in float64."""
 
 _SURE = 4.0 * UNIT
-"""Share of the two products' sizes that their difference may be wrong by: three roundings, and a little more."""
+"""Largest error of the difference, a share of the sizes of its two products: three roundings and a little more."""
 
 _CROSSING_ROUNDINGS = 8.0
-"""Roundings, of its summands, that a crossing may be off by: 2 differences, their quotient, a difference, a product
-and a sum are 6."""
+"""Largest error of a crossing in roundings of its summands; there are 6: three differences, quotient, product, sum."""
 
 SURELY_NEAREST = 0.25
-"""Pixels; a crossing known to this is next to one whole number only."""
+"""Error in pixels below which a crossing is next to only one whole number."""
 
 
 @njit(forceinline=True)
 def _add_product(sum_, count, a, b):  # type: ignore[no-untyped-def]
-    """Add a b to an exact sum of `count` float64, none of which overlap, ascending in size; returns their number."""
+    """Add a b to an exact sum of `count` float64, which do not overlap and ascend in size; returns the new count."""
     high = a * b
     for part in (multiply_add(a, b, -high), high):
         for k in range(count):
@@ -55,7 +53,7 @@ def _add_product(sum_, count, a, b):  # type: ignore[no-untyped-def]
 
 @njit
 def turn(px, py, qx, qy, x, y, exact):  # type: ignore[no-untyped-def]
-    """The exact sign, -1, 0 or 1, of (qx - px) (y - py) - (qy - py) (x - px); exact: see SUMMANDS."""
+    """The exact sign, -1, 0 or 1, of (qx - px) (y - py) - (qy - py) (x - px); exact: address of SUMMANDS float64."""
     left, right = (qx - px) * (y - py), (qy - py) * (x - px)
     found = left - right
     if not abs(found) > _SURE * (abs(left) + abs(right)):
@@ -67,7 +65,7 @@ def turn(px, py, qx, qy, x, y, exact):  # type: ignore[no-untyped-def]
         count = _add_product(sum_, count, -x, qy)
         count = _add_product(sum_, count, x, py)
         found = 0.0
-        for k in range(count):  # the largest that is not 0 has the sign of them all
+        for k in range(count):  # the largest part that is not 0 has the sum's sign
             if sum_[k] != 0.0:
                 found = sum_[k]
     return 1 if found > 0.0 else -1 if found < 0.0 else 0
@@ -75,7 +73,7 @@ def turn(px, py, qx, qy, x, y, exact):  # type: ignore[no-untyped-def]
 
 @njit
 def side(px, py, qx, qy, i, j, exact):  # type: ignore[no-untyped-def]
-    """1 or -1, the side of the edge that sample (i, j) lies on; 0 only for an edge of no length."""
+    """The side of the edge that sample (i, j) lies on, 1 or -1; 0 only for an edge of length 0."""
     found = turn(px, py, qx, qy, i, j, exact)
     if found != 0:
         return found
@@ -86,16 +84,13 @@ def side(px, py, qx, qy, i, j, exact):  # type: ignore[no-untyped-def]
 
 @njit(forceinline=True)
 def crossing_error(x, way):  # type: ignore[no-untyped-def]
-    """Largest error, pixels, of where an edge crosses a row: x of a corner plus the way from there."""
+    """Largest error, in pixels, of the place x + way at which an edge crosses a row; x: of a corner."""
     return _CROSSING_ROUNDINGS * UNIT * (abs(x) + 2.0 * abs(way))
 
 
 @njit
 def first_beyond(px, py, qx, qy, j, width, exact):  # type: ignore[no-untyped-def]
-    """The first sample of row j, among 0 ... width, right of or on the line through p and q, which is not level.
-
-    `width` where there is none before. It is where `side` changes, found in float64 where that is sure.
-    """
+    """The first sample of row j, 0 ... width, at which `side` changes; width = none. The edge pq must not be level."""
     upward = -1 if qy > py else 1
     ax, ay = (px, py) if abs(px) + abs(py) < abs(qx) + abs(qy) else (qx, qy)  # the nearer corner errs less
     way = (j - ay) * ((qx - px) / (qy - py))

@@ -1,4 +1,4 @@
-"""Exact intersection: the ray of a pixel against the plane of a triangle, in float64."""
+"""Intersections of pixels' rays with triangles' planes in float64."""
 
 from __future__ import annotations
 
@@ -12,21 +12,19 @@ from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 
 NOISE = 1e-14
-"""Share of the lengths that go into it below which a volume is noise: some fifty units of float64 rounding."""
+"""Size of a volume, relative to the product of its lengths, up to which it counts as 0: fifty roundings of float64."""
 
 
 @dataclass(frozen=True, eq=False)
 class Intersections:
-    """Ray i met with the plane of triangle i, unclipped.
+    """The intersections of rays i with the planes of triangles i.
 
     depth: (N,) float64, along the view axis, scene units, > 0; inf = never hit.
-    u, v: (N,) float64 barycentric weights of the second and third corner; outside [0, 1] beside the triangle; NaN =
-        never hit.
+    u, v: (N,) float64 barycentric weights of the second and third corner, not clipped; NaN = never hit.
     edge_distance: (N,) float64, min(u, v, 1 - u - v): negative beside the triangle; -inf = never hit.
 
-    A ray *never hits* a triangle whose plane is behind the eye (for parallel rays, behind the image plane) or parallel
-    to the ray, nor a triangle without area. What it starts on it does not hit: a plane that its origin lies in, to the
-    rounding of float64, is never hit either.
+    A ray *never hits* a triangle without area, nor one whose plane is parallel to the ray, behind its origin, or
+    contains its origin to the rounding of float64.
     """
 
     depth: NDArray[np.float64]
@@ -37,15 +35,14 @@ class Intersections:
 
 @dataclass(frozen=True, eq=False)
 class Volumes:
-    """Six times the signed volumes that decide about a ray o + t d and the triangle c, c + e1, c + e2.
+    """The signed volumes, times six, of a ray o + t d and a triangle c, c + e1, c + e2, with normal n = e2 x e1.
 
-    With the normal n = e2 x e1, all float64 of one shape:
-    facing: d . n, zero where the triangle is edge-on.
-    ahead: (c - o) . n; over `facing` it is the ray parameter of the hit, the depth.
-    u, v: over `facing` they are the barycentric weights of the second and third corner.
-    size: |d| |e1| |e2|, what the rounding of `facing` is relative to. reach: |c - o| |e1| |e2|, the same of `ahead`.
+    All are float64 arrays of one shape.
+    facing: d . n, zero for a triangle edge-on.
+    ahead: (c - o) . n; the depth is ahead / facing.
+    u, v: the barycentric weights of the second and third corner are u / facing and v / facing.
+    size, reach: |d| |e1| |e2| and |c - o| |e1| |e2|, to which the rounding of `facing` and of `ahead` is relative.
 
-    Being products, they say something of every ray and triangle, also where the quotients do not.
     Source: T. Möller, B. Trumbore, "Fast, minimum storage ray/triangle intersection", J. Graphics Tools 2(1), 1997.
     """
 
@@ -59,10 +56,10 @@ class Volumes:
 
 @dataclass(frozen=True, eq=False)
 class Pairs:
-    """Rays of pixels, each paired with a triangle of its own; derived values are in camera space, float64.
+    """Pairs of a pixel's ray and a triangle; derived values are in camera space, float64.
 
-    x, y, prim_id: (N,) integers: the ray of pixel (x, y) at `offset`, and its triangle.
-    A bad offset or a `prim_id` the mesh does not have raises InputError when first needed.
+    x, y, prim_id: (N,) integers, the ray of pixel (x, y) at sub-pixel `offset`, and its triangle.
+    First use raises InputError for a bad offset and a `prim_id` that the mesh does not have.
     """
 
     mesh: Mesh
@@ -73,7 +70,7 @@ class Pairs:
     offset: tuple[float, float]
 
     def __getitem__(self, chosen: NDArray) -> Pairs:
-        """The pairs at these indices, or where this mask is True."""
+        """The pairs that an array of indices or a mask chooses."""
         return replace(self, x=self.x[chosen], y=self.y[chosen], prim_id=self.prim_id[chosen])
 
     @cached_property
@@ -83,7 +80,7 @@ class Pairs:
 
     @cached_property
     def corners(self) -> NDArray[np.float64]:
-        """(N, 3, 3): triangle, corner, axis."""
+        """(N, 3, 3), corners: triangle, corner, axis."""
         corners = self.mesh.triangles(self.prim_id).reshape(-1, 3)
         return self.camera.to_camera_space(corners).reshape(-1, 3, 3)
 
@@ -104,9 +101,9 @@ def intersect_pixels(
     prim_id: NDArray[np.integer],
     offset: tuple[float, float] = (0.5, 0.5),
 ) -> Intersections:
-    """Meet the ray of each pixel (x, y) with the plane of its own triangle `prim_id`, in float64.
+    """Intersect the ray of each pixel (x, y) with the plane of its triangle `prim_id` in float64.
 
-    x, y, prim_id: (N,) integers. Raises InputError for a bad offset or a `prim_id` the mesh does not have.
+    x, y, prim_id: (N,) integers. Raises InputError for a bad offset or a `prim_id` that the mesh does not have.
     """
     return Pairs(mesh, camera, x, y, prim_id, offset).intersections
 
@@ -114,10 +111,9 @@ def intersect_pixels(
 def triangles_in_camera_space(
     mesh: Mesh, camera: View, prim_id: NDArray[np.integer]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """First corner and the two edges leaving it, (N, 3) float64 each.
+    """First corner and the two edges leaving it, camera space, (N, 3) float64 each.
 
-    The edges are subtracted before the rotation, where float32 vertices differ exactly in float64: a triangle without
-    area stays one, and coplanar triangles stay so.
+    Edges are subtracted before the rotation, exactly: triangles without area, and coplanar ones, stay so.
     """
     corners = mesh.triangles(prim_id)
     first = corners[:, 0]
@@ -135,7 +131,7 @@ def volumes_of(
     edge_1: NDArray[np.float64],
     edge_2: NDArray[np.float64],
 ) -> Volumes:
-    """Möller–Trumbore up to its divisions; every argument (N, 3), or (3,) where it is the same for all."""
+    """The volumes of rays and triangles; every argument is (N, 3), or (3,) if it is the same for all."""
     to_origin = origins - corner
     p = np.cross(directions, edge_2)
     q = np.cross(to_origin, edge_1)
@@ -145,7 +141,7 @@ def volumes_of(
 
 
 def divided(volumes: Volumes) -> Intersections:
-    """The quotients of the volumes; a ray never hits where they are noise."""
+    """The intersections that volumes give; a volume below NOISE counts as 0."""
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         u, v, depth = (volume / volumes.facing for volume in (volumes.u, volumes.v, volumes.ahead))
     never = (np.abs(volumes.facing) <= NOISE * volumes.size) | (np.abs(volumes.ahead) <= NOISE * volumes.reach)
@@ -163,10 +159,9 @@ def _dot(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
 def intersect_rays(
     mesh: Mesh, origins: NDArray[np.floating], directions: NDArray[np.floating], prim_id: NDArray[np.integer]
 ) -> Intersections:
-    """Meet each ray with the plane of its own triangle `prim_id`, in float64; `depth` counts in lengths of a direction.
+    """Intersect each ray with the plane of its triangle `prim_id` in float64; `depth` is in units of the direction.
 
-    origins, directions: (N, 3), world space. prim_id: (N,) integers. Raises InputError for a `prim_id` that the mesh
-    does not have.
+    origins, directions: (N, 3), world space. prim_id: (N,) integers. Raises InputError for an unknown `prim_id`.
     """
     corners = mesh.triangles(prim_id)
     first, edges = corners[:, 0], corners[:, 1:] - corners[:, :1]

@@ -1,4 +1,4 @@
-"""The outline of a triangle on the image: where a ray may pass on either side of an edge."""
+"""The outline of a triangle on the image, near which float32 may put a ray on either side of an edge."""
 
 from __future__ import annotations
 
@@ -9,21 +9,20 @@ from atra.exact.intersection import Pairs
 from atra.geometry.view import View
 
 OUTLINE_TOLERANCE_PIXELS = 1e-3
-"""How far from a triangle's outline a ray may pass and be on either side of it. Float32 moves a ray by about 1e-4
-pixels (1e-7 of some thousand pixels)."""
+"""Distance from a triangle's outline up to which float32 may put a ray on either side of it, ten times its rounding."""
 
 
 def is_on_outline(pairs: Pairs) -> NDArray[np.bool_]:
-    """(N,) bool: the ray is within OUTLINE_TOLERANCE_PIXELS of its triangle's outline on the image.
+    """(N,) bool, whether a ray is within OUTLINE_TOLERANCE_PIXELS of its triangle's outline on the image.
 
-    An edge that passes behind the eye is cut just in front of it; one entirely behind is infinitely far.
+    Edges are cut just in front of the eye; an edge entirely behind it is infinitely far away.
     """
     camera = pairs.camera
     point = _on_image_plane(camera, np.add(*pairs.rays))
     closest = np.full(len(point), np.inf)
     for i in range(3):
         start, end = pairs.corners[:, i], pairs.corners[:, (i + 1) % 3]
-        # A millionth of the edge's size in front of the eye projects beyond any image.
+        # A cut at a millionth of the edge's size in front of the eye lies outside any image.
         near = 1e-6 * np.maximum(np.abs(start).max(axis=1), np.abs(end).max(axis=1)) + np.finfo(float).tiny
         visible = np.maximum(start[:, 2], end[:, 2]) > near
         p, q = _on_image_plane(camera, _cut(start, end, near)), _on_image_plane(camera, _cut(end, start, near))
@@ -38,7 +37,7 @@ def is_on_outline(pairs: Pairs) -> NDArray[np.bool_]:
 
 
 def _cut(point: NDArray[np.float64], other: NDArray[np.float64], near: NDArray[np.float64]) -> NDArray[np.float64]:
-    """`point`, moved towards `other` up to depth `near` if it is nearer than that."""
+    """`point`, moved towards `other` to depth `near` if it is nearer than that."""
     rise = other[:, 2] - point[:, 2]
     behind = (point[:, 2] < near) & (rise > 0.0)
     t = np.where(behind, (near - point[:, 2]) / np.where(behind, rise, 1.0), 0.0)
@@ -48,6 +47,6 @@ def _cut(point: NDArray[np.float64], other: NDArray[np.float64], near: NDArray[n
 
 
 def _on_image_plane(camera: View, point: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(N, 2) float64, in pixels."""
+    """(N, 2) float64, positions on the image plane in pixels from the view axis."""
     on_plane = point[:, :2] if camera.is_parallel else point[:, :2] / point[:, 2:]
     return on_plane / [camera.plane.pitch_x, camera.plane.pitch_y]

@@ -1,4 +1,4 @@
-"""The rounding of float32: how far off a tracer may be about a ray and a triangle, bounded in float64."""
+"""Bounds of the error that float32 rounding may cause for a ray and a triangle, computed in float64."""
 
 from __future__ import annotations
 
@@ -14,24 +14,22 @@ from atra.geometry.ray_space import ray_axes, to_ray_space
 
 @dataclass(frozen=True, eq=False)
 class Rounding:
-    """How far off float32 may be about each pair of ray and triangle.
+    """Bounds of float32's error for pairs of a ray and a triangle, (N,) float64 each.
 
-    A tracer subtracts the eye from the corners and rounds the result, subtracts corners from each other, multiplies the
-    edges and the ray into volumes, and takes the signs and quotients of these; all that in ray space. Each step errs
-    relative to the lengths that go in. With `far` the distance of the farthest corner, first corner v0, edges a and b
-    at it, normal n = a x b, and the ray o + t d, in units of rounding:
+    A tracer works in ray space: it rounds the corners relative to the eye, subtracts corners from each other,
+    multiplies edges and ray into volumes, and takes the signs and quotients of these. Each step errs relative to the
+    lengths that go in. With the distance `far` of the farthest corner, the first corner v0, edges a and b there, the
+    normal n = a x b, and the ray o + t d, in units of rounding:
 
-    corners: 4 far; error of a corner's place.
-    edges: 4 far x longest edge; error of the volume of an edge, the eye and the direction, per length of the direction.
-    ahead: of n . (v0 - o). Corners, component by component, times n, as each is rounded, and the products that n is
-        made of times the way from v0 to the hit: an error of n moves the plane about v0. Last, what float64 cannot
-        tell from a plane that holds the eye.
-    facing: of n . d, the direction being the sum of a column's and a row's, and three roundings for products and
-        quotient.
-    depth: relative, of their quotient: each over its volume.
+    corners: error of a corner's position, 4 far.
+    edges: error of the volume of an edge, the eye and the direction, per length of the direction: 4 far x longest edge.
+    ahead: error of n . (v0 - o): rounding of the corners, times n; rounding of n, times the way from v0 to the hit,
+        since it turns the plane about v0; and NOISE of float64.
+    facing: error of n . d: rounding of the direction, a sum of a column's and a row's, and three roundings more.
+    depth: relative error of ahead / facing.
 
-    All but `corners` and `edges` are ALLOWED_MULTIPLE times that. None of these becomes less as the volume does. So a
-    hit is the less certain the closer to the ray an edge passes, and a depth, the closer the plane passes to the eye.
+    The last three are multiplied by ALLOWED_MULTIPLE. As a volume approaches 0 its error does not, so hits near an edge
+    and depths of planes near the eye are uncertain.
     Source: N. J. Higham, "Accuracy and Stability of Numerical Algorithms", 2nd ed., SIAM 2002, chapter 3.
     """
 
@@ -59,7 +57,7 @@ class Rounding:
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             to_hit = np.abs(first - origins - (ahead / facing)[:, None] * directions)
         a, b, normal = np.abs(a), np.abs(b), np.abs(normal)
-        to_hit = np.fmin(to_hit, np.maximum(a, b))  # in the triangle, whatever the plane says
+        to_hit = np.fmin(to_hit, np.maximum(a, b))  # hits lie in the triangle
         products = np.roll(a, -1, axis=1) * np.roll(b, 1, axis=1) + np.roll(a, 1, axis=1) * np.roll(b, -1, axis=1)
         places = np.abs(corners).max(axis=1) + (summands if camera.is_parallel else 0.0)
         of_ahead = ((normal * places) + products * to_hit).sum(axis=1) + pairs.volumes.reach * (NOISE / FLOAT32_UNIT)

@@ -1,4 +1,4 @@
-"""The error that float32 may make about the depth of a triangle, as it is and sheared onto the reference rays."""
+"""Bounds of float32's error of a triangle's depth, for the triangle itself and its copies on the reference rays."""
 
 from __future__ import annotations
 
@@ -22,36 +22,37 @@ FLOAT32_UNIT = 2.0**-24
 """Largest relative error of one rounding in float32."""
 
 ALLOWED_MULTIPLE = 4.0
-"""Times the roundings counted here that a depth may be off, by `atra.judge.compare`: those of a sum and of its summands
-rarely are at their worst and of one sign, but a few of them add up."""
+"""Factor on the roundings counted here that `atra.judge.compare` allows: a few roundings may add up."""
 
 COPY_RATIO = 2.0
-"""How many times the roundings of the mesh itself a copy may have: its depths were then off by less than four times as
-much. A shift s on the image plane lengthens corners and edges up to 1 + s times, and three lengths go into an error; at
-60 degrees s is at most 0.87, and little that is seen has more."""
+"""Largest ratio of a copy's roundings to those of the mesh itself.
+
+A shift s on the image plane lengthens corners and edges up to 1 + s times, and three lengths go into an error; in a
+view of 60 degrees s is at most 0.87.
+"""
 
 LEAST_FACING = 5.0
-"""Roundings that `normal . direction` of the mesh itself has at least: of the direction's column and row, and of the
-direction; of the product, and of the quotient (`atra.exact.rounding`)."""
+"""Least roundings of `normal . direction`: of the direction's column, row and sum, the product, and the quotient."""
 
 COPY_MULTIPLE, INSTANCE_MULTIPLE = 5.0, 4.0
-"""Times the roundings of the mesh itself that all those of a copy may be in any case: walls along an axis, say, have
-next to none themselves. ALLOWED_MULTIPLE are allowed, and no depth of a copy came beyond 4/5 of its roundings. Of an
-instance some do: what a copy has in its corners, it has in the rays, turned by a matrix that is rounded itself."""
+"""Ratios up to which all roundings of a copy, and of an instance, are accepted in any case.
+
+Triangles such as walls along an axis have almost no roundings themselves, so a ratio alone would refuse their copies.
+An instance gets less: its rays are transformed by a matrix that is rounded itself.
+"""
 
 MOST_ROUNDINGS = 1024.0
-"""Roundings of the mesh itself from which on there are no copies: the plane almost passes through the eye then, and
-only the very same numbers give the same answer."""
+"""Roundings of the mesh itself above which there are no copies: the plane then passes close to the eye."""
 
 CHUNK = 1024
-"""Triangles a thread takes at a time."""
+"""Triangles that a thread takes at a time."""
 
 
 class ParallelRays(NamedTuple):
-    """Parallel rays of an image in ray space; (3,) float64 each but `middle`.
+    """Parallel rays of an image in ray space; (3,) float64 each except `middle`.
 
-    forward: their direction. column, row: from one pixel to the next. middle: (2,) float64, the pixel position at the
-    eye. farthest: how far from the eye reference rays may start, the parts of column and row added up.
+    forward: their direction. column, row: steps from one pixel to the next. middle: (2,) float64, the eye's pixel
+    position. farthest: largest distance of a ray's start from the eye, the sizes of its column's and row's parts added.
     """
 
     forward: NDArray[np.float64]
@@ -63,8 +64,8 @@ class ParallelRays(NamedTuple):
 
 @njit(forceinline=True)
 def _enlarge(points, faces, triangle, shear_x, shear_y, depth, largest):  # type: ignore[no-untyped-def]
-    """Raise `largest` (4, 3) to the sizes, component by component, of a triangle that is sheared: its corners, the two
-    edges at the first corner, its normal."""
+    """Raise `largest` (4, 3) to the sizes of a sheared triangle, by component: corners, the two edges at the first
+    corner, normal. Returns the size of normal . first corner."""
     v0, v1, v2 = faces[triangle, 0], faces[triangle, 1], faces[triangle, 2]
     z0, z1, z2 = depth[v0, 2], depth[v1, 2], depth[v2, 2]
     px = points[v0, 0] - (shear_x[0] + shear_y[0]) * z0
@@ -80,28 +81,21 @@ def _enlarge(points, faces, triangle, shear_x, shear_y, depth, largest):  # type
     largest[0, 0] = max(largest[0, 0], abs(px), abs(px + ax), abs(px + bx))
     largest[0, 1] = max(largest[0, 1], abs(py), abs(py + ay), abs(py + by))
     largest[0, 2] = max(largest[0, 2], abs(pz), abs(pz + az), abs(pz + bz))
-    largest[1, 0], largest[1, 1], largest[1, 2] = (
-        max(largest[1, 0], abs(ax)),
-        max(largest[1, 1], abs(ay)),
-        max(largest[1, 2], abs(az)),
-    )
-    largest[2, 0], largest[2, 1], largest[2, 2] = (
-        max(largest[2, 0], abs(bx)),
-        max(largest[2, 1], abs(by)),
-        max(largest[2, 2], abs(bz)),
-    )
-    largest[3, 0], largest[3, 1], largest[3, 2] = (
-        max(largest[3, 0], abs(nx)),
-        max(largest[3, 1], abs(ny)),
-        max(largest[3, 2], abs(nz)),
-    )
+    largest[1, 0] = max(largest[1, 0], abs(ax))
+    largest[1, 1] = max(largest[1, 1], abs(ay))
+    largest[1, 2] = max(largest[1, 2], abs(az))
+    largest[2, 0] = max(largest[2, 0], abs(bx))
+    largest[2, 1] = max(largest[2, 1], abs(by))
+    largest[2, 2] = max(largest[2, 2], abs(bz))
+    largest[3, 0] = max(largest[3, 0], abs(nx))
+    largest[3, 1] = max(largest[3, 1], abs(ny))
+    largest[3, 2] = max(largest[3, 2], abs(nz))
     return abs(nx * px + ny * py + nz * pz)
 
 
 @njit(forceinline=True)
 def _roundings(largest, volume):  # type: ignore[no-untyped-def]
-    """Relative errors of normal . corner, in units of rounding, of a triangle with these sizes: those of the corners,
-    and with those of the normal; volume: normal . corner."""
+    """Relative errors of volume = normal . corner in roundings: by the corners alone, and by corners and normal."""
     of_corners, of_normal = 0.0, 0.0
     for k in range(3):
         i, j = (k + 1) % 3, (k + 2) % 3
@@ -124,30 +118,23 @@ def judge_copies(  # type: ignore[no-untyped-def]
     counter_address, points_pixels, points_own, points_ray, faces, shears_x, shears_y, cell_width, cell_height,
     admitted_multiple, depth_error, left_out,
 ):  # fmt: skip
-    """How far off a ray of the mesh itself may be about each triangle, and whether its copies would be too far off.
+    """Bound the depth error of each triangle of the mesh, and find triangles whose copies would have too large errors.
 
     points_pixels: (V, 3) float64 homogeneous pixels. points_own: (V, 3) float64, ray space of the triangle's own
-    camera; points_ray: what is sheared. shears_x: (nx, 3), shears_y: (ny, 3) float64, by columns and rows of cells, per
-    depth.
-    depth_error: (F,) float64, ALLOWED_MULTIPLE times the roundings of the mesh itself, relative to the depth; inf where
-    the plane passes through the eye. left_out: (F,) uint8, 1 where in some cell a copy would have more roundings than
-    COPY_RATIO times the mesh itself and, with those of n . d, than admitted_multiple times, or the mesh itself has more
-    than MOST_ROUNDINGS.
+    camera. points_ray: (V, 3) float64, to be sheared. shears_x: (nx, 3), shears_y: (ny, 3) float64, per unit depth.
+    depth_error: (F,) float64, relative error, ALLOWED_MULTIPLE times the mesh's own roundings; inf if the plane passes
+    through the eye. left_out: (F,) uint8, 1 if the mesh itself has more than MOST_ROUNDINGS, or a copy in some cell has
+    more than COPY_RATIO times the mesh's roundings and, with those of n . d, more than admitted_multiple times.
 
-    With first corner v0, edges a and b at it, normal n = a x b, a depth is n . v0 / n . d. Rounding the corners, and
-    the products with n, errs by sum_k |n_k| max_i |v_ik| of n . v0. Rounding n errs by the products it is made of,
-    times the way from v0 to the hit; both component by component, so that a wall along an axis, whose normal is exact,
-    is known to be. At v0 itself there is no such way, so the first is held to its own bound. A ray to the triangle
-    heads to between its corners: of n . d the direction errs as corners do, twice, as it is a sum, and three roundings
-    are added. All sizes of a copy are linear in its shear, so none is larger than at the corners of the image; only
-    where these are too much are the cells that the triangle meets looked at one by one.
+    With first corner v0, edges a and b there, normal n = a x b, and direction d, a depth is n . v0 / n . d.
+    Rounding of the corners, and of products with n, changes n . v0 by sum_k |n_k| max_i |v_ik|. Rounding of n changes
+    it by the products that n is made of times the way from v0 to the hit. Both are counted by component, since the
+    normal of a wall along an axis is exact. At v0 there is no such way, so the first sum has a bound of its own. For
+    n . d the direction errs twice as much as corners, being a sum, and three roundings are added. All sizes of a copy
+    are linear in its shear and largest at the image's corners; only if these are too large are single cells tested.
     """
     largest, nothing = np.empty((4, 3)), np.zeros(3)
-    polygon, first, second = (
-        np.empty((CORNERS, 3)),
-        np.empty((CORNERS, 3)),
-        np.empty((CORNERS, 3)),
-    )
+    polygon, first, second = np.empty((CORNERS, 3)), np.empty((CORNERS, 3)), np.empty((CORNERS, 3))
     nx, ny = len(shears_x), len(shears_y)
     while True:
         start = fetch_add(counter_address, 1) * CHUNK
@@ -161,7 +148,7 @@ def judge_copies(  # type: ignore[no-untyped-def]
             if not of_mesh <= MOST_ROUNDINGS:
                 left_out[triangle] = 1
                 continue
-            # A copy with c at its first corner has 2 c + 3 in n . d.
+            # A copy with c roundings at its first corner has 2 c + 3 in n . d.
             admitted = (admitted_multiple * (at_corner + LEAST_FACING) - 3.0) / 3.0
             most_at_corner, most = max(COPY_RATIO * at_corner, admitted), max(COPY_RATIO * of_mesh, admitted)
             largest[:] = 0.0
@@ -189,8 +176,8 @@ def judge_copies(  # type: ignore[no-untyped-def]
 
 @njit(forceinline=True)
 def _load_edges(points, faces, triangle, axis, sizes):  # type: ignore[no-untyped-def]
-    """Sizes of a triangle, component by component, into `sizes` (3, 3): of its corners, its normal, and what the normal
-    errs by per rounding and way from the first corner. Returns normal . axis, and its roundings."""
+    """Store a triangle's sizes by component in `sizes` (3, 3): corners, normal, and the error of normal . way from the
+    first corner per rounding. Returns normal . axis and its roundings."""
     v0, v1, v2 = faces[triangle, 0], faces[triangle, 1], faces[triangle, 2]
     facing, of_facing = 0.0, 0.0
     for k in range(3):
@@ -212,17 +199,16 @@ def judge_translations(  # type: ignore[no-untyped-def]
     counter_address, points_pixels, points_own, points_ray, faces, own, first, shears_x, shears_y, cell_width,
     cell_height, is_instanced, admitted_multiple, left_out,
 ):  # fmt: skip
-    """Whether copies of a triangle, translated onto parallel reference rays, would be too far off.
+    """Find triangles whose copies, translated onto parallel reference rays, would have too large errors.
 
     Arguments and `left_out` as for `judge_copies`. own, first: `ParallelRays` of the triangle's own camera and of the
-    first one. is_instanced: rays are translated, not triangles.
+    first one. is_instanced: rays are translated instead of triangles.
 
-    A translation lengthens no edge, but it may carry a triangle from near the eye, where float32 is fine, to where the
-    reference rays start, as far away as the image is large; the error of a corner does not hang on the depth then, and
-    near the image plane it is much of it. With first corner v0, normal n and ray o + t d a depth is
-    n . (v0 - o) / n . d. Its roundings are those of the corners and of the origin's two summands, times n; of n, times
-    the way from v0 to the hit; and, times the depth, those of n . d. A copy may have `admitted_multiple` times those of
-    the mesh itself, at every depth and way that the triangle has.
+    A translation lengthens no edge, but may move a triangle from near the eye, where float32 is fine, to the start of
+    reference rays far away. The error of a corner then does not depend on the depth, and near the image plane it may
+    exceed it. With first corner v0, normal n and ray o + t d, a depth is n . (v0 - o) / n . d. Its roundings are those
+    of the corners and the origin's two summands, times n; those of n, times the way from v0 to the hit; and those of
+    n . d, times the depth. A copy may have `admitted_multiple` times those of the mesh, at all its depths and ways.
     """
     sizes, copy = np.empty((3, 3)), np.empty((3, 3))
     nx, ny = len(shears_x), len(shears_y)
@@ -248,7 +234,7 @@ def judge_translations(  # type: ignore[no-untyped-def]
             facing, of_facing = _load_edges(points_own, faces, triangle, own.forward, sizes)
             facing_copy, of_facing_copy = _load_edges(points_ray, faces, triangle, first.forward, copy)
             if of_facing == 0.0 and of_facing_copy == 0.0:
-                continue  # a wall along the rays and the axes, whose n . d is exact: no ray meets it
+                continue  # a wall along rays and axes, whose n . d is exact: no ray hits it
             x = max(0.0, x_low - own.middle[0], own.middle[0] - x_high)
             y = max(0.0, y_low - own.middle[1], own.middle[1] - y_high)
             of_mesh, of_normal, of_copy, of_normal_copy = 0.0, 0.0, 0.0, 0.0
@@ -269,10 +255,10 @@ def judge_translations(  # type: ignore[no-untyped-def]
                 of_normal_copy += copy[2, k]
             facing, facing_copy = abs(facing), abs(facing_copy)
             if farthest < 0.0 and -farthest * facing_copy > MOST_ROUNDINGS * FLOAT32_UNIT * of_copy:
-                continue  # so far behind the image plane that no rounding brings it before
+                continue  # too far behind the image plane for rounding to move it in front
             of_facing, of_facing_copy = of_facing + 3.0 * facing, of_facing_copy + 3.0 * facing_copy
             if facing == facing_copy:
-                facing = facing_copy = 1.0  # also where both are 0
+                facing = facing_copy = 1.0  # both may be 0
             for way in (0.0, 1.0):
                 for depth in (max(nearest, 0.0), max(farthest, 0.0)):
                     has_copy = of_copy + way * of_normal_copy + depth * of_facing_copy

@@ -1,7 +1,7 @@
-"""The surface that a ray hits, in float64: barycentric weights, places and normals of an image's pixels.
+"""Barycentric weights, positions and normals of an image's hits in float64.
 
-Neighbouring pixels mostly see the same triangle, so what only it decides is computed once for every run of them in a
-row. What is left of Möller–Trumbore (`atra.exact.intersection.Volumes`) is linear in a pixel's place.
+Neighbouring pixels mostly see the same triangle, so values of the triangle are computed once per run of such pixels in
+a row. The other volumes of Möller–Trumbore (`atra.exact.intersection.Volumes`) are linear in a pixel's position.
 """
 
 from __future__ import annotations
@@ -18,24 +18,27 @@ from atra.compiled.vectors import bits_of, repeated, rounded
 from atra.prim_ids import MISS
 
 ROWS = 16
-"""Rows of pixels that a worker takes at a time."""
+"""Rows of pixels that a thread takes at a time."""
 
-_NOISE = 1e-14  # of `atra.exact.intersection`
+_NOISE = 1e-14  # NOISE of `atra.exact.intersection`
 _MISS = int(MISS)
-_LANES = 8  # pixels computed together; those behind the end of a run are overwritten by the next
+_LANES = 8
+"""Pixels computed together; the next run overwrites those beyond the end of a run."""
 
 
 class Triangles(NamedTuple):
-    """vertices: (V, 3) float32, world space. faces: (F, 3) uint32."""
+    """A mesh as kernels take it. vertices: (V, 3) float32, world space. faces: (F, 3) uint32."""
 
     vertices: NDArray[np.float32]
     faces: NDArray[np.uint32]
 
 
 class PixelGrid(NamedTuple):
-    """eye and axes: a camera's place, and right, down, forward. columns: (W,) and rows: (H,) float64, where the rays of
-    pixels pass its image plane. is_parallel: they start there and go along forward; otherwise they start at the eye,
-    and the plane is at a distance of 1."""
+    """A view's pixels as kernels take them.
+
+    axes: right, down, forward. columns: (W,) and rows: (H,) float64, positions of the pixels on the image plane, at
+    distance 1 from the eye. is_parallel: rays start there, on a plane through the eye, and go forward.
+    """
 
     eye: tuple[float, float, float]
     axes: tuple[tuple[float, float, float], ...]
@@ -70,7 +73,7 @@ def _turned(axes, a):  # type: ignore[no-untyped-def]
 
 @njit(forceinline=True)
 def _triangle(vertices, faces, prim_id):  # type: ignore[no-untyped-def]
-    """First corner and the two edges leaving it, float64, world space."""
+    """First corner and the two edges leaving it, world space, float64."""
     first = faces[prim_id, 0]
     corner = np.float64(vertices[first, 0]), np.float64(vertices[first, 1]), np.float64(vertices[first, 2])
     return (
@@ -82,9 +85,8 @@ def _triangle(vertices, faces, prim_id):  # type: ignore[no-untyped-def]
 
 @njit(forceinline=True)
 def _along_row(eye, axes, is_parallel, triangle, row):  # type: ignore[no-untyped-def]
-    """What pixels of a row that see the triangle have in common: the column that they are counted from, and slope and
-    start there of the volumes `facing`, `u`, `v` and `ahead`, and of the squares up to which `facing` and `ahead` are
-    noise."""
+    """Values of a triangle that all pixels of a row share: the column at which positions count from 0; slope and value
+    there of the volumes `facing`, `u`, `v`, `ahead`; and of the squares up to which `facing` and `ahead` are noise."""
     corner, e1, e2 = triangle
     cx, cy, cz = _turned(axes, (corner[0] - eye[0], corner[1] - eye[1], corner[2] - eye[2]))
     e1, e2 = _turned(axes, e1), _turned(axes, e2)
@@ -116,7 +118,7 @@ def _along_row(eye, axes, is_parallel, triangle, row):  # type: ignore[no-untype
 
 @njit
 def _weights(column, along):  # type: ignore[no-untyped-def]
-    """u and v of one pixel; NaN where its ray never hits the triangle's plane."""
+    """u and v of one pixel; NaN if its ray never hits the triangle's plane."""
     start, facing, u, v, ahead, noise, near = along
     x = column - start
     determinant = facing[0] * x + facing[1]
@@ -135,7 +137,7 @@ def _linear(slope_and_start, x):  # type: ignore[no-untyped-def]
 
 @njit(forceinline=True)
 def _weights_of_block(address, along):  # type: ignore[no-untyped-def]
-    """u and v of a block of pixels, and whether they all have some; address: of their columns."""
+    """u and v of a block of pixels, and whether all rays hit the triangle's plane; address: of their columns."""
     start, facing, u, v, ahead, noise, near = along
     x = load(address, 0.0, _LANES) - repeated(start, _LANES)
     determinant = _linear(facing, x)
@@ -158,15 +160,15 @@ def _end_of_run(prim_id, y, start):  # type: ignore[no-untyped-def]
     return end
 
 
-# Below, rows are addressed by their place in the whole array: to count who holds a slice takes as long as a triangle.
+# The kernels below index whole arrays: reference counting of slices would take as long as a triangle.
 
 
 @kernel
 def weigh_corners(counter_address, mesh, camera, prim_id, absent, weights):  # type: ignore[no-untyped-def]
-    """Barycentric weights of the second and third corner, rows of pixels until the shared counter runs past the last.
+    """Compute the barycentric weights of the second and third corner; threads share rows of pixels.
 
-    prim_id: (H, W) uint32. weights: (2, H, W) float32, u and v, written completely, NaN = miss. absent: (1,) uint32, is
-    given a `prim_id` that the mesh does not have, if there is one.
+    prim_id: (H, W) uint32. weights: (2, H, W) float32, u and v, written completely, NaN = miss. absent: (1,) uint32,
+    set to a `prim_id` that the mesh does not have, if there is one.
     """
     height, width = prim_id.shape
     vertices, faces = mesh
@@ -203,10 +205,7 @@ def weigh_corners(counter_address, mesh, camera, prim_id, absent, weights):  # t
 
 @kernel
 def place_hits(counter_address, mesh, camera, prim_id, absent, points):  # type: ignore[no-untyped-def]
-    """Where rays meet the planes of their triangles, shared out as by `weigh_corners`.
-
-    points: (H, W, 3) float32, world space, written completely, NaN = miss.
-    """
+    """Compute the positions of hits, (H, W, 3) float32, world space, NaN = miss; arguments as for `weigh_corners`."""
     height, width = prim_id.shape
     vertices, faces = mesh
     eye, axes, columns, rows, is_parallel = camera
@@ -253,9 +252,9 @@ def place_hits(counter_address, mesh, camera, prim_id, absent, points):  # type:
 
 @kernel
 def orient_hits(counter_address, mesh, camera, prim_id, absent, normals):  # type: ignore[no-untyped-def]
-    """Unit normals of the triangles that rays hit, shared out as by `weigh_corners`.
+    """Compute the unit normals of triangles that are hit; arguments as for `weigh_corners`.
 
-    normals: (H, W, 3) float32, world space, written completely, NaN = miss, or a triangle without area.
+    normals: (H, W, 3) float32, world space, written completely, NaN = miss or a triangle without area.
     """
     height, width = prim_id.shape
     vertices, faces = mesh

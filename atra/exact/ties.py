@@ -1,9 +1,8 @@
-"""The tie rule: of triangles hit at the same depth the lowest prim_id wins, whichever method traced them.
+"""The tie rule: of triangles hit at the same depth the lowest prim_id wins, for every method.
 
-Float32 cannot decide: the depth of one and the same plane differs in the last digits with the order of a triangle's
-corners, with the shear, and between single rays and packets. So it is decided on the mesh. Triangles tie over an area
-only where they lie in one plane and overlap. These are found once per mesh, the part of the image where they may be
-seen once per view, and a pixel there that hits one of them is decided in float64 after tracing.
+Float32 cannot decide ties: the last digits of a depth depend on the order of a triangle's corners, the shear, and the
+packets. But triangles tie over an area only where they overlap in one plane. These triangles are found once per mesh
+and the tiles of the image that may show them once per view; pixels there are decided in float64 after tracing.
 """
 
 from __future__ import annotations
@@ -30,22 +29,23 @@ from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 
 TIE_TOLERANCE = 1e-9
-"""Relative difference up to which two float64 depths are the same depth."""
+"""Relative difference up to which two float64 depths are equal."""
 
 MOST_PAIRS = 1 << 24
-"""Overlapping pairs that a mesh may have, equal triangles not counted: more would take long to find and to decide."""
+"""Upper limit of a mesh's overlapping pairs, equal triangles not counted; more would take too long."""
 
 
 @dataclass(frozen=True, eq=False)
 class CoplanarOverlaps:
-    """For each triangle the lower ones that lie in its plane and share an area with it.
+    """The triangles that can tie: for each triangle the lower ones that overlap it in its plane.
 
-    may_tie: (F + 1,) uint8, 1 where there are any; the last is 0 and stands for a miss.
+    may_tie: (F + 1,) uint8, 1 if there are any; the last entry stands for a miss and is 0.
     twins: (F,) uint32, the lowest triangle with the same three corners in any order, mostly the triangle itself.
-    starts: (F + 1,) uint32 and partners: (P,) uint32: those of triangle t are partners[starts[t]:starts[t + 1]],
-    ascending. Only a triangle without a lower twin has partners or is one: what holds for it holds for its twins.
-    concerned: (N,) uint32, ascending, the triangles of `pairs`, (P, 2) uint32, which are places among them: each such
-    triangle with its partners, and with itself if it has twins. A tie can only be seen where both of a pair are.
+    starts: (F + 1,) uint32, and partners: (P,) uint32, the lower triangles: those of triangle t are
+    partners[starts[t]:starts[t + 1]], ascending. Twins are represented by their lowest triangle.
+    concerned: (N,) uint32, ascending, the triangles of all pairs.
+    pairs: (P, 2) uint32, indices into `concerned`: each triangle with its partners, and with itself if it has twins. A
+    tie is visible only where both are.
     """
 
     may_tie: NDArray[np.uint8]
@@ -60,11 +60,11 @@ _found: WeakKeyDictionary[Mesh, CoplanarOverlaps] = WeakKeyDictionary()
 
 
 def coplanar_overlaps(mesh: Mesh) -> CoplanarOverlaps:
-    """The triangles that can tie, found when first asked for and kept as long as the mesh.
+    """The triangles that can tie, found at the first call and kept as long as the mesh.
 
-    In one plane means to a billionth of the triangles' size. Neighbours, which share an edge or a corner and no
-    area, do not overlap; triangles without area, and needles ten million times as long as wide, never do.
-    Raises MemoryBudgetError beyond MOST_PAIRS pairs.
+    Triangles lie in one plane if they do to a billionth of their size. Neighbours that share only an edge or a corner
+    do not overlap, nor do triangles without area and needles ten million times as long as wide.
+    Raises MemoryBudgetError for more than MOST_PAIRS pairs.
     """
     overlaps = _found.get(mesh)
     if overlaps is None:
@@ -73,7 +73,7 @@ def coplanar_overlaps(mesh: Mesh) -> CoplanarOverlaps:
 
 
 def keep_overlaps(mesh: Mesh, overlaps: CoplanarOverlaps) -> None:
-    """Keep with `mesh` what `coplanar_overlaps` found for an equal one, so that it is not looked for again."""
+    """Keep the result of `coplanar_overlaps` for an equal mesh, so that it is not computed again."""
     _found[mesh] = overlaps
 
 
@@ -98,10 +98,10 @@ def _find(mesh: Mesh) -> CoplanarOverlaps:
     pairs = find_overlaps(prim_ids, corners, normals, sizes, boxes, twins, MOST_PAIRS)
     if len(pairs) > MOST_PAIRS:
         raise MemoryBudgetError(
-            f"{mesh.name!r} has more than {MOST_PAIRS} pairs of triangles that overlap in one plane, too many to say "
-            'which is the lowest everywhere; trace it with ties "any"'
+            f"{mesh.name!r} has more than {MOST_PAIRS} pairs of triangles that overlap in one plane, too many to "
+            'decide all ties; trace it with ties "any"'
         )
-    own = twins[pairs] == pairs  # a twin may have been found after it was a partner
+    own = twins[pairs] == pairs  # a partner may have turned out to be a twin later
     pairs = pairs[own.all(axis=1)]
     pairs = pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]
     counts = np.bincount(pairs[:, 0], minlength=mesh.triangle_count)
@@ -117,9 +117,9 @@ def _find(mesh: Mesh) -> CoplanarOverlaps:
 
 
 def _plane_runs(mesh: Mesh) -> tuple[NDArray[np.integer], NDArray[np.integer]]:
-    """Triangles that may have a plane in common with another, (N,) prim_ids, and (N,) the number of their run.
+    """Triangles that may share a plane with others, (N,) prim_ids, and the number of each one's run, (N,).
 
-    Other planes may have the same number by accident; `find_overlaps` looks closer.
+    Different planes may have the same number by accident; `find_overlaps` tells them apart.
     """
     numbers = np.empty(mesh.triangle_count)
     number_planes(mesh.vertices, mesh.faces, mesh.bounds.mean(axis=0), mesh.bounds[1] - mesh.bounds[0], numbers)
@@ -131,10 +131,10 @@ def _plane_runs(mesh: Mesh) -> tuple[NDArray[np.integer], NDArray[np.integer]]:
 
 
 def tie_tiles(mesh: Mesh, camera: View) -> NDArray[np.bool_]:
-    """The tiles of the image in which a tie may be seen, (ceil(H / TILE), ceil(W / TILE)), at any sub-pixel offset.
+    """The tiles of the image in which a tie may be visible, (ceil(H / TILE), ceil(W / TILE)), at any sub-pixel offset.
 
-    Two triangles can tie only where the rectangles around both of them on the image overlap. A triangle that reaches
-    behind the eye may be anywhere.
+    A pair can tie only where its triangles' bounding rectangles on the image overlap. A triangle that reaches behind
+    the eye may be anywhere.
     """
     overlaps = coplanar_overlaps(mesh)
     rows, columns = -(-camera.height // TILE), -(-camera.width // TILE)
@@ -157,11 +157,11 @@ def lowest_of_ties(
     prim_id: NDArray[np.uint32],
     pool: WorkerPool,
 ) -> None:
-    """Store in each pixel of `prim_id` (H, W), in place, the lowest triangle that its ray hits where it hits that one.
+    """Replace tied triangles in `prim_id` (H, W) by the lowest ones, in place.
 
-    A partner of the stored triangle takes the pixel if the ray meets it, edges included, and at the same depth to
-    `TIE_TOLERANCE`, both in float64. Depths stay as traced: they are those of the same plane.
-    tiles: of `tie_tiles` for this mesh and camera.
+    A partner of the stored triangle replaces it if the ray hits the partner, edges included, at the same depth to
+    `TIE_TOLERANCE`, in float64. Depths are not changed: they are of the same plane.
+    tiles: from `tie_tiles` for this mesh and camera.
     """
     overlaps = coplanar_overlaps(mesh)
     plane = camera.plane

@@ -1,4 +1,4 @@
-"""Triangles that can tie, found once per mesh, and the loop over an image that gives a tie to the lowest of them."""
+"""Kernels of the tie rule: finding the triangles that can tie, and deciding the ties of an image."""
 
 from __future__ import annotations
 
@@ -9,29 +9,26 @@ from atra.compiled.store import kernel, njit
 from atra.geometry.projection_kernels import MARGIN_PIXELS
 
 TILE = 16
-"""Pixels along the sides of the squares in which an image is looked at, or left out."""
+"""Width and height of the image's tiles, pixels."""
 
 PLANE_TOLERANCE = 1e-9
-"""How far two triangles may lie apart, relative to their size, and still be in one plane, as float64 finds it."""
+"""Distance, relative to their size, up to which two triangles lie in one plane."""
 
 PLANE_NUMBER_ROUNDING = 1e-8
-"""How far the numbers of one and the same plane may lie apart, for triangles that just are no needles."""
+"""Largest difference of the numbers of one plane, reached by triangles that are almost needles."""
 
-# |e1 x e2| / (|e1| |e2|) below which a triangle is a needle, too thin to cover a pixel or to know its plane in float64.
 _NEEDLE = 1e-7
+"""|e1 x e2| / (|e1| |e2|) up to which a triangle is a needle, too thin to cover a pixel or to have a known plane."""
 
-# What counts as parallel to a plane (`atra.exact.intersection`), and as inside in spite of rounding (the reference).
-_PARALLEL = 1e-14
-_ROUNDING = 1e-12
+_PARALLEL, _ROUNDING = 1e-14, 1e-12
+"""Tolerances of parallel, as NOISE of `atra.exact.intersection`, and of inside, as in `atra.judge.reference`."""
 
 
 @kernel
 def number_planes(vertices, faces, centre, extent, numbers):  # type: ignore[no-untyped-def]
-    """numbers[t] = a number of the plane of triangle t; NaN for a needle.
+    """Set numbers[t] to a number of triangle t's plane, NaN for a needle; centre, extent: (3,) float64, the mesh's box.
 
-    It depends continuously on the plane and not on which side is its front, so that the triangles of one plane are
-    neighbours when sorted by it, and no bucket has a border that they could lie across.
-    centre, extent: (3,) float64 of the box around the mesh.
+    It is a continuous function of the plane without its orientation, so sorting puts triangles of one plane together.
     """
     scale = max(extent[0], extent[1], extent[2])
     for triangle in range(len(faces)):
@@ -45,7 +42,7 @@ def number_planes(vertices, faces, centre, extent, numbers):  # type: ignore[no-
             numbers[triangle] = np.nan
             continue
         distance = nx * (x - centre[0]) + ny * (y - centre[1]) + nz * (z - centre[2])
-        # Weights that no model is likely to fit: planes with the same number would only cost time.
+        # Arbitrary weights: different planes with the same number only cost time.
         numbers[triangle] = abs(0.6137 * nx + 0.3511 * ny + 0.7071 * nz + 0.4243 * distance / scale) / length
 
 
@@ -59,10 +56,9 @@ def _boxes_meet(boxes, a, b):  # type: ignore[no-untyped-def]
 
 @kernel
 def number_places(points, lowest, extent, numbers):  # type: ignore[no-untyped-def]
-    """numbers[i] = the Morton code of a point (N, 3) in the box from `lowest` on, 21 bits an axis: sorted by it, points
-    that are near each other tend to be neighbours."""
+    """Set numbers[i] to the Morton code, 21 bits an axis, of point i of (N, 3) in the box with corner `lowest`."""
     if len(points) == 0:
-        return  # the box may be a point then
+        return  # the extent may be 0 then
     steps = 2097151.0 / max(extent[0], extent[1], extent[2])
     for i in range(len(points)):
         number = 0
@@ -75,7 +71,7 @@ def number_places(points, lowest, extent, numbers):  # type: ignore[no-untyped-d
 
 @njit(forceinline=True)
 def _same_corners(corners, a, b):  # type: ignore[no-untyped-def]
-    """Whether each corner of one triangle is a corner of the other, in whatever order. Both have an area."""
+    """Whether two triangles with area have the same corners in any order."""
     for i in range(3):
         found = False
         for j in range(3):
@@ -104,10 +100,10 @@ def _in_plane(corners, normals, a, b, tolerance):  # type: ignore[no-untyped-def
 
 @njit(forceinline=True)
 def _edge_separates(corners, a, b, first, second):  # type: ignore[no-untyped-def]
-    """Whether b lies beside, or touches from outside, one of the lines along a's edges.
+    """Whether the line along an edge of a separates a from b, or b only touches it.
 
-    Seen along a world axis: first and second are the other two. Differences and products of float32 values are exact in
-    float64, or nearly so; two triangles that share an edge or a corner find zero there, not a little more.
+    first, second: the two axes of the projection. Differences and products of float32 values are almost exact in
+    float64, so triangles that share an edge or a corner give exactly zero there.
     """
     area = (corners[a, 1, first] - corners[a, 0, first]) * (corners[a, 2, second] - corners[a, 0, second]) - (
         corners[a, 1, second] - corners[a, 0, second]
@@ -131,7 +127,7 @@ def _edge_separates(corners, a, b, first, second):  # type: ignore[no-untyped-de
 @njit(forceinline=True)
 def _overlap(corners, normals, sizes, a, b):  # type: ignore[no-untyped-def]
     """Whether two triangles lie in one plane and share an area there."""
-    large, small = (a, b) if sizes[a] >= sizes[b] else (b, a)  # the larger one knows the plane better
+    large, small = (a, b) if sizes[a] >= sizes[b] else (b, a)  # the larger one's plane is more accurate
     if not _in_plane(corners, normals, large, small, PLANE_TOLERANCE * (sizes[a] + sizes[b])):
         return False
     x, y, z = abs(normals[large, 0]), abs(normals[large, 1]), abs(normals[large, 2])
@@ -145,18 +141,16 @@ def _overlap(corners, normals, sizes, a, b):  # type: ignore[no-untyped-def]
 
 @kernel
 def find_overlaps(prim_ids, corners, normals, sizes, boxes, twins, most_pairs):  # type: ignore[no-untyped-def]
-    """Pairs of triangles that overlap in one plane, by a binary tree of boxes over triangles in a good order.
+    """Find the pairs of triangles that overlap in one plane, with a binary tree of boxes.
 
-    prim_ids: (N,) uint32, in an order where neighbours are near each other, equal triangles by prim_id. corners:
-    (N, 3, 3), unit normals: (N, 3), sizes: (N,) longest side of the box, all float64.
-    boxes: (2 L, 2, 4) float64, lowest and highest of x, y, z and of a number that triangles of one plane have in
-    common; those of the triangles stand from L on, a power of two, and an empty box where there is no triangle. The
-    boxes before L are filled here: node i holds nodes 2 i and 2 i + 1.
-    twins: (F,) uint32, each triangle itself on entry; on return the lowest triangle with the same corners.
+    prim_ids: (N,) uint32, ordered so that neighbours are near each other, equal triangles by prim_id. corners:
+    (N, 3, 3), normals: (N, 3) of length 1, sizes: (N,) longest side of the box, all float64.
+    boxes: (2 L, 2, 4) float64, lowest and highest x, y, z and plane number; L is a power of two. Leaves start at L,
+    empty boxes where there is no triangle; node i < L, filled here, contains nodes 2 i and 2 i + 1.
+    twins: (F,) uint32, on entry each triangle itself, on return the lowest triangle with the same corners.
 
-    Returns the pairs (P, 2) uint32: the triangle, its partner with a lower prim_id. A triangle that has a lower twin is
-    left out as soon as that is known, so a stack of equal triangles does not yield all pairs; P is most_pairs + 1 if
-    there are more than most_pairs.
+    Returns (P, 2) uint32, pairs of a triangle and a partner with a lower prim_id; P = most_pairs + 1 if there are more
+    than most_pairs. A triangle is skipped once a lower twin is known, so a stack of equal ones does not give all pairs.
     """
     leaves = len(boxes) // 2
     for node in range(leaves - 1, 0, -1):
@@ -170,7 +164,7 @@ def find_overlaps(prim_ids, corners, normals, sizes, boxes, twins, most_pairs): 
             continue
         node = leaves + a
         while True:
-            while node & 1:  # nothing further below this node: on to the next one on the right
+            while node & 1:  # this subtree is done: go on with the next one on the right
                 node >>= 1
             if node == 0:
                 break
@@ -187,7 +181,7 @@ def find_overlaps(prim_ids, corners, normals, sizes, boxes, twins, most_pairs): 
                 continue
             if count == len(pairs):
                 longer = np.empty((2 * count, 2), np.uint32)
-                for pair in range(count):  # a slice takes seconds to compile: its error message is made of strings
+                for pair in range(count):  # a slice assignment takes seconds to compile
                     longer[pair, 0], longer[pair, 1] = pairs[pair, 0], pairs[pair, 1]
                 pairs = longer
             pairs[count, 0], pairs[count, 1] = max(prim_ids[a], prim_ids[b]), min(prim_ids[a], prim_ids[b])
@@ -199,9 +193,9 @@ def find_overlaps(prim_ids, corners, normals, sizes, boxes, twins, most_pairs): 
 
 @njit(forceinline=True)
 def _intersect(vertices, faces, triangle, ox, oy, oz, dx, dy, dz):  # type: ignore[no-untyped-def]
-    """(ray parameter, whether it is inside, edges included) of a ray and a plane; inf where they are parallel.
+    """Ray parameter (inf = parallel) of a ray's hit on a triangle's plane, and whether it is inside, edges included.
 
-    Möller–Trumbore in float64, as `atra.exact.intersection` has it.
+    Möller–Trumbore in float64, as in `atra.exact.intersection`.
     """
     v0, v1, v2 = faces[triangle, 0], faces[triangle, 1], faces[triangle, 2]
     x, y, z = np.float64(vertices[v0, 0]), np.float64(vertices[v0, 1]), np.float64(vertices[v0, 2])
@@ -222,11 +216,11 @@ def _intersect(vertices, faces, triangle, ox, oy, oz, dx, dy, dz):  # type: igno
 
 @kernel
 def mark_ties(vertices, faces, concerned, pairs, eye, to_pixels, size, boxes, marks):  # type: ignore[no-untyped-def]
-    """Add 1 to every tile in which both triangles of a pair may be seen, as differences: marks, (tile rows + 1, tile
-    columns + 1) int64, is summed up along both axes afterwards.
+    """Add 1 to every tile in which both triangles of a pair may be visible.
 
-    concerned: (N,) uint32 prim_ids. pairs: (P, 2) uint32, places among them. eye: (3,), to_pixels: (3, 4), size: (2,)
-    float64, of the camera. boxes: (N, 4) int64, room for the first and last column, then row, of tiles of each.
+    marks: (tile rows + 1, tile columns + 1) int64, differences that the caller sums along both axes. concerned: (N,)
+    uint32 prim_ids. pairs: (P, 2) uint32, indices into them. eye: (3,), to_pixels: (3, 4), size: (2,) float64, of the
+    camera. boxes: (N, 4) int64, scratch: first and last column, first and last row of each triangle's tiles.
     """
     m = to_pixels
     for place in range(len(concerned)):
@@ -243,7 +237,7 @@ def mark_ties(vertices, faces, concerned, pairs, eye, to_pixels, size, boxes, ma
             low_x, high_x, low_y, high_y = min(low_x, x), max(high_x, x), min(low_y, y), max(high_y, y)
         for axis, low, high in ((0, low_x, high_x), (1, low_y, high_y)):
             first, last = low - MARGIN_PIXELS, high + MARGIN_PIXELS
-            if not nearest > 0.0:  # it reaches behind the eye, and may be anywhere
+            if not nearest > 0.0:  # it reaches behind the eye and may be anywhere
                 first, last = 0.0, size[axis] if farthest >= 0.0 else -1.0
             boxes[place, 2 * axis] = int(min(max(first, 0.0), size[axis] + TILE)) // TILE
             boxes[place, 2 * axis + 1] = int(max(min(last, size[axis] - 1.0), -1.0)) // TILE
@@ -263,12 +257,12 @@ def settle_ties(  # type: ignore[no-untyped-def]
     counter_address, tiles, may_tie, twins, starts, partners, vertices, faces,
     eye, axes, across, along, is_parallel, tie_tolerance, prim_id,
 ):  # fmt: skip
-    """Store the lowest of the tied triangles in every pixel, until the shared counter runs past the last row of tiles.
+    """Store the lowest of the tied triangles in every pixel; threads share rows of tiles.
 
-    tiles: (tile rows, tile columns) bool, those to look at. may_tie, twins, starts, partners: of
-    `atra.exact.ties.CoplanarOverlaps`. vertices: (V, 3) float32, faces: (F, 3) uint32. eye, axes: of the camera.
-    across, along: (W,), (H,) float64, how far columns and rows are from the view axis on the image plane.
-    tie_tolerance: relative difference of equal depths. prim_id: (H, W) uint32, changed in place.
+    tiles: (tile rows, tile columns) bool, those with ties. may_tie, twins, starts, partners: of `CoplanarOverlaps`.
+    vertices: (V, 3) float32, faces: (F, 3) uint32. eye, axes: of the camera. across, along: (W,), (H,) float64,
+    distances of columns and rows from the view axis on the image plane. tie_tolerance: relative difference of equal
+    depths. prim_id: (H, W) uint32, changed in place.
     """
     height, width = prim_id.shape
     miss = np.uint32(len(may_tie) - 1)

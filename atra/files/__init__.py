@@ -1,1 +1,1 @@
-"""Files: where they are written, what one that is read may cost, and how images are saved."""
+"""Files: bounds on what reading one may cost, atomic writing, and saved images."""

@@ -1,4 +1,4 @@
-"""Files that are written whole or not at all."""
+"""Atomic writing: files are written whole or not at all."""
 
 from __future__ import annotations
 
@@ -13,19 +13,16 @@ _UNFINISHED = ".unfinished"
 
 
 def remove_abandoned_files(folder: Path) -> None:
-    """Remove what killed writers left in `folder`; nobody may be writing there.
-
-    What cannot be removed is left: on Windows another program may look at it.
-    """
+    """Remove unfinished files that killed writers left in `folder`, in which nobody may be writing."""
     for path in folder.glob(f".*{_UNFINISHED}"):
-        with contextlib.suppress(OSError):
+        with contextlib.suppress(OSError):  # on Windows another program may have it open
             path.unlink()
 
 
 def write_atomically(path: Path, content: bytes) -> None:
-    """Write `content` to a temporary name beside `path`, flush it to the disk, then rename it onto `path`.
+    """Write `content` to a temporary file beside `path`, flush it to the disk and rename it to `path`.
 
-    Raises StorageError, naming file and reason, when that fails; what `path` held before is still there then.
+    Raises StorageError, naming file and reason, if that fails; `path` is then unchanged.
     """
     temporary = None
     try:
@@ -35,7 +32,7 @@ def write_atomically(path: Path, content: bytes) -> None:
             file.write(content)
             file.flush()
             os.fsync(file.fileno())
-        # mkstemp files are private; results are for everyone the folder lets in.
+        # Files of mkstemp are private; results are for everyone who may read the folder.
         os.chmod(temporary, 0o644)
         os.replace(temporary, path)
     except BaseException as error:
@@ -44,8 +41,7 @@ def write_atomically(path: Path, content: bytes) -> None:
                 Path(temporary).unlink(missing_ok=True)
         if isinstance(error, OSError):
             raise StorageError(
-                f"{path} cannot be written: {error.strerror or error}; what was there before is untouched. "
-                f"{path.parent} needs free space and the right to write, and on Windows no other program may have the "
-                "file open; then start again"
+                f"{path} cannot be written: {error.strerror or error}; its old content is untouched. {path.parent} "
+                "needs free space and write permission, and on Windows no other program may have the file open"
             ) from error
         raise

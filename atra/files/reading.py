@@ -1,4 +1,4 @@
-"""Reading files of other people: the bound on what reading one may cost, their bytes, and JSON."""
+"""Reading files that need not be trusted: a bound on the cost, bytes, and JSON."""
 
 from __future__ import annotations
 
@@ -16,28 +16,24 @@ from atra.errors import InputError
 from atra.geometry.numbers import as_number
 
 MEMORY_PER_BYTE = 100.0
-"""Default bound on the memory that reading a file may take: bytes of memory for each byte of the file.
-
-Meshes as programs write them need less than 30, skies about 20, and one that is half of one colour 40.
-"""
+"""Default bound on the memory that reading may take, in bytes for each byte of the file; usual files need 20 to 40."""
 
 LEAST_BYTES = 128 * 2**20
-"""Memory that reading may take however small the file is."""
+"""Memory that reading may always take, however small the file."""
 
 VARIABLE = "ATRA_MEMORY_PER_BYTE"
-"""Environment variable that replaces MEMORY_PER_BYTE, for commands that have no option for it."""
+"""Environment variable that replaces MEMORY_PER_BYTE for commands without an option."""
 
 _DEEPEST = 100
-"""Most levels of nested lists and objects in JSON; a reader that calls itself for each could exhaust its stack."""
+"""Upper limit of nested lists and objects in JSON: a recursive reader could exhaust its stack."""
 
 
 @dataclass(frozen=True)
 class Allowance:
-    """The memory that reading one file may take, by its size; time follows, since what takes time is counted, too.
+    """The memory, and so the time, that reading a file may take.
 
-    file_bytes: of the file and those it names. memory_per_byte: bytes of memory for each of them, above 0, infinite for
-    no bound but the memory that is free; None: what the environment variable ATRA_MEMORY_PER_BYTE says, or 100.
-    LEAST_BYTES are allowed in any case. Raises InputError for a number that is not above 0.
+    file_bytes: size of the file and of those it names. memory_per_byte: bytes of memory for each of them, above 0, as
+    for `atra.load_mesh`. LEAST_BYTES are always allowed. Raises InputError for a number that is not above 0.
     """
 
     file_bytes: int
@@ -53,7 +49,7 @@ class Allowance:
         object.__setattr__(self, "memory_per_byte", number)
 
     def check(self, what: str, needed_bytes: int) -> None:
-        """Raise InputError unless reading may take so much memory. what: the content that claims it, with its size."""
+        """Raise InputError if `needed_bytes` are not allowed or not free. what: the content that needs them."""
         assert self.memory_per_byte is not None
         allowed = max(self.memory_per_byte * self.file_bytes, LEAST_BYTES)
         if needed_bytes > allowed:
@@ -71,8 +67,7 @@ class Allowance:
 
 
 def read_regular_file(path: Path) -> bytes:
-    """What a file holds. Raises InputError for a pipe or a device, which may block for ever or never end, and for a
-    file larger than the free memory."""
+    """The bytes of a file. Raises InputError for a pipe or device, and for a file larger than the free memory."""
     if path.exists() and not path.is_file():
         raise InputError(f"{path.name} is no regular file")
     size = path.stat().st_size
@@ -81,11 +76,12 @@ def read_regular_file(path: Path) -> bytes:
 
 
 def parse_json(content: bytes | str) -> Any:
-    """What JSON says. Raises InputError for text that is none, or nested deeper than 100 levels."""
+    """The value of a JSON text. Raises InputError for text that is no JSON, or nested deeper than 100 levels."""
+    too_deep = InputError(f"it is JSON nested too deeply, expected at most {_DEEPEST} levels")
     try:
         found = json.loads(content)
     except RecursionError:
-        raise InputError(f"it is JSON nested too deeply, expected at most {_DEEPEST} levels") from None
+        raise too_deep from None
     except ValueError as error:
         raise InputError(f"it is no JSON: {error}") from None
     level: list[Any] = [[found]]
@@ -94,7 +90,7 @@ def parse_json(content: bytes | str) -> Any:
         level = [child for child in inside if type(child) in (dict, list)]
         if not level:
             return found
-    raise InputError(f"it is JSON nested too deeply, expected at most {_DEEPEST} levels")
+    raise too_deep
 
 
 def _size(count: float) -> str:

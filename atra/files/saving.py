@@ -1,4 +1,4 @@
-"""Files of hits for other programs: arrays, layered images, pictures and point clouds, by the suffix of their name."""
+"""Saved images: arrays (.npz), layers (.exr), pictures (.png) and point clouds (.ply)."""
 
 from __future__ import annotations
 
@@ -17,19 +17,20 @@ from atra.errors import InputError
 from atra.files.paths import write_atomically
 
 Layers = dict[str, NDArray[Any]]
-"""Arrays of an image by the names that `atra.Hits` has for them."""
+"""Arrays of an image by their names in `atra.Hits`."""
 
 _PACKAGES = {".exr": "OpenEXR", ".png": "PIL"}
-"""What must be there to write files of a suffix, beside what atra needs anyway."""
+"""Packages that a suffix needs beside those of atra itself."""
 
-_DARKEST = 40  # of the hits of a picture; misses are 0
+_DARKEST = 40
+"""Grey value of the farthest hit; misses are 0."""
 
 
 def save_layers(path: str | os.PathLike[str], layer: Callable[[str], NDArray[Any]]) -> None:
-    """Write a file of the format that its suffix names, whole or not at all.
+    """Write a file, whole or not at all, in the format that its suffix names.
 
-    layer: name -> the layer; asked only for what the file needs.
-    Raises InputError for an unknown suffix or a missing package, StorageError where the file cannot be written.
+    layer: returns a layer by its name. Raises InputError for an unknown suffix or a missing package, StorageError if
+    the file cannot be written.
     """
     path = Path(path)
     if path.suffix.lower() not in _WRITERS:
@@ -40,20 +41,19 @@ def save_layers(path: str | os.PathLike[str], layer: Callable[[str], NDArray[Any
 
 
 def check_package(suffix: str) -> None:
-    """Raise InputError where the package is missing that files of a suffix such as ".exr" need, if they need one."""
+    """Raise InputError if the package that files with this suffix need is missing."""
     name = _PACKAGES.get(suffix, "numpy")
     try:
         import_module(name)
     except ImportError:
         install = {"PIL": "pillow"}.get(name, name.lower())
-        raise InputError(
-            f"{suffix} files need the package {name}, which is not installed: pip install {install}"
-        ) from None
+        message = f"{suffix} files need the package {name}, which is not installed: pip install {install}"
+        raise InputError(message) from None
 
 
 def _npz(layers: Layers) -> bytes:
     content = io.BytesIO()
-    np.savez(content, **layers)  # type: ignore[arg-type]  # one might be called allow_pickle, says its stub
+    np.savez(content, **layers)  # type: ignore[arg-type]
     return content.getvalue()
 
 
@@ -64,12 +64,12 @@ def _exr(layers: Layers) -> bytes:
 
 
 def encode_exr(channels: Mapping[str, NDArray[Any]]) -> bytes:
-    """An EXR of (H, W) arrays, 32 bits each, by name; the package OpenEXR must be there."""
+    """An EXR file of named (H, W) arrays of 32 bits; needs the package OpenEXR."""
     import OpenEXR
 
     whole = {name: np.ascontiguousarray(channel) for name, channel in channels.items()}
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
-    with TemporaryDirectory() as folder:  # it writes to files alone
+    with TemporaryDirectory() as folder:  # OpenEXR writes only to files
         path = Path(folder, "image.exr")
         with OpenEXR.File(header, whole) as file:
             file.write(str(path))
@@ -96,7 +96,7 @@ def _ply(layers: Layers) -> bytes:
 
 
 def depth_shading(depth: NDArray[np.float32]) -> NDArray[np.uint8]:
-    """(H, W) uint8: white is the nearest hit, a dark grey (40) the farthest, linear in between; black is a miss."""
+    """(H, W) uint8 grey values, linear in depth from white (nearest hit) to _DARKEST (farthest); 0 = miss."""
     shade, hit = np.zeros(depth.shape, np.uint8), np.isfinite(depth)
     if hit.any():
         near, far = (float(end(depth[hit])) for end in (np.min, np.max))

@@ -1,1 +1,1 @@
-"""Triangles, views and exact geometry: meshes and their files, cameras, ray space, sub-pixel positions."""
+"""Geometry: meshes, cameras, image planes, ray space, splits and sub-pixel positions."""

@@ -1,4 +1,4 @@
-"""Pinhole cameras: pixel -> ray."""
+"""Pinhole cameras."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from numpy.typing import ArrayLike, NDArray
 from atra.errors import InputError
 from atra.geometry.calibration import image_plane_of, pose_of, pose_of_matrix, target_of
 from atra.geometry.image_plane import ImagePlane
-from atra.geometry.numbers import Vector, as_number
+from atra.geometry.numbers import Vector, as_number, as_vector
 from atra.geometry.view import View, check_offset
 from atra.whole_numbers import is_whole_number
 
 __all__ = ["CalibratedCamera", "Camera", "Vector", "check_offset"]
 
 FARTHEST_AXIS_PIXELS = 1e6
-"""How far outside of the image the view axis may meet its plane: float32 moves rays there by a tenth of a pixel."""
+"""Largest distance of the principal point from the image, beyond which float32 cannot tell rays apart."""
 
 
 @dataclass(frozen=True)
@@ -29,12 +29,15 @@ class Camera(View):
 
     Camera space has the eye at the origin, X to the right (forward x up), Y down (down = forward x right) and Z along
     the view axis; the image plane lies at Z = 1. The ray of pixel (x, y) at sub-pixel `offset` (ox, oy) has direction
-    ((x + ox - W/2) p, (y + oy - H/2) p, 1) with pixel pitch p = 2 tan(fov_y / 2) / H, so a ray parameter *is* a depth
-    along the view axis. `from_opencv`, `from_matrix` and `crop` make cameras whose image plane is another.
+    ((x + ox - W/2) p, (y + oy - H/2) p, 1) with pixel pitch p = 2 tan(fov_y / 2) / H, so a ray parameter *is* a depth.
+    `from_opencv`, `from_matrix` and `crop` return cameras with other image planes.
 
-    eye, target, up: three finite floats each, scene units.
-    fov_y_degrees: full vertical field of view, in (0, 180).
-    width, height: image size in pixels, at least 1.
+    eye: where rays start, three finite floats, scene units.
+    target: a point on the view axis, three finite floats, scene units.
+    up: direction that is up in the image, three finite floats.
+    fov_y_degrees: full vertical field of view, between 0 and 180.
+    width: columns of the image, pixels, at least 1.
+    height: rows of the image, pixels, at least 1.
 
     Raises InputError for a size below 1, a field of view outside (0, 180), eye = target, or up parallel to the view.
     Source: paper §3.1; the axes are ours (the paper leaves them open).
@@ -58,16 +61,15 @@ class Camera(View):
 
     @staticmethod
     def from_opencv(K: ArrayLike, R: ArrayLike, t: ArrayLike, width: int, height: int) -> CalibratedCamera:
-        """The camera of OpenCV's calibration: x = K (R X + t), without lens distortion.
+        """The camera of an OpenCV calibration x = K (R X + t) without lens distortion.
 
-        OpenCV's camera looks along +Z, X to the right and Y down, and the *centre* of its first pixel is (0, 0); so a
-        world point that `cv2.projectPoints` puts at (u, v) is seen at the pixel position (u + 0.5, v + 0.5) here, where
-        (0, 0) is the corner of that pixel. Undistort images first: `cv2.undistort(image, K, distortion)`.
+        OpenCV's camera looks along +Z with X right and Y down. Its (0, 0) is the *centre* of the first pixel, here it
+        is the corner: a point that `cv2.projectPoints` puts at (u, v) has pixel position (u + 0.5, v + 0.5).
+        Undistort images first: `cv2.undistort(image, K, distortion)`.
 
-        K: (3, 3), focal lengths fx and fy, principal point cx, cy, in pixels; no skew. R: (3, 3), t: three numbers,
-        world -> camera. width, height: of the image, pixels.
-        Raises InputError, with the value, for a K that is singular, has skew or another last row, an R that is no
-        rotation, and what is not finite.
+        K: (3, 3), focal lengths fx, fy and principal point cx, cy in pixels; no skew. R: (3, 3), t: three numbers,
+        world to camera. width, height: of the image, pixels.
+        Raises InputError for a K that is singular or has skew, an R that is no rotation, and numbers not finite.
         """
         return CalibratedCamera.at(*pose_of(R, t), image_plane_of(K), width, height)
 
@@ -81,13 +83,12 @@ class Camera(View):
         fov_y_degrees: float | None = None,
         K: ArrayLike | None = None,
     ) -> Camera:
-        """The camera whose own space a matrix carries into the world.
+        """The camera with a matrix from its space to world space.
 
-        camera_to_world: (4, 4) or (3, 4), a rotation and the place of the eye. axes: of the camera's own space,
-        "opengl" for X right, Y up, Z backward, as OpenGL, Blender and NeRF have it; "opencv" for X right, Y down, Z
-        forward. Give either fov_y_degrees, or K as for `from_opencv`.
-        Raises InputError, with the value, for a matrix that holds no rotation, or a reflection or scale, for other
-        axes, and unless one of fov_y_degrees and K is given.
+        camera_to_world: (4, 4) or (3, 4), a rotation and the eye. axes: of the camera's space, "opengl" for X right, Y
+        up, Z backward (OpenGL, Blender, NeRF), "opencv" for X right, Y down, Z forward. Give either fov_y_degrees, or K
+        as for `from_opencv`.
+        Raises InputError for a matrix with scale, reflection or no rotation, other axes, and neither or both of those.
         """
         eye, rotation = pose_of_matrix(camera_to_world, axes)
         if (fov_y_degrees is None) == (K is None):
@@ -113,9 +114,9 @@ class Camera(View):
         return np.column_stack([rows, np.zeros(3)])
 
     def crop(self, left: int, top: int, width: int, height: int) -> CalibratedCamera:
-        """The camera of a part of the image: its pixel (x, y) is pixel (left + x, top + y) here, with the same ray.
+        """The camera of a part of the image; its pixel (x, y) has the ray of pixel (left + x, top + y) to the bit.
 
-        Raises InputError for a part that is not wholly inside of the image.
+        Raises InputError for a part that is not inside the image.
         """
         for name, start, size, pixels in (("left", left, width, self.width), ("top", top, height, self.height)):
             if not (is_whole_number(start) and is_whole_number(size) and start >= 0 and size >= 1):
@@ -134,24 +135,25 @@ class Camera(View):
     def directions(
         self, x: NDArray[np.integer], y: NDArray[np.integer], offset: tuple[float, float] = (0.5, 0.5)
     ) -> NDArray[np.float64]:
-        """Camera-space directions (..., 3) float64, unit Z, of pixels (x, y) at sub-pixel `offset`."""
+        """Directions (..., 3) float64, camera space, Z = 1, of pixels (x, y) at sub-pixel `offset`."""
         return self._on_image_plane(x, y, offset, 1.0)
 
 
 @dataclass(frozen=True)
 class CalibratedCamera(Camera):
-    """A pinhole camera with any image plane: pixels that are not square, a view axis that passes beside the middle of
-    the image or outside of it. `Camera.from_opencv`, `Camera.from_matrix`, `Camera.crop` and the readers of
-    `atra.files.cameras` make it.
+    """A pinhole camera whose pixels need not be square and whose principal point need not be in the middle.
 
-    eye, target, up, width, height: as for `Camera`. plane: where the pixels lie.
-    fov_y_degrees: follows from them, between the upper and the lower border of the image.
+    `Camera.from_opencv`, `Camera.from_matrix`, `Camera.crop` and the readers of camera files return it.
 
-    Raises InputError as `Camera` does, and for a view axis beyond 1e6 pixels from the image.
+    eye, target, up, width, height: as for `Camera`.
+    plane: grid of pixels on the image plane.
+    fov_y_degrees: angle between the upper and the lower border of the image, computed.
+
+    Raises InputError as `Camera`, and for a principal point more than 1e6 pixels outside the image.
     """
 
     fov_y_degrees: float = field(init=False)
-    plane: ImagePlane = field(kw_only=True)  # type: ignore[misc]  # what `Camera` computes is given here
+    plane: ImagePlane = field(kw_only=True)  # type: ignore[misc]  # given here, computed by `Camera`
 
     def __post_init__(self) -> None:
         View.__post_init__(self)
@@ -176,6 +178,4 @@ class CalibratedCamera(Camera):
 
 def _placed(eye: NDArray[np.float64], axes: NDArray[np.float64]) -> tuple[Vector, Vector, Vector]:
     """eye, target and up of a camera whose axes right, down, forward are the rows of `axes`."""
-    x, y, z = eye.tolist()
-    up_x, up_y, up_z = (-axes[1]).tolist()
-    return (x, y, z), target_of(eye, axes[2]), (up_x, up_y, up_z)
+    return as_vector(eye), target_of(eye, axes[2]), as_vector(-axes[1])

@@ -1,4 +1,4 @@
-"""An image plane: where the pixels of a view lie about its axis, and how far apart."""
+"""The image plane: the grid of a view's pixels."""
 
 from __future__ import annotations
 
@@ -16,19 +16,20 @@ from atra.whole_numbers import is_whole_number
 
 @dataclass(frozen=True)
 class ImagePlane:
-    """The grid of pixels on the image plane; the view axis may meet it anywhere, and pixels need not be square.
+    """The grid of pixels on the image plane.
 
-    What lies at sub-pixel offset (ox, oy) of pixel (x, y) is, to the right of the view axis and below it,
+    Sub-pixel position (ox, oy) of pixel (x, y) lies, right of the view axis and below it, at
 
         (left + x + ox - axis_x) pitch_x,    (top + y + oy - axis_y) pitch_y
 
-    pitch_x, pitch_y: distance between neighbouring columns and rows, above 0; of a pinhole at depth 1, which makes it 1
-    over the focal length in pixels. axis_x, axis_y: where the view axis meets the plane (the principal point), in
-    pixels; (0, 0) is a corner and (0.5, 0.5) the centre of a pixel. left, top: the column and row that the image begins
-    with, whole numbers; a crop changes nothing else, so that its rays are those of the whole image to the bit.
+    pitch_x: distance between neighbouring columns, above 0; for a pinhole camera 1 / focal length in pixels.
+    pitch_y: distance between neighbouring rows, likewise.
+    axis_x: column of the principal point, pixels; 0 is the left border of column 0, 0.5 its middle.
+    axis_y: row of the principal point, likewise.
+    left: first column of the image, a whole number; only this and `top` differ in a crop, whose rays stay the same.
+    top: first row of the image, a whole number.
 
-    Raises InputError for a pitch that is not a finite number above 0, an axis that is not finite, and a left or top
-    that is no whole number.
+    Raises InputError for a pitch not finite or not above 0, an axis not finite, and a left or top that is not whole.
     """
 
     pitch_x: float
@@ -56,18 +57,18 @@ class ImagePlane:
 
     @classmethod
     def centred(cls, pitch: float, width: int, height: int) -> Self:
-        """Square pixels, the view axis through the middle of a width x height image."""
+        """Square pixels, with the principal point in the middle of a width x height image."""
         return cls(pitch, pitch, width / 2, height / 2)
 
     @property
     def axis_in_image(self) -> tuple[float, float]:
-        """Where the view axis meets the plane, in pixels from the image's own upper left corner."""
+        """The principal point, in pixels from the image's upper left corner."""
         return self.axis_x - self.left, self.axis_y - self.top
 
     def columns(self, x: ArrayLike, offset: float = 0.0) -> NDArray[np.float64]:
-        """How many pixels right of the view axis the columns `x` of the image are, at sub-pixel `offset`; float64."""
+        """Distances of columns `x`, at sub-pixel `offset`, right of the view axis, in pixels, float64."""
         return np.asarray(x, np.float64) + self.left - self.axis_x + offset
 
     def rows(self, y: ArrayLike, offset: float = 0.0) -> NDArray[np.float64]:
-        """How many pixels below the view axis the rows `y` of the image are, at sub-pixel `offset`; float64."""
+        """Distances of rows `y`, at sub-pixel `offset`, below the view axis, in pixels, float64."""
         return np.asarray(y, np.float64) + self.top - self.axis_y + offset

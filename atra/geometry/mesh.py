@@ -1,4 +1,4 @@
-"""A mesh: the triangles that are traced."""
+"""Meshes: the triangles that are traced."""
 
 from __future__ import annotations
 
@@ -11,29 +11,27 @@ from numpy.typing import ArrayLike, NDArray
 
 from atra.errors import InputError
 
-# The triangle test multiplies three lengths in float32; beyond this their product leaves float32 and a triangle would
-# vanish from the image without a word. Embree also drops triangles with coordinates above 1.8e18 silently. How near
-# the eye must be depends on the camera: see `ray_space.check_range`.
+# The triangle test multiplies three lengths in float32; beyond this limit the product overflows and triangles silently
+# vanish from the image. The limit of the distance to the eye is `ray_space.FARTHEST_FROM_EYE`.
 _LARGEST_COORDINATE = 1e12
 
 _FACTORS = np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9], np.uint64)
-"""Odd numbers that mix the bits of a position."""
+"""Odd factors of the hash of a position."""
 
 _LONGER_PRODUCT = 4.0
-"""How many times the product of the shortest two edges that of the two at the first corner is in a needle."""
+"""A needle is a triangle whose two edges at the first corner have a product beyond this multiple of the least such."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Mesh:
-    """Indexed triangles in world space.
+    """Indexed triangles in world space; the arrays are C-contiguous, read-only copies, with triangles without area.
 
-    vertices: (V, 3) float32, scene units; any real array-like is copied and converted.
-    faces: (F, 3) uint32, three vertex indices each; row i is the triangle with `prim_id` i. Any integer array-like.
-    name: what messages and records call it.
+    vertices: (V, 3) float32, scene units; any real array-like is converted.
+    faces: (F, 3) uint32, vertex indices; row i is the triangle with `prim_id` i. Any integer array-like is converted.
+    name: the mesh's name in messages and records.
 
-    Both arrays are C-contiguous, private copies and read-only. Zero-area triangles are kept, so that `prim_id` is the
-    row of the source. Raises InputError for a wrong shape or dtype, no triangle, a coordinate that is not finite or
-    beyond 1e12 in size (first one named), or an index outside the vertices (first face named).
+    Raises InputError for a wrong shape or dtype, no triangle, the first coordinate that is not finite or beyond 1e12 in
+    size, and the first face with an index outside the vertices.
     """
 
     vertices: NDArray[np.float32]
@@ -45,7 +43,7 @@ class Mesh:
         object.__setattr__(self, "faces", _checked_faces(self.faces, len(self.vertices)))
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        # Copies and unpickled arrays can be written to, whatever the original was.
+        # Arrays of copies and of pickles are writable.
         self.__dict__.update(state)
         for name in ("vertices", "faces", "traced_faces"):
             if name in state:
@@ -65,21 +63,21 @@ class Mesh:
 
     @property
     def triangle_count(self) -> int:
-        """F, degenerate triangles included."""
+        """F, triangles without area included."""
         return len(self.faces)
 
     @cached_property
     def bounds(self) -> NDArray[np.float64]:
-        """(2, 3) float64, lowest and highest corner of the box around all vertices that a face uses."""
+        """(2, 3) float64, lowest and highest corner of the box around all vertices of faces."""
         is_used = np.zeros(len(self.vertices), np.bool_)
         is_used[self.faces] = True
-        axes = self.vertices.T.copy()  # an axis at a time is several times faster
+        axes = self.vertices.T.copy()  # one axis at a time is faster
         axes[:, ~is_used] = axes[:, self.faces[0, :1]]
         return np.stack([axes.min(axis=1), axes.max(axis=1)]).astype(np.float64)
 
     @cached_property
     def without_area(self) -> NDArray[np.int64]:
-        """(N,) int64, `prim_id` of the triangles whose corners lie on a line, ascending: no ray hits them."""
+        """(N,) int64, ascending, `prim_id` of the triangles without area, which no ray hits."""
         corners = self.vertices.astype(np.float64)[self.faces]
         # Differences of float32 values and their products are exact in float64, or nearly so.
         normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -87,12 +85,11 @@ class Mesh:
 
     @cached_property
     def traced_faces(self) -> NDArray[np.uint32]:
-        """(F, 3) uint32: `faces`, the corners of each needle turned so that its longest edge lies opposite the first.
+        """(F, 3) uint32, faces as Embree is given them: in needles the longest edge lies opposite the first corner.
 
-        What tracers hand to Embree. Its test multiplies the two edges at the first corner, and in float32 the product
-        of two long edges of a needle says little about its plane (docs/methods.md, Rounding). Other triangles
-        stay as they are: two that share their longest edge, like the halves of a square, are tested there with the same
-        numbers if it starts at the first corner of both, and no ray slips through between them.
+        Embree's test multiplies the two edges at the first corner, and for two long edges of a needle float32 makes the
+        product inaccurate (docs/methods.md, Rounding). Other triangles are unchanged: the halves of a square, which
+        share their longest edge, are then tested there with equal numbers, and no ray slips through.
         """
         corners = [self.vertices[self.faces[:, corner]].astype(np.float64) for corner in range(3)]
         lengths = np.stack([np.linalg.norm(corners[i - 2] - corners[i - 1], axis=1) for i in range(3)], axis=1)
@@ -107,9 +104,9 @@ class Mesh:
         return turned
 
     def triangles(self, prim_id: NDArray[np.integer]) -> NDArray[np.float64]:
-        """Corners (N, 3, 3) float64 of the faces `prim_id` (N,): face, corner, axis.
+        """Corners (N, 3, 3) float64 of the triangles `prim_id` (N,): triangle, corner, axis.
 
-        Raises InputError naming the first `prim_id` this mesh does not have.
+        Raises InputError naming the first `prim_id` that this mesh does not have.
         """
         prim_id = np.asarray(prim_id)
         absent = (prim_id < 0) | (prim_id >= self.triangle_count)
@@ -122,12 +119,10 @@ class Mesh:
 
 def _checked_vertices(given: ArrayLike) -> NDArray[np.float32]:
     vertices = _as_array("vertices", given)
-    if vertices.ndim != 2 or vertices.shape[1] != 3:
-        if vertices.size == 0:
-            raise InputError("the mesh has no vertices, expected at least one triangle")
-        raise InputError(f"vertices have shape {vertices.shape}, expected (V, 3)")
-    if len(vertices) == 0:
+    if vertices.size == 0:
         raise InputError("the mesh has no vertices, expected at least one triangle")
+    if vertices.ndim != 2 or vertices.shape[1] != 3:
+        raise InputError(f"vertices have shape {vertices.shape}, expected (V, 3)")
     if vertices.dtype.kind not in "iuf":
         raise InputError(f"vertices have dtype {vertices.dtype}, expected real numbers")
     good = np.abs(vertices.astype(np.float64)) <= _LARGEST_COORDINATE  # False for NaN and inf, too
@@ -137,9 +132,7 @@ def _checked_vertices(given: ArrayLike) -> NDArray[np.float32]:
         raise InputError(
             f"vertex {index} is {value}, expected finite numbers of at most {_LARGEST_COORDINATE:g} in size"
         )
-    copied = np.array(vertices, dtype=np.float32, order="C")
-    copied.setflags(write=False)
-    return copied
+    return _read_only_copy(vertices, np.float32)
 
 
 def _checked_faces(given: ArrayLike, vertex_count: int) -> NDArray[np.uint32]:
@@ -154,7 +147,11 @@ def _checked_faces(given: ArrayLike, vertex_count: int) -> NDArray[np.uint32]:
     if bad.any():
         face, corner = (int(i) for i in np.argwhere(bad)[0])
         raise InputError(f"face {face} names vertex {faces[face, corner]}, but the mesh has {vertex_count} vertices")
-    copied = np.array(faces, dtype=np.uint32, order="C")
+    return _read_only_copy(faces, np.uint32)
+
+
+def _read_only_copy(array: NDArray[Any], kind: type[np.generic]) -> NDArray[Any]:
+    copied = np.array(array, dtype=kind, order="C")
     copied.setflags(write=False)
     return copied
 
@@ -167,7 +164,7 @@ def _as_array(name: str, given: ArrayLike) -> NDArray[Any]:
 
 
 def position_keys(mesh: Mesh) -> NDArray[np.uint64]:
-    """(V,) uint64, equal for vertices at one position; of others two may be equal by accident, once in 2^64."""
+    """(V,) uint64 hashes, equal for vertices at the same position."""
     places = mesh.vertices + np.float32(0.0)  # no -0.0
     mixed: NDArray[np.uint64] = (places.view(np.uint32).astype(np.uint64) * _FACTORS).sum(axis=1, dtype=np.uint64)
     return mixed

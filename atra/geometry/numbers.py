@@ -1,4 +1,4 @@
-"""Numbers and vectors as users give them: converted, or refused by name."""
+"""Checks and conversions of numbers and vectors that users give."""
 
 from __future__ import annotations
 
@@ -11,23 +11,30 @@ from numpy.typing import ArrayLike, NDArray
 from atra.errors import InputError
 
 Vector = tuple[float, float, float]
+"""Three floats of Python."""
 
 
 def as_number(value: Any) -> float:
-    """`value` as a float; NaN, which no range contains, where it is no number."""
+    """`value` as a float; NaN, which no range contains, if it is no number."""
     try:
         return float(value)
     except (TypeError, ValueError, OverflowError):
         return nan
 
 
+def as_vector(array: NDArray[np.float64]) -> Vector:
+    """Three numbers of an array (3,) as floats of Python."""
+    x, y, z = array.tolist()
+    return x, y, z
+
+
 def unit_vector(name: str, vector: ArrayLike) -> NDArray[np.float64]:
-    """(3,) float64, the direction of three finite numbers. Raises InputError, naming it, if all of them are zero."""
+    """(3,) float64, three finite numbers scaled to length 1. Raises InputError, naming them, if all are zero."""
     components = np.asarray(vector, np.float64)
     largest = np.abs(components).max()
     if largest == 0.0:
         raise InputError(f"{name} is {tuple(components.tolist())}, expected a direction of non-zero length")
-    # By a power of two, which keeps every digit: squares of very large or small numbers would leave float64.
+    # Squares of very large or small numbers would leave float64; scaling by a power of two is exact.
     scaled = np.ldexp(components, -np.frexp(largest)[1])
     return np.asarray(scaled / np.linalg.norm(scaled))
 

@@ -1,4 +1,4 @@
-"""Orthographic camera: parallel rays, for plans, elevations and the shadow maps of directional lights."""
+"""The orthographic camera: parallel rays, as for plans, elevations and shadow maps of directional lights."""
 
 from __future__ import annotations
 
@@ -11,25 +11,24 @@ from numpy.typing import ArrayLike, NDArray
 
 from atra.errors import InputError
 from atra.geometry.image_plane import ImagePlane
-from atra.geometry.numbers import Vector, as_number, checked_vector, unit_vector
+from atra.geometry.numbers import Vector, as_number, as_vector, checked_vector, unit_vector
 from atra.geometry.view import View
 
-# Share by which `of_light` widens the view, so that rounding leaves no corner of the box outside.
 _WIDENING = 1e-9
+"""Share by which `of_light` widens the view, so that rounding leaves no corner of the box outside."""
 
 
 @dataclass(frozen=True)
 class OrthographicCamera(View):
     """A camera whose rays are parallel, and its pixel grid.
 
-    Camera space has the eye at the origin, X to the right (forward x up), Y down (down = forward x right) and Z along
-    the view axis; the image plane lies at Z = 0. The ray of pixel (x, y) at sub-pixel `offset` (ox, oy) starts at
-    ((x + ox - W/2) p, (y + oy - H/2) p, 0) with pixel pitch p = view_height / H and has direction (0, 0, 1), so a ray
-    parameter *is* a depth along the view axis, and nothing behind the image plane is seen.
+    Camera space is as for `Camera`, but the image plane lies at Z = 0. The ray of pixel (x, y) at sub-pixel `offset`
+    (ox, oy) starts at ((x + ox - W/2) p, (y + oy - H/2) p, 0) with pixel pitch p = view_height / H and has direction
+    (0, 0, 1), so a ray parameter *is* a depth, and nothing behind the image plane is seen.
 
-    eye: centre of the image plane; eye, target, up: three finite floats each, scene units.
-    view_height: what the height of the image covers, scene units, above 0; pixels are square.
-    width, height: image size in pixels, at least 1.
+    eye: centre of the image plane, three finite floats, scene units.
+    target, up, width, height: as for `Camera`.
+    view_height: height of the image, scene units, above 0; pixels are square.
 
     Raises InputError for a size below 1, a view_height that is not above 0, eye = target, or up parallel to the view.
     """
@@ -52,31 +51,30 @@ class OrthographicCamera(View):
 
     @classmethod
     def of_light(cls, direction: Vector, bounds: ArrayLike, width: int, height: int, up: Vector | None = None) -> Self:
-        """The view of a directional light that covers a box wholly, as for a shadow map.
+        """The view along a directional light that contains a box, as for a shadow map.
 
-        The box is centred and fills the image in one axis at least. The image plane stands one diagonal of the box
+        The box is centred and fills the image along one axis or both. The image plane lies one diagonal of the box
         before its centre, so that the whole box lies in front of it.
 
-        direction: the way the light travels, three finite floats of any length but 0.
-        bounds: (2, 3), lowest and highest corner of the box, such as `Mesh.bounds`, scene units.
-        up: None takes the world's axis most across the light.
-        Raises InputError for a direction of no length, a box that is not one, or one that has no extent across the
-        light.
+        direction: the light's direction, three finite floats of any length but 0.
+        bounds: (2, 3), lowest and highest corner of the box, scene units, such as `Mesh.bounds`.
+        up: None = the world axis that is most across the light.
+        Raises InputError for a direction of length 0, corners of no box, and a box without extent across the light.
         """
         forward = unit_vector("direction", checked_vector("direction", direction))
         low, high = _checked_bounds(bounds)
         if up is None:
-            x, y, z = np.eye(3)[np.abs(forward).argmin()].tolist()
-            up = (x, y, z)
+            up = as_vector(np.eye(3)[np.abs(forward).argmin()])
         centre, diagonal = (low + high) / 2, high - low
         distance = hypot(*diagonal.tolist()) or 1.0
-        unit = cls(_floats(centre - distance * forward), _floats(centre), up, 1.0, width, height)
-        # A box reaches as far across an axis as its diagonal does with every component counted positive.
+        unit = cls(as_vector(centre - distance * forward), as_vector(centre), up, 1.0, width, height)
+        # The extent of a box along an axis is that of its diagonal if all components count positive.
         extent_right, extent_down = np.abs(unit.axes[:2]) @ diagonal
         view_height = max(extent_down, extent_right * unit.height / unit.width) * (1.0 + _WIDENING)
         if not view_height > 0.0:
             raise InputError(
-                f"the box from {_floats(low)} to {_floats(high)} has no extent across the light {_floats(forward)}"
+                f"the box from {as_vector(low)} to {as_vector(high)} has no extent across the light "
+                f"{as_vector(forward)}"
             )
         return cls(unit.eye, unit.target, unit.up, view_height, width, height)
 
@@ -105,8 +103,3 @@ def _checked_bounds(bounds: ArrayLike) -> NDArray[np.float64]:
     if not (np.isfinite(box).all() and (box[0] <= box[1]).all()):
         raise InputError(f"bounds are {box.tolist()}, expected finite corners, the lowest first")
     return box
-
-
-def _floats(vector: NDArray[np.float64]) -> Vector:
-    x, y, z = vector.tolist()
-    return x, y, z

@@ -1,4 +1,4 @@
-"""Vertices of a mesh as pixels of a camera, and the number of cells of an image that each triangle meets."""
+"""Projection of a mesh's vertices to pixels, and the number of cells that each triangle meets."""
 
 from __future__ import annotations
 
@@ -15,9 +15,10 @@ from atra.geometry.view import View
 def count_kept(
     pool: WorkerPool, points_pixels: NDArray[np.float64], mesh: Mesh, culling: bool, cell: tuple[int, int, int, int]
 ) -> NDArray[np.int64]:
-    """(F,) int64, the cells that keep each triangle: those it meets, or without `culling` all; none if it has no area.
+    """(F,) int64, the number of cells that keep each triangle: those it meets, or all without `culling`.
 
-    points_pixels: of `project_vertices`. cell: columns, rows, width and height of the cells.
+    A triangle without area is kept by none. points_pixels: from `project_vertices`. cell: columns, rows, width and
+    height of the cells.
     """
     counts = np.full(mesh.triangle_count, cell[0] * cell[1], np.int64)
     if culling:
@@ -29,9 +30,9 @@ def count_kept(
 def project_vertices(
     mesh: Mesh, camera: View, pool: WorkerPool, linear: NDArray[np.float64] | None = None
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Vertices -> (V, 3) float64 (a, b, c) with pixel position (a / c, b / c), and their ray space, (V, 3) float64.
+    """Project vertices to (a, b, c) with pixel position (a / c, b / c), and to ray space, both (V, 3) float64.
 
-    c is the depth, or 1 where rays are parallel. linear: (3, 3) float64, eye space -> ray space (None: the camera's).
+    c is the depth, or 1 for parallel rays. linear: (3, 3) float64, eye space to ray space, None = the camera's.
     """
     linear = from_eye_space(camera) if linear is None else linear
     shape = mesh.vertices.shape

@@ -1,8 +1,7 @@
-"""Vertices in pixels, and the cells of an image that each triangle meets, counted in one pass (paper §3.4).
+"""Projection of vertices to pixels, and the cells of an image that each triangle meets (paper §3.4).
 
-A triangle is clipped against the eye plane and against one row of cells at a time; what is left spans one contiguous
-range of columns. Coordinates here are homogeneous pixels (a, b, c): a / c and b / c are the pixel position, c the
-depth, so the planes of every frustum are linear in them.
+A triangle is clipped against the eye plane and one row of cells; the rest spans one contiguous range of columns.
+Coordinates are homogeneous pixels (a, b, c), in which frustums have planes: pixel position (a / c, b / c), depth c.
 """
 
 from __future__ import annotations
@@ -13,24 +12,20 @@ from atra.compiled.intrinsics import fetch_add
 from atra.compiled.store import kernel, njit
 
 MARGIN_PIXELS = 0.125
-"""How far a triangle may lie outside a cell's pixel area and still be kept.
-
-Rays never leave the area, so the margin has only rounding to absorb: float32 slopes are good to 1e-4 of a pixel at
-1,024 pixels and to 1e-2 at 100,000.
-"""
+"""Distance from a cell's pixels within which a triangle is kept; it covers the rounding of float32 rays."""
 
 CHUNK = 4096
-"""Triangles a thread takes at a time."""
+"""Triangles that a thread takes at a time."""
 
 CORNERS = 8
-"""Room for the corners of a polygon: a triangle clipped by three planes has at most six."""
+"""Size of arrays for the corners of a polygon: a triangle clipped by three planes has at most six."""
 
 
 @kernel
 def project_points(counter_address, vertices, eye, to_pixels, linear, points_pixels, points_ray):  # type: ignore[no-untyped-def]
-    """World points (V, 3) float32 -> homogeneous pixels and ray space, both (V, 3) float64.
+    """Transform world points (V, 3) float32 to homogeneous pixels and to ray space, both (V, 3) float64.
 
-    to_pixels: (3, 4) float64, of homogeneous eye space. linear: (3, 3) float64, eye space -> ray space.
+    to_pixels: (3, 4) float64, from homogeneous eye space. linear: (3, 3) float64, eye space to ray space.
     """
     while True:
         start = fetch_add(counter_address, 1) * CHUNK
@@ -44,9 +39,9 @@ def project_points(counter_address, vertices, eye, to_pixels, linear, points_pix
                 points_ray[point, axis] = linear[axis, 0] * x + linear[axis, 1] * y + linear[axis, 2] * z
 
 
-@njit  # called from three places and seldom: inlined, it would be compiled three times in every kernel
+@njit  # not inlined: it has three rare callers in every kernel
 def _clip(source, count, target, plane_a, plane_b, plane_c):  # type: ignore[no-untyped-def]
-    """Keep the part of a convex polygon where plane_a a + plane_b b + plane_c c >= 0; returns its corner count."""
+    """Clip a convex polygon to plane_a a + plane_b b + plane_c c >= 0; returns the number of corners left."""
     kept = 0
     for corner in range(count):
         following = corner + 1 if corner + 1 < count else 0
@@ -66,7 +61,7 @@ def _clip(source, count, target, plane_a, plane_b, plane_c):  # type: ignore[no-
 
 @njit(forceinline=True)
 def pixel_range(polygon, count, axis, tiny):  # type: ignore[no-untyped-def]
-    """(lowest, highest) pixel position of a polygon in front of the eye; infinite where it reaches the eye plane."""
+    """Lowest and highest pixel position along an axis of a polygon in front of the eye; infinite at the eye plane."""
     low, high = np.inf, -np.inf
     for corner in range(count):
         value, c = polygon[corner, axis], polygon[corner, 2]
@@ -82,7 +77,7 @@ def pixel_range(polygon, count, axis, tiny):  # type: ignore[no-untyped-def]
 
 @njit(forceinline=True)
 def cell_range(low, high, cell_pixels, cell_count):  # type: ignore[no-untyped-def]
-    """First and last cell that the pixel range meets; first > last where it meets none."""
+    """First and last cell that a range of pixels meets; first > last if there is none."""
     image_pixels = cell_pixels * cell_count
     if not (high >= -MARGIN_PIXELS and low <= image_pixels + MARGIN_PIXELS):
         return 1, 0
@@ -93,7 +88,7 @@ def cell_range(low, high, cell_pixels, cell_count):  # type: ignore[no-untyped-d
 
 @njit(forceinline=True)
 def load_triangle(points_pixels, faces, triangle, polygon):  # type: ignore[no-untyped-def]
-    """Corners of a triangle into `polygon`; returns (nearest depth, farthest depth, largest coordinate)."""
+    """Copy a triangle's corners to `polygon`; returns nearest depth, farthest depth and largest coordinate."""
     nearest, farthest, largest = np.inf, -np.inf, 0.0
     for corner in range(3):
         vertex = faces[triangle, corner]
@@ -107,7 +102,7 @@ def load_triangle(points_pixels, faces, triangle, polygon):  # type: ignore[no-u
 
 @njit(forceinline=True)
 def front_part(polygon, nearest, farthest, scratch):  # type: ignore[no-untyped-def]
-    """Clip the loaded triangle at the eye plane, in place; returns the corner count (0: all behind)."""
+    """Clip a triangle at the eye plane in place; returns the number of corners, 0 = all is behind."""
     if nearest > 0.0:
         return 3
     if farthest < 0.0:
@@ -121,7 +116,7 @@ def front_part(polygon, nearest, farthest, scratch):  # type: ignore[no-untyped-
 
 @njit(forceinline=True)
 def columns_in_row(polygon, count, row, cell_width, cell_height, nx, y_low, y_high, tiny, first, second):  # type: ignore[no-untyped-def]
-    """Columns that the polygon meets in one row of cells."""
+    """First and last column that the polygon meets in one row of cells."""
     top, bottom = row * cell_height - MARGIN_PIXELS, (row + 1) * cell_height + MARGIN_PIXELS
     if y_low >= top and y_high <= bottom:
         low, high = pixel_range(polygon, count, 0, tiny)
@@ -134,12 +129,8 @@ def columns_in_row(polygon, count, row, cell_width, cell_height, nx, y_low, y_hi
 
 @kernel
 def count_copies(counter_address, points_pixels, faces, nx, ny, cell_width, cell_height, counts):  # type: ignore[no-untyped-def]
-    """counts[t] = number of cells triangle t meets. points_pixels: (V, 3) float64 homogeneous pixels."""
-    polygon, first, second = (
-        np.empty((CORNERS, 3)),
-        np.empty((CORNERS, 3)),
-        np.empty((CORNERS, 3)),
-    )
+    """Set counts[t] to the number of cells that triangle t meets. points_pixels: (V, 3) float64 homogeneous pixels."""
+    polygon, first, second = np.empty((CORNERS, 3)), np.empty((CORNERS, 3)), np.empty((CORNERS, 3))
     while True:
         start = fetch_add(counter_address, 1) * CHUNK
         if start >= len(faces):

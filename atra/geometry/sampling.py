@@ -1,4 +1,4 @@
-"""Sub-pixel positions of the rays of successive frames: a low-discrepancy sequence, for progressive pictures."""
+"""Sub-pixel positions for progressive pictures: a low-discrepancy sequence."""
 
 from __future__ import annotations
 
@@ -8,20 +8,17 @@ from numpy.typing import NDArray
 from atra.errors import InputError
 from atra.whole_numbers import is_whole_number
 
-# The plane's analogue of the golden ratio, the real root of x^3 = x + 1.
 _PLASTIC = 1.324717957244746
+"""The plastic ratio, the real root of x^3 = x + 1."""
 
 
 def sub_pixel_offsets(count: int, first: int = 0) -> NDArray[np.float64]:
-    """(count, 2) float64 in [0, 1): offsets `first`, `first` + 1, ... of a sequence of which every prefix is even.
+    """(count, 2) float64 in [0, 1), offsets `first`, `first` + 1, ... of a sequence whose prefixes fill a pixel evenly.
 
-    Offset 0 is the pixel's centre, so that the first frame of a progressive picture is the ordinary one.
-    Raises InputError unless count and first are whole numbers of at least 0.
+    Offset 0 is the pixel's centre. Raises InputError unless count and first are whole numbers of at least 0.
     Source: M. Roberts, "The unreasonable effectiveness of quasirandom sequences", 2018 (the R2 sequence).
     """
     if not all(is_whole_number(value) and value >= 0 for value in (count, first)):
-        raise InputError(
-            f"{count!r} offsets from number {first!r} on were asked for, expected whole numbers of at least 0"
-        )
+        raise InputError(f"count is {count!r} and first is {first!r}, expected whole numbers of at least 0")
     index = np.arange(int(first), int(first) + int(count), dtype=np.float64)[:, None]
     return (0.5 + index * [1 / _PLASTIC, 1 / _PLASTIC**2]) % 1.0

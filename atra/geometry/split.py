@@ -1,4 +1,4 @@
-"""A split: the equal cells that an image is divided into."""
+"""The split of an image into equal cells."""
 
 from __future__ import annotations
 
@@ -12,9 +12,14 @@ from atra.whole_numbers import is_whole_number
 
 @dataclass(frozen=True)
 class Split:
-    """nx x ny equal cells of a width x height image; cell (i, j) is column i, row j.
+    """The split of an image into nx x ny equal cells; cell (i, j) is column i, row j.
 
-    Raises InputError for anything but whole numbers of at least 1, and for counts that do not divide the image.
+    nx: columns of cells.
+    ny: rows of cells.
+    width: width of the image, pixels.
+    height: height of the image, pixels.
+
+    Raises InputError unless all are whole numbers of at least 1, and nx divides width and ny divides height.
     """
 
     nx: int
@@ -40,7 +45,7 @@ class Split:
 
     @classmethod
     def of_image(cls, counts: tuple[int, int], camera: View) -> Self:
-        """The camera's image in counts = (nx, ny) cells. Raises InputError for anything but two such numbers."""
+        """The split of a camera's image into counts = (nx, ny) cells. Raises InputError as `Split`."""
         try:
             nx, ny = counts
         except (TypeError, ValueError):
@@ -50,19 +55,20 @@ class Split:
         return cls(nx, ny, camera.width, camera.height)
 
     def of(self, camera: View) -> Split:
-        """Another camera's image in as many cells."""
+        """The split of another camera's image into as many cells."""
         return Split(self.nx, self.ny, camera.width, camera.height)
 
     @property
     def cell_count(self) -> int:
+        """Number of cells."""
         return self.nx * self.ny
 
     @property
     def cell_width(self) -> int:
-        """Pixels."""
+        """Width of a cell, pixels."""
         return self.width // self.nx
 
     @property
     def cell_height(self) -> int:
-        """Pixels."""
+        """Height of a cell, pixels."""
         return self.height // self.ny

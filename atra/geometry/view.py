@@ -1,4 +1,4 @@
-"""A view: what every camera has, where it stands, where it looks, and its pixel grid."""
+"""Views: what pinhole and orthographic cameras have in common."""
 
 from __future__ import annotations
 
@@ -14,20 +14,16 @@ from atra.geometry.image_plane import ImagePlane
 from atra.geometry.numbers import Vector, checked_vector, unit_vector
 from atra.whole_numbers import is_whole_number
 
-# sin of the angle below which `up` counts as parallel to the view direction; float64 leaves ten digits above it.
 _PARALLEL_SINE = 1e-6
+"""Sine of the angle below which `up` counts as parallel to the view direction."""
 
 
 class View(ABC):
-    """The base of `Camera` and `OrthographicCamera`, which are frozen dataclasses with these fields and a scale.
+    """The base of `Camera` and `OrthographicCamera`.
 
-    Camera space has the eye at the origin, X to the right (forward x up), Y down (down = forward x right) and Z along
-    the view axis. Rays have a direction of unit Z and start at Z = 0, so a ray parameter *is* a depth.
+    Camera space is as for `Camera`. Ray directions have Z = 1 and rays start at Z = 0, so a ray parameter *is* a depth.
 
-    eye, target, up: three finite floats each, scene units.
-    width, height: image size in pixels, at least 1.
-
-    Raises InputError for a size below 1, eye = target, up of no length, or up parallel to the view.
+    eye, target, up, width, height: as for `Camera`. Raises InputError as `Camera`.
     """
 
     eye: Vector
@@ -37,7 +33,7 @@ class View(ABC):
     height: int
 
     is_parallel: ClassVar[bool]
-    """Rays share their direction (True) or their origin (False)."""
+    """Whether rays share their direction (True) or their origin (False)."""
 
     def __post_init__(self) -> None:
         for name in ("eye", "target", "up"):
@@ -47,7 +43,7 @@ class View(ABC):
             if not is_whole_number(value) or value < 1:
                 raise InputError(f"{name} is {value!r}, expected a whole number of pixels of at least 1")
             object.__setattr__(self, name, int(value))
-        _ = self.axes  # refused here, not when first asked for
+        _ = self.axes  # raises here, not at first use
 
     @cached_property
     def axes(self) -> NDArray[np.float64]:
@@ -71,17 +67,17 @@ class View(ABC):
     @property
     @abstractmethod
     def plane(self) -> ImagePlane:
-        """Where the pixels lie on the image plane."""
+        """The grid of pixels on the image plane."""
 
     @property
     def pixel_pitch(self) -> float:
-        """Distance between neighbouring pixels on the image plane; the smaller one where pixels are not square."""
+        """Distance between neighbouring pixels on the image plane, the smaller one of columns and rows."""
         return min(self.plane.pitch_x, self.plane.pitch_y)
 
     @property
     @abstractmethod
     def to_pixels(self) -> NDArray[np.float64]:
-        """(3, 4) float64: eye-space point (X, Y, Z, 1) -> (a, b, c) with pixel position (a / c, b / c).
+        """(3, 4) float64: transforms eye-space points (X, Y, Z, 1) to (a, b, c) with pixel position (a / c, b / c).
 
         The ray of pixel (x, y) at offset (ox, oy) passes through the points with position (x + ox, y + oy).
         """
@@ -90,23 +86,23 @@ class View(ABC):
     def rays(
         self, x: NDArray[np.integer], y: NDArray[np.integer], offset: tuple[float, float] = (0.5, 0.5)
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Camera-space origins and directions, (..., 3) float64 each, of pixels (x, y) at sub-pixel `offset`.
+        """Origins and directions, camera space, (..., 3) float64 each, of the rays of pixels (x, y).
 
-        Raises InputError for an offset outside the pixel.
+        Raises InputError for a sub-pixel `offset` outside [0, 1) x [0, 1).
         """
 
     def to_eye_space(self, points: NDArray[np.floating]) -> NDArray[np.float64]:
-        """World points (N, 3) -> eye space (N, 3) float64: the world's axes, the eye at the origin."""
+        """Transform world points (N, 3) to eye space, (N, 3) float64: the world's axes, the eye at the origin."""
         return np.asarray(points, np.float64) - self.eye
 
     def to_camera_space(self, points: NDArray[np.floating]) -> NDArray[np.float64]:
-        """World points (N, 3) -> camera space (N, 3) float64, subtracting the eye before rotating to keep digits."""
+        """Transform world points (N, 3) to camera space, (N, 3) float64; the eye is subtracted first to keep digits."""
         return self.to_eye_space(points) @ self.axes.T
 
     def _on_image_plane(
         self, x: NDArray[np.integer], y: NDArray[np.integer], offset: tuple[float, float], z: float
     ) -> NDArray[np.float64]:
-        """(..., 3) float64: where the image plane, put at depth `z`, has the pixels (x, y) at sub-pixel `offset`."""
+        """(..., 3) float64, the pixels (x, y) at sub-pixel `offset` on the image plane, with Z = `z`."""
         check_offset(offset)
         plane = self.plane
         plane_x, plane_y = plane.columns(x, offset[0]) * plane.pitch_x, plane.rows(y, offset[1]) * plane.pitch_y

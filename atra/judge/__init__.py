@@ -1,1 +1,1 @@
-"""Images judged in float64: comparison pixel by pixel, reference, oracle, and which of tied triangles is named."""
+"""Judging images in float64: comparison by pixel, reference, oracle."""

@@ -1,4 +1,4 @@
-"""All hits before the oracle: whether what was gathered is what float64 finds, testing every triangle of every ray."""
+"""Judging reductions of all hits: they are compared with tests of every ray and triangle in float64."""
 
 from __future__ import annotations
 
@@ -16,19 +16,20 @@ from atra.judge.all_hits_kernels import judge_rays
 from atra.prim_ids import MISS
 
 TOLERANCE = 1e-5
-"""Of a thickness, relative to itself; and of depths, up to which float32 may put either in front."""
+"""Relative error allowed of a thickness, and relative difference of depths that float32 may order either way."""
 
 ROUNDINGS = 4.0 * 2.0**-24
-"""Four roundings in float32 of the products that a depth is made of."""
+"""Error allowed of a depth, relative to the products that it is made of: four roundings of float32."""
 
 
 @dataclass(frozen=True, eq=False)
 class AllHits:
-    """What the ray of every pixel meets, by volumes in float64.
+    """The crossings of every pixel's ray in float64.
 
-    least, most: (H, W) int64, how many triangles it crosses: without and with those that float64 cannot decide about.
-    nearer: (H, W) int64, of the least, those nearer than the limit. thickness: (H, W) float64, where both are equal;
-    products: (H, W) float64, of the depths it consists of, what their roundings are relative to.
+    least, most: (H, W) int64, number of triangles crossed, without and with those that float64 cannot decide.
+    nearer: (H, W) int64, number of sure crossings nearer than the limit.
+    thickness: (H, W) float64, valid where least = most.
+    products: (H, W) float64, sum of the products to which the depths' roundings are relative.
     """
 
     least: NDArray[np.int64]
@@ -45,7 +46,7 @@ def all_hits(
     limits: NDArray[np.floating] | float = np.inf,
     threads: int | None = 1,
 ) -> AllHits:
-    """The truth of every pixel. limits: (H, W) depths. Takes some ten nanoseconds a ray and triangle.
+    """All crossings of every pixel's ray, by testing all triangles. limits: (H, W) depths.
 
     Raises InputError for a bad offset or thread count.
     """
@@ -68,22 +69,20 @@ def all_hits(
 
 
 def wrong_counts(counts: Counts, threads: int | None = 1) -> NDArray[np.bool_]:
-    """(H, W) bool, where a count is none that float64 allows."""
+    """(H, W) bool, whether float64 excludes a count."""
     truth = all_hits(counts.mesh, counts.camera, counts.offset, threads=threads)
     return (counts.count < truth.least) | (counts.count > truth.most)
 
 
 def wrong_thicknesses(found: Thicknesses, threads: int | None = 1) -> NDArray[np.bool_]:
-    """(H, W) bool, where a thickness is farther off than TOLERANCE of itself and ROUNDINGS of its depths; nowhere that
-    float64 cannot decide what is hit."""
+    """(H, W) bool, whether a thickness errs by more than allowed; False where float64 cannot decide what is hit."""
     truth = all_hits(found.mesh, found.camera, found.offset, threads=threads)
     allowed = TOLERANCE * truth.thickness + ROUNDINGS * truth.products
     return (truth.least == truth.most) & ~(np.abs(found.thickness - truth.thickness) <= allowed)
 
 
 def wrong_layers(found: LayerHits, threads: int | None = 1) -> NDArray[np.bool_]:
-    """(H, W) bool, where layers are not the nearest hits, each once, at their depths and in their order, or where
-    `count` is none that float64 allows."""
+    """(H, W) bool, whether layers are not the nearest hits in order, each once, or float64 excludes their `count`."""
     depth, prim_id = found.depth.astype(np.float64), found.prim_id
     given = prim_id != MISS
     full = given.all(axis=0)

@@ -1,4 +1,4 @@
-"""Judging: every ray against every triangle in float64, by volumes in space, as no tracer here works."""
+"""All crossings of rays, found by testing every ray against every triangle in float64."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from atra.compiled.intrinsics import fetch_add
 from atra.compiled.store import kernel, njit
 
 DECIDABLE = 1e-11
-"""Share of the largest product that a volume has to be for float64 to know its sign, however it was computed."""
+"""Least size of a volume, relative to its largest product, at which float64 is sure of its sign."""
 
 _CHUNK = 64
-"""Rays a thread takes at a time."""
+"""Rays that a thread takes at a time."""
 
 
 @njit(forceinline=True)
@@ -28,13 +28,13 @@ def _length(x, y, z):  # type: ignore[no-untyped-def]
 def judge_rays(  # type: ignore[no-untyped-def]
     counter_address, origins, directions, corners, edges_1, edges_2, limits, sure, unsure, nearer, thickness, products
 ):
-    """What every ray meets, until the shared counter runs past the last.
+    """Count the crossings of every ray; threads share rays.
 
     origins, directions: (N, 3) float64. corners, edges_1, edges_2: (F, 3) float64, in the rays' space. limits: (N,)
-    float64, ray parameters. sure: (N,) int64, the hits that are beyond doubt, and nearer: those of them before the
-    limit. unsure: (N,) int64, hits that float64 cannot decide about. thickness: (N,) float64, of the sure hits, the
-    parameters at which the ray leaves less those at which it enters; products: (N,) float64, over all of them, the
-    largest product that the parameter is made of over what it is divided by: what roundings are relative to.
+    float64, ray parameters. sure, nearer: (N,) int64, sure hits, and those of them before the limit. unsure: (N,)
+    int64, hits that float64 cannot decide. thickness: (N,) float64, over sure hits, the sum of parameters where the ray
+    leaves minus those where it enters. products: (N,) float64, the sum of the parameters' largest products over their
+    divisors, to which rounding is relative.
     """
     while True:
         start = fetch_add(counter_address, 1) * _CHUNK

@@ -1,9 +1,8 @@
-"""The comparison of two images: do they agree, and if not, who is wrong?
+"""The comparison of two images by pixel.
 
-Float32 tracers may differ where float32 cannot decide: on equally deep triangles, or nearly so, and on the rim of a
-triangle. Every pixel is therefore judged in float64, and each disagreement is either explained or called wrong. Nothing
-is averaged. Where two triangles share an edge a tracer may name either, but not neither: that is a hole
-(`atra.judge.holes`), and wrong.
+Float32 tracers may differ where float32 cannot decide: between triangles at almost the same depth, and at a triangle's
+rim. So every pixel is judged in float64, and each difference is either explained or wrong. At an edge that two
+triangles share a tracer may name either one, but must name one: otherwise it has a hole (`atra.judge.holes`).
 """
 
 from __future__ import annotations
@@ -29,24 +28,24 @@ from atra.prim_ids import MISS
 
 
 class Verdict(IntEnum):
-    """What is said of one pixel of two images."""
+    """The verdict on one pixel of two images."""
 
     EQUAL = 0
     """Same triangle (or both miss), and both depths are right."""
     TIED = 1
-    """Different triangles, both hit, equally deep."""
+    """Different triangles, both hit at the same depth."""
     EDGE = 2
-    """Float32 cannot decide: the ray passes too close to a rim to say hit or miss, or the depths are too close to say
-    which triangle is in front."""
+    """Float32 cannot decide whether the ray hits (too close to a rim), or which triangle is in front."""
     WRONG = 3
-    """No excuse: at least one image is not what a tracer may return."""
+    """At least one image is not what a tracer may return."""
 
 
 @dataclass(frozen=True)
 class DepthErrors:
-    """Relative errors of the depths that an image stores, against the planes of the triangles it names, in float64.
+    """Relative errors of an image's depths against the planes of its triangles in float64.
 
-    largest: of all hits. p999: what 99.9 % of them do not exceed. Both 0 without hits.
+    largest: largest error of all hits, 0 without hits.
+    p999: error that 99.9 % of the hits do not exceed, 0 without hits.
     """
 
     largest: float = 0.0
@@ -54,7 +53,7 @@ class DepthErrors:
 
     @classmethod
     def of(cls, errors: NDArray[np.float64]) -> Self:
-        """errors: (N,) float64; where a ray never meets the plane, its error is not finite and is left out."""
+        """Summarise errors, (N,) float64; those of rays that never meet the plane are not finite and left out."""
         errors = errors[np.isfinite(errors)]
         return cls(float(errors.max()), float(np.quantile(errors, 0.999))) if len(errors) else cls()
 
@@ -63,13 +62,16 @@ class DepthErrors:
 class Agreement:
     """The verdict on every pixel of two images.
 
-    verdict: (H, W) uint8, values of `Verdict`. The counts are its histogram.
-    depth_errors, reference_depth_errors: of either image.
-    holes, reference_holes: (H, W) bool, the pixels that are WRONG because this image shows nothing, or something
-    behind, where the ray hits a triangle that the other names or passes between that and a neighbour; None: no pixel.
-    pixels_hole, reference_pixels_hole count them.
-    Raises InputError for another dtype, another number of axes or an unknown code, and for holes of another shape or
-    that are not WRONG.
+    verdict: (H, W) uint8, values of `Verdict`.
+    depth_errors: errors of the first image's depths.
+    reference_depth_errors: errors of the reference's depths.
+    holes: (H, W) bool, pixels that are WRONG since the first image shows a miss, or a triangle behind, where the ray
+        hits the triangle that the reference names, or passes between it and a neighbour; None = no pixel.
+    reference_holes: the same for the reference.
+    pixels_equal, pixels_tied, pixels_edge, pixels_wrong: numbers of pixels by verdict.
+    pixels_hole, reference_pixels_hole: numbers of holes.
+
+    Raises InputError for another dtype, number of axes or code, and for holes of another shape or that are not WRONG.
     """
 
     verdict: NDArray[np.uint8]
@@ -103,7 +105,7 @@ class Agreement:
 
     @property
     def pixels(self) -> int:
-        """How many pixels were judged."""
+        """Number of pixels."""
         return self.verdict.size
 
     def __str__(self) -> str:
@@ -117,31 +119,29 @@ class Agreement:
 def compare(mesh: Mesh, camera: View, hits: Hits, reference: Hits) -> Agreement:
     """Judge every pixel of two images of `mesh` seen by `camera`; symmetric in `hits` and `reference`.
 
-    A candidate is the triangle an image names, or nothing for a miss. In float64 its ray hits it *surely*, misses it
-    *surely*, or passes so close to its rim that it is *doubtful*: within a thousandth of a pixel, or so that the
-    rounding of float32 could turn the sign of a volume that decides it. A triangle edge-on to the ray or without area
-    has no inside: it is doubtful on its outline and surely missed elsewhere, so a tracer may report it where rounding
-    gave it some width, and only there.
+    A candidate is the triangle that an image names, or none for a miss. In float64 the ray hits it *surely*, misses it
+    *surely*, or it is *doubtful*: the ray passes within a thousandth of a pixel of its rim, or rounding of float32
+    could change the sign of a volume that decides it. A triangle edge-on to the ray or without area is doubtful on its
+    outline, where rounding may give it some width, and surely missed elsewhere. A plane that contains the eye is
+    doubtful.
 
     Same candidate: EQUAL. Different ones, in this order:
     TIED   neither is surely missed, both have a depth, and the depths are equal to TIE_TOLERANCE;
     WRONG  one is surely missed, or the doubtful one lies entirely behind the sure one, or none is doubtful and their
-           depths differ by more than the rounding of float32 can change them;
-    WRONG  the doubtful one is in front of the other, or the other is a miss, and the surface that it belongs to goes on
-           all around the ray: a hole;
+           depths differ by more than rounding of float32;
+    WRONG  a hole: the doubtful one is in front of the other, or the other is a miss, and its surface continues all
+           around the ray;
     EDGE   otherwise.
 
-    Above all that, a pixel is WRONG if either image stores a depth that differs from that of the plane of its triangle,
-    in float64, by more than the rounding of float32 can change it. A ray that lies in a plane through the eye has a
-    quotient of two zeros for a depth, and any depth will do. A miss must store inf. What a ray starts on it does not
-    hit: a plane that holds the eye, to the rounding of float64, is doubtful wherever it may be named.
+    In any case a pixel is WRONG if an image's depth differs from that of its triangle's plane by more than rounding of
+    float32, or if a miss does not store inf. In a plane through the eye any depth is accepted.
 
-    The rounding of float32 is that of one ray of the mesh itself, traced with the eye at the origin, and of its
-    triangle test, for this very ray and triangle (`atra.exact.rounding`), times ALLOWED_MULTIPLE. Whoever traces other
-    triangles than the mesh's, such as sheared copies of them, has to keep the errors that this brings within it.
+    Rounding of float32 is bounded for this ray and triangle of the mesh itself, with the eye at the origin
+    (`atra.exact.rounding`), times ALLOWED_MULTIPLE. Methods that trace other triangles, such as sheared copies, must
+    keep within this bound.
 
     Raises InputError if the images differ in size or offset, from each other or from the camera, or name a triangle
-    the mesh does not have.
+    that the mesh does not have.
     """
     _check_same_rays(camera, hits, reference)
     verdict = np.zeros(hits.prim_id.shape, np.uint8)
@@ -180,11 +180,11 @@ def _check_same_rays(camera: View, hits: Hits, reference: Hits) -> None:
 
 @dataclass(frozen=True, eq=False)
 class _Candidates:
-    """One candidate per pixel; nothing (a miss) is neither surely missed nor doubtful, and infinitely deep."""
+    """One candidate per pixel; a miss is neither surely missed nor doubtful, and has infinite depth."""
 
     depth: NDArray[np.float64]
-    depth_error: NDArray[np.float64]  # of a depth in float32
-    nearest: NDArray[np.float64]  # least depth that a corner may have in float32
+    depth_error: NDArray[np.float64]  # bound of the depth's error in float32
+    nearest: NDArray[np.float64]  # least depth of a corner in float32
     doubtful: NDArray[np.bool_]
     surely_missed: NDArray[np.bool_]
 
@@ -197,16 +197,16 @@ def _judge(a: _Candidates, b: _Candidates) -> NDArray[np.uint8]:
         apart = np.abs(a.depth - b.depth)
         tied = both & ~missed & (apart <= TIE_TOLERANCE * np.maximum(a.depth, b.depth))
         close = both & (apart <= a.depth_error + b.depth_error)
-    # The sure hit in front decides, whatever happens on the rim of something behind it.
+    # A sure hit in front decides; the rim of a triangle behind it does not matter.
     hidden = _is_sure_and_before(a, b) | _is_sure_and_before(b, a)
     edge = ~missed & ~hidden & (a.doubtful | b.doubtful | close)
     return np.select([tied, edge], [np.uint8(Verdict.TIED), np.uint8(Verdict.EDGE)], np.uint8(Verdict.WRONG))
 
 
 def _has_hole(judged: NDArray[np.uint8], lacking: _Candidates, seen: _Candidates, pairs: Pairs) -> NDArray[np.bool_]:
-    """(N,) bool: the image of the candidates `lacking` has a hole at a triangle of `seen`, those of `pairs`.
+    """(N,) bool, whether the image with candidates `lacking` has a hole at the triangle of `seen`, which `pairs` names.
 
-    judged: of `_judge`. A sure hit in front that is wrongly lacking is a hole, too.
+    judged: from `_judge`. A sure hit in front that is lacking is a hole, too.
     """
     with np.errstate(invalid="ignore"):  # inf - inf
         in_front = np.isfinite(seen.depth) & (seen.depth + seen.depth_error + lacking.depth_error < lacking.depth)
@@ -239,9 +239,9 @@ def _candidates(pairs: Pairs) -> _Candidates:
 
 
 def _is_undecided(pairs: Pairs, rounding: Rounding) -> NDArray[np.bool_]:
-    """(N,) bool: with the errors of float32, the signs of the volumes could be those of a hit, and of a miss.
+    """(N,) bool, whether errors of float32 could make the volumes' signs those of a hit or of a miss.
 
-    A hit has the ray on the same side of all edges, and that sign is the one of the plane's distance ahead.
+    For a hit the ray is on the same side of all edges, with the same sign as the plane's distance ahead.
     """
     volumes = pairs.volumes
     unsure = rounding.edges * np.linalg.norm(pairs.rays[1], axis=1)

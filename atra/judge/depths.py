@@ -1,4 +1,4 @@
-"""Depths that an image stores, against the planes of the triangles it names, in float64."""
+"""Errors of an image's depths against the planes of its triangles in float64."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from atra.hits import Hits
 from atra.prim_ids import MISS
 
 _LEAST_ROUNDINGS = 5.0
-"""No depth has fewer: the corners, the direction, the volumes and their quotient are rounded once each."""
+"""Least roundings of a depth: of corners, direction, the two volumes and their quotient."""
 
 
 def relative_depth_error(mesh: Mesh, camera: View, image: Hits) -> NDArray[np.float64]:
-    """(H, W) float64: |stored depth - t| / t, where the ray meets the plane of the named triangle at t in float64.
+    """(H, W) float64, |stored depth - t| / t for the depth t of the named triangle's plane in float64.
 
-    NaN for a miss; inf or NaN where the ray never meets the plane. A few products per pixel, since every pixel of an
-    image is looked at: the plane has normal . point = height, the point of depth Z on the ray through (X, Y) on the
-    image plane is (X reach, Y reach, Z), and the reach is Z for a pinhole and 1 for parallel rays.
+    NaN for a miss; inf or NaN if the ray never meets the plane. It is fast, since all pixels need it: the plane is
+    normal . point = height, and the ray through (X, Y) on the image plane has points (X r, Y r, Z) with r = Z for a
+    pinhole camera and 1 for parallel rays.
     """
     error = np.full(image.prim_id.shape, np.nan)
     y, x = np.nonzero(image.prim_id != MISS)
@@ -41,10 +41,7 @@ def relative_depth_error(mesh: Mesh, camera: View, image: Hits) -> NDArray[np.fl
 
 
 def has_wrong_depth(mesh: Mesh, camera: View, image: Hits, error: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """(H, W) bool: the stored depth is not one that float32 may find for the named triangle at this pixel.
-
-    error: of `relative_depth_error`. The few suspects are looked at closely.
-    """
+    """(H, W) bool, whether rounding of float32 cannot explain the depth's error; error: `relative_depth_error`."""
     wrong = (image.prim_id == MISS) & (image.depth != np.inf)
     y, x = np.nonzero(image.hit & ~(error <= ALLOWED_MULTIPLE * _LEAST_ROUNDINGS * FLOAT32_UNIT))
     if len(y):
@@ -58,9 +55,9 @@ def has_wrong_depth(mesh: Mesh, camera: View, image: Hits, error: NDArray[np.flo
 
 
 def _numbered(mesh: Mesh, prim_id: NDArray[np.uint32]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """The distinct `prim_id`, ascending, and each one's place among them; O(F), no sorting of a million pixels."""
+    """The distinct `prim_id`, ascending, and the index of each pixel's among them, without sorting pixels."""
     if len(prim_id) and prim_id.max() >= mesh.triangle_count:
-        mesh.triangles(prim_id)  # raises, naming it
+        mesh.triangles(prim_id)  # raises InputError naming it
     is_used = np.zeros(mesh.triangle_count, bool)
     is_used[prim_id] = True
     place = np.cumsum(is_used) - 1

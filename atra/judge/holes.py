@@ -1,8 +1,8 @@
-"""Holes: where a ray passes between triangles that share an edge or a corner, and an image lacks all of them.
+"""Holes: pixels that lack a surface because a ray slipped through between triangles that share an edge or a corner.
 
-A ray near the edge of a triangle may miss it by rounding. At an open rim, or where a surface turns away from the eye,
-that is no fault. Inside of a surface it is one: whichever way the ray is moved a little, it hits the triangle or one of
-its neighbours, so it hits the surface, and an image that shows nothing there, or something behind, has a hole.
+A ray near an edge may miss the triangle by rounding. At an open rim or a silhouette that is allowed. Inside a surface
+it is not: wherever the ray is moved a little, it hits the triangle or a neighbour, so a miss, or a triangle behind, is
+a hole.
 """
 
 from __future__ import annotations
@@ -16,22 +16,21 @@ from atra.exact.rounding import Rounding
 from atra.geometry.mesh import position_keys
 
 DIRECTIONS = 24
-"""Ways in which a ray is moved: a gap between neighbours that is narrower than 15 degrees at the ray may be missed."""
+"""Directions in which a ray is moved; a gap between neighbours below 15 degrees may stay unnoticed."""
 
 _INSIDE = -1e-9
-"""Barycentric distance from an edge down to which a moved ray is inside: for the rounding of float64."""
+"""Least barycentric distance from an edge of a moved ray inside, for the rounding of float64."""
 
 _AT_ONCE = 1 << 20
-"""Rays and triangles that are tested together, which bounds the memory."""
+"""Pairs of rays and triangles tested at once, which bounds the memory."""
 
 
 def is_closed_around(pairs: Pairs, limit: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """(N,) bool: each ray hits the surface that its triangle belongs to, nearer than `limit`, however it is moved
-    within what float32 makes of it.
+    """(N,) bool, whether each ray hits its triangle's surface nearer than `limit` wherever float32 may move it.
 
-    limit: (N,) float64, depths, inf = none. Rays are moved by twice the tolerance of outlines, or twice what roundings
-    of the corners move the triangle's edges by, whichever is more. The surface is the triangle with all others that
-    have a corner at the position of one of its own.
+    limit: (N,) float64, depths, inf = none. Rays are moved by twice the tolerance of outlines, or by twice the distance
+    that rounding of corners moves the triangle's edges, whichever is more. The surface is the triangle and all others
+    with a corner at the position of one of its corners.
     """
     closed = np.zeros(len(pairs.prim_id), np.bool_)
     if not len(closed):
@@ -52,18 +51,18 @@ def is_closed_around(pairs: Pairs, limit: NDArray[np.float64]) -> NDArray[np.boo
 
 
 def _moves(pairs: Pairs) -> NDArray[np.float64]:
-    """(N, DIRECTIONS + 1, 3), by how much rays are moved on the image plane; the first not at all."""
+    """(N, DIRECTIONS + 1, 3) float64, moves of rays on the image plane; the first is 0."""
     camera, corners = pairs.camera, pairs.corners
     direction = pairs.rays[1] / np.linalg.norm(pairs.rays[1], axis=1, keepdims=True)
     edges = corners - np.roll(corners, 1, axis=1)
-    across = np.linalg.norm(np.cross(edges, direction[:, None]), axis=2)  # as long as they look from the eye
+    across = np.linalg.norm(np.cross(edges, direction[:, None]), axis=2)  # projected lengths
     with np.errstate(divide="ignore", invalid="ignore"):
         longer = np.linalg.norm(edges, axis=2).max(axis=1) / across.min(axis=1)
         moved = 2.0 * Rounding.of(pairs).corners * longer
         if not camera.is_parallel:
             moved /= pairs.intersections.depth
     moved = np.maximum(np.nan_to_num(moved, nan=np.inf), 2.0 * OUTLINE_TOLERANCE_PIXELS * camera.pixel_pitch)
-    moved = np.minimum(moved, 1e30)  # nothing is closed so far around
+    moved = np.minimum(moved, 1e30)  # finite, and beyond any surface
     angles = np.arange(DIRECTIONS) * (2.0 * np.pi / DIRECTIONS)
     ways = np.zeros((DIRECTIONS + 1, 3))
     ways[1:, 0], ways[1:, 1] = np.cos(angles), np.sin(angles)
@@ -71,7 +70,7 @@ def _moves(pairs: Pairs) -> NDArray[np.float64]:
 
 
 def _neighbours(pairs: Pairs) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """(M,) places among the pairs, and (M,) prim_ids: each pair's triangle and those that touch it, some twice."""
+    """(M,) indices of pairs, and (M,) prim_ids of their triangles and those that touch them, some twice."""
     faces, keys = pairs.mesh.faces, position_keys(pairs.mesh)
     own = keys[faces[pairs.prim_id]]
     wanted, place = np.unique(own, return_inverse=True)

@@ -1,7 +1,7 @@
-"""The oracle: what a ray hits first in float64, and which of two images that disagree is wrong about it.
+"""The oracle: the nearest hit of a ray in float64, and which of two images that disagree is wrong.
 
-`compare` says whether float32 excuses a difference. The oracle excuses nothing: there is one nearest triangle, found by
-testing all of them, and an image named it, one just as deep, or neither.
+`compare` decides whether float32 excuses a difference. The oracle excuses nothing: it finds the nearest triangle by
+testing all, and an image names it, one at the same depth, or neither.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from atra.compiled.threads import WorkerPool, resolve_threads
 from atra.errors import InputError
 from atra.exact.brute_force_kernels import SLACK, nearest_triangles
-from atra.exact.intersection import Pairs, intersect_pixels, triangles_in_camera_space
+from atra.exact.intersection import Pairs, triangles_in_camera_space
 from atra.exact.rounding import Rounding
 from atra.exact.ties import TIE_TOLERANCE
 from atra.geometry.mesh import Mesh
@@ -27,34 +27,33 @@ from atra.judge.holes import is_closed_around
 from atra.prim_ids import MISS
 
 EXHAUSTIVE_TESTS = 2e10
-"""Rays times triangles up to which `examine` tests all, a minute's work. Images that disagree at more pixels are
-broken, not rounded differently, and there the nearer of their two answers passes for the truth."""
+"""Rays times triangles up to which `examine` tests all triangles. Images that disagree in more pixels are broken, and
+the nearer one of their two answers then counts as the truth."""
 
 
 class Correctness(IntEnum):
-    """How an image's answer for one pixel stands before the oracle."""
+    """How right an image is in one pixel."""
 
     RIGHT = 0
-    """The nearest triangle, or rightly nothing."""
+    """The nearest triangle, or correctly a miss."""
     TIED = 1
-    """Another triangle that the ray hits just as deep, to TIE_TOLERANCE of `atra.exact.ties`."""
+    """Another triangle that the ray hits at the same depth, to TIE_TOLERANCE of `atra.exact.ties`."""
     WRONG_TRIANGLE = 2
-    """A triangle the ray misses or hits farther away, or nothing where there is something."""
+    """A triangle that the ray misses or hits farther away, or a miss in front of a triangle."""
     WRONG_DEPTH = 3
-    """The nearest triangle or one as deep, with a depth that `compare` does not accept."""
+    """The nearest triangle, or one at the same depth, with a depth that `compare` does not accept."""
     HOLE = 4
-    """Nothing, or something behind, where the ray hits a triangle, and not by the rounding of float32 at an open rim:
-    inside of it, or between it and a neighbour (`atra.judge.holes`)."""
+    """A miss, or a triangle behind, where the ray hits a surface inside, not at its rim (`atra.judge.holes`)."""
 
 
 @dataclass(frozen=True, eq=False)
 class Truth:
     """The nearest hit of N rays.
 
-    prim_id: (N,) uint32, of equally deep triangles the lowest; MISS = nothing is hit.
+    prim_id: (N,) uint32, the lowest one of triangles at the same depth; MISS = miss.
     depth: (N,) float64, scene units; inf = miss.
     edge_distance: (N,) float64, barycentric distance to the triangle's nearest edge; NaN = miss.
-    exhaustive: (N,) bool, all triangles were tested, not only those that two images name.
+    exhaustive: (N,) bool, whether all triangles were tested, not only those that the images name.
     """
 
     prim_id: NDArray[np.uint32]
@@ -65,15 +64,14 @@ class Truth:
 
 @dataclass(frozen=True, eq=False)
 class Answer:
-    """What an image says of N pixels, and how that stands.
+    """An image's answers for N pixels, judged.
 
-    prim_id: (N,) uint32, the triangle it names. stored_depth: (N,) float32, the depth it stores.
-    depth, edge_distance: (N,) float64, where the ray meets that triangle's plane in float64, as in
-    `atra.exact.intersection.Intersections`; inf and NaN where it names none.
+    prim_id: (N,) uint32, the triangle that it names. stored_depth: (N,) float32, the depth that it stores.
+    depth, edge_distance: (N,) float64, of the ray's hit on that triangle's plane, as in `Intersections`; inf and NaN
+    for a miss.
     correctness: (N,) uint8, values of `Correctness`.
-    off_by: (N,) float64, barycentric: how far a wrong answer is from a right one. A triangle that is missed is missed
-    by this, otherwise the nearest triangle was overlooked this far inside its edges. inf where a triangle without
-    area, or edge-on, was named; 0 where the triangle is right.
+    off_by: (N,) float64, barycentric error of a wrong triangle: the distance by which the ray misses it, otherwise how
+    far inside the nearest triangle the ray hits that. inf for a named triangle without area or edge-on; 0 if right.
     """
 
     prim_id: NDArray[np.uint32]
@@ -85,21 +83,21 @@ class Answer:
 
     @property
     def wrong(self) -> NDArray[np.bool_]:
-        """(N,) bool, the triangle or its depth is wrong."""
+        """(N,) bool, whether the triangle or its depth is wrong."""
         return self.correctness >= Correctness.WRONG_TRIANGLE
 
     @property
     def holes(self) -> NDArray[np.bool_]:
-        """(N,) bool, those of the wrong ones that are holes."""
+        """(N,) bool, whether the answer is a hole."""
         return self.correctness == Correctness.HOLE
 
 
 @dataclass(frozen=True, eq=False)
 class Examination:
-    """Two images before the oracle: at every pixel whose verdict is not EQUAL, and at a sample of all pixels.
+    """Two images judged by the oracle in every pixel whose verdict is not EQUAL, and in a sample of all pixels.
 
-    x, y: (N,) int64, the pixels, row by row, each once. verdict: (N,) uint8, of `compare`.
-    sampled: (N,) bool, part of the sample.
+    x, y: (N,) int64, the pixels, row by row. verdict: (N,) uint8, of `compare`. sampled: (N,) bool, part of the sample.
+    truth: the nearest hits. hits, reference: the answers of the two images.
     """
 
     x: NDArray[np.int64]
@@ -112,7 +110,7 @@ class Examination:
 
     @property
     def disputed(self) -> NDArray[np.bool_]:
-        """(N,) bool, the verdict is not EQUAL."""
+        """(N,) bool, whether the verdict is not EQUAL."""
         return self.verdict != Verdict.EQUAL
 
 
@@ -126,9 +124,8 @@ def nearest_hits(
 ) -> Truth:
     """The nearest hit of the ray of each pixel (x, y), found by testing all triangles in float64.
 
-    x, y: (N,) integers. The rules are those of `atra.judge.reference.brute_force`, whose hits these are: edges belong
-    to the triangle, the lowest of equally deep triangles wins, both with a slack of 1e-12, and a hit has depth > 0.
-    Takes N times F tests of some nanoseconds each. Raises InputError for a bad offset or thread count.
+    x, y: (N,) integers. The rules and hits are those of `atra.judge.reference.brute_force`. Raises InputError for a
+    bad offset or thread count.
     """
     origins, directions = (np.ascontiguousarray(part.T) for part in camera.rays(x, y, offset))
     geometry = triangles_in_camera_space(mesh, camera, np.arange(mesh.triangle_count))
@@ -138,12 +135,12 @@ def nearest_hits(
         pool.run(lambda _, counter: nearest_triangles(counter, origins, directions, *geometry, depth, prim_id))
     finally:
         pool.close()
-    edge_distance = _met(mesh, camera, x, y, prim_id, offset)[1]
+    edge_distance = _met(Pairs(mesh, camera, x, y, prim_id, offset))[1]
     return Truth(prim_id, depth, edge_distance, np.ones(len(x), bool))
 
 
 def sample_pixels(camera: View, rays: int, seed: Sequence[int]) -> NDArray[np.int64]:
-    """(rays,) int64, distinct pixels y * width + x, drawn evenly and repeatably; all pixels if there are fewer."""
+    """(rays,) int64, distinct random pixels y * width + x, repeatable by `seed`; all pixels if there are fewer."""
     pixels = camera.width * camera.height
     return np.random.default_rng(seed).choice(pixels, min(rays, pixels), replace=False).astype(np.int64)
 
@@ -157,12 +154,12 @@ def examine(
     sample: NDArray[np.integer] | None = None,
     threads: int | None = 1,
 ) -> Examination:
-    """Decide for every pixel where two images disagree which of them is wrong, and look at a sample of the others.
+    """Decide which of two images is wrong wherever they disagree, and in a sample of all pixels.
 
-    agreement: what `compare` says of the two. sample: pixels y * width + x that are looked at in any case, since two
-    images may be wrong alike. The truth is that of `nearest_hits`; beyond EXHAUSTIVE_TESTS, outside the sample, it is
-    the nearest that either image names and float64 confirms.
-    Raises InputError where `compare` does, and if `agreement` is of another size.
+    agreement: from `compare`. sample: pixels y * width + x that are examined in any case, since both images may be
+    wrong. The truth is that of `nearest_hits`; beyond EXHAUSTIVE_TESTS, outside the sample, it is the nearest triangle
+    that either image names and float64 confirms.
+    Raises InputError as `compare`, and for an `agreement` of another size.
     """
     shape = (camera.height, camera.width)
     if agreement.verdict.shape != shape:
@@ -174,101 +171,72 @@ def examine(
     pixels = np.flatnonzero(sampled | (verdict != Verdict.EQUAL))
     y, x = np.divmod(pixels, camera.width)
     exhaustive = sampled[pixels] | (len(pixels) * mesh.triangle_count <= EXHAUSTIVE_TESTS)
-    truth = _truth(mesh, camera, x, y, hits, reference, exhaustive, threads)
+    named = [Pairs(mesh, camera, x, y, image.prim_id[y, x], image.offset) for image in (hits, reference)]
+    truth = _truth(named[0], named[1].prim_id, exhaustive, threads)
     answers = []
-    for image in (hits, reference):
-        # A wrong depth makes the verdict WRONG, whose depth it is is seen when the image is compared with itself.
+    for image, pairs in zip((hits, reference), named, strict=True):
         depth_is_wrong = np.zeros(len(pixels), bool)
-        if agreement.pixels_wrong:
+        if agreement.pixels_wrong:  # the verdict does not tell which image's depth is wrong
             depth_is_wrong = compare(mesh, camera, image, image).verdict[y, x] == Verdict.WRONG
-        answers.append(_judge_answer(mesh, camera, image, x, y, truth, depth_is_wrong))
+        answers.append(_judge_answer(pairs, image.depth[y, x], truth, depth_is_wrong))
     return Examination(x, y, verdict[pixels], sampled[pixels], truth, answers[0], answers[1])
 
 
-def _truth(
-    mesh: Mesh,
-    camera: View,
-    x: NDArray[np.int64],
-    y: NDArray[np.int64],
-    hits: Hits,
-    reference: Hits,
-    exhaustive: NDArray[np.bool_],
-    threads: int | None,
-) -> Truth:
-    """The nearest of all triangles where `exhaustive`, elsewhere of the two that are named."""
-    depth, prim_id = np.full(len(x), np.inf), np.full(len(x), MISS)
-    named = hits.prim_id[y, x], reference.prim_id[y, x]
-    for candidate in (np.minimum(*named), np.maximum(*named)):  # of equally deep ones the lowest wins
-        met, edge_distance = _met(mesh, camera, x, y, candidate, hits.offset)
+def _truth(pairs: Pairs, other: NDArray[np.integer], exhaustive: NDArray[np.bool_], threads: int | None) -> Truth:
+    """The nearest of all triangles where `exhaustive`, elsewhere of those of `pairs` and `other`."""
+    depth, prim_id = np.full(len(other), np.inf), np.full(len(other), MISS)
+    for candidate in (np.minimum(pairs.prim_id, other), np.maximum(pairs.prim_id, other)):  # the lowest of ties wins
+        met, edge_distance = _met(replace(pairs, prim_id=candidate))
         nearer = (edge_distance >= -SLACK) & (met > 0.0) & (met < depth * (1.0 - SLACK))
         depth[nearer], prim_id[nearer] = met[nearer], candidate[nearer]
-    tested = nearest_hits(mesh, camera, x[exhaustive], y[exhaustive], hits.offset, threads)
+    x, y = pairs.x[exhaustive], pairs.y[exhaustive]
+    tested = nearest_hits(pairs.mesh, pairs.camera, x, y, pairs.offset, threads)
     depth[exhaustive], prim_id[exhaustive] = tested.depth, tested.prim_id
-    return Truth(prim_id, depth, _met(mesh, camera, x, y, prim_id, hits.offset)[1], exhaustive)
+    return Truth(prim_id, depth, _met(replace(pairs, prim_id=prim_id))[1], exhaustive)
 
 
 def _judge_answer(
-    mesh: Mesh,
-    camera: View,
-    image: Hits,
-    x: NDArray[np.int64],
-    y: NDArray[np.int64],
-    truth: Truth,
-    depth_is_wrong: NDArray[np.bool_],
+    pairs: Pairs, stored_depth: NDArray[np.float32], truth: Truth, depth_is_wrong: NDArray[np.bool_]
 ) -> Answer:
-    prim_id = image.prim_id[y, x]
-    depth, edge_distance = _met(mesh, camera, x, y, prim_id, image.offset)
-    is_met = edge_distance >= -SLACK  # False for nothing
+    depth, edge_distance = _met(pairs)
+    is_met = edge_distance >= -SLACK  # False for a miss
     with np.errstate(invalid="ignore"):  # inf - inf
         as_deep = np.abs(depth - truth.depth) <= TIE_TOLERANCE * np.maximum(depth, truth.depth)
-    right = prim_id == truth.prim_id
+    right = pairs.prim_id == truth.prim_id
     tied = ~right & is_met & as_deep
     correctness = np.select(
         [depth_is_wrong & (right | tied), right, tied],
         [np.uint8(Correctness.WRONG_DEPTH), np.uint8(Correctness.RIGHT), np.uint8(Correctness.TIED)],
         np.uint8(Correctness.WRONG_TRIANGLE),
     )
-    pairs = Pairs(mesh, camera, x, y, truth.prim_id, image.offset)
-    correctness[_holes(pairs, correctness, prim_id, depth, truth)] = Correctness.HOLE
-    beside = (prim_id != MISS) & ~is_met
-    # The slack may make a hit of a ray that passes a trace outside.
+    correctness[_holes(pairs, correctness, depth, truth)] = Correctness.HOLE
+    beside = (pairs.prim_id != MISS) & ~is_met
+    # Within SLACK a ray hits from slightly outside; its distance counts as 0.
     off_by = np.where(right | tied, 0.0, np.where(beside, -edge_distance, np.maximum(truth.edge_distance, 0.0)))
-    return Answer(prim_id, image.depth[y, x], depth, edge_distance, correctness, off_by)
+    prim_id = np.asarray(pairs.prim_id, np.uint32)
+    return Answer(prim_id, stored_depth, depth, edge_distance, correctness, off_by)
 
 
-def _holes(
-    pairs: Pairs,
-    correctness: NDArray[np.uint8],
-    prim_id: NDArray[np.uint32],
-    depth: NDArray[np.float64],
-    truth: Truth,
-) -> NDArray[np.int64]:
-    """Which answers with a wrong triangle are holes; pairs: rays and the nearest triangles. depth: of the answers."""
+def _holes(pairs: Pairs, correctness: NDArray[np.uint8], depth: NDArray[np.float64], truth: Truth) -> NDArray[np.int64]:
+    """Indices of the answers with a wrong triangle that are holes; pairs, depth: of the answers."""
     asked = np.flatnonzero((correctness == Correctness.WRONG_TRIANGLE) & (truth.prim_id != MISS))
-    error = Rounding.of(pairs[asked]).depth * truth.depth[asked]
-    limit, named = depth[asked].copy(), prim_id[asked] != MISS
-    own = replace(pairs[asked], prim_id=prim_id[asked])[named]
-    own_error = Rounding.of(own).depth
+    nearest, pairs = replace(pairs, prim_id=truth.prim_id), pairs[asked]
+    error = Rounding.of(nearest[asked]).depth * truth.depth[asked]
+    limit, named = depth[asked].copy(), pairs.prim_id != MISS
+    own_error = Rounding.of(pairs[named]).depth
     is_known = own_error < np.inf
-    least = np.full(len(own_error), -np.inf)  # of a depth that may be any
+    least = np.full(len(own_error), -np.inf)  # lower limit of depths that may have any value
     least[is_known] = limit[named][is_known] * (1.0 - own_error[is_known])
     limit[named] = least
     behind = np.isfinite(error) & (truth.depth[asked] + error < limit)
     asked, limit = asked[behind], limit[behind]
-    return asked[is_closed_around(pairs[asked], limit)]
+    return asked[is_closed_around(nearest[asked], limit)]
 
 
-def _met(
-    mesh: Mesh,
-    camera: View,
-    x: NDArray[np.integer],
-    y: NDArray[np.integer],
-    prim_id: NDArray[np.uint32],
-    offset: tuple[float, float],
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Depth and edge distance, (N,) float64 each, of every ray's own triangle; inf and NaN where it is none."""
-    depth, edge_distance = np.full(len(prim_id), np.inf), np.full(len(prim_id), np.nan)
-    named = prim_id != MISS
-    found = intersect_pixels(mesh, camera, x[named], y[named], prim_id[named], offset)
+def _met(pairs: Pairs) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Depth and edge distance, (N,) float64 each, of every ray's own triangle; inf and NaN for a miss."""
+    depth, edge_distance = np.full(len(pairs.prim_id), np.inf), np.full(len(pairs.prim_id), np.nan)
+    named = pairs.prim_id != MISS
+    found = pairs[named].intersections
     depth[named], edge_distance[named] = found.depth, found.edge_distance
     return depth, edge_distance

@@ -1,37 +1,34 @@
-"""The reference: the nearest hit of every pixel in float64, slow and obvious, that everything else is held against."""
+"""The reference: the nearest hit of every pixel in float64, slow and simple, for comparison with all methods."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from atra.exact.brute_force_kernels import SLACK
 from atra.exact.intersection import divided, triangles_in_camera_space, volumes_of
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.hits import Hits
 from atra.prim_ids import MISS
 
-# Slack in float64 for `inside` and for `equally deep`. A ray through a shared edge must not slip between two triangles
-# because their barycentrics round apart, and must find them equally deep. A million times finer than float32.
-_ROUNDING = 1e-12
-
 
 def brute_force(mesh: Mesh, camera: View, offset: tuple[float, float] = (0.5, 0.5)) -> Hits:
-    """The nearest hit of every pixel by testing every triangle with every ray, in float64: slow and obvious.
+    """The nearest hit of every pixel, found by testing every triangle with every ray in float64.
 
-    Edges belong to the triangle; of equally deep triangles the lowest `prim_id` wins; a hit has depth > 0. Both rules
-    have a slack of 1e-12, so that rounding opens no gap along a shared edge.
+    Edges belong to the triangle; of triangles at the same depth the lowest `prim_id` wins; a hit has depth > 0. Both
+    rules have a tolerance of 1e-12, so that rounding opens no gap along a shared edge.
     """
     y, x = np.divmod(np.arange(camera.width * camera.height), camera.width)
     origins, directions = camera.rays(x, y, offset)
-    # What all rays share is handed over once, not once per ray.
+    # What all rays share is passed once.
     origins, directions = (origins, directions[0]) if camera.is_parallel else (origins[0], directions)
     corner, edge_1, edge_2 = triangles_in_camera_space(mesh, camera, np.arange(mesh.triangle_count))
     depth = np.full(len(x), np.inf)
     prim_id = np.full(len(x), MISS, np.uint32)
     for i in range(mesh.triangle_count):
         found = divided(volumes_of(origins, directions, corner[i], edge_1[i], edge_2[i]))
-        inside = (found.edge_distance >= -_ROUNDING) & (found.depth > 0.0)
-        nearer = inside & (found.depth < depth * (1.0 - _ROUNDING))
+        inside = (found.edge_distance >= -SLACK) & (found.depth > 0.0)
+        nearer = inside & (found.depth < depth * (1.0 - SLACK))
         depth[nearer] = found.depth[nearer]
         prim_id[nearer] = i
     shape = (camera.height, camera.width)

@@ -9,8 +9,8 @@ from numba import types
 
 from atra.all_hits.taking_kernels import THICKNESS, TRANSMITTANCE, take
 from atra.all_hits.target_kernels import target_at, without_doubts
-from atra.compiled.intrinsics import address_at, float_at
-from atra.compiled.lanes import nonzero_lanes, uint32_at
+from atra.compiled.intrinsics import address_at, float_at, uint32_at
+from atra.compiled.lanes import nonzero_lanes
 from atra.compiled.memory import load, store
 from atra.compiled.store import callback
 from atra.compiled.vectors import repeated

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from atra.embree.callbacks_kernels import memory_monitor
 from atra.embree.packets_kernels import Image, RayGrid
-from atra.embree.scenes import EmbreeScenes
+from atra.embree.scene import EmbreeScenes
 from atra.geometry.mesh import Mesh
 from atra.geometry.projection import count_kept, project_vertices
 from atra.geometry.ray_space import padded_vertices

@@ -1,1 +1,1 @@
-"""Many views of one mesh, here or by any executor."""
+"""Many views of one mesh, traced in this process or by any executor."""

@@ -1,4 +1,4 @@
-"""Many views of one mesh, one after the other or by any executor."""
+"""Tracing many views of one mesh, one after the other or by any executor."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import pickle
 from collections import deque
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from itertools import islice
 from typing import Any, Unpack
 
 import numpy as np
@@ -35,7 +36,7 @@ METHODS: Mapping[str, Callable[..., Tracer]] = {
     "visible_first": VisibleFirstTracer,
     "tiles": TiledTracer,
 }
-"""What `render_views` knows by name."""
+"""Tracers by the method's name."""
 
 
 class ViewKeywords(AlignedKeywords, PixelKeywords, RasterKeywords, total=False):
@@ -58,21 +59,22 @@ def render_views(
     in_flight: int | None = None,
     **options: Unpack[ViewKeywords],
 ) -> Iterator[tuple[Any, Hits]]:
-    """The name and the hits of every view, in order, as they become ready.
+    """Yield the name and the hits of every view, in order.
 
         for name, hits in atra.render_views(mesh, atra.read_colmap("sparse/0")):
             ...
 
-    cameras: by name, such as a reader returns; the names of others are 0, 1, ... They are taken one by one, so that
-    they may come from a generator. method: one of `METHODS`. options: of its tracer, such as threads, ties or split.
-    executor: any of `concurrent.futures` or with its `submit`, Dask's and Ray's too; None: this process, a view at a
-    time, on every core. With an executor a view takes one thread unless `threads` says otherwise, and processes of one
-    machine share the mesh; others are sent it once. in_flight: views that are at most under way or wait to be taken
-    (None: two for each core of this machine; raise it for a cluster), which bounds the memory.
+    cameras: by name, as readers return them; other iterables, such as generators, give the names 0, 1, ...
+    method: one of `METHODS`. options: of its tracer, such as threads, ties or split.
+    executor: of `concurrent.futures`, or with its `submit`, as Dask and Ray have; None = this process, one view at a
+    time, on every core. With an executor a view has one thread (default of `threads`), processes of one machine share
+    the mesh, and those of other machines are sent it once.
+    in_flight: upper limit of views that are being traced or are not yet yielded, which bounds the memory; None = 1, or
+    two for each core of this machine with an executor (raise it for a cluster).
 
-    A view that fails does not end the others: at the end an ExceptionGroup holds the error of each, which names it.
+    After the last view an ExceptionGroup has the errors of views that failed; each names its view.
     Raises InputError for an unknown method, an offset outside the pixel and an in_flight below 1, MemoryBudgetError for
-    more overlaps than can be kept, and TypeError for options that the method has not.
+    too many overlapping triangles, and TypeError for unknown options.
     """
     if method not in METHODS:
         raise InputError(f"method is {method!r}, expected one of {', '.join(METHODS)}")
@@ -102,23 +104,20 @@ def _rendered(
     between_processes = not isinstance(executor, (_Here, ThreadPoolExecutor))
     with shared(mesh, overlaps, between_processes) as where:
         try:
-            more = True
-            while more or pending:
-                while more and len(pending) < in_flight:
-                    if more := (following := next(named, None)) is not None:
-                        name, camera = following
-                        pending.append((name, camera, _submitted(executor, where, None, camera, job)))
-                        count += 1
+            while True:
+                for name, camera in islice(named, in_flight - len(pending)):
+                    pending.append((name, camera, _submitted(executor, where, None, camera, job)))
+                    count += 1
                 if not pending:
                     break
                 name, camera, future = pending.popleft()
                 try:
                     images = future.result()
-                    if images is None:  # a worker on another machine, which is sent the mesh
+                    if images is None:  # a worker on another machine must be sent the mesh
                         parcel = pickle.dumps(Parcel(mesh, overlaps))
                         images = _submitted(executor, where, parcel, camera, job).result()
                     assert images is not None
-                    # Ray's are read-only, and kept in its memory.
+                    # Arrays from Ray are read-only and in its memory.
                     depth, prim_id = (np.require(images[0], requirements="W"), np.require(images[1], requirements="W"))
                 except TypeError:
                     raise
@@ -135,7 +134,7 @@ def _rendered(
 
 
 def _found_once(mesh: Mesh, job: _Job) -> CoplanarOverlaps | None:
-    """What belongs to the mesh, found before workers would each find it; the overlaps, if ties are decided."""
+    """Compute the mesh's cached properties before workers share it; returns its overlaps if ties are decided."""
     method, _, options = job
     _ = mesh.bounds
     if method != "raster":
@@ -155,7 +154,7 @@ def _submitted(
 
 
 def trace_view(where: SharedMesh, parcel: bytes | None, camera: View, job: _Job) -> _Images | None:
-    """What a worker does: depth and prim_id, (H, W) each, of one view; None if it finds no mesh and was sent none."""
+    """A worker's task: depth and prim_id, (H, W) each, of one view; None if it has no mesh and was sent none."""
     stage = stage_of(where, parcel)
     if stage is None:
         return None
@@ -171,12 +170,12 @@ def trace_view(where: SharedMesh, parcel: bytes | None, camera: View, job: _Job)
         if tracer is not None:
             tracer.close()
         raise
-    stage.put(tracer)  # the next view's, too
+    stage.put(tracer)  # for the next view
     return hits.depth, hits.prim_id
 
 
 class _Here(Executor):
-    """Does at once, in this thread, what is submitted."""
+    """An executor that runs calls at once in this thread."""
 
     def submit(self, call: Callable[..., Any], /, *arguments: Any, **named: Any) -> Future[Any]:
         future: Future[Any] = Future()

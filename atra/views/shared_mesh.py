@@ -1,4 +1,4 @@
-"""A mesh that the workers of an executor share: one memory for all processes of a machine, and what was found once."""
+"""A mesh that the workers of an executor share, in one memory for all processes of a machine."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _ALIGNMENT = 64
 
 @dataclass(frozen=True, eq=False)
 class Parcel:
-    """A mesh, with all that is kept on it, and its overlaps, if they were looked for."""
+    """A mesh with its cached properties, and its overlaps if they were computed."""
 
     mesh: Mesh
     overlaps: CoplanarOverlaps | None
@@ -30,9 +30,9 @@ class Parcel:
 
 @dataclass(frozen=True)
 class SharedMesh:
-    """Where workers find a mesh: under `key` in a process that has it, or else in a file that they map.
+    """How workers find a mesh: by `key` in a process that has it, otherwise in a file that they map.
 
-    contents: the pickled `Parcel` without its arrays. places: start and end of each array in the file.
+    contents: the pickled `Parcel` without its arrays. places: start and end of each array in the file, bytes.
     """
 
     key: str
@@ -43,7 +43,7 @@ class SharedMesh:
 
 @dataclass(eq=False)
 class Stage:
-    """A mesh in one process, and the tracers of it that are idle."""
+    """A mesh in one process, with its idle tracers."""
 
     mesh: Mesh
     _idle: list[Tracer] = field(default_factory=list)
@@ -51,7 +51,7 @@ class Stage:
     _lock: Lock = field(default_factory=Lock)
 
     def take(self) -> Tracer | None:
-        """An idle tracer, if there is one; the caller's until `put`."""
+        """An idle tracer, which the caller returns by `put`; None = there is none."""
         with self._lock:
             return self._idle.pop() if self._idle else None
 
@@ -63,7 +63,7 @@ class Stage:
         tracer.close()
 
     def strike(self) -> None:
-        """Close the tracers, and those that are still busy when they come back."""
+        """Close all tracers, those in use at their `put`."""
         with self._lock:
             idle, self._idle, self._is_struck = self._idle, [], True
         for tracer in idle:
@@ -71,15 +71,15 @@ class Stage:
 
 
 _stages: dict[str, Stage] = {}
-"""Of this process, by key: those of the calls in progress here, and in a worker the one it was used for last."""
+"""Stages of this process by key: those of calls in progress, and in a worker the last one it used."""
 
 _own: set[str] = set()
-"""Keys of the calls in progress in this process."""
+"""Keys of the calls in progress that this process made."""
 
 
 @contextmanager
 def shared(mesh: Mesh, overlaps: CoplanarOverlaps | None, between_processes: bool) -> Iterator[SharedMesh]:
-    """Workers can find the mesh as long as this lasts. between_processes: by way of a temporary file."""
+    """Share a mesh with workers inside the `with` block. between_processes: by a temporary file."""
     key = uuid4().hex
     _stages[key] = Stage(mesh)
     _own.add(key)
@@ -108,7 +108,7 @@ def _written(key: str, path: Path, parcel: Parcel) -> SharedMesh:
 
 
 def stage_of(shared_mesh: SharedMesh, parcel: bytes | None) -> Stage | None:
-    """The mesh in this process; parcel: pickled, to be taken where it is not found. None where there is none either."""
+    """The stage of a shared mesh in this process; None if it is not found and no pickled `Parcel` was sent."""
     stage = _stages.get(shared_mesh.key)
     if stage is not None:
         return stage
@@ -124,7 +124,7 @@ def stage_of(shared_mesh: SharedMesh, parcel: bytes | None) -> Stage | None:
 
 
 def _mapped(shared_mesh: SharedMesh) -> Parcel | None:
-    """The arrays stay in the file, whose pages all processes share; none on another machine."""
+    """The parcel with its arrays mapped from the file, whose pages processes share; None on another machine."""
     try:
         with shared_mesh.path.open("rb") as file:
             memory = memoryview(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_COPY))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from functools import cache, partial
 from math import hypot
 from os import PathLike
@@ -28,30 +27,21 @@ from atra.geometry.camera import CalibratedCamera
 from atra.geometry.image_plane import ImagePlane
 
 UNIT_TOLERANCE = 1e-3
-"""How far the length of a quaternion may be from 1."""
-
-
-@dataclass(frozen=True)
-class _Sensor:
-    plane: ImagePlane
-    width: int
-    height: int
+"""Largest distance of a quaternion's length from 1."""
 
 
 def read_colmap(
     folder: str | PathLike[str], *, broken: Broken | None = None, memory_per_byte: float | None = None
 ) -> Cameras:
-    """The cameras of the images of a COLMAP model, by image name, in the order of `images.bin` or `images.txt`.
+    """Read the cameras of a COLMAP model, by image name, in the order of `images.bin` or `images.txt`.
 
-    folder: where `cameras` and `images` lie, such as `sparse/0`; binary files go before text, as in COLMAP. Cameras
+    folder: holds `cameras` and `images`, such as `sparse/0`; binary files go before text, as in COLMAP. Camera models
     must be PINHOLE or SIMPLE_PINHOLE, as `colmap image_undistorter` writes them.
-    broken: a dict that takes the images that cannot be used, by name, each with the InputError that says why; the
-    others are returned. None: the first of them is raised.
-    memory_per_byte: bound on the memory that reading may take, as for `atra.load_mesh`, of both files.
+    broken: a dict that receives the InputError of each image that cannot be used, by name; None: the first is raised.
+    memory_per_byte: bound on the memory that reading may take, as for `atra.load_mesh`.
 
-    Raises InputError, naming file, entry and value, for files that are missing or cut off, entries that are broken,
-    images whose camera is missing, and camera models with lens distortion; with `broken` only for the former, and where
-    no image is left.
+    Raises InputError, naming file, entry and value, for files that are missing or cut short, broken entries, images
+    without a camera, and camera models with lens distortion; with `broken` only if a file or all images are unusable.
     Source: COLMAP's documentation, "Output Format".
     """
     folder = Path(folder)
@@ -78,7 +68,7 @@ def _read(
         intrinsics[camera.camera_id] = camera
 
     @cache
-    def sensor(camera_id: int) -> _Sensor:
+    def sensor(camera_id: int) -> tuple[ImagePlane, int, int]:
         if camera_id not in intrinsics:
             raise InputError(f"its camera is {camera_id!r}, which is not in {cameras_path.name}")
         with entry(f"{cameras_path}, camera {camera_id}"):
@@ -87,16 +77,16 @@ def _read(
     def placed(image: Pose) -> CalibratedCamera:
         used = sensor(image.camera_id)
         translation = [number("a translation", value) for value in image.translation]
-        return CalibratedCamera.at(
-            *pose_of(_rotation(image.quaternion), translation), used.plane, used.width, used.height
-        )
+        eye, axes = pose_of(_rotation(image.quaternion), translation)
+        return CalibratedCamera.at(eye, axes, *used)
 
     for image in images:
         entries.add(image.name, f"image {image.image_id} ({image.name!r})", partial(placed, image))
     return entries.all()
 
 
-def _sensor(camera: Intrinsics) -> _Sensor:
+def _sensor(camera: Intrinsics) -> tuple[ImagePlane, int, int]:
+    """Image plane, width and height."""
     names = {"SIMPLE_PINHOLE": ("f", "cx", "cy"), "PINHOLE": ("fx", "fy", "cx", "cy")}.get(camera.model)
     if names is None:
         raise distorted(f"its model is {camera.model}", colmap=True)
@@ -104,14 +94,14 @@ def _sensor(camera: Intrinsics) -> _Sensor:
         raise InputError(f"it has {len(camera.parameters)} parameters, expected {len(names)}: {', '.join(names)}")
     *focals, cx, cy = (number(name, value) for name, value in zip(names, camera.parameters, strict=True))
     plane = image_plane_of_focals(focals[0], focals[-1], cx, cy)
-    return _Sensor(plane, pixels("its width", camera.width), pixels("its height", camera.height))
+    return plane, pixels("its width", camera.width), pixels("its height", camera.height)
 
 
 def _rotation(quaternion: tuple[Any, ...]) -> NDArray[np.float64]:
-    """(3, 3) float64 of (w, x, y, z). Raises InputError for one whose length is not 1."""
+    """The rotation (3, 3) float64 of a quaternion (w, x, y, z). Raises InputError if its length is not 1."""
     length = hypot(*(number("a part of its rotation", part) for part in quaternion))
     if not abs(length - 1.0) <= UNIT_TOLERANCE:
-        raise InputError(f"its rotation {quaternion} is of length {length:g}, expected a unit quaternion")
+        raise InputError(f"its rotation {quaternion} has length {length:g}, expected a unit quaternion")
     w, x, y, z = (part / length for part in quaternion)
     return np.array(
         [

@@ -1,4 +1,4 @@
-"""The files of a COLMAP model, entry by entry: cameras and images, text and binary."""
+"""The entries of a COLMAP model's files of cameras and images, text and binary."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ MODELS = (
     ("FULL_OPENCV", 12), ("FOV", 5), ("SIMPLE_RADIAL_FISHEYE", 4), ("RADIAL_FISHEYE", 5),
     ("THIN_PRISM_FISHEYE", 12), ("RAD_TAN_THIN_PRISM_FISHEYE", 16),
 )  # fmt: skip
-"""Name and number of parameters of each camera model, by its number in binary files."""
+"""Name and parameter count of each camera model; binary files give its place here."""
 
 _TWO_LINES = "every image has two lines, the second of which may be empty"
 
@@ -25,7 +25,7 @@ _COUNT, _CAMERA, _IMAGE, _POINT_BYTES = Struct("<Q"), Struct("<IiQQ"), Struct("<
 
 @dataclass(frozen=True)
 class Intrinsics:
-    """An entry of `cameras`; numbers as they are given, words where none are."""
+    """An entry of `cameras`; what should be a number may be a word."""
 
     camera_id: int
     model: str
@@ -36,7 +36,7 @@ class Intrinsics:
 
 @dataclass(frozen=True)
 class Pose:
-    """An entry of `images`: world -> camera, in OpenCV's axes. quaternion: w, x, y, z. Numbers as for `Intrinsics`."""
+    """An entry of `images`, world to camera in OpenCV's axes; quaternion: (w, x, y, z). Numbers as for `Intrinsics`."""
 
     image_id: Any
     quaternion: tuple[Any, ...]
@@ -46,21 +46,20 @@ class Pose:
 
 
 def text_cameras(path: Path) -> Iterator[Intrinsics]:
-    """Raises InputError, naming the line, where one is not CAMERA_ID MODEL WIDTH HEIGHT PARAMS[]."""
+    """Read cameras.txt. Raises InputError naming the first line that is not CAMERA_ID MODEL WIDTH HEIGHT PARAMS[]."""
     for line, words in _lines(path):
         where = f"{path}, line {line}"
         if len(words) < 4:
             raise InputError(f"{where} has {len(words)} words, expected CAMERA_ID MODEL WIDTH HEIGHT PARAMS[]")
         camera_id, width, height, *parameters = (_value(word) for word in (words[0], *words[2:]))
         if not isinstance(camera_id, int):
-            raise InputError(f"{where}: {words[0]!r} stands there, expected a whole number")
+            raise InputError(f"{where} starts with {words[0]!r}, expected a whole number")
         yield Intrinsics(camera_id, words[1], width, height, tuple(parameters))
 
 
 def text_images(path: Path) -> Iterator[Pose]:
-    """Raises InputError, naming the line, where one is not IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME, and the next
-    X Y POINT3D_ID for any number of points."""
-    is_points = False  # the line after each image lists its points, and may be empty
+    """Read images.txt, two lines an image. Raises InputError naming the first line that does not fit its format."""
+    is_points = False
     for line, words in _lines(path, keep_empty=True):
         where = f"{path}, line {line} has {len(words)} words, expected"
         if is_points and len(words) % 3:
@@ -74,7 +73,7 @@ def text_images(path: Path) -> Iterator[Pose]:
 
 
 def binary_cameras(path: Path) -> Iterator[Intrinsics]:
-    """Raises InputError, naming the entry, for an unknown model, and where the file ends too early."""
+    """Read cameras.bin. Raises InputError naming the entry that has an unknown model or in which the file ends."""
     file = _Bytes(path)
     for index in range(file.count("cameras")):
         camera_id, model, width, height = file.take(_CAMERA, f"camera entry {index}")
@@ -87,7 +86,7 @@ def binary_cameras(path: Path) -> Iterator[Intrinsics]:
 
 
 def binary_images(path: Path) -> Iterator[Pose]:
-    """Raises InputError, naming the entry, where the file ends too early."""
+    """Read images.bin. Raises InputError naming the entry in which the file ends."""
     file = _Bytes(path)
     for index in range(file.count("images")):
         image_id, *parts, camera_id = file.take(_IMAGE, f"image entry {index}")
@@ -98,7 +97,7 @@ def binary_images(path: Path) -> Iterator[Pose]:
 
 
 class _Bytes:
-    """A file, read piece by piece; `what` is named where it ends too early."""
+    """A file, read piece by piece; the error of a file that is cut short names `what` was being read."""
 
     def __init__(self, path: Path) -> None:
         self._path, self._bytes, self._at = path, read_file(path), 0
@@ -127,7 +126,7 @@ class _Bytes:
 
 
 def _lines(path: Path, keep_empty: bool = False) -> Iterator[tuple[int, list[str]]]:
-    """Number and words of each line that is no comment."""
+    """Number and words of each line that is not a comment."""
     try:
         text = read_file(path).decode("utf-8")
     except UnicodeDecodeError as error:
@@ -139,7 +138,7 @@ def _lines(path: Path, keep_empty: bool = False) -> Iterator[tuple[int, list[str
 
 
 def _value(word: str) -> int | float | str:
-    """The number that a word is, or the word: what is wrong is said where it is used."""
+    """A word as a number, or unchanged: its use refuses what should be a number."""
     for kind in (int, float):
         try:
             return kind(word)

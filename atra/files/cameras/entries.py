@@ -1,4 +1,4 @@
-"""Entries of camera files: named in every error, each name once, and without lens distortion."""
+"""Entries of camera files, and the checks that all formats share; every error names file and entry."""
 
 from __future__ import annotations
 
@@ -15,23 +15,22 @@ from atra.geometry.numbers import as_number
 from atra.geometry.view import View
 
 Cameras = dict[str, CalibratedCamera]
-"""By name, in the order of the file."""
+"""Cameras by name, in the order of the file."""
 
 Broken = dict[str, InputError]
-"""Why an entry of a file cannot be used, by its name; by its place where it has none, or one that is there already."""
+"""Errors of entries that cannot be used, by name; by place in the file if an entry has no name of its own."""
 
 Kind = TypeVar("Kind", bound=View)
 
-
 _BYTES_PER_ENTRY, _COUNTED = 3000, 1000
-"""Memory for an entry, used or broken; entries are counted in steps of so many."""
+"""Memory that an entry takes, and the number of entries after which the bound is checked again."""
 
 
 class Entries(Generic[Kind]):
-    """The cameras of a file, taken entry by entry.
+    """The cameras of a file, added entry by entry.
 
-    kind: what the file calls an entry. broken: takes those that cannot be used; None: the first of them is refused.
-    allowance: of the file, which all entries together keep.
+    kind: what the file calls an entry. broken: receives the errors of unusable entries; None: the first one is raised.
+    allowance: the memory that all entries together may take.
     """
 
     def __init__(self, path: Path, kind: str, broken: Broken | None, allowance: Allowance) -> None:
@@ -40,8 +39,10 @@ class Entries(Generic[Kind]):
         self._count = 0
 
     def add(self, name: Any, place: str, read: Callable[[], Kind]) -> None:
-        """Raises what `read` refuses, naming file and place, and InputError for a name that is there already, and for
-        more entries than the file may have by its size."""
+        """Add the camera that `read` returns, or keep or raise its InputError, which then names file and place.
+
+        Raises InputError for a name that is there already, and for more entries than the allowance covers.
+        """
         if self._count % _COUNTED == 0:
             with entry(str(self._path)):
                 needed = (self._count + _COUNTED) * _BYTES_PER_ENTRY
@@ -60,7 +61,7 @@ class Entries(Generic[Kind]):
             self._broken[name if is_its_own else place] = error
 
     def all(self) -> dict[str, Kind]:
-        """The cameras by name. Raises InputError for a file without one that can be used."""
+        """The cameras by name. Raises InputError if there is none."""
         if self._cameras:
             return self._cameras
         if self._broken:
@@ -71,7 +72,7 @@ class Entries(Generic[Kind]):
 
 @contextmanager
 def entry(where: str) -> Iterator[None]:
-    """What is refused inside is refused as part of `where`: the file, and the entry in it."""
+    """Put `where`, a file and an entry of it, in front of the message of every InputError raised inside."""
     try:
         yield
     except InputError as error:
@@ -79,32 +80,30 @@ def entry(where: str) -> Iterator[None]:
 
 
 def distorted(what: str, colmap: bool = False) -> InputError:
-    """The refusal of a lens that bends rays. what: the model or number that says so."""
+    """The error of a lens with distortion. what: says which model or number shows it."""
     undistort = "`colmap image_undistorter`" if colmap else "`cv2.undistort(image, K, distortion)`"
     return InputError(
-        f"{what}, but rays are straight here: images must be undistorted first, by {undistort}, and their new "
-        "cameras read"
+        f"{what}, but atra has no lens distortion: undistort the images first ({undistort}) and read their new cameras"
     )
 
 
 def read_json(path: Path) -> dict[str, Any]:
-    """The object in a file. Raises InputError, naming the file, where there is none."""
-    try:
-        found = parse_json(read_file(path))
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from None
+    """The JSON object in a file. Raises InputError, naming the file, if there is none."""
+    content = read_file(path)
+    with entry(str(path)):
+        found = parse_json(content)
     if not isinstance(found, dict):
         raise InputError(f"{path} holds a {type(found).__name__}, expected an object with frames")
     return found
 
 
 def allowance_of(memory_per_byte: float | None, *paths: Path) -> Allowance:
-    """What reading these files may take."""
+    """The memory that reading these files together may take."""
     return Allowance(sum(path.stat().st_size for path in paths), memory_per_byte)
 
 
 def read_file(path: Path) -> bytes:
-    """What a file holds. Raises InputError, naming it, where it cannot be read or is no regular file."""
+    """The bytes of a file. Raises InputError, naming it, if it cannot be read or is no regular file."""
     try:
         return read_regular_file(path)
     except OSError as error:
@@ -112,14 +111,14 @@ def read_file(path: Path) -> bytes:
 
 
 def number(name: str, value: Any) -> float:
-    """A finite number. Raises InputError, naming it, for anything else."""
+    """`value` as a float. Raises InputError, naming it, unless it is a finite number."""
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not isfinite(as_number(value)):
         raise InputError(f"{name} is {value!r:.100}, expected a finite number")
     return float(value)
 
 
 def pixels(name: str, value: Any) -> int:
-    """A whole number of at least 1. Raises InputError, naming it, for anything else."""
+    """`value` as a number of pixels. Raises InputError, naming it, unless it is a whole number of at least 1."""
     given = number(name, value)
     if given != int(given) or given < 1:
         raise InputError(f"{name} is {value!r}, expected a whole number of pixels of at least 1")

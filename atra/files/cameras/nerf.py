@@ -1,4 +1,4 @@
-"""The cameras of a `transforms.json`, as NeRF programs write and read it."""
+"""The cameras of a `transforms.json`, the format of NeRF programs."""
 
 from __future__ import annotations
 
@@ -14,9 +14,10 @@ from atra.geometry.calibration import image_plane_of_focals, pose_of_matrix
 from atra.geometry.camera import CalibratedCamera
 
 DISTORTION = ("k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2")
+"""Names of the distortion's coefficients."""
 
 STRAIGHT = ("PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV", "FULL_OPENCV")
-"""Camera models that are a pinhole if all of `DISTORTION` is zero."""
+"""Camera models that are a pinhole camera if all of `DISTORTION` are 0."""
 
 
 def read_transforms(
@@ -26,18 +27,17 @@ def read_transforms(
     broken: Broken | None = None,
     memory_per_byte: float | None = None,
 ) -> Cameras:
-    """The cameras of a `transforms.json` (Instant-NGP, Nerfstudio, Blender's synthetic scenes), by `file_path`.
+    """Read the cameras of a `transforms.json` (Instant-NGP, Nerfstudio, Blender's synthetic scenes), by `file_path`.
 
-    A frame has its own numbers, or those of the file: `w` and `h`; `fl_x` and `fl_y`, or `camera_angle_x` and
-    `camera_angle_y`, radians (pixels are square where only one axis is told); `cx` and `cy`, (0, 0) being the image's
-    corner, or else its middle. `transform_matrix` carries the camera, which looks along -Z with Y up, into the world.
-    size: width and height where the file does not tell, as Blender's do not.
-    broken: a dict that takes the frames that cannot be used, by name, each with the InputError that says why; the
-    others are returned. None: the first of them is raised.
+    A frame, or else the file, has the size `w` and `h`; the focal lengths `fl_x` and `fl_y`, or the angles
+    `camera_angle_x` and `camera_angle_y` in radians (pixels are square if one axis is missing); the principal point
+    `cx` and `cy`, from the image's corner (default: its middle). `transform_matrix`: camera to world, OpenGL's axes.
+    size: width and height of frames without them, as Blender writes them.
+    broken: a dict that receives the InputError of each frame that cannot be used, by name; None: the first is raised.
     memory_per_byte: bound on the memory that reading may take, as for `atra.load_mesh`.
 
-    Raises InputError, naming file, frame and value, for what is missing or broken, and for lens distortion; with
-    `broken` only where no frame is left, and for a file that is none.
+    Raises InputError, naming file, frame and value, for missing or broken values and lens distortion; with `broken`
+    only if the file or all frames are unusable.
     """
     path = Path(path)
     shared = read_json(path)
@@ -48,17 +48,14 @@ def read_transforms(
     for index, frame in enumerate(frames):
         name = frame.get("file_path") if isinstance(frame, dict) else None
         place = f"frame {index}{f' ({name!r:.100})' if name is not None else ''}"
-        entries.add(name, place, partial(_frame, name, shared, frame, size))
+        entries.add(name, place, partial(_camera, name, shared, frame, size))
     return entries.all()
 
 
-def _frame(name: Any, shared: dict[str, Any], frame: Any, size: tuple[int, int] | None) -> CalibratedCamera:
+def _camera(name: Any, shared: dict[str, Any], frame: Any, size: tuple[int, int] | None) -> CalibratedCamera:
     if not isinstance(name, str) or not name:
         raise InputError("it has no file_path, expected the name of an image")
-    return _camera({**shared, **frame}, size)
-
-
-def _camera(given: dict[str, Any], size: tuple[int, int] | None) -> CalibratedCamera:
+    given = {**shared, **frame}
     model = given.get("camera_model", STRAIGHT[0])
     if model not in STRAIGHT or given.get("is_fisheye"):
         raise distorted(f"the camera model is {'a fisheye' if given.get('is_fisheye') else repr(model)}")
@@ -66,12 +63,12 @@ def _camera(given: dict[str, Any], size: tuple[int, int] | None) -> CalibratedCa
         if number(name, given.get(name, 0.0)) != 0.0:
             raise distorted(f"{name} is {given[name]}")
     if size is None and not ("w" in given and "h" in given):
-        raise InputError("the size of the image is not told, expected w and h; give size=(width, height)")
+        raise InputError("the size of the image is missing, expected w and h; or give size=(width, height)")
     default_w, default_h = size or (None, None)
     width, height = pixels("w", given.get("w", default_w)), pixels("h", given.get("h", default_h))
     fx, fy = _focal(given, "x", width), _focal(given, "y", height)
     if fx is None and fy is None:
-        raise InputError("the focal length is not told, expected fl_x or camera_angle_x")
+        raise InputError("the focal length is missing, expected fl_x or camera_angle_x")
     axis_x, axis_y = number("cx", given.get("cx", width / 2)), number("cy", given.get("cy", height / 2))
     plane = image_plane_of_focals(fx or fy or 0.0, fy or fx or 0.0, axis_x, axis_y)
     if "transform_matrix" not in given:
@@ -80,7 +77,7 @@ def _camera(given: dict[str, Any], size: tuple[int, int] | None) -> CalibratedCa
 
 
 def _focal(given: dict[str, Any], axis: str, size: int) -> float | None:
-    """The focal length across one axis, in pixels; None where nothing tells it."""
+    """The focal length along one axis in pixels, None = not given."""
     if f"fl_{axis}" in given:
         focal = number(f"fl_{axis}", given[f"fl_{axis}"])
         if focal <= 0.0:

@@ -11,10 +11,9 @@ from atra.geometry.camera import CalibratedCamera
 
 
 def read_trimesh(scene: Any) -> Cameras:
-    """The camera of a `trimesh.Scene`, `scene.camera` at `scene.camera_transform`, by its name.
+    """The camera of a `trimesh.Scene`, by its name: `scene.camera` at `scene.camera_transform`.
 
-    Raises InputError for what is no scene, a scene without a camera (trimesh would make one up), and a transform that
-    is no rotation.
+    Raises InputError for anything but a scene with a camera (trimesh would invent one) whose transform is a rotation.
     """
     if not hasattr(scene, "has_camera"):
         raise InputError(f"scene is {scene!r:.100}, expected a trimesh.Scene")

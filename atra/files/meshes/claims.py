@@ -1,7 +1,7 @@
-"""Claims of a mesh file: what its bytes promise, checked before a reader believes them.
+"""Claims of a mesh file: sizes that its bytes state, checked before trimesh reads it.
 
-The readers of `trimesh` ask for the memory a header names, take longer than the size of a file accounts for, and give
-zeros for geometry that is stored in a way they do not know; all of this is found here, from the bytes alone.
+The readers of `trimesh` allocate what a header names, may take longer than a file's size accounts for, and return zeros
+for geometry in a form that they do not know. These checks find such files from their bytes alone.
 """
 
 from __future__ import annotations
@@ -17,40 +17,39 @@ from atra.errors import InputError
 from atra.files.reading import Allowance, parse_json
 
 GLTF_TRIANGLES = (4, 5)
-"""Modes of a primitive: triangles, and a strip of them."""
+"""Modes of a glTF primitive: triangles, and triangle strips."""
 
-BYTES_PER_ROW = 3 * (2 * 8 + 8 + 4)
-"""Three numbers of a face or a vertex: joined from parts in 64 bits, checked in 64, kept in 32."""
+_BYTES_PER_ROW = 3 * (2 * 8 + 8 + 4)
+"""Memory for the three numbers of a face or vertex: 64 bits in a part, joined and checked, 32 bits when kept."""
 
 _BYTES_PER_PART = 20_000
-"""A part of a glTF: it takes trimesh 6 kB and 80 microseconds, in which so much other geometry could be read."""
+"""Memory for a part of a glTF, more than it takes: the bound then covers the time of reading it, too."""
 
 _BYTES_PER_NODE = 500
-"""A node of a glTF, however empty."""
+"""Memory for a node of a glTF, however empty."""
 
 _BYTES_PER_LINE = 250
-"""A line of an OFF or of a PLY as text, however short: trimesh makes a list or an array of each."""
+"""Memory for a line of text in an OFF or PLY, however short: trimesh makes a list or array of each."""
 
 _MOST_PROPERTIES = 1000
-"""Properties of a PLY: those of Gaussian splats are 62, and trimesh takes the square of it."""
+"""Upper limit of a PLY's properties: trimesh's time grows with their square, and Gaussian splats have 62."""
 
 _OFF_COUNTS = re.compile(rb"C?OFF\s+(\d{1,18})\s+(\d{1,18})\b")
 _OBJ_FACE = re.compile(rb"(?m)^[ \t]*f[ \t]")
 _STL_FACET = re.compile(rb"(?im)^[ \t]*facet\b")
 _STL_HEADER_BYTES, _STL_FACET_BYTES = 84, 50
 
-# Extensions a file may require although we know nothing of them: they say nothing of where triangles are.
+# Required extensions that do not concern geometry.
 _GLTF_NOT_GEOMETRY = re.compile(r"[A-Z]+_(?:materials?|textures?|lights?)_\w+")
 _GLTF_NUMBERS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
 _GLB_MAGIC, _GLB_JSON = b"glTF", b"JSON"
 
 
 def check_claims(content: bytes, suffix: str, tree: Any, allowance: Allowance) -> int:
-    """How many faces a mesh file of that format must at least yield, by its own words; 0 where it does not say.
+    """The number of faces that a mesh file states, a lower limit of what reading it must yield; 0 = none stated.
 
-    tree: the file's `gltf_tree`. Raises InputError, or whatever Python does with a file built differently, for a glTF
-    or GLB with geometry that trimesh would read as zeros, leave out or put elsewhere, and for what would take more
-    memory than `allowance`.
+    tree: the file's `gltf_tree`. Raises InputError, or whatever malformed content makes Python raise, for a glTF or GLB
+    whose geometry trimesh would misread, and for files that would take more memory than `allowance`.
     """
     if suffix == "ply":
         return _check_ply(content, allowance)
@@ -67,7 +66,7 @@ def check_claims(content: bytes, suffix: str, tree: Any, allowance: Allowance) -
 
 
 def gltf_tree(content: bytes, suffix: str) -> Any:
-    """The JSON of a glTF or GLB, None of any other format. Raises InputError where there is none."""
+    """The JSON of a glTF or GLB, None for other formats. Raises InputError for text that is no JSON."""
     if suffix not in ("gltf", "glb"):
         return None
     return parse_json(glb_chunks(content)[0] if suffix == "glb" else content)
@@ -76,13 +75,13 @@ def gltf_tree(content: bytes, suffix: str) -> Any:
 def _check_off(content: bytes, allowance: Allowance) -> int:
     found = _OFF_COUNTS.search(re.sub(rb"#[^\r\n]*", b"", content))
     vertices, faces = (int(count) for count in found.groups()) if found else (0, 0)
-    _check_rows(vertices + faces, 0, allowance)
+    _check_rows(vertices + faces, allowance)
     _check_lines(content, allowance)
     return faces
 
 
 def _check_ply(content: bytes, allowance: Allowance) -> int:
-    """Properties and lines are read as trimesh reads them, so that nothing escapes the count."""
+    """Count header lines in the same way as trimesh, so that none is missed."""
     faces = rows = in_all = properties = values = 0
     for line in io.BytesIO(content):
         words = line.decode().split()
@@ -94,8 +93,8 @@ def _check_ply(content: bytes, allowance: Allowance) -> int:
             faces = rows if words[1] == "face" else faces
         elif "property" in words[0]:
             properties, values = properties + 1, values + rows
-    _check_rows(in_all, 0, allowance)
-    if b"ascii" in content[:100]:  # its second line says so
+    _check_rows(in_all, allowance)
+    if b"ascii" in content[:100]:  # the format stands in the second line
         _check_lines(content, allowance)
     if values > len(content):
         raise InputError(f"it promises {values} values, but has only {len(content)} bytes; it seems cut short")
@@ -109,15 +108,12 @@ def _stl_count(content: bytes) -> int:
 
 
 def is_binary_stl(content: bytes) -> bool:
-    """Whether the length is what the header of a binary STL says, as trimesh tells it from text."""
+    """Whether the length is what the header of a binary STL states: trimesh tells binary from text by this."""
     return len(content) == _STL_HEADER_BYTES + _stl_count(content) * _STL_FACET_BYTES
 
 
 def glb_chunks(content: bytes) -> tuple[bytes, bytes]:
-    """The text of the JSON chunk, and all chunks after it.
-
-    Every chunk's length is checked, since a reader asks for as much memory before it reads.
-    """
+    """The JSON chunk's text, and all chunks after it. Raises InputError for a chunk that is longer than the file."""
     if content[:4] != _GLB_MAGIC:
         raise InputError(f"it starts with {content[:4]!r}, expected {_GLB_MAGIC!r}")
     start, first = 12, b""
@@ -140,11 +136,6 @@ def _check_gltf(tree: Any) -> None:
         count = accessor["count"]
         if type(count) is not int or count < 0:
             raise InputError(f"accessor {number} has the count {count!r}, expected a whole number")
-    # An accessor without bytes stands for zeros. Those of a morph target match the shape they start from.
-    stored = max((accessor["count"] for accessor in accessors if "bufferView" in accessor), default=0)
-    for number, accessor in enumerate(accessors):
-        if accessor["count"] > stored and "bufferView" not in accessor:
-            raise InputError(f"accessor {number} claims {accessor['count']} items, but names no bytes")
     for mesh in tree.get("meshes", []):
         for primitive in mesh["primitives"]:
             mode = primitive.get("mode", 4)
@@ -153,13 +144,11 @@ def _check_gltf(tree: Any) -> None:
             for number in (primitive["attributes"].get("POSITION"), primitive.get("indices")):
                 accessor = {"bufferView": None} if number is None else accessors[number]
                 if "bufferView" not in accessor or "sparse" in accessor or accessor.get("normalized"):
-                    raise InputError(
-                        f"accessor {number} is compressed, sparse or normalized; export it as plain values"
-                    )
+                    raise InputError(f"accessor {number} is compressed, sparse, normalized or empty; export it plainly")
 
 
 def _check_gltf_size(tree: Any, allowance: Allowance) -> int:
-    """How many triangles the nodes place. A few bytes can place a mesh a million times, or name one buffer as often."""
+    """The number of triangles in the scene. A few bytes can place a mesh, or name a buffer, a million times."""
     accessors, placed = tree.get("accessors", []), _placed_meshes(tree)
     faces = rows = parts = 0
     for number, mesh in enumerate(tree.get("meshes", [])):
@@ -170,7 +159,7 @@ def _check_gltf_size(tree: Any, allowance: Allowance) -> int:
             vertices = accessors[primitive["attributes"]["POSITION"]]["count"]
             corners = accessors[primitive["indices"]]["count"] if "indices" in primitive else vertices
             triangles = corners // 3 if mode == GLTF_TRIANGLES[0] else max(corners - 2, 0)
-            copies = max(placed[number], 1)  # what is not placed is read all the same
+            copies = max(placed[number], 1)  # meshes outside the scene are read, too
             parts, rows = parts + copies, rows + copies * (vertices + triangles)
             faces += placed[number] * triangles
     allowance.check(f"{parts:,} parts", parts * _BYTES_PER_PART)
@@ -178,15 +167,14 @@ def _check_gltf_size(tree: Any, allowance: Allowance) -> int:
     allowance.check(f"{nodes:,} nodes", nodes * _BYTES_PER_NODE)
     views = sum(abs(view["byteLength"]) for view in tree.get("bufferViews", []))
     items = sum(accessor["count"] * 4 * _GLTF_NUMBERS[accessor["type"]] for accessor in accessors)
-    _check_rows(rows, views + items, allowance)
+    _check_rows(rows, allowance, views + items)
     return faces
 
 
 def _placed_meshes(tree: Any) -> Counter[int]:
-    """How often the nodes of the scene that is shown place each mesh.
+    """How often the nodes of the default scene place each mesh.
 
-    A node has at most one parent, by the specification: trimesh goes through those with several once for each, and
-    keeps the last.
+    Raises InputError for a node with several parents, which the specification forbids: trimesh keeps one of its places.
     """
     nodes = tree.get("nodes", [])
     roots = tree["scenes"][tree.get("scene", 0)].get("nodes", []) if "scenes" in tree else []
@@ -212,7 +200,7 @@ def _check_lines(content: bytes, allowance: Allowance) -> None:
     allowance.check(f"{lines:,} lines", lines * _BYTES_PER_LINE)
 
 
-def _check_rows(rows: int, more_bytes: int, allowance: Allowance) -> None:
-    """So many faces and vertices, and bytes beside them."""
+def _check_rows(rows: int, allowance: Allowance, more_bytes: int = 0) -> None:
+    """Check the memory of faces and vertices, and of bytes beside them."""
     beside = f" and {more_bytes:,} bytes beside them" if more_bytes else ""
-    allowance.check(f"{rows:,} faces and vertices{beside}", rows * BYTES_PER_ROW + more_bytes)
+    allowance.check(f"{rows:,} faces and vertices{beside}", rows * _BYTES_PER_ROW + more_bytes)

@@ -1,4 +1,4 @@
-"""Face sources: which face, material and node of its file each triangle of a mesh comes from."""
+"""Face sources: the face, material and node in a mesh file that each triangle comes from."""
 
 from __future__ import annotations
 
@@ -22,11 +22,13 @@ _NONE = -1
 
 @dataclass(frozen=True, eq=False)
 class FaceSources:
-    """Where the triangles of a mesh stand in the file that it was read from; row i is the triangle with `prim_id` i.
+    """The places of a mesh's triangles in its file; row i is the triangle with `prim_id` i.
 
-    face: (F,) uint32, the face of the file, counted from 0 in its order; of a glTF the triangle of its primitive.
-    material, node: (F,) int32, places in `materials` and `nodes`, -1 = none. materials, nodes: names, in the order of
-    the file, those of a glTF without one its number: `materials` of OBJ and glTF, `nodes` of glTF.
+    face: (F,) uint32, number of the face in the file, from 0; in a glTF, of the triangle in its primitive.
+    material: (F,) int32, index into `materials`, -1 = none.
+    node: (F,) int32, index into `nodes`, -1 = none.
+    materials: names in the order of the file, of OBJ and glTF; in a glTF a number stands for a missing name.
+    nodes: names in the order of the file, of glTF; as for `materials`.
     """
 
     face: NDArray[np.uint32]
@@ -37,9 +39,9 @@ class FaceSources:
 
 
 def load_face_sources(path: str | Path, *, memory_per_byte: float | None = None) -> FaceSources:
-    """What `load_mesh(path)` has made each triangle of, for PLY, OBJ, OFF, STL and glTF files.
+    """The face, material and node that each triangle of `load_mesh(path)` comes from: PLY, OBJ, OFF, STL, glTF.
 
-    memory_per_byte: as for `load_mesh`. Raises InputError as `load_mesh`, and for a file of another format.
+    memory_per_byte: as for `load_mesh`. Raises InputError as `load_mesh`, and for other formats.
     """
     path = Path(path).expanduser()
     parts = read_parts(path, memory_per_byte)
@@ -64,12 +66,12 @@ def _sources(content: bytes, suffix: str, parts: Sequence[Part]) -> FaceSources:
     elif suffix in ("stl", "stl_ascii"):
         face = np.arange(count)
     else:
-        raise InputError(f"it is of the format {suffix!r}, of which no more than the triangles is known")
+        raise InputError(f"its format {suffix!r} has no face sources, expected PLY, OBJ, OFF, STL or glTF")
     return FaceSources(face.astype(np.uint32), material, np.full(count, _NONE, np.int32), materials)
 
 
 def _check_triangles(corners: NDArray[np.integer], count: int) -> None:
-    """Raise InputError unless polygons of so many corners make as many triangles as were read."""
+    """Raise InputError unless polygons with these numbers of corners make `count` triangles."""
     triangles = int(np.maximum(corners - 2, 0).sum())
     if triangles != count:
         raise InputError(
@@ -78,8 +80,7 @@ def _check_triangles(corners: NDArray[np.integer], count: int) -> None:
 
 
 def _triangles_by_size(corners: NDArray[np.integer], count: int) -> NDArray[np.integer]:
-    """The polygon of each triangle, as trimesh cuts them: triangles first, then the halves of all quads, one half of
-    each before the other of any, then fans of the others."""
+    """The polygon of each triangle in trimesh's order: triangles, first and then second halves of quads, fans."""
     _check_triangles(corners, count)
     triangles, quads, others = (np.flatnonzero(kind) for kind in (corners == 3, corners == 4, corners > 4))
     return np.concatenate([triangles, quads, quads, np.repeat(others, corners[others] - 2)])
@@ -101,7 +102,7 @@ def _off_corners(content: bytes) -> NDArray[np.integer]:
 
 
 def _of_obj(content: bytes, count: int) -> tuple[NDArray[np.integer], NDArray[np.int32], tuple[str, ...]]:
-    """The face and the material of each triangle, and the names of materials."""
+    """Face and material of each triangle, and the materials' names."""
     content = content.replace(b"\\\r\n", b" ").replace(b"\\\n", b" ")
     names: dict[str, int] = {}
     current, corners, columns = _NONE, list[int](), set[int]()
@@ -114,18 +115,16 @@ def _of_obj(content: bytes, count: int) -> tuple[NDArray[np.integer], NDArray[np
             corners.append(len(rest.split()))
             columns.add(len(rest.replace(b"/", b" ").split()))
     of_face = np.array(corners)
-    # trimesh reads faces that are all alike at once, and others line by line.
-    alike = len(columns) == 1
-    _check_triangles(of_face, count)
-    if alike:
+    if len(columns) == 1:  # trimesh reads faces that are all alike at once, others line by line
         face = _triangles_by_size(of_face, count)
     else:
+        _check_triangles(of_face, count)
         face = np.repeat(np.arange(len(of_face)), np.maximum(of_face - 2, 0))
     return face, np.array(material, np.int32)[face], tuple(names)
 
 
 def _of_gltf(tree: Any, parts: Sequence[Part]) -> FaceSources:
-    """`mesh_geometry` has made a node of its own of every primitive of a mesh with several, behind all others."""
+    """Undo `geometry_of`, which makes a node of each primitive of a mesh with several, behind all other nodes."""
     nodes = tree.get("nodes", [])
     own: list[list[Any]] = []
     for node in nodes:

@@ -1,4 +1,4 @@
-"""Mesh files: how one becomes the triangles that are traced."""
+"""Reading mesh files, which need not be trusted."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from atra.geometry.mesh import Mesh
 
 
 class Part(NamedTuple):
-    """Vertices and faces of one mesh instance, the name of its node, and what a reader of PLY has found."""
+    """Vertices and faces of a mesh instance, the name of its node; raw: elements of a PLY as trimesh read them."""
 
     vertices: NDArray[np.float64]
     faces: NDArray[np.int64]
@@ -30,29 +30,26 @@ class Part(NamedTuple):
     raw: Any = None
 
 
-# Warnings of NumPy's by which text that is no number, or no index, goes on as another value.
+# NumPy's warnings when it replaces text that is no number, or no index, by another value.
 _DAMAGE = ("string or file could not be read to its end", "invalid value encountered in cast")
 
 
 def load_mesh(path: str | Path, *, memory_per_byte: float | None = None) -> Mesh:
-    """Read the triangles of a file: nothing merged or dropped, and triangles in file order.
+    """Read the triangles of a mesh file in file order; nothing is merged or dropped.
 
-    path: a mesh file of a format trimesh reads (PLY, OBJ, STL, OFF, glTF, …); `~` is expanded. Polygons are cut into
-    triangles. In PLY and OFF, and in an OBJ all of whose faces are alike, triangles come first, then one half of every
-    quad, then the other halves, then fans of larger polygons; an OBJ with faces of several kinds keeps their order.
-    `load_face_sources` says which face of the file each triangle is of. A scene graph is flattened, each instance moved
-    by its transform. Materials and textures are not read; a glTF may name buffers in its own folder only. STL has no
-    shared vertices, so its mesh has none.
+    path: a file in a format that trimesh reads (PLY, OBJ, STL, OFF, glTF, …); `~` is expanded. Polygons are cut into
+    triangles. PLY, OFF, and an OBJ whose faces are all alike give triangles first, then one half of every quad, then
+    the other halves, then fans of larger polygons; other OBJ files keep the order of their faces (`load_face_sources`
+    tells each triangle's face). Instances of a scene graph are copied and transformed. Materials and textures are not
+    read; a glTF may name buffers in its own folder only. A mesh from an STL shares no vertices.
 
-    memory_per_byte: bound on the memory that reading may take, bytes for each byte of the file and of the buffers it
-    names; 128 MiB are allowed in any case. None: what the environment variable ATRA_MEMORY_PER_BYTE says, or 100. inf:
-    no bound but the memory that is free.
+    memory_per_byte: bound on the memory that reading may take, in bytes for each byte of the file and of the buffers it
+    names; 128 MiB are always allowed. None: the environment variable ATRA_MEMORY_PER_BYTE, or 100. inf: free memory.
 
     The file need not be trusted (docs/trust.md). Raises InputError naming the path: missing, no regular file, an
-    unknown format, unreadable, cut short, without triangles, claiming more than memory_per_byte allows, or with
-    values that `Mesh` refuses. An OBJ with indices of 0 or below and a glTF with compressed or sparse geometry,
-    with triangle fans or with nodes of several parents are refused, since trimesh misreads them, and so is an archive,
-    since trimesh skips the members it cannot read.
+    unknown format, unreadable, cut short, without triangles, beyond memory_per_byte, or with values that `Mesh`
+    refuses. Refused, too, is what trimesh misreads: an OBJ with indices below 1, a glTF with compressed or sparse
+    geometry, triangle fans or nodes with several parents, and archives.
     """
     path = Path(path).expanduser()
     parts = read_parts(path, memory_per_byte)
@@ -66,7 +63,7 @@ def load_mesh(path: str | Path, *, memory_per_byte: float | None = None) -> Mesh
 
 
 def read_parts(path: Path, memory_per_byte: float | None = None) -> list[Part]:
-    """The parts of a file in the order of its scene graph, one at least. Raises InputError as `load_mesh`."""
+    """The parts of a file, at least one, in the order of its scene graph. Raises InputError as `load_mesh`."""
     if path.is_dir():
         raise InputError(f"{path} is a folder, expected a mesh file")
     if not path.exists():
@@ -108,13 +105,13 @@ def _read(path: Path, memory_per_byte: float | None) -> tuple[list[Part], int]:
                 maintain_order=True,
             )
         return list(_flattened(scene)), promised
-    except Exception as error:  # a reader of foreign bytes may raise anything
+    except Exception as error:  # a reader of damaged bytes may raise anything
         reason = str(error).strip() or type(error).__name__
         raise InputError(f"{path} cannot be read as {suffix}: {reason}") from None
 
 
 class _Refusal(logging.Handler):
-    """Turns what is logged into an error."""
+    """Raises what is logged as an InputError."""
 
     def emit(self, record: logging.LogRecord) -> None:
         raise InputError(record.getMessage())
@@ -122,7 +119,7 @@ class _Refusal(logging.Handler):
 
 @contextmanager
 def _warnings_of_trimesh_refused() -> Iterator[None]:
-    """trimesh logs what it goes on without, with a traceback, which Python prints where no logging is set up."""
+    """Refuse files in which trimesh skips something, which it only logs."""
     logger, refusal = logging.getLogger("trimesh"), _Refusal(logging.WARNING)
     logger.addHandler(refusal)
     try:
@@ -132,7 +129,7 @@ def _warnings_of_trimesh_refused() -> Iterator[None]:
 
 
 def _folder_of(path: Path) -> Any:
-    """Gives trimesh the files that a mesh file names, out of its own folder."""
+    """The resolver that gives trimesh the files which a mesh file names, each read once."""
     from trimesh.resolvers import FilePathResolver
 
     class Folder(FilePathResolver):  # type: ignore[misc]
@@ -144,7 +141,7 @@ def _folder_of(path: Path) -> Any:
 
 
 def _bytes_beside(tree: Any, folder: Any) -> int:
-    """The size of the files that a glTF names."""
+    """The total size of the files that a glTF names."""
     if tree is None:
         return 0
     names = {buffer.get("uri", "data:") for buffer in tree.get("buffers", [])}
@@ -162,26 +159,26 @@ def _flattened(scene: Any) -> Iterator[Part]:
         if isinstance(part, trimesh.Trimesh) and len(part.faces)
     }
     world, nodes = _world_transforms(scene.graph), scene.graph.transforms.node_data
-    placed = [(node, parts[nodes[node]["geometry"]]) for node in scene.graph.nodes_geometry
-              if nodes[node]["geometry"] in parts]  # fmt: skip
-    identity = np.eye(4)
-    for node, part in placed:
+    for node in scene.graph.nodes_geometry:
+        part = parts.get(nodes[node]["geometry"])
+        if part is None:
+            continue
         transform, vertices = world[node], part.vertices
-        if not np.array_equal(transform, identity):  # identity keeps the file's bits
+        if not np.array_equal(transform, np.eye(4)):  # identity keeps the file's bits
             vertices = vertices @ transform[:3, :3].T + transform[:3, 3]
         yield Part(vertices, part.faces, str(node), part.raw)
 
 
 def _checked_part(part: Any) -> Part:
     vertices, faces = np.asarray(part.vertices, np.float64), np.asarray(part.faces, np.int64)
-    if faces.min() < 0 or faces.max() >= len(vertices):  # before parts are joined and hide it
+    if faces.min() < 0 or faces.max() >= len(vertices):  # joined parts would hide it
         face = int(np.nonzero(((faces < 0) | (faces >= len(vertices))).any(axis=1))[0][0])
         raise InputError(f"face {face} names {faces[face].tolist()}, but there are {len(vertices)} vertices")
     return Part(vertices, faces, "", part.metadata.get("_ply_raw"))
 
 
 def _world_transforms(graph: Any) -> dict[Any, NDArray[np.float64]]:
-    """Of all nodes below the base, each from its parent's: trimesh would multiply the whole path anew for each."""
+    """World transforms of all nodes below the base, each from its parent's; trimesh would multiply whole paths."""
     children, edges = graph.transforms.children, graph.transforms.edge_data
     world, waiting = {graph.base_frame: np.eye(4)}, [graph.base_frame]
     while waiting:

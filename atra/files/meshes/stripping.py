@@ -1,7 +1,7 @@
-"""The part of a mesh file that is geometry: all else is taken out before trimesh reads it.
+"""The geometry of a mesh file; everything else is removed before trimesh reads it.
 
-What is not read cannot be damaged, reorder faces or take time: trimesh looks for a free name among all others, splits
-an OBJ at every material it finds, even in a comment, and leaves out what hangs on a glTF's camera.
+So names, materials and normals cannot be damaged, reorder faces or take time: trimesh compares every name with all
+others, splits an OBJ at every material, even in comments, and drops the children of a glTF's camera.
 """
 
 from __future__ import annotations
@@ -18,17 +18,17 @@ _OBJ_BAD_INDEX = re.compile(rb"(?m)^[ \t]*f\b[^\n]*[ \t](-\d+|\+?0+(?![^/ \t\n])
 _STL_BETWEEN_SOLIDS = re.compile(rb"(?i)endsolid[^\n]{0,200}\n\s*solid[^\n]{0,200}\n")
 _STL_NORMAL = re.compile(rb"(?i)\bnormal\b[^\r\n]*")
 _MOST_SOLIDS = 1000
-"""The search for a free name takes the square of it."""
+"""Upper limit of solids whose name cannot be removed: trimesh's time grows with their square."""
 
 _GLTF_KEPT = ("asset", "buffers", "bufferViews", "accessors", "scene", "scenes")
 _GLTF_NODE = ("children", "matrix", "translation", "rotation", "scale")
 
 
 def geometry_of(content: bytes, suffix: str, tree: Any) -> bytes:
-    """A file of the same format and the same triangles in the same order, without names, groups, materials, normals.
+    """The file with the same triangles in the same order, without names, groups, materials and normals.
 
-    Raises InputError, or whatever Python does with a file built differently, where trimesh would misread the triangles.
-    The claims of the file have been checked (`claims.check_claims`); tree: its `gltf_tree`.
+    tree: the file's `gltf_tree`; `check_claims` has passed. Raises InputError, or whatever malformed content makes
+    Python raise, for triangles that trimesh would misread.
     """
     if suffix == "obj":
         return _obj_geometry(_as_utf8(content))
@@ -44,7 +44,7 @@ def geometry_of(content: bytes, suffix: str, tree: Any) -> bytes:
 
 
 def _as_utf8(text: bytes) -> bytes:
-    """So that trimesh sees no other text than the patterns here: it guesses at the encoding of what is not UTF-8."""
+    """Replace what is not UTF-8: trimesh would guess another encoding and see other text than the patterns here."""
     return text.decode(errors="replace").encode()
 
 
@@ -53,12 +53,12 @@ def _obj_geometry(text: bytes) -> bytes:
     text = lines.replace(b"\\\n", b" ")
     bad = _OBJ_BAD_INDEX.search(text)
     if bad:
-        # Lines that go on the one before, after a backslash, have been joined.
+        # Lines that a backslash continues have been joined.
         whole = [number for number, line in enumerate(lines.split(b"\n")) if not line.endswith(b"\\")]
         before = text.count(b"\n", 0, bad.start())
         number = whole[before - 1] + 2 if before else 1
         index, line = bad.group(1).decode(), bad.group().decode(errors="replace").strip()
-        raise InputError(f"line {number} names vertex {index} in {line!r}, expected indices from 1 up; export it anew")
+        raise InputError(f"line {number} names vertex {index} in {line!r}, expected indices from 1; export it anew")
     return _OBJ_NOT_GEOMETRY.sub(b"", text)
 
 
@@ -71,9 +71,9 @@ def _stl_geometry(text: bytes) -> bytes:
 
 
 def _gltf_geometry(tree: Any) -> Any:
-    """The nodes and, as a mesh and a node of its own, each of their primitives that has triangles.
+    """The nodes, and each primitive with triangles as a mesh of its own; a node for each if a mesh has several.
 
-    trimesh tells several primitives of a mesh apart by six random digits, and loses one where they are equal.
+    trimesh tells the primitives of one mesh apart by random digits, and loses one where these are equal.
     """
     parts: dict[int, list[dict[str, int]]] = {}
     meshes: list[Any] = []
@@ -87,7 +87,7 @@ def _gltf_geometry(tree: Any) -> Any:
         if len(own) == 1:
             node["mesh"] = own[0]["mesh"]
             continue
-        # Last, and backwards, since trimesh goes through the children from the last to the first.
+        # Reversed, since trimesh visits the last child first.
         node["children"] = [*node.get("children", []), *reversed(range(len(nodes), len(nodes) + len(own)))]
         nodes += own
     return {**{key: tree[key] for key in _GLTF_KEPT if key in tree}, "meshes": meshes, "nodes": nodes}

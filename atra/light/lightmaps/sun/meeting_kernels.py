@@ -10,8 +10,8 @@ import numpy as np
 from numba import types
 from numpy.typing import NDArray
 
-from atra.compiled.intrinsics import address_at, fetch_add, set_bits_at
-from atra.compiled.lanes import nonzero_lanes, uint32_at
+from atra.compiled.intrinsics import address_at, fetch_add, set_bits_at, uint32_at
+from atra.compiled.lanes import nonzero_lanes
 from atra.compiled.memory import store
 from atra.compiled.store import callback, kernel
 from atra.compiled.vectors import bits_of, repeated
