@@ -12,14 +12,7 @@ from numpy.typing import NDArray
 
 from atra.compiled.intrinsics import fetch_add
 from atra.compiled.store import kernel
-from atra.embree.layout import (
-    HIT_GEOM_ID,
-    HIT_PRIM_ID,
-    RAY_TFAR,
-    RAY_TNEAR,
-    RAY_WORDS,
-    RayQueryContext,
-)
+from atra.embree.layout import HIT_GEOM_ID, HIT_PRIM_ID, RAY_TFAR, RAY_TNEAR, RAY_WORDS, RayQueryContext
 from atra.embree.packets_kernels import INFINITY, MISS, START, hit_distance, hit_prim_id, intersect, set_pixel_ray
 
 _CONTEXT_DEPTH = RayQueryContext.depth_address.offset // 8

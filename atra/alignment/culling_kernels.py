@@ -41,11 +41,7 @@ def fill_copies(  # type: ignore[no-untyped-def]
     vertices: (3 N, 3) float32; records: (N,) int64, the copy's prim_id in the low half and the distance in pixels from
     the reference cell's pixel to the cell's in the high half.
     """
-    polygon, first, second = (
-        np.empty((CORNERS, 3)),
-        np.empty((CORNERS, 3)),
-        np.empty((CORNERS, 3)),
-    )
+    polygon, first, second = (np.empty((CORNERS, 3)), np.empty((CORNERS, 3)), np.empty((CORNERS, 3)))
     while True:
         start = fetch_add(counter_address, 1) * CHUNK
         if start >= len(faces):

@@ -5,19 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from atra.compiled.store import njit
-from atra.light.numbers_kernels import (
-    ONE,
-    TWO,
-    ZERO,
-    along,
-    around,
-    bits_of,
-    dot,
-    on_sphere,
-    scaled,
-    unit,
-    unit_of,
-)
+from atra.light.numbers_kernels import ONE, TWO, ZERO, along, around, bits_of, dot, on_sphere, scaled, unit, unit_of
 from atra.light.surface_kernels import (
     KIND,
     PARAMETER,

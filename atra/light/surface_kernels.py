@@ -195,11 +195,7 @@ def sky_colour(surfaces, direction):  # type: ignore[no-untyped-def]
     if sky[0] == GRADIENT:
         above = HALF * (direction[1] + ONE)
         below = ONE - above
-        return (
-            below * sky[1] + above * sky[4],
-            below * sky[2] + above * sky[5],
-            below * sky[3] + above * sky[6],
-        )
+        return (below * sky[1] + above * sky[4], below * sky[2] + above * sky[5], below * sky[3] + above * sky[6])
     rows, columns = surfaces.panorama.shape[0], surfaces.panorama.shape[1]
     height = max(-1.0, min(1.0, np.float64(direction[1])))
     t = np.arccos(height) / np.pi

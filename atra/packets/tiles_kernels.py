@@ -34,11 +34,7 @@ from atra.geometry.projection_kernels import (
 @kernel
 def list_cells(counter_address, points_pixels, faces, nx, ny, cell_width, cell_height, starts, cells):  # type: ignore[no-untyped-def]
     """cells[starts[t]:starts[t + 1]] = the cells (row-major numbers) triangle t meets, as `count_copies` counted."""
-    polygon, first, second = (
-        np.empty((CORNERS, 3)),
-        np.empty((CORNERS, 3)),
-        np.empty((CORNERS, 3)),
-    )
+    polygon, first, second = (np.empty((CORNERS, 3)), np.empty((CORNERS, 3)), np.empty((CORNERS, 3)))
     while True:
         start = fetch_add(counter_address, 1) * CHUNK
         if start >= len(faces):

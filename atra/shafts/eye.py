@@ -22,19 +22,7 @@ from atra.geometry.view import View
 from atra.shafts.lists_kernels import build_eye_lists
 from atra.shafts.options import ShaftKeywords, ShaftOptions
 from atra.shafts.shafts import ShaftLists, building_of, stored_lists
-from atra.shafts.shape_kernels import (
-    ACROSS,
-    AXIS,
-    CORNER,
-    DOWN,
-    EYE,
-    HIGH,
-    LOW,
-    MIDDLE,
-    PLANE_COUNT,
-    PLANES,
-    SHAPE,
-)
+from atra.shafts.shape_kernels import ACROSS, AXIS, CORNER, DOWN, EYE, HIGH, LOW, MIDDLE, PLANE_COUNT, PLANES, SHAPE
 from atra.tracing.lifetime import in_turn
 from atra.tracing.options import lists_options
 from atra.tracing.rays import check_pinhole

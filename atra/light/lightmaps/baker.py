@@ -52,11 +52,7 @@ class Baker(Lifetime):
 
     @lists_options(BakeOptions)
     def __init__(
-        self,
-        scene: BakeScene,
-        atlas: Atlas | None = None,
-        size: int = 512,
-        **options: Unpack[BakeKeywords],
+        self, scene: BakeScene, atlas: Atlas | None = None, size: int = 512, **options: Unpack[BakeKeywords]
     ) -> None:
         super().__init__()
         self.options = BakeOptions.of(type(self).__name__, options)

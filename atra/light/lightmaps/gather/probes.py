@@ -20,15 +20,7 @@ from atra.light.lightmaps.gather.probes_kernels import (
     harmonics,
     look_around,
 )
-from atra.light.lightmaps.gather.tables_kernels import (
-    CHANNELS,
-    DIRECT,
-    ENVIRONMENT,
-    HARMONICS,
-    INDIRECT,
-    Batch,
-    Tables,
-)
+from atra.light.lightmaps.gather.tables_kernels import CHANNELS, DIRECT, ENVIRONMENT, HARMONICS, INDIRECT, Batch, Tables
 from atra.tracing.budgets import check_needed_bytes
 
 BLOCK = 64

@@ -72,13 +72,7 @@ def tables_of(scene: BakeScene, texels: Texels, options: BakeOptions) -> Tables:
         np.packbits(surface.panes, bitorder="little"),
         _box(corners[surface.panes], 0.1 * offset),  # rays that start off such faces are outside
     )
-    numbers = (
-        np.float64(offset),
-        texels.atlas.width,
-        np.float32(options.open_length),
-        sky_by,
-        np.uint32(options.seed),
-    )
+    numbers = (np.float64(offset), texels.atlas.width, np.float32(options.open_length), sky_by, np.uint32(options.seed))
     every: Any = (*map(_read_only, arrays), *numbers)
     return Tables(*every)
 
