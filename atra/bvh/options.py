@@ -1,4 +1,4 @@
-"""Options of tracing through our own BVH."""
+"""Options of tracing through the library's own BVH."""
 
 from __future__ import annotations
 
@@ -15,10 +15,9 @@ class BvhKeywords(ThreadKeywords, TieKeywords, total=False):
 
 @dataclass(frozen=True)
 class BvhOptions(ThreadOptions, TieOptions):
-    """Options of `BvhTracer` and `BvhScene`. The hits are the same with every traversal.
+    """Options of `BvhTracer` and `BvhScene`. All traversals find the same hits.
 
-    robust is the test of triangles of Woop, Benthin, Wald 2013, which is watertight at corners, too; without it a
-    faster one is used.
+    robust: on = the watertight triangle test of Woop, Benthin, Wald 2013, off = a faster test.
     """
 
     packet_width: int = option(1, "rays in a packet; 1 = single rays", choices=(1, *LANES))

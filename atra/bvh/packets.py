@@ -1,4 +1,4 @@
-"""The traversal of a packet of rays, from any list of nodes: one box or triangle, and a vector of rays, at a time."""
+"""Traversal of a packet of rays from a list of nodes: one box or triangle at a time against all rays."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from atra.compiled.vectors import bits_of, lane, larger, repeated, size, smaller
 from atra.embree.packets_kernels import MISS
 
 X, Y, Z, DIRECTION_X, DIRECTION_Y, DIRECTION_Z, INVERSE_X, INVERSE_Y, INVERSE_Z, TNEAR, TFAR, PRIM_ID = range(12)
-"""Rows of a bundle: rays, one a column, and what they hit; all float32 but PRIM_ID, which is uint32."""
+"""Rows of a bundle: one ray a column, then its hit. All are float32 except PRIM_ID, which is uint32."""
 
 ROWS = 12
 
@@ -25,14 +25,14 @@ _NOTHING = np.float32(np.inf)
 
 @njit(forceinline=True)
 def _reach(tree, axis, width, place):  # type: ignore[no-untyped-def]
-    """How far the box of all triangles reaches from places on an axis."""
+    """The largest distance along an axis from origins to the ends of the root's box."""
     low, high = tree.nodes + 4 * axis, tree.nodes + NODE_BYTES // 2 + 4 * axis
     return larger(size(repeated(float_at(low), width) - place), size(repeated(float_at(high), width) - place))
 
 
 @njit(forceinline=True)
 def _margins(robust, tree, width, x, y, z, across, along, away, shear):  # type: ignore[no-untyped-def]
-    """As `atra.bvh.single.margin_of`, of rays: along each axis."""
+    """`atra.bvh.single.margin_of` for the rays of a packet."""
     if not robust:
         none = repeated(_ZERO, width)
         return none, none, none
@@ -43,7 +43,7 @@ def _margins(robust, tree, width, x, y, z, across, along, away, shear):  # type:
 
 @njit(forceinline=True)
 def ways_through(robust, node, width, x, y, z, across, along, away, margins):  # type: ignore[no-untyped-def]
-    """Where rays enter the box of a node at an address, and where they leave it. margins: of `_margins`."""
+    """Where rays enter and leave the box of the node at an address. margins: from `_margins`."""
     x0 = (repeated(float_at(node), width) - x) * across
     x1 = (repeated(float_at(node + 16), width) - x) * across
     y0 = (repeated(float_at(node + 4), width) - y) * along
@@ -68,11 +68,11 @@ def ways_through(robust, node, width, x, y, z, across, along, away, margins):  #
 def nearest_of_packet(  # type: ignore[no-untyped-def]
     width, push, any_hit, counting, robust, tree, bundle, lists, start, stack, ways, counts
 ):
-    """The nearest hits of the rays of a bundle below the nodes of a list.
+    """Find the nearest hits of a bundle below the nodes of a list.
 
-    push, any_hit, counting, robust, lists, start, stack: as for `atra.bvh.single.nearest`. bundle: address of
-    ROWS rows of `width`; the hits are left in TFAR and PRIM_ID. A lane whose TFAR is below 0 is idle. ways: float32,
-    address of `width` for each place of the stack. Children come in the order of the first ray.
+    push, any_hit, counting, robust, lists, start, stack: as for `atra.bvh.single.nearest`. bundle: address of ROWS x
+    `width`; hits are written to TFAR and PRIM_ID. A lane with negative TFAR is idle. ways: address of STACK x `width`
+    float32. The first ray decides the order of children.
     """
     row = 4 * width
     x, y, z = load(bundle, _ZERO, width), load(bundle + row, _ZERO, width), load(bundle + 2 * row, _ZERO, width)
