@@ -24,15 +24,13 @@ from atra.tracing.geometry import AlignedGeometry, LeftOut
 def plan_aligned_geometry(
     meshes: Sequence[Mesh], alignment: Alignment, options: FramesOptions, row_stride: int, pool: WorkerPool
 ) -> AlignedGeometry:
-    """Shear a copy of every triangle for every cell, or with culling only for the cells whose frustum it meets.
+    """Shear a copy of every triangle for every cell; with culling, only for cells whose frustum it meets.
 
-    Triangles that no ray hits are left out (`plan_plain_geometry`).
-    meshes: what each image of the alignment sees; the same one may stand there several times.
-    A triangle is left out of a cell only if its part in front of the eye lies outside the cell's frustum by more than
-    a margin that absorbs rounding, so no hit is lost. One counting and one filling pass over the triangles, whatever
-    the number of cells.
-
-    row_stride: pixels from one image row to the next. Raises MemoryBudgetError before allocating the copies.
+    meshes: what each image of the alignment sees; one mesh may appear several times. row_stride: pixels from one image
+    row to the next. Culling drops a triangle only if its part in front of the eye lies outside the cell's frustum by
+    more than a margin for rounding, so no hit is lost. Triangles that no ray hits are dropped (`plan_plain_geometry`).
+    One counting and one filling pass go over the triangles, whatever the number of cells. Raises MemoryBudgetError
+    before allocating the copies.
     """
     split = alignment.split
     check_image_size(split.height * alignment.image_count, row_stride)
@@ -79,7 +77,7 @@ def image_roundings(
     *,
     is_instanced: bool = False,
 ) -> Roundings:
-    """The roundings of one image's mesh; points: of `project_vertices`, as they are sheared."""
+    """The rounding errors of one image's mesh. points: from `project_vertices`, with the image's linear map."""
     own = points[1] if camera is alignment.cameras[0] else project_vertices(mesh, camera, pool)[1]
     multiple = INSTANCE_MULTIPLE if is_instanced else COPY_MULTIPLE
     if camera.is_parallel:
@@ -105,6 +103,6 @@ def _fill(
     vertices: NDArray[np.float32],
     records: NDArray[np.int64],
 ) -> None:
-    """place: first pixel of the image in the output, and pixels from one row to the next."""
+    """place: the image's first pixel in the output, and pixels from one row to the next."""
     rest = (*cell, *shears, *place, starts, vertices, records)
     pool.run(lambda _, counter: fill_copies(counter, *points, mesh.traced_faces, culling, *rest))

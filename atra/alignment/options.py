@@ -8,7 +8,7 @@ from atra.errors import InputError
 from atra.tracing.options import CellKeywords, CellOptions, option
 
 REFERENCES = ("off_axis", "first_cell")
-"""Cells whose rays are shot: one a quarter of the image from its centre, or the first, as in the paper."""
+"""The reference cell: one a quarter of the image from its centre, or the first cell, as in the paper."""
 
 
 class ReferenceRayKeywords(CellKeywords, total=False):
@@ -17,9 +17,9 @@ class ReferenceRayKeywords(CellKeywords, total=False):
 
 @dataclass(frozen=True)
 class ReferenceRayOptions(CellOptions):
-    """Options of tracers whose packets lie in one cell; `VisibleFirstTracer` has these.
+    """Options of `VisibleFirstTracer`, and of all tracers whose packets lie within a cell.
 
-    A packet or a cell that has no such rows is refused where the cell is known.
+    Rows that a packet or a cell cannot have are refused once the cell is known.
     """
 
     packet_rows: int | None = option(None, "rows of pixels in a packet; null = what suits the cell", null="automatic")
@@ -32,10 +32,7 @@ class FramesKeywords(ReferenceRayKeywords, total=False):
 
 @dataclass(frozen=True)
 class FramesOptions(ReferenceRayOptions):
-    """Options of `FramesTracer`.
-
-    An instance is always the whole mesh, so instances need `culling=False`; InputError is raised for both together.
-    """
+    """Options of `FramesTracer`. Raises InputError for instances with culling: an instance is always the whole mesh."""
 
     geometry: str = option(
         "copied",

@@ -1,4 +1,4 @@
-"""Rounding: how far float32 may be off about the depth of a triangle, and which triangles no sheared copy may show."""
+"""Rounding: the depth error of float32, and the triangles that sheared copies would show too imprecisely."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from atra.geometry.view import View
 
 @dataclass(frozen=True, eq=False)
 class Roundings:
-    """What float32 makes of the depth of each triangle.
+    """Depth errors of float32, triangle by triangle.
 
-    depth_error: (F,) float64, relative to the depth: how far off a ray of the mesh itself may be; inf where the plane
-    passes through the eye. left_out: (F,) bool, a sheared copy could be further off than is admitted (COPY_MULTIPLE).
+    depth_error: (F,) float64, relative error of a ray of the mesh itself; inf where the plane passes through the eye.
+    left_out: (F,) bool, a sheared copy may exceed the admitted error (COPY_MULTIPLE).
     """
 
     depth_error: NDArray[np.float64]
@@ -36,10 +36,10 @@ def roundings_of_copies(
     points_ray: NDArray[np.float64],
     admitted_multiple: float = COPY_MULTIPLE,
 ) -> Roundings:
-    """The roundings of a mesh that is seen through the cells of an alignment of pinhole cameras.
+    """The rounding errors of a mesh seen through the cells of an alignment of pinhole cameras.
 
-    points_pixels, points_ray: of `culling.project_vertices`, as they are sheared. points_own: the same in the ray space
-    of the mesh's own camera, which for all images but the first is another.
+    points_pixels, points_ray: from `project_vertices`, with the image's linear map. points_own: without it, in the ray
+    space of the mesh's own camera; for the first image they are the same.
     """
     depth_error, left_out = np.empty(mesh.triangle_count), np.empty(mesh.triangle_count, np.uint8)
     points = points_pixels, points_own, points_ray
@@ -61,9 +61,9 @@ def roundings_of_translations(
     is_instanced: bool,
     admitted_multiple: float,
 ) -> Roundings:
-    """As `roundings_of_copies`, of a mesh that is seen through the cells of an alignment of orthographic cameras.
+    """As `roundings_of_copies`, for orthographic cameras.
 
-    camera: that of the mesh. `depth_error` is 0: near the image plane there is no relative one.
+    camera: the mesh's own. `depth_error` is 0: near the image plane there is no relative error.
     """
     split, left_out = alignment.split, np.empty(mesh.triangle_count, np.uint8)
     points = points_pixels, points_own, points_ray

@@ -31,7 +31,7 @@ class Start(Enum):
 
 @njit(forceinline=True)
 def pixel_ray(parallel, placed, rays, shared, x, y):  # type: ignore[no-untyped-def]
-    """Origin, direction and tnear of the ray of pixel (x, y). placed: pinhole rays start at the eye `shared`, not at 0."""
+    """Origin, direction and tnear of pixel (x, y)'s ray. placed: pinhole rays start at the eye `shared`, not at 0."""
     a = ray_component(rays.columns[0, x] + rays.rows[0, y])
     b = ray_component(rays.columns[1, x] + rays.rows[1, y])
     c = ray_component(rays.columns[2, x] + rays.rows[2, y])

@@ -1,4 +1,4 @@
-"""Checks of colours and numbers that people hand in, each naming the value and what was expected."""
+"""Checks of colours and numbers that users pass in; errors name the value and what was expected."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Colour = tuple[float, float, float]
 
 
 def checked_number(name: str, value: Any, low: float, high: float = inf, *, above: bool = False) -> float:
-    """`value` as a float from `low` (or above it) to `high`. Raises InputError naming it otherwise."""
+    """`value` as a float from `low` to `high`; above: without `low` itself. Raises InputError naming it otherwise."""
     number = as_number(value)
     if not isfinite(number) or not low <= number <= high or (above and number == low):
         least = f"above {low:g}" if above else f"of at least {low:g}"
@@ -25,7 +25,7 @@ def checked_number(name: str, value: Any, low: float, high: float = inf, *, abov
 
 
 def checked_colour(name: str, value: Any, high: float = inf) -> Colour:
-    """`value` as three numbers from 0 to `high`, linear RGB; one number stands for a grey. Raises InputError."""
+    """`value` as linear RGB, three numbers from 0 to `high`; a single number is a grey. Raises InputError."""
     if isinstance(value, (int, float, np.number)):
         value = (value, value, value)
     colour = checked_vector(name, value)
@@ -54,6 +54,6 @@ def checked_texels(name: str, value: Any, high: float = inf) -> NDArray[np.float
 
 
 def check_one_of(name: str, value: object, possible: tuple[str, ...]) -> None:
-    """Raise InputError, naming the value, unless it is one of the `possible`."""
+    """Raise InputError, naming the value, unless it is one of `possible`."""
     if not isinstance(value, str) or value not in possible:
         raise InputError(f"{name} is {value!r}, expected one of {', '.join(possible)}")

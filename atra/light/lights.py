@@ -1,4 +1,4 @@
-"""Lights of hybrid rendering: points, spheres, and a sun, of any colour and power."""
+"""Lights of hybrid rendering and lightmaps: points, spheres and a sun."""
 
 from __future__ import annotations
 
@@ -18,8 +18,11 @@ _WHITE: Colour = (1.0, 1.0, 1.0)
 
 @dataclass(frozen=True)
 class Sun:
-    """Light from very far away. direction: the way it travels. angle_degrees: half the angle under which it appears, in
-    [0, 45]. colour times power: what a surface facing it receives, so that it returns its albedo times that."""
+    """A light at infinity.
+
+    direction: the way its light travels. angle_degrees: half its apparent angle, 0 to 45. colour: linear RGB. power: a
+    factor; a surface facing the sun reflects its albedo times colour times power.
+    """
 
     direction: Vector
     angle_degrees: float = 0.25
@@ -37,7 +40,11 @@ class Sun:
 
 @dataclass(frozen=True)
 class PointLight:
-    """Light from a point. colour times power: what a surface facing it at distance 1 receives."""
+    """A light at a point.
+
+    position: in the world. colour: linear RGB. power: a factor; a surface facing the light at distance 1 receives
+    colour times power.
+    """
 
     position: Vector
     colour: Colour = _WHITE
@@ -50,8 +57,11 @@ class PointLight:
 
 @dataclass(frozen=True)
 class SphereLight:
-    """Light from a sphere that nobody sees. colour times power: what a surface facing it receives, times the square of
-    the distance to its middle where that is large."""
+    """A spherical light that is itself invisible.
+
+    position: of its centre, in the world. radius: scene units. colour: linear RGB. power: a factor; far away, a surface
+    facing it receives colour times power over the squared distance to its centre.
+    """
 
     position: Vector
     radius: float
@@ -68,7 +78,7 @@ Light = Sun | PointLight | SphereLight
 
 
 def light_row(light: Light) -> NDArray[np.float32]:
-    """(LIGHT_WORDS,) float32, as kernels read it; without colour and power, which are added to a finished picture."""
+    """(LIGHT_WORDS,) float32, a light for kernels, without colour and power: they scale the finished picture."""
     row = np.zeros(LIGHT_WORDS, np.float32)
     if isinstance(light, Sun):
         to_light = -unit_vector("direction of Sun", light.direction)
@@ -89,6 +99,6 @@ def _check_strength(light: Light) -> None:
 
 
 def check_light(light: object) -> None:
-    """Raise InputError for what is no light."""
+    """Raise InputError for anything that is not a light."""
     if not isinstance(light, Light):
         raise InputError(f"a light is {light!r:.100}, expected Sun, PointLight or SphereLight")

@@ -1,4 +1,4 @@
-"""A scene to be shown: triangles, what they are made of, and what lights them."""
+"""A scene to render: triangles, materials, lights and sky."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from atra.light.sky import GradientSky, Sky
 
 @dataclass(frozen=True, eq=False)
 class RenderScene:
-    """Triangles, materials, lights and sky; all arrays are private copies that cannot be written to.
+    """Triangles, materials, lights and sky; all arrays are private read-only copies.
 
-    materials: of `atra.light.materials`. face_materials: (F,) whole numbers, which of them a triangle is made of;
-    None: all are made of the first. lights: for hybrid rendering; paths find light only at the sky and at `Emissive`.
-    normals: (V, 3) shading normals of the vertices, of any length but zero, pointing to the front; None: triangles are
-    flat. uv: (V, 2) float32, for materials with a `Checker` or an `Image`; None: no material has one.
-    Raises InputError for shapes that do not fit the mesh, numbers of materials that are not there (first face named),
-    normals and uv that are not finite (first vertex named), and a texture without uv.
+    mesh: the triangles. materials: from `atra.light.materials`. face_materials: (F,) integers, the material of each
+    triangle; None: the first for all. lights: for hybrid rendering; path tracing finds light only in the sky and at
+    `Emissive`. sky: the background and its light. normals: (V, 3) shading normals, non-zero, towards the front; None:
+    flat triangles. uv: (V, 2) float32, for materials with a `Checker` or an `Image`; None: there is none. Raises
+    InputError for shapes that do not fit the mesh, unknown materials (first face named), normals and uv that are not
+    finite (first vertex named), and a texture without uv.
     """
 
     mesh: Mesh
@@ -61,11 +61,11 @@ class RenderScene:
 
     @classmethod
     def from_trimesh(cls, loaded: Any, **others: Any) -> Self:
-        """What `trimesh.load` makes of a file, glTF say: its triangles, uv, and materials, each `Lambertian` of its
-        base colour, times the texture of that if it has one. What else a material says is not read.
+        """The triangles, uv and base colours of what `trimesh.load` returns, for example for glTF. Each material
+        becomes a `Lambertian` of its base colour and texture; its other properties are ignored.
 
-        loaded: a `trimesh.Trimesh`, or a `trimesh.Scene`, whose meshes follow each other. others: as for the class.
-        Raises InputError for anything else, for no triangles, and as `Mesh` and `Image` do.
+        loaded: a `trimesh.Trimesh` or `trimesh.Scene`; a scene's meshes are concatenated. others: further fields of the
+        class. Raises InputError for anything else, for no triangles, and as `Mesh` and `Image` do.
         """
         parts = loaded.dump() if hasattr(loaded, "dump") else [loaded]
         parts = [part for part in parts if len(getattr(part, "faces", ()))]
@@ -97,7 +97,7 @@ class RenderScene:
 
 
 def _uv_of(part: Any) -> NDArray[np.float64] | None:
-    """Of the vertices of a `trimesh.Trimesh`."""
+    """(V, 2) of a `trimesh.Trimesh`, or None."""
     uv = getattr(part.visual, "uv", None)
     return None if uv is None or len(uv) != len(part.vertices) else np.asarray(uv)[:, :2]
 

@@ -1,4 +1,4 @@
-"""Tables of a scene, as kernels read them."""
+"""A scene's tables for kernels."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from atra.light.sky import GradientSky, Sky
 from atra.light.surface_kernels import Surfaces
 
 START_OFF = 2.0**-20
-"""How far rays start off a triangle, of the largest coordinate of its corners: sixteen roundings of float32."""
+"""Default offset of rays from a triangle, as a fraction of its largest coordinate: sixteen roundings of float32."""
 
 
 def surfaces_of(scene: RenderScene, sky_power: float, start_off: float | None) -> Surfaces:
-    """The tables of a scene, its sky `sky_power` times as bright as its colours say.
+    """The tables of a scene whose sky is scaled by `sky_power`.
 
-    start_off: how far rays start off a triangle; None: by the size of its coordinates.
+    start_off: offset of rays from a triangle, scene units; None: by the size of its coordinates.
     """
     materials, texels = _materials(tuple(scene.materials))
     sky, panorama = sky_tables(scene.sky, sky_power)
@@ -37,7 +37,7 @@ def surfaces_of(scene: RenderScene, sky_power: float, start_off: float | None) -
 
 
 def _read_only(array: NDArray) -> NDArray:
-    """Numba compiles anew for an array that may be written to: all are of one kind."""
+    """A read-only view: Numba compiles separate kernels for writable arrays."""
     view = array.view()
     view.setflags(write=False)
     return view
@@ -105,7 +105,7 @@ def _materials(materials: tuple[Material, ...]) -> tuple[NDArray[np.float64], ND
 
 
 def sky_tables(sky: Sky, power: float) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """`sky` and `panorama` of `Surfaces`, of a sky `power` times as bright as its colours say."""
+    """`sky` and `panorama` of `Surfaces`, scaled by `power`."""
     row = np.zeros(surface_kernels.SKY_WORDS, np.float32)
     if isinstance(sky, GradientSky):
         row[0], row[1:4], row[4:7] = (

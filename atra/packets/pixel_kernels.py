@@ -1,4 +1,4 @@
-"""The loops over the pixels of an image, one ray or packet per pixel."""
+"""Kernels that trace the pixels of an image in single rays or packets."""
 
 from __future__ import annotations
 
@@ -17,18 +17,15 @@ from atra.embree.packets_kernels import hit_distance, hit_prim_id, intersect, se
 
 @cache
 def pixel_kernel(shape_x: int, shape_y: int, parallel: bool = False) -> Callable[..., None]:
-    """The per-pixel loop for packets of shape_x x shape_y pixels; the shape is a constant of the compiled code.
-
-    parallel: rays differ in their origin, and share the direction that stands in the packet, instead of the reverse.
-    """
+    """The kernel for packets of shape_x x shape_y pixels. parallel: rays share a direction but not an origin."""
     width = shape_x * shape_y
 
     @kernel
     def trace_pixels(counter_address, scene, packet, rays, tiles, image):  # type: ignore[no-untyped-def]
-        """Trace every pixel of an image, tile by tile, until the shared counter runs past the last tile.
+        """Trace every pixel of an image, tile by tile; threads share the counter.
 
-        packet: its constant fields (origin or direction, tnear, mask, flags, inst_id) are set. rays: filled up to
-        whole packets. tiles: `PixelTiles`, which together cover the image. image: written completely.
+        packet: with its constant fields set (origin or direction, tnear, mask, flags, inst_id). rays: padded to whole
+        packets. tiles: `PixelTiles` that cover the image. image: written completely.
         """
         depth, prim_id = image.depth, image.prim_id
         height, image_width = depth.shape
@@ -66,7 +63,7 @@ def pixel_kernel(shape_x: int, shape_y: int, parallel: bool = False) -> Callable
 
 
 class Surface(NamedTuple):
-    """What Embree says of the place of a hit: u, v: (H, W) float32, normal: (H, W, 3) float32 in ray space, of any
+    """Where on the triangles Embree's hits lie. u, v: (H, W) float32. normal: (H, W, 3) float32, ray space, any
     length."""
 
     u: NDArray[np.float32]
@@ -76,12 +73,12 @@ class Surface(NamedTuple):
 
 @cache
 def surface_kernel(shape_x: int, shape_y: int) -> Callable[..., None]:
-    """The per-pixel loop that keeps the places of hits, too; the shape is a constant of the compiled code."""
+    """As `pixel_kernel`, and it keeps where on the triangles the hits lie."""
     width = shape_x * shape_y
 
     @kernel
     def trace_surface(counter_address, scene, packet, rays, tiles, image, surface):  # type: ignore[no-untyped-def]
-        """As `trace_pixels`; surface: `Surface`, written completely, and without meaning where nothing is hit."""
+        """As `trace_pixels`. surface: `Surface`, written completely; undefined where nothing is hit."""
         height, image_width = image.depth.shape
         while True:
             tile = fetch_add(counter_address, 1)

@@ -10,17 +10,17 @@ from atra.tracing.options import option, option_of
 from atra.whole_numbers import is_whole_number
 
 LONGEST_LIST = 255
-"""More than that is no short list."""
+"""Most nodes of a list."""
 
 MOST_DIRECTIONS = 1024
-"""More than that float32 cannot tell apart well."""
+"""Most cells along a side of a cube's face; float32 cannot tell more apart well."""
 
 SUBSETS = ("complete", "occupied", "sampled", "hits", "none")
 """Which shafts have lists: all; those of voxels that hold triangles; those that most rays of a sample use; those that
-the rays use that are to be traced; none, which leaves the order of rays alone."""
+the rays to trace use; none, where only the order of rays is wanted."""
 
 ON_RAYS = ("sampled", "hits", "none")
-"""Those that hang on the rays that are to be traced."""
+"""Subsets that depend on the rays to trace."""
 
 
 class ShaftKeywords(BvhKeywords, total=False):
@@ -41,9 +41,8 @@ class ShaftKeywords(BvhKeywords, total=False):
 class ShaftOptions(BvhOptions):
     """Options of `ClassifiedTracer` and `ShaftScene`, beside those of `BvhTracer`.
 
-    Raises InputError, with the value, for cells, directions, rays and longest that are not whole or less than 1,
-    longest beyond 255, directions beyond 1,024, a probability or a share outside (0, 1] and a memory that is not above
-    0.
+    Raises InputError, with the value, for cells, directions, rays and longest that are not whole or below 1, longest
+    above 255, directions above 1,024, a probability or share outside (0, 1], and a memory not above 0.
     """
 
     traversal: str = option_of(BvhOptions, "traversal", default="pop")

@@ -1,4 +1,4 @@
-"""One ray per pixel, each from the nodes that rays of its shaft may meet."""
+"""One ray per pixel, each from the list of its shaft."""
 
 from __future__ import annotations
 
@@ -22,12 +22,11 @@ _OF_RAYS = ("sampled", "hits")
 
 
 class ClassifiedTracer(BvhTracer):
-    """As `BvhTracer`, single rays, each of which starts from the list of its shaft (ray classification).
+    """A `BvhTracer` with single rays, each of which starts from the list of its shaft (ray classification).
 
-    options: see `atra.shafts.options.ShaftOptions`. Subsets that hang on rays are for batches (`atra.shafts.scene`).
+    options: see `atra.shafts.options.ShaftOptions`. Subsets that depend on rays are for batches (`atra.shafts.scene`).
     Raises what `BvhTracer` does; InputError for packets and for those subsets; MemoryBudgetError, when building, for
-    shafts that do not fit.
-    Source: J. Hendrich et al., "Ray classification for accelerated BVH traversal", 2019.
+    shafts that do not fit. Source: J. Hendrich et al., "Ray classification for accelerated BVH traversal", 2019.
     """
 
     options_type: ClassVar[type[BvhOptions]] = ShaftOptions
@@ -47,7 +46,7 @@ class ClassifiedTracer(BvhTracer):
 
     @property
     def lists(self) -> ShaftLists:
-        """The shafts, once they are built."""
+        """The shafts; only after `build`."""
         assert self._lists is not None
         return self._lists
 
@@ -65,5 +64,5 @@ class ClassifiedTracer(BvhTracer):
     @property
     @in_turn
     def counters(self) -> Mapping[str, float]:
-        """What `BvhTracer` says, and of the shafts."""
+        """Those of `BvhTracer`, and of the shafts."""
         return {**super().counters, **({} if self._lists is None else self._lists.counters)}
