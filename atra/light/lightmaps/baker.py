@@ -1,4 +1,4 @@
-"""A baker: samples of the light that reaches the texels of a scene's lightmap."""
+"""The baker: Monte Carlo samples of the light that reaches a lightmap's texels."""
 
 from __future__ import annotations
 
@@ -35,19 +35,19 @@ from atra.whole_numbers import is_whole_number
 
 
 class Baker(Lifetime):
-    """Light of a scene, sample by sample, on the texels of its map.
+    """Bakes a lightmap, sample by sample.
 
         with Baker(BakeScene(mesh, lights=[...]), size=512) as baker:
             baker.add(64)
-            baker.maps.save(folder)
+            save_maps(baker.maps, folder)
 
-    scene: see `BakeScene`. atlas: where its triangles lie; None: charts by xatlas on a map of `size` texels. options:
-    see `BakeOptions`.
+    scene: see `BakeScene`. atlas: where its triangles lie on the map; None: charts by xatlas on a map of `size` texels.
+    options: see `BakeOptions`.
 
-    texels: what is lit. samples: (N,) int32, of each texel so far. stage_s: seconds by stage since the last restart, of
-    stages in threads their mean. rays, lanes: how many rays were traced, and how many could have been in the same
-    batches. visible: (N,) bool, what the view shows; None without one.
-    Raises InputError as `Texels.of`, `Atlas` and the options do; MemoryBudgetError before anything large is made.
+    texels: the texels to light. samples: (N,) int32, of each texel so far. stage_s: seconds by stage since the last
+    restart, averaged over threads. rays, lanes: rays traced, and lanes of the packets that traced them. visible: (N,)
+    bool, texels that the view shows; None without a view. Raises InputError as `Texels.of`, `Atlas` and the options do;
+    MemoryBudgetError before anything large is allocated.
     """
 
     @lists_options(BakeOptions)
@@ -89,18 +89,18 @@ class Baker(Lifetime):
 
     @property
     def texels(self) -> Texels:
-        """Raises InputError before `plan`."""
+        """The texels to light. Raises InputError before `plan`."""
         if self._texels is None:
             raise InputError("there are no texels before the baker is planned; use it in a `with` block")
         return self._texels
 
     @property
     def buffer_bytes(self) -> int:
-        """Of rays in flight."""
+        """Memory of the rays in flight."""
         return sum(array.nbytes for batch in self._batches if batch is not None for array in batch)
 
     def update(self, scene: BakeScene) -> None:
-        """Take other lights, surfaces or sky of the same mesh; the map starts anew. Raises InputError for another mesh,
+        """Change lights, surfaces or sky of the same mesh; the map starts anew. Raises InputError for another mesh,
         EmbreeError after `close`."""
         with self._lock:
             self._check_open()
@@ -121,8 +121,8 @@ class Baker(Lifetime):
             self._restart()
 
     def set_view(self, camera: View | None, tracer: Tracer[Hits] | None = None) -> None:
-        """Light first what the camera sees. tracer: what finds it, of this mesh, planned and built; it is told to look
-        there. None: the rasteriser. A camera of None: nothing comes first. No sample is lost."""
+        """Light first what a camera sees; None ends that. Keeps all samples. tracer: finds what the camera sees; of
+        this mesh, planned and built, it is told to look there. None: the rasteriser."""
         with self._lock:
             self._check_open()
             if camera is None:
@@ -138,10 +138,11 @@ class Baker(Lifetime):
                 self.visible = visible_texels(self.texels, hits, self.rays_scene)
 
     def add(self, samples: int = 1, stop: Callable[[], bool] | None = None) -> bool:
-        """Add so many samples to every texel. stop: asked before every batch; what is done by then stays.
+        """Add this many samples to every texel; returns whether it finished. stop: asked before every batch; finished
+        batches stay.
 
-        Returns whether it came to its end. Raises InputError for a number below 1, EmbreeError when this is not built
-        or already closed, AtraError naming a texel for light that is no finite number.
+        Raises InputError for a number below 1, EmbreeError before `build` and after `close`, AtraError naming a texel
+        whose light is not finite.
         """
         _check_samples(samples)
         with self._tracing():
@@ -154,10 +155,11 @@ class Baker(Lifetime):
             return done
 
     def advance(self, target: int, stop: Callable[[], bool] | None = None) -> bool:
-        """One pass towards `target` samples of every texel: of those that the view shows, or, when these have them, of
-        all; with `adaptive`, only of those that have not enough. Of several maps that the view shows, the one comes
-        first that has the fewest samples. Returns whether there was anything left to do. Arguments and errors as for
-        `add`."""
+        """One pass towards `target` samples of every texel; returns whether there was anything left to do.
+
+        Texels that the view shows come first; of several maps shown, the one with the fewest samples. With `adaptive`,
+        texels that have enough are skipped. Other arguments and errors as for `add`.
+        """
         _check_samples(target)
         with self._tracing():
             wanted = (self.samples < target) & ~self._enough
@@ -177,7 +179,7 @@ class Baker(Lifetime):
             return True
 
     def _on_the_least_converged(self, wanted: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """(N,) bool: on the map whose wanted texels have the fewest samples on average, the first of several."""
+        """(N,) bool: texels of the first map whose wanted texels have the fewest samples on average."""
         if self.texels.atlas.maps == 1:
             return wanted
         on_map = self.texels.map_of
@@ -186,13 +188,13 @@ class Baker(Lifetime):
         return np.asarray(on_map == np.argmin(means))
 
     def share_done(self, target: int) -> float:
-        """Of what there is to do until every texel has `target` samples, or, with `adaptive`, enough: what is done."""
+        """The fraction done of the work until every texel has `target` samples or, with `adaptive`, enough."""
         enough, samples = self._enough, self.samples  # of now: who asks while it bakes is not to wait
         left = np.where(enough, 0, np.maximum(target - samples, 0))
         return 1.0 - float(left.mean()) / target
 
     def _pass(self, wanted: NDArray[np.bool_], count: int, stop: Callable[[], bool] | None) -> bool:
-        """`count` samples of the texels that are wanted; whether it came to its end."""
+        """Add `count` samples to the wanted texels; returns whether it finished."""
         with self._tracing():
             start = perf_counter()
             order = self._order(wanted)
@@ -213,8 +215,8 @@ class Baker(Lifetime):
         self, starts: int, rays: int, of_each: int, add: Callable[[int, int, Batch, Stages], None],
         stop: Callable[[], bool] | None = None,
     ) -> tuple[bool, list[Work]]:  # fmt: skip
-        """`add(first, count, batch, stages)` in all threads, of batches of so many rays, until all `starts` of them had
-        their turn; whether they did, and what was done."""
+        """Call `add(first, count, batch, stages)` in all threads until all `starts` entries had their turn. `rays`:
+        size of a batch; `of_each`: rays per entry. Returns whether it finished, and each thread's work."""
         per_batch = max(1, rays // of_each)
         left = deque(range(0, starts, per_batch))  # its `popleft` is safe between threads
         works = [Work({}) for _ in range(self.rays_scene.threads)]
@@ -232,9 +234,10 @@ class Baker(Lifetime):
         return not left, works
 
     def probes(self, points: ArrayLike, samples: int = 1024) -> LightProbes:
-        """What arrives at points from all around, by so many paths each; the map stays as it is.
+        """Light probes: the light that arrives at points from all around, by `samples` paths each. The map stays as it
+        is.
 
-        points: (P, 3), in the world. Raises as `add` does, and InputError naming a point that is none.
+        points: (P, 3), in the world. Raises as `add` does, and InputError naming a point that is not finite.
         """
         _check_samples(samples)
         sums = ProbeSums(points, samples)
@@ -258,7 +261,8 @@ class Baker(Lifetime):
         return Stages(self._tables, self.options, kind, query, works[query.worker])
 
     def _order(self, wanted: NDArray[np.bool_]) -> NDArray[np.int32]:
-        """Numbers of texels, near ones side by side; or of the whole map in rows, -1 where there is nothing to do."""
+        """Numbers of wanted texels, neighbours together; with compaction "none", those of the whole map in rows, -1
+        elsewhere."""
         if self.options.compaction != "none":
             numbers = self.texels.along_curve
             return numbers[wanted[numbers]]

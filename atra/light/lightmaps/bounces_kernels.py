@@ -1,4 +1,4 @@
-"""Stages of a batch of rays: directions, what they meet, bounces, and compaction."""
+"""Kernels of paths: directions, closest hits, bounces, and compaction."""
 
 from __future__ import annotations
 
@@ -32,12 +32,13 @@ from atra.light.pictures.path_kernels import load_rays
 from atra.light.surface_kernels import sky_colour
 
 _OF_TEXEL, _OF_BOUNCE = 2, 3
-"""Dimensions: of a point in a texel; then of each bounce, two of its direction and one of whether it goes on."""
+"""Random dimensions: two for the point in a texel; then per bounce two for the direction and one for Russian
+roulette."""
 
 
 @float_kernel
 def scatter(batch, count, vertex):  # type: ignore[no-untyped-def]
-    """A direction for each path, as often as its cosine says."""
+    """Choose a cosine-distributed direction for each path."""
     first = np.uint32(_OF_TEXEL + _OF_BOUNCE * vertex)
     for i in range(count):
         if batch.alive[i] != 0:
@@ -53,18 +54,19 @@ def _is_pane(tables, prim_id):  # type: ignore[no-untyped-def]
 
 @njit
 def _passes(tables, key, prim_id, vertex):  # type: ignore[no-untyped-def]
-    """Whether a ray goes on through a triangle that lets light on: a hash of both decides."""
+    """Whether a ray passes a pane; a hash of both decides."""
     number = unit_of(bits_of(np.uint32(key ^ mixed(np.uint32(prim_id))), np.uint32(vertex)))
     return number >= tables.opacity[prim_id]
 
 
 @cache
 def trace_kernel(width: int, see_through: bool) -> Callable[..., int]:
-    """Closest hits, in packets of `width`; it, and whether triangles may let light on, are constants of the code."""
+    """Closest hits in packets of `width`; both arguments are constants in the compiled code. see_through: there are
+    panes."""
 
     @float_kernel
     def trace(batch, count, tables, vertex, scene, packet):  # type: ignore[no-untyped-def]
-        """What all paths meet, and how far away. Returns how many rays were traced."""
+        """Find what all paths hit and how far away. Returns the number of rays traced."""
         traced = 0
         for first in range(0, count, width):
             lanes = min(width, count - first)
@@ -105,7 +107,7 @@ def trace_kernel(width: int, see_through: bool) -> Callable[..., int]:
 
 @njit(forceinline=True)
 def _selected(tables, floats, path, vertex, light):  # type: ignore[no-untyped-def]
-    """How often a ray is aimed at a light from where a path is: at texels always."""
+    """The probability that a ray from a path's vertex is aimed at a light; 1 at texels."""
     if vertex == 0:
         return ONE
     return odds_of(tables, cell_of(tables, vector(floats, ORIGIN, path)), light)
@@ -113,9 +115,9 @@ def _selected(tables, floats, path, vertex, light):  # type: ignore[no-untyped-d
 
 @float_kernel
 def shade(batch, count, tables, vertex, is_last, roulette_from):  # type: ignore[no-untyped-def]
-    """Light of what is met is added; paths move to where they go on from, or end.
+    """Add the light of what paths hit; move them to their next vertex or end them. Returns how many continue.
 
-    is_last: none goes on. roulette_from: bounces after which weak paths end by chance. Returns how many go on.
+    is_last: none continues. roulette_from: bounces after which Russian roulette ends weak paths.
     """
     floats, planes = batch.floats, tables.planes
     aims_at_emitters, aims_at_sky = len(tables.emitters) > 0, tables.sky_by != GIVES_BSDF
@@ -197,10 +199,8 @@ def shade(batch, count, tables, vertex, is_last, roulette_from):  # type: ignore
 
 @float_kernel
 def compact(batch, count):  # type: ignore[no-untyped-def]
-    """Paths that go on move up, in order, each to where the sum of those before it says. Returns how many there are.
-
-    Where they head, and what they carry from a light, is found anew.
-    """
+    """Move the paths that continue to the front, in order; returns their number. Directions and carried light are not
+    kept, as the next stages write them."""
     floats, kept = batch.floats, 0
     for i in range(count):
         if batch.alive[i] != 0:

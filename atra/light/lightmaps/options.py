@@ -1,4 +1,4 @@
-"""Options of a bake: what a person can choose about the light that is gathered, and how it is gathered."""
+"""Options of a bake."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ class BakeKeywords(PacketKeywords, total=False):
 
 @dataclass(frozen=True)
 class BakeOptions(RayOptions):
-    """Options of `Baker`, beside those of the scene that its rays meet (`RayOptions`).
+    """Options of `Baker`, beside those of the scene for its rays (`RayOptions`).
 
-    Packets of rays change bits where a ray meets an edge. Neither threads nor batch_rays, expansion and compaction
-    change a bit of single rays' maps. `adaptive` asks after 64, 128, 256, … samples; it stops where samples happen to
-    agree, so means are a little off.
-    Raises InputError, with the value. Source: the values of Unity's lightmapper where it names any.
+    The number of threads, batch_rays, expansion and compaction do not change a bit of the map with single rays; packets
+    change bits where a ray meets an edge. `adaptive` checks texels after 64, 128, 256, ... samples; it stops where
+    samples happen to agree, which biases means a little. Raises InputError, with the value. Source: the values of
+    Unity's lightmapper, where it has any.
     """
 
     packet_width: int | None = option_of(RayOptions, "packet_width", default=1)  # almost no two rays head alike

@@ -1,4 +1,4 @@
-"""The culling map: which texels a camera sees."""
+"""Visibility of texels: which of them a camera sees."""
 
 from __future__ import annotations
 
@@ -14,9 +14,10 @@ from atra.rays.scene import RayScene
 
 
 def visible_texels(texels: Texels, hits: Hits, scene: RayScene) -> NDArray[np.bool_]:
-    """(N,) bool: in the image and not hidden, by what the pixels show, and for all others by a ray to the eye.
+    """(N,) bool: texels in the image and not hidden. Pixels decide for those they show, a ray to the eye for all
+    others.
 
-    Texels of several triangles are seen where the one is that they stand for.
+    A texel shared by several triangles is seen where the triangle it belongs to is.
     """
     seen = _shown(texels, hits)
     rest = np.flatnonzero(~seen & _in_image(texels, hits.camera))
@@ -25,7 +26,7 @@ def visible_texels(texels: Texels, hits: Hits, scene: RayScene) -> NDArray[np.bo
 
 
 def _shown(texels: Texels, hits: Hits) -> NDArray[np.bool_]:
-    """Of the points that pixels show, the texel that each lies in."""
+    """(N,) bool: the texels that pixels show."""
     camera, atlas, mesh = hits.camera, texels.atlas, texels.mesh
     eye = np.append(-camera.axes[2], 0.0) if camera.is_parallel else np.append(camera.eye, 1.0)
     shown = np.zeros((atlas.height, atlas.width), np.bool_)

@@ -1,4 +1,4 @@
-"""Atlas: where the triangles of a mesh lie in a lightmap."""
+"""The atlas: where the triangles of a mesh lie on a lightmap."""
 
 from __future__ import annotations
 
@@ -24,24 +24,23 @@ from atra.light.lightmaps.charts.unwrap import UNMAPPED
 from atra.whole_numbers import is_whole_number
 
 MOST_TEXELS = 1 << 14
-"""Along a side of a map; and of all maps together no more than of one that has so many: 32 bits count them."""
+"""Most texels along a side of a map. All maps together have at most its square, which 32 bits can count."""
 
 _VERSION = 3
-"""Version of kept atlases."""
+"""Version of the files that keep atlases."""
 
 _SMALL, _FAR = 0.1, 256.0
-"""Size below which a mesh is handed to xatlas enlarged, and how many times its size it may lie off the origin before it
-is handed over as moved there: xatlas takes lengths below fixed ones for none, and computes in float32."""
+"""xatlas computes in float32 and treats lengths below fixed limits as zero. A mesh smaller than the first is enlarged
+for it; one farther from the origin than the second times its size is moved there."""
 
 
 @dataclass(frozen=True, eq=False)
 class Atlas:
-    """Charts of a mesh, on one map or on several of one size, which stand one below the other.
+    """Charts of a mesh, on one map or on several of one size, stacked vertically.
 
-    uv: (F, 3, 2) float64, each triangle's corners in texels, row 0 of the first map on top; NaN: it has no place.
-    chart: (F,) int32, `UNMAPPED` where it has none. width: of a map, height: of all maps together, texels. maps: how
-    many there are.
-    Raises InputError for shapes and sizes that do not fit, and naming the first face outside of its map.
+    uv: (F, 3, 2) float64, each triangle's corners in texels, row 0 on top; NaN without a place. chart: (F,) int32,
+    `UNMAPPED` without a place. width: texels of a map. height: texels of all maps together. maps: their number. Raises
+    InputError for shapes and sizes that do not fit, and for a face outside its map, naming the first.
     """
 
     uv: NDArray[np.float64]
@@ -81,20 +80,20 @@ class Atlas:
 
     @property
     def map_height(self) -> int:
-        """Of each map, texels."""
+        """Texels of one map."""
         return self.height // self.maps
 
     @cached_property
     def map_of(self) -> NDArray[np.int64]:
-        """(F,), the map that each triangle is on; 0 where it has no place."""
+        """(F,) int64, each triangle's map; 0 without a place."""
         top = np.nan_to_num(self.uv[..., 1].min(axis=1)) // self.map_height
         return np.minimum(top.astype(np.int64), self.maps - 1)
 
     def texels_around(
         self, points: NDArray[np.float64], face: NDArray[np.integer]
     ) -> tuple[list[NDArray[np.int64]], list[NDArray[np.int64]], NDArray[np.float64], NDArray[np.float64]]:
-        """Of points (P, 2) of triangles (P,): two rows and two columns of texels, on the map of each, and how far from
-        the first row to the second and from the first column to the second it lies, 0 to 1; (P,) each."""
+        """The four texels around points (P, 2) of triangles (P,), on each triangle's map: two rows, two columns, and
+        the point's fractions between the rows and between the columns, 0 to 1; (P,) each."""
         shifted = points - 0.5
         corner = np.floor(shifted)
         right, below = (shifted - corner).T
@@ -106,15 +105,15 @@ class Atlas:
 
     @property
     def charts(self) -> int:
-        """How many there are."""
+        """Number of charts."""
         return int(self.chart.max(initial=UNMAPPED)) + 1
 
     @classmethod
     def of_uv(cls, uv: ArrayLike, width: int, height: int, map_of: ArrayLike = 0) -> Atlas:
-        """An atlas of one's own. uv: (F, 3, 2), of each triangle's corners, in [0, 1], v upwards as in model files.
-        width, height: of a map, texels. map_of: (F,), the map that each triangle is on, from 0 on; 0: all on one.
+        """An atlas from uv of one's own; triangles of a map that share an edge make a chart.
 
-        Charts are triangles of a map whose corners coincide. Raises InputError as `Atlas`.
+        uv: (F, 3, 2), each triangle's corners in [0, 1], v upwards as in model files. width, height: texels of a map.
+        map_of: (F,), each triangle's map, from 0; 0: all on one. Raises InputError as `Atlas`.
         """
         try:
             given = np.array(uv, np.float64)
@@ -150,11 +149,10 @@ class Atlas:
     ) -> Atlas:
         """Charts by xatlas, on square maps of `size` texels.
 
-        padding: texels between charts. texels_per_unit: of a length in the scene, and as many maps as charts of that
-        size need; 0 = what fills one map. kept_in: a folder in which the result is kept by the hash
-        of the mesh. time_limit_s: seconds after which a process that unwraps is given up.
-        Raises InputError for bad numbers and where xatlas is not installed, AtraError past the limit.
-        Source: https://github.com/jpcy/xatlas, by its Python bindings.
+        padding: texels between charts. texels_per_unit: resolution, with as many maps as that needs; 0: what fills one
+        map. kept_in: a folder that caches the result by a hash of the mesh. time_limit_s: seconds after which the
+        unwrapping process is stopped. Raises InputError for bad numbers and without the package xatlas, AtraError past
+        the limit. Source: https://github.com/jpcy/xatlas, by its Python bindings.
         """
         if not is_whole_number(size) or not 8 <= size <= MOST_TEXELS:
             raise InputError(f"size of a map is {size!r}, expected a whole number from 8 to {MOST_TEXELS}")
@@ -185,7 +183,7 @@ def _packed(atlas: Atlas) -> bytes:
 
 
 def _read(path: Path) -> Atlas | None:
-    """What is kept; None where there is nothing, or nothing that can be used."""
+    """A cached atlas; None if it is missing or damaged."""
     try:
         return _loaded(path)
     except Exception:  # a damaged archive may raise anything; it is made anew
@@ -230,7 +228,7 @@ def _unwrapped(mesh: Mesh, size: int, padding: int, texels_per_unit: float, time
 
 
 def _in_reach(mesh: Mesh) -> tuple[NDArray[np.float32], float]:
-    """(V, 3) float32, the vertices where and as large as xatlas tells them apart, and how much larger they are."""
+    """(V, 3) float32, the vertices placed and scaled so that xatlas tells them apart, and the scale."""
     low, high = mesh.bounds
     size = float((high - low).max())
     is_small, is_far = 0.0 < size < _SMALL, float(np.abs(mesh.bounds).max()) > _FAR * size > 0.0
@@ -242,7 +240,7 @@ def _in_reach(mesh: Mesh) -> tuple[NDArray[np.float32], float]:
 
 
 def _connected(places: NDArray[np.float64]) -> NDArray[np.int32]:
-    """Numbers of charts: triangles that share an edge belong together. places: (F, 3, 3), u, v and map."""
+    """(F,) chart numbers: triangles that share an edge share a chart. places: (F, 3, 3), u, v and map."""
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import connected_components
 

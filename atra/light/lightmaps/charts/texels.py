@@ -1,4 +1,4 @@
-"""Texels: what a lightmap has to light, texel by texel."""
+"""The texels of a lightmap that get light."""
 
 from __future__ import annotations
 
@@ -19,12 +19,13 @@ from atra.light.lightmaps.charts.unwrap import UNMAPPED
 
 @dataclass(frozen=True, eq=False)
 class Texels:
-    """The N texels that triangles touch, in the order of rows.
+    """The N texels that triangles touch, row by row.
 
-    number: (N,) int64, row times width plus column; rows of several maps are counted through. prim_id, chart: (N,)
-    int32. positions, normals: (N, 3) float32 in the world, of the point of the triangle nearest to the texel's centre.
-    faces_lost: triangles without area, in space or in the map, which have no texel. Each texel belongs to one triangle:
-    that which contains its centre, or else the nearest of those that reach into it, the lowest of several.
+    atlas: the charts. mesh: whose triangles they are. number: (N,) int64, row times width plus column; rows of several
+    maps are counted through. prim_id: (N,) int32, the triangle each belongs to. positions: (N, 3) float32, the world
+    point of the triangle nearest to the texel's centre. normals: (N, 3) float32, unit, there. faces_lost: triangles
+    without area, in space or on the map, which get no texel. A texel belongs to the triangle that contains its centre,
+    or else to the nearest that reaches into it, the lowest on ties.
     """
 
     atlas: Atlas
@@ -40,28 +41,28 @@ class Texels:
 
     @property
     def chart(self) -> NDArray[np.int32]:
-        """(N,) int32."""
+        """(N,) int32, each texel's chart."""
         return self.atlas.chart[self.prim_id]
 
     @cached_property
     def along_curve(self) -> NDArray[np.int32]:
-        """(N,) int32, their numbers along a Morton curve through the scene: neighbours tend to see the same."""
+        """(N,) int32, the texels along a Morton curve through the scene; neighbours on it tend to see the same."""
         places, (lowest, highest) = np.empty(len(self), np.int64), self.mesh.bounds
         number_places(self.positions, lowest, highest - lowest, places)
         return np.argsort(places, kind="stable").astype(np.int32)
 
     @property
     def map_of(self) -> NDArray[np.int64]:
-        """(N,), the map that each is on."""
+        """(N,), each texel's map."""
         return self.number // (self.atlas.width * self.atlas.map_height)
 
     @property
     def occupancy(self) -> float:
-        """The share of all texels that are lit."""
+        """The fraction of the maps' texels that get light."""
         return len(self) / (self.atlas.width * self.atlas.height)
 
     def image(self, values: NDArray, empty: float = 0) -> NDArray:
-        """(H, W, ...) of (N, ...) values, several maps one below the other; `empty` elsewhere."""
+        """(H, W, ...) image of (N, ...) values, several maps stacked vertically; `empty` elsewhere."""
         atlas = self.atlas
         image = np.full((atlas.height * atlas.width, *values.shape[1:]), empty, values.dtype)
         image[self.number] = values
@@ -69,15 +70,16 @@ class Texels:
 
     @property
     def occupied(self) -> NDArray[np.bool_]:
-        """(H, W) bool."""
+        """(H, W) bool: texels that get light."""
         return self.image(np.ones(len(self), np.bool_))
 
     @classmethod
     def of(cls, mesh: Mesh, atlas: Atlas) -> Texels:
         """The texels of a mesh's charts.
 
-        Warns of charts that one look-up between texels would mix. Raises InputError for an atlas of another mesh, for
-        triangles that overlap, naming the first two and how many texels, and where no triangle has a texel.
+        Warns of charts so close that interpolation between texels would mix them. Raises InputError for an atlas of
+        another mesh, for overlapping triangles, naming the first two and the number of texels, and if no triangle
+        touches a texel.
         """
         if len(atlas.uv) != mesh.triangle_count:
             raise InputError(f"the atlas has {len(atlas.uv)} triangles, but {mesh!r} is to be lit; make one of it")
@@ -109,7 +111,7 @@ class Texels:
 
 
 def unit_normals(mesh: Mesh) -> NDArray[np.float64]:
-    """(F, 3) float64, of triangles; 0 of those without area."""
+    """(F, 3) float64 unit normals of triangles; 0 for those without area."""
     corners = [mesh.vertices[mesh.faces[:, corner]].astype(np.float64) for corner in range(3)]
     normals = np.cross(corners[1] - corners[0], corners[2] - corners[0])
     length = np.linalg.norm(normals, axis=1, keepdims=True)

@@ -1,6 +1,6 @@
-"""Unwrapping: charts by xatlas, in a process of its own: an archive on standard input, another on standard output.
+"""Charts by xatlas in a separate process: reads an archive from standard input, writes one to standard output.
 
-Run as a file, and so without this library, whose import would take longer than the charts of a small mesh.
+Runs as a script, without importing the library, which would take longer than unwrapping a small mesh.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ UNMAPPED = -1
 
 
 def main() -> None:
-    """Reads vertices, faces, size, padding and texels_per_unit; writes uv, chart and size as of `Atlas`."""
+    """Reads vertices, faces, size, padding and texels_per_unit; writes uv, chart and size as in `Atlas`."""
     import xatlas
 
     answer = os.dup(1)

@@ -1,6 +1,7 @@
-"""A grid over the scene whose cells say which of many lights rays that start there are aimed at, and how often.
+"""A grid over the scene; each cell lists which of many lights rays from there are aimed at, with probabilities.
 
-A light's odds follow what it may give in the cell, shadows left aside; any may be chosen anywhere, so means stay right.
+A light's probability follows the unshadowed light it may give in the cell. Every light has a chance in every cell, so
+means stay right.
 """
 
 from __future__ import annotations
@@ -16,16 +17,16 @@ SIDE = 32
 """Cells along the longest side of the scene."""
 
 LISTED = 64
-"""Lights of a cell, at most; what all others may give is left to a choice among all."""
+"""Most lights listed per cell; the remaining light is covered by the choice among all."""
 
 OF_ALL = 0.1
-"""How often at least one of all lights is chosen, as estimates may be far off."""
+"""Least probability of a choice among all lights, because estimates may be far off."""
 
 _AT_ONCE = 1 << 20
 
 
 class LightGrid(NamedTuple):
-    """As of `atra.light.lightmaps.gather.tables_kernels.Tables`."""
+    """Fields of `atra.light.lightmaps.gather.tables_kernels.Tables`."""
 
     grid: NDArray[np.float64]
     of_all: NDArray[np.float32]
@@ -34,13 +35,13 @@ class LightGrid(NamedTuple):
 
 
 def uniform_grid() -> LightGrid:
-    """One cell, in which all lights are chosen alike."""
+    """One cell in which all lights are equally probable."""
     grid = np.array([[0.0] * 3, [0.0] * 3, [1.0] * 3])
     return LightGrid(grid, np.ones(1, np.float32), np.zeros((1, 0), np.int32), np.zeros((1, 0), np.float32))
 
 
 def light_grid(rows: NDArray[np.float32], bounds: NDArray[np.floating]) -> LightGrid:
-    """Of lights as `light_rows` has them, over the box `bounds`, (2, 3)."""
+    """The grid for `light_rows` over the box `bounds`, (2, 3)."""
     low, size = bounds[0].astype(np.float64), np.ptp(bounds.astype(np.float64), axis=0)
     side = float(size.max()) / SIDE or 1.0
     count = np.maximum(1, np.ceil(size / side - 1e-9).astype(int))
@@ -65,7 +66,8 @@ def light_grid(rows: NDArray[np.float32], bounds: NDArray[np.floating]) -> Light
 
 
 def _given(rows: NDArray[np.float64], centres: NDArray[np.float64], radius: float) -> NDArray[np.float64]:
-    """(C, L): about how much light each gives within `radius` of each centre, that faces it and has no shadow."""
+    """(C, L): estimated unshadowed light that each light gives within `radius` of each centre, on a surface facing
+    it."""
     brightness = rows[:, tables_kernels.COLOUR : tables_kernels.CONE] @ np.array(tables_kernels.LUMINANCE, np.float64)
     kind, spread = rows[:, tables_kernels.KIND], rows[:, tables_kernels.SIZE]
     way = rows[:, tables_kernels.PLACE : tables_kernels.SIZE] - centres[:, None]

@@ -1,4 +1,4 @@
-"""Lights of a bake: those of hybrid rendering, spots, faces that shine, and the sky where it pays to aim at it."""
+"""Lights of a bake: those of hybrid rendering, spots, emitting faces, and a panorama sky where rays are aimed at it."""
 
 from __future__ import annotations
 
@@ -19,9 +19,12 @@ from atra.light.sky import PanoramaSky, Sky
 
 @dataclass(frozen=True)
 class SpotLight:
-    """Light from a point, into a cone. direction: the middle of the cone. inner_degrees, outer_degrees: angles to it
-    where light begins to fade, smoothly, and where it ends, up to 90. colour times power: what a surface facing it at
-    distance 1 receives in the middle."""
+    """A light at a point that shines into a cone.
+
+    position: in the world. direction: the cone's axis. inner_degrees: angle from the axis where the light starts to
+    fade smoothly. outer_degrees: angle from the axis where it ends, up to 90. colour: linear RGB. power: a factor; on
+    the axis, a surface facing the light at distance 1 receives colour times power.
+    """
 
     position: Vector
     direction: Vector
@@ -47,23 +50,23 @@ class SpotLight:
 
 
 _LARGEST = 1e30
-"""Of what is only an estimate."""
+"""Upper limit of an estimated intensity; keeps float32 sums finite."""
 
 BakeLight = Light | SpotLight
 
 
 def check_bake_light(light: object) -> None:
-    """Raise InputError for what is no light."""
+    """Raise InputError for anything that is not a light."""
     if not isinstance(light, SpotLight):
         check_light(light)
 
 
 @dataclass(frozen=True, eq=False)
 class Aims:
-    """What rays are aimed at by chance, by how bright it is.
+    """A distribution of rays, proportional to brightness.
 
     shares: running sums up to 1, of faces or of cells of the sky. density: of a point on a face, or of a direction.
-    row: what it is all together, (LIGHT_WORDS,) float32.
+    row: (LIGHT_WORDS,) float32, the whole as one light.
     """
 
     shares: NDArray[np.float64]
@@ -72,7 +75,8 @@ class Aims:
 
 
 def light_rows(lights: tuple[BakeLight, ...], others: list[NDArray[np.float32]]) -> NDArray[np.float32]:
-    """(L, LIGHT_WORDS) float32, as kernels read them. others: of all faces that shine, and of the sky, at the end."""
+    """(L, LIGHT_WORDS) float32 for kernels. others: rows of all emitting faces together, and of the sky, put at the
+    end."""
     rows = np.zeros((len(lights) + len(others), tables_kernels.LIGHT_WORDS), np.float32)
     for row, light in zip(rows, lights, strict=False):
         if isinstance(light, SpotLight):
@@ -104,7 +108,7 @@ def _row(kind: int, colour: NDArray[np.float64], place: NDArray[np.float64], spr
 
 
 def aims_at_emitters(emission: NDArray[np.float32], corners: NDArray[np.float64]) -> tuple[NDArray[np.int32], Aims]:
-    """Faces that shine, (E,) int32, and how often each is chosen. emission: (F, 3), corners: (F, 3, 3)."""
+    """(E,) int32, emitting faces, and their distribution. emission: (F, 3). corners: (F, 3, 3)."""
     areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1) / 2.0
     power = emission.astype(np.float64) @ np.array(tables_kernels.LUMINANCE, np.float64) * areas
     faces = np.flatnonzero(power > 0.0)
@@ -123,7 +127,8 @@ def aims_at_emitters(emission: NDArray[np.float32], corners: NDArray[np.float64]
 
 
 def aims_at_sky(sky: Sky) -> Aims | None:
-    """By the texels of a panorama; None for a sky without, or that is black: what leaves by chance finds it as well."""
+    """The distribution over a panorama's texels; None for a black sky or a gradient, which scattered rays find as
+    well."""
     if not isinstance(sky, PanoramaSky) or sky.power == 0.0:
         return None
     rows, columns, _ = sky.texels.shape

@@ -1,4 +1,4 @@
-"""Light probes: light that arrives at points in the open, from all around, as spherical harmonics."""
+"""Light probes: light that arrives at points in the open, as spherical harmonics."""
 
 from __future__ import annotations
 
@@ -24,25 +24,24 @@ from atra.light.lightmaps.gather.tables_kernels import CHANNELS, DIRECT, ENVIRON
 from atra.tracing.budgets import check_needed_bytes
 
 BLOCK = 64
-"""Samples of a probe in a batch: a number of their own, so that no option changes the order in which they are added."""
+"""Samples of a probe per batch; fixed, so that no option changes the order of summation."""
 
 _FARTHEST = 1e11
 
 _BYTES = 32
-"""Of a coefficient: its sum, its mean, and what it passes through on the way."""
+"""Memory per coefficient: its sum, its mean, and temporaries."""
 
 _OF_COSINE = np.array([1.0, *[2 / 3] * 3, *[1 / 4] * 5])
-"""What is left of each harmonic in light on a surface, over pi. Source: as of `harmonics`."""
+"""Factors of harmonics in the light on a surface, over pi. Source: as of `harmonics`."""
 
 
 @dataclass(frozen=True, eq=False)
 class LightProbes:
-    """Radiance around P points, up to L2.
+    """Radiance around P points as spherical harmonics up to L2.
 
     points: (P, 3) float32. samples: paths of each. direct, indirect, environment: (P, 9, 3) float32, coefficients of
-    the real spherical harmonics, l by l and in each from m = -l to l, by channel; kinds of light as of `Lightmap`.
-    backs: (P,) float32, share of directions in which backs of faces are seen: where it is large, a point lies inside of
-    something.
+    the real spherical harmonics, ordered by l and then m, by channel; kinds of light as in `Lightmap`. backs: (P,)
+    float32, fraction of directions that see back faces; where it is large, the point lies inside an object.
     """
 
     points: NDArray[np.float32]
@@ -58,14 +57,14 @@ class LightProbes:
         return self.direct + self.indirect + self.environment
 
     def light(self, normals: ArrayLike) -> NDArray[np.float32]:
-        """(P, 3) float32: what a white surface at each point returns, as a lightmap counts it. normals: its unit
-        normals, (P, 3), or one for all. What lies beyond L2 is lost, so a sun is soft and may be negative behind."""
+        """(P, 3) float32: what a white surface at each point reflects, in a lightmap's units. normals: its unit
+        normals, (P, 3), or one for all. L2 blurs light: a sun is soft and may be negative on the far side."""
         x, y, z = np.broadcast_to(np.asarray(normals, np.float64), self.points.shape).T
         weights = _OF_COSINE * np.stack(harmonics(x, y, z), axis=1)
         return np.einsum("ph,phc->pc", weights, self.combined).astype(np.float32)
 
     def save(self, path: Path) -> Path:
-        """Write its arrays, by name, as .npz. Raises InputError for another suffix, StorageError."""
+        """Write the arrays by name as .npz; returns the path. Raises InputError for another suffix, StorageError."""
         if path.suffix.lower() != ".npz":
             raise InputError(f"probes are to be written to {str(path)!r}, expected a name that ends in .npz")
         content = io.BytesIO()
@@ -75,7 +74,7 @@ class LightProbes:
 
 
 class ProbeSums:
-    """Sums of probes, to which batches add. points: (P, 3), checked. Raises InputError naming a point that is none,
+    """Sums of light probes, to which batches add. points: (P, 3). Raises InputError naming a bad point,
     MemoryBudgetError."""
 
     def __init__(self, points: ArrayLike, samples: int) -> None:
@@ -86,7 +85,7 @@ class ProbeSums:
         self._backs = np.zeros(len(self.points), np.int64)
 
     def add(self, first: int, probes: int, tables: Tables, batch: Batch, stages: Stages) -> None:
-        """All samples of `probes` points from number `first` on. Raises AtraError for light that is not finite."""
+        """Add all samples of `probes` points from number `first` on. Raises AtraError for light that is not finite."""
         for sample in range(0, self.samples, BLOCK):
             block = min(BLOCK, self.samples - sample)
             count = probes * block
@@ -108,7 +107,7 @@ class ProbeSums:
                 )
 
     def probes(self) -> LightProbes:
-        """Their means."""
+        """The means as `LightProbes`."""
         means = np.swapaxes(4.0 * np.pi / self.samples * self._sums, 1, 2).astype(np.float32)
         direct, indirect, environment = (
             np.ascontiguousarray(means[:, :, kind : kind + 3]) for kind in (DIRECT, INDIRECT, ENVIRONMENT)

@@ -1,4 +1,4 @@
-"""Tables of a scene to be baked, as kernels read them."""
+"""A bake's tables for kernels."""
 
 from __future__ import annotations
 
@@ -25,18 +25,18 @@ _WAYS = {"mis": tables_kernels.GIVES_BOTH, "light": tables_kernels.GIVES_LIGHT, 
 
 
 def start_off(mesh: Mesh) -> float:
-    """How far rays start off the surfaces of a mesh, in scene units: 1e-5 of its size, or 2 spacings of float32 at its
-    largest coordinate where that is more, as it is far from the origin.
+    """How far rays start off the surfaces of a mesh, scene units: 1e-5 of the mesh's size, or 2 float32 spacings at its
+    largest coordinate if that is more.
 
-    Origins are rounded to float32, by half a spacing along each axis, which is at most 0.87 of one along a normal: with
-    less, a ray could start on its surface, or behind it, and meet it.
+    Float32 rounds origins by up to half a spacing along each axis, 0.87 along a normal. With a smaller offset a ray
+    could start on or behind its surface and hit it.
     """
     spacing = float(np.spacing(np.abs(mesh.bounds).max().astype(np.float32)))
     return max(_START_OFF * float((mesh.bounds[1] - mesh.bounds[0]).max()), _START_OFF_SPACINGS * spacing)
 
 
 def tables_of(scene: BakeScene, texels: Texels, options: BakeOptions) -> Tables:
-    """The tables. Raises InputError for light beyond what float32 can hold."""
+    """The tables of a scene. Raises InputError for light that float32 cannot hold."""
     mesh, surface = scene.mesh, scene.surface
     assert surface is not None
     normals = unit_normals(mesh)
@@ -78,14 +78,14 @@ def tables_of(scene: BakeScene, texels: Texels, options: BakeOptions) -> Tables:
 
 
 def _box(corners: NDArray[np.float64], room: float) -> NDArray[np.float32]:
-    """(2, 3), around corners (N, 3, 3), with so much room; zeros where there are none."""
+    """(2, 3), a box around corners (N, 3, 3) with margin `room`; zeros without corners."""
     if not len(corners):
         return np.zeros((2, 3), np.float32)
     return np.stack([corners.min(axis=(0, 1)) - room, corners.max(axis=(0, 1)) + room]).astype(np.float32)
 
 
 def _read_only(array: NDArray) -> NDArray:
-    """Numba compiles anew for an array that may be written to: all are of one kind."""
+    """A read-only view: Numba compiles separate kernels for writable arrays."""
     view = np.ascontiguousarray(array).view()
     view.setflags(write=False)
     return view
