@@ -1,4 +1,4 @@
-"""Options of renderers: what a person can choose about a picture and how it is made."""
+"""Options of renderers."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from atra.tracing.options import PacketKeywords, RayOptions, option, option_of
 from atra.whole_numbers import is_whole_number
 
 MOST_RAYS = 64
-"""To a light, or into the sky, from each pixel and for each sample."""
+"""Most rays to a light, or into the sky, per pixel and sample."""
 
 _DIRECTIONS = ("shared", "shifted")
 
@@ -28,10 +28,10 @@ class RenderKeywords(PacketKeywords, total=False):
 
 @dataclass(frozen=True)
 class RenderOptions(RayOptions):
-    """Options of every renderer, beside those of the scene that its rays meet (`RayOptions`).
+    """Options of every renderer, beside those of the scene for its rays (`RayOptions`).
 
-    built_with: names of the options that a renderer keeps for its life.
-    The picture depends on neither threads nor wave_rays. Raises InputError, with the value.
+    The picture depends on neither threads nor wave_rays. built_with: names of options that cannot change later. Raises
+    InputError, with the value.
     """
 
     built_with: ClassVar[frozenset[str]] = frozenset(field.name for field in fields(RayOptions)) | {"start_off"}
@@ -65,7 +65,7 @@ class PathKeywords(RenderKeywords, total=False):
 
 @dataclass(frozen=True)
 class PathOptions(RenderOptions):
-    """Options of `PathRenderer`. Depth first was as fast as waves or a little faster on large scenes."""
+    """Options of `PathRenderer`."""
 
     built_with: ClassVar[frozenset[str]] = RenderOptions.built_with | {"order"}
 
@@ -101,9 +101,9 @@ class HybridKeywords(RenderKeywords, total=False):
 
 @dataclass(frozen=True)
 class HybridOptions(RenderOptions):
-    """Options of `HybridRenderer`. Without rays of a kind there is no shadow, or no occlusion.
+    """Options of `HybridRenderer`. With 0 rays of a kind there is no shadow, or no occlusion.
 
-    Embree traces shared directions faster; shifted ones trade bands for noise.
+    Embree traces shared directions faster; shifted ones replace banding by noise.
     """
 
     shadow_rays: int = option(1, "rays to each light, for each sample, 0 to 64")

@@ -1,4 +1,4 @@
-"""A renderer: samples of a scene seen by a camera, added up to a picture."""
+"""The base of renderers: samples of a scene seen by a camera, averaged to a picture."""
 
 from __future__ import annotations
 
@@ -35,23 +35,22 @@ from atra.tracing.tracer import Tracer
 from atra.whole_numbers import is_whole_number
 
 Primary = Callable[[Mesh, View], Tracer[Hits]]
-"""What makes the tracer of primary visibility: `atra.PixelTracer`, or `partial(atra.AlignedTracer, split=(128, 1))`."""
+"""Makes the tracer of primary visibility: `atra.PixelTracer`, or `partial(atra.AlignedTracer, split=(128, 1))`."""
 
 CENTRE = (0.5, 0.5)
 
 _WAVES_A_THREAD = 4
-"""At least, so that none waits long for another, and who wants to stop is soon asked."""
+"""Least waves per thread; more balance the threads and ask `stop` more often."""
 
 
 class Renderer(Lifetime):
-    """What both renderers share: primary visibility, a scene for all other rays, samples, and the time of stages.
+    """What renderers share: primary visibility, a scene for all other rays, samples, and times of stages.
 
-    scene: see `RenderScene`. camera: of either kind. primary: makes the tracer of primary visibility from mesh and
-    camera; None: the rasteriser. options: fields of `options_type` by name.
+    scene: see `RenderScene`. camera: pinhole or orthographic. primary: makes the tracer of primary visibility from mesh
+    and camera; None: the rasteriser. options: fields of `options_type` by name.
 
-    stage_s: seconds by stage of the last `add`; they sum to its duration. Of stages that run in several threads it is
-    the mean, and "other" is what is left: waiting, Python. ray_count: how many rays the last `add` traced beside those
-    of primary visibility.
+    stage_s: seconds by stage of the last `add`, which sum to its duration. Stages in several threads count their mean;
+    "other" is the rest: waiting, Python. ray_count: rays of the last `add` beside those of primary visibility.
     """
 
     options_type: ClassVar[type[RenderOptions]]
@@ -77,23 +76,23 @@ class Renderer(Lifetime):
     @property
     @abstractmethod
     def _planes(self) -> int:
-        """Sums of a pixel."""
+        """Sums per pixel."""
 
     @abstractmethod
     def _tables(self) -> Surfaces: ...
 
     @abstractmethod
     def _add_wave(self, first: int, count: int, pixels: Pixels, query: Query, stages: dict[str, float]) -> int | None:
-        """Add sample number `samples` of so many pixels; adds the seconds of stages. How many rays were traced; None:
+        """Add the next sample of `count` pixels, and the seconds of stages. Returns the number of rays traced, None if
         light was not finite."""
 
     @abstractmethod
     def _mean(self) -> NDArray[np.float64]:
-        """(3, pixels), of all samples."""
+        """(3, pixels), over all samples."""
 
     @abstractmethod
     def _same_sums(self, scene: RenderScene) -> bool:
-        """Whether samples of `scene` have the sums of those of the present one."""
+        """Whether samples of `scene` would have the sums of the current one's."""
 
     def _new_film(self) -> Film:
         camera, waves_bytes = self.camera, self.rays.threads * self.options.wave_rays * self._ray_bytes
@@ -120,22 +119,20 @@ class Renderer(Lifetime):
 
     @property
     def samples(self) -> int:
-        """How many have been added since the last restart."""
+        """Samples since the last restart."""
         return self._film.samples
 
     @property
     def tracer(self) -> Tracer[Hits]:
-        """Of primary visibility; its hits may be looked at, and it stays the renderer's."""
+        """The tracer of primary visibility; it belongs to the renderer."""
         return self._tracer
 
     def add(self, samples: int = 1, stop: Callable[[], bool] | None = None) -> None:
-        """Add so many samples to every pixel.
+        """Add this many samples to every pixel, up to the option `most_samples`.
 
-        No more are added than `most_samples` of the options allows. stop: asked before every wave, by several threads;
-        once it says True, or when interrupted, the picture starts anew with none. Of this renderer it may read
-        `samples` alone.
-        Raises InputError for a number below 1, EmbreeError when this is not built or already closed, AtraError naming
-        pixel and sample for light that is no finite number.
+        stop: asked before every wave, by several threads; it may read only `samples` of this renderer. If it returns
+        True, or on an interrupt, the picture starts anew without samples. Raises InputError for a number below 1,
+        EmbreeError before `build` and after `close`, AtraError naming pixel and sample for light that is not finite.
         """
         if not is_whole_number(samples) or samples < 1:
             raise InputError(f"{samples!r} samples are to be added, expected a whole number of at least 1")
@@ -158,7 +155,7 @@ class Renderer(Lifetime):
             self.stage_s = stages
 
     def _add_sample(self, stages: dict[str, float], stop: Callable[[], bool]) -> bool:
-        """Whether it came to its end."""
+        """Returns whether it finished."""
         camera = self.camera
         offset = CENTRE if self.options.jitter == "off" else tuple(sub_pixel_offsets(1, self.samples)[0].tolist())
         own = self.options.jitter == "pixel"
@@ -207,12 +204,11 @@ class Renderer(Lifetime):
     def update(
         self, *, scene: RenderScene | None = None, camera: View | None = None, **changes: Unpack[RenderKeywords]
     ) -> None:
-        """Go on with another scene of the same mesh, another camera, or other options.
+        """Continue with another scene of the same mesh, another camera, or other options.
 
-        Samples stay where their sums would be the same (`HybridRenderer`: powers and colours of lights, power of the
-        sky); otherwise it starts anew with none. A camera takes a new plan and build of the tracer, unless that can
-        `look`. Raises InputError for another mesh, and for options that the scene was built with; EmbreeError after
-        `close`.
+        Samples stay if their sums would be the same (`HybridRenderer`: powers and colours of lights, power of the sky);
+        otherwise the picture starts anew. A new camera needs another plan and build of the tracer, unless that can
+        `look`. Raises InputError for another mesh, and for options that cannot change later; EmbreeError after `close`.
         """
         self._update(scene, camera, changes)
 
@@ -238,7 +234,7 @@ class Renderer(Lifetime):
                 self._start_film()
 
     def restart(self) -> None:
-        """Forget all samples; the next one traces primary visibility, whatever `jitter` is. Raises EmbreeError after
+        """Drop all samples; the next one traces primary visibility, whatever `jitter` is. Raises EmbreeError after
         `close`."""
         with self._lock:
             self._check_open()
@@ -262,14 +258,13 @@ class Renderer(Lifetime):
 
     @property
     def image(self) -> NDArray[np.float32]:
-        """(H, W, 3) float32, linear RGB, the mean of the samples. Raises InputError where there is none yet."""
+        """(H, W, 3) float32, linear RGB, the mean of the samples. Raises InputError if there is none yet."""
         with self._lock:
             return self._film.as_image(self._mean())
 
     def save(self, path: Path | str) -> None:
-        """Write the picture: `.png` in sRGB, 8 bits, or `.exr` in linear RGB with depth Z, normal N and prim_id of the
-        pixels' centres, 32 bits. Raises InputError for another suffix and where there is no sample yet; StorageError.
-        """
+        """Write the picture: `.png` in 8-bit sRGB, or `.exr` in 32-bit linear RGB with depth Z, normal N and prim_id at
+        the pixels' centres. Raises InputError for another suffix and without samples; StorageError."""
         with self._lock:
             image = self.image
             with self._tracing():
@@ -285,7 +280,7 @@ def _never() -> bool:
 
 
 def unlike_but_for(one: object, other: object, *names: str) -> bool:
-    """Whether two frozen values differ in more than these of their fields."""
+    """Whether two frozen values differ in fields other than `names`."""
     if type(one) is not type(other):
         return True
     kept = [field.name for field in fields(one) if field.name not in names]  # type: ignore[arg-type]
