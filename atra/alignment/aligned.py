@@ -54,7 +54,7 @@ class _AlignedImages(ReferenceRayTracer[Result]):
         first = self.meshes[0]
         super().__init__(options)
         self._align(self.meshes, alignment)
-        self._second_passes: list[SecondPass | None] = []  # of each image that copies cannot show all of
+        self._second_passes: list[SecondPass | None] = []  # one per image, None if nothing was left out
         cells = self.split.cell_count * count
         if self.options.geometry == "instanced":
             if any(mesh is not first for mesh in self.meshes):
@@ -162,7 +162,7 @@ class AlignedTracer(EmbreeGathering, _AlignedImages[Hits], ImageTracer):
         strips[:, 1] = np.arange(0, split.cell_height, self.packet_shape[1])
         tiles = PixelTiles(strips, split.cell_width, self.packet_shape[1])
         cell = split.cell_width, split.cell_height
-        rays = partial(reference_rays, self.alignment)  # not a method, which would refer to this tracer
+        rays = partial(reference_rays, self.alignment)  # no method: it would keep a reference to this tracer
         shots = [Shots(geometry, self.options.geometry, self.packet_shape, rays, tiles, cell)]
         for left_out in geometry.left_out:
             if left_out is not None:

@@ -50,7 +50,7 @@ def verify_kernel(shape_x: int, shape_y: int, parallel: bool = False) -> Callabl
             ty = fetch_add(counter_address, 1)
             if ty >= hidden.nearest.shape[0]:
                 for lane in range(width):
-                    floats[tnear + lane] = START  # as the other loops expect it
+                    floats[tnear + lane] = START  # other kernels expect this
                 return
             for y0 in range(ty * tile_h, min((ty + 1) * tile_h, height), shape_y):
                 rows = min(shape_y, height - y0)

@@ -121,7 +121,7 @@ class Alignment:
         right, down, forward = camera.axes
         first_x_pixels, first_y_pixels = float(plane.columns(0)), float(plane.rows(0))
         centre_x, centre_y = first_x_pixels + camera.width / 2, first_y_pixels + camera.height / 2
-        # Rays through the centre head there; parallel ones head forward from wherever they start.
+        # Where the central ray heads; parallel rays all head forward.
         slope_x, slope_y = (0.0, 0.0) if camera.is_parallel else (centre_x * plane.pitch_x, centre_y * plane.pitch_y)
         towards = forward + slope_x * right + slope_y * down
         nearest = np.argmax(np.abs(towards))
@@ -219,7 +219,7 @@ def _onto(first: View, camera: View) -> NDArray[np.float64]:
     apart_x, apart_y = float(plane.columns(0) - own.columns(0)), float(plane.rows(0) - own.rows(0))
     same_pixels = (plane.pitch_x, plane.pitch_y, apart_x, apart_y) == (own.pitch_x, own.pitch_y, 0.0, 0.0)
     if same_pixels and np.array_equal(camera.axes, first.axes):
-        return from_eye_space(first)  # exactly, so that walls along the world's axes stay flat
+        return from_eye_space(first)  # exact, so that axis-aligned walls stay flat
     onto = np.diag([plane.pitch_x / own.pitch_x, plane.pitch_y / own.pitch_y, 1.0])
     if not first.is_parallel:
         onto[:2, 2] = plane.pitch_x * apart_x, plane.pitch_y * apart_y

@@ -51,7 +51,7 @@ def plan_aligned_geometry(
         kept[unseen_from(camera, mesh)] = 0
         if without is not None:
             kept[without.prim_ids] = 0
-    # One after the other: the copies of triangle t of image k start at its place in this list.
+    # Where the copies of each triangle start, image after image.
     starts = np.concatenate([[0], np.cumsum(np.concatenate(counts))])
     copies = int(starts[-1])
     check_memory_budget(copies, split.cell_count * alignment.image_count, options)
@@ -87,7 +87,7 @@ def image_roundings(
         )  # fmt: skip
     else:
         roundings = roundings_of_copies(mesh, alignment, pool, points[0], own, points[1], multiple)
-    roundings.left_out[mesh.without_area] = False  # that is so whatever they are traced with
+    roundings.left_out[mesh.without_area] = False  # no ray hits them anyway
     return roundings
 
 

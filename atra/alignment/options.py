@@ -22,7 +22,9 @@ class ReferenceRayOptions(CellOptions):
     Rows that a packet or a cell cannot have are refused once the cell is known.
     """
 
-    packet_rows: int | None = option(None, "rows of pixels in a packet; null = what suits the cell", null="automatic")
+    packet_rows: int | None = option(
+        None, "rows of pixels in a packet; null = the best fit for the cell", null="automatic"
+    )
 
 
 class FramesKeywords(ReferenceRayKeywords, total=False):
@@ -39,7 +41,7 @@ class FramesOptions(ReferenceRayOptions):
         "copied = a sheared copy of the triangles per cell, instanced = one Embree instance of them per cell",
         choices=("copied", "instanced"),
     )
-    culling: bool = option(True, "each cell's copy keeps only what its frustum meets")
+    culling: bool = option(True, "keep only triangles that a cell's frustum meets")
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -60,7 +62,7 @@ class AlignedOptions(FramesOptions):
 
     reference: str = option(
         "off_axis",
-        "where the rays that are shot lie: a quarter of the image from its centre, or in the first cell, as in the "
-        "paper; the image is the same",
+        "reference cell: off_axis = a quarter of the image from its centre, first_cell = as in the paper; the image is "
+        "the same",
         choices=REFERENCES,
     )

@@ -49,7 +49,7 @@ class ReferenceRayTracer(EmbreeTracer[Result]):
         cell_rows, image = self.alignment.image_count * self.split.ny, Image(depth, prim_id)
         kernel = aligned_kernel(*self.packet_shape, self.camera.is_parallel)
         scene = self._scene_address
-        share_direction(self._workspaces, self.camera)  # a second pass may have left another image's
+        share_direction(self._workspaces, self.camera)  # a second pass may have set another image's
 
         def work(worker: int, counter: int) -> None:
             kernel(counter, scene, self._workspaces[worker].packet, rays, cell_rows, image)
@@ -65,7 +65,7 @@ def reference_rays(alignment: Alignment, offset: tuple[float, float]) -> RayGrid
 
 
 def _row_stride(split: Split, packet_shape: tuple[int, int]) -> int:
-    return split.width + -split.cell_width % packet_shape[0]  # lanes the last packet of a row reaches past the image
+    return split.width + -split.cell_width % packet_shape[0]  # plus lanes of the last packet past the image
 
 
 def choose_packet_shape(packet_width: int, split: Split, packet_rows: int | None = None) -> tuple[int, int]:

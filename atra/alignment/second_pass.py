@@ -47,7 +47,7 @@ class SecondPass:
         rays, image = RayGrid(*image_ray_grid(camera, offset)), Image(depth, prim_id)
         hidden = Hidden(self._nearest, tiles.tile_width, tiles.tile_height)
         kernel = verify_kernel(*SQUAREST_SHAPE[packet_width], camera.is_parallel)
-        self._packets_traced = np.zeros((len(workspaces), 16), np.int64)  # a cache line or two for each thread
+        self._packets_traced = np.zeros((len(workspaces), 16), np.int64)  # separate cache lines per thread
 
         share_direction(workspaces, camera)
 

@@ -127,14 +127,14 @@ def nearest_in_tiles(mesh: Mesh, camera: View, tiles: Tiles, left_out: LeftOut) 
     hidden, one_cell = np.zeros(tiles.shape), np.zeros(tiles.shape[1], np.int64)
     kept_nowhere, counter = np.ones(len(left_out.prim_ids), np.bool_), np.zeros(1, np.int64)
     faces = mesh.traced_faces[left_out.prim_ids]
-    faces.flags.writeable = False  # as those of a mesh: others would be another kernel
+    faces.flags.writeable = False  # like a mesh's; Numba would compile another kernel for writable ones
     count_visible(
         counter.ctypes.data, left_out.points_pixels, faces, kept_nowhere.view(np.uint8), kept_nowhere,
         np.maximum(left_out.depth_error, DEPTH_SLACK), hidden, tiles.tile_width, tiles.tile_height,
         camera.width, camera.height, camera.height, one_cell, one_cell, hidden,
         np.empty(len(left_out.prim_ids), np.int64),
     )  # fmt: skip
-    nearest = _nearest(hidden)  # of parallel rays, whose third coordinate is 1, it only tells which tiles are met
+    nearest = _nearest(hidden)  # for parallel rays it only tells which tiles are met
     return np.where(np.isfinite(nearest), np.float32(0.0), nearest) if camera.is_parallel else nearest
 
 

@@ -53,7 +53,7 @@ def _set_up(points_pixels, faces, triangle, tile_w, tile_h, width, height, lines
         if left > right or top > bottom:
             return 1.0, 0.0, 1.0, 0.0, 0.0, 0
         if int(left / tile_w) == int(right / tile_w) and int(top / tile_h) == int(bottom / tile_h):
-            return left, right, top, bottom, nearest, 0  # nothing to be gained in a single tile
+            return left, right, top, bottom, nearest, 0  # a single tile needs no functions
     ua, ub, uc = a1 - a0, b1 - b0, c1 - c0
     wa, wb, wc = a2 - a0, b2 - b0, c2 - c0
     na, nb, nc = ub * wc - uc * wb, uc * wa - ua * wc, ua * wb - ub * wa
@@ -75,7 +75,7 @@ def _set_up(points_pixels, faces, triangle, tile_w, tile_h, width, height, lines
         noise = 1e-14 * ((abs(pb * qc) + abs(pa * qc)) * max(width, height) + abs(pa * qb))
         if abs(ea) + abs(eb) > noise:
             lines[edge, 0], lines[edge, 1], lines[edge, 2] = sign * ea, sign * eb, sign * ec
-        else:  # an edge too short to have a direction excludes nothing
+        else:  # an edge too short to have a direction
             lines[edge, 0], lines[edge, 1], lines[edge, 2] = 0.0, 0.0, 0.0
     return left, right, top, bottom, nearest, LINES
 

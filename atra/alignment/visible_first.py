@@ -216,6 +216,6 @@ def _checked_prim_ids(mesh: Mesh, probe: Any) -> NDArray[np.int64]:
         raise InputError(
             f"the probe names prim_id {absent.min()}, but {mesh.name!r} has {mesh.triangle_count} triangles"
         )
-    is_seen = np.zeros(mesh.triangle_count, np.bool_)  # `np.unique` hashes, and takes ten times as long
+    is_seen = np.zeros(mesh.triangle_count, np.bool_)  # much faster than `np.unique`
     is_seen[prim_ids] = True
     return np.flatnonzero(is_seen)

@@ -104,7 +104,7 @@ def _take_layer(lanes, nx, taken, depth, prim_id, pixel, target):  # type: ignor
         full = full & either(is_same(before, last), is_nearer(depth, prim_ids, farthest, farthest_id))
         if bits_of(full) != 0:
             _put_last(lanes, nx, full, depth, prim_ids, pixel, target)
-    # Most often all pixels have as many hits, or none is taken: asking which is slower than putting at once.
+    # Usually one call is enough, as pixels have equally many hits; a check beforehand would be slower.
     left = _put_next(lanes, nx, free, bits_of(free), before, depth, prim_ids, pixel, target)
     while left != 0:
         left = _put_next(lanes, nx, free, left, before, depth, prim_ids, pixel, target)

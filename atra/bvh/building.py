@@ -166,7 +166,7 @@ def _split(draft, node, start, end, scratch):  # type: ignore[no-untyped-def]
     _fill_bins(draft, start, end, scratch)
     axis, first_bin = _cheapest(scratch)
     order, triangles = draft.order, draft.triangles
-    if axis < 0:  # all boxes have one middle, and any half is as good as another
+    if axis < 0:  # all centres coincide: split anywhere
         axis, middle = 0, (start + end) // 2
     else:
         low, scale = scratch.middles[0, axis], scratch.middles[2, axis]

@@ -23,7 +23,7 @@ class BvhOptions(ThreadOptions, TieOptions):
     packet_width: int = option(1, "rays in a packet; 1 = single rays", choices=(1, *LANES))
     traversal: str = option(
         "push",
-        "when a node's box is tested: push = with its sibling's, and the nearer comes next, pop = when its turn comes",
+        "when a node's box is tested: push = with its sibling's, nearer first, pop = when it is popped",
         choices=("push", "pop"),
     )
-    robust: bool = option(True, "no ray slips through between two triangles; off: a faster test of triangles")
+    robust: bool = option(True, "no ray slips through between triangles; off = a faster test")

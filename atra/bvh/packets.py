@@ -132,7 +132,7 @@ def nearest_of_packet(  # type: ignore[no-untyped-def]
                         hits = hits & (t > tnear) & ((best > t) | as_near)
                         if bits_of(hits):
                             best, prim_ids = where(hits, t, best), where(hits, found, prim_ids)
-                            if any_hit:  # these rays are done: nothing lies before their beginning
+                            if any_hit:  # ends these rays
                                 best = where(hits, zero - nothing, best)
                 if any_hit and bits_of(best >= zero) == 0:
                     top = left = 0

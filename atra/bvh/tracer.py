@@ -82,7 +82,7 @@ class BvhTracer(NoGathering, TracerLifetime[Hits]):
         return ((self.mesh, self.camera),)
 
     def _plan(self) -> float:
-        if self.options.ties == "lowest":  # found once per mesh, like reading it, and so outside the clock of a plan
+        if self.options.ties == "lowest":  # once per mesh, so outside the plan's clock
             coplanar_overlaps(self.mesh)
         start = perf_counter()
         self._plan_ties()

@@ -85,7 +85,7 @@ def shear_of(dx, dy, dz, zero, one):  # type: ignore[no-untyped-def]
     """(major axis is x, major axis is y, shear x, shear y, 1 / major component) of directions: the shear that lays a
     direction onto its major axis. See `meet_closed`."""
     is_x = (size(dx) >= size(dy)) & (size(dx) >= size(dz))
-    is_y = size(dy) >= size(dz)  # asked where it is not x
+    is_y = size(dy) >= size(dz)  # if not x
     across, along, away = _turned(is_x, is_y, dx, dy, dz)
     return is_x, is_y, across / away, along / away, one / away
 

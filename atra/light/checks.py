@@ -38,7 +38,7 @@ def checked_texels(name: str, value: Any, high: float = inf) -> NDArray[np.float
     """`value` as a read-only (H, W, 3) float32 copy, linear RGB from 0 to `high`. Raises InputError naming the first
     texel outside."""
     try:
-        with np.errstate(over="ignore"):  # becomes inf, which is refused below
+        with np.errstate(over="ignore"):  # inf is refused below
             texels = np.array(value, np.float32, order="C")
     except (TypeError, ValueError) as error:
         raise InputError(f"{name} cannot be read as an image: {error}") from None

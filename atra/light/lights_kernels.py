@@ -40,10 +40,10 @@ def to_lamp(light, origin, u, v):  # type: ignore[no-untyped-def]
     strength, reach = ONE / squared, distance * ALMOST
     radius = light[SIZE]
     if light[KIND] == SPHERE and distance > radius:
-        # Uniform over the solid angle it is seen under, 2 pi (1 - cos), of which pi (radius / distance)^2 is the
-        # projected part: their quotient, 1 for a far light, weighs its directions.
+        # Uniform over the visible solid angle, 2 pi (1 - cos). Its projected part is pi (radius / distance)^2; the
+        # quotient of the two, 1 for a far light, weights the directions.
         ratio = radius * radius / squared
-        depth = ratio / (ONE + np.sqrt(ONE - ratio))  # 1 - cos, without losing digits
+        depth = ratio / (ONE + np.sqrt(ONE - ratio))  # 1 - cos, without cancellation
         strength *= TWO * depth / ratio
         cosine = ONE - u * depth
         sine = np.sqrt(max(ZERO, ONE - cosine * cosine))

@@ -89,7 +89,7 @@ class RenderScene:
         )
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        # Copies and unpickled arrays can be written to, whatever the original was.
+        # Copied and unpickled arrays are writable, even if the original was not.
         self.__dict__.update(state)
         for array in (self.face_materials, self.normals, self.uv):
             if array is not None:
@@ -130,7 +130,7 @@ def _checked_rows(name: str, given: ArrayLike | None, vertices: int, columns: in
     if given is None:
         return None
     try:
-        with np.errstate(over="ignore"):  # becomes inf, which is refused below
+        with np.errstate(over="ignore"):  # inf is refused below
             rows = np.array(given, np.float32, order="C")
     except (TypeError, ValueError) as error:
         raise InputError(f"{name} cannot be read as an array: {error}") from None

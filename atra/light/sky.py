@@ -98,7 +98,7 @@ def _read_exr(path: Path, allowance: Allowance) -> NDArray[np.float32]:
     check_package(".exr")
     import OpenEXR
 
-    try:  # its `File` prints what is damaged, but its `InputFile` crashes there
+    try:  # `File` raises for damage; `InputFile` would crash
         with OpenEXR.File(str(path), separate_channels=True, header_only=True) as file:
             floats = sum(_promised(part.header) for part in file.parts)
         allowance.check(f"{floats:,} numbers", floats * _BYTES_PER_NUMBER)
@@ -106,7 +106,7 @@ def _read_exr(path: Path, allowance: Allowance) -> NDArray[np.float32]:
             channels = {name: np.array(one.pixels, np.float32) for name, one in file.channels().items()}
     except InputError:
         raise
-    except Exception as error:  # whatever the package makes of a damaged file
+    except Exception as error:  # the package raises many types
         raise InputError(str(error).replace(str(path), "it") or "it is damaged") from None
     if not {"R", "G", "B"} <= channels.keys():
         raise InputError(f"its channels are {', '.join(channels)}, expected R, G and B")

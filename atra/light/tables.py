@@ -70,7 +70,7 @@ def _corners(scene: RenderScene) -> tuple[NDArray[np.float64], NDArray[np.float3
     b, c = b - a, c - a
     bb, bc, cc = ((one * other).sum(axis=1, keepdims=True) for one, other in ((b, b), (b, c), (c, c)))
     area = bb * cc - bc * bc
-    area = np.where(area > 0.0, area, np.inf)  # of what is no triangle each point is the first corner
+    area = np.where(area > 0.0, area, np.inf)  # without area every point counts as the first corner
     weights = np.zeros((count, surface_kernels.CORNER_WORDS))
     for first, slope in ((0, (cc * b - bc * c) / area), (4, (bb * c - bc * b) / area)):
         weights[:, first : first + 3] = slope
@@ -115,7 +115,7 @@ def sky_tables(sky: Sky, power: float) -> tuple[NDArray[np.float32], NDArray[np.
         )
         return row, np.zeros((1, 1, 3), np.float32)
     row[0] = surface_kernels.PANORAMA
-    with np.errstate(over="ignore"):  # light beyond float32 is reported where a ray meets it
+    with np.errstate(over="ignore"):  # reported where a ray meets infinite light
         return row, sky.texels * np.float32(power)
 
 

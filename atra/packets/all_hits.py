@@ -74,7 +74,7 @@ class EmbreeGathering(Gathering, EmbreeTracer[Hits]):
         is_known: bool,
     ) -> None:
         for name, plane in what.planes().items():
-            if not plane.before:  # layers are written where there is a hit, and at last where there is none
+            if not plane.before:  # layers are filled at the end
                 images[name].fill(plane.start)
         doubts, kind = self._found_doubts(offset), what.kind
         if not self._shots:
@@ -134,7 +134,7 @@ class EmbreeGathering(Gathering, EmbreeTracer[Hits]):
 
     def _show(self, views: Views) -> None:
         super()._show(views)
-        self._forget_shots()  # their rays are those of the camera
+        self._forget_shots()  # their rays depend on the camera
 
     def _forget(self) -> None:
         super()._forget()

@@ -61,5 +61,5 @@ def gathering_filter(kind: int, shape_x: int, shape_y: int, cells: str) -> int:
     return gather_hit.address
 
 
-# Embree may call these as long as a scene lives; compiled code must never be collected.
+# Embree may call filters as long as a scene lives, so compiled code must not be collected.
 _keep_alive: list[object] = []

@@ -149,7 +149,7 @@ def _collect(building, memory, probability, nodes):  # type: ignore[no-untyped-d
         kind = kind_of(node)
         if kind <= 3 and _seen(node, memory) >= probability * building.rays:
             child = first_of(node)
-            second = 1 if heading(shape, kind) > 0 else 0  # what lies farther away is taken first
+            second = 1 if heading(shape, kind) > 0 else 0  # the farther child is popped first
             stack[top], stack[top + 1] = child + 1 - second, child + second
             top += 2
             continue
@@ -255,7 +255,7 @@ def mark_voxels(counter_address, blocks, grid, occupied):  # type: ignore[no-unt
             return
         for block in range(start, min(start + 256, len(blocks))):
             for k in range(blocks.shape[2]):
-                if np.isnan(blocks[block, 0, k]):  # a place left over
+                if np.isnan(blocks[block, 0, k]):  # an unused entry
                     continue
                 for axis in range(3):
                     one = np.float64(blocks[block, axis, k])

@@ -112,7 +112,7 @@ def grid_of(bvh: Bvh, cells: int, directions: int, robust: bool = False) -> Grid
     thick = np.ones(3, np.bool_)
     while True:
         mean = (sides[thick].prod() / cells) ** (1.0 / thick.sum())
-        edge = min(mean, sides.max())  # which it is beyond by rounding at most, so that one axis is left
+        edge = min(mean, sides.max())  # rounding may exceed it; one axis must stay
         if (sides[thick] >= edge).all():
             break
         thick &= sides >= edge

@@ -189,7 +189,7 @@ class Baker(Lifetime):
 
     def share_done(self, target: int) -> float:
         """The fraction done of the work until every texel has `target` samples or, with `adaptive`, enough."""
-        enough, samples = self._enough, self.samples  # of now: who asks while it bakes is not to wait
+        enough, samples = self._enough, self.samples  # no lock: asking must not wait for the bake
         left = np.where(enough, 0, np.maximum(target - samples, 0))
         return 1.0 - float(left.mean()) / target
 
@@ -218,7 +218,7 @@ class Baker(Lifetime):
         """Call `add(first, count, batch, stages)` in all threads until all `starts` entries had their turn. `rays`:
         size of a batch; `of_each`: rays per entry. Returns whether it finished, and each thread's work."""
         per_batch = max(1, rays // of_each)
-        left = deque(range(0, starts, per_batch))  # its `popleft` is safe between threads
+        left = deque(range(0, starts, per_batch))  # `popleft` is thread-safe
         works = [Work({}) for _ in range(self.rays_scene.threads)]
 
         def work(query: Query) -> None:

@@ -52,8 +52,8 @@ def _reach_the_eye(texels: Texels, numbers: NDArray[np.int64], camera: View, sce
         ways = -depth[:, None] * camera.axes[2]
     else:
         ways = -points
-    # Rays keep `start_off` away from the texel's plane, as all rays of a bake do, and from the eye.
+    # Rays start and end `start_off` from the texel's plane, like all rays of a bake, and from the eye.
     off = start_off(texels.mesh)
     end = np.maximum(1.0 - off / np.linalg.norm(ways, axis=1), 0.0)
-    start = off / (texels.normals[numbers] * ways).sum(axis=1)  # above 0 for texels that face the eye
+    start = off / (texels.normals[numbers] * ways).sum(axis=1)  # positive, as these texels face the eye
     return ~scene.occluded(points + camera.eye, ways, tnear=np.minimum(start, end), tfar=end)

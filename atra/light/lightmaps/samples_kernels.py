@@ -77,7 +77,7 @@ def generate(batch, order, first, texels, expansion, samples, prim_of, tables): 
         if len(planes) > LARGE:
             _fetch_ahead(order, first + k, first + texels, prim_id, tables)
         texel = order[first + k]
-        start = np.uint64(k * expansion)  # unsigned: an index that may count from the end is not vectorised
+        start = np.uint64(k * expansion)  # unsigned: Numba does not vectorise indices that may be negative
         for e in range(expansion):
             i = start + np.uint64(e)
             batch.slot[i] = i

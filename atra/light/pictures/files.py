@@ -56,7 +56,7 @@ def srgb_of(image: NDArray[np.floating]) -> NDArray[np.uint8]:
 
 def png_of(image: NDArray[np.floating]) -> bytes:
     """(H, W, 3) linear RGB -> a PNG in sRGB."""
-    from PIL import Image  # only who writes a PNG waits for it
+    from PIL import Image  # imported here because it is slow to load
 
     buffer = io.BytesIO()
     Image.fromarray(srgb_of(image), "RGB").save(buffer, format="PNG")

@@ -97,7 +97,7 @@ class Film:
 def _places(width: int, height: int) -> NDArray[np.uint32]:
     full, rest = divmod(height, TILE)
     whole = _band(width, TILE)[None] + (np.arange(full, dtype=np.uint32)[:, None] * np.uint32(TILE << 16))
-    beyond = np.zeros(LANES, np.uint32)  # is read with the last
+    beyond = np.zeros(LANES, np.uint32)  # vectors read past the last pixel
     places = np.concatenate([whole.ravel(), _band(width, rest) + np.uint32(full * TILE << 16), beyond])
     places.setflags(write=False)
     return places[: width * height]

@@ -104,7 +104,7 @@ def _look_up(chunk, i, pixel, pixels):  # type: ignore[no-untyped-def]
     x, y = low_and_high(np.int64(pixels.places.ctypes.data) + 4 * pixel)
     stride = repeated(np.float64(pixels.stride), _LANES)
     found = gather_at(np.int64(pixels.prim_id.ctypes.data), fused(y, stride, x))
-    is_seen = found >= found  # the bits of a miss are those of no number
+    is_seen = found >= found  # MISS has the bits of a NaN
     none = repeated(ZERO, _LANES)
     store(where(is_seen, found, none), np.int64(chunk.prim_id.ctypes.data) + 4 * i)
     seen = np.int64(chunk.floats.ctypes.data) + 4 * (SEEN * STRIDE + i)

@@ -45,7 +45,7 @@ def _steps(*primes: int) -> tuple[int, int]:
 
 
 _SKY, _LIGHT = _Sequence(_steps(2, 3), 0), _Sequence(_steps(5, 7), 2)
-"""The steps are irrational to each other and to those of `sub_pixel_offsets`, so all points together are evenly
+"""No step is a rational multiple of another or of a step of `sub_pixel_offsets`, so all points together are evenly
 spread."""
 
 
@@ -73,7 +73,7 @@ class HybridRenderer(Renderer):
     options_type = HybridOptions
     options: HybridOptions
 
-    _ray_bytes = 0  # a few hundred rays are held at a time
+    _ray_bytes = 0  # it holds a few hundred rays at a time
     _sets_sums = True
 
     @lists_options(HybridOptions)

@@ -52,7 +52,7 @@ def _occlude(width, floats, count, scene, packet):  # type: ignore[no-untyped-de
     field = 4 * width
     rays, valid = _address(packet.floats), _address(packet.valid)
     zero, tiny = repeated(ZERO, width), repeated(SMALLEST_COMPONENT, width)
-    every = load(_address(packet.all_lanes), ZERO, width)  # the bits of -1
+    every = load(_address(packet.all_lanes), ZERO, width)  # the bits of -1: all lanes valid
     store(repeated(START, width), rays + RAY_TNEAR * field)
     for first in range(0, count, width):
         at = _address(floats) + 4 * first

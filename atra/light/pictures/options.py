@@ -38,15 +38,14 @@ class RenderOptions(RayOptions):
 
     jitter: str = option(
         "shared",
-        "where in its pixel a sample's ray goes: shared = through one point for all pixels, another for each sample, "
-        "off = through the centre",
+        "sub-pixel offset of rays: shared = one for all pixels, new for each sample, off = the centre",
         choices=("shared", "off"),
     )
-    wave_rays: int = option(8 * BLOCK, "pixels, or of waves rays, that a thread takes at a time, in steps of 2,048")
+    wave_rays: int = option(8 * BLOCK, "pixels (rays in waves) that a thread takes at a time, a multiple of 2,048")
     start_off: float | None = option(
-        None, "how far rays start off the triangle they leave; null = as far as float32 needs", unit="scene units"
+        None, "offset of rays from the triangle they leave; null = as far as float32 needs", unit="scene units"
     )
-    most_samples: int | None = option(None, "samples of a picture, beyond which no more are added; null = any number")
+    most_samples: int | None = option(None, "most samples of a picture; null = any number")
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -72,13 +71,13 @@ class PathOptions(RenderOptions):
     jitter: str = option_of(
         RenderOptions,
         "jitter",
-        help="as of every renderer, or pixel = every pixel has its own offset, and the renderer traces these rays",
+        help="as for every renderer, or pixel = an offset per pixel, whose rays the renderer traces itself",
         choices=("shared", "off", "pixel"),
     )
-    max_depth: int = option(5, "rays of a path at most, the one from the eye among them")
+    max_depth: int = option(5, "most rays of a path, the primary ray included")
     order: str = option(
         "depth_first",
-        "depth_first = one path after the other, waves = many through each stage together, whose times are then known",
+        "depth_first = one path after the other, waves = many paths stage by stage, with times of stages",
         choices=("depth_first", "waves"),
     )
 
@@ -106,27 +105,27 @@ class HybridOptions(RenderOptions):
     Embree traces shared directions faster; shifted ones replace banding by noise.
     """
 
-    shadow_rays: int = option(1, "rays to each light, for each sample, 0 to 64")
-    shadow_length: float = option(inf, "how far a thing may be and still cast a shadow", unit="scene units")
+    shadow_rays: int = option(1, "rays to each light per sample, 0 to 64")
+    shadow_length: float = option(inf, "largest distance at which a thing casts a shadow", unit="scene units")
     shadow_directions: str = option(
-        "shared", "of rays to lights: shared by all pixels, or shifted pixel by pixel", choices=_DIRECTIONS
+        "shared", "sample points on lights: shared by all pixels, or shifted per pixel", choices=_DIRECTIONS
     )
-    occlusion_rays: int = option(1, "rays into the sky, for each sample, 0 to 64")
-    occlusion_length: float = option(10.0, "how far a thing may be and still occlude", unit="scene units")
+    occlusion_rays: int = option(1, "rays into the sky per sample, 0 to 64")
+    occlusion_length: float = option(10.0, "largest distance at which a thing occludes", unit="scene units")
     occlusion: str = option(
         "uniform",
-        "the share of the hemisphere that is free: uniform, or weighted by the cosine of its angle",
+        "weight of directions in the hemisphere: uniform, or by their cosine",
         choices=("uniform", "cosine"),
     )
     occlusion_directions: str = option(
-        "shifted", "of rays into the sky: shared by all pixels, or shifted pixel by pixel", choices=_DIRECTIONS
+        "shifted", "directions into the sky: shared by all pixels, or shifted per pixel", choices=_DIRECTIONS
     )
     wave_rays: int = option_of(RenderOptions, "wave_rays", default=512 * BLOCK)
     most_samples: int | None = option_of(RenderOptions, "most_samples", default=512)
     most_kept: int = option(
         0,
-        "samples that a pixel's mean counts as when the camera moves and the pixel sees what one saw before; 0 = all "
-        "start anew; edges and textures are a little softer for it",
+        "samples that reprojected pixels count as after a camera move, which softens edges and textures a little; "
+        "0 = all start anew",
     )
 
     def __post_init__(self) -> None:

@@ -56,8 +56,8 @@ class Renderer(Lifetime):
     options_type: ClassVar[type[RenderOptions]]
     options: RenderOptions
 
-    _ray_bytes: ClassVar[int] = 80  # in a wave, at most
-    _sets_sums: ClassVar[bool] = False  # as `Film` asks
+    _ray_bytes: ClassVar[int] = 80  # upper limit in a wave
+    _sets_sums: ClassVar[bool] = False  # `is_set` of `Film`
 
     def __init__(self, scene: RenderScene, camera: View, primary: Primary | None, options: Mapping[str, Any]) -> None:
         super().__init__()
@@ -149,7 +149,7 @@ class Renderer(Lifetime):
                         return
                     self._film.end_sample()
             except BaseException:
-                self._start_film()  # a part of a sample may be in the sums
+                self._start_film()  # the sums may hold part of a sample
                 raise
             stages["other"] = perf_counter() - start - sum(stages.values())
             self.stage_s = stages
@@ -168,7 +168,7 @@ class Renderer(Lifetime):
         waves = 1 if self.rays.threads == 1 and stop is _never else _WAVES_A_THREAD * self.rays.threads
         share = -(-every // (waves * BLOCK)) * BLOCK
         wave_rays = min(self.options.wave_rays, share)
-        starts = deque(range(0, every, wave_rays))  # its `popleft` is safe between threads
+        starts = deque(range(0, every, wave_rays))  # `popleft` is thread-safe
         times: list[dict[str, float]] = [{} for _ in range(self.rays.threads)]
         rays = [0] * self.rays.threads
 
@@ -288,6 +288,6 @@ def unlike_but_for(one: object, other: object, *names: str) -> bool:
 
 
 def _is_same(one: object, other: object) -> bool:
-    if isinstance(one, np.ndarray):  # texels, which are mostly the very same
+    if isinstance(one, np.ndarray):  # texels, usually the same object
         return one is other or np.array_equal(one, other)  # type: ignore[arg-type]
     return bool(one == other)

@@ -186,7 +186,7 @@ def _read(path: Path) -> Atlas | None:
     """A cached atlas; None if it is missing or damaged."""
     try:
         return _loaded(path)
-    except Exception:  # a damaged archive may raise anything; it is made anew
+    except Exception:  # a damaged archive may raise anything
         return None
 
 
@@ -208,7 +208,7 @@ def _unwrapped(mesh: Mesh, size: int, padding: int, texels_per_unit: float, time
         sys.executable,
         "-P",
         str(Path(__file__).with_name("unwrap.py")),
-    ]  # xatlas cannot be interrupted, and may crash
+    ]  # a process: xatlas cannot be interrupted, and may crash
     paths = os.pathsep.join(path for path in sys.path if path)
     try:
         done = subprocess.run(
@@ -235,7 +235,7 @@ def _in_reach(mesh: Mesh) -> tuple[NDArray[np.float32], float]:
     if not (is_small or is_far):
         return mesh.vertices, 1.0
     middle = (low + high) / 2.0 if is_far else np.zeros(3)
-    scale = 2.0 ** -frexp(size)[1] if is_small else 1.0  # a power of two keeps every digit
+    scale = 2.0 ** -frexp(size)[1] if is_small else 1.0  # a power of two is exact
     return ((mesh.vertices - middle) * scale).astype(np.float32), scale
 
 

@@ -103,7 +103,7 @@ def mark_shown(hits, eye, vertices, faces, uv, shown):  # type: ignore[no-untype
             ax, ay, bx, by, cx, cy = edges_of(uv, face)
             place_x = ax + u[y, x] * bx + v[y, x] * cx
             place_y = ay + u[y, x] * by + v[y, x] * cy
-            if place_x > -1.0 and place_y > -1.0:  # false of NaN
+            if place_x > -1.0 and place_y > -1.0:  # false for NaN
                 shown[min(max(np.int64(place_y), 0), height - 1), min(max(np.int64(place_x), 0), width - 1)] = True
 
 

@@ -36,7 +36,7 @@ def chosen(tables, cell, number):  # type: ignore[no-untyped-def]
             if number < ZERO:
                 light = np.int64(tables.listed[cell, place])
                 break
-        if light < 0:  # what rounding leaves
+        if light < 0:  # only by rounding
             light = np.int64(tables.listed[cell, 0])
     return light, odds_of(tables, cell, light)
 

@@ -70,7 +70,7 @@ def tables_of(scene: BakeScene, texels: Texels, options: BakeOptions) -> Tables:
         np.zeros(0) if of_sky is None else of_sky.shares,
         np.zeros((1, 1), np.float32) if of_sky is None else of_sky.density,
         np.packbits(surface.panes, bitorder="little"),
-        _box(corners[surface.panes], 0.1 * offset),  # rays that start off such faces are outside
+        _box(corners[surface.panes], 0.1 * offset),  # rays that leave a pane start outside
     )
     numbers = (np.float64(offset), texels.atlas.width, np.float32(options.open_length), sky_by, np.uint32(options.seed))
     every: Any = (*map(_read_only, arrays), *numbers)

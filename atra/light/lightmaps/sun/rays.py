@@ -156,7 +156,7 @@ def shots_of(size: int, positions: NDArray[np.float64], width: int) -> Shots:
     number = np.arange(columns * -(-size // down))
     texels = np.stack([number % columns * across, number // columns * down], axis=1) - size / 2
     groups = -(-len(positions) // together)
-    some = np.resize(positions, (groups * together, 2)).reshape(groups, 1, together, 2)  # the first ones again
+    some = np.resize(positions, (groups * together, 2)).reshape(groups, 1, together, 2)  # pads with the first ones
     beside = np.array([(x, y) for y in range(down) for x in range(across)])[:, None]
     lanes = (some + beside).reshape(groups, width, 2)
     return Shots(

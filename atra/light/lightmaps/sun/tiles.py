@@ -101,7 +101,7 @@ class Tiles:
         corners[:, 6:9] -= corners[:, :3]
         x, y, z = (bvh.boxes[:, 1] - bvh.boxes[:, 0]).T
         area, inner = x * y + y * z + z * x, np.flatnonzero(bvh.block_counts == 0)
-        inner = inner[inner != 1]  # the root's neighbour is none
+        inner = inner[inner != 1]  # node 1 is unused
         larger = np.zeros(len(area), np.uint8)
         larger[inner] = area[bvh.first[inner] + 1] > area[bvh.first[inner]]
         return BoxTree(

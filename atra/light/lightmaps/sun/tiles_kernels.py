@@ -131,7 +131,7 @@ def _met_by_triangle(rows, margin, off, open_blocks, blocks, block, place):  # t
         return met, none
     if area < 0.0:
         area, x1, x2, y1, y2, z1, z2 = -area, x2, x1, y2, y1, z2, z1
-    # Barycentrics times the area, and the parameter, in the middle of all; how far they change to the border.
+    # Barycentric weights and parameter, times the area, at the middle; below, how much they change to the border.
     one, other = y * x2 - x * y2, x * y1 - y * x1
     rest, depth = area - one - other, z * area + one * z1 + other * z2
     slope_x, slope_y = y2 * z1 - y1 * z2, x1 * z2 - x2 * z1
