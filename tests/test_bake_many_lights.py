@@ -272,5 +272,5 @@ def test_probes_are_the_same_to_the_bit_however_rays_are_grouped_and_leave_the_m
 
 def test_light_beyond_all_numbers_is_reported_with_its_probe():
     scene = BakeScene(FAR, lights=[render.PointLight((0, 0, 1e-14), power=1e12)])
-    with pytest.raises(AtraError, match=r"probe 1 at \[0\.0, 0\.0, 0\.0\] is no finite number"):
+    with pytest.raises(AtraError, match=r"probe 1 at \[0\.0, 0\.0, 0\.0\] is not finite"):
         probes(scene, [(5, 5, 5), (0, 0, 0)], 1)

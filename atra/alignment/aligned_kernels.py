@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from atra.compiled.intrinsics import fetch_add
 from atra.compiled.store import kernel
 from atra.embree.layout import HIT_GEOM_ID, HIT_PRIM_ID, RAY_TFAR, RAY_TNEAR, RAY_WORDS, RayQueryContext
-from atra.embree.packets_kernels import INFINITY, MISS, START, hit_distance, hit_prim_id, intersect, set_pixel_ray
+from atra.embree.packets_kernels import INFINITY, MISS, START, intersect, set_pixel_ray
+from atra.packets.pixel_kernels import keep_hits
 
 _CONTEXT_DEPTH = RayQueryContext.depth_address.offset // 8
 _CONTEXT_PRIM_ID = RayQueryContext.prim_id_address.offset // 8
@@ -84,11 +85,7 @@ def verify_kernel(shape_x: int, shape_y: int, parallel: bool = False) -> Callabl
                                 is_open = row < rows and column < columns and depth[y, x] >= limit
                                 packet.valid[lane] = -1 if is_open else 0
                         intersect(width, packet.valid, scene, packet)
-                        for row in range(rows):
-                            for column in range(columns):
-                                lane = row * shape_x + column
-                                depth[y0 + row, x0 + column] = hit_distance(packet, width, lane)
-                                prim_id[y0 + row, x0 + column] = hit_prim_id(packet, width, lane)
+                        keep_hits(packet, width, columns, rows, shape_x, x0, y0, image)
 
     return verify_pixels
 

@@ -285,6 +285,6 @@ def _check_cells(alignment: Alignment) -> None:
         if wrong.any():
             index = int(np.nonzero(wrong)[0][0])
             raise InputError(
-                f"shift_{axis}[{index}] is {shifts[index]}: it lays the rays of pixels with {axis} = {borders[index]} "
-                f"{beside[index]:g} pixels beside the reference rays, expected on them (paper §3.3)"
+                f"shift_{axis}[{index}] is {shifts[index]}: it maps the rays of pixels with {axis} = {borders[index]} "
+                f"{beside[index]:g} pixels away from the reference rays, expected onto them (paper §3.3)"
             )

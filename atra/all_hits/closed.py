@@ -43,14 +43,14 @@ def check_closed(mesh: Mesh) -> None:
     if len(edges):
         named = ", ".join(f"{a}-{b}" for a, b in edges[:_NAMED].tolist())
         raise InputError(
-            f"{mesh.name!r} is not closed, so it has no thickness: {len(edges)} edges are passed more often one way "
-            f"than the other, first {named} (vertices); close its holes, and turn its triangles alike"
+            f"{mesh.name!r} is not closed, so it has no thickness: it has {len(edges)} open edges, first {named} "
+            "(vertices); close its holes and orient its triangles alike"
         )
     corners = mesh.vertices.astype(np.float64)[mesh.faces] - mesh.bounds.mean(axis=0)
     volume = float(np.einsum("ij,ij->i", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])).sum()) / 6.0
     if volume < 0.0:
         raise InputError(
-            f"{mesh.name!r} is inside out, its volume is {volume:g}; turn its triangles so that they run "
-            "counterclockwise, seen from outside"
+            f"{mesh.name!r} is inside out, its volume is {volume:g}; make its triangles counterclockwise "
+            "seen from outside"
         )
     _closed.add(mesh)

@@ -146,7 +146,9 @@ def _checked_factors(given: ArrayLike) -> NDArray[np.float32]:
     try:
         factors = np.array(given, np.float64)
     except (TypeError, ValueError):
-        raise InputError(f"transmittance is {given!r:.100}, expected a number, or an array of one a triangle") from None
+        raise InputError(
+            f"transmittance is {given!r:.100}, expected a number, or an array of one per triangle"
+        ) from None
     if factors.ndim > 1:
         raise InputError(f"transmittance has factors of shape {factors.shape}, expected (F,), or one number")
     outside = np.flatnonzero(~((factors >= 0.0) & (factors <= 1.0)))  # NaN, too

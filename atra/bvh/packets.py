@@ -6,7 +6,7 @@ import numpy as np
 
 from atra.bvh.layout import BLOCK, BLOCK_BYTES, IDS, NODE_BYTES, first_of, kind_of
 from atra.bvh.single import BLOCKS, BOXES, MARGIN, SLACK, STEPS, next_node
-from atra.bvh.triangles import CLAMP_SLACK, meet, meet_closed, shear_of
+from atra.bvh.triangles import CLAMP_SLACK, meet_corners, shear_of
 from atra.compiled.intrinsics import float_at
 from atra.compiled.lanes import is_below, uint32_at
 from atra.compiled.memory import load, store
@@ -116,17 +116,10 @@ def nearest_of_packet(  # type: ignore[no-untyped-def]
                         y1, z1 = repeated(float_at(at + 4 * step), width), repeated(float_at(at + 5 * step), width)
                         x2, y2 = repeated(float_at(at + 6 * step), width), repeated(float_at(at + 7 * step), width)
                         z2 = repeated(float_at(at + 8 * step), width)
-                        if robust:
-                            hits, t = meet_closed(
-                                x0 - x, y0 - y, z0 - z, x1 - x, y1 - y, z1 - z, x2 - x, y2 - y, z2 - z,
-                                x1 - x0, y1 - y0, z1 - z0, x2 - x0, y2 - y0, z2 - z0,
-                                dx, dy, dz, shear, zero, one, repeated(np.float32(CLAMP_SLACK), width),
-                            )  # fmt: skip
-                        else:
-                            hits, t = meet(
-                                x0 - x, y0 - y, z0 - z, x1 - x0, y1 - y0, z1 - z0, x2 - x0, y2 - y0, z2 - z0,
-                                dx, dy, dz, zero, one,
-                            )  # fmt: skip
+                        hits, t = meet_corners(
+                            robust, x0, y0, z0, x1, y1, z1, x2, y2, z2, x, y, z, dx, dy, dz, shear, zero, one,
+                            repeated(np.float32(CLAMP_SLACK), width),
+                        )  # fmt: skip
                         found = repeated(uint32_at(at + IDS), width)
                         as_near = (t >= best) & (t <= best) & is_below(found, prim_ids)
                         hits = hits & (t > tnear) & ((best > t) | as_near)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from atra.bvh.layout import BLOCK, BLOCK_BYTES, IDS, NODE_BYTES, first_of, kind_of
-from atra.bvh.triangles import CLAMP_SLACK, meet, meet_closed, shear_of
+from atra.bvh.triangles import CLAMP_SLACK, meet_corners, shear_of
 from atra.compiled.lanes import uint32_at
 from atra.compiled.memory import fetch, load
 from atra.compiled.store import njit
@@ -111,17 +111,10 @@ def nearest_of_block(robust, block, ray, shear, best, prim_id):  # type: ignore[
     x2, y2 = load(block + 6 * row, _ZERO, BLOCK), load(block + 7 * row, _ZERO, BLOCK)
     z2 = load(block + 8 * row, _ZERO, BLOCK)
     ox, oy, oz = repeated(x, BLOCK), repeated(y, BLOCK), repeated(z, BLOCK)
-    if robust:
-        hits, t = meet_closed(
-            x0 - ox, y0 - oy, z0 - oz, x1 - ox, y1 - oy, z1 - oz, x2 - ox, y2 - oy, z2 - oz,
-            x1 - x0, y1 - y0, z1 - z0, x2 - x0, y2 - y0, z2 - z0,
-            away_x, away_y, away_z, shear, zero, one, repeated(np.float32(CLAMP_SLACK), BLOCK),
-        )  # fmt: skip
-    else:
-        hits, t = meet(
-            x0 - ox, y0 - oy, z0 - oz, x1 - x0, y1 - y0, z1 - z0, x2 - x0, y2 - y0, z2 - z0,
-            away_x, away_y, away_z, zero, one,
-        )  # fmt: skip
+    slack = repeated(np.float32(CLAMP_SLACK), BLOCK)
+    hits, t = meet_corners(
+        robust, x0, y0, z0, x1, y1, z1, x2, y2, z2, ox, oy, oz, away_x, away_y, away_z, shear, zero, one, slack
+    )
     bits = bits_of(hits & (t > repeated(tnear, BLOCK)) & (t <= repeated(best, BLOCK)))
     if bits:
         best, prim_id = nearer(bits, 0, lane(t, 0), block + IDS, best, prim_id)

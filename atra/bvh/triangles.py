@@ -68,6 +68,21 @@ def meet(cx, cy, cz, ax, ay, az, bx, by, bz, dx, dy, dz, zero, one):  # type: ig
 
 
 @njit(forceinline=True)
+def meet_corners(  # type: ignore[no-untyped-def]
+    robust, x0, y0, z0, x1, y1, z1, x2, y2, z2, x, y, z, dx, dy, dz, shear, zero, one, slack
+):
+    """`meet_closed` if `robust`, else `meet`, for triangles by their corners and lines by their origins (x, y, z)."""
+    cx, cy, cz = x0 - x, y0 - y, z0 - z
+    ax, ay, az, bx, by, bz = x1 - x0, y1 - y0, z1 - z0, x2 - x0, y2 - y0, z2 - z0
+    if robust:
+        ex, ey, ez, fx, fy, fz = x1 - x, y1 - y, z1 - z, x2 - x, y2 - y, z2 - z
+        return meet_closed(
+            cx, cy, cz, ex, ey, ez, fx, fy, fz, ax, ay, az, bx, by, bz, dx, dy, dz, shear, zero, one, slack
+        )
+    return meet(cx, cy, cz, ax, ay, az, bx, by, bz, dx, dy, dz, zero, one)
+
+
+@njit(forceinline=True)
 def _turned(is_x, is_y, x, y, z):  # type: ignore[no-untyped-def]
     """Rotate components so that the major axis comes last; a rotation keeps orientation."""
     return where(is_x, y, where(is_y, z, x)), where(is_x, z, where(is_y, x, y)), where(is_x, x, where(is_y, y, z))

@@ -37,11 +37,7 @@ def checked_colour(name: str, value: Any, high: float = inf) -> Colour:
 def checked_texels(name: str, value: Any, high: float = inf) -> NDArray[np.float32]:
     """`value` as a read-only (H, W, 3) float32 copy, linear RGB from 0 to `high`. Raises InputError naming the first
     texel outside."""
-    try:
-        with np.errstate(over="ignore"):  # inf is refused below
-            texels = np.array(value, np.float32, order="C")
-    except (TypeError, ValueError) as error:
-        raise InputError(f"{name} cannot be read as an image: {error}") from None
+    texels = _float32(name, value)
     if texels.ndim != 3 or texels.shape[2] != 3 or texels.size == 0:
         raise InputError(f"{name} has shape {texels.shape}, expected (H, W, 3)")
     good = (texels >= 0.0) & (texels <= high) & np.isfinite(texels)
@@ -51,6 +47,41 @@ def checked_texels(name: str, value: Any, high: float = inf) -> NDArray[np.float
         raise InputError(f"{name} has {texels[y, x].tolist()} at column {x} of row {y}, expected numbers >= 0{most}")
     texels.setflags(write=False)
     return texels
+
+
+def checked_rows(
+    name: str, value: Any, shape: tuple[int | None, ...], each: str, low: float, high: float
+) -> NDArray[np.float32]:
+    """`value` as a read-only float32 copy with a row per `each`, numbers from `low` to `high`.
+
+    shape: None stands for any length above 0. Raises InputError naming the first row outside.
+    """
+    rows = _float32(name, value)
+    fits = [size > 0 if wanted is None else size == wanted for size, wanted in zip(rows.shape, shape, strict=False)]
+    if rows.ndim != len(shape) or not all(fits):
+        wanted = ", ".join("N" if size is None else str(size) for size in shape)
+        raise InputError(f"{name} has shape {rows.shape}, expected ({wanted}), one row per {each}")
+    good = ((rows >= low) & (rows <= high)).reshape(len(rows), -1).all(axis=1)
+    if not good.all():
+        number = int(np.argmin(good))
+        found = rows[number].tolist()
+        raise InputError(f"{name} of {each} {number} is {found}, expected numbers from {low:g} to {high:g}")
+    rows.setflags(write=False)
+    return rows
+
+
+def _float32(name: str, value: Any) -> NDArray[np.float32]:
+    try:
+        with np.errstate(over="ignore"):  # inf is refused later
+            return np.array(value, np.float32, order="C")
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{name} cannot be read as an array: {error}") from None
+
+
+def set_fields(value: object, **fields: Any) -> None:
+    """Set fields of a frozen dataclass, for its constructor."""
+    for name, field in fields.items():
+        object.__setattr__(value, name, field)
 
 
 def check_one_of(name: str, value: object, possible: tuple[str, ...]) -> None:

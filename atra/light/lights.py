@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import radians, tan
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from atra.errors import InputError
 from atra.geometry.view import Vector, checked_vector, unit_vector
-from atra.light.checks import Colour, checked_colour, checked_number
+from atra.light.checks import Colour, checked_colour, checked_number, set_fields
 from atra.light.lights_kernels import ACROSS, KIND, LIGHT_WORDS, PLACE, POINT, SIZE, SPHERE, SUN, UP
 
 _WHITE: Colour = (1.0, 1.0, 1.0)
@@ -32,10 +33,9 @@ class Sun:
     def __post_init__(self) -> None:
         direction = checked_vector("direction of Sun", self.direction)
         unit_vector("direction of Sun", direction)
-        object.__setattr__(self, "direction", direction)
         angle = checked_number("angle_degrees of Sun", self.angle_degrees, 0.0, 45.0)
-        object.__setattr__(self, "angle_degrees", angle)
-        _check_strength(self)
+        set_fields(self, direction=direction, angle_degrees=angle)
+        set_strength(self)
 
 
 @dataclass(frozen=True)
@@ -51,8 +51,8 @@ class PointLight:
     power: float = 1.0
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "position", checked_vector("position of PointLight", self.position))
-        _check_strength(self)
+        set_fields(self, position=checked_vector("position of PointLight", self.position))
+        set_strength(self)
 
 
 @dataclass(frozen=True)
@@ -69,9 +69,11 @@ class SphereLight:
     power: float = 1.0
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "position", checked_vector("position of SphereLight", self.position))
-        object.__setattr__(self, "radius", checked_number("radius of SphereLight", self.radius, 0.0, above=True))
-        _check_strength(self)
+        position = checked_vector("position of SphereLight", self.position)
+        set_fields(
+            self, position=position, radius=checked_number("radius of SphereLight", self.radius, 0.0, above=True)
+        )
+        set_strength(self)
 
 
 Light = Sun | PointLight | SphereLight
@@ -92,10 +94,11 @@ def light_row(light: Light) -> NDArray[np.float32]:
     return row
 
 
-def _check_strength(light: Light) -> None:
+def set_strength(light: Any) -> None:
+    """Check colour and power of a light."""
     name = type(light).__name__
-    object.__setattr__(light, "colour", checked_colour(f"colour of {name}", light.colour, 1e12))
-    object.__setattr__(light, "power", checked_number(f"power of {name}", light.power, 0.0, 1e12))
+    colour = checked_colour(f"colour of {name}", light.colour, 1e12)
+    set_fields(light, colour=colour, power=checked_number(f"power of {name}", light.power, 0.0, 1e12))
 
 
 def check_light(light: object) -> None:

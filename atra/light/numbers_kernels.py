@@ -71,6 +71,18 @@ def on_sphere(u, v):  # type: ignore[no-untyped-def]
     return radius * x, radius * y, z
 
 
+@njit(forceinline=True)
+def vector(rows, first, index):  # type: ignore[no-untyped-def]
+    """Three numbers of a column, from row `first` on."""
+    return rows[first, index], rows[first + 1, index], rows[first + 2, index]
+
+
+@njit(forceinline=True)
+def set_vector(rows, first, index, value):  # type: ignore[no-untyped-def]
+    """Write three numbers to a column, from row `first` on."""
+    rows[first, index], rows[first + 1, index], rows[first + 2, index] = value
+
+
 @njit
 def dot(a, b):  # type: ignore[no-untyped-def]
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from atra.errors import InputError
 from atra.geometry.mesh import Mesh
+from atra.light.checks import checked_rows, set_fields
 from atra.light.lights import Light, check_light
 from atra.light.materials import Lambertian, Material, base_colour, needs_uv
 from atra.light.sky import GradientSky, Sky
@@ -48,16 +49,16 @@ class RenderScene:
         for light in lights:
             check_light(light)
         numbers = _checked_numbers(self.face_materials, self.mesh.triangle_count, len(materials))
-        normals = _checked_rows("normals", self.normals, len(self.mesh.vertices), 3)
+        normals, uv = (
+            None if given is None else checked_rows(name, given, (len(self.mesh.vertices), size), "vertex", -1e6, 1e6)
+            for name, given, size in (("normal", self.normals, 3), ("uv", self.uv, 2))
+        )
         if normals is not None and not (zero := np.abs(normals).max(axis=1) > 1e-6).all():
             raise InputError(f"the normal of vertex {int(np.argmin(zero))} is zero, expected a direction")
-        uv = _checked_rows("uv", self.uv, len(self.mesh.vertices), 2)
         textured = next((number for number, one in enumerate(materials) if needs_uv(one)), None)
         if uv is None and textured is not None:
             raise InputError(f"material {textured} has a texture, expected uv of the vertices, but uv is None")
-        changes = {"materials": materials, "lights": lights, "face_materials": numbers, "normals": normals, "uv": uv}
-        for name, value in changes.items():
-            object.__setattr__(self, name, value)
+        set_fields(self, materials=materials, lights=lights, face_materials=numbers, normals=normals, uv=uv)
 
     @classmethod
     def from_trimesh(cls, loaded: Any, **others: Any) -> Self:
@@ -117,32 +118,12 @@ def _checked_numbers(given: ArrayLike | None, faces: int, materials: int) -> NDA
         raise InputError(f"face_materials cannot be read as an array: {error}") from None
     if numbers.shape != (faces,) or numbers.dtype.kind not in "iu":
         raise InputError(
-            f"face_materials is {numbers.dtype} of {numbers.shape}, expected whole numbers of ({faces},), one a face"
+            f"face_materials is {numbers.dtype} of {numbers.shape}, expected whole numbers of ({faces},), one per face"
         )
     wrong = (numbers < 0) | (numbers >= materials)
     if wrong.any():
         face = int(np.argmax(wrong))
         raise InputError(f"face {face} is made of material {numbers[face]}, but there are {materials}, counted from 0")
-    return _kept(numbers.astype(np.int32))
-
-
-def _checked_rows(name: str, given: ArrayLike | None, vertices: int, columns: int) -> NDArray[np.float32] | None:
-    if given is None:
-        return None
-    try:
-        with np.errstate(over="ignore"):  # inf is refused below
-            rows = np.array(given, np.float32, order="C")
-    except (TypeError, ValueError) as error:
-        raise InputError(f"{name} cannot be read as an array: {error}") from None
-    if rows.shape != (vertices, columns):
-        raise InputError(f"{name} have shape {rows.shape}, expected ({vertices}, {columns}), a row a vertex")
-    good = (np.abs(rows) <= 1e6).all(axis=1)
-    if not good.all():
-        vertex = int(np.argmin(good))
-        raise InputError(f"{name} of vertex {vertex} are {rows[vertex].tolist()}, expected finite numbers within 1e6")
-    return _kept(rows)
-
-
-def _kept(array: Any) -> Any:
-    array.setflags(write=False)
-    return array
+    numbers = numbers.astype(np.int32)
+    numbers.setflags(write=False)
+    return numbers

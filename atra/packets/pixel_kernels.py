@@ -10,9 +10,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.compiled.intrinsics import fetch_add
-from atra.compiled.store import kernel
+from atra.compiled.store import kernel, njit
 from atra.embree.layout import HIT_NG_X, HIT_U, HIT_V, RAY_WORDS
 from atra.embree.packets_kernels import hit_distance, hit_prim_id, intersect, set_pixel_ray, set_unlimited
+
+
+@njit(forceinline=True)
+def keep_hits(packet, width, columns, rows, shape_x, x0, y0, image):  # type: ignore[no-untyped-def]
+    """Store the hits of a packet whose first pixel is (x0, y0), as far as `columns` and `rows` reach."""
+    for row in range(rows):
+        for column in range(columns):
+            lane = row * shape_x + column
+            image.depth[y0 + row, x0 + column] = hit_distance(packet, width, lane)
+            image.prim_id[y0 + row, x0 + column] = hit_prim_id(packet, width, lane)
 
 
 @cache
@@ -27,8 +37,7 @@ def pixel_kernel(shape_x: int, shape_y: int, parallel: bool = False) -> Callable
         packet: with its constant fields set (origin or direction, tnear, mask, flags, inst_id). rays: padded to whole
         packets. tiles: `PixelTiles` that cover the image. image: written completely.
         """
-        depth, prim_id = image.depth, image.prim_id
-        height, image_width = depth.shape
+        height, image_width = image.depth.shape
         while True:
             tile = fetch_add(counter_address, 1)
             if tile >= len(tiles.corners):
@@ -44,20 +53,12 @@ def pixel_kernel(shape_x: int, shape_y: int, parallel: bool = False) -> Callable
                     set_unlimited(packet, width)
                     if whole:
                         intersect(width, packet.all_lanes, scene, packet)
-                        for row in range(shape_y):
-                            for column in range(shape_x):
-                                lane = row * shape_x + column
-                                depth[y0 + row, x0 + column] = hit_distance(packet, width, lane)
-                                prim_id[y0 + row, x0 + column] = hit_prim_id(packet, width, lane)
+                        keep_hits(packet, width, shape_x, shape_y, shape_x, x0, y0, image)
                     else:
                         for lane in range(width):
                             packet.valid[lane] = -1 if lane % shape_x < columns and lane // shape_x < rows else 0
                         intersect(width, packet.valid, scene, packet)
-                        for row in range(rows):
-                            for column in range(columns):
-                                lane = row * shape_x + column
-                                depth[y0 + row, x0 + column] = hit_distance(packet, width, lane)
-                                prim_id[y0 + row, x0 + column] = hit_prim_id(packet, width, lane)
+                        keep_hits(packet, width, columns, rows, shape_x, x0, y0, image)
 
     return trace_pixels
 
@@ -95,11 +96,10 @@ def surface_kernel(shape_x: int, shape_y: int) -> Callable[..., None]:
                             packet.valid[lane] = -1 if row < rows and column < columns else 0
                     set_unlimited(packet, width)
                     intersect(width, packet.valid, scene, packet)
+                    keep_hits(packet, width, columns, rows, shape_x, x0, y0, image)
                     for row in range(rows):
                         for column in range(columns):
                             lane, y, x = row * shape_x + column, y0 + row, x0 + column
-                            image.depth[y, x] = hit_distance(packet, width, lane)
-                            image.prim_id[y, x] = hit_prim_id(packet, width, lane)
                             surface.u[y, x] = packet.floats[(RAY_WORDS + HIT_U) * width + lane]
                             surface.v[y, x] = packet.floats[(RAY_WORDS + HIT_V) * width + lane]
                             for axis in range(3):

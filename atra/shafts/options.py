@@ -19,7 +19,7 @@ SUBSETS = ("complete", "occupied", "sampled", "hits", "none")
 """Which shafts have lists: all; those of voxels that hold triangles; those that most rays of a sample use; those that
 the rays to trace use; none, where only the order of rays is wanted."""
 
-ON_RAYS = ("sampled", "hits", "none")
+OF_RAYS = ("sampled", "hits")
 """Subsets that depend on the rays to trace."""
 
 

@@ -15,7 +15,7 @@ from atra.bvh.scene import BvhScene, PreparedRays, batch_of
 from atra.bvh.starts import EMPTY_LIST, NO_SHAFTS, PASSES, ROOT_LIST, UNKNOWN, Shafts
 from atra.geometry.mesh import Mesh
 from atra.rays.rays import Rays
-from atra.shafts.options import ShaftKeywords, ShaftOptions
+from atra.shafts.options import OF_RAYS, ShaftKeywords, ShaftOptions
 from atra.shafts.shafts import ShaftLists, build_shafts
 from atra.tracing.lifetime import in_turn
 from atra.tracing.options import lists_options
@@ -58,7 +58,7 @@ class ShaftScene(BvhScene):
             start = perf_counter()
             batch, options = batch_of(rays, self.packet_width), self.options
             numbers = None
-            if options.subset in ("sampled", "hits"):
+            if options.subset in OF_RAYS:
                 step = SAMPLE if options.subset == "sampled" else 1
                 few = Rays(rays.origins[::step], rays.directions[::step], rays.tnear[::step], rays.tfar[::step])
                 sample = batch_of(few, 1)

@@ -19,7 +19,7 @@ from atra.bvh.starts import EMPTY_LIST, FIRST_LIST, MOST, NO_LISTS, ROOT_LIST, U
 from atra.compiled.threads import WorkerPool
 from atra.errors import InputError, MemoryBudgetError
 from atra.shafts.lists_kernels import LANES, Building, Sampling, build_lists, mark_voxels, store_lists
-from atra.shafts.options import ON_RAYS, ShaftOptions
+from atra.shafts.options import OF_RAYS, ShaftOptions
 from atra.shafts.shape_kernels import SHAPE
 from atra.tracing.budgets import check_needed_bytes
 
@@ -139,7 +139,7 @@ def build_shafts(
     budget = max(options.memory * bvh.bytes, LEAST_BYTES)
     cells = min(max(int(budget / (_LIKELY_BYTES * 6 * options.directions**2)), 1), MOST // 2)
     too_many, best = MOST // 2 + 1, None
-    if options.subset in ON_RAYS:
+    if options.subset in (*OF_RAYS, "none"):
         return _lists(bvh, options, pool, grid_of(bvh, cells, options.directions, options.robust), used, start)
     for attempt in count():
         found = _lists(bvh, options, pool, grid_of(bvh, cells, options.directions, options.robust), used, start)
@@ -221,7 +221,7 @@ def _numbers(
     bvh: Bvh, options: ShaftOptions, pool: WorkerPool, grid: Grid, used: NDArray[np.int64] | None
 ) -> NDArray[np.int64]:
     voxels, of_voxel = int(grid.voxels.prod()), 6 * grid.directions**2
-    if options.subset in ON_RAYS:
+    if options.subset in (*OF_RAYS, "none"):
         return np.empty(0, np.int64) if used is None else used
     if options.subset == "complete":
         return np.arange(voxels * of_voxel, dtype=np.int64)

@@ -13,12 +13,10 @@ from atra.bvh.tracer import BvhTracer
 from atra.errors import InputError
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
-from atra.shafts.options import ShaftKeywords, ShaftOptions
+from atra.shafts.options import OF_RAYS, ShaftKeywords, ShaftOptions
 from atra.shafts.shafts import ShaftLists, build_shafts
 from atra.tracing.lifetime import in_turn
 from atra.tracing.options import lists_options
-
-_OF_RAYS = ("sampled", "hits")
 
 
 class ClassifiedTracer(BvhTracer):
@@ -38,9 +36,9 @@ class ClassifiedTracer(BvhTracer):
         self._set_up(mesh, camera, options)
         if self.packet_width != 1:
             raise InputError(f"packet_width is {self.packet_width}, expected 1: pixels of a packet share no shaft")
-        if self.options.subset in _OF_RAYS:
+        if self.options.subset in OF_RAYS:
             raise InputError(
-                f"subset is {self.options.subset!r}, which hangs on rays; expected another one for a camera"
+                f"subset is {self.options.subset!r}, which depends on rays; expected another one for a camera"
             )
         self._lists: ShaftLists | None = None
 

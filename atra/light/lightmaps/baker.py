@@ -285,7 +285,7 @@ class Baker(Lifetime):
     def _not_finite(self, texel: int) -> AtraError:
         row, column = divmod(int(self.texels.number[texel]), self.texels.atlas.width)
         return AtraError(
-            f"the light of texel ({column}, {row}) is no finite number by sample {self.samples[texel]}; "
+            f"the light of texel ({column}, {row}) is not finite at sample {self.samples[texel]}; "
             "make lights or materials darker"
         )
 
@@ -302,4 +302,4 @@ class Baker(Lifetime):
 
 def _check_samples(samples: int) -> None:
     if not is_whole_number(samples) or samples < 1:
-        raise InputError(f"{samples!r} samples are wanted, expected a whole number of at least 1")
+        raise InputError(f"samples is {samples!r}, expected a whole number of at least 1")

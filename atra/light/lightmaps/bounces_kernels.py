@@ -23,11 +23,9 @@ from atra.light.lightmaps.gather.tables_kernels import (
     ORIGIN,
     SKY,
     WEIGHT,
-    set_vector,
-    vector,
 )
 from atra.light.lightmaps.samples_kernels import AHEAD, LARGE, fetch_row
-from atra.light.numbers_kernels import ONE, ZERO, around, bits_of, mixed, on_sphere, scaled, unit_of
+from atra.light.numbers_kernels import ONE, ZERO, around, bits_of, mixed, on_sphere, scaled, set_vector, unit_of, vector
 from atra.light.pictures.path_kernels import load_rays
 from atra.light.surface_kernels import sky_colour
 

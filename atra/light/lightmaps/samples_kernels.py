@@ -18,9 +18,8 @@ from atra.light.lightmaps.gather.tables_kernels import (
     RESULTS,
     SQUARE,
     WEIGHT,
-    set_vector,
 )
-from atra.light.numbers_kernels import ZERO, bits_of, key_of, mixed, unit_of
+from atra.light.numbers_kernels import ZERO, bits_of, key_of, mixed, set_vector, unit_of
 from atra.light.scattering_kernels import WHITE
 
 _GOLDEN = np.uint32(0x9E3779B9)

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from atra.errors import InputError
 from atra.geometry.mesh import Mesh
+from atra.light.checks import checked_rows, set_fields
 from atra.light.lightmaps.gather.lights import BakeLight, check_bake_light
 from atra.light.materials import Checker, Image, Texture
 from atra.light.scene import RenderScene
@@ -44,9 +45,8 @@ class Surface:
             ("tint", (faces, 3), 1.0),
         ):  # fmt: skip
             given = getattr(self, name)
-            array = _numbers(name, np.ones(shape) if given is None else given, shape, high)
-            array.setflags(write=False)
-            object.__setattr__(self, name, array)
+            rows = checked_rows(name, np.ones(shape) if given is None else given, shape, "face", 0.0, high)
+            object.__setattr__(self, name, rows)
         assert self.opacity is not None
         wrong = (self.opacity < 1.0) & (self.emission > 0.0).any(axis=1)
         if wrong.any():
@@ -111,27 +111,12 @@ class BakeScene:
         lights = tuple(self.lights)
         for light in lights:
             check_bake_light(light)
-        object.__setattr__(self, "surface", surface)
-        object.__setattr__(self, "lights", lights)
+        set_fields(self, surface=surface, lights=lights)
 
     @classmethod
     def of(cls, scene: RenderScene) -> BakeScene:
         """The same triangles, materials, lights and sky; shading normals are ignored."""
         return cls(scene.mesh, Surface.of(scene), scene.lights, scene.sky)
-
-
-def _numbers(name: str, given: ArrayLike, shape: tuple[int, ...], high: float) -> NDArray[np.float32]:
-    try:
-        array = np.array(given, np.float32, order="C")
-    except (TypeError, ValueError) as error:
-        raise InputError(f"{name} cannot be read as an array: {error}") from None
-    if array.shape != shape:
-        raise InputError(f"{name} has shape {array.shape}, expected {shape}, a row a face")
-    good = ((array >= 0.0) & (array <= np.float32(high))).reshape(shape[0], -1).all(axis=1)
-    if not good.all():
-        face = int(np.argmin(good))
-        raise InputError(f"{name} of face {face} is {array[face].tolist()}, expected numbers from 0 to {high:g}")
-    return array
 
 
 def _colours(colour: Texture, scene: RenderScene, faces: NDArray[np.int64]) -> NDArray[np.float32]:

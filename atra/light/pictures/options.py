@@ -113,9 +113,7 @@ class HybridOptions(RenderOptions):
     occlusion_rays: int = option(1, "rays into the sky per sample, 0 to 64")
     occlusion_length: float = option(10.0, "largest distance at which a thing occludes", unit="scene units")
     occlusion: str = option(
-        "uniform",
-        "weight of directions in the hemisphere: uniform, or by their cosine",
-        choices=("uniform", "cosine"),
+        "uniform", "weight of directions in the hemisphere: uniform, or by their cosine", choices=("uniform", "cosine")
     )
     occlusion_directions: str = option(
         "shifted", "directions into the sky: shared by all pixels, or shifted per pixel", choices=_DIRECTIONS

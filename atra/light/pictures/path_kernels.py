@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from atra.compiled.store import float_kernel, njit
 from atra.embree.layout import RAY_DIR_X, RAY_ORG_X, RAY_TFAR, RAY_TNEAR
 from atra.embree.packets_kernels import INFINITY, MISS, START, hit_prim_id, intersect, ray_component, set_no_hit
-from atra.light.numbers_kernels import bits_of, key_of, unit, unit_of
+from atra.light.numbers_kernels import bits_of, key_of, set_vector, unit, unit_of, vector
 from atra.light.scattering_kernels import WHITE, emitted, scatter
 from atra.light.surface_kernels import sky_colour
 
@@ -61,16 +61,6 @@ class Pixels(NamedTuple):
     prim_id: NDArray[np.uint32]
     stride: int
     sample_key: int
-
-
-@njit(forceinline=True)
-def _vector(rows, first, index):  # type: ignore[no-untyped-def]
-    return rows[first, index], rows[first + 1, index], rows[first + 2, index]
-
-
-@njit(forceinline=True)
-def _set_vector(rows, first, index, vector):  # type: ignore[no-untyped-def]
-    rows[first, index], rows[first + 1, index], rows[first + 2, index] = vector
 
 
 @njit(forceinline=True)
@@ -123,9 +113,9 @@ def generate(paths, first, count, pixels):  # type: ignore[no-untyped-def]
     for i in range(count):
         pixel = first + i
         origin, direction = pixel_line(pixels, pixel)
-        _set_vector(paths.floats, ORIGIN, i, origin)
-        _set_vector(paths.floats, DIRECTION, i, unit(direction))
-        _set_vector(paths.floats, WEIGHT, i, WHITE)
+        set_vector(paths.floats, ORIGIN, i, origin)
+        set_vector(paths.floats, DIRECTION, i, unit(direction))
+        set_vector(paths.floats, WEIGHT, i, WHITE)
         paths.pixel[i] = pixel
         if len(pixels.prim_id) > 0:
             paths.prim_id[i] = seen_by(pixels, pixel)
@@ -190,11 +180,11 @@ def compact(paths, surfaces, sums, is_last):  # type: ignore[no-untyped-def]
         for i in range(start, start + paths.counts[block]):
             prim_id = paths.prim_id[i]
             if prim_id == MISS:
-                sky = sky_colour(surfaces, _vector(floats, DIRECTION, i))
-                is_finite &= _add(sums, paths.pixel[i], _vector(floats, WEIGHT, i), sky)
+                sky = sky_colour(surfaces, vector(floats, DIRECTION, i))
+                is_finite &= _add(sums, paths.pixel[i], vector(floats, WEIGHT, i), sky)
             elif surfaces.is_emissive[prim_id]:
-                light = emitted(surfaces, prim_id, _vector(floats, ORIGIN, i), _vector(floats, DIRECTION, i))
-                is_finite &= _add(sums, paths.pixel[i], _vector(floats, WEIGHT, i), light)
+                light = emitted(surfaces, prim_id, vector(floats, ORIGIN, i), vector(floats, DIRECTION, i))
+                is_finite &= _add(sums, paths.pixel[i], vector(floats, WEIGHT, i), light)
             elif not is_last:
                 if kept != i:
                     for row in range(PATH_ROWS):
@@ -216,14 +206,14 @@ def shade(paths, surfaces, sample_key, bounce):  # type: ignore[no-untyped-def]
         for i in range(start, start + paths.counts[block]):
             pixel = paths.pixel[i]
             goes_on, origin, direction, weight = scatter(
-                surfaces, paths.prim_id[i], _vector(floats, ORIGIN, i), _vector(floats, DIRECTION, i),
+                surfaces, paths.prim_id[i], vector(floats, ORIGIN, i), vector(floats, DIRECTION, i),
                 key_of(pixel, sample_key), bounce,
             )  # fmt: skip
             if goes_on:
                 for channel in range(3):
                     floats[WEIGHT + channel, kept] = floats[WEIGHT + channel, i] * weight[channel]
-                _set_vector(floats, ORIGIN, kept, origin)
-                _set_vector(floats, DIRECTION, kept, direction)
+                set_vector(floats, ORIGIN, kept, origin)
+                set_vector(floats, DIRECTION, kept, direction)
                 paths.pixel[kept] = pixel
                 kept += 1
         paths.counts[block] = kept - start

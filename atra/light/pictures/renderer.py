@@ -196,8 +196,7 @@ class Renderer(Lifetime):
         plane, pixel = np.argwhere(~np.isfinite(sums))[0].tolist()
         return AtraError(
             f"sample {self.samples} of pixel {self._film.place_of(first + pixel)} is {sums[plane, pixel]}, expected a "
-            "finite number; "
-            "look for texels beyond 1e30 in the sky, and report this if there are none"
+            "finite number; look for texels beyond 1e30 in the sky, and report this if there are none"
         )
 
     @lists_options(RenderOptions, as_changes=True)

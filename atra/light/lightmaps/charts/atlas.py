@@ -120,7 +120,7 @@ class Atlas:
         except (TypeError, ValueError) as error:
             raise InputError(f"uv cannot be read as an array: {error}") from None
         if given.ndim != 3 or given.shape[1:] != (3, 2):
-            raise InputError(f"uv have shape {given.shape}, expected (F, 3, 2), a row a corner of a triangle")
+            raise InputError(f"uv have shape {given.shape}, expected (F, 3, 2), one row per corner of a triangle")
         bad = ~np.isfinite(given).all(axis=(1, 2))
         if bad.any():
             raise InputError(f"uv of face {int(np.argmax(bad))} are not finite, expected numbers from 0 to 1")
@@ -198,7 +198,7 @@ def _loaded(file: IO[bytes] | Path) -> Atlas:
 def _unwrapped(mesh: Mesh, size: int, padding: int, texels_per_unit: float, time_limit_s: float) -> Atlas:
     if find_spec("xatlas") is None:
         raise InputError(
-            "charts need the package xatlas, which is not installed; `pip install xatlas`, or bring uv of your own"
+            "charts need the package xatlas, which is not installed; `pip install xatlas`, or pass uv of your own"
         )
     job = io.BytesIO()
     vertices, scale = _in_reach(mesh)
@@ -219,7 +219,9 @@ def _unwrapped(mesh: Mesh, size: int, padding: int, texels_per_unit: float, time
             env=os.environ | {"PYTHONPATH": paths},
         )
     except subprocess.TimeoutExpired:
-        raise AtraError(f"xatlas found no charts of {mesh!r} in {time_limit_s:g} s; allow more, or bring uv") from None
+        raise AtraError(
+            f"xatlas found no charts of {mesh!r} in {time_limit_s:g} s; allow more time, or pass uv"
+        ) from None
     try:
         return _loaded(io.BytesIO(done.stdout))
     except Exception:

@@ -15,6 +15,7 @@ from atra.geometry.mesh import Mesh
 from atra.light.lightmaps.charts.atlas import Atlas
 from atra.light.lightmaps.charts.texels_kernels import claim_texels, place_texels
 from atra.light.lightmaps.charts.unwrap import UNMAPPED
+from atra.light.tables import unit_normals
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +83,7 @@ class Texels:
         touches a texel.
         """
         if len(atlas.uv) != mesh.triangle_count:
-            raise InputError(f"the atlas has {len(atlas.uv)} triangles, but {mesh!r} is to be lit; make one of it")
+            raise InputError(f"the atlas has {len(atlas.uv)} triangles, but {mesh!r} is to be lit; unwrap that mesh")
         uv = atlas.uv.copy()
         uv[mesh.without_area] = np.nan
         prim_of = np.full((atlas.height, atlas.width), -1, np.int32)
@@ -92,8 +93,8 @@ class Texels:
         if overlap[0]:
             count, first, second = overlap.tolist()
             raise InputError(
-                f"faces {first} and {second} overlap in the map, in {count} texels together with others; expected that "
-                "each has a place of its own: leave uv out to have charts made"
+                f"faces {first} and {second} overlap in the map, in {count} texels together with others; expected "
+                "separate places; leave uv out to have charts made"
             )
         number = np.flatnonzero(prim_of.ravel() >= 0)
         if not len(number):
@@ -110,14 +111,6 @@ class Texels:
         return cls(atlas, mesh, number, prim_id, positions, normals, lost)
 
 
-def unit_normals(mesh: Mesh) -> NDArray[np.float64]:
-    """(F, 3) float64 unit normals of triangles; 0 for those without area."""
-    corners = [mesh.vertices[mesh.faces[:, corner]].astype(np.float64) for corner in range(3)]
-    normals = np.cross(corners[1] - corners[0], corners[2] - corners[0])
-    length = np.linalg.norm(normals, axis=1, keepdims=True)
-    return np.asarray(normals / np.where(length > 0.0, length, 1.0))
-
-
 def _warn_of_neighbours(atlas: Atlas, prim_of: NDArray[np.int32]) -> None:
     of_texel = np.where(prim_of >= 0, atlas.chart[prim_of], UNMAPPED).reshape(atlas.maps, -1, atlas.width)
     mixed = 0
@@ -129,7 +122,7 @@ def _warn_of_neighbours(atlas: Atlas, prim_of: NDArray[np.int32]) -> None:
         mixed += int(((a != b) & (a != UNMAPPED) & (b != UNMAPPED)).sum())
     if mixed:
         warnings.warn(
-            f"{mixed} pairs of neighbouring texels belong to different charts: looking up between texels mixes their "
-            "light; leave at least two texels between charts",
+            f"{mixed} pairs of neighbouring texels belong to different charts: interpolation mixes their light; "
+            "leave at least two texels between charts",
             stacklevel=3,
         )

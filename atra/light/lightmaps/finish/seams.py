@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from atra.geometry.mesh import Mesh
 from atra.light.lightmaps.charts.atlas import Atlas
-from atra.light.lightmaps.charts.texels import Texels, unit_normals
+from atra.light.lightmaps.charts.texels import Texels
+from atra.light.tables import unit_normals
 
 SMOOTH = np.cos(np.radians(10.0))
 """Cosine of the largest angle between triangles whose light is matched; across sharper edges light may differ."""

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.light.lightmaps.gather import tables_kernels
+from atra.light.lightmaps.gather import tables_kernels as words
 
 SIDE = 32
 """Cells along the longest side of the scene."""
@@ -68,17 +68,17 @@ def light_grid(rows: NDArray[np.float32], bounds: NDArray[np.floating]) -> Light
 def _given(rows: NDArray[np.float64], centres: NDArray[np.float64], radius: float) -> NDArray[np.float64]:
     """(C, L): estimated unshadowed light that each light gives within `radius` of each centre, on a surface facing
     it."""
-    brightness = rows[:, tables_kernels.COLOUR : tables_kernels.CONE] @ np.array(tables_kernels.LUMINANCE, np.float64)
-    kind, spread = rows[:, tables_kernels.KIND], rows[:, tables_kernels.SIZE]
-    way = rows[:, tables_kernels.PLACE : tables_kernels.SIZE] - centres[:, None]
+    brightness = rows[:, words.COLOUR : words.CONE] @ np.array(words.LUMINANCE, np.float64)
+    kind, spread = rows[:, words.KIND], rows[:, words.SIZE]
+    way = rows[:, words.PLACE : words.SIZE] - centres[:, None]
     squared = (way**2).sum(axis=2)
     given = brightness / (squared + radius**2 + spread**2)
-    for light in np.flatnonzero(kind == tables_kernels.SPOT):
-        axis, outer = rows[light, tables_kernels.ACROSS : tables_kernels.UP], rows[light, tables_kernels.CONE + 1]
+    for light in np.flatnonzero(kind == words.SPOT):
+        axis, outer = rows[light, words.ACROSS : words.UP], rows[light, words.CONE + 1]
         distance = np.sqrt(squared[:, light])
         angle = np.arccos(np.clip(-way[:, light] @ axis / np.maximum(distance, 1e-300), -1.0, 1.0))
         seen_under = np.arcsin(np.minimum(1.0, radius / np.maximum(distance, 1e-300)))
         given[angle - seen_under > np.arccos(outer), light] = 0.0
-    from_afar = (kind == tables_kernels.SUN) | (kind == tables_kernels.SKY)
+    from_afar = (kind == words.SUN) | (kind == words.SKY)
     given[:, from_afar] = brightness[from_afar]
     return given

@@ -28,11 +28,9 @@ from atra.light.lightmaps.gather.tables_kernels import (
     SUN,
     WEIGHT,
     choose,
-    set_vector,
-    vector,
 )
 from atra.light.lights_kernels import ALMOST, to_lamp, to_sun
-from atra.light.numbers_kernels import ONE, TWO, ZERO, along, bits_of, circle, dot, scaled, unit_of
+from atra.light.numbers_kernels import ONE, TWO, ZERO, along, bits_of, circle, dot, scaled, set_vector, unit_of, vector
 from atra.light.surface_kernels import sky_colour
 
 PI, QUARTER = np.float32(np.pi), np.float32(0.25)

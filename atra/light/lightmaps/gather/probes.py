@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from atra.errors import AtraError, InputError
 from atra.files.paths import write_atomically
+from atra.light.checks import checked_rows
 from atra.light.lightmaps.batches import Stages
 from atra.light.lightmaps.gather.probes_kernels import (
     gather_light,
@@ -78,7 +79,8 @@ class ProbeSums:
     MemoryBudgetError."""
 
     def __init__(self, points: ArrayLike, samples: int) -> None:
-        self.points, self.samples = _checked_points(points), samples
+        self.points = checked_rows("position", points, (None, 3), "probe", -_FARTHEST, _FARTHEST)
+        self.samples = samples
         what = f"spherical harmonics of {len(self.points):,} probes"
         check_needed_bytes(len(self.points) * CHANNELS * HARMONICS * _BYTES, None, what, "use fewer probes at a time")
         self._sums = np.zeros((len(self.points), CHANNELS, HARMONICS))
@@ -102,7 +104,7 @@ class ProbeSums:
             stages.lap("gather")
             if bad >= 0:
                 raise AtraError(
-                    f"the light of probe {bad} at {self.points[bad].tolist()} is no finite number; "
+                    f"the light of probe {bad} at {self.points[bad].tolist()} is not finite; "
                     "make lights or materials darker"
                 )
 
@@ -114,20 +116,3 @@ class ProbeSums:
         )
         backs = (self._backs / self.samples).astype(np.float32)
         return LightProbes(self.points, self.samples, direct, indirect, environment, backs)
-
-
-def _checked_points(given: ArrayLike) -> NDArray[np.float32]:
-    try:
-        points = np.array(given, np.float32, order="C")
-    except (TypeError, ValueError) as error:
-        raise InputError(f"points of probes cannot be read as an array: {error}") from None
-    if points.ndim != 2 or points.shape[1] != 3 or not len(points):
-        raise InputError(f"points of probes have shape {points.shape}, expected (P, 3), a row a probe")
-    good = (np.abs(points) <= _FARTHEST).all(axis=1)
-    if not good.all():
-        number = int(np.argmin(good))
-        raise InputError(
-            f"the point of probe {number} is {points[number].tolist()}, expected numbers within {_FARTHEST:g}"
-        )
-    points.setflags(write=False)
-    return points

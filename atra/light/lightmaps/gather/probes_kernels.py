@@ -15,11 +15,9 @@ from atra.light.lightmaps.gather.tables_kernels import (
     ORIGIN,
     RESULTS,
     WEIGHT,
-    set_vector,
-    vector,
 )
 from atra.light.lightmaps.samples_kernels import sample_key
-from atra.light.numbers_kernels import ZERO, bits_of, mixed, on_sphere, unit_of
+from atra.light.numbers_kernels import ZERO, bits_of, mixed, on_sphere, set_vector, unit_of, vector
 from atra.light.scattering_kernels import WHITE
 
 _STEPS = np.uint32(3242174889), np.uint32(2447445414)

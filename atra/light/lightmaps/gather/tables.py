@@ -9,19 +9,20 @@ from numpy.typing import NDArray
 
 from atra.errors import InputError
 from atra.geometry.mesh import Mesh
-from atra.light.lightmaps.charts.texels import Texels, unit_normals
-from atra.light.lightmaps.gather import tables_kernels
+from atra.hits import read_only
+from atra.light.lightmaps.charts.texels import Texels
+from atra.light.lightmaps.gather import tables_kernels as words
 from atra.light.lightmaps.gather.grid import light_grid, uniform_grid
 from atra.light.lightmaps.gather.lights import aims_at_emitters, aims_at_sky, light_rows
 from atra.light.lightmaps.gather.tables_kernels import Tables
 from atra.light.lightmaps.options import BakeOptions
 from atra.light.lightmaps.surface import BakeScene
-from atra.light.tables import sky_tables
+from atra.light.tables import sky_tables, unit_normals
 
 _START_OFF = 1e-5
 _START_OFF_SPACINGS = 2.0
 
-_WAYS = {"mis": tables_kernels.GIVES_BOTH, "light": tables_kernels.GIVES_LIGHT, "bsdf": tables_kernels.GIVES_BSDF}
+_WAYS = {"mis": words.GIVES_BOTH, "light": words.GIVES_LIGHT, "bsdf": words.GIVES_BSDF}
 
 
 def start_off(mesh: Mesh) -> float:
@@ -43,7 +44,7 @@ def tables_of(scene: BakeScene, texels: Texels, options: BakeOptions) -> Tables:
     corners = mesh.vertices[mesh.faces].astype(np.float64)
     emitters, of_emitters = aims_at_emitters(surface.emission, corners)
     of_sky = aims_at_sky(scene.sky) if options.environment != "bsdf" else None
-    sky_by = tables_kernels.GIVES_BSDF if of_sky is None else _WAYS[options.environment]
+    sky_by = words.GIVES_BSDF if of_sky is None else _WAYS[options.environment]
     others = [of_emitters.row] * (len(emitters) > 0) + ([of_sky.row] if of_sky is not None else [])
     lights = light_rows(tuple(scene.lights), others)
     grid = light_grid(lights, mesh.bounds) if options.lights == "grid" and len(lights) else uniform_grid()
@@ -73,7 +74,7 @@ def tables_of(scene: BakeScene, texels: Texels, options: BakeOptions) -> Tables:
         _box(corners[surface.panes], 0.1 * offset),  # rays that leave a pane start outside
     )
     numbers = (np.float64(offset), texels.atlas.width, np.float32(options.open_length), sky_by, np.uint32(options.seed))
-    every: Any = (*map(_read_only, arrays), *numbers)
+    every: Any = (*(read_only(np.ascontiguousarray(array)) for array in arrays), *numbers)
     return Tables(*every)
 
 
@@ -82,10 +83,3 @@ def _box(corners: NDArray[np.float64], room: float) -> NDArray[np.float32]:
     if not len(corners):
         return np.zeros((2, 3), np.float32)
     return np.stack([corners.min(axis=(0, 1)) - room, corners.max(axis=(0, 1)) + room]).astype(np.float32)
-
-
-def _read_only(array: NDArray) -> NDArray:
-    """A read-only view: Numba compiles separate kernels for writable arrays."""
-    view = np.ascontiguousarray(array).view()
-    view.setflags(write=False)
-    return view

@@ -100,16 +100,6 @@ class Batch(NamedTuple):
     results: NDArray[np.float32]
 
 
-@njit(forceinline=True)
-def vector(rows, first, index):  # type: ignore[no-untyped-def]
-    return rows[first, index], rows[first + 1, index], rows[first + 2, index]
-
-
-@njit(forceinline=True)
-def set_vector(rows, first, index, value):  # type: ignore[no-untyped-def]
-    rows[first, index], rows[first + 1, index], rows[first + 2, index] = value
-
-
 @njit
 def choose(shares, number):  # type: ignore[no-untyped-def]
     """The first place whose running sum exceeds `number`, in [0, 1)."""
