@@ -116,7 +116,8 @@ class Alignment:
         is not split stays as it is. The centre is the image's own, even if the view axis meets the plane elsewhere.
         """
         check_same_grid(cameras)
-        check_reference(reference)
+        if reference not in REFERENCES:
+            raise InputError(f"reference is {reference!r}, expected one of {', '.join(REFERENCES)}")
         camera, plane = cameras[0], cameras[0].plane
         right, down, forward = camera.axes
         first_x_pixels, first_y_pixels = float(plane.columns(0)), float(plane.rows(0))
@@ -185,12 +186,6 @@ class Alignment:
         return sheared
 
 
-def check_reference(reference: str) -> None:
-    """Raise InputError unless `reference` is one of `REFERENCES`."""
-    if reference not in REFERENCES:
-        raise InputError(f"reference is {reference!r}, expected one of {', '.join(REFERENCES)}")
-
-
 def check_same_grid(cameras: Sequence[View]) -> None:
     """Raise InputError, naming the frame, unless all cameras are of one kind and size."""
     if not cameras:
@@ -249,26 +244,16 @@ def _check_images(alignment: Alignment) -> None:
     wanted = [side @ ray_axes(first) for side in first.rays(x, y, (0.0, 0.0))]
     for image, camera in enumerate(alignment.cameras):
         found = [side @ camera.axes @ alignment.linear[image].T for side in camera.rays(x, y, (0.0, 0.0))]
-        for corner in range(4):
-            _check_ray(image, (int(x[corner]), int(y[corner])), found, wanted, corner, first.pixel_pitch)
-
-
-def _check_ray(
-    image: int,
-    pixel: tuple[int, int],
-    found: Sequence[NDArray[np.float64]],
-    wanted: Sequence[NDArray[np.float64]],
-    corner: int,
-    pixel_pitch: float,
-) -> None:
-    for name, mapped, expected in zip(("origin", "direction"), found, wanted, strict=True):
-        beside = np.linalg.norm(mapped[corner] - expected[corner]) / pixel_pitch
-        if not beside <= TOLERANCE_PIXELS * max(1.0, float(np.linalg.norm(expected[corner]))):
-            raise InputError(
-                f"image {image}: its map carries the {name} of the ray of pixel {pixel} to {mapped[corner].tolist()}, "
-                f"expected {expected[corner].tolist()} as in image 0: affine maps must carry each ray onto its "
-                "reference ray, parameter kept (paper §3.3)"
-            )
+        for corner, (name, mapped, expected) in product(
+            range(4), zip(("origin", "direction"), found, wanted, strict=True)
+        ):
+            beside = np.linalg.norm(mapped[corner] - expected[corner]) / first.pixel_pitch
+            if not beside <= TOLERANCE_PIXELS * max(1.0, float(np.linalg.norm(expected[corner]))):
+                raise InputError(
+                    f"image {image}: its map carries the {name} of the ray of pixel {(int(x[corner]), int(y[corner]))} "
+                    f"to {mapped[corner].tolist()}, expected {expected[corner].tolist()} as in image 0: affine maps "
+                    "must carry each ray onto its reference ray, parameter kept (paper §3.3)"
+                )
 
 
 def _check_cells(alignment: Alignment) -> None:

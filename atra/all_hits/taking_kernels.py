@@ -25,29 +25,6 @@ COUNT, THICKNESS, TRANSMITTANCE, LAYERS = range(4)
 
 
 @njit(forceinline=True)
-def _take_count(lanes, nx, taken, pixel, target):  # type: ignore[no-untyped-def]
-    """Add one for each hit."""
-    place, row = target.values + pixel * 4, target.row * 4
-    store_rows(one_more(taken, load_rows(place, row, np.uint32(0), lanes, nx)), place, row, nx)
-
-
-@njit(forceinline=True)
-def _take_thickness(lanes, nx, taken, depth, weight, pixel, target):  # type: ignore[no-untyped-def]
-    """Add the depths at which rays leave, subtract those at which they enter."""
-    place, row = target.values + pixel * 4, target.row * 4
-    old = load_rows(place, row, np.float32(0.0), lanes, nx)
-    store_rows(chosen(taken, old + repeated(weight, lanes) * depth, old), place, row, nx)
-
-
-@njit(forceinline=True)
-def _take_factor(lanes, nx, taken, weight, pixel, target):  # type: ignore[no-untyped-def]
-    """Multiply by the factor."""
-    place, row = target.values + pixel * 4, target.row * 4
-    old = load_rows(place, row, np.float32(0.0), lanes, nx)
-    store_rows(chosen(taken, old * repeated(weight, lanes), old), place, row, nx)
-
-
-@njit(forceinline=True)
 def is_nearer(depth, prim_id, other, other_id):  # type: ignore[no-untyped-def]
     """Mask: the hit comes before another one in the order of layers."""
     same = (depth <= other) & (other <= depth)
@@ -118,11 +95,14 @@ def take(kind, lanes, nx, taken, depth, weight, prim_id, pixel, target):  # type
     depth: float32 vector. weight: float32 of the triangle: its factor, or 1 where rays leave through it and -1 where
     they enter.
     """
+    place, row = target.values + pixel * 4, target.row * 4
     if kind == COUNT:
-        _take_count(lanes, nx, taken, pixel, target)
+        store_rows(one_more(taken, load_rows(place, row, np.uint32(0), lanes, nx)), place, row, nx)
     elif kind == THICKNESS:
-        _take_thickness(lanes, nx, taken, depth, weight, pixel, target)
+        old = load_rows(place, row, np.float32(0.0), lanes, nx)
+        store_rows(chosen(taken, old + repeated(weight, lanes) * depth, old), place, row, nx)
     elif kind == TRANSMITTANCE:
-        _take_factor(lanes, nx, taken, weight, pixel, target)
+        old = load_rows(place, row, np.float32(0.0), lanes, nx)
+        store_rows(chosen(taken, old * repeated(weight, lanes), old), place, row, nx)
     else:
         _take_layer(lanes, nx, taken, depth, prim_id, pixel, target)

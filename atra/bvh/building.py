@@ -188,14 +188,6 @@ def _split(draft, node, start, end, scratch):  # type: ignore[no-untyped-def]
     return middle
 
 
-@njit
-def _is_leaf(draft, node, start, end, depth):  # type: ignore[no-untyped-def]
-    if end - start > BLOCK and depth < DEEPEST:
-        return False
-    draft.links[node, 0], draft.links[node, 1], draft.links[node, 2] = start, end - start, 0
-    return True
-
-
 @kernel
 def split_top(draft, tasks, size):  # type: ignore[no-untyped-def]
     """Split from the root until no subtree has more than `size` triangles; returns the number of subtrees.
@@ -235,7 +227,8 @@ def build_subtrees(counter_address, draft, tasks):  # type: ignore[no-untyped-de
         while top > 0:
             top -= 1
             node, start, end, depth = stack[top, 0], stack[top, 1], stack[top, 2], stack[top, 3]
-            if _is_leaf(draft, node, start, end, depth):
+            if end - start <= BLOCK or depth >= DEEPEST:
+                draft.links[node, 0], draft.links[node, 1], draft.links[node, 2] = start, end - start, 0
                 continue
             middle = _split(draft, node, start, end, scratch)
             child, deeper = 2 * middle, depth + 1

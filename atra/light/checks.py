@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from atra.errors import InputError
 from atra.geometry.numbers import as_number, checked_vector
+from atra.whole_numbers import is_whole_number
 
 Colour = tuple[float, float, float]
 
@@ -22,6 +23,13 @@ def checked_number(name: str, value: Any, low: float, high: float = inf, *, abov
         most = "" if high == inf else f" and at most {high:g}"
         raise InputError(f"{name} is {value!r}, expected a finite number {least}{most}")
     return number
+
+
+def check_whole(name: str, value: Any, low: int, high: float = inf) -> None:
+    """Raise InputError, naming the value, unless it is a whole number from `low` to `high`."""
+    if not is_whole_number(value) or not low <= value <= high:
+        expected = f"of at least {low}" if high == inf else f"from {low} to {high}"
+        raise InputError(f"{name} is {value!r}, expected a whole number {expected}")
 
 
 def checked_colour(name: str, value: Any, high: float = inf) -> Colour:

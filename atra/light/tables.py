@@ -78,7 +78,9 @@ def _corners(scene: RenderScene) -> tuple[NDArray[np.float64], NDArray[np.float3
         weights[:, first + 3] = -(slope * a).sum(axis=1)
     corners = np.zeros((count, 2 * words.CORNER_WORDS), np.float32)
     if scene.normals is not None:
-        corners[:, :9] = _unit_rows(scene.normals)[faces].reshape(count, 9)
+        normals = scene.normals.astype(np.float64)
+        normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+        corners[:, :9] = normals.astype(np.float32)[faces].reshape(count, 9)
     if scene.uv is not None:
         corners[:, 9:15] = scene.uv[faces].reshape(count, 6)
     return weights, corners
@@ -115,8 +117,3 @@ def sky_tables(sky: Sky, power: float) -> tuple[NDArray[np.float32], NDArray[np.
     row[0] = words.PANORAMA
     with np.errstate(over="ignore"):  # reported where a ray meets infinite light
         return row, sky.texels * np.float32(power)
-
-
-def _unit_rows(normals: NDArray[np.float32]) -> NDArray[np.float32]:
-    exact = normals.astype(np.float64)
-    return (exact / np.linalg.norm(exact, axis=1, keepdims=True)).astype(np.float32)

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from atra.errors import AtraError, InputError
 from atra.geometry.view import View
 from atra.hits import Hits
+from atra.light.checks import check_whole
 from atra.light.lightmaps.batches import BATCH_BYTES, Job, Stages, Work, add_batch, new_batch
 from atra.light.lightmaps.charts.atlas import Atlas
 from atra.light.lightmaps.charts.texels import Texels
@@ -31,7 +32,6 @@ from atra.tracing.budgets import check_needed_bytes
 from atra.tracing.lifetime import Lifetime
 from atra.tracing.options import RayOptions, lists_options
 from atra.tracing.tracer import Tracer
-from atra.whole_numbers import is_whole_number
 
 
 class Baker(Lifetime):
@@ -144,7 +144,7 @@ class Baker(Lifetime):
         Raises InputError for a number below 1, EmbreeError before `build` and after `close`, AtraError naming a texel
         whose light is not finite.
         """
-        _check_samples(samples)
+        check_whole("samples", samples, 1)
         with self._tracing():
             done = True
             every = np.ones(len(self.texels), np.bool_)
@@ -160,7 +160,7 @@ class Baker(Lifetime):
         Texels that the view shows come first; of several maps shown, the one with the fewest samples. With `adaptive`,
         texels that have enough are skipped. Other arguments and errors as for `add`.
         """
-        _check_samples(target)
+        check_whole("target", target, 1)
         with self._tracing():
             wanted = (self.samples < target) & ~self._enough
             if self.visible is not None and (wanted & self.visible).any():
@@ -239,7 +239,7 @@ class Baker(Lifetime):
 
         points: (P, 3), in the world. Raises as `add` does, and InputError naming a point that is not finite.
         """
-        _check_samples(samples)
+        check_whole("samples", samples, 1)
         sums = ProbeSums(points, samples)
         rays = max(self.options.batch_rays // self.rays_scene.threads, BLOCK)
         with self._tracing():
@@ -298,8 +298,3 @@ class Baker(Lifetime):
     def _release(self) -> None:
         self.rays_scene.close()
         self.shadow_scenes.close()
-
-
-def _check_samples(samples: int) -> None:
-    if not is_whole_number(samples) or samples < 1:
-        raise InputError(f"samples is {samples!r}, expected a whole number of at least 1")

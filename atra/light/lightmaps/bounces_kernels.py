@@ -45,14 +45,11 @@ def scatter(batch, count, vertex):  # type: ignore[no-untyped-def]
             set_vector(batch.floats, DIRECTION, i, around(vector(batch.floats, NORMAL, i), sphere))
 
 
-@njit(forceinline=True)
-def _is_pane(tables, prim_id):  # type: ignore[no-untyped-def]
-    return prim_id != MISS and tables.pane_bits[prim_id >> 3] >> np.uint8(prim_id & 7) & 1 != 0
-
-
 @njit
 def _passes(tables, key, prim_id, vertex):  # type: ignore[no-untyped-def]
-    """Whether a ray passes a pane; a hash of both decides."""
+    """Whether a ray passes what it hits: a pane, if a hash of both says so."""
+    if prim_id == MISS or tables.pane_bits[prim_id >> 3] >> np.uint8(prim_id & 7) & 1 == 0:
+        return False
     number = unit_of(bits_of(np.uint32(key ^ mixed(np.uint32(prim_id))), np.uint32(vertex)))
     return number >= tables.opacity[prim_id]
 
@@ -88,7 +85,7 @@ def trace_kernel(width: int, see_through: bool) -> Callable[..., int]:
                         continue
                     i = first + lane
                     prim_id, distance = hit_prim_id(packet, width, lane), hit_distance(packet, width, lane)
-                    if see_through and _is_pane(tables, prim_id) and _passes(tables, batch.key[i], prim_id, vertex):
+                    if see_through and _passes(tables, batch.key[i], prim_id, vertex):
                         for channel in range(3):
                             batch.floats[WEIGHT + channel, i] *= tables.tint[prim_id, channel]
                         packet.floats[RAY_TNEAR * width + lane] = distance + np.float32(tables.offset)

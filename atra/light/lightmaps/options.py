@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from atra.errors import InputError
-from atra.light.checks import checked_number
+from atra.light.checks import check_whole, checked_number
 from atra.tracing.options import PacketKeywords, RayOptions, option, option_of
-from atra.whole_numbers import is_whole_number
 
 
 class BakeKeywords(PacketKeywords, total=False):
@@ -64,15 +62,10 @@ class BakeOptions(RayOptions):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        _check_whole("bounces", self.bounces, 0, 1 << 10)
+        check_whole("bounces", self.bounces, 0, 1 << 10)
         if self.roulette_from is not None:
-            _check_whole("roulette_from", self.roulette_from, 0, 1 << 20)
+            check_whole("roulette_from", self.roulette_from, 0, 1 << 20)
         object.__setattr__(self, "open_length", checked_number("open_length", self.open_length, 0.0, 1e30, above=True))
-        _check_whole("batch_rays", self.batch_rays, 1 << 8, 1 << 26)
-        _check_whole("expansion", self.expansion, 1, 1 << 12)
-        _check_whole("seed", self.seed, 0, (1 << 32) - 1)
-
-
-def _check_whole(name: str, value: object, low: int, high: int) -> None:
-    if not is_whole_number(value) or not low <= value <= high:  # type: ignore[operator]
-        raise InputError(f"{name} is {value!r}, expected a whole number from {low} to {high}")
+        check_whole("batch_rays", self.batch_rays, 1 << 8, 1 << 26)
+        check_whole("expansion", self.expansion, 1, 1 << 12)
+        check_whole("seed", self.seed, 0, (1 << 32) - 1)

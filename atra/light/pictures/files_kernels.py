@@ -10,13 +10,10 @@ _STARTS = 4096
 """Entries of the table of starting levels over [0, 1]."""
 
 
-def _linear_of(encoded):  # type: ignore[no-untyped-def]
-    """sRGB (IEC 61966-2-1) in [0, 1] -> linear light."""
-    return np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
+_BOUNDS = (np.arange(1, 256) - 0.5) / 255
 
-
-_FIRST_OF_LEVEL = np.append(_linear_of((np.arange(1, 256) - 0.5) / 255), np.inf)
-"""The least linear light of levels 1, 2, ... 255; then inf."""
+_FIRST_OF_LEVEL = np.append(np.where(_BOUNDS <= 0.04045, _BOUNDS / 12.92, ((_BOUNDS + 0.055) / 1.055) ** 2.4), np.inf)
+"""The least linear light of the sRGB (IEC 61966-2-1) levels 1, 2, ... 255; then inf."""
 
 _LEVEL_AT = np.searchsorted(_FIRST_OF_LEVEL, np.arange(_STARTS + 1) / _STARTS, side="right").astype(np.uint8)
 

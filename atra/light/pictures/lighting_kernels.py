@@ -135,7 +135,8 @@ def lighting_kernel(width: int) -> Callable[..., int]:
             some = min(CHUNK, first + count - start)
             fetch_ahead(start + CHUNK, first + count, pixels)
             find_surfaces(chunk, start, some, pixels, surfaces)
-            _end_rows(floats, some)
+            for i in range(some, some + LANES):  # no rays and no light behind the last pixel
+                floats[LENGTH * STRIDE + i] = floats[LIGHT * STRIDE + i] = ZERO
             clock = _lap(times, _SURFACES, clock)
             query.flags[0] = FLAG_COHERENT
             share = ONE / np.float32(len(to_lights.points))
@@ -165,10 +166,3 @@ def lighting_kernel(width: int) -> Callable[..., int]:
         return rays if is_finite else -1
 
     return light_pixels
-
-
-@njit(forceinline=True)
-def _end_rows(floats, count):  # type: ignore[no-untyped-def]
-    """Clear rays and light behind a chunk's last pixel."""
-    for i in range(count, count + LANES):
-        floats[LENGTH * STRIDE + i] = floats[LIGHT * STRIDE + i] = ZERO

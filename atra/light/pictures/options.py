@@ -8,10 +8,9 @@ from typing import ClassVar
 
 from atra.errors import InputError
 from atra.geometry.numbers import as_number
-from atra.light.checks import checked_number
+from atra.light.checks import check_whole, checked_number
 from atra.light.pictures.path_kernels import BLOCK
 from atra.tracing.options import PacketKeywords, RayOptions, option, option_of
-from atra.whole_numbers import is_whole_number
 
 MOST_RAYS = 64
 """Most rays to a light, or into the sky, per pixel and sample."""
@@ -49,10 +48,11 @@ class RenderOptions(RayOptions):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not is_whole_number(self.wave_rays) or not BLOCK <= self.wave_rays <= 1 << 24 or self.wave_rays % BLOCK:
-            raise InputError(f"wave_rays is {self.wave_rays!r}, expected a multiple of {BLOCK} from {BLOCK} to 2^24")
-        if self.most_samples is not None and (not is_whole_number(self.most_samples) or self.most_samples < 1):
-            raise InputError(f"most_samples is {self.most_samples!r}, expected a whole number of at least 1, or None")
+        check_whole("wave_rays", self.wave_rays, BLOCK, 1 << 24)
+        if self.wave_rays % BLOCK:
+            raise InputError(f"wave_rays is {self.wave_rays}, expected a multiple of {BLOCK}")
+        if self.most_samples is not None:
+            check_whole("most_samples", self.most_samples, 1)
         if self.start_off is not None:
             object.__setattr__(self, "start_off", checked_number("start_off", self.start_off, 0.0))
 
@@ -83,8 +83,7 @@ class PathOptions(RenderOptions):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not is_whole_number(self.max_depth) or not 1 <= self.max_depth <= 1 << 20:
-            raise InputError(f"max_depth is {self.max_depth!r}, expected a whole number from 1 to 2^20")
+        check_whole("max_depth", self.max_depth, 1, 1 << 20)
 
 
 class HybridKeywords(RenderKeywords, total=False):
@@ -129,11 +128,8 @@ class HybridOptions(RenderOptions):
     def __post_init__(self) -> None:
         super().__post_init__()
         for name in ("shadow_rays", "occlusion_rays"):
-            rays = getattr(self, name)
-            if not is_whole_number(rays) or not 0 <= rays <= MOST_RAYS:
-                raise InputError(f"{name} is {rays!r}, expected a whole number from 0 to {MOST_RAYS}")
-        if not is_whole_number(self.most_kept) or self.most_kept < 0:
-            raise InputError(f"most_kept is {self.most_kept!r}, expected a whole number of at least 0")
+            check_whole(name, getattr(self, name), 0, MOST_RAYS)
+        check_whole("most_kept", self.most_kept, 0)
         for name in ("shadow_length", "occlusion_length"):
             length = as_number(getattr(self, name))
             if not 0.0 < length <= inf:

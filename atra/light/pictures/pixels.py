@@ -22,14 +22,9 @@ def pixels_of(camera: View, film: Film, offset: tuple[float, float], hits: Hits 
     key = film.samples * _GOLDEN & 0xFFFFFFFF
     if hits is None:
         return Pixels(_lines(camera, (0.0, 0.0)), film.places, True, _NOTHING, 0, key)
-    return Pixels(_lines(camera, offset), film.places, False, *_flat(hits.prim_id), key)
-
-
-def _flat(prim_id: NDArray[np.uint32]) -> tuple[NDArray[np.uint32], int]:
-    """An image's memory as one row, and the pixels from one image row to the next."""
-    stride = prim_id.strides[0] // 4
-    length = (prim_id.shape[0] - 1) * stride + prim_id.shape[1]
-    return np.lib.stride_tricks.as_strided(prim_id, (length,), (4,)), stride
+    stride, (height, width) = hits.prim_id.strides[0] // 4, hits.prim_id.shape
+    prim_ids = np.lib.stride_tricks.as_strided(hits.prim_id, ((height - 1) * stride + width,), (4,))
+    return Pixels(_lines(camera, offset), film.places, False, prim_ids, stride, key)
 
 
 def _lines(camera: View, offset: tuple[float, float]) -> NDArray[np.float64]:

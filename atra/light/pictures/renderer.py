@@ -19,6 +19,7 @@ from atra.geometry.mesh import Mesh
 from atra.geometry.sampling import sub_pixel_offsets
 from atra.geometry.view import View
 from atra.hits import Hits
+from atra.light.checks import check_whole
 from atra.light.laps import Laps
 from atra.light.pictures.files import save_picture
 from atra.light.pictures.film import Film
@@ -32,7 +33,6 @@ from atra.rays.scene import Query, RayScene
 from atra.tracing.lifetime import Lifetime
 from atra.tracing.options import RayOptions, lists_options
 from atra.tracing.tracer import Tracer
-from atra.whole_numbers import is_whole_number
 
 Primary = Callable[[Mesh, View], Tracer[Hits]]
 """Makes the tracer of primary visibility: `atra.PixelTracer`, or `partial(atra.AlignedTracer, split=(128, 1))`."""
@@ -134,8 +134,7 @@ class Renderer(Lifetime):
         True, or on an interrupt, the picture starts anew without samples. Raises InputError for a number below 1,
         EmbreeError before `build` and after `close`, AtraError naming pixel and sample for light that is not finite.
         """
-        if not is_whole_number(samples) or samples < 1:
-            raise InputError(f"{samples!r} samples are to be added, expected a whole number of at least 1")
+        check_whole("samples", samples, 1)
         with self._tracing():
             start = perf_counter()
             stages: dict[str, float] = {}

@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 from atra.errors import AtraError, InputError
 from atra.files.paths import write_atomically
 from atra.geometry.mesh import Mesh
+from atra.light.checks import check_whole
 from atra.light.lightmaps.charts.unwrap import UNMAPPED
 from atra.whole_numbers import is_whole_number
 
@@ -50,8 +51,7 @@ class Atlas:
     maps: int = 1
 
     def __post_init__(self) -> None:
-        if not is_whole_number(self.maps) or self.maps < 1:
-            raise InputError(f"there are {self.maps!r} maps, expected a whole number of at least 1")
+        check_whole("number of maps", self.maps, 1)
         for name, size, maps in (("width", self.width, 1), ("height", self.height, self.maps)):
             if not is_whole_number(size) or not maps <= size <= maps * MOST_TEXELS or size % maps:
                 of_what = "a map" if maps == 1 else f"{maps} maps together"
@@ -154,10 +154,8 @@ class Atlas:
         unwrapping process is stopped. Raises InputError for bad numbers and without the package xatlas, AtraError past
         the limit. Source: https://github.com/jpcy/xatlas, by its Python bindings.
         """
-        if not is_whole_number(size) or not 8 <= size <= MOST_TEXELS:
-            raise InputError(f"size of a map is {size!r}, expected a whole number from 8 to {MOST_TEXELS}")
-        if not is_whole_number(padding) or not 0 <= padding <= 64:
-            raise InputError(f"padding is {padding!r}, expected a whole number of texels from 0 to 64")
+        check_whole("size of a map", size, 8, MOST_TEXELS)
+        check_whole("padding", padding, 0, 64)
         key = _key(mesh, size, padding, texels_per_unit)
         kept = None if kept_in is None else Path(kept_in) / f"{key}.npz"
         found = None if kept is None else _read(kept)

@@ -61,7 +61,8 @@ def save_maps(
     keep("occupancy", texels.occupied[..., None])
     if visible is not None:
         keep("culling_map", texels.image(0.2 + 0.8 * visible)[..., None])
-    keep("charts", texels.image(chart_colours(texels.chart)))
+    turns = texels.chart[:, None] * 0.618034 + (0.0, 1 / 3, 2 / 3)
+    keep("charts", texels.image(0.5 + 0.4 * np.cos(2.0 * np.pi * turns)))
     for name, content in files.items():
         write_atomically(folder / name, content)
     return [folder / name for name in files]
@@ -71,12 +72,6 @@ def _parts(atlas: Atlas, image: NDArray[Any]) -> list[tuple[str, NDArray[Any]]]:
     """The maps of an (H, W, C) image, with the suffixes of their names."""
     parts = np.split(image, atlas.maps)
     return [(f"_{number}" if len(parts) > 1 else "", part) for number, part in enumerate(parts)]
-
-
-def chart_colours(chart: NDArray[np.integer]) -> NDArray[np.float64]:
-    """(N, 3), distinct colours of charts."""
-    turns = np.asarray(chart, np.float64)[:, None] * 0.618034 + (0.0, 1 / 3, 2 / 3)
-    return 0.5 + 0.4 * np.cos(2.0 * np.pi * turns)
 
 
 def save_model(lightmap: Lightmap, scene: BakeScene, path: Path, *, stitch: bool = True) -> Path:

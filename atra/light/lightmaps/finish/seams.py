@@ -61,7 +61,11 @@ class Seams:
         """The edges of exactly two triangles that lie apart on the map and meet smoothly."""
         ends, face = _seam_edges(mesh, atlas)
         points, edge = _along(ends)
-        texel, weight = zip(*(_look_ups(atlas, points[side], face[side][edge]) for side in (0, 1)), strict=True)
+        texel, weight = [], []
+        for side in (0, 1):
+            rows, columns, fy, fx = atlas.texels_around(points[side], face[side][edge])
+            texel.append(np.stack([row * atlas.width + column for row in rows for column in columns], axis=1))
+            weight.append(np.stack([v * u for v in (1.0 - fy, fy) for u in (1.0 - fx, fx)], axis=1))
         return cls(np.array(texel), np.array(weight))
 
     def values(self, image: NDArray[np.floating]) -> NDArray[np.float64]:
@@ -130,13 +134,3 @@ def _along(ends: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.i
     step = np.arange(len(edge)) - np.repeat(np.cumsum(count) - count, count)
     share = ((step + 0.5) / count[edge])[:, None]
     return (1.0 - share) * ends[:, edge, 0] + share * ends[:, edge, 1], edge
-
-
-def _look_ups(
-    atlas: Atlas, points: NDArray[np.float64], face: NDArray[np.integer]
-) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """(P, 4) texels around points of triangles, on each triangle's map, and their bilinear weights."""
-    rows, columns, fy, fx = atlas.texels_around(points, face)
-    texel = np.stack([row * atlas.width + column for row in rows for column in columns], axis=1)
-    weight = np.stack([v * u for v in (1.0 - fy, fy) for u in (1.0 - fx, fx)], axis=1)
-    return texel, weight

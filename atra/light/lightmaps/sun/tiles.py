@@ -11,15 +11,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from atra.bvh.bvh import bvh_of
 from atra.compiled.threads import WorkerPool
-from atra.errors import InputError
 from atra.geometry.view import unit_vector
+from atra.light.checks import check_whole
 from atra.light.lightmaps.charts.texels import Texels
 from atra.light.lightmaps.gather.tables import start_off
 from atra.light.lightmaps.sun.rays import TileRays
 from atra.light.lightmaps.sun.tiles_kernels import BoxTree, Prisms
 from atra.prim_ids import MISS
 from atra.tracing.options import PacketKeywords, PacketOptions, lists_options
-from atra.whole_numbers import is_whole_number
 
 FLAT = 1e-3
 """Largest distance of a flat chart's corners from its plane, in texels."""
@@ -60,8 +59,7 @@ class Tiles:
         Raises InputError for a size or least_texels below 1.
         """
         for name, value in (("size", size), ("least_texels", least_texels)):
-            if not is_whole_number(value) or value < 1:
-                raise InputError(f"{name} of a tile is {value!r}, expected a whole number of at least 1")
+            check_whole(f"{name} of a tile", value, 1)
         atlas = texels.atlas
         column, row = texels.number % atlas.width, texels.number // atlas.width
         charts, number = np.unique(texels.chart, return_inverse=True)
