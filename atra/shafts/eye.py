@@ -19,7 +19,7 @@ from atra.errors import InputError
 from atra.geometry.mesh import Mesh
 from atra.geometry.ray_space import NARROWEST_WORLD_PITCH, check_world_range, from_eye_space
 from atra.geometry.view import View
-from atra.shafts.lists_kernels import build_eye_lists
+from atra.shafts.lists_kernels import build_lists
 from atra.shafts.options import ShaftKeywords, ShaftOptions
 from atra.shafts.shafts import ShaftLists, building_of, stored_lists
 from atra.shafts.shape_kernels import ACROSS, AXIS, CORNER, DOWN, EYE, HIGH, LOW, MIDDLE, PLANE_COUNT, PLANES, SHAPE
@@ -88,7 +88,7 @@ class EyeTracer(BvhTracer):
         building = building_of(self._bvh, self.options, NO_SHAFTS.grid)
 
         def build(counter: int, part: slice, lengths: Any, nodes: Any, memory: Any) -> None:
-            build_eye_lists(counter, building, shapes[part], lengths, nodes, memory)
+            build_lists(counter, building, np.arange(len(lengths)), shapes[part], lengths, nodes, memory)
 
         starts, lengths, lists, unique = stored_lists(len(shapes), self.options, self._pool, build)
         """The shafts of the tiles; only after `build`."""

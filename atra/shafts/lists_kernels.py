@@ -17,7 +17,7 @@ from atra.compiled.memory import load
 from atra.compiled.store import kernel, njit
 from atra.compiled.vectors import bits_of, larger, repeated, smaller
 from atra.embree.packets_kernels import INFINITY
-from atra.shafts.shape_kernels import HIGH, LOW, SHAPE, direction_of, heading, overlaps, set_shape
+from atra.shafts.shape_kernels import HIGH, LOW, direction_of, heading, overlaps, set_shape
 
 LANES = 8
 """Sampled rays tested with a box at once."""
@@ -180,31 +180,22 @@ def _fill(building, number, memory, nodes):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def build_lists(counter_address, building, numbers, lengths, nodes, memory):  # type: ignore[no-untyped-def]
+def build_lists(counter_address, building, numbers, shapes, lengths, nodes, memory):  # type: ignore[no-untyped-def]
     """Build the lists of the shafts `numbers`, (S,) int64. Threads share the counter.
 
-    Written: lengths: (S,) int32, nodes: (S, longest) uint32.
+    shapes: (S, SHAPE) float64, of an eye's shafts; (0, SHAPE) for shafts of voxels. Written: lengths: (S,) int32,
+    nodes: (S, longest) uint32.
     """
     while True:
         start = fetch_add(counter_address, 1) * _CHUNK
         if start >= len(numbers):
             return
         for k in range(start, min(start + _CHUNK, len(numbers))):
-            set_shape(building.grid, numbers[k], memory.shape)
+            if len(shapes):
+                memory.shape[:] = shapes[k]
+            else:
+                set_shape(building.grid, numbers[k], memory.shape)
             lengths[k] = _fill(building, numbers[k], memory, nodes[k])
-
-
-@kernel
-def build_eye_lists(counter_address, building, shapes, lengths, nodes, memory):  # type: ignore[no-untyped-def]
-    """As `build_lists`, for the shafts of an eye; shapes: (S, SHAPE) float64."""
-    while True:
-        start = fetch_add(counter_address, 1) * _CHUNK
-        if start >= len(shapes):
-            return
-        for k in range(start, min(start + _CHUNK, len(shapes))):
-            for place in range(SHAPE):
-                memory.shape[place] = shapes[k, place]
-            lengths[k] = _fill(building, k, memory, nodes[k])
 
 
 @kernel

@@ -176,7 +176,7 @@ def _lists(
     building = building_of(bvh, options, grid)
 
     def build(counter: int, part: slice, lengths: NDArray[np.int32], nodes: NDArray[np.uint32], memory: Any) -> None:
-        build_lists(counter, building, numbers[part], lengths, nodes, memory)
+        build_lists(counter, building, numbers[part], np.empty((0, SHAPE)), lengths, nodes, memory)
 
     starts, lengths, lists, unique = stored_lists(len(numbers), options, pool, build)
     table[rows[numbers // of_voxel], numbers % of_voxel] = starts

@@ -48,7 +48,7 @@ class RenderOptions(RayOptions):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_whole("wave_rays", self.wave_rays, BLOCK, 1 << 24)
+        check_whole("wave_rays", self.wave_rays, 1, 1 << 24)
         if self.wave_rays % BLOCK:
             raise InputError(f"wave_rays is {self.wave_rays}, expected a multiple of {BLOCK}")
         if self.most_samples is not None:
