@@ -257,7 +257,7 @@ def test_probes_are_the_same_to_the_bit_however_rays_are_grouped_and_leave_the_m
         baker.add(6)
         np.testing.assert_array_equal(baker.maps.combined, baked(LIT, ATLAS, 9).combined)
         for points, told in (
-            (np.zeros(3), r"shape \(3,\), expected \(P, 3\)"), (np.zeros((0, 3)), "shape"),
+            (np.zeros(3), r"shape \(3,\), expected \(N, 3\)"), (np.zeros((0, 3)), "shape"),
             ([(0, 0, 0), (0, np.nan, 0)], r"probe 1 is \[0.0, nan, 0.0\]"), ("here", "cannot be read"),
         ):  # fmt: skip
             with pytest.raises(InputError, match=told):
