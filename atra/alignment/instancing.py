@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.alignment.alignment import Alignment
-from atra.alignment.culling import image_roundings
+from atra.alignment.rounding import image_roundings
 from atra.compiled.threads import WorkerPool
 from atra.geometry.mesh import Mesh
 from atra.geometry.projection import project_vertices

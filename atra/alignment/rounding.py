@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 
 from atra.alignment.alignment import Alignment
 from atra.compiled.threads import WorkerPool
-from atra.exact.rounding_kernels import COPY_MULTIPLE, ParallelRays, judge_copies, judge_translations
+from atra.exact.rounding_kernels import COPY_MULTIPLE, INSTANCE_MULTIPLE, ParallelRays, judge_copies, judge_translations
 from atra.geometry.mesh import Mesh
+from atra.geometry.projection import project_vertices
 from atra.geometry.ray_space import ray_axes
 from atra.geometry.view import View
 
@@ -49,28 +50,30 @@ def roundings_of_copies(
     return Roundings(depth_error, left_out.view(np.bool_))
 
 
-def roundings_of_translations(
+def image_roundings(
     mesh: Mesh,
     camera: View,
     alignment: Alignment,
     pool: WorkerPool,
-    points_pixels: NDArray[np.float64],
-    points_own: NDArray[np.float64],
-    points_ray: NDArray[np.float64],
+    points: tuple[NDArray[np.float64], NDArray[np.float64]],
     *,
-    is_instanced: bool,
-    admitted_multiple: float,
+    is_instanced: bool = False,
 ) -> Roundings:
-    """As `roundings_of_copies`, for orthographic cameras.
-
-    camera: the mesh's own. `depth_error` is 0: near the image plane there is no relative error.
-    """
-    split, left_out = alignment.split, np.empty(mesh.triangle_count, np.uint8)
-    points = points_pixels, points_own, points_ray
-    rays = _parallel_rays(camera, alignment), _parallel_rays(alignment.cameras[0], alignment)
-    rest = *alignment.shears, split.cell_width, split.cell_height, is_instanced, admitted_multiple, left_out
-    pool.run(lambda _, counter: judge_translations(counter, *points, mesh.traced_faces, *rays, *rest))
-    return Roundings(np.zeros(mesh.triangle_count), left_out.view(np.bool_))
+    """The rounding errors of one image's mesh; for an orthographic camera `depth_error` is 0, as there is no relative
+    error near the image plane. points: from `project_vertices`, with the image's linear map."""
+    own = points[1] if camera is alignment.cameras[0] else project_vertices(mesh, camera, pool)[1]
+    multiple = INSTANCE_MULTIPLE if is_instanced else COPY_MULTIPLE
+    if camera.is_parallel:
+        split, left_out = alignment.split, np.empty(mesh.triangle_count, np.uint8)
+        rays = _parallel_rays(camera, alignment), _parallel_rays(alignment.cameras[0], alignment)
+        rest = *alignment.shears, split.cell_width, split.cell_height, is_instanced, multiple, left_out
+        faces = mesh.traced_faces
+        pool.run(lambda _, counter: judge_translations(counter, points[0], own, points[1], faces, *rays, *rest))
+        roundings = Roundings(np.zeros(mesh.triangle_count), left_out.view(np.bool_))
+    else:
+        roundings = roundings_of_copies(mesh, alignment, pool, points[0], own, points[1], multiple)
+    roundings.left_out[mesh.without_area] = False  # no ray hits them anyway
+    return roundings
 
 
 def _parallel_rays(camera: View, alignment: Alignment) -> ParallelRays:

@@ -45,9 +45,10 @@ class Baker(Lifetime):
     options: see `BakeOptions`.
 
     texels: the texels to light. samples: (N,) int32, of each texel so far. stage_s: seconds by stage since the last
-    restart, averaged over threads. rays, lanes: rays traced, and lanes of the packets that traced them. visible: (N,)
-    bool, texels that the view shows; None without a view. Raises InputError as `Texels.of`, `Atlas` and the options do;
-    MemoryBudgetError before anything large is allocated.
+    restart, averaged over threads. rays, lanes: rays traced, and lanes of their batches, idle ones included. visible:
+    (N,) bool, texels that the view shows; None without a view.
+
+    Raises InputError as `Texels.of`, `Atlas` and the options do; MemoryBudgetError before anything large is allocated.
     """
 
     @lists_options(BakeOptions)

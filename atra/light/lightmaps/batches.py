@@ -27,7 +27,7 @@ _NEVER = 1 << 30
 
 @dataclass
 class Work:
-    """What a thread has done: seconds by stage, rays traced, and lanes of the packets that traced them."""
+    """What a thread has done: seconds by stage, rays traced, and lanes of their batches, idle ones included."""
 
     stage_s: dict[str, float]
     rays: int = 0
