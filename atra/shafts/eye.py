@@ -73,7 +73,7 @@ class EyeTracer(BvhTracer):
 
     @property
     def lists(self) -> ShaftLists:
-        """The shafts of the tiles, once they are built."""
+        """The shafts of the tiles; only after `build`."""
         assert self._lists is not None
         return self._lists
 
@@ -91,7 +91,6 @@ class EyeTracer(BvhTracer):
             build_lists(counter, building, np.arange(len(lengths)), shapes[part], lengths, nodes, memory)
 
         starts, lengths, lists, unique = stored_lists(len(shapes), self.options, self._pool, build)
-        """The shafts of the tiles; only after `build`."""
         shafts = Shafts(NO_SHAFTS.grid, NO_SHAFTS.rows, starts[None], lists, empty_is_miss=True)
         taken_s = perf_counter() - lists_start
         self._lists = ShaftLists(shafts, self._bvh, len(shapes), len(shapes), unique, lengths, taken_s)

@@ -21,7 +21,7 @@ from atra.tracing.lifetime import in_turn
 from atra.tracing.options import lists_options
 
 SAMPLE = 64
-"""The subset "sampled" looks at one of so many rays of a batch."""
+"""The subset "sampled" looks at one in SAMPLE rays of a batch."""
 
 
 class ShaftScene(BvhScene):
@@ -42,7 +42,7 @@ class ShaftScene(BvhScene):
 
     @property
     def lists(self) -> ShaftLists:
-        """The shafts, once they are built; those of the rays prepared last, where they hang on rays."""
+        """The shafts, after `build`; if they depend on rays, those for the rays prepared last."""
         assert self._lists is not None
         return self._lists
 
@@ -90,7 +90,6 @@ class ShaftScene(BvhScene):
         if self.options.subset == "none":
             return batch_of(rays, width, order)
         lists = _lists_of(shafts, numbers[order])
-        """The shafts, after `build`; if they depend on rays, those for the rays prepared last."""
         changes = np.flatnonzero(np.diff(lists)) + 1
         runs = np.concatenate([[0], changes]).astype(np.int64)
         lengths = np.diff(np.append(runs, len(lists)))

@@ -45,7 +45,6 @@ class Lightmap:
         means = sums / count
         direct, indirect, environment = (means[:, k : k + 3] for k in (DIRECT, INDIRECT, ENVIRONMENT))
         luminance = (direct + indirect + environment) @ np.array(LUMINANCE, np.float64)
-        """(N,) float64, of all light."""
         spread = np.maximum(0.0, means[:, SQUARE] - luminance**2) * (count / np.maximum(count - 1, 1))[:, 0]
         rows = direct, indirect, environment, means[:, OPEN], means[:, BACK], spread
         return cls(texels, samples, *(np.ascontiguousarray(row, np.float32) for row in rows))

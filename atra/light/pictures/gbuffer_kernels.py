@@ -29,7 +29,7 @@ CHUNK = 256
 """Pixels that pass all stages together; their data fits the nearest cache."""
 
 LANES = 16
-"""Pixels summed together; a chunk has room for so many more."""
+"""Pixels summed together; a chunk has room for as many more."""
 
 STRIDE = CHUNK + LANES
 ORIGIN, NORMAL, COLOUR, SKY, DIRECTION = 0, 3, 6, 9, 12

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from atra.light.lightmaps.maps import Lightmap
 
 FIRST_LOOK = 64
-"""Samples after which a texel is first checked; then whenever they have doubled, whatever the batches."""
+"""Samples after which a texel is first checked; then whenever they have doubled."""
 
 ERROR, DEVIATIONS = 0.01, 2.58
 """A texel has enough samples when its mean is within ERROR at DEVIATIONS standard deviations, a confidence of 99 %.

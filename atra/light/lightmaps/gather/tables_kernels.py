@@ -83,7 +83,7 @@ class Tables(NamedTuple):
 
 
 class Batch(NamedTuple):
-    """N rays and the results of N samples; the first so many are in use.
+    """Room for N rays and the results of N samples.
 
     floats: (PATH_ROWS, > N) float32: origin, unit normal (0 for probes), unit direction, weight (r, g, b) of arriving
     light, and of a ray to a light what it carries (r, g, b) and its length, 0 = none. prim_id: (N,) uint32, hits.
