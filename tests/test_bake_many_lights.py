@@ -257,7 +257,7 @@ def test_probes_are_the_same_to_the_bit_however_rays_are_grouped_and_leave_the_m
         baker.add(6)
         np.testing.assert_array_equal(baker.maps.combined, baked(LIT, ATLAS, 9).combined)
         for points, told in (
-            (np.zeros(3), r"shape \(3,\), expected \(P, 3\)"), (np.zeros((0, 3)), "shape"),
+            (np.zeros(3), r"shape \(3,\), expected \(N, 3\)"), (np.zeros((0, 3)), "shape"),
             ([(0, 0, 0), (0, np.nan, 0)], r"probe 1 is \[0.0, nan, 0.0\]"), ("here", "cannot be read"),
         ):  # fmt: skip
             with pytest.raises(InputError, match=told):
@@ -272,5 +272,5 @@ def test_probes_are_the_same_to_the_bit_however_rays_are_grouped_and_leave_the_m
 
 def test_light_beyond_all_numbers_is_reported_with_its_probe():
     scene = BakeScene(FAR, lights=[render.PointLight((0, 0, 1e-14), power=1e12)])
-    with pytest.raises(AtraError, match=r"probe 1 at \[0\.0, 0\.0, 0\.0\] is no finite number"):
+    with pytest.raises(AtraError, match=r"probe 1 at \[0\.0, 0\.0, 0\.0\] is not finite"):
         probes(scene, [(5, 5, 5), (0, 0, 0)], 1)

@@ -129,7 +129,7 @@ def test_uv_on_several_maps_are_refused_where_they_are_on_none():
         Atlas.of_uv(np.stack([uv[0], uv[1] + (0, 0.5)]), 8, 8, np.array([0, 1]))
     with pytest.raises(InputError, match="height of 2 maps together is 9"):
         Atlas(uv, np.zeros(2, int), 8, 9, 2)
-    with pytest.raises(InputError, match="there are 0 maps"):
+    with pytest.raises(InputError, match="number of maps is 0"):
         Atlas(uv, np.zeros(2, int), 8, 8, 0)
     with pytest.raises(InputError, match="face 1 lies on maps 0 and 1, expected one"):
         Atlas(np.stack([uv[0], 15 * uv[1]]) / (2, 1), np.zeros(2, int), 8, 16, 2)

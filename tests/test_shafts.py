@@ -301,7 +301,7 @@ def test_a_tree_as_deep_as_the_stack_is_high_is_traced():
         ({"subset": "some"}, "subset is 'some', expected one of complete, occupied"),
         ({"empty": "full"}, "empty is 'full', expected one of miss, root"),
         ({"packet_width": 8}, "packet_width is 8, expected 1"),
-        ({"subset": "hits"}, "subset is 'hits', which hangs on rays"),
+        ({"subset": "hits"}, "subset is 'hits', which depends on rays"),
     ],
 )
 def test_options_that_cannot_be_are_named(options, message):

@@ -1,1 +1,2 @@
-"""The paper's maps from cells onto one reference cell, and what of the mesh each cell's copy holds."""
+"""The paper's method: affine maps that lay the rays of all cells onto one reference cell, and the tracers that use
+them."""

@@ -1,4 +1,4 @@
-"""The paper's method: the reference cell's rays against the geometry of all cells, sheared onto them."""
+"""The paper's method: trace the reference cell's rays through the geometry of all cells, sheared onto them."""
 
 from __future__ import annotations
 
@@ -36,11 +36,11 @@ from atra.tracing.options import lists_options
 from atra.tracing.rays import SQUAREST_SHAPE, longest_ray
 
 SECOND_PASS_TILE = (8, 4)
-"""Width and height in pixels of the tiles of the second pass: whole packets of any shape."""
+"""Tile size of the second pass, (width, height) in pixels: whole packets of any shape."""
 
 
 class _AlignedImages(ReferenceRayTracer[Result]):
-    """All images of an alignment at once; `AlignedTracer` and `FramesTracer` are its two faces."""
+    """Traces all images of an alignment at once; the base of `AlignedTracer` and `FramesTracer`."""
 
     options_type: ClassVar[type[FramesOptions]] = FramesOptions
     options: FramesOptions
@@ -53,7 +53,7 @@ class _AlignedImages(ReferenceRayTracer[Result]):
         super().__init__(options)
         self._check_meshes(self.meshes)
         self._align(self.meshes, alignment)
-        self._second_passes: list[SecondPass | None] = []  # of each image that copies cannot show all of
+        self._second_passes: list[SecondPass | None] = []  # one per image, None if nothing was left out
         cells = self.split.cell_count * count
         if self.options.geometry == "instanced":
             check_instancing_budget(self.mesh, cells, self.options)
@@ -107,7 +107,7 @@ class _AlignedImages(ReferenceRayTracer[Result]):
     @property
     @in_turn
     def counters(self) -> Mapping[str, float]:
-        """What `atra.Tracer` says of counters; triangles_left_out and packets_verified are known, too."""
+        """As `atra.Tracer` says; triangles_left_out and packets_verified are known as well."""
         left_out = () if self._geometry is None else self._geometry.left_out
         second_passes = [one for one in self._second_passes if one is not None]
         return {
@@ -119,7 +119,7 @@ class _AlignedImages(ReferenceRayTracer[Result]):
     @property
     @in_turn
     def embree_bytes(self) -> int:
-        """Bytes Embree holds for all scenes by its own account; 0 before `build`."""
+        """Bytes that Embree reports for all scenes; 0 before `build`."""
         return super().embree_bytes + sum(one.scene.embree_bytes for one in self._second_passes if one is not None)
 
     def _close_second_passes(self) -> None:
@@ -134,13 +134,11 @@ class _AlignedImages(ReferenceRayTracer[Result]):
 
 
 class AlignedTracer(EmbreeGathering, _AlignedImages[Hits], ImageTracer):
-    """Affine-transformed ray alignment: shoot the reference cell's rays, read the nearest hit of every cell.
+    """Affine-transformed ray alignment: trace the reference cell's rays and get the nearest hit of every cell.
 
-    split: (nx, ny) cells; nx must divide the width, ny the height. options: see `atra.AlignedOptions`.
-    With instances `triangle_count` is the mesh's own.
-    Raises InputError for a split that does not divide the image, and as the options do; MemoryBudgetError before
-    allocating.
-    Source: paper §3.1, §3.4; instances §4.4.
+    split: (nx, ny) cells; nx must divide the width, ny the height. options: see `atra.AlignedOptions`. With instances,
+    `triangle_count` is the mesh's own. Raises InputError for a split that does not divide the image, and as the options
+    do; MemoryBudgetError before allocating. Source: paper §3.1, §3.4; instances §4.4.
     """
 
     options_type = AlignedOptions
@@ -166,7 +164,7 @@ class AlignedTracer(EmbreeGathering, _AlignedImages[Hits], ImageTracer):
         strips[:, 1] = np.arange(0, split.cell_height, self.packet_shape[1])
         tiles = PixelTiles(strips, split.cell_width, self.packet_shape[1])
         cell = split.cell_width, split.cell_height
-        rays = partial(reference_rays, self.alignment)  # not a method, which would refer to this tracer
+        rays = partial(reference_rays, self.alignment)  # no method: it would keep a reference to this tracer
         shots = [Shots(geometry, self.options.geometry, self.packet_shape, rays, tiles, cell)]
         for left_out in geometry.left_out:
             if left_out is not None:
@@ -174,7 +172,7 @@ class AlignedTracer(EmbreeGathering, _AlignedImages[Hits], ImageTracer):
         return shots
 
     def _shots_at(self, left_out: LeftOut) -> Shots:
-        """Those of the second pass, in tiles where something was left out."""
+        """The rays of the second pass, in the tiles where triangles were left out."""
         mesh, camera, shape = self.mesh, self.camera, SQUAREST_SHAPE[self.packet_width]
         tiles = Tiles(*SECOND_PASS_TILE, camera.width, camera.height)
         rows, columns = np.nonzero(np.isfinite(nearest_in_tiles(mesh, camera, tiles, left_out)))
@@ -195,11 +193,10 @@ class AlignedTracer(EmbreeGathering, _AlignedImages[Hits], ImageTracer):
 class FramesTracer(_AlignedImages[Frames]):
     """Several images from one set of rays: two eyes, or frames of a moving camera, each with its own cells.
 
-    meshes: one for all frames, or one per frame, so that geometry may move, too. alignment: `Alignment.of_eyes`,
-    `Alignment.of_frames`, or any other. options: see `atra.FramesOptions`; instances need one mesh for all
-    frames. `look` takes another alignment of as many frames, `update` other meshes of the same faces.
-    Raises InputError for another number of meshes than frames, and as `AlignedTracer` does.
-    Source: paper §6, Fig. 8.
+    meshes: one for all frames, or one per frame, so geometry may move. alignment: `Alignment.of_eyes`,
+    `Alignment.of_frames`, or any other. options: see `atra.FramesOptions`; instances need one mesh for all frames.
+    `look` takes another alignment of as many frames, `update` other vertices of the same faces. Raises InputError unless
+    there is one mesh or one per frame, and as `AlignedTracer` does. Source: paper §6, Fig. 8.
     """
 
     @lists_options(FramesOptions)
@@ -255,13 +252,13 @@ class FramesTracer(_AlignedImages[Frames]):
 
 
 def _unstacked(images: NDArray, shape: tuple[int, int, int]) -> NDArray:
-    """(K H, W), one image below the other -> (K, H, W), the same memory."""
+    """View (K H, W) images, one below the other, as (K, H, W)."""
     row_bytes, pixel_bytes = images.strides
     return np.lib.stride_tricks.as_strided(images, shape, (shape[1] * row_bytes, row_bytes, pixel_bytes))
 
 
 def _stacked(images: NDArray) -> NDArray:
-    """The reverse of `_unstacked`; arrays that are not its result come back with strides that do not fit."""
+    """The reverse of `_unstacked`. Arrays of other origin get strides that are refused later."""
     if images.ndim != 3:
         raise InputError(f"out has images of {images.shape}, expected (frames, height, width) of an earlier result")
     count, height, width = images.shape

@@ -1,5 +1,4 @@
-"""The loop over the reference rays, and that of the second pass, which traces what the first was not given, only where
-it may lie in front."""
+"""Kernels of aligned tracing: the pass over the reference rays, and the second pass for what the first left out."""
 
 from __future__ import annotations
 
@@ -12,23 +11,17 @@ from numpy.typing import NDArray
 
 from atra.compiled.intrinsics import fetch_add
 from atra.compiled.store import kernel
-from atra.embree.layout import (
-    HIT_GEOM_ID,
-    HIT_PRIM_ID,
-    RAY_TFAR,
-    RAY_TNEAR,
-    RAY_WORDS,
-    RayQueryContext,
-)
-from atra.embree.packets_kernels import INFINITY, MISS, START, hit_distance, hit_prim_id, intersect, set_pixel_ray
+from atra.embree.layout import HIT_GEOM_ID, HIT_PRIM_ID, RAY_TFAR, RAY_TNEAR, RAY_WORDS, RayQueryContext
+from atra.embree.packets_kernels import INFINITY, MISS, START, intersect, set_pixel_ray
+from atra.packets.pixel_kernels import keep_hits
 
 _CONTEXT_DEPTH = RayQueryContext.depth_address.offset // 8
 _CONTEXT_PRIM_ID = RayQueryContext.prim_id_address.offset // 8
 
 
 class Hidden(NamedTuple):
-    """What the first pass was not given. nearest: (tiles y, tiles x) float32, no ray of the tile meets any of it before
-    this depth, inf = never. tile_width, tile_height: in pixels, whole packets."""
+    """What the first pass left out. nearest: (tiles y, tiles x) float32, no ray of a tile meets it before this depth;
+    inf = never. tile_width, tile_height: pixels, whole packets."""
 
     nearest: NDArray[np.float32]
     tile_width: int
@@ -37,22 +30,18 @@ class Hidden(NamedTuple):
 
 @cache
 def verify_kernel(shape_x: int, shape_y: int, parallel: bool = False) -> Callable[..., None]:
-    """The second pass for packets of shape_x x shape_y pixels; the shape is a constant of the compiled code.
-
-    parallel: as for `atra.packets.pixel_kernels.pixel_kernel`.
-    """
+    """The second pass for packets of shape_x x shape_y pixels. parallel: as for `aligned_kernel`."""
     width = shape_x * shape_y
     tnear, tfar = RAY_TNEAR * width, RAY_TFAR * width
     prim_word, geom_word = (RAY_WORDS + HIT_PRIM_ID) * width, (RAY_WORDS + HIT_GEOM_ID) * width
 
     @kernel
     def verify_pixels(counter_address, scene, packet, rays, hidden, image, traced):  # type: ignore[no-untyped-def]
-        """Trace again, up to the depth already found, where something left out of the first pass may lie in front.
+        """Trace again where something left out of the first pass may lie in front of its hits.
 
-        Rays start at the depth before which nothing was left out, so that they pass through a short stretch only.
-
-        Packet and rays as in `trace_pixels`; image: holds the first pass's, nearer hits replace it. hidden: `Hidden`.
-        traced: (1,) int64, counts the packets traced, this thread's own.
+        Each ray covers the stretch from the tile's depth in `hidden` to the hit found. Packet and rays as in
+        `trace_pixels`. image: the first pass's, updated with nearer hits. hidden: `Hidden`. traced: (1,) int64, this
+        thread's count of packets.
         """
         floats, ids = packet.floats, packet.ids
         depth, prim_id = image.depth, image.prim_id
@@ -62,7 +51,7 @@ def verify_kernel(shape_x: int, shape_y: int, parallel: bool = False) -> Callabl
             ty = fetch_add(counter_address, 1)
             if ty >= hidden.nearest.shape[0]:
                 for lane in range(width):
-                    floats[tnear + lane] = START  # as the other loops expect it
+                    floats[tnear + lane] = START  # other kernels expect this
                 return
             for y0 in range(ty * tile_h, min((ty + 1) * tile_h, height), shape_y):
                 rows = min(shape_y, height - y0)
@@ -96,33 +85,26 @@ def verify_kernel(shape_x: int, shape_y: int, parallel: bool = False) -> Callabl
                                 is_open = row < rows and column < columns and depth[y, x] >= limit
                                 packet.valid[lane] = -1 if is_open else 0
                         intersect(width, packet.valid, scene, packet)
-                        for row in range(rows):
-                            for column in range(columns):
-                                lane = row * shape_x + column
-                                depth[y0 + row, x0 + column] = hit_distance(packet, width, lane)
-                                prim_id[y0 + row, x0 + column] = hit_prim_id(packet, width, lane)
+                        keep_hits(packet, width, columns, rows, shape_x, x0, y0, image)
 
     return verify_pixels
 
 
 @cache
 def aligned_kernel(shape_x: int, shape_y: int, parallel: bool = False) -> Callable[..., None]:
-    """The aligned loop for packets of shape_x x shape_y pixels; the shape is a constant of the compiled code.
-
-    parallel: rays differ in their origin, and share the direction that stands in the packet, instead of the reverse.
-    """
+    """The aligned pass for packets of shape_x x shape_y pixels. parallel: rays share a direction and differ in their
+    origins."""
     width = shape_x * shape_y
 
     @kernel
     def trace_aligned(counter_address, scene, packet, rays, cell_rows, image):  # type: ignore[no-untyped-def]
-        """Trace the reference cell; the filter writes the pixels of all cells straight into the image.
+        """Trace the reference cell's rays; the filter writes the pixels of all cells into the image.
 
-        packet: its constant fields (origin or direction, tnear, flags, inst_id) are set. image: written completely.
-        rays: the reference rays, as many columns and rows as a cell has.
-        cell_rows: rows of cells, those of all images.
-        A task is `shape_y` rows of the reference cell, and with them the same rows of every row of cells: no two tasks
-        write to the same image row. A packet may reach past the right border of its cell (its spare lanes are inactive
-        and rewrite what is there), never past its rows; memory has room for that between the rows of depth and prim_id.
+        packet: with its constant fields set (origin or direction, tnear, flags, inst_id). rays: the reference rays of
+        one cell. cell_rows: rows of cells, of all images together. image: written completely. A task is `shape_y` rows
+        of the reference cell and the same rows of every row of cells, so no two tasks write one image row. A packet may
+        reach past its cell's right border: those lanes are inactive and rewrite what is there, and image rows have room
+        for them.
         """
         depth, prim_id = image.depth, image.prim_id
         cell_height, cell_width = rays.rows.shape[1], rays.columns.shape[1]

@@ -1,4 +1,5 @@
-"""Alignment: which rays one set of reference rays stands for, and the affine maps that make it so (paper §3.1-3.3)."""
+"""Alignment: which rays one set of reference rays stands for, and the affine maps that carry them there (paper
+§3.1-3.3)."""
 
 from __future__ import annotations
 
@@ -19,16 +20,17 @@ from atra.geometry.split import Split
 from atra.geometry.view import View
 
 TOLERANCE_PIXELS = 1e-6
-"""How far beside its reference ray a mapped ray may lie: float64 leaves about 1e-9, float32 tracing 1e-4."""
+"""Largest distance in pixels between a mapped ray and its reference ray: well above float64's rounding, well below that
+of float32 tracing."""
 
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """One cell of one image: its rays, and how geometry must be moved so that the reference rays meet what they meet.
+    """One cell of one image and the map that carries its rays onto the reference rays.
 
-    image, i, j: image and cell. first_x, first_y: its upper left pixel; the pixel (first_x + c, first_y + r) is the
-    business of reference ray (c, r).
-    transform: (3, 4) float64, world points -> ray space of the first camera.
+    image, i, j: the image and the cell's column and row. first_x, first_y: the cell's upper left pixel; reference ray
+    (c, r) belongs to pixel (first_x + c, first_y + r). transform: (3, 4) float64, world points -> ray space of the
+    first camera.
     """
 
     image: int
@@ -41,27 +43,24 @@ class Part:
 
 @dataclass(frozen=True, eq=False)
 class Alignment:
-    """Images whose rays, cell by cell, one set of reference rays stands for.
+    """Images whose rays, cell by cell, coincide with one set of reference rays after an affine map.
 
-    Every image has a camera, and a linear map of its own that carries what its camera sees into the first camera's
-    ray space, so that all images then have the same rays. Of these, all cells of an image are laid onto one reference
-    cell: in camera space, for pinhole cameras,
+    A linear map per image carries its eye space into the first camera's ray space, where all images have the same rays.
+    A shear per cell then lays the cell onto the reference cell; in camera space, for pinhole cameras,
 
         X' = X - shift_x[i] Z,    Y' = Y - shift_y[j] Z,    Z' = Z
 
-    and for parallel rays the same with 1 in place of Z. Every ray keeps its parameter, which is the depth. The paper
-    takes cell (0, 0)'s own rays as the reference (paper §3.1); any translate of them serves as well, and where it lies
-    changes how well boxes along the world's axes fit its rays.
+    and for parallel rays the same with 1 in place of Z. Every ray keeps its parameter, which is the depth. The paper's
+    reference cell is cell (0, 0) (§3.1). Any translate of it works; its place decides how tightly axis-aligned boxes
+    fit the rays.
 
-    cameras: one per image, all pinhole or all orthographic, all with the same number of pixels.
-    split: the cells of every image.
-    linear: (K, 3, 3) float64, what is applied to the eye space of image k's camera.
-    first_x_pixels, first_y_pixels: left and top border of the reference cell on the first camera's image plane, in
-    pixels from the view axis. shift_x: (nx,) float64, shift_y: (ny,) float64: on the image plane.
+    cameras: one per image, all pinhole or all orthographic, of equal size in pixels. split: the cells of every image.
+    linear: (K, 3, 3) float64, applied to the eye space of image k's camera. first_x_pixels, first_y_pixels: left and
+    top border of the reference cell on the first camera's image plane, in pixels from the view axis. shift_x: (nx,)
+    float64, on the image plane. shift_y: (ny,) float64, on the image plane.
 
-    Raises InputError for cameras whose pixel grids or kinds differ, and, naming a ray, if the maps do not carry the
-    rays of every part one-to-one onto the reference rays with their parameters kept: the paper's condition (§3.3),
-    which is checked here, before anything is planned.
+    Raises InputError for cameras of different sizes or kinds, and, naming a ray, unless the maps carry the rays of
+    every part one-to-one onto the reference rays, parameter kept: the paper's condition (§3.3).
     """
 
     cameras: tuple[View, ...]
@@ -80,7 +79,7 @@ class Alignment:
 
     @classmethod
     def of_cells(cls, camera: View, split: Split, reference: str = "off_axis") -> Self:
-        """The cells of one image, a shear each: the paper's alignment (§3.1); translations where rays are parallel.
+        """The cells of one image: the paper's shears (§3.1), or translations for parallel rays.
 
         reference: one of `REFERENCES`. Raises InputError for any other.
         """
@@ -90,7 +89,7 @@ class Alignment:
     def of_eyes(cls, left: Camera, right: Camera, split: Split, reference: str = "off_axis") -> Self:
         """Two eyes side by side: the right eye's geometry is translated onto the left's (paper §6).
 
-        reference: as for `of_cells`. Raises InputError unless the cameras differ in nothing but the place of the eye.
+        reference: as for `of_cells`. Raises InputError unless the cameras differ in the eye's position alone.
         """
         if not (np.allclose(left.axes, right.axes, rtol=0, atol=1e-9) and left.plane == right.plane):
             raise InputError(
@@ -101,30 +100,29 @@ class Alignment:
 
     @classmethod
     def of_frames(cls, cameras: Sequence[View], split: Split, reference: str = "off_axis") -> Self:
-        """Frames of a moving camera (paper §6, Fig. 8): it may move, turn and change its field of view.
+        """Frames of a camera that may move, turn and change its field of view (paper §6, Fig. 8).
 
-        reference: as for `of_cells`. Raises InputError for another number of pixels, or a camera of another kind,
-        naming the frame.
+        reference: as for `of_cells`. Raises InputError, naming the frame, for a camera of another size or kind.
         """
         return cls._of_images(tuple(cameras), split, reference)
 
     @classmethod
     def _of_images(cls, cameras: tuple[View, ...], split: Split, reference: str) -> Self:
-        """Off the axis, reference rays start a quarter of the image from its centre, away from the world axis nearest
-        the view.
+        """Off the axis, the reference cell starts a quarter of the image from the centre, away from the world axis
+        nearest to the view.
 
-        Nearer the border the frustum is more slanted, and boxes fit it less well. Nearer to where a component of the
-        direction vanishes, the reciprocals in a packet, which Embree tests boxes with, lie far apart. An image axis
-        that is not split stays as it is. The centre is the image's, wherever the view axis meets the plane: so the
-        shears, which lengthen edges, are no longer for an image beside the axis.
+        Closer to the border the frustum is more slanted and boxes fit it less tightly. Closer to where a direction
+        component vanishes, the reciprocals in a packet, with which Embree tests boxes, differ more. An image axis that
+        is not split stays as it is. The centre is the image's own, even if the view axis meets the plane elsewhere.
         """
         check_same_grid(cameras)
-        check_reference(reference)
+        if reference not in REFERENCES:
+            raise InputError(f"reference is {reference!r}, expected one of {', '.join(REFERENCES)}")
         camera, plane = cameras[0], cameras[0].plane
         right, down, forward = camera.axes
         first_x_pixels, first_y_pixels = float(plane.columns(0)), float(plane.rows(0))
         centre_x, centre_y = first_x_pixels + camera.width / 2, first_y_pixels + camera.height / 2
-        # Rays through the centre head there; parallel ones head forward from wherever they start.
+        # Where the central ray heads; parallel rays all head forward.
         slope_x, slope_y = (0.0, 0.0) if camera.is_parallel else (centre_x * plane.pitch_x, centre_y * plane.pitch_y)
         towards = forward + slope_x * right + slope_y * down
         nearest = np.argmax(np.abs(towards))
@@ -146,24 +144,25 @@ class Alignment:
 
     @property
     def image_count(self) -> int:
+        """Number of images, K."""
         return len(self.cameras)
 
     @property
     def shears(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """(nx, 3), (ny, 3) float64, in ray space: what a column and a row of cells take off a point, per unit of depth,
-        or as it is where rays are parallel."""
+        """(nx, 3) and (ny, 3) float64, ray space: the shift of a point by its column and row of cells, per unit of
+        depth; for parallel rays the whole shift."""
         right, down, _ = ray_axes(self.cameras[0])
         return np.outer(self.shift_x, right), np.outer(self.shift_y, down)
 
     def parts(self) -> Iterator[Part]:
-        """All cells of all images: image after image, row after row."""
+        """All cells of all images: image by image, row by row."""
         transforms = self.transforms_from((0.0, 0.0, 0.0))
         for image, j, i in product(range(self.image_count), range(self.split.ny), range(self.split.nx)):
             first = i * self.split.cell_width, j * self.split.cell_height
             yield Part(image, i, j, *first, transforms[image, j, i])
 
     def transforms_from(self, origin: Vector) -> NDArray[np.float64]:
-        """(K, ny, nx, 3, 4) float64: points measured from `origin`, along the world's axes -> ray space."""
+        """(K, ny, nx, 3, 4) float64: points relative to `origin`, along the world's axes -> ray space."""
         shears_x, shears_y = self.shears
         shifts = shears_y[:, None] + shears_x
         first, split = self.cameras[0], self.split
@@ -179,7 +178,7 @@ class Alignment:
         return transforms
 
     def shear_points(self, points_camera: NDArray[np.floating], i: int, j: int) -> NDArray[np.float64]:
-        """First camera's space (N, 3) -> the same points in the reference rays' space of cell (i, j), float64."""
+        """(N, 3) points of the first camera's space -> float64, as cell (i, j) shears them onto the reference rays."""
         sheared = np.array(points_camera, np.float64)
         per_depth = 1.0 if self.cameras[0].is_parallel else sheared[:, 2]
         sheared[:, 0] -= self.shift_x[i] * per_depth
@@ -187,14 +186,8 @@ class Alignment:
         return sheared
 
 
-def check_reference(reference: str) -> None:
-    """Raise InputError for anything but one of `REFERENCES`."""
-    if reference not in REFERENCES:
-        raise InputError(f"reference is {reference!r}, expected one of {', '.join(REFERENCES)}")
-
-
 def check_same_grid(cameras: Sequence[View]) -> None:
-    """Raise InputError, naming the frame, unless all cameras are of one kind and have the same number of pixels."""
+    """Raise InputError, naming the frame, unless all cameras are of one kind and size."""
     if not cameras:
         raise InputError("no camera was given, expected at least one")
     first = cameras[0]
@@ -212,16 +205,16 @@ def check_same_grid(cameras: Sequence[View]) -> None:
 
 
 def _onto(first: View, camera: View) -> NDArray[np.float64]:
-    """(3, 3): eye space of `camera` -> ray space of `first`, so that pixel (x, y) has the same ray in both.
+    """(3, 3): eye space of `camera` -> ray space of `first`, so that each pixel has the same ray in both.
 
-    In camera space rays of equal pixels differ, across the view, by the ratio of the pixel pitches and by how far apart
-    the view axes meet the two image planes; not by the latter where rays are parallel.
+    In camera space the rays of a pixel differ by the ratio of pixel pitches and, unless parallel, by where the view
+    axes meet the image planes.
     """
     plane, own = first.plane, camera.plane
     apart_x, apart_y = float(plane.columns(0) - own.columns(0)), float(plane.rows(0) - own.rows(0))
     same_pixels = (plane.pitch_x, plane.pitch_y, apart_x, apart_y) == (own.pitch_x, own.pitch_y, 0.0, 0.0)
     if same_pixels and np.array_equal(camera.axes, first.axes):
-        return from_eye_space(first)  # exactly, so that walls along the world's axes stay flat
+        return from_eye_space(first)  # exact, so that axis-aligned walls stay flat
     onto = np.diag([plane.pitch_x / own.pitch_x, plane.pitch_y / own.pitch_y, 1.0])
     if not first.is_parallel:
         onto[:2, 2] = plane.pitch_x * apart_x, plane.pitch_y * apart_y
@@ -245,36 +238,26 @@ def _check_shapes(alignment: Alignment) -> None:
 
 
 def _check_images(alignment: Alignment) -> None:
-    """The rays of every image must be those of the first. Both are linear in the pixel, so the corners tell."""
+    """Every image must have the first one's rays. Rays are linear in the pixel, so checking the corners is enough."""
     first = alignment.cameras[0]
     x, y = np.array([0, first.width, 0, first.width]), np.array([0, 0, first.height, first.height])
     wanted = [side @ ray_axes(first) for side in first.rays(x, y, (0.0, 0.0))]
     for image, camera in enumerate(alignment.cameras):
         found = [side @ camera.axes @ alignment.linear[image].T for side in camera.rays(x, y, (0.0, 0.0))]
-        for corner in range(4):
-            _check_ray(image, (int(x[corner]), int(y[corner])), found, wanted, corner, first.pixel_pitch)
-
-
-def _check_ray(
-    image: int,
-    pixel: tuple[int, int],
-    found: Sequence[NDArray[np.float64]],
-    wanted: Sequence[NDArray[np.float64]],
-    corner: int,
-    pixel_pitch: float,
-) -> None:
-    for name, mapped, expected in zip(("origin", "direction"), found, wanted, strict=True):
-        beside = np.linalg.norm(mapped[corner] - expected[corner]) / pixel_pitch
-        if not beside <= TOLERANCE_PIXELS * max(1.0, float(np.linalg.norm(expected[corner]))):
-            raise InputError(
-                f"image {image}: its map carries the {name} of the ray of pixel {pixel} to {mapped[corner].tolist()}, "
-                f"expected {expected[corner].tolist()} as in image 0: affine maps must carry each ray onto its "
-                "reference ray, parameter kept (paper §3.3)"
-            )
+        for corner, (name, mapped, expected) in product(
+            range(4), zip(("origin", "direction"), found, wanted, strict=True)
+        ):
+            beside = np.linalg.norm(mapped[corner] - expected[corner]) / first.pixel_pitch
+            if not beside <= TOLERANCE_PIXELS * max(1.0, float(np.linalg.norm(expected[corner]))):
+                raise InputError(
+                    f"image {image}: its map carries the {name} of the ray of pixel {(int(x[corner]), int(y[corner]))} "
+                    f"to {mapped[corner].tolist()}, expected {expected[corner].tolist()} as in image 0: affine maps "
+                    "must carry each ray onto its reference ray, parameter kept (paper §3.3)"
+                )
 
 
 def _check_cells(alignment: Alignment) -> None:
-    """The borders of every cell must come to lie on those of the reference cell."""
+    """The borders of every cell must coincide with the reference cell's."""
     split, first = alignment.split, alignment.cameras[0]
     plane = first.plane
     for axis, shifts, cell, on_plane, pitch, start, pixels in (
@@ -287,6 +270,6 @@ def _check_cells(alignment: Alignment) -> None:
         if wrong.any():
             index = int(np.nonzero(wrong)[0][0])
             raise InputError(
-                f"shift_{axis}[{index}] is {shifts[index]}: it lays the rays of pixels with {axis} = {borders[index]} "
-                f"{beside[index]:g} pixels beside the reference rays, expected on them (paper §3.3)"
+                f"shift_{axis}[{index}] is {shifts[index]}: it maps the rays of pixels with {axis} = {borders[index]} "
+                f"{beside[index]:g} pixels away from the reference rays, expected onto them (paper §3.3)"
             )

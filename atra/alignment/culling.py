@@ -5,18 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from atra.alignment.alignment import Alignment
 from atra.alignment.culling_kernels import fill_copies
 from atra.alignment.options import FramesOptions
-from atra.alignment.rounding import Roundings, roundings_of_copies, roundings_of_translations
+from atra.alignment.rounding import image_roundings
 from atra.compiled.threads import WorkerPool
-from atra.exact.rounding_kernels import COPY_MULTIPLE, INSTANCE_MULTIPLE
 from atra.geometry.mesh import Mesh
 from atra.geometry.projection import count_kept, project_vertices
 from atra.geometry.ray_space import padded_vertices, unseen_from
-from atra.geometry.view import View
 from atra.tracing.budgets import check_image_size, check_memory_budget
 from atra.tracing.geometry import AlignedGeometry, LeftOut
 
@@ -24,15 +21,13 @@ from atra.tracing.geometry import AlignedGeometry, LeftOut
 def plan_aligned_geometry(
     meshes: Sequence[Mesh], alignment: Alignment, options: FramesOptions, row_stride: int, pool: WorkerPool
 ) -> AlignedGeometry:
-    """Shear a copy of every triangle for every cell, or with culling only for the cells whose frustum it meets.
+    """Shear a copy of every triangle for every cell; with culling, only for cells whose frustum it meets.
 
-    Triangles that no ray hits are left out (`plan_plain_geometry`).
-    meshes: what each image of the alignment sees; the same one may stand there several times.
-    A triangle is left out of a cell only if its part in front of the eye lies outside the cell's frustum by more than
-    a margin that absorbs rounding, so no hit is lost. One counting and one filling pass over the triangles, whatever
-    the number of cells.
-
-    row_stride: pixels from one image row to the next. Raises MemoryBudgetError before allocating the copies.
+    meshes: what each image of the alignment sees; one mesh may appear several times. row_stride: pixels from one image
+    row to the next. Culling drops a triangle only if its part in front of the eye lies outside the cell's frustum by
+    more than a margin for rounding, so no hit is lost. Triangles that no ray hits are dropped (`plan_plain_geometry`).
+    One counting and one filling pass go over the triangles, whatever the number of cells. Raises MemoryBudgetError
+    before allocating the copies.
     """
     split = alignment.split
     check_image_size(split.height * alignment.image_count, row_stride)
@@ -53,7 +48,7 @@ def plan_aligned_geometry(
         kept[unseen_from(camera, mesh)] = 0
         if without is not None:
             kept[without.prim_ids] = 0
-    # One after the other: the copies of triangle t of image k start at its place in this list.
+    # Where the copies of each triangle start, image after image.
     starts = np.concatenate([[0], np.cumsum(np.concatenate(counts))])
     copies = int(starts[-1])
     check_memory_budget(copies, split.cell_count * alignment.image_count, options)
@@ -65,46 +60,8 @@ def plan_aligned_geometry(
         own_starts = starts[first_triangle : first_triangle + mesh.triangle_count + 1]
         first_triangle += mesh.triangle_count
         place = image * split.height * row_stride, row_stride
-        _fill(pool, points, mesh, options.culling, cell, alignment.shears, place, own_starts, vertices, records)
+        outputs = *place, own_starts, vertices, records
+        inputs = *points, mesh.traced_faces, options.culling, *cell, *alignment.shears, *outputs
+        pool.run(lambda _, counter, inputs=inputs: fill_copies(counter, *inputs))  # type: ignore[misc]
     faces = np.arange(3 * copies, dtype=np.uint32).reshape(copies, 3)
     return AlignedGeometry(vertices, faces, records, left_out=tuple(left_out))
-
-
-def image_roundings(
-    mesh: Mesh,
-    camera: View,
-    alignment: Alignment,
-    pool: WorkerPool,
-    points: tuple[NDArray[np.float64], NDArray[np.float64]],
-    *,
-    is_instanced: bool = False,
-) -> Roundings:
-    """The roundings of one image's mesh; points: of `project_vertices`, as they are sheared."""
-    own = points[1] if camera is alignment.cameras[0] else project_vertices(mesh, camera, pool)[1]
-    multiple = INSTANCE_MULTIPLE if is_instanced else COPY_MULTIPLE
-    if camera.is_parallel:
-        roundings = roundings_of_translations(
-            mesh, camera, alignment, pool, points[0], own, points[1],
-            is_instanced=is_instanced, admitted_multiple=multiple,
-        )  # fmt: skip
-    else:
-        roundings = roundings_of_copies(mesh, alignment, pool, points[0], own, points[1], multiple)
-    roundings.left_out[mesh.without_area] = False  # that is so whatever they are traced with
-    return roundings
-
-
-def _fill(
-    pool: WorkerPool,
-    points: tuple[NDArray[np.float64], NDArray[np.float64]],
-    mesh: Mesh,
-    culling: bool,
-    cell: tuple[int, int, int, int],
-    shears: tuple[NDArray[np.float64], NDArray[np.float64]],
-    place: tuple[int, int],
-    starts: NDArray[np.int64],
-    vertices: NDArray[np.float32],
-    records: NDArray[np.int64],
-) -> None:
-    """place: first pixel of the image in the output, and pixels from one row to the next."""
-    rest = (*cell, *shears, *place, starts, vertices, records)
-    pool.run(lambda _, counter: fill_copies(counter, *points, mesh.traced_faces, culling, *rest))

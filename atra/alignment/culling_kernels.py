@@ -1,4 +1,4 @@
-"""Copies of triangles, sheared onto the reference rays, for the cells that each triangle meets."""
+"""Kernels that write sheared copies of triangles for the cells that each triangle meets."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from atra.geometry.projection_kernels import (
 
 @njit(forceinline=True)
 def write_copy(points_pixels, points_ray, faces, triangle, shears_x, shears_y, i, j, copy, vertices):  # type: ignore[no-untyped-def]
-    """The three corners of a triangle, sheared for cell (i, j), into `vertices` (3 N, 3) at place `copy`."""
+    """Shear a triangle for cell (i, j) and write it as copy number `copy` of `vertices`, (3 N, 3)."""
     for corner in range(3):
         vertex = faces[triangle, corner]
         depth = points_pixels[vertex, 2]
@@ -35,17 +35,12 @@ def fill_copies(  # type: ignore[no-untyped-def]
 ):  # fmt: skip
     """Write the sheared copies of each triangle from starts[t] on.
 
-    points_ray: (V, 3) float64. shears_x: (nx, 3), shears_y: (ny, 3) float64, what a column or row of cells takes
-    off a point per unit of c, which is the depth, or 1 where rays are parallel. first_pixel: of the image, from the
-    start of the output.
-    vertices: (3 N, 3) float32; records: (N,) int64, the copy's prim_id in the low half and the distance in pixels from
-    the reference cell's pixel to the cell's in the high half.
+    points_ray: (V, 3) float64. shears_x: (nx, 3), shears_y: (ny, 3) float64, a point's shift by its column and row of
+    cells per unit of c, which is the depth, or 1 for parallel rays. first_pixel: the image's first pixel in the output.
+    vertices: (3 N, 3) float32. records: (N,) int64, prim_id in the low half, in the high half the pixel distance from
+    the reference cell to the copy's.
     """
-    polygon, first, second = (
-        np.empty((CORNERS, 3)),
-        np.empty((CORNERS, 3)),
-        np.empty((CORNERS, 3)),
-    )
+    polygon, first, second = (np.empty((CORNERS, 3)), np.empty((CORNERS, 3)), np.empty((CORNERS, 3)))
     while True:
         start = fetch_add(counter_address, 1) * CHUNK
         if start >= len(faces):

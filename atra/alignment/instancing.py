@@ -1,4 +1,4 @@
-"""The plan of an aligned scene without copies: the mesh once, and one shear per cell (paper §4.4 suggests it)."""
+"""The plan of an aligned scene with instances: the mesh once, and one shear per cell (suggested in paper §4.4)."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.alignment.alignment import Alignment
-from atra.alignment.culling import image_roundings
+from atra.alignment.rounding import image_roundings
 from atra.compiled.threads import WorkerPool
 from atra.geometry.mesh import Mesh
 from atra.geometry.projection import project_vertices
@@ -16,22 +16,21 @@ from atra.tracing.geometry import AlignedGeometry, LeftOut, plan_plain_geometry
 from atra.tracing.options import CellOptions
 
 PLAN_BYTES_PER_INSTANCE = 48 + 8
-"""Transform, record."""
+"""A transform and a record."""
 
 EMBREE_BYTES_PER_INSTANCE = 600
-"""Growth of the process per instance at the peak of a build, rounded up: 373 to 560 with 16,384 instances, most for low
-quality. After it Embree reports 312 to 323."""
+"""Growth of the process per instance at the peak of a build, rounded up."""
 
 
 def plan_instanced_geometry(
     mesh: Mesh, alignment: Alignment, options: CellOptions, row_stride: int, pool: WorkerPool
 ) -> AlignedGeometry:
-    """The mesh itself in the first camera's ray space, and for every part of the alignment a transform onto the
-    reference rays. Left out, of all images, are triangles that an instance would show less exactly in one of them than
-    a ray of the mesh itself (`atra.alignment.rounding`).
+    """The mesh in the first camera's ray space, and a transform onto the reference rays for every part, in the order of
+    `Alignment.parts`.
 
-    Instances are in the order of `Alignment.parts`. row_stride: pixels from one image row to the next. Raises
-    MemoryBudgetError before allocating, InputError for an output with too many pixels.
+    Leaves out of all images the triangles that an instance would show less precisely in any of them than a ray of the
+    mesh itself (`atra.alignment.rounding`). row_stride: pixels from one image row to the next. Raises MemoryBudgetError
+    before allocating, InputError for an output with too many pixels.
     """
     split = alignment.split
     rows = split.height * alignment.image_count
@@ -58,8 +57,8 @@ def plan_instanced_geometry(
 
 
 def instance_transforms(alignment: Alignment) -> NDArray[np.float32]:
-    """(parts, 3, 4) float32, row-major affine transforms: first camera's ray space -> the reference rays' of each
-    part, in the order of `Alignment.parts`."""
+    """(parts, 3, 4) float32: row-major affine transforms from the first camera's ray space to each part's reference
+    rays."""
     first = alignment.cameras[0]
     transforms = alignment.transforms_from(first.eye).reshape(-1, 3, 4)
     transforms[:, :, :3] = transforms[:, :, :3] @ from_eye_space(first).T
@@ -67,7 +66,7 @@ def instance_transforms(alignment: Alignment) -> NDArray[np.float32]:
 
 
 def check_instancing_budget(mesh: Mesh, instance_count: int, options: CellOptions) -> None:
-    """Raise MemoryBudgetError if the mesh and its instances would exceed the budget or the memory that is free now."""
+    """Raise MemoryBudgetError if the mesh and its instances exceed the budget or the memory that is free now."""
     needed = len(mesh.vertices) * 12 + mesh.triangle_count * EMBREE_BYTES_PER_COPY[options.build_quality]
     needed += instance_count * (PLAN_BYTES_PER_INSTANCE + EMBREE_BYTES_PER_INSTANCE)
     what = f"{mesh.triangle_count:,} triangles and {instance_count:,} instances of them"

@@ -8,7 +8,7 @@ from atra.errors import InputError
 from atra.tracing.options import CellKeywords, CellOptions, option
 
 REFERENCES = ("off_axis", "first_cell")
-"""Cells whose rays are shot: one a quarter of the image from its centre, or the first, as in the paper."""
+"""The reference cell: one a quarter of the image from its centre, or the first cell, as in the paper."""
 
 
 class ReferenceRayKeywords(CellKeywords, total=False):
@@ -17,12 +17,14 @@ class ReferenceRayKeywords(CellKeywords, total=False):
 
 @dataclass(frozen=True)
 class ReferenceRayOptions(CellOptions):
-    """Options of tracers whose packets lie in one cell; `VisibleFirstTracer` has these.
+    """Options of `VisibleFirstTracer`, and of all tracers whose packets lie within a cell.
 
-    A packet or a cell that has no such rows is refused where the cell is known.
+    Rows that a packet or a cell cannot have are refused once the cell is known.
     """
 
-    packet_rows: int | None = option(None, "rows of pixels in a packet; null = what suits the cell", null="automatic")
+    packet_rows: int | None = option(
+        None, "rows of pixels in a packet; null = the best fit for the cell", null="automatic"
+    )
 
 
 class FramesKeywords(ReferenceRayKeywords, total=False):
@@ -32,17 +34,14 @@ class FramesKeywords(ReferenceRayKeywords, total=False):
 
 @dataclass(frozen=True)
 class FramesOptions(ReferenceRayOptions):
-    """Options of `FramesTracer`.
-
-    An instance is always the whole mesh, so instances need `culling=False`; InputError is raised for both together.
-    """
+    """Options of `FramesTracer`. Raises InputError for instances with culling: an instance is always the whole mesh."""
 
     geometry: str = option(
         "copied",
         "copied = a sheared copy of the triangles per cell, instanced = one Embree instance of them per cell",
         choices=("copied", "instanced"),
     )
-    culling: bool = option(True, "each cell's copy keeps only what its frustum meets")
+    culling: bool = option(True, "keep only triangles that a cell's frustum meets")
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -63,7 +62,7 @@ class AlignedOptions(FramesOptions):
 
     reference: str = option(
         "off_axis",
-        "where the rays that are shot lie: a quarter of the image from its centre, or in the first cell, as in the "
-        "paper; the image is the same",
+        "reference cell: off_axis = a quarter of the image from its centre, first_cell = as in the paper; the image is "
+        "the same",
         choices=REFERENCES,
     )

@@ -1,4 +1,4 @@
-"""Tracers with aligned rays: the cells, the reference rays and the loop that shoots them, which they share."""
+"""What tracers with aligned rays share: the cells, the reference rays, and the pass that traces them."""
 
 from __future__ import annotations
 
@@ -23,16 +23,16 @@ from atra.whole_numbers import is_whole_number
 
 
 class ReferenceRayTracer(EmbreeTracer[Result]):
-    """Shoots the rays of one reference cell; what they hit, and how the hits are kept, is the subclass's.
+    """Traces the rays of one reference cell; subclasses decide through which geometry.
 
-    Raises InputError for packet rows that a packet or a cell lacks.
+    Raises InputError for packet rows that a packet or a cell cannot have.
     """
 
     options_type: ClassVar[type[ReferenceRayOptions]] = ReferenceRayOptions
     options: ReferenceRayOptions
 
     def _align(self, meshes: Sequence[Mesh], alignment: Alignment) -> None:
-        """Take an alignment and the mesh of each of its images; changes nothing where they are refused."""
+        """Take an alignment and the mesh of each image. Changes nothing if they are refused."""
         split, views = alignment.split, tuple(zip(meshes, alignment.cameras, strict=True))
         check_views(views)
         packet_shape = choose_packet_shape(self.packet_width, split, self.options.packet_rows)
@@ -49,7 +49,7 @@ class ReferenceRayTracer(EmbreeTracer[Result]):
         cell_rows, image = self.alignment.image_count * self.split.ny, Image(depth, prim_id)
         kernel = aligned_kernel(*self.packet_shape, self.camera.is_parallel)
         scene = self._scene_address
-        share_direction(self._workspaces, self.camera)  # a second pass may have left another image's
+        share_direction(self._workspaces, self.camera)  # a second pass may have set another image's
 
         def work(worker: int, counter: int) -> None:
             kernel(counter, scene, self._workspaces[worker].packet, rays, cell_rows, image)
@@ -58,21 +58,21 @@ class ReferenceRayTracer(EmbreeTracer[Result]):
 
 
 def reference_rays(alignment: Alignment, offset: tuple[float, float]) -> RayGrid:
-    """The rays that are shot for all cells of an alignment, at a sub-pixel position."""
+    """The rays that are traced for all cells of an alignment, at a sub-pixel offset."""
     columns = alignment.first_x_pixels + np.arange(alignment.split.cell_width)
     rows = alignment.first_y_pixels + np.arange(alignment.split.cell_height)
     return RayGrid(*ray_grid(alignment.cameras[0], columns + offset[0], rows + offset[1]))
 
 
 def _row_stride(split: Split, packet_shape: tuple[int, int]) -> int:
-    return split.width + -split.cell_width % packet_shape[0]  # lanes the last packet of a row reaches past the image
+    return split.width + -split.cell_width % packet_shape[0]  # plus lanes of the last packet past the image
 
 
 def choose_packet_shape(packet_width: int, split: Split, packet_rows: int | None = None) -> tuple[int, int]:
-    """(columns, rows) of a packet for cells of this size: the fewest idle lanes, then the widest rows.
+    """(columns, rows) of a packet in cells of this size: the fewest idle lanes, then the widest rows.
 
-    A shape of several rows is taken only where the rows divide the cell, because tasks share out the image by rows.
-    packet_rows: take this many rows instead. Raises InputError if a packet or a cell has no such rows.
+    Rows must divide the cell's height, because tasks share out the image by rows. packet_rows: rows to take instead.
+    Raises InputError if a packet or a cell cannot have them.
     """
     shapes = [(packet_width >> k, 1 << k) for k in range(packet_width.bit_length())]
     fitting = {y: (x, y) for x, y in shapes if split.cell_height % y == 0}

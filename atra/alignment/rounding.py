@@ -1,4 +1,4 @@
-"""Rounding: how far float32 may be off about the depth of a triangle, and which triangles no sheared copy may show."""
+"""Rounding: the depth error of float32, and the triangles that sheared copies would show too imprecisely."""
 
 from __future__ import annotations
 
@@ -9,18 +9,19 @@ from numpy.typing import NDArray
 
 from atra.alignment.alignment import Alignment
 from atra.compiled.threads import WorkerPool
-from atra.exact.rounding_kernels import COPY_MULTIPLE, ParallelRays, judge_copies, judge_translations
+from atra.exact.rounding_kernels import COPY_MULTIPLE, INSTANCE_MULTIPLE, ParallelRays, judge_copies, judge_translations
 from atra.geometry.mesh import Mesh
+from atra.geometry.projection import project_vertices
 from atra.geometry.ray_space import ray_axes
 from atra.geometry.view import View
 
 
 @dataclass(frozen=True, eq=False)
 class Roundings:
-    """What float32 makes of the depth of each triangle.
+    """Depth errors of float32, triangle by triangle.
 
-    depth_error: (F,) float64, relative to the depth: how far off a ray of the mesh itself may be; inf where the plane
-    passes through the eye. left_out: (F,) bool, a sheared copy could be further off than is admitted (COPY_MULTIPLE).
+    depth_error: (F,) float64, relative error of a ray of the mesh itself; inf where the plane passes through the eye.
+    left_out: (F,) bool, a sheared copy may exceed the admitted error (COPY_MULTIPLE).
     """
 
     depth_error: NDArray[np.float64]
@@ -36,10 +37,10 @@ def roundings_of_copies(
     points_ray: NDArray[np.float64],
     admitted_multiple: float = COPY_MULTIPLE,
 ) -> Roundings:
-    """The roundings of a mesh that is seen through the cells of an alignment of pinhole cameras.
+    """The rounding errors of a mesh seen through the cells of an alignment of pinhole cameras.
 
-    points_pixels, points_ray: of `culling.project_vertices`, as they are sheared. points_own: the same in the ray space
-    of the mesh's own camera, which for all images but the first is another.
+    points_pixels, points_ray: from `project_vertices`, with the image's linear map. points_own: without it, in the ray
+    space of the mesh's own camera; for the first image they are the same.
     """
     depth_error, left_out = np.empty(mesh.triangle_count), np.empty(mesh.triangle_count, np.uint8)
     points = points_pixels, points_own, points_ray
@@ -49,28 +50,30 @@ def roundings_of_copies(
     return Roundings(depth_error, left_out.view(np.bool_))
 
 
-def roundings_of_translations(
+def image_roundings(
     mesh: Mesh,
     camera: View,
     alignment: Alignment,
     pool: WorkerPool,
-    points_pixels: NDArray[np.float64],
-    points_own: NDArray[np.float64],
-    points_ray: NDArray[np.float64],
+    points: tuple[NDArray[np.float64], NDArray[np.float64]],
     *,
-    is_instanced: bool,
-    admitted_multiple: float,
+    is_instanced: bool = False,
 ) -> Roundings:
-    """As `roundings_of_copies`, of a mesh that is seen through the cells of an alignment of orthographic cameras.
-
-    camera: that of the mesh. `depth_error` is 0: near the image plane there is no relative one.
-    """
-    split, left_out = alignment.split, np.empty(mesh.triangle_count, np.uint8)
-    points = points_pixels, points_own, points_ray
-    rays = _parallel_rays(camera, alignment), _parallel_rays(alignment.cameras[0], alignment)
-    rest = *alignment.shears, split.cell_width, split.cell_height, is_instanced, admitted_multiple, left_out
-    pool.run(lambda _, counter: judge_translations(counter, *points, mesh.traced_faces, *rays, *rest))
-    return Roundings(np.zeros(mesh.triangle_count), left_out.view(np.bool_))
+    """The rounding errors of one image's mesh; for an orthographic camera `depth_error` is 0, as there is no relative
+    error near the image plane. points: from `project_vertices`, with the image's linear map."""
+    own = points[1] if camera is alignment.cameras[0] else project_vertices(mesh, camera, pool)[1]
+    multiple = INSTANCE_MULTIPLE if is_instanced else COPY_MULTIPLE
+    if camera.is_parallel:
+        split, left_out = alignment.split, np.empty(mesh.triangle_count, np.uint8)
+        rays = _parallel_rays(camera, alignment), _parallel_rays(alignment.cameras[0], alignment)
+        rest = *alignment.shears, split.cell_width, split.cell_height, is_instanced, multiple, left_out
+        faces = mesh.traced_faces
+        pool.run(lambda _, counter: judge_translations(counter, points[0], own, points[1], faces, *rays, *rest))
+        roundings = Roundings(np.zeros(mesh.triangle_count), left_out.view(np.bool_))
+    else:
+        roundings = roundings_of_copies(mesh, alignment, pool, points[0], own, points[1], multiple)
+    roundings.left_out[mesh.without_area] = False  # no ray hits them anyway
+    return roundings
 
 
 def _parallel_rays(camera: View, alignment: Alignment) -> ParallelRays:

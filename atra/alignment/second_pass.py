@@ -1,4 +1,4 @@
-"""The second pass of a frame: pixel by pixel, up to the depth found, what the aligned pass was not given."""
+"""The second pass of a frame: trace what the aligned pass left out, pixel by pixel, up to the depth already found."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from atra.tracing.rays import SQUAREST_SHAPE, image_ray_grid, share_direction
 
 
 class SecondPass:
-    """Goes over an image in packets of pixels, tile by tile, and lets nearer hits replace those of the first pass.
+    """Traces an image in packets of pixels, tile by tile, and lets nearer hits replace those of the first pass.
 
-    Where the hits found so far are nearer than anything in the scene can be in that tile, a packet is done; elsewhere
-    it is traced from there on up to the depth found.
+    A packet is skipped if its hits are nearer than anything in the scene can be in its tile; otherwise it is traced
+    from that depth to the depth found.
 
-    scene: of triangles in the camera's ray space, `prim_id` for `prim_id`; closed with `close`. nearest: shape of
-    `tiles`, float32, before this depth no ray of the tile meets any of them; inf = never.
+    scene: triangles in the camera's ray space, with the mesh's prim_ids; `close` closes it. nearest: (tile rows, tile
+    columns) float32, no ray of a tile meets the scene before this depth; inf = never.
     """
 
     def __init__(self, scene: EmbreeScene, camera: View, tiles: Tiles, nearest: NDArray[np.float32]) -> None:
@@ -42,12 +42,12 @@ class SecondPass:
         depth: NDArray[np.float32],
         prim_id: NDArray[np.uint32],
     ) -> None:
-        """depth, prim_id: (H, W), the image of the first pass, changed in place."""
+        """Update the first pass's image; depth, prim_id: (H, W), changed in place."""
         camera, tiles, scene = self._camera, self._tiles, self.scene.address
         rays, image = RayGrid(*image_ray_grid(camera, offset)), Image(depth, prim_id)
         hidden = Hidden(self._nearest, tiles.tile_width, tiles.tile_height)
         kernel = verify_kernel(*SQUAREST_SHAPE[packet_width], camera.is_parallel)
-        self._packets_traced = np.zeros((len(workspaces), 16), np.int64)  # a cache line or two for each thread
+        self._packets_traced = np.zeros((len(workspaces), 16), np.int64)  # separate cache lines per thread
 
         share_direction(workspaces, camera)
 
@@ -58,7 +58,7 @@ class SecondPass:
 
     @property
     def packets_traced(self) -> int:
-        """Packets that the last frame had to trace."""
+        """Packets traced in the last frame."""
         return int(self._packets_traced[:, 0].sum())
 
     def close(self) -> None:
@@ -66,10 +66,10 @@ class SecondPass:
 
 
 def with_neighbours(mesh: Mesh, prim_ids: NDArray[np.integer]) -> NDArray[np.bool_]:
-    """(F,) bool: the triangles `prim_ids`, (N,), N > 0, and all that share a corner's position with one of them.
+    """(F,) bool: the triangles `prim_ids`, (N,) with N > 0, and all that share a corner's position with one of them.
 
-    Copies and the mesh itself are rounded differently, so a ray could slip through between a triangle of the one and a
-    neighbour of the other. Where rays are also shot at the neighbours, as the mesh has them, none can.
+    Copies and the mesh are rounded differently, so a ray could slip through between a copy and an uncopied neighbour.
+    Tracing the neighbours in the mesh as well closes the gap.
     """
     keys = position_keys(mesh)
     wanted = np.unique(keys[mesh.faces[prim_ids]])

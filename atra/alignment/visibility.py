@@ -1,8 +1,8 @@
-"""The plan of visible-first tracing: what its first pass gets, and what the second must be able to rule out.
+"""The plan of visible-first tracing: which copies the first pass gets, and what the second pass must rule out.
 
-The image is divided into small tiles. A probe says how far one sees in each of them, roughly; a copy of a triangle goes
-into the first pass where it may lie nearer than that in some tile of its cell. What is left out is remembered as one
-number per tile: the depth before which no ray of the tile, at whatever sub-pixel position, can meet it.
+The image is divided into small tiles. A probe estimates the visible depth of each. The first pass gets the copies of
+triangles that may lie nearer than that in some tile of their cell. For the rest, each tile stores the depth before
+which no ray of the tile, at any sub-pixel offset, can meet them.
 """
 
 from __future__ import annotations
@@ -25,16 +25,17 @@ from atra.tracing.geometry import AlignedGeometry, LeftOut
 from atra.tracing.options import CellOptions
 
 DEPTH_SLACK = 1e-4
-"""Relative margin on the depth of what is left out, or its own error in float32 where that is larger."""
+"""Smallest relative margin on the depth of what is left out; a triangle's float32 error replaces it where larger."""
 
 SEEN_SLACK = 1e-3
-"""Relative margin behind the probe's depth within which copies are kept; more than DEPTH_SLACK, or the surfaces the
-probe saw would fail their own test."""
+"""Relative margin behind the probe's depth within which copies are kept. It exceeds DEPTH_SLACK, or the surfaces that
+the probe saw would fail their own test."""
 
 
 @dataclass(frozen=True)
 class Tiles:
-    """The grid of tiles over an image, tile_width x tile_height pixels each; the last of a row or column may be cut."""
+    """A grid of tiles over an image. tile_width, tile_height: pixels of a tile; the last of a row or column may be cut.
+    width, height: pixels of the image."""
 
     tile_width: int
     tile_height: int
@@ -49,10 +50,10 @@ class Tiles:
 
 @dataclass(frozen=True, eq=False)
 class VisiblePlan:
-    """Geometry of the first pass, and the bound on everything else.
+    """The geometry of the first pass, and a bound on the rest.
 
-    nearest_hidden: (tile rows, tile columns) float32: before this depth, no ray of a tile meets a triangle that its
-    cell's copies lack; inf where they lack none.
+    nearest_hidden: (tile rows, tile columns) float32, no ray of a tile meets a left-out triangle before this depth; inf
+    where none is left out.
     """
 
     geometry: AlignedGeometry
@@ -69,12 +70,12 @@ def plan_visible_geometry(
     row_stride: int,
     pool: WorkerPool,
 ) -> VisiblePlan:
-    """Shear a copy of every triangle for the cells in which a probe says it may be seen.
+    """Shear a copy of every triangle for the cells in which a probe says it may be visible.
 
-    alignment: of the cells of one image.
-    probed: (F,) uint8, non-zero: keep the triangle in every cell it meets; and, shape of `tiles`, keep what may be
-    nearer than this in a tile (inf: everything, 0: nothing). Both are guesses and cost time when wrong, never a hit.
-    row_stride: pixels from one image row to the next. Raises MemoryBudgetError before allocating the copies.
+    alignment: the cells of one image. probed: (F,) uint8, non-zero = keep the triangle in every cell it meets; and
+    (tile rows, tile columns), keep what may be nearer than this (inf: everything, 0: nothing). A wrong probe costs
+    time, never a hit. row_stride: pixels from one image row to the next. Raises MemoryBudgetError before allocating the
+    copies.
     """
     split, (camera,), (seen, seen_depth) = alignment.split, alignment.cameras, probed
     check_image_size(split.height, row_stride)
@@ -121,24 +122,24 @@ def plan_visible_geometry(
 
 
 def nearest_in_tiles(mesh: Mesh, camera: View, tiles: Tiles, left_out: LeftOut) -> NDArray[np.float32]:
-    """Shape of `tiles`: before this depth, no ray of a tile meets one of the triangles left out; inf where it meets
-    none. Where rays are parallel the depth is 0: what is left out lies near the image plane."""
+    """(tile rows, tile columns) float32: no ray of a tile meets a left-out triangle before this depth; inf where none
+    is met. For parallel rays it is 0 or inf: what is left out lies near the image plane."""
     hidden, one_cell = np.zeros(tiles.shape), np.zeros(tiles.shape[1], np.int64)
     kept_nowhere, counter = np.ones(len(left_out.prim_ids), np.bool_), np.zeros(1, np.int64)
     faces = mesh.traced_faces[left_out.prim_ids]
-    faces.flags.writeable = False  # as those of a mesh: others would be another kernel
+    faces.flags.writeable = False  # like a mesh's; Numba would compile another kernel for writable ones
     count_visible(
         counter.ctypes.data, left_out.points_pixels, faces, kept_nowhere.view(np.uint8), kept_nowhere,
         np.maximum(left_out.depth_error, DEPTH_SLACK), hidden, tiles.tile_width, tiles.tile_height,
         camera.width, camera.height, camera.height, one_cell, one_cell, hidden,
         np.empty(len(left_out.prim_ids), np.int64),
     )  # fmt: skip
-    nearest = _nearest(hidden)  # of parallel rays, whose third coordinate is 1, it only tells which tiles are met
+    nearest = _nearest(hidden)  # for parallel rays it only tells which tiles are met
     return np.where(np.isfinite(nearest), np.float32(0.0), nearest) if camera.is_parallel else nearest
 
 
 def _nearest(inverse_depth: NDArray[np.float64]) -> NDArray[np.float32]:
-    """inverse_depth: (..., tile rows, tile columns), the largest of each thread."""
+    """Nearest depths from the largest inverse depths of each thread, (..., tile rows, tile columns)."""
     with np.errstate(divide="ignore"):
         nearest = 1.0 / inverse_depth.reshape(-1, *inverse_depth.shape[-2:]).max(axis=0)
     return nearest.astype(np.float32)

@@ -1,12 +1,12 @@
-"""The copies that may be seen, judged against a depth per tile of pixels.
+"""Kernels that find the copies that may be visible, by a depth per tile of pixels.
 
-A triangle is rasterised onto tiles of pixels, conservatively: every tile that a ray through it may lie in, and for each
-a bound from below on the depth of the hit. Coordinates are homogeneous pixels (a, b, c) as in `projection_kernels`. In
-them the ray of position (x, y) hits the plane of corners p0, p1, p2, with normal n = (p1 - p0) x (p2 - p0), at
+A triangle is rasterised onto tiles conservatively: every tile that a ray through it may lie in, with a lower bound on
+the depth there. Coordinates are homogeneous pixels (a, b, c) as in `projection_kernels`. The ray at (x, y) meets the
+plane of corners p0, p1, p2, with normal n = (p1 - p0) x (p2 - p0), at
 
     1 / depth = n . (x, y, 1) / n . p0
 
-which is linear in x and y and also holds for triangles that reach behind the eye; so are the three edges.
+This is linear in x and y, also for triangles that reach behind the eye. So are the three edge functions.
 """
 
 from __future__ import annotations
@@ -22,18 +22,18 @@ CHUNK = 1024
 """Triangles a thread takes at a time."""
 
 LINES = 4
-"""Rows of the array that holds a triangle's linear functions: three edges, then the inverse depth."""
+"""Rows of a triangle's linear functions: three edges, then the inverse depth."""
 
 _RELIABLE = 1e-9
-"""Below this share of its summands, a float64 difference says nothing and the bounding box is used instead."""
+"""A float64 difference below this fraction of its terms is taken as noise; the bounding box is used instead."""
 
 
 @njit(forceinline=True)
 def _set_up(points_pixels, faces, triangle, tile_w, tile_h, width, height, lines):  # type: ignore[no-untyped-def]
-    """The triangle's linear functions into `lines` (LINES, 3).
+    """Write the triangle's linear functions into `lines`, (LINES, 3).
 
-    Returns (left, right, top, bottom, inverse depth of the nearest corner in front, number of lines that can be relied
-    on: 0 or LINES); left > right where nothing is in the image.
+    Returns (left, right, top, bottom, inverse depth of the nearest corner in front, reliable lines: 0 or LINES); left >
+    right for a triangle outside the image.
     """
     v0, v1, v2 = faces[triangle, 0], faces[triangle, 1], faces[triangle, 2]
     a0, b0, c0 = points_pixels[v0, 0], points_pixels[v0, 1], points_pixels[v0, 2]
@@ -53,7 +53,7 @@ def _set_up(points_pixels, faces, triangle, tile_w, tile_h, width, height, lines
         if left > right or top > bottom:
             return 1.0, 0.0, 1.0, 0.0, 0.0, 0
         if int(left / tile_w) == int(right / tile_w) and int(top / tile_h) == int(bottom / tile_h):
-            return left, right, top, bottom, nearest, 0  # nothing to be gained in a single tile
+            return left, right, top, bottom, nearest, 0  # a single tile needs no functions
     ua, ub, uc = a1 - a0, b1 - b0, c1 - c0
     wa, wb, wc = a2 - a0, b2 - b0, c2 - c0
     na, nb, nc = ub * wc - uc * wb, uc * wa - ua * wc, ua * wb - ub * wa
@@ -75,14 +75,14 @@ def _set_up(points_pixels, faces, triangle, tile_w, tile_h, width, height, lines
         noise = 1e-14 * ((abs(pb * qc) + abs(pa * qc)) * max(width, height) + abs(pa * qb))
         if abs(ea) + abs(eb) > noise:
             lines[edge, 0], lines[edge, 1], lines[edge, 2] = sign * ea, sign * eb, sign * ec
-        else:  # an edge too short to have a direction excludes nothing
+        else:  # an edge too short to have a direction
             lines[edge, 0], lines[edge, 1], lines[edge, 2] = 0.0, 0.0, 0.0
     return left, right, top, bottom, nearest, LINES
 
 
 @njit(forceinline=True)
 def _columns(lines, count, left, right, top, bottom):  # type: ignore[no-untyped-def]
-    """Pixel range (low, high) of the triangle between two image rows; low > high where it is not there."""
+    """Pixel range (low, high) of the triangle between two image rows; low > high where it is absent."""
     for k in range(count):
         slope = lines[k, 0]
         constant = lines[k, 2] + max(lines[k, 1] * top, lines[k, 1] * bottom)
@@ -97,14 +97,14 @@ def _columns(lines, count, left, right, top, bottom):  # type: ignore[no-untyped
 
 @njit(forceinline=True)
 def _cells(left, right, tile_w, first_cell, last_cell):  # type: ignore[no-untyped-def]
-    """First and last column of cells that the tiles between two pixel positions meet."""
+    """First and last column of cells met by the tiles between two pixel positions."""
     last_tile = len(first_cell) - 1
     return first_cell[min(int(left / tile_w), last_tile)], last_cell[min(int(right / tile_w), last_tile)]
 
 
 @njit(forceinline=True)
 def _inverse_depth(lines, count, nearest, tx, top, bottom, tile_w):  # type: ignore[no-untyped-def]
-    """Bound from above on 1 / depth in one tile."""
+    """Upper bound on 1 / depth in a tile."""
     if count == 0:
         return nearest
     x0, x1 = tx * tile_w - MARGIN_PIXELS, (tx + 1) * tile_w + MARGIN_PIXELS
@@ -118,9 +118,9 @@ def _mark_cells(  # type: ignore[no-untyped-def]
     lines, count, left, right, top, bottom, nearest, j, cell_height, tile_w, tile_h, first_cell, last_cell, wanted,
     seen, left_out, near, tiles,
 ):  # fmt: skip
-    """Set `near` for the columns of cells in row j where the triangle may be seen, unless it is left out of all.
+    """Set `near` for the columns of cells in row j where the triangle may be visible, unless it is left out.
 
-    Returns the first and last row of tiles the triangle meets there; tiles[ty] are its first and last tile in each.
+    Returns the first and last row of tiles it meets there; tiles[ty] are the first and last tile in each row.
     """
     ty_first = max(int(top / tile_h), j * cell_height // tile_h)
     ty_last = min(int(bottom / tile_h), ((j + 1) * cell_height - 1) // tile_h)
@@ -146,14 +146,13 @@ def count_visible(  # type: ignore[no-untyped-def]
     counter_address, points_pixels, faces, seen, left_out, depth_slack, wanted, tile_w, tile_h, width, height,
     cell_height, first_cell, last_cell, hidden, counts,
 ):  # fmt: skip
-    """counts[t] = number of cells in which triangle t may be seen; hidden[tile] = nearest of those left out.
+    """Count the cells that each triangle's copies are kept in, and bound what is left out.
 
-    points_pixels: (V, 3) float64 homogeneous pixels. seen: (F,) uint8, triangles to keep wherever they are; left_out:
-    (F,) bool, those to keep nowhere. depth_slack: (F,) float64, by how much nearer a triangle may be hit, relative.
-    wanted: (tiles y, tiles x) float64, the inverse depth from which on a triangle is kept: 0 keeps all, inf none.
-    first_cell, last_cell: (tiles x,) the columns of cells that a column of tiles meets.
-    hidden: (tiles y, tiles x) float64, largest inverse depth in a tile of what was left out in a cell there; this
-    thread's own.
+    points_pixels: (V, 3) float64 homogeneous pixels. seen: (F,) uint8, triangles to keep in every cell they meet.
+    left_out: (F,) bool, triangles to keep nowhere. depth_slack: (F,) float64, relative margin on a triangle's depth.
+    wanted: (tiles y, tiles x) float64, inverse depth from which a triangle is kept: 0 keeps all, inf none. first_cell,
+    last_cell: (tiles x,), the columns of cells that a column of tiles meets. hidden: (tiles y, tiles x) float64,
+    written: largest inverse depth of what some cell of the tile leaves out; this thread's. counts: (F,) int64, written.
     """
     lines = np.empty((LINES, 3))
     near = np.zeros(last_cell[-1] + 1, np.uint8)

@@ -1,4 +1,4 @@
-"""Visible-first: align what is likely to be seen, then verify what was left out, only where it could matter."""
+"""Visible-first tracing: align what is probably visible, then check what was left out, only where it could matter."""
 
 from __future__ import annotations
 
@@ -31,36 +31,30 @@ from atra.tracing.options import lists_options
 from atra.tracing.rays import SQUAREST_SHAPE, check_pinhole, pixel_tiles, ray_grid
 
 PROBE_STEP = 4
-"""The default probe shoots a ray every PROBE_STEP pixels, across and down, along the borders of the tiles."""
+"""The default probe traces a ray every PROBE_STEP pixels, across and down, along the borders of tiles."""
 
 WHOLE_BUILD_QUALITY = "low"
-"""Of the BVH of the whole mesh, which is also compact. It serves the probe and the few packets that are verified, so a
-quick build and a small size matter more than its tracing speed."""
+"""Build quality of the whole mesh's BVH, which is also compact. Only the probe and a few packets use it, so build time
+and size matter more than tracing speed."""
 
 TILE_WIDTHS, TILE_HEIGHT = (4, 8), 4
-"""Pixels of a tile: the granularity at which visibility is guessed when planning and proven when tracing.
-
-Whole packets, and no wider than narrow cells, because a copy is kept in every cell that its tile meets."""
+"""Tile sizes in pixels: the resolution of the visibility estimate. Tiles hold whole packets; they are no wider than
+narrow cells, because a copy is kept in every cell that its tile meets."""
 
 
 class VisibleFirstTracer(ReferenceRayTracer[Hits], ImageTracer):
-    """Alignment without overdraw: the copies a probe takes for hidden are left out, and verified per pixel.
+    """Alignment without overdraw: copies that a probe takes for hidden are left out, and checked per pixel.
 
-    Pass 1 traces, aligned, the copies of triangles that may be seen according to the probe, and that float32 can show
-    as exactly as a ray of the mesh itself would (`atra.alignment.rounding`). Pass 2 goes over the image
-    in packets of pixels: where the hits found so far are nearer than anything that was left out can be in that tile,
-    the packet is done; elsewhere it is traced through the whole mesh, up to the depth found, and nearer hits win. The
-    image is exact for any probe; a bad one costs time.
+    Pass 1 traces aligned copies of the triangles that the probe deems visible and float32 shows as precisely as a ray
+    of the mesh itself (`atra.alignment.rounding`). Pass 2 goes over the image in packets of pixels. It skips a packet
+    whose hits are nearer than anything left out in its tile can be; other packets are traced through the whole mesh, up
+    to the depth found. The image is exact for any probe; a bad one costs time. This lifts the limit of paper §5.
 
-    split: (nx, ny) cells; nx must divide the width, ny the height. probe: None shoots a few rays when planning;
-    `Hits` of an image of the same size, such as an earlier frame or another camera near by, are taken as they are; an
-    integer array of prim_ids, which may be empty, names the triangles for pass 1. options: see
-    `atra.ReferenceRayOptions`; the build quality is that of the copies in pass 1.
-    Raises InputError for a split that does not divide the image, a probe of another size, and a prim_id that the mesh
-    does not have.
-
-    plan_time_s counts the probe, too (`counters["probe_time_s"]`); build_time_s counts both BVHs.
-    Lifts the limit of paper §5.
+    split: (nx, ny) cells; nx must divide the width, ny the height. probe: None traces a few rays when planning; `Hits`
+    of an image of the same size, such as an earlier frame or a nearby camera; or an integer array of prim_ids for pass
+    1, which may be empty. options: see `atra.ReferenceRayOptions`; the build quality is that of pass 1. plan_time_s
+    includes the probe (`counters["probe_time_s"]`), build_time_s both BVHs. Raises InputError for a split that does not
+    divide the image, a probe of another size, and an unknown prim_id.
     """
 
     @lists_options(ReferenceRayOptions)
@@ -132,10 +126,10 @@ class VisibleFirstTracer(ReferenceRayTracer[Hits], ImageTracer):
         return plan.geometry
 
     def _probe_depth(self) -> NDArray[np.float64]:
-        """Shoot the default probe: how far one sees in each tile, by rays on its border.
+        """Trace the default probe: the visible depth of each tile, from rays on its border.
 
-        Neighbouring tiles share the rays, and an outline that crosses a tile is likely to separate two of its corners.
-        A single far corner does not count: keeping all that lies before it costs more than to verify a few packets.
+        Neighbouring tiles share rays, and an outline that crosses a tile probably separates two of its corners. A
+        single far corner does not count: keeping all that lies before it costs more than checking a few packets.
         """
         camera = self.camera
         assert self._whole is not None
@@ -184,7 +178,7 @@ class VisibleFirstTracer(ReferenceRayTracer[Hits], ImageTracer):
     @property
     @in_turn
     def counters(self) -> Mapping[str, float]:
-        """What `atra.Tracer` says of counters; packets_verified and probe_time_s are known, too."""
+        """As `atra.Tracer` says; packets_verified and probe_time_s are known as well."""
         verified = 0 if self._second_pass is None else self._second_pass.packets_traced
         return {**super().counters, "packets_verified": verified, "probe_time_s": self._probe_time_s}
 
@@ -197,7 +191,7 @@ class VisibleFirstTracer(ReferenceRayTracer[Hits], ImageTracer):
     @property
     @in_turn
     def embree_bytes(self) -> int:
-        """Bytes Embree holds for both scenes by its own account; 0 before `build`."""
+        """Bytes that Embree reports for both scenes; 0 before `build`."""
         return super().embree_bytes + (0 if self._whole is None else self._whole.embree_bytes)
 
     def _forget(self) -> None:
@@ -208,7 +202,7 @@ class VisibleFirstTracer(ReferenceRayTracer[Hits], ImageTracer):
 
 
 def _checked_prim_ids(mesh: Mesh, probe: Any) -> NDArray[np.int64]:
-    """The triangles a probe names, as int64; misses (`MISS`) are left out."""
+    """The triangles a probe names, as int64 without misses (`MISS`)."""
     prim_ids = np.asarray(probe)
     if prim_ids.size and prim_ids.dtype.kind not in "iu":
         raise InputError(f"the probe has dtype {prim_ids.dtype}, expected whole numbers: prim_ids of triangles seen")
@@ -218,6 +212,6 @@ def _checked_prim_ids(mesh: Mesh, probe: Any) -> NDArray[np.int64]:
         raise InputError(
             f"the probe names prim_id {absent.min()}, but {mesh.name!r} has {mesh.triangle_count} triangles"
         )
-    is_seen = np.zeros(mesh.triangle_count, np.bool_)  # `np.unique` hashes, and takes ten times as long
+    is_seen = np.zeros(mesh.triangle_count, np.bool_)  # much faster than `np.unique`
     is_seen[prim_ids] = True
     return np.flatnonzero(is_seen)

@@ -1,1 +1,1 @@
-"""All hits of a ray: what can be made of them, and the results, whoever finds the hits."""
+"""All hits of a ray: the reductions over them, their results, and the kernels that reduce."""

@@ -1,4 +1,4 @@
-"""Closed meshes: those that have an inside, because no edge of theirs is open."""
+"""Closed meshes: those without open edges, which have an inside."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from atra.errors import InputError
 from atra.geometry.mesh import Mesh
 
 _NAMED = 3
-"""Edges that an error names."""
+"""Open edges named in an error."""
 
 _closed: WeakSet[Mesh] = WeakSet()
-"""Meshes that were found closed, which takes longer than a frame; a mesh never changes."""
+"""Meshes known to be closed. The check takes longer than a frame, and a mesh never changes."""
 
 
 def open_edges(mesh: Mesh) -> NDArray[np.int64]:
-    """(N, 2) int64, pairs of vertices whose edge triangles pass more often this way than the other.
+    """(N, 2) int64: edges, as pairs of vertices, that triangles traverse more often in this direction than in the
+    other.
 
-    Vertices of one position count as one, and the lowest of them is named; how many triangles share an edge does not
-    matter, as long as they pass it as often one way as the other.
+    Vertices at one position count as one, named by the lowest number. Any number of triangles may share an edge.
     """
     lowest, same = np.unique(mesh.vertices + np.float32(0.0), axis=0, return_index=True, return_inverse=True)[1:]
     faces = lowest[same.reshape(-1)][mesh.faces]
@@ -36,21 +36,21 @@ def open_edges(mesh: Mesh) -> NDArray[np.int64]:
 
 
 def check_closed(mesh: Mesh) -> None:
-    """Raise InputError, naming edges, for a mesh that is not closed, and for one that is inside out."""
+    """Raise InputError for a mesh with open edges, naming some, and for one that is inside out."""
     if mesh in _closed:
         return
     edges = open_edges(mesh)
     if len(edges):
         named = ", ".join(f"{a}-{b}" for a, b in edges[:_NAMED].tolist())
         raise InputError(
-            f"{mesh.name!r} is not closed, so it has no thickness: {len(edges)} edges are passed more often one way "
-            f"than the other, first {named} (vertices); close its holes, and turn its triangles alike"
+            f"{mesh.name!r} is not closed, so it has no thickness: it has {len(edges)} open edges, first {named} "
+            "(vertices); close its holes and orient its triangles alike"
         )
     corners = mesh.vertices.astype(np.float64)[mesh.faces] - mesh.bounds.mean(axis=0)
     volume = float(np.einsum("ij,ij->i", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])).sum()) / 6.0
     if volume < 0.0:
         raise InputError(
-            f"{mesh.name!r} is inside out, its volume is {volume:g}; turn its triangles so that they run "
-            "counterclockwise, seen from outside"
+            f"{mesh.name!r} is inside out, its volume is {volume:g}; make its triangles counterclockwise "
+            "seen from outside"
         )
     _closed.add(mesh)

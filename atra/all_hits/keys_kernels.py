@@ -1,4 +1,4 @@
-"""Keys: a hit as one whole number, its depth above its prim_id; so layers are in the order of their keys."""
+"""Sort keys of hits: one integer, depth above prim_id, so layers sort by their keys."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def _keys(builder: ir.IRBuilder, depths: ir.Value, prim_ids: ir.Value) -> ir.Val
 
 @intrinsic
 def keys_of(typingctx: Any, depth: Any, prim_ids: Any) -> Any:
-    """Of depths, float32 that are not negative, and as many uint32."""
+    """Keys of non-negative float32 depths and uint32 prim_ids."""
 
     def codegen(context: Any, builder: ir.IRBuilder, signature: Any, values: list[ir.Value]) -> ir.Value:
         return _keys(builder, *values)
@@ -56,7 +56,7 @@ def _half(place: int, kind: types.Type) -> Any:
 
 
 prim_ids_of, depths_of = _half(0, types.uint32), _half(1, types.float32)
-"""prim_ids_of(keys), depths_of(keys): what `keys_of` made them of."""
+"""prim_ids_of(keys) and depths_of(keys): the inverse of `keys_of`."""
 
 
 def _pointers(builder: ir.IRBuilder, first: ir.Value, second: ir.Value, lanes: int) -> list[ir.Value]:
@@ -66,7 +66,7 @@ def _pointers(builder: ir.IRBuilder, first: ir.Value, second: ir.Value, lanes: i
 
 @intrinsic(prefer_literal=True)
 def load_keys(typingctx: Any, first: Any, second: Any, lanes: Any) -> Any:
-    """Keys, the first half of them at one address and the others at another."""
+    """Load keys whose halves lie at two addresses."""
     count = lanes.literal_value
 
     def codegen(context: Any, builder: ir.IRBuilder, signature: Any, values: list[ir.Value]) -> ir.Value:
@@ -87,7 +87,7 @@ def _store(builder: ir.IRBuilder, keys: ir.Value, first: ir.Value, second: ir.Va
 
 @intrinsic
 def store_keys(typingctx: Any, keys: Any, first: Any, second: Any) -> Any:
-    """The reverse of `load_keys`."""
+    """The inverse of `load_keys`."""
 
     def codegen(context: Any, builder: ir.IRBuilder, signature: Any, values: list[ir.Value]) -> ir.Value:
         _store(builder, *values)
@@ -97,7 +97,7 @@ def store_keys(typingctx: Any, keys: Any, first: Any, second: Any) -> Any:
 
 
 def _exchanges(count: int) -> Iterator[tuple[int, int]]:
-    """Pairs of places that sort a power of two of keys if each pair in turn is put in order.
+    """Pairs of places; ordering each pair in turn sorts `count` keys, a power of two.
 
     Source: K. E. Batcher, "Sorting networks and their applications", 1968: odd-even merging.
     """
@@ -112,10 +112,10 @@ def _exchanges(count: int) -> Iterator[tuple[int, int]]:
 
 @intrinsic(prefer_literal=True)
 def sort_few(typingctx: Any, depths: Any, prim_ids: Any, plane: Any, counts: Any, count: Any, kept: Any) -> Any:
-    """Sort the layers of as many pixels as `counts` has lanes, and store keys of the first `kept` in their place.
+    """Sort the layers of as many pixels as `counts` has lanes, and store the keys of the first `kept` in their place.
 
-    depths, prim_ids: addresses in the first layer; plane: bytes to the next. count: the most hits of a pixel, a power
-    of two; so many layers are read.
+    depths, prim_ids: addresses in the first layer. plane: bytes to the next layer. count: layers to read, a power of
+    two and at least the most hits of a pixel.
     """
     lanes, layers, wanted = counts.lanes, count.literal_value, kept.literal_value
 

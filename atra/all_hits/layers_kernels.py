@@ -1,4 +1,4 @@
-"""Layers: the hits of each pixel, taken in any order, sorted when all are there and written to where they belong."""
+"""Kernels of layers: sort each pixel's hits, which were taken in any order, and write them to the image."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from atra.compiled.vectors import bits_of, repeated, where
 from atra.prim_ids import MISS
 
 _LANES = 16
-"""Pixels that are sorted at once: a cache line, which is written as a whole."""
+"""Pixels sorted at once; their numbers fill a cache line."""
 
 _ROWS = 8
 """Rows a thread takes at a time."""
@@ -22,7 +22,7 @@ _ROWS = 8
 
 @njit
 def _sort_many(counts, most, values, prim_ids, plane, kept):  # type: ignore[no-untyped-def]
-    """Sort by putting one layer after the other into its place. Addresses as for `sort_few`."""
+    """Insertion sort of layers. Addresses as for `sort_few`."""
     nothing = keys_of(repeated(np.float32(np.inf), _LANES), repeated(np.uint32(MISS), _LANES))
     for layer in range(most):
         place = layer * plane
@@ -49,10 +49,8 @@ def _sort_many(counts, most, values, prim_ids, plane, kept):  # type: ignore[no-
 
 @njit
 def _sort(pixel, target, kept):  # type: ignore[no-untyped-def]
-    """Sort the layers of _LANES pixels, so that the first `kept` hold their nearest hits; returns how many hold one.
-
-    They hold keys then, where their depths and prim_ids were.
-    """
+    """Sort the layers of _LANES pixels so that the first `kept` hold the keys of their nearest hits; returns how many
+    layers hold any."""
     counts = load(target.counts + pixel * 4, np.uint32(0), _LANES)
     values, prim_ids, plane = target.values + pixel * 4, target.prim_ids + pixel * 4, target.plane * 4
     most, layers = min(highest(counts), target.layers), target.layers
@@ -79,8 +77,8 @@ def _write(numbers, address, is_aligned):  # type: ignore[no-untyped-def]
 
 @njit
 def finish_layers(top, bottom, width, taken, image):  # type: ignore[no-untyped-def]
-    """Sort the rows top ... bottom of a `Target` of layers, `taken`, and write them to another, `image`, or the same;
-    past the caches where its rows begin at cache lines. What no hit was taken for becomes none."""
+    """Sort the rows top ... bottom of a `Target` of layers and write them to `image`, which may be the same. Layers
+    beyond a pixel's hits become misses. Rows aligned to cache lines are written past the caches."""
     farthest, nobody = repeated(np.float32(np.inf), _LANES), repeated(np.uint32(MISS), _LANES)
     is_aligned = (image.values | image.prim_ids | image.counts | image.row * 4) % (_LANES * 4) == 0
     for y in range(top, bottom + 1):
@@ -104,7 +102,7 @@ def finish_layers(top, bottom, width, taken, image):  # type: ignore[no-untyped-
 
 @njit
 def finish_numbers(top, bottom, width, taken, image):  # type: ignore[no-untyped-def]
-    """Write the rows top ... bottom of a `Target` of one number a pixel to another, past the caches as well."""
+    """Write the rows top ... bottom of a `Target` of one number per pixel to another, as `finish_layers` does."""
     is_aligned = (image.values | image.row * 4) % (_LANES * 4) == 0
     for y in range(top, bottom + 1):
         for x in range(0, width, _LANES):
@@ -114,7 +112,7 @@ def finish_numbers(top, bottom, width, taken, image):  # type: ignore[no-untyped
 
 @kernel
 def finish_image(counter_address, height, width, block):  # type: ignore[no-untyped-def]
-    """`finish_layers` of a whole image, where it is."""
+    """`finish_layers` for a whole image, in place."""
     target = target_at(block)
     while True:
         top = fetch_add(counter_address, 1) * _ROWS

@@ -1,4 +1,4 @@
-"""Gathering by arithmetic on the list of all crossings: slow, and what the kernels are compared with."""
+"""Reductions by plain NumPy on a list of all crossings: slow, the reference that kernels are compared with."""
 
 from __future__ import annotations
 
@@ -16,11 +16,10 @@ from atra.prim_ids import MISS
 
 @dataclass(frozen=True, eq=False)
 class Crossings:
-    """Every triangle that the ray of a pixel crosses, pixel after pixel, in the order of depth and then prim_id.
+    """Every triangle that a pixel's ray crosses, sorted by pixel, depth and prim_id.
 
     pixels: (N,) int64, y * width + x. prim_ids: (N,) uint32. depths: (N,) float64, scene units along the view axis.
-    leaving: (N,) bool, the ray leaves a closed mesh there, whose triangles turn counterclockwise seen from outside.
-    mesh, camera, offset: what was seen, and through which sub-pixel position.
+    leaving: (N,) bool, the ray leaves a closed mesh there. mesh, camera, offset: what was traced.
     """
 
     pixels: NDArray[np.int64]
@@ -33,7 +32,7 @@ class Crossings:
 
 
 def gather_plainly(found: Crossings, what: Reduction[Gathered]) -> Gathered:
-    """`what` of every pixel of the image whose crossings were found. Raises InputError as `gather` of a tracer does."""
+    """Reduce the crossings of each pixel by `what`. Raises InputError as a tracer's `gather` does."""
     mesh, camera = found.mesh, found.camera
     arrays = _reduced(what, what.weights(mesh), found, camera.width * camera.height)
     shape = (camera.height, camera.width)

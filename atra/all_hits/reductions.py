@@ -1,9 +1,9 @@
-"""Reductions: what `gather` makes of all hits along a ray.
+"""Reductions: what `gather` computes from all hits of a ray.
 
-A ray crosses a triangle if its sample lies in the triangle's projection, and in front of the eye. On an edge or a
-corner, it counts as moved to the right by less than any number and down by less than that: so of the triangles around
-it exactly those are crossed that a ray near by crosses, and a closed mesh is left as often as entered. Every method
-decides that alike, exactly, on the corners as projected in float64 (`atra.exact.edges_kernels`).
+A ray crosses a triangle if its sample lies in the triangle's projection, in front of the eye. A sample on an edge or
+corner counts as moved right, and by far less down, by an infinitesimal distance. So it crosses exactly the triangles
+that some nearby ray crosses, and leaves a closed mesh as often as it enters. All methods decide this exactly, on
+corners projected in float64 (`atra.exact.edges_kernels`).
 """
 
 from __future__ import annotations
@@ -24,13 +24,14 @@ from atra.prim_ids import MISS
 from atra.whole_numbers import is_whole_number
 
 MOST_LAYERS = 1024
-"""Layers of one image; a layer takes eight bytes a pixel."""
+"""Most layers of an image; a layer takes eight bytes per pixel."""
 
 Gathered = TypeVar("Gathered", bound=Counts | Thicknesses | Transmittances | LayerHits)
 
 
 class Plane(NamedTuple):
-    """An array of a result. before: what stands before (H, W) in its shape. kind: of number. start: with no hit."""
+    """An array of a result. before: its leading shape, before (H, W). kind: its dtype. start: its value without a
+    hit."""
 
     before: tuple[int, ...]
     kind: type[np.generic]
@@ -38,23 +39,23 @@ class Plane(NamedTuple):
 
 
 class Reduction(ABC, Generic[Gathered]):
-    """What is gathered; `result` is the type of what `gather` returns, `kind` the number kernels know it by."""
+    """What is gathered. result: the type of `gather`'s result. kind: the number by which kernels know it."""
 
     result: type[Gathered]
     kind: ClassVar[int]
 
     @abstractmethod
     def planes(self) -> dict[str, Plane]:
-        """Arrays of the result by name."""
+        """The arrays of the result, by name."""
 
     def weights(self, mesh: Mesh) -> NDArray[np.float32] | None:
-        """(F,) float32, a number for each triangle, or None. Raises InputError for a mesh that this is not for."""
+        """(F,) float32, a number per triangle, or None. Raises InputError for an unsuitable mesh."""
         return None
 
 
 @dataclass(frozen=True)
 class Count(Reduction[Counts]):
-    """How many triangles each ray crosses."""
+    """The number of triangles each ray crosses."""
 
     result = Counts
     kind = COUNT
@@ -65,9 +66,9 @@ class Count(Reduction[Counts]):
 
 @dataclass(frozen=True)
 class Thickness(Reduction[Thicknesses]):
-    """How long the way inside of closed meshes is, whose triangles turn counterclockwise, seen from outside.
+    """The length of each ray inside closed meshes, whose triangles are counterclockwise seen from outside.
 
-    `gather` raises InputError for a mesh that is not closed, naming edges, or that is inside out.
+    `gather` raises InputError for a mesh with open edges, naming some, and for one that is inside out.
     """
 
     result = Thicknesses
@@ -82,10 +83,10 @@ class Thickness(Reduction[Thicknesses]):
 
 @dataclass(frozen=True, eq=False)
 class Transmittance(Reduction[Transmittances]):
-    """The product of a factor for each triangle that the ray crosses, in any order.
+    """The product of a factor for each triangle that the ray crosses.
 
-    factors: a number in [0, 1] for all triangles, or an array-like (F,), one for each. Kept as float32.
-    Raises InputError for a factor outside, naming it; `gather`, if there are not as many as triangles.
+    factors: in [0, 1], one number for all triangles, or (F,) one per triangle; kept as float32. Raises InputError for a
+    factor outside, naming it; `gather` raises it for the wrong number of factors.
     """
 
     factors: NDArray[np.float32] = field(repr=False)
@@ -111,9 +112,9 @@ class Transmittance(Reduction[Transmittances]):
 
 @dataclass(frozen=True)
 class Layers(Reduction[LayerHits]):
-    """The k nearest hits of each ray in the order of their depth, and how many hits there are in all.
+    """The k nearest hits of each ray, sorted by depth, and the number of all its hits.
 
-    Raises InputError for a k that is no whole number from 1 to MOST_LAYERS.
+    k: layers, 1 to MOST_LAYERS. Raises InputError for any other k.
     """
 
     k: int
@@ -134,7 +135,7 @@ class Layers(Reduction[LayerHits]):
 
 
 def check_reduction(what: Any) -> None:
-    """Raise InputError for anything that cannot be gathered."""
+    """Raise InputError for anything that is not a reduction."""
     if not isinstance(what, Reduction):
         raise InputError(
             f"cannot gather {what!r:.100}, expected atra.Count(), Thickness(), Transmittance(factors) or Layers(k)"
@@ -145,7 +146,9 @@ def _checked_factors(given: ArrayLike) -> NDArray[np.float32]:
     try:
         factors = np.array(given, np.float64)
     except (TypeError, ValueError):
-        raise InputError(f"transmittance is {given!r:.100}, expected a number, or an array of one a triangle") from None
+        raise InputError(
+            f"transmittance is {given!r:.100}, expected a number, or an array of one per triangle"
+        ) from None
     if factors.ndim > 1:
         raise InputError(f"transmittance has factors of shape {factors.shape}, expected (F,), or one number")
     outside = np.flatnonzero(~((factors >= 0.0) & (factors <= 1.0)))  # NaN, too

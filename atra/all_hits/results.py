@@ -1,6 +1,6 @@
-"""Results: what was gathered of all hits along the ray of every pixel.
+"""Results of gathering all hits of every pixel's ray.
 
-Their arrays are read-only: a tracer that overwrites a result need not write again what is known to be there.
+Their arrays are read-only, so a tracer that overwrites an earlier result knows what is there and can skip it.
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ from atra.geometry.view import View
 
 @dataclass(frozen=True, eq=False)
 class Counts:
-    """How many triangles the ray of every pixel crosses; row 0 is the top of the image.
+    """The number of triangles the ray of every pixel crosses; row 0 is the top of the image.
 
-    count: (H, W) uint32. A ray that starts outside of a closed mesh crosses it an even number of times.
-    offset: the sub-pixel position of the rays. mesh, camera: what was traced.
+    count: (H, W) uint32; even for a closed mesh seen from outside. offset: the sub-pixel offset of the rays. mesh,
+    camera: what was traced.
     """
 
     count: NDArray[np.uint32]
@@ -31,12 +31,11 @@ class Counts:
 
 @dataclass(frozen=True, eq=False)
 class Thicknesses:
-    """How long the way through the inside of closed meshes is.
+    """The length of every ray inside closed meshes; overlapping meshes count separately.
 
-    thickness: (H, W) float32, scene units along the view axis, as depth is: the sum of the depths at which the ray
-    leaves less those at which it enters, from the eye on. Being a difference of depths, it is as exact as they are:
-    to some 1e-6 of the farthest, not of itself. Where closed meshes overlap, each counts.
-    offset, mesh, camera: as in `Counts`.
+    thickness: (H, W) float32, scene units along the view axis, like depth: the depths at which the ray leaves minus
+    those at which it enters. As a difference it is as precise as depths are, about 1e-6 of the farthest. offset, mesh,
+    camera: as in `Counts`.
     """
 
     thickness: NDArray[np.float32]
@@ -46,7 +45,7 @@ class Thicknesses:
 
     @cached_property
     def ray_lengths(self) -> NDArray[np.float32]:
-        """(H, W) float32, how long each ray is for a unit of depth: 1 where rays are parallel."""
+        """(H, W) float32, length of each ray per unit of depth; 1 for parallel rays."""
         directions = self.camera.rays(
             np.arange(self.camera.width), np.arange(self.camera.height)[:, None], self.offset
         )[1]
@@ -55,16 +54,16 @@ class Thicknesses:
 
     @property
     def along_rays(self) -> NDArray[np.float32]:
-        """(H, W) float32, scene units along the ray: `thickness` times `ray_lengths`."""
+        """(H, W) float32, thickness along the ray: `thickness` times `ray_lengths`."""
         return self.thickness * self.ray_lengths
 
 
 @dataclass(frozen=True, eq=False)
 class Transmittances:
-    """What is left of light behind all triangles that a ray crosses.
+    """The light that passes all triangles a ray crosses.
 
-    transmittance: (H, W) float32, the product of their factors; 1 where nothing is hit.
-    offset, mesh, camera: as in `Counts`.
+    transmittance: (H, W) float32, the product of their factors; 1 where nothing is hit. offset, mesh, camera: as in
+    `Counts`.
     """
 
     transmittance: NDArray[np.float32]
@@ -75,12 +74,10 @@ class Transmittances:
 
 @dataclass(frozen=True, eq=False)
 class LayerHits:
-    """The nearest k hits of every pixel, in the order of their depth.
+    """The nearest k hits of every pixel, sorted by depth and then prim_id.
 
-    depth: (k, H, W) float32, along the view axis in scene units, inf = no such layer. prim_id: (k, H, W) uint32,
-    `MISS` = none. Hits of equal depth are in the order of their prim_id.
-    count: (H, W) uint32, all hits: where it is larger than k, those beyond are not in the layers.
-    offset, mesh, camera: as in `Counts`.
+    depth: (k, H, W) float32, along the view axis in scene units; inf = no such layer. prim_id: (k, H, W) uint32, `MISS`
+    = none. count: (H, W) uint32, all hits, which may be more than k. offset, mesh, camera: as in `Counts`.
     """
 
     depth: NDArray[np.float32]

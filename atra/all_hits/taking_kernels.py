@@ -1,4 +1,4 @@
-"""Taking: a hit becomes part of what is gathered, each reduction in its own way, as vectors of pixels."""
+"""Taking a hit: each reduction's update of the target, for a vector of pixels."""
 
 from __future__ import annotations
 
@@ -19,49 +19,26 @@ from atra.compiled.store import njit
 from atra.compiled.vectors import bits_of, rarely, repeated, where
 
 COUNT, THICKNESS, TRANSMITTANCE, LAYERS = range(4)
-"""Kinds of reduction: constants of compiled code, so that each has its own."""
-
-
-@njit(forceinline=True)
-def _take_count(lanes, nx, taken, pixel, target):  # type: ignore[no-untyped-def]
-    """One more for every hit."""
-    place, row = target.values + pixel * 4, target.row * 4
-    store_rows(one_more(taken, load_rows(place, row, np.uint32(0), lanes, nx)), place, row, nx)
-
-
-@njit(forceinline=True)
-def _take_thickness(lanes, nx, taken, depth, weight, pixel, target):  # type: ignore[no-untyped-def]
-    """The depths at which rays leave, less those at which they enter."""
-    place, row = target.values + pixel * 4, target.row * 4
-    old = load_rows(place, row, np.float32(0.0), lanes, nx)
-    store_rows(where(taken, old + repeated(weight, lanes) * depth, old), place, row, nx)
-
-
-@njit(forceinline=True)
-def _take_factor(lanes, nx, taken, weight, pixel, target):  # type: ignore[no-untyped-def]
-    """The product of the factors."""
-    place, row = target.values + pixel * 4, target.row * 4
-    old = load_rows(place, row, np.float32(0.0), lanes, nx)
-    store_rows(where(taken, old * repeated(weight, lanes), old), place, row, nx)
+"""Kinds of reduction; constants in compiled code, so that each has kernels of its own."""
 
 
 @njit(forceinline=True)
 def is_nearer(depth, prim_id, other, other_id):  # type: ignore[no-untyped-def]
-    """The mask where a hit comes before another one in the order of layers."""
+    """Mask: the hit comes before another one in the order of layers."""
     same = (depth <= other) & (other <= depth)
     return (other > depth) | (same & is_below(prim_id, other_id))
 
 
 @njit(forceinline=True)
 def _put(lanes, nx, mask, depth, prim_ids, place, target):  # type: ignore[no-untyped-def]
-    """Store the lanes of a mask in a layer, `place` bytes from the first one's first pixel on."""
+    """Store the lanes of a mask in a layer, `place` bytes behind the first layer's first pixel."""
     store_rows_where(mask, depth, target.values + place, target.row * 4, nx)
     store_rows_where(mask, prim_ids, target.prim_ids + place, target.row * 4, nx)
 
 
 @njit(forceinline=True)
 def _put_last(lanes, nx, mask, depth, prim_ids, pixel, target):  # type: ignore[no-untyped-def]
-    """Put a hit among the layers, and the farthest of all of them in the last one, in place of what is there."""
+    """Insert a hit into full layers, which drops the farthest; the farthest of the rest ends in the last layer."""
     row, place = target.row * 4, pixel * 4
     for _ in range(target.layers - 1):
         other = load_rows(target.values + place, row, np.float32(0.0), lanes, nx)
@@ -77,8 +54,8 @@ def _put_last(lanes, nx, mask, depth, prim_ids, pixel, target):  # type: ignore[
 
 @njit(forceinline=True)
 def _put_next(lanes, nx, free, bits, before, depth, prim_ids, pixel, target):  # type: ignore[no-untyped-def]
-    """Put a hit behind the others where the pixels of `bits` among those of the mask `free` have as many as the first
-    of them; returns the bits that are left. Where there are none, it puts nothing."""
+    """Append a hit in those pixels of `bits` that hold as many hits as the first of them; returns the remaining bits.
+    Without bits it stores nothing."""
     lane = first_bit(bits | 1 << lanes - 1)
     count = uint32_at(target.counts + (pixel + lane // nx * target.row + lane % nx) * 4)
     layer = min(np.int64(count), target.layers - 1)
@@ -89,8 +66,8 @@ def _put_next(lanes, nx, free, bits, before, depth, prim_ids, pixel, target):  #
 
 @njit(forceinline=True)
 def _take_layer(lanes, nx, taken, depth, prim_id, pixel, target):  # type: ignore[no-untyped-def]
-    """Behind the hits that are there, in no order, for all are sorted at last. Where layers are full, the last one has
-    the farthest hit, and what is farther is counted only."""
+    """Append the hit unsorted; layers are sorted at the end. Full layers keep the farthest hit last; farther ones only
+    count."""
     row, last = target.row * 4, repeated(np.uint32(target.layers - 1), lanes)
     counts = target.counts + pixel * 4
     before, prim_ids = load_rows(counts, row, np.uint32(0), lanes, nx), repeated(prim_id, lanes)
@@ -102,7 +79,7 @@ def _take_layer(lanes, nx, taken, depth, prim_id, pixel, target):  # type: ignor
         full = full & (is_same(before, last) | is_nearer(depth, prim_ids, farthest, farthest_id))
         if bits_of(full) != 0:
             _put_last(lanes, nx, full, depth, prim_ids, pixel, target)
-    # Most often all pixels have as many hits, or none is taken: asking which is slower than putting at once.
+    # Usually one call is enough, as pixels have equally many hits; a check beforehand would be slower.
     left = _put_next(lanes, nx, free, bits_of(free), before, depth, prim_ids, pixel, target)
     while left != 0:
         left = _put_next(lanes, nx, free, left, before, depth, prim_ids, pixel, target)
@@ -111,16 +88,19 @@ def _take_layer(lanes, nx, taken, depth, prim_id, pixel, target):  # type: ignor
 
 @njit(forceinline=True)
 def take(kind, lanes, nx, taken, depth, weight, prim_id, pixel, target):  # type: ignore[no-untyped-def]
-    """Take a hit of the `lanes` pixels, in rows of nx, where the mask `taken` is True; the first is `pixel`.
+    """Take a hit in the pixels of mask `taken`: `lanes` pixels in rows of nx, the first is `pixel`.
 
-    depth: float32 vector. weight: float32, of the triangle `prim_id`: its factor, or 1 where rays leave through it and
-    -1 where they enter.
+    depth: float32 vector. weight: float32 of the triangle: its factor, or 1 where rays leave through it and -1 where
+    they enter.
     """
+    place, row = target.values + pixel * 4, target.row * 4
     if kind == COUNT:
-        _take_count(lanes, nx, taken, pixel, target)
+        store_rows(one_more(taken, load_rows(place, row, np.uint32(0), lanes, nx)), place, row, nx)
     elif kind == THICKNESS:
-        _take_thickness(lanes, nx, taken, depth, weight, pixel, target)
+        old = load_rows(place, row, np.float32(0.0), lanes, nx)
+        store_rows(where(taken, old + repeated(weight, lanes) * depth, old), place, row, nx)
     elif kind == TRANSMITTANCE:
-        _take_factor(lanes, nx, taken, weight, pixel, target)
+        old = load_rows(place, row, np.float32(0.0), lanes, nx)
+        store_rows(where(taken, old * repeated(weight, lanes), old), place, row, nx)
     else:
         _take_layer(lanes, nx, taken, depth, prim_id, pixel, target)

@@ -1,6 +1,6 @@
-"""The target: what is gathered into, and which hits near an edge are not to be taken, as one block of addresses.
+"""The target: the arrays that hits are gathered into, and the hits in doubt to leave out, as one block of addresses.
 
-A filter is handed nothing but an address, so this block is read from memory there; loops in Numba read it alike.
+A filter receives nothing but an address, so it reads the block from memory; Numba loops read it likewise.
 """
 
 from __future__ import annotations
@@ -16,24 +16,23 @@ from atra.compiled.store import njit
 from atra.compiled.vectors import bits_of, mask_of, rarely
 
 LIST_END = np.uint32(0xFFFFFFFF)
-"""Ends the list of a pixel's triangles in doubt; no triangle has this number."""
+"""Ends a pixel's list of triangles in doubt; no triangle has this number."""
 
 LINE = 16
-"""Pixels of a cache line, which are as many as the widest vector has."""
+"""Pixels of a cache line; also the widest vector."""
 
 MARKS = 8
-"""Bits of a pixel's mark: that of triangle t is bit t modulo MARKS."""
+"""Bits of a pixel's mark; triangle t sets bit t modulo MARKS."""
 
 
 class Target(NamedTuple):
-    """What hits are gathered into.
+    """Where hits are gathered; all fields but numbers are addresses.
 
-    values: address of the first pixel of counts, thickness, transmittance, or depth of the first layer; prim_ids and
-    counts: of the first layer's triangles and of the counts beside layers. row, plane: pixels from one row, and layer,
-    to the next. layers: their number. weights: address of (F,) float32.
-    marks: address of a byte for each pixel, with the bits of the triangles in doubt there; first: of an int32 for each
-    pixel, where its list in `listed` begins, (N,) uint32; read only where a mark is set.
-    is_known: 1 where the image is an earlier one, so that layers beyond its counts hold none already.
+    values: first pixel of counts, thicknesses, transmittances, or depths of the first layer. prim_ids, counts: of the
+    first layer, and of the counts beside layers. row, plane: pixels from one row, and layer, to the next. layers:
+    number of layers. weights: (F,) float32. marks: one byte per pixel, the marks of its triangles in doubt. first: one
+    int32 per pixel, where its list starts in `listed`, (N,) uint32; valid only where a mark is set. is_known: 1 for an
+    earlier result, whose layers beyond its counts are known to be misses.
     """
 
     values: int
@@ -65,7 +64,7 @@ def target_at(block):  # type: ignore[no-untyped-def]
 
 @njit
 def _listed(marked, nx, prim_id, pixel, target):  # type: ignore[no-untyped-def]
-    """Of these lanes, bit by bit, those in whose pixel's list the triangle is."""
+    """Bits of those lanes whose pixel lists the triangle."""
     found, left, lane = 0, marked, 0
     while left != 0:
         if left & 1:
@@ -84,7 +83,8 @@ def _listed(marked, nx, prim_id, pixel, target):  # type: ignore[no-untyped-def]
 
 @njit(forceinline=True)
 def without_doubts(lanes, nx, taken, prim_id, pixel, target):  # type: ignore[no-untyped-def]
-    """Of a mask of `lanes` pixels, in rows of nx, those where the triangle is not in doubt. pixel: the first."""
+    """Mask `taken` without the pixels where the triangle is in doubt: `lanes` pixels in rows of nx, the first is
+    `pixel`."""
     mark = 1 << np.int64(prim_id % np.uint32(MARKS))
     marked = taken & marked_rows(target.marks + pixel, target.row, mark, lanes, nx)
     bits = bits_of(marked)
@@ -95,7 +95,6 @@ def without_doubts(lanes, nx, taken, prim_id, pixel, target):  # type: ignore[no
 
 @njit
 def band_stride(width):  # type: ignore[no-untyped-def]
-    """Pixels from row to row, in memory, of an image that hits are gathered or drawn into: a vector more than the image
-    has, so that one may start anywhere, and an odd number of cache lines, so that the rows of a triangle do not all
-    compete for the same ones."""
+    """Pixels from row to row of an image that hits are gathered or drawn into. There is room for an extra vector, so
+    one may start anywhere. The number of cache lines is odd, so rows do not compete for the same cache sets."""
     return (((width + LINE - 1) // LINE + 1) | 1) * LINE

@@ -1,5 +1,4 @@
-"""The loop over batches of rays that come from no camera, from the root of a BVH of ours or from the lists of
-shafts."""
+"""The kernel that traces batches of rays, from the BVH's root or from the lists of shafts."""
 
 from __future__ import annotations
 
@@ -25,11 +24,11 @@ _ZERO = np.float32(0.0)
 
 
 class Batch(NamedTuple):
-    """N rays in the order in which they are traced, and the packets that they make.
+    """N rays in the order in which they are traced, and their division into packets.
 
-    origins, directions: (N, 3) float32. tnear, tfar: (N,) float32. order: (N,) int64, which ray comes when. packets:
-    (P + 1,) int64, where each begins in that order, and the end; lists: (P,) int64, where the list of each begins
-    (`atra.bvh.starts.Shafts`). Single rays look up their lists themselves.
+    origins, directions: (N, 3) float32. tnear, tfar: (N,) float32. order: (N,) int64, ray numbers in traversal order.
+    packets: (P + 1,) int64, the position in `order` where each packet starts, then N. lists: (P,) int64, where the node
+    list of each packet starts (`atra.bvh.starts.Shafts`); single rays look up their own.
     """
 
     origins: NDArray[np.float32]
@@ -43,11 +42,8 @@ class Batch(NamedTuple):
 
 @njit(forceinline=True)
 def _ray(batch, number):  # type: ignore[no-untyped-def]
-    """(ray, tfar, length): the direction's largest component brought to 1 to 2 by a power of two, and its ends to
-    match.
-
-    No bit of a hit then depends on the length of the direction.
-    """
+    """Returns (ray, tfar, inverse scale). A power of two scales the direction so that its largest component is 1 to 2,
+    and the interval with it; so hits do not depend on the direction's length."""
     length, inverse = ray_length(batch.directions, number)
     x, y, z = batch.origins[number, 0], batch.origins[number, 1], batch.origins[number, 2]
     dx = ray_component(batch.directions[number, 0] * inverse)
@@ -58,7 +54,7 @@ def _ray(batch, number):  # type: ignore[no-untyped-def]
 
 @njit(forceinline=True)
 def _look_up(tree, batch, shafts, first, last, memory):  # type: ignore[no-untyped-def]
-    """Where the lists of rays to come begin, whose nearest nodes are on their way into the cache then."""
+    """Find the node lists of the next rays and prefetch their first nodes."""
     for task in range(first, last):
         ray, _, _ = _ray(batch, batch.order[task])
         set_ahead(memory.ahead, task - first, ray)
@@ -73,13 +69,13 @@ def _look_up(tree, batch, shafts, first, last, memory):  # type: ignore[no-untyp
 def batch_kernel(
     width: int, push: bool, any_hit: bool, counting: bool, robust: bool, seeded: bool
 ) -> Callable[..., None]:
-    """The loop in packets of `width`; push, any_hit, counting, robust: see `atra.bvh.single.nearest`. seeded:
-    from the lists of shafts."""
+    """The kernel for packets of `width`. push, any_hit, counting, robust: see `atra.bvh.single.nearest`. seeded: rays
+    start from the lists of shafts."""
 
     @float_kernel
     def trace_batch(counter_address, tree, batch, shafts, t, prim_id, memory):  # type: ignore[no-untyped-def]
-        """Trace all rays; t: (N,) float32 and prim_id: (N,) uint32 are written, inf and MISS without a hit, and where
-        any hit will do t is without meaning."""
+        """Trace all rays. Writes t: (N,) float32 and prim_id: (N,) uint32; a miss is inf and MISS. With any_hit, t is
+        undefined."""
         stack, nears, counts, bundle = memory.stack, memory.nears, memory.counts, memory.bundle
         lists, starts = shafts.lists, memory.starts
         tasks = len(batch.order) if width == 1 else len(batch.lists)
@@ -129,7 +125,7 @@ def batch_kernel(
 
 @float_kernel
 def classify(counter_address, batch, grid, numbers, ahead):  # type: ignore[no-untyped-def]
-    """The shaft of every ray, (N,) int64, by threads that share a counter; ahead: this thread's own."""
+    """Write the shaft number of every ray, (N,) int64. ahead: this thread's buffer. Threads share the counter."""
     while True:
         start = fetch_add(counter_address, 1) * AHEAD
         if start >= len(numbers):

@@ -1,7 +1,7 @@
-"""The build: a binary BVH by the surface area heuristic over 32 bins, top-down, large subtrees by several threads.
+"""The BVH build: binary, top-down, by the surface area heuristic (SAH) over 32 bins; threads share the subtrees.
 
-Source: I. Wald, "On fast construction of SAH-based bounding volume hierarchies", 2007. A leaf costs what its blocks of
-four triangles do, which are tested at once.
+The SAH counts the blocks of four triangles in a leaf, as a block is tested at once. Source: I. Wald, "On fast
+construction of SAH-based bounding volume hierarchies", 2007.
 """
 
 from __future__ import annotations
@@ -22,13 +22,12 @@ _CHUNK = 4096
 
 
 class Draft(NamedTuple):
-    """A BVH in the making.
+    """A BVH under construction.
 
-    boxes: (N, 6) float32 of its nodes, lowest corner, highest corner. links: (N, 3) int32: of an inner node its first
-    child, 0 and the axis, of a leaf the first of its places in `order`, how many there are, and 0.
-    triangles: (F, 6) float32, boxes of triangles. order: (T,) int32, those that are kept, in the end leaf by leaf.
-    The root is node 0; children of a node whose second half begins at place m are nodes 2 m and 2 m + 1. No two nodes
-    are cut at the same place, so threads never meet.
+    boxes: (N, 6) float32, lowest and highest corner of each node. links: (N, 3) int32; inner node: first child, 0,
+    split axis; leaf: first position in `order`, number of triangles, 0. triangles: (F, 6) float32, boxes of triangles.
+    order: (T,) int32, triangles to include; the build sorts them leaf by leaf. The root is node 0. A node split at
+    position m has the children 2 m and 2 m + 1; no two nodes are split at the same position, so threads never collide.
     """
 
     boxes: NDArray[np.float32]
@@ -39,7 +38,7 @@ class Draft(NamedTuple):
 
 @kernel
 def bound_triangles(counter_address, vertices, faces, triangles):  # type: ignore[no-untyped-def]
-    """Boxes of triangles (F, 6), by threads that share a counter."""
+    """Write the boxes of all triangles, (F, 6). Threads share the counter."""
     while True:
         start = fetch_add(counter_address, 1) * _CHUNK
         if start >= len(faces):
@@ -83,8 +82,8 @@ def _bin_of(box, axis, low, scale):  # type: ignore[no-untyped-def]
 
 
 class Scratch(NamedTuple):
-    """Memory of one thread. middles: (3, 3) float32: lowest and highest middles of boxes along each axis, bins per
-    length. counts: (3, BINS) int64. bins: (3, BINS, 6) float32. costs: (BINS,) float64. side: (6,) float32."""
+    """Memory of one build thread. middles: (3, 3) float32, lowest and highest box centre per axis (doubled), and bins
+    per unit. counts: (3, BINS) int64. bins: (3, BINS, 6) float32. costs: (BINS,) float64. side: (6,) float32."""
 
     middles: NDArray[np.float32]
     counts: NDArray[np.int64]
@@ -131,13 +130,13 @@ def _fill_bins(draft, start, end, scratch):  # type: ignore[no-untyped-def]
 
 @njit
 def _cost(box, triangles):  # type: ignore[no-untyped-def]
-    """Of half a split: how often its box is entered, times its blocks."""
+    """SAH cost of one side of a split: the box's area times its blocks."""
     return _half_area(box) * ((triangles + BLOCK - 1) // BLOCK) if triangles else np.inf
 
 
 @njit
 def _cheapest(scratch):  # type: ignore[no-untyped-def]
-    """(axis, first bin of the second half) of the split that costs least; axis -1 if no plane parts the middles."""
+    """(axis, first bin of the second half) of the cheapest split; axis -1 if all centres coincide."""
     side, costs = scratch.side, scratch.costs
     best, best_axis, best_bin = np.inf, -1, 0
     for axis in range(3):
@@ -163,11 +162,11 @@ def _cheapest(scratch):  # type: ignore[no-untyped-def]
 
 @njit
 def _split(draft, node, start, end, scratch):  # type: ignore[no-untyped-def]
-    """Give a node of the places [start, end) its children, with their boxes; returns where the second one begins."""
+    """Split the node over positions [start, end); returns where its second half starts."""
     _fill_bins(draft, start, end, scratch)
     axis, first_bin = _cheapest(scratch)
     order, triangles = draft.order, draft.triangles
-    if axis < 0:  # all boxes have one middle, and any half is as good as another
+    if axis < 0:  # all centres coincide: split anywhere
         axis, middle = 0, (start + end) // 2
     else:
         low, scale = scratch.middles[0, axis], scratch.middles[2, axis]
@@ -189,19 +188,11 @@ def _split(draft, node, start, end, scratch):  # type: ignore[no-untyped-def]
     return middle
 
 
-@njit
-def _is_leaf(draft, node, start, end, depth):  # type: ignore[no-untyped-def]
-    if end - start > BLOCK and depth < DEEPEST:
-        return False
-    draft.links[node, 0], draft.links[node, 1], draft.links[node, 2] = start, end - start, 0
-    return True
-
-
 @kernel
 def split_top(draft, tasks, size):  # type: ignore[no-untyped-def]
-    """Split from the root down whatever covers more than `size` places; returns how many subtrees are left.
+    """Split from the root until no subtree has more than `size` triangles; returns the number of subtrees.
 
-    tasks: (M, 4) int64, filled with node, start, end and depth of each of them.
+    tasks: (M, 4) int64, written: node, start, end and depth of each.
     """
     scratch = _scratch()
     box = draft.boxes[0]
@@ -224,7 +215,7 @@ def split_top(draft, tasks, size):  # type: ignore[no-untyped-def]
 
 @kernel
 def build_subtrees(counter_address, draft, tasks):  # type: ignore[no-untyped-def]
-    """Build the subtrees below `tasks`, each by one of the threads that share a counter."""
+    """Build the subtrees of `tasks`. Threads share the counter."""
     scratch = _scratch()
     stack = np.empty((DEEPEST + 2, 4), np.int64)
     while True:
@@ -236,7 +227,8 @@ def build_subtrees(counter_address, draft, tasks):  # type: ignore[no-untyped-de
         while top > 0:
             top -= 1
             node, start, end, depth = stack[top, 0], stack[top, 1], stack[top, 2], stack[top, 3]
-            if _is_leaf(draft, node, start, end, depth):
+            if end - start <= BLOCK or depth >= DEEPEST:
+                draft.links[node, 0], draft.links[node, 1], draft.links[node, 2] = start, end - start, 0
                 continue
             middle = _split(draft, node, start, end, scratch)
             child, deeper = 2 * middle, depth + 1
@@ -248,10 +240,10 @@ def build_subtrees(counter_address, draft, tasks):  # type: ignore[no-untyped-de
 
 @kernel
 def lay_out(draft, nodes, leaves):  # type: ignore[no-untyped-def]
-    """Copy the nodes, pair after pair as a traversal meets them; returns how many there are, leaves and blocks.
+    """Copy the nodes in traversal order; returns the numbers of nodes, leaves and blocks.
 
-    nodes: (>= 2 T, 8) uint32, as `atra.bvh.layout` says. leaves: (T, 3) int64: first place, triangles and
-    first block of each leaf.
+    nodes: (>= 2 T, 8) uint32, laid out as in `atra.bvh.layout`. leaves: (T, 3) int64: first position, triangles and
+    first block.
     """
     floats = nodes.view(np.float32)
     stack = np.empty((DEEPEST + 2, 2), np.int64)
@@ -281,7 +273,7 @@ def lay_out(draft, nodes, leaves):  # type: ignore[no-untyped-def]
 
 @kernel
 def fill_blocks(counter_address, vertices, faces, order, leaves, blocks):  # type: ignore[no-untyped-def]
-    """Corners and prim_ids of the triangles of each leaf into its blocks; blocks: (B, 10, BLOCK) uint32."""
+    """Copy corners and prim_ids of each leaf's triangles into its blocks, (B, 10, BLOCK) uint32."""
     floats = blocks.view(np.float32)
     while True:
         start = fetch_add(counter_address, 1) * _CHUNK

@@ -1,4 +1,4 @@
-"""The BVH of a mesh: binary, by the surface area heuristic, in arrays that kernels of ours traverse."""
+"""A binary BVH over a mesh, built by the surface area heuristic (SAH), as arrays that Numba kernels traverse."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from atra.geometry.mesh import Mesh
 
 _CACHE_LINE = 64
 _TASKS = 64
-"""Subtrees that threads share out: enough for any number of them to be busy to the end, mostly."""
+"""Subtrees that the build threads share; many more than threads, so that all stay busy."""
 
 
 @dataclass(frozen=True, eq=False)
 class Bvh:
-    """A binary BVH of triangles in some space.
+    """A binary BVH of triangles.
 
-    nodes: (N, 8) uint32 and blocks: (B, 10, 4) uint32, as `atra.bvh.layout` says, each from the start of a
-    cache line on. triangle_count: triangles in it.
+    nodes: (N, 8) uint32 and blocks: (B, 10, 4) uint32, laid out as in `atra.bvh.layout` and aligned to cache lines.
+    triangle_count: triangles in the BVH.
     """
 
     nodes: NDArray[np.uint32]
@@ -32,47 +32,47 @@ class Bvh:
 
     @property
     def tree(self) -> Tree:
-        """Where it begins in memory, for kernels; valid as long as this object lives."""
+        """Addresses for kernels; valid while this object lives."""
         return Tree(self.nodes.ctypes.data, self.blocks.ctypes.data)
 
     @property
     def bytes(self) -> int:
-        """Memory of nodes and triangles."""
+        """Memory of nodes and blocks."""
         return self.nodes.nbytes + self.blocks.nbytes
 
     @property
     def bounds(self) -> NDArray[np.float64]:
-        """(2, 3) float64, lowest and highest corner of everything."""
+        """(2, 3) float64, lowest and highest corner of the root's box."""
         return self.boxes[0].astype(np.float64)
 
     @property
     def is_left_over(self) -> NDArray[np.bool_]:
-        """(B, 4) bool, places of blocks that hold no triangle."""
+        """(B, 4) bool: block entries that hold no triangle."""
         return np.isnan(self.blocks[:, 0].view(np.float32))
 
     @property
     def boxes(self) -> NDArray[np.float32]:
-        """(N, 2, 3) float32, lowest and highest corner of every node; of node 1, which is none, without meaning."""
+        """(N, 2, 3) float32, lowest and highest corner of every node's box. Node 1 is unused."""
         return self.nodes.view(np.float32).reshape(-1, 2, 4)[:, :, :3]
 
     @property
     def first(self) -> NDArray[np.int64]:
-        """(N,) int64, the first child of an inner node, the first block of a leaf."""
+        """(N,) int64: the first child of an inner node, the first block of a leaf."""
         return self.nodes[:, 3].astype(np.int64) - BIAS
 
     @property
     def block_counts(self) -> NDArray[np.int64]:
-        """(N,) int64, blocks of a leaf, 0 of an inner node."""
+        """(N,) int64: blocks of a leaf, 0 for an inner node."""
         return (self.nodes[:, 7].astype(np.int64) - BIAS) >> 2
 
     @property
     def axes(self) -> NDArray[np.int64]:
-        """(N,) int64, along which an inner node's second child is the higher one."""
+        """(N,) int64: the split axis of an inner node; its second child lies higher along it."""
         return (self.nodes[:, 7].astype(np.int64) - BIAS) & 3
 
     @cached_property
     def heights(self) -> NDArray[np.int64]:
-        """(N,) int64, levels below a node; 0 of a leaf."""
+        """(N,) int64: levels below a node; 0 for a leaf."""
         heights = np.zeros(len(self.nodes), np.int64)
         inner, first = np.flatnonzero(self.block_counts == 0), self.first
         for node in inner[inner != 1][::-1]:  # children come after their parents
@@ -81,8 +81,8 @@ class Bvh:
 
 
 def bvh_of(mesh: Mesh, vertices: NDArray[np.float32], pool: WorkerPool, unseen: NDArray[np.int64] | None = None) -> Bvh:
-    """The BVH of the triangles of a mesh but those that are unseen, (N,) `prim_id`; None: those without area. Vertices
-    lie where `vertices`, (V, 3) float32, says."""
+    """The BVH of a mesh without its `unseen` triangles, (N,) prim_ids; None leaves out those without area. vertices:
+    (V, 3) float32, in place of the mesh's own."""
     kept = np.ones(mesh.triangle_count, np.bool_)
     kept[mesh.without_area if unseen is None else unseen] = False
     return build_bvh(vertices, mesh.traced_faces, kept, pool)
@@ -91,9 +91,9 @@ def bvh_of(mesh: Mesh, vertices: NDArray[np.float32], pool: WorkerPool, unseen: 
 def build_bvh(
     vertices: NDArray[np.float32], faces: NDArray[np.uint32], kept: NDArray[np.bool_], pool: WorkerPool
 ) -> Bvh:
-    """The BVH of those triangles whose number is `kept`; the same to the bit for any number of threads.
+    """The BVH of the triangles selected by `kept`. The same to the bit for any number of threads.
 
-    vertices: (V, 3) float32, faces: (F, 3) uint32, kept: (F,) bool. Without any triangle it is one that nothing hits.
+    vertices: (V, 3) float32. faces: (F, 3) uint32. kept: (F,) bool. Without triangles it is a BVH that no ray hits.
     """
     order = np.flatnonzero(kept).astype(np.int32)
     if not len(order):
@@ -115,7 +115,7 @@ def build_bvh(
 
 
 def _empty_bvh() -> Bvh:
-    """A leaf far away with no triangle."""
+    """One far-away leaf without triangles."""
     nodes, blocks = _lines(16).reshape(2, 8), _lines(10 * BLOCK).reshape(1, 10, BLOCK)
     _leave_empty(blocks)
     nodes.view(np.float32)[0] = 1e30
@@ -124,12 +124,12 @@ def _empty_bvh() -> Bvh:
 
 
 def _leave_empty(blocks: NDArray[np.uint32]) -> None:
-    """NaN for corners, in all places; prim_ids are 0."""
+    """Fill all entries with NaN corners; prim_ids stay 0."""
     blocks.view(np.float32)[:, :9] = np.nan
 
 
 def _lines(count: int) -> NDArray[np.uint32]:
-    """So many zeroed numbers, from a cache line's start on."""
+    """A zeroed uint32 array that starts at a cache line."""
     memory = np.zeros(4 * count + _CACHE_LINE, np.uint8)
     start = -memory.ctypes.data % _CACHE_LINE
     return memory[start : start + 4 * count].view(np.uint32)

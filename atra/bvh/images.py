@@ -1,4 +1,4 @@
-"""The loop over the pixels of an image, in single rays or packets, through a BVH of ours."""
+"""The kernel that traces the pixels of an image through the BVH, in single rays or packets."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ _ZERO = np.float32(0.0)
 
 
 class Start(Enum):
-    """What the rays of an image start from: the root; single rays from the lists of their shafts; or those of a tile
-    from its own list, table[0, tile] of `Shafts`."""
+    """Where the rays of an image start: at the root; single rays at their shaft's list; or all rays of a tile at the
+    tile's list, table[0, tile] of `Shafts`."""
 
     root = "root"
     shaft = "shaft"
@@ -30,7 +30,7 @@ class Start(Enum):
 
 @njit(forceinline=True)
 def pixel_ray(parallel, placed, rays, shared, x, y):  # type: ignore[no-untyped-def]
-    """Origin, direction and tnear of the ray of pixel (x, y); placed: rays of one eye start at `shared`, not at 0."""
+    """Origin, direction and tnear of pixel (x, y)'s ray. placed: pinhole rays start at the eye `shared`, not at 0."""
     a = ray_component(rays.columns[0, x] + rays.rows[0, y])
     b = ray_component(rays.columns[1, x] + rays.rows[1, y])
     c = ray_component(rays.columns[2, x] + rays.rows[2, y])
@@ -43,7 +43,7 @@ def pixel_ray(parallel, placed, rays, shared, x, y):  # type: ignore[no-untyped-
 
 @njit(forceinline=True)
 def set_ray(bundle, lane, ray, tfar):  # type: ignore[no-untyped-def]
-    """A ray into a lane of a bundle."""
+    """Write a ray into a lane of a bundle."""
     x, y, z, dx, dy, dz, tnear = ray
     bundle[X, lane], bundle[X + 1, lane], bundle[X + 2, lane] = x, y, z
     bundle[DIRECTION_X, lane], bundle[DIRECTION_X + 1, lane], bundle[DIRECTION_X + 2, lane] = dx, dy, dz
@@ -54,7 +54,7 @@ def set_ray(bundle, lane, ray, tfar):  # type: ignore[no-untyped-def]
 
 @njit(forceinline=True)
 def hit_of(bundle, width, lane):  # type: ignore[no-untyped-def]
-    """(t, prim_id) that a lane of a bundle holds."""
+    """(t, prim_id) in a lane of a bundle."""
     address = bundle.ctypes.data + 4 * lane
     return float_at(address + 4 * width * TFAR), uint32_at(address + 4 * width * PRIM_ID)
 
@@ -63,19 +63,18 @@ def hit_of(bundle, width, lane):  # type: ignore[no-untyped-def]
 def image_kernel(
     shape_x: int, shape_y: int, push: bool, counting: bool, robust: bool, parallel: bool, start: Start
 ) -> Callable[..., None]:
-    """The loop for packets of shape_x x shape_y pixels; push, counting, robust: see `atra.bvh.single.nearest`.
+    """The kernel for packets of shape_x x shape_y pixels. push, counting, robust: see `atra.bvh.single.nearest`.
 
-    parallel: rays differ in their origins and share a direction, instead of the reverse. start: what rays start from.
+    parallel: rays share a direction and differ in their origins. start: where rays start.
     """
     width, seeded, tiled = shape_x * shape_y, start is Start.shaft, start is Start.tile
 
     @float_kernel
     def trace_pixels(counter_address, tree, rays, shared, tiles, image, shafts, memory):  # type: ignore[no-untyped-def]
-        """Trace every pixel, tile by tile, until the shared counter runs past the last tile.
+        """Trace every pixel, tile by tile; threads share the counter.
 
-        tree: `Tree`. rays: `RayGrid`, filled up to whole packets. shared: (3,) float32, the direction of parallel rays,
-        or the eye where the lists are those of tiles. tiles: `PixelTiles`. image: written completely. shafts: `Shafts`.
-        memory: this thread's own.
+        rays: `RayGrid`, padded to whole packets. shared: (3,) float32, the direction of parallel rays, or the eye for
+        lists of tiles. tiles: `PixelTiles`. image: written completely. shafts: `Shafts`. memory: this thread's.
         """
         image_height, image_width = image.depth.shape
         stack, nears, counts, bundle = memory.stack, memory.nears, memory.counts, memory.bundle

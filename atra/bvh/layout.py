@@ -1,4 +1,4 @@
-"""Layout of a BVH in memory: nodes of half a cache line, and triangles in blocks of four."""
+"""Memory layout of a BVH: nodes of half a cache line, triangles in blocks of four."""
 
 from __future__ import annotations
 
@@ -10,37 +10,37 @@ from atra.compiled.intrinsics import int32_at
 from atra.compiled.store import njit
 
 NODE_BYTES = 32
-"""Lowest corner, first; highest corner, kind; four bytes each. Two nodes with one parent share a cache line."""
+"""A node: lowest corner, first child or block, highest corner, kind; 4 bytes each. Siblings share a cache line."""
 
 FIRST, KIND = 12, 28
-"""Bytes from a node's start to the number of its first child or block, and to its kind: the axis along which its second
-child is the higher one, and from bit 2 on, of a leaf, how many blocks it has; 0 of an inner node."""
+"""Byte offsets of a node's first child or block, and of its kind: the split axis, plus 4 times the number of blocks of
+a leaf."""
 
 BIAS = 1 << 23
-"""Added to both. Tests of boxes read them as floats and drop the result; denormal ones take long to multiply."""
+"""Added to both integers: box tests read them as floats and drop the result, and denormal floats are slow."""
 
 BLOCK = 4
-"""Triangles tested at once by a single ray; places that are left over hold NaN, which no ray hits."""
+"""Triangles that a single ray tests at once. Unused entries hold NaN, which no ray hits."""
 
 BLOCK_BYTES = 40 * BLOCK
-"""First, second and third corners, x y z each, and prim_ids: four of each side by side. Corners, not edges: what two
-triangles share must be the same numbers for both, or rays slip through between them."""
+"""A block: x, y, z of the first, second and third corners, then prim_ids, four triangles side by side. It stores
+corners rather than edges, so that neighbours share the same numbers and no ray slips through between them."""
 
 IDS = 36 * BLOCK
-"""Bytes from a block's start to its prim_ids."""
+"""Byte offset of a block's prim_ids."""
 
 ROOT = 0
-"""The root's number; its neighbour stays empty, so that pairs begin where cache lines do."""
+"""The root's number. Node 1 stays unused, so that pairs of siblings are aligned to cache lines."""
 
 DEEPEST = 60
-"""Levels below the root; what would be deeper becomes a large leaf."""
+"""Maximum depth; deeper subtrees become large leaves."""
 
 STACK = 2 * DEEPEST + 8
-"""Nodes that a traversal may have to remember."""
+"""Entries of a traversal stack."""
 
 
 class Tree(NamedTuple):
-    """What kernels are told of a BVH: where its nodes and blocks begin in memory."""
+    """Addresses of a BVH's nodes and blocks."""
 
     nodes: int
     blocks: int

@@ -1,4 +1,4 @@
-"""Memory of one thread that traverses: a stack, a bundle of rays, and what is counted."""
+"""The working memory of a traversal thread."""
 
 from __future__ import annotations
 
@@ -12,13 +12,16 @@ from atra.bvh.packets import ROWS
 from atra.bvh.single import COUNTS
 
 AHEAD = 16
-"""Rays whose lists are looked up before they are traced: so one need not wait for the memory of another."""
+"""Rays whose shafts are looked up together, before they are traced; this hides memory latency."""
 
 
 class Memory(NamedTuple):
-    """stack: (S,) int64, nodes to come. nears: (S,) float32, where a single ray enters each of them. ways: (S, width)
-    float32, where the rays of a packet do. bundle: (ROWS, width) float32. ahead: (8, AHEAD) float32, rays to come and
-    their shafts, and starts: (AHEAD,) int64, where their lists begin. counts: (COUNTS,) int64, added to."""
+    """Working memory of one thread, for packets of `width`.
+
+    stack: (S,) int64, nodes to visit. nears: (S,) float32, where a single ray enters them. ways: (S, width) float32,
+    where the rays of a packet do. bundle: (ROWS, width) float32. ahead: (8, AHEAD) float32, the next rays and their
+    shafts. starts: (AHEAD,) int64, where their lists start. counts: (COUNTS,) int64, counters that kernels add to.
+    """
 
     stack: NDArray[np.int64]
     nears: NDArray[np.float32]
@@ -30,7 +33,6 @@ class Memory(NamedTuple):
 
     @classmethod
     def of(cls, width: int) -> Memory:
-        """For packets of `width`."""
         return cls(
             np.empty(STACK, np.int64),
             np.empty(STACK, np.float32),

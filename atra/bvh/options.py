@@ -1,4 +1,4 @@
-"""Options of tracing through our own BVH."""
+"""Options of tracing through the library's own BVH."""
 
 from __future__ import annotations
 
@@ -15,16 +15,15 @@ class BvhKeywords(ThreadKeywords, TieKeywords, total=False):
 
 @dataclass(frozen=True)
 class BvhOptions(ThreadOptions, TieOptions):
-    """Options of `BvhTracer` and `BvhScene`. The hits are the same with every traversal.
+    """Options of `BvhTracer` and `BvhScene`. All traversals find the same hits.
 
-    robust is the test of triangles of Woop, Benthin, Wald 2013, which is watertight at corners, too; without it a
-    faster one is used.
+    robust: on = the watertight triangle test of Woop, Benthin, Wald 2013, off = a faster test.
     """
 
     packet_width: int = option(1, "rays in a packet; 1 = single rays", choices=(1, *LANES))
     traversal: str = option(
         "push",
-        "when a node's box is tested: push = with its sibling's, and the nearer comes next, pop = when its turn comes",
+        "when a node's box is tested: push = with its sibling's, nearer first, pop = when it is popped",
         choices=("push", "pop"),
     )
-    robust: bool = option(True, "no ray slips through between two triangles; off: a faster test of triangles")
+    robust: bool = option(True, "no ray slips through between triangles; off = a faster test")

@@ -1,4 +1,4 @@
-"""The traversal of a packet of rays, from any list of nodes: one box or triangle, and a vector of rays, at a time."""
+"""Traversal of a packet of rays from a list of nodes: one box or triangle at a time against all rays."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 
 from atra.bvh.layout import BLOCK, BLOCK_BYTES, IDS, NODE_BYTES, first_of, kind_of
 from atra.bvh.single import BLOCKS, BOXES, MARGIN, SLACK, STEPS, next_node
-from atra.bvh.triangles import CLAMP_SLACK, meet, meet_closed, shear_of
+from atra.bvh.triangles import CLAMP_SLACK, meet_corners, shear_of
 from atra.compiled.intrinsics import float_at, uint32_at
 from atra.compiled.lanes import is_below
 from atra.compiled.memory import load, store
@@ -15,7 +15,7 @@ from atra.compiled.vectors import bits_of, lane, larger, repeated, size, smaller
 from atra.embree.packets_kernels import MISS
 
 X, Y, Z, DIRECTION_X, DIRECTION_Y, DIRECTION_Z, INVERSE_X, INVERSE_Y, INVERSE_Z, TNEAR, TFAR, PRIM_ID = range(12)
-"""Rows of a bundle: rays, one a column, and what they hit; all float32 but PRIM_ID, which is uint32."""
+"""Rows of a bundle: one ray a column, then its hit. All are float32 except PRIM_ID, which is uint32."""
 
 ROWS = 12
 
@@ -25,14 +25,14 @@ _NOTHING = np.float32(np.inf)
 
 @njit(forceinline=True)
 def _reach(tree, axis, width, place):  # type: ignore[no-untyped-def]
-    """How far the box of all triangles reaches from places on an axis."""
+    """The largest distance along an axis from origins to the ends of the root's box."""
     low, high = tree.nodes + 4 * axis, tree.nodes + NODE_BYTES // 2 + 4 * axis
     return larger(size(repeated(float_at(low), width) - place), size(repeated(float_at(high), width) - place))
 
 
 @njit(forceinline=True)
 def _margins(robust, tree, width, x, y, z, across, along, away, shear):  # type: ignore[no-untyped-def]
-    """As `atra.bvh.single.margin_of`, of rays: along each axis."""
+    """`atra.bvh.single.margin_of` for the rays of a packet."""
     if not robust:
         none = repeated(_ZERO, width)
         return none, none, none
@@ -43,7 +43,7 @@ def _margins(robust, tree, width, x, y, z, across, along, away, shear):  # type:
 
 @njit(forceinline=True)
 def ways_through(robust, node, width, x, y, z, across, along, away, margins):  # type: ignore[no-untyped-def]
-    """Where rays enter the box of a node at an address, and where they leave it. margins: of `_margins`."""
+    """Where rays enter and leave the box of the node at an address. margins: from `_margins`."""
     x0 = (repeated(float_at(node), width) - x) * across
     x1 = (repeated(float_at(node + 16), width) - x) * across
     y0 = (repeated(float_at(node + 4), width) - y) * along
@@ -68,11 +68,11 @@ def ways_through(robust, node, width, x, y, z, across, along, away, margins):  #
 def nearest_of_packet(  # type: ignore[no-untyped-def]
     width, push, any_hit, counting, robust, tree, bundle, lists, start, stack, ways, counts
 ):
-    """The nearest hits of the rays of a bundle below the nodes of a list.
+    """Find the nearest hits of a bundle below the nodes of a list.
 
-    push, any_hit, counting, robust, lists, start, stack: as for `atra.bvh.single.nearest`. bundle: address of
-    ROWS rows of `width`; the hits are left in TFAR and PRIM_ID. A lane whose TFAR is below 0 is idle. ways: float32,
-    address of `width` for each place of the stack. Children come in the order of the first ray.
+    push, any_hit, counting, robust, lists, start, stack: as for `atra.bvh.single.nearest`. bundle: address of ROWS x
+    `width`; hits are written to TFAR and PRIM_ID. A lane with negative TFAR is idle. ways: address of STACK x `width`
+    float32. The first ray decides the order of children.
     """
     row = 4 * width
     x, y, z = load(bundle, _ZERO, width), load(bundle + row, _ZERO, width), load(bundle + 2 * row, _ZERO, width)
@@ -116,23 +116,16 @@ def nearest_of_packet(  # type: ignore[no-untyped-def]
                         y1, z1 = repeated(float_at(at + 4 * step), width), repeated(float_at(at + 5 * step), width)
                         x2, y2 = repeated(float_at(at + 6 * step), width), repeated(float_at(at + 7 * step), width)
                         z2 = repeated(float_at(at + 8 * step), width)
-                        if robust:
-                            hits, t = meet_closed(
-                                x0 - x, y0 - y, z0 - z, x1 - x, y1 - y, z1 - z, x2 - x, y2 - y, z2 - z,
-                                x1 - x0, y1 - y0, z1 - z0, x2 - x0, y2 - y0, z2 - z0,
-                                dx, dy, dz, shear, zero, one, repeated(np.float32(CLAMP_SLACK), width),
-                            )  # fmt: skip
-                        else:
-                            hits, t = meet(
-                                x0 - x, y0 - y, z0 - z, x1 - x0, y1 - y0, z1 - z0, x2 - x0, y2 - y0, z2 - z0,
-                                dx, dy, dz, zero, one,
-                            )  # fmt: skip
+                        hits, t = meet_corners(
+                            robust, x0, y0, z0, x1, y1, z1, x2, y2, z2, x, y, z, dx, dy, dz, shear, zero, one,
+                            repeated(np.float32(CLAMP_SLACK), width),
+                        )  # fmt: skip
                         found = repeated(uint32_at(at + IDS), width)
                         as_near = (t >= best) & (t <= best) & is_below(found, prim_ids)
                         hits = hits & (t > tnear) & ((best > t) | as_near)
                         if bits_of(hits):
                             best, prim_ids = where(hits, t, best), where(hits, found, prim_ids)
-                            if any_hit:  # these rays are done: nothing lies before their beginning
+                            if any_hit:  # ends these rays
                                 best = where(hits, zero - nothing, best)
                 if any_hit and bits_of(best >= zero) == 0:
                     top = left = 0

@@ -1,4 +1,4 @@
-"""A mesh that rays are shot at in batches, through a BVH of ours."""
+"""Batches of rays against a mesh, through the library's own BVH."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ from atra.tracing.options import lists_options
 class PreparedRays:
     """Rays in the order in which a scene traces them.
 
-    rays: as given. batch: for kernels. shafts: whose lists they start from. sampling_time_s, order_time_s: seconds that
-    it took to find which shafts they use, and to put them in order.
+    rays: as given. batch: the same for kernels. shafts: whose lists the rays start from. sampling_time_s: seconds to
+    sample which shafts the rays use. order_time_s: seconds to order the rays.
     """
 
     rays: Rays
@@ -39,20 +39,19 @@ class PreparedRays:
     order_time_s: float = 0.0
 
     def from_root(self, width: int) -> PreparedRays:
-        """The same rays in the same order, in full packets of `width`, each from the root."""
+        """The same rays in the same order, in full packets of `width` that start at the root."""
         return PreparedRays(self.rays, batch_of(self.rays, width, self.batch.order), NO_SHAFTS)
 
 
 class BvhScene(MeshLifetime):
-    """Closest hits and occlusion for rays that come from no camera, through a binary BVH of our own.
+    """Closest hits and occlusion for arbitrary rays, through a binary BVH of the library's own.
 
         with BvhScene(mesh) as scene:
             hits = scene.intersect(scene.prepare(atra.Rays(origins, directions)))
 
-    options: see `atra.BvhOptions`; packets are those of neighbours in the batch.
-    Triangles and `prim_id` are as for `atra.RayScene`; of equally near ones the lowest `prim_id` is stored. The answers
-    are the same to the bit for all options.
-    Raises InputError as the options do, and for a mesh smaller than 1e-9 or farther than 1e11 from the world's origin.
+    options: see `atra.BvhOptions`; a packet holds consecutive rays of the batch. Triangles and `prim_id` are as for
+    `atra.RayScene`. At equal distance the lowest `prim_id` wins. Hits are the same to the bit for all options. Raises
+    InputError as the options do, and for a mesh smaller than 1e-9 or farther than 1e11 from the world's origin.
     """
 
     options_type: ClassVar[type[BvhOptions]] = BvhOptions
@@ -93,19 +92,19 @@ class BvhScene(MeshLifetime):
     @property
     @in_turn
     def counters(self) -> Mapping[str, float]:
-        """Plain numbers by name: bvh_bytes, the memory of nodes and triangles."""
+        """Numbers by name: bvh_bytes, the memory of nodes and blocks."""
         return {"bvh_bytes": 0 if self._bvh is None else self._bvh.bytes}
 
     def prepare(self, rays: Rays) -> PreparedRays:
-        """Put rays in order and find what they start from. Raises ClosedError after `close`."""
+        """Order rays into packets. Raises ClosedError after `close`."""
         with self._in_use():
             return PreparedRays(rays, batch_of(rays, self.packet_width), NO_SHAFTS)
 
     def intersect(self, prepared: PreparedRays, out: RayHits | None = None) -> RayHits:
         """The closest hit of every ray between its `tnear` and `tfar`.
 
-        prepared: of `prepare` of this scene. out: an earlier result of as many rays whose arrays are to be overwritten.
-        Raises ClosedError after `close`.
+        prepared: from this scene's `prepare`. out: an earlier result for as many rays, overwritten. Raises ClosedError
+        after `close`.
         """
         count = len(prepared.rays)
         t = np.empty(count, np.float32) if out is None else out.t
@@ -121,7 +120,7 @@ class BvhScene(MeshLifetime):
         return prim_id != MISS
 
     def count(self, prepared: PreparedRays, any_hit: bool = False) -> tuple[NDArray[np.uint32], NDArray[np.int64]]:
-        """What rays hit, (N,) uint32 prim_id, and what it took, by the names in `atra.bvh.single`."""
+        """The hits, (N,) uint32 prim_ids, and the traversal counters of `atra.bvh.single`, (COUNTS,) int64."""
         t, prim_id = np.empty(len(prepared.rays), np.float32), np.empty(len(prepared.rays), np.uint32)
         with self._in_use():
             for memory in self._memories:
@@ -160,8 +159,8 @@ def batch_of(
     starts: NDArray[np.int64] | None = None,
     lists: NDArray[np.int64] | None = None,
 ) -> Batch:
-    """Rays for kernels. order: None: as they come. starts: where packets begin, None: every `width` rays; lists: where
-    the list of each begins, None: from the root."""
+    """Rays as kernels read them. order: None keeps the given order. starts: where packets start; None: every `width`
+    rays. lists: where each packet's list starts; None: at the root's."""
     count = len(rays)
     starts = np.arange(0, count, width) if starts is None else starts
     return Batch(

@@ -1,11 +1,11 @@
-"""The traversal of a single ray, from any list of nodes: children's boxes one by one, triangles four at a time."""
+"""Traversal of a single ray from a list of nodes: both children's boxes in turn, triangles four at a time."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from atra.bvh.layout import BLOCK, BLOCK_BYTES, IDS, NODE_BYTES, first_of, kind_of
-from atra.bvh.triangles import CLAMP_SLACK, meet, meet_closed, shear_of
+from atra.bvh.triangles import CLAMP_SLACK, meet_corners, shear_of
 from atra.compiled.intrinsics import uint32_at
 from atra.compiled.memory import fetch, load
 from atra.compiled.store import njit
@@ -13,41 +13,40 @@ from atra.compiled.vectors import bits_of, lane, larger, repeated, size, smaller
 from atra.embree.packets_kernels import MISS
 
 STEPS, BOXES, BLOCKS, LISTED, FROM_ROOT, PROVEN = range(6)
-"""What is counted: nodes popped or descended into, boxes tested, blocks of triangles tested, entries of lists taken,
-rays that start from the root, and rays that miss because their list is empty or they pass the box of all shafts."""
+"""Indices of the traversal counters: nodes visited, boxes tested, blocks tested, list entries taken, rays started at
+the root, and rays that miss because their list is empty or they pass the box of all shafts."""
 
 COUNTS = 6
 
 SMALLEST_COMPONENT = np.float32(1e-18)
-"""Components of a direction that are smaller count as this, as 0 has no reciprocal; of directions of 1 to 2 in size."""
+"""Smaller direction components count as this, because 0 has no reciprocal. Directions have a size of 1 to 2."""
 
 SLACK = np.float32(1.0 + 2.0**-20)
-"""By how much the end of a ray's way through a box is taken too far, whether it leaves the box there or has hit
-something: more than roundings make it too near. Source: T. Ize, "Robust BVH ray traversal", 2013.
-"""
+"""Factor on where a ray leaves a box and on its nearest hit; covers the rounding of the box test. Source: T. Ize,
+"Robust BVH ray traversal", 2013."""
 
 MARGIN = np.float32(2.0**-20)
-"""Share of its distances to the box of all triangles, along an axis and along the major one, that a ray may pass beside
-a box and still be traced through it: the sum of the roundings of a box's test, at most 3, and of the shear of a
-triangle's corners, at most 6, is 9, and this is 16. Source: S. Woop, C. Benthin, I. Wald, "Watertight ray/triangle
-intersection", 2013, whose traversal moves the origin instead."""
+"""Robust box tests enlarge the box along an axis by this fraction of the ray's largest distance to the root's box along
+that axis plus along the major one. The box test makes at most 3 roundings and the shear of a triangle's corners at most
+6; this allows 16. Source: S. Woop, C. Benthin, I. Wald, "Watertight ray/triangle intersection", 2013, whose traversal
+moves the origin instead."""
 
 _ZERO, _ONE = np.float32(0.0), np.float32(1.0)
 
 
 FETCHED = 4
-"""Nodes of a list that are on their way into the cache before their turn comes, which a tree's cannot be."""
+"""List nodes that are prefetched before their turn."""
 
 
 @njit(forceinline=True)
 def fetch_node(tree, number):  # type: ignore[no-untyped-def]
-    """Ask for a node that will be read soon."""
+    """Prefetch a node."""
     fetch(tree.nodes + np.int64(number) * NODE_BYTES)
 
 
 @njit(forceinline=True)
 def reciprocal(component):  # type: ignore[no-untyped-def]
-    """Of a component of a direction; large where there is none."""
+    """1 / component; a large number of the same sign where the component is nearly 0."""
     if abs(component) >= SMALLEST_COMPONENT:
         return np.float32(1.0) / component
     return np.float32(1.0) / (SMALLEST_COMPONENT if component >= _ZERO else -SMALLEST_COMPONENT)
@@ -55,13 +54,13 @@ def reciprocal(component):  # type: ignore[no-untyped-def]
 
 @njit(forceinline=True)
 def point(x, y, z):  # type: ignore[no-untyped-def]
-    """Three numbers as the first lanes of four; the last is 0."""
+    """(x, y, z, 0) as a vector."""
     return with_lane(with_lane(with_lane(repeated(_ZERO, 4), 0, x), 1, y), 2, z)
 
 
 @njit(forceinline=True)
 def margin_of(robust, tree, origin, inverse, dx, dy, dz):  # type: ignore[no-untyped-def]
-    """By how much, in ray parameters, a ray may pass beside boxes along each axis, as the first lanes of four."""
+    """Margin of robust box tests in ray parameters, in the first three of four lanes (`MARGIN`)."""
     if not robust:
         return repeated(_ZERO, 4)
     reach = larger(
@@ -74,7 +73,7 @@ def margin_of(robust, tree, origin, inverse, dx, dy, dz):  # type: ignore[no-unt
 
 @njit(forceinline=True)
 def way_through(robust, node, origin, inverse, margin):  # type: ignore[no-untyped-def]
-    """Where a ray enters the box of a node at an address, and where it leaves it. margin: of `margin_of`."""
+    """Where a ray enters and leaves the box of the node at an address. margin: from `margin_of`."""
     a = (load(node, _ZERO, 4) - origin) * inverse
     b = (load(node + NODE_BYTES // 2, _ZERO, 4) - origin) * inverse
     near, far = smaller(a, b), larger(a, b)
@@ -91,7 +90,7 @@ def way_through(robust, node, origin, inverse, margin):  # type: ignore[no-untyp
 
 @njit(forceinline=True)
 def nearer(bits, k, t, address, best, prim_id):  # type: ignore[no-untyped-def]
-    """The nearest hit so far and the k-th of a block, if its bit is set: of equally near ones the lower prim_id."""
+    """The nearest hit after the k-th triangle of a block, hit if its bit is set. On ties the lower prim_id wins."""
     if bits >> k & 1 and t <= best:
         found = uint32_at(address + 4 * k)
         if t < best or found < prim_id:
@@ -101,7 +100,7 @@ def nearer(bits, k, t, address, best, prim_id):  # type: ignore[no-untyped-def]
 
 @njit(forceinline=True)
 def nearest_of_block(robust, block, ray, shear, best, prim_id):  # type: ignore[no-untyped-def]
-    """The nearest hit so far, and those of the triangles of the block at an address. shear: of the ray."""
+    """The nearest hit after the block at an address. shear: from `shear_of`."""
     x, y, z, dx, dy, dz, tnear = ray
     row = 4 * BLOCK
     zero, one = repeated(_ZERO, BLOCK), repeated(_ONE, BLOCK)
@@ -112,17 +111,10 @@ def nearest_of_block(robust, block, ray, shear, best, prim_id):  # type: ignore[
     x2, y2 = load(block + 6 * row, _ZERO, BLOCK), load(block + 7 * row, _ZERO, BLOCK)
     z2 = load(block + 8 * row, _ZERO, BLOCK)
     ox, oy, oz = repeated(x, BLOCK), repeated(y, BLOCK), repeated(z, BLOCK)
-    if robust:
-        hits, t = meet_closed(
-            x0 - ox, y0 - oy, z0 - oz, x1 - ox, y1 - oy, z1 - oz, x2 - ox, y2 - oy, z2 - oz,
-            x1 - x0, y1 - y0, z1 - z0, x2 - x0, y2 - y0, z2 - z0,
-            away_x, away_y, away_z, shear, zero, one, repeated(np.float32(CLAMP_SLACK), BLOCK),
-        )  # fmt: skip
-    else:
-        hits, t = meet(
-            x0 - ox, y0 - oy, z0 - oz, x1 - x0, y1 - y0, z1 - z0, x2 - x0, y2 - y0, z2 - z0,
-            away_x, away_y, away_z, zero, one,
-        )  # fmt: skip
+    slack = repeated(np.float32(CLAMP_SLACK), BLOCK)
+    hits, t = meet_corners(
+        robust, x0, y0, z0, x1, y1, z1, x2, y2, z2, ox, oy, oz, away_x, away_y, away_z, shear, zero, one, slack
+    )
     bits = bits_of(hits & (t > repeated(tnear, BLOCK)) & (t <= repeated(best, BLOCK)))
     if bits:
         best, prim_id = nearer(bits, 0, lane(t, 0), block + IDS, best, prim_id)
@@ -134,8 +126,8 @@ def nearest_of_block(robust, block, ray, shear, best, prim_id):  # type: ignore[
 
 @njit(forceinline=True)
 def next_node(counting, tree, lists, start, left, stack, top, counts):  # type: ignore[no-untyped-def]
-    """(address, whether it is from the list, left, top) of the node whose turn it is: that on top of the stack, or the
-    next of a list of which so many are left."""
+    """(address, whether it comes from the list, left, top) of the next node: from the top of the stack, else from the
+    list, which has `left` nodes left."""
     is_entry = top == 0
     if is_entry:
         number = np.int64(lists[start + left])
@@ -151,14 +143,13 @@ def next_node(counting, tree, lists, start, left, stack, top, counts):  # type: 
 
 @njit(forceinline=True)
 def nearest(push, any_hit, counting, robust, tree, ray, tfar, lists, start, stack, nears, counts):  # type: ignore[no-untyped-def]
-    """The nearest hit of a ray below the nodes of a list, the last of which comes first: (t, prim_id).
+    """The nearest hit of a ray below the nodes of a list, as (t, prim_id); (tfar, MISS) for a miss. The list's last
+    node comes first.
 
-    push: an inner node's children are tested when it is entered, and the nearer one that is hit comes next; otherwise a
-    node is tested when its turn comes, and its children's order is that of the axis that parts them. any_hit: the first
-    hit ends it. counting: add to `counts`. robust: nothing slips through between triangles that share an edge or a
-    corner. ray: origin, direction and tnear; tfar: as far as it reaches. lists: see
-    `atra.bvh.starts.Shafts`; start: where that list begins. stack: int64, nears: float32, (STACK,). Without a
-    hit the prim_id is MISS, and t is tfar.
+    push: test an inner node's children on entry and visit the nearer first; otherwise test a node when it is popped,
+    with children ordered along their split axis. any_hit: stop at the first hit. counting: add to `counts`. robust: no
+    ray slips through between triangles that share an edge or corner. ray: origin, direction and tnear. lists: see
+    `atra.bvh.starts.Shafts`; start: where the ray's list starts. stack: (STACK,) int64. nears: (STACK,) float32.
     """
     x, y, z, dx, dy, dz, tnear = ray
     origin, inverse = point(x, y, z), point(reciprocal(dx), reciprocal(dy), reciprocal(dz))

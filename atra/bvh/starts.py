@@ -1,7 +1,7 @@
-"""Shafts: rays that start in one voxel and head for one cell of a cube around it, and which shaft a ray is in.
+"""Shafts: classes of rays that start in one voxel and head for one cell of a cube around it; finding a ray's shaft.
 
-Source: J. Hendrich, A. Pospisil, D. Meister, J. Bittner, "Ray classification for accelerated BVH traversal", 2019;
-J. Arvo, D. Kirk, "Fast ray tracing by ray classification", 1987.
+Source: J. Hendrich, A. Pospisil, D. Meister, J. Bittner, "Ray classification for accelerated BVH traversal", 2019; J.
+Arvo, D. Kirk, "Fast ray tracing by ray classification", 1987.
 """
 
 from __future__ import annotations
@@ -19,27 +19,26 @@ from atra.compiled.store import njit
 from atra.compiled.vectors import larger, last_whole, repeated, signed_like, size, smaller, where
 
 LANES = 8
-"""Rays whose shafts are found at once."""
+"""Rays classified at once."""
 
 MOST = 1 << 24
-"""Voxels of a grid, and cells of one of them, are fewer: they are numbered in float32."""
+"""Upper limit of voxels, and of cells of one voxel: kernels number them in float32."""
 
 _ZERO = np.float32(0.0)
 
 UNKNOWN, PASSES = -1, -2
-"""In place of a voxel, and of a shaft: the ray starts too far away to tell, or it passes the box of all shafts."""
+"""Stand in for a voxel: the ray starts too far away to classify, or it misses the box of all voxels."""
 
 ROOT_LIST, EMPTY_LIST, FIRST_LIST = 0, 2, 3
-"""Where lists begin: that of the root alone, the empty one, and the first that is a shaft's own."""
+"""Where lists start: the root's, the empty one, and the first of a shaft."""
 
 
 class Grid(NamedTuple):
     """Voxels of a box, and cells of directions.
 
-    low, high: (3,) float64, the box's corners. size, scale: (3,) float64, sides of a voxel, and their inverse. voxels:
-    (3,) int64 along each axis. directions: cells along each side of a cube's six faces. slack: by how much voxels are
-    larger than they are, for rounding. reach: largest coordinate of an origin that can be told, whose roundings are far
-    smaller than that.
+    low, high: (3,) float64, corners of the box. size, scale: (3,) float64, sides of a voxel and their inverse. voxels:
+    (3,) int64, along each axis. directions: cells along each side of a cube's faces. slack: how much larger voxels are
+    taken to be, for rounding. reach: largest coordinate of an origin that can be classified safely.
     """
 
     low: NDArray[np.float64]
@@ -53,11 +52,11 @@ class Grid(NamedTuple):
 
 
 class Shafts(NamedTuple):
-    """Lists of shafts, as a traversal looks them up.
+    """The node lists of shafts.
 
-    rows: (voxels,) int32, row of `table`, or UNKNOWN. table: (R, 6 d d) int32, where a list begins in `lists`.
-    lists: uint32, of each list its length and its nodes, the last of which comes first. empty_is_miss: whether a ray
-    that meets no voxel hits nothing; otherwise it starts from the root.
+    rows: (voxels,) int32, row of `table`, or UNKNOWN. table: (R, 6 d d) int32, where a shaft's list starts in `lists`.
+    lists: uint32, for each list its length and its nodes, the first to visit last. empty_is_miss: whether a ray that
+    meets no voxel misses; otherwise it starts at the root.
     """
 
     grid: Grid
@@ -68,7 +67,7 @@ class Shafts(NamedTuple):
 
 
 NO_LISTS = np.array([1, ROOT, 0], np.uint32)
-"""Those that are there in any case."""
+"""The root's list and the empty one."""
 
 NO_SHAFTS = Shafts(
     Grid(np.zeros(3), np.ones(3), np.ones(3), np.ones(3), np.ones(3, np.int64), 1, 0.0, 0.0),
@@ -77,12 +76,12 @@ NO_SHAFTS = Shafts(
     NO_LISTS,
     True,
 )
-"""In place of shafts where every ray starts from the root."""
+"""Stands for shafts where every ray starts at the root."""
 
 
 @njit(forceinline=True)
 def set_ahead(ahead, k, ray):  # type: ignore[no-untyped-def]
-    """A ray into a column of `ahead`."""
+    """Write a ray into a column of `ahead`."""
     ahead[0, k], ahead[1, k], ahead[2, k], ahead[3, k], ahead[4, k], ahead[5, k], _ = ray
 
 
@@ -93,28 +92,30 @@ def _lanes(number):  # type: ignore[no-untyped-def]
 
 @njit(forceinline=True)
 def _within(place, limit):  # type: ignore[no-untyped-def]
-    """The whole numbers from 0 to below a limit that places lie behind."""
+    """Floor of the coordinates, clamped to 0 ... limit - 1."""
     return last_whole(larger(smaller(place, _lanes(limit - 1)), _lanes(0)))
 
 
 @njit(forceinline=True)
 def _entry(low, high, place, inverse):  # type: ignore[no-untyped-def]
-    """Where rays enter the part of space between two coordinates, and where they leave it."""
+    """Where rays enter and leave the slab between two coordinates."""
     a, b = (_lanes(low) - place) * inverse, (_lanes(high) - place) * inverse
     return smaller(a, b), larger(a, b)
 
 
 @njit(forceinline=True)
 def _inverse(direction):  # type: ignore[no-untyped-def]
-    """Of components of directions, some of which are 0."""
+    """Reciprocals of direction components; nearly zero ones count as SMALLEST_COMPONENT."""
     least = _lanes(SMALLEST_COMPONENT)
     return _lanes(1) / where(size(direction) >= least, direction, signed_like(least, direction))
 
 
 @njit(forceinline=True)
 def find_shafts(grid, ahead):  # type: ignore[no-untyped-def]
-    """Write the shafts of rays below them; ahead: (8, AHEAD) float32, rows of origins, of directions, and of voxel,
-    or UNKNOWN or PASSES, and cell. A ray from outside belongs where it enters the box."""
+    """Classify the rays of `ahead`. A ray from outside belongs to the voxel where it enters the box.
+
+    ahead: (8, AHEAD) float32: rows of origins and directions; written: voxel, UNKNOWN or PASSES, and cell.
+    """
     low, high, scale, voxels, cells = grid.low, grid.high, grid.scale, grid.voxels, grid.directions
     row, one, two = 4 * AHEAD, _lanes(1), _lanes(2)
     for first in range(0, AHEAD, LANES):
@@ -149,14 +150,14 @@ def find_shafts(grid, ahead):  # type: ignore[no-untyped-def]
 
 @njit(forceinline=True)
 def number_of(grid, ahead, k):  # type: ignore[no-untyped-def]
-    """The shaft's number of a column of `ahead`; what stands in place of a voxel stands for it, too."""
+    """The shaft number of a column of `ahead`, or UNKNOWN or PASSES."""
     voxel, cell = np.int64(ahead[6, k]), np.int64(ahead[7, k])
     return np.int64(voxel * 6 * grid.directions * grid.directions + cell if voxel >= 0 else voxel)
 
 
 @njit(forceinline=True)
 def list_of(shafts, ahead, k):  # type: ignore[no-untyped-def]
-    """Where the list of the shaft of a column of `ahead` begins."""
+    """Where the list for a column of `ahead` starts."""
     voxel, cell = np.int64(ahead[6, k]), np.int64(ahead[7, k])
     if voxel < 0:
         return np.int64(EMPTY_LIST if voxel == PASSES and shafts.empty_is_miss else ROOT_LIST)
@@ -166,7 +167,7 @@ def list_of(shafts, ahead, k):  # type: ignore[no-untyped-def]
 
 @njit(forceinline=True)
 def fetch_list(tree, lists, start):  # type: ignore[no-untyped-def]
-    """Ask for the nodes that come first of a list that will be used soon."""
+    """Prefetch the nodes of a list that are visited first."""
     length = np.int64(lists[start])
     for k in range(max(length - FETCHED, 0), length):
         fetch_node(tree, lists[start + 1 + k])
@@ -174,7 +175,7 @@ def fetch_list(tree, lists, start):  # type: ignore[no-untyped-def]
 
 @njit(forceinline=True)
 def count_start(start, counts):  # type: ignore[no-untyped-def]
-    """Count what a traversal starts from, if that is no shaft's own list."""
+    """Count rays that start at the root or at the empty list."""
     if start == ROOT_LIST:
         counts[FROM_ROOT] += 1
     elif start == EMPTY_LIST:

@@ -1,4 +1,4 @@
-"""One ray per pixel through a binary BVH of our own: what a traversal that may start anywhere is held against."""
+"""One ray per pixel through the library's own BVH."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ from atra.tracing.rays import SQUAREST_SHAPE, image_ray_grid, pixel_tiles
 
 
 class BvhTracer(TracerLifetime[Hits]):
-    """One ray per pixel through a binary BVH of our own (`atra.bvh`), single or in packets; no Embree.
+    """One ray per pixel, single or in packets, through a binary BVH of the library's own; without Embree.
 
-    options: see `atra.BvhOptions`. As `PixelTracer` it keeps the BVH while the camera turns about its eye.
-    Raises InputError as the options do, and for a mesh smaller than 1e-9 or farther than 1e11 from the eye;
-    MemoryBudgetError for an image that the free memory cannot hold.
+    options: see `atra.BvhOptions`. Like `PixelTracer`, it keeps the BVH while the camera turns about its eye. Raises
+    InputError as the options do, and for a mesh smaller than 1e-9 or farther than 1e11 from the eye; MemoryBudgetError
+    for an image that exceeds the free memory.
     """
 
     options_type: ClassVar[type[BvhOptions]] = BvhOptions
@@ -79,11 +79,11 @@ class BvhTracer(TracerLifetime[Hits]):
 
     @property
     def views(self) -> tuple[tuple[Mesh, View], ...]:
-        """What the image shows, and its camera."""
+        """The mesh and its camera."""
         return ((self.mesh, self.camera),)
 
     def _plan(self) -> float:
-        if self.options.ties == "lowest":  # found once per mesh, like reading it, and so outside the clock of a plan
+        if self.options.ties == "lowest":  # once per mesh, so outside the plan's clock
             coplanar_overlaps(self.mesh)
         start = perf_counter()
         self._plan_ties()
@@ -109,9 +109,10 @@ class BvhTracer(TracerLifetime[Hits]):
         return Hits(depth, prim_id, offset, self.mesh, camera, self.threads)
 
     def count(self, image: Image, offset: tuple[float, float] = (0.5, 0.5)) -> NDArray[np.int64]:
-        """Trace a frame into arrays and return what it took, by the names in `atra.bvh.single`; takes longer.
+        """Trace a frame into `image` with counting, which is slower; returns the counters of `atra.bvh.single`,
+        (COUNTS,) int64.
 
-        Ties are left as they are. Raises as `trace` does, also for arrays of another size than the camera's.
+        Ties stay as found. Raises as `trace` does, and for arrays of another size than the camera's.
         """
         check_offset(offset)
         with self._in_use():
@@ -139,7 +140,7 @@ class BvhTracer(TracerLifetime[Hits]):
 
     @property
     def _shared(self) -> NDArray[np.float32]:
-        """(3,) float32: what rays have in common, if that is not the origin of ray space."""
+        """(3,) float32: the direction of parallel rays, or the eye where rays start there."""
         return ray_axes(self.camera)[2].astype(np.float32)
 
     @property
@@ -150,7 +151,7 @@ class BvhTracer(TracerLifetime[Hits]):
     @property
     @in_turn
     def counters(self) -> Mapping[str, float]:
-        """What `atra.Tracer` says of counters; bvh_bytes, the memory of nodes and triangles, is known, too."""
+        """As `atra.Tracer` says; known are triangles_traced and bvh_bytes, the memory of nodes and blocks."""
         return {"triangles_traced": self.triangle_count, "bvh_bytes": 0 if self._bvh is None else self._bvh.bytes}
 
     def _release(self) -> None:

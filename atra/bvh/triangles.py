@@ -1,4 +1,4 @@
-"""The test of rays and triangles in vectors: four triangles and one ray, or one triangle and a packet of rays."""
+"""The ray-triangle tests, on vectors: four triangles and one ray, or one triangle and a packet of rays."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from atra.compiled.store import njit
 from atra.compiled.vectors import bits_of, declared, larger, rarely, signed_like, size, smaller, where, widened
 
 CLAMP_SLACK = 2.0**-20
-"""Share of itself by which the parameter of a hit may lie beyond those of its triangle's corners: sixteen roundings."""
+"""Relative margin by which a hit's parameter may lie outside those of the triangle's corners: sixteen roundings."""
 
 
 def _fused(builder: ir.IRBuilder, a: ir.Value, b: ir.Value, c: ir.Value) -> ir.Value:
-    """a b + c, rounded once where the machine does so in one instruction."""
+    """a b + c, as one fused instruction where the machine has it."""
     name = f"llvm.fmuladd.v{a.type.count}f32"
     return builder.call(declared(builder, name, ir.FunctionType(a.type, [a.type] * 3)), [a, b, c])
 
@@ -44,7 +44,8 @@ def product(typingctx: Any, a: Any, b: Any, c: Any, d: Any, e: Any, f: Any) -> A
 
 @njit(forceinline=True)
 def _plane(cx, cy, cz, ax, ay, az, bx, by, bz, dx, dy, dz, one):  # type: ignore[no-untyped-def]
-    """(sign and size of normal . direction, ray parameter) where lines meet the planes of triangles; as in `meet`."""
+    """(sign and size of normal . direction, ray parameter) where lines meet the triangles' planes; arguments as in
+    `meet`."""
     nx, ny, nz = difference(ay, bz, az, by), difference(az, bx, ax, bz), difference(ax, by, ay, bx)
     facing = product(nx, dx, ny, dy, nz, dz)
     sign, volume = signed_like(one, facing), size(facing)
@@ -53,11 +54,11 @@ def _plane(cx, cy, cz, ax, ay, az, bx, by, bz, dx, dy, dz, one):  # type: ignore
 
 @njit(forceinline=True)
 def meet(cx, cy, cz, ax, ay, az, bx, by, bz, dx, dy, dz, zero, one):  # type: ignore[no-untyped-def]
-    """Where lines meet triangles: (mask of those that do, ray parameter), whatever the parameter is; all are vectors.
+    """(mask of lines that meet their triangle, ray parameter); all arguments are vectors. Parameters may be negative.
 
-    c: from the origins to the first corners; a, b: the edges there; d: directions. A triangle without area meets none.
-    Source: T. Moeller, B. Trumbore, "Fast, minimum storage ray/triangle intersection", 1997; volumes are compared
-    before they are divided, so that signs are all that decides.
+    c: from the origins to the first corners. a, b: the edges there. d: directions. A triangle without area is never
+    met. Source: T. Moeller, B. Trumbore, "Fast, minimum storage ray/triangle intersection", 1997; volumes are compared
+    before the division, so that only signs decide.
     """
     rx, ry, rz = difference(cy, dz, cz, dy), difference(cz, dx, cx, dz), difference(cx, dy, cy, dx)
     sign, volume, t = _plane(cx, cy, cz, ax, ay, az, bx, by, bz, dx, dy, dz, one)
@@ -67,24 +68,39 @@ def meet(cx, cy, cz, ax, ay, az, bx, by, bz, dx, dy, dz, zero, one):  # type: ig
 
 
 @njit(forceinline=True)
+def meet_corners(  # type: ignore[no-untyped-def]
+    robust, x0, y0, z0, x1, y1, z1, x2, y2, z2, x, y, z, dx, dy, dz, shear, zero, one, slack
+):
+    """`meet_closed` if `robust`, else `meet`, for triangles by their corners and lines by their origins (x, y, z)."""
+    cx, cy, cz = x0 - x, y0 - y, z0 - z
+    ax, ay, az, bx, by, bz = x1 - x0, y1 - y0, z1 - z0, x2 - x0, y2 - y0, z2 - z0
+    if robust:
+        ex, ey, ez, fx, fy, fz = x1 - x, y1 - y, z1 - z, x2 - x, y2 - y, z2 - z
+        return meet_closed(
+            cx, cy, cz, ex, ey, ez, fx, fy, fz, ax, ay, az, bx, by, bz, dx, dy, dz, shear, zero, one, slack
+        )
+    return meet(cx, cy, cz, ax, ay, az, bx, by, bz, dx, dy, dz, zero, one)
+
+
+@njit(forceinline=True)
 def _turned(is_x, is_y, x, y, z):  # type: ignore[no-untyped-def]
-    """The components of vectors in an order in which that along the major axis comes last, turned and not mirrored."""
+    """Rotate components so that the major axis comes last; a rotation keeps orientation."""
     return where(is_x, y, where(is_y, z, x)), where(is_x, z, where(is_y, x, y)), where(is_x, x, where(is_y, y, z))
 
 
 @njit(forceinline=True)
 def _areas(px, py, qx, qy, rx, ry):  # type: ignore[no-untyped-def]
-    """The least and the most of the areas that the origin makes with the edges of triangles."""
+    """Smallest and largest of the areas between the origin and the triangles' edges."""
     u, v, w = rx * qy - ry * qx, px * ry - py * rx, qx * py - qy * px
     return smaller(smaller(u, v), w), larger(larger(u, v), w)
 
 
 @njit(forceinline=True)
 def shear_of(dx, dy, dz, zero, one):  # type: ignore[no-untyped-def]
-    """Of directions: where the major axis is x, and where y; the shear that brings the direction onto that axis, and
-    the inverse of the component along it. See `meet_closed`."""
+    """(major axis is x, major axis is y, shear x, shear y, 1 / major component) of directions: the shear that lays a
+    direction onto its major axis. See `meet_closed`."""
     is_x = (size(dx) >= size(dy)) & (size(dx) >= size(dz))
-    is_y = size(dy) >= size(dz)  # asked where it is not x
+    is_y = size(dy) >= size(dz)  # if not x
     across, along, away = _turned(is_x, is_y, dx, dy, dz)
     return is_x, is_y, across / away, along / away, one / away
 
@@ -93,15 +109,14 @@ def shear_of(dx, dy, dz, zero, one):  # type: ignore[no-untyped-def]
 def meet_closed(  # type: ignore[no-untyped-def]
     cx, cy, cz, ex, ey, ez, fx, fy, fz, ax, ay, az, bx, by, bz, dx, dy, dz, shear, zero, one, slack
 ):
-    """As `meet`, and no line passes between triangles that share an edge or a corner.
+    """As `meet`, but watertight: no line passes between triangles that share an edge or a corner.
 
-    c, e, f: from the origins to the three corners; a, b, d: as for `meet`. shear: of `shear_of`. slack: CLAMP_SLACK.
-    Each corner is sheared by itself, so that it is the same point of the plane across the ray for all triangles that
-    have it, and on which side of an edge the origin lies there is decided exactly: float32 products are rounded alike
-    for both triangles at an edge, so their difference has the right sign or is 0, and then float64 decides, in which
-    products of float32 are exact. On an edge is inside of both.
-    Source: S. Woop, C. Benthin, I. Wald, "Watertight ray/triangle intersection", 2013. Their parameter, a mean of the
-    corners' weighted by areas, is not as exact as that of the plane, which is taken here, between those of the corners.
+    c, e, f: from the origins to the three corners. a, b, d: as for `meet`. shear: from `shear_of`. slack: CLAMP_SLACK.
+    Each corner is sheared on its own, so triangles that share it agree on its place. The side of an edge is then
+    decided exactly: float32 products round alike for both triangles at the edge, so their difference has the right sign
+    or is 0; float64, where those products are exact, decides a 0. A line through an edge hits both triangles. Source:
+    S. Woop, C. Benthin, I. Wald, "Watertight ray/triangle intersection", 2013. The parameter comes from the plane,
+    clamped to those of the corners; it is more precise than the paper's mean weighted by areas.
     """
     is_x, is_y, sx, sy, inverse = shear
     px, py, pz = _turned(is_x, is_y, cx, cy, cz)

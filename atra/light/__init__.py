@@ -1,4 +1,4 @@
-"""Light: pictures and lightmaps of a mesh with materials, lights and a sky, on top of what rays see."""
+"""Pictures and lightmaps of a mesh with materials, lights and a sky."""
 
 from atra.light.lightmaps.baker import Baker
 from atra.light.lightmaps.charts.atlas import Atlas

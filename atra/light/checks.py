@@ -1,4 +1,4 @@
-"""Checks of colours and numbers that people hand in, each naming the value and what was expected."""
+"""Checks of colours and numbers that users pass in; errors name the value and what was expected."""
 
 from __future__ import annotations
 
@@ -10,12 +10,13 @@ from numpy.typing import NDArray
 
 from atra.errors import InputError
 from atra.geometry.numbers import as_number, checked_vector
+from atra.whole_numbers import is_whole_number
 
 Colour = tuple[float, float, float]
 
 
 def checked_number(name: str, value: Any, low: float, high: float = inf, *, above: bool = False) -> float:
-    """`value` as a float from `low` (or above it) to `high`. Raises InputError naming it otherwise."""
+    """`value` as a float from `low` to `high`; above: without `low` itself. Raises InputError naming it otherwise."""
     number = as_number(value)
     if not isfinite(number) or not low <= number <= high or (above and number == low):
         least = f"above {low:g}" if above else f"of at least {low:g}"
@@ -24,8 +25,15 @@ def checked_number(name: str, value: Any, low: float, high: float = inf, *, abov
     return number
 
 
+def check_whole(name: str, value: Any, low: int, high: float = inf) -> None:
+    """Raise InputError, naming the value, unless it is a whole number from `low` to `high`."""
+    if not is_whole_number(value) or not low <= value <= high:
+        expected = f"of at least {low}" if high == inf else f"from {low} to {high}"
+        raise InputError(f"{name} is {value!r}, expected a whole number {expected}")
+
+
 def checked_colour(name: str, value: Any, high: float = inf) -> Colour:
-    """`value` as three numbers from 0 to `high`, linear RGB; one number stands for a grey. Raises InputError."""
+    """`value` as linear RGB, three numbers from 0 to `high`; a single number is a grey. Raises InputError."""
     if isinstance(value, (int, float, np.number)):
         value = (value, value, value)
     colour = checked_vector(name, value)
@@ -37,11 +45,7 @@ def checked_colour(name: str, value: Any, high: float = inf) -> Colour:
 def checked_texels(name: str, value: Any, high: float = inf) -> NDArray[np.float32]:
     """`value` as a read-only (H, W, 3) float32 copy, linear RGB from 0 to `high`. Raises InputError naming the first
     texel outside."""
-    try:
-        with np.errstate(over="ignore"):  # becomes inf, which is refused below
-            texels = np.array(value, np.float32, order="C")
-    except (TypeError, ValueError) as error:
-        raise InputError(f"{name} cannot be read as an image: {error}") from None
+    texels = _float32(name, value)
     if texels.ndim != 3 or texels.shape[2] != 3 or texels.size == 0:
         raise InputError(f"{name} has shape {texels.shape}, expected (H, W, 3)")
     good = (texels >= 0.0) & (texels <= high) & np.isfinite(texels)
@@ -53,7 +57,42 @@ def checked_texels(name: str, value: Any, high: float = inf) -> NDArray[np.float
     return texels
 
 
+def checked_rows(
+    name: str, value: Any, shape: tuple[int | None, ...], each: str, low: float, high: float
+) -> NDArray[np.float32]:
+    """`value` as a read-only float32 copy with a row per `each`, numbers from `low` to `high`.
+
+    shape: None stands for any length above 0. Raises InputError naming the first row outside.
+    """
+    rows = _float32(name, value)
+    fits = [size > 0 if wanted is None else size == wanted for size, wanted in zip(rows.shape, shape, strict=False)]
+    if rows.ndim != len(shape) or not all(fits):
+        wanted = ", ".join("N" if size is None else str(size) for size in shape)
+        raise InputError(f"{name} has shape {rows.shape}, expected ({wanted}), one row per {each}")
+    good = ((rows >= low) & (rows <= high)).reshape(len(rows), -1).all(axis=1)
+    if not good.all():
+        number = int(np.argmin(good))
+        found = rows[number].tolist()
+        raise InputError(f"{name} of {each} {number} is {found}, expected numbers from {low:g} to {high:g}")
+    rows.setflags(write=False)
+    return rows
+
+
+def _float32(name: str, value: Any) -> NDArray[np.float32]:
+    try:
+        with np.errstate(over="ignore"):  # inf is refused later
+            return np.array(value, np.float32, order="C")
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{name} cannot be read as an array: {error}") from None
+
+
+def set_fields(value: object, **fields: Any) -> None:
+    """Set fields of a frozen dataclass, for its constructor."""
+    for name, field in fields.items():
+        object.__setattr__(value, name, field)
+
+
 def check_one_of(name: str, value: object, possible: tuple[str, ...]) -> None:
-    """Raise InputError, naming the value, unless it is one of the `possible`."""
+    """Raise InputError, naming the value, unless it is one of `possible`."""
     if not isinstance(value, str) or value not in possible:
         raise InputError(f"{name} is {value!r}, expected one of {', '.join(possible)}")

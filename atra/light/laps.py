@@ -1,4 +1,4 @@
-"""Laps: where the time of a picture or a map goes, stage by stage."""
+"""The time a picture or a lightmap takes, stage by stage."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from time import perf_counter
 
 
 class Laps:
-    """Seconds by stage, added to `stages`: each call ends the stage it names, and the next begins."""
+    """A stopwatch that adds seconds to `stages`: each call ends the stage it names and starts the next."""
 
     def __init__(self, stages: dict[str, float]) -> None:
         self._stages = stages

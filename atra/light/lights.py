@@ -1,16 +1,17 @@
-"""Lights of hybrid rendering: points, spheres, and a sun, of any colour and power."""
+"""Lights of hybrid rendering and lightmaps: points, spheres and a sun."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from math import radians, tan
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from atra.errors import InputError
 from atra.geometry.view import Vector, checked_vector, unit_vector
-from atra.light.checks import Colour, checked_colour, checked_number
+from atra.light.checks import Colour, checked_colour, checked_number, set_fields
 from atra.light.lights_kernels import ACROSS, KIND, LIGHT_WORDS, PLACE, POINT, SIZE, SPHERE, SUN, UP
 
 _WHITE: Colour = (1.0, 1.0, 1.0)
@@ -18,8 +19,11 @@ _WHITE: Colour = (1.0, 1.0, 1.0)
 
 @dataclass(frozen=True)
 class Sun:
-    """Light from very far away. direction: the way it travels. angle_degrees: half the angle under which it appears, in
-    [0, 45]. colour times power: what a surface facing it receives, so that it returns its albedo times that."""
+    """A light at infinity.
+
+    direction: the way its light travels. angle_degrees: half its apparent angle, 0 to 45. colour: linear RGB. power: a
+    factor; a surface facing the sun reflects its albedo times colour times power.
+    """
 
     direction: Vector
     angle_degrees: float = 0.25
@@ -29,29 +33,35 @@ class Sun:
     def __post_init__(self) -> None:
         direction = checked_vector("direction of Sun", self.direction)
         unit_vector("direction of Sun", direction)
-        object.__setattr__(self, "direction", direction)
         angle = checked_number("angle_degrees of Sun", self.angle_degrees, 0.0, 45.0)
-        object.__setattr__(self, "angle_degrees", angle)
-        _check_strength(self)
+        set_fields(self, direction=direction, angle_degrees=angle)
+        set_strength(self)
 
 
 @dataclass(frozen=True)
 class PointLight:
-    """Light from a point. colour times power: what a surface facing it at distance 1 receives."""
+    """A light at a point.
+
+    position: in the world. colour: linear RGB. power: a factor; a surface facing the light at distance 1 receives
+    colour times power.
+    """
 
     position: Vector
     colour: Colour = _WHITE
     power: float = 1.0
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "position", checked_vector("position of PointLight", self.position))
-        _check_strength(self)
+        set_fields(self, position=checked_vector("position of PointLight", self.position))
+        set_strength(self)
 
 
 @dataclass(frozen=True)
 class SphereLight:
-    """Light from a sphere that nobody sees. colour times power: what a surface facing it receives, times the square of
-    the distance to its middle where that is large."""
+    """A spherical light that is itself invisible.
+
+    position: of its centre, in the world. radius: scene units. colour: linear RGB. power: a factor; far away, a surface
+    facing it receives colour times power over the squared distance to its centre.
+    """
 
     position: Vector
     radius: float
@@ -59,16 +69,18 @@ class SphereLight:
     power: float = 1.0
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "position", checked_vector("position of SphereLight", self.position))
-        object.__setattr__(self, "radius", checked_number("radius of SphereLight", self.radius, 0.0, above=True))
-        _check_strength(self)
+        position = checked_vector("position of SphereLight", self.position)
+        set_fields(
+            self, position=position, radius=checked_number("radius of SphereLight", self.radius, 0.0, above=True)
+        )
+        set_strength(self)
 
 
 Light = Sun | PointLight | SphereLight
 
 
 def light_row(light: Light) -> NDArray[np.float32]:
-    """(LIGHT_WORDS,) float32, as kernels read it; without colour and power, which are added to a finished picture."""
+    """(LIGHT_WORDS,) float32, a light for kernels, without colour and power: they scale the finished picture."""
     row = np.zeros(LIGHT_WORDS, np.float32)
     if isinstance(light, Sun):
         to_light = -unit_vector("direction of Sun", light.direction)
@@ -82,13 +94,14 @@ def light_row(light: Light) -> NDArray[np.float32]:
     return row
 
 
-def _check_strength(light: Light) -> None:
+def set_strength(light: Any) -> None:
+    """Check colour and power of a light."""
     name = type(light).__name__
-    object.__setattr__(light, "colour", checked_colour(f"colour of {name}", light.colour, 1e12))
-    object.__setattr__(light, "power", checked_number(f"power of {name}", light.power, 0.0, 1e12))
+    colour = checked_colour(f"colour of {name}", light.colour, 1e12)
+    set_fields(light, colour=colour, power=checked_number(f"power of {name}", light.power, 0.0, 1e12))
 
 
 def check_light(light: object) -> None:
-    """Raise InputError for what is no light."""
+    """Raise InputError for anything that is not a light."""
     if not isinstance(light, Light):
         raise InputError(f"a light is {light!r:.100}, expected Sun, PointLight or SphereLight")

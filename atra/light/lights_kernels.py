@@ -1,4 +1,4 @@
-"""Lights as kernels read them, and rays that are aimed at them."""
+"""Lights as kernels read them, and directions towards them."""
 
 from __future__ import annotations
 
@@ -10,17 +10,16 @@ from atra.light.numbers_kernels import ONE, TWO, ZERO, along, circle, dot, scale
 SUN, POINT, SPHERE = 0, 1, 2
 KIND, PLACE, SIZE, ACROSS, UP = 0, 1, 4, 5, 8
 LIGHT_WORDS = 11
-"""float32 of a light. PLACE: where it is, or of a sun the unit vector to it (3). SIZE: its radius, or of a sun the
-tangent of half the angle it appears under. ACROSS, UP: of a sun, unit vectors at right angles to it and to each other
-(3 each)."""
+"""float32 numbers of a light. PLACE: its position, or the unit vector to a sun (3). SIZE: its radius, or the tangent of
+half a sun's apparent angle. ACROSS, UP: for a sun, unit vectors orthogonal to its direction and each other (3 each)."""
 
 ALMOST = np.float32(1 - 1e-4)
-"""Of the way to a light: what is at the light itself does not shadow it."""
+"""Shadow rays end at this fraction of the way, so that what stands at the light does not shadow it."""
 
 
 @njit(forceinline=True)
 def to_sun(light, u, v):  # type: ignore[no-untyped-def]
-    """The direction to a point of a sun."""
+    """The direction to a point of a sun's disc, chosen by u, v in [0, 1)."""
     x, y = circle(v)
     radius = light[SIZE] * np.sqrt(u)
     centre = light[PLACE], light[PLACE + 1], light[PLACE + 2]
@@ -31,7 +30,8 @@ def to_sun(light, u, v):  # type: ignore[no-untyped-def]
 
 @njit(forceinline=True, error_model="numpy")
 def to_lamp(light, origin, u, v):  # type: ignore[no-untyped-def]
-    """(direction, strength, reach) of a ray to a light that is somewhere; of a sphere, to a point that is seen."""
+    """(direction, strength, reach) of a ray to a point light, or to a visible point of a sphere chosen by u, v in [0,
+    1)."""
     centre = light[PLACE], light[PLACE + 1], light[PLACE + 2]
     to_light = along(centre, -ONE, origin)
     squared = dot(to_light, to_light)
@@ -40,10 +40,10 @@ def to_lamp(light, origin, u, v):  # type: ignore[no-untyped-def]
     strength, reach = ONE / squared, distance * ALMOST
     radius = light[SIZE]
     if light[KIND] == SPHERE and distance > radius:
-        # Uniform over the solid angle it is seen under, 2 pi (1 - cos), of which pi (radius / distance)^2 is the
-        # projected part: their quotient, 1 for a far light, weighs its directions.
+        # Uniform over the visible solid angle, 2 pi (1 - cos). Its projected part is pi (radius / distance)^2; the
+        # quotient of the two, 1 for a far light, weights the directions.
         ratio = radius * radius / squared
-        depth = ratio / (ONE + np.sqrt(ONE - ratio))  # 1 - cos, without losing digits
+        depth = ratio / (ONE + np.sqrt(ONE - ratio))  # 1 - cos, without cancellation
         strength *= TWO * depth / ratio
         cosine = ONE - u * depth
         sine = np.sqrt(max(ZERO, ONE - cosine * cosine))
@@ -61,7 +61,7 @@ def to_lamp(light, origin, u, v):  # type: ignore[no-untyped-def]
 
 @njit(error_model="numpy")
 def _across(direction):  # type: ignore[no-untyped-def]
-    """A unit vector at right angles to a unit vector."""
+    """A unit vector orthogonal to a unit vector."""
     if abs(direction[0]) > abs(direction[1]):
         return unit((-direction[2], ZERO, direction[0]))
     return unit((ZERO, direction[2], -direction[1]))

@@ -1,4 +1,4 @@
-"""Materials: what a triangle does with light, and what colour it has."""
+"""Materials: how triangles scatter light, and their colours."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from atra.light.checks import Colour, check_one_of, checked_colour, checked_numb
 from atra.light.scattering_kernels import DIELECTRIC, EMISSIVE, LAMBERTIAN, METAL
 
 MOST_TEXELS = 1 << 26
-"""Of an image: 768 MiB as it is kept."""
+"""Most texels of an image; they take 768 MiB."""
 
 FRESNEL = ("exact", "schlick")
 DIRECTIONS = ("cosine", "uniform")
@@ -23,7 +23,10 @@ BELOW = ("absorbed", "passes")
 
 @dataclass(frozen=True)
 class Checker:
-    """Two colours in turn: squares of 1 / `scale` of uv. first: where u and v are just above 0."""
+    """A checkerboard over uv.
+
+    first: colour of the square just above u = v = 0. second: the other colour. scale: squares per unit of uv.
+    """
 
     first: Colour
     second: Colour
@@ -37,7 +40,7 @@ class Checker:
 
 @dataclass(frozen=True, eq=False)
 class Image:
-    """An image over uv in [0, 1], repeated beyond, read between its texels.
+    """An image over uv in [0, 1], repeated outside, with bilinear filtering.
 
     texels: (H, W, 3), linear RGB in [0, 1], copied as float32; row 0 is at v = 1, column 0 at u = 0.
     """
@@ -52,13 +55,13 @@ class Image:
 
 
 Texture = Colour | Checker | Image
-"""A colour is three numbers, linear RGB, or one for a grey."""
+"""A colour is linear RGB, or one number for a grey."""
 
 
 class Material(ABC):
-    """What kinds of material say of themselves: a new one is a class here, and a branch where light scatters.
+    """Base of materials. A new kind needs a subclass and a branch in `atra.light.scattering_kernels.scatter`.
 
-    kind: its number there, in `atra.light.scattering_kernels`.
+    kind: its number in `atra.light.scattering_kernels`.
     """
 
     kind: ClassVar[int]
@@ -66,11 +69,11 @@ class Material(ABC):
     @property
     @abstractmethod
     def plain(self) -> Texture:
-        """What it looks like where its colour alone is shown, as in hybrid pictures and lightmaps."""
+        """The diffuse colour that stands for it in hybrid pictures and lightmaps."""
 
     @property
     def emission(self) -> Colour:
-        """Radiance that its front sends out."""
+        """Radiance that its front emits."""
         return (0.0, 0.0, 0.0)
 
     @property
@@ -81,9 +84,10 @@ class Material(ABC):
 
 @dataclass(frozen=True)
 class Lambertian(Material):
-    """Reflects equally to all sides. colour: albedo in [0, 1].
+    """A diffuse surface.
 
-    directions: how a path goes on, "cosine" or "uniform" over the hemisphere; the picture converges to the same.
+    colour: albedo in [0, 1]. directions: how path tracing samples the hemisphere, "cosine" or "uniform"; both converge
+    to the same picture.
     """
 
     kind = LAMBERTIAN
@@ -105,11 +109,11 @@ class Lambertian(Material):
 
 @dataclass(frozen=True)
 class Metal(Material):
-    """A mirror, blurred by `fuzz`: the radius in [0, 1] of a sphere around the tip of the mirrored unit vector from
-    which the new direction is chosen. colour: reflectance in [0, 1].
+    """A mirror, blurred by `fuzz`.
 
-    below: what becomes of directions below the surface: "absorbed"; or "passes", through the triangle, as in renderers
-    that do not ask.
+    colour: reflectance in [0, 1]. fuzz: in [0, 1], radius of a sphere around the tip of the mirrored unit vector, on
+    which the new direction ends. below: directions below the surface are "absorbed", or the ray "passes" through the
+    triangle, as in renderers that do not check.
     """
 
     kind = METAL
@@ -133,9 +137,9 @@ class Metal(Material):
 
 @dataclass(frozen=True)
 class Dielectric(Material):
-    """Clear glass, mirroring and refracting; its triangles' fronts (counter-clockwise) face outwards.
+    """Clear glass that reflects and refracts; triangles are counterclockwise seen from outside.
 
-    ior: index of refraction, inside over outside. fresnel: "exact", or "schlick" for his approximation.
+    ior: index of refraction, inside over outside. fresnel: "exact", or "schlick" for Schlick's approximation.
     """
 
     kind = DIELECTRIC
@@ -157,7 +161,10 @@ class Dielectric(Material):
 
 @dataclass(frozen=True)
 class Emissive(Material):
-    """A lamp: its front sends out `colour`, radiance of any size, to all sides, its back nothing; it reflects none."""
+    """An emitter without reflection: its front emits in all directions, its back is black.
+
+    colour: emitted radiance, linear RGB.
+    """
 
     kind = EMISSIVE
     colour: Colour = (1.0, 1.0, 1.0)
@@ -176,12 +183,13 @@ class Emissive(Material):
 
 
 def needs_uv(material: Material) -> bool:
-    """Whether its colour hangs on uv."""
+    """Whether its colour is a texture over uv."""
     return isinstance(getattr(material, "colour", None), Checker | Image)
 
 
 def base_colour(material: Any, has_uv: bool) -> Lambertian:
-    """Of a material of trimesh's its base colour alone; of none, grey. has_uv: whether its texture can be read."""
+    """A `Lambertian` of a trimesh material's base colour; grey without a material. has_uv: whether its texture can be
+    used."""
     if hasattr(material, "to_pbr"):
         material = material.to_pbr()
     if not hasattr(material, "baseColorFactor"):

@@ -1,4 +1,4 @@
-"""Random numbers and directions: hashes of pixel, sample and dimension, so that no order of work changes a picture."""
+"""Random numbers as hashes of pixel, sample and dimension, so pictures do not depend on the order of work; vectors."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _C4, _C6, _C8 = (np.float32(value) for value in (1 / 24, -1 / 720, 1 / 40320))
 
 @njit
 def mixed(bits):  # type: ignore[no-untyped-def]
-    """uint32 -> uint32, one to one, each bit hanging on all.
+    """A bijective hash of uint32 in which each bit depends on all.
 
     Source: the constants of C. Wellons, "Prospecting for hash functions", 2018 (lowbias32).
     """
@@ -29,13 +29,13 @@ def mixed(bits):  # type: ignore[no-untyped-def]
 
 @njit
 def key_of(pixel, sample_key):  # type: ignore[no-untyped-def]
-    """uint32 that stands for a sample of a pixel."""
+    """A uint32 key for a sample of a pixel."""
     return mixed(np.uint32(np.uint32(pixel) ^ np.uint32(sample_key)))
 
 
 @njit
 def bits_of(key, dimension):  # type: ignore[no-untyped-def]
-    """uint32, the random bits of a key in a dimension."""
+    """uint32, a key's random bits for a dimension."""
     return mixed(np.uint32(key + np.uint32(dimension) * _GOLDEN))
 
 
@@ -47,7 +47,7 @@ def unit_of(bits):  # type: ignore[no-untyped-def]
 
 @njit
 def circle(turns):  # type: ignore[no-untyped-def]
-    """(cos, sin) of an angle of 0 to 1 turns, to some 1e-7: polynomials, which loops over many are vectorised with."""
+    """(cos, sin) of an angle of 0 to 1 turns, to about 1e-7: polynomials, which vectorise."""
     quarters = np.floor(FOUR * turns + HALF)
     angle = (FOUR * turns - quarters) * _QUARTER_TURN
     square = angle * angle
@@ -64,11 +64,23 @@ def circle(turns):  # type: ignore[no-untyped-def]
 
 @njit
 def on_sphere(u, v):  # type: ignore[no-untyped-def]
-    """(u, v) in the unit square -> unit vector, uniformly over the sphere."""
+    """(u, v) in the unit square -> a unit vector, uniform over the sphere."""
     z = ONE - TWO * u
     radius = np.sqrt(max(ZERO, ONE - z * z))
     x, y = circle(v)
     return radius * x, radius * y, z
+
+
+@njit(forceinline=True)
+def vector(rows, first, index):  # type: ignore[no-untyped-def]
+    """Three numbers of a column, from row `first` on."""
+    return rows[first, index], rows[first + 1, index], rows[first + 2, index]
+
+
+@njit(forceinline=True)
+def set_vector(rows, first, index, value):  # type: ignore[no-untyped-def]
+    """Write three numbers to a column, from row `first` on."""
+    rows[first, index], rows[first + 1, index], rows[first + 2, index] = value
 
 
 @njit
@@ -94,7 +106,7 @@ def unit(a):  # type: ignore[no-untyped-def]
 
 @njit
 def around(normal, direction):  # type: ignore[no-untyped-def]
-    """Of a direction that is uniform over the sphere, one distributed as its cosine with the normal.
+    """A direction uniform over the sphere -> one distributed as its cosine with the normal.
 
     Source: P. Shirley, "Ray Tracing in One Weekend": a unit sphere that touches the surface.
     """

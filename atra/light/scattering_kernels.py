@@ -1,23 +1,11 @@
-"""Scattering: where light goes on from a surface, by the kind of its material."""
+"""Scattering: how a path continues from a surface, by the kind of its material."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from atra.compiled.store import njit
-from atra.light.numbers_kernels import (
-    ONE,
-    TWO,
-    ZERO,
-    along,
-    around,
-    bits_of,
-    dot,
-    on_sphere,
-    scaled,
-    unit,
-    unit_of,
-)
+from atra.light.numbers_kernels import ONE, TWO, ZERO, along, around, bits_of, dot, on_sphere, scaled, unit, unit_of
 from atra.light.surface_kernels import (
     KIND,
     PARAMETER,
@@ -32,11 +20,11 @@ from atra.light.surface_kernels import (
 )
 
 LAMBERTIAN, METAL, DIELECTRIC, EMISSIVE = 0, 1, 2, 3
-"""Kinds of material. PARAMETER: fuzz of a metal, ior of glass. VARIANT: directions of paint are uniform, those of metal
-that lie below its surface go on there, glass mirrors as Schlick says."""
+"""Kinds of material. PARAMETER: a metal's fuzz, glass's index of refraction. VARIANT: uniform directions (Lambertian),
+rays pass below the surface (metal), Schlick's approximation (glass)."""
 
 DIMENSIONS = 4
-"""Random numbers of a path at each of its surfaces."""
+"""Random numbers per bounce."""
 
 BLACK = ZERO, ZERO, ZERO
 WHITE = ONE, ONE, ONE
@@ -45,16 +33,16 @@ _MINUS_TWO = np.float32(-2.0)
 
 @njit(forceinline=True)
 def emitted(surfaces, prim_id, origin, direction):  # type: ignore[no-untyped-def]
-    """(r, g, b) of an emissive triangle: its front shines, its back is black."""
+    """(r, g, b) of an emissive triangle seen by a ray; its back is black."""
     _, _, is_front = meet(surfaces, prim_id, origin, direction)
     return plain_colour(surfaces, material_of(surfaces, prim_id)) if is_front else BLACK
 
 
 @njit(forceinline=True)
 def scatter(surfaces, prim_id, origin, direction, key, bounce):  # type: ignore[no-untyped-def]
-    """(goes_on, origin, direction, weight): the ray that carries light to this surface, and what of it is sent on.
+    """(goes_on, origin, direction, weight): the next ray of a path, and the (r, g, b) weight of its light.
 
-    direction: unit vector. key, bounce: choose the random numbers. weight: (r, g, b). goes_on: False = absorbed.
+    direction: unit vector. key, bounce: select the random numbers. goes_on: False if the path is absorbed.
     """
     point, normal, is_front = meet(surfaces, prim_id, origin, direction)
     material = material_of(surfaces, prim_id)
@@ -90,7 +78,7 @@ def scatter(surfaces, prim_id, origin, direction, key, bounce):  # type: ignore[
 
 @njit(error_model="numpy")
 def _through_glass(direction, normal, is_front, ior, is_schlick, chance):  # type: ignore[no-untyped-def]
-    """(direction, passes): refracted, or mirrored with the chance that Fresnel's equations give.
+    """(direction, passes): refracted, or reflected with the probability of Fresnel's equations.
 
     Source: Fresnel's equations for unpolarised light; C. Schlick, "An inexpensive BRDF model", 1994.
     """

@@ -1,4 +1,4 @@
-"""A scene to be shown: triangles, what they are made of, and what lights them."""
+"""A scene to render: triangles, materials, lights and sky."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from atra.errors import InputError
 from atra.geometry.mesh import Mesh
+from atra.light.checks import checked_rows, set_fields
 from atra.light.lights import Light, check_light
 from atra.light.materials import Lambertian, Material, base_colour, needs_uv
 from atra.light.sky import GradientSky, Sky
@@ -18,14 +19,14 @@ from atra.light.sky import GradientSky, Sky
 
 @dataclass(frozen=True, eq=False)
 class RenderScene:
-    """Triangles, materials, lights and sky; all arrays are private copies that cannot be written to.
+    """Triangles, materials, lights and sky; all arrays are private read-only copies.
 
-    materials: of `atra.light.materials`. face_materials: (F,) whole numbers, which of them a triangle is made of;
-    None: all are made of the first. lights: for hybrid rendering; paths find light only at the sky and at `Emissive`.
-    normals: (V, 3) shading normals of the vertices, of any length but zero, pointing to the front; None: triangles are
-    flat. uv: (V, 2) float32, for materials with a `Checker` or an `Image`; None: no material has one.
-    Raises InputError for shapes that do not fit the mesh, numbers of materials that are not there (first face named),
-    normals and uv that are not finite (first vertex named), and a texture without uv.
+    mesh: the triangles. materials: from `atra.light.materials`. face_materials: (F,) integers, the material of each
+    triangle; None: the first for all. lights: for hybrid rendering; path tracing finds light only in the sky and at
+    `Emissive`. sky: the background and its light. normals: (V, 3) shading normals, non-zero, towards the front; None:
+    flat triangles. uv: (V, 2) float32, for materials with a `Checker` or an `Image`; None: there is none. Raises
+    InputError for shapes that do not fit the mesh, unknown materials (first face named), normals and uv that are not
+    finite (first vertex named), and a texture without uv.
     """
 
     mesh: Mesh
@@ -48,24 +49,24 @@ class RenderScene:
         for light in lights:
             check_light(light)
         numbers = _checked_numbers(self.face_materials, self.mesh.triangle_count, len(materials))
-        normals = _checked_rows("normals", self.normals, len(self.mesh.vertices), 3)
+        normals, uv = (
+            None if given is None else checked_rows(name, given, (len(self.mesh.vertices), size), "vertex", -1e6, 1e6)
+            for name, given, size in (("normal", self.normals, 3), ("uv", self.uv, 2))
+        )
         if normals is not None and not (zero := np.abs(normals).max(axis=1) > 1e-6).all():
             raise InputError(f"the normal of vertex {int(np.argmin(zero))} is zero, expected a direction")
-        uv = _checked_rows("uv", self.uv, len(self.mesh.vertices), 2)
         textured = next((number for number, one in enumerate(materials) if needs_uv(one)), None)
         if uv is None and textured is not None:
             raise InputError(f"material {textured} has a texture, expected uv of the vertices, but uv is None")
-        changes = {"materials": materials, "lights": lights, "face_materials": numbers, "normals": normals, "uv": uv}
-        for name, value in changes.items():
-            object.__setattr__(self, name, value)
+        set_fields(self, materials=materials, lights=lights, face_materials=numbers, normals=normals, uv=uv)
 
     @classmethod
     def from_trimesh(cls, loaded: Any, **others: Any) -> Self:
-        """What `trimesh.load` makes of a file, glTF say: its triangles, uv, and materials, each `Lambertian` of its
-        base colour, times the texture of that if it has one. What else a material says is not read.
+        """The triangles, uv and base colours of what `trimesh.load` returns, for example for glTF. Each material
+        becomes a `Lambertian` of its base colour and texture; its other properties are ignored.
 
-        loaded: a `trimesh.Trimesh`, or a `trimesh.Scene`, whose meshes follow each other. others: as for the class.
-        Raises InputError for anything else, for no triangles, and as `Mesh` and `Image` do.
+        loaded: a `trimesh.Trimesh` or `trimesh.Scene`; a scene's meshes are concatenated. others: further fields of the
+        class. Raises InputError for anything else, for no triangles, and as `Mesh` and `Image` do.
         """
         parts = loaded.dump() if hasattr(loaded, "dump") else [loaded]
         parts = [part for part in parts if len(getattr(part, "faces", ()))]
@@ -89,7 +90,7 @@ class RenderScene:
         )
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        # Copies and unpickled arrays can be written to, whatever the original was.
+        # Copied and unpickled arrays are writable, even if the original was not.
         self.__dict__.update(state)
         for array in (self.face_materials, self.normals, self.uv):
             if array is not None:
@@ -97,7 +98,7 @@ class RenderScene:
 
 
 def _uv_of(part: Any) -> NDArray[np.float64] | None:
-    """Of the vertices of a `trimesh.Trimesh`."""
+    """(V, 2) of a `trimesh.Trimesh`, or None."""
     uv = getattr(part.visual, "uv", None)
     return None if uv is None or len(uv) != len(part.vertices) else np.asarray(uv)[:, :2]
 
@@ -117,32 +118,12 @@ def _checked_numbers(given: ArrayLike | None, faces: int, materials: int) -> NDA
         raise InputError(f"face_materials cannot be read as an array: {error}") from None
     if numbers.shape != (faces,) or numbers.dtype.kind not in "iu":
         raise InputError(
-            f"face_materials is {numbers.dtype} of {numbers.shape}, expected whole numbers of ({faces},), one a face"
+            f"face_materials is {numbers.dtype} of {numbers.shape}, expected whole numbers of ({faces},), one per face"
         )
     wrong = (numbers < 0) | (numbers >= materials)
     if wrong.any():
         face = int(np.argmax(wrong))
         raise InputError(f"face {face} is made of material {numbers[face]}, but there are {materials}, counted from 0")
-    return _kept(numbers.astype(np.int32))
-
-
-def _checked_rows(name: str, given: ArrayLike | None, vertices: int, columns: int) -> NDArray[np.float32] | None:
-    if given is None:
-        return None
-    try:
-        with np.errstate(over="ignore"):  # becomes inf, which is refused below
-            rows = np.array(given, np.float32, order="C")
-    except (TypeError, ValueError) as error:
-        raise InputError(f"{name} cannot be read as an array: {error}") from None
-    if rows.shape != (vertices, columns):
-        raise InputError(f"{name} have shape {rows.shape}, expected ({vertices}, {columns}), a row a vertex")
-    good = (np.abs(rows) <= 1e6).all(axis=1)
-    if not good.all():
-        vertex = int(np.argmin(good))
-        raise InputError(f"{name} of vertex {vertex} are {rows[vertex].tolist()}, expected finite numbers within 1e6")
-    return _kept(rows)
-
-
-def _kept(array: Any) -> Any:
-    array.setflags(write=False)
-    return array
+    numbers = numbers.astype(np.int32)
+    numbers.setflags(write=False)
+    return numbers

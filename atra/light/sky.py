@@ -1,4 +1,4 @@
-"""Skies: what rays see that leave the scene."""
+"""Skies: the light of rays that leave the scene."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ from atra.light.checks import Colour, checked_colour, checked_number, checked_te
 WHITE: Colour = (1.0, 1.0, 1.0)
 
 _BYTES_PER_NUMBER, _BYTES_PER_PIXEL = 20, 44
-"""Memory for a number of an EXR and for a pixel of a Radiance HDR, with the copies on the way to a sky."""
+"""Peak memory of reading a number of an EXR, and a pixel of a Radiance HDR."""
 
 _LONGEST_RUN = 127
-"""Most equal bytes that two bytes of a Radiance HDR stand for."""
+"""Most equal bytes that two bytes of a Radiance HDR encode."""
 
 
 @dataclass(frozen=True)
 class GradientSky:
-    """From `below` to `above`, linear in the height (y) of the unit direction. power: a factor.
+    """A vertical gradient, linear in the y of the unit direction; defaults as in "Ray Tracing in One Weekend".
 
-    Its defaults are those of "Ray Tracing in One Weekend".
+    below: radiance straight down, linear RGB. above: radiance straight up. power: a factor.
     """
 
     below: Colour = WHITE
@@ -46,8 +46,8 @@ class GradientSky:
 class PanoramaSky:
     """An image all around, in longitude and latitude.
 
-    texels: (H, W, 3) radiance of any size, linear RGB; row 0 is above (+y), the middle column looks along -z, those
-    right of it along +x. power: a factor.
+    texels: (H, W, 3) radiance, linear RGB; row 0 is above (+y), the middle column looks along -z, those right of it
+    along +x. power: a factor.
     """
 
     texels: NDArray[np.float32]
@@ -61,7 +61,7 @@ class PanoramaSky:
     def load(
         cls, path: str | os.PathLike[str], power: float = 1.0, *, memory_per_byte: float | None = None
     ) -> PanoramaSky:
-        """Read the panorama of an EXR or a Radiance HDR file. memory_per_byte and errors: as of `read_panorama`."""
+        """Read an EXR or Radiance HDR panorama. memory_per_byte and errors: as for `read_panorama`."""
         return cls(read_panorama(path, memory_per_byte=memory_per_byte), power)
 
 
@@ -69,18 +69,17 @@ Sky = GradientSky | PanoramaSky
 
 
 def constant_sky(colour: Colour | float = WHITE, power: float = 1.0) -> GradientSky:
-    """The same radiance from everywhere; black: no sky."""
+    """The same radiance from everywhere; black means no sky."""
     whole = checked_colour("colour of a sky", colour, 1e12)
     return GradientSky(whole, whole, power)
 
 
 def read_panorama(path: str | os.PathLike[str], *, memory_per_byte: float | None = None) -> NDArray[np.float32]:
-    """(H, W, 3) float32, linear RGB as stored, of an EXR or a Radiance HDR.
+    """(H, W, 3) float32, linear RGB as stored, from an EXR or Radiance HDR file, which need not be trusted.
 
-    memory_per_byte: bound on the memory that reading may take, as for `atra.load_mesh`.
-    Raises InputError naming the file, which nobody need trust: for another suffix, what is damaged, promises more than
-    its bytes can hold or than memory_per_byte allows, negative or infinite radiance, an EXR without R, G and B, and
-    without the package OpenEXR.
+    memory_per_byte: limit on the memory of reading, as for `atra.load_mesh`. Raises InputError naming the file: for
+    another suffix, damage, a size beyond its bytes or memory_per_byte, negative or infinite radiance, an EXR without R,
+    G and B, and without the package OpenEXR.
     """
     path = Path(path)
     readers = {".exr": _read_exr, ".hdr": _read_hdr}
@@ -99,7 +98,7 @@ def _read_exr(path: Path, allowance: Allowance) -> NDArray[np.float32]:
     check_package(".exr")
     import OpenEXR
 
-    try:  # its `File` prints what is damaged, but its `InputFile` crashes there
+    try:  # `File` raises for damage; `InputFile` would crash
         with OpenEXR.File(str(path), separate_channels=True, header_only=True) as file:
             floats = sum(_promised(part.header) for part in file.parts)
         allowance.check(f"{floats:,} numbers", floats * _BYTES_PER_NUMBER)
@@ -107,7 +106,7 @@ def _read_exr(path: Path, allowance: Allowance) -> NDArray[np.float32]:
             channels = {name: np.array(one.pixels, np.float32) for name, one in file.channels().items()}
     except InputError:
         raise
-    except Exception as error:  # whatever the package makes of a damaged file
+    except Exception as error:  # the package raises many types
         raise InputError(str(error).replace(str(path), "it") or "it is damaged") from None
     if not {"R", "G", "B"} <= channels.keys():
         raise InputError(f"its channels are {', '.join(channels)}, expected R, G and B")
@@ -115,7 +114,7 @@ def _read_exr(path: Path, allowance: Allowance) -> NDArray[np.float32]:
 
 
 def _promised(header: dict[str, Any]) -> int:
-    """Numbers in a part of an EXR. Raises InputError for one that holds no flat image."""
+    """Numbers in a part of an EXR. Raises InputError for anything but a flat image."""
     if header["type"].name not in ("scanlineimage", "tiledimage"):
         raise InputError("it holds something else than flat images")
     low, high = (corner.astype(np.int64) for corner in header["dataWindow"])
@@ -126,7 +125,7 @@ def _promised(header: dict[str, Any]) -> int:
 
 
 def _read_hdr(path: Path, allowance: Allowance) -> NDArray[np.float32]:
-    """Source: the format that G. Ward's Radiance writes, as its manual "Radiance File Formats" has it."""
+    """Source: the format of G. Ward's Radiance, from its manual "Radiance File Formats"."""
     content = read_regular_file(path)
     head, _, rest = content.partition(b"\n\n")
     size, _, data = rest.partition(b"\n")
@@ -147,7 +146,7 @@ def _read_hdr(path: Path, allowance: Allowance) -> NDArray[np.float32]:
 
 
 def _decoded(data: bytes, height: int, width: int, start: bytes) -> NDArray[np.uint8]:
-    """(H, W, 4) of runs of equal bytes and of others, channel by channel in each row, which begins with `start`."""
+    """(H, W, 4) from run-length encoded rows, channel by channel; each row begins with `start`."""
     fewest = height * (4 + 8 * -(-width // _LONGEST_RUN))
     if not 0 < width < 1 << 15 or not 0 < fewest <= len(data):
         raise InputError(f"its {len(data)} bytes of pixels promise {width} x {height}")

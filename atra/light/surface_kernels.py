@@ -1,4 +1,4 @@
-"""Surfaces and sky as kernels read them: where a ray meets a triangle, which way it faces, and its colour."""
+"""Surfaces and sky as kernels read them: where a ray meets a triangle, its normal there, and its colour."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from atra.compiled.store import njit
 from atra.light.numbers_kernels import HALF, ONE, ZERO, along, dot, scaled, unit
 
 RECORD_WORDS = 8
-"""float64 of a triangle: unit normal (3), the plane's n . p, how far rays start off it, and its material; then four
-float32, the colour (3), and 1 where colour and normal are the same all over it. A record is a cache line."""
+"""float64 numbers of a triangle, a cache line: unit normal (3), plane's n . p, offset of rays that leave it, material;
+then four float32: colour (3), and 1 where colour and normal are constant."""
 
 CONSTANT, CHECKER, IMAGE = 0, 1, 2
 
@@ -29,33 +29,31 @@ KIND, COLOUR, TEXTURE, SECOND, SCALE, PARAMETER, VARIANT, FIRST_TEXEL, TEXELS_X,
     13,
 )
 MATERIAL_WORDS = 14
-"""float64 of a material. KIND: as scattering counts them. COLOUR and SECOND are three each; PARAMETER: a number that
-its kind needs; VARIANT: 1 for the other of two."""
+"""float64 numbers of a material. KIND: see `atra.light.scattering_kernels`, also for PARAMETER and VARIANT. COLOUR,
+SECOND: three each."""
 
 GRADIENT, PANORAMA = 0, 1
 SKY_WORDS = 8
-"""float32 of the sky: kind, then the colours below and above."""
+"""float32 numbers of the sky: kind, then the colours below and above."""
 
 CORNER_WORDS = 8
-"""float64 of a triangle in `weights`, and as many bytes in `corners`: a cache line each."""
+"""float64 numbers of a triangle in `weights`: a cache line."""
 
 LEAST_SQUARED = np.float32(1e-12)
-"""Of the length of a normal between those of vertices: shorter ones say nothing."""
+"""Shorter interpolated normals, by squared length, are ignored."""
 
 TINY = np.float64(1e-300)
-"""In place of the cosine of a ray and a plane that are nearly parallel."""
+"""Replaces the cosine of a ray nearly parallel to a plane."""
 
 
 class Surfaces(NamedTuple):
-    """All that light meets.
+    """The triangles, materials and sky of a scene.
 
-    records: (F, RECORD_WORDS) float64. is_emissive: (F,) bool, apart from them: it is asked of what is then not shaded.
-    weights: (F, CORNER_WORDS) float64, or (0, ...) where no surface changes over its triangles: the barycentric weight
-    of the second corner at a point p of the plane is its first three times p, plus the fourth; that of the third corner
-    are the other four. corners: (F, 2 CORNER_WORDS) float32, or (0, ...): shading normals of the three (9), their uv
-    (6), and 1 unused; normals are 0 where there are none.
-    materials: (M, MATERIAL_WORDS) float64. texels: (T, 3) float32, all images' one after the other.
-    sky: (SKY_WORDS,) float32. panorama: (H, W, 3) float32, row 0 above; +y is up, its middle column looks along -z.
+    records: (F, RECORD_WORDS) float64. is_emissive: (F,) bool. weights: (F, CORNER_WORDS) float64, or (0, ...) if
+    colour and normal are constant on all triangles; two affine functions give the barycentric weights of the second and
+    third corners at a point. corners: (F, 2 CORNER_WORDS) float32, or (0, ...): three shading normals (9; 0 if there
+    are none), three uv (6), 1 unused. materials: (M, MATERIAL_WORDS) float64. texels: (T, 3) float32, of all images.
+    sky: (SKY_WORDS,) float32. panorama: (H, W, 3) float32, row 0 above; +y is up, the middle column looks along -z.
     """
 
     records: NDArray[np.float64]
@@ -70,8 +68,8 @@ class Surfaces(NamedTuple):
 
 @njit(forceinline=True)
 def meet(surfaces, prim_id, origin, direction):  # type: ignore[no-untyped-def]
-    """(point, normal, is_front): where a ray meets the plane of a triangle, in float64; the normal, float32, is the
-    triangle's, turned to where the ray comes from."""
+    """(point, normal, is_front) where a ray meets a triangle's plane. The point is float64; the normal is float32 and
+    faces the ray."""
     records = surfaces.records
     nx, ny, nz = records[prim_id, 0], records[prim_id, 1], records[prim_id, 2]
     x, y, z = np.float64(origin[0]), np.float64(origin[1]), np.float64(origin[2])
@@ -86,8 +84,8 @@ def meet(surfaces, prim_id, origin, direction):  # type: ignore[no-untyped-def]
 
 @njit(forceinline=True)
 def leaving(surfaces, prim_id, point, normal):  # type: ignore[no-untyped-def]
-    """float32 origin of a ray that leaves a point of a triangle to the side of `normal`, just so far off that it does
-    not meet the triangle again."""
+    """float32 origin of a ray that leaves a point on the side of `normal`, far enough off not to meet the triangle
+    again."""
     off = surfaces.records[prim_id, 4]
     return (
         np.float32(point[0] + off * normal[0]),
@@ -103,7 +101,7 @@ def material_of(surfaces, prim_id):  # type: ignore[no-untyped-def]
 
 @njit(forceinline=True)
 def _weights(surfaces, prim_id, point):  # type: ignore[no-untyped-def]
-    """Barycentric weights of the corners, float32, of a point in the triangle's plane."""
+    """float32 barycentric weights of a point in the triangle's plane."""
     rows = surfaces.weights
     v = rows[prim_id, 0] * point[0] + rows[prim_id, 1] * point[1] + rows[prim_id, 2] * point[2] + rows[prim_id, 3]
     w = rows[prim_id, 4] * point[0] + rows[prim_id, 5] * point[1] + rows[prim_id, 6] * point[2] + rows[prim_id, 7]
@@ -112,7 +110,7 @@ def _weights(surfaces, prim_id, point):  # type: ignore[no-untyped-def]
 
 @njit(forceinline=True)
 def shading_normal(surfaces, prim_id, point, normal, is_front, direction):  # type: ignore[no-untyped-def]
-    """The normal that vertices give, on the side of `normal`; where it faces away from the ray, `normal` itself."""
+    """The interpolated normal on the side of `normal`, or `normal` itself where that faces away from the ray."""
     if len(surfaces.weights) == 0:
         return normal
     u, v, w = _weights(surfaces, prim_id, point)
@@ -131,7 +129,7 @@ def shading_normal(surfaces, prim_id, point, normal, is_front, direction):  # ty
 
 @njit(forceinline=True)
 def plain_colour(surfaces, material):  # type: ignore[no-untyped-def]
-    """(r, g, b) float32 of a material without texture, or the first of its checker's."""
+    """(r, g, b) float32 of a material without texture, or a checker's first."""
     rows = surfaces.materials
     return (
         np.float32(rows[material, COLOUR]),
@@ -154,7 +152,7 @@ def colour_of(surfaces, material, prim_id, point):  # type: ignore[no-untyped-de
 
 @njit(forceinline=True)
 def colour_at(surfaces, material, s, t):  # type: ignore[no-untyped-def]
-    """(r, g, b) float32 of a material where uv is (s, t)."""
+    """(r, g, b) float32 of a material at uv (s, t)."""
     rows = surfaces.materials
     first = plain_colour(surfaces, material)
     if rows[material, TEXTURE] == CONSTANT:
@@ -172,7 +170,7 @@ def colour_at(surfaces, material, s, t):  # type: ignore[no-untyped-def]
 
 @njit(error_model="numpy")
 def _texel(texels, first, columns, rows, s, t):  # type: ignore[no-untyped-def]
-    """Between the four texels around (s, t), which repeats; row 0 is at t = 0."""
+    """Bilinear look-up at (s, t), which repeats; row 0 is at t = 0."""
     x, y = (s - np.floor(s)) * columns - 0.5, (t - np.floor(t)) * rows - 0.5
     left, above = np.floor(x), np.floor(y)
     fx, fy = np.float32(x - left), np.float32(y - above)
@@ -190,16 +188,12 @@ def _texel(texels, first, columns, rows, s, t):  # type: ignore[no-untyped-def]
 
 @njit(forceinline=True)
 def sky_colour(surfaces, direction):  # type: ignore[no-untyped-def]
-    """(r, g, b) float32 that comes from where a unit vector points to."""
+    """(r, g, b) float32 of the sky in a direction, a unit vector."""
     sky = surfaces.sky
     if sky[0] == GRADIENT:
         above = HALF * (direction[1] + ONE)
         below = ONE - above
-        return (
-            below * sky[1] + above * sky[4],
-            below * sky[2] + above * sky[5],
-            below * sky[3] + above * sky[6],
-        )
+        return (below * sky[1] + above * sky[4], below * sky[2] + above * sky[5], below * sky[3] + above * sky[6])
     rows, columns = surfaces.panorama.shape[0], surfaces.panorama.shape[1]
     height = max(-1.0, min(1.0, np.float64(direction[1])))
     t = np.arccos(height) / np.pi
@@ -211,8 +205,8 @@ def sky_colour(surfaces, direction):  # type: ignore[no-untyped-def]
 
 @njit
 def on_side(direction, normal, wanted):  # type: ignore[no-untyped-def]
-    """A direction, mirrored at the triangle's plane if it is not on the `wanted` side (1 or -1) of its normal: shading
-    normals may point light through a surface, and losing it would darken rims."""
+    """A direction, mirrored at the triangle's plane if it is not on the `wanted` side (1 or -1) of its normal. Shading
+    normals may scatter light through a surface; dropping it would darken rims."""
     across = dot(direction, normal)
     if across * wanted >= ZERO:
         return direction

@@ -1,4 +1,4 @@
-"""Gathering by rays: a filter takes all hits but those in doubt, which are decided exactly and taken by themselves."""
+"""Gathering all hits by Embree: a filter takes them, except those in doubt, which are decided exactly beforehand."""
 
 from __future__ import annotations
 
@@ -28,10 +28,10 @@ from atra.tracing.lifetime import in_turn
 
 
 class Shots(NamedTuple):
-    """Rays that are shot at geometry, all hits of which count.
+    """Rays to trace through a geometry for all of their hits.
 
-    cells: as for `gathering_filter`. rays: of an offset. size: width and height of their grid, in pixels.
-    is_alone: packets reach into others' pixels, so that one thread shoots them all.
+    cells: as for `gathering_filter`. rays: makes the rays of an offset. size: width and height of their grid, pixels.
+    is_alone: packets overlap others' pixels, so one thread traces them all.
     """
 
     geometry: AlignedGeometry
@@ -44,10 +44,10 @@ class Shots(NamedTuple):
 
 
 class EmbreeGathering(Gathering, EmbreeTracer[Hits]):
-    """A tracer of one image that gathers with Embree.
+    """A tracer of one image that gathers all hits with Embree.
 
-    What it gathers with is built when it first gathers: a BVH of its own, and for each offset the samples in doubt, of
-    which those of the last offset are kept.
+    The first `gather` builds a BVH of its own. The samples in doubt are found once per offset, and the last offset's
+    are kept.
     """
 
     _shots: tuple[tuple[Shots, EmbreeScene], ...] = ()
@@ -74,7 +74,7 @@ class EmbreeGathering(Gathering, EmbreeTracer[Hits]):
         is_known: bool,
     ) -> None:
         for name, plane in what.planes().items():
-            if not plane.before:  # layers are written where there is a hit, and at last where there is none
+            if not plane.before:  # layers are filled at the end
                 images[name].fill(plane.start)
         doubts, kind = self._found_doubts(offset), what.kind
         if not self._shots:
@@ -143,5 +143,5 @@ class EmbreeGathering(Gathering, EmbreeTracer[Hits]):
     @property
     @in_turn
     def embree_bytes(self) -> int:
-        """Bytes Embree holds for this tracer by its own account; 0 before `build`."""
+        """Bytes that Embree reports for this tracer; 0 before `build`."""
         return super().embree_bytes + sum(scene.embree_bytes for _, scene in self._shots)

@@ -1,4 +1,4 @@
-"""The filters that take every hit of the rays of a packet."""
+"""The Embree filter that takes every hit of a packet's rays."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ _FIRST_PIXEL = RayQueryContext.first_pixel.offset
 def gathering_filter(kind: int, shape_x: int, shape_y: int, cells: str) -> int:
     """Address of the filter for packets of shape_x x shape_y pixels; compiled once per process, cached on disk.
 
-    kind: of reduction, of `take`. cells: "none" where the scene is the mesh itself, "copied" or "instanced" where the
-    user data is an int64 record for each triangle or instance, as `atra.embree.filters_kernels.keep_nearest` has it.
-    Every hit is rejected, so that Embree goes on to the next triangle. Hits in doubt are left out.
+    kind: the reduction's, as for `take`. cells: "none" where the scene is the mesh; "copied" or "instanced" where the
+    user data holds an int64 record per triangle or instance, as in `atra.embree.filters_kernels.keep_nearest`. The
+    filter rejects every hit, so that Embree continues, and leaves out hits in doubt.
     """
     lanes, nx = shape_x * shape_y, shape_x
     weighted = kind in (THICKNESS, TRANSMITTANCE)
@@ -61,5 +61,5 @@ def gathering_filter(kind: int, shape_x: int, shape_y: int, cells: str) -> int:
     return gather_hit.address
 
 
-# Embree may call these as long as a scene lives; compiled code must never be collected.
+# Embree may call filters as long as a scene lives, so compiled code must not be collected.
 _keep_alive: list[object] = []

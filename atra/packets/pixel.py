@@ -1,4 +1,4 @@
-"""One ray per pixel: the paper's baseline, and the expert's in packets."""
+"""One ray per pixel: the paper's baseline with single rays, and the stronger one with packets."""
 
 from __future__ import annotations
 
@@ -23,14 +23,12 @@ from atra.tracing.rays import SQUAREST_SHAPE, image_ray_grid, longest_ray, pixel
 
 
 class PixelTracer(EmbreeGathering, ImageTracer):
-    """One ray per pixel through `rtcIntersect1` (packet_width 1, the paper's baseline) or packets (4, 8, 16).
+    """One ray per pixel, by `rtcIntersect1` (packet_width 1, the paper's baseline) or packets (4, 8, 16).
 
-    options: see `atra.PixelOptions`.
-    Raises InputError as the options do, and for a mesh smaller than 1e-9 or farther than 1e11 from the eye, where
-    float32 would lose triangles; MemoryBudgetError, when planning, for more overlaps than can be kept.
-
-    `look` keeps the BVH while the eye stays where it is: turning or zooming costs nothing. Rays start at the origin of
-    what Embree is given, so another place of the eye needs another BVH (docs/methods.md says why).
+    options: see `atra.PixelOptions`. `look` keeps the BVH while the eye stays in place: turning and zooming are free.
+    Rays start at the origin of Embree's space, so another eye needs another BVH (docs/methods.md says why). Raises
+    InputError as the options do, and for a mesh smaller than 1e-9 or farther than 1e11 from the eye, where float32
+    would lose triangles; MemoryBudgetError, when planning, for more overlaps than can be kept.
     """
 
     options_type = PixelOptions
@@ -52,7 +50,7 @@ class PixelTracer(EmbreeGathering, ImageTracer):
             workspace.set_coherent(self.options.coherent)
 
     def _look(self, camera: View) -> bool:
-        """A camera that turns about its eye sees the same ray space, and keeps the BVH."""
+        """Keep the BVH for a camera that turns about its eye: it has the same ray space."""
         before = self.camera
         if camera.eye != before.eye or not np.array_equal(from_eye_space(camera), from_eye_space(before)):
             return super()._look(camera)
@@ -96,7 +94,7 @@ class PixelTracer(EmbreeGathering, ImageTracer):
 def image_shots(
     geometry: AlignedGeometry, camera: View, packet_shape: tuple[int, int], tiles: PixelTiles, is_alone: bool = False
 ) -> Shots:
-    """A ray for each pixel of an image, at the mesh in its ray space."""
+    """One ray per pixel of an image, through the mesh in the camera's ray space."""
 
     def rays(offset: tuple[float, float]) -> RayGrid:
         return RayGrid(*image_ray_grid(camera, offset, packet_shape))

@@ -1,4 +1,4 @@
-"""The loops over the pixels of an image, one ray or packet per pixel."""
+"""Kernels that trace the pixels of an image in single rays or packets."""
 
 from __future__ import annotations
 
@@ -10,28 +10,34 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.compiled.intrinsics import fetch_add
-from atra.compiled.store import kernel
+from atra.compiled.store import kernel, njit
 from atra.embree.layout import HIT_NG_X, HIT_U, HIT_V, RAY_WORDS
 from atra.embree.packets_kernels import hit_distance, hit_prim_id, intersect, set_pixel_ray, set_unlimited
 
 
+@njit(forceinline=True)
+def keep_hits(packet, width, columns, rows, shape_x, x0, y0, image):  # type: ignore[no-untyped-def]
+    """Store the hits of a packet whose first pixel is (x0, y0), as far as `columns` and `rows` reach."""
+    for row in range(rows):
+        for column in range(columns):
+            lane = row * shape_x + column
+            image.depth[y0 + row, x0 + column] = hit_distance(packet, width, lane)
+            image.prim_id[y0 + row, x0 + column] = hit_prim_id(packet, width, lane)
+
+
 @cache
 def pixel_kernel(shape_x: int, shape_y: int, parallel: bool = False) -> Callable[..., None]:
-    """The per-pixel loop for packets of shape_x x shape_y pixels; the shape is a constant of the compiled code.
-
-    parallel: rays differ in their origin, and share the direction that stands in the packet, instead of the reverse.
-    """
+    """The kernel for packets of shape_x x shape_y pixels. parallel: rays share a direction but not an origin."""
     width = shape_x * shape_y
 
     @kernel
     def trace_pixels(counter_address, scene, packet, rays, tiles, image):  # type: ignore[no-untyped-def]
-        """Trace every pixel of an image, tile by tile, until the shared counter runs past the last tile.
+        """Trace every pixel of an image, tile by tile; threads share the counter.
 
-        packet: its constant fields (origin or direction, tnear, mask, flags, inst_id) are set. rays: filled up to
-        whole packets. tiles: `PixelTiles`, which together cover the image. image: written completely.
+        packet: with its constant fields set (origin or direction, tnear, mask, flags, inst_id). rays: padded to whole
+        packets. tiles: `PixelTiles` that cover the image. image: written completely.
         """
-        depth, prim_id = image.depth, image.prim_id
-        height, image_width = depth.shape
+        height, image_width = image.depth.shape
         while True:
             tile = fetch_add(counter_address, 1)
             if tile >= len(tiles.corners):
@@ -47,26 +53,18 @@ def pixel_kernel(shape_x: int, shape_y: int, parallel: bool = False) -> Callable
                     set_unlimited(packet, width)
                     if whole:
                         intersect(width, packet.all_lanes, scene, packet)
-                        for row in range(shape_y):
-                            for column in range(shape_x):
-                                lane = row * shape_x + column
-                                depth[y0 + row, x0 + column] = hit_distance(packet, width, lane)
-                                prim_id[y0 + row, x0 + column] = hit_prim_id(packet, width, lane)
+                        keep_hits(packet, width, shape_x, shape_y, shape_x, x0, y0, image)
                     else:
                         for lane in range(width):
                             packet.valid[lane] = -1 if lane % shape_x < columns and lane // shape_x < rows else 0
                         intersect(width, packet.valid, scene, packet)
-                        for row in range(rows):
-                            for column in range(columns):
-                                lane = row * shape_x + column
-                                depth[y0 + row, x0 + column] = hit_distance(packet, width, lane)
-                                prim_id[y0 + row, x0 + column] = hit_prim_id(packet, width, lane)
+                        keep_hits(packet, width, columns, rows, shape_x, x0, y0, image)
 
     return trace_pixels
 
 
 class Surface(NamedTuple):
-    """What Embree says of the place of a hit: u, v: (H, W) float32, normal: (H, W, 3) float32 in ray space, of any
+    """Where on the triangles Embree's hits lie. u, v: (H, W) float32. normal: (H, W, 3) float32, ray space, any
     length."""
 
     u: NDArray[np.float32]
@@ -76,12 +74,12 @@ class Surface(NamedTuple):
 
 @cache
 def surface_kernel(shape_x: int, shape_y: int) -> Callable[..., None]:
-    """The per-pixel loop that keeps the places of hits, too; the shape is a constant of the compiled code."""
+    """As `pixel_kernel`, and it keeps where on the triangles the hits lie."""
     width = shape_x * shape_y
 
     @kernel
     def trace_surface(counter_address, scene, packet, rays, tiles, image, surface):  # type: ignore[no-untyped-def]
-        """As `trace_pixels`; surface: `Surface`, written completely, and without meaning where nothing is hit."""
+        """As `trace_pixels`. surface: `Surface`, written completely; undefined where nothing is hit."""
         height, image_width = image.depth.shape
         while True:
             tile = fetch_add(counter_address, 1)
@@ -98,11 +96,10 @@ def surface_kernel(shape_x: int, shape_y: int) -> Callable[..., None]:
                             packet.valid[lane] = -1 if row < rows and column < columns else 0
                     set_unlimited(packet, width)
                     intersect(width, packet.valid, scene, packet)
+                    keep_hits(packet, width, columns, rows, shape_x, x0, y0, image)
                     for row in range(rows):
                         for column in range(columns):
                             lane, y, x = row * shape_x + column, y0 + row, x0 + column
-                            image.depth[y, x] = hit_distance(packet, width, lane)
-                            image.prim_id[y, x] = hit_prim_id(packet, width, lane)
                             surface.u[y, x] = packet.floats[(RAY_WORDS + HIT_U) * width + lane]
                             surface.v[y, x] = packet.floats[(RAY_WORDS + HIT_V) * width + lane]
                             for axis in range(3):

@@ -1,4 +1,4 @@
-"""The loops that shoot packets whose filter gathers: over the pixels of an image, and over the reference rays."""
+"""The kernel that traces packets for a gathering filter, over pixels or reference rays."""
 
 from __future__ import annotations
 
@@ -15,19 +15,16 @@ _FIRST_PIXEL = RayQueryContext.first_pixel.offset // 8
 
 @cache
 def shooting_kernel(shape_x: int, shape_y: int, parallel: bool) -> Callable[..., None]:
-    """The loop for packets of shape_x x shape_y pixels; the shape is a constant of the compiled code.
-
-    parallel: as for `atra.packets.pixel_kernels.pixel_kernel`.
-    """
+    """The kernel for packets of shape_x x shape_y pixels. parallel: rays share a direction but not an origin."""
     width = shape_x * shape_y
 
     @kernel
     def shoot(counter_address, scene, packet, rays, tiles, image_width, image_height, row):  # type: ignore[no-untyped-def]
-        """Shoot the rays of an image tile by tile, until the shared counter runs past the last tile.
+        """Trace the rays of an image, tile by tile; threads share the counter.
 
-        rays: filled up to whole packets. tiles: `PixelTiles`, no two of which a packet meets. row: pixels from one row
-        of the target to the next. The filter writes to the target, and rewrites what is beside the image's right and
-        lower border, for which the target has room.
+        rays: padded to whole packets. tiles: `PixelTiles`; no packet meets two of them. row: pixels from one row of the
+        target to the next. The filter writes to the target, and rewrites pixels beyond the image's right and lower
+        border, for which the target has room.
         """
         while True:
             tile = fetch_add(counter_address, 1)

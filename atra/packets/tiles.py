@@ -1,4 +1,4 @@
-"""Ablation: the cells' culling without the alignment. Each cell is a small scene of its own, traced per pixel."""
+"""An ablation: culling by cells without alignment. Each cell is a small scene, traced per pixel."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ from atra.tracing.rays import SQUAREST_SHAPE, check_pinhole, image_ray_grid
 
 
 class TiledTracer(ImageTracer):
-    """Every cell's frustum-culled triangles in an Embree scene of their own; one ray per pixel, in packets.
+    """Each cell's frustum-culled triangles in an Embree scene of its own; one ray per pixel, in packets.
 
-    The same culling as `AlignedTracer` and no shear, so that what culling buys and what alignment buys are seen apart.
-    split: (nx, ny) cells; nx must divide the width, ny the height. options: see `atra.CellOptions`.
-    Raises InputError for a split that does not divide the image, MemoryBudgetError before allocating.
+    The culling is `AlignedTracer`'s, without the shear; so the gains of culling and of alignment can be told apart.
+    split: (nx, ny) cells; nx must divide the width, ny the height. options: see `atra.CellOptions`. Raises InputError
+    for a split that does not divide the image, MemoryBudgetError before allocating.
     """
 
     options_type = CellOptions

@@ -1,4 +1,4 @@
-"""Cells with a scene of their own: which triangles each gets, and the loop over their pixels."""
+"""Kernels of cells with scenes of their own: listing each cell's triangles, and tracing its pixels."""
 
 from __future__ import annotations
 
@@ -33,12 +33,8 @@ from atra.geometry.projection_kernels import (
 
 @kernel
 def list_cells(counter_address, points_pixels, faces, nx, ny, cell_width, cell_height, starts, cells):  # type: ignore[no-untyped-def]
-    """cells[starts[t]:starts[t + 1]] = the cells (row-major numbers) triangle t meets, as `count_copies` counted."""
-    polygon, first, second = (
-        np.empty((CORNERS, 3)),
-        np.empty((CORNERS, 3)),
-        np.empty((CORNERS, 3)),
-    )
+    """Write the cells that triangle t meets, as row-major numbers, to cells[starts[t]:starts[t + 1]]."""
+    polygon, first, second = (np.empty((CORNERS, 3)), np.empty((CORNERS, 3)), np.empty((CORNERS, 3)))
     while True:
         start = fetch_add(counter_address, 1) * CHUNK
         if start >= len(faces):
@@ -63,9 +59,9 @@ def list_cells(counter_address, points_pixels, faces, nx, ny, cell_width, cell_h
 
 @kernel
 def sort_by_cell(triangle_starts, cells, faces, cell_starts, cell_faces, prim_ids):  # type: ignore[no-untyped-def]
-    """Turn the cells of each triangle into the triangles of each cell, ascending: a counting sort.
+    """Turn the cells of each triangle into the triangles of each cell, ascending, by a counting sort.
 
-    cell_starts: (cells + 1,) int64, cell_faces: (N, 3) uint32, prim_ids: (N,) int64; all written.
+    Written: cell_starts: (cells + 1,) int64, cell_faces: (N, 3) uint32, prim_ids: (N,) int64.
     """
     cell_starts[:] = 0
     for cell in cells:
@@ -85,9 +81,8 @@ def sort_by_cell(triangle_starts, cells, faces, cell_starts, cell_faces, prim_id
 class CellScenes(NamedTuple):
     """Cells with scenes of their own, row by row.
 
-    handles: (cells,) int64, the RTCScene of each, 0 for a cell without triangles. prim_ids: (N,) int64, the mesh's
-    number of each triangle, those of cell k from starts[k] on; starts: (cells + 1,) int64.
-    columns: of cells. width, height: of a cell, in pixels.
+    handles: (cells,) int64, RTCScene handles; 0 for a cell without triangles. starts: (cells + 1,) int64, where each
+    cell's triangles start in `prim_ids`, (N,) int64. columns: of cells. width, height: pixels of a cell.
     """
 
     handles: NDArray[np.int64]
@@ -100,15 +95,13 @@ class CellScenes(NamedTuple):
 
 @cache
 def tile_kernel(shape_x: int, shape_y: int) -> Callable[..., None]:
-    """The loop over cells and their pixels, in packets of shape_x x shape_y pixels (constants of the code)."""
+    """The kernel for packets of shape_x x shape_y pixels."""
     width = shape_x * shape_y
 
     @kernel
     def trace_tiles(counter_address, cells, packet, rays, image):  # type: ignore[no-untyped-def]
-        """Trace the pixels of each cell against its own scene, until the shared counter runs past the last cell.
-
-        cells: `CellScenes`. Packet, rays and image as in `trace_pixels`.
-        """
+        """Trace the pixels of each cell through its own scene; threads share the counter. Packet, rays and image as in
+        `trace_pixels`."""
         depth, prim_id = image.depth, image.prim_id
         while True:
             cell = fetch_add(counter_address, 1)

@@ -1,1 +1,1 @@
-"""Ray classification: rays sorted into shafts, each with a list of the nodes of a BVH that its rays may meet."""
+"""Ray classification: each ray belongs to a shaft, and starts from the BVH nodes in its shaft's list."""

@@ -1,4 +1,4 @@
-"""One ray per pixel through a BVH of the world, each from the nodes that rays of its part of the image may meet."""
+"""One ray per pixel through a BVH in world space; each tile of the image starts from a list of nodes of its own."""
 
 from __future__ import annotations
 
@@ -19,46 +19,33 @@ from atra.errors import InputError
 from atra.geometry.mesh import Mesh
 from atra.geometry.ray_space import NARROWEST_WORLD_PITCH, check_world_range, from_eye_space
 from atra.geometry.view import View
-from atra.shafts.lists_kernels import build_eye_lists
+from atra.shafts.lists_kernels import build_lists
 from atra.shafts.options import ShaftKeywords, ShaftOptions
 from atra.shafts.shafts import ShaftLists, building_of, stored_lists
-from atra.shafts.shape_kernels import (
-    ACROSS,
-    AXIS,
-    CORNER,
-    DOWN,
-    EYE,
-    HIGH,
-    LOW,
-    MIDDLE,
-    PLANE_COUNT,
-    PLANES,
-    SHAPE,
-)
+from atra.shafts.shape_kernels import ACROSS, AXIS, CORNER, DOWN, EYE, HIGH, LOW, MIDDLE, PLANE_COUNT, PLANES, SHAPE
 from atra.tracing.lifetime import in_turn
 from atra.tracing.options import lists_options
 from atra.tracing.rays import check_pinhole
 
 _SLOPE_SLACK = 2.0**-18
-"""By how much a part of the image reaches farther than it does: many roundings of a float32 direction."""
+"""Margin on the slopes of a tile's border: many roundings of a float32 direction."""
 
 _SLACK, _ROBUST_SLACK = 4.0, 64.0
-"""Spacings of float32 at the largest coordinate by which boxes may lie beside a shaft and still count as in it; see
+"""Margin of the test of boxes against a shaft, in float32 spacings of the largest coordinate; see
 `atra.shafts.shafts.ROBUST_SLACK`. The eye may be as far away as the farthest corner, on the other side."""
 
 
 class EyeTracer(BvhTracer):
-    """One ray per pixel, single or in packets, each tile of 32 x 16 pixels from the list of a shaft of its own.
+    """One ray per pixel, single or in packets; each tile of 32 x 16 pixels starts from the list of its own shaft.
 
-    All rays of such a shaft start at the eye. The BVH is the world's and serves every eye; a camera that moves takes
-    new lists only. Rays start at the eye rounded to float32: far from the world's origin, in diagonals of the mesh,
-    images are not as exact as those of `BvhTracer`, though the same to the bit whatever the options are.
-    options: see `atra.shafts.options.ShaftOptions`, of which those on voxels, memory, subsets and orders are not used.
-    Raises what `BvhTracer` does; InputError for parallel rays and for pixels so narrow that rays in the world's axes
-    would merge.
-    Source: A. Reshetov, A. Soupikov, J. Hurley, "Multi-level ray tracing algorithm", 2005, for starting the rays of a
-    part of an image below the root; the lists are those of J. Hendrich et al., "Ray classification for accelerated BVH
-    traversal", 2019.
+    All rays of such a shaft start at the eye. The BVH is in world space and serves every eye, so a camera that moves
+    needs new lists only. Rays start at the eye rounded to float32: an eye far from the world's origin makes images less
+    precise than those of `BvhTracer`, though the same to the bit for all options. options: see
+    `atra.shafts.options.ShaftOptions`; those on voxels, memory, subsets and orders are not used. Raises what
+    `BvhTracer` does; InputError for parallel rays and for pixels so narrow that rays along the world's axes would
+    merge. Source: A. Reshetov, A. Soupikov, J. Hurley, "Multi-level ray tracing algorithm", 2005, for starting the rays
+    of a tile below the root; J. Hendrich et al., "Ray classification for accelerated BVH traversal", 2019, for the
+    lists.
     """
 
     options_type: ClassVar[type[BvhOptions]] = ShaftOptions
@@ -86,7 +73,7 @@ class EyeTracer(BvhTracer):
 
     @property
     def lists(self) -> ShaftLists:
-        """The shafts of the tiles, once they are built."""
+        """The shafts of the tiles; only after `build`."""
         assert self._lists is not None
         return self._lists
 
@@ -101,7 +88,7 @@ class EyeTracer(BvhTracer):
         building = building_of(self._bvh, self.options, NO_SHAFTS.grid)
 
         def build(counter: int, part: slice, lengths: Any, nodes: Any, memory: Any) -> None:
-            build_eye_lists(counter, building, shapes[part], lengths, nodes, memory)
+            build_lists(counter, building, np.arange(len(lengths)), shapes[part], lengths, nodes, memory)
 
         starts, lengths, lists, unique = stored_lists(len(shapes), self.options, self._pool, build)
         shafts = Shafts(NO_SHAFTS.grid, NO_SHAFTS.rows, starts[None], lists, empty_is_miss=True)
@@ -121,14 +108,14 @@ class EyeTracer(BvhTracer):
     @property
     @in_turn
     def counters(self) -> Mapping[str, float]:
-        """What `BvhTracer` says, and of the shafts."""
+        """Those of `BvhTracer`, and of the shafts."""
         return {**super().counters, **({} if self._lists is None else self._lists.counters)}
 
 
 def shapes_of_tiles(camera: View, eye: NDArray[np.float64], tiles: PixelTiles, slack: float) -> NDArray[np.float64]:
-    """(T, SHAPE) float64: the shafts from an eye through the tiles of an image, with all their sub-pixel positions.
+    """(T, SHAPE) float64: the shafts from an eye through the tiles of an image, all sub-pixel offsets included.
 
-    slack: by how far beyond a shaft's planes a box may lie and still count as in it.
+    slack: margin around a shaft's planes within which a box counts as inside.
     """
     right, down, forward = camera.axes
     corners, plane = tiles.corners.astype(np.int64), camera.plane
@@ -153,5 +140,5 @@ def shapes_of_tiles(camera: View, eye: NDArray[np.float64], tiles: PixelTiles, s
 
 
 def _ends(first: NDArray[np.int64], size: int, limit: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Where tiles begin and end along one side of the image."""
+    """First and last pixel of tiles along one side of the image."""
     return first, np.minimum(first + size, limit)

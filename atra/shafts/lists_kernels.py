@@ -1,4 +1,4 @@
-"""The lists of shafts: Algorithm 1 of Hendrich et al. 2019, by threads, and equal lists stored once."""
+"""Kernels that build the lists of shafts (Algorithm 1 of Hendrich et al. 2019) and store equal lists once."""
 
 from __future__ import annotations
 
@@ -17,21 +17,19 @@ from atra.compiled.memory import load
 from atra.compiled.store import kernel, njit
 from atra.compiled.vectors import bits_of, larger, repeated, smaller
 from atra.embree.packets_kernels import INFINITY
-from atra.shafts.shape_kernels import HIGH, LOW, SHAPE, direction_of, heading, overlaps, set_shape
+from atra.shafts.shape_kernels import HIGH, LOW, direction_of, heading, overlaps, set_shape
 
 LANES = 8
-"""Sampled rays that are tested with a box at once."""
+"""Sampled rays tested with a box at once."""
 
 _CHUNK = 16
 _ZERO = np.float32(0.0)
 
 
 class Building(NamedTuple):
-    """What lists are built of and how.
-
-    tree: of the BVH. probability: how probable a hit of a node must be for the node to be opened. rays: sampled in
-    every shaft. longest: entries of a list. occlusion: whether what a sampled ray hits hides what lies behind.
-    """
+    """What lists are built from, and how. tree: the BVH. grid: the voxels. probability: hit probability from which a
+    node is opened. rays: sampled per shaft. longest: entries of a list. occlusion: whether a sampled ray ends at its
+    first hit."""
 
     tree: Tree
     grid: Grid
@@ -42,9 +40,8 @@ class Building(NamedTuple):
 
 
 class Sampling(NamedTuple):
-    """Memory of one thread. shape: (SHAPE,) float64. bundle: (ROWS, R) float32, sampled rays, filled up to whole
-    vectors with idle ones. root: the list of the root alone. stack, nears, counts: as in
-    `atra.bvh.memory.Memory`."""
+    """Memory of one thread. shape: (SHAPE,) float64. bundle: (ROWS, R) float32, sampled rays, padded with idle ones to
+    whole vectors. root: the root's list. stack, nears, counts: as in `atra.bvh.memory.Memory`."""
 
     shape: NDArray[np.float64]
     bundle: NDArray[np.float32]
@@ -66,7 +63,7 @@ def _random(state):  # type: ignore[no-untyped-def]
 
 @njit
 def _sample(building, number, memory):  # type: ignore[no-untyped-def]
-    """Rays spread evenly over a shaft into the bundle, each as far as the first thing that it hits beyond its voxel."""
+    """Sample the rays of a shaft evenly into the bundle, each up to its first hit beyond its voxel."""
     shape, bundle = memory.shape, memory.bundle
     state = np.uint64(number)
     for lane in range(bundle.shape[1]):
@@ -100,7 +97,7 @@ def _sample(building, number, memory):  # type: ignore[no-untyped-def]
 
 @njit
 def _seen(node, memory):  # type: ignore[no-untyped-def]
-    """How many of the sampled rays enter the box of the node at an address before they hit anything."""
+    """The number of sampled rays that enter the box of the node at an address before they hit anything."""
     bundle, found, none = memory.bundle, 0, repeated(_ZERO, LANES)
     no_margins = none, none, none
     row = 4 * bundle.shape[1]
@@ -122,7 +119,7 @@ def _seen(node, memory):  # type: ignore[no-untyped-def]
 
 @njit
 def _lowest(tree, shape, number):  # type: ignore[no-untyped-def]
-    """The lowest node that holds all of a node's subtree that the shaft meets, -1 if it meets none of its children."""
+    """The lowest node that holds all of a node's subtree that the shaft meets; -1 if it meets none of the children."""
     while True:
         node = tree.nodes + number * NODE_BYTES
         if kind_of(node) > 3:
@@ -139,7 +136,7 @@ def _lowest(tree, shape, number):  # type: ignore[no-untyped-def]
 
 @njit
 def _collect(building, memory, probability, nodes):  # type: ignore[no-untyped-def]
-    """Write the list of a shaft, the far nodes first; returns its length, -1 if it is too long."""
+    """Write the list of a shaft, far nodes first; returns its length, -1 if it is too long."""
     tree, shape, stack = building.tree, memory.shape, memory.stack
     count, top = 0, 1
     stack[0] = ROOT
@@ -152,7 +149,7 @@ def _collect(building, memory, probability, nodes):  # type: ignore[no-untyped-d
         kind = kind_of(node)
         if kind <= 3 and _seen(node, memory) >= probability * building.rays:
             child = first_of(node)
-            second = 1 if heading(shape, kind) > 0 else 0  # what lies farther away is taken first
+            second = 1 if heading(shape, kind) > 0 else 0  # the farther child is popped first
             stack[top], stack[top + 1] = child + 1 - second, child + second
             top += 2
             continue
@@ -169,8 +166,8 @@ def _collect(building, memory, probability, nodes):  # type: ignore[no-untyped-d
 def _fill(building, number, memory, nodes):  # type: ignore[no-untyped-def]
     """Write the list of the shaft whose shape is in memory; returns its length.
 
-    Where it is too long the probability that it takes to open a node is raised, by 0.05, by 0.1 more, and so on, until
-    it fits; above 1, nothing is opened.
+    If it is too long, the probability that opens a node is raised by 0.05, by 0.1 more, and so on, until it fits; above
+    1, nothing is opened.
     """
     _sample(building, number, memory)
     probability, raised = building.probability, 0.05
@@ -183,39 +180,30 @@ def _fill(building, number, memory, nodes):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def build_lists(counter_address, building, numbers, lengths, nodes, memory):  # type: ignore[no-untyped-def]
-    """Lists of the shafts with these numbers, by threads that share a counter.
+def build_lists(counter_address, building, numbers, shapes, lengths, nodes, memory):  # type: ignore[no-untyped-def]
+    """Build the lists of the shafts `numbers`, (S,) int64. Threads share the counter.
 
-    numbers: (S,) int64. lengths: (S,) int32 and nodes: (S, longest) uint32 are written.
+    shapes: (S, SHAPE) float64, of an eye's shafts; (0, SHAPE) for shafts of voxels. Written: lengths: (S,) int32,
+    nodes: (S, longest) uint32.
     """
     while True:
         start = fetch_add(counter_address, 1) * _CHUNK
         if start >= len(numbers):
             return
         for k in range(start, min(start + _CHUNK, len(numbers))):
-            set_shape(building.grid, numbers[k], memory.shape)
+            if len(shapes):
+                memory.shape[:] = shapes[k]
+            else:
+                set_shape(building.grid, numbers[k], memory.shape)
             lengths[k] = _fill(building, numbers[k], memory, nodes[k])
 
 
 @kernel
-def build_eye_lists(counter_address, building, shapes, lengths, nodes, memory):  # type: ignore[no-untyped-def]
-    """As `build_lists`, of shafts of an eye; shapes: (S, SHAPE) float64."""
-    while True:
-        start = fetch_add(counter_address, 1) * _CHUNK
-        if start >= len(shapes):
-            return
-        for k in range(start, min(start + _CHUNK, len(shapes))):
-            for place in range(SHAPE):
-                memory.shape[place] = shapes[k, place]
-            lengths[k] = _fill(building, k, memory, nodes[k])
-
-
-@kernel
 def store_lists(lengths, nodes, starts, lists, used, slots):  # type: ignore[no-untyped-def]
-    """Store each list that is not stored yet, and where each begins; returns how much of `lists` is used now.
+    """Store each new list, and where each starts; returns the used length of `lists`.
 
-    starts: (S,) int32 is written; empty lists are all the one that is there. lists: uint32, with room for all. slots:
-    int32, -1 where free, a power of two of them, more than there are lists; kept from call to call.
+    starts: (S,) int32, written; empty lists share one. lists: uint32, with room for all. slots: int32 hash table, -1 =
+    free; a power of two of them, more than lists, kept between calls.
     """
     mask = len(slots) - 1
     for k in range(len(lengths)):
@@ -249,7 +237,7 @@ def store_lists(lengths, nodes, starts, lists, used, slots):  # type: ignore[no-
 
 @kernel
 def mark_voxels(counter_address, blocks, grid, occupied):  # type: ignore[no-untyped-def]
-    """Set occupied, (voxels,) bool, where a triangle may lie; blocks: (B, 10, 4) float32 as of a BVH."""
+    """Set occupied, (voxels,) bool, where a triangle may lie. blocks: (B, 10, 4) float32, as in a BVH."""
     low, size, voxels = grid.low, grid.size, grid.voxels
     first, last = np.empty(3, np.int64), np.empty(3, np.int64)
     while True:
@@ -258,7 +246,7 @@ def mark_voxels(counter_address, blocks, grid, occupied):  # type: ignore[no-unt
             return
         for block in range(start, min(start + 256, len(blocks))):
             for k in range(blocks.shape[2]):
-                if np.isnan(blocks[block, 0, k]):  # a place left over
+                if np.isnan(blocks[block, 0, k]):  # an unused entry
                     continue
                 for axis in range(3):
                     one = np.float64(blocks[block, axis, k])

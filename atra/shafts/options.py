@@ -10,17 +10,17 @@ from atra.tracing.options import option, option_of
 from atra.whole_numbers import is_whole_number
 
 LONGEST_LIST = 255
-"""More than that is no short list."""
+"""Most nodes of a list."""
 
 MOST_DIRECTIONS = 1024
-"""More than that float32 cannot tell apart well."""
+"""Most cells along a side of a cube's face; float32 cannot tell more apart well."""
 
 SUBSETS = ("complete", "occupied", "sampled", "hits", "none")
 """Which shafts have lists: all; those of voxels that hold triangles; those that most rays of a sample use; those that
-the rays use that are to be traced; none, which leaves the order of rays alone."""
+the rays to trace use; none, where only the order of rays is wanted."""
 
-ON_RAYS = ("sampled", "hits", "none")
-"""Those that hang on the rays that are to be traced."""
+OF_RAYS = ("sampled", "hits")
+"""Subsets that depend on the rays to trace."""
 
 
 class ShaftKeywords(BvhKeywords, total=False):
@@ -41,32 +41,28 @@ class ShaftKeywords(BvhKeywords, total=False):
 class ShaftOptions(BvhOptions):
     """Options of `ClassifiedTracer` and `ShaftScene`, beside those of `BvhTracer`.
 
-    Raises InputError, with the value, for cells, directions, rays and longest that are not whole or less than 1,
-    longest beyond 255, directions beyond 1,024, a probability or a share outside (0, 1] and a memory that is not above
-    0.
+    Raises InputError, with the value, for cells, directions, rays and longest that are not whole or below 1, longest
+    above 255, directions above 1,024, a probability or share outside (0, 1], and a memory not above 0.
     """
 
     traversal: str = option_of(BvhOptions, "traversal", default="pop")
     ray_order: str = option(
         "image",
-        "in which order a batch is traced: image = as it comes, shaft = shaft by shaft, packets from a list that their "
-        "rays share",
+        "order of a batch: image = as given, shaft = shaft by shaft, in packets that share a list",
         choices=("image", "shaft"),
     )
-    cells: int | None = option(None, "voxels; null = as many as the memory allows", null="by memory")
+    cells: int | None = option(None, "number of voxels; null = as many as the memory allows", null="by memory")
     directions: int = option(4, "cells along each side of a cube's faces")
-    memory: float = option(
-        1.0, "memory of look-up and lists, at least 64 KiB, where cells are null", unit="times the BVH's"
-    )
-    probability: float = option(0.5, "how probable a hit must be for a node to be opened")
-    rays: int = option(20, "sampled in each shaft")
-    longest: int = option(31, "nodes of a list, at most")
+    memory: float = option(1.0, "memory of look-up and lists if cells is null, at least 64 KiB", unit="times the BVH's")
+    probability: float = option(0.5, "hit probability from which a node is opened")
+    rays: int = option(20, "rays sampled in each shaft")
+    longest: int = option(31, "most nodes of a list")
     subset: str = option("complete", "which shafts have lists", choices=SUBSETS)
-    share: float = option(0.9, "of a sample's rays whose shafts have lists, where the subset is sampled")
+    share: float = option(0.9, "fraction of a sample's rays whose shafts get lists, for subset sampled")
     empty: str = option(
-        "miss", "what an empty list means: a proof of a miss, or to start at the root", choices=("miss", "root")
+        "miss", "what an empty list means: miss = a proven miss, root = start at the root", choices=("miss", "root")
     )
-    occlusion: bool = option(True, "what a sampled ray hits hides what lies behind")
+    occlusion: bool = option(True, "sampled rays end at their first hit")
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -1,4 +1,4 @@
-"""A mesh that rays are shot at in batches, each ray from the list of its shaft."""
+"""Batches of rays against a mesh, each ray from the list of its shaft."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ from atra.bvh.scene import BvhScene, PreparedRays, batch_of
 from atra.bvh.starts import EMPTY_LIST, NO_SHAFTS, PASSES, ROOT_LIST, UNKNOWN, Shafts
 from atra.geometry.mesh import Mesh
 from atra.rays.rays import Rays
-from atra.shafts.options import ShaftKeywords, ShaftOptions
+from atra.shafts.options import OF_RAYS, ShaftKeywords, ShaftOptions
 from atra.shafts.shafts import ShaftLists, build_shafts
 from atra.tracing.lifetime import in_turn
 from atra.tracing.options import lists_options
 
 SAMPLE = 64
-"""One of so many rays of a batch is looked at to find which shafts are used most."""
+"""The subset "sampled" looks at one in SAMPLE rays of a batch."""
 
 
 class ShaftScene(BvhScene):
-    """As `BvhScene`, and each ray starts from the nodes that its shaft's rays may meet (ray classification).
+    """A `BvhScene` in which each ray starts from the nodes in its shaft's list (ray classification).
 
-    options: see `ShaftOptions`. Lists are built by `build`; where their subset hangs on rays, by `prepare`.
-    Raises what `BvhScene` does, and MemoryBudgetError, when building, for shafts that do not fit.
-    Source: J. Hendrich et al., "Ray classification for accelerated BVH traversal", 2019.
+    options: see `ShaftOptions`. `build` builds the lists; subsets that depend on rays are built by `prepare`. Raises
+    what `BvhScene` does, and MemoryBudgetError, when building, for shafts that do not fit. Source: J. Hendrich et al.,
+    "Ray classification for accelerated BVH traversal", 2019.
     """
 
     options_type: ClassVar[type[BvhOptions]] = ShaftOptions
@@ -42,7 +42,7 @@ class ShaftScene(BvhScene):
 
     @property
     def lists(self) -> ShaftLists:
-        """The shafts, once they are built; those of the rays prepared last, where they hang on rays."""
+        """The shafts, after `build`; if they depend on rays, those for the rays prepared last."""
         assert self._lists is not None
         return self._lists
 
@@ -54,12 +54,12 @@ class ShaftScene(BvhScene):
         return taken_s + perf_counter() - start
 
     def prepare(self, rays: Rays) -> PreparedRays:
-        """Find the shafts of rays where that is needed, build lists where they hang on rays, and put rays in order."""
+        """Find the shafts of rays where needed, build lists that depend on them, and order the rays."""
         with self._in_use():
             start = perf_counter()
             batch, options = batch_of(rays, self.packet_width), self.options
             numbers = None
-            if options.subset in ("sampled", "hits"):
+            if options.subset in OF_RAYS:
                 step = SAMPLE if options.subset == "sampled" else 1
                 few = Rays(rays.origins[::step], rays.directions[::step], rays.tnear[::step], rays.tfar[::step])
                 sample = batch_of(few, 1)
@@ -85,7 +85,7 @@ class ShaftScene(BvhScene):
         return numbers
 
     def _in_packets(self, rays: Rays, numbers: NDArray[np.int64], shafts: Shafts) -> Any:
-        """Rays in their order, in packets of rays that share a list; without lists, in packets that are full."""
+        """Order rays into packets that share a list; without lists, into full packets."""
         width = self.packet_width
         order = np.argsort(numbers, kind="stable") if self.options.ray_order == "shaft" else np.arange(len(numbers))
         if self.options.subset == "none":
@@ -102,12 +102,12 @@ class ShaftScene(BvhScene):
     @property
     @in_turn
     def counters(self) -> Mapping[str, float]:
-        """Plain numbers by name: of the BVH and of the shafts."""
+        """Numbers by name: of the BVH and of the shafts."""
         return {**super().counters, **self.lists.counters}
 
 
 def _lists_of(shafts: Shafts, numbers: NDArray[np.int64]) -> NDArray[np.int64]:
-    """`atra.bvh.starts.list_of` of many shafts."""
+    """`atra.bvh.starts.list_of` for many shafts."""
     of_voxel = 6 * shafts.grid.directions**2
     known = numbers >= 0
     rows = np.where(known, shafts.rows[np.where(known, numbers, 0) // of_voxel], UNKNOWN)
@@ -120,7 +120,7 @@ def _lists_of(shafts: Shafts, numbers: NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 def _most_used(numbers: NDArray[np.int64], share: float) -> NDArray[np.int64]:
-    """The shafts that most rays use, the fewest that together hold this share of them; ascending."""
+    """The fewest shafts that together hold this share of the rays; ascending."""
     shafts, rays = np.unique(numbers[numbers >= 0], return_counts=True)
     if not len(shafts):
         return shafts

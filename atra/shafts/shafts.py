@@ -1,4 +1,4 @@
-"""The shafts of a BVH: how many there are, and their lists."""
+"""The shafts of a BVH: their resolution and their lists."""
 
 from __future__ import annotations
 
@@ -19,31 +19,32 @@ from atra.bvh.starts import EMPTY_LIST, FIRST_LIST, MOST, NO_LISTS, ROOT_LIST, U
 from atra.compiled.threads import WorkerPool
 from atra.errors import InputError, MemoryBudgetError
 from atra.shafts.lists_kernels import LANES, Building, Sampling, build_lists, mark_voxels, store_lists
-from atra.shafts.options import ON_RAYS, ShaftOptions
+from atra.shafts.options import OF_RAYS, ShaftOptions
 from atra.shafts.shape_kernels import SHAPE
 from atra.tracing.budgets import check_needed_bytes
 
 FARTHEST = 8.0
-"""Largest coordinate of an origin, of that of the box, whose shaft is told: farther away, roundings come close to
+"""Largest coordinate of an origin that is classified, as a multiple of the box's; farther out, rounding approaches the
 slack."""
 
 LEAST_BYTES = 1 << 16
-"""Of lists and look-up that are allowed in any case: the BVH of a few triangles is smaller than a single voxel's."""
+"""Memory of lists and look-up that is always allowed: the BVH of a few triangles is smaller than the shafts of one
+voxel."""
 
 _AT_ONCE = 1 << 14
 _LIKELY_BYTES = 40
-"""A guess of the memory of a shaft, from which the search for the resolution starts."""
+"""Assumed memory of a shaft, where the search for the resolution starts."""
 
 _ATTEMPTS, _ENOUGH = 5, 0.7
-"""How often the search tries a finer resolution, and what part of the budget ends it."""
+"""Number of finer resolutions that the search tries, and the fraction of the budget that ends it."""
 
 
 @dataclass(frozen=True, eq=False)
 class ShaftLists:
-    """Shafts with their lists, and what became of them.
+    """Shafts with their lists, and statistics of them.
 
-    shafts: for kernels. bvh: what the nodes belong to. count: shafts, with a list or without. built: shafts of which a
-    list was built. lists_unique: lists that are stored, the empty one aside. lengths: (built,) int32, of each shaft.
+    shafts: for kernels. bvh: which the nodes belong to. count: shafts, with or without a list. built: shafts with a
+    list. lists_unique: stored lists, without the empty one. lengths: (built,) int32, of each shaft's list.
     build_time_s: seconds, finding the resolution included.
     """
 
@@ -57,17 +58,17 @@ class ShaftLists:
 
     @property
     def lookup_bytes(self) -> int:
-        """Memory by which a shaft's list is found."""
+        """Memory of the tables that find a shaft's list."""
         return self.shafts.rows.nbytes + self.shafts.table.nbytes
 
     @property
     def list_bytes(self) -> int:
-        """Memory of lists."""
+        """Memory of the lists."""
         return self.shafts.lists.nbytes
 
     @property
     def entry_height_mean(self) -> float:
-        """Mean height of the subtrees in the lists that are stored, each entry as often as it stands there."""
+        """Mean height of the subtrees in the stored lists."""
         lists, heights, place, total, entries = self.shafts.lists, self.bvh.heights, FIRST_LIST, 0, 0
         while place < len(lists):
             length = int(lists[place])
@@ -78,7 +79,7 @@ class ShaftLists:
 
     @property
     def counters(self) -> Mapping[str, float]:
-        """Plain numbers by name."""
+        """Numbers by name."""
         return {
             "shafts": self.count,
             "shafts_built": self.built,
@@ -94,15 +95,14 @@ class ShaftLists:
 
 
 SLACK, ROBUST_SLACK = 64.0, 256.0
-"""Spacings of float32 at the largest coordinate by which voxels are larger than they are. Roundings of the tests of
-boxes and triangles move a ray of an origin within FARTHEST by up to 100 of them (`atra.bvh.single.MARGIN`)."""
+"""Margin of voxels in float32 spacings of the largest coordinate; the second is for robust tests. Rounding of the tests
+of boxes and triangles moves a ray whose origin lies within FARTHEST by up to 100 spacings (`atra.bvh.single.MARGIN`).
+"""
 
 
 def grid_of(bvh: Bvh, cells: int, directions: int, robust: bool = False) -> Grid:
-    """Near-cubic voxels, at most so many, of the BVH's box; one layer of them along axes on which it is thinner than a
-    voxel. robust: a ray may pass beside a box by as much as its roundings.
-
-    Raises InputError for MOST voxels or more.
+    """Near-cubic voxels, at most `cells`, of the BVH's box; a single layer along axes on which it is thinner than a
+    voxel. robust: rays may pass beside a box by the margin of robust tests. Raises InputError for MOST voxels or more.
     """
     low, high = bvh.bounds
     largest = float(np.abs(bvh.bounds).max())
@@ -112,7 +112,7 @@ def grid_of(bvh: Bvh, cells: int, directions: int, robust: bool = False) -> Grid
     thick = np.ones(3, np.bool_)
     while True:
         mean = (sides[thick].prod() / cells) ** (1.0 / thick.sum())
-        edge = min(mean, sides.max())  # which it is beyond by rounding at most, so that one axis is left
+        edge = min(mean, sides.max())  # rounding may exceed it; one axis must stay
         if (sides[thick] >= edge).all():
             break
         thick &= sides >= edge
@@ -126,12 +126,11 @@ def grid_of(bvh: Bvh, cells: int, directions: int, robust: bool = False) -> Grid
 def build_shafts(
     bvh: Bvh, options: ShaftOptions, pool: WorkerPool, grid: Grid | None = None, used: NDArray[np.int64] | None = None
 ) -> ShaftLists:
-    """Lists of the shafts that `options.subset` names.
+    """Build the lists of the shafts that `options.subset` selects.
 
-    grid: in place of the one that the options lead to. used: numbers of the shafts that are to have lists, of subsets
-    that hang on rays, whose voxels are as many as the memory is likely to allow. Raises MemoryBudgetError where look-up
-    and lists of a single voxel need more than `options.memory` times the memory of the BVH and LEAST_BYTES, or what is
-    needed is not free.
+    grid: instead of the options' own. used: the shafts that get lists, for subsets that depend on rays; their grid has
+    as many voxels as the memory probably allows. Raises MemoryBudgetError where a single voxel needs more than
+    `options.memory` times the BVH's memory and LEAST_BYTES, or more than is free.
     """
     start = perf_counter()
     if grid is not None or options.cells is not None:
@@ -140,7 +139,7 @@ def build_shafts(
     budget = max(options.memory * bvh.bytes, LEAST_BYTES)
     cells = min(max(int(budget / (_LIKELY_BYTES * 6 * options.directions**2)), 1), MOST // 2)
     too_many, best = MOST // 2 + 1, None
-    if options.subset in ON_RAYS:
+    if options.subset in (*OF_RAYS, "none"):
         return _lists(bvh, options, pool, grid_of(bvh, cells, options.directions, options.robust), used, start)
     for attempt in count():
         found = _lists(bvh, options, pool, grid_of(bvh, cells, options.directions, options.robust), used, start)
@@ -177,7 +176,7 @@ def _lists(
     building = building_of(bvh, options, grid)
 
     def build(counter: int, part: slice, lengths: NDArray[np.int32], nodes: NDArray[np.uint32], memory: Any) -> None:
-        build_lists(counter, building, numbers[part], lengths, nodes, memory)
+        build_lists(counter, building, numbers[part], np.empty((0, SHAPE)), lengths, nodes, memory)
 
     starts, lengths, lists, unique = stored_lists(len(numbers), options, pool, build)
     table[rows[numbers // of_voxel], numbers % of_voxel] = starts
@@ -186,17 +185,17 @@ def _lists(
 
 
 def building_of(bvh: Bvh, options: ShaftOptions, grid: Grid) -> Building:
-    """What the lists of a BVH are built of."""
+    """The `Building` of a BVH."""
     return Building(bvh.tree, grid, options.probability, int(options.rays), int(options.longest), options.occlusion)
 
 
 def stored_lists(
     count: int, options: ShaftOptions, pool: WorkerPool, build: Callable[..., None]
 ) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.uint32], int]:
-    """Build so many lists and store equal ones once.
+    """Build `count` lists and store equal ones once.
 
-    build: (counter, part, lengths, nodes, memory) -> None; writes the lists of a part of all, as `build_lists` does.
-    Returns where each begins and how long it is, (count,) int32, all of them, uint32, and how many are stored.
+    build: (counter, part, lengths, nodes, memory) -> None, writes the lists of a slice, as `build_lists` does. Returns
+    where each list starts and its length, (count,) int32; all lists, uint32; and the number stored.
     """
     memories = [_sampling(options) for _ in range(pool.threads)]
     starts, lengths = np.empty(count, np.int32), np.empty(count, np.int32)
@@ -222,7 +221,7 @@ def _numbers(
     bvh: Bvh, options: ShaftOptions, pool: WorkerPool, grid: Grid, used: NDArray[np.int64] | None
 ) -> NDArray[np.int64]:
     voxels, of_voxel = int(grid.voxels.prod()), 6 * grid.directions**2
-    if options.subset in ON_RAYS:
+    if options.subset in (*OF_RAYS, "none"):
         return np.empty(0, np.int64) if used is None else used
     if options.subset == "complete":
         return np.arange(voxels * of_voxel, dtype=np.int64)

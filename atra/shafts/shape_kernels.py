@@ -1,4 +1,4 @@
-"""The shape of a shaft: the planes around all its rays, and the boxes that it meets."""
+"""The shape of a shaft: the planes around its rays, and the boxes that it meets."""
 
 from __future__ import annotations
 
@@ -11,26 +11,27 @@ from atra.compiled.store import njit
 LOW, HIGH, AXIS, SIGN, U0, U1, V0, V1, NEAR, FAR, ABOVE_U, BELOW_U, ABOVE_V, BELOW_V = (
     0, 3, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17,
 )  # fmt: skip
-"""Places in a shape: the voxel's corners; the axis of its face and whether it is the higher one, 1 or -1; slopes of
-directions across that axis; the voxel along the axis, seen that way; and the bounds of the planes along the slopes."""
+"""Offsets in a shape: the voxel's corners; the axis of the direction's face, and 1 or -1 for its side; the range of
+slopes across that axis; the voxel's range along the axis, in the direction's sense; and bounds of the planes along the
+slopes."""
 
 EYE = 3
-"""In place of an axis: all rays start at one point, LOW and HIGH, and go through one part of an image plane."""
+"""Stands for an axis: all rays start at one point, LOW = HIGH, and pass through a rectangle of the image plane."""
 
 CORNER, ACROSS, DOWN, MIDDLE, PLANES = 18, 21, 24, 27, 30
-"""More places in the shape of an eye's shaft: the ray of that part's upper left corner, the ways from there along its
-sides, the ray in the middle, and PLANE_COUNT planes, four numbers each: what lies in front has a positive sum."""
+"""More offsets in an eye's shape: the ray through the rectangle's upper left corner, its two sides, the ray through its
+middle, and PLANE_COUNT planes of four numbers; what lies in front of a plane has a positive sum."""
 
 PLANE_COUNT = 5
 SHAPE = PLANES + 4 * PLANE_COUNT
 
 SLOPE_SLACK = 8.0 * 2.0**-23
-"""By how much slopes reach farther than they do: eight roundings of float32."""
+"""Margin on slopes: eight roundings of float32."""
 
 
 @njit
 def set_shape(grid, number, shape):  # type: ignore[no-untyped-def]
-    """Fill shape, (SHAPE,) float64, with that of a shaft."""
+    """Write the shape of a shaft, (SHAPE,) float64."""
     cells = grid.directions
     column, row = number % cells, number // cells % cells
     face, voxel = number // (cells * cells) % 6, number // (6 * cells * cells)
@@ -55,7 +56,7 @@ def set_shape(grid, number, shape):  # type: ignore[no-untyped-def]
 
 @njit
 def direction_of(shape, u, v):  # type: ignore[no-untyped-def]
-    """The direction at (u, v), in [0, 1) x [0, 1), of those of a shaft."""
+    """The shaft's direction at (u, v) in [0, 1) x [0, 1)."""
     axis, sign = int(shape[AXIS]), shape[SIGN]
     if axis == EYE:
         x = shape[CORNER] + u * shape[ACROSS] + v * shape[DOWN]
@@ -69,7 +70,7 @@ def direction_of(shape, u, v):  # type: ignore[no-untyped-def]
 
 @njit
 def heading(shape, axis):  # type: ignore[no-untyped-def]
-    """Which way the middle of a shaft goes along an axis: the sign of this."""
+    """A number with the sign of the shaft's middle direction along an axis."""
     own = int(shape[AXIS])
     if own == EYE:
         return shape[MIDDLE + axis]
@@ -95,7 +96,7 @@ def _in_front(shape, node):  # type: ignore[no-untyped-def]
 
 @njit
 def overlaps(shape, node):  # type: ignore[no-untyped-def]
-    """Whether the box of the node at an address may hold a point of a ray of the shaft; never False where it does."""
+    """Whether a ray of the shaft may meet the box of the node at an address; never False where one does."""
     axis = int(shape[AXIS])
     if axis == EYE:
         return _in_front(shape, node)

@@ -1,4 +1,4 @@
-"""One ray per pixel, each from the nodes that rays of its shaft may meet."""
+"""One ray per pixel, each from the list of its shaft."""
 
 from __future__ import annotations
 
@@ -13,21 +13,18 @@ from atra.bvh.tracer import BvhTracer
 from atra.errors import InputError
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
-from atra.shafts.options import ShaftKeywords, ShaftOptions
+from atra.shafts.options import OF_RAYS, ShaftKeywords, ShaftOptions
 from atra.shafts.shafts import ShaftLists, build_shafts
 from atra.tracing.lifetime import in_turn
 from atra.tracing.options import lists_options
 
-_OF_RAYS = ("sampled", "hits")
-
 
 class ClassifiedTracer(BvhTracer):
-    """As `BvhTracer`, single rays, each of which starts from the list of its shaft (ray classification).
+    """A `BvhTracer` with single rays, each of which starts from the list of its shaft (ray classification).
 
-    options: see `atra.shafts.options.ShaftOptions`. Subsets that hang on rays are for batches (`atra.shafts.scene`).
+    options: see `atra.shafts.options.ShaftOptions`. Subsets that depend on rays are for batches (`atra.shafts.scene`).
     Raises what `BvhTracer` does; InputError for packets and for those subsets; MemoryBudgetError, when building, for
-    shafts that do not fit.
-    Source: J. Hendrich et al., "Ray classification for accelerated BVH traversal", 2019.
+    shafts that do not fit. Source: J. Hendrich et al., "Ray classification for accelerated BVH traversal", 2019.
     """
 
     options_type: ClassVar[type[BvhOptions]] = ShaftOptions
@@ -39,15 +36,15 @@ class ClassifiedTracer(BvhTracer):
         self._set_up(mesh, camera, options)
         if self.packet_width != 1:
             raise InputError(f"packet_width is {self.packet_width}, expected 1: pixels of a packet share no shaft")
-        if self.options.subset in _OF_RAYS:
+        if self.options.subset in OF_RAYS:
             raise InputError(
-                f"subset is {self.options.subset!r}, which hangs on rays; expected another one for a camera"
+                f"subset is {self.options.subset!r}, which depends on rays; expected another one for a camera"
             )
         self._lists: ShaftLists | None = None
 
     @property
     def lists(self) -> ShaftLists:
-        """The shafts, once they are built."""
+        """The shafts; only after `build`."""
         assert self._lists is not None
         return self._lists
 
@@ -65,5 +62,5 @@ class ClassifiedTracer(BvhTracer):
     @property
     @in_turn
     def counters(self) -> Mapping[str, float]:
-        """What `BvhTracer` says, and of the shafts."""
+        """Those of `BvhTracer`, and of the shafts."""
         return {**super().counters, **({} if self._lists is None else self._lists.counters)}

@@ -215,7 +215,7 @@ def test_what_a_mesh_or_a_tracer_is_not_for_is_named():
     a, b, c = mesh.faces[0]
     turned = atra.Mesh(mesh.vertices, np.concatenate([[mesh.faces[0, ::-1]], mesh.faces[1:]]))
     for wrong in (open_sphere, turned):
-        with atra.RasterTracer(wrong, camera) as tracer, pytest.raises(atra.InputError, match="3 edges") as error:
+        with atra.RasterTracer(wrong, camera) as tracer, pytest.raises(atra.InputError, match="3 open edges") as error:
             tracer.gather(atra.Thickness())
         assert all(
             f"{p}-{q}" in str(error.value) or f"{q}-{p}" in str(error.value) for p, q in ((a, b), (b, c), (c, a))

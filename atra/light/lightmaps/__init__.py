@@ -1,1 +1,1 @@
-"""Lightmaps: charts of a mesh, their texels, and the light that reaches each."""
+"""Lightmaps: charts of a mesh, their texels, and the light that reaches each texel."""

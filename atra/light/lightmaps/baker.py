@@ -1,4 +1,4 @@
-"""A baker: samples of the light that reaches the texels of a scene's lightmap."""
+"""The baker: Monte Carlo samples of the light that reaches a lightmap's texels."""
 
 from __future__ import annotations
 
@@ -10,9 +10,10 @@ from typing import Unpack
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from atra.errors import AtraError, InputError
+from atra.errors import AtraError
 from atra.geometry.view import View
 from atra.hits import Hits
+from atra.light.checks import check_whole
 from atra.light.lightmaps.batches import BATCH_BYTES, Job, Stages, Work, add_batch, new_batch
 from atra.light.lightmaps.charts.atlas import Atlas
 from atra.light.lightmaps.charts.texels import Texels
@@ -31,32 +32,28 @@ from atra.tracing.budgets import check_needed_bytes
 from atra.tracing.lifetime import Lifetime
 from atra.tracing.options import RayOptions, lists_options
 from atra.tracing.tracer import Tracer
-from atra.whole_numbers import is_whole_number
 
 
 class Baker(Lifetime):
-    """Light of a scene, sample by sample, on the texels of its map.
+    """Bakes a lightmap, sample by sample.
 
         with Baker(BakeScene(mesh, lights=[...]), size=512) as baker:
             baker.add(64)
-            baker.maps.save(folder)
+            save_maps(baker.maps, folder)
 
-    scene: see `BakeScene`. atlas: where its triangles lie; None: charts by xatlas on a map of `size` texels. options:
-    see `BakeOptions`.
+    scene: see `BakeScene`. atlas: where its triangles lie on the map; None: charts by xatlas on a map of `size` texels.
+    options: see `BakeOptions`.
 
-    texels: what is lit. samples: (N,) int32, of each texel so far. stage_s: seconds by stage since the last restart, of
-    stages in threads their mean. rays, lanes: how many rays were traced, and how many could have been in the same
-    batches. visible: (N,) bool, what the view shows; None without one.
-    Raises InputError as `Texels.of`, `Atlas` and the options do; MemoryBudgetError before anything large is made.
+    texels: the texels to light. samples: (N,) int32, of each texel so far. stage_s: seconds by stage since the last
+    restart, averaged over threads. rays, lanes: rays traced, and lanes of their batches, idle ones included. visible:
+    (N,) bool, texels that the view shows; None without a view.
+
+    Raises InputError as `Texels.of`, `Atlas` and the options do; MemoryBudgetError before anything large is allocated.
     """
 
     @lists_options(BakeOptions)
     def __init__(
-        self,
-        scene: BakeScene,
-        atlas: Atlas | None = None,
-        size: int = 512,
-        **options: Unpack[BakeKeywords],
+        self, scene: BakeScene, atlas: Atlas | None = None, size: int = 512, **options: Unpack[BakeKeywords]
     ) -> None:
         super().__init__()
         self.options = BakeOptions.of(type(self).__name__, options)
@@ -96,7 +93,7 @@ class Baker(Lifetime):
 
     @property
     def texels(self) -> Texels:
-        """What is lit. Builds where that was not done."""
+        """The texels to light. Raises InputError before `plan`."""
         if self._texels is None:
             self.build()
         assert self._texels is not None
@@ -104,7 +101,7 @@ class Baker(Lifetime):
 
     @property
     def buffer_bytes(self) -> int:
-        """Of rays in flight."""
+        """Memory of the rays in flight."""
         return sum(array.nbytes for batch in self._batches if batch is not None for array in batch)
 
     def update(self, scene: BakeScene) -> None:
@@ -150,12 +147,13 @@ class Baker(Lifetime):
                 self.visible = visible_texels(self.texels, hits, self.rays_scene)
 
     def add(self, samples: int = 1, stop: Callable[[], bool] | None = None) -> bool:
-        """Add so many samples to every texel. stop: asked before every batch; what is done by then stays.
+        """Add this many samples to every texel; returns whether it finished. stop: asked before every batch; finished
+        batches stay.
 
-        Returns whether it came to its end. Raises InputError for a number below 1, ClosedError after `close`, AtraError
-        naming a texel for light that is no finite number.
+        Raises InputError for a number below 1, ClosedError after `close`, AtraError naming a texel
+        whose light is not finite.
         """
-        _check_samples(samples)
+        check_whole("samples", samples, 1)
         with self._in_use():
             done = True
             every = np.ones(len(self.texels), np.bool_)
@@ -166,11 +164,12 @@ class Baker(Lifetime):
             return done
 
     def advance(self, target: int, stop: Callable[[], bool] | None = None) -> bool:
-        """One pass towards `target` samples of every texel: of those that the view shows, or, when these have them, of
-        all; with `adaptive`, only of those that have not enough. Of several maps that the view shows, the one comes
-        first that has the fewest samples. Returns whether there was anything left to do. Arguments and errors as for
-        `add`."""
-        _check_samples(target)
+        """One pass towards `target` samples of every texel; returns whether there was anything left to do.
+
+        Texels that the view shows come first; of several maps shown, the one with the fewest samples. With `adaptive`,
+        texels that have enough are skipped. Other arguments and errors as for `add`.
+        """
+        check_whole("target", target, 1)
         with self._in_use():
             wanted = (self.samples < target) & ~self._enough
             if self.visible is not None and (wanted & self.visible).any():
@@ -189,7 +188,7 @@ class Baker(Lifetime):
             return True
 
     def _on_the_least_converged(self, wanted: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """(N,) bool: on the map whose wanted texels have the fewest samples on average, the first of several."""
+        """(N,) bool: texels of the first map whose wanted texels have the fewest samples on average."""
         if self.texels.atlas.maps == 1:
             return wanted
         on_map = self.texels.map_of
@@ -198,13 +197,13 @@ class Baker(Lifetime):
         return np.asarray(on_map == np.argmin(means))
 
     def share_done(self, target: int) -> float:
-        """Of what there is to do until every texel has `target` samples, or, with `adaptive`, enough: what is done."""
-        enough, samples = self._enough, self.samples  # of now: who asks while it bakes is not to wait
+        """The fraction done of the work until every texel has `target` samples or, with `adaptive`, enough."""
+        enough, samples = self._enough, self.samples  # no lock: asking must not wait for the bake
         left = np.where(enough, 0, np.maximum(target - samples, 0))
         return 1.0 - float(left.mean()) / target
 
     def _pass(self, wanted: NDArray[np.bool_], count: int, stop: Callable[[], bool] | None) -> bool:
-        """`count` samples of the texels that are wanted; whether it came to its end."""
+        """Add `count` samples to the wanted texels; returns whether it finished."""
         with self._in_use():
             start = perf_counter()
             order = self._order(wanted)
@@ -225,10 +224,10 @@ class Baker(Lifetime):
         self, starts: int, rays: int, of_each: int, add: Callable[[int, int, Batch, Stages], None],
         stop: Callable[[], bool] | None = None,
     ) -> tuple[bool, list[Work]]:  # fmt: skip
-        """`add(first, count, batch, stages)` in all threads, of batches of so many rays, until all `starts` of them had
-        their turn; whether they did, and what was done."""
+        """Call `add(first, count, batch, stages)` in all threads until all `starts` entries had their turn. `rays`:
+        size of a batch; `of_each`: rays per entry. Returns whether it finished, and each thread's work."""
         per_batch = max(1, rays // of_each)
-        left = deque(range(0, starts, per_batch))  # its `popleft` is safe between threads
+        left = deque(range(0, starts, per_batch))  # `popleft` is thread-safe
         works = [Work({}) for _ in range(self.rays_scene.threads)]
 
         def work(query: Query) -> None:
@@ -244,11 +243,12 @@ class Baker(Lifetime):
         return not left, works
 
     def probes(self, points: ArrayLike, samples: int = 1024) -> LightProbes:
-        """What arrives at points from all around, by so many paths each; the map stays as it is.
+        """Light probes: the light that arrives at points from all around, by `samples` paths each. The map stays as it
+        is.
 
-        points: (P, 3), in the world. Raises as `add` does, and InputError naming a point that is none.
+        points: (P, 3), in the world. Raises as `add` does, and InputError naming a point that is not finite.
         """
-        _check_samples(samples)
+        check_whole("samples", samples, 1)
         sums = ProbeSums(points, samples)
         rays = max(self.options.batch_rays // self.rays_scene.threads, BLOCK)
         with self._in_use():
@@ -270,7 +270,8 @@ class Baker(Lifetime):
         return Stages(self._tables, self.options, kind, query, works[query.worker])
 
     def _order(self, wanted: NDArray[np.bool_]) -> NDArray[np.int32]:
-        """Numbers of texels, near ones side by side; or of the whole map in rows, -1 where there is nothing to do."""
+        """Numbers of wanted texels, neighbours together; with compaction "none", those of the whole map in rows, -1
+        elsewhere."""
         if self.options.compaction != "none":
             numbers = self.texels.along_curve
             return numbers[wanted[numbers]]
@@ -293,7 +294,7 @@ class Baker(Lifetime):
     def _not_finite(self, texel: int) -> AtraError:
         row, column = divmod(int(self.texels.number[texel]), self.texels.atlas.width)
         return AtraError(
-            f"the light of texel ({column}, {row}) is no finite number by sample {self.samples[texel]}; "
+            f"the light of texel ({column}, {row}) is not finite at sample {self.samples[texel]}; "
             "make lights or materials darker"
         )
 
@@ -307,8 +308,3 @@ class Baker(Lifetime):
     def _release(self) -> None:
         self.rays_scene.close()
         self.shadow_scenes.close()
-
-
-def _check_samples(samples: int) -> None:
-    if not is_whole_number(samples) or samples < 1:
-        raise InputError(f"{samples!r} samples are wanted, expected a whole number of at least 1")

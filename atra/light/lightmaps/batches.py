@@ -1,4 +1,4 @@
-"""Batches: many rays of many texels that go through all stages together, in one thread each."""
+"""Batches: rays of many texels that pass all stages together; each thread has its own."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ from atra.light.pictures.path_kernels import ROW_PADDING
 from atra.rays.scene import Query
 
 BATCH_BYTES = 4 * (PATH_ROWS + 4 + RESULTS) + 1
-"""Of a ray in flight."""
+"""Memory per ray in flight."""
 
 _NEVER = 1 << 30
 
 
 @dataclass
 class Work:
-    """What a thread has done: seconds by stage, rays traced, and lanes that it went through for them."""
+    """What a thread has done: seconds by stage, rays traced, and lanes of their batches, idle ones included."""
 
     stage_s: dict[str, float]
     rays: int = 0
@@ -39,9 +39,9 @@ class Work:
 
 
 class Stages:
-    """Stages that all batches of a thread go through, whatever their rays start from.
+    """The stages that all batches of a thread pass.
 
-    kind: rays of a packet, and RTCScenes of what stops rays to lights, and of faces that let light on, or 0.
+    kind: packet width, and RTCScenes of what blocks light and of panes (0 = none).
     """
 
     def __init__(
@@ -54,7 +54,7 @@ class Stages:
         self.lap = Laps(work.stage_s)
 
     def light(self, batch: Batch, count: int, which: int, vertex: int) -> None:
-        """Rays to a light, or to one by chance, if that is -1, and what they bring."""
+        """Trace rays to light `which`, or to a random one if that is -1, and add what they carry."""
         tables, query = self._tables, self._query
         only = 0 if len(tables.lights) == 1 else which
         if only >= 0 and tables.lights[only, KIND] == SUN:
@@ -67,7 +67,7 @@ class Stages:
         self.lap("shadow")
 
     def follow(self, batch: Batch, count: int) -> None:
-        """Paths whose first directions are there, to their ends."""
+        """Follow paths whose first directions are set to their ends."""
         tables, options, query = self._tables, self._options, self._query
         roulette_from = _NEVER if options.roulette_from is None else options.roulette_from
         for vertex in range(options.bounces + 1):
@@ -88,8 +88,8 @@ class Stages:
 
 
 class Job(NamedTuple):
-    """What all batches of texels share. order: as for `generate`. expansion: samples of each texel. samples, sums:
-    written to."""
+    """What all batches of a pass share. order: as for `generate`. expansion: samples per texel. samples, sums: written
+    to."""
 
     texels: Texels
     tables: Tables
@@ -100,7 +100,7 @@ class Job(NamedTuple):
 
 
 def new_batch(rays: int) -> Batch:
-    """Memory of so many rays."""
+    """A batch with memory for `rays` rays."""
     return Batch(
         np.zeros((PATH_ROWS, rays + ROW_PADDING), np.float32),
         np.empty(rays, np.uint32),
@@ -113,9 +113,9 @@ def new_batch(rays: int) -> Batch:
 
 
 def add_batch(job: Job, first: int, texel_count: int, batch: Batch, stages: Stages) -> int:
-    """Add samples to `texel_count` texels of the order from number `first` on.
+    """Add samples to `texel_count` texels from place `first` of the order on.
 
-    Returns the number of a texel whose light is no finite number, or -1.
+    Returns the number of a texel whose light is not finite, or -1.
     """
     texels, tables, expansion = job.texels, job.tables, job.expansion
     lit = texels.prim_id, texels.number

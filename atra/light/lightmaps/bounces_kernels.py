@@ -1,4 +1,4 @@
-"""Stages of a batch of rays: directions, what they meet, bounces, and compaction."""
+"""Kernels of paths: directions, closest hits, bounces, and compaction."""
 
 from __future__ import annotations
 
@@ -23,21 +23,20 @@ from atra.light.lightmaps.gather.tables_kernels import (
     ORIGIN,
     SKY,
     WEIGHT,
-    set_vector,
-    vector,
 )
 from atra.light.lightmaps.samples_kernels import AHEAD, LARGE, fetch_row
-from atra.light.numbers_kernels import ONE, ZERO, around, bits_of, mixed, on_sphere, scaled, unit_of
+from atra.light.numbers_kernels import ONE, ZERO, around, bits_of, mixed, on_sphere, scaled, set_vector, unit_of, vector
 from atra.light.pictures.path_kernels import load_rays
 from atra.light.surface_kernels import sky_colour
 
 _OF_TEXEL, _OF_BOUNCE = 2, 3
-"""Dimensions: of a point in a texel; then of each bounce, two of its direction and one of whether it goes on."""
+"""Random dimensions: two for the point in a texel; then per bounce two for the direction and one for Russian
+roulette."""
 
 
 @float_kernel
 def scatter(batch, count, vertex):  # type: ignore[no-untyped-def]
-    """A direction for each path, as often as its cosine says."""
+    """Choose a cosine-distributed direction for each path."""
     first = np.uint32(_OF_TEXEL + _OF_BOUNCE * vertex)
     for i in range(count):
         if batch.alive[i] != 0:
@@ -46,25 +45,23 @@ def scatter(batch, count, vertex):  # type: ignore[no-untyped-def]
             set_vector(batch.floats, DIRECTION, i, around(vector(batch.floats, NORMAL, i), sphere))
 
 
-@njit(forceinline=True)
-def _is_pane(tables, prim_id):  # type: ignore[no-untyped-def]
-    return prim_id != MISS and tables.pane_bits[prim_id >> 3] >> np.uint8(prim_id & 7) & 1 != 0
-
-
 @njit
 def _passes(tables, key, prim_id, vertex):  # type: ignore[no-untyped-def]
-    """Whether a ray goes on through a triangle that lets light on: a hash of both decides."""
+    """Whether a ray passes what it hits: a pane, if a hash of both says so."""
+    if prim_id == MISS or tables.pane_bits[prim_id >> 3] >> np.uint8(prim_id & 7) & 1 == 0:
+        return False
     number = unit_of(bits_of(np.uint32(key ^ mixed(np.uint32(prim_id))), np.uint32(vertex)))
     return number >= tables.opacity[prim_id]
 
 
 @cache
 def trace_kernel(width: int, see_through: bool) -> Callable[..., int]:
-    """Closest hits, in packets of `width`; it, and whether triangles may let light on, are constants of the code."""
+    """Closest hits in packets of `width`; both arguments are constants in the compiled code. see_through: there are
+    panes."""
 
     @float_kernel
     def trace(batch, count, tables, vertex, scene, packet):  # type: ignore[no-untyped-def]
-        """What all paths meet, and how far away. Returns how many rays were traced."""
+        """Find what all paths hit and how far away. Returns the number of rays traced."""
         traced = 0
         for first in range(0, count, width):
             lanes = min(width, count - first)
@@ -88,7 +85,7 @@ def trace_kernel(width: int, see_through: bool) -> Callable[..., int]:
                         continue
                     i = first + lane
                     prim_id, distance = hit_prim_id(packet, width, lane), hit_distance(packet, width, lane)
-                    if see_through and _is_pane(tables, prim_id) and _passes(tables, batch.key[i], prim_id, vertex):
+                    if see_through and _passes(tables, batch.key[i], prim_id, vertex):
                         for channel in range(3):
                             batch.floats[WEIGHT + channel, i] *= tables.tint[prim_id, channel]
                         packet.floats[RAY_TNEAR * width + lane] = distance + np.float32(tables.offset)
@@ -105,7 +102,7 @@ def trace_kernel(width: int, see_through: bool) -> Callable[..., int]:
 
 @njit(forceinline=True)
 def _selected(tables, floats, path, vertex, light):  # type: ignore[no-untyped-def]
-    """How often a ray is aimed at a light from where a path is: at texels always."""
+    """The probability that a ray from a path's vertex is aimed at a light; 1 at texels."""
     if vertex == 0:
         return ONE
     return odds_of(tables, cell_of(tables, vector(floats, ORIGIN, path)), light)
@@ -113,9 +110,9 @@ def _selected(tables, floats, path, vertex, light):  # type: ignore[no-untyped-d
 
 @float_kernel
 def shade(batch, count, tables, vertex, is_last, roulette_from):  # type: ignore[no-untyped-def]
-    """Light of what is met is added; paths move to where they go on from, or end.
+    """Add the light of what paths hit; move them to their next vertex or end them. Returns how many continue.
 
-    is_last: none goes on. roulette_from: bounces after which weak paths end by chance. Returns how many go on.
+    is_last: none continues. roulette_from: bounces after which Russian roulette ends weak paths.
     """
     floats, planes = batch.floats, tables.planes
     aims_at_emitters, aims_at_sky = len(tables.emitters) > 0, tables.sky_by != GIVES_BSDF
@@ -197,10 +194,8 @@ def shade(batch, count, tables, vertex, is_last, roulette_from):  # type: ignore
 
 @float_kernel
 def compact(batch, count):  # type: ignore[no-untyped-def]
-    """Paths that go on move up, in order, each to where the sum of those before it says. Returns how many there are.
-
-    Where they head, and what they carry from a light, is found anew.
-    """
+    """Move the paths that continue to the front, in order; returns their number. Directions and carried light are not
+    kept, as the next stages write them."""
     floats, kept = batch.floats, 0
     for i in range(count):
         if batch.alive[i] != 0:

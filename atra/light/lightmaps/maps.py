@@ -1,4 +1,4 @@
-"""Lightmaps: what light the texels have, as numbers, images and files."""
+"""Lightmaps: the light of texels as arrays."""
 
 from __future__ import annotations
 
@@ -13,21 +13,20 @@ from atra.light.lightmaps.charts.texels import Texels
 from atra.light.lightmaps.gather.tables_kernels import BACK, DIRECT, ENVIRONMENT, INDIRECT, LUMINANCE, OPEN, SQUARE
 
 LIGHTS = ("direct", "indirect", "environment", "combined")
-"""Kinds of light, of which the last is all others."""
+"""Kinds of light; the last is the sum of the others."""
 
-MOSTLY = 0.5
-"""Of what a texel sees: where more are backs of faces, it lies inside of something."""
+INSIDE_SHARE = 0.5
+"""A texel whose rays hit back faces in more than this share lies inside an object."""
 
 
 @dataclass(frozen=True, eq=False)
 class Lightmap:
-    """Means of samples, texel by texel.
+    """Means of samples, texel by texel. Light is what a white surface reflects, linear RGB: irradiance divided by pi.
 
-    texels: the N that are lit. samples: (N,) int32. direct, indirect, environment: (N, 3) float32, linear RGB; what a
-    white surface returns, which is the irradiance divided by pi. direct: from lights and faces that shine;
-    environment: from the sky, straight; indirect: after bounces. openness: (N,) float32, the share of rays, by their
-    cosine, that meet nothing near by. backs: (N,) float32, the share that meet backs of faces. variance: (N,) float32,
-    of the luminance of one sample.
+    texels: the N lit texels. samples: (N,) int32. direct: (N, 3) float32, from lights and emitting faces. indirect: (N,
+    3) float32, after bounces. environment: (N, 3) float32, straight from the sky. openness: (N,) float32,
+    cosine-weighted share of rays that hit nothing near by. backs: (N,) float32, share of rays that hit back faces.
+    variance: (N,) float32, of the luminance of one sample.
     """
 
     texels: Texels
@@ -41,7 +40,7 @@ class Lightmap:
 
     @classmethod
     def of(cls, texels: Texels, samples: NDArray[np.int32], sums: NDArray[np.float64]) -> Lightmap:
-        """Of (N, SUMS) sums."""
+        """The means of (N, SUMS) sums."""
         count = np.maximum(samples, 1)[:, None]
         means = sums / count
         direct, indirect, environment = (means[:, k : k + 3] for k in (DIRECT, INDIRECT, ENVIRONMENT))
@@ -57,8 +56,8 @@ class Lightmap:
 
     @cached_property
     def valid(self) -> NDArray[np.bool_]:
-        """(N,) bool: has samples, and lies in the open."""
-        return (self.samples > 0) & (self.backs <= MOSTLY)
+        """(N,) bool: has samples and does not lie inside an object."""
+        return (self.samples > 0) & (self.backs <= INSIDE_SHARE)
 
     def light(self, name: str) -> NDArray[np.float32]:
         """(N, 3) float32, one of `LIGHTS`. Raises InputError for another name."""
@@ -74,6 +73,6 @@ class Lightmap:
 
 
 def relative_error(got: NDArray[np.floating], true: NDArray[np.floating], weights: NDArray | None = None) -> float:
-    """Root mean square of the difference of luminances, over their mean. weights: of texels, such as pixels."""
+    """Root mean square error of luminances over the true mean. weights: per texel or pixel."""
     square = np.average((got - true) ** 2, weights=weights)
     return float(np.sqrt(square) / np.average(true, weights=weights))

@@ -1,13 +1,11 @@
-"""Options of a bake: what a person can choose about the light that is gathered, and how it is gathered."""
+"""Options of a bake."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-from atra.errors import InputError
-from atra.light.checks import checked_number
+from atra.light.checks import check_whole, checked_number
 from atra.tracing.options import PacketKeywords, RayOptions, option, option_of
-from atra.whole_numbers import is_whole_number
 
 
 class BakeKeywords(PacketKeywords, total=False):
@@ -25,54 +23,49 @@ class BakeKeywords(PacketKeywords, total=False):
 
 @dataclass(frozen=True)
 class BakeOptions(RayOptions):
-    """Options of `Baker`, beside those of the scene that its rays meet (`RayOptions`).
+    """Options of `Baker`, beside those of the scene for its rays (`RayOptions`).
 
-    Packets of rays change bits where a ray meets an edge. Neither threads nor batch_rays, expansion and compaction
-    change a bit of single rays' maps. `adaptive` asks after 64, 128, 256, … samples; it stops where samples happen to
-    agree, so means are a little off.
-    Raises InputError, with the value. Source: the values of Unity's lightmapper where it names any.
+    The number of threads, batch_rays, expansion and compaction do not change a bit of the map with single rays; packets
+    change bits where a ray meets an edge. `adaptive` checks texels after 64, 128, 256, ... samples; it stops where
+    samples happen to agree, which biases means a little. Raises InputError, with the value. Source: the values of
+    Unity's lightmapper, where it has any.
     """
 
-    packet_width: int | None = option_of(RayOptions, "packet_width", default=1)  # almost no two rays head alike
-    bounces: int = option(4, "how often light is reflected at most before it reaches a texel; 0 = direct light alone")
+    packet_width: int | None = option_of(RayOptions, "packet_width", default=1)  # rays are incoherent
+    bounces: int = option(4, "most reflections of light before it reaches a texel; 0 = direct light alone")
     roulette_from: int | None = option(
-        2, "bounces after which a path goes on only as often as its albedos say; null = never", null="never"
+        2, "bounces after which Russian roulette by albedo ends paths; null = never", null="never"
     )
-    open_length: float = option(1.0, "how near a thing counts as occluding", unit="scene units")
+    open_length: float = option(1.0, "distance below which a thing counts as occluding", unit="scene units")
     environment: str = option(
         "mis",
-        "what finds the light of a panorama: light = rays aimed at where it is bright, bsdf = those that leave by "
-        "chance, mis = both, by the balance heuristic; other skies are found by chance",
+        "what finds a panorama's light: light = rays aimed at bright parts, bsdf = scattered rays, mis = both, by the "
+        "balance heuristic; for other skies always scattered rays",
         choices=("mis", "light", "bsdf"),
     )
     lights: str = option(
         "uniform",
-        "which light a ray after a bounce is aimed at: uniform = one of all, grid = one that may give much in its cell "
-        "of a grid, with the same mean and, of many lights, less noise",
+        "which light a ray after a bounce is aimed at: uniform = all are as likely, grid = by what lights may give "
+        "in a cell of a grid, with less noise for many lights",
         choices=("uniform", "grid"),
     )
-    adaptive: bool = option(False, "texels are left whose mean is within 1 % with a confidence of 99 %")
-    batch_rays: int = option(1 << 19, "rays in flight, of all threads together, on which memory hangs")
+    adaptive: bool = option(False, "skip texels whose mean is within 1 % with a confidence of 99 %")
+    batch_rays: int = option(1 << 19, "rays in flight, of all threads together; determines the memory")
     expansion: int = option(16, "samples of a texel side by side in a batch")
     compaction: str = option(
         "bounces",
-        "which lanes move together: none = those of all texels of the map, texels = of lit ones, bounces = of "
-        "what goes on after every bounce, too",
+        "which lanes are packed together: none = all texels of the map, texels = lit texels, bounces = also the "
+        "paths that continue after every bounce",
         choices=("none", "texels", "bounces"),
     )
-    seed: int = option(0, "of random numbers")
+    seed: int = option(0, "seed of random numbers")
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        _check_whole("bounces", self.bounces, 0, 1 << 10)
+        check_whole("bounces", self.bounces, 0, 1 << 10)
         if self.roulette_from is not None:
-            _check_whole("roulette_from", self.roulette_from, 0, 1 << 20)
+            check_whole("roulette_from", self.roulette_from, 0, 1 << 20)
         object.__setattr__(self, "open_length", checked_number("open_length", self.open_length, 0.0, 1e30, above=True))
-        _check_whole("batch_rays", self.batch_rays, 1 << 8, 1 << 26)
-        _check_whole("expansion", self.expansion, 1, 1 << 12)
-        _check_whole("seed", self.seed, 0, (1 << 32) - 1)
-
-
-def _check_whole(name: str, value: object, low: int, high: int) -> None:
-    if not is_whole_number(value) or not low <= value <= high:  # type: ignore[operator]
-        raise InputError(f"{name} is {value!r}, expected a whole number from {low} to {high}")
+        check_whole("batch_rays", self.batch_rays, 1 << 8, 1 << 26)
+        check_whole("expansion", self.expansion, 1, 1 << 12)
+        check_whole("seed", self.seed, 0, (1 << 32) - 1)

@@ -1,4 +1,4 @@
-"""The culling map: which texels a camera sees."""
+"""Visibility of texels: which of them a camera sees."""
 
 from __future__ import annotations
 
@@ -14,9 +14,10 @@ from atra.rays.scene import RayScene
 
 
 def visible_texels(texels: Texels, hits: Hits, scene: RayScene) -> NDArray[np.bool_]:
-    """(N,) bool: in the image and not hidden, by what the pixels show, and for all others by a ray to the eye.
+    """(N,) bool: texels in the image and not hidden. Pixels decide for those they show, a ray to the eye for all
+    others.
 
-    Texels of several triangles are seen where the one is that they stand for.
+    A texel shared by several triangles is seen where the triangle it belongs to is.
     """
     seen = _shown(texels, hits)
     rest = np.flatnonzero(~seen & _in_image(texels, hits.camera))
@@ -25,7 +26,7 @@ def visible_texels(texels: Texels, hits: Hits, scene: RayScene) -> NDArray[np.bo
 
 
 def _shown(texels: Texels, hits: Hits) -> NDArray[np.bool_]:
-    """Of the points that pixels show, the texel that each lies in."""
+    """(N,) bool: the texels that pixels show."""
     camera, atlas, mesh = hits.camera, texels.atlas, texels.mesh
     eye = np.append(-camera.axes[2], 0.0) if camera.is_parallel else np.append(camera.eye, 1.0)
     shown = np.zeros((atlas.height, atlas.width), np.bool_)
@@ -51,8 +52,8 @@ def _reach_the_eye(texels: Texels, numbers: NDArray[np.int64], camera: View, sce
         ways = -depth[:, None] * camera.axes[2]
     else:
         ways = -points
-    # Rays keep `start_off` away from the texel's plane, as all rays of a bake do, and from the eye.
+    # Rays start and end `start_off` from the texel's plane, like all rays of a bake, and from the eye.
     off = start_off(texels.mesh)
     end = np.maximum(1.0 - off / np.linalg.norm(ways, axis=1), 0.0)
-    start = off / (texels.normals[numbers] * ways).sum(axis=1)  # above 0 for texels that face the eye
+    start = off / (texels.normals[numbers] * ways).sum(axis=1)  # positive, as these texels face the eye
     return ~scene.occluded(points + camera.eye, ways, tnear=np.minimum(start, end), tfar=end)

@@ -1,4 +1,4 @@
-"""A progressive bake: a thread adds samples, and whoever wants to see the map takes a snapshot."""
+"""Progressive baking: a thread adds samples while others take snapshots of the map."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from atra.light.lightmaps.maps import Lightmap
 from atra.light.lightmaps.surface import BakeScene
 
 MOST_WAIT_S = 0.05
-"""How long an edit may go unseen by a thread that has nothing left to do."""
+"""How long an idle thread may overlook an edit."""
 
 
 class _Work:
-    """What the thread does, and what it shares with its `ProgressiveBake`, which it does not refer to: one that is
-    dropped is then released, and its finalizer tells the thread to stop."""
+    """The thread's work and the state it shares. It holds no reference to its `ProgressiveBake`, so that one can be
+    collected, and its finalizer then stops the thread."""
 
     def __init__(self, baker: Baker, target: int) -> None:
         self.baker, self.target = baker, target
@@ -66,20 +66,20 @@ class _Work:
             self._wakes.set()
 
     def stop(self) -> None:
-        """After the batches in flight. Does not wait, as a finalizer may run in any thread, this one among them."""
+        """Stop after the batches in flight, without waiting: a finalizer may run in any thread, including this one."""
         self._stop.set()
         self._wakes.set()
 
 
 class ProgressiveBake:
-    """Bakes in a thread of its own until every texel has `target` samples, what the view shows first.
+    """Bakes in a thread until every texel has `target` samples; what the view shows comes first.
 
         with ProgressiveBake(baker, target=512) as bake:
             bake.look(camera)
             lightmap = bake.snapshot()
 
-    baker: it is the thread's until the end of `with`, which stops it after the batches in flight.
-    One that is dropped within `with` stops, too.
+    baker: it belongs to the thread until the `with` block ends, which stops after the batches in
+    flight. Losing the last reference stops it, too.
     """
 
     def __init__(self, baker: Baker, target: int = 512) -> None:
@@ -88,33 +88,33 @@ class ProgressiveBake:
         weakref.finalize(self, self._work.stop)
 
     def look(self, camera: View | None) -> None:
-        """Light first what the camera sees, from the next batch on; None: nothing comes first."""
+        """From the next batch on, light first what the camera sees; None ends that."""
         self._work.edit(camera)
 
     def update(self, scene: BakeScene) -> None:
-        """Take other lights, surfaces or sky: the map starts anew."""
+        """Change lights, surfaces or sky; the map starts anew."""
         self._work.edit(scene)
 
     def snapshot(self) -> Lightmap | None:
-        """The latest map, which nobody changes any more; None where there is none yet. Waits for nothing. Raises what
-        the thread raised."""
+        """The latest map, which will not change; None if there is none yet. Never waits. Raises what the thread
+        raised."""
         if self._work.error is not None:
             raise self._work.error
         return self._work.slot
 
     @property
     def share_done(self) -> float:
-        """As `Baker.share_done`, of now. Waits for nothing."""
+        """`Baker.share_done` now. Never waits."""
         return self._work.baker.share_done(self._work.target)
 
     @property
     def seen(self) -> int | None:
-        """How many texels the view shows; None without one. Waits for nothing."""
+        """How many texels the view shows; None without a view. Never waits."""
         visible = self._work.baker.visible
         return None if visible is None else int(visible.sum())
 
     def wait(self, timeout_s: float | None = None) -> bool:
-        """Until every texel has its samples; whether that is so. Raises what the thread raised."""
+        """Wait until every texel has its samples; returns whether that is so. Raises what the thread raised."""
         done = self._work.done.wait(timeout_s)
         if self._work.error is not None:
             raise self._work.error

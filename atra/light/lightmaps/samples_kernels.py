@@ -1,4 +1,4 @@
-"""Samples of texels: the rays that they start with, and the sums of what these gather."""
+"""Kernels of samples: the first rays of texels, and the sums of results."""
 
 from __future__ import annotations
 
@@ -18,32 +18,31 @@ from atra.light.lightmaps.gather.tables_kernels import (
     RESULTS,
     SQUARE,
     WEIGHT,
-    set_vector,
 )
-from atra.light.numbers_kernels import ZERO, bits_of, key_of, mixed, unit_of
+from atra.light.numbers_kernels import ZERO, bits_of, key_of, mixed, set_vector, unit_of
 from atra.light.scattering_kernels import WHITE
 
 _GOLDEN = np.uint32(0x9E3779B9)
 
 AHEAD = 16
-"""Texels: of one that comes so much later the face is fetched, and of one that comes half as late its corners."""
+"""Faces are prefetched this many texels ahead, their corners half as many."""
 
 LARGE = 1 << 13
-"""Faces of a mesh: what is read of fewer is in the cache anyway, and to ask for it costs more than it saves."""
+"""Smallest mesh, in faces, with prefetching; smaller ones fit the cache anyway."""
 
 _INSET = 2.0
-"""Of how far rays start off a surface: how far from a triangle's rim, where another surface may stand."""
+"""Distance of points from a triangle's rim, where another surface may stand, in offsets of rays."""
 
 
 @njit
 def sample_key(number, sample, seed):  # type: ignore[no-untyped-def]
-    """uint32 that stands for a sample of a texel, or of a probe."""
+    """A uint32 key for a sample of a texel or probe."""
     return key_of(np.uint32(number), mixed(np.uint32(np.uint32(sample) * _GOLDEN + seed)))
 
 
 @njit(forceinline=True)
 def fetch_row(array, row):  # type: ignore[no-untyped-def]
-    """Ask for a row of up to two cache lines."""
+    """Prefetch a row of up to two cache lines."""
     address = np.int64(array.ctypes.data) + np.int64(row) * array.strides[0]
     fetch(address)
     fetch(address + array.strides[0] - 1)
@@ -51,7 +50,7 @@ def fetch_row(array, row):  # type: ignore[no-untyped-def]
 
 @njit(forceinline=True)
 def _fetch_ahead(order, place, end, prim_id, tables):  # type: ignore[no-untyped-def]
-    """Ask for what texels after number `place` of the order will read: it lies all over the memory."""
+    """Prefetch what the texels after place `place` of the order will read."""
     if place + AHEAD < end and order[place + AHEAD] >= 0:
         face = prim_id[order[place + AHEAD]]
         fetch_row(tables.uv, face)
@@ -65,10 +64,10 @@ def _fetch_ahead(order, place, end, prim_id, tables):  # type: ignore[no-untyped
 
 @float_kernel
 def generate(batch, order, first, texels, expansion, samples, prim_of, tables):  # type: ignore[no-untyped-def]
-    """The rays of `texels` entries of `order` from number `first` on, `expansion` of each, side by side.
+    """Write the first rays of `texels` entries of `order` from place `first` on, `expansion` of each, side by side.
 
-    order: (M,) int32, numbers of texels in the list of those that are lit, or -1: an idle lane. samples: (N,) int32, of
-    each so far. prim_of: (N,) int32, and (N,) int64 numbers in the map.
+    order: (M,) int32, texel numbers, -1 = an idle lane. samples: (N,) int32, of each texel so far. prim_of: (N,) int32
+    prim_ids and (N,) int64 numbers on the map.
     """
     prim_id, number = prim_of
     offset, planes = tables.offset, tables.planes
@@ -77,7 +76,7 @@ def generate(batch, order, first, texels, expansion, samples, prim_of, tables): 
         if len(planes) > LARGE:
             _fetch_ahead(order, first + k, first + texels, prim_id, tables)
         texel = order[first + k]
-        start = np.uint64(k * expansion)  # unsigned: an index that may count from the end is not vectorised
+        start = np.uint64(k * expansion)  # unsigned: Numba does not vectorise indices that may be negative
         for e in range(expansion):
             i = start + np.uint64(e)
             batch.slot[i] = i
@@ -109,9 +108,9 @@ def generate(batch, order, first, texels, expansion, samples, prim_of, tables): 
 
 @float_kernel
 def gather(batch, order, first, texels, expansion, samples, sums):  # type: ignore[no-untyped-def]
-    """Results are added to the sums of their texels, (N, SUMS) float64, sample by sample, and counted.
+    """Add results to the sums of their texels, (N, SUMS) float64, sample by sample, and count them.
 
-    Returns the number of a texel whose light was no finite number, or -1.
+    Returns the number of a texel whose light is not finite, or -1.
     """
     bad = -1
     for k in range(texels):

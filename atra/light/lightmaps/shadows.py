@@ -1,4 +1,4 @@
-"""Scenes of shadows: opaque faces, which stop rays to lights, and panes, faces that let light on."""
+"""Scenes for shadow rays: opaque faces, which block light, and panes, which let some pass."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from atra.tracing.options import RayOptions
 
 
 class ShadowScenes:
-    """What rays to lights meet where some faces let light on: a scene of opaque faces, in which they stop at whichever
-    they meet, and one of panes, which is asked for rays that come to its box and that nothing stops.
+    """What rays to lights meet if there are panes: a scene of opaque faces for occlusion, and one of panes for the rays
+    that nothing blocks.
 
-    Without panes there are no such scenes, and the one of all faces serves. options: of both.
-    Raises InputError as `RayScene` does.
+    Without panes there are no such scenes; that of all faces serves. options: of both. Raises InputError as `RayScene`
+    does.
     """
 
     def __init__(self, scene: BakeScene, options: RayOptions) -> None:
@@ -24,18 +24,18 @@ class ShadowScenes:
         self.both = tuple(RayScene(scene.mesh, faces=faces, **options.keywords()) for faces in kinds)
 
     def serve(self, scene: BakeScene) -> bool:
-        """Whether these are for that scene, of the same mesh, too."""
+        """Whether these scenes fit another scene of the same mesh."""
         assert scene.surface is not None
         return np.array_equal(scene.surface.panes, self._panes)
 
     def build(self) -> float:
-        """Returns the seconds that it took."""
+        """Build; returns the seconds taken."""
         for one in self.both:
             one.build()
         return sum(one.build_time_s for one in self.both)
 
     def addresses(self, of_all: int) -> tuple[int, int]:
-        """RTCScenes of what stops rays and of panes, 0 where there are none. of_all: the one of all faces."""
+        """RTCScenes of what blocks rays and of panes (0 = none). of_all: the scene of all faces."""
         return tuple(one.address for one in self.both) if self.both else (of_all, 0)  # type: ignore[return-value]
 
     def close(self) -> None:

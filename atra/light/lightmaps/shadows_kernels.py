@@ -1,4 +1,4 @@
-"""Shadows: what stops rays to lights on their way, and what they bring that nothing stops."""
+"""Kernels of shadow rays: what blocks them, and the light that arrives."""
 
 from __future__ import annotations
 
@@ -23,18 +23,19 @@ from atra.light.numbers_kernels import ONE, ZERO
 from atra.light.pictures.path_kernels import load_rays
 
 _LESS, _MORE = np.float32(1 - 1e-6), np.float32(1 + 1e-6)
-"""Of distances to a box: what rounding may have changed."""
+"""Margins for rounding on distances to a box."""
 
 
 @cache
 def shine_kernel(width: int, see_through: bool) -> Callable[..., int]:
-    """Rays to lights, in packets of `width`; it, and whether there are panes, are constants of the code."""
+    """Rays to lights in packets of `width`; both arguments are constants in the compiled code. see_through: there are
+    panes."""
 
     @float_kernel
     def shine(batch, count, plane, tables, scenes, packet):  # type: ignore[no-untyped-def]
-        """What rays that nothing stops carry is added to the results from `plane` on. Returns how many were traced.
+        """Add what unblocked rays carry to the results from `plane` on. Returns the number of rays traced.
 
-        scenes: addresses of opaque faces, and of panes, those that let light on.
+        scenes: addresses of opaque faces and of panes.
         """
         opaque, panes = scenes
         traced = 0
@@ -70,7 +71,7 @@ def shine_kernel(width: int, see_through: bool) -> Callable[..., int]:
 
 @njit(error_model="numpy")
 def _may_meet(box, floats, i):  # type: ignore[no-untyped-def]
-    """Whether a ray comes to the box of all panes, which costs less than to ask Embree."""
+    """Whether a ray meets the box of all panes; cheaper than asking Embree."""
     near, far = ZERO, floats[LENGTH, i]
     for axis in range(3):
         way = floats[DIRECTION + axis, i]
@@ -87,7 +88,7 @@ def _may_meet(box, floats, i):  # type: ignore[no-untyped-def]
 
 @njit(forceinline=True)
 def _filter_light(batch, first, lanes, width, tables, panes, packet):  # type: ignore[no-untyped-def]
-    """What rays that are still valid carry, times what each pane on their way lets on."""
+    """Multiply the carried light of valid rays by what each pane on their way lets pass."""
     left = 0
     for lane in range(width):
         set_no_hit(packet, width, lane)

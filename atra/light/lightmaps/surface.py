@@ -1,4 +1,4 @@
-"""Surfaces: what each triangle reflects and sends out, and the scene that light is baked of."""
+"""The scene of a bake, and what its triangles reflect and emit."""
 
 from __future__ import annotations
 
@@ -10,27 +10,27 @@ from numpy.typing import ArrayLike, NDArray
 
 from atra.errors import InputError
 from atra.geometry.mesh import Mesh
+from atra.light.checks import checked_rows, set_fields
 from atra.light.lightmaps.gather.lights import BakeLight, check_bake_light
 from atra.light.materials import Checker, Image, Texture
 from atra.light.scene import RenderScene
 from atra.light.sky import Sky, constant_sky
 
 ALBEDO = 0.7
-"""Of a triangle of which nothing is known."""
+"""Default albedo of triangles without a material."""
 
 LARGEST_ALBEDO = 0.999
-"""With 1, light would never end."""
+"""Largest albedo; with 1, light would bounce forever."""
 
 
 @dataclass(frozen=True, eq=False)
 class Surface:
-    """What triangles do with light: all reflect equally to all sides, on both of theirs; fronts may shine.
+    """What triangles do with light: both sides reflect diffusely, fronts may emit.
 
-    albedo: (F, 3) float32, linear RGB in [0, 0.999]. emission: (F, 3) float32, radiance of the front.
-    opacity: (F,) float32 in [0, 1], the share of light that a triangle stops, and reflects; the rest goes straight on,
-    times tint, (F, 3) float32 in [0, 1]. None: all is stopped, and nothing tinted.
-    Raises InputError for shapes that do not fit, naming the first face with a number outside, or that shines and is not
-    opaque.
+    albedo: (F, 3) float32, linear RGB in [0, 0.999]. emission: (F, 3) float32, radiance of the front. opacity: (F,)
+    float32 in [0, 1], the share of light that a triangle stops and reflects; None: 1. tint: (F, 3) float32 in [0, 1],
+    factor on the light that passes straight through; None: 1. Raises InputError for shapes that do not fit, and naming
+    the first face with a number outside, or that emits and is not opaque.
     """
 
     albedo: NDArray[np.float32]
@@ -45,9 +45,8 @@ class Surface:
             ("tint", (faces, 3), 1.0),
         ):  # fmt: skip
             given = getattr(self, name)
-            array = _numbers(name, np.ones(shape) if given is None else given, shape, high)
-            array.setflags(write=False)
-            object.__setattr__(self, name, array)
+            rows = checked_rows(name, np.ones(shape) if given is None else given, shape, "face", 0.0, high)
+            object.__setattr__(self, name, rows)
         assert self.opacity is not None
         wrong = (self.opacity < 1.0) & (self.emission > 0.0).any(axis=1)
         if wrong.any():
@@ -56,13 +55,13 @@ class Surface:
 
     @property
     def panes(self) -> NDArray[np.bool_]:
-        """(F,) bool: triangles that let light on."""
+        """(F,) bool: triangles that light passes."""
         assert self.opacity is not None
         return self.opacity < 1.0
 
     @classmethod
     def plain(cls, mesh: Mesh, albedo: ArrayLike = ALBEDO, emission: ArrayLike = 0.0) -> Surface:
-        """The same everywhere, or by face: numbers, (3,) or (F, 3)."""
+        """One albedo and emission for all triangles, (3,), or one each, (F, 3)."""
         shape = mesh.triangle_count, 3
         try:
             return cls(np.broadcast_to(albedo, shape), np.broadcast_to(emission, shape))  # type: ignore[arg-type]
@@ -73,8 +72,8 @@ class Surface:
 
     @classmethod
     def of(cls, scene: RenderScene) -> Surface:
-        """Of the materials of a scene: metal and paint by their colour, glass as white as can be, lamps black and
-        shining; a texture by its colour in the middle of each triangle."""
+        """The surface of a scene's materials: Lambertian and metal by their colour, glass as white as possible,
+        emitters black and shining; a texture by its colour at the middle of each triangle."""
         albedo = np.zeros((scene.mesh.triangle_count, 3), np.float32)
         emission = np.zeros_like(albedo)
         numbers = np.asarray(scene.face_materials)
@@ -89,10 +88,11 @@ class Surface:
 
 @dataclass(frozen=True, eq=False)
 class BakeScene:
-    """A mesh, what it is made of, lights and sky.
+    """A mesh, its surface, lights and sky. Units are those of `atra.light`: a white surface that faces a sun of power
+    1, or the whole of a sky of radiance 1, reflects 1.
 
-    lights: of `atra.light`, and `SpotLight`. sky: black, if none is named. Light is counted as in `atra.light`: a
-    white surface that faces a sun of power 1, or the whole of a sky of radiance 1, returns 1.
+    mesh: the triangles. surface: what they reflect and emit; None: `Surface.plain`. lights: of `atra.light`, and
+    `SpotLight`. sky: black by default.
     """
 
     mesh: Mesh
@@ -111,27 +111,12 @@ class BakeScene:
         lights = tuple(self.lights)
         for light in lights:
             check_bake_light(light)
-        object.__setattr__(self, "surface", surface)
-        object.__setattr__(self, "lights", lights)
+        set_fields(self, surface=surface, lights=lights)
 
     @classmethod
     def of(cls, scene: RenderScene) -> BakeScene:
-        """The same triangles, materials, lights and sky. Shading normals are left out."""
+        """The same triangles, materials, lights and sky; shading normals are ignored."""
         return cls(scene.mesh, Surface.of(scene), scene.lights, scene.sky)
-
-
-def _numbers(name: str, given: ArrayLike, shape: tuple[int, ...], high: float) -> NDArray[np.float32]:
-    try:
-        array = np.array(given, np.float32, order="C")
-    except (TypeError, ValueError) as error:
-        raise InputError(f"{name} cannot be read as an array: {error}") from None
-    if array.shape != shape:
-        raise InputError(f"{name} has shape {array.shape}, expected {shape}, a row a face")
-    good = ((array >= 0.0) & (array <= np.float32(high))).reshape(shape[0], -1).all(axis=1)
-    if not good.all():
-        face = int(np.argmin(good))
-        raise InputError(f"{name} of face {face} is {array[face].tolist()}, expected numbers from 0 to {high:g}")
-    return array
 
 
 def _colours(colour: Texture, scene: RenderScene, faces: NDArray[np.int64]) -> NDArray[np.float32]:

@@ -1,1 +1,1 @@
-"""Whole pictures on top of primary visibility: hybrid rendering and path tracing."""
+"""Pictures on top of primary visibility: hybrid rendering and path tracing."""

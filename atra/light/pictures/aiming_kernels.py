@@ -1,4 +1,4 @@
-"""Aiming: a ray from each pixel's surface to a light, or into the sky."""
+"""Kernels that aim a ray from each pixel's surface at a light or into the sky."""
 
 from __future__ import annotations
 
@@ -24,10 +24,11 @@ from atra.light.pictures.gbuffer_kernels import (
 
 
 class Aim(NamedTuple):
-    """Which points of the unit square rays are aimed at.
+    """The sample points of rays in the unit square.
 
-    points: (N, 2) uint32, the same for all pixels, in units of 2^-32. dimension: of the hash that shifts them, pixel by
-    pixel. is_shifted: whether it does. is_traced: whether anything can be in the way. length: float32, rays' at most.
+    points: (N, 2) uint32, shared by all pixels, in units of 2^-32. dimension: of the hash that shifts them per pixel.
+    is_shifted: whether they are shifted. is_traced: whether rays are traced for occlusion. length: float32, longest
+    ray.
     """
 
     points: NDArray[np.uint32]
@@ -39,7 +40,7 @@ class Aim(NamedTuple):
 
 @njit(forceinline=True)
 def _shifted(aim, number, pixel):  # type: ignore[no-untyped-def]
-    """A point as it is for a pixel: two numbers in [0, 1)."""
+    """A pixel's shifted point: two numbers in [0, 1)."""
     key = key_of(pixel, np.uint32(0))
     u = np.uint32(aim.points[number, 0] + bits_of(key, aim.dimension))
     v = np.uint32(aim.points[number, 1] + bits_of(key, aim.dimension + 1))
@@ -53,7 +54,7 @@ def _unshifted(aim, number):  # type: ignore[no-untyped-def]
 
 @njit(forceinline=True)
 def _set_lit(floats, i, direction, carried, reach):  # type: ignore[no-untyped-def]
-    """Whether the ray carries anything; it then reaches so far."""
+    """Write a pixel's ray; returns 1 if it carries light, else 0."""
     is_lit = carried > ZERO
     set_vector(floats, DIRECTION, i, direction)
     floats[LENGTH * STRIDE + i] = reach if is_lit else ZERO
@@ -72,7 +73,8 @@ def _set_open(floats, i, direction, length):  # type: ignore[no-untyped-def]
 
 @float_kernel
 def aim_at_light(floats, first, count, light, aim, number):  # type: ignore[no-untyped-def]
-    """A ray from each pixel's surface to a point of the light, (LIGHT_WORDS,) float32. Returns how many may arrive."""
+    """Aim a ray from each pixel's surface at a point of the light, (LIGHT_WORDS,) float32. Returns how many may
+    arrive."""
     rays = 0
     if light[KIND] != SUN:
         for i in range(count):
@@ -92,7 +94,7 @@ def aim_at_light(floats, first, count, light, aim, number):  # type: ignore[no-u
 
 @njit(error_model="numpy")
 def _aim_at_lamp(floats, first, i, light, aim, number):  # type: ignore[no-untyped-def]
-    """`aim_at_light` of one pixel, for a light that is somewhere."""
+    """`aim_at_light` for one pixel and a light that is no sun."""
     u, v = _shifted(aim, number, first + i) if aim.is_shifted else _unshifted(aim, number)
     direction, strength, reach = to_lamp(light, vector_of(floats, ORIGIN, i), u, v)
     carried = dot(vector_of(floats, NORMAL, i), direction) * strength
@@ -101,7 +103,7 @@ def _aim_at_lamp(floats, first, i, light, aim, number):  # type: ignore[no-untyp
 
 @njit(forceinline=True)
 def _into_sky(normal, direction, is_cosine):  # type: ignore[no-untyped-def]
-    """A direction that is uniform over the sphere -> one of the hemisphere, uniform or by the cosine."""
+    """A direction uniform over the sphere -> one of the hemisphere, uniform or cosine-distributed."""
     if is_cosine:
         return around(normal, direction)
     return scaled(ONE if dot(direction, normal) >= ZERO else -ONE, direction)
@@ -109,7 +111,7 @@ def _into_sky(normal, direction, is_cosine):  # type: ignore[no-untyped-def]
 
 @float_kernel
 def aim_into_sky(floats, first, count, is_cosine, aim, number):  # type: ignore[no-untyped-def]
-    """A ray from each pixel's surface into its hemisphere. Returns how many there are."""
+    """Aim a ray from each pixel's surface into its hemisphere. Returns the number of rays."""
     rays = 0
     if aim.is_shifted:
         for i in range(count):

@@ -1,4 +1,4 @@
-"""Carrying what was found for the pixels of one picture over to those of another, where both see the same surface."""
+"""Reprojection: pixel values of one picture carried over to another where both see the same surface."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ from numpy.typing import NDArray
 from atra.hits import Hits
 
 _ALIKE = 0.9
-"""Cosine between normals of triangles that may be of one surface."""
+"""Least cosine between the normals of triangles that may form one surface."""
 
 _PIXELS_OFF = 2.0
-"""How far off a triangle's plane its neighbours may lie, in widths of a pixel there."""
+"""Largest distance of such triangles from each other's plane, in widths of a pixel there."""
 
 
 def carried(values: NDArray[np.floating], seen: Hits, to: Hits) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """(H', W', K) values of the pixels of `to`, and (H', W') where there are any.
+    """(H', W', K) values for the pixels of `to`, and (H', W') bool where there are any.
 
-    values: (H, W, K), of the pixels of `seen`, a picture of the same mesh, through their centres. A pixel is the mean
-    of the four there that surround the place it sees, weighted by nearness, without those of another surface: whose
-    triangle is another, and its normal too, or its plane.
+    values: (H, W, K), of the pixels of `seen`, traced through their centres on the same mesh. A pixel gets the bilinear
+    mean of the four around the point it sees, without those on another surface: another triangle, and another normal or
+    plane.
     """
     hit = np.nonzero(to.hit & np.isfinite(to.points[..., 0]))
     points, normals, prim_id = to.points[hit].astype(np.float64), to.normals[hit], to.prim_id[hit]

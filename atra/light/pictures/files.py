@@ -1,4 +1,4 @@
-"""Pictures as files: PNG to be looked at, EXR to be worked with."""
+"""Pictures as files: PNG for viewing, EXR for further work."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ SUFFIXES = (".png", ".exr")
 
 
 def save_picture(path: Path, image: NDArray[np.float32], hits: Callable[[], Hits]) -> None:
-    """Write an (H, W, 3) picture, linear RGB, as the suffix of `path` says; `hits` is asked for what an EXR also holds.
+    """Write an (H, W, 3) picture, linear RGB, in the format of the suffix. hits: called for what an EXR holds as well.
 
     Raises InputError as `check_picture_path` does; StorageError.
     """
@@ -30,7 +30,7 @@ def save_picture(path: Path, image: NDArray[np.float32], hits: Callable[[], Hits
 
 
 def check_picture_path(path: Path) -> None:
-    """Raise InputError for another suffix than .png and .exr, and for an EXR without the package OpenEXR."""
+    """Raise InputError for a suffix other than .png and .exr, and for an EXR without the package OpenEXR."""
     suffix = path.suffix.lower()
     if suffix not in SUFFIXES:
         raise InputError(f"a picture is to be written to {str(path)!r}, expected a name that ends in .png or .exr")
@@ -48,7 +48,7 @@ def _check_openexr() -> None:
 
 
 def srgb_of(image: NDArray[np.floating]) -> NDArray[np.uint8]:
-    """Linear RGB -> 8 bits of sRGB (IEC 61966-2-1); what is brighter than 1 becomes white."""
+    """Linear RGB -> 8-bit sRGB (IEC 61966-2-1); values above 1 become white."""
     levels = np.empty(image.shape, np.uint8)
     encode_srgb(np.ascontiguousarray(image).reshape(-1), levels.reshape(-1))
     return levels
@@ -56,7 +56,7 @@ def srgb_of(image: NDArray[np.floating]) -> NDArray[np.uint8]:
 
 def png_of(image: NDArray[np.floating]) -> bytes:
     """(H, W, 3) linear RGB -> a PNG in sRGB."""
-    from PIL import Image  # only who writes a PNG waits for it
+    from PIL import Image  # imported here because it is slow to load
 
     buffer = io.BytesIO()
     Image.fromarray(srgb_of(image), "RGB").save(buffer, format="PNG")
@@ -65,7 +65,7 @@ def png_of(image: NDArray[np.floating]) -> bytes:
 
 def exr_of(image: NDArray[np.float32], hits: Hits) -> bytes:
     """An EXR of 32 bits: R, G, B; Z, the depth, inf = a miss; N.X, N.Y, N.Z, the triangle's unit normal in the world,
-    turned to the eye, 0 = a miss; prim_id, whole numbers, `MISS` = a miss."""
+    facing the eye, 0 = a miss; prim_id, `MISS` = a miss."""
     normals = eye_normals(hits)
     channels: dict[str, Any] = {name: image[..., k] for k, name in enumerate("RGB")}
     channels |= {f"N.{name}": normals[..., k] for k, name in enumerate("XYZ")}
@@ -73,13 +73,13 @@ def exr_of(image: NDArray[np.float32], hits: Hits) -> bytes:
 
 
 def exr_of_channels(channels: Mapping[str, NDArray[Any]]) -> bytes:
-    """An EXR of (H, W) arrays, 32 bits each, by name. Raises InputError without the package OpenEXR."""
+    """An EXR of named (H, W) arrays, 32 bits each. Raises InputError without the package OpenEXR."""
     _check_openexr()
     return encode_exr(channels)
 
 
 def eye_normals(hits: Hits) -> NDArray[np.float32]:
-    """(H, W, 3) float32, unit normals of the triangles that are hit, in the world, turned to the eye; 0 = a miss."""
+    """(H, W, 3) float32, unit normals of the hit triangles in the world, facing the eye; 0 = a miss."""
     normals = np.zeros((*hits.depth.shape, 3), np.float32)
     y, x = np.nonzero(hits.hit)
     corners = hits.mesh.triangles(hits.prim_id[y, x])

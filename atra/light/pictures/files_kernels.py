@@ -1,4 +1,4 @@
-"""Pictures as they are shown: pixels in their rows, and light in 8 bits."""
+"""Kernels for finished pictures: sRGB encoding, and pixels to rows of an image."""
 
 from __future__ import annotations
 
@@ -7,23 +7,20 @@ import numpy as np
 from atra.compiled.store import kernel
 
 _STARTS = 4096
-"""Equal parts of [0, 1] for which the level that they begin with is known."""
+"""Entries of the table of starting levels over [0, 1]."""
 
 
-def _linear_of(encoded):  # type: ignore[no-untyped-def]
-    """sRGB (IEC 61966-2-1) in [0, 1] -> linear light."""
-    return np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
+_BOUNDS = (np.arange(1, 256) - 0.5) / 255
 
-
-_FIRST_OF_LEVEL = np.append(_linear_of((np.arange(1, 256) - 0.5) / 255), np.inf)
-"""The least linear light that is shown by level 1, 2, ... 255; and by none."""
+_FIRST_OF_LEVEL = np.append(np.where(_BOUNDS <= 0.04045, _BOUNDS / 12.92, ((_BOUNDS + 0.055) / 1.055) ** 2.4), np.inf)
+"""The least linear light of the sRGB (IEC 61966-2-1) levels 1, 2, ... 255; then inf."""
 
 _LEVEL_AT = np.searchsorted(_FIRST_OF_LEVEL, np.arange(_STARTS + 1) / _STARTS, side="right").astype(np.uint8)
 
 
 @kernel
 def encode_srgb(linear, levels):  # type: ignore[no-untyped-def]
-    """linear: (N,) float. levels: (N,) uint8, written: the nearest of sRGB; 255 for all above 1, 0 for NaN."""
+    """linear: (N,) float. levels: (N,) uint8, written: nearest sRGB level; 255 above 1, 0 for NaN."""
     for number in range(len(linear)):
         light = np.float64(linear[number])
         if not light > 0.0:

@@ -1,4 +1,4 @@
-"""A film: sums of the samples of an image, plane by plane."""
+"""A film: sums of an image's samples, plane by plane."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ from atra.tracing.budgets import check_needed_bytes
 MOST_PIXELS_A_SIDE = 1 << 16
 
 _EXACT_SAMPLES = 32
-"""So many are summed in float32, which halves what a sample has to move, before they are added to sums in float64."""
+"""Samples summed in float32, which halves memory traffic, before they are added to float64 sums."""
 
 _PLACE_BYTES, _PIXEL_BYTES = 4, 12
 
 
 class Film:
-    """Sums of some numbers for each pixel.
+    """Sums of several numbers per pixel.
 
-    shape: how many numbers, width and height of the image. waves_bytes: of what else a renderer holds. is_set: whether
-    a sample that `is_first` sets all sums, so that they need not be 0 before.
-    places: (pixels,) uint32, x + y 2^16 of each pixel in the film's order. sums: (planes, pixels) float32, what samples
-    are added to; each row begins with a cache line. Both have room for LANES more behind. samples: how many have been.
-    Raises InputError for an image of more than 65,536 pixels a side, MemoryBudgetError.
+    shape: numbers per pixel, width and height of the image. waves_bytes: the renderer's other memory. is_set: a sample
+    that `is_first` overwrites the sums, which then need not be zeroed. places: (pixels,) uint32, x + y 2^16 of each
+    pixel in the film's order. sums: (planes, pixels) float32, which samples are added to; rows are aligned to cache
+    lines. Both have room for LANES more entries. samples: samples so far. Raises InputError for an image of more than
+    65,536 pixels a side, MemoryBudgetError.
     """
 
     def __init__(self, shape: tuple[int, int, int], waves_bytes: int, is_set: bool = False) -> None:
@@ -52,25 +52,25 @@ class Film:
 
     @property
     def is_first(self) -> bool:
-        """Whether the next sample is the first that sums hold."""
+        """Whether the next sample is the first in the float32 sums."""
         return self.samples % _EXACT_SAMPLES == 0
 
     def restart(self) -> None:
-        """Forget all samples."""
+        """Drop all samples."""
         self._clear()
         if self.samples >= _EXACT_SAMPLES:
             self._earlier.fill(0.0)
         self.samples = 0
 
     def end_sample(self) -> None:
-        """All pixels have had one more."""
+        """Count a sample that all pixels have got."""
         self.samples += 1
         if self.is_first:
             self._earlier += self.sums
             self._clear()
 
     def mean(self, planes: slice) -> NDArray[np.float64]:
-        """(planes, pixels), of all samples. Raises InputError where there is none yet."""
+        """(planes, pixels), over all samples. Raises InputError if there is none yet."""
         if not self.samples:
             raise InputError("there is no sample yet, expected at least one; call add(1) first")
         latest = 0.0 if self.is_first else self.sums[planes]
@@ -97,14 +97,14 @@ class Film:
 def _places(width: int, height: int) -> NDArray[np.uint32]:
     full, rest = divmod(height, TILE)
     whole = _band(width, TILE)[None] + (np.arange(full, dtype=np.uint32)[:, None] * np.uint32(TILE << 16))
-    beyond = np.zeros(LANES, np.uint32)  # is read with the last
+    beyond = np.zeros(LANES, np.uint32)  # vectors read past the last pixel
     places = np.concatenate([whole.ravel(), _band(width, rest) + np.uint32(full * TILE << 16), beyond])
     places.setflags(write=False)
     return places[: width * height]
 
 
 def _band(width: int, height: int) -> NDArray[np.uint32]:
-    """Of a row of tiles of that height, the last of which may be narrower."""
+    """Places of a row of tiles of this height; the last tile may be narrower."""
     y, x = np.divmod(np.arange(width * height), width)
     order = np.lexsort((x, y, x // TILE))
     return (x + (y << 16))[order].astype(np.uint32)

@@ -1,4 +1,4 @@
-"""What pixels see: where rays to lights and sky start, normals, and colours, before any light."""
+"""The G-buffer: what pixels see, with origins of further rays, normals and colours, before any light."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ from atra.light.surface_kernels import (
 )
 
 CHUNK = 256
-"""Pixels that go through all stages together: all that is known of them stays in the nearest cache."""
+"""Pixels that pass all stages together; their data fits the nearest cache."""
 
 LANES = 16
-"""Pixels that are summed together; what is known of a chunk has room for so many more."""
+"""Pixels summed together; a chunk has room for as many more."""
 
 STRIDE = CHUNK + LANES
 ORIGIN, NORMAL, COLOUR, SKY, DIRECTION = 0, 3, 6, 9, 12
@@ -40,13 +40,12 @@ _LANES = 8
 
 
 class Chunk(NamedTuple):
-    """What at most `CHUNK` pixels see, and one ray from each.
+    """The G-buffer of at most `CHUNK` pixels, and one ray from each.
 
-    floats: (_ROWS x STRIDE,) float32, row after row. Three rows each: ORIGIN of rays; shading NORMAL, 0 where nothing
-    is seen; COLOUR; that times the SKY's where the normal points, or the sky's that the pixel's ray meets; DIRECTION of
-    the ray. LENGTH: how far the ray reaches, 0 = there is none. LIGHT: what it carries if nothing is in its way; 0 once
-    something is. SEEN: 1, or 0 for a miss. UV: two rows, where vertices have some.
-    prim_id: (STRIDE,) uint32, 0 for a miss.
+    floats: (_ROWS x STRIDE,) float32, row by row. Three rows each: ORIGIN of rays; shading NORMAL, 0 for a miss;
+    COLOUR; SKY, the colour times the sky in the normal's direction, or the sky that the pixel sees; DIRECTION of the
+    ray. LENGTH of the ray, 0 = none. LIGHT: what the ray carries, 0 once it is blocked. SEEN: 1, or 0 for a miss. UV:
+    two rows, if vertices have uv. prim_id: (STRIDE,) uint32, 0 for a miss.
     """
 
     floats: NDArray[np.float32]
@@ -54,13 +53,13 @@ class Chunk(NamedTuple):
 
 
 def new_chunk() -> Chunk:
-    """One that nothing is known of."""
+    """An empty chunk."""
     return Chunk(np.zeros(_ROWS * STRIDE, np.float32), np.zeros(STRIDE, np.uint32))
 
 
 @njit(forceinline=True)
 def fetch_ahead(first, end, pixels):  # type: ignore[no-untyped-def]
-    """Ask for the `prim_id` of a chunk from pixel `first` on: whoever wrote them did so past the caches."""
+    """Prefetch the prim_ids of a chunk from pixel `first` on; they were written past the caches."""
     for pixel in range(first, min(first + CHUNK, end), TILE):
         x, y = place_of(pixels, pixel)
         fetch(np.int64(pixels.prim_id.ctypes.data) + 4 * (y * pixels.stride + x))
@@ -68,7 +67,7 @@ def fetch_ahead(first, end, pixels):  # type: ignore[no-untyped-def]
 
 @float_kernel
 def find_surfaces(chunk, first, count, pixels, surfaces):  # type: ignore[no-untyped-def]
-    """What `count` pixels from number `first` on see, from the `prim_id` of `pixels`."""
+    """Fill the chunk with what `count` pixels from number `first` on see, by the prim_ids of `pixels`."""
     for i in range(0, count, _LANES):
         _look_up(chunk, i, first + i, pixels)
     for i in range(0, count, _LANES):
@@ -81,7 +80,7 @@ def find_surfaces(chunk, first, count, pixels, surfaces):  # type: ignore[no-unt
 
 @njit(forceinline=True)
 def _at(lines, row, axis, x, y):  # type: ignore[no-untyped-def]
-    """`line_at` of `_LANES` pixels: one axis, as float64, not rounded."""
+    """`line_at` for `_LANES` pixels, one axis, in unrounded float64."""
     start, right, down = lines[row, axis], lines[row + 2, axis], lines[row + 4, axis]
     return fused(y, repeated(down, _LANES), fused(x, repeated(right, _LANES), repeated(start, _LANES)))
 
@@ -93,7 +92,7 @@ def _dot(ax, ay, az, bx, by, bz):  # type: ignore[no-untyped-def]
 
 @njit(forceinline=True)
 def _gradient(sky, axis, height):  # type: ignore[no-untyped-def]
-    """`sky_colour` of `_LANES` pixels, one channel; height: of unit vectors."""
+    """`sky_colour` for `_LANES` pixels, one channel. height: y of unit vectors."""
     above = fused(height, repeated(HALF, _LANES), repeated(HALF, _LANES))
     below = repeated(ONE, _LANES) - above
     return fused(below, repeated(sky[1 + axis], _LANES), above * repeated(sky[4 + axis], _LANES))
@@ -101,11 +100,11 @@ def _gradient(sky, axis, height):  # type: ignore[no-untyped-def]
 
 @njit(forceinline=True)
 def _look_up(chunk, i, pixel, pixels):  # type: ignore[no-untyped-def]
-    """Which triangles `_LANES` pixels see, the i-th of the chunk and those behind it."""
+    """Which triangles `_LANES` pixels see, from the i-th of the chunk on."""
     x, y = low_and_high(np.int64(pixels.places.ctypes.data) + 4 * pixel)
     stride = repeated(np.float64(pixels.stride), _LANES)
     found = gather_at(np.int64(pixels.prim_id.ctypes.data), fused(y, stride, x))
-    is_seen = found >= found  # the bits of a miss are those of no number
+    is_seen = found >= found  # MISS has the bits of a NaN
     none = repeated(ZERO, _LANES)
     store(where(is_seen, found, none), np.int64(chunk.prim_id.ctypes.data) + 4 * i)
     seen = np.int64(chunk.floats.ctypes.data) + 4 * (SEEN * STRIDE + i)
@@ -114,10 +113,10 @@ def _look_up(chunk, i, pixel, pixels):  # type: ignore[no-untyped-def]
 
 @njit(forceinline=True)
 def _find_places(chunk, i, pixel, pixels, surfaces):  # type: ignore[no-untyped-def]
-    """Of the same pixels `meet`, `leaving`, colours and sky, side by side.
+    """`meet`, `leaving`, colours and sky for `_LANES` pixels at once.
 
-    Places are found in float64: float32 could carry them through a surface. Returns a bit for each pixel whose colours
-    need more; of these SKY is, under a gradient, the sky's alone.
+    Points are found in float64: float32 could push them through a surface. Returns the bits of pixels whose colours
+    need more work; under a gradient sky, their SKY is the sky's alone.
     """
     address, row = np.int64(chunk.floats.ctypes.data) + 4 * i, 4 * STRIDE
     numbers = np.int64(chunk.prim_id.ctypes.data) + 4 * i
@@ -179,7 +178,7 @@ def _find_places(chunk, i, pixel, pixels, surfaces):  # type: ignore[no-untyped-
 
 @njit(forceinline=True)
 def _checkered(own, red, green, blue, u, v, material, surfaces):  # type: ignore[no-untyped-def]
-    """`colour_at` of `_LANES` pixels; of those that are not the checker's `own`, the colours they had."""
+    """`colour_at` for the `own` pixels of a checker among `_LANES`; others keep their colours."""
     row = surfaces.materials[material]
     scale = repeated(row[SCALE], _LANES)
     cell = repeated(0.5, _LANES) * (last_whole(widened(u) * scale) + last_whole(widened(v) * scale))
@@ -193,7 +192,7 @@ def _checkered(own, red, green, blue, u, v, material, surfaces):  # type: ignore
 
 @njit(forceinline=True)
 def _between_corners(nx, ny, nz, px, py, pz, dx, dy, dz, side, numbers, surfaces):  # type: ignore[no-untyped-def]
-    """`shading_normal` and uv of `_LANES` pixels, of triangles' normals, points, directions and sides that are seen."""
+    """`shading_normal` and uv for `_LANES` pixels."""
     vx, vy, vz, v, wx, wy, wz, w = columns_of(np.int64(surfaces.weights.ctypes.data), numbers)
     pairs = columns_of(np.int64(surfaces.corners.ctypes.data), numbers)
     (ax, ay), (az, bx), (by, bz), (cx, cy) = halves(pairs[0]), halves(pairs[1]), halves(pairs[2]), halves(pairs[3])
@@ -212,19 +211,19 @@ def _between_corners(nx, ny, nz, px, py, pz, dx, dy, dz, side, numbers, surfaces
 
 @njit(forceinline=True)
 def vector_of(floats, row, i):  # type: ignore[no-untyped-def]
-    """Three numbers of the i-th pixel, of a row and the two below."""
+    """Three numbers of the i-th pixel, from a row and the next two."""
     return floats[row * STRIDE + i], floats[(row + 1) * STRIDE + i], floats[(row + 2) * STRIDE + i]
 
 
 @njit(forceinline=True)
 def set_vector(floats, row, i, vector):  # type: ignore[no-untyped-def]
-    """Three numbers of the i-th pixel into a row and the two below."""
+    """Write three numbers of the i-th pixel to a row and the next two."""
     floats[row * STRIDE + i], floats[(row + 1) * STRIDE + i], floats[(row + 2) * STRIDE + i] = vector
 
 
 @njit
 def _find_colour(chunk, i, pixel, pixels, surfaces):  # type: ignore[no-untyped-def]
-    """Of a pixel its colour, if a texture has it, and what of the sky it shows."""
+    """A pixel's colour, if it is textured, and its share of the sky."""
     floats = chunk.floats
     if floats[SEEN * STRIDE + i] == ZERO:
         _, direction = pixel_line(pixels, pixel)

@@ -1,4 +1,4 @@
-"""Hybrid rendering: primary visibility by any method, and rays for soft shadows and ambient occlusion."""
+"""Hybrid rendering: primary visibility by any tracer, and rays for soft shadows and ambient occlusion."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ from atra.tracing.options import lists_options
 
 
 class _Sequence(NamedTuple):
-    """Points of rays. steps: by what they move from one to the next, in units of 2^-32 of the unit square. dimension:
+    """A sequence of sample points. steps: between consecutive points, in units of 2^-32 of the unit square. dimension:
     of the hash that shifts them."""
 
     steps: tuple[int, int]
@@ -45,35 +45,35 @@ def _steps(*primes: int) -> tuple[int, int]:
 
 
 _SKY, _LIGHT = _Sequence(_steps(2, 3), 0), _Sequence(_steps(5, 7), 2)
-"""Steps are no rational multiples of each other, nor of the steps of `sub_pixel_offsets`, so that all of them together
-are spread evenly."""
+"""No step is a rational multiple of another or of a step of `sub_pixel_offsets`, so all points together are evenly
+spread."""
 
 
 class _Kept(NamedTuple):
-    """Of pictures before the camera moved, in the film's order. means: (planes, pixels). counts: (1, pixels), of how
-    many samples; 0 where nothing is known."""
+    """Pictures from before the camera moved, in the film's order. means: (planes, pixels). counts: (1, pixels),
+    samples, 0 = unknown."""
 
     means: NDArray[np.float64]
     counts: NDArray[np.float64]
 
 
 class HybridRenderer(Renderer):
-    """Pictures from what is seen, lit by the scene's lights and its sky.
+    """Pictures of what is seen, lit by the scene's lights and sky.
 
         with atra.light.HybridRenderer(scene, camera, occlusion_length=2.0) as renderer:
             renderer.add(64)
             renderer.save("picture.png")
 
-    A surface returns colour x (light x cosine x its share that is not in shadow + sky where its normal points x the
-    share that is not occluded), of every light. Each material is its colour alone: glass is white, and a lamp is as
-    bright as its colour, at most white. Arguments: see `Renderer`; options: see `HybridOptions`.
-    Stages: primary, surfaces, generate, shadow, occlusion, accumulate.
+    A surface reflects colour x (light x cosine x its unshadowed share, summed over lights, + sky in its normal's
+    direction x the unoccluded share). Materials show their plain colour: glass is white, an emitter as bright as its
+    colour, at most white. Arguments: see `Renderer`; options: see `HybridOptions`. Stages: primary, surfaces, generate,
+    shadow, occlusion, accumulate.
     """
 
     options_type = HybridOptions
     options: HybridOptions
 
-    _ray_bytes = 0  # a few hundred rays are held at a time
+    _ray_bytes = 0  # it holds a few hundred rays at a time
     _sets_sums = True
 
     @lists_options(HybridOptions)
@@ -117,7 +117,7 @@ class HybridRenderer(Renderer):
         self._kept = _Kept(rows[:-1], rows[-1:])
 
     def _means(self, planes: slice) -> NDArray[np.float64]:
-        """Of all samples, and of those that were kept when the camera moved."""
+        """Means over all samples, including those kept when the camera moved."""
         own, kept = self._film.mean(planes), self._kept
         if kept is None:
             return own
@@ -146,18 +146,18 @@ class HybridRenderer(Renderer):
 
     @property
     def parts(self) -> NDArray[np.float32]:
-        """(1 + lights, H, W, 3) float32, of the image what comes from the sky, and from each light."""
+        """(1 + lights, H, W, 3) float32: the image split into the sky's light and each light's."""
         with self._lock:
             return np.stack([self._film.as_image(part) for part in self._parts()])
 
     @property
     def openness(self) -> NDArray[np.float32]:
-        """(H, W) float32, the share of rays into the sky that nothing stopped, 1 where nothing is seen."""
+        """(H, W) float32, share of rays into the sky that nothing blocked; 1 for a miss."""
         return self._share(3)
 
     def lit(self, light: int = 0) -> NDArray[np.float32]:
-        """(H, W) float32, the share of rays to a light of the scene that nothing stopped; 0 on surfaces turned away
-        from it, and where nothing is seen. Raises InputError for a light that is not there."""
+        """(H, W) float32, share of rays to a light that nothing blocked; 0 on surfaces facing away and for a miss.
+        Raises InputError for an unknown light."""
         with self._lock:
             if not 0 <= light < len(self.scene.lights):
                 raise InputError(f"light is {light!r}, but the scene has {len(self.scene.lights)}, counted from 0")
@@ -186,7 +186,7 @@ class HybridRenderer(Renderer):
         return None if rays < 0 else rays
 
     def _aim(self, rays: int, length: float, directions: str, sequence: _Sequence) -> Aim:
-        """Of the rays of this sample; of one, to the light's middle or any, where none is traced."""
+        """This sample's rays; if there are none, one point that is not traced for occlusion."""
         numbers = range(self.samples * rays, (self.samples + 1) * rays)
         places = [[number * step + (1 << 31) & 0xFFFFFFFF for step in sequence.steps] for number in numbers]
         is_shifted = directions == "shifted" and rays > 0

@@ -1,4 +1,4 @@
-"""Lighting of what pixels see: rays to the lights and into the sky, and the sums they are added to."""
+"""Kernels that light pixels: occlusion of rays to lights and into the sky, and sums of what arrives."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from atra.light.pictures.gbuffer_kernels import (
 )
 
 SKY_PLANES = LIGHT_PLANES = 4
-"""Sums of the sky, then of each light: r, g, b, and the share that is not in shadow."""
+"""Sums of the sky, and of each light: r, g, b, and the unblocked share."""
 
 STAGES = "surfaces", "generate", "shadow", "occlusion", "accumulate"
 """Names of `times`."""
@@ -47,12 +47,12 @@ def _address(array):  # type: ignore[no-untyped-def]
 
 @njit(forceinline=True)
 def _occlude(width, floats, count, scene, packet):  # type: ignore[no-untyped-def]
-    """LIGHT becomes 0 where something is in the way of the rays of a chunk, in packets of `width`. Pixels keep their
-    lanes, so that each has the same neighbours in every chunk."""
+    """Set LIGHT to 0 where a chunk's rays are blocked, in packets of `width`. Pixels keep their lanes, so each has the
+    same neighbours in every chunk."""
     field = 4 * width
     rays, valid = _address(packet.floats), _address(packet.valid)
     zero, tiny = repeated(ZERO, width), repeated(SMALLEST_COMPONENT, width)
-    every = load(_address(packet.all_lanes), ZERO, width)  # the bits of -1
+    every = load(_address(packet.all_lanes), ZERO, width)  # the bits of -1: all lanes valid
     store(repeated(START, width), rays + RAY_TNEAR * field)
     for first in range(0, count, width):
         at = _address(floats) + 4 * first
@@ -75,7 +75,7 @@ def _occlude(width, floats, count, scene, packet):  # type: ignore[no-untyped-de
 
 @njit(forceinline=True)
 def _put(numbers, address, is_first):  # type: ignore[no-untyped-def]
-    """Numbers in place of those at an address, past the caches, or added to them."""
+    """Store numbers past the caches, or add them to those at an address."""
     if is_first:
         stream(numbers, address)
     else:
@@ -84,10 +84,10 @@ def _put(numbers, address, is_first):  # type: ignore[no-untyped-def]
 
 @float_kernel
 def _add_light(floats, first, count, row, share, sums, is_first):  # type: ignore[no-untyped-def]
-    """Add `share` of the light that arrived, times the colour in `row` and the two below, to four rows of sums.
+    """Add `share` of the light that arrived, times the colour in `row` and the next two, to four rows of sums.
 
-    is_first: what the sums held before is not counted, and not read. Returns whether all light was finite. Where none
-    arrives, sums are not touched: most of the time goes to memory.
+    is_first: overwrite the sums without reading them. Returns whether all light was finite. Sums without new light are
+    not touched, because memory traffic dominates.
     """
     zero, most, shares = repeated(ZERO, LANES), repeated(_MOST, LANES), repeated(share, LANES)
     is_finite = zero >= zero
@@ -109,7 +109,7 @@ def _add_light(floats, first, count, row, share, sums, is_first):  # type: ignor
 
 @njit(forceinline=True)
 def _lap(times, stage, start):  # type: ignore[no-untyped-def]
-    """Ends a stage that began at `start`; the next begins."""
+    """End a stage that began at `start`; returns the start of the next."""
     now = ticks()
     times[stage] += now - start
     return now
@@ -117,17 +117,17 @@ def _lap(times, stage, start):  # type: ignore[no-untyped-def]
 
 @cache
 def lighting_kernel(width: int) -> Callable[..., int]:
-    """All stages, in packets of `width`, a constant of the compiled code."""
+    """All stages, in packets of `width`."""
 
     @float_kernel
     def light_pixels(  # type: ignore[no-untyped-def]
         first, count, pixels, surfaces, lights, to_lights, into_sky, is_cosine, query, chunk, sums, is_first, times
     ):  # fmt: skip
-        """Add a sample of `count` pixels from number `first` on, a chunk at a time.
+        """Add a sample of `count` pixels from number `first` on, chunk by chunk.
 
         lights: (L, LIGHT_WORDS) float32. to_lights, into_sky: `Aim`. sums: (SKY_PLANES + L LIGHT_PLANES, pixels)
-        float32 of a `Film`. is_first: whatever they hold is forgotten. times: (stages,) int64, ticks that are added to.
-        Returns how many rays were traced, -1 where light was not finite.
+        float32 of a `Film`. is_first: overwrite the sums. times: (stages,) int64, ticks are added. Returns the number
+        of rays traced, -1 if light was not finite.
         """
         floats, rays, is_finite = chunk.floats, 0, True
         clock = ticks()
@@ -135,7 +135,8 @@ def lighting_kernel(width: int) -> Callable[..., int]:
             some = min(CHUNK, first + count - start)
             fetch_ahead(start + CHUNK, first + count, pixels)
             find_surfaces(chunk, start, some, pixels, surfaces)
-            _end_rows(floats, some)
+            for i in range(some, some + LANES):  # no rays and no light behind the last pixel
+                floats[LENGTH * STRIDE + i] = floats[LIGHT * STRIDE + i] = ZERO
             clock = _lap(times, _SURFACES, clock)
             query.flags[0] = FLAG_COHERENT
             share = ONE / np.float32(len(to_lights.points))
@@ -165,10 +166,3 @@ def lighting_kernel(width: int) -> Callable[..., int]:
         return rays if is_finite else -1
 
     return light_pixels
-
-
-@njit(forceinline=True)
-def _end_rows(floats, count):  # type: ignore[no-untyped-def]
-    """No rays and no light beyond the pixels of a chunk."""
-    for i in range(count, count + LANES):
-        floats[LENGTH * STRIDE + i] = floats[LIGHT * STRIDE + i] = ZERO

@@ -1,4 +1,4 @@
-"""Options of renderers: what a person can choose about a picture and how it is made."""
+"""Options of renderers."""
 
 from __future__ import annotations
 
@@ -8,13 +8,12 @@ from typing import ClassVar
 
 from atra.errors import InputError
 from atra.geometry.numbers import as_number
-from atra.light.checks import checked_number
+from atra.light.checks import check_whole, checked_number
 from atra.light.pictures.path_kernels import BLOCK
 from atra.tracing.options import PacketKeywords, RayOptions, option, option_of
-from atra.whole_numbers import is_whole_number
 
 MOST_RAYS = 64
-"""To a light, or into the sky, from each pixel and for each sample."""
+"""Most rays to a light, or into the sky, per pixel and sample."""
 
 _DIRECTIONS = ("shared", "shifted")
 
@@ -28,32 +27,32 @@ class RenderKeywords(PacketKeywords, total=False):
 
 @dataclass(frozen=True)
 class RenderOptions(RayOptions):
-    """Options of every renderer, beside those of the scene that its rays meet (`RayOptions`).
+    """Options of every renderer, beside those of the scene for its rays (`RayOptions`).
 
-    built_with: names of the options that a renderer keeps for its life.
-    The picture depends on neither threads nor wave_rays. Raises InputError, with the value.
+    The picture depends on neither threads nor wave_rays. built_with: names of options that cannot change later. Raises
+    InputError, with the value.
     """
 
     built_with: ClassVar[frozenset[str]] = frozenset(field.name for field in fields(RayOptions)) | {"start_off"}
 
     jitter: str = option(
         "shared",
-        "where in its pixel a sample's ray goes: shared = through one point for all pixels, another for each sample, "
-        "off = through the centre",
+        "sub-pixel offset of rays: shared = one for all pixels, new for each sample, off = the centre",
         choices=("shared", "off"),
     )
-    wave_rays: int = option(8 * BLOCK, "pixels, or of waves rays, that a thread takes at a time, in steps of 2,048")
+    wave_rays: int = option(8 * BLOCK, "pixels (rays in waves) that a thread takes at a time, a multiple of 2,048")
     start_off: float | None = option(
-        None, "how far rays start off the triangle they leave; null = as far as float32 needs", unit="scene units"
+        None, "offset of rays from the triangle they leave; null = as far as float32 needs", unit="scene units"
     )
-    most_samples: int | None = option(None, "samples of a picture, beyond which no more are added; null = any number")
+    most_samples: int | None = option(None, "most samples of a picture; null = any number")
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not is_whole_number(self.wave_rays) or not BLOCK <= self.wave_rays <= 1 << 24 or self.wave_rays % BLOCK:
-            raise InputError(f"wave_rays is {self.wave_rays!r}, expected a multiple of {BLOCK} from {BLOCK} to 2^24")
-        if self.most_samples is not None and (not is_whole_number(self.most_samples) or self.most_samples < 1):
-            raise InputError(f"most_samples is {self.most_samples!r}, expected a whole number of at least 1, or None")
+        check_whole("wave_rays", self.wave_rays, 1, 1 << 24)
+        if self.wave_rays % BLOCK:
+            raise InputError(f"wave_rays is {self.wave_rays}, expected a multiple of {BLOCK}")
+        if self.most_samples is not None:
+            check_whole("most_samples", self.most_samples, 1)
         if self.start_off is not None:
             object.__setattr__(self, "start_off", checked_number("start_off", self.start_off, 0.0))
 
@@ -65,27 +64,26 @@ class PathKeywords(RenderKeywords, total=False):
 
 @dataclass(frozen=True)
 class PathOptions(RenderOptions):
-    """Options of `PathRenderer`. Depth first was as fast as waves or a little faster on large scenes."""
+    """Options of `PathRenderer`."""
 
     built_with: ClassVar[frozenset[str]] = RenderOptions.built_with | {"order"}
 
     jitter: str = option_of(
         RenderOptions,
         "jitter",
-        help="as of every renderer, or pixel = every pixel has its own offset, and the renderer traces these rays",
+        help="as for every renderer, or pixel = an offset per pixel, whose rays the renderer traces itself",
         choices=("shared", "off", "pixel"),
     )
-    max_depth: int = option(5, "rays of a path at most, the one from the eye among them")
+    max_depth: int = option(5, "most rays of a path, the primary ray included")
     order: str = option(
         "depth_first",
-        "depth_first = one path after the other, waves = many through each stage together, whose times are then known",
+        "depth_first = one path after the other, waves = many paths stage by stage, with times of stages",
         choices=("depth_first", "waves"),
     )
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not is_whole_number(self.max_depth) or not 1 <= self.max_depth <= 1 << 20:
-            raise InputError(f"max_depth is {self.max_depth!r}, expected a whole number from 1 to 2^20")
+        check_whole("max_depth", self.max_depth, 1, 1 << 20)
 
 
 class HybridKeywords(RenderKeywords, total=False):
@@ -101,42 +99,37 @@ class HybridKeywords(RenderKeywords, total=False):
 
 @dataclass(frozen=True)
 class HybridOptions(RenderOptions):
-    """Options of `HybridRenderer`. Without rays of a kind there is no shadow, or no occlusion.
+    """Options of `HybridRenderer`. With 0 rays of a kind there is no shadow, or no occlusion.
 
-    Embree traces shared directions faster; shifted ones trade bands for noise.
+    Embree traces shared directions faster; shifted ones replace banding by noise.
     """
 
-    shadow_rays: int = option(1, "rays to each light, for each sample, 0 to 64")
-    shadow_length: float = option(inf, "how far a thing may be and still cast a shadow", unit="scene units")
+    shadow_rays: int = option(1, "rays to each light per sample, 0 to 64")
+    shadow_length: float = option(inf, "largest distance at which a thing casts a shadow", unit="scene units")
     shadow_directions: str = option(
-        "shared", "of rays to lights: shared by all pixels, or shifted pixel by pixel", choices=_DIRECTIONS
+        "shared", "sample points on lights: shared by all pixels, or shifted per pixel", choices=_DIRECTIONS
     )
-    occlusion_rays: int = option(1, "rays into the sky, for each sample, 0 to 64")
-    occlusion_length: float = option(10.0, "how far a thing may be and still occlude", unit="scene units")
+    occlusion_rays: int = option(1, "rays into the sky per sample, 0 to 64")
+    occlusion_length: float = option(10.0, "largest distance at which a thing occludes", unit="scene units")
     occlusion: str = option(
-        "uniform",
-        "the share of the hemisphere that is free: uniform, or weighted by the cosine of its angle",
-        choices=("uniform", "cosine"),
+        "uniform", "weight of directions in the hemisphere: uniform, or by their cosine", choices=("uniform", "cosine")
     )
     occlusion_directions: str = option(
-        "shifted", "of rays into the sky: shared by all pixels, or shifted pixel by pixel", choices=_DIRECTIONS
+        "shifted", "directions into the sky: shared by all pixels, or shifted per pixel", choices=_DIRECTIONS
     )
     wave_rays: int = option_of(RenderOptions, "wave_rays", default=512 * BLOCK)
     most_samples: int | None = option_of(RenderOptions, "most_samples", default=512)
     most_kept: int = option(
         0,
-        "samples that a pixel's mean counts as when the camera moves and the pixel sees what one saw before; 0 = all "
-        "start anew; edges and textures are a little softer for it",
+        "samples that reprojected pixels count as after a camera move, which softens edges and textures a little; "
+        "0 = all start anew",
     )
 
     def __post_init__(self) -> None:
         super().__post_init__()
         for name in ("shadow_rays", "occlusion_rays"):
-            rays = getattr(self, name)
-            if not is_whole_number(rays) or not 0 <= rays <= MOST_RAYS:
-                raise InputError(f"{name} is {rays!r}, expected a whole number from 0 to {MOST_RAYS}")
-        if not is_whole_number(self.most_kept) or self.most_kept < 0:
-            raise InputError(f"most_kept is {self.most_kept!r}, expected a whole number of at least 0")
+            check_whole(name, getattr(self, name), 0, MOST_RAYS)
+        check_whole("most_kept", self.most_kept, 0)
         for name in ("shadow_length", "occlusion_length"):
             length = as_number(getattr(self, name))
             if not 0.0 < length <= inf:

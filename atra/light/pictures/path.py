@@ -1,4 +1,4 @@
-"""Path tracing: light followed backwards through three kinds of material to the sky and to emitters."""
+"""Path tracing: paths followed from the eye, scattered by materials, to the sky and to emitters."""
 
 from __future__ import annotations
 
@@ -39,10 +39,10 @@ class PathRenderer(Renderer):
             renderer.add(64)
             renderer.save("picture.png")
 
-    Each sample sends one path through every pixel; it ends at the sky, at an `Emissive` surface, or in the dark after
-    `max_depth` rays. All random numbers are hashes of pixel, sample and bounce. Arguments: see `Renderer`; options: see
-    `PathOptions`. Stages: primary and depth_first; or, of waves, primary, generate, trace, compact (which also adds up
-    what has ended) and shade.
+    Each sample traces one path per pixel. It ends at the sky, at an `Emissive` surface, or dark after `max_depth` rays.
+    Random numbers are hashes of pixel, sample and bounce. Arguments: see `Renderer`; options: see `PathOptions`.
+    Stages: primary and depth_first; for waves primary, generate, trace, compact (which also sums up ended paths) and
+    shade.
     """
 
     options_type = PathOptions

@@ -1,4 +1,4 @@
-"""Paths: light followed backwards from the eye, a wave of rays at a time, or one path after the other."""
+"""Kernels of path tracing: a wave of paths, stage by stage, or one path after the other."""
 
 from __future__ import annotations
 
@@ -12,32 +12,32 @@ from numpy.typing import NDArray
 from atra.compiled.store import float_kernel, njit
 from atra.embree.layout import RAY_DIR_X, RAY_ORG_X, RAY_TFAR, RAY_TNEAR
 from atra.embree.packets_kernels import INFINITY, MISS, START, hit_prim_id, intersect, ray_component, set_no_hit
-from atra.light.numbers_kernels import bits_of, key_of, unit, unit_of
+from atra.light.numbers_kernels import bits_of, key_of, set_vector, unit, unit_of, vector
 from atra.light.scattering_kernels import WHITE, emitted, scatter
 from atra.light.surface_kernels import sky_colour
 
 BLOCK = 2048
-"""Rays that are compacted among themselves. Packets are made within a block, which starts at a multiple of so many
-pixels: whatever the wave, a ray has the same neighbours, and Embree's answer the same bits."""
+"""Rays compacted together. Packets stay within a block, which starts at a multiple of BLOCK pixels; so a ray has the
+same packet, and Embree's answer the same bits, for any size of wave."""
 
 TILE = 4
-"""Pixels are taken in tiles of so many a side: the rays of a packet then start near each other."""
+"""Side of the tiles in which pixels are taken; a packet's rays then start close together."""
 
 ORIGIN, DIRECTION, WEIGHT = 0, 3, 6
 PATH_ROWS = 9
 
 ROW_PADDING = 80
-"""Columns beyond a wave: rows a power of two apart would share the few places a cache has for such addresses."""
+"""Extra columns of a wave; rows a power of two apart would compete for the same cache sets."""
 
 _JITTER = np.uint32(0xFFFFFFFE)
-"""The first of the two dimensions of a pixel's own jitter; those of bounces count from 0."""
+"""First of two random dimensions of a pixel's own jitter; those of bounces count from 0."""
 
 
 class Paths(NamedTuple):
-    """A wave of N = blocks x BLOCK paths, of which the first `counts` of each block go on.
+    """A wave of N = blocks x BLOCK paths, of which the first `counts` of each block continue.
 
-    floats: (PATH_ROWS, N) float32: origin, unit direction, weight (r, g, b), each three rows.
-    prim_id: (N,) uint32, what the ray hits. pixel: (N,) int32. counts: (blocks,) int64.
+    floats: (PATH_ROWS, N) float32: origin, unit direction, weight (r, g, b), three rows each. prim_id: (N,) uint32,
+    hits. pixel: (N,) int32. counts: (blocks,) int64.
     """
 
     floats: NDArray[np.float32]
@@ -47,12 +47,12 @@ class Paths(NamedTuple):
 
 
 class Pixels(NamedTuple):
-    """Rays of the pixels of an image, and what they hit.
+    """Rays of the pixels of an image, and their hits.
 
-    lines: (6, 3) float64, world space: origin and direction of pixel (0, 0)'s ray, then what a pixel to the right adds
-    to each, then one down. places: (pixels,) uint32, x + y 2^16 of each pixel, in the order in which they are taken.
-    jittered: whether each pixel adds an offset of its own to the ray. prim_id: (>= pixels,) uint32, the rows of the
-    image `stride` apart, or nothing, where rays are still to be traced. sample_key: uint32.
+    lines: (6, 3) float64, world space: origin and direction of pixel (0, 0)'s ray, then their change per pixel to the
+    right, then per pixel down. places: (pixels,) uint32, x + y 2^16 of each pixel, in the order of work. jittered:
+    whether each pixel has an offset of its own. prim_id: (>= pixels,) uint32, image rows `stride` apart; empty if rays
+    are still to be traced. sample_key: uint32.
     """
 
     lines: NDArray[np.float64]
@@ -64,16 +64,6 @@ class Pixels(NamedTuple):
 
 
 @njit(forceinline=True)
-def _vector(rows, first, index):  # type: ignore[no-untyped-def]
-    return rows[first, index], rows[first + 1, index], rows[first + 2, index]
-
-
-@njit(forceinline=True)
-def _set_vector(rows, first, index, vector):  # type: ignore[no-untyped-def]
-    rows[first, index], rows[first + 1, index], rows[first + 2, index] = vector
-
-
-@njit(forceinline=True)
 def place_of(pixels, pixel):  # type: ignore[no-untyped-def]
     """(x, y) of a pixel."""
     place = pixels.places[pixel]
@@ -82,14 +72,14 @@ def place_of(pixels, pixel):  # type: ignore[no-untyped-def]
 
 @njit(forceinline=True)
 def seen_by(pixels, pixel):  # type: ignore[no-untyped-def]
-    """The `prim_id` that a pixel sees."""
+    """The prim_id that a pixel sees."""
     x, y = place_of(pixels, pixel)
     return pixels.prim_id[y * pixels.stride + x]
 
 
 @njit(forceinline=True)
 def pixel_line(pixels, pixel):  # type: ignore[no-untyped-def]
-    """(origin, direction), float32, of a pixel's ray; the direction is of any length."""
+    """(origin, direction), float32, of a pixel's ray; the direction is not normalised."""
     column, row = place_of(pixels, pixel)
     x, y = np.float64(column), np.float64(row)
     if pixels.jittered:
@@ -101,7 +91,7 @@ def pixel_line(pixels, pixel):  # type: ignore[no-untyped-def]
 
 @njit(forceinline=True)
 def line_at(lines, x, y):  # type: ignore[no-untyped-def]
-    """As `pixel_line`, at a place of float64."""
+    """As `pixel_line`, at a float64 position."""
     origin = (
         np.float32(lines[0, 0] + x * lines[2, 0] + y * lines[4, 0]),
         np.float32(lines[0, 1] + x * lines[2, 1] + y * lines[4, 1]),
@@ -117,15 +107,15 @@ def line_at(lines, x, y):  # type: ignore[no-untyped-def]
 
 @float_kernel
 def generate(paths, first, count, pixels):  # type: ignore[no-untyped-def]
-    """Stage 1: the paths of `count` pixels from number `first` on, and what they hit if that is known."""
+    """Stage 1: the paths of `count` pixels from number `first` on, and their hits if known."""
     for block in range(len(paths.counts)):
         paths.counts[block] = max(0, min(BLOCK, count - block * BLOCK))
     for i in range(count):
         pixel = first + i
         origin, direction = pixel_line(pixels, pixel)
-        _set_vector(paths.floats, ORIGIN, i, origin)
-        _set_vector(paths.floats, DIRECTION, i, unit(direction))
-        _set_vector(paths.floats, WEIGHT, i, WHITE)
+        set_vector(paths.floats, ORIGIN, i, origin)
+        set_vector(paths.floats, DIRECTION, i, unit(direction))
+        set_vector(paths.floats, WEIGHT, i, WHITE)
         paths.pixel[i] = pixel
         if len(pixels.prim_id) > 0:
             paths.prim_id[i] = seen_by(pixels, pixel)
@@ -133,7 +123,7 @@ def generate(paths, first, count, pixels):  # type: ignore[no-untyped-def]
 
 @njit(forceinline=True)
 def load_rays(packet, width, floats, origin, direction, first):  # type: ignore[no-untyped-def]
-    """Rays `first`, ... of rows of floats into the lanes of a packet."""
+    """Load rays from number `first` on into the lanes of a packet."""
     for axis in range(3):
         for lane in range(width):
             packet.floats[(RAY_ORG_X + axis) * width + lane] = floats[origin + axis, first + lane]
@@ -144,11 +134,11 @@ def load_rays(packet, width, floats, origin, direction, first):  # type: ignore[
 
 @cache
 def trace_kernel(width: int) -> Callable[..., int]:
-    """Stage 2, in packets of `width`, a constant of the compiled code."""
+    """Stage 2, in packets of `width`."""
 
     @float_kernel
     def trace_paths(paths, scene, packet):  # type: ignore[no-untyped-def]
-        """Find what the rays of all paths hit; returns how many rays that are."""
+        """Find what the rays of all paths hit; returns their number."""
         for block in range(len(paths.counts)):
             start = block * BLOCK
             end = start + paths.counts[block]
@@ -169,7 +159,7 @@ def trace_kernel(width: int) -> Callable[..., int]:
 
 @njit(forceinline=True)
 def _add(sums, pixel, weight, light):  # type: ignore[no-untyped-def]
-    """Returns whether it was finite."""
+    """Add weighted light to a pixel's sums; returns whether it was finite."""
     arrived = weight[0] * light[0], weight[1] * light[1], weight[2] * light[2]
     for channel in range(3):
         sums[channel, pixel] += arrived[channel]
@@ -178,9 +168,9 @@ def _add(sums, pixel, weight, light):  # type: ignore[no-untyped-def]
 
 @float_kernel
 def compact(paths, surfaces, sums, is_last):  # type: ignore[no-untyped-def]
-    """Stages 3 and 5: paths that end at the sky or at an emitter are added to `sums`; the others move up, in order.
+    """Stages 3 and 5: add paths that end at the sky or an emitter to `sums`; move the others to the front, in order.
 
-    sums: (3, pixels) float32. is_last: paths that end nowhere end here, dark. Returns whether all light was finite.
+    sums: (3, pixels) float32. is_last: all other paths end here, dark. Returns whether all light was finite.
     """
     floats = paths.floats
     is_finite = True
@@ -190,11 +180,11 @@ def compact(paths, surfaces, sums, is_last):  # type: ignore[no-untyped-def]
         for i in range(start, start + paths.counts[block]):
             prim_id = paths.prim_id[i]
             if prim_id == MISS:
-                sky = sky_colour(surfaces, _vector(floats, DIRECTION, i))
-                is_finite &= _add(sums, paths.pixel[i], _vector(floats, WEIGHT, i), sky)
+                sky = sky_colour(surfaces, vector(floats, DIRECTION, i))
+                is_finite &= _add(sums, paths.pixel[i], vector(floats, WEIGHT, i), sky)
             elif surfaces.is_emissive[prim_id]:
-                light = emitted(surfaces, prim_id, _vector(floats, ORIGIN, i), _vector(floats, DIRECTION, i))
-                is_finite &= _add(sums, paths.pixel[i], _vector(floats, WEIGHT, i), light)
+                light = emitted(surfaces, prim_id, vector(floats, ORIGIN, i), vector(floats, DIRECTION, i))
+                is_finite &= _add(sums, paths.pixel[i], vector(floats, WEIGHT, i), light)
             elif not is_last:
                 if kept != i:
                     for row in range(PATH_ROWS):
@@ -208,7 +198,7 @@ def compact(paths, surfaces, sums, is_last):  # type: ignore[no-untyped-def]
 
 @float_kernel
 def shade(paths, surfaces, sample_key, bounce):  # type: ignore[no-untyped-def]
-    """Stage 4: each path scatters where it is; those that are absorbed are left out, the others move up, in order."""
+    """Stage 4: scatter each path; drop those that are absorbed, move the others to the front, in order."""
     floats = paths.floats
     for block in range(len(paths.counts)):
         start = block * BLOCK
@@ -216,14 +206,14 @@ def shade(paths, surfaces, sample_key, bounce):  # type: ignore[no-untyped-def]
         for i in range(start, start + paths.counts[block]):
             pixel = paths.pixel[i]
             goes_on, origin, direction, weight = scatter(
-                surfaces, paths.prim_id[i], _vector(floats, ORIGIN, i), _vector(floats, DIRECTION, i),
+                surfaces, paths.prim_id[i], vector(floats, ORIGIN, i), vector(floats, DIRECTION, i),
                 key_of(pixel, sample_key), bounce,
             )  # fmt: skip
             if goes_on:
                 for channel in range(3):
                     floats[WEIGHT + channel, kept] = floats[WEIGHT + channel, i] * weight[channel]
-                _set_vector(floats, ORIGIN, kept, origin)
-                _set_vector(floats, DIRECTION, kept, direction)
+                set_vector(floats, ORIGIN, kept, origin)
+                set_vector(floats, DIRECTION, kept, direction)
                 paths.pixel[kept] = pixel
                 kept += 1
         paths.counts[block] = kept - start
@@ -244,9 +234,10 @@ def _prim_id_of_ray(scene, packet, origin, direction):  # type: ignore[no-untype
 
 @float_kernel
 def follow_depth_first(first, count, pixels, scene, packet, surfaces, sums, max_depth):  # type: ignore[no-untyped-def]
-    """All stages for one path after the other: the rival of waves, for a packet of 1. Arguments as for the stages.
+    """All stages for one path after the other, with a packet of 1; the alternative to waves. Arguments as for the
+    stages.
 
-    Returns how many rays were traced, -1 where light was not finite.
+    Returns the number of rays traced, -1 if light was not finite.
     """
     is_finite, rays = True, 0
     for pixel in range(first, first + count):

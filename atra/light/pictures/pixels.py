@@ -1,4 +1,4 @@
-"""Pixels as kernels read them: their rays, and what they see."""
+"""Pixels as kernels read them: their rays, and their hits."""
 
 from __future__ import annotations
 
@@ -11,29 +11,24 @@ from atra.light.pictures.film import Film
 from atra.light.pictures.path_kernels import Pixels
 
 _GOLDEN = 0x9E3779B9
-"""Odd, so that the next 2^32 samples have keys of their own, and neighbours ones that are far apart."""
+"""Odd, so that 2^32 samples have different keys; those of neighbouring samples are far apart."""
 
 _NOTHING = np.zeros(0, np.uint32)
 
 
 def pixels_of(camera: View, film: Film, offset: tuple[float, float], hits: Hits | None) -> Pixels:
-    """The next sample of all pixels, through this position of each. hits: what they see there; None: nothing is known,
-    and each pixel has a position of its own."""
+    """The next sample of all pixels, at this sub-pixel offset. hits: what they see there; None: unknown, and each pixel
+    has an offset of its own."""
     key = film.samples * _GOLDEN & 0xFFFFFFFF
     if hits is None:
         return Pixels(_lines(camera, (0.0, 0.0)), film.places, True, _NOTHING, 0, key)
-    return Pixels(_lines(camera, offset), film.places, False, *_flat(hits.prim_id), key)
-
-
-def _flat(prim_id: NDArray[np.uint32]) -> tuple[NDArray[np.uint32], int]:
-    """The memory of an image as one row, and the pixels from one row of the image to the next."""
-    stride = prim_id.strides[0] // 4
-    length = (prim_id.shape[0] - 1) * stride + prim_id.shape[1]
-    return np.lib.stride_tricks.as_strided(prim_id, (length,), (4,)), stride
+    stride, (height, width) = hits.prim_id.strides[0] // 4, hits.prim_id.shape
+    prim_ids = np.lib.stride_tricks.as_strided(hits.prim_id, ((height - 1) * stride + width,), (4,))
+    return Pixels(_lines(camera, offset), film.places, False, prim_ids, stride, key)
 
 
 def _lines(camera: View, offset: tuple[float, float]) -> NDArray[np.float64]:
-    """(6, 3) float64, `lines` of `Pixels`: rays are linear in the pixel's place."""
+    """(6, 3) float64, `lines` of `Pixels`: rays are linear in the pixel's position."""
     origins, directions = camera.rays(np.array([0, 1, 0]), np.array([0, 0, 1]), offset)
     origins, directions = origins @ camera.axes + camera.eye, directions @ camera.axes
     steps = [values[k] - values[0] for k in (1, 2) for values in (origins, directions)]

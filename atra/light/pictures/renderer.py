@@ -1,4 +1,4 @@
-"""A renderer: samples of a scene seen by a camera, added up to a picture."""
+"""The base of renderers: samples of a scene seen by a camera, averaged to a picture."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ from atra.geometry.mesh import Mesh
 from atra.geometry.sampling import sub_pixel_offsets
 from atra.geometry.view import View
 from atra.hits import Hits
+from atra.light.checks import check_whole
 from atra.light.laps import Laps
 from atra.light.pictures.files import save_picture
 from atra.light.pictures.film import Film
@@ -32,33 +33,31 @@ from atra.rays.scene import Query, RayScene
 from atra.tracing.lifetime import Lifetime
 from atra.tracing.options import RayOptions, lists_options
 from atra.tracing.tracer import Tracer
-from atra.whole_numbers import is_whole_number
 
 Primary = Callable[[Mesh, View], Tracer[Hits]]
-"""What makes the tracer of primary visibility: `atra.PixelTracer`, or `partial(atra.AlignedTracer, split=(128, 1))`."""
+"""Makes the tracer of primary visibility: `atra.PixelTracer`, or `partial(atra.AlignedTracer, split=(128, 1))`."""
 
 CENTRE = (0.5, 0.5)
 
 _WAVES_A_THREAD = 4
-"""At least, so that none waits long for another, and who wants to stop is soon asked."""
+"""Least waves per thread; more balance the threads and ask `stop` more often."""
 
 
 class Renderer(Lifetime):
-    """What both renderers share: primary visibility, a scene for all other rays, samples, and the time of stages.
+    """What renderers share: primary visibility, a scene for all other rays, samples, and times of stages.
 
-    scene: see `RenderScene`. camera: of either kind. primary: makes the tracer of primary visibility from mesh and
-    camera; None: the rasteriser. options: fields of `options_type` by name.
+    scene: see `RenderScene`. camera: pinhole or orthographic. primary: makes the tracer of primary visibility from mesh
+    and camera; None: the rasteriser. options: fields of `options_type` by name.
 
-    stage_s: seconds by stage of the last `add`; they sum to its duration. Of stages that run in several threads it is
-    the mean, and "other" is what is left: waiting, Python. ray_count: how many rays the last `add` traced beside those
-    of primary visibility.
+    stage_s: seconds by stage of the last `add`, which sum to its duration. Stages in several threads count their mean;
+    "other" is the rest: waiting, Python. ray_count: rays of the last `add` beside those of primary visibility.
     """
 
     options_type: ClassVar[type[RenderOptions]]
     options: RenderOptions
 
-    _ray_bytes: ClassVar[int] = 80  # in a wave, at most
-    _sets_sums: ClassVar[bool] = False  # as `Film` asks
+    _ray_bytes: ClassVar[int] = 80  # upper limit in a wave
+    _sets_sums: ClassVar[bool] = False  # `is_set` of `Film`
 
     def __init__(self, scene: RenderScene, camera: View, primary: Primary | None, options: Mapping[str, Any]) -> None:
         super().__init__()
@@ -77,23 +76,23 @@ class Renderer(Lifetime):
     @property
     @abstractmethod
     def _planes(self) -> int:
-        """Sums of a pixel."""
+        """Sums per pixel."""
 
     @abstractmethod
     def _tables(self) -> Surfaces: ...
 
     @abstractmethod
     def _add_wave(self, first: int, count: int, pixels: Pixels, query: Query, stages: dict[str, float]) -> int | None:
-        """Add sample number `samples` of so many pixels; adds the seconds of stages. How many rays were traced; None:
+        """Add the next sample of `count` pixels, and the seconds of stages. Returns the number of rays traced, None if
         light was not finite."""
 
     @abstractmethod
     def _mean(self) -> NDArray[np.float64]:
-        """(3, pixels), of all samples."""
+        """(3, pixels), over all samples."""
 
     @abstractmethod
     def _same_sums(self, scene: RenderScene) -> bool:
-        """Whether samples of `scene` have the sums of those of the present one."""
+        """Whether samples of `scene` would have the sums of the current one's."""
 
     def _new_film(self) -> Film:
         camera, waves_bytes = self.camera, self.rays.threads * self.options.wave_rays * self._ray_bytes
@@ -119,25 +118,22 @@ class Renderer(Lifetime):
 
     @property
     def samples(self) -> int:
-        """How many have been added since the last restart."""
+        """Samples since the last restart."""
         return self._film.samples
 
     @property
     def tracer(self) -> Tracer[Hits]:
-        """Of primary visibility; its hits may be looked at, and it stays the renderer's."""
+        """The tracer of primary visibility; it belongs to the renderer."""
         return self._tracer
 
     def add(self, samples: int = 1, stop: Callable[[], bool] | None = None) -> None:
-        """Add so many samples to every pixel.
+        """Add this many samples to every pixel, up to the option `most_samples`.
 
-        No more are added than `most_samples` of the options allows. stop: asked before every wave, by several threads;
-        once it says True, or when interrupted, the picture starts anew with none. Of this renderer it may read
-        `samples` alone.
-        Raises InputError for a number below 1, ClosedError after `close`, AtraError naming pixel and sample for light
-        that is no finite number.
+        stop: asked before every wave, by several threads; it may read only `samples` of this renderer. If it returns
+        True, or on an interrupt, the picture starts anew without samples. Raises InputError for a number below 1,
+        ClosedError after `close`, AtraError naming pixel and sample for light that is not finite.
         """
-        if not is_whole_number(samples) or samples < 1:
-            raise InputError(f"{samples!r} samples are to be added, expected a whole number of at least 1")
+        check_whole("samples", samples, 1)
         with self._in_use():
             start = perf_counter()
             stages: dict[str, float] = {}
@@ -151,13 +147,13 @@ class Renderer(Lifetime):
                         return
                     self._film.end_sample()
             except BaseException:
-                self._start_film()  # a part of a sample may be in the sums
+                self._start_film()  # the sums may hold part of a sample
                 raise
             stages["other"] = perf_counter() - start - sum(stages.values())
             self.stage_s = stages
 
     def _add_sample(self, stages: dict[str, float], stop: Callable[[], bool]) -> bool:
-        """Whether it came to its end."""
+        """Returns whether it finished."""
         camera = self.camera
         offset = CENTRE if self.options.jitter == "off" else tuple(sub_pixel_offsets(1, self.samples)[0].tolist())
         own = self.options.jitter == "pixel"
@@ -170,7 +166,7 @@ class Renderer(Lifetime):
         waves = 1 if self.rays.threads == 1 and stop is _never else _WAVES_A_THREAD * self.rays.threads
         share = -(-every // (waves * BLOCK)) * BLOCK
         wave_rays = min(self.options.wave_rays, share)
-        starts = deque(range(0, every, wave_rays))  # its `popleft` is safe between threads
+        starts = deque(range(0, every, wave_rays))  # `popleft` is thread-safe
         times: list[dict[str, float]] = [{} for _ in range(self.rays.threads)]
         rays = [0] * self.rays.threads
 
@@ -198,8 +194,7 @@ class Renderer(Lifetime):
         plane, pixel = np.argwhere(~np.isfinite(sums))[0].tolist()
         return AtraError(
             f"sample {self.samples} of pixel {self._film.place_of(first + pixel)} is {sums[plane, pixel]}, expected a "
-            "finite number; "
-            "look for texels beyond 1e30 in the sky, and report this if there are none"
+            "finite number; look for texels beyond 1e30 in the sky, and report this if there are none"
         )
 
     def look(self, camera: View) -> None:
@@ -249,7 +244,7 @@ class Renderer(Lifetime):
                 self._start_film()
 
     def restart(self) -> None:
-        """Forget all samples; the next one traces primary visibility, whatever `jitter` is. Raises ClosedError after
+        """Drop all samples; the next one traces primary visibility, whatever `jitter` is. Raises ClosedError after
         `close`."""
         with self._lock:
             self._check_open()
@@ -257,14 +252,13 @@ class Renderer(Lifetime):
 
     @property
     def image(self) -> NDArray[np.float32]:
-        """(H, W, 3) float32, linear RGB, the mean of the samples. Raises InputError where there is none yet."""
+        """(H, W, 3) float32, linear RGB, the mean of the samples. Raises InputError if there is none yet."""
         with self._lock:
             return self._film.as_image(self._mean())
 
     def save(self, path: Path | str) -> None:
-        """Write the picture: `.png` in sRGB, 8 bits, or `.exr` in linear RGB with depth Z, normal N and prim_id of the
-        pixels' centres, 32 bits. Raises InputError for another suffix and where there is no sample yet; StorageError.
-        """
+        """Write the picture: `.png` in 8-bit sRGB, or `.exr` in 32-bit linear RGB with depth Z, normal N and prim_id at
+        the pixels' centres. Raises InputError for another suffix and without samples; StorageError."""
         with self._lock:
             image = self.image
             with self._in_use():
@@ -280,7 +274,7 @@ def _never() -> bool:
 
 
 def unlike_but_for(one: object, other: object, *names: str) -> bool:
-    """Whether two frozen values differ in more than these of their fields."""
+    """Whether two frozen values differ in fields other than `names`."""
     if type(one) is not type(other):
         return True
     kept = [field.name for field in fields(one) if field.name not in names]  # type: ignore[arg-type]
@@ -288,6 +282,6 @@ def unlike_but_for(one: object, other: object, *names: str) -> bool:
 
 
 def _is_same(one: object, other: object) -> bool:
-    if isinstance(one, np.ndarray):  # texels, which are mostly the very same
+    if isinstance(one, np.ndarray):  # texels, usually the same object
         return one is other or np.array_equal(one, other)  # type: ignore[arg-type]
     return bool(one == other)

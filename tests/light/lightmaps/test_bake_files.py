@@ -58,7 +58,7 @@ def test_an_edit_starts_anew_and_a_bake_that_is_left_leaves_no_thread():
             assert alive()
             assert not bake.wait(0.01)
         assert not alive()
-    nothing = pytest.raises(InputError, match="0 samples")
+    nothing = pytest.raises(InputError, match="target is 0")
     with Baker(SCENE, ATLAS, threads=1) as baker, ProgressiveBake(baker, 0) as bake, nothing:
         bake.wait(LONG_S)
 

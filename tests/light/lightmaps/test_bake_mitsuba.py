@@ -9,9 +9,9 @@ import atra
 from atra import light
 from atra.errors import InputError
 from atra.light import Atlas, Baker, BakeScene
-from atra.light.lightmaps.charts.texels import unit_normals
 from atra.light.lightmaps.charts.unwrap import UNMAPPED
 from atra.light.lightmaps.gather.tables_kernels import LUMINANCE
+from atra.light.tables import unit_normals
 from experiments.methods.peers.mitsuba_light import load_mitsuba, parts_of, suns_of
 from experiments.workloads.bake import BAKE, Against
 from experiments.workloads.bake.mitsuba import MitsubaPaths, with_plain_light

@@ -1,1 +1,1 @@
-"""Charts of a mesh: where its triangles lie in a map, and which texels they have."""
+"""Charts of a mesh: where its triangles lie on a map, and which texels belong to them."""

@@ -1,4 +1,4 @@
-"""Atlas: where the triangles of a mesh lie in a lightmap."""
+"""The atlas: where the triangles of a mesh lie on a lightmap."""
 
 from __future__ import annotations
 
@@ -20,28 +20,28 @@ from numpy.typing import ArrayLike, NDArray
 from atra.errors import AtraError, InputError
 from atra.files.paths import write_atomically
 from atra.geometry.mesh import Mesh
+from atra.light.checks import check_whole
 from atra.light.lightmaps.charts.unwrap import UNMAPPED
 from atra.whole_numbers import is_whole_number
 
 MOST_TEXELS = 1 << 14
-"""Along a side of a map; and of all maps together no more than of one that has so many: 32 bits count them."""
+"""Most texels along a side of a map. All maps together have at most its square, which 32 bits can count."""
 
 _VERSION = 3
-"""Version of kept atlases."""
+"""Version of the files that keep atlases."""
 
 _SMALL, _FAR = 0.1, 256.0
-"""Size below which a mesh is handed to xatlas enlarged, and how many times its size it may lie off the origin before it
-is handed over as moved there: xatlas takes lengths below fixed ones for none, and computes in float32."""
+"""xatlas computes in float32 and treats lengths below fixed limits as zero. A mesh smaller than the first is enlarged
+for it; one farther from the origin than the second times its size is moved there."""
 
 
 @dataclass(frozen=True, eq=False)
 class Atlas:
-    """Charts of a mesh, on one map or on several of one size, which stand one below the other.
+    """Charts of a mesh, on one map or on several of one size, stacked vertically.
 
-    uv: (F, 3, 2) float64, each triangle's corners in texels, row 0 of the first map on top; NaN: it has no place.
-    chart: (F,) int32, `UNMAPPED` where it has none. width: of a map, height: of all maps together, texels. maps: how
-    many there are.
-    Raises InputError for shapes and sizes that do not fit, and naming the first face outside of its map.
+    uv: (F, 3, 2) float64, each triangle's corners in texels, row 0 on top; NaN without a place. chart: (F,) int32,
+    `UNMAPPED` without a place. width: texels of a map. height: texels of all maps together. maps: their number. Raises
+    InputError for shapes and sizes that do not fit, and for a face outside its map, naming the first.
     """
 
     uv: NDArray[np.float64]
@@ -51,8 +51,7 @@ class Atlas:
     maps: int = 1
 
     def __post_init__(self) -> None:
-        if not is_whole_number(self.maps) or self.maps < 1:
-            raise InputError(f"there are {self.maps!r} maps, expected a whole number of at least 1")
+        check_whole("number of maps", self.maps, 1)
         for name, size, maps in (("width", self.width, 1), ("height", self.height, self.maps)):
             if not is_whole_number(size) or not maps <= size <= maps * MOST_TEXELS or size % maps:
                 of_what = "a map" if maps == 1 else f"{maps} maps together"
@@ -81,20 +80,20 @@ class Atlas:
 
     @property
     def map_height(self) -> int:
-        """Of each map, texels."""
+        """Texels of one map."""
         return self.height // self.maps
 
     @cached_property
     def map_of(self) -> NDArray[np.int64]:
-        """(F,), the map that each triangle is on; 0 where it has no place."""
+        """(F,) int64, each triangle's map; 0 without a place."""
         top = np.nan_to_num(self.uv[..., 1].min(axis=1)) // self.map_height
         return np.minimum(top.astype(np.int64), self.maps - 1)
 
     def texels_around(
         self, points: NDArray[np.float64], face: NDArray[np.integer]
     ) -> tuple[list[NDArray[np.int64]], list[NDArray[np.int64]], NDArray[np.float64], NDArray[np.float64]]:
-        """Of points (P, 2) of triangles (P,): two rows and two columns of texels, on the map of each, and how far from
-        the first row to the second and from the first column to the second it lies, 0 to 1; (P,) each."""
+        """The four texels around points (P, 2) of triangles (P,), on each triangle's map: two rows, two columns, and
+        the point's fractions between the rows and between the columns, 0 to 1; (P,) each."""
         shifted = points - 0.5
         corner = np.floor(shifted)
         right, below = (shifted - corner).T
@@ -106,22 +105,22 @@ class Atlas:
 
     @property
     def charts(self) -> int:
-        """How many there are."""
+        """Number of charts."""
         return int(self.chart.max(initial=UNMAPPED)) + 1
 
     @classmethod
     def of_uv(cls, uv: ArrayLike, width: int, height: int, map_of: ArrayLike = 0) -> Atlas:
-        """An atlas of one's own. uv: (F, 3, 2), of each triangle's corners, in [0, 1], v upwards as in model files.
-        width, height: of a map, texels. map_of: (F,), the map that each triangle is on, from 0 on; 0: all on one.
+        """An atlas from uv of one's own; triangles of a map that share an edge make a chart.
 
-        Charts are triangles of a map whose corners coincide. Raises InputError as `Atlas`.
+        uv: (F, 3, 2), each triangle's corners in [0, 1], v upwards as in model files. width, height: texels of a map.
+        map_of: (F,), each triangle's map, from 0; 0: all on one. Raises InputError as `Atlas`.
         """
         try:
             given = np.array(uv, np.float64)
         except (TypeError, ValueError) as error:
             raise InputError(f"uv cannot be read as an array: {error}") from None
         if given.ndim != 3 or given.shape[1:] != (3, 2):
-            raise InputError(f"uv have shape {given.shape}, expected (F, 3, 2), a row a corner of a triangle")
+            raise InputError(f"uv have shape {given.shape}, expected (F, 3, 2), one row per corner of a triangle")
         bad = ~np.isfinite(given).all(axis=(1, 2))
         if bad.any():
             raise InputError(f"uv of face {int(np.argmax(bad))} are not finite, expected numbers from 0 to 1")
@@ -150,16 +149,13 @@ class Atlas:
     ) -> Atlas:
         """Charts by xatlas, on square maps of `size` texels.
 
-        padding: texels between charts. texels_per_unit: of a length in the scene, and as many maps as charts of that
-        size need; 0 = what fills one map. kept_in: a folder in which the result is kept by the hash
-        of the mesh. time_limit_s: seconds after which a process that unwraps is given up.
-        Raises InputError for bad numbers and where xatlas is not installed, AtraError past the limit.
-        Source: https://github.com/jpcy/xatlas, by its Python bindings.
+        padding: texels between charts. texels_per_unit: resolution, with as many maps as that needs; 0: what fills one
+        map. kept_in: a folder that caches the result by a hash of the mesh. time_limit_s: seconds after which the
+        unwrapping process is stopped. Raises InputError for bad numbers and without the package xatlas, AtraError past
+        the limit. Source: https://github.com/jpcy/xatlas, by its Python bindings.
         """
-        if not is_whole_number(size) or not 8 <= size <= MOST_TEXELS:
-            raise InputError(f"size of a map is {size!r}, expected a whole number from 8 to {MOST_TEXELS}")
-        if not is_whole_number(padding) or not 0 <= padding <= 64:
-            raise InputError(f"padding is {padding!r}, expected a whole number of texels from 0 to 64")
+        check_whole("size of a map", size, 8, MOST_TEXELS)
+        check_whole("padding", padding, 0, 64)
         key = _key(mesh, size, padding, texels_per_unit)
         kept = None if kept_in is None else Path(kept_in) / f"{key}.npz"
         found = None if kept is None else _read(kept)
@@ -185,10 +181,10 @@ def _packed(atlas: Atlas) -> bytes:
 
 
 def _read(path: Path) -> Atlas | None:
-    """What is kept; None where there is nothing, or nothing that can be used."""
+    """A cached atlas; None if it is missing or damaged."""
     try:
         return _loaded(path)
-    except Exception:  # a damaged archive may raise anything; it is made anew
+    except Exception:  # a damaged archive may raise anything
         return None
 
 
@@ -200,7 +196,7 @@ def _loaded(file: IO[bytes] | Path) -> Atlas:
 def _unwrapped(mesh: Mesh, size: int, padding: int, texels_per_unit: float, time_limit_s: float) -> Atlas:
     if find_spec("xatlas") is None:
         raise InputError(
-            "charts need the package xatlas, which is not installed; `pip install xatlas`, or bring uv of your own"
+            "charts need the package xatlas, which is not installed; `pip install xatlas`, or pass uv of your own"
         )
     job = io.BytesIO()
     vertices, scale = _in_reach(mesh)
@@ -210,7 +206,7 @@ def _unwrapped(mesh: Mesh, size: int, padding: int, texels_per_unit: float, time
         sys.executable,
         "-P",
         str(Path(__file__).with_name("unwrap.py")),
-    ]  # xatlas cannot be interrupted, and may crash
+    ]  # a process: xatlas cannot be interrupted, and may crash
     paths = os.pathsep.join(path for path in sys.path if path)
     try:
         done = subprocess.run(
@@ -221,7 +217,9 @@ def _unwrapped(mesh: Mesh, size: int, padding: int, texels_per_unit: float, time
             env=os.environ | {"PYTHONPATH": paths},
         )
     except subprocess.TimeoutExpired:
-        raise AtraError(f"xatlas found no charts of {mesh!r} in {time_limit_s:g} s; allow more, or bring uv") from None
+        raise AtraError(
+            f"xatlas found no charts of {mesh!r} in {time_limit_s:g} s; allow more time, or pass uv"
+        ) from None
     try:
         return _loaded(io.BytesIO(done.stdout))
     except Exception:
@@ -230,19 +228,19 @@ def _unwrapped(mesh: Mesh, size: int, padding: int, texels_per_unit: float, time
 
 
 def _in_reach(mesh: Mesh) -> tuple[NDArray[np.float32], float]:
-    """(V, 3) float32, the vertices where and as large as xatlas tells them apart, and how much larger they are."""
+    """(V, 3) float32, the vertices placed and scaled so that xatlas tells them apart, and the scale."""
     low, high = mesh.bounds
     size = float((high - low).max())
     is_small, is_far = 0.0 < size < _SMALL, float(np.abs(mesh.bounds).max()) > _FAR * size > 0.0
     if not (is_small or is_far):
         return mesh.vertices, 1.0
     middle = (low + high) / 2.0 if is_far else np.zeros(3)
-    scale = 2.0 ** -frexp(size)[1] if is_small else 1.0  # a power of two keeps every digit
+    scale = 2.0 ** -frexp(size)[1] if is_small else 1.0  # a power of two is exact
     return ((mesh.vertices - middle) * scale).astype(np.float32), scale
 
 
 def _connected(places: NDArray[np.float64]) -> NDArray[np.int32]:
-    """Numbers of charts: triangles that share an edge belong together. places: (F, 3, 3), u, v and map."""
+    """(F,) chart numbers: triangles that share an edge share a chart. places: (F, 3, 3), u, v and map."""
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import connected_components
 

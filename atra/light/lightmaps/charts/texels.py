@@ -1,4 +1,4 @@
-"""Texels: what a lightmap has to light, texel by texel."""
+"""The texels of a lightmap that get light."""
 
 from __future__ import annotations
 
@@ -15,16 +15,18 @@ from atra.geometry.mesh import Mesh
 from atra.light.lightmaps.charts.atlas import Atlas
 from atra.light.lightmaps.charts.texels_kernels import claim_texels, place_texels
 from atra.light.lightmaps.charts.unwrap import UNMAPPED
+from atra.light.tables import unit_normals
 
 
 @dataclass(frozen=True, eq=False)
 class Texels:
-    """The N texels that triangles touch, in the order of rows.
+    """The N texels that triangles touch, row by row.
 
-    number: (N,) int64, row times width plus column; rows of several maps are counted through. prim_id, chart: (N,)
-    int32. positions, normals: (N, 3) float32 in the world, of the point of the triangle nearest to the texel's centre.
-    faces_lost: triangles without area, in space or in the map, which have no texel. Each texel belongs to one triangle:
-    that which contains its centre, or else the nearest of those that reach into it, the lowest of several.
+    atlas: the charts. mesh: whose triangles they are. number: (N,) int64, row times width plus column; rows of several
+    maps are counted through. prim_id: (N,) int32, the triangle each belongs to. positions: (N, 3) float32, the world
+    point of the triangle nearest to the texel's centre. normals: (N, 3) float32, unit, there. faces_lost: triangles
+    without area, in space or on the map, which get no texel. A texel belongs to the triangle that contains its centre,
+    or else to the nearest that reaches into it, the lowest on ties.
     """
 
     atlas: Atlas
@@ -40,28 +42,28 @@ class Texels:
 
     @property
     def chart(self) -> NDArray[np.int32]:
-        """(N,) int32."""
+        """(N,) int32, each texel's chart."""
         return self.atlas.chart[self.prim_id]
 
     @cached_property
     def along_curve(self) -> NDArray[np.int32]:
-        """(N,) int32, their numbers along a Morton curve through the scene: neighbours tend to see the same."""
+        """(N,) int32, the texels along a Morton curve through the scene; neighbours on it tend to see the same."""
         places, (lowest, highest) = np.empty(len(self), np.int64), self.mesh.bounds
         number_places(self.positions, lowest, highest - lowest, places)
         return np.argsort(places, kind="stable").astype(np.int32)
 
     @property
     def map_of(self) -> NDArray[np.int64]:
-        """(N,), the map that each is on."""
+        """(N,), each texel's map."""
         return self.number // (self.atlas.width * self.atlas.map_height)
 
     @property
     def occupancy(self) -> float:
-        """The share of all texels that are lit."""
+        """The fraction of the maps' texels that get light."""
         return len(self) / (self.atlas.width * self.atlas.height)
 
     def image(self, values: NDArray, empty: float = 0) -> NDArray:
-        """(H, W, ...) of (N, ...) values, several maps one below the other; `empty` elsewhere."""
+        """(H, W, ...) image of (N, ...) values, several maps stacked vertically; `empty` elsewhere."""
         atlas = self.atlas
         image = np.full((atlas.height * atlas.width, *values.shape[1:]), empty, values.dtype)
         image[self.number] = values
@@ -69,18 +71,19 @@ class Texels:
 
     @property
     def occupied(self) -> NDArray[np.bool_]:
-        """(H, W) bool."""
+        """(H, W) bool: texels that get light."""
         return self.image(np.ones(len(self), np.bool_))
 
     @classmethod
     def of(cls, mesh: Mesh, atlas: Atlas) -> Texels:
         """The texels of a mesh's charts.
 
-        Warns of charts that one look-up between texels would mix. Raises InputError for an atlas of another mesh, for
-        triangles that overlap, naming the first two and how many texels, and where no triangle has a texel.
+        Warns of charts so close that interpolation between texels would mix them. Raises InputError for an atlas of
+        another mesh, for overlapping triangles, naming the first two and the number of texels, and if no triangle
+        touches a texel.
         """
         if len(atlas.uv) != mesh.triangle_count:
-            raise InputError(f"the atlas has {len(atlas.uv)} triangles, but {mesh!r} is to be lit; make one of it")
+            raise InputError(f"the atlas has {len(atlas.uv)} triangles, but {mesh!r} is to be lit; unwrap that mesh")
         uv = atlas.uv.copy()
         uv[mesh.without_area] = np.nan
         prim_of = np.full((atlas.height, atlas.width), -1, np.int32)
@@ -90,8 +93,8 @@ class Texels:
         if overlap[0]:
             count, first, second = overlap.tolist()
             raise InputError(
-                f"faces {first} and {second} overlap in the map, in {count} texels together with others; expected that "
-                "each has a place of its own: leave uv out to have charts made"
+                f"faces {first} and {second} overlap in the map, in {count} texels together with others; expected "
+                "separate places; leave uv out to have charts made"
             )
         number = np.flatnonzero(prim_of.ravel() >= 0)
         if not len(number):
@@ -108,14 +111,6 @@ class Texels:
         return cls(atlas, mesh, number, prim_id, positions, normals, lost)
 
 
-def unit_normals(mesh: Mesh) -> NDArray[np.float64]:
-    """(F, 3) float64, of triangles; 0 of those without area."""
-    corners = [mesh.vertices[mesh.faces[:, corner]].astype(np.float64) for corner in range(3)]
-    normals = np.cross(corners[1] - corners[0], corners[2] - corners[0])
-    length = np.linalg.norm(normals, axis=1, keepdims=True)
-    return np.asarray(normals / np.where(length > 0.0, length, 1.0))
-
-
 def _warn_of_neighbours(atlas: Atlas, prim_of: NDArray[np.int32]) -> None:
     of_texel = np.where(prim_of >= 0, atlas.chart[prim_of], UNMAPPED).reshape(atlas.maps, -1, atlas.width)
     mixed = 0
@@ -127,7 +122,7 @@ def _warn_of_neighbours(atlas: Atlas, prim_of: NDArray[np.int32]) -> None:
         mixed += int(((a != b) & (a != UNMAPPED) & (b != UNMAPPED)).sum())
     if mixed:
         warnings.warn(
-            f"{mixed} pairs of neighbouring texels belong to different charts: looking up between texels mixes their "
-            "light; leave at least two texels between charts",
+            f"{mixed} pairs of neighbouring texels belong to different charts: interpolation mixes their light; "
+            "leave at least two texels between charts",
             stacklevel=3,
         )

@@ -1,4 +1,4 @@
-"""Texels of charts: which triangle each belongs to, by a conservative rasteriser in float64, and which pixels show."""
+"""Kernels of texels: a conservative float64 rasteriser that assigns them to triangles, and a look-up by pixels."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from atra.compiled.store import kernel, njit
 from atra.embree.packets_kernels import MISS
 
 INSIDE = -1.0
-"""Distance of a texel whose centre lies strictly inside of its triangle."""
+"""Distance of a texel whose centre lies strictly inside its triangle."""
 
 STRICTLY = 1e-7
-"""Of a texel: how deep a centre must lie in two triangles for them to overlap."""
+"""How deep, in texels, a centre must lie inside two triangles for them to overlap."""
 
 _NO_AREA = 1e-14
-"""Square texels: below, a triangle has no area in the map."""
+"""Area in square texels below which a triangle is skipped."""
 
 
 @njit
@@ -29,11 +29,11 @@ def _square_to_edge(x, y, ax, ay, bx, by):  # type: ignore[no-untyped-def]
 
 @kernel
 def claim_texels(uv, prim_of, distance, overlap):  # type: ignore[no-untyped-def]
-    """Give each texel that a triangle touches to the triangle nearest to its centre, the lowest of several.
+    """Assign each texel to the triangle nearest to its centre among those that touch it, the lowest on ties.
 
-    uv: (F, 3, 2) float64, corners in texels; row 0 of the map is y from 0 to 1. prim_of: (H, W) int32, -1 at first.
-    distance: (H, W) float64, infinite at first: squared, from the centre, or `INSIDE`. overlap: (3,) int64, zeroed:
-    texels whose centre lies in two triangles, and the first two such.
+    uv: (F, 3, 2) float64, corners in texels; row 0 of the map is y from 0 to 1. prim_of: (H, W) int32, initially -1.
+    distance: (H, W) float64, initially inf: squared, from the centre, or `INSIDE`. overlap: (3,) int64, initially 0:
+    texels whose centre lies in two triangles, and the first two such triangles.
     """
     height, width = prim_of.shape
     for face in range(len(uv)):
@@ -84,11 +84,11 @@ def claim_texels(uv, prim_of, distance, overlap):  # type: ignore[no-untyped-def
 
 @kernel
 def mark_shown(hits, eye, vertices, faces, uv, shown):  # type: ignore[no-untyped-def]
-    """Mark the texels whose fronts pixels show.
+    """Mark the texels whose front pixels show.
 
-    hits: prim_id, u and v, (H, W) uint32, float32, float32. eye: (4,) float64, where it is and 1, or the way to it and
-    0. vertices: (V, 3) float32, faces: (F, 3) uint32. uv: (F, 3, 2) float64, corners in texels, NaN of triangles that
-    have no place. shown: (h, w) bool, written where it is so.
+    hits: prim_id, u and v, (H, W) uint32, float32, float32. eye: (4,) float64, its position and 1, or the direction to
+    it and 0. vertices: (V, 3) float32. faces: (F, 3) uint32. uv: (F, 3, 2) float64, corners in texels, NaN without a
+    place. shown: (h, w) bool, set where shown.
     """
     prim_id, u, v = hits
     height, width = shown.shape
@@ -103,13 +103,13 @@ def mark_shown(hits, eye, vertices, faces, uv, shown):  # type: ignore[no-untype
             ax, ay, bx, by, cx, cy = edges_of(uv, face)
             place_x = ax + u[y, x] * bx + v[y, x] * cx
             place_y = ay + u[y, x] * by + v[y, x] * cy
-            if place_x > -1.0 and place_y > -1.0:  # false of NaN
+            if place_x > -1.0 and place_y > -1.0:  # false for NaN
                 shown[min(max(np.int64(place_y), 0), height - 1), min(max(np.int64(place_x), 0), width - 1)] = True
 
 
 @njit
 def _is_front(eye, corners):  # type: ignore[no-untyped-def]
-    """Whether the eye lies on a triangle's front."""
+    """Whether the eye sees a triangle's front."""
     (ax, ay, az), (bx, by, bz), (cx, cy, cz) = corners
     x, y, z = eye[0] - eye[3] * ax, eye[1] - eye[3] * ay, eye[2] - eye[3] * az
     bx, by, bz, cx, cy, cz = bx - ax, by - ay, bz - az, cx - ax, cy - ay, cz - az
@@ -118,14 +118,14 @@ def _is_front(eye, corners):  # type: ignore[no-untyped-def]
 
 @njit
 def edges_of(uv, face):  # type: ignore[no-untyped-def]
-    """(x, y) of a triangle's first corner, and of the edges to the second and to the third, in texels."""
+    """A triangle's first corner, and its edges from there to the second and third, in texels."""
     ax, ay = uv[face, 0, 0], uv[face, 0, 1]
     return ax, ay, uv[face, 1, 0] - ax, uv[face, 1, 1] - ay, uv[face, 2, 0] - ax, uv[face, 2, 1] - ay
 
 
 @njit(error_model="numpy")
 def slopes_of(edges):  # type: ignore[no-untyped-def]
-    """What `weights_at` divides by: one over twice a triangle's area, and over the square of each side's length."""
+    """Reciprocals for `weights_at`: of twice the triangle's area, and of each side's squared length."""
     _, _, bx, by, cx, cy = edges
     dx, dy = cx - bx, cy - by
     return 1.0 / (bx * cy - by * cx), 1.0 / (bx * bx + by * by), 1.0 / (cx * cx + cy * cy), 1.0 / (dx * dx + dy * dy)
@@ -133,10 +133,10 @@ def slopes_of(edges):  # type: ignore[no-untyped-def]
 
 @njit(error_model="numpy")
 def weights_at(edges, slopes, x, y):  # type: ignore[no-untyped-def]
-    """Barycentric weights (v, w) of the second and third corner at the point of the triangle nearest to (x, y).
+    """Barycentric weights (v, w) of the point of the triangle nearest to (x, y).
 
-    Without branches, which for texels of small triangles nobody can foretell, and without divisions.
-    Source: C. Ericson, "Real-Time Collision Detection", 2005, section 5.1.5, in two dimensions.
+    Without branches, which small triangles make unpredictable, and without divisions. Source: C. Ericson, "Real-Time
+    Collision Detection", 2005, section 5.1.5, in two dimensions.
     """
     ax, ay, bx, by, cx, cy = edges
     per_area, per_b, per_c, per_d = slopes
@@ -163,13 +163,13 @@ def _corner(vertices, corner):  # type: ignore[no-untyped-def]
 
 @njit
 def corners_of(vertices, faces, face):  # type: ignore[no-untyped-def]
-    """(x, y, z), float64, of each corner of a triangle."""
+    """(x, y, z) float64 of each corner of a triangle."""
     return _corner(vertices, faces[face, 0]), _corner(vertices, faces[face, 1]), _corner(vertices, faces[face, 2])
 
 
 @njit(error_model="numpy")
 def point_at(corners, v, w, inset):  # type: ignore[no-untyped-def]
-    """(x, y, z) float64 of barycentric weights, moved by `inset`, a length, towards the middle of the triangle."""
+    """(x, y, z) float64 of barycentric weights, moved by the length `inset` towards the triangle's middle."""
     a, b, c = corners
     u = 1.0 - v - w
     x = u * a[0] + v * b[0] + w * c[0]
@@ -185,9 +185,9 @@ def point_at(corners, v, w, inset):  # type: ignore[no-untyped-def]
 
 @kernel
 def place_texels(uv, vertices, faces, normals, texels, width, prim_of, positions, texel_normals):  # type: ignore[no-untyped-def]
-    """The point of each texel's triangle nearest to its centre, and the normal there.
+    """The point of each texel's triangle nearest to the texel's centre, and the normal there.
 
-    texels: (N,) int64, numbers in the map, row by row. prim_of: (N,) int32. positions, texel_normals: (N, 3) float32.
+    texels: (N,) int64, numbers on the map. prim_of: (N,) int32. positions, texel_normals: (N, 3) float32, written.
     """
     for n in range(len(texels)):
         face = prim_of[n]

@@ -1,6 +1,6 @@
-"""Unwrapping: charts by xatlas, in a process of its own: an archive on standard input, another on standard output.
+"""Charts by xatlas in a separate process: reads an archive from standard input, writes one to standard output.
 
-Run as a file, and so without this library, whose import would take longer than the charts of a small mesh.
+Runs as a script, without importing the library, which would take longer than unwrapping a small mesh.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ UNMAPPED = -1
 
 
 def main() -> None:
-    """Reads vertices, faces, size, padding and texels_per_unit; writes uv, chart and size as of `Atlas`."""
+    """Reads vertices, faces, size, padding and texels_per_unit; writes uv, chart and size as in `Atlas`."""
     import xatlas
 
     answer = os.dup(1)
-    os.dup2(2, 1)  # whatever libraries print is no answer
+    os.dup2(2, 1)  # prints of libraries must not mix with the answer
     with np.load(io.BytesIO(sys.stdin.buffer.read())) as job:
         size, texels_per_unit = int(job["size"]), float(job["texels_per_unit"])
         maker = xatlas.Atlas()
@@ -31,7 +31,7 @@ def main() -> None:
     maker.generate(xatlas.ChartOptions(), pack)
     _, corners, places = maker.get_mesh(0)
     of_map, of_chart = (numbers.astype(np.int32)[corners[:, 0]] for numbers in maker.get_mesh_vertex_assignment(0))
-    # Of one map xatlas meets the size approximately.
+    # xatlas meets the size of a single map only approximately.
     placed = places.astype(np.float64) * (maker.width, maker.height) * (size / max(maker.width, maker.height))
     uv = np.clip(placed[corners], 0.0, size)
     uv[..., 1] += size * np.maximum(of_map, 0)[:, None]

@@ -1,1 +1,1 @@
-"""Finishing: what lit texels go through before they are a file: denoising, seams, gutters."""
+"""From lit texels to files: denoising, seams, gutters, export."""

@@ -1,4 +1,4 @@
-"""Denoising: the noise of few samples taken out of a lightmap, chart by chart."""
+"""Denoising of lightmaps, chart by chart."""
 
 from __future__ import annotations
 
@@ -17,22 +17,20 @@ from atra.light.lightmaps.gather.tables_kernels import LUMINANCE
 from atra.light.lightmaps.maps import LIGHTS, Lightmap
 
 FEWEST = 16
-"""Texels of a chart: of fewer nobody can tell noise from light."""
+"""Charts with fewer texels are left as they are."""
 
 _BLUR = 2.0
-"""Texels: gutters are filled with means of so wide a neighbourhood, for streaks of noise would pass for light."""
+"""Width in texels of the Gaussian means that fill gutters; streaks of noise there would pass for light."""
 
 
 def denoised(lightmap: Lightmap, threads: int | None = None) -> Lightmap:
-    """The map with less noise; what is not `valid`, openness and the number of samples stay as they are.
+    """The lightmap with less noise. Openness, sample counts and texels that are not `valid` stay as they are.
 
-    Every chart is an image of its own, whose gutters are filled from its own texels: where charts share an image, light
-    of one reaches into the other. Light of each kind is denoised apart, and all of it is their sum. Where this moves a
-    chart's texels by more than their noise, it took light for noise, and the chart goes back towards what it was:
-    measured to be no worse than before, not proved. threads: None = every core. Raises InputError without the package
-    pyoidn, AtraError where it fails.
-    Sources: Intel Open Image Denoise, filter RTLightmap, https://www.openimagedenoise.org; the way back: after the
-    positive part of James and Stein's estimator (1961), which is for targets that the noise is no part of.
+    Each chart is denoised as an image of its own, because charts in one image would leak light into each other. Each
+    kind of light is denoised on its own. If denoising changes a chart by more than its noise explains, the change is
+    scaled down to that fraction. threads: None = every core. Raises InputError without the package pyoidn, AtraError if
+    it fails. Sources: Intel Open Image Denoise, filter RTLightmap, https://www.openimagedenoise.org; the scaling
+    follows the positive part of James and Stein's estimator (1961), which assumes a target independent of the noise.
     """
     oidn = _library()
     names = LIGHTS[:-1]
@@ -61,8 +59,8 @@ def denoised(lightmap: Lightmap, threads: int | None = None) -> Lightmap:
 
 
 def _share_of_noise(lightmap: Lightmap, texels: NDArray[np.int64], clean: NDArray[np.float32]) -> np.float32:
-    """Of what denoising took from texels of a chart, by their variance; (N, 3) clean: all their light. From 0 to 1; 1
-    where single samples tell no variance."""
+    """Fraction of the denoiser's change that the texels' variance explains, 0 to 1; 1 where single samples tell no
+    variance. clean: (N, 3), all their light."""
     samples = lightmap.samples[texels]
     if samples.min() < 2:
         return np.float32(1.0)
@@ -82,7 +80,7 @@ def _library() -> ModuleType:
 
 
 def _filled(place: tuple[NDArray[np.int64], ...], values: NDArray[np.float32]) -> NDArray[np.float32]:
-    """(H, W, 3): (N, 3) values at their rows and columns, and around them means of what is near."""
+    """(H, W, 3) image of (N, 3) values at their rows and columns, with means of the neighbourhood in between."""
     from scipy.ndimage import gaussian_filter
 
     shape = tuple(int(axis.max()) + 1 for axis in place)
@@ -94,7 +92,7 @@ def _filled(place: tuple[NDArray[np.int64], ...], values: NDArray[np.float32]) -
 
 
 def _filtered(oidn: Any, device: Any, image: NDArray[np.float32]) -> NDArray[np.float32]:
-    """An (H, W, 3) image without its noise, and without the light below zero that the filter may leave."""
+    """A denoised (H, W, 3) image, clamped to 0."""
     image, out = np.ascontiguousarray(image, np.float32), np.empty_like(image, np.float32)
     with oidn.Filter(device, oidn.OIDN_FILTER_TYPE_RT_LIGHTMAP) as one:
         one.set_image(oidn.OIDN_IMAGE_COLOR, image, oidn.OIDN_FORMAT_FLOAT3)

@@ -1,4 +1,4 @@
-"""Files of a lightmap: EXR to be worked with, PNG to be looked at, and a model that opens elsewhere."""
+"""Files of a lightmap: EXR for further work, PNG for viewing, and a glTF model."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ from atra.light.lightmaps.surface import BakeScene
 from atra.light.pictures.files import exr_of_channels, png_of, srgb_of
 
 _BRIGHT = 0.99
-"""Of texels are shown no brighter than white."""
+"""Quantile of the texels' luminance that is shown as white."""
 
 
 def finished(lightmap: Lightmap, values: NDArray[np.float32], seams: Seams | None = None) -> NDArray[np.float32]:
-    """(H, W, C): (N, C) values with gutters filled, and with seams that match, where they are given; several maps one
-    below the other."""
+    """(H, W, C) image of (N, C) values with gutters filled and, if `seams` are given, matched; several maps stacked
+    vertically."""
     image = dilated(lightmap.texels, values, lightmap.valid)
     return image if seams is None else seams.stitched(image)
 
 
 def exposure_of(lightmap: Lightmap) -> float:
-    """What light is multiplied by to be shown."""
+    """The factor that scales light for display."""
     lit = lightmap.luminance[lightmap.valid]
     bright = float(np.quantile(lit, _BRIGHT)) if len(lit) else 0.0
     return 1.0 / bright if bright > 0.0 else 1.0
@@ -37,11 +37,11 @@ def exposure_of(lightmap: Lightmap) -> float:
 def save_maps(
     lightmap: Lightmap, folder: Path, *, stitch: bool = True, visible: NDArray[np.bool_] | None = None
 ) -> list[Path]:
-    """Write every kind of light and openness as EXR, linear, and PNG, and occupancy and charts as PNG; what was
-    written. Of several maps, each has files of its own, with its number behind their names.
+    """Write each kind of light and the openness as linear EXR and PNG, occupancy and charts as PNG; returns the files.
+    Several maps get numbered files.
 
-    stitch: whether seams are made to match. visible: (N,) bool, what a view shows, is written, too.
-    Raises InputError without the package OpenEXR, StorageError.
+    stitch: whether seams are matched. visible: (N,) bool, what a view shows, written as well. Raises InputError without
+    the package OpenEXR, StorageError.
     """
     texels = lightmap.texels
     seams = Seams.of(texels.mesh, texels.atlas) if stitch else None
@@ -61,30 +61,24 @@ def save_maps(
     keep("occupancy", texels.occupied[..., None])
     if visible is not None:
         keep("culling_map", texels.image(0.2 + 0.8 * visible)[..., None])
-    keep("charts", texels.image(chart_colours(texels.chart)))
+    turns = texels.chart[:, None] * 0.618034 + (0.0, 1 / 3, 2 / 3)
+    keep("charts", texels.image(0.5 + 0.4 * np.cos(2.0 * np.pi * turns)))
     for name, content in files.items():
         write_atomically(folder / name, content)
     return [folder / name for name in files]
 
 
 def _parts(atlas: Atlas, image: NDArray[Any]) -> list[tuple[str, NDArray[Any]]]:
-    """The maps of an (H, W, C) image, and what stands behind their names."""
+    """The maps of an (H, W, C) image, with the suffixes of their names."""
     parts = np.split(image, atlas.maps)
     return [(f"_{number}" if len(parts) > 1 else "", part) for number, part in enumerate(parts)]
 
 
-def chart_colours(chart: NDArray[np.integer]) -> NDArray[np.float64]:
-    """(N, 3), a colour of its own for each."""
-    turns = np.asarray(chart, np.float64)[:, None] * 0.618034 + (0.0, 1 / 3, 2 / 3)
-    return 0.5 + 0.4 * np.cos(2.0 * np.pi * turns)
-
-
 def save_model(lightmap: Lightmap, scene: BakeScene, path: Path, *, stitch: bool = True) -> Path:
-    """Write the mesh as binary glTF with its light, which viewers show as it is (KHR_materials_unlit).
+    """Write the mesh as binary glTF with its light, which viewers show unshaded (KHR_materials_unlit).
 
-    The map is the base colour, by TEXCOORD_0 and the same as TEXCOORD_1, and MOZ_lightmap for those that know it; the
-    albedo is the colour of the corners. Of several maps, each has a mesh of its own. Raises InputError for another
-    suffix, StorageError.
+    The map is the base colour, by TEXCOORD_0 and an equal TEXCOORD_1, and also a MOZ_lightmap; the albedo is the colour
+    of vertices. Several maps get a mesh each. Raises InputError for another suffix, StorageError.
     """
     if path.suffix.lower() != ".glb":
         raise InputError(f"a model is to be written to {str(path)!r}, expected a name that ends in .glb")
@@ -108,7 +102,7 @@ def save_model(lightmap: Lightmap, scene: BakeScene, path: Path, *, stitch: bool
 
 
 def _lit_mesh(scene: BakeScene, atlas: Atlas, faces: NDArray[np.int64], image: NDArray[np.uint8]) -> Any:
-    """These triangles, all of one map, and that map."""
+    """These triangles, all of one map, with that map as texture."""
     import trimesh
     from PIL import Image
 
@@ -128,7 +122,7 @@ def _lit_mesh(scene: BakeScene, atlas: Atlas, faces: NDArray[np.int64], image: N
 
 
 def _mark_as_lightmap(tree: dict[str, Any], intensity: float) -> None:
-    """intensity: what the map's white stands for."""
+    """Add the lightmap extensions to a glTF tree. intensity: the light that the map's white stands for."""
     for mesh in tree["meshes"]:
         for primitive in mesh["primitives"]:
             primitive["attributes"]["TEXCOORD_1"] = primitive["attributes"]["TEXCOORD_0"]

@@ -1,4 +1,4 @@
-"""Finishing: gutters filled from what is lit, and seams between charts made to match."""
+"""Gutters filled from the nearest lit texels, and seams between charts matched."""
 
 from __future__ import annotations
 
@@ -9,21 +9,22 @@ from numpy.typing import NDArray
 
 from atra.geometry.mesh import Mesh
 from atra.light.lightmaps.charts.atlas import Atlas
-from atra.light.lightmaps.charts.texels import Texels, unit_normals
+from atra.light.lightmaps.charts.texels import Texels
+from atra.light.tables import unit_normals
 
 SMOOTH = np.cos(np.radians(10.0))
-"""Of the angle between two triangles: where they meet more sharply, light may differ."""
+"""Cosine of the largest angle between triangles whose light is matched; across sharper edges light may differ."""
 
 _FAITHFUL = 0.05
-"""What it costs a texel to leave its value, of what a step at a seam costs."""
+"""Cost of changing a texel, relative to the cost of a step at a seam."""
 
 _PER_TEXEL = 2.0
-"""Points of a seam that are compared."""
+"""Points compared per texel of a seam."""
 
 
 def dilated(texels: Texels, values: NDArray[np.float32], valid: NDArray[np.bool_]) -> NDArray[np.float32]:
-    """(H, W, C) float32: (N, C) values of texels, those that are not `valid`, (N,), and all gutters filled from the
-    nearest of the same map that is; 0 everywhere on a map where none is."""
+    """(H, W, C) float32: (N, C) values of texels; gutters and texels that are not `valid`, (N,), take the nearest valid
+    value of the same map, or 0 without any."""
     atlas, image = texels.atlas, np.zeros_like(texels.image(values))
     row, column = np.divmod(texels.number, atlas.width)
     on_map, row = np.divmod(row, atlas.map_height)
@@ -35,8 +36,8 @@ def dilated(texels: Texels, values: NDArray[np.float32], valid: NDArray[np.bool_
 
 
 def nearest_known(place: tuple[NDArray[np.int64], ...], shape: tuple[int, ...]) -> NDArray[np.int64]:
-    """(H, W), for each place of an image of that shape the number of the nearest that is known. place: rows and columns
-    of those, at least one."""
+    """(H, W), for each place of an image the number of the nearest known one. place: rows and columns of the known, at
+    least one."""
     from scipy.ndimage import distance_transform_edt
 
     number = np.full(shape, -1)
@@ -47,9 +48,9 @@ def nearest_known(place: tuple[NDArray[np.int64], ...], shape: tuple[int, ...]) 
 
 @dataclass(frozen=True, eq=False)
 class Seams:
-    """Points of edges at which two charts meet, and the texels that look-ups on either side read.
+    """Points on edges where two charts meet, and the texels that interpolation reads on either side.
 
-    texel: (2, P, 4) int64, numbers in the map; weight: (2, P, 4) float64, summing to 1.
+    texel: (2, P, 4) int64, numbers on the map. weight: (2, P, 4) float64, summing to 1.
     """
 
     texel: NDArray[np.int64]
@@ -57,24 +58,28 @@ class Seams:
 
     @classmethod
     def of(cls, mesh: Mesh, atlas: Atlas) -> Seams:
-        """Edges of exactly two triangles that lie apart in the map and meet smoothly."""
+        """The edges of exactly two triangles that lie apart on the map and meet smoothly."""
         ends, face = _seam_edges(mesh, atlas)
         points, edge = _along(ends)
-        texel, weight = zip(*(_look_ups(atlas, points[side], face[side][edge]) for side in (0, 1)), strict=True)
+        texel, weight = [], []
+        for side in (0, 1):
+            rows, columns, fy, fx = atlas.texels_around(points[side], face[side][edge])
+            texel.append(np.stack([row * atlas.width + column for row in rows for column in columns], axis=1))
+            weight.append(np.stack([v * u for v in (1.0 - fy, fy) for u in (1.0 - fx, fx)], axis=1))
         return cls(np.array(texel), np.array(weight))
 
     def values(self, image: NDArray[np.floating]) -> NDArray[np.float64]:
-        """(2, P, C) look-ups in an (H, W, C) image."""
+        """(2, P, C): an (H, W, C) image interpolated on both sides."""
         flat = image.reshape(-1, image.shape[2]).astype(np.float64)
         return np.einsum("spk,spkc->spc", self.weight, flat[self.texel])
 
     def step(self, image: NDArray[np.floating]) -> float:
-        """Root mean square of the difference of both sides; 0 where there is no seam."""
+        """Root mean square difference of the two sides; 0 without seams."""
         sides = self.values(image)
         return float(np.sqrt(((sides[0] - sides[1]) ** 2).mean())) if sides.size else 0.0
 
     def stitched(self, image: NDArray[np.float32]) -> NDArray[np.float32]:
-        """The (H, W, C) image nearest to this one, in the sense of least squares, whose seams match."""
+        """The (H, W, C) image closest to this one, by least squares, whose seams match."""
         if not self.texel.size:
             return image
         from scipy.sparse import coo_matrix, identity
@@ -96,9 +101,9 @@ class Seams:
 
 
 def _seam_edges(mesh: Mesh, atlas: Atlas) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """(2, E, 2, 2): for both triangles of every seam edge its ends in the map, in the same order; and (2, E): which
-    triangles these are."""
-    _, place = np.unique(mesh.vertices + np.float32(0.0), axis=0, return_inverse=True)  # -0 is 0
+    """(2, E, 2, 2), the ends of every seam edge on the map in both triangles, in the same order; and (2, E), these
+    triangles."""
+    _, place = np.unique(mesh.vertices + np.float32(0.0), axis=0, return_inverse=True)  # -0.0 becomes 0.0
     corner = place.reshape(-1)[mesh.faces]
     face = np.tile(np.arange(mesh.triangle_count), 3)
     first, second = corner.T.reshape(-1), np.roll(corner, -1, axis=1).T.reshape(-1)
@@ -122,20 +127,10 @@ def _seam_edges(mesh: Mesh, atlas: Atlas) -> tuple[NDArray[np.float64], NDArray[
 
 
 def _along(ends: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """(2, P, 2): points of the edges, close enough that no texel is left out; and (P,): which edge each is of."""
+    """(2, P, 2), points on the edges, dense enough to reach every texel; and (P,), the edge of each."""
     length = np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=2).max(axis=0)
     count = np.ceil(_PER_TEXEL * length).astype(int) + 1
     edge = np.repeat(np.arange(len(count)), count)
     step = np.arange(len(edge)) - np.repeat(np.cumsum(count) - count, count)
     share = ((step + 0.5) / count[edge])[:, None]
     return (1.0 - share) * ends[:, edge, 0] + share * ends[:, edge, 1], edge
-
-
-def _look_ups(
-    atlas: Atlas, points: NDArray[np.float64], face: NDArray[np.integer]
-) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """(P, 4) texels around points of triangles, on the map of each, and their bilinear weights."""
-    rows, columns, fy, fx = atlas.texels_around(points, face)
-    texel = np.stack([row * atlas.width + column for row in rows for column in columns], axis=1)
-    weight = np.stack([v * u for v in (1.0 - fy, fy) for u in (1.0 - fx, fx)], axis=1)
-    return texel, weight

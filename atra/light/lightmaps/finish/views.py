@@ -1,4 +1,4 @@
-"""Views: a scene as its lightmap shows it, and in clay."""
+"""Views of a scene: lit by its lightmap, and in plain clay."""
 
 from __future__ import annotations
 
@@ -11,8 +11,7 @@ from atra.light.lightmaps.surface import BakeScene
 
 
 def looked_up(hits: Hits, atlas: Atlas, image: NDArray[np.float32]) -> NDArray[np.float32]:
-    """(H, W, C) float32: what an (h, w, C) map says where the hits are, between its texels; 0 where nothing is hit, and
-    where what is hit has no place in the map."""
+    """(H, W, C) float32: an (h, w, C) map, interpolated at the hits; 0 without a hit or a place on the map."""
     shown = np.zeros((*hits.depth.shape, image.shape[2]), np.float32)
     u, v = (weights[hits.hit].astype(np.float64)[:, None] for weights in (hits.u, hits.v))
     face = hits.prim_id[hits.hit]
@@ -27,8 +26,8 @@ def looked_up(hits: Hits, atlas: Atlas, image: NDArray[np.float32]) -> NDArray[n
 
 
 def lit_view(hits: Hits, scene: BakeScene, atlas: Atlas, image: NDArray[np.float32]) -> NDArray[np.float32]:
-    """(H, W, 3) float32, linear RGB: the view of the hits, lit by an (h, w, 3) map alone. Faces that shine are as
-    bright as they shine."""
+    """(H, W, 3) float32, linear RGB: the view of the hits, lit by an (h, w, 3) map alone; emitting faces show their
+    emission."""
     assert scene.surface is not None
     seen = hits.prim_id[hits.hit]
     view = looked_up(hits, atlas, image)
@@ -37,7 +36,7 @@ def lit_view(hits: Hits, scene: BakeScene, atlas: Atlas, image: NDArray[np.float
 
 
 def clay_view(hits: Hits) -> NDArray[np.float32]:
-    """(H, W, 3) float32, linear RGB: grey, the brighter the more a face is turned to the view."""
+    """(H, W, 3) float32, linear RGB: grey, brighter where a face turns to the view."""
     facing = np.abs((np.nan_to_num(hits.normals) * hits.camera.axes[2]).sum(axis=2, keepdims=True))
     grey = np.where(hits.hit[..., None], 0.15 + 0.6 * facing, 0.0)
     return np.asarray(np.repeat(grey, 3, axis=2), np.float32)

@@ -1,4 +1,4 @@
-"""The light that a ray after a bounce is aimed at: one that may give much where the ray starts, or one of all."""
+"""Kernels that choose which light a ray after a bounce is aimed at."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from atra.light.numbers_kernels import ONE, ZERO
 
 @njit
 def cell_of(tables, point):  # type: ignore[no-untyped-def]
-    """The cell of the grid that a point lies in; beyond its rim, the nearest."""
+    """The grid cell of a point; the nearest cell for points outside."""
     grid, cell = tables.grid, np.int64(0)
     if len(tables.of_all) == 1:
         return cell
@@ -23,7 +23,7 @@ def cell_of(tables, point):  # type: ignore[no-untyped-def]
 
 @njit(error_model="numpy")
 def chosen(tables, cell, number):  # type: ignore[no-untyped-def]
-    """(light, how often it is chosen in this cell). number: in [0, 1)."""
+    """(light, its probability in this cell) for a random number in [0, 1)."""
     every = len(tables.lights)
     of_all = tables.of_all[cell]
     light = np.int64(-1)
@@ -36,14 +36,14 @@ def chosen(tables, cell, number):  # type: ignore[no-untyped-def]
             if number < ZERO:
                 light = np.int64(tables.listed[cell, place])
                 break
-        if light < 0:  # what rounding leaves
+        if light < 0:  # only by rounding
             light = np.int64(tables.listed[cell, 0])
     return light, odds_of(tables, cell, light)
 
 
 @njit(error_model="numpy")
 def odds_of(tables, cell, light):  # type: ignore[no-untyped-def]
-    """How often a light is chosen in a cell."""
+    """The probability that a light is chosen in a cell."""
     odds = tables.of_all[cell] * (ONE / np.float32(len(tables.lights)))
     for place in range(tables.listed.shape[1]):
         if tables.listed[cell, place] == light:

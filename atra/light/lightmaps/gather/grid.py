@@ -1,6 +1,7 @@
-"""A grid over the scene whose cells say which of many lights rays that start there are aimed at, and how often.
+"""A grid over the scene; each cell lists which of many lights rays from there are aimed at, with probabilities.
 
-A light's odds follow what it may give in the cell, shadows left aside; any may be chosen anywhere, so means stay right.
+A light's probability follows the unshadowed light it may give in the cell. Every light has a chance in every cell, so
+means stay right.
 """
 
 from __future__ import annotations
@@ -10,22 +11,22 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.light.lightmaps.gather import tables_kernels
+from atra.light.lightmaps.gather import tables_kernels as words
 
 SIDE = 32
 """Cells along the longest side of the scene."""
 
 LISTED = 64
-"""Lights of a cell, at most; what all others may give is left to a choice among all."""
+"""Most lights listed per cell; the remaining light is covered by the choice among all."""
 
 OF_ALL = 0.1
-"""How often at least one of all lights is chosen, as estimates may be far off."""
+"""Least probability of a choice among all lights, because estimates may be far off."""
 
 _AT_ONCE = 1 << 20
 
 
 class LightGrid(NamedTuple):
-    """As of `atra.light.lightmaps.gather.tables_kernels.Tables`."""
+    """Fields of `atra.light.lightmaps.gather.tables_kernels.Tables`."""
 
     grid: NDArray[np.float64]
     of_all: NDArray[np.float32]
@@ -34,13 +35,13 @@ class LightGrid(NamedTuple):
 
 
 def uniform_grid() -> LightGrid:
-    """One cell, in which all lights are chosen alike."""
+    """One cell in which all lights are equally probable."""
     grid = np.array([[0.0] * 3, [0.0] * 3, [1.0] * 3])
     return LightGrid(grid, np.ones(1, np.float32), np.zeros((1, 0), np.int32), np.zeros((1, 0), np.float32))
 
 
 def light_grid(rows: NDArray[np.float32], bounds: NDArray[np.floating]) -> LightGrid:
-    """Of lights as `light_rows` has them, over the box `bounds`, (2, 3)."""
+    """The grid for `light_rows` over the box `bounds`, (2, 3)."""
     low, size = bounds[0].astype(np.float64), np.ptp(bounds.astype(np.float64), axis=0)
     side = float(size.max()) / SIDE or 1.0
     count = np.maximum(1, np.ceil(size / side - 1e-9).astype(int))
@@ -65,18 +66,19 @@ def light_grid(rows: NDArray[np.float32], bounds: NDArray[np.floating]) -> Light
 
 
 def _given(rows: NDArray[np.float64], centres: NDArray[np.float64], radius: float) -> NDArray[np.float64]:
-    """(C, L): about how much light each gives within `radius` of each centre, that faces it and has no shadow."""
-    brightness = rows[:, tables_kernels.COLOUR : tables_kernels.CONE] @ np.array(tables_kernels.LUMINANCE, np.float64)
-    kind, spread = rows[:, tables_kernels.KIND], rows[:, tables_kernels.SIZE]
-    way = rows[:, tables_kernels.PLACE : tables_kernels.SIZE] - centres[:, None]
+    """(C, L): estimated unshadowed light that each light gives within `radius` of each centre, on a surface facing
+    it."""
+    brightness = rows[:, words.COLOUR : words.CONE] @ np.array(words.LUMINANCE, np.float64)
+    kind, spread = rows[:, words.KIND], rows[:, words.SIZE]
+    way = rows[:, words.PLACE : words.SIZE] - centres[:, None]
     squared = (way**2).sum(axis=2)
     given = brightness / (squared + radius**2 + spread**2)
-    for light in np.flatnonzero(kind == tables_kernels.SPOT):
-        axis, outer = rows[light, tables_kernels.ACROSS : tables_kernels.UP], rows[light, tables_kernels.CONE + 1]
+    for light in np.flatnonzero(kind == words.SPOT):
+        axis, outer = rows[light, words.ACROSS : words.UP], rows[light, words.CONE + 1]
         distance = np.sqrt(squared[:, light])
         angle = np.arccos(np.clip(-way[:, light] @ axis / np.maximum(distance, 1e-300), -1.0, 1.0))
         seen_under = np.arcsin(np.minimum(1.0, radius / np.maximum(distance, 1e-300)))
         given[angle - seen_under > np.arccos(outer), light] = 0.0
-    from_afar = (kind == tables_kernels.SUN) | (kind == tables_kernels.SKY)
+    from_afar = (kind == words.SUN) | (kind == words.SKY)
     given[:, from_afar] = brightness[from_afar]
     return given

@@ -1,4 +1,4 @@
-"""Light that arrives straight: rays to lights, to faces that shine and into the sky, and what they carry."""
+"""Kernels of direct light: rays to lights, to emitting faces and into the sky, and what they carry."""
 
 from __future__ import annotations
 
@@ -28,24 +28,22 @@ from atra.light.lightmaps.gather.tables_kernels import (
     SUN,
     WEIGHT,
     choose,
-    set_vector,
-    vector,
 )
 from atra.light.lights_kernels import ALMOST, to_lamp, to_sun
-from atra.light.numbers_kernels import ONE, TWO, ZERO, along, bits_of, circle, dot, scaled, unit_of
+from atra.light.numbers_kernels import ONE, TWO, ZERO, along, bits_of, circle, dot, scaled, set_vector, unit_of, vector
 from atra.light.surface_kernels import sky_colour
 
 PI, QUARTER = np.float32(np.pi), np.float32(0.25)
 LIGHTS_OF_A_VERTEX, DIMENSIONS = 1 << 20, 4
-"""Rays to lights have dimensions of their own, beyond those that paths take."""
+"""Random dimensions of rays to lights lie beyond those of paths."""
 
 _NONE = ZERO, ZERO, ZERO
 
 
 @njit
 def cosine_at(normal, direction):  # type: ignore[no-untyped-def]
-    """Of a direction and a normal. In the open, where that is 0, a quarter: then it is, over pi, how often a direction
-    is chosen that is uniform over the sphere, and so what holds for surfaces holds there."""
+    """Cosine of a direction and a normal. For probes, whose normal is 0, a quarter: over pi that is the density of a
+    direction uniform over the sphere, so the formulas for surfaces hold."""
     if normal[0] == ZERO and normal[1] == ZERO and normal[2] == ZERO:
         return QUARTER
     return dot(normal, direction)
@@ -53,7 +51,7 @@ def cosine_at(normal, direction):  # type: ignore[no-untyped-def]
 
 @njit(error_model="numpy")
 def _to_light(light, origin, u, v):  # type: ignore[no-untyped-def]
-    """(direction, strength, reach) of a ray to a point of a sun, point, sphere or spot."""
+    """(direction, strength, reach) of a ray to a point of a sun, point, sphere or spot light."""
     if light[KIND] == SUN:
         return to_sun(light, u, v), ONE, INFINITY
     direction, strength, reach = to_lamp(light, origin, u, v)
@@ -67,7 +65,8 @@ def _to_light(light, origin, u, v):  # type: ignore[no-untyped-def]
 
 @njit(error_model="numpy")
 def _to_emitter(tables, origin, normal, u, v, chance, selected):  # type: ignore[no-untyped-def]
-    """(direction, r g b, reach) of a ray to a point of a face that shines; weighted against rays that find it."""
+    """(direction, (r, g, b), reach) of a ray to a point of an emitting face, weighted against scattered rays that hit
+    it."""
     face = tables.emitters[choose(tables.emitter_shares, np.float64(chance))]
     i, j, k = tables.faces[face, 0], tables.faces[face, 1], tables.faces[face, 2]
     root = np.sqrt(u)
@@ -99,7 +98,7 @@ def _to_emitter(tables, origin, normal, u, v, chance, selected):  # type: ignore
 
 @njit(error_model="numpy")
 def _to_sky(tables, normal, u, v, chance, selected):  # type: ignore[no-untyped-def]
-    """(direction, r g b) of a ray into the sky, more often to where it is bright."""
+    """(direction, (r, g, b)) of a ray into the sky, more often to where it is bright."""
     rows, columns = tables.sky_density.shape
     cell = choose(tables.sky_shares, np.float64(chance))
     row, column = cell // columns, cell % columns
@@ -120,7 +119,7 @@ def _to_sky(tables, normal, u, v, chance, selected):  # type: ignore[no-untyped-
 
 @njit(error_model="numpy")
 def sky_share(tables, direction, cosine, selected):  # type: ignore[no-untyped-def]
-    """What of the sky's light counts for a ray that left by chance, where rays are also aimed at it."""
+    """The weight of the sky's light for a scattered ray, where rays are also aimed at the sky."""
     if tables.sky_by == GIVES_BSDF:
         return ONE
     if tables.sky_by == GIVES_LIGHT:
@@ -136,14 +135,15 @@ def sky_share(tables, direction, cosine, selected):  # type: ignore[no-untyped-d
 
 @njit(error_model="numpy")
 def emitter_share(tables, face, away, cosine, squared, selected):  # type: ignore[no-untyped-def]
-    """As `sky_share`, for a ray that met a face that shines; away: cosine at the face, squared: of the distance."""
+    """As `sky_share`, for a scattered ray that hits an emitting face. away: cosine at the face. squared: of the
+    distance."""
     by_chance = cosine / PI
     return by_chance / (by_chance + selected * tables.emitter_density[face] * squared / away)
 
 
 @float_kernel
 def aim_at_sun(batch, count, light, which, vertex):  # type: ignore[no-untyped-def]
-    """As `aim`, to light `which`, which is a sun: without branches, so that it is vectorised. light: its words."""
+    """As `aim`, to light `which`, a sun; without branches, so that it vectorises. light: its words."""
     floats = batch.floats
     first = np.uint32((vertex + 1) * LIGHTS_OF_A_VERTEX + DIMENSIONS * which)
     for i in range(count):
@@ -162,9 +162,9 @@ def aim_at_sun(batch, count, light, which, vertex):  # type: ignore[no-untyped-d
 
 @float_kernel
 def aim(batch, count, tables, given, vertex):  # type: ignore[no-untyped-def]
-    """A ray to a light from where each path is: to light `given`, or, if that is -1, to one by chance.
+    """Aim a ray from each path's vertex at light `given`, or at a random one if that is -1.
 
-    vertex: 0 at the texel, then the number of bounces. Sets direction, what is carried and how far it reaches.
+    vertex: 0 at the texel, then the number of bounces. Writes direction, carried light and reach.
     """
     floats = batch.floats
     for i in range(count):
@@ -201,7 +201,7 @@ def aim(batch, count, tables, given, vertex):  # type: ignore[no-untyped-def]
 
 @njit(forceinline=True)
 def plane_of(vertex, kind):  # type: ignore[no-untyped-def]
-    """Where light of a kind is added, seen from the texel (vertex 0) or after bounces."""
+    """The result that direct light of a kind is added to: at a texel (vertex 0) or after bounces."""
     if vertex > 0:
         return INDIRECT
     return ENVIRONMENT if kind == SKY else DIRECT

@@ -1,4 +1,4 @@
-"""Light probes: light that arrives at points in the open, from all around, as spherical harmonics."""
+"""Light probes: light that arrives at points in the open, as spherical harmonics."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from atra.errors import AtraError, InputError
 from atra.files.paths import write_atomically
+from atra.light.checks import checked_rows
 from atra.light.lightmaps.batches import Stages
 from atra.light.lightmaps.gather.probes_kernels import (
     gather_light,
@@ -20,37 +21,28 @@ from atra.light.lightmaps.gather.probes_kernels import (
     harmonics,
     look_around,
 )
-from atra.light.lightmaps.gather.tables_kernels import (
-    CHANNELS,
-    DIRECT,
-    ENVIRONMENT,
-    HARMONICS,
-    INDIRECT,
-    Batch,
-    Tables,
-)
+from atra.light.lightmaps.gather.tables_kernels import CHANNELS, DIRECT, ENVIRONMENT, HARMONICS, INDIRECT, Batch, Tables
 from atra.tracing.budgets import check_needed_bytes
 
 BLOCK = 64
-"""Samples of a probe in a batch: a number of their own, so that no option changes the order in which they are added."""
+"""Samples of a probe per batch; fixed, so that no option changes the order of summation."""
 
 _FARTHEST = 1e11
 
 _BYTES = 32
-"""Of a coefficient: its sum, its mean, and what it passes through on the way."""
+"""Memory per coefficient: its sum, its mean, and temporaries."""
 
 _OF_COSINE = np.array([1.0, *[2 / 3] * 3, *[1 / 4] * 5])
-"""What is left of each harmonic in light on a surface, over pi. Source: as of `harmonics`."""
+"""Factors of harmonics in the light on a surface, over pi. Source: as of `harmonics`."""
 
 
 @dataclass(frozen=True, eq=False)
 class LightProbes:
-    """Radiance around P points, up to L2.
+    """Radiance around P points as spherical harmonics up to L2.
 
     points: (P, 3) float32. samples: paths of each. direct, indirect, environment: (P, 9, 3) float32, coefficients of
-    the real spherical harmonics, l by l and in each from m = -l to l, by channel; kinds of light as of `Lightmap`.
-    backs: (P,) float32, share of directions in which backs of faces are seen: where it is large, a point lies inside of
-    something.
+    the real spherical harmonics, ordered by l and then m, by channel; kinds of light as in `Lightmap`. backs: (P,)
+    float32, fraction of directions that see back faces; where it is large, the point lies inside an object.
     """
 
     points: NDArray[np.float32]
@@ -66,14 +58,14 @@ class LightProbes:
         return self.direct + self.indirect + self.environment
 
     def light(self, normals: ArrayLike) -> NDArray[np.float32]:
-        """(P, 3) float32: what a white surface at each point returns, as a lightmap counts it. normals: its unit
-        normals, (P, 3), or one for all. What lies beyond L2 is lost, so a sun is soft and may be negative behind."""
+        """(P, 3) float32: what a white surface at each point reflects, in a lightmap's units. normals: its unit
+        normals, (P, 3), or one for all. L2 blurs light: a sun is soft and may be negative on the far side."""
         x, y, z = np.broadcast_to(np.asarray(normals, np.float64), self.points.shape).T
         weights = _OF_COSINE * np.stack(harmonics(x, y, z), axis=1)
         return np.einsum("ph,phc->pc", weights, self.combined).astype(np.float32)
 
     def save(self, path: Path) -> Path:
-        """Write its arrays, by name, as .npz. Raises InputError for another suffix, StorageError."""
+        """Write the arrays by name as .npz; returns the path. Raises InputError for another suffix, StorageError."""
         if path.suffix.lower() != ".npz":
             raise InputError(f"probes are to be written to {str(path)!r}, expected a name that ends in .npz")
         content = io.BytesIO()
@@ -83,18 +75,19 @@ class LightProbes:
 
 
 class ProbeSums:
-    """Sums of probes, to which batches add. points: (P, 3), checked. Raises InputError naming a point that is none,
+    """Sums of light probes, to which batches add. points: (P, 3). Raises InputError naming a bad point,
     MemoryBudgetError."""
 
     def __init__(self, points: ArrayLike, samples: int) -> None:
-        self.points, self.samples = _checked_points(points), samples
+        self.points = checked_rows("position", points, (None, 3), "probe", -_FARTHEST, _FARTHEST)
+        self.samples = samples
         what = f"spherical harmonics of {len(self.points):,} probes"
         check_needed_bytes(len(self.points) * CHANNELS * HARMONICS * _BYTES, None, what, "use fewer probes at a time")
         self._sums = np.zeros((len(self.points), CHANNELS, HARMONICS))
         self._backs = np.zeros(len(self.points), np.int64)
 
     def add(self, first: int, probes: int, tables: Tables, batch: Batch, stages: Stages) -> None:
-        """All samples of `probes` points from number `first` on. Raises AtraError for light that is not finite."""
+        """Add all samples of `probes` points from number `first` on. Raises AtraError for light that is not finite."""
         for sample in range(0, self.samples, BLOCK):
             block = min(BLOCK, self.samples - sample)
             count = probes * block
@@ -111,32 +104,15 @@ class ProbeSums:
             stages.lap("gather")
             if bad >= 0:
                 raise AtraError(
-                    f"the light of probe {bad} at {self.points[bad].tolist()} is no finite number; "
+                    f"the light of probe {bad} at {self.points[bad].tolist()} is not finite; "
                     "make lights or materials darker"
                 )
 
     def probes(self) -> LightProbes:
-        """Their means."""
+        """The means as `LightProbes`."""
         means = np.swapaxes(4.0 * np.pi / self.samples * self._sums, 1, 2).astype(np.float32)
         direct, indirect, environment = (
             np.ascontiguousarray(means[:, :, kind : kind + 3]) for kind in (DIRECT, INDIRECT, ENVIRONMENT)
         )
         backs = (self._backs / self.samples).astype(np.float32)
         return LightProbes(self.points, self.samples, direct, indirect, environment, backs)
-
-
-def _checked_points(given: ArrayLike) -> NDArray[np.float32]:
-    try:
-        points = np.array(given, np.float32, order="C")
-    except (TypeError, ValueError) as error:
-        raise InputError(f"points of probes cannot be read as an array: {error}") from None
-    if points.ndim != 2 or points.shape[1] != 3 or not len(points):
-        raise InputError(f"points of probes have shape {points.shape}, expected (P, 3), a row a probe")
-    good = (np.abs(points) <= _FARTHEST).all(axis=1)
-    if not good.all():
-        number = int(np.argmin(good))
-        raise InputError(
-            f"the point of probe {number} is {points[number].tolist()}, expected numbers within {_FARTHEST:g}"
-        )
-    points.setflags(write=False)
-    return points

@@ -1,4 +1,4 @@
-"""Stages of a batch of rays from light probes: generation, first directions, and sums of spherical harmonics."""
+"""Kernels of light probes: first rays and directions, and sums of spherical harmonics."""
 
 from __future__ import annotations
 
@@ -15,22 +15,21 @@ from atra.light.lightmaps.gather.tables_kernels import (
     ORIGIN,
     RESULTS,
     WEIGHT,
-    set_vector,
-    vector,
 )
 from atra.light.lightmaps.samples_kernels import sample_key
-from atra.light.numbers_kernels import ZERO, bits_of, mixed, on_sphere, unit_of
+from atra.light.numbers_kernels import ZERO, bits_of, mixed, on_sphere, set_vector, unit_of, vector
 from atra.light.scattering_kernels import WHITE
 
 _STEPS = np.uint32(3242174889), np.uint32(2447445414)
-"""Of the R2 sequence, times 2**32. Source: M. Roberts, "The unreasonable effectiveness of quasirandom sequences"."""
+"""Steps of the R2 sequence, times 2^32. Source: M. Roberts, "The unreasonable effectiveness of quasirandom
+sequences"."""
 
 _NOWHERE = ZERO, ZERO, ZERO
 
 
 @njit
 def _first_direction(probe, sample, seed):  # type: ignore[no-untyped-def]
-    """Of a sample of a probe: each is uniform over the sphere, and all of a probe lie evenly."""
+    """The first direction of a probe's sample: uniform over the sphere, and evenly spread over a probe's samples."""
     key = mixed(np.uint32(np.uint32(probe) ^ mixed(seed)))
     u = np.uint32(bits_of(key, np.uint32(0)) + np.uint32(sample) * _STEPS[0])
     v = np.uint32(bits_of(key, np.uint32(1)) + np.uint32(sample) * _STEPS[1])
@@ -39,7 +38,7 @@ def _first_direction(probe, sample, seed):  # type: ignore[no-untyped-def]
 
 @float_kernel
 def generate_probes(batch, points, first, probes, sample, samples, tables):  # type: ignore[no-untyped-def]
-    """Samples `sample` to `sample + samples` of `probes` points from number `first` on, side by side.
+    """Write samples `sample` to `sample + samples` of `probes` points from number `first` on, side by side.
 
     points: (P, 3) float32.
     """
@@ -58,7 +57,7 @@ def generate_probes(batch, points, first, probes, sample, samples, tables):  # t
 
 @float_kernel
 def look_around(batch, first, probes, sample, samples, tables):  # type: ignore[no-untyped-def]
-    """A direction for each path, evenly over the sphere."""
+    """Set the first direction of each path."""
     for k in range(probes):
         for e in range(samples):
             direction = _first_direction(first + k, sample + e, tables.seed)
@@ -66,7 +65,7 @@ def look_around(batch, first, probes, sample, samples, tables):  # type: ignore[
 
 
 def harmonics(x, y, z):  # type: ignore[no-untyped-def]
-    """The nine real spherical harmonics up to L2 of unit vectors, float64, in the order of l and then m.
+    """The nine real spherical harmonics up to L2 of unit vectors, float64, ordered by l and then m.
 
     Source: R. Ramamoorthi and P. Hanrahan, "An efficient representation for irradiance environment maps", 2001.
     """
@@ -96,7 +95,7 @@ def _project(results, direction, sums):  # type: ignore[no-untyped-def]
 
 @float_kernel
 def gather_light(batch, first, probes, samples, sums):  # type: ignore[no-untyped-def]
-    """As `gather_paths`, of what came from where rays to a light went; results start anew."""
+    """As `gather_paths`, for the results of rays to a light; these results are reset."""
     for k in range(probes):
         for e in range(samples):
             i = k * samples + e
@@ -108,9 +107,8 @@ def gather_light(batch, first, probes, samples, sums):  # type: ignore[no-untype
 
 @float_kernel
 def gather_paths(batch, first, probes, sample, samples, tables, sums, backs):  # type: ignore[no-untyped-def]
-    """Results times the harmonics of first directions are added to sums, (P, CHANNELS, HARMONICS) float64, sample by
-    sample, and backs of faces that were seen are counted, (P,) int64. Returns the number of a probe whose light was no
-    finite number, or -1."""
+    """Add results times the harmonics of first directions to sums, (P, CHANNELS, HARMONICS) float64, sample by sample,
+    and count back faces seen, (P,) int64. Returns a probe whose light is not finite, or -1."""
     bad = -1
     for k in range(probes):
         for e in range(samples):

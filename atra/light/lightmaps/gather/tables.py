@@ -1,4 +1,4 @@
-"""Tables of a scene to be baked, as kernels read them."""
+"""A bake's tables for kernels."""
 
 from __future__ import annotations
 
@@ -9,41 +9,42 @@ from numpy.typing import NDArray
 
 from atra.errors import InputError
 from atra.geometry.mesh import Mesh
-from atra.light.lightmaps.charts.texels import Texels, unit_normals
-from atra.light.lightmaps.gather import tables_kernels
+from atra.hits import read_only
+from atra.light.lightmaps.charts.texels import Texels
+from atra.light.lightmaps.gather import tables_kernels as words
 from atra.light.lightmaps.gather.grid import light_grid, uniform_grid
 from atra.light.lightmaps.gather.lights import aims_at_emitters, aims_at_sky, light_rows
 from atra.light.lightmaps.gather.tables_kernels import Tables
 from atra.light.lightmaps.options import BakeOptions
 from atra.light.lightmaps.surface import BakeScene
-from atra.light.tables import sky_tables
+from atra.light.tables import sky_tables, unit_normals
 
 _START_OFF = 1e-5
 _START_OFF_SPACINGS = 2.0
 
-_WAYS = {"mis": tables_kernels.GIVES_BOTH, "light": tables_kernels.GIVES_LIGHT, "bsdf": tables_kernels.GIVES_BSDF}
+_WAYS = {"mis": words.GIVES_BOTH, "light": words.GIVES_LIGHT, "bsdf": words.GIVES_BSDF}
 
 
 def start_off(mesh: Mesh) -> float:
-    """How far rays start off the surfaces of a mesh, in scene units: 1e-5 of its size, or 2 spacings of float32 at its
-    largest coordinate where that is more, as it is far from the origin.
+    """How far rays start off the surfaces of a mesh, scene units: 1e-5 of the mesh's size, or 2 float32 spacings at its
+    largest coordinate if that is more.
 
-    Origins are rounded to float32, by half a spacing along each axis, which is at most 0.87 of one along a normal: with
-    less, a ray could start on its surface, or behind it, and meet it.
+    Float32 rounds origins by up to half a spacing along each axis, 0.87 along a normal. With a smaller offset a ray
+    could start on or behind its surface and hit it.
     """
     spacing = float(np.spacing(np.abs(mesh.bounds).max().astype(np.float32)))
     return max(_START_OFF * float((mesh.bounds[1] - mesh.bounds[0]).max()), _START_OFF_SPACINGS * spacing)
 
 
 def tables_of(scene: BakeScene, texels: Texels, options: BakeOptions) -> Tables:
-    """The tables. Raises InputError for light beyond what float32 can hold."""
+    """The tables of a scene. Raises InputError for light that float32 cannot hold."""
     mesh, surface = scene.mesh, scene.surface
     assert surface is not None
     normals = unit_normals(mesh)
     corners = mesh.vertices[mesh.faces].astype(np.float64)
     emitters, of_emitters = aims_at_emitters(surface.emission, corners)
     of_sky = aims_at_sky(scene.sky) if options.environment != "bsdf" else None
-    sky_by = tables_kernels.GIVES_BSDF if of_sky is None else _WAYS[options.environment]
+    sky_by = words.GIVES_BSDF if of_sky is None else _WAYS[options.environment]
     others = [of_emitters.row] * (len(emitters) > 0) + ([of_sky.row] if of_sky is not None else [])
     lights = light_rows(tuple(scene.lights), others)
     grid = light_grid(lights, mesh.bounds) if options.lights == "grid" and len(lights) else uniform_grid()
@@ -70,28 +71,15 @@ def tables_of(scene: BakeScene, texels: Texels, options: BakeOptions) -> Tables:
         np.zeros(0) if of_sky is None else of_sky.shares,
         np.zeros((1, 1), np.float32) if of_sky is None else of_sky.density,
         np.packbits(surface.panes, bitorder="little"),
-        _box(corners[surface.panes], 0.1 * offset),  # rays that start off such faces are outside
+        _box(corners[surface.panes], 0.1 * offset),  # rays that leave a pane start outside
     )
-    numbers = (
-        np.float64(offset),
-        texels.atlas.width,
-        np.float32(options.open_length),
-        sky_by,
-        np.uint32(options.seed),
-    )
-    every: Any = (*map(_read_only, arrays), *numbers)
+    numbers = (np.float64(offset), texels.atlas.width, np.float32(options.open_length), sky_by, np.uint32(options.seed))
+    every: Any = (*(read_only(np.ascontiguousarray(array)) for array in arrays), *numbers)
     return Tables(*every)
 
 
 def _box(corners: NDArray[np.float64], room: float) -> NDArray[np.float32]:
-    """(2, 3), around corners (N, 3, 3), with so much room; zeros where there are none."""
+    """(2, 3), a box around corners (N, 3, 3) with margin `room`; zeros without corners."""
     if not len(corners):
         return np.zeros((2, 3), np.float32)
     return np.stack([corners.min(axis=(0, 1)) - room, corners.max(axis=(0, 1)) + room]).astype(np.float32)
-
-
-def _read_only(array: NDArray) -> NDArray:
-    """Numba compiles anew for an array that may be written to: all are of one kind."""
-    view = np.ascontiguousarray(array).view()
-    view.setflags(write=False)
-    return view

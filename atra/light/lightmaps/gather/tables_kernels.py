@@ -1,4 +1,4 @@
-"""Tables of a bake, as kernels read them, and the memory of a batch."""
+"""The tables and batches of a bake, as kernels read them."""
 
 from __future__ import annotations
 
@@ -12,46 +12,45 @@ from atra.compiled.store import njit
 SUN, POINT, SPHERE, SPOT, EMITTERS, SKY = 0, 1, 2, 3, 4, 5
 KIND, PLACE, SIZE, ACROSS, UP, COLOUR, CONE = 0, 1, 4, 5, 8, 11, 14
 LIGHT_WORDS = 16
-"""float32 of a light; up to UP as of `atra.light.lights_kernels`. COLOUR: times its power (3). Of a spot, ACROSS is
-the way it looks (3), and CONE the cosines of the angles where it begins to fade and where it ends (2). Emitting faces
-are one light together, and the sky is one: both have tables of their own, and these words serve the grid alone."""
+"""float32 numbers of a light; up to UP as in `atra.light.lights_kernels`. COLOUR: times power (3). For a spot, ACROSS
+is its axis, and CONE the cosines of its inner and outer angles (2). All emitting faces are one light, and so is the
+sky; they have tables of their own, and only the grid reads their words."""
 
 ORIGIN, NORMAL, DIRECTION, WEIGHT, CARRIED, LENGTH = 0, 3, 6, 9, 12, 15
 PATH_ROWS = 16
 
 DIRECT, INDIRECT, ENVIRONMENT, OPEN, BACK = 0, 3, 6, 9, 10
 CHANNELS, RESULTS = 9, 11
-"""Of a sample: three colours of three channels, then 1 or 0: nothing is near by, and the back of a face is seen."""
+"""Results of a sample: three kinds of light with three channels; then 1 or 0 for "nothing near by" and "sees a back
+face"."""
 
 SQUARE = RESULTS
 SUMS = RESULTS + 1
-"""Of a texel, float64: sums of the results, and of the square of the luminance of all light."""
+"""float64 sums of a texel: its results, and the squared luminance of all light."""
 
 HARMONICS = 9
-"""Of a probe's channel: spherical harmonics up to L2."""
+"""Spherical harmonics of a probe's channel, up to L2."""
 
 LUMINANCE = np.float32(0.2126), np.float32(0.7152), np.float32(0.0722)
-"""Of linear RGB (Rec. 709)."""
+"""Weights of linear RGB (Rec. 709)."""
 
 GIVES_BOTH, GIVES_LIGHT, GIVES_BSDF = 0, 1, 2
-"""What finds the light of the sky: rays to it and rays that leave by chance, weighted; or one of them alone."""
+"""What finds the sky's light: rays aimed at it and scattered rays, weighted; or one of them alone."""
 
 
 class Tables(NamedTuple):
-    """All that light meets.
+    """A scene for the kernels of a bake.
 
-    planes: (F, 4) float64, unit normals and n . p. vertices: (V, 3) float32, faces: (F, 3) uint32. uv: (F, 3, 2)
-    float64, texels. albedo, emission: (F, 3) float32. emitters: (E,) int32, faces that shine; emitter_shares: (E,)
-    float64, running sums of how often each is chosen, up to 1; emitter_density: (F,) float32, of a point on a face.
-    lights: (L, LIGHT_WORDS) float32. grid: (3, 3) float64: its lower corner, cells per unit of length, and how many
-    there are. of_all: (C,) float32, how often one of all lights is chosen in a cell; listed: (C, K) int32, lights that
-    are chosen otherwise, odds: (C, K) float32, how often; they and of_all add up to 1.
-    sky, panorama: as of `Surfaces`; sky_shares: (cells,) float64, running sums as above; sky_density:
-    (R, C) float32, of a direction, per unit of solid angle.
-    pane_bits: (F / 8,) uint8, a bit a face, lowest first: whether it lets light on; unlike opacities, they stay in
-    the cache. box_of_panes: (2, 3) float32, around such faces, with room to spare; zeros where there are none.
-    offset: how far rays start off a surface. width: texels of a row. open_length: how near a thing counts as near by.
-    sky_by: what finds its light. seed: of random numbers.
+    planes: (F, 4) float64, unit normals and n . p. vertices: (V, 3) float32. faces: (F, 3) uint32. uv: (F, 3, 2)
+    float64, texels. albedo, emission: (F, 3) float32. emitters: (E,) int32, emitting faces; emitter_shares: (E,)
+    float64, running sums of their probabilities; emitter_density: (F,) float32, of a point on a face. lights: (L,
+    LIGHT_WORDS) float32. grid: (3, 3) float64, its lower corner, cells per unit, and numbers of cells. of_all: (C,)
+    float32, probability that a cell chooses among all lights; listed: (C, K) int32, its listed lights; odds: (C, K)
+    float32, their probabilities, which add up to 1 with of_all. sky, panorama: as in `Surfaces`; sky_shares: (cells,)
+    float64, running sums; sky_density: (R, C) float32, of a direction, per solid angle. pane_bits: (F / 8,) uint8, a
+    bit per face, lowest first: whether light passes it; unlike opacities, they fit the cache. box_of_panes: (2, 3)
+    float32, around panes, with margin; zeros without. offset: how far rays start off a surface. width: texels of a row.
+    open_length: distance below which a thing occludes. sky_by: what finds the sky's light. seed: of random numbers.
     """
 
     planes: NDArray[np.float64]
@@ -84,12 +83,12 @@ class Tables(NamedTuple):
 
 
 class Batch(NamedTuple):
-    """N rays, of which the first so many are in use, and what N samples have gathered.
+    """Room for N rays and the results of N samples.
 
-    floats: (PATH_ROWS, > N) float32: origin, unit normal there, or 0 in the open, unit direction, weight (r, g, b) of
-    what comes from there, what a ray to a light carries (r, g, b), and how far it reaches, 0 = there is none.
-    prim_id: (N,) uint32, what is hit. distance: (N,) float32, how far. key: (N,) uint32, of random numbers. slot: (N,)
-    int32, the sample that this belongs to. alive: (N,) int8, 0 = an idle lane. results: (N, RESULTS) float32.
+    floats: (PATH_ROWS, > N) float32: origin, unit normal (0 for probes), unit direction, weight (r, g, b) of arriving
+    light, and of a ray to a light what it carries (r, g, b) and its length, 0 = none. prim_id: (N,) uint32, hits.
+    distance: (N,) float32, to them. key: (N,) uint32, of random numbers. slot: (N,) int32, the sample of a ray. alive:
+    (N,) int8, 0 = an idle lane. results: (N, RESULTS) float32.
     """
 
     floats: NDArray[np.float32]
@@ -101,19 +100,9 @@ class Batch(NamedTuple):
     results: NDArray[np.float32]
 
 
-@njit(forceinline=True)
-def vector(rows, first, index):  # type: ignore[no-untyped-def]
-    return rows[first, index], rows[first + 1, index], rows[first + 2, index]
-
-
-@njit(forceinline=True)
-def set_vector(rows, first, index, value):  # type: ignore[no-untyped-def]
-    rows[first, index], rows[first + 1, index], rows[first + 2, index] = value
-
-
 @njit
 def choose(shares, number):  # type: ignore[no-untyped-def]
-    """The first place whose running sum lies above `number`, in [0, 1)."""
+    """The first place whose running sum exceeds `number`, in [0, 1)."""
     low, high = 0, len(shares) - 1
     while low < high:
         middle = (low + high) // 2

@@ -1,1 +1,1 @@
-"""Aligned rays from texels to the sun: tiles of texels, and the triangles before each tile."""
+"""Aligned rays from texels to the sun: tiles of texels, and the triangles in front of each tile."""

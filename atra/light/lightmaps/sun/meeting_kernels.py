@@ -1,4 +1,4 @@
-"""Parallel rays of one tile that stand for those of many: which of these meet anything, a bit a ray."""
+"""Kernels that trace parallel rays of one tile for all tiles at once: one answer bit per ray and tile."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ _ANSWERS = RayQueryContext.depth_address.offset
 def noting_filter(width: int) -> int:
     """Address of the filter for packets of `width` rays; compiled once per process, cached on disk.
 
-    It sets the bits of rays that hit a triangle in the answer of the tile that the triangle was copied for, and rejects
-    the hit. The user data is one int64 per triangle, its tile.
+    The filter sets the bits of rays that hit a triangle in the answer of the triangle's tile, and rejects the hit. The
+    user data is one int64 per triangle, its tile.
     """
     hit_prim_id = layout.HIT_PRIM_ID * width * 4
 
@@ -50,15 +50,15 @@ def noting_filter(width: int) -> int:
 
 
 _keep_alive: list[object] = []
-"""Embree may call these as long as a scene lives."""
+"""Embree may call filters as long as a scene lives."""
 
 
 class Shots(NamedTuple):
-    """Rays of one tile, in packets: of a few of its texels beside each other, at a few positions in each.
+    """Rays of one tile in packets: a few neighbouring texels at a few positions in each.
 
-    texels: (N, 2) float32, x and y of the first texel of packets. lanes: (G, W, 2) float32, where rays start from
-    there, of G packets that have the same texels. block: (size, size) int32, which of the N a texel is in, and place:
-    (size, size) int32, its first lane there. together: positions of a texel in one packet.
+    texels: (N, 2) float32, x and y of each packet's first texel. lanes: (G, W, 2) float32, ray origins relative to it,
+    for G packets with the same texels. block: (size, size) int32, the packet that a texel is in. place: (size, size)
+    int32, its first lane there. together: positions of a texel in one packet.
     """
 
     texels: NDArray[np.float32]
@@ -70,13 +70,13 @@ class Shots(NamedTuple):
 
 @cache
 def meeting_kernel(width: int) -> Callable[..., None]:
-    """The loop over one tile's rays, in packets of `width`, a constant of the compiled code."""
+    """The kernel for packets of `width`."""
 
     @kernel
     def meet(counter_address, scene, packet, shots, answers):  # type: ignore[no-untyped-def]
-        """Shoot the rays of the tile; `noting_filter` writes the bits of all tiles.
+        """Trace the rays of the tile; `noting_filter` writes the bits of all tiles.
 
-        packet: its direction is (0, 0, 1). answers: (N G, K) uint16, written: of each packet and each tile.
+        packet: its direction is (0, 0, 1). answers: (N G, K) uint16, written: by packet and tile.
         """
         first, groups = layout.RAY_ORG_X * width, len(shots.lanes)
         while True:
@@ -98,9 +98,9 @@ def meeting_kernel(width: int) -> Callable[..., None]:
 
 @kernel
 def spread_answers(counter_address, answers, shots, prisms, covered, offsets, met):  # type: ignore[no-untyped-def]
-    """Bits of packets become a truth value of each ray.
+    """Unpack answer bits into booleans.
 
-    answers: (N G, K) uint16. covered: (K,) uint64, of `find_triangles`. offsets: (P, 2) float64. met: (K, size, size,
+    answers: (N G, K) uint16. covered: (K,) uint64, from `find_triangles`. offsets: (P, 2) float64. met: (K, size, size,
     P) bool, written.
     """
     size, groups, together = met.shape[1], len(shots.lanes), shots.together

@@ -1,4 +1,4 @@
-"""Rays of one square tile that stand, each, for a ray of every one of many tiles."""
+"""Rays of one square tile; each stands for a ray of every one of many tiles."""
 
 from __future__ import annotations
 
@@ -22,20 +22,19 @@ from atra.tracing.lifetime import Lifetime
 from atra.tracing.options import PacketKeywords, PacketOptions, lists_options
 
 _SHAPES = {1: (1, 1), 2: (2, 1), 4: (2, 2), 8: (4, 2), 16: (4, 4)}
-"""Texels across and down, by their number."""
+"""Texels of a packet across and down, by their number."""
 
 _COPIES = 1 << 22
-"""Room at first, of which memory is taken as far as it is used."""
+"""Initial room for copies; memory is only taken as far as it is used."""
 
 
 class TileRays(Lifetime):
-    """Whether rays of tiles, all of one direction, meet a mesh: K tiles at the price of one, and of their triangles.
+    """Whether parallel rays of tiles hit a mesh: tracing one tile's rays answers for K tiles.
 
-    tree: the mesh. prisms: what the rays of each tile sweep, and how they are carried onto the rays of the one tile,
-    which start at z = 0 and head along z. size: rays along a side of a tile, 1 apart, around (0, 0). options: see
-    `PacketOptions`. Raises InputError as these do, MemoryBudgetError in `plan`.
-    Triangles are copied for each tile that they lie before (paper §3.3); a tile all of whose rays meet one triangle
-    needs no copies.
+    tree: the mesh. prisms: what each tile's rays sweep, and the maps onto the rays of the one tile, which start at z =
+    0 along z. size: rays along a side of a tile, 1 apart, around (0, 0). options: see `PacketOptions`. Triangles are
+    copied for each tile they lie in front of (paper §3.3); a tile fully covered by one triangle needs no copies. Raises
+    InputError as the options do, MemoryBudgetError in `plan`.
     """
 
     @lists_options(PacketOptions)
@@ -69,7 +68,7 @@ class TileRays(Lifetime):
         return perf_counter() - start
 
     def _find(self, kept: NDArray[np.uint32]) -> int:
-        """How many copies there are; kept: their triangles, as far as there is room."""
+        """Count the copies. kept: their triangles, as far as there is room."""
         total, faces = np.zeros(1, np.int64), len(self.tree.faces)
         found = [(np.empty(faces, np.uint32), np.empty(faces, np.uint64)) for _ in range(self._pool.threads)]
         outputs = kept, self._starts, self._counts, self._covered
@@ -99,16 +98,16 @@ class TileRays(Lifetime):
 
     @property
     def triangle_count(self) -> int:
-        """Copies, of all tiles; 0 before `build`."""
+        """Copies for all tiles; 0 before `build`."""
         return len(self._tile_of)
 
     def trace(self, offsets: ArrayLike, out: NDArray[np.bool_] | None = None) -> NDArray[np.bool_]:
-        """(K, size, size, P) bool: which rays meet anything; ray (y, x, p) starts at (x, y) + offset p - size / 2.
-        Those of texels outside of a tile's rectangle (`Prisms`) say nothing.
+        """(K, size, size, P) bool: which rays hit anything; ray (y, x, p) starts at (x, y) + offset p - size / 2.
+        Values outside a tile's rectangle (`Prisms`) are undefined.
 
-        offsets: (P, 2), positions in a texel. out: an earlier result of as many, which is overwritten.
-        Raises InputError for offsets of another shape or outside [0, 1) x [0, 1) and an `out` that does not fit,
-        MemoryBudgetError, ClosedError after `close`.
+        offsets: (P, 2), positions in a texel. out: an earlier result of the same shape, overwritten. Raises InputError
+        for offsets of another shape or outside [0, 1) x [0, 1) and an `out` that does not fit, MemoryBudgetError,
+        ClosedError after `close`.
         """
         positions = np.array(offsets, np.float64)
         if positions.ndim != 2 or positions.shape[1] != 2 or not len(positions):
@@ -146,7 +145,7 @@ class TileRays(Lifetime):
 
 
 def shots_of(size: int, positions: NDArray[np.float64], width: int) -> Shots:
-    """The rays of a tile in packets of `width`, with as many positions of a texel in one as there are."""
+    """The rays of a tile in packets of `width`, with as many positions of a texel in one packet as fit."""
     together = 1
     while 2 * together <= min(width, len(positions)):
         together *= 2
@@ -157,7 +156,7 @@ def shots_of(size: int, positions: NDArray[np.float64], width: int) -> Shots:
     number = np.arange(columns * -(-size // down))
     texels = np.stack([number % columns * across, number // columns * down], axis=1) - size / 2
     groups = -(-len(positions) // together)
-    some = np.resize(positions, (groups * together, 2)).reshape(groups, 1, together, 2)  # the first ones again
+    some = np.resize(positions, (groups * together, 2)).reshape(groups, 1, together, 2)  # pads with the first ones
     beside = np.array([(x, y) for y in range(down) for x in range(across)])[:, None]
     lanes = (some + beside).reshape(groups, width, 2)
     return Shots(

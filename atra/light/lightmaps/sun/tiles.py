@@ -1,4 +1,4 @@
-"""Tiles: squares of texels on flat charts, which for rays of one direction are affine images of each other."""
+"""Tiles of texels on flat charts; for rays of one direction they are affine images of each other."""
 
 from __future__ import annotations
 
@@ -11,29 +11,28 @@ from numpy.typing import ArrayLike, NDArray
 
 from atra.bvh.bvh import bvh_of
 from atra.compiled.threads import WorkerPool
-from atra.errors import InputError
 from atra.geometry.view import unit_vector
+from atra.light.checks import check_whole
 from atra.light.lightmaps.charts.texels import Texels
 from atra.light.lightmaps.gather.tables import start_off
 from atra.light.lightmaps.sun.rays import TileRays
 from atra.light.lightmaps.sun.tiles_kernels import BoxTree, Prisms
 from atra.prim_ids import MISS
 from atra.tracing.options import PacketKeywords, PacketOptions, lists_options
-from atra.whole_numbers import is_whole_number
 
 FLAT = 1e-3
-"""Of a texel: how far corners of a flat chart may lie off its plane."""
+"""Largest distance of a flat chart's corners from its plane, in texels."""
 
 GRAZING = 0.1
-"""Cosine below which a shear would lose too many digits."""
+"""Smallest cosine of direction and normal; below, a shear would lose too many digits."""
 
 
 @dataclass(frozen=True, eq=False)
 class Tiles:
     """K squares of `size` texels.
 
-    origin, across, down: (K, 3) float64, world: of a tile's upper left corner, and a texel's step along row and column.
-    normal: (K, 3) float64, unit. texel: (K, size, size) int32, numbers in the list of texels that are lit, -1 where
+    origin: (K, 3) float64, world point of a tile's upper left corner. across, down: (K, 3) float64, a texel's step
+    along row and column. normal: (K, 3) float64, unit. texel: (K, size, size) int32, numbers in `texels`, -1 where
     another chart or nothing lies.
     """
 
@@ -50,18 +49,17 @@ class Tiles:
 
     @property
     def texel_share(self) -> float:
-        """Of all texels that are lit, those that tiles have."""
+        """The fraction of all texels that lie in tiles."""
         return float((self.texel >= 0).sum()) / len(self.texels)
 
     @classmethod
     def of(cls, texels: Texels, size: int = 8, least_texels: int = 1) -> Tiles:
-        """The tiles of all flat charts that have so many texels at least.
+        """The tiles with at least `least_texels` texels, on all flat charts.
 
         Raises InputError for a size or least_texels below 1.
         """
         for name, value in (("size", size), ("least_texels", least_texels)):
-            if not is_whole_number(value) or value < 1:
-                raise InputError(f"{name} of a tile is {value!r}, expected a whole number of at least 1")
+            check_whole(f"{name} of a tile", value, 1)
         atlas = texels.atlas
         column, row = texels.number % atlas.width, texels.number // atlas.width
         charts, number = np.unique(texels.chart, return_inverse=True)
@@ -101,7 +99,7 @@ class Tiles:
         corners[:, 6:9] -= corners[:, :3]
         x, y, z = (bvh.boxes[:, 1] - bvh.boxes[:, 0]).T
         area, inner = x * y + y * z + z * x, np.flatnonzero(bvh.block_counts == 0)
-        inner = inner[inner != 1]  # the root's neighbour is none
+        inner = inner[inner != 1]  # node 1 is unused
         larger = np.zeros(len(area), np.uint8)
         larger[inner] = area[bvh.first[inner] + 1] > area[bvh.first[inner]]
         return BoxTree(
@@ -110,7 +108,7 @@ class Tiles:
 
     @cached_property
     def _rectangles(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """(K, 2) float64, middle and half the sides of what a tile's texels fill, from the tile's middle."""
+        """(K, 2) float64 each: centre, relative to the tile's, and half sides of the rectangle of a tile's texels."""
         lit = self.texel >= 0
         filled = np.stack([lit.any(axis=1), lit.any(axis=2)], axis=1)
         low, high = filled.argmax(axis=2) - self.size / 2, self.size / 2 - filled[:, :, ::-1].argmax(axis=2)
@@ -121,7 +119,8 @@ class Tiles:
         return start_off(self.texels.mesh) / (self.normal[tiles] @ direction)
 
     def prisms(self, tiles: NDArray[np.int64], direction: ArrayLike) -> Prisms:
-        """How rays of this direction from tiles are carried onto those of `TileRays`, parameters kept (paper §3.3)."""
+        """The maps that carry rays of this direction from tiles onto those of `TileRays`, parameters kept (paper
+        §3.3)."""
         way = unit_vector("direction", direction)
         axes = np.stack([self.across[tiles], self.down[tiles], np.broadcast_to(way, (len(tiles), 3))], axis=2)
         onto, off = np.linalg.inv(axes).astype(np.float64), self.starts(tiles, way)
@@ -133,13 +132,13 @@ class Tiles:
 
     @lists_options(PacketOptions)
     def towards(self, tiles: NDArray[np.int64], direction: ArrayLike, **options: Unpack[PacketKeywords]) -> TileRays:
-        """Rays of this direction from tiles; options: see `atra.tracing.options.PacketOptions`."""
+        """`TileRays` of this direction from tiles; options: see `atra.tracing.options.PacketOptions`."""
         return TileRays(self.tree, self.prisms(tiles, direction), self.size, **options)
 
     def rays(
         self, tiles: NDArray[np.int64], direction: ArrayLike, offset: tuple[float, float]
     ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """Origins and directions, (R, 3) float32, of the texels of tiles at a sub-texel offset, tile after tile."""
+        """Origins and directions, (R, 3) float32, of the texels of tiles at a sub-texel offset, tile by tile."""
         way = unit_vector("direction", direction)
         k, y, x = np.nonzero(self.texel[tiles] >= 0)
         own, off = tiles[k], self.starts(tiles, way)[k]
@@ -149,7 +148,7 @@ class Tiles:
 
 
 def _planes(texels: Texels, charts: NDArray[np.int32]) -> NDArray[np.float64]:
-    """(C, 3, 3): the world's point of texel position (x, y) is (x, y, 1) times it; NaN for charts that are not flat."""
+    """(C, 3, 3): maps of texel positions (x, y, 1) to world points; NaN for charts that are not flat."""
     planes = np.full((len(charts), 3, 3), np.nan)
     order = np.argsort(texels.atlas.chart, kind="stable")
     starts, stops = (np.searchsorted(texels.atlas.chart[order], charts, side) for side in ("left", "right"))

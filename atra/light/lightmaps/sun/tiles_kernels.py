@@ -1,4 +1,4 @@
-"""What rays of one direction from tiles of texels may meet: found through a tree, and carried onto one tile."""
+"""Kernels that find the triangles that parallel rays from tiles may meet, and map them onto one tile."""
 
 from __future__ import annotations
 
@@ -14,24 +14,24 @@ from atra.embree.packets_kernels import MISS
 from atra.geometry.projection_kernels import MARGIN_PIXELS
 
 SIDE = 8
-"""Blocks along each side of the rectangle that a tile's texels fill; block (i, j) is bit 8 j + i of 64."""
+"""Blocks along a side of the rectangle of a tile's texels; block (i, j) is bit 8 j + i of 64."""
 
 ALL = np.uint64(0xFFFFFFFFFFFFFFFF)
-"""Of a tile's blocks."""
+"""All blocks of a tile."""
 
 _FLAT = 1e-9
-"""Of a square block: area below which a triangle is seen from its edge."""
+"""Area in blocks below which a triangle is seen edge-on."""
 
 _LEAST = 2.0
-"""Area of a triangle, in blocks, that may cover one."""
+"""Least area in blocks of a triangle that may cover one."""
 
 
 class BoxTree(NamedTuple):
-    """Triangles of a mesh below a tree of boxes.
+    """The triangles of a mesh in a tree of boxes.
 
     boxes: (N, 2, 3) float32, first, block_counts: (N,) int64, blocks: (B, 10, 4) float32 and prim_ids: (B, 4) uint32,
-    all as of `atra.bvh.Bvh`, but for `MISS` in places left over. larger: (N,) uint8, which child has the larger box.
-    vertices: (V, 3) float32, faces: (F, 3) uint32.
+    as in `atra.bvh.Bvh`, with edges in place of the second and third corners and `MISS` in unused entries. larger: (N,)
+    uint8, the child with the larger box. vertices: (V, 3) float32. faces: (F, 3) uint32.
     """
 
     boxes: NDArray[np.float32]
@@ -45,11 +45,11 @@ class BoxTree(NamedTuple):
 
 
 class Prisms(NamedTuple):
-    """What rays of a direction from each of K tiles sweep: a vertex becomes onto vertex - shift, and lies before the
-    tile where its last coordinate, the ray's parameter, is above 0.
+    """What the rays of a direction from each of K tiles sweep. A vertex maps to onto vertex - shift; its last
+    coordinate is the ray's parameter, above 0 in front of the tile.
 
-    onto: (K, 3, 3) float64, shift: (K, 3) float64. off: (K,) float64, parameter at which rays start, from the tile.
-    middle, half: (K, 2) float64, of the rectangle that its texels fill.
+    onto: (K, 3, 3) float64. shift: (K, 3) float64. off: (K,) float64, parameter where rays start. middle, half: (K, 2)
+    float64, of the rectangle of the tile's texels.
     """
 
     onto: NDArray[np.float64]
@@ -61,7 +61,7 @@ class Prisms(NamedTuple):
 
 @njit(forceinline=True)
 def _row(prisms, tile, axis, middle, scale):  # type: ignore[no-untyped-def]
-    """What carries a vertex along one axis, from the middle of the rectangle on and in blocks."""
+    """The map of one axis, relative to the rectangle's middle and in blocks."""
     onto, shift = prisms.onto, prisms.shift[tile, axis] + middle
     return scale * onto[tile, axis, 0], scale * onto[tile, axis, 1], scale * onto[tile, axis, 2], scale * shift
 
@@ -78,7 +78,7 @@ def _reach(row, x, y, z):  # type: ignore[no-untyped-def]
 
 @njit(forceinline=True)
 def _blocks(low_x, high_x, low_y, high_y):  # type: ignore[no-untyped-def]
-    """Bits of those that a box meets, from -SIDE / 2 to SIDE / 2 on both axes."""
+    """Bits of the blocks that a rectangle meets; blocks span -SIDE / 2 to SIDE / 2 on both axes."""
     half = SIDE / 2
     if low_x > half or high_x < -half or low_y > half or high_y < -half:
         return np.uint64(0)
@@ -92,7 +92,7 @@ def _blocks(low_x, high_x, low_y, high_y):  # type: ignore[no-untyped-def]
 
 @njit(forceinline=True)
 def _met_by_box(rows, margin, boxes, node):  # type: ignore[no-untyped-def]
-    """Blocks of which a ray may meet the box."""
+    """Blocks whose rays may meet the box."""
     low_x, low_y, low_z = np.float64(boxes[node, 0, 0]), np.float64(boxes[node, 0, 1]), np.float64(boxes[node, 0, 2])
     x, y, z = 0.5 * (boxes[node, 1, 0] - low_x), 0.5 * (boxes[node, 1, 1] - low_y), 0.5 * (boxes[node, 1, 2] - low_z)
     mid_x, mid_y, mid_z = low_x + x, low_y + y, low_z + z
@@ -105,7 +105,7 @@ def _met_by_box(rows, margin, boxes, node):  # type: ignore[no-untyped-def]
 
 @njit(forceinline=True)
 def _corners(row, blocks, block, place):  # type: ignore[no-untyped-def]
-    """Along one axis: of a triangle's first corner, and along its edges there."""
+    """A triangle along one axis: its first corner, and its edges from there."""
     x, y, z = blocks[block, 0, place], blocks[block, 1, place], blocks[block, 2, place]
     a, b, c = blocks[block, 3, place], blocks[block, 4, place], blocks[block, 5, place]
     d, e, f = blocks[block, 6, place], blocks[block, 7, place], blocks[block, 8, place]
@@ -114,7 +114,7 @@ def _corners(row, blocks, block, place):  # type: ignore[no-untyped-def]
 
 @njit(forceinline=True)
 def _met_by_triangle(rows, margin, off, open_blocks, blocks, block, place):  # type: ignore[no-untyped-def]
-    """Blocks of which a ray may meet the triangle, and those all of whose rays do."""
+    """Blocks whose rays may meet the triangle, and blocks whose rays all do."""
     none = np.uint64(0)
     x, x1, x2 = _corners(rows[0], blocks, block, place)
     y, y1, y2 = _corners(rows[1], blocks, block, place)
@@ -131,7 +131,7 @@ def _met_by_triangle(rows, margin, off, open_blocks, blocks, block, place):  # t
         return met, none
     if area < 0.0:
         area, x1, x2, y1, y2, z1, z2 = -area, x2, x1, y2, y1, z2, z1
-    # Barycentrics times the area, and the parameter, in the middle of all; how far they change to the border.
+    # Barycentric weights and parameter, times the area, at the middle; below, how much they change to the border.
     one, other = y * x2 - x * y2, x * y1 - y * x1
     rest, depth = area - one - other, z * area + one * z1 + other * z2
     slope_x, slope_y = y2 * z1 - y1 * z2, x1 * z2 - x2 * z1
@@ -166,11 +166,11 @@ def _met_by_triangle(rows, margin, off, open_blocks, blocks, block, place):  # t
 
 @kernel
 def find_triangles(counter_address, total_address, tree, prisms, found, met_by, kept, starts, counts, covered):  # type: ignore[no-untyped-def]
-    """Which triangles rays of each tile may meet, apart from blocks of them that one triangle is known to cover.
+    """Find the triangles that rays of each tile may meet, except in blocks that one triangle is known to cover.
 
-    total_address: of an int64, 0 at first, to which the triangles of all tiles are added. found: (F,) uint32 and
-    met_by: (F,) uint64, of one thread. kept: (N,) uint32, written from starts[k] on, as far as it has room for all of a
-    tile. starts, counts: (K,) int64, written. covered: (K,) uint64, written: blocks all of whose rays meet a triangle.
+    total_address: of an int64, initially 0, to which all tiles' triangles are added. found: (F,) uint32 and met_by:
+    (F,) uint64, this thread's. kept: (N,) uint32, written from starts[k] on, if all of a tile's fit. starts, counts:
+    (K,) int64, written. covered: (K,) uint64, written: blocks whose rays all meet a triangle.
     """
     stack = np.empty(STACK, np.int64)
     while True:
@@ -219,9 +219,9 @@ def find_triangles(counter_address, total_address, tree, prisms, found, met_by, 
 
 @kernel
 def carry_triangles(counter_address, tree, prisms, kept, starts, counts, vertices, tile_of):  # type: ignore[no-untyped-def]
-    """Copies of what was found, carried onto the one tile.
+    """Map the copies of found triangles onto the one tile.
 
-    vertices: (3 N, 3) float32 and tile_of: (N,) int64, written where a tile's triangles begin.
+    vertices: (3 N, 3) float32 and tile_of: (N,) int64, written from where a tile's triangles start.
     """
     while True:
         tile = fetch_add(counter_address, 1)
