@@ -195,8 +195,8 @@ class FramesTracer(_AlignedImages[Frames]):
 
     meshes: one for all frames, or one per frame, so geometry may move. alignment: `Alignment.of_eyes`,
     `Alignment.of_frames`, or any other. options: see `atra.FramesOptions`; instances need one mesh for all frames.
-    `look` takes another alignment of as many frames, `update` other vertices of the same faces. Raises InputError unless
-    there is one mesh or one per frame, and as `AlignedTracer` does. Source: paper §6, Fig. 8.
+    `look` takes another alignment of as many frames, `update` other vertices of the same faces. Raises InputError
+    unless there is one mesh or one per frame, and as `AlignedTracer` does. Source: paper §6, Fig. 8.
     """
 
     @lists_options(FramesOptions)

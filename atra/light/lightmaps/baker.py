@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
+from contextlib import nullcontext
 from time import perf_counter
 from typing import Unpack
 
@@ -93,7 +94,7 @@ class Baker(Lifetime):
 
     @property
     def texels(self) -> Texels:
-        """The texels to light. Raises InputError before `plan`."""
+        """The texels to light; builds where that was not done."""
         if self._texels is None:
             self.build()
         assert self._texels is not None
@@ -107,8 +108,7 @@ class Baker(Lifetime):
     def update(self, scene: BakeScene) -> None:
         """Take other lights, surfaces or sky, or other vertices of the same faces; the map starts anew.
 
-        The charts stay where they are on the map. Raises InputError for a mesh of other faces, ClosedError after
-        `close`."""
+        The charts stay on the map. Raises InputError for a mesh of other faces, ClosedError after `close`."""
         with self._lock:
             self._check_open()
             moves = scene.mesh is not self.scene.mesh
@@ -132,26 +132,21 @@ class Baker(Lifetime):
 
         tracer: finds what the camera sees, of this mesh; it is told to look there. None: the rasteriser.
         """
-        with self._lock:
-            self._check_open()
-            if camera is None:
-                self.visible = None
-                return
-            with self._in_use():
-                if tracer is not None:
-                    tracer.look(camera)
-                    hits = tracer.trace()
-                else:
-                    with RasterTracer(self.scene.mesh, camera, threads=self.rays_scene.threads) as own:
-                        hits = own.trace()
-                self.visible = visible_texels(self.texels, hits, self.rays_scene)
+        with self._in_use():
+            self.visible = None if camera is None else self._seen_by(camera, tracer)
+
+    def _seen_by(self, camera: View, tracer: Tracer[Hits] | None) -> NDArray[np.bool_]:
+        own = RasterTracer(self.scene.mesh, camera, threads=self.rays_scene.threads) if tracer is None else None
+        with own or nullcontext(tracer) as one:
+            one.look(camera)
+            return visible_texels(self.texels, one.trace(), self.rays_scene)
 
     def add(self, samples: int = 1, stop: Callable[[], bool] | None = None) -> bool:
         """Add this many samples to every texel; returns whether it finished. stop: asked before every batch; finished
         batches stay.
 
-        Raises InputError for a number below 1, ClosedError after `close`, AtraError naming a texel
-        whose light is not finite.
+        Raises InputError for a number below 1, ClosedError after `close`, AtraError naming a texel whose light is not
+        finite.
         """
         check_whole("samples", samples, 1)
         with self._in_use():
