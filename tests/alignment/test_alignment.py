@@ -32,12 +32,6 @@ def test_the_shear_maps_each_ray_of_a_cell_onto_a_reference_ray_and_keeps_its_de
             np.testing.assert_allclose(sheared[:, 1] / depth, reference_y, atol=1e-14)
 
 
-def test_an_unknown_place_of_the_reference_rays_is_refused():
-    camera = atra.Camera(**EYE_AT_ORIGIN, width=4, height=4)
-    with pytest.raises(atra.InputError, match="reference is 'centre', expected one of off_axis, first_cell"):
-        atra.AlignedTracer(cornell_box(), camera, (2, 1), reference="centre")
-
-
 @pytest.mark.parametrize("options", [{}, {"culling": False}, {"culling": False, "geometry": "instanced"}], ids=str)
 def test_the_papers_reference_gives_the_same_image(options):
     mesh, camera = cornell_box(), cornell_camera(64, 48)

@@ -163,19 +163,5 @@ def test_a_mesh_without_area_is_hit_nowhere():
         assert not hits.hit.any()
 
 
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"packet_width": 3}, "packet_width is 3, expected one of 1, 4, 8, 16"),
-        ({"traversal": "jump"}, "traversal is 'jump', expected one of push, pop"),
-        ({"threads": 0}, "threads is 0"),
-        ({"ties": "most"}, "ties is 'most'"),
-    ],
-)
-def test_options_that_cannot_be_are_named(options, message):
-    with pytest.raises(atra.InputError, match=message):
-        atra.BvhTracer(cornell_box(), cornell_camera(8, 8), **options)
-
-
 def test_numbers_of_nodes_are_no_denormal_floats():
     assert np.array([BIAS, BIAS + 1], np.uint32).view(np.float32).min() >= np.finfo(np.float32).tiny

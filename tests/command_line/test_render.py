@@ -1,11 +1,8 @@
 """`atra render`: files of every view, from cameras as people have them, and one line for whatever is wrong."""
 
-from __future__ import annotations
-
 import json
 import sys
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -22,7 +19,7 @@ CALIBRATED = {"K": K, "R": np.diag([1.0, -1.0, -1.0]).tolist(), "t": [0.0, 0.0, 
 
 
 @pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def folder(tmp_path, monkeypatch):
     """The working directory, with `model.glb` and `cameras.json`."""
     monkeypatch.chdir(tmp_path)
     mesh = cornell_box()
@@ -31,19 +28,17 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def write_cameras(cameras: Any) -> None:
+def write_cameras(cameras):
     Path("cameras.json").write_text(json.dumps(cameras), encoding="utf-8")
 
 
-def render(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> int:
+def render(monkeypatch, *arguments):
     given = ["atra", "render", "model.glb", "--camera", "cameras.json", "--out", "out/deep", *arguments]
     monkeypatch.setattr(sys, "argv", given)
     return main()
 
 
-def test_every_view_is_written_as_the_library_traces_it(
-    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_every_view_is_written_as_the_library_traces_it(folder, monkeypatch, capsys):
     assert render(monkeypatch, "--format", "npz", "ply") == 0
     mesh = atra.load_mesh("model.glb")
     looking = atra.Camera(**{name: tuple(one) if isinstance(one, list) else one for name, one in LOOKING.items()})
@@ -63,7 +58,7 @@ def test_every_view_is_written_as_the_library_traces_it(
     assert told.err == f"model.glb: {mesh.triangle_count:,} triangles; 2 views\n"
 
 
-def test_a_transforms_json_and_a_colmap_model_are_read_too(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_transforms_json_and_a_colmap_model_are_read_too(folder, monkeypatch):
     pose = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 4], [0, 0, 0, 1]]
     write_cameras({"camera_angle_x": 0.8, "frames": [{"file_path": "./train/r_0", "transform_matrix": pose}]})
     assert render(monkeypatch, "--size", "24", "16", "--threads", "1") == 0
@@ -76,37 +71,25 @@ def test_a_transforms_json_and_a_colmap_model_are_read_too(folder: Path, monkeyp
     assert all(np.isfinite(image).any() for image in images.values())
 
 
-@pytest.mark.parametrize(
-    ("cameras", "arguments", "message"),
-    [
-        ({}, [], "cameras.json has no camera, expected at least one"),
-        ([], [], "cameras.json holds a list"),
-        ({"a": {"eye": [0, 0, 1]}}, [], "cameras.json, camera 'a': it has neither eye and target nor K, R and t"),
-        ({"a": [1]}, [], "cameras.json, camera 'a': it has neither eye and target nor K, R and t"),
-        (
-            {"a": LOOKING | {"fov": 3}},
-            [],
-            "camera 'a': its field 'fov' is unknown, expected eye, target, width, height",
-        ),
-        ({"a": CALIBRATED | {"up": 3}}, [], "camera 'a': its field 'up' is unknown, expected K, R, t, width, height"),
-        ({"a": LOOKING | {"width": 0}}, [], "camera 'a': width is 0, expected a whole number of pixels of at least 1"),
-        ({"a": LOOKING | {"eye": [0, 0, 0]}}, [], "cameras.json, camera 'a': "),
-        ({"a": CALIBRATED | {"R": np.ones((3, 3)).tolist()}}, [], "cameras.json, camera 'a': R is"),
-        ({"a": {"eye": [0, 0, 1], "target": [0, 0, 0]}}, [], "the size of the image is not told, expected width and"),
-        ({"x/a.jpg": LOOKING, "x/a.png": LOOKING}, [], "'x/a.jpg' and 'x/a.png' would both be written to x_a; rename"),
-        ({"a": LOOKING}, ["--camera", "none.json"], "none.json cannot be read: "),
-        ({"a": LOOKING}, ["--out", "model.glb"], "model.glb cannot be made: "),
-        ({"a": LOOKING}, ["--threads", "0"], "threads is 0, expected a whole number of at least 1"),
-    ],
-)
+@pytest.mark.parametrize(("cameras", "arguments", "message"), [
+    ({}, [], "cameras.json has no camera, expected at least one"),
+    ([], [], "cameras.json holds a list"),
+    ({"a": {"eye": [0, 0, 1]}}, [], "cameras.json, camera 'a': it has neither eye and target nor K, R and t"),
+    ({"a": [1]}, [], "cameras.json, camera 'a': it has neither eye and target nor K, R and t"),
+    ({"a": LOOKING | {"fov": 3}}, [], "camera 'a': its field 'fov' is unknown, expected eye, target, width, height"),
+    ({"a": CALIBRATED | {"up": 3}}, [], "camera 'a': its field 'up' is unknown, expected K, R, t, width, height"),
+    ({"a": LOOKING | {"width": 0}}, [], "camera 'a': width is 0, expected a whole number of pixels of at least 1"),
+    ({"a": LOOKING | {"eye": [0, 0, 0]}}, [], "cameras.json, camera 'a': "),
+    ({"a": CALIBRATED | {"R": np.ones((3, 3)).tolist()}}, [], "cameras.json, camera 'a': R is"),
+    ({"a": {"eye": [0, 0, 1], "target": [0, 0, 0]}}, [], "the size of the image is not told, expected width and"),
+    ({"x/a.jpg": LOOKING, "x/a.png": LOOKING}, [], "'x/a.jpg' and 'x/a.png' would both be written to x_a; rename"),
+    ({"a": LOOKING}, ["--camera", "none.json"], "none.json cannot be read: "),
+    ({"a": LOOKING}, ["--out", "model.glb"], "model.glb cannot be made: "),
+    ({"a": LOOKING}, ["--threads", "0"], "threads is 0, expected a whole number of at least 1"),
+])  # fmt: skip
 def test_what_cannot_be_used_is_one_line_before_anything_is_traced(
-    cameras: Any,
-    arguments: list[str],
-    message: str,
-    folder: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+    cameras, arguments, message, folder, monkeypatch, capsys
+):
     write_cameras(cameras)
     assert render(monkeypatch, *arguments) != 0
     told = capsys.readouterr()
@@ -116,9 +99,7 @@ def test_what_cannot_be_used_is_one_line_before_anything_is_traced(
     assert not list(folder.glob("out/deep/*"))
 
 
-def test_a_view_that_cannot_be_traced_is_named_and_does_not_cost_the_others(
-    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_view_that_cannot_be_traced_is_named_and_does_not_cost_the_others(folder, monkeypatch, capsys):
     write_cameras({"a": LOOKING, "far": LOOKING | {"eye": [1e30, 0.0, 0.0]}, "b": LOOKING})
     assert render(monkeypatch) == 1
     told = capsys.readouterr()
@@ -129,7 +110,7 @@ def test_a_view_that_cannot_be_traced_is_named_and_does_not_cost_the_others(
     assert last == "atra: 2 of 3 views are written"
 
 
-def broken_files(folder: Path) -> dict[str, Path]:
+def broken_files(folder):
     """Twenty views each, of which 07 is broken."""
     pose = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 4], [0, 0, 0, 1]]
     names = [f"{number:02}" for number in range(20)]
@@ -145,17 +126,14 @@ def broken_files(folder: Path) -> dict[str, Path]:
     return {"cameras": folder / "cameras.json", "frames": folder / "transforms.json", "colmap": folder / "model"}
 
 
-@pytest.mark.parametrize(
-    ("kind", "message"),
-    [
-        ("cameras", "camera '07': K is singular, expected focal lengths above 0"),
-        ("frames", "frame 7 ('07'): the left part of camera_to_world is no rotation"),
-        ("colmap", "image 7 ('07'): its camera is 2, which is not in cameras.txt"),
-    ],
-)
+@pytest.mark.parametrize(("kind", "message"), [
+    ("cameras", "camera '07': K is singular, expected focal lengths above 0"),
+    ("frames", "frame 7 ('07'): the left part of camera_to_world is no rotation"),
+    ("colmap", "image 7 ('07'): its camera is 2, which is not in cameras.txt"),
+])  # fmt: skip
 def test_a_broken_view_of_twenty_in_a_file_of_cameras_is_named_at_the_end_and_does_not_cost_the_others(
-    kind: str, message: str, folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+    kind, message, folder, monkeypatch, capsys
+):
     path = broken_files(folder)[kind]
     assert render(monkeypatch, "--camera", path.name) == 1
     told = capsys.readouterr()
@@ -168,9 +146,7 @@ def test_a_broken_view_of_twenty_in_a_file_of_cameras_is_named_at_the_end_and_do
     assert last == "atra: 19 of 20 views are written"
 
 
-def test_a_view_that_sees_nothing_has_no_points_and_does_not_cost_the_others(
-    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_view_that_sees_nothing_has_no_points_and_does_not_cost_the_others(folder, monkeypatch, capsys):
     away = {"away": LOOKING | {"target": [0.0, 0.0, 9.0]}, "far": LOOKING | {"eye": [1e30, 0.0, 0.0]}}
     write_cameras({"a": LOOKING, **away, **{f"view {number}": CALIBRATED for number in range(18)}})
     assert render(monkeypatch, "--format", "ply") == 1
@@ -182,16 +158,14 @@ def test_a_view_that_sees_nothing_has_no_points_and_does_not_cost_the_others(
     assert "19 of 21 views are written" in told.err
 
 
-def test_a_package_that_a_format_needs_is_missed_before_anything_is_traced(
-    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_package_that_a_format_needs_is_missed_before_anything_is_traced(folder, monkeypatch, capsys):
     monkeypatch.setitem(sys.modules, "PIL", None)
     assert render(monkeypatch, "--format", "npz", "png") == 2
     assert ".png files need the package PIL, which is not installed: pip install pillow" in capsys.readouterr().err
     assert not (folder / "out").exists()
 
 
-def test_names_of_views_never_lead_out_of_the_folder() -> None:
+def test_names_of_views_never_lead_out_of_the_folder():
     names = ["../../etc/passwd", "a/b.c.jpg", "C:\\x.png", "...", "", "r_0"]
     with pytest.raises(atra.InputError, match="both be written to view"):
         file_stems(names)

@@ -1,7 +1,5 @@
 """What Numba keeps on disk is run again only while nothing that it was made of has changed; it need not keep any."""
 
-from __future__ import annotations
-
 import errno
 import importlib.machinery
 import importlib.util
@@ -9,9 +7,7 @@ import inspect
 import os
 import subprocess
 import sys
-from collections.abc import Callable
 from pathlib import Path
-from types import ModuleType
 
 import numba
 import pytest
@@ -65,20 +61,20 @@ KERNELS = {
 
 
 @pytest.fixture(autouse=True)
-def beside_the_source(monkeypatch: pytest.MonkeyPatch) -> None:
+def beside_the_source(monkeypatch):
     """Code is kept beside its source, whatever folder this run of the tests keeps its own in."""
     monkeypatch.setattr(numba.core.config, "CACHE_DIR", "")
     monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
 
 
 @pytest.mark.parametrize("name", KERNELS)
-def test_a_kernel_is_kept_under_the_stamp_of_its_sources(name: str) -> None:
+def test_a_kernel_is_kept_under_the_stamp_of_its_sources(name):
     path = Path(inspect.getfile(KERNELS[name].py_func))
     assert store.source_stamp(path) == KERNELS[name]._cache._cache_file._source_stamp
     assert len(KERNELS) > 15
 
 
-def test_kernels_make_pointers_by_the_one_function_that_says_null_is_valid() -> None:
+def test_kernels_make_pointers_by_the_one_function_that_says_null_is_valid():
     machine = Path(str(intrinsics.__file__))
     library = Path(str(atra.__file__)).parent
     assert [path for path in library.rglob("*.py") if "inttoptr" in path.read_text(encoding="utf-8")] == [machine]
@@ -86,12 +82,12 @@ def test_kernels_make_pointers_by_the_one_function_that_says_null_is_valid() -> 
 
 
 @pytest.mark.parametrize("name", KERNELS)
-def test_a_kernel_closes_over_constants_alone_for_compiled_code_has_another_name_in_every_process(name: str) -> None:
+def test_a_kernel_closes_over_constants_alone_for_compiled_code_has_another_name_in_every_process(name):
     closed = [cell.cell_contents for cell in KERNELS[name].py_func.__closure__ or ()]
     assert all(isinstance(value, bool | int | float | str) for value in closed)
 
 
-def test_a_function_that_kernels_call_is_compiled_without_wrappers_and_python_can_call_it_before_and_after() -> None:
+def test_a_function_that_kernels_call_is_compiled_without_wrappers_and_python_can_call_it_before_and_after():
     called = store.njit(lambda number: number + 1)
     calls = numba.njit(lambda number: 2 * called(number))
     assert (called(3), calls(3), called(3), called(3.5)) == (4, 8, 4, 4.5)
@@ -101,8 +97,8 @@ def test_a_function_that_kernels_call_is_compiled_without_wrappers_and_python_ca
     assert names.isdisjoint({compiled.fndesc.llvm_cpython_wrapper_name, compiled.fndesc.llvm_cfunc_wrapper_name})
 
 
-def test_the_sources_of_a_kernel_are_all_files_that_its_own_imports_and_no_other() -> None:
-    def file(module: ModuleType) -> Path:
+def test_the_sources_of_a_kernel_are_all_files_that_its_own_imports_and_no_other():
+    def file(module):
         return Path(str(module.__file__))
 
     found = store.sources(file(drawing))
@@ -114,11 +110,11 @@ def test_the_sources_of_a_kernel_are_all_files_that_its_own_imports_and_no_other
 class SourceAlone(importlib.machinery.SourceFileLoader):
     """Keeps no bytecode: Python would take it for that of another text, as long, written within the same second."""
 
-    def set_data(self, *_: object, **__: object) -> None:
+    def set_data(self, *_, **__):
         pass
 
 
-def imported(path: Path) -> ModuleType:
+def imported(path):
     """The file as a new module, as another process would import it."""
     loader = SourceAlone(path.stem, str(path))
     spec = importlib.util.spec_from_loader(path.stem, loader)
@@ -129,9 +125,7 @@ def imported(path: Path) -> ModuleType:
     return module
 
 
-def test_kept_code_is_run_again_until_another_file_that_it_is_made_of_changes(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_kept_code_is_run_again_until_another_file_that_it_is_made_of_changes(tmp_path, monkeypatch):
     path = tmp_path / "made_of_two_files.py"
     stamps = iter((1, 1, 2))
     monkeypatch.setattr(store, "source_stamp", lambda path: next(stamps))
@@ -146,7 +140,7 @@ def test_kept_code_is_run_again_until_another_file_that_it_is_made_of_changes(
         "    return helper()\n"
     )
 
-    def answer(constant: int) -> int:
+    def answer(constant):
         module = imported(path)
         module.make(constant)
         return int(module.answer())
@@ -178,7 +172,7 @@ def read_from_disk():
 
 
 @pytest.fixture
-def two_kinds(tmp_path: Path) -> Path:
+def two_kinds(tmp_path):
     """A module of a kernel and a callback."""
     store._warn.cache_clear()
     path = tmp_path / "two_kinds.py"
@@ -186,7 +180,7 @@ def two_kinds(tmp_path: Path) -> Path:
     return path
 
 
-def test_kept_code_is_run_again_when_its_file_is_written_anew_and_not_when_its_text_changes(two_kinds: Path) -> None:
+def test_kept_code_is_run_again_when_its_file_is_written_anew_and_not_when_its_text_changes(two_kinds):
     assert imported(two_kinds).answers() == (21, 42)
     os.utime(two_kinds, (1e9, 1e9))
     again = imported(two_kinds)
@@ -197,20 +191,18 @@ def test_kept_code_is_run_again_when_its_file_is_written_anew_and_not_when_its_t
     assert imported(two_kinds).answers() == (14, 42)
 
 
-def truncated(whole: bytes) -> bytes:
+def truncated(whole):
     return whole[: len(whole) // 2]
 
 
-def with_another_bit(whole: bytes) -> bytes:
+def with_another_bit(whole):
     middle = len(whole) // 2
     return whole[:middle] + bytes([whole[middle] ^ 1]) + whole[middle + 1 :]
 
 
 @pytest.mark.parametrize("damaged", [truncated, with_another_bit, lambda _: b"", lambda _: b"\xff" * 99])
 @pytest.mark.parametrize("suffix", [".nbi", ".nbc"])
-def test_damaged_files_are_compiled_anew_and_replaced(
-    suffix: str, damaged: Callable[[bytes], bytes], two_kinds: Path
-) -> None:
+def test_damaged_files_are_compiled_anew_and_replaced(suffix, damaged, two_kinds):
     assert imported(two_kinds).answers() == (21, 42)
     kept = [path for path in two_kinds.parent.rglob("*") if path.suffix == suffix]
     assert len(kept) == 2
@@ -238,7 +230,7 @@ def answers():
 """
 
 
-def test_two_processes_that_keep_code_under_one_name_do_not_get_each_others(tmp_path: Path) -> None:
+def test_two_processes_that_keep_code_under_one_name_do_not_get_each_others(tmp_path):
     """What such a race leaves: files in each other's place, or one of an older source."""
     path = tmp_path / "two_variants.py"
     path.write_text(TWO_VARIANTS + "\nFACTOR = 1")
@@ -255,10 +247,8 @@ def test_two_processes_that_keep_code_under_one_name_do_not_get_each_others(tmp_
 
 
 @pytest.mark.parametrize("reason", ["no folder", "No space left on device"])
-def test_what_cannot_be_kept_is_told_once_and_compiled_anew(
-    reason: str, two_kinds: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def full(*_: object) -> None:
+def test_what_cannot_be_kept_is_told_once_and_compiled_anew(reason, two_kinds, monkeypatch):
+    def full(*_):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     with monkeypatch.context() as hindered:
@@ -312,7 +302,7 @@ print(sum(farthest_of_each.stats.cache_hits.values()), (found == expected).all()
 """
 
 
-def test_code_that_is_kept_finds_what_it_found_when_it_was_compiled(tmp_path: Path) -> None:
+def test_code_that_is_kept_finds_what_it_found_when_it_was_compiled(tmp_path):
     """A function called by a kernel is optimised once more there, and a part of an address is then no null pointer."""
     (tmp_path / "of_parts.py").write_text(OF_PARTS)
     run = f"import sys; sys.path[:0] = {[str(tmp_path), str(Path(store.__file__).parents[2])]}; import of_parts"
@@ -325,7 +315,7 @@ def test_code_that_is_kept_finds_what_it_found_when_it_was_compiled(tmp_path: Pa
     assert all(len(found.split(",")) > 3 for *_, found in told)
 
 
-def test_a_process_that_compiles_a_kernel_calls_the_code_that_it_keeps(tmp_path: Path) -> None:
+def test_a_process_that_compiles_a_kernel_calls_the_code_that_it_keeps(tmp_path):
     """Of functions with one name the first is called; copies in a kernel share none with what they are copies of."""
     path = tmp_path / "of_parts_here.py"
     path.write_text(OF_PARTS)

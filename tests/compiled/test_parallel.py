@@ -1,7 +1,5 @@
 """Worker threads: how many run, and on which cores."""
 
-from __future__ import annotations
-
 import os
 import sys
 import threading
@@ -14,12 +12,12 @@ from atra.compiled.threads import WorkerPool
 on_linux = pytest.mark.skipif(sys.platform != "linux", reason="only there threads are given cores")
 
 
-def threads_of(pool: WorkerPool, most_threads: int = 99) -> dict[int, int]:
+def threads_of(pool, most_threads=99):
     """The native id of each worker of a run in which all are at work together."""
     expected = min(pool.threads, most_threads)
     together, ids = threading.Barrier(expected), dict[int, int]()
 
-    def kernel(worker: int, counter: int) -> None:
+    def kernel(worker, counter):
         together.wait(timeout=30)
         ids[worker] = threading.get_native_id()
 
@@ -28,7 +26,7 @@ def threads_of(pool: WorkerPool, most_threads: int = 99) -> dict[int, int]:
 
 
 @pytest.mark.parametrize("most_threads", [1, 2, 3, 99])
-def test_a_run_takes_all_threads_but_at_most_so_many_the_caller_among_them(most_threads: int) -> None:
+def test_a_run_takes_all_threads_but_at_most_so_many_the_caller_among_them(most_threads):
     pool = WorkerPool(3)
     ids = threads_of(pool, most_threads)
     pool.close()
@@ -38,8 +36,8 @@ def test_a_run_takes_all_threads_but_at_most_so_many_the_caller_among_them(most_
 
 
 @on_linux
-def test_other_threads_are_kept_off_the_core_of_the_caller_wherever_it_runs(monkeypatch: pytest.MonkeyPatch) -> None:
-    given: dict[int, set[int]] = {}
+def test_other_threads_are_kept_off_the_core_of_the_caller_wherever_it_runs(monkeypatch):
+    given = {}
     monkeypatch.setattr(os, "sched_getaffinity", lambda _: {2, 5, 7})
     monkeypatch.setattr(os, "sched_setaffinity", given.__setitem__)
     pool = WorkerPool(3)
@@ -53,10 +51,8 @@ def test_other_threads_are_kept_off_the_core_of_the_caller_wherever_it_runs(monk
 
 @on_linux
 @pytest.mark.parametrize("cores", [{3}, {3, 4}], ids=["one", "fewer than threads"])
-def test_threads_that_are_more_than_cores_may_run_on_all_of_them(
-    cores: set[int], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    given: dict[int, set[int]] = {}
+def test_threads_that_are_more_than_cores_may_run_on_all_of_them(cores, monkeypatch):
+    given = {}
     monkeypatch.setattr(os, "sched_getaffinity", lambda _: cores)
     monkeypatch.setattr(os, "sched_setaffinity", given.__setitem__)
     monkeypatch.setattr(atra.compiled.threads, "core_of_caller", lambda: 3)
@@ -68,8 +64,8 @@ def test_threads_that_are_more_than_cores_may_run_on_all_of_them(
 
 
 @on_linux
-def test_where_cores_may_not_be_chosen_threads_run_all_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
-    def refuse(*_: object) -> None:
+def test_where_cores_may_not_be_chosen_threads_run_all_the_same(monkeypatch):
+    def refuse(*_):
         raise PermissionError(1, "Operation not permitted")
 
     monkeypatch.setattr(os, "sched_setaffinity", refuse)

@@ -1,7 +1,5 @@
 """Vectors read from memory in other orders than they lie there, against NumPy."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from numba import njit
@@ -33,7 +31,7 @@ def _store_parts(numbers, out):
 
 
 @pytest.mark.parametrize("numbers", [[5, 0, 3, 3, 99, 1, 98, 7], [42] * 8, [42] * 7 + [41]])
-def test_rows_become_columns_whether_all_read_one_row_or_not(numbers: list[int]) -> None:
+def test_rows_become_columns_whether_all_read_one_row_or_not(numbers):
     table, out = np.random.default_rng(1).random((100, 8)), np.zeros((8, 8))
     _store_columns(table, np.array(numbers, np.uint32), out)
     rows = table[numbers]
@@ -42,7 +40,7 @@ def test_rows_become_columns_whether_all_read_one_row_or_not(numbers: list[int])
     np.testing.assert_array_equal(out[7].view(np.float32).view(np.uint32), of_last.T.ravel().view(np.uint32))
 
 
-def test_both_halves_of_numbers_are_read() -> None:
+def test_both_halves_of_numbers_are_read():
     numbers, out = np.random.default_rng(2).integers(0, 1 << 32, 8, np.uint32), np.zeros((2, 8))
     _store_parts(numbers, out)
     np.testing.assert_array_equal(out, [numbers & 0xFFFF, numbers >> 16])

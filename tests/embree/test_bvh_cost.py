@@ -1,7 +1,5 @@
 """The surface area cost of a BVH against boxes small enough to do by hand."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -12,14 +10,14 @@ from tests.meshes import random_triangles
 TRIANGLE = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0)], np.float32)
 
 
-def row_of(count: int, distance: float) -> tuple[np.ndarray, np.ndarray]:
+def row_of(count, distance):
     """Triangles side by side."""
     places = np.zeros((count, 1, 3), np.float32)
     places[:, 0, 0] = distance * np.arange(count)
     return (TRIANGLE + places).reshape(-1, 3), np.arange(3 * count, dtype=np.uint32).reshape(-1, 3)
 
 
-def test_a_leaf_of_all_is_entered_by_every_ray_and_apart_from_each_other_by_few() -> None:
+def test_a_leaf_of_all_is_entered_by_every_ray_and_apart_from_each_other_by_few():
     assert bvh_cost(*row_of(0, 3.0)) == BvhCost(0.0, 0.0)
     assert bvh_cost(*row_of(1, 3.0)) == BvhCost(0.0, 1.0)
     # Eight boxes of half area 1 as children of one of half area 22.
@@ -28,7 +26,7 @@ def test_a_leaf_of_all_is_entered_by_every_ray_and_apart_from_each_other_by_few(
 
 
 @pytest.mark.parametrize("build_quality", ["low", "medium", "high"])
-def test_copies_in_one_place_are_entered_by_every_ray_that_enters_one(build_quality: str) -> None:
+def test_copies_in_one_place_are_entered_by_every_ray_that_enters_one(build_quality):
     vertices, faces = row_of(64, 3.0)
     once = bvh_cost(vertices, faces, build_quality)
     eight_times = bvh_cost(vertices, np.concatenate([faces] * 8), build_quality)
@@ -36,7 +34,7 @@ def test_copies_in_one_place_are_entered_by_every_ray_that_enters_one(build_qual
     assert eight_times.boxes_entered > 2 * once.boxes_entered
 
 
-def test_a_tracer_tells_the_cost_of_what_it_gave_to_embree_and_none_of_instances() -> None:
+def test_a_tracer_tells_the_cost_of_what_it_gave_to_embree_and_none_of_instances():
     mesh, camera = random_triangles(200, seed=1), Camera((0, 0, 4), (0, 0, 0), width=32, height=32)
     with PixelTracer(mesh, camera) as single, AlignedTracer(mesh, camera, (4, 1), culling=False) as copied:
         plain, copies = single.bvh_cost(), copied.bvh_cost()

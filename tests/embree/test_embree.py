@@ -98,12 +98,6 @@ def test_without_a_wheel_installing_leaves_embreex_out_and_the_first_run_says_wh
         assert "pip" not in str(raised.value)
 
 
-def test_packets_context_and_arguments_are_laid_out_as_the_c_structs():
-    assert [layout.packet_words(width) * 4 for width in (1, 4, 8, 16)] == [96, 336, 672, 1344]
-    assert layout.RayQueryContext.depth_address.offset == 8
-    assert layout.ARGUMENTS_BYTES == 32
-
-
 @pytest.mark.parametrize("width", [1, 4, 8, 16])
 def test_query_memory_is_aligned_for_the_widest_packet(width):
     own = Workspace(width, coherent=True)

@@ -1,8 +1,6 @@
 """What hits say of the place of a hit, held against Möller–Trumbore in NumPy, and against fractions where float64 has
 no digit to spare."""
 
-from __future__ import annotations
-
 import sys
 from fractions import Fraction
 
@@ -13,7 +11,7 @@ from PIL import Image
 
 import atra
 from atra.errors import InputError
-from atra.exact.intersection import Intersections, Pairs, intersect_pixels
+from atra.exact.intersection import Pairs, intersect_pixels
 from tests.images import make_tracer, trace
 from tests.meshes import EYE_AT_ORIGIN, cornell_box, cornell_camera, random_triangles
 
@@ -22,14 +20,12 @@ PARALLEL = atra.OrthographicCamera((0.3, 0.1, 4.0), (0.0, 0.2, 0.0), (0.2, 1.0, 
 HALF_A_UNIT = 2.0**-24
 
 
-def hits_of(
-    mesh: atra.Mesh, camera: atra.Camera, prim_id: object, offset: tuple[float, float] = (0.5, 0.5), **more: int
-):
+def hits_of(mesh, camera, prim_id, offset=(0.5, 0.5), **more):
     prim_id = np.broadcast_to(np.asarray(prim_id, np.uint32), (camera.height, camera.width))
     return atra.Hits(np.ones(prim_id.shape, np.float32), prim_id, offset, mesh, camera, **more)
 
 
-def old_way(hits: atra.Hits) -> tuple[np.ndarray, np.ndarray, Intersections]:
+def old_way(hits):
     y, x = np.nonzero(hits.hit)
     return y, x, intersect_pixels(hits.mesh, hits.camera, x, y, hits.prim_id[y, x], hits.offset)
 
@@ -37,7 +33,7 @@ def old_way(hits: atra.Hits) -> tuple[np.ndarray, np.ndarray, Intersections]:
 @pytest.mark.parametrize("camera", [PINHOLE, PARALLEL])
 @pytest.mark.parametrize("offset", [(0.5, 0.5), (0.0, 0.9)])
 @pytest.mark.parametrize("run", [1, 5, 200])
-def test_weights_and_points_are_those_of_moeller_and_trumbore(camera, offset, run) -> None:
+def test_weights_and_points_are_those_of_moeller_and_trumbore(camera, offset, run):
     mesh, random = random_triangles(50, seed=run), np.random.default_rng(run)
     # Any triangle at any pixel, in runs of any length, hit or not: the planes know no edges.
     prim_id = np.repeat(random.integers(0, 60, 67 * 45), run)[: 67 * 45].reshape(45, 67).astype(np.uint32)
@@ -57,7 +53,7 @@ def test_weights_and_points_are_those_of_moeller_and_trumbore(camera, offset, ru
 
 
 @pytest.mark.parametrize("parallel", [False, True])
-def test_weights_of_needles_are_as_exact_as_float64_allows(parallel) -> None:
+def test_weights_of_needles_are_as_exact_as_float64_allows(parallel):
     """Long thin triangles all but edge-on, and far from the eye, against fractions: axes and eye are exact here."""
     view = {**EYE_AT_ORIGIN, "width": 24, "height": 16}
     camera = atra.OrthographicCamera(**view, view_height=2.0) if parallel else atra.Camera(**view, fov_y_degrees=60.0)
@@ -103,7 +99,7 @@ def cross(a, b):
     return [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 
 
-def test_a_triangle_whose_plane_holds_the_eye_or_lies_behind_it_has_a_normal_and_no_weights() -> None:
+def test_a_triangle_whose_plane_holds_the_eye_or_lies_behind_it_has_a_normal_and_no_weights():
     camera = atra.Camera(**EYE_AT_ORIGIN, width=20, height=10)
     edge_on = [(0, 0.1, 1), (0, -0.1, 1), (0, 0.1, 9)]  # its plane holds the eye, and every ray meets it there or never
     behind = [(-1, -1, -2), (1, -1, -2), (0, 1, -2)]
@@ -118,7 +114,7 @@ def test_a_triangle_whose_plane_holds_the_eye_or_lies_behind_it_has_a_normal_and
     assert np.isnan(hits.normals[hits.prim_id == 2]).all()
 
 
-def test_what_is_edge_on_but_for_rounding_has_no_weights() -> None:
+def test_what_is_edge_on_but_for_rounding_has_no_weights():
     forward = np.array((54.0, 41.0, 33.0))
     camera = atra.OrthographicCamera((0, 0, 0), tuple(forward), view_height=4.0, width=21, height=9)
     corners = (0.125, 0.25, 0.5) + np.array([2 * forward, 7 * forward, 3 * forward - (5.75, 4.875, 11.375)])
@@ -135,7 +131,7 @@ LIGHT = atra.OrthographicCamera.of_light((0.1, -0.2, -1), cornell_box().bounds, 
 
 
 @pytest.mark.parametrize("camera", [cornell_camera(61, 40), LIGHT])
-def test_points_lie_at_the_depth_and_in_the_pixel_that_were_traced(camera) -> None:
+def test_points_lie_at_the_depth_and_in_the_pixel_that_were_traced(camera):
     offset = (0.125, 0.75)
     hits = trace("pixels", cornell_box(), camera, offset=offset)
     assert hits.hit.mean() > 0.2
@@ -145,7 +141,7 @@ def test_points_lie_at_the_depth_and_in_the_pixel_that_were_traced(camera) -> No
     np.testing.assert_allclose(np.stack([a, b]) / c, [x + offset[0], y + offset[1]], atol=1e-3)
 
 
-def test_normals_are_of_length_1_and_follow_the_order_of_the_corners() -> None:
+def test_normals_are_of_length_1_and_follow_the_order_of_the_corners():
     mesh = cornell_box()
     hits = trace("aligned", mesh, cornell_camera(64, 64), (8, 1))
     corners = mesh.triangles(hits.prim_id[hits.hit])
@@ -159,7 +155,7 @@ def test_normals_are_of_length_1_and_follow_the_order_of_the_corners() -> None:
     np.testing.assert_array_equal(turned.normals, -hits.normals)
 
 
-def test_any_number_of_threads_and_any_layout_of_the_image_gives_the_same_bits() -> None:
+def test_any_number_of_threads_and_any_layout_of_the_image_gives_the_same_bits():
     hits = trace("aligned", cornell_box(), cornell_camera(54, 70), (18, 1), packet_width=8)
     assert not hits.prim_id.flags.c_contiguous  # packets reach past the right border
     other = atra.Hits(hits.depth.copy(), hits.prim_id.astype(np.int64), hits.offset, hits.mesh, hits.camera, threads=3)
@@ -169,7 +165,7 @@ def test_any_number_of_threads_and_any_layout_of_the_image_gives_the_same_bits()
         assert own.tobytes() == getattr(other, name).tobytes()
 
 
-def test_frames_hand_their_threads_and_their_own_mesh_to_each_image() -> None:
+def test_frames_hand_their_threads_and_their_own_mesh_to_each_image():
     mesh, camera = cornell_box(), cornell_camera(32, 32)
     moved = atra.Mesh(mesh.vertices * 1.5, mesh.faces)
     alignment = atra.Alignment.of_frames([camera, camera], atra.Split.of_image((4, 1), camera))
@@ -185,19 +181,19 @@ def test_frames_hand_their_threads_and_their_own_mesh_to_each_image() -> None:
 
 
 @pytest.mark.parametrize("name", ["u", "v", "points", "normals"])
-def test_a_triangle_that_the_mesh_does_not_have_is_named(name) -> None:
+def test_a_triangle_that_the_mesh_does_not_have_is_named(name):
     mesh, camera = cornell_box(), cornell_camera(16, 16)
     with pytest.raises(InputError, match="prim_id 1112 is not in"):
         getattr(hits_of(mesh, camera, np.arange(256).reshape(16, 16) + 857), name)
 
 
 @pytest.fixture(scope="module")
-def seen() -> atra.Hits:
+def seen():
     """With misses, and a part of the box seen from afar."""
     return trace("pixels", cornell_box(), atra.Camera((0, 1, 9), (0, 1, 0), width=40, height=30), threads=1)
 
 
-def test_an_image_is_saved_as_arrays(seen, tmp_path) -> None:
+def test_an_image_is_saved_as_arrays(seen, tmp_path):
     seen.save(tmp_path / "view.npz")
     with np.load(tmp_path / "view.npz") as stored:
         assert set(stored) == {"depth", "prim_id", "u", "v", "points", "normals"}
@@ -205,7 +201,7 @@ def test_an_image_is_saved_as_arrays(seen, tmp_path) -> None:
             np.testing.assert_array_equal(array, getattr(seen, name))
 
 
-def test_an_image_is_saved_as_channels_of_an_exr(seen, tmp_path) -> None:
+def test_an_image_is_saved_as_channels_of_an_exr(seen, tmp_path):
     OpenEXR = pytest.importorskip("OpenEXR")
     seen.save(tmp_path / "view.exr")
     with OpenEXR.File(str(tmp_path / "view.exr"), separate_channels=True) as file:
@@ -218,7 +214,7 @@ def test_an_image_is_saved_as_channels_of_an_exr(seen, tmp_path) -> None:
         np.testing.assert_array_equal(channels[name], array)
 
 
-def test_a_picture_is_white_where_it_is_nearest_and_black_where_nothing_is(seen, tmp_path) -> None:
+def test_a_picture_is_white_where_it_is_nearest_and_black_where_nothing_is(seen, tmp_path):
     seen.save(tmp_path / "view.PNG")
     with Image.open(tmp_path / "view.PNG") as image:
         grey = np.asarray(image)
@@ -228,7 +224,7 @@ def test_a_picture_is_white_where_it_is_nearest_and_black_where_nothing_is(seen,
     assert set(grey[seen.depth == seen.depth[seen.hit].max()]) == {40}
 
 
-def test_a_point_cloud_has_the_hits_and_their_normals(seen, tmp_path) -> None:
+def test_a_point_cloud_has_the_hits_and_their_normals(seen, tmp_path):
     seen.save(tmp_path / "view.ply")
     cloud = trimesh.load(tmp_path / "view.ply")
     np.testing.assert_array_equal(cloud.vertices, seen.points[seen.hit])
@@ -238,7 +234,7 @@ def test_a_point_cloud_has_the_hits_and_their_normals(seen, tmp_path) -> None:
     np.testing.assert_array_equal(stored[:, 3:], seen.normals[seen.hit])
 
 
-def test_an_image_without_a_hit_is_saved_too_but_not_as_points(tmp_path) -> None:
+def test_an_image_without_a_hit_is_saved_too_but_not_as_points(tmp_path):
     nothing = hits_of(cornell_box(), cornell_camera(8, 8), atra.MISS)
     nothing.depth[:] = np.inf
     for suffix in ("npz", "exr", "png"):
@@ -249,24 +245,24 @@ def test_an_image_without_a_hit_is_saved_too_but_not_as_points(tmp_path) -> None
 
 
 @pytest.mark.parametrize("name", ["view.tif", "view", "npz"])
-def test_another_suffix_is_refused_by_its_name_and_nothing_is_written(seen, tmp_path, name) -> None:
+def test_another_suffix_is_refused_by_its_name_and_nothing_is_written(seen, tmp_path, name):
     with pytest.raises(InputError, match=r"has the suffix '(\.tif)?', expected one of \.npz, \.exr, \.png, \.ply"):
         seen.save(tmp_path / name)
     assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize(("suffix", "module"), [("exr", "OpenEXR"), ("png", "PIL")])
-def test_a_missing_package_is_named_with_what_installs_it(seen, tmp_path, monkeypatch, suffix, module) -> None:
+def test_a_missing_package_is_named_with_what_installs_it(seen, tmp_path, monkeypatch, suffix, module):
     monkeypatch.setitem(sys.modules, module, None)
     with pytest.raises(InputError, match="not installed: pip install"):
         seen.save(tmp_path / f"view.{suffix}")
 
 
-def test_what_was_there_before_stays_when_an_image_cannot_be_written(seen, tmp_path, monkeypatch) -> None:
+def test_what_was_there_before_stays_when_an_image_cannot_be_written(seen, tmp_path, monkeypatch):
     path = tmp_path / "view.npz"
     path.write_bytes(b"before")
 
-    def full(*_: object) -> None:
+    def full(*_):
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr("os.fsync", full)
@@ -276,7 +272,7 @@ def test_what_was_there_before_stays_when_an_image_cannot_be_written(seen, tmp_p
     assert list(tmp_path.iterdir()) == [path]
 
 
-def test_visible_triangles_are_those_that_pixels_show_and_how_many(seen) -> None:
+def test_visible_triangles_are_those_that_pixels_show_and_how_many(seen):
     found = seen.visible_triangles()
     prim_id, pixels = np.unique(seen.prim_id[seen.hit], return_counts=True)
     assert len(prim_id) >= 10
@@ -285,7 +281,7 @@ def test_visible_triangles_are_those_that_pixels_show_and_how_many(seen) -> None
     assert found.prim_id.dtype == np.uint32
 
 
-def test_hits_and_meshes_and_plans_print_one_line(seen) -> None:
+def test_hits_and_meshes_and_plans_print_one_line(seen):
     assert repr(seen).startswith("Hits(40 x 30 pixels of 'cornell_box', ")
     assert "% hit, depth " in repr(seen)
     assert repr(seen.mesh) == f"Mesh('cornell_box', 1,112 triangles, {len(seen.mesh.vertices)} vertices)"

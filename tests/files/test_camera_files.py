@@ -93,19 +93,16 @@ NOWHERE = (0.0, 0.0, 0.0)
 
 
 @pytest.mark.parametrize("write", WRITERS.values(), ids=WRITERS)
-@pytest.mark.parametrize(
-    ("sensor", "message"),
-    [
-        (
-            ("OPENCV", 64, 48, (70.0, 70.0, 32.0, 24.0, 0.1, 0.0, 0.0, 0.0)),
-            "its model is OPENCV, but rays are straight here: images must be undistorted first, by "
-            "`colmap image_undistorter`",
-        ),
-        (("PINHOLE", 64, 48, (0.0, 65.0, 31.0, 25.0)), r"the focal length fx is 0\.0"),
-        (("PINHOLE", 64, 48, (60.0, 65.0, np.nan, 25.0)), "cx is nan, expected a finite number"),
-        (("PINHOLE", 0, 48, SENSORS[1][3]), "its width is 0, expected a whole number"),
-    ],
-)
+@pytest.mark.parametrize(("sensor", "message"), [
+    (
+        ("OPENCV", 64, 48, (70.0, 70.0, 32.0, 24.0, 0.1, 0.0, 0.0, 0.0)),
+        "its model is OPENCV, but rays are straight here: images must be undistorted first, by "
+        "`colmap image_undistorter`",
+    ),
+    (("PINHOLE", 64, 48, (0.0, 65.0, 31.0, 25.0)), r"the focal length fx is 0\.0"),
+    (("PINHOLE", 64, 48, (60.0, 65.0, np.nan, 25.0)), "cx is nan, expected a finite number"),
+    (("PINHOLE", 0, 48, SENSORS[1][3]), "its width is 0, expected a whole number"),
+])  # fmt: skip
 def test_a_broken_or_distorted_camera_of_a_colmap_model_is_named(write, sensor, message, tmp_path):
     write(tmp_path, SENSORS | {1: sensor})
     with pytest.raises(atra.InputError, match=rf"cameras\.\w+, camera 1: {message}"):
@@ -113,17 +110,14 @@ def test_a_broken_or_distorted_camera_of_a_colmap_model_is_named(write, sensor, 
 
 
 @pytest.mark.parametrize("write", WRITERS.values(), ids=WRITERS)
-@pytest.mark.parametrize(
-    ("images", "message"),
-    [
-        ([(5, UNTURNED, NOWHERE, 2, "a")], r", image 5 \('a'\): its camera is 2, which is not in cameras"),
-        ([(5, (2.0, 0.0, 0.0, 0.0), NOWHERE, 1, "a")], r", image 5 \('a'\): its rotation .* is of length 2, expected"),
-        ([(5, (1.0, 0.0, 0.0, np.inf), NOWHERE, 1, "a")], r", image 5 \('a'\): a part of its rotation is inf"),
-        ([(5, UNTURNED, (0.0, np.nan, 0.0), 1, "a")], r", image 5 \('a'\): a translation is nan"),
-        ([(i, UNTURNED, NOWHERE, 1, "a") for i in (5, 6)], r", image 6 \('a'\): the name 'a' is there twice"),
-        ([], " has no image, expected at least one"),
-    ],
-)
+@pytest.mark.parametrize(("images", "message"), [
+    ([(5, UNTURNED, NOWHERE, 2, "a")], r", image 5 \('a'\): its camera is 2, which is not in cameras"),
+    ([(5, (2.0, 0.0, 0.0, 0.0), NOWHERE, 1, "a")], r", image 5 \('a'\): its rotation .* is of length 2, expected"),
+    ([(5, (1.0, 0.0, 0.0, np.inf), NOWHERE, 1, "a")], r", image 5 \('a'\): a part of its rotation is inf"),
+    ([(5, UNTURNED, (0.0, np.nan, 0.0), 1, "a")], r", image 5 \('a'\): a translation is nan"),
+    ([(i, UNTURNED, NOWHERE, 1, "a") for i in (5, 6)], r", image 6 \('a'\): the name 'a' is there twice"),
+    ([], " has no image, expected at least one"),
+])  # fmt: skip
 def test_a_broken_image_of_a_colmap_model_is_named(write, images, message, tmp_path):
     write(tmp_path, images=images)
     with pytest.raises(atra.InputError, match=rf"images\.\w+{message}"):
@@ -135,33 +129,22 @@ def test_a_distorted_camera_that_no_image_uses_does_no_harm(tmp_path):
     assert len(atra.read_colmap(tmp_path)) == 3
 
 
-@pytest.mark.parametrize(
-    ("name", "text", "message"),
-    [
-        ("cameras.txt", "1 PINHOLE 64\n", r"cameras\.txt, line 1 has 3 words, expected CAMERA_ID MODEL"),
-        ("cameras.txt", "7 PINHOLE 64 48 70 70 x 24\n", r"cameras\.txt, camera 7: cx is 'x', expected a finite number"),
-        (
-            "cameras.txt",
-            "7 PINHOLE 6x 48 70 70 3 24\n",
-            r"cameras\.txt, camera 7: its width is '6x', expected a finite",
-        ),
-        ("cameras.txt", "1.5 PINHOLE 64 48 70 70 3 24\n", r"line 1: '1\.5' stands there, expected a whole number"),
-        ("cameras.txt", "7 PINHOLE 64 48 70 70 3\n", "camera 7: it has 3 parameters, expected 4: fx, fy, cx, cy"),
-        ("cameras.txt", "7 PINHOLE 64 48 1 1 3 4\n" * 2, "camera 7 is there twice"),
-        (
-            "images.txt",
-            "5 1 0 0 0 0 0 0 1\n",
-            r"images\.txt, line 1 has 9 words, .* two lines",
-        ),
-        (
-            "images.txt",
-            "5 1 0 0 0 0 0 0 1 a.png\n6 1 0 0 0 0 0 0 1 b.png\n",
-            r"images\.txt, line 2 has 10 words, expected X Y POINT3D_ID .* two lines",
-        ),
-        ("images.txt", "5 1 0 0 0 0 zero 0 7 a.png\n", r"image 5 \('a\.png'\): a translation is 'zero', expected"),
-        ("images.txt", "5 1 0 0 0 0 0 0 I a.png\n", r"image 5 \('a\.png'\): its camera is 'I', which is not in"),
-    ],
-)
+@pytest.mark.parametrize(("name", "text", "message"), [
+    ("cameras.txt", "1 PINHOLE 64\n", r"cameras\.txt, line 1 has 3 words, expected CAMERA_ID MODEL"),
+    ("cameras.txt", "7 PINHOLE 64 48 70 70 x 24\n", r"cameras\.txt, camera 7: cx is 'x', expected a finite number"),
+    ("cameras.txt", "7 PINHOLE 6x 48 70 70 3 24\n", r"cameras\.txt, camera 7: its width is '6x', expected a finite"),
+    ("cameras.txt", "1.5 PINHOLE 64 48 70 70 3 24\n", r"line 1: '1\.5' stands there, expected a whole number"),
+    ("cameras.txt", "7 PINHOLE 64 48 70 70 3\n", "camera 7: it has 3 parameters, expected 4: fx, fy, cx, cy"),
+    ("cameras.txt", "7 PINHOLE 64 48 1 1 3 4\n" * 2, "camera 7 is there twice"),
+    ("images.txt", "5 1 0 0 0 0 0 0 1\n", r"images\.txt, line 1 has 9 words, .* two lines"),
+    (
+        "images.txt",
+        "5 1 0 0 0 0 0 0 1 a.png\n6 1 0 0 0 0 0 0 1 b.png\n",
+        r"images\.txt, line 2 has 10 words, expected X Y POINT3D_ID .* two lines",
+    ),
+    ("images.txt", "5 1 0 0 0 0 zero 0 7 a.png\n", r"image 5 \('a\.png'\): a translation is 'zero', expected"),
+    ("images.txt", "5 1 0 0 0 0 0 0 I a.png\n", r"image 5 \('a\.png'\): its camera is 'I', which is not in"),
+])  # fmt: skip
 def test_a_broken_line_of_a_colmap_model_is_named(name, text, message, tmp_path):
     write_text(tmp_path)
     (tmp_path / name).write_text(text, encoding="utf-8")
@@ -169,17 +152,14 @@ def test_a_broken_line_of_a_colmap_model_is_named(name, text, message, tmp_path)
         atra.read_colmap(tmp_path)
 
 
-@pytest.mark.parametrize(
-    ("name", "kept", "message"),
-    [
-        ("cameras.bin", 4, r"cameras\.bin ends in the number of cameras, after 4 bytes; is it cut off\?"),
-        ("cameras.bin", 50, "ends in camera 1"),
-        ("cameras.bin", 70, "ends in camera entry 1"),
-        ("images.bin", 30, "ends in image entry 0"),
-        ("images.bin", 75, "ends in image 5"),
-        ("images.bin", -3, "ends in image 7"),
-    ],
-)
+@pytest.mark.parametrize(("name", "kept", "message"), [
+    ("cameras.bin", 4, r"cameras\.bin ends in the number of cameras, after 4 bytes; is it cut off\?"),
+    ("cameras.bin", 50, "ends in camera 1"),
+    ("cameras.bin", 70, "ends in camera entry 1"),
+    ("images.bin", 30, "ends in image entry 0"),
+    ("images.bin", 75, "ends in image 5"),
+    ("images.bin", -3, "ends in image 7"),
+])  # fmt: skip
 def test_a_cut_binary_model_is_refused_saying_where_it_ends(name, kept, message, tmp_path):
     write_binary(tmp_path)
     path = tmp_path / name
@@ -274,30 +254,27 @@ def test_a_field_of_view_alone_means_square_pixels_about_the_middle_and_the_size
 UNDISTORT = r"images must be undistorted first, by `cv2\.undistort\(image, K, distortion\)`"
 
 
-@pytest.mark.parametrize(
-    ("contents", "message"),
-    [
-        (transforms(k1=0.1), rf"frame 0 \('images/0\.png'\): k1 is 0.1, but rays are straight here: {UNDISTORT}"),
-        (transforms({}, {"p1": -1e-3}), rf"frame 1 \('images/1\.png'\): p1 is -0.001, .*{UNDISTORT}"),
-        (transforms(camera_model="OPENCV_FISHEYE"), rf"the camera model is 'OPENCV_FISHEYE', .*{UNDISTORT}"),
-        (transforms(is_fisheye=True), rf"the camera model is a fisheye, .*{UNDISTORT}"),
-        (transforms(w=None), r"the size of the image is not told, expected w and h; give size="),
-        (transforms(h=0), "h is 0, expected a whole number of pixels"),
-        (transforms(w="64"), "w is '64', expected a finite number"),
-        (transforms(fl_x=None, fl_y=None), "the focal length is not told, expected fl_x or camera_angle_x"),
-        (transforms(fl_x=0), "fl_x is 0, expected a number of pixels above 0"),
-        (transforms(fl_x=None, camera_angle_x=4), "camera_angle_x is 4, expected radians between 0 and pi"),
-        (transforms({"cy": float("nan")}), r"frame 0 .*: cy is nan, expected a finite number"),
-        (transforms({}, {}, {"transform_matrix": None}), r"frame 2 .*: it has no transform_matrix"),
-        (transforms({"transform_matrix": [[1, 2], [3, 4]]}), r"frame 0 .*: camera_to_world has shape \(2, 2\)"),
-        (transforms({"transform_matrix": (2 * np.eye(4)).tolist()}), r"frame 0 .*: the last row of camera_to_world"),
-        (transforms({}, {"transform_matrix": np.diag([3, 3, 3, 1]).tolist()}), "frame 1 .* is no rotation.*a scale"),
-        (transforms({"file_path": None}), r"frame 0: it has no file_path"),
-        (transforms({}, {"file_path": "images/0.png"}), r"frame 1 .*: the name 'images/0\.png' is there twice"),
-        ({"frames": ["x"]}, "frame 0: it has no file_path"),
-        ({"frames": []}, r"transforms\.json has no frame, expected at least one"),
-    ],
-)
+@pytest.mark.parametrize(("contents", "message"), [
+    (transforms(k1=0.1), rf"frame 0 \('images/0\.png'\): k1 is 0.1, but rays are straight here: {UNDISTORT}"),
+    (transforms({}, {"p1": -1e-3}), rf"frame 1 \('images/1\.png'\): p1 is -0.001, .*{UNDISTORT}"),
+    (transforms(camera_model="OPENCV_FISHEYE"), rf"the camera model is 'OPENCV_FISHEYE', .*{UNDISTORT}"),
+    (transforms(is_fisheye=True), rf"the camera model is a fisheye, .*{UNDISTORT}"),
+    (transforms(w=None), r"the size of the image is not told, expected w and h; give size="),
+    (transforms(h=0), "h is 0, expected a whole number of pixels"),
+    (transforms(w="64"), "w is '64', expected a finite number"),
+    (transforms(fl_x=None, fl_y=None), "the focal length is not told, expected fl_x or camera_angle_x"),
+    (transforms(fl_x=0), "fl_x is 0, expected a number of pixels above 0"),
+    (transforms(fl_x=None, camera_angle_x=4), "camera_angle_x is 4, expected radians between 0 and pi"),
+    (transforms({"cy": float("nan")}), r"frame 0 .*: cy is nan, expected a finite number"),
+    (transforms({}, {}, {"transform_matrix": None}), r"frame 2 .*: it has no transform_matrix"),
+    (transforms({"transform_matrix": [[1, 2], [3, 4]]}), r"frame 0 .*: camera_to_world has shape \(2, 2\)"),
+    (transforms({"transform_matrix": (2 * np.eye(4)).tolist()}), r"frame 0 .*: the last row of camera_to_world"),
+    (transforms({}, {"transform_matrix": np.diag([3, 3, 3, 1]).tolist()}), "frame 1 .* is no rotation.*a scale"),
+    (transforms({"file_path": None}), r"frame 0: it has no file_path"),
+    (transforms({}, {"file_path": "images/0.png"}), r"frame 1 .*: the name 'images/0\.png' is there twice"),
+    ({"frames": ["x"]}, "frame 0: it has no file_path"),
+    ({"frames": []}, r"transforms\.json has no frame, expected at least one"),
+])  # fmt: skip
 def test_what_is_broken_in_a_transforms_json_is_named(contents, message, tmp_path):
     with pytest.raises(atra.InputError, match=message):
         atra.read_transforms(written(tmp_path, contents))

@@ -1,9 +1,6 @@
 """Which face, material and node of a file each triangle is of: its corners must be corners of that face."""
 
-from __future__ import annotations
-
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,54 +14,38 @@ MIXED = [(0, 1, 3, 2), (4, 6, 7), (0, 4, 5, 1, 3), (2, 3, 7, 6), (0, 2, 6), (1, 
 CORNERS = [(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)]
 
 
-def as_ply(faces, folder: Path, binary: bool = False) -> Path:
-    properties = "".join(f"property float {axis}\n" for axis in "xyz")
-    header = (
-        f"element vertex 8\n{properties}element face {len(faces)}\nproperty list uchar int vertex_indices\nend_header\n"
-    )
-    path = folder / "box.ply"
-    if binary:
+def write(kind, faces, folder):
+    """The corners of a box and these faces, as a file."""
+    lines = "".join(" ".join(map(str, row)) + "\n" for row in (*CORNERS, *((len(face), *face) for face in faces)))
+    header = "element vertex 8\nproperty float x\nproperty float y\nproperty float z\n"
+    header += f"element face {len(faces)}\nproperty list uchar int vertex_indices\nend_header\n"
+    path = folder / f"box.{kind.removeprefix('binary ')}"
+    if kind == "ply":
+        path.write_text(f"ply\nformat ascii 1.0\n{header}{lines}", encoding="utf-8")
+    elif kind == "binary ply":
         rows = b"".join(np.uint8(len(face)).tobytes() + np.array(face, "<i4").tobytes() for face in faces)
-        path.write_bytes(
-            f"ply\nformat binary_little_endian 1.0\n{header}".encode() + np.array(CORNERS, "<f4").tobytes() + rows
-        )
-        return path
-    lines = [*(" ".join(map(str, one)) for one in CORNERS), *(" ".join(map(str, (len(one), *one))) for one in faces)]
-    path.write_text(f"ply\nformat ascii 1.0\n{header}" + "\n".join(lines) + "\n", encoding="utf-8")
+        header = f"ply\nformat binary_little_endian 1.0\n{header}".encode()
+        path.write_bytes(header + np.array(CORNERS, "<f4").tobytes() + rows)
+    elif kind == "off":
+        path.write_text(f"OFF # a box\n8 {len(faces)} 0\n{lines}", encoding="utf-8")
+    else:
+        rows = ["mtllib none.mtl", *(f"v {x} {y} {z}" for x, y, z in CORNERS)]
+        for number, face in enumerate(faces):
+            rows += [f"usemtl {'red' if number % 3 else 'blue sky'}"] * (number > 0)
+            rows.append("f " + " ".join(f"{corner + 1}" for corner in face))
+        path.write_text("\n".join(rows) + "\n", encoding="utf-8")
     return path
 
 
-def as_binary_ply(faces, folder: Path) -> Path:
-    return as_ply(faces, folder, binary=True)
+KINDS = ("ply", "binary ply", "off", "obj")
 
 
-def as_off(faces, folder: Path) -> Path:
-    lines = [*(" ".join(map(str, one)) for one in CORNERS), *(" ".join(map(str, (len(one), *one))) for one in faces)]
-    path = folder / "box.off"
-    path.write_text(f"OFF # a box\n8 {len(faces)} 0\n" + "\n".join(lines) + "\n", encoding="utf-8")
-    return path
-
-
-def as_obj(faces, folder: Path) -> Path:
-    lines = ["mtllib none.mtl", *(f"v {x} {y} {z}" for x, y, z in CORNERS)]
-    for number, face in enumerate(faces):
-        lines += [f"usemtl {'red' if number % 3 else 'blue sky'}"] * (number > 0)
-        lines.append("f " + " ".join(f"{corner + 1}" for corner in face))
-    path = folder / "box.obj"
-    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    return path
-
-
-@pytest.mark.parametrize(
-    ("written", "faces"),
-    [
-        *((written, [face] * 3) for written in (as_ply, as_binary_ply, as_off, as_obj) for face in MIXED[:3]),
-        *((written, QUADS) for written in (as_ply, as_binary_ply, as_off, as_obj)),
-        *((written, MIXED) for written in (as_ply, as_obj)),  # trimesh refuses them in other formats
-    ],
-)
-def test_every_triangle_lies_in_the_face_that_it_is_said_to_be_of(written, faces, tmp_path) -> None:
-    path = written(faces, tmp_path)
+@pytest.mark.parametrize(("kind", "faces"), [
+    *((kind, faces) for kind in KINDS for faces in (*([face] * 3 for face in MIXED[:3]), QUADS)),
+    *((kind, MIXED) for kind in ("ply", "obj")),  # trimesh refuses them in other formats
+])  # fmt: skip
+def test_every_triangle_lies_in_the_face_that_it_is_said_to_be_of(kind, faces, tmp_path):
+    path = write(kind, faces, tmp_path)
     mesh, sources = atra.load_mesh(path), atra.load_face_sources(path)
     assert np.bincount(sources.face, minlength=len(faces)).tolist() == [len(face) - 2 for face in faces]
     places = np.array(CORNERS, float)
@@ -73,19 +54,19 @@ def test_every_triangle_lies_in_the_face_that_it_is_said_to_be_of(written, faces
         assert {tuple(corner) for corner in corners} <= own
 
 
-def test_six_quads_become_their_first_halves_and_then_their_second(tmp_path) -> None:
-    assert atra.load_face_sources(as_ply(QUADS, tmp_path)).face.tolist() == [0, 1, 2, 3, 4, 5] * 2
+def test_six_quads_become_their_first_halves_and_then_their_second(tmp_path):
+    assert atra.load_face_sources(write("ply", QUADS, tmp_path)).face.tolist() == [0, 1, 2, 3, 4, 5] * 2
 
 
-def test_the_materials_of_an_obj_are_those_of_its_lines(tmp_path) -> None:
-    sources = atra.load_face_sources(as_obj(MIXED, tmp_path))
+def test_the_materials_of_an_obj_are_those_of_its_lines(tmp_path):
+    sources = atra.load_face_sources(write("obj", MIXED, tmp_path))
     assert sources.materials == ("red", "blue sky")
     expected = np.array([-1, 0, 0, 1, 0, 0])
     np.testing.assert_array_equal(sources.material, expected[sources.face])
     assert (sources.node == -1).all()
 
 
-def test_nodes_and_materials_of_a_gltf_are_found_where_meshes_have_several_primitives(tmp_path) -> None:
+def test_nodes_and_materials_of_a_gltf_are_found_where_meshes_have_several_primitives(tmp_path):
     scene, places = trimesh.Scene(), [(0, 0, 0), (10, 0, 0), (0, 20, 0)]
     for size, (name, place) in enumerate(zip("abc", places, strict=True), 1):
         box = trimesh.creation.box([size] * 3)
@@ -110,13 +91,13 @@ def test_nodes_and_materials_of_a_gltf_are_found_where_meshes_have_several_primi
     assert sources.face.reshape(5, 12).tolist() == [list(range(12))] * 5
 
 
-def test_an_stl_counts_its_triangles(tmp_path) -> None:
+def test_an_stl_counts_its_triangles(tmp_path):
     box = trimesh.creation.box()
     box.export(tmp_path / "box.stl")
     assert atra.load_face_sources(tmp_path / "box.stl").face.tolist() == list(range(12))
 
 
-def test_a_mesh_of_trimesh_keeps_its_faces_and_anything_else_is_refused() -> None:
+def test_a_mesh_of_trimesh_keeps_its_faces_and_anything_else_is_refused():
     box = trimesh.creation.box()
     mesh = atra.Mesh.from_trimesh(box, "a box")
     np.testing.assert_array_equal(mesh.faces, box.faces)

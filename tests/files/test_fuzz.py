@@ -3,8 +3,6 @@
 ATRA_FUZZ is how many mutated inputs are read: 150 unless set, 10000 for a night.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import signal
@@ -23,7 +21,7 @@ ROOT = Path(__file__).resolve().parents[2]
 COUNT = int(os.environ.get("ATRA_FUZZ", "150"))
 
 
-def test_a_mutated_file_is_used_or_refused_within_memory_and_time_and_leaves_nothing_elsewhere(tmp_path: Path) -> None:
+def test_a_mutated_file_is_used_or_refused_within_memory_and_time_and_leaves_nothing_elsewhere(tmp_path):
     done = subprocess.run(
         [sys.executable, "-m", "tests.fuzzing", str(COUNT)],
         cwd=tmp_path, env={**os.environ, "PYTHONPATH": str(ROOT)}, capture_output=True, text=True,
@@ -42,7 +40,7 @@ def test_a_mutated_file_is_used_or_refused_within_memory_and_time_and_leaves_not
     assert sum(counts["used"] for counts in told["tally"].values()) > COUNT / 20
 
 
-def test_an_input_is_the_same_every_time_and_no_two_are_equal() -> None:
+def test_an_input_is_the_same_every_time_and_no_two_are_equal():
     kind = fuzzing.kinds()["mesh.off"]
     inputs = [fuzzing.make_input(kind, "mesh.off", seed) for seed in range(30)]
     assert inputs == [fuzzing.make_input(kind, "mesh.off", seed) for seed in range(30)]
@@ -96,7 +94,7 @@ print(json.dumps(fuzzing.work(len(faults), Path.cwd())["wrong"]))
     {"hang": None},
     {"crash": "KeyError", "shout": "raw control", "hoard": "memory was asked for", "litter": "outside the folder"},
 ])  # fmt: skip
-def test_a_reader_that_misbehaves_is_found(faults: dict[str, str | None], tmp_path: Path) -> None:
+def test_a_reader_that_misbehaves_is_found(faults, tmp_path):
     done = subprocess.run(
         [sys.executable, "-c", MISBEHAVING, *faults],
         cwd=tmp_path, env={**os.environ, "PYTHONPATH": str(ROOT)}, capture_output=True, text=True, timeout=60,

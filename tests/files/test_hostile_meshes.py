@@ -1,7 +1,5 @@
 """Small mesh files that are slow, large or misleading by design: read in time their size accounts for, or refused."""
 
-from __future__ import annotations
-
 import base64
 import json
 import logging
@@ -10,7 +8,6 @@ import random
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -24,7 +21,7 @@ TRIANGLE = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], "<f4")
 PART = {"primitives": [{"attributes": {"POSITION": 0}}]}
 
 
-def gltf(folder: Path, nodes: list[Any], roots: list[int], **more: Any) -> Path:
+def gltf(folder, nodes, roots, **more):
     """Nodes that place one triangle."""
     text = base64.b64encode(TRIANGLE.tobytes()).decode()
     tree = {
@@ -42,25 +39,25 @@ def gltf(folder: Path, nodes: list[Any], roots: list[int], **more: Any) -> Path:
     return path
 
 
-def chain(folder: Path) -> Path:
+def chain(folder):
     last = 3_000
     nodes = [{"mesh": 0, "translation": [1, 0, 0], "children": [number + 1]} for number in range(last)]
     return gltf(folder, [*nodes, {"mesh": 0}], [0])
 
 
-def many_nodes_of_few_names(folder: Path) -> Path:
+def many_nodes_of_few_names(folder):
     nodes = [{"name": f"n_{number % 15_000}"} for number in range(30_000)]
     return gltf(folder, [*nodes, {"mesh": 0}], [len(nodes)])
 
 
-def many_solids_of_one_name(folder: Path) -> Path:
+def many_solids_of_one_name(folder):
     rows = "\n".join(f"vertex {x} {y} {z}" for x, y, z in TRIANGLE)
     path = folder / "scene.stl"
     path.write_text(f"solid a\nfacet normal 0 0 1\nouter loop\n{rows}\nendloop\nendfacet\nendsolid a\n" * 30_000)
     return path
 
 
-def many_materials_in_comments(folder: Path) -> Path:
+def many_materials_in_comments(folder):
     path = folder / "scene.obj"
     vertices = "v 0 0 0\nv 1 0 0\nv 0 1 0\n" * 5_000
     path.write_text(vertices + "".join(f"# usemtl {number}\nf 1 2 3\n" for number in range(20_000)))
@@ -76,13 +73,13 @@ for path in sys.argv[1:]:
 """
 
 
-def read_elsewhere(*paths: Path) -> list[str]:
+def read_elsewhere(*paths):
     """What reading each file gives, in one process that has 45 s for all."""
     command = [sys.executable, "-c", READ, *map(str, paths)]
     return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=45).stdout.splitlines()
 
 
-def test_a_file_takes_no_more_than_linear_time(tmp_path: Path) -> None:
+def test_a_file_takes_no_more_than_linear_time(tmp_path):
     """Well below a second each; what they are to catch takes minutes."""
     (tmp_path / "other").mkdir()
     written = [
@@ -93,12 +90,12 @@ def test_a_file_takes_no_more_than_linear_time(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("seed", range(8))
-def test_parts_come_in_the_order_of_the_scene_graph_and_where_it_puts_them(seed: int, tmp_path: Path) -> None:
+def test_parts_come_in_the_order_of_the_scene_graph_and_where_it_puts_them(seed, tmp_path):
     choose = random.Random(seed)
-    nodes: list[dict[str, Any]] = []
+    nodes = []
     roots = []
     for number in range(40):
-        node: dict[str, Any] = {"name": choose.choice(("a", "world", f"n{number}")), "children": []}
+        node = {"name": choose.choice(("a", "world", f"n{number}")), "children": []}
         if choose.random() < 0.7:
             node["mesh"] = choose.randrange(2)
         if choose.random() < 0.5:
@@ -125,15 +122,13 @@ def test_parts_come_in_the_order_of_the_scene_graph_and_where_it_puts_them(seed:
     assert np.array_equal(mesh.faces.ravel(), np.arange(len(mesh.vertices)))
 
 
-def test_no_primitive_of_a_mesh_is_lost_to_another_of_the_same_random_name(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_no_primitive_of_a_mesh_is_lost_to_another_of_the_same_random_name(tmp_path, monkeypatch):
     monkeypatch.setattr(trimesh.util, "unique_id", lambda length: "0" * length)
     path = gltf(tmp_path, [{"mesh": 0}], [0], meshes=[{"primitives": PART["primitives"] * 5}])
     assert load_mesh(path).triangle_count == 5
 
 
-def test_what_hangs_on_a_camera_is_read(tmp_path: Path) -> None:
+def test_what_hangs_on_a_camera_is_read(tmp_path):
     nodes = [{"camera": 0, "children": [1]}, {"mesh": 0, "translation": [1, 0, 0]}]
     perspective = {"yfov": 1.0, "aspectRatio": 1.0, "znear": 0.1}
     path = gltf(tmp_path, nodes, [0], cameras=[{"type": "perspective", "perspective": perspective}])
@@ -145,18 +140,18 @@ def test_what_hangs_on_a_camera_is_read(tmp_path: Path) -> None:
     ([{"mesh": 0, "children": [1]}, {"mesh": 0, "children": [0]}], [0]), ([{"mesh": 0}], [0, 0]),
     ([{"mesh": 0, "children": [0]}], []),
 ], ids=["two parents", "circle", "two roots", "its own parent"])  # fmt: skip
-def test_nodes_that_are_no_tree_are_refused_or_show_nothing(nodes: list[Any], roots: list[int], tmp_path: Path) -> None:
+def test_nodes_that_are_no_tree_are_refused_or_show_nothing(nodes, roots, tmp_path):
     with pytest.raises(InputError, match=r"is named by 2 parents, expected one|holds no triangles"):
         load_mesh(gltf(tmp_path, nodes, roots))
 
 
 @pytest.mark.parametrize("mesh", [1, -1, "0", None])
-def test_a_node_that_names_no_mesh_there_is_is_refused(mesh: Any, tmp_path: Path) -> None:
+def test_a_node_that_names_no_mesh_there_is_is_refused(mesh, tmp_path):
     with pytest.raises(InputError, match=f"node 1 names mesh {mesh!r}, but there are 1"):
         load_mesh(gltf(tmp_path, [{"mesh": 0}, {"mesh": mesh}], [0]))
 
 
-def test_a_primitive_that_would_be_left_out_is_refused(tmp_path: Path) -> None:
+def test_a_primitive_that_would_be_left_out_is_refused(tmp_path):
     fan = {"primitives": [{**PART["primitives"][0], "mode": 6}]}
     with pytest.raises(InputError, match="has the mode 6, such as a fan"):
         load_mesh(gltf(tmp_path, [{"mesh": 0}], [0], meshes=[PART, fan]))
@@ -168,8 +163,8 @@ def test_a_primitive_that_would_be_left_out_is_refused(tmp_path: Path) -> None:
     ({"meshes": [{"primitives": PART["primitives"] * 1500}], "nodes": [{"mesh": 0}] * 1500}, "2,250,000 parts"),
 ], ids=["views", "accessors", "parts"])  # fmt: skip
 def test_a_gltf_that_names_its_bytes_or_parts_too_often_is_refused_before_it_is_read(
-    more: dict[str, Any], message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+    more, message, tmp_path, monkeypatch
+):
     monkeypatch.setattr(trimesh, "load_scene", lambda *_, **__: pytest.fail("read before it was counted"))
     with pytest.raises(InputError, match=message):
         load_mesh(gltf(tmp_path, roots=list(range(len(more.get("nodes", [0])))), **{"nodes": [{"mesh": 0}], **more}))
@@ -179,9 +174,7 @@ def test_a_gltf_that_names_its_bytes_or_parts_too_often_is_refused_before_it_is_
     ("rows", "properties", "message"),
     [(500, 900, "promises 450000 values, but has only"), (0, 1001, "has 1001 properties, expected at most 1000")],
 )
-def test_a_ply_of_more_values_than_bytes_or_of_endless_properties_is_refused(
-    rows: int, properties: int, message: str, tmp_path: Path
-) -> None:
+def test_a_ply_of_more_values_than_bytes_or_of_endless_properties_is_refused(rows, properties, message, tmp_path):
     names = "".join(f"property list uchar int p{number}\n" for number in range(properties))
     path = tmp_path / "wide.ply"
     path.write_text(f"ply\nformat ascii 1.0\nelement thing {rows}\n{names}end_header\n" + "1\n" * rows)
@@ -189,7 +182,7 @@ def test_a_ply_of_more_values_than_bytes_or_of_endless_properties_is_refused(
         load_mesh(path)
 
 
-def test_materials_hidden_in_comments_or_another_encoding_reorder_no_faces(tmp_path: Path) -> None:
+def test_materials_hidden_in_comments_or_another_encoding_reorder_no_faces(tmp_path):
     text = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\n# usemtl b\nf 1 2 3\n# usemtl a\nf 2 3 4\n# usemtl b\nf 3 2 1\n"
     path = tmp_path / "scene.obj"
     path.write_text(text)
@@ -199,7 +192,7 @@ def test_materials_hidden_in_comments_or_another_encoding_reorder_no_faces(tmp_p
         load_mesh(path)
 
 
-def test_nothing_of_a_damaged_stl_is_logged(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+def test_nothing_of_a_damaged_stl_is_logged(tmp_path, caplog):
     path = tmp_path / "box.stl"
     text = trimesh.creation.box().export(file_type="stl_ascii")
     path.write_text(text.replace("facet normal -", "facet normal one"))  # normals are not read
@@ -210,10 +203,8 @@ def test_nothing_of_a_damaged_stl_is_logged(tmp_path: Path, caplog: pytest.LogCa
     assert [record for record in caplog.records if record.levelno >= logging.INFO] == []
 
 
-def test_what_trimesh_only_warns_of_is_refused_in_its_words_and_nothing_is_printed(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
-) -> None:
-    def careless(*_: object, **__: object) -> None:
+def test_what_trimesh_only_warns_of_is_refused_in_its_words_and_nothing_is_printed(tmp_path, monkeypatch, caplog):
+    def careless(*_, **__):
         logging.getLogger("trimesh.util").warning("went on without half of it")
 
     monkeypatch.setattr(trimesh, "load_scene", careless)
@@ -225,7 +216,7 @@ def test_what_trimesh_only_warns_of_is_refused_in_its_words_and_nothing_is_print
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no named pipes")
-def test_a_pipe_is_refused_instead_of_waited_for(tmp_path: Path) -> None:
+def test_a_pipe_is_refused_instead_of_waited_for(tmp_path):
     path = gltf(tmp_path, [{"mesh": 0}], [0], buffers=[{"byteLength": 36, "uri": "points.bin"}])
     os.mkfifo(tmp_path / "points.bin")
     os.mkfifo(tmp_path / "pipe.gltf")
@@ -233,7 +224,7 @@ def test_a_pipe_is_refused_instead_of_waited_for(tmp_path: Path) -> None:
     assert ["points.bin is no regular file" in said[0], "pipe.gltf is no regular file" in said[1]] == [True, True]
 
 
-def test_a_buffer_that_is_named_a_thousand_times_is_read_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_buffer_that_is_named_a_thousand_times_is_read_once(tmp_path, monkeypatch):
     names = ["points.bin", "./points.bin", "././points.bin"] * 300
     path = gltf(tmp_path, [{"mesh": 0}], [0], buffers=[{"byteLength": 36, "uri": name} for name in names])
     (tmp_path / "points.bin").write_bytes(TRIANGLE.tobytes())

@@ -1,14 +1,11 @@
 """The bound on what reading a file may cost: small files that claim much end in an error before anything is read."""
 
-from __future__ import annotations
-
 import json
 import os
 import signal
 import struct
 import subprocess
 import sys
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -25,7 +22,7 @@ from tests.light.test_sky_files import exr_of, openexr
 ROOT = Path(__file__).resolve().parents[2]
 
 
-def black_exr(folder: Path) -> Path:
+def black_exr(folder):
     """2,000 x 88,000 black pixels: the one chunk of 16 lines of a small EXR, as often as needed."""
     small = exr_of(np.zeros((16, 2000, 3), np.float16))
     head = small.index(b"\0\0", small.index(b"screenWindowWidth") + 30)  # the last attribute, and the header's end
@@ -42,13 +39,13 @@ def black_exr(folder: Path) -> Path:
     return path
 
 
-def table_of(content: bytes) -> bytes:
+def table_of(content):
     """The table of the places of chunks, of an EXR with one, which stands right before it."""
     place = next(at for at in range(len(content) - 8, 8, -1) if content[at : at + 8] == struct.pack("<Q", at + 8))
     return content[place:]
 
 
-def black_hdr(folder: Path) -> Path:
+def black_hdr(folder):
     """34 MB of the longest runs: 16,377 x 32,767 pixels."""
     runs = b"".join(bytes([128 + min(127, 32767 - at), 0]) for at in range(0, 32767, 127))
     path = folder / "black.hdr"
@@ -57,19 +54,7 @@ def black_hdr(folder: Path) -> Path:
     return path
 
 
-def many_faces(folder: Path) -> Path:
-    path = folder / "faces.off"
-    path.write_text("OFF\n3 1000000000 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n", encoding="utf-8")
-    return path
-
-
-def many_corners(folder: Path) -> Path:
-    path = folder / "corners.off"
-    path.write_text("OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n1000000000 0 1 2\n", encoding="utf-8")
-    return path
-
-
-def empty_primitives(folder: Path) -> Path:
+def empty_primitives(folder):
     empty = {"bufferView": 0, "componentType": 5126, "count": 0, "type": "VEC3"}
     one = {**empty, "count": 3}
     meshes = [
@@ -100,8 +85,12 @@ for path in map(Path, sys.argv[1:]):
 
 @openexr
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="bounds the memory of a process as Linux does it")
-def test_small_files_that_claim_much_are_refused_by_their_claim_within_a_gibibyte(tmp_path: Path) -> None:
-    made = [make(tmp_path) for make in (black_exr, black_hdr, many_faces, many_corners, empty_primitives)]
+def test_small_files_that_claim_much_are_refused_by_their_claim_within_a_gibibyte(tmp_path):
+    made = [black_exr(tmp_path), black_hdr(tmp_path), tmp_path / "faces.off", tmp_path / "corners.off"]
+    for path, faces, corners in ((made[2], 10**9, 3), (made[3], 1, 10**9)):
+        text = f"OFF\n3 {faces} 0\n0 0 0\n1 0 0\n0 1 0\n{corners} 0 1 2\n"
+        path.write_text(text, encoding="utf-8")
+    made.append(empty_primitives(tmp_path))
     assert made[0].stat().st_size < 2**21
     done = subprocess.run(
         [sys.executable, "-c", READ, *map(str, made)], cwd=ROOT, capture_output=True, text=True, timeout=200
@@ -121,9 +110,7 @@ def test_small_files_that_claim_much_are_refused_by_their_claim_within_a_gibibyt
 @pytest.mark.parametrize(
     ("read", "name"), [(atra.load_mesh, "a.off"), (atra.load_face_sources, "a.off"), (PanoramaSky.load, "a.hdr")]
 )
-def test_the_bound_is_an_option_of_every_reader_and_an_environment_variable(
-    read: Callable[..., object], name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_bound_is_an_option_of_every_reader_and_an_environment_variable(read, name, tmp_path, monkeypatch):
     monkeypatch.setattr(reading, "LEAST_BYTES", 0)
     path = tmp_path / name
     path.write_text("OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n", encoding="utf-8")
@@ -142,12 +129,12 @@ def test_the_bound_is_an_option_of_every_reader_and_an_environment_variable(
 
 
 @pytest.mark.parametrize("wrong", [0, -1.0, float("nan"), "x", [1]])
-def test_a_bound_that_is_none_is_refused(wrong: object) -> None:
+def test_a_bound_that_is_none_is_refused(wrong):
     with pytest.raises(InputError, match=r"memory_per_byte is .*, expected a number above 0"):
-        Allowance(10, wrong)  # type: ignore[arg-type]
+        Allowance(10, wrong)
 
 
-def test_what_is_allowed_grows_with_the_file_and_never_beyond_the_free_memory(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_is_allowed_grows_with_the_file_and_never_beyond_the_free_memory(monkeypatch):
     Allowance(1).check("this", LEAST_BYTES)
     Allowance(10**7).check("this", int(10**7 * MEMORY_PER_BYTE))
     with pytest.raises(InputError, match=r"claims this, which take about 128 MiB to read; its 1 bytes are allowed 128"):
@@ -157,7 +144,7 @@ def test_what_is_allowed_grows_with_the_file_and_never_beyond_the_free_memory(mo
         Allowance(10**7, float("inf")).check("this", 1001)
 
 
-def test_the_files_that_a_gltf_names_count_as_part_of_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_files_that_a_gltf_names_count_as_part_of_it(tmp_path, monkeypatch):
     monkeypatch.setattr(reading, "LEAST_BYTES", 0)
     path = gltf(tmp_path, [{"mesh": 0}], [0], buffers=[{"byteLength": 36, "uri": "points.bin"}])
     points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], "<f4").tobytes()
@@ -169,7 +156,7 @@ def test_the_files_that_a_gltf_names_count_as_part_of_it(tmp_path: Path, monkeyp
 
 
 @pytest.mark.parametrize("text", ["[" * 101 + "]" * 101, '{"a":' * 101 + "1" + "}" * 101, "[" * 10**5, '{"a":[' * 990])
-def test_json_nested_deeper_than_a_hundred_levels_is_refused(text: str, tmp_path: Path) -> None:
+def test_json_nested_deeper_than_a_hundred_levels_is_refused(text, tmp_path):
     with pytest.raises(InputError, match=r"nested too deeply, expected at most 100 levels|is no JSON"):
         parse_json(text)
     for name, read in (
@@ -183,7 +170,7 @@ def test_json_nested_deeper_than_a_hundred_levels_is_refused(text: str, tmp_path
     assert parse_json("[" * 100 + "]" * 100)
 
 
-def test_no_other_file_is_read_for_a_gltf_that_is_nested_too_deeply_for_its_reader(tmp_path: Path) -> None:
+def test_no_other_file_is_read_for_a_gltf_that_is_nested_too_deeply_for_its_reader(tmp_path):
     healthy = gltf(tmp_path, [{"mesh": 0}], [0])
     tree = json.loads(healthy.read_text())
     healthy.rename(tmp_path / "model.gltf")  # the name trimesh falls back to
@@ -196,7 +183,7 @@ def test_no_other_file_is_read_for_a_gltf_that_is_nested_too_deeply_for_its_read
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="bounds the memory of a process as Linux does it")
 @pytest.mark.parametrize("count", [25, pytest.param(500, marks=pytest.mark.slow)])
-def test_files_with_random_headers_are_used_or_refused_within_a_gibibyte(count: int, tmp_path: Path) -> None:
+def test_files_with_random_headers_are_used_or_refused_within_a_gibibyte(count, tmp_path):
     done = subprocess.run(
         [sys.executable, "-m", "tests.files.headers", str(count)], cwd=tmp_path,
         env={**os.environ, "PYTHONPATH": str(ROOT)}, capture_output=True, text=True, timeout=60 + 6 * count,
@@ -220,14 +207,12 @@ def test_files_with_random_headers_are_used_or_refused_within_a_gibibyte(count: 
     ("t.json", '{"frames":[' + 5000 * "{}," + "{}]}", "5,000 frames and more"),
     ("images.txt", 5000 * "0 0 0 0 0 0 0 0 0 a\n\n", "0 images and more"),
 ])  # fmt: skip
-def test_files_of_many_tiny_things_are_refused_by_their_number(
-    name: str, text: str, claimed: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_files_of_many_tiny_things_are_refused_by_their_number(name, text, claimed, tmp_path, monkeypatch):
     monkeypatch.setattr(reading, "LEAST_BYTES", 0)
     path = tmp_path / name
     path.write_text(text, encoding="utf-8")
     (tmp_path / "cameras.txt").write_text("1 PINHOLE 8 8 8 8 4 4\n", encoding="utf-8")
-    read: Callable[[], object] = {
+    read = {
         "images.txt": lambda: atra.read_colmap(tmp_path, broken={}, memory_per_byte=20),
         "t.json": lambda: atra.read_transforms(path, broken={}, memory_per_byte=1000),
     }.get(name, lambda: atra.load_mesh(path))

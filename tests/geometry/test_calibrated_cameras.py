@@ -84,69 +84,57 @@ def changed(matrix, **places):
     return other
 
 
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        (
-            {"K": changed(K, r0c0=0)},
-            r"K is singular, expected focal lengths above 0 and the last row \[0, 0, 1\]: \[\[",
-        ),
-        ({"K": changed(K, r2c2=0)}, "K is singular"),
-        ({"K": changed(K, r1c1=-640)}, "the focal length fy is -640"),
-        ({"K": changed(K, r0c1=2.5)}, "K has the skew 2.5, expected none"),
-        ({"K": changed(K, r1c0=2.5)}, "K has the skew 2.5, expected none"),
-        ({"K": changed(K, r2c2=2)}, r"the last row of K is \[0.0, 0.0, 2.0\], expected \[0, 0, 1\]"),
-        ({"K": changed(K, r0c2=np.nan)}, r"K is \[\[800.0, 0.0, nan\]"),
-        ({"K": changed(K, r0c2=2e6)}, "meets the image plane at x = 2e\\+06 pixels, expected at most 1e\\+06 outside"),
-        ({"K": np.eye(4)}, r"K has shape \(4, 4\), expected \(3, 3\)"),
-        ({"K": "abc"}, "K cannot be read as an array of real numbers: it has dtype <U3"),
-        ({"R": np.diag([1, 1, -1])}, "R is a reflection"),
-        ({"R": 2 * AXES}, "R is no rotation: the products of its rows are up to 3 from those of one"),
-        ({"R": np.zeros((3, 3))}, "R is no rotation"),
-        ({"R": changed(AXES, r1c0=np.inf)}, "R is .*inf.*, expected finite numbers"),
-        ({"R": np.zeros(3)}, r"R has shape \(3,\), expected \(3, 3\) \(cv2.Rodrigues makes one"),
-        ({"t": [0, 0]}, r"t has shape \(2,\), expected three numbers"),
-        ({"t": [0, 0, np.nan]}, "t is .*nan.*, expected finite numbers"),
-        ({"t": [[0, 0, 1], [2]]}, "t cannot be read as an array"),
-        ({"width": 0}, "width is 0, expected a whole number of pixels"),
-        ({"height": 1.5}, "height is 1.5, expected a whole number of pixels"),
-    ],
-)
+@pytest.mark.parametrize(("change", "message"), [
+    ({"K": changed(K, r0c0=0)}, r"K is singular, expected focal lengths above 0 and the last row \[0, 0, 1\]: \[\["),
+    ({"K": changed(K, r2c2=0)}, "K is singular"),
+    ({"K": changed(K, r1c1=-640)}, "the focal length fy is -640"),
+    ({"K": changed(K, r0c1=2.5)}, "K has the skew 2.5, expected none"),
+    ({"K": changed(K, r1c0=2.5)}, "K has the skew 2.5, expected none"),
+    ({"K": changed(K, r2c2=2)}, r"the last row of K is \[0.0, 0.0, 2.0\], expected \[0, 0, 1\]"),
+    ({"K": changed(K, r0c2=np.nan)}, r"K is \[\[800.0, 0.0, nan\]"),
+    ({"K": changed(K, r0c2=2e6)}, "meets the image plane at x = 2e\\+06 pixels, expected at most 1e\\+06 outside"),
+    ({"K": np.eye(4)}, r"K has shape \(4, 4\), expected \(3, 3\)"),
+    ({"K": "abc"}, "K cannot be read as an array of real numbers: it has dtype <U3"),
+    ({"R": np.diag([1, 1, -1])}, "R is a reflection"),
+    ({"R": 2 * AXES}, "R is no rotation: the products of its rows are up to 3 from those of one"),
+    ({"R": np.zeros((3, 3))}, "R is no rotation"),
+    ({"R": changed(AXES, r1c0=np.inf)}, "R is .*inf.*, expected finite numbers"),
+    ({"R": np.zeros(3)}, r"R has shape \(3,\), expected \(3, 3\) \(cv2.Rodrigues makes one"),
+    ({"t": [0, 0]}, r"t has shape \(2,\), expected three numbers"),
+    ({"t": [0, 0, np.nan]}, "t is .*nan.*, expected finite numbers"),
+    ({"t": [[0, 0, 1], [2]]}, "t cannot be read as an array"),
+    ({"width": 0}, "width is 0, expected a whole number of pixels"),
+    ({"height": 1.5}, "height is 1.5, expected a whole number of pixels"),
+])  # fmt: skip
 def test_a_calibration_that_is_none_is_refused_with_its_value(change, message):
     with pytest.raises(atra.InputError, match=message):
         atra.Camera.from_opencv(**{**UNTURNED, **change})
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        ({"axes": "blender"}, "axes is 'blender', expected one of opengl, opencv"),
-        ({"camera_to_world": AXES}, r"camera_to_world has shape \(3, 3\), expected \(4, 4\) or \(3, 4\)"),
-        ({"camera_to_world": np.diag([2, 2, 2, 1])}, "the left part of camera_to_world is no rotation.*a scale must"),
-        ({"camera_to_world": np.diag([1, 1, -1, 1])}, "is a reflection"),
-        ({"camera_to_world": np.diag([1, 1, 1, 2])}, r"the last row of camera_to_world is \[0.0, 0.0, 0.0, 2.0\]"),
-        ({"camera_to_world": np.full((4, 4), np.nan)}, "camera_to_world is .*expected finite numbers"),
-        ({"K": K}, "expected either fov_y_degrees or K, neither or both were given"),
-        ({"fov_y_degrees": None}, "expected either fov_y_degrees or K"),
-        ({"fov_y_degrees": 200}, "fov_y_degrees is 200.0"),
-    ],
-)
+@pytest.mark.parametrize(("arguments", "message"), [
+    ({"axes": "blender"}, "axes is 'blender', expected one of opengl, opencv"),
+    ({"camera_to_world": AXES}, r"camera_to_world has shape \(3, 3\), expected \(4, 4\) or \(3, 4\)"),
+    ({"camera_to_world": np.diag([2, 2, 2, 1])}, "the left part of camera_to_world is no rotation.*a scale must"),
+    ({"camera_to_world": np.diag([1, 1, -1, 1])}, "is a reflection"),
+    ({"camera_to_world": np.diag([1, 1, 1, 2])}, r"the last row of camera_to_world is \[0.0, 0.0, 0.0, 2.0\]"),
+    ({"camera_to_world": np.full((4, 4), np.nan)}, "camera_to_world is .*expected finite numbers"),
+    ({"K": K}, "expected either fov_y_degrees or K, neither or both were given"),
+    ({"fov_y_degrees": None}, "expected either fov_y_degrees or K"),
+    ({"fov_y_degrees": 200}, "fov_y_degrees is 200.0"),
+])  # fmt: skip
 def test_a_matrix_that_places_no_camera_is_refused_with_its_value(arguments, message):
     given = {"camera_to_world": np.eye(4), "width": 8, "height": 8, "axes": "opengl", "fov_y_degrees": 60}
     with pytest.raises(atra.InputError, match=message):
         atra.Camera.from_matrix(**{**given, **arguments})
 
 
-@pytest.mark.parametrize(
-    ("part", "message"),
-    [
-        ((0, 0, 0, 4), "left is 0 and the size 0, expected whole numbers"),
-        ((-1, 0, 4, 4), "left is -1"),
-        ((0, 2.5, 4, 4), "top is 2.5"),
-        ((40, 0, 9, 4), "left 40 and 9 pixels reach beyond the 48 of the image"),
-        ((0, 30, 4, 3), "top 30 and 3 pixels reach beyond the 32 of the image"),
-    ],
-)
+@pytest.mark.parametrize(("part", "message"), [
+    ((0, 0, 0, 4), "left is 0 and the size 0, expected whole numbers"),
+    ((-1, 0, 4, 4), "left is -1"),
+    ((0, 2.5, 4, 4), "top is 2.5"),
+    ((40, 0, 9, 4), "left 40 and 9 pixels reach beyond the 48 of the image"),
+    ((0, 30, 4, 3), "top 30 and 3 pixels reach beyond the 32 of the image"),
+])  # fmt: skip
 def test_a_crop_beyond_the_image_is_refused(part, message):
     with pytest.raises(atra.InputError, match=message):
         atra.Camera(**EYE_AT_ORIGIN, width=48, height=32).crop(*part)

@@ -23,10 +23,7 @@ from tests.meshes import EYE_AT_ORIGIN, random_triangles
 judge = import_module("atra.judge.compare")  # the module; `atra.judge.compare` by name is its function
 OFFSET = (0.2, 0.7)
 ASLANT = {"eye": (0.3, -0.2, 0.1), "target": (1, 2, 3), "width": 12, "height": 9}
-CAMERAS = {
-    "pinhole": Camera(**ASLANT, fov_y_degrees=80.0),
-    "parallel": OrthographicCamera(**ASLANT, view_height=4.0),
-}
+CAMERAS = {"pinhole": Camera(**ASLANT, fov_y_degrees=80.0), "parallel": OrthographicCamera(**ASLANT, view_height=4.0)}
 each_camera = pytest.mark.parametrize("camera", CAMERAS.values(), ids=CAMERAS)
 
 DEGENERATE = [
@@ -186,35 +183,32 @@ def candidate(depth, nearest=None, error=0.0, doubtful=False, missed=False):
 NOTHING = candidate(np.inf)
 
 
-@pytest.mark.parametrize(
-    ("a", "b", "expected"),
-    [
-        (candidate(1.0), candidate(1.0), Verdict.TIED),
-        (candidate(1.0), candidate(1.0 + 0.9e-9), Verdict.TIED),
-        (candidate(1.0), candidate(1.0 + 1.1e-9), Verdict.WRONG),
-        (candidate(1e3), candidate(1e3 + 0.9e-6), Verdict.TIED),
-        (candidate(1e3), candidate(1e3 + 1.1e-6), Verdict.WRONG),
-        (candidate(1.0, missed=True), candidate(1.0), Verdict.WRONG),
-        (candidate(1.0, doubtful=True), candidate(1.0), Verdict.TIED),
-        (candidate(1.0, doubtful=True), candidate(1.0, missed=True), Verdict.WRONG),
-        (candidate(1.0, doubtful=True), NOTHING, Verdict.EDGE),
-        (candidate(1.0), NOTHING, Verdict.WRONG),
-        (candidate(1.0, missed=True), NOTHING, Verdict.WRONG),
-        (candidate(np.inf, nearest=1.0, doubtful=True), NOTHING, Verdict.EDGE),
-        # Doubtful in front of a sure one: either may be seen. Behind it, hidden, unless one of its corners is nearer.
-        (candidate(1.0, doubtful=True), candidate(2.0), Verdict.EDGE),
-        (candidate(3.0, doubtful=True), candidate(2.0), Verdict.WRONG),
-        (candidate(3.0, nearest=1.9, doubtful=True), candidate(2.0), Verdict.EDGE),
-        (candidate(3.0, nearest=2.1, doubtful=True), candidate(2.0), Verdict.WRONG),
-        (candidate(3.0, nearest=2.1, doubtful=True), candidate(2.0, error=0.2), Verdict.EDGE),
-        (candidate(3.0, doubtful=True), candidate(2.0, doubtful=True), Verdict.EDGE),
-        # Both sure: what counts is whether float32 can order them.
-        (candidate(1.0, nearest=0.9, error=0.06), candidate(1.1, nearest=0.9, error=0.06), Verdict.EDGE),
-        (candidate(1.0, nearest=0.9, error=0.04), candidate(1.1, nearest=0.9, error=0.04), Verdict.WRONG),
-        (candidate(1.0, error=0.2), candidate(1.1), Verdict.EDGE),
-        (candidate(1.0, nearest=0.9, error=0.5), NOTHING, Verdict.WRONG),
-    ],
-)
+@pytest.mark.parametrize(("a", "b", "expected"), [
+    (candidate(1.0), candidate(1.0), Verdict.TIED),
+    (candidate(1.0), candidate(1.0 + 0.9e-9), Verdict.TIED),
+    (candidate(1.0), candidate(1.0 + 1.1e-9), Verdict.WRONG),
+    (candidate(1e3), candidate(1e3 + 0.9e-6), Verdict.TIED),
+    (candidate(1e3), candidate(1e3 + 1.1e-6), Verdict.WRONG),
+    (candidate(1.0, missed=True), candidate(1.0), Verdict.WRONG),
+    (candidate(1.0, doubtful=True), candidate(1.0), Verdict.TIED),
+    (candidate(1.0, doubtful=True), candidate(1.0, missed=True), Verdict.WRONG),
+    (candidate(1.0, doubtful=True), NOTHING, Verdict.EDGE),
+    (candidate(1.0), NOTHING, Verdict.WRONG),
+    (candidate(1.0, missed=True), NOTHING, Verdict.WRONG),
+    (candidate(np.inf, nearest=1.0, doubtful=True), NOTHING, Verdict.EDGE),
+    # Doubtful in front of a sure one: either may be seen. Behind it, hidden, unless one of its corners is nearer.
+    (candidate(1.0, doubtful=True), candidate(2.0), Verdict.EDGE),
+    (candidate(3.0, doubtful=True), candidate(2.0), Verdict.WRONG),
+    (candidate(3.0, nearest=1.9, doubtful=True), candidate(2.0), Verdict.EDGE),
+    (candidate(3.0, nearest=2.1, doubtful=True), candidate(2.0), Verdict.WRONG),
+    (candidate(3.0, nearest=2.1, doubtful=True), candidate(2.0, error=0.2), Verdict.EDGE),
+    (candidate(3.0, doubtful=True), candidate(2.0, doubtful=True), Verdict.EDGE),
+    # Both sure: what counts is whether float32 can order them.
+    (candidate(1.0, nearest=0.9, error=0.06), candidate(1.1, nearest=0.9, error=0.06), Verdict.EDGE),
+    (candidate(1.0, nearest=0.9, error=0.04), candidate(1.1, nearest=0.9, error=0.04), Verdict.WRONG),
+    (candidate(1.0, error=0.2), candidate(1.1), Verdict.EDGE),
+    (candidate(1.0, nearest=0.9, error=0.5), NOTHING, Verdict.WRONG),
+])  # fmt: skip
 def test_verdict_on_two_candidates(a, b, expected):
     assert judge._judge(a, b) == judge._judge(b, a) == expected
 

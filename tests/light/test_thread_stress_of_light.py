@@ -1,19 +1,15 @@
 """Four threads that call one renderer or baker in any order: every picture and map is that of a single thread."""
 
-from __future__ import annotations
-
 import threading
-from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
-from typing import Any
 
 import numpy as np
 import pytest
 
 import atra
 from atra import light
-from atra.light import Baker, BakeScene, Lightmap, ProgressiveBake, Surface
+from atra.light import Baker, BakeScene, ProgressiveBake, Surface
 from tests.baked import cube, sheet
 from tests.tracing.stress import Expected, any_of, rebuild, stress
 from tests.tracing.test_threads import CAMERAS, LARGE, MESH
@@ -24,7 +20,7 @@ MOST = 3
 LAMPS = tuple(
     light.RenderScene(MESH, lights=[light.Sun((x, -1, -0.2), power=power)]) for x, power in ((0.1, 1.0), (0.4, 3.0))
 )
-RENDERERS: dict[str, Callable[..., light.Renderer]] = {
+RENDERERS = {
     "hybrid": lambda scene, camera, threads: light.HybridRenderer(scene, camera, threads=threads, most_samples=MOST),
     "hybrid of aligned cells": lambda scene, camera, threads: light.HybridRenderer(
         scene, camera, partial(atra.AlignedTracer, split=(16, 1), threads=threads), threads=threads, most_samples=MOST
@@ -35,10 +31,10 @@ RENDERERS: dict[str, Callable[..., light.Renderer]] = {
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", RENDERERS)
-def test_pictures_of_a_renderer_that_threads_update_and_close_are_those_of_one_thread(kind: str, tmp_path: Any) -> None:
+def test_pictures_of_a_renderer_that_threads_update_and_close_are_those_of_one_thread(kind, tmp_path):
     shapes = {(camera.height, camera.width): camera for camera in CAMERAS}
 
-    def find(shape: tuple[int, int]) -> set[bytes]:
+    def find(shape):
         pictures = set()
         for scene in LAMPS:
             with RENDERERS[kind](scene, shapes[shape], threads=1) as one:
@@ -49,15 +45,15 @@ def test_pictures_of_a_renderer_that_threads_update_and_close_are_those_of_one_t
 
     expected = Expected(find)
 
-    def image(one: Any, random: np.random.Generator) -> None:
+    def image(one, random):
         found = one.image
         is_known = found.tobytes() in expected(found.shape[:2])
         assert is_known, "a picture of no scene, camera and number of samples that there were"
 
-    def add(one: Any, random: np.random.Generator) -> None:
+    def add(one, random):
         one.add(int(random.integers(1, MOST + 1)))
 
-    def stopped(one: Any, random: np.random.Generator) -> None:
+    def stopped(one, random):
         one.add(1, stop=lambda: one.samples >= 0)
 
     calls = {
@@ -83,21 +79,21 @@ INSIDE = atra.Camera((0, 0, 0), (1, 0.2, 0.1), width=32, height=32)
 VIEWS = (INSIDE, replace(INSIDE, target=(0, 0.1, 1), width=8, height=8), None)
 
 
-def make_baker(scene: BakeScene = BAKES[0], threads: int = 2) -> Baker:
+def make_baker(scene=BAKES[0], threads=2):
     return Baker(scene, ATLAS, threads=threads, expansion=1, batch_rays=1 << 10)
 
 
-def map_of(scene: int, samples: int) -> Lightmap:
+def map_of(scene, samples):
     with make_baker(BAKES[scene], 1) as one:
         if samples:
             one.add(samples)
         return one.maps
 
 
-def assert_of_one_scene(found: Lightmap, expected: Expected) -> None:
+def assert_of_one_scene(found, expected):
     """Each texel has the light that its number of samples gives, and all are of the same scene."""
 
-    def is_of(scene: int) -> bool:
+    def is_of(scene):
         for samples in np.unique(found.samples).tolist():
             own, whole = found.samples == samples, expected(scene, samples)
             if not np.array_equal(found.combined[own], whole.combined[own]):
@@ -108,20 +104,20 @@ def assert_of_one_scene(found: Lightmap, expected: Expected) -> None:
 
 
 @pytest.mark.slow
-def test_maps_of_a_baker_that_threads_update_and_close_are_those_of_one_thread() -> None:
+def test_maps_of_a_baker_that_threads_update_and_close_are_those_of_one_thread():
     expected = Expected(map_of)
 
-    def maps(one: Baker, random: np.random.Generator) -> None:
+    def maps(one, random):
         assert_of_one_scene(one.maps, expected)
 
-    def add(one: Baker, random: np.random.Generator) -> None:
+    def add(one, random):
         one.add(int(random.integers(1, 3)))
 
-    def stopped(one: Baker, random: np.random.Generator) -> None:
+    def stopped(one, random):
         counts = iter(range(3))
         one.add(1, stop=lambda: next(counts, None) is None)
 
-    def probes(one: Baker, random: np.random.Generator) -> None:
+    def probes(one, random):
         assert len(one.probes([(0.1, 0.2, 0.3)], 64).points) == 1
 
     calls = {
@@ -142,20 +138,20 @@ def test_maps_of_a_baker_that_threads_update_and_close_are_those_of_one_thread()
 class _Bake(ProgressiveBake):
     """With a baker of its own, and closed like others."""
 
-    def __init__(self) -> None:
+    def __init__(self):
         self.own = make_baker().__enter__()
         super().__init__(self.own, 6)
 
-    def close(self) -> None:
+    def close(self):
         self.__exit__(None, None, None)
         self.own.close()
 
 
 @pytest.mark.slow
-def test_snapshots_of_a_bake_that_threads_edit_and_leave_are_those_of_one_thread() -> None:
+def test_snapshots_of_a_bake_that_threads_edit_and_leave_are_those_of_one_thread():
     expected = Expected(map_of)
 
-    def snapshot(one: ProgressiveBake, random: np.random.Generator) -> None:
+    def snapshot(one, random):
         found = one.snapshot()
         if found is not None:
             assert_of_one_scene(found, expected)

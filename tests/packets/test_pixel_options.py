@@ -1,7 +1,5 @@
 """Options of one ray per pixel: whatever an expert chooses, the image stays as right as that of single rays."""
 
-from __future__ import annotations
-
 from itertools import product
 
 import numpy as np
@@ -32,14 +30,14 @@ MESHES = {"cornell_box": cornell_box(), "random": random_triangles(300, 1)}
     ),
 ], ids=str)  # fmt: skip
 @pytest.mark.parametrize("mesh", MESHES.values(), ids=MESHES)
-def test_no_choice_makes_a_pixel_wrong(mesh: atra.Mesh, options: dict[str, object]) -> None:
+def test_no_choice_makes_a_pixel_wrong(mesh, options):
     camera = cornell_camera(67, 45)  # whole packets and tiles end beside its borders
     hits = trace("pixels", mesh, camera, threads=2, **options)
     assert_equal_images(mesh, camera, hits, trace_pixels(mesh, camera))
 
 
 @pytest.mark.parametrize(("width", "order"), list(product(WIDTHS, ("rows", "morton"))))
-def test_the_order_of_tiles_and_the_squarest_shape_change_no_bit(width: int, order: str) -> None:
+def test_the_order_of_tiles_and_the_squarest_shape_change_no_bit(width, order):
     camera, mesh = cornell_camera(67, 45), cornell_box()
     usual = trace("pixels", mesh, camera, packet_width=width)
     rows = SQUAREST_SHAPE[width][1]
@@ -48,7 +46,7 @@ def test_the_order_of_tiles_and_the_squarest_shape_change_no_bit(width: int, ord
 
 @pytest.mark.parametrize("order", ["blocks", "rows", "morton"])
 @pytest.mark.parametrize("size", [(1, 1), (32, 16), (67, 45), (200, 3)])
-def test_tiles_cover_every_pixel_once(order: str, size: tuple[int, int]) -> None:
+def test_tiles_cover_every_pixel_once(order, size):
     width, height = size
     tiles = pixel_tiles(width, height, order)
     count = np.zeros((height, width), np.int64)
@@ -58,13 +56,13 @@ def test_tiles_cover_every_pixel_once(order: str, size: tuple[int, int]) -> None
     assert tiles.width % 16 == tiles.height % 16 == 0  # whole packets of every shape
 
 
-def test_a_morton_curve_goes_through_four_tiles_before_it_leaves_them() -> None:
+def test_a_morton_curve_goes_through_four_tiles_before_it_leaves_them():
     tiles = pixel_tiles(64, 64, "morton")
     order = [(int(x) // 16, int(y) // 16) for x, y in tiles.corners]
     assert order[:8] == [(0, 0), (1, 0), (0, 1), (1, 1), (2, 0), (3, 0), (2, 1), (3, 1)]
 
 
-def test_flags_reach_embree() -> None:
+def test_flags_reach_embree():
     mesh, camera = random_triangles(3000, 1), cornell_camera(16, 16)
     stored = {}
     for compact, robust in product((False, True), repeat=2):

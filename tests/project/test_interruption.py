@@ -1,7 +1,5 @@
 """A killed run loses no finished point: a smoke sweep is killed with its whole process group and started again."""
 
-from __future__ import annotations
-
 import json
 import os
 import random
@@ -26,7 +24,7 @@ SWEEP = (
 )
 
 
-def start(folder: Path) -> subprocess.Popen[bytes]:
+def start(folder):
     environment = {name: value for name, value in os.environ.items() if name != "ATRA_SCENES"}
     return subprocess.Popen(
         [sys.executable, str(ROOT / "run.py"), *SWEEP], cwd=folder, env=environment, stdout=subprocess.DEVNULL,
@@ -34,16 +32,16 @@ def start(folder: Path) -> subprocess.Popen[bytes]:
     )  # fmt: skip
 
 
-def finished_records(folder: Path) -> dict[str, bytes]:
+def finished_records(folder):
     """Content of every record that says it is finished, by name."""
     contents = {path.name: path.read_bytes() for path in (folder / "results" / "records").glob("*.json")}
     return {name: content for name, content in contents.items() if json.loads(content)["status"] in ("ok", "skipped")}
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows has no process groups to kill")
-def test_kill_9_at_any_moment_loses_no_finished_point_and_the_table_is_complete_in_the_end(tmp_path: Path) -> None:
+def test_kill_9_at_any_moment_loses_no_finished_point_and_the_table_is_complete_in_the_end(tmp_path):
     moments = random.Random(7)
-    kept: dict[str, bytes] = {}
+    kept = {}
     for _ in range(KILLS or 2):
         running = start(tmp_path)
         time.sleep(moments.uniform(1.0, 6.0))  # from while it reads its configuration to a few points later

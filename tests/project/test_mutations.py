@@ -86,14 +86,11 @@ def test_text_that_is_missing_or_ambiguous_is_refused_before_any_test_runs(old, 
     assert not said.out
 
 
-@pytest.mark.parametrize(
-    ("fields", "message"),
-    [
-        ({"name": "Two Words"}, "a mutation is called 'Two Words'"),
-        ({"new": "a > b"}, "it replaces 'a > b' by 'a > b'"),
-        ({"caught_by": ("test_toy.py",)}, "caught_by is"),
-    ],
-)
+@pytest.mark.parametrize(("fields", "message"), [
+    ({"name": "Two Words"}, "a mutation is called 'Two Words'"),
+    ({"new": "a > b"}, "it replaces 'a > b' by 'a > b'"),
+    ({"caught_by": ("test_toy.py",)}, "caught_by is"),
+])  # fmt: skip
 def test_an_entry_that_cannot_be_is_refused(fields, message):
     with pytest.raises(ListError, match=message):
         Mutation(**(vars(LARGER) | fields))

@@ -1,8 +1,6 @@
 """Installing: what the library imports is what it depends on, a script beside a clone imports the package and not the
 clone's folder, and a wheel brings the command."""
 
-from __future__ import annotations
-
 import ast
 import os
 import re
@@ -12,7 +10,6 @@ import sys
 import sysconfig
 import tomllib
 import venv
-from collections.abc import Iterable
 from pathlib import Path
 from zipfile import ZipFile
 
@@ -26,7 +23,7 @@ PACKAGES = {"OpenEXR": "openexr", "PIL": "pillow", "hydra": "hydra-core"}
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 
 
-def imported(*folders: str) -> set[str]:
+def imported(*folders):
     """Packages that the sources below import, at the top of a module or inside of a function."""
     found = set()
     for path in (path for folder in folders for path in (ROOT / folder).rglob("*.py")):
@@ -38,20 +35,20 @@ def imported(*folders: str) -> set[str]:
     return {PACKAGES.get(name, name) for name in found - OURS - sys.stdlib_module_names}
 
 
-def named(requirements: Iterable[str]) -> set[str]:
-    return {re.match(r"[\w-]+", requirement)[0] for requirement in requirements}  # type: ignore[index]
+def named(requirements):
+    return {re.match(r"[\w-]+", requirement)[0] for requirement in requirements}
 
 
 FOR_SOME_TASKS = {"openexr", "pillow", "pyoidn", "scipy", "xatlas"}
 """What the library asks for where files of some formats are written, charts made or maps denoised."""
 
 
-def test_the_library_depends_on_what_it_imports() -> None:
+def test_the_library_depends_on_what_it_imports():
     embree = {"embreex"}  # whose wheel holds the Embree that is loaded
     assert named(PROJECT["dependencies"]) == (imported("atra") - FOR_SOME_TASKS) | embree
 
 
-def test_the_harness_adds_what_it_imports() -> None:
+def test_the_harness_adds_what_it_imports():
     harness, extras = imported("experiments", "scenes", "examples"), PROJECT["optional-dependencies"]
     # requests comes with pooch, ray with its launcher
     extra = [one for name in ("fetch", "peers", "dask", "viewer") for one in extras[name]]
@@ -60,7 +57,7 @@ def test_the_harness_adds_what_it_imports() -> None:
     assert named(extras["harness"]) == (harness | parquet) - named(PROJECT["dependencies"]) - optional
 
 
-def test_every_version_that_the_two_commands_install_is_stated() -> None:
+def test_every_version_that_the_two_commands_install_is_stated():
     pinned = {re.sub("[-_]", "-", name.lower()) for name in named(constraint_lines())}
     extras = PROJECT["optional-dependencies"]
     asked = named(
@@ -69,19 +66,16 @@ def test_every_version_that_the_two_commands_install_is_stated() -> None:
     assert {name.replace("_", "-") for name in asked} <= pinned
 
 
-def constraint_lines() -> list[str]:
+def constraint_lines():
     lines = (ROOT / "constraints.txt").read_text(encoding="utf-8").splitlines()
     return [line for line in lines if not line.startswith("#")]
 
 
-@pytest.mark.parametrize(
-    ("module", "needless"),
-    [
-        ("atra", {"trimesh", "pandas", "matplotlib"}),
-        ("experiments.worker", {"trimesh", "pandas", "pyarrow", "matplotlib", "hydra", "rich"}),
-    ],
-)
-def test_nothing_is_imported_that_costs_time_and_may_never_be_needed(module: str, needless: set[str]) -> None:
+@pytest.mark.parametrize(("module", "needless"), [
+    ("atra", {"trimesh", "pandas", "matplotlib"}),
+    ("experiments.worker", {"trimesh", "pandas", "pyarrow", "matplotlib", "hydra", "rich"}),
+])  # fmt: skip
+def test_nothing_is_imported_that_costs_time_and_may_never_be_needed(module, needless):
     """A worker is started for every measured process."""
     code = f"import sys, {module}; print(*sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True)
@@ -89,7 +83,7 @@ def test_nothing_is_imported_that_costs_time_and_may_never_be_needed(module: str
     assert needless.isdisjoint(done.stdout.split())
 
 
-def make_environment(folder: Path) -> Path:
+def make_environment(folder):
     """A virtual environment's Python. It sees the packages of this one, but not what path files install in it."""
     venv.create(folder, with_pip=False)
     python = folder / ("Scripts/python.exe" if sys.platform == "win32" else "bin/python")
@@ -98,18 +92,18 @@ def make_environment(folder: Path) -> Path:
     return python
 
 
-def install(python: Path, *what: str) -> None:
+def install(python, *what):
     command = [sys.executable, "-m", "pip", "--python", str(python), "install", "-q", "--no-deps", "--ignore-installed"]
     done = subprocess.run([*command, "--no-build-isolation", *what], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
 
 
-def run(*command: str | Path, folder: Path, **variables: str) -> subprocess.CompletedProcess[str]:
+def run(*command, folder, **variables):
     environment = {name: value for name, value in os.environ.items() if name not in ("PYTHONPATH", "PYTHONSAFEPATH")}
     return subprocess.run(command, cwd=folder, env=environment | variables, capture_output=True, text=True)
 
 
-def test_a_script_beside_a_clone_imports_the_package_and_not_the_clone(tmp_path: Path) -> None:
+def test_a_script_beside_a_clone_imports_the_package_and_not_the_clone(tmp_path):
     clone = tmp_path / "atra"
     for name in ("atra", "conf", "experiments", "scenes"):
         shutil.copytree(ROOT / name, clone / name, ignore=shutil.ignore_patterns("__pycache__"))
@@ -138,7 +132,7 @@ sys.meta_path.insert(0, Missing())
 
 
 @pytest.fixture(scope="module")
-def wheel_environment(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def wheel_environment(tmp_path_factory):
     """The Python of an environment with the wheel and none of the harness's packages."""
     folder = tmp_path_factory.mktemp("wheel")
     build = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(folder)]
@@ -156,7 +150,7 @@ def wheel_environment(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.slow
-def test_the_wheel_s_command_tells_what_is_here(wheel_environment: Path, tmp_path: Path) -> None:
+def test_the_wheel_s_command_tells_what_is_here(wheel_environment, tmp_path):
     done = run(wheel_environment.with_name("atra"), "doctor", folder=tmp_path)
     assert done.returncode == 0, done.stderr
     *lines, last = done.stdout.splitlines()
@@ -167,7 +161,7 @@ def test_the_wheel_s_command_tells_what_is_here(wheel_environment: Path, tmp_pat
 
 @pytest.mark.slow
 @pytest.mark.parametrize("verb", ["sweep=horizontal", "measure", "fetch", "view", "-m"])
-def test_without_the_harness_its_verbs_say_what_to_install(wheel_environment: Path, tmp_path: Path, verb: str) -> None:
+def test_without_the_harness_its_verbs_say_what_to_install(wheel_environment, tmp_path, verb):
     done = run(wheel_environment.with_name("atra"), verb, folder=tmp_path)
     assert (done.returncode, done.stdout) == (2, "")
     assert done.stderr == (

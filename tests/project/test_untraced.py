@@ -53,7 +53,7 @@ print(sys.gettrace() is not None)
 """
 
 
-def test_lines_after_numba_has_compiled_are_counted_as_those_before(tmp_path: Path) -> None:
+def test_lines_after_numba_has_compiled_are_counted_as_those_before(tmp_path):
     (tmp_path / "program.py").write_text(PROGRAM, encoding="utf-8")
     (tmp_path / ".coveragerc").write_text("[run]\nbranch = true\nplugins = tests.untraced\n", encoding="utf-8")
     coverage = [sys.executable, "-m", "coverage"]
@@ -75,7 +75,7 @@ def test_lines_after_numba_has_compiled_are_counted_as_those_before(tmp_path: Pa
 
 
 @pytest.mark.uncovered
-def test_what_is_marked_uncovered_runs_without_a_tracer_and_so_do_its_processes() -> None:
+def test_what_is_marked_uncovered_runs_without_a_tracer_and_so_do_its_processes():
     assert sys.gettrace() is None
     code = "import sys; print(sys.gettrace(), 'coverage' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

@@ -8,7 +8,7 @@ import pytest
 import atra
 from atra.compiled.threads import WorkerPool
 from atra.raster.clusters import CLUSTER, POINT_BYTES, clusters_of
-from tests.images import assert_same_bits
+from tests.images import assert_same_bits, draw
 from tests.meshes import EYE_AT_ORIGIN, beams, boards, cornell_box, joined, quads, random_triangles
 from tests.raster.test_raster import every_width_the_native_quick
 
@@ -134,8 +134,7 @@ def test_what_lies_a_ten_thousandth_before_a_wall_is_seen():
         atra.Camera(**EYE_AT_ORIGIN, width=160, height=160, fov_y_degrees=90),
         atra.OrthographicCamera((0, 0, 0), (0, 0, 1), view_height=4.0, width=160, height=160),
     ):
-        with atra.RasterTracer(mesh, camera, threads=1, ties="any") as tracer:
-            hits = tracer.trace()
+        hits = draw(mesh, camera, ties="any")
         assert_same_bits(hits, AllDrawn(mesh, camera).trace())
         assert ((hits.prim_id >= wall.triangle_count) & hits.hit).mean() > 0.01
 
@@ -218,8 +217,7 @@ def test_a_sliver_seen_all_but_edge_on_is_not_drawn_nearer_than_its_nearest_corn
         across = random.normal(size=(200, 3, 3)) * 10.0 ** random.integers(-7, -2, (200, 1, 1))
         corners = (depths * (away + across)).astype(np.float32)
         mesh = atra.Mesh(corners.reshape(-1, 3), np.arange(600).reshape(-1, 3))
-        with atra.RasterTracer(mesh, camera, threads=1, ties="any") as tracer:
-            hits = tracer.trace()
+        hits = draw(mesh, camera, ties="any")
         nearest = corners[:, :, 2].min(axis=1)
         seen = hits.hit
         # A projected corner is rounded, and so is a depth.

@@ -101,13 +101,10 @@ def test_a_mesh_without_area_is_hit_nowhere():
         assert not tracer.trace().hit.any()
 
 
-@pytest.mark.parametrize(
-    ("camera", "message"),
-    [
-        (PARALLEL, "EyeTracer needs rays through one point"),
-        (replace(WIDE, fov_y_degrees=0.1), "too narrow|expected at least 0.0002"),
-    ],
-)
+@pytest.mark.parametrize(("camera", "message"), [
+    (PARALLEL, "EyeTracer needs rays through one point"),
+    (replace(WIDE, fov_y_degrees=0.1), "too narrow|expected at least 0.0002"),
+])  # fmt: skip
 def test_cameras_that_cannot_be_are_named(camera, message):
     with pytest.raises(atra.InputError, match=message):
         tracer_of(MESH, camera)

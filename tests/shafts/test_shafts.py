@@ -19,6 +19,7 @@ from tests.bvh.test_bvh import MESHES, below, built, deep_mesh
 from tests.images import HELD, assert_no_pixel_wrong, assert_same_bits
 from tests.meshes import EYE_AT_ORIGIN, cornell_box, cornell_camera, quads, random_triangles
 from tests.raster.test_raster import PARALLEL
+from tests.rays.test_ray_scene import nearest_in_float64
 
 POOL = WorkerPool(1)
 SMALL = {"cells": 27, "directions": 2, "threads": 1}
@@ -48,24 +49,6 @@ def list_at(lists, number):
 def random_rays(count, seed, spread=3.0):
     random = np.random.default_rng(seed)
     return atra.Rays(random.uniform(-spread, spread, (count, 3)), random.normal(size=(count, 3)))
-
-
-def nearest_in_float64(mesh, rays):
-    """(t, prim_id) of the nearest triangle of all between the ends of each ray."""
-    corners = mesh.vertices[mesh.faces].astype(np.float64)
-    first, a, b = corners[:, 0], corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    depth, prim_id = rays.tfar.astype(np.float64), np.full(len(rays), atra.MISS)
-    origins, directions = rays.origins.astype(np.float64), rays.directions.astype(np.float64)
-    for k in range(mesh.triangle_count):
-        normal, to_first = np.cross(a[k], b[k]), first[k] - origins
-        with np.errstate(divide="ignore", invalid="ignore"):
-            facing = directions @ normal
-            t = to_first @ normal / facing
-            turned = np.cross(to_first, directions)
-            u, v = turned @ b[k] / facing, -(turned @ a[k]) / facing
-            hit = (u >= 0) & (v >= 0) & (u + v <= 1) & (t > rays.tnear) & (t < depth)
-        depth[hit], prim_id[hit] = t[hit], k
-    return depth, prim_id
 
 
 VIEWS = {
@@ -286,24 +269,21 @@ def test_a_tree_as_deep_as_the_stack_is_high_is_traced():
     assert expected.hit.any()
 
 
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"cells": 0}, "cells is 0, expected a whole number of at least 1"),
-        ({"directions": 1.5}, "directions is 1.5"),
-        ({"rays": 0}, "rays is 0"),
-        ({"longest": 0}, "longest is 0"),
-        ({"longest": 256}, "longest is 256, expected at most 255"),
-        ({"directions": 1025}, "directions is 1025, expected at most 1,024"),
-        ({"probability": 0.0}, "probability is 0.0, expected more than 0 and at most 1"),
-        ({"share": 1.5}, "share is 1.5"),
-        ({"memory": 0.0}, "memory is 0.0"),
-        ({"subset": "some"}, "subset is 'some', expected one of complete, occupied"),
-        ({"empty": "full"}, "empty is 'full', expected one of miss, root"),
-        ({"packet_width": 8}, "packet_width is 8, expected 1"),
-        ({"subset": "hits"}, "subset is 'hits', which hangs on rays"),
-    ],
-)
+@pytest.mark.parametrize(("options", "message"), [
+    ({"cells": 0}, "cells is 0, expected a whole number of at least 1"),
+    ({"directions": 1.5}, "directions is 1.5"),
+    ({"rays": 0}, "rays is 0"),
+    ({"longest": 0}, "longest is 0"),
+    ({"longest": 256}, "longest is 256, expected at most 255"),
+    ({"directions": 1025}, "directions is 1025, expected at most 1,024"),
+    ({"probability": 0.0}, "probability is 0.0, expected more than 0 and at most 1"),
+    ({"share": 1.5}, "share is 1.5"),
+    ({"memory": 0.0}, "memory is 0.0"),
+    ({"subset": "some"}, "subset is 'some', expected one of complete, occupied"),
+    ({"empty": "full"}, "empty is 'full', expected one of miss, root"),
+    ({"packet_width": 8}, "packet_width is 8, expected 1"),
+    ({"subset": "hits"}, "subset is 'hits', which hangs on rays"),
+])  # fmt: skip
 def test_options_that_cannot_be_are_named(options, message):
     with pytest.raises(atra.InputError, match=message):
         ClassifiedTracer(cornell_box(), cornell_camera(8, 8), **options)

@@ -1,15 +1,11 @@
 """What is dropped without `close` frees its threads and Embree's memory at once, whatever became of it before."""
 
-from __future__ import annotations
-
 import gc
 import subprocess
 import sys
 import threading
 import time
 import weakref
-from collections.abc import Callable, Iterator
-from typing import Any
 
 import numpy as np
 import psutil
@@ -24,6 +20,7 @@ from atra.light import Baker, BakeScene, ProgressiveBake
 from atra.shafts.eye import EyeTracer
 from tests.images import make_tracer
 from tests.meshes import cornell_box, cornell_camera
+from tests.tracing.test_lifetimes import Injected
 
 pytestmark = pytest.mark.usefixtures("old_objects_set_aside")
 
@@ -33,44 +30,44 @@ FRAMES = atra.Alignment.of_frames([CAMERA, CAMERA], atra.Split(16, 1, 64, 48))
 SCENE = light.RenderScene(MESH, lights=[light.Sun((0.1, -1, -0.2))])
 
 
-def traced(one: Any) -> Any:
+def traced(one):
     one.plan()
     one.build()
     one.trace()
     return one
 
 
-def gathered(one: Any) -> Any:
+def gathered(one):
     traced(one).gather(atra.Count())
     return one
 
 
-def looked(one: Any) -> Any:
+def looked(one):
     traced(one).look(cornell_camera(32, 32))
     one.trace()
     return one
 
 
-def shot(scene: Any) -> Any:
+def shot(scene):
     scene.intersect(*RAYS)
     return scene
 
 
-def prepared(scene: Any) -> Any:
+def prepared(scene):
     scene.plan()
     scene.build()
     scene.intersect(scene.prepare(atra.Rays(*RAYS)))
     return scene
 
 
-def added(one: Any) -> Any:
+def added(one):
     one.plan()
     one.build()
     one.add()
     return one
 
 
-def baking() -> ProgressiveBake:
+def baking():
     """In the midst of a bake that would take hours."""
     baker = Baker(BakeScene(MESH), size=16, threads=2)
     baker.plan()
@@ -81,7 +78,7 @@ def baking() -> ProgressiveBake:
     return bake
 
 
-def baked() -> ProgressiveBake:
+def baked():
     """With every sample it was to take: its thread waits for edits."""
     baker = Baker(BakeScene(MESH), size=16, threads=2)
     baker.plan()
@@ -91,7 +88,7 @@ def baked() -> ProgressiveBake:
     return bake
 
 
-MAKE: dict[str, Callable[[], Any]] = {
+MAKE = {
     **{
         kind: lambda kind=kind: traced(make_tracer(kind, MESH, CAMERA, (16, 1), threads=2))
         for kind in ("pixels", "aligned", "instanced", "visible_first", "tiles")
@@ -115,7 +112,7 @@ MAKE: dict[str, Callable[[], Any]] = {
 
 
 @pytest.fixture
-def no_collector() -> Iterator[None]:
+def no_collector():
     """Only what nothing refers to is released."""
     gc.collect()
     gc.disable()
@@ -124,12 +121,12 @@ def no_collector() -> Iterator[None]:
 
 
 @pytest.fixture
-def held(monkeypatch: pytest.MonkeyPatch) -> list[np.ndarray]:
+def held(monkeypatch):
     """Bytes that each Embree device holds by its own account."""
-    counters: list[np.ndarray] = []
+    counters = []
     make = EmbreeDevice.__init__
 
-    def noted(self: EmbreeDevice, **settings: Any) -> None:
+    def noted(self, **settings):
         make(self, **settings)
         counters.append(self._byte_count)
 
@@ -137,16 +134,14 @@ def held(monkeypatch: pytest.MonkeyPatch) -> list[np.ndarray]:
     return counters
 
 
-def assert_end(threads: set[threading.Thread]) -> None:
+def assert_end(threads):
     for thread in threads:
         thread.join(30)
     assert not [thread for thread in threads if thread.is_alive()]
 
 
 @pytest.mark.parametrize("kind", MAKE)
-def test_dropping_the_last_reference_frees_threads_and_memory(
-    kind: str, no_collector: None, held: list[np.ndarray]
-) -> None:
+def test_dropping_the_last_reference_frees_threads_and_memory(kind, no_collector, held):
     MAKE[kind]()  # Numba, where it still compiles, leaves cycles of frames that refer to the tracer
     gc.collect()
     held.clear()
@@ -160,20 +155,14 @@ def test_dropping_the_last_reference_frees_threads_and_memory(
     assert [int(counter[0]) for counter in held] == [0] * len(held)
 
 
-class Injected(Exception):
-    """What goes wrong below."""
-
-
 @pytest.mark.parametrize("step", ["_plan_geometry", "_build_scene", "_run"])
 @pytest.mark.parametrize("kind", ["pixels", "aligned", "visible_first", "tiles"])
-def test_after_a_failure_too(
-    kind: str, step: str, no_collector: None, held: list[np.ndarray], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_after_a_failure_too(kind, step, no_collector, held, monkeypatch):
     before = set(threading.enumerate())
     one = make_tracer(kind, MESH, CAMERA, (16, 1), threads=2)
     done = getattr(type(one), step)
 
-    def fail(self: Any, *arguments: Any) -> None:
+    def fail(self, *arguments):
         done(self, *arguments)
         raise Injected
 
@@ -187,7 +176,7 @@ def test_after_a_failure_too(
     assert [int(counter[0]) for counter in held] == [0] * len(held)
 
 
-def test_a_constructor_that_fails_leaves_nothing(held: list[np.ndarray]) -> None:
+def test_a_constructor_that_fails_leaves_nothing(held):
     before = set(threading.enumerate())
     with pytest.raises(atra.InputError, match="does not divide"):
         light.HybridRenderer(SCENE, CAMERA, lambda mesh, camera: atra.AlignedTracer(mesh, camera, (7, 1)), threads=2)
@@ -195,7 +184,7 @@ def test_a_constructor_that_fails_leaves_nothing(held: list[np.ndarray]) -> None
     assert not held
 
 
-def test_a_process_may_end_with_tracers_dropped_kept_and_in_a_cycle() -> None:
+def test_a_process_may_end_with_tracers_dropped_kept_and_in_a_cycle():
     script = (
         "import atra\n"
         "from tests.meshes import cornell_box, cornell_camera\n"
@@ -210,7 +199,7 @@ def test_a_process_may_end_with_tracers_dropped_kept_and_in_a_cycle() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["pixels", "aligned", "visible_first", "raster", "ray scene"])
-def test_a_thousand_dropped_leave_threads_and_memory_as_they_were(kind: str) -> None:
+def test_a_thousand_dropped_leave_threads_and_memory_as_they_were(kind):
     for _ in range(50):
         MAKE[kind]()
     threads, memory = set(threading.enumerate()), psutil.Process().memory_info().rss

@@ -77,20 +77,6 @@ def test_making_tracing_and_closing_again_and_again_keeps_the_memory(name):
     assert growth < 0.01, f"{CYCLES} cycles grew the process by {growth:.2%}"
 
 
-@every_tracer
-def test_a_tracer_dropped_without_closing_is_released_with_what_embree_was_reading(name):
-    one = tracer(name)
-    one.plan()
-    one.build()
-    one.trace()
-    counters = [device._byte_count for device in devices(one)]
-    vertices = weakref.ref(one._geometry.vertices)
-    del one
-    gc.collect()
-    assert [int(counter[0]) for counter in counters] == [0] * len(counters)
-    assert vertices() is None
-
-
 def test_what_embree_reads_lives_as_long_as_the_scene():
     # The tracer forgets its plan; the scene must not.
     with tracer("aligned") as one:

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 import atra
-from atra.embree.device import EmbreeDevice
 from tests.images import assert_same_bits, make_tracer
 from tests.meshes import cornell_box, cornell_camera, quads
-from tests.tracing.test_lifetimes import Injected, in_threads, raise_injected
+from tests.tracing.test_lifetimes import Injected, devices, in_threads, raise_injected
 
 MESH, CAMERA = cornell_box(), cornell_camera(64, 48)
 MOVED = replace(CAMERA, eye=tuple(np.add(CAMERA.eye, (0.11, -0.07, 0.05)).tolist()))
@@ -38,10 +37,6 @@ def tracer(kind, camera=CAMERA, mesh=MESH, **options):
 def image(kind, camera, **options):
     with tracer(kind, camera, **options) as one:
         return one.trace()
-
-
-def devices(one):
-    return [value for value in vars(one).values() if isinstance(value, EmbreeDevice)]
 
 
 @every_kind
@@ -88,19 +83,16 @@ def test_a_camera_given_before_anything_is_built_is_the_one_that_is_built_for(ki
         one.look(CAMERA)
 
 
-@pytest.mark.parametrize(
-    ("kind", "camera", "message"),
-    [
-        ("tiles", FLAT, "TiledTracer needs rays through one point"),
-        ("visible_first", FLAT, "VisibleFirstTracer needs rays through one point"),
-        ("aligned", replace(CAMERA, width=65), r"split \(16, 1\) does not divide image 65 x 48"),
-        ("tiles", replace(CAMERA, width=65), "does not divide image 65 x 48"),
-        ("visible_first", replace(CAMERA, width=65), "does not divide image 65 x 48"),
-        ("pixels", replace(CAMERA, eye=(1e12, 0, 0)), "reaches 1e[+]12 from the eye"),
-        ("raster", replace(CAMERA, eye=(1e12, 0, 0)), "reaches 1e[+]12 from the eye"),
-        ("aligned", replace(CAMERA, eye=(1e12, 0, 0)), "reaches 1e[+]12 from the eye"),
-    ],
-)
+@pytest.mark.parametrize(("kind", "camera", "message"), [
+    ("tiles", FLAT, "TiledTracer needs rays through one point"),
+    ("visible_first", FLAT, "VisibleFirstTracer needs rays through one point"),
+    ("aligned", replace(CAMERA, width=65), r"split \(16, 1\) does not divide image 65 x 48"),
+    ("tiles", replace(CAMERA, width=65), "does not divide image 65 x 48"),
+    ("visible_first", replace(CAMERA, width=65), "does not divide image 65 x 48"),
+    ("pixels", replace(CAMERA, eye=(1e12, 0, 0)), "reaches 1e[+]12 from the eye"),
+    ("raster", replace(CAMERA, eye=(1e12, 0, 0)), "reaches 1e[+]12 from the eye"),
+    ("aligned", replace(CAMERA, eye=(1e12, 0, 0)), "reaches 1e[+]12 from the eye"),
+])  # fmt: skip
 def test_a_camera_that_is_refused_changes_nothing(kind, camera, message):
     with tracer(kind) as one:
         expected, held = one.trace(), devices(one)

@@ -1,12 +1,8 @@
 """Four threads that call one tracer or scene in any order: every result is that of a single thread."""
 
-from __future__ import annotations
-
 import threading
-from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
-from typing import Any
 
 import numpy as np
 import pytest
@@ -24,24 +20,24 @@ OFFSETS = ((0.5, 0.5), (0.25, 0.75))
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", MAKE)
-def test_images_of_a_tracer_that_threads_turn_trace_and_close_are_those_of_one_thread(kind: str) -> None:
-    def find(camera: atra.View, offset: tuple[float, float]) -> tuple[atra.Hits, Any]:
+def test_images_of_a_tracer_that_threads_turn_trace_and_close_are_those_of_one_thread(kind):
+    def find(camera, offset):
         with MAKE[kind](camera) as one:
             return one.trace(offset), one.gather(atra.Count(), offset).count if kind in GATHERING else None
 
     expected, earlier = Expected(find), threading.local()
 
-    def trace(one: Any, random: np.random.Generator) -> None:
+    def trace(one, random):
         out = getattr(earlier, "out", None) if random.random() < 0.5 else None
         hits = one.trace(any_of(OFFSETS, random), out)
         assert_same_bits(hits, expected(hits.camera, hits.offset)[0])
         earlier.out = hits
 
-    def gather(one: Any, random: np.random.Generator) -> None:
+    def gather(one, random):
         counts = one.gather(atra.Count(), any_of(OFFSETS, random))
         np.testing.assert_array_equal(counts.count, expected(counts.camera, counts.offset)[1])
 
-    def counters(one: Any, random: np.random.Generator) -> None:
+    def counters(one, random):
         assert one.counters["triangles_traced"] >= 0
 
     calls = {
@@ -55,23 +51,23 @@ def test_images_of_a_tracer_that_threads_turn_trace_and_close_are_those_of_one_t
 
 
 @pytest.mark.slow
-def test_frames_of_a_tracer_that_threads_trace_and_close_are_those_of_one_thread() -> None:
+def test_frames_of_a_tracer_that_threads_trace_and_close_are_those_of_one_thread():
     near = replace(CAMERA, eye=tuple(np.add(CAMERA.eye, (0.02, 0.01, 0.0)).tolist()))
     alignment = atra.Alignment.of_frames([CAMERA, near], atra.Split(16, 1, 64, 48))
     earlier = threading.local()
 
-    def find(offset: tuple[float, float]) -> atra.Frames:
+    def find(offset):
         with atra.FramesTracer(MESH, alignment, threads=1) as one:
             return one.trace(offset)
 
     expected = Expected(find)
 
-    def trace(one: Any, random: np.random.Generator) -> None:
+    def trace(one, random):
         frames = one.trace(any_of(OFFSETS, random), getattr(earlier, "out", None) if random.random() < 0.5 else None)
         assert_same_bits(frames, expected(frames.offset))
         earlier.out = frames
 
-    def look(one: Any, random: np.random.Generator) -> None:
+    def look(one, random):
         with pytest.raises((atra.InputError, atra.EmbreeError), match=r"cannot look through one|closed"):
             one.look(SMALL)
 
@@ -86,17 +82,17 @@ BATCHES = tuple(
 
 
 @pytest.mark.slow
-def test_hits_of_a_ray_scene_that_threads_ask_and_close_are_those_of_one_thread() -> None:
+def test_hits_of_a_ray_scene_that_threads_ask_and_close_are_those_of_one_thread():
     mesh, earlier = ball(3), threading.local()
 
-    def find(number: int, coherent: bool | None) -> tuple[atra.RayHits, np.ndarray]:
+    def find(number, coherent):
         with atra.RayScene(mesh, threads=1) as one:
             rays = BATCHES[number]
             return one.intersect(rays, coherent=coherent), one.occluded(rays, coherent=coherent)
 
     expected = Expected(find)
 
-    def closest(one: Any, random: np.random.Generator) -> None:
+    def closest(one, random):
         number, coherent = int(random.integers(3)), any_of((None, False, True), random)
         out = getattr(earlier, "out", None) if random.random() < 0.5 else None
         hits = one.intersect(BATCHES[number], coherent=coherent, out=out)
@@ -104,12 +100,12 @@ def test_hits_of_a_ray_scene_that_threads_ask_and_close_are_those_of_one_thread(
         np.testing.assert_array_equal(hits.t, expected(number, coherent)[0].t)
         earlier.out = hits
 
-    def occluded(one: Any, random: np.random.Generator) -> None:
+    def occluded(one, random):
         number, coherent = int(random.integers(3)), any_of((None, False, True), random)
         found = one.occluded(BATCHES[number], coherent=coherent)
         np.testing.assert_array_equal(found, expected(number, coherent)[1])
 
-    def held(one: Any, random: np.random.Generator) -> None:
+    def held(one, random):
         assert one.embree_bytes >= 0
 
     calls = {"closest": closest, "occluded": occluded, "build": rebuild, "bytes": held}
@@ -118,22 +114,22 @@ def test_hits_of_a_ray_scene_that_threads_ask_and_close_are_those_of_one_thread(
 
 @pytest.mark.slow
 @pytest.mark.parametrize("make", [BvhScene, partial(ShaftScene, **SHAFTS)], ids=["own BVH", "shafts"])
-def test_hits_of_a_scene_of_our_own_that_threads_ask_and_close_are_those_of_one_thread(make: Callable) -> None:
+def test_hits_of_a_scene_of_our_own_that_threads_ask_and_close_are_those_of_one_thread(make):
     mesh = ball(2)
 
-    def find(number: int) -> atra.RayHits:
+    def find(number):
         with make(mesh, threads=1) as one:
             return one.intersect(one.prepare(BATCHES[number]))
 
     expected = Expected(find)
 
-    def closest(one: Any, random: np.random.Generator) -> None:
+    def closest(one, random):
         number = int(random.integers(3))
         hits = one.intersect(one.prepare(BATCHES[number]))
         np.testing.assert_array_equal(hits.prim_id, expected(number).prim_id)
         np.testing.assert_array_equal(hits.t, expected(number).t)
 
-    def occluded(one: Any, random: np.random.Generator) -> None:
+    def occluded(one, random):
         number = int(random.integers(3))
         np.testing.assert_array_equal(one.occluded(one.prepare(BATCHES[number])), expected(number).hit)
 

@@ -1,11 +1,7 @@
 """Calls of several threads in any order: each sees one camera completely, and after `close` there is a clear error."""
 
-from __future__ import annotations
-
-from collections.abc import Callable
 from dataclasses import replace
-from types import TracebackType
-from typing import Any
+from functools import partial
 
 import numpy as np
 import pytest
@@ -16,7 +12,6 @@ from atra.bvh.tracer import BvhTracer
 from atra.light import Baker, BakeScene
 from atra.shafts.eye import EyeTracer
 from atra.shafts.tracer import ClassifiedTracer
-from atra.tracing.lifetime import Lifetime
 from tests.images import assert_same_bits, make_tracer
 from tests.meshes import cornell_box, cornell_camera
 
@@ -27,7 +22,7 @@ CAMERAS = (CAMERA, SMALL, LARGE)
 
 SHAFTS = {"cells": 8, "directions": 2, "rays": 4}
 
-MAKE: dict[str, Callable[..., Any]] = {
+MAKE = {
     **{
         kind: lambda camera, kind=kind, **options: make_tracer(kind, MESH, camera, (16, 1), **options)
         for kind in ("pixels", "aligned", "instanced", "visible_first", "tiles")
@@ -45,31 +40,29 @@ class Interrupted:
     """A tracer's lock, around which other threads always come first: `works` are done one after the other, each when
     the lock was about to be taken, or was just released."""
 
-    def __init__(self, one: Lifetime, *works: Callable[[], Any]) -> None:
+    def __init__(self, one, *works):
         self._lock, self._works, self._depth = one._lock, list(works), 0
-        one._lock = self  # type: ignore[assignment]
+        one._lock = self
 
-    def _let_others(self) -> None:
+    def _let_others(self):
         if self._depth == 0 and self._works:
             self._depth = 1  # what they call takes the lock, too
             self._works.pop(0)()
             self._depth = 0
 
-    def __enter__(self) -> None:
+    def __enter__(self):
         self._let_others()
         self._depth += 1
         self._lock.__enter__()
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, kind, error, trace):
         self._lock.__exit__(kind, error, trace)
         self._depth -= 1
         self._let_others()
 
 
 @every_kind
-def test_a_frame_is_wholly_that_of_the_camera_that_came_last_before_it(kind: str) -> None:
+def test_a_frame_is_wholly_that_of_the_camera_that_came_last_before_it(kind):
     with MAKE[kind](LARGE) as new:
         expected = new.trace((0.3, 0.6))
     with MAKE[kind](CAMERA) as one:
@@ -82,7 +75,7 @@ def test_a_frame_is_wholly_that_of_the_camera_that_came_last_before_it(kind: str
 
 
 @pytest.mark.parametrize("kind", GATHERING)
-def test_all_hits_are_wholly_those_of_the_camera_that_came_last_before(kind: str) -> None:
+def test_all_hits_are_wholly_those_of_the_camera_that_came_last_before(kind):
     with MAKE[kind](LARGE) as new:
         expected = new.gather(atra.Count())
     with MAKE[kind](CAMERA) as one:
@@ -93,7 +86,7 @@ def test_all_hits_are_wholly_those_of_the_camera_that_came_last_before(kind: str
 
 
 @every_kind
-def test_an_earlier_result_is_refused_where_it_has_the_size_of_another_camera(kind: str) -> None:
+def test_an_earlier_result_is_refused_where_it_has_the_size_of_another_camera(kind):
     with MAKE[kind](CAMERA) as one:
         earlier = one.trace()
         Interrupted(one, lambda: one.look(LARGE))
@@ -102,7 +95,7 @@ def test_an_earlier_result_is_refused_where_it_has_the_size_of_another_camera(ki
 
 
 @every_kind
-def test_counters_are_those_of_one_camera(kind: str) -> None:
+def test_counters_are_those_of_one_camera(kind):
     with MAKE[kind](LARGE) as new:
         expected = {name: value for name, value in new.counters.items() if not name.endswith("_s")}
     with MAKE[kind](CAMERA) as one:
@@ -113,20 +106,31 @@ def test_counters_are_those_of_one_camera(kind: str) -> None:
         }
 
 
-@every_kind
-@pytest.mark.parametrize("call", ["trace", "plan", "build", "look", "gather"])
-def test_a_call_that_another_thread_closes_before_ends_in_a_clear_error(kind: str, call: str) -> None:
-    with MAKE[kind](CAMERA) as one:
-        if call == "gather" and kind not in GATHERING:
-            return
+FRAMES = atra.Alignment.of_frames([CAMERA, CAMERA], atra.Split(16, 1, 64, 48))
+RAYS = (atra.Rays(np.zeros((1, 3)), np.ones((1, 3))),)
+CALLS = {
+    **{kind: (partial(MAKE[kind], CAMERA), {"trace": (), "plan": (), "build": (), "look": (SMALL,)}) for kind in MAKE},
+    **{f"all hits of {kind}": (partial(MAKE[kind], CAMERA), {"gather": (atra.Count(),)}) for kind in GATHERING},
+    "frames": (lambda: atra.FramesTracer(MESH, FRAMES, threads=1), {"trace": (), "plan": (), "build": ()}),
+    "rays": (
+        lambda: atra.RayScene(MESH, threads=1),
+        {"intersect": RAYS, "occluded": RAYS, "build": (), "run": (lambda query: None,)},
+    ),
+}
+
+
+@pytest.mark.parametrize(("kind", "call"), [(kind, call) for kind, (_, calls) in CALLS.items() for call in calls])
+def test_a_call_that_another_thread_closes_before_ends_in_a_clear_error(kind, call):
+    make, calls = CALLS[kind]
+    with make() as one:
         Interrupted(one, one.close)
-        arguments = {"look": (SMALL,), "gather": (atra.Count(),)}.get(call, ())
         with pytest.raises(atra.EmbreeError, match="closed"):
-            getattr(one, call)(*arguments)
+            getattr(one, call)(*calls[call])
+        assert one.embree_bytes == 0
 
 
 @every_kind
-def test_tracers_closed_between_planning_and_building_of_another_thread_hold_nothing(kind: str) -> None:
+def test_tracers_closed_between_planning_and_building_of_another_thread_hold_nothing(kind):
     one = MAKE[kind](CAMERA)
     Interrupted(one, lambda: None, one.close)  # after `plan`
     with pytest.raises(atra.EmbreeError, match="closed"), one:
@@ -134,7 +138,7 @@ def test_tracers_closed_between_planning_and_building_of_another_thread_hold_not
     assert one.embree_bytes == 0
 
 
-def test_arrays_of_another_size_are_not_written_to_when_steps_are_counted() -> None:
+def test_arrays_of_another_size_are_not_written_to_when_steps_are_counted():
     with MAKE["bvh"](CAMERA) as one:
         image = one.trace()
         one.look(LARGE)
@@ -145,20 +149,20 @@ def test_arrays_of_another_size_are_not_written_to_when_steps_are_counted() -> N
 LAMPS = tuple(light.Sun((x, -1, -0.2)) for x in (0.1, 0.4))
 
 
-def picture(camera: atra.Camera) -> np.ndarray:
+def picture(camera):
     with light.HybridRenderer(light.RenderScene(MESH, lights=LAMPS), camera, threads=1) as renderer:
         renderer.add()
         return renderer.image
 
 
-def test_samples_are_wholly_those_of_the_camera_that_came_last_before_them() -> None:
+def test_samples_are_wholly_those_of_the_camera_that_came_last_before_them():
     with light.HybridRenderer(light.RenderScene(MESH, lights=LAMPS), CAMERA, threads=1) as renderer:
         Interrupted(renderer, lambda: renderer.update(camera=LARGE), lambda: None)
         renderer.add()
         np.testing.assert_array_equal(renderer.image, picture(LARGE))
 
 
-def test_a_light_that_another_thread_takes_away_is_named() -> None:
+def test_a_light_that_another_thread_takes_away_is_named():
     with light.HybridRenderer(light.RenderScene(MESH, lights=LAMPS), CAMERA, threads=1) as renderer:
         renderer.add()
         fewer = light.RenderScene(MESH, lights=LAMPS[:1])
@@ -167,7 +171,7 @@ def test_a_light_that_another_thread_takes_away_is_named() -> None:
             renderer.lit(1)
 
 
-def test_a_closed_renderer_changes_no_more_but_hands_out_its_picture() -> None:
+def test_a_closed_renderer_changes_no_more_but_hands_out_its_picture():
     with light.HybridRenderer(light.RenderScene(MESH, lights=LAMPS), CAMERA, threads=1) as renderer:
         renderer.add()
     assert renderer.image.shape == (48, 64, 3)
@@ -176,34 +180,28 @@ def test_a_closed_renderer_changes_no_more_but_hands_out_its_picture() -> None:
             call()
 
 
-def test_samples_of_a_map_are_all_of_one_scene() -> None:
-    dark, bright = (BakeScene(MESH, lights=[light.Sun((0.1, -1, -0.2), power=power)]) for power in (1.0, 3.0))
-    given: dict[str, Any] = {"size": 16, "threads": 1, "expansion": 1}
-    with Baker(bright, **given) as baker:
-        baker.add(3)
-        expected = baker.maps
-    with Baker(dark, **given) as baker:
-        Interrupted(baker, lambda: baker.update(bright), lambda: None)
-        assert baker.add(3)
-        np.testing.assert_array_equal(baker.maps.samples, expected.samples)
-        np.testing.assert_array_equal(baker.maps.direct, expected.direct)
+DARK, BRIGHT = (BakeScene(MESH, lights=[light.Sun((0.1, -1, -0.2), power=power)]) for power in (1.0, 3.0))
+BAKE = {"size": 16, "threads": 1, "expansion": 1}
 
 
-def test_a_map_that_is_asked_for_is_wholly_of_the_scene_that_came_last_before() -> None:
-    dark, bright = (BakeScene(MESH, lights=[light.Sun((0.1, -1, -0.2), power=power)]) for power in (1.0, 3.0))
-    given: dict[str, Any] = {"size": 16, "threads": 1, "expansion": 1}
-    with Baker(bright, **given) as baker:
-        baker.add(2)
+@pytest.mark.parametrize("samples", [2, 3])
+def test_a_map_is_wholly_of_the_scene_that_came_last_before_it_was_asked_for_or_sampled(samples):
+    with Baker(BRIGHT, **BAKE) as baker:
+        baker.add(samples)
         expected = baker.maps
-    with Baker(dark, **given) as baker:
-        baker.add(3)
-        Interrupted(baker, lambda: (baker.update(bright), baker.add(2)), lambda: baker.update(dark))
+    with Baker(DARK, **BAKE) as baker:
+        if samples == 3:
+            Interrupted(baker, lambda: baker.update(BRIGHT), lambda: None)
+            assert baker.add(3)
+        else:
+            baker.add(3)
+            Interrupted(baker, lambda: (baker.update(BRIGHT), baker.add(2)), lambda: baker.update(DARK))
         found = baker.maps
-        np.testing.assert_array_equal(found.samples, expected.samples)
-        np.testing.assert_array_equal(found.direct, expected.direct)
+    np.testing.assert_array_equal(found.samples, expected.samples)
+    np.testing.assert_array_equal(found.direct, expected.direct)
 
 
-def test_a_picture_that_is_asked_for_is_wholly_that_of_the_camera_that_came_last_before() -> None:
+def test_a_picture_that_is_asked_for_is_wholly_that_of_the_camera_that_came_last_before():
     with light.PathRenderer(light.RenderScene(MESH, lights=LAMPS), LARGE, threads=1) as renderer:
         renderer.add()
         expected = renderer.image
@@ -215,7 +213,7 @@ def test_a_picture_that_is_asked_for_is_wholly_that_of_the_camera_that_came_last
 
 
 @pytest.mark.parametrize("call", ["add", "advance", "update", "set_view", "probes"])
-def test_a_baker_that_another_thread_closes_before_says_so_but_hands_out_its_map(call: str) -> None:
+def test_a_baker_that_another_thread_closes_before_says_so_but_hands_out_its_map(call):
     scene = BakeScene(MESH)
     with Baker(scene, size=16, threads=1) as baker:
         baker.add()
@@ -224,23 +222,3 @@ def test_a_baker_that_another_thread_closes_before_says_so_but_hands_out_its_map
         with pytest.raises(atra.EmbreeError, match="closed"):
             getattr(baker, call)(*arguments)
         assert (baker.maps.samples == 1).all()
-
-
-@pytest.mark.parametrize("call", ["trace", "plan", "build"])
-def test_a_tracer_of_frames_that_another_thread_closes_before_says_so(call: str) -> None:
-    alignment = atra.Alignment.of_frames([CAMERA, CAMERA], atra.Split(16, 1, 64, 48))
-    with atra.FramesTracer(MESH, alignment, threads=1) as one:
-        Interrupted(one, one.close)
-        with pytest.raises(atra.EmbreeError, match="closed"):
-            getattr(one, call)()
-        assert one.embree_bytes == 0
-
-
-@pytest.mark.parametrize("call", ["intersect", "occluded", "build", "run"])
-def test_a_ray_scene_that_another_thread_closes_before_a_call_says_so(call: str) -> None:
-    rays = atra.Rays(np.zeros((1, 3)), np.ones((1, 3)))
-    with atra.RayScene(MESH, threads=1) as scene:
-        Interrupted(scene, scene.close)
-        arguments = {"build": (), "run": (lambda query: None,)}.get(call, (rays,))
-        with pytest.raises(atra.EmbreeError, match="closed"):
-            getattr(scene, call)(*arguments)

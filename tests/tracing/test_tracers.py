@@ -177,17 +177,6 @@ def test_cells_without_triangles_are_misses():
     assert not hits.hit[16:].any()
 
 
-def test_u_and_v_point_at_the_place_that_was_hit():
-    mesh, camera = cornell_box(), cornell_camera(32, 24)
-    hits = trace("aligned", mesh, camera, (8, 2))
-    y, x = np.nonzero(hits.hit)
-    corners = mesh.triangles(hits.prim_id[y, x])
-    u, v = hits.u[y, x][:, None], hits.v[y, x][:, None]
-    points = camera.to_camera_space((1 - u - v) * corners[:, 0] + u * corners[:, 1] + v * corners[:, 2])
-    np.testing.assert_allclose(points[:, 2], hits.depth[y, x], rtol=1e-5)
-    np.testing.assert_allclose(points / points[:, 2:], camera.directions(x, y), atol=1e-6)
-
-
 @each_method
 def test_plan_and_build_are_timed_and_what_embree_holds_is_counted(method):
     mesh, camera = cornell_box(), cornell_camera(64, 64)
@@ -323,15 +312,6 @@ def test_culling_keeps_no_copy_that_parallel_rays_of_its_cell_cannot_meet():
     with make_tracer("aligned", mesh, FLAT, (12, 1)) as tracer:
         # The view is a 4 units high and 6.4 wide part of 6 x 6 and more; a triangle meets about one cell of 0.5 units.
         assert tracer.triangle_count < 2 * mesh.triangle_count
-
-
-def test_a_directional_lights_shadow_map_is_that_of_single_rays():
-    mesh = cornell_box()
-    light = atra.OrthographicCamera.of_light((0.3, -1.0, 0.2), mesh.bounds, 96, 64)
-    reference = trace_pixels(mesh, light)
-    assert reference.hit.mean() > 0.2
-    for split in ((1, 1), (24, 1), (4, 8)):
-        assert_equal_images(mesh, light, trace("aligned", mesh, light, split), reference)
 
 
 def test_methods_that_need_rays_through_one_point_refuse_parallel_ones():

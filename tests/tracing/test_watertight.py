@@ -1,5 +1,7 @@
 """Closed surfaces are closed: no ray passes between two triangles, with any method, unless it is asked to be fast."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -9,6 +11,7 @@ from atra.judge.compare import Verdict, compare
 from atra.shafts.eye import EyeTracer
 from atra.shafts.scene import ShaftScene
 from atra.shafts.tracer import ClassifiedTracer
+from tests.images import draw
 from tests.tracing import watertight_scenes as scenes
 
 SHAFTS = {"cells": 8, "directions": 2, "rays": 4}
@@ -117,19 +120,22 @@ def test_an_orthographic_camera_loses_no_ray():
                 assert tracer.trace(offset).hit.all(), method
 
 
-def punched(mesh, view, rows, columns):
-    """A right image, and the same with nothing at some pixels."""
-    with atra.PixelTracer(mesh, view, threads=1) as tracer:
-        right = tracer.trace()
-    depth, prim_id = right.depth.copy(), right.prim_id.copy()
+def punched(image, rows, columns):
+    """The image with nothing at some pixels."""
+    depth, prim_id = image.depth.copy(), image.prim_id.copy()
     depth[rows, columns], prim_id[rows, columns] = np.inf, atra.MISS
-    return right, atra.Hits(depth, prim_id, right.offset, mesh, view)
+    return replace(image, depth=depth, prim_id=prim_id)
+
+
+ROWS = np.arange(10, 50)
+COLUMNS = scenes.SIZE - 1 - ROWS
+"""Pixels of the diagonal along which the triangles of `scenes.roof` meet."""
 
 
 def test_a_hole_punched_into_an_image_at_a_shared_edge_is_wrong():
     mesh, view = scenes.roof(), scenes.camera(40.0)
-    diagonal = np.arange(10, 50)
-    right, wrong = punched(mesh, view, diagonal, scenes.SIZE - 1 - diagonal)
+    right = traced("packets", mesh, view)
+    wrong = punched(right, ROWS, COLUMNS)
     for found, own, other in (
         (compare(mesh, view, wrong, right), "pixels_hole", "reference_pixels_hole"),
         (compare(mesh, view, right, wrong), "reference_pixels_hole", "pixels_hole"),
@@ -152,35 +158,26 @@ def test_at_an_open_rim_and_at_a_silhouette_float32_may_miss():
     open_rim = atra.Mesh(scenes.roof().vertices, scenes.roof().faces[:1], "half a roof")
     fold = np.array([(-3, -3, -1.3), (3, 3, -3.7), (3, -3, -2.2), (3, -3, -5.0)])  # turns away behind the diagonal
     silhouette = atra.Mesh(fold, [(0, 2, 1), (0, 1, 3)], "fold")
-    diagonal = np.arange(10, 50)
     for mesh in (open_rim, silhouette):
-        with atra.RasterTracer(mesh, view, threads=1) as tracer:
-            right = tracer.trace()
-        shown = scenes.SIZE - 1 - diagonal
-        depth, prim_id = right.depth.copy(), right.prim_id.copy()
-        at = right.hit[diagonal, shown]
+        right = draw(mesh, view)
+        at = right.hit[ROWS, COLUMNS]
         assert at.any() or mesh is open_rim
-        depth[diagonal, shown], prim_id[diagonal, shown] = np.inf, atra.MISS
-        found = compare(mesh, view, atra.Hits(depth, prim_id, right.offset, mesh, view), right)
+        found = compare(mesh, view, punched(right, ROWS, COLUMNS), right)
         assert (found.pixels_wrong, found.pixels_edge) == (0, int(at.sum())), mesh.name
         assert not (found.verdict == Verdict.WRONG).any()
 
 
 def test_what_shines_through_a_hole_is_a_hole_and_the_other_triangle_at_the_edge_is_none():
     mesh, view = scenes.around(scenes.roof()), scenes.camera(40.0)
-    right, _ = punched(mesh, view, [], [])
-    with atra.PixelTracer(atra.Mesh(mesh.vertices, mesh.faces[2:]), view, threads=1) as tracer:
-        behind = tracer.trace()
-    rows = np.arange(10, 50)
-    columns = scenes.SIZE - 1 - rows
+    right = traced("packets", mesh, view)
+    behind = traced("packets", atra.Mesh(mesh.vertices, mesh.faces[2:]), view)
     depth, prim_id = right.depth.copy(), right.prim_id.copy()
-    depth[rows, columns], prim_id[rows, columns] = behind.depth[rows, columns], behind.prim_id[rows, columns] + 2
-    found = compare(mesh, view, atra.Hits(depth, prim_id, right.offset, mesh, view), right)
+    depth[ROWS, COLUMNS], prim_id[ROWS, COLUMNS] = behind.depth[ROWS, COLUMNS], behind.prim_id[ROWS, COLUMNS] + 2
+    found = compare(mesh, view, replace(right, depth=depth, prim_id=prim_id), right)
     assert (found.pixels_hole, found.pixels_wrong) == (40, 40)
     prim_id = right.prim_id.copy()
-    prim_id[rows, columns] = 1 - prim_id[rows, columns]
-    other = compare(mesh, view, atra.Hits(right.depth, prim_id, right.offset, mesh, view), right)
-    assert other.pixels_wrong == 0
+    prim_id[ROWS, COLUMNS] = 1 - prim_id[ROWS, COLUMNS]
+    assert compare(mesh, view, replace(right, prim_id=prim_id), right).pixels_wrong == 0
 
 
 def many_meshes():
@@ -219,8 +216,7 @@ def test_far_from_the_world_origin_and_from_outside_there_are_no_holes():
             way = np.random.default_rng([seed, number]).normal(size=3)
             eye = place + way / np.linalg.norm(way) * 4.0 * np.abs(mesh.vertices).max()
             view = atra.Camera(tuple(eye), tuple(place), (0.1, 1.0, 0.2), 50.0, 260, 260)
-            with atra.RasterTracer(moved, view, threads=1) as raster:
-                right = raster.trace()
+            right = draw(moved, view)
             for method in IMAGES:
                 found = compare(moved, view, traced(method, moved, view), right)
                 assert (found.pixels_hole, found.reference_pixels_hole, found.pixels_wrong) == (0, 0, 0), method

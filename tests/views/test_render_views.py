@@ -12,8 +12,9 @@ import atra
 from atra.exact import ties
 from atra.views import shared_mesh
 from atra.views.render_views import METHODS, trace_view
+from examples.clusters import CLUSTERS
 from tests.images import assert_same_bits
-from tests.meshes import cornell_box
+from tests.meshes import cornell_box, cornell_camera
 
 BOX = cornell_box()
 CAMERAS = {
@@ -205,16 +206,13 @@ def test_no_more_cameras_are_taken_than_may_be_in_flight_and_closing_ends_it():
     assert not shared_mesh._stages
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        ({"method": "magic"}, "method is 'magic', expected one of raster, pixel, aligned, visible_first, tiles"),
-        ({"cameras": CAMERAS["view 0.png"]}, "cameras is Camera.*expected several"),
-        ({"cameras": 3}, "cameras is 3, expected several"),
-        ({"in_flight": 0}, "in_flight is 0, expected a whole number of at least 1"),
-        ({"offset": (1, 0)}, r"offset is \(1, 0\)"),
-    ],
-)
+@pytest.mark.parametrize(("arguments", "message"), [
+    ({"method": "magic"}, "method is 'magic', expected one of raster, pixel, aligned, visible_first, tiles"),
+    ({"cameras": CAMERAS["view 0.png"]}, "cameras is Camera.*expected several"),
+    ({"cameras": 3}, "cameras is 3, expected several"),
+    ({"in_flight": 0}, "in_flight is 0, expected a whole number of at least 1"),
+    ({"offset": (1, 0)}, r"offset is \(1, 0\)"),
+])  # fmt: skip
 def test_what_cannot_be_rendered_is_refused_before_anything_is_done(arguments, message):
     with pytest.raises(atra.InputError, match=message):
         atra.render_views(BOX, **{"cameras": CAMERAS, **arguments})
@@ -223,3 +221,19 @@ def test_what_cannot_be_rendered_is_refused_before_anything_is_done(arguments, m
 def test_an_option_that_the_method_has_not_ends_it_at_once():
     with pytest.raises(TypeError, match="RasterTracer has no option 'split'"):
         list(atra.render_views(BOX, CAMERAS, split=(4, 1)))
+
+
+NEEDS = {"dask": "distributed", "ray": "ray"}
+
+
+@pytest.mark.parametrize("cluster", CLUSTERS)
+def test_a_cluster_gives_the_same_images(cluster):
+    pytest.importorskip(NEEDS[cluster], reason=f"{NEEDS[cluster]} is not installed")
+    mesh, whole = cornell_box(), cornell_camera(64, 48)
+    cameras = {f"part {left}": whole.crop(left, 0, 32, 48) for left in (0, 16, 32)}
+    with CLUSTERS[cluster](1) as executor:
+        found = dict(atra.render_views(mesh, cameras, executor=executor))
+    assert list(found) == list(cameras)
+    for (name, hits), (_, expected) in zip(found.items(), atra.render_views(mesh, cameras, threads=1), strict=True):
+        assert_same_bits(hits, expected)
+        assert hits.camera == cameras[name]

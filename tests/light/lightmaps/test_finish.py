@@ -1,21 +1,18 @@
 """What lit texels go through before they are a file: denoising, views, and what they must not touch."""
 
-from __future__ import annotations
-
 import sys
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 import atra
-from atra import light as render
 from atra.errors import InputError
 from atra.light import BakeScene, Lightmap, Surface, Texels, clay_view, denoised, lit_view
 from atra.light.lightmaps.finish.views import looked_up
 from atra.light.lightmaps.gather.tables_kernels import LUMINANCE
-from tests.baked import baked, cube, sheet
+from tests.baked import cube, sheet
+from tests.images import draw
 from tests.meshes import quads
 from tests.shown import floor
 
@@ -23,12 +20,12 @@ NOISE = 0.25
 """Variance of `noisy` light, of each colour."""
 
 
-def noisy(count: int, seed: int) -> NDArray[np.float32]:
+def noisy(count, seed):
     """(N, 3), light whose mean is 1."""
     return np.random.default_rng(seed).gamma(1 / NOISE, NOISE, (count, 3)).astype(np.float32)
 
 
-def of_light(texels: Texels, light: NDArray[np.float32], noise: float = NOISE, samples: int = 16) -> Lightmap:
+def of_light(texels, light, noise=NOISE, samples=16):
     """A map of texels with this direct light, (N, 3), of so much variance, and no other."""
     count = len(texels)
     nothing, whole = np.zeros((count, 3), np.float32), np.ones(count, np.float32)
@@ -46,7 +43,7 @@ def test_without_the_package_one_line_says_what_to_install(monkeypatch):
         denoised(of_light(texels, np.ones((len(texels), 3), np.float32)))
 
 
-def two_charts(texels: int, gap: int) -> tuple[Texels, NDArray[np.bool_]]:
+def two_charts(texels, gap):
     """Two squares side by side in the map, and which texels are the second's."""
     mesh = quads([floor(0.5), floor(0.5, 1.0)])
     found = Texels.of(mesh, sheet(mesh, texels, gap))
@@ -103,8 +100,7 @@ def test_a_view_shows_albedo_times_map_between_texels_and_lamps_as_they_shine():
     slopes = np.array([0.1, 0.2, 0.3])
     image = texels.image((1 + texels.positions @ slopes).astype(np.float32)[:, None].repeat(3, axis=1))
     camera = atra.Camera((0, 0, 0), (1, 0.3, 0.2), fov_y_degrees=80, width=48, height=32)
-    with atra.RasterTracer(mesh, camera, threads=1) as tracer:
-        hits = tracer.trace()
+    hits = draw(mesh, camera)
     expected = 1 + hits.points @ slopes
     inside = np.abs(np.sort(np.abs(hits.points), axis=2)[..., 1]) < 0.9  # off the rim, where a look-up reads a gutter
     assert inside.mean() > 0.5
@@ -123,17 +119,7 @@ def test_a_view_of_what_has_no_place_in_the_map_and_of_nothing_is_black():
     whole = sheet(mesh, 8)
     atlas = replace(whole, chart=np.where(whole.chart == 1, -1, 0))
     camera = atra.Camera((0, 3, 0), (0, 0, 0), (0, 0, 1), width=32, height=32)
-    with atra.RasterTracer(mesh, camera, threads=1) as tracer:
-        hits = tracer.trace()
+    hits = draw(mesh, camera)
     image = np.ones((whole.height, whole.width, 1), np.float32)
     shown = looked_up(hits, atlas, image)[..., 0]
     np.testing.assert_array_equal(shown, np.isin(hits.prim_id, np.flatnonzero(atlas.chart == 0)).astype(np.float32))
-
-
-def test_colours_light_and_samples_survive_being_finished():
-    mesh = cube(inwards=True)
-    scene = BakeScene(mesh, Surface.plain(mesh, 0.5), [render.PointLight((0.2, 0.1, 0.3))])
-    lightmap = baked(scene, sheet(mesh, 8), 8)
-    pytest.importorskip("pyoidn", reason="pyoidn is not installed: pip install -e '.[denoise]'")
-    clean = denoised(lightmap, 1)
-    assert clean.luminance.mean() == pytest.approx(lightmap.luminance.mean(), rel=0.02)

@@ -1,7 +1,5 @@
 """Light of lightmaps against closed forms: furnace, form factors, lights, the sky, and what must change no bit."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -279,8 +277,5 @@ def test_what_no_light_could_be_is_refused_with_its_value():
         baked(BakeScene(PLATE, sky=bright), sheet(PLATE, 4), 1)
     with pytest.raises(InputError, match="0 samples"):
         baked(LIT, sheet(BOX, 6), 0)
-
-
-def test_an_atlas_of_another_mesh_is_refused():
     with pytest.raises(InputError, match="the atlas has 2 triangles"):
         baked(LIT, Atlas.of_uv(np.zeros((2, 3, 2)), 8, 8), 1)

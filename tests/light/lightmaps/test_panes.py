@@ -1,7 +1,5 @@
 """Faces that let light on: rays to lights meet them in a scene of their own, and no bit hangs on how."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -20,7 +18,7 @@ ROOM = joined(cube(inwards=True), cube(0.3))
 SUN = light.Sun((0.3, -1.0, 0.2), 0.0)
 
 
-def scene_of(mesh: atra.Mesh, opacity: np.ndarray, tint=(0.9, 0.8, 0.7), albedo: float = 0.6) -> BakeScene:
+def scene_of(mesh, opacity, tint=(0.9, 0.8, 0.7), albedo=0.6):
     plain = Surface.plain(mesh, albedo)
     tints = np.broadcast_to(np.float32(tint), (mesh.triangle_count, 3))
     lights = [SUN, light.PointLight((0.6, 0.7, -0.6))]

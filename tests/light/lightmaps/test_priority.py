@@ -1,7 +1,5 @@
 """Which texels a camera sees: the same near the origin and far from it, where float32 has few numbers."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import trimesh
@@ -19,13 +17,13 @@ FAR = np.array([1e5, -7e4, 3e4])
 ROOM, BLOCK = cube(inwards=True), cube(0.15)
 
 
-def moved(mesh: atra.Mesh, place: np.ndarray) -> atra.Mesh:
+def moved(mesh, place):
     """Turned, rounded as it is far away, and brought to a place, which rounds no more."""
     there = (mesh.vertices @ TURN.T + FAR).astype(np.float32)
     return atra.Mesh(there.astype(np.float64) - FAR + place, mesh.faces)
 
 
-def views(place: np.ndarray) -> list[atra.View]:
+def views(place):
     """Of so few pixels that almost all texels are looked for by rays."""
     eye, target = (tuple((TURN @ at + place).tolist()) for at in ((-0.6, 0.5, 0.4), (0.2, -0.1, -0.3)))
     up = tuple((TURN @ (0, 1, 0)).tolist())
@@ -35,7 +33,7 @@ def views(place: np.ndarray) -> list[atra.View]:
     ]
 
 
-def seen(mesh: atra.Mesh, place: np.ndarray) -> list[np.ndarray]:
+def seen(mesh, place):
     there = moved(mesh, place)
     texels = Texels.of(there, sheet(there, 30))
     found = []
@@ -47,7 +45,7 @@ def seen(mesh: atra.Mesh, place: np.ndarray) -> list[np.ndarray]:
 
 
 @pytest.mark.parametrize("place", [np.zeros(3), FAR], ids=["at the origin", "far away"])
-def test_in_an_empty_room_every_texel_in_the_image_is_seen(place: np.ndarray) -> None:
+def test_in_an_empty_room_every_texel_in_the_image_is_seen(place):
     there = moved(ROOM, place)
     texels = Texels.of(there, sheet(there, 30))
     for view, found in zip(views(place), seen(ROOM, place), strict=True):
@@ -60,7 +58,7 @@ def test_in_an_empty_room_every_texel_in_the_image_is_seen(place: np.ndarray) ->
         np.testing.assert_array_equal(found, inside)
 
 
-def test_what_a_block_hides_is_the_same_far_away() -> None:
+def test_what_a_block_hides_is_the_same_far_away():
     room = joined(ROOM, BLOCK)
     there = moved(room, FAR)
     on_walls = Texels.of(there, sheet(there, 30)).prim_id < ROOM.triangle_count

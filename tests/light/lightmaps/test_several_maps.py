@@ -1,7 +1,5 @@
 """Lightmaps whose charts lie on several maps: look-ups, gutters, files and what comes first know each by itself."""
 
-from __future__ import annotations
-
 import importlib.util
 import warnings
 
@@ -16,6 +14,7 @@ from atra.errors import InputError
 from atra.light import Atlas, Baker, BakeScene, Seams, Surface, Texels, dilated, save_maps, save_model
 from atra.light.lightmaps.finish.views import looked_up
 from tests.baked import baked, cube, sheet
+from tests.images import draw
 from tests.meshes import quads
 from tests.shown import floor
 from tests.test_bake_charts import folded
@@ -26,13 +25,13 @@ SIDES = np.arange(12) // 2
 CORNERS = np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)])
 
 
-def whole_maps(mesh: atra.Mesh, texels: int, map_of: np.ndarray) -> Atlas:
+def whole_maps(mesh, texels, map_of):
     """Every quadrilateral fills all of the map that it is on."""
     uv = [CORNERS[list(face)] for _ in range(mesh.triangle_count // 2) for face in ((0, 1, 2), (0, 2, 3))]
     return Atlas.of_uv(np.array(uv), texels, texels, map_of)
 
 
-def six_maps(texels: int = 6) -> Atlas:
+def six_maps(texels=6):
     return whole_maps(BOX, texels, SIDES)
 
 
@@ -68,8 +67,7 @@ def test_gutters_and_look_ups_take_nothing_from_another_map():
     assert (none[:8] == 1).all()
     assert not none[8:].any()
     camera = atra.Camera((0, 3, 0), (0, 0, 0), (0, 0, 1), 60, width=64, height=64)
-    with atra.RasterTracer(mesh, camera, threads=1) as tracer:
-        hits = tracer.trace()
+    hits = draw(mesh, camera)
     shown = looked_up(hits, atlas, image)[..., 0]
     np.testing.assert_array_equal(shown[hits.hit], np.where(hits.prim_id[hits.hit] < 2, 1, 2))
     seams = Seams.of(mesh, atlas)

@@ -1,7 +1,5 @@
 """Path tracing against closed forms: furnaces, mirrors, glass, lamps; the same bits however the work is shared out."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import partial
 

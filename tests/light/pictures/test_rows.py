@@ -1,7 +1,5 @@
 """Rows of the two articles' tables: what restarts, what stops, what is summed, and that nothing is ever torn."""
 
-from __future__ import annotations
-
 from dataclasses import fields, replace
 from math import inf, nan
 
@@ -59,16 +57,6 @@ def test_no_more_samples_are_added_than_a_picture_is_to_have(given, kept):
     assert render.PathOptions().most_samples is None
 
 
-def test_a_mean_of_many_samples_is_that_of_float64():
-    sun = render.Sun((0.2, -1.0, 0.1), 0.0, colour=(0.1, 1 / 3, 0.7))
-    scene = render.RenderScene(FLOOR, [GREY], lights=[sun], sky=render.constant_sky(1 / 3))
-    cosine = 1.0 / np.sqrt(1 + 0.04 + 0.01)
-    expected = np.array(GREY.colour) * (cosine * np.array(sun.colour) + 1 / 3)
-    renderer = hybrid(scene, down(4), 1000, most_samples=None)
-    np.testing.assert_allclose(renderer.image, np.broadcast_to(expected, (4, 4, 3)), rtol=2e-6)
-    np.testing.assert_allclose(renderer.lit(), 1.0, rtol=1e-6)
-
-
 @pytest.mark.parametrize(("width", "height"), [(4, 4), (13, 7), (3, 9), (1, 6), (16, 2)])
 def test_pixels_come_in_tiles_and_go_back_to_their_places(width, height):
     film = Film((2, width, height), 0)
@@ -104,8 +92,7 @@ REFUSED = {name for kind in (render.HybridOptions, render.PathOptions) for name 
 
 
 @pytest.mark.parametrize(
-    ("kind", "options"),
-    [(render.HybridRenderer, render.HybridOptions), (render.PathRenderer, render.PathOptions)],
+    ("kind", "options"), [(render.HybridRenderer, render.HybridOptions), (render.PathRenderer, render.PathOptions)]
 )
 def test_every_option_restarts_or_stays_or_is_refused_as_the_table_says(kind, options):
     names = {field.name for field in fields(options)}
