@@ -55,27 +55,18 @@ def pytest_collection_modifyitems(items):
     """Files that compile the most come first, in two groups that need different kernels. One group begins the list, the
     other one its second half: of two workers, each is given half of the list and compiles its own group."""
     groups = (
-        ["raster", "gathering", "layers", "planner", "seeing_through", "sweep_files"],
-        [
-            "shafts",
-            "bvh",
-            "properties",
-            "pixel_options",
-            "ray_scene",
-            "render_hybrid",
-            "bake_light",
-            "instruction_sets",
-        ],
+        ["raster", "test_gathering", "all_hits", "planner", "test_seeing_through", "test_sweep_files"],
+        ["shafts", "bvh", "test_properties", "packets", "rays", "test_hybrid", "test_light", "test_instruction_sets"],
     )
-    place = {f"test_{name}.py": (half, k) for half, group in enumerate(groups) for k, name in enumerate(group)}
-    first, second = (
-        sorted(
-            (item for item in items if place.get(item.path.name, (2,))[0] == half),
-            key=lambda item: place[item.path.name],
-        )
-        for half in (0, 1)
-    )
-    others = [item for item in items if item.path.name not in place]
+    marks = {mark: (half, k) for half, group in enumerate(groups) for k, mark in enumerate(group)}
+
+    def place_of(item):
+        """Group and place in it; group 2 holds all others."""
+        return next((marks[mark] for mark in (item.path.stem, item.path.parent.name) if mark in marks), (2, 0))
+
+    place = {item: place_of(item) for item in items}
+    first, second = (sorted((one for one in items if place[one][0] == half), key=place.get) for half in (0, 1))
+    others = [one for one in items if place[one][0] == 2]
     middle = max(0, len(items) // 2 - len(first))
     items[:] = [*first, *others[:middle], *second, *others[middle:]]
 

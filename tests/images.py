@@ -41,6 +41,12 @@ def trace_pixels(mesh, camera, offset=(0.5, 0.5), **options):
     return trace("pixels", mesh, camera, offset=offset, **{"packet_width": 1, **options})
 
 
+def draw(mesh, camera, offset=(0.5, 0.5), **options):
+    """The rasteriser's image."""
+    with atra.RasterTracer(mesh, camera, **{"threads": 1, **options}) as tracer:
+        return tracer.trace(offset)
+
+
 def assert_no_pixel_wrong(mesh, camera, hits, reference):
     agreement = atra.compare(mesh, camera, hits, reference)
     assert agreement.pixels_wrong == 0, str(agreement)

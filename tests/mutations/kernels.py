@@ -9,9 +9,7 @@ KERNELS = (
         "_add_product(sum_, count, -y, px)",
         "_add_product(sum_, count, y, px)",
         "a sign in the edge function, where it is summed exactly",
-        (
-            "tests/test_raster_exact.py::test_the_side_of_a_sample_is_that_of_whole_arithmetic_for_edges_through_samples",
-        ),
+        ("tests/exact/test_edges.py::test_the_side_of_a_sample_is_that_of_whole_arithmetic_for_edges_through_samples",),
     ),
     Mutation(
         "edge_tie",
@@ -19,7 +17,7 @@ KERNELS = (
         "return -1 if qy > py else 1",
         "return 1 if qy > py else -1",
         "samples on an edge count for the triangle on the other side",
-        ("tests/test_raster_exact.py::test_a_sample_on_an_edge_counts_as_moved_right_by_very_little_and_down_by_less",),
+        ("tests/exact/test_edges.py::test_a_sample_on_an_edge_counts_as_moved_right_by_very_little_and_down_by_less",),
     ),
     Mutation(
         "edge_error_bound",
@@ -27,9 +25,7 @@ KERNELS = (
         "_SURE = 4.0 * UNIT",
         "_SURE = 0.25 * UNIT",
         "the bound on rounding is too small, so sides of edges are decided by rounded numbers",
-        (
-            "tests/test_raster_exact.py::test_the_side_of_a_sample_is_that_of_whole_arithmetic_for_edges_through_samples",
-        ),
+        ("tests/exact/test_edges.py::test_the_side_of_a_sample_is_that_of_whole_arithmetic_for_edges_through_samples",),
     ),
     Mutation(
         "span_end",
@@ -37,7 +33,7 @@ KERNELS = (
         "smaller(old, beyond - one)",
         "smaller(old, beyond)",
         "a row of a wide triangle ends one sample late",
-        ("tests/test_raster.py::test_the_eye_on_a_surface_sees_the_float64_image",),
+        ("tests/raster/test_raster.py::test_the_eye_on_a_surface_sees_the_float64_image",),
     ),
     Mutation(
         "depth_interpolation",
@@ -45,7 +41,7 @@ KERNELS = (
         "slope_y = (nearer2 * dx2 + nearer1 * dx1)",
         "slope_y = (nearer2 * dx2 - nearer1 * dx1)",
         "depth is interpolated wrongly from row to row of small triangles",
-        ("tests/test_raster.py::test_small_triangles_give_the_float64_image",),
+        ("tests/raster/test_raster.py::test_small_triangles_give_the_float64_image",),
     ),
     Mutation(
         "raster_tie_rule",
@@ -54,7 +50,7 @@ KERNELS = (
         "identities_at(address)[lane] > prim_id",
         "of triangles at one depth the rasteriser stores the highest",
         (
-            "tests/test_raster_clusters.py::test_of_equal_depths_the_lowest_triangle_is_stored_in_whatever_order_they_are_drawn",
+            "tests/raster/test_clusters.py::test_of_equal_depths_the_lowest_triangle_is_stored_in_whatever_order_they_are_drawn",
         ),
     ),
     Mutation(
@@ -63,7 +59,7 @@ KERNELS = (
         "bounds[cluster] = (1.0 + _NEARER) / near",
         "bounds[cluster] = (1.0 + _NEARER) / far",
         "a cluster is held to be hidden by the farthest corner of its box",
-        ("tests/test_raster_clusters.py::test_a_camera_that_walks_and_jumps_sees_the_image_of_all_triangles",),
+        ("tests/raster/test_clusters.py::test_a_camera_that_walks_and_jumps_sees_the_image_of_all_triangles",),
     ),
     Mutation(
         "missing_culling_plane",
@@ -71,7 +67,7 @@ KERNELS = (
         "count = _clip(first, count, second, 0.0, -1.0, bottom)",
         "second = first",
         "triangles are not clipped at the lower border of a row of cells",
-        ("tests/test_culling.py::test_a_slanted_triangle_is_kept_only_in_cells_along_it",),
+        ("tests/alignment/test_culling.py::test_a_slanted_triangle_is_kept_only_in_cells_along_it",),
     ),
     Mutation(
         "first_cell",
@@ -79,7 +75,7 @@ KERNELS = (
         "first = int(np.floor(",
         "first = int(np.ceil(",
         "triangles are left out of the first cell that they meet",
-        ("tests/test_culling.py::test_culling_keeps_every_triangle_that_a_ray_of_the_cell_hits",),
+        ("tests/alignment/test_culling.py::test_culling_keeps_every_triangle_that_a_ray_of_the_cell_hits",),
     ),
     Mutation(
         "shear_sign",
@@ -87,7 +83,7 @@ KERNELS = (
         "(shears_x[i, axis] + shears_y[j, axis]) * depth",
         "(shears_x[i, axis] - shears_y[j, axis]) * depth",
         "copies are sheared the wrong way for rows of cells",
-        ("tests/test_culling.py::test_copies_are_the_sheared_triangles",),
+        ("tests/alignment/test_culling.py::test_copies_are_the_sheared_triangles",),
     ),
     Mutation(
         "rounding_of_copies",
@@ -105,7 +101,7 @@ KERNELS = (
         "= max(a, b, c)",
         "= max(a, b)",
         "boxes of the own BVH do not reach around the third corner",
-        ("tests/test_bvh.py::test_every_triangle_lies_in_one_leaf_and_in_all_boxes_above_it",),
+        ("tests/bvh/test_bvh.py::test_every_triangle_lies_in_one_leaf_and_in_all_boxes_above_it",),
     ),
     Mutation(
         "bvh_split",
@@ -113,7 +109,7 @@ KERNELS = (
         "_grow(side, bins[k - 1])",
         "_grow(side, bins[k])",
         "the first half of a split is weighed by the box of the next bin",
-        ("tests/test_bvh.py::test_boxes_tell_apart_as_well_as_those_of_embrees_builder",),
+        ("tests/bvh/test_bvh.py::test_boxes_tell_apart_as_well_as_those_of_embrees_builder",),
     ),
     Mutation(
         "bvh_tie_rule",
@@ -121,7 +117,7 @@ KERNELS = (
         "and t <= best:",
         "and t < best:",
         "`<` for `<=`: of triangles at one depth the own BVH stores the first it meets",
-        ("tests/test_bvh.py::test_of_triangles_at_one_depth_the_lowest_is_stored_in_whatever_order_they_are_met",),
+        ("tests/bvh/test_bvh.py::test_of_triangles_at_one_depth_the_lowest_is_stored_in_whatever_order_they_are_met",),
     ),
     Mutation(
         "tied_depths",
@@ -137,7 +133,7 @@ KERNELS = (
         "for size in sizes:",
         "for size in sizes[:-1]:",
         "the last merge of the sorting network is missing",
-        ("tests/test_layers.py::test_few_hits_and_many_are_sorted",),
+        ("tests/all_hits/test_layers.py::test_few_hits_and_many_are_sorted",),
     ),
     Mutation(
         "thickness_sign",
@@ -153,7 +149,7 @@ KERNELS = (
         "shape[HIGH + a] - min(",
         "shape[HIGH + a] - max(",
         "a plane of a shaft cuts off boxes that its rays meet",
-        ("tests/test_shafts.py::test_every_triangle_that_rays_of_a_shaft_hit_lies_below_its_list",),
+        ("tests/shafts/test_shafts.py::test_every_triangle_that_rays_of_a_shaft_hit_lies_below_its_list",),
     ),
     Mutation(
         "ray_interval",
@@ -161,7 +157,7 @@ KERNELS = (
         "rays.tnear + rays.number_bytes * ray) * length",
         "rays.tnear + rays.number_bytes * ray)",
         "where a ray begins is not scaled with its direction",
-        ("tests/test_ray_scene.py::test_intervals_are_respected",),
+        ("tests/rays/test_ray_scene.py::test_intervals_are_respected",),
     ),
     Mutation(
         "lamp_weight",
@@ -169,6 +165,6 @@ KERNELS = (
         "strength *= TWO * depth / ratio",
         "strength *= depth / ratio",
         "the weight of a sample of a spherical light is half of what it should be",
-        ("tests/test_render_hybrid.py::test_light_falls_off_with_the_square_of_the_distance_and_the_cosine",),
+        ("tests/light/pictures/test_hybrid.py::test_light_falls_off_with_the_square_of_the_distance_and_the_cosine",),
     ),
 )

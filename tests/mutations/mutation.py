@@ -36,7 +36,7 @@ class Mutation:
         if not self.caught_by or not all("::" in test for test in self.caught_by):
             raise ListError(
                 f"mutation {self.name}: caught_by is {self.caught_by!r}, expected tests such as "
-                "tests/test_mesh.py::test_name"
+                "tests/geometry/test_mesh.py::test_name"
             )
 
     def applied(self, source: str) -> str:

@@ -1,0 +1,188 @@
+"""The shear of each cell, and where its reference rays lie."""
+
+from dataclasses import FrozenInstanceError
+
+import numpy as np
+import pytest
+
+import atra
+from atra.alignment.alignment import REFERENCES
+from atra.alignment.instancing import instance_transforms
+from tests.images import assert_equal_images, trace, trace_pixels
+from tests.meshes import EYE_AT_ORIGIN, cornell_box, cornell_camera
+
+
+@pytest.mark.parametrize("place", REFERENCES)
+@pytest.mark.parametrize("counts", [(1, 1), (5, 1), (1, 3), (3, 9), (15, 9)])
+def test_the_shear_maps_each_ray_of_a_cell_onto_a_reference_ray_and_keeps_its_depth(place, counts):
+    camera = atra.Camera(**EYE_AT_ORIGIN, width=15, height=9, fov_y_degrees=70)
+    split = atra.Split(*counts, width=15, height=9)
+    alignment = atra.Alignment.of_cells(camera, split, place)
+    columns, rows = np.meshgrid(np.arange(split.cell_width), np.arange(split.cell_height))
+    reference_x = (alignment.first_x_pixels + columns.ravel() + 0.5) * camera.pixel_pitch
+    reference_y = (alignment.first_y_pixels + rows.ravel() + 0.5) * camera.pixel_pitch
+    for i in range(split.nx):
+        for j in range(split.ny):
+            x, y = columns.ravel() + i * split.cell_width, rows.ravel() + j * split.cell_height
+            depth = np.linspace(0.1, 100, len(x))
+            points = camera.directions(x, y) * depth[:, None]
+            sheared = alignment.shear_points(points, i, j)
+            np.testing.assert_array_equal(sheared[:, 2], depth)
+            np.testing.assert_allclose(sheared[:, 0] / depth, reference_x, atol=1e-14)
+            np.testing.assert_allclose(sheared[:, 1] / depth, reference_y, atol=1e-14)
+
+
+@pytest.mark.parametrize("options", [{}, {"culling": False}, {"culling": False, "geometry": "instanced"}], ids=str)
+def test_the_papers_reference_gives_the_same_image(options):
+    mesh, camera = cornell_box(), cornell_camera(64, 48)
+    single = trace_pixels(mesh, camera)
+    for split in ((8, 1), (4, 3)):
+        assert_equal_images(
+            mesh, camera, trace("aligned", mesh, camera, split, reference="first_cell", **options), single
+        )
+
+
+def test_the_papers_reference_leaves_the_first_cell_unsheared():
+    camera = atra.Camera(**EYE_AT_ORIGIN, width=15, height=9)
+    alignment = atra.Alignment.of_cells(camera, atra.Split(5, 3, 15, 9), "first_cell")
+    assert (alignment.first_x_pixels, alignment.first_y_pixels) == (-7.5, -4.5)
+    assert alignment.shift_x[0] == 0.0
+    assert alignment.shift_y[0] == 0.0
+
+
+@pytest.mark.parametrize("view", [(0, 0, 1), (0, 0, -1), (1, 0, 0), (-1, 0, 0)])
+@pytest.mark.parametrize("turn", [(0.2, 0.1), (-0.2, 0.1), (0.1, -0.2), (-0.1, -0.1)])
+@pytest.mark.parametrize("counts", [(1, 1), (3, 1), (1, 3), (25, 17)])
+def test_reference_rays_lie_a_quarter_from_the_centre_away_from_the_world_axis_on_axes_that_are_split(
+    view, turn, counts
+):
+    side = np.cross(view, (0, 1, 0))
+    target = np.array(view) + turn[0] * side + np.array((0, turn[1], 0))
+    camera = atra.Camera((0, 0, 0), target, fov_y_degrees=60, width=75, height=51)
+    alignment = atra.Alignment.of_cells(camera, atra.Split(*counts, 75, 51))
+    x, y, z = camera.to_camera_space(np.array([view], float))[0]  # where the axis is in the image
+    assert alignment.first_x_pixels == (-37.5 if counts[0] == 1 else -18.75 * np.sign(x / z))
+    assert alignment.first_y_pixels == (-25.5 if counts[1] == 1 else -12.75 * np.sign(y / z))
+
+
+@pytest.mark.parametrize(("counts", "width", "height"), [((25, 17), 75, 51), ((2, 2), 74, 50)])
+def test_reference_rays_lie_left_and_above_where_the_world_axis_is_the_view(counts, width, height):
+    camera = atra.Camera(**EYE_AT_ORIGIN, width=width, height=height)
+    alignment = atra.Alignment.of_cells(camera, atra.Split(*counts, width, height))
+    assert (alignment.first_x_pixels, alignment.first_y_pixels) == (-width / 4, -height / 4)
+
+
+def test_splits_and_alignments_cannot_be_changed_under_a_plan():
+    camera = atra.Camera(**EYE_AT_ORIGIN, width=15, height=9)
+    alignment = atra.Alignment.of_cells(camera, atra.Split(5, 3, 15, 9), "first_cell")
+    for value, name in ((alignment, "shift_x"), (alignment.split, "nx")):
+        with pytest.raises(FrozenInstanceError):
+            setattr(value, name, 1)
+
+
+@pytest.mark.parametrize(("counts", "message"), [
+    ((7, 4), r"split \(7, 4\) does not divide image 1920 x 1080"),
+    ((4, 7), r"split \(4, 7\) does not divide image 1920 x 1080"),
+    ((0, 1), "number of columns"),
+    ((1, -2), "number of rows"),
+    ((2.0, 1), "number of columns is 2.0, expected a whole number"),
+    (("8", 1), "number of columns is '8', expected a whole number"),
+    ((8, None), "number of rows is None, expected a whole number"),
+    ((True, 1), "number of columns is True, expected a whole number"),
+])  # fmt: skip
+def test_a_split_that_does_not_divide_the_image_is_refused_with_both_values(counts, message):
+    with pytest.raises(atra.InputError, match=message):
+        atra.Split(*counts, width=1920, height=1080)
+    for size in (0, -8, 8.0, None):
+        with pytest.raises(atra.InputError, match=f"number of pixels in a row is {size}, expected a whole number"):
+            atra.Split(1, 1, width=size, height=8)
+        with pytest.raises(atra.InputError, match=f"number of pixels in a column is {size}, expected a whole number"):
+            atra.Split(1, 1, width=8, height=size)
+
+
+@pytest.mark.parametrize("kind", [np.int8, np.uint8, np.int16, np.uint64])
+def test_counts_in_integers_of_numpys_do_not_overflow(kind):
+    split = atra.Split(kind(64), kind(64), kind(64), kind(64))
+    assert (split.cell_count, split.cell_width, split.cell_height) == (4096, 1, 1)
+    for value in (split.nx, split.ny, split.width, split.height):
+        assert type(value) is int
+
+
+SIZE = {"width": 12, "height": 10}
+TURNED = atra.Camera((0.3, 0.2, -0.4), (1.0, 2.0, 3.0), (0.2, 1.0, 0.1), fov_y_degrees=50, **SIZE)
+MOVED = atra.Camera((3.3, -0.2, 1.4), (1.0, 2.5, -3.0), (0.1, 1.0, 0.4), fov_y_degrees=95, **SIZE)
+LEFT, RIGHT = (atra.Camera((x, 0, 0), (x, 0.5, 1), fov_y_degrees=70, **SIZE) for x in (0.0, 0.06))
+FLAT = atra.OrthographicCamera((0.3, 0.2, -0.4), (1.0, 2.0, 3.0), (0.2, 1.0, 0.1), 7.0, **SIZE)
+FLAT_MOVED = atra.OrthographicCamera((5.3, 1.2, 0.4), (1.0, -2.0, 3.0), (0.2, 1.0, 0.1), 2.0, **SIZE)
+ALIGNMENTS = {
+    "cells": lambda split: atra.Alignment.of_cells(TURNED, split),
+    "eyes": lambda split: atra.Alignment.of_eyes(LEFT, RIGHT, split),
+    "frames": lambda split: atra.Alignment.of_frames([TURNED, MOVED, LEFT], split),
+    "parallel rays": lambda split: atra.Alignment.of_cells(FLAT, split),
+    "frames of parallel rays": lambda split: atra.Alignment.of_frames([FLAT, FLAT_MOVED], split),
+}
+
+
+@pytest.mark.parametrize("counts", [(1, 1), (4, 1), (3, 2), (12, 10)])
+@pytest.mark.parametrize("kind", ALIGNMENTS)
+def test_every_part_carries_its_rays_one_to_one_onto_the_reference_rays_and_keeps_their_parameter(kind, counts):
+    split = atra.Split(*counts, **SIZE)
+    alignment = ALIGNMENTS[kind](split)
+    columns, rows = (grid.ravel() for grid in np.meshgrid(np.arange(split.cell_width), np.arange(split.cell_height)))
+    reference = None
+    parts = list(alignment.parts())
+    assert len(parts) == alignment.image_count * split.cell_count
+    for part in parts:
+        camera = alignment.cameras[part.image]
+        t = np.linspace(0.1, 100, columns.size)[:, None]
+        origins, directions = camera.rays(columns + part.first_x, rows + part.first_y, (0.3, 0.8))
+        points = (origins + t * directions) @ camera.axes + camera.eye
+        carried = points @ part.transform[:, :3].T + part.transform[:, 3]
+        reference = carried if reference is None else reference
+        np.testing.assert_allclose(carried, reference, rtol=0, atol=1e-10)
+    first = alignment.cameras[0]
+    reference_x = (reference @ first.axes.T)[:, 0] / (1 if first.is_parallel else t[:, 0]) / first.pixel_pitch
+    np.testing.assert_allclose(reference_x, alignment.first_x_pixels + columns + 0.3, atol=1e-9)
+
+
+@pytest.mark.parametrize("image", [0, 1])
+def test_a_map_that_does_not_carry_the_rays_onto_each_other_is_refused_naming_a_ray(image):
+    good = atra.Alignment.of_frames([TURNED, MOVED], atra.Split(4, 1, **SIZE))
+    linear = good.linear.copy()
+    linear[image, 0, 1] += 1e-4
+    place = good.first_x_pixels, good.first_y_pixels, good.shift_x, good.shift_y
+    with pytest.raises(atra.InputError, match=rf"image {image}: .* ray of pixel \(0, 0\) .* §3.3"):
+        atra.Alignment(good.cameras, good.split, linear, *place)
+    with pytest.raises(atra.InputError, match="parameter kept"):
+        atra.Alignment(good.cameras, good.split, 2 * good.linear, *place)
+    atra.Alignment(good.cameras, good.split, good.linear, *place)
+
+
+@pytest.mark.parametrize("axis", ["x", "y"])
+def test_a_shift_that_misses_the_reference_rays_is_refused_naming_the_pixels(axis):
+    good = atra.Alignment.of_cells(TURNED, atra.Split(4, 5, **SIZE))
+    shifts = {"x": good.shift_x.copy(), "y": good.shift_y.copy()}
+    shifts[axis][2] *= 1.01
+    first = {"x": 6, "y": 4}[axis]
+    with pytest.raises(atra.InputError, match=rf"shift_{axis}\[2\].*pixels with {axis} = {first} "):
+        atra.Alignment(
+            good.cameras, good.split, good.linear, good.first_x_pixels, good.first_y_pixels, shifts["x"], shifts["y"]
+        )
+
+
+def test_the_second_eye_is_a_translation():
+    alignment = atra.Alignment.of_eyes(LEFT, RIGHT, atra.Split(1, 1, **SIZE))
+    np.testing.assert_array_equal(alignment.linear, [np.eye(3)] * 2)
+    left, right = alignment.parts()
+    np.testing.assert_allclose(left.transform - right.transform, [[0, 0, 0, 0.06], [0] * 4, [0] * 4], atol=1e-15)
+
+
+def test_the_transform_of_an_instance_is_the_shear_of_its_cell():
+    split = atra.Split(4, 2, **SIZE)
+    alignment = atra.Alignment.of_cells(TURNED, split)
+    points = np.random.default_rng(0).normal(size=(5, 3))
+    transforms = instance_transforms(alignment)
+    assert (transforms[:, :, 3] == 0.0).all()
+    for j, i in np.ndindex(2, 4):
+        sheared = (points @ TURNED.axes) @ transforms[4 * j + i, :, :3].T
+        np.testing.assert_allclose(sheared @ TURNED.axes.T, alignment.shear_points(points, i, j), atol=1e-5)

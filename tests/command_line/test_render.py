@@ -1,0 +1,173 @@
+"""`atra render`: files of every view, from cameras as people have them, and one line for whatever is wrong."""
+
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+import atra
+from atra.command.main import main
+from atra.command.render import file_stems
+from tests.meshes import cornell_box
+
+LOOKING = {"eye": [0.0, 0.3, 4.0], "target": [0.0, 0.0, 0.0], "fov_y_degrees": 50.0, "width": 24, "height": 16}
+K = [[20.0, 0.0, 11.5], [0.0, 22.0, 6.5], [0.0, 0.0, 1.0]]
+CALIBRATED = {"K": K, "R": np.diag([1.0, -1.0, -1.0]).tolist(), "t": [0.0, 0.0, 4.0], "width": 24, "height": 16}
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """The working directory, with `model.glb` and `cameras.json`."""
+    monkeypatch.chdir(tmp_path)
+    mesh = cornell_box()
+    trimesh.Trimesh(mesh.vertices, mesh.faces, process=False).export(tmp_path / "model.glb")
+    write_cameras({"left/0001.jpg": LOOKING, "calibrated": CALIBRATED})
+    return tmp_path
+
+
+def write_cameras(cameras):
+    Path("cameras.json").write_text(json.dumps(cameras), encoding="utf-8")
+
+
+def render(monkeypatch, *arguments):
+    given = ["atra", "render", "model.glb", "--camera", "cameras.json", "--out", "out/deep", *arguments]
+    monkeypatch.setattr(sys, "argv", given)
+    return main()
+
+
+def test_every_view_is_written_as_the_library_traces_it(folder, monkeypatch, capsys):
+    assert render(monkeypatch, "--format", "npz", "ply") == 0
+    mesh = atra.load_mesh("model.glb")
+    looking = atra.Camera(**{name: tuple(one) if isinstance(one, list) else one for name, one in LOOKING.items()})
+    views = {"left_0001": looking, "calibrated": atra.Camera.from_opencv(**CALIBRATED)}
+    told = capsys.readouterr()
+    for number, (name, camera) in enumerate(views.items(), 1):
+        with atra.RasterTracer(mesh, camera) as tracer:
+            hits = tracer.trace()
+        with np.load(folder / "out" / "deep" / f"{name}.npz") as written:
+            for layer in ("depth", "prim_id", "normals"):
+                np.testing.assert_array_equal(written[layer], getattr(hits, layer))
+        cloud = trimesh.load(folder / "out" / "deep" / f"{name}.ply")
+        assert len(cloud.vertices) == hits.hit.sum() > 50
+        paths = " and ".join(str(Path("out", "deep", f"{name}.{suffix}")) for suffix in ("npz", "ply"))
+        line = told.out.splitlines()[number - 1]
+        assert line == f"[{number}/2] {paths.replace(' and ', ', ')}: {hits.hit.mean():.1%} hit"
+    assert told.err == f"model.glb: {mesh.triangle_count:,} triangles; 2 views\n"
+
+
+def test_a_transforms_json_and_a_colmap_model_are_read_too(folder, monkeypatch):
+    pose = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 4], [0, 0, 0, 1]]
+    write_cameras({"camera_angle_x": 0.8, "frames": [{"file_path": "./train/r_0", "transform_matrix": pose}]})
+    assert render(monkeypatch, "--size", "24", "16", "--threads", "1") == 0
+    (folder / "model").mkdir()
+    (folder / "model" / "cameras.txt").write_text("1 PINHOLE 24 16 20 22 12 7\n", encoding="utf-8")
+    (folder / "model" / "images.txt").write_text("1 0 1 0 0 0 0 4 1 photo.png\n\n", encoding="utf-8")
+    assert render(monkeypatch, "--camera", "model") == 0
+    images = {path.stem: np.load(path)["depth"] for path in (folder / "out" / "deep").iterdir()}
+    assert {name: image.shape for name, image in images.items()} == {"train_r_0": (16, 24), "photo": (16, 24)}
+    assert all(np.isfinite(image).any() for image in images.values())
+
+
+@pytest.mark.parametrize(("cameras", "arguments", "message"), [
+    ({}, [], "cameras.json has no camera, expected at least one"),
+    ([], [], "cameras.json holds a list"),
+    ({"a": {"eye": [0, 0, 1]}}, [], "cameras.json, camera 'a': it has neither eye and target nor K, R and t"),
+    ({"a": [1]}, [], "cameras.json, camera 'a': it has neither eye and target nor K, R and t"),
+    ({"a": LOOKING | {"fov": 3}}, [], "camera 'a': its field 'fov' is unknown, expected eye, target, width, height"),
+    ({"a": CALIBRATED | {"up": 3}}, [], "camera 'a': its field 'up' is unknown, expected K, R, t, width, height"),
+    ({"a": LOOKING | {"width": 0}}, [], "camera 'a': width is 0, expected a whole number of pixels of at least 1"),
+    ({"a": LOOKING | {"eye": [0, 0, 0]}}, [], "cameras.json, camera 'a': "),
+    ({"a": CALIBRATED | {"R": np.ones((3, 3)).tolist()}}, [], "cameras.json, camera 'a': R is"),
+    ({"a": {"eye": [0, 0, 1], "target": [0, 0, 0]}}, [], "the size of the image is missing, expected width and"),
+    ({"x/a.jpg": LOOKING, "x/a.png": LOOKING}, [], "'x/a.jpg' and 'x/a.png' would both be written to x_a; rename"),
+    ({"a": LOOKING}, ["--camera", "none.json"], "none.json cannot be read: "),
+    ({"a": LOOKING}, ["--out", "model.glb"], "model.glb cannot be made: "),
+    ({"a": LOOKING}, ["--threads", "0"], "threads is 0, expected a whole number of at least 1"),
+])  # fmt: skip
+def test_what_cannot_be_used_is_one_line_before_anything_is_traced(
+    cameras, arguments, message, folder, monkeypatch, capsys
+):
+    write_cameras(cameras)
+    assert render(monkeypatch, *arguments) != 0
+    told = capsys.readouterr()
+    assert message in told.err
+    assert "Traceback" not in told.err
+    assert told.out == ""
+    assert not list(folder.glob("out/deep/*"))
+
+
+def test_a_view_that_cannot_be_traced_is_named_and_does_not_cost_the_others(folder, monkeypatch, capsys):
+    write_cameras({"a": LOOKING, "far": LOOKING | {"eye": [1e30, 0.0, 0.0]}, "b": LOOKING})
+    assert render(monkeypatch) == 1
+    told = capsys.readouterr()
+    assert [path.stem for path in sorted((folder / "out" / "deep").iterdir())] == ["a", "b"]
+    *_, failure, last = told.err.splitlines()
+    assert failure.startswith("atra: ")
+    assert failure.endswith("(in view 'far')")
+    assert last == "atra: 2 of 3 views are written"
+
+
+def broken_files(folder):
+    """Twenty views each, of which 07 is broken."""
+    pose = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 4], [0, 0, 0, 1]]
+    names = [f"{number:02}" for number in range(20)]
+    write_cameras(dict.fromkeys(names, CALIBRATED) | {"07": CALIBRATED | {"K": np.zeros((3, 3)).tolist()}})
+    frames = [{"file_path": name, "transform_matrix": pose} for name in names]
+    frames[7]["transform_matrix"] = np.diag([2.0, 2.0, 2.0, 1.0]).tolist()
+    shared = {"w": 24, "h": 16, "fl_x": 20.0, "frames": frames}
+    (folder / "transforms.json").write_text(json.dumps(shared), encoding="utf-8")
+    (folder / "model").mkdir()
+    (folder / "model" / "cameras.txt").write_text("1 PINHOLE 24 16 20 22 12 7\n", encoding="utf-8")
+    lines = [f"{number} 0 1 0 0 0 0 4 {1 + (name == '07')} {name}\n\n" for number, name in enumerate(names)]
+    (folder / "model" / "images.txt").write_text("".join(lines), encoding="utf-8")
+    return {"cameras": folder / "cameras.json", "frames": folder / "transforms.json", "colmap": folder / "model"}
+
+
+@pytest.mark.parametrize(("kind", "message"), [
+    ("cameras", "camera '07': K is singular, expected focal lengths above 0"),
+    ("frames", "frame 7 ('07'): the left part of camera_to_world is no rotation"),
+    ("colmap", "image 7 ('07'): its camera is 2, which is not in cameras.txt"),
+])  # fmt: skip
+def test_a_broken_view_of_twenty_in_a_file_of_cameras_is_named_at_the_end_and_does_not_cost_the_others(
+    kind, message, folder, monkeypatch, capsys
+):
+    path = broken_files(folder)[kind]
+    assert render(monkeypatch, "--camera", path.name) == 1
+    told = capsys.readouterr()
+    written = sorted(path.stem for path in (folder / "out" / "deep").iterdir())
+    assert written == [f"{number:02}" for number in range(20) if number != 7]
+    assert len(told.out.splitlines()) == 19
+    *_, reason, last = told.err.splitlines()
+    assert reason.startswith("atra: '07' is left out: ")
+    assert message in reason
+    assert last == "atra: 19 of 20 views are written"
+
+
+def test_a_view_that_sees_nothing_has_no_points_and_does_not_cost_the_others(folder, monkeypatch, capsys):
+    away = {"away": LOOKING | {"target": [0.0, 0.0, 9.0]}, "far": LOOKING | {"eye": [1e30, 0.0, 0.0]}}
+    write_cameras({"a": LOOKING, **away, **{f"view {number}": CALIBRATED for number in range(18)}})
+    assert render(monkeypatch, "--format", "ply") == 1
+    told = capsys.readouterr()
+    assert len(list((folder / "out" / "deep").iterdir())) == 19
+    assert "nothing is hit, so a .ply file would have no point" in told.err
+    assert "in view 'away'" in told.err
+    assert "in view 'far'" in told.err
+    assert "19 of 21 views are written" in told.err
+
+
+def test_a_package_that_a_format_needs_is_missed_before_anything_is_traced(folder, monkeypatch, capsys):
+    monkeypatch.setitem(sys.modules, "PIL", None)
+    assert render(monkeypatch, "--format", "npz", "png") == 2
+    assert ".png files need the package PIL, which is not installed: pip install pillow" in capsys.readouterr().err
+    assert not (folder / "out").exists()
+
+
+def test_names_of_views_never_lead_out_of_the_folder():
+    names = ["../../etc/passwd", "a/b.c.jpg", "C:\\x.png", "...", "", "r_0"]
+    with pytest.raises(atra.InputError, match="both be written to view"):
+        file_stems(names)
+    names.remove("")
+    assert list(file_stems(names).values()) == ["etc_passwd", "a_b.c", "C_x", "view", "r_0"]

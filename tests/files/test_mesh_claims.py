@@ -1,0 +1,121 @@
+"""What a mesh file claims is checked against its bytes, and what it promises against what came of it."""
+
+import json
+
+import numpy as np
+import pytest
+import trimesh
+
+from atra.errors import InputError
+from atra.files.meshes.loading import load_mesh
+
+BOX = trimesh.creation.box()
+
+
+def exported(path, **options):
+    content = BOX.export(file_type=path.suffix[1:], **options)
+    path.write_bytes(content.encode() if isinstance(content, str) else content)
+    return path
+
+
+@pytest.mark.parametrize("suffix", ["obj", "stl", "off", "ply", "glb", "stl_ascii"])
+def test_a_whole_file_keeps_its_promise(tmp_path, suffix):
+    assert load_mesh(exported(tmp_path / f"box.{suffix}")).triangle_count == 12
+
+
+@pytest.mark.parametrize(("name", "old", "new", "message"), [
+    ("box.off", b"8 12 0", b"8 13 0", "gives 12 faces, but promises 13"),
+    ("box.off", b"OFF\n8 12 0", b"# OFF 1 1\nOFF # text\n8 99 0 # 1", "gives 12 faces, but promises 99"),
+    ("box.stl_ascii", b"vertex 0.5", b"vertex O.5", "could not be read to its end"),
+    ("box.stl_ascii", b"endsolid", b"end", "holds no triangles"),
+    ("box.obj", b"\nf 2 4 1", b"\nf 2 4", "gives 11 faces, but promises 12"),
+    ("ascii.ply", b" 1 3 0\n", b" 1 3 nan\n", "cannot be read as ply"),
+    ("ascii.ply", b" 1 3 0\n", b" 1 3 1e300\n", "cannot be read as ply"),
+    ("ascii.ply", b" 1 3 0\n", b" 1 3 one\n", "cannot be read as ply"),
+])  # fmt: skip
+def test_a_damaged_text_file_loses_no_face_silently(tmp_path, name, old, new, message):
+    path = exported(tmp_path / name, **({"encoding": "ascii"} if name == "ascii.ply" else {}))
+    assert old in path.read_bytes()
+    path.write_bytes(path.read_bytes().replace(old, new, 1))
+    with pytest.raises(InputError, match=message):
+        load_mesh(path)
+
+
+def glb_tree(content):
+    length = int.from_bytes(content[12:16], "little")
+    return json.loads(content[20 : 20 + length]), content[20 + length :]
+
+
+def with_tree(path, change):
+    """The box as GLB with its JSON changed in place."""
+    tree, rest = glb_tree(exported(path).read_bytes())
+    change(tree)
+    text = json.dumps(tree).encode()
+    text += b" " * (-len(text) % 4)
+    head = b"glTF" + np.array([2, 20 + len(text) + len(rest), len(text)], "<u4").tobytes() + b"JSON"
+    path.write_bytes(head + text + rest)
+    return path
+
+
+def position(tree):
+    return tree["accessors"][tree["meshes"][0]["primitives"][0]["attributes"]["POSITION"]]
+
+
+def indices(tree):
+    return tree["accessors"][tree["meshes"][0]["primitives"][0]["indices"]]
+
+
+@pytest.mark.parametrize(("change", "message"), [
+    (lambda tree: position(tree).pop("bufferView"), "compressed, sparse, normalized or empty"),
+    (lambda tree: indices(tree).pop("bufferView"), "accessor 0 is compressed, sparse, normalized or empty"),
+    (lambda tree: position(tree).update(sparse={"count": 1}), "compressed, sparse, normalized or empty"),
+    (lambda tree: position(tree).update(normalized=True), "compressed, sparse, normalized or empty"),
+    (lambda tree: tree.update(extensionsRequired=["KHR_draco_mesh_compression"]), "requires the extension 'KHR_dr"),
+    (lambda tree: position(tree).update(count=2.5), r"has the count 2\.5"),
+    (lambda tree: position(tree).update(count=-8), "has the count -8"),
+    (lambda tree: position(tree).update(count=10**12), "cannot be read as glb"),
+    (
+        lambda tree: tree["accessors"].append({"componentType": 5126, "count": 10**12, "type": "VEC3"}),
+        "claims .* and 12,000,0.* bytes beside them",
+    ),
+    (lambda tree: tree.update(accessors=5), "cannot be read as glb"),
+])  # fmt: skip
+def test_a_gltf_whose_geometry_would_be_read_as_zeros_or_out_of_nothing_is_refused(tmp_path, change, message):
+    with pytest.raises(InputError, match=message):
+        load_mesh(with_tree(tmp_path / "box.glb", change))
+
+
+def test_a_gltf_may_hold_zeros_as_large_as_its_geometry_and_require_what_is_not_geometry(tmp_path):
+    def harmless(tree):
+        tree["accessors"].append({"componentType": 5126, "count": position(tree)["count"], "type": "VEC3"})
+        tree["extensionsRequired"] = ["KHR_materials_unlit", "KHR_texture_transform", "KHR_lights_punctual"]
+
+    assert load_mesh(with_tree(tmp_path / "box.glb", harmless)).triangle_count == 12
+
+
+def test_a_chunk_longer_than_the_file_is_refused_before_it_is_read(tmp_path):
+    path = exported(tmp_path / "box.glb")
+    content = bytearray(path.read_bytes())
+    content[12:16] = b"\xff\xff\xff\xff"
+    path.write_bytes(bytes(content))
+    with pytest.raises(InputError, match="a chunk claims 4294967295 bytes"):
+        load_mesh(path)
+
+
+def test_a_broken_gltf_does_not_become_the_model_beside_it(tmp_path):
+    for name, content in trimesh.Scene(BOX).export(file_type="gltf").items():
+        (tmp_path / name).write_bytes(content)
+    (tmp_path / "mine.gltf").write_text("{")
+    assert load_mesh(tmp_path / "model.gltf").triangle_count == 12
+    with pytest.raises(InputError, match=r"mine\.gltf cannot be read as gltf"):
+        load_mesh(tmp_path / "mine.gltf")
+
+
+def test_a_name_with_control_characters_is_shown_without_them(tmp_path):
+    path = exported(tmp_path / "a\x1b[31m\u202e.off")
+    assert load_mesh(path).name == r"a\x1b[31m\u202e"
+    path.write_bytes(b"")
+    with pytest.raises(InputError) as refused:
+        load_mesh(path)
+    assert str(refused.value).isprintable()
+    assert r"a\x1b[31m\u202e.off cannot be read as off" in str(refused.value)

@@ -1,0 +1,241 @@
+"""Cameras with any image plane: as OpenCV sees through them, as matrices place them, and through every method."""
+
+import pickle
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import atra
+from atra.judge.reference import brute_force
+from tests.images import METHODS, assert_no_pixel_wrong, assert_same_bits, trace, trace_pixels
+from tests.meshes import EYE_AT_ORIGIN, cornell_box, cornell_camera, quads, random_triangles
+
+cv2 = pytest.importorskip("cv2", reason="OpenCV, a test dependency, is what calibrated cameras are held against")
+
+K = np.array([[800.0, 0.0, 312.5], [0.0, 640.0, 201.25], [0.0, 0.0, 1.0]])
+AXES = np.eye(3)
+UNTURNED = {"K": K, "R": AXES, "t": np.zeros(3), "width": 640, "height": 480}
+
+
+def pixel_positions(camera, points):
+    """Where world points (N, 3) are seen, (N, 2) pixels, (0, 0) being the image's corner."""
+    a, b, c = camera.to_pixels @ np.column_stack([camera.to_eye_space(points), np.ones(len(points))]).T
+    return np.column_stack([a / c, b / c])
+
+
+def random_calibration(seed):
+    random = np.random.default_rng(seed)
+    rotation, _ = cv2.Rodrigues(random.normal(size=3) * 2)
+    eye = random.normal(size=3) * 10.0 ** random.integers(-2, 4)
+    intrinsic = np.diag([*random.uniform(100, 5000, 2), 1.0])
+    intrinsic[:2, 2] = random.uniform(-3000, 5000, 2)
+    points = eye + (random.normal(size=(20, 3)) * [1, 1, 0.2] + [0, 0, 3]) @ rotation
+    return intrinsic, rotation, -rotation @ eye, points
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_points_are_seen_where_opencv_projects_them_its_pixels_being_counted_from_their_centres(seed):
+    intrinsic, rotation, translation, points = random_calibration(seed)
+    projected, _ = cv2.projectPoints(points, rotation, translation, intrinsic, None)
+    camera = atra.Camera.from_opencv(intrinsic, rotation, translation, 640, 480)
+    np.testing.assert_allclose(pixel_positions(camera, points), projected[:, 0] + 0.5, rtol=0, atol=1e-6)
+
+
+def test_the_ray_of_a_pixel_passes_through_what_opencv_projects_to_its_centre():
+    camera = atra.Camera.from_opencv(**UNTURNED)
+    x, y = np.array([0, 312, 639]), np.array([0, 201, 479])
+    directions = camera.directions(x, y)
+    expected = np.column_stack([(x - 312.5) / 800, (y - 201.25) / 640, np.ones(3)])
+    np.testing.assert_allclose(directions, expected, rtol=1e-12)
+    np.testing.assert_allclose(camera.axes, AXES, atol=1e-15)
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("axes", ["opengl", "opencv"])
+def test_a_matrix_places_the_camera_that_r_and_t_place(seed, axes):
+    intrinsic, rotation, translation, points = random_calibration(seed)
+    to_world = np.eye(4)
+    to_world[:3, :3], to_world[:3, 3] = rotation.T, -rotation.T @ translation
+    if axes == "opengl":
+        to_world[:3, 1:3] *= -1
+    expected = atra.Camera.from_opencv(intrinsic, rotation, translation, 64, 48)
+    for matrix in (to_world, to_world[:3]):
+        camera = atra.Camera.from_matrix(matrix, 64, 48, axes=axes, K=intrinsic)
+        assert camera.plane == expected.plane
+        np.testing.assert_allclose(pixel_positions(camera, points), pixel_positions(expected, points), atol=1e-6)
+    plain = atra.Camera.from_matrix(to_world, 64, 48, axes=axes, fov_y_degrees=40)
+    assert (type(plain), plain.fov_y_degrees) == (atra.Camera, 40.0)
+    np.testing.assert_allclose(plain.axes, rotation, atol=1e-12)
+
+
+def test_a_rotation_of_few_digits_becomes_the_nearest_one():
+    _, rotation, translation, _ = random_calibration(3)
+    camera = atra.Camera.from_opencv(K, np.round(rotation, 5), translation, 64, 48)
+    np.testing.assert_allclose(camera.axes @ camera.axes.T, AXES, atol=1e-14)
+    np.testing.assert_allclose(camera.axes, rotation, atol=1e-5)
+
+
+def changed(matrix, **places):
+    """The matrix with other numbers at places such as r0c2."""
+    other = np.array(matrix, np.float64)
+    for place, value in places.items():
+        other[int(place[1]), int(place[3])] = value
+    return other
+
+
+@pytest.mark.parametrize(("change", "message"), [
+    ({"K": changed(K, r0c0=0)}, r"K is singular, expected focal lengths above 0 and the last row \[0, 0, 1\]: \[\["),
+    ({"K": changed(K, r2c2=0)}, "K is singular"),
+    ({"K": changed(K, r1c1=-640)}, "the focal length fy is -640"),
+    ({"K": changed(K, r0c1=2.5)}, "K has the skew 2.5, expected 0"),
+    ({"K": changed(K, r1c0=2.5)}, "K has the skew 2.5, expected 0"),
+    ({"K": changed(K, r2c2=2)}, r"the last row of K is \[0.0, 0.0, 2.0\], expected \[0, 0, 1\]"),
+    ({"K": changed(K, r0c2=np.nan)}, r"K is \[\[800.0, 0.0, nan\]"),
+    ({"K": changed(K, r0c2=2e6)}, "meets the image plane at x = 2e\\+06 pixels, expected at most 1e\\+06 outside"),
+    ({"K": np.eye(4)}, r"K has shape \(4, 4\), expected \(3, 3\)"),
+    ({"K": "abc"}, "K cannot be read as an array of real numbers: it has dtype <U3"),
+    ({"R": np.diag([1, 1, -1])}, "R is a reflection"),
+    ({"R": 2 * AXES}, "R is no rotation: R R\\^T is up to 3 from the unit matrix"),
+    ({"R": np.zeros((3, 3))}, "R is no rotation"),
+    ({"R": changed(AXES, r1c0=np.inf)}, "R is .*inf.*, expected finite numbers"),
+    ({"R": np.zeros(3)}, r"R has shape \(3,\), expected \(3, 3\) \(cv2.Rodrigues makes one"),
+    ({"t": [0, 0]}, r"t has shape \(2,\), expected three numbers"),
+    ({"t": [0, 0, np.nan]}, "t is .*nan.*, expected finite numbers"),
+    ({"t": [[0, 0, 1], [2]]}, "t cannot be read as an array"),
+    ({"width": 0}, "width is 0, expected a whole number of pixels"),
+    ({"height": 1.5}, "height is 1.5, expected a whole number of pixels"),
+])  # fmt: skip
+def test_a_calibration_that_is_none_is_refused_with_its_value(change, message):
+    with pytest.raises(atra.InputError, match=message):
+        atra.Camera.from_opencv(**{**UNTURNED, **change})
+
+
+@pytest.mark.parametrize(("arguments", "message"), [
+    ({"axes": "blender"}, "axes is 'blender', expected one of opengl, opencv"),
+    ({"camera_to_world": AXES}, r"camera_to_world has shape \(3, 3\), expected \(4, 4\) or \(3, 4\)"),
+    ({"camera_to_world": np.diag([2, 2, 2, 1])}, "the left part of camera_to_world is no rotation.*remove a scale"),
+    ({"camera_to_world": np.diag([1, 1, -1, 1])}, "is a reflection"),
+    ({"camera_to_world": np.diag([1, 1, 1, 2])}, r"the last row of camera_to_world is \[0.0, 0.0, 0.0, 2.0\]"),
+    ({"camera_to_world": np.full((4, 4), np.nan)}, "camera_to_world is .*expected finite numbers"),
+    ({"K": K}, "expected either fov_y_degrees or K, neither or both were given"),
+    ({"fov_y_degrees": None}, "expected either fov_y_degrees or K"),
+    ({"fov_y_degrees": 200}, "fov_y_degrees is 200.0"),
+])  # fmt: skip
+def test_a_matrix_that_places_no_camera_is_refused_with_its_value(arguments, message):
+    given = {"camera_to_world": np.eye(4), "width": 8, "height": 8, "axes": "opengl", "fov_y_degrees": 60}
+    with pytest.raises(atra.InputError, match=message):
+        atra.Camera.from_matrix(**{**given, **arguments})
+
+
+@pytest.mark.parametrize(("part", "message"), [
+    ((0, 0, 0, 4), "left is 0 and the size 0, expected whole numbers"),
+    ((-1, 0, 4, 4), "left is -1"),
+    ((0, 2.5, 4, 4), "top is 2.5"),
+    ((40, 0, 9, 4), "left 40 and 9 pixels reach beyond the 48 of the image"),
+    ((0, 30, 4, 3), "top 30 and 3 pixels reach beyond the 32 of the image"),
+])  # fmt: skip
+def test_a_crop_beyond_the_image_is_refused(part, message):
+    with pytest.raises(atra.InputError, match=message):
+        atra.Camera(**EYE_AT_ORIGIN, width=48, height=32).crop(*part)
+
+
+def test_an_image_plane_refuses_what_is_none_and_a_camera_what_is_no_image_plane():
+    for fields, message in (
+        ((0.0, 1.0, 0.0, 0.0), "pitch_x is 0.0"),
+        ((1.0, np.inf, 0.0, 0.0), "pitch_y is inf"),
+        ((1.0, 1.0, np.nan, 0.0), "axis_x is nan"),
+        ((1.0, 1.0, 0.0, "a"), "axis_y is 'a'"),
+        ((1.0, 1.0, 0.0, 0.0, 0.5), "left is 0.5"),
+    ):
+        with pytest.raises(atra.InputError, match=message):
+            atra.ImagePlane(*fields)
+    with pytest.raises(atra.InputError, match=r"plane is None, expected atra\.ImagePlane"):
+        atra.CalibratedCamera((0, 0, 0), (0, 0, 1), plane=None)
+
+
+WHOLE = atra.Camera(**EYE_AT_ORIGIN, fov_y_degrees=70, width=48, height=32)
+TURNED = {"eye": (0.2, -0.1, 0.3), "target": (1.0, 0.4, -2.0), "up": (0.3, 1.0, 0.1)}
+
+
+def beside(stretched, axis_x, axis_y, **size):
+    pitch = 0.02
+    plane = atra.ImagePlane(pitch * stretched, pitch, axis_x, axis_y)
+    return atra.CalibratedCamera(**TURNED, **{"width": 48, "height": 32, **size}, plane=plane)
+
+
+VIEWS = {
+    "off-centre": beside(1.0, 9.3, 27.8),
+    "wide pixels": beside(2.5, 24.0, 16.0),
+    "tall pixels off-centre": beside(0.4, 30.1, 2.6),
+    "axis outside of the image": beside(1.5, -60.2, 90.7),
+    "crop": atra.Camera(**TURNED, fov_y_degrees=80, width=200, height=160).crop(120, 11, 48, 32),
+    "crop of a crop": beside(1.5, 80.0, -3.0, width=100, height=90).crop(20, 30, 70, 50).crop(10, 15, 48, 32),
+    "from OpenCV": atra.Camera.from_opencv(changed(np.diag([40.0, 55.0, 1.0]), r0c2=33.3), AXES, [0.1, 0.2, 0], 48, 32),
+}
+
+
+@pytest.mark.parametrize("camera", VIEWS.values(), ids=VIEWS)
+def test_every_method_takes_any_image_plane(camera):
+    mesh = random_triangles(60, 5)
+    reference = brute_force(mesh, camera, (0.3, 0.6))
+    assert reference.hit.mean() > 0.1
+    for method in METHODS:
+        assert_no_pixel_wrong(mesh, camera, trace(method, mesh, camera, (6, 2), (0.3, 0.6)), reference)
+    with atra.RasterTracer(mesh, camera, threads=1) as tracer:
+        assert_no_pixel_wrong(mesh, camera, tracer.trace((0.3, 0.6)), reference)
+
+
+@pytest.mark.parametrize("name", ["off-centre", "wide pixels", "crop of a crop"])
+def test_ties_are_decided_where_the_image_plane_has_them(name):
+    camera = VIEWS[name]
+    corners = [(-90, -90, 90, 90), (-5, -1, 9, 7)]
+    walls = quads([[(x0, y0, -4), (x1, y0, -4), (x1, y1, -4), (x0, y1, -4)] for x0, y0, x1, y1 in corners[::-1]])
+    reference = brute_force(walls, camera)
+    assert (reference.prim_id < 2).any()  # on the small wall, where both are as deep
+    for method in METHODS:
+        hits = trace(method, walls, camera, (6, 2))
+        agreement = assert_no_pixel_wrong(walls, camera, hits, reference)
+        assert agreement.pixels_tied == 0, method
+
+
+def test_the_probe_looks_through_the_pixels_of_the_image_plane():
+    mesh, whole = cornell_box(), cornell_camera(256, 256)
+    verified = []
+    for camera in (whole, whole.crop(10, 20, 128, 128)):
+        with atra.VisibleFirstTracer(mesh, camera, (32, 1), threads=1) as tracer:
+            tracer.trace()
+            verified.append(tracer.counters["packets_verified"])
+    assert verified[1] <= verified[0] > 0
+
+
+def part_of(hits, left, top, camera):
+    rows, columns = slice(top, top + camera.height), slice(left, left + camera.width)
+    return replace(hits, depth=hits.depth[rows, columns], prim_id=hits.prim_id[rows, columns], camera=camera)
+
+
+@pytest.mark.parametrize("whole", [WHOLE, beside(1.5, 3.7, 40.9)], ids=["plain", "calibrated"])
+def test_the_image_of_a_crop_is_the_crop_of_the_image(whole):
+    mesh, crop = random_triangles(60, 6), whole.crop(17, 5, 24, 16)
+    assert_same_bits(trace_pixels(mesh, crop), part_of(trace_pixels(mesh, whole), 17, 5, crop))
+    for method in METHODS:
+        cut = part_of(trace(method, mesh, whole, (6, 2)), 17, 5, crop)
+        assert_no_pixel_wrong(mesh, crop, trace(method, mesh, crop, (6, 2)), cut)
+
+
+def test_a_crop_of_everything_has_the_rays_and_the_field_of_view_of_the_whole():
+    crop = WHOLE.crop(0, 0, WHOLE.width, WHOLE.height)
+    assert crop.plane == WHOLE.plane
+    assert crop.fov_y_degrees == pytest.approx(70.0)
+    assert pickle.loads(pickle.dumps(crop)) == crop
+
+
+def test_frames_of_other_image_planes_are_aligned_and_eyes_of_others_refused():
+    mesh, split = random_triangles(60, 7), atra.Split(6, 2, 48, 32)
+    cameras = [VIEWS["off-centre"], VIEWS["axis outside of the image"], VIEWS["crop"], WHOLE]
+    with atra.FramesTracer(mesh, atra.Alignment.of_frames(cameras, split), threads=1) as tracer:
+        for camera, hits in zip(cameras, tracer.trace(), strict=True):
+            assert_no_pixel_wrong(mesh, camera, hits, brute_force(mesh, camera))
+    left, right = beside(1.0, 20.0, 16.0), beside(1.0, 21.0, 16.0)
+    with pytest.raises(atra.InputError, match="or principal points, expected parallel views"):
+        atra.Alignment.of_eyes(left, right, split)

@@ -1,0 +1,234 @@
+"""What `compare` is made of, each part against a slower reckoning of its own."""
+
+from importlib import import_module
+from itertools import product
+
+import numpy as np
+import pytest
+
+from atra.exact import outline as outline_module
+from atra.exact import rounding as rounding_module
+from atra.exact.intersection import Pairs
+from atra.exact.rounding import Rounding
+from atra.geometry.camera import Camera
+from atra.geometry.mesh import Mesh
+from atra.geometry.orthographic import OrthographicCamera
+from atra.hits import Hits
+from atra.judge.compare import Verdict
+from atra.judge.depths import has_wrong_depth, relative_depth_error
+from atra.judge.reference import brute_force
+from atra.prim_ids import MISS
+from tests.meshes import EYE_AT_ORIGIN, random_triangles
+
+judge = import_module("atra.judge.compare")  # the module; `atra.judge.compare` by name is its function
+OFFSET = (0.2, 0.7)
+ASLANT = {"eye": (0.3, -0.2, 0.1), "target": (1, 2, 3), "width": 12, "height": 9}
+CAMERAS = {"pinhole": Camera(**ASLANT, fov_y_degrees=80.0), "parallel": OrthographicCamera(**ASLANT, view_height=4.0)}
+each_camera = pytest.mark.parametrize("camera", CAMERAS.values(), ids=CAMERAS)
+
+DEGENERATE = [
+    [(1.0, 2.0, 3.0), (1.0, 2.0, 3.0), (1.5, 1.0, 3.0)],  # two corners in one place
+    [(0.9, 2.0, 3.0), (0.9, 2.0, 3.0), (0.9, 2.0, 3.0)],  # a point
+    [(0.0, 1.0, 2.0), (1.0, 2.0, 3.0), (2.0, 3.0, 4.0)],  # a line
+]
+
+
+def every_pair(mesh, camera):
+    """Each triangle with the ray of each pixel."""
+    prim_id, y, x = np.indices((mesh.triangle_count, camera.height, camera.width)).reshape(3, -1)
+    return Pairs(mesh, camera, x, y, prim_id, OFFSET)
+
+
+def points_on_image(camera, a, b):
+    """800 points along the edge from `a` to `b` on the image plane, as far as it is in front of the eye."""
+    if max(a[2], b[2]) <= 0.0:
+        return np.full((1, 2), np.inf)
+    near, far = sorted((a, b), key=lambda corner: corner[2])
+    start = far[:2] if camera.is_parallel else far[:2] / far[2]
+    if near[2] > 0.0:
+        end = near[:2] if camera.is_parallel else near[:2] / near[2]
+    else:
+        crossing = (far + (near - far) * far[2] / (far[2] - near[2]))[:2]
+        # An edge through the eye's plane is a half-line on the image, in the direction of where it passes.
+        end = crossing if camera.is_parallel else start + 8.0 * crossing / np.linalg.norm(crossing)
+    return start + np.linspace(0.0, 1.0, 800)[:, None] * (end - start)
+
+
+@each_camera
+def test_distance_to_the_outline_is_that_to_the_nearest_of_many_points_on_it(camera, monkeypatch):
+    tolerance = 0.4
+    monkeypatch.setattr(outline_module, "OUTLINE_TOLERANCE_PIXELS", tolerance)
+    vertices = np.concatenate([random_triangles(30, seed=8, spread=2.0).vertices, np.reshape(DEGENERATE, (-1, 3))])
+    mesh = Mesh(vertices, np.arange(len(vertices)).reshape(-1, 3))
+    pairs = every_pair(mesh, camera)
+    found = outline_module.is_on_outline(pairs).reshape(mesh.triangle_count, -1)
+    corners = camera.to_camera_space(mesh.vertices)[mesh.faces]
+    rays = np.add(*pairs.rays).reshape(mesh.triangle_count, -1, 3)[0]
+    rays_on_image = rays[:, :2]  # at depth 1, for both cameras
+    for triangle, is_on_outline in zip(corners, found, strict=True):
+        outline = np.concatenate([points_on_image(camera, triangle[i], triangle[i - 1]) for i in range(3)])
+        apart = np.linalg.norm(rays_on_image[:, None] - outline, axis=2).min(axis=1) / camera.pixel_pitch
+        clear = np.abs(apart - tolerance) > 0.01
+        assert np.array_equal(is_on_outline[clear], apart[clear] < tolerance)
+    assert 0.02 < found.mean() < 0.5
+    assert found[-3:].any(axis=1).all()
+
+
+def test_errors_of_float32_are_those_derived_for_a_3_4_5_triangle_13_away():
+    corners = [(0.0, 0.0, 12.0), (3.0, 0.0, 12.0), (3.0, 4.0, 12.0)]
+    camera = Camera(**EYE_AT_ORIGIN, fov_y_degrees=90.0, width=8, height=8)
+    # The ray (1, 1, 8) / 8 meets it at (1.5, 1.5, 12), and its normal is (0, 0, 12).
+    at_3_3 = np.array([3])
+    pairs = Pairs(one_triangle(*corners), camera, at_3_3, at_3_3, np.array([0]), (0.5, 0.5))
+    rounding = Rounding.of(pairs)
+    far, longest, twice_the_area = 13, 5, 12
+    assert np.allclose(rounding.corners * 2**24, 4 * far)
+    assert np.allclose(rounding.edges * 2**24, 4 * far * longest)
+    assert np.allclose(rounding.ahead * 2**24, 4 * twice_the_area * 12)
+    # Corners once, the direction as a sum of two and as a sum, and three for products and quotient.
+    assert np.allclose(rounding.facing * 2**24, 4 * twice_the_area * (2 + 3))
+    assert np.allclose(rounding.depth * 2**24, 4 * (1 + 2 + 3))
+
+
+@each_camera
+def test_undecided_is_where_errors_turn_a_hit_into_a_miss_or_back(camera, monkeypatch):
+    monkeypatch.setattr(rounding_module, "FLOAT32_UNIT", 2.0**-7)  # so coarse that many pairs are concerned
+    pairs = every_pair(random_triangles(40, seed=9, spread=2.0), camera)
+    rounding, volumes = Rounding.of(pairs), pairs.volumes
+    error = rounding.edges * np.linalg.norm(pairs.rays[1], axis=1)
+    sides = volumes.u, volumes.v, volumes.facing - volumes.u - volumes.v
+    outcomes = []
+    for *turns, turn in product((-1, 1), repeat=4):
+        signs = [np.sign(side + way * error) for side, way in zip(sides, turns, strict=True)]
+        signs.append(np.sign(volumes.ahead + turn * rounding.ahead))
+        outcomes.append(np.abs(np.sum(signs, axis=0)) == 4)
+    some, every = np.any(outcomes, axis=0), np.all(outcomes, axis=0)
+    before_eye = (pairs.corners[..., 2] > -rounding.corners[:, None]).any(axis=1)
+    expected = some & ~every & before_eye
+    assert np.array_equal(judge._is_undecided(pairs, rounding), expected)
+    assert 0.02 < expected.mean() < 0.5
+    assert (some & ~every & ~before_eye).any()
+
+
+FROM_ORIGIN = {
+    "pinhole": Camera(**EYE_AT_ORIGIN, width=8, height=8),
+    "parallel": OrthographicCamera(**EYE_AT_ORIGIN, view_height=1.0, width=8, height=8),
+}
+each_camera_at_origin = pytest.mark.parametrize("camera", FROM_ORIGIN.values(), ids=FROM_ORIGIN)
+
+
+def one_triangle(*corners):
+    return Mesh(np.array(corners), np.array([[0, 1, 2]]))
+
+
+@pytest.mark.parametrize(("depth", "expected"), [(1e-9, True), (-1e-9, True), (1e-3, False), (-1e-3, False)])
+def test_a_plane_just_behind_the_eye_is_undecided_as_one_just_before_it(depth, expected):
+    camera = FROM_ORIGIN["pinhole"]
+    # Not along an axis, where float32 would know. Well inside a triangle, and of rays that all go its way.
+    mesh = one_triangle(*((x, y, depth + 0.1 * x + 0.2 * y) for x, y in ((-50.0, -50.0), (50.0, -50.0), (0.0, 50.0))))
+    pairs = every_pair(mesh, camera)
+    assert (judge._is_undecided(pairs, Rounding.of(pairs)) == expected).all()
+
+
+@each_camera
+def test_a_depth_is_right_as_far_as_float32_may_be_off_and_no_farther(camera):
+    mesh = random_triangles(60, seed=4, spread=2.0)
+    seen = brute_force(mesh, camera, OFFSET)
+    y, x = np.nonzero(seen.hit)
+    pairs = Pairs(mesh, camera, x, y, seen.prim_id[y, x], OFFSET)
+    depth, allowed = pairs.intersections.depth, Rounding.of(pairs).depth
+    assert (allowed < 1e-4).mean() > 0.9
+    for share, expected in ((0.0, False), (0.9, False), (-0.9, False), (1.1, True), (-1.1, True)):
+        stored = seen.depth.copy()
+        stored[y, x] = depth * (1.0 + share * allowed)
+        image = Hits(stored, seen.prim_id, OFFSET, mesh, camera)
+        wrong = has_wrong_depth(mesh, camera, image, relative_depth_error(mesh, camera, image))
+        assert (wrong[y, x] == expected).all()
+        assert not wrong[~seen.hit].any()
+
+
+@each_camera_at_origin
+@pytest.mark.parametrize(
+    ("depth", "expected"),
+    [(2.0, False), (3.0, False), (0.01, False), (30.0, False), (np.inf, True), (np.nan, True), (-2.0, True)],
+)
+def test_a_ray_in_the_plane_of_a_triangle_may_have_any_depth(camera, depth, expected):
+    # From depth 2 to 3 on the ray of pixel (4, 4).
+    origin, direction = camera.rays(np.array(4), np.array(4))
+    near, far = origin + 2.0 * direction, origin + 3.0 * direction
+    right = np.array([1.0, 0.0, 0.0])
+    mesh = one_triangle(*(np.array([near - right, near + right, far]) * (-1, -1, 1)))
+    stored, prim_id = np.full((8, 8), np.inf, np.float32), np.full((8, 8), MISS, np.uint32)
+    stored[4, 4], prim_id[4, 4] = depth, 0
+    image = Hits(stored, prim_id, (0.5, 0.5), mesh, camera)
+    wrong = has_wrong_depth(mesh, camera, image, relative_depth_error(mesh, camera, image))
+    assert wrong[4, 4] == expected
+    assert wrong.sum() == expected
+
+
+@pytest.mark.parametrize(("depth", "expected"), [(0.0, False), (1e-9, False), (1e-3, True), (2.0, True)])
+def test_a_ray_through_a_plane_that_passes_through_the_eye_has_no_depth_to_speak_of(depth, expected):
+    mesh = one_triangle(*((x, y, 0.1 * x + 0.2 * y) for x, y in ((-50.0, -50.0), (50.0, -50.0), (0.0, 50.0))))
+    stored, prim_id = np.full((8, 8), depth, np.float32), np.zeros((8, 8), np.uint32)
+    image = Hits(stored, prim_id, (0.5, 0.5), mesh, FROM_ORIGIN["pinhole"])
+    wrong = has_wrong_depth(mesh, image.camera, image, relative_depth_error(mesh, image.camera, image))
+    assert (wrong == expected).all()
+
+
+def candidate(depth, nearest=None, error=0.0, doubtful=False, missed=False):
+    nearest = depth if nearest is None else nearest
+    return judge._Candidates(*(np.array([value]) for value in (depth, error, nearest, doubtful, missed)))
+
+
+NOTHING = candidate(np.inf)
+
+
+@pytest.mark.parametrize(("a", "b", "expected"), [
+    (candidate(1.0), candidate(1.0), Verdict.TIED),
+    (candidate(1.0), candidate(1.0 + 0.9e-9), Verdict.TIED),
+    (candidate(1.0), candidate(1.0 + 1.1e-9), Verdict.WRONG),
+    (candidate(1e3), candidate(1e3 + 0.9e-6), Verdict.TIED),
+    (candidate(1e3), candidate(1e3 + 1.1e-6), Verdict.WRONG),
+    (candidate(1.0, missed=True), candidate(1.0), Verdict.WRONG),
+    (candidate(1.0, doubtful=True), candidate(1.0), Verdict.TIED),
+    (candidate(1.0, doubtful=True), candidate(1.0, missed=True), Verdict.WRONG),
+    (candidate(1.0, doubtful=True), NOTHING, Verdict.EDGE),
+    (candidate(1.0), NOTHING, Verdict.WRONG),
+    (candidate(1.0, missed=True), NOTHING, Verdict.WRONG),
+    (candidate(np.inf, nearest=1.0, doubtful=True), NOTHING, Verdict.EDGE),
+    # Doubtful in front of a sure one: either may be seen. Behind it, hidden, unless one of its corners is nearer.
+    (candidate(1.0, doubtful=True), candidate(2.0), Verdict.EDGE),
+    (candidate(3.0, doubtful=True), candidate(2.0), Verdict.WRONG),
+    (candidate(3.0, nearest=1.9, doubtful=True), candidate(2.0), Verdict.EDGE),
+    (candidate(3.0, nearest=2.1, doubtful=True), candidate(2.0), Verdict.WRONG),
+    (candidate(3.0, nearest=2.1, doubtful=True), candidate(2.0, error=0.2), Verdict.EDGE),
+    (candidate(3.0, doubtful=True), candidate(2.0, doubtful=True), Verdict.EDGE),
+    # Both sure: what counts is whether float32 can order them.
+    (candidate(1.0, nearest=0.9, error=0.06), candidate(1.1, nearest=0.9, error=0.06), Verdict.EDGE),
+    (candidate(1.0, nearest=0.9, error=0.04), candidate(1.1, nearest=0.9, error=0.04), Verdict.WRONG),
+    (candidate(1.0, error=0.2), candidate(1.1), Verdict.EDGE),
+    (candidate(1.0, nearest=0.9, error=0.5), NOTHING, Verdict.WRONG),
+])  # fmt: skip
+def test_verdict_on_two_candidates(a, b, expected):
+    assert judge._judge(a, b) == judge._judge(b, a) == expected
+
+
+def test_candidates_say_what_is_known_of_each_triangle_and_of_nothing():
+    camera = Camera(**EYE_AT_ORIGIN, fov_y_degrees=90.0, width=8, height=8)
+    # Camera space is (-x, -y, z). A triangle at depth 2 to 3, one beside the ray of (4, 4), and nothing.
+    seen = [(5.0, 5.0, 2.0), (-5.0, 5.0, 2.0), (0.0, -5.0, 3.0)]
+    beside = [(5.0, 5.0, 2.0), (4.0, 5.0, 2.0), (5.0, 4.0, 2.0)]
+    mesh = Mesh(np.array([*seen, *beside]), np.arange(6).reshape(2, 3))
+    pairs = Pairs(mesh, camera, np.full(3, 4), np.full(3, 4), np.array([1, MISS, 0]), (0.5, 0.5))
+    found = judge._candidates(pairs)
+    # The plane Z = 2.5 - Y / 10 and the ray Y = Z / 8, with its sign turned by y: down is positive.
+    expected = 2.5 / (1 - 1 / 80)
+    assert found.depth[2] == pytest.approx(expected)
+    assert found.doubtful.tolist() == [False, False, False]
+    assert found.surely_missed.tolist() == [True, False, False]
+    assert found.depth[1] == found.nearest[1] == np.inf
+    assert found.depth_error[1] == 0.0
+    rounding = Rounding.of(pairs[np.array([2])])
+    assert found.nearest[2] == pytest.approx(2.0 - rounding.corners[0], abs=1e-12)
+    assert found.depth_error[2] == pytest.approx(rounding.depth[0] * expected)
+    assert 1e-7 < found.depth_error[2] < 1e-4

@@ -1,0 +1,128 @@
+"""Faces that let light on: rays to lights meet them in a scene of their own, and no bit hangs on how."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import atra
+from atra import light
+from atra.embree.library import load_library
+from atra.errors import ClosedError
+from atra.light import Baker, BakeScene, Surface
+from tests.baked import baked, cube, sheet
+from tests.meshes import joined, quads
+from tests.shown import floor
+
+ROOM = joined(cube(inwards=True), cube(0.3))
+SUN = light.Sun((0.3, -1.0, 0.2), 0.0)
+
+
+def scene_of(mesh, opacity, tint=(0.9, 0.8, 0.7), albedo=0.6):
+    plain = Surface.plain(mesh, albedo)
+    tints = np.broadcast_to(np.float32(tint), (mesh.triangle_count, 3))
+    lights = [SUN, light.PointLight((0.6, 0.7, -0.6))]
+    return BakeScene(mesh, Surface(plain.albedo, plain.emission, opacity, tints), lights, light.constant_sky(0.5))
+
+
+SOME = scene_of(ROOM, np.where(np.arange(24) % 5 == 1, 0.4, 1.0))
+
+
+@pytest.mark.parametrize("width", load_library().native_packet_widths)
+@pytest.mark.parametrize("quality", ["low", "medium", "high"])
+def test_a_scene_of_some_faces_meets_these_alone_and_numbers_them_as_the_mesh_does(width, quality):
+    random = np.random.default_rng(0)
+    ways = random.normal(size=(500, 3))
+    rays = atra.Rays(random.uniform(-0.9, 0.9, (500, 3)), ways)
+    some = random.random(ROOM.triangle_count) < 0.5
+    alone = atra.Mesh(ROOM.vertices, ROOM.faces[some])
+    options = {"threads": 1, "packet_width": width, "build_quality": quality}
+    with atra.RayScene(ROOM, faces=some, **options) as scene, atra.RayScene(alone, **options) as other:
+        hits, expected = scene.intersect(rays), other.intersect(rays)
+        np.testing.assert_array_equal(hits.t, expected.t)
+        hit = expected.hit
+        assert 0.1 < hit.mean() < 0.95
+        np.testing.assert_array_equal(hits.prim_id[hit], np.flatnonzero(some)[expected.prim_id[hit]])
+        np.testing.assert_array_equal(scene.occluded(rays), hit)
+    with atra.RayScene(ROOM, faces=np.zeros(24, bool), **options) as none:
+        assert not none.occluded(rays).any()
+
+
+def test_faces_that_are_no_choice_of_the_mesh_s_are_refused():
+    for wrong in (np.ones(23, bool), np.ones(24, int), [True, False]):
+        with pytest.raises(atra.InputError, match=r"expected \(24,\) bool, those that rays meet"):
+            atra.RayScene(ROOM, faces=wrong)
+
+
+@pytest.mark.parametrize("options", [
+    {"compaction": "none"}, {"batch_rays": 1 << 8, "expansion": 1, "threads": 2}, {"build_quality": "high"},
+], ids=str)  # fmt: skip
+def test_how_rays_are_grouped_changes_no_bit_where_faces_let_light_on(options):
+    atlas = sheet(ROOM, 4)
+    usual, other = baked(SOME, atlas, 9), baked(SOME, atlas, 9, **options)
+    for name in ("direct", "indirect", "environment", "openness", "backs", "variance"):
+        assert getattr(usual, name).max() > 0.0
+        np.testing.assert_array_equal(getattr(usual, name), getattr(other, name))
+
+
+@pytest.mark.parametrize("packet_width", [1, None])
+def test_a_room_of_nothing_but_panes_lets_the_sun_and_the_sky_in(packet_width):
+    mesh = cube(inwards=True)
+    tint = np.float32([0.9, 0.5, 0.1])
+    scene = replace(scene_of(mesh, np.full(12, 0.25), tint, albedo=0.0), lights=[SUN])
+    lightmap = baked(scene, sheet(mesh, 4), 1024, bounces=0, packet_width=packet_width)
+    below = lightmap.texels.normals[:, 1] > 0.9
+    cosine = 1.0 / np.linalg.norm(SUN.direction)
+    expected = np.broadcast_to(0.75 * tint * cosine, lightmap.direct[below].shape)
+    np.testing.assert_allclose(lightmap.direct[below], expected, rtol=1e-5)
+    passed = 0.5 * 0.75 * tint
+    count = 1024 * len(below)
+    np.testing.assert_allclose(lightmap.environment.mean(axis=0), passed, rtol=5 * np.sqrt(1 / 3 / count))
+
+
+def test_an_opaque_face_right_behind_a_pane_still_stops_rays_to_lights():
+    plate, lid = quads([floor(0.5)]), floor(50.0, 0.5)
+    just_below = [(x, y - 1e-7, z) for x, y, z in lid]  # nearer than rays start off surfaces
+    mesh = joined(plate, quads([just_below]), quads([lid]))
+    scene = scene_of(mesh, np.repeat(np.float32([1.0, 0.0, 1.0]), 2))
+    lightmap = baked(replace(scene, lights=[SUN]), sheet(mesh, 4), 16, bounces=0)
+    below = lightmap.texels.prim_id < 2
+    assert lightmap.direct[below].max() == 0.0
+
+
+def test_a_baker_takes_surfaces_with_panes_and_without_and_bakes_as_a_new_one_does():
+    atlas, opaque = sheet(ROOM, 4), scene_of(ROOM, np.ones(24))
+    other = scene_of(ROOM, np.where(np.arange(24) < 12, 0.5, 1.0))
+    with Baker(SOME, atlas, threads=1) as baker:
+        built = [baker.shadow_scenes]
+        for scene in (other, opaque, SOME, replace(SOME, lights=[])):
+            baker.update(scene)
+            baker.add(4)
+            built.append(baker.shadow_scenes)
+            np.testing.assert_array_equal(baker.maps.combined, baked(scene, atlas, 4).combined)
+        assert built[3] is built[4]  # lights alone build nothing
+        with pytest.raises(ClosedError, match="closed"):
+            built[0].addresses(0)
+    with pytest.raises(ClosedError, match="closed"):
+        built[-1].addresses(0)
+
+
+def test_a_view_shows_the_same_texels_whether_or_not_faces_let_light_on():
+    atlas, camera = sheet(ROOM, 8), atra.Camera((0.9, 0.8, 0.9), (0, -0.2, 0), width=48, height=32)
+    seen = []
+    for opacity in (1.0, 0.5):
+        with Baker(scene_of(ROOM, np.full(24, opacity)), atlas, threads=1) as baker:
+            baker.look(camera)
+            seen.append(baker.visible)
+    np.testing.assert_array_equal(*seen)
+    assert 0.05 < seen[0].mean() < 0.9
+
+
+def test_probes_see_through_panes():
+    mesh = cube(inwards=True)
+    found = []
+    for opacity in (0.0, 1.0):
+        scene = replace(scene_of(mesh, np.full(12, opacity), (1, 1, 1)), lights=[])
+        with Baker(scene, sheet(mesh, 4), threads=1) as baker:
+            found.append(baker.probes([(0, 0, 0)], 256).environment[0, 0, 0])
+    np.testing.assert_allclose(found, [0.5 * np.sqrt(4 * np.pi), 0.0], rtol=1e-5)

@@ -1,0 +1,237 @@
+"""Hybrid pictures against closed forms: edges of shadows, penumbras, occlusion, the falling off of light."""
+
+import io
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import PIL.Image
+import pytest
+import trimesh
+
+import atra
+from atra import light as render
+from tests.meshes import quads
+from tests.shown import BLACK, down, floor, floor_points, hybrid, room, sphere, traced
+
+GREY = render.Lambertian((0.5, 0.25, 1.0))
+
+
+def with_screen(light, height=1.0):
+    """A floor, and over the half x < 0 a screen that casts a straight edge along z; seen from between the two."""
+    screen = [(-50, height, 50), (0, height, 50), (0, height, -50), (-50, height, -50)]
+    return render.RenderScene(quads([floor(), screen]), [GREY], lights=[light], sky=BLACK)
+
+
+BELOW = down(48, eye=(-0.2, 0.9, 0), fov=70)
+
+
+def test_a_point_light_s_shadow_ends_where_the_line_over_the_edge_meets_the_floor():
+    scene = with_screen(render.PointLight((1.0, 3.0, 0.5)))
+    lit = hybrid(scene, BELOW, 1).lit()
+    x = floor_points(BELOW)[..., 0]
+    edge = 0 - 1.0 * (1.0 - 0.0) / (3.0 - 1.0)  # the light 1 beside the edge and 2 above it, the floor 1 below
+    clear = np.abs(x - edge) > 1e-3
+    assert clear.mean() > 0.95
+    assert ((lit == 1) == (x > edge))[clear].all()
+    assert 0.1 < lit.mean() < 0.9
+
+
+def test_shadows_reach_as_far_as_asked_and_start_as_far_off_as_asked():
+    scene = with_screen(render.Sun((0, -1, 0), 0.0))
+    dark = floor_points(BELOW)[..., 0] < 0
+    for options, has_shadow in (
+        ({}, True), ({"shadow_length": 1.01}, True), ({"shadow_length": 0.99}, False), ({"start_off": 0.5}, True),
+        ({"start_off": 1.01}, False),
+    ):  # fmt: skip
+        np.testing.assert_array_equal(hybrid(scene, BELOW, 1, **options).lit() == 0, dark & has_shadow)
+
+
+@pytest.mark.parametrize("directions", ["shared", "shifted"])
+def test_the_sun_s_penumbra_is_the_share_of_its_disc_beside_the_edge(directions):
+    angle = 8.0
+    lit = hybrid(with_screen(render.Sun((0, -1, 0), angle)), BELOW, 256, shadow_directions=directions).lit()
+    across = np.clip(floor_points(BELOW)[..., 0] / np.tan(np.radians(angle)), -1, 1)
+    share = 0.5 + (across * np.sqrt(1 - across**2) + np.arcsin(across)) / np.pi
+    assert ((share > 0) & (share < 1)).mean() > 0.2
+    assert np.abs(lit - share).max() < 0.05
+    assert np.abs(lit - share).mean() < 0.005
+    assert (lit[share == 1] == 1).all()
+    assert (lit[share == 0] == 0).all()
+
+
+@pytest.mark.parametrize("samples", [3, 1000])
+def test_a_pixel_is_colour_times_light_and_sky_as_by_hand(samples):
+    sun = render.Sun((1.0, -2.0, 0.5), 0.0, colour=(1.0, 0.5, 0.25), power=3.0)
+    sky = render.GradientSky((0.1, 0.2, 0.3), (0.5, 0.7, 1.0), power=2.0)
+    scene = render.RenderScene(quads([floor()]), [GREY], lights=[sun], sky=sky)
+    cosine = 2.0 / np.sqrt(1 + 4 + 0.25)
+    expected = np.array(GREY.colour) * (cosine * 3.0 * np.array(sun.colour) + 2.0 * np.array(sky.above))
+    renderer = hybrid(scene, down(4), samples, most_samples=None)
+    np.testing.assert_allclose(renderer.image, np.broadcast_to(expected, (4, 4, 3)), rtol=2e-6)
+    np.testing.assert_allclose(renderer.lit(), 1.0, rtol=1e-6)
+
+
+def test_light_falls_off_with_the_square_of_the_distance_and_the_cosine():
+    point = render.PointLight((0.4, 2.0, -0.3), power=5.0)
+    points = floor_points(down(8))
+    to_light = np.array(point.position) - points
+    expected = 5.0 * to_light[..., 1] / np.linalg.norm(to_light, axis=-1) ** 3
+    one = render.RenderScene(quads([floor()]), [render.Lambertian(1.0)], lights=[point], sky=BLACK)
+    np.testing.assert_allclose(hybrid(one, down(8), 1).image[..., 0], expected, rtol=1e-4)
+    # A sphere wholly above the horizon gives a floor exactly as much as a point in its middle.
+    large = replace(one, lights=[render.SphereLight(point.position, 0.8, power=5.0)])
+    got = hybrid(large, down(8), 1024, shadow_directions="shifted").image[..., 0]
+    np.testing.assert_allclose(got, expected, rtol=0.01)
+
+
+@pytest.mark.parametrize("directions", ["shared", "shifted"])
+@pytest.mark.parametrize(("occlusion", "free"), [
+    ("uniform", lambda c: 1 - (1 - c) / 2),
+    ("cosine", lambda c: 1 - (np.arccos(c) - c * np.sqrt(1 - c * c)) / np.pi),
+])  # fmt: skip
+def test_beside_a_wall_the_share_of_the_hemisphere_is_free_that_its_distance_says(occlusion, free, directions):
+    wall = [(0, 0, 50), (0, 50, 50), (0, 50, -50), (0, 0, -50)]
+    scene = render.RenderScene(quads([floor(), wall]), [GREY], sky=render.constant_sky(1.0))
+    camera = down(16, eye=(1.3, 3, 0))
+    options = {"occlusion_length": 2.0, "occlusion": occlusion, "occlusion_directions": directions}
+    openness = hybrid(scene, camera, 512, **options).openness
+    x = floor_points(camera)[..., 0]
+    expected = free(np.clip(x / 2.0, 0, 1))
+    assert np.ptp(expected[x > 0]) > 0.25
+    assert np.abs(openness - expected)[x > 0].max() < 0.03
+
+
+@pytest.mark.parametrize(("occlusion", "free"), [
+    ("uniform", lambda angle: 1 - np.cos(angle)), ("cosine", lambda angle: np.sin(angle) ** 2),
+])  # fmt: skip
+def test_beneath_a_dome_the_share_of_its_opening_is_free(occlusion, free):
+    angle = np.radians(50.0)
+    steps, around = np.linspace(angle, np.pi / 2, 9), np.linspace(0.0, 2 * np.pi, 97)
+    ring = np.stack([np.cos(around), np.zeros(97), np.sin(around)], 1)
+    rims = [2.0 * (np.sin(one) * ring + (0.0, np.cos(one), 0.0)) for one in steps]
+    sides = [
+        [low[k], high[k], high[k + 1], low[k + 1]]
+        for high, low in pairwise(rims)
+        for k in range(96)
+    ]  # fmt: skip
+    scene = render.RenderScene(quads([floor(2.0), *sides]), [GREY], sky=render.constant_sky(1.0))
+    middle = down(4, eye=(0, 0.5, 0), fov=1)
+    openness = hybrid(scene, middle, 512, occlusion=occlusion, occlusion_length=np.inf).openness
+    np.testing.assert_allclose(openness, free(angle), atol=0.015)
+    near = hybrid(scene, middle, 64, occlusion=occlusion, occlusion_length=1.9).openness
+    np.testing.assert_array_equal(near, 1.0)  # it begins farther away
+
+
+def test_nothing_leaks_into_a_closed_room_and_nothing_shadows_itself_outside():
+    scene = room(GREY, render.constant_sky(1.0))
+    inside = hybrid(scene, atra.Camera((0.3, 0.2, 0.1), (1, 0.5, 0.7), fov_y_degrees=100, width=64, height=64), 32,
+                    occlusion_length=np.inf)  # fmt: skip
+    assert inside.openness.max() == 0
+    ball = sphere(GREY, render.constant_sky(1.0), smooth=False)
+    outside = hybrid(ball, atra.Camera((0, 1, 3), (0, 0, 0), fov_y_degrees=45, width=64, height=64), 32)
+    assert outside.openness.min() == 1
+    far = atra.Mesh(ball.mesh.vertices + np.float32(3000), ball.mesh.faces)
+    camera = atra.Camera((3000, 3001, 3003), (3000, 3000, 3000), fov_y_degrees=45, width=64, height=64)
+    assert hybrid(render.RenderScene(far, [GREY], sky=ball.sky), camera, 32).openness.min() > 0.99
+
+
+def test_a_triangulated_sphere_has_the_normals_of_a_sphere():
+    sky = render.GradientSky((0, 0, 0), (1, 1, 1))
+    camera = atra.Camera((0, 0, 5), (0, 0, 0), fov_y_degrees=20, width=40, height=40)
+    renderer = hybrid(sphere(render.Lambertian(1.0), sky, segments=64), camera, 1, occlusion_rays=0)
+    y, x = np.mgrid[:40, :40]
+    _, directions = camera.rays(x, y)
+    directions = directions @ camera.axes
+    directions /= np.linalg.norm(directions, axis=-1, keepdims=True)
+    middle = -(directions * camera.eye).sum(-1)
+    height = (np.array(camera.eye) + (middle - np.sqrt(np.maximum(0, middle**2 - 24)))[..., None] * directions)[..., 1]
+    inner = middle**2 - 24 > 0.2
+    np.testing.assert_allclose(renderer.image[..., 0][inner], (0.5 + 0.5 * height)[inner], atol=0.003)
+
+
+def test_samples_stay_where_only_strengths_change_and_go_where_anything_else_does():
+    sun, sky = render.Sun((0.3, -1, 0.2), 1.0), render.GradientSky()
+    scene = render.RenderScene(quads([floor()]), [GREY, render.Metal()], lights=[sun], sky=sky)
+    changed = {
+        "sky power": {"scene": replace(scene, sky=replace(sky, power=2.0))},
+        "light power": {"scene": replace(scene, lights=[replace(sun, power=0.5)])},
+        "light colour": {"scene": replace(scene, lights=[replace(sun, colour=(1, 0, 0))])},
+        "sky colour": {"scene": replace(scene, sky=replace(sky, above=(0, 0, 1)))},
+        "light direction": {"scene": replace(scene, lights=[replace(sun, direction=(0, -1, 0))])},
+        "light size": {"scene": replace(scene, lights=[replace(sun, angle_degrees=2.0)])},
+        "material": {"scene": replace(scene, materials=[render.Lambertian(), render.Metal()])},
+        "light added": {"scene": replace(scene, lights=[sun, sun])},
+        "camera": {"camera": down(8, eye=(0, 3, 0))},
+        "occlusion length": {"occlusion_length": 3.0},
+        "occlusion rays": {"occlusion_rays": 2},
+        "the same": {"scene": replace(scene), "camera": down(8)},
+    }
+    stay = {"sky power", "light power", "light colour", "the same"}
+    with render.HybridRenderer(scene, down(8), threads=1) as renderer:
+        for name, change in changed.items():
+            renderer.add(3)
+            renderer.update(**change)
+            assert renderer.samples == (3 if name in stay else 0), name
+            if name in stay:
+                with render.HybridRenderer(renderer.scene, down(8), threads=1) as anew:
+                    anew.add(3)
+                    np.testing.assert_array_equal(renderer.image, anew.image)
+            renderer.update(scene=scene, camera=down(8), occlusion_length=10.0, occlusion_rays=1)
+            if renderer.samples:
+                renderer.update(occlusion="cosine")
+                renderer.update(occlusion="uniform")
+        for refused in ("threads", "build_quality"):
+            with pytest.raises(atra.InputError, match=f"{refused} is what the scene was built with"):
+                renderer.update(**{refused: 1 if refused == "threads" else "low"})
+        with pytest.raises(atra.InputError, match="another mesh"):
+            renderer.update(scene=replace(scene, mesh=quads([floor(2.0)])))
+
+
+def test_a_texture_lies_where_uv_says():
+    mesh = quads([floor(1.0)])
+    uv = (mesh.vertices[:, [0, 2]] * [0.5, -0.5] + 0.5).astype(np.float32)  # u to the right, v up in the picture
+    camera = down(8, eye=(0, 1 / np.tan(np.radians(20)), 0))
+    points = floor_points(camera)
+    u, v = 0.5 + points[..., 0] / 2, 0.5 - points[..., 2] / 2
+    plain = {"sky": render.constant_sky(1.0), "uv": uv}
+    checker = render.Checker((1, 0, 0), (0, 0, 1), 4.0)
+    image = hybrid(render.RenderScene(mesh, [render.Lambertian(checker)], **plain), camera, 1, occlusion_rays=0).image
+    np.testing.assert_array_equal(image[..., 0] == 1, (np.floor(4 * u) + np.floor(4 * v)) % 2 == 0)
+    texels = np.random.default_rng(1).random((8, 8, 3), np.float32)
+    textured = render.RenderScene(mesh, [render.Lambertian(render.Image(texels))], **plain)
+    np.testing.assert_allclose(hybrid(textured, camera, 1, occlusion_rays=0).image, texels, atol=1e-4)
+
+
+def test_a_gltf_file_s_base_colours_and_textures_are_seen():
+    mesh, texels = quads([floor(1.0)]), np.random.default_rng(3).integers(0, 256, (8, 8, 3), np.uint8)
+    uv = mesh.vertices[:, [0, 2]] * [0.5, -0.5] + 0.5
+    kinds = trimesh.visual.material.PBRMaterial, trimesh.visual.TextureVisuals
+    image = PIL.Image.fromarray(texels)
+    painted, plain = (
+        trimesh.Trimesh(
+            mesh.vertices + (shift, 0, 0), mesh.faces, process=False,
+            visual=kinds[1](uv, material=kinds[0](baseColorFactor=(255, 255, 51, 255), baseColorTexture=texture)),
+        )
+        for shift, texture in ((0.0, image), (2.0, None))
+    )  # fmt: skip
+    file = trimesh.Scene({"painted": painted, "plain": plain}).export(file_type="glb")
+    loaded = trimesh.load(io.BytesIO(file), file_type="glb")
+    scene = render.RenderScene.from_trimesh(loaded, sky=render.constant_sky(1.0))
+    coded = texels / 255.0
+    linear = np.where(coded <= 0.04045, coded / 12.92, ((coded + 0.055) / 1.055) ** 2.4) * (1.0, 1.0, 0.2)
+    height = 1 / np.tan(np.radians(20))
+    shown = [hybrid(scene, down(8, eye=(x, height, 0)), 1, occlusion_rays=0).image for x in (0, 2)]
+    np.testing.assert_allclose(shown[0], linear, atol=1e-4)
+    np.testing.assert_allclose(shown[1], np.broadcast_to((1.0, 1.0, 0.2), (8, 8, 3)), rtol=1e-6)
+    with pytest.raises(atra.InputError, match=r"loaded is \[\], expected a trimesh"):
+        render.RenderScene.from_trimesh([])
+
+
+def test_a_panorama_is_seen_where_its_texels_point():
+    texels = np.random.default_rng(2).random((8, 16, 3), np.float32)
+    scene = render.RenderScene(quads([floor(0.001, height=-50)]), [GREY], sky=render.PanoramaSky(texels, power=2.0))
+    for target, row, column in (((1, 0.3, 0), 3, 12), ((0, -0.3, -1.0), 4, 8), ((-1, 0.3, 0.1), 3, 3)):
+        camera = atra.Camera((0, 0, 0), target, fov_y_degrees=1, width=1, height=1)
+        np.testing.assert_allclose(hybrid(scene, camera, 1).image[0, 0], 2 * texels[row, column], rtol=1e-6)
+        np.testing.assert_allclose(traced(scene, camera, 1)[0, 0], 2 * texels[row, column], rtol=1e-6)

@@ -1,0 +1,253 @@
+"""Path tracing against closed forms: furnaces, mirrors, glass, lamps; the same bits however the work is shared out."""
+
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+import pytest
+
+import atra
+from atra import light
+from atra.light import numbers_kernels
+from tests.meshes import quads, random_triangles
+from tests.shown import BLACK, batches, down, floor, room, sphere, traced
+
+WHITE_SKY = light.constant_sky(1.0)
+AT_BALL = atra.Camera((0, 0, 4), (0, 0, 0), fov_y_degrees=40, width=16, height=16)
+
+
+@pytest.mark.parametrize("smooth", [True, False])
+@pytest.mark.parametrize("material", [
+    light.Lambertian(1.0), light.Metal(1.0), light.Dielectric(1.5), light.Dielectric(1.5, "schlick"),
+    light.Dielectric(0.7),
+])  # fmt: skip
+def test_in_a_furnace_what_absorbs_nothing_cannot_be_seen(material, smooth):
+    image = traced(sphere(material, WHITE_SKY, smooth), AT_BALL, 4, max_depth=1000)
+    np.testing.assert_allclose(image, 1.0, atol=1e-4)
+
+
+@pytest.mark.parametrize("material", [light.Lambertian(1.0), light.Metal(1.0)])
+def test_no_shading_normal_sends_light_into_a_ball(material):
+    image = traced(sphere(material, WHITE_SKY, segments=8), AT_BALL, 8, max_depth=2)  # one bounce, and out
+    np.testing.assert_allclose(image, 1.0, atol=1e-4)
+
+
+@pytest.mark.parametrize("directions", ["cosine", "uniform"])
+def test_a_white_floor_sees_the_sky_by_the_cosine(directions):
+    sky = light.GradientSky((0, 0, 0), (1, 1, 1))  # (1 + y) / 2, where the mean of y, by the cosine, is 2 / 3
+    scene = light.RenderScene(quads([floor()]), [light.Lambertian(1.0, directions)], sky=sky)
+    assert abs(traced(scene, down(8), 256, max_depth=2).mean() - 5 / 6) < 0.01
+
+
+@pytest.mark.parametrize("directions", ["cosine", "uniform"])
+def test_a_grey_ball_in_a_furnace_is_as_bright_as_its_albedo(directions):
+    image = traced(sphere(light.Lambertian(0.3, directions), WHITE_SKY, smooth=False), AT_BALL, 256)
+    spread = 0.01 if directions == "cosine" else 0.08
+    np.testing.assert_allclose(image[7:9, 7:9], 0.3, atol=spread)
+    assert abs(image[4:12, 4:12].mean() - 0.3) < spread / 8
+
+
+def test_a_lamp_shines_to_its_front_alone_and_what_it_does_not_reach_is_dark():
+    lamp = replace(room(light.Emissive((2.0, 1.0, 0.5))), sky=BLACK)
+    inside = atra.Camera((0, 0, 0), (1, 0.2, 0.1), width=4, height=4)
+    np.testing.assert_allclose(traced(lamp, inside, 1), np.broadcast_to([2.0, 1.0, 0.5], (4, 4, 3)))
+    assert (traced(room(light.Lambertian(0.9), WHITE_SKY), inside, 4, max_depth=50) == 0).all()
+    behind = atra.Mesh(lamp.mesh.vertices, lamp.mesh.faces[:, ::-1])
+    assert (traced(replace(lamp, mesh=behind), inside, 1) == 0).all()
+
+
+def test_the_depth_counts_rays():
+    scene = light.RenderScene(quads([floor()]), [light.Lambertian(0.5)], sky=WHITE_SKY)
+    assert (traced(scene, down(4), 2, max_depth=1) == 0).all()
+    np.testing.assert_allclose(traced(scene, down(4), 2, max_depth=2), 0.5)
+
+
+def test_a_mirror_shows_the_sky_where_the_mirrored_ray_points():
+    sky = light.GradientSky((0.0, 0.25, 1.0), (1.0, 0.5, 0.0))
+    scene = light.RenderScene(quads([floor()]), [light.Metal((0.5, 1.0, 0.25))], sky=sky)
+    camera = down(16, fov=90)
+    image = traced(scene, camera, 1, max_depth=2)
+    y, x = np.mgrid[:16, :16]
+    directions = camera.rays(x, y)[1] @ camera.axes
+    up = 0.5 - 0.5 * directions[..., 1] / np.linalg.norm(directions, axis=-1)
+    expected = (1 - up[..., None]) * np.array(sky.below) + up[..., None] * np.array(sky.above)
+    np.testing.assert_allclose(image, expected * [0.5, 1.0, 0.25], rtol=1e-5)
+
+
+def test_two_mirrors_in_a_row_multiply():
+    wall = [(0, 0, 50), (0, 50, 50), (0, 50, -50), (0, 0, -50)]
+    mirrors = [light.Metal((0.5, 1.0, 0.75)), light.Metal((0.25, 0.5, 1.0))]
+    scene = light.RenderScene(quads([floor(), wall]), mirrors, [0, 0, 1, 1], sky=WHITE_SKY)
+    camera = atra.OrthographicCamera((3, 2, 0), (1, 0, 0), (0, 0, 1), 0.5, 4, 4)
+    for order in ("depth_first", "waves"):
+        image = traced(scene, camera, 1, order=order)  # to the floor, the wall and the sky
+        np.testing.assert_allclose(image, np.broadcast_to([0.125, 0.5, 0.75], (4, 4, 3)))
+
+
+def reflectance(cosine, ior, fresnel):
+    if fresnel == "schlick":
+        least = ((1 - ior) / (1 + ior)) ** 2
+        return least + (1 - least) * (1 - cosine) ** 5
+    inner = np.sqrt(1 - (1 - cosine**2) / ior**2)
+    across, within = (cosine - ior * inner) / (cosine + ior * inner), (ior * cosine - inner) / (ior * cosine + inner)
+    return (across**2 + within**2) / 2
+
+
+@pytest.mark.parametrize("degrees", [0.0, 60.0])
+def test_a_slab_of_glass_passes_what_fresnel_s_equations_leave(degrees):
+    slab = [floor(30, 0.0), [*reversed(floor(30, -0.5))]]
+    lamp = floor(200, -2.0)
+    mesh = quads([*slab, lamp])
+    scene = light.RenderScene(mesh, [light.Dielectric(1.5), light.Emissive()], [0, 0, 0, 0, 1, 1], sky=BLACK)
+    tilt = np.radians(degrees)
+    camera = atra.OrthographicCamera((0, 4, 0), (4 * np.tan(tilt), 0, 0), (0, 0, -1), 0.5, 8, 8)
+    r = reflectance(np.cos(tilt), 1.5, "exact")
+    image = batches(scene, camera, 16, 32, max_depth=64)[..., 0]
+    mean, error = image.mean(), image.mean((1, 2)).std(ddof=1) / 4
+    assert abs(mean - (1 - r) / (1 + r)) < 4 * error  # 1 - 2 r / (1 + r): all orders of inner mirroring
+    assert error < 0.01
+
+
+def test_one_surface_of_glass_mirrors_what_fresnel_or_schlick_says():
+    for fresnel in ("exact", "schlick"):
+        # From above, what is mirrored sees the white sky, and what passes falls into the dark.
+        sky = light.GradientSky((0, 0, 0), (0, 0, 0))
+        glass = light.Dielectric(1.5, fresnel)
+        mesh = quads([floor(), floor(200, 30.0)[::-1]])
+        scene = light.RenderScene(mesh, [glass, light.Emissive()], [0, 0, 1, 1], sky=sky)
+        for degrees in (0.0, 70.0):
+            tilt = np.radians(degrees)
+            camera = atra.OrthographicCamera((0, 1, 0), (np.tan(tilt), 0, 0), (0, 0, -1), 0.2, 8, 8)
+            image = traced(scene, camera, 400, max_depth=2)[..., 0]
+            expected = reflectance(np.cos(tilt), 1.5, fresnel)
+            assert abs(image.mean() - expected) < 4 * np.sqrt(expected / image.size / 400)
+
+
+def test_fuzz_absorbs_what_falls_below_the_surface_and_blurs_the_rest():
+    scene = light.RenderScene(quads([floor()]), [light.Metal(1.0, 0.9)], sky=WHITE_SKY)
+    straight = traced(scene, down(8, fov=5), 64)
+    np.testing.assert_allclose(straight, 1.0)  # a sphere of 0.9 around the tip of the normal lies above the surface
+    grazing = atra.OrthographicCamera((0, 1, 0), (40, 0, 0), (0, 0, -1), 0.001, 8, 8)
+    above = 0.5 + 0.5 / 0.9 / np.sqrt(1 + 40**2)  # of the sphere: a height is as likely as any other
+    assert abs(traced(scene, grazing, 64).mean() - above) < 0.03
+
+
+def test_fuzz_below_the_surface_passes_where_it_is_told_to():
+    metal = light.Metal(1.0, 0.9, below="passes")
+    halves = light.GradientSky((0.0, 0.0, 0.0), (2.0, 2.0, 2.0))  # 1 + y
+    for sky, expected in ((WHITE_SKY, 1.0), (halves, 1.0)):  # heights of a sphere about 0 cancel each other
+        scene = light.RenderScene(quads([floor()]), [metal], sky=sky)
+        grazing = atra.OrthographicCamera((0, 1, 0), (40, 0, 0), (0, 0, -1), 0.001, 8, 8)
+        image = traced(scene, grazing, 64, max_depth=2)
+        assert abs(image.mean() - expected) < (1e-5 if sky is WHITE_SKY else 0.05)
+    closed = traced(sphere(metal, WHITE_SKY), AT_BALL, 16, max_depth=1000)
+    np.testing.assert_allclose(closed, 1.0, atol=1e-4)
+
+
+def busy(count=300):
+    """Triangles of all materials about the origin."""
+    mesh = random_triangles(count, 5, size=0.8)
+    materials = [
+        light.Lambertian((0.8, 0.6, 0.4)), light.Metal((0.9, 0.8, 0.7), 0.2), light.Dielectric(1.5),
+        light.Emissive((3.0, 2.0, 1.0)), light.Lambertian((0.2, 0.4, 0.9), "uniform"),
+    ]  # fmt: skip
+    return light.RenderScene(mesh, materials, np.arange(count) % 5, lights=[light.Sun((0.3, -1, 0.2), 2.0)])
+
+
+WAVES = partial(light.PathRenderer, order="waves")
+
+BUSY_CAMERA = atra.Camera((0.1, 0.2, -7), (0, 0, 0), fov_y_degrees=50, width=96, height=64)
+
+
+@pytest.mark.parametrize("kind", [light.PathRenderer, WAVES, light.HybridRenderer])
+def test_threads_and_waves_change_no_bit(kind):
+    scene, pictures = busy(), set()
+    for threads, wave_rays in ((1, 2048), (1, 4096), (1, 1 << 20), (2, 2048), (3, 4096)):
+        with kind(scene, BUSY_CAMERA, threads=threads, wave_rays=wave_rays) as renderer:
+            renderer.add(3)
+            pictures.add(renderer.image.tobytes())
+            assert renderer.image.std() > 0.1
+    assert len(pictures) == 1
+
+
+@pytest.mark.parametrize("kind", [light.PathRenderer, WAVES, light.HybridRenderer])
+def test_methods_that_see_the_same_make_the_same_bits(kind):
+    scene = busy()
+    methods = {
+        "raster": None,
+        "single rays": partial(atra.PixelTracer, packet_width=1, threads=1),
+        "packets": partial(atra.PixelTracer, threads=1),
+        "aligned": partial(atra.AlignedTracer, split=(8, 1), threads=1),
+        "visible-first": partial(atra.VisibleFirstTracer, split=(8, 1), threads=1),
+    }
+    pictures = {}
+    for name, primary in methods.items():
+        with kind(scene, BUSY_CAMERA, primary, threads=1) as renderer:
+            renderer.add(1)
+            pictures[name] = renderer.tracer.trace((0.5, 0.5)).prim_id, renderer.image
+    seen, reference = pictures["single rays"]
+    for prim_id, image in pictures.values():
+        same = prim_id == seen
+        assert same.mean() > 0.999
+        np.testing.assert_array_equal(image[same], reference[same])
+
+
+def test_one_path_after_the_other_is_the_wave_to_the_bit():
+    for jitter in ("shared", "pixel"):
+        waves = traced(busy(), BUSY_CAMERA, 3, order="waves", packet_width=1, max_depth=8, jitter=jitter)
+        assert (traced(busy(), BUSY_CAMERA, 3, order="depth_first", max_depth=8, jitter=jitter) == waves).all()
+    assert (traced(busy(), BUSY_CAMERA, 3, order="depth_first", max_depth=8) != waves).any()
+
+
+def test_jitter_of_each_pixel_s_own_converges_to_the_shared_one_s_picture():
+    shared = batches(busy(), BUSY_CAMERA, 8, 16).mean((1, 2))
+    own = batches(busy(), BUSY_CAMERA, 8, 16, jitter="pixel").mean((1, 2))
+    error = np.sqrt((shared.var(axis=0, ddof=1) + own.var(axis=0, ddof=1)) / 8)
+    assert (np.abs(shared.mean(axis=0) - own.mean(axis=0)) < 5 * error).all()
+
+
+@pytest.mark.parametrize("kind", [light.PathRenderer, light.HybridRenderer])
+def test_samples_added_in_parts_are_those_added_at_once(kind):
+    with kind(busy(), BUSY_CAMERA, threads=1) as parts, kind(busy(), BUSY_CAMERA, threads=1) as whole:
+        for _ in range(4):
+            parts.add(4)
+        whole.add(16)
+        assert parts.samples == whole.samples == 16
+        assert (parts.image == whole.image).all()
+
+
+def test_the_error_falls_with_the_square_root_of_the_samples():
+    camera = replace(BUSY_CAMERA, width=32, height=32)
+    scene = busy()
+    truth = batches(scene, camera, 1, 1024, jitter="off").mean(axis=0)
+    errors = []
+    for samples in (4, 16, 64):
+        # Not the first samples of the truth, and many of each size: the slope then has little noise of its own.
+        pictures = batches(scene, camera, 64 // samples * 2, samples, jitter="off")
+        errors.append(np.sqrt(((pictures - truth) ** 2).mean()))
+    slope = np.polyfit(np.log([4, 16, 64]), np.log(errors), 1)[0]
+    assert -0.6 < slope <= -0.45
+
+
+def test_samples_and_dimensions_are_uncorrelated_and_even():
+    keys = [np.array([numbers_kernels.key_of(p, s * 0x9E3779B9 & 0xFFFFFFFF) for p in range(4096)]) for s in (0, 1)]
+    streams = [
+        np.array([numbers_kernels.unit_of(numbers_kernels.bits_of(key, d)) for key in of_sample])
+        for of_sample in keys
+        for d in (0, 1)
+    ]
+    for k, one in enumerate(streams):
+        assert one.min() >= 0
+        assert one.max() < 1
+        counts = np.bincount((one * 16).astype(int), minlength=16)
+        assert ((counts - 256) ** 2 / 256).sum() < 45  # chi squared of 15 degrees: 1 in 10,000
+        assert abs(np.corrcoef(one[:-1], one[1:])[0, 1]) < 0.065
+        for other in streams[:k]:
+            assert abs(np.corrcoef(one, other)[0, 1]) < 0.065
+
+
+def test_the_circle_is_one():
+    turns = np.linspace(0, 1, 1001, endpoint=False).astype(np.float32)
+    found = np.array([numbers_kernels.circle(turn) for turn in turns])
+    expected = np.stack([np.cos(2 * np.pi * turns.astype(float)), np.sin(2 * np.pi * turns.astype(float))], 1)
+    np.testing.assert_allclose(found, expected, atol=4e-7)

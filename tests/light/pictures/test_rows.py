@@ -1,0 +1,264 @@
+"""Rows of the two articles' tables: what restarts, what stops, what is summed, and that nothing is ever torn."""
+
+from dataclasses import fields, replace
+from math import inf, nan
+
+import numpy as np
+import pytest
+
+import atra
+from atra import light as render
+from atra.light import materials
+from atra.light.pictures.carrying import carried
+from atra.light.pictures.files import srgb_of
+from atra.light.pictures.film import Film
+from tests.meshes import quads
+from tests.shown import BLACK, down, floor, hybrid, sphere
+
+GREY = render.Lambertian((0.5, 0.25, 1.0))
+FLOOR = quads([floor()])
+
+
+def test_each_sample_of_a_light_counts_by_its_own_cosine():
+    angle = 40.0
+    sun = render.Sun((0, -1, 0), angle)
+    scene = render.RenderScene(FLOOR, [render.Lambertian(1.0)], lights=[sun], sky=BLACK)
+    image = hybrid(scene, down(4), 512, shadow_directions="shifted").image
+    radius = np.tan(np.radians(angle))  # points of a disc at distance 1: the mean of 1 / sqrt(1 + r^2)
+    expected = 2.0 * (np.sqrt(1.0 + radius**2) - 1.0) / radius**2
+    assert expected < 0.87
+    np.testing.assert_allclose(image, expected, rtol=2e-3)
+
+
+@pytest.mark.parametrize("kind", [np.float32, np.float64])
+def test_light_is_shown_by_the_nearest_level_of_srgb(kind):
+    dark, light = np.arange(1 << 14) / 2.0**20, np.arange(1 << 16) / 2.0**16
+    linear = np.concatenate([dark, light]).astype(kind)[:, None]
+    exact = linear.astype(np.float64)
+    encoded = np.where(exact <= 0.0031308, 12.92 * exact, 1.055 * exact ** (1 / 2.4) - 0.055)
+    np.testing.assert_array_equal(srgb_of(linear), np.rint(255 * encoded))
+    beyond = np.array([[1.0, 1.5, inf], [-0.0, -1.0, -inf], [nan, 0.0, 1e-30]], kind)
+    assert srgb_of(beyond).tolist() == [[255] * 3, [0] * 3, [0] * 3]
+
+
+@pytest.mark.parametrize(("given", "kept"), [(None, 40), (33, 33), (1, 1)])
+def test_no_more_samples_are_added_than_a_picture_is_to_have(given, kept):
+    scene = render.RenderScene(FLOOR, [GREY])
+    with render.HybridRenderer(scene, down(4), threads=1, most_samples=given) as renderer:
+        for _ in range(4):
+            renderer.add(10)
+        assert renderer.samples == kept
+        renderer.add(3)
+        assert renderer.samples == (43 if given is None else kept)
+        renderer.update(most_samples=50)
+        renderer.add(99)
+        assert renderer.samples == 50
+    assert render.HybridOptions().most_samples == 512
+    assert render.PathOptions().most_samples is None
+
+
+@pytest.mark.parametrize(("width", "height"), [(4, 4), (13, 7), (3, 9), (1, 6), (16, 2)])
+def test_pixels_come_in_tiles_and_go_back_to_their_places(width, height):
+    film = Film((2, width, height), 0)
+    x, y = np.array([film.place_of(pixel) for pixel in range(width * height)]).T
+    image = film.as_image(np.array([x, y]))
+    np.testing.assert_array_equal(image[..., 0], np.mgrid[:height, :width][1])
+    np.testing.assert_array_equal(image[..., 1], np.mgrid[:height, :width][0])
+    tiles = np.stack([x // 4, y // 4], 1)
+    assert (np.diff(tiles, axis=0) != 0).any(axis=1).sum() == -(-width // 4) * -(-height // 4) - 1
+
+
+def test_an_image_of_any_size_is_the_part_of_a_larger_one():
+    scene = sphere(GREY, render.GradientSky())
+    camera = atra.Camera((0, 1, 3), (0, 0, 0), fov_y_degrees=45, width=21, height=14)
+    part = camera.crop(left=3, top=2, width=13, height=7)
+    of_kinds = {render.HybridRenderer: {"occlusion_directions": "shared"}, render.PathRenderer: {"max_depth": 1}}
+    for kind, options in of_kinds.items():
+        pictures = []
+        for one in (camera, part):
+            with kind(scene, one, threads=1, **options) as renderer:
+                renderer.add(4)
+                pictures.append(renderer.image)
+        np.testing.assert_allclose(pictures[0][2:9, 3:16], pictures[1], atol=2e-6)
+
+
+RESTARTS = {
+    "jitter": "off", "wave_rays": 4096, "shadow_rays": 2, "shadow_length": 3.0, "shadow_directions": "shifted",
+    "occlusion_rays": 2, "occlusion_length": 3.0, "occlusion": "cosine", "occlusion_directions": "shared",
+    "most_kept": 4, "max_depth": 3,
+}  # fmt: skip
+STAYS = {"most_samples": 100}
+REFUSED = {name for kind in (render.HybridOptions, render.PathOptions) for name in kind.built_with}
+
+
+@pytest.mark.parametrize(
+    ("kind", "options"), [(render.HybridRenderer, render.HybridOptions), (render.PathRenderer, render.PathOptions)]
+)
+def test_every_option_restarts_or_stays_or_is_refused_as_the_table_says(kind, options):
+    names = {field.name for field in fields(options)}
+    assert names <= RESTARTS.keys() | STAYS.keys() | REFUSED
+    scene = render.RenderScene(FLOOR, [GREY], lights=[render.Sun((0, -1, 0))])
+    with kind(scene, down(4), threads=1) as renderer:
+        for name, value in (RESTARTS | STAYS).items():
+            if name in names:
+                renderer.update(**{name: getattr(options(), name)})
+                renderer.add(2)
+                renderer.update(**{name: value})
+                assert renderer.samples == (2 if name in STAYS else 0), name
+        for name in options.built_with:
+            with pytest.raises(atra.InputError, match="was built with"):
+                renderer.update(**{name: getattr(renderer.options, name)})
+
+
+def test_no_frame_of_a_thousand_random_moves_is_torn():
+    scene = replace(sphere(GREY, render.GradientSky()), lights=[render.Sun((0.3, -1, 0.2), 2.0)])
+    random = np.random.default_rng(5)
+    cameras = [
+        atra.Camera(tuple(3 * eye / np.linalg.norm(eye)), (0, 0, 0), (0.1, 1, 0.2), 40.0, 24 + 8 * (number % 2), 17)
+        for number, eye in enumerate(random.normal(size=(6, 3)))
+    ]
+    expected = {}
+    for number, camera in enumerate(cameras):
+        with render.HybridRenderer(scene, camera, threads=1) as renderer:
+            for samples in (1, 2, 3):
+                renderer.add(1)
+                expected[number, samples] = renderer.image
+    seen = 0
+    with render.HybridRenderer(scene, cameras[0], threads=2) as renderer:
+        for _ in range(1000):
+            number = int(random.integers(len(cameras)))
+            renderer.look(cameras[number])
+            answers = iter([False] * int(random.integers(0, 6)) + [True] * 9)
+            if random.random() < 0.5:
+                renderer.add(int(random.integers(1, 4)), stop=lambda answers=answers: next(answers))
+            else:
+                renderer.restart()
+                renderer.add(int(random.integers(1, 4)))
+            if 0 < renderer.samples <= 3:
+                seen += 1
+                np.testing.assert_array_equal(renderer.image, expected[number, renderer.samples])
+    assert seen > 500
+
+
+NASTY = [nan, inf, -inf, -1.0, -1e-300, 1e300, 1e400, "x", "", None, (), (1, 2), (1, 2, 3, 4), (nan, 0, 0), [[1]],
+         np.zeros((0, 3)), np.full(3, nan), object(), {}, b"", 1j, (1j, 0, 0), True, ("a",) * 3, 2**70]  # fmt: skip
+MAKERS = {
+    render.Lambertian: ("colour", "directions"), render.Metal: ("colour", "fuzz", "below"),
+    render.Dielectric: ("ior", "fresnel"), render.Emissive: ("colour",), render.Checker: ("first", "second", "scale"),
+    render.Image: ("texels",), render.GradientSky: ("below", "above", "power"), render.PanoramaSky: ("texels", "power"),
+    render.Sun: ("direction", "angle_degrees", "colour", "power"),
+    render.PointLight: ("position", "colour", "power"), render.SphereLight: ("position", "radius", "colour", "power"),
+    render.RenderScene: ("mesh", "materials", "face_materials", "lights", "sky", "normals", "uv"),
+    render.HybridOptions: tuple(RESTARTS.keys() - {"max_depth"}) + ("start_off", "most_samples"),
+    render.PathOptions: ("jitter", "wave_rays", "max_depth", "order", "start_off", "most_samples"),
+}  # fmt: skip
+USUAL = {
+    render.Checker: {"first": 0.1, "second": 0.2}, render.Image: {"texels": np.zeros((1, 1, 3))},
+    render.PanoramaSky: {"texels": np.zeros((1, 1, 3))}, render.Sun: {"direction": (0, -1, 0)},
+    render.PointLight: {"position": (0, 1, 0)}, render.SphereLight: {"position": (0, 1, 0), "radius": 1.0},
+    render.RenderScene: {"mesh": FLOOR},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", MAKERS, ids=lambda kind: kind.__name__)
+def test_whatever_is_handed_in_is_taken_or_refused_by_name(kind):
+    refused = 0
+    for name in MAKERS[kind]:
+        for value in NASTY:
+            try:
+                kind(**(USUAL.get(kind, {}) | {name: value}))
+            except atra.InputError:
+                refused += 1
+    assert refused > len(MAKERS[kind]) * len(NASTY) / 2
+
+
+def test_a_texture_that_is_too_large_is_refused(monkeypatch):
+    monkeypatch.setattr(materials, "MOST_TEXELS", 5)
+    render.Image(np.zeros((1, 5, 3)))
+    with pytest.raises(atra.InputError, match="make it smaller"):
+        render.Image(np.zeros((2, 3, 3)))
+
+
+def test_the_error_of_hybrid_pictures_falls_faster_than_the_square_root_of_the_samples():
+    """The points of rays are spread evenly, so that more is gained than by chance."""
+    wall = [(0, 0, 50), (0, 50, 50), (0, 50, -50), (0, 0, -50)]
+    scene = render.RenderScene(
+        quads([floor(), wall]), [GREY], lights=[render.Sun((1.0, -1.0, 0.0), 10.0)], sky=render.constant_sky(1.0)
+    )
+    numbers, errors = [4, 16, 64, 256], []
+    with render.HybridRenderer(
+        scene, down(24, eye=(1.3, 3, 0)), threads=1, occlusion_length=2.0, jitter="off", most_samples=None
+    ) as renderer:
+        pictures = {}
+        for samples in (*numbers, 4096):
+            renderer.add(samples - renderer.samples)
+            pictures[samples] = renderer.image.astype(float)
+    errors = [np.sqrt(((pictures[samples] - pictures[4096]) ** 2).mean()) for samples in numbers]
+    assert np.polyfit(np.log(numbers), np.log(errors), 1)[0] <= -0.45
+
+
+def lit_steps():
+    """Three steps, before which a pole stands, in the sun: edges of depth, of normals and of shadows."""
+    steps = [floor(3.0)]
+    for x, height in ((0.4, 0.5), (1.2, 1.0)):
+        steps += [
+            [(x, height, 3), (3, height, 3), (3, height, -3), (x, height, -3)],
+            [(x, height - 0.5, 3), (x, height, 3), (x, height, -3), (x, height - 0.5, -3)],
+        ]
+    pole = [(-0.6, 0, 0), (-0.5, 0, 0), (-0.5, 1.5, 0), (-0.6, 1.5, 0)]
+    light = {"lights": [render.Sun((0.7, -1.0, 0.4), 1.0)], "sky": render.constant_sky(0.5)}
+    return render.RenderScene(quads([*steps, pole]), [GREY], **light)
+
+
+STEPS_CAMERA = atra.Camera((-3, 2.5, 4), (0.2, 0.4, 0), fov_y_degrees=35, width=96, height=64)
+
+
+def rmse(image, truth):
+    return float(np.sqrt(((np.asarray(image, float) - truth) ** 2).mean()))
+
+
+def test_after_a_turn_of_one_degree_pixels_go_on_with_what_they_saw_before():
+    scene, angle = lit_steps(), np.radians(1.0)
+    turned = [[np.cos(angle), 0, np.sin(angle)], [0, 1, 0], [-np.sin(angle), 0, np.cos(angle)]]
+    moved = replace(STEPS_CAMERA, eye=tuple(turned @ np.array(STEPS_CAMERA.eye)))
+    with render.HybridRenderer(scene, moved, threads=1) as still:
+        still.add(512)
+        truth = still.image.astype(float)
+    errors = {}
+    for kept in (0, 32):
+        with render.HybridRenderer(scene, STEPS_CAMERA, threads=1, most_kept=kept) as renderer:
+            renderer.add(64)
+            renderer.look(moved)
+            assert renderer.samples == 0
+            renderer.add(2)
+            errors[kept] = rmse(renderer.image, truth)
+            renderer.update(occlusion_length=3.0)  # nothing of before is a sample of this
+            renderer.add(2)
+            anew = renderer.image
+        with render.HybridRenderer(scene, moved, threads=1, occlusion_length=3.0) as renderer:
+            renderer.add(2)
+            np.testing.assert_array_equal(renderer.image, anew)
+    assert errors[32] < 0.6 * errors[0]
+
+
+def test_nothing_is_carried_to_another_surface_nor_to_what_was_not_seen():
+    near = [(-0.3, -0.3, 1), (0.3, -0.3, 1), (0.3, 0.3, 1), (-0.3, 0.3, 1)]
+    far = [(-9, -9, -3), (9, -9, -3), (9, 9, -3), (-9, 9, -3)]
+    mesh = quads([near, far])
+    pictures = []
+    for x in (0.0, 0.4):
+        camera = atra.Camera((x, 0, 4), (x, 0, 0), fov_y_degrees=40, width=64, height=64)
+        with atra.PixelTracer(mesh, camera, threads=1) as tracer:
+            pictures.append(tracer.trace())
+    seen, to = pictures
+    values = np.random.default_rng(3).random((64, 64, 2))
+    same, own = carried(values, seen, seen)
+    assert own.all()
+    np.testing.assert_allclose(same, values, atol=1e-3)  # each pixel is its own mean
+    found, known = carried((seen.prim_id < 2).astype(float)[..., None], seen, to)
+    np.testing.assert_array_equal(found[known][:, 0], to.prim_id[known] < 2)
+    x, y, is_far = to.points[..., 0], np.abs(to.points[..., 1]), to.prim_id >= 2
+    was_hidden, was_outside = (x < 0.6) & (x > 0.2) & (y < 0.6), x > 2.65  # it hid 0.7, and the image ended at 2.55
+    assert min((is_far & was_hidden).sum(), (is_far & was_outside).sum()) > 20
+    assert not known[is_far & (was_hidden | was_outside)].any()
+    assert known[is_far & (x > 0.9) & (x < 2.4)].all()

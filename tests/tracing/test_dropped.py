@@ -1,0 +1,205 @@
+"""What is dropped without `close` frees its threads and Embree's memory at once, whatever became of it before."""
+
+import gc
+import subprocess
+import sys
+import threading
+import time
+import weakref
+
+import numpy as np
+import psutil
+import pytest
+
+import atra
+from atra import light
+from atra.bvh.scene import BvhScene
+from atra.bvh.tracer import BvhTracer
+from atra.embree.device import EmbreeDevice
+from atra.light import Baker, BakeScene, ProgressiveBake
+from atra.shafts.eye import EyeTracer
+from tests.images import make_tracer
+from tests.meshes import cornell_box, cornell_camera
+from tests.tracing.test_lifetimes import Injected
+
+pytestmark = pytest.mark.usefixtures("old_objects_set_aside")
+
+MESH, CAMERA = cornell_box(), cornell_camera(64, 48)
+RAYS = np.zeros((200, 3)), np.ones((200, 3))
+FRAMES = atra.Alignment.of_frames([CAMERA, CAMERA], atra.Split(16, 1, 64, 48))
+SCENE = light.RenderScene(MESH, lights=[light.Sun((0.1, -1, -0.2))])
+
+
+def traced(one):
+    one.build()
+    one.trace()
+    return one
+
+
+def gathered(one):
+    traced(one).gather(atra.Count())
+    return one
+
+
+def looked(one):
+    traced(one).look(cornell_camera(32, 32))
+    one.trace()
+    return one
+
+
+def shot(scene):
+    scene.intersect(*RAYS)
+    return scene
+
+
+def prepared(scene):
+    scene.build()
+    scene.intersect(scene.prepare(atra.Rays(*RAYS)))
+    return scene
+
+
+def added(one):
+    one.build()
+    one.add()
+    return one
+
+
+def baking():
+    """In the midst of a bake that would take hours."""
+    baker = Baker(BakeScene(MESH), size=16, threads=2)
+    baker.build()
+    bake = ProgressiveBake(baker, 1 << 30).__enter__()
+    while bake.snapshot() is None:
+        time.sleep(0.001)
+    return bake
+
+
+def baked():
+    """With every sample it was to take: its thread waits for edits."""
+    baker = Baker(BakeScene(MESH), size=16, threads=2)
+    baker.build()
+    bake = ProgressiveBake(baker, 1).__enter__()
+    assert bake.wait(60)
+    return bake
+
+
+MAKE = {
+    **{
+        kind: lambda kind=kind: traced(make_tracer(kind, MESH, CAMERA, (16, 1), threads=2))
+        for kind in ("pixels", "aligned", "instanced", "visible_first", "tiles")
+    },
+    "frames": lambda: traced(atra.FramesTracer(MESH, FRAMES, threads=2)),
+    "raster": lambda: traced(atra.RasterTracer(MESH, CAMERA, threads=2)),
+    "bvh": lambda: traced(BvhTracer(MESH, CAMERA, threads=2)),
+    "tile shafts": lambda: traced(EyeTracer(MESH, CAMERA, threads=2)),
+    "pixels gathered": lambda: gathered(atra.PixelTracer(MESH, CAMERA, threads=2)),
+    "aligned gathered": lambda: gathered(atra.AlignedTracer(MESH, CAMERA, (16, 1), threads=2)),
+    "raster gathered": lambda: gathered(atra.RasterTracer(MESH, CAMERA, threads=2)),
+    "one that looked elsewhere": lambda: looked(atra.AlignedTracer(MESH, CAMERA, (16, 1), threads=2)),
+    "ray scene": lambda: shot(atra.RayScene(MESH, threads=2)),
+    "bvh scene": lambda: prepared(BvhScene(MESH, threads=2)),
+    "hybrid renderer": lambda: added(light.HybridRenderer(SCENE, CAMERA, threads=2)),
+    "path renderer": lambda: added(light.PathRenderer(SCENE, CAMERA, threads=2)),
+    "baker": lambda: added(Baker(BakeScene(MESH), size=16, threads=2)),
+    "progressive bake": baking,
+    "progressive bake that is done": baked,
+}
+
+
+@pytest.fixture
+def no_collector():
+    """Only what nothing refers to is released."""
+    gc.collect()
+    gc.disable()
+    yield
+    gc.enable()
+
+
+@pytest.fixture
+def held(monkeypatch):
+    """Bytes that each Embree device holds by its own account."""
+    counters = []
+    make = EmbreeDevice.__init__
+
+    def noted(self, **settings):
+        make(self, **settings)
+        counters.append(self._byte_count)
+
+    monkeypatch.setattr(EmbreeDevice, "__init__", noted)
+    return counters
+
+
+def assert_end(threads):
+    for thread in threads:
+        thread.join(30)
+    assert not [thread for thread in threads if thread.is_alive()]
+
+
+@pytest.mark.parametrize("kind", MAKE)
+def test_dropping_the_last_reference_frees_threads_and_memory(kind, no_collector, held):
+    MAKE[kind]()  # Numba, where it still compiles, leaves cycles of frames that refer to the tracer
+    gc.collect()
+    held.clear()
+    before = set(threading.enumerate())
+    one = MAKE[kind]()
+    started, reference = set(threading.enumerate()) - before, weakref.ref(one)
+    assert started
+    del one
+    assert reference() is None
+    assert_end(started)
+    assert [int(counter[0]) for counter in held] == [0] * len(held)
+
+
+@pytest.mark.parametrize("step", ["_plan_geometry", "_build_scene", "_run"])
+@pytest.mark.parametrize("kind", ["pixels", "aligned", "visible_first", "tiles"])
+def test_after_a_failure_too(kind, step, no_collector, held, monkeypatch):
+    before = set(threading.enumerate())
+    one = make_tracer(kind, MESH, CAMERA, (16, 1), threads=2)
+    done = getattr(type(one), step)
+
+    def fail(self, *arguments):
+        done(self, *arguments)
+        raise Injected
+
+    monkeypatch.setattr(type(one), step, fail)
+    with pytest.raises(Injected):
+        traced(one)
+    started = set(threading.enumerate()) - before
+    del one
+    gc.collect()  # the exception that pytest keeps refers to frames
+    assert_end(started)
+    assert [int(counter[0]) for counter in held] == [0] * len(held)
+
+
+def test_a_constructor_that_fails_leaves_nothing(held):
+    before = set(threading.enumerate())
+    with pytest.raises(atra.InputError, match="does not divide"):
+        light.HybridRenderer(SCENE, CAMERA, lambda mesh, camera: atra.AlignedTracer(mesh, camera, (7, 1)), threads=2)
+    assert set(threading.enumerate()) == before
+    assert not held
+
+
+def test_a_process_may_end_with_tracers_dropped_kept_and_in_a_cycle():
+    script = (
+        "import atra\n"
+        "from tests.meshes import cornell_box, cornell_camera\n"
+        "make = lambda: atra.AlignedTracer(cornell_box(), cornell_camera(64, 48), (16, 1), threads=2)\n"
+        "kept = make(); kept.__enter__(); kept.trace()\n"
+        "cycle = make(); cycle.itself = cycle; cycle.__enter__(); cycle.trace(); del cycle\n"
+        "dropped = make(); dropped.__enter__(); dropped.trace(); del dropped\n"
+    )
+    ended = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=60)
+    assert (ended.returncode, ended.stdout, ended.stderr) == (0, "", "")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["pixels", "aligned", "visible_first", "raster", "ray scene"])
+def test_a_thousand_dropped_leave_threads_and_memory_as_they_were(kind):
+    for _ in range(50):
+        MAKE[kind]()
+    threads, memory = set(threading.enumerate()), psutil.Process().memory_info().rss
+    for _ in range(1000):
+        MAKE[kind]()
+    assert_end(set(threading.enumerate()) - threads)
+    grown = psutil.Process().memory_info().rss - memory
+    assert grown < 5e6, f"1,000 dropped grew the process by {grown / 1e6:.1f} MB"
