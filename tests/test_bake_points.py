@@ -26,9 +26,9 @@ from experiments.methods.raster import RASTER
 from experiments.results.claims import DOES_NOT_HOLD, HOLDS, NOT_MEASURED, UNDECIDED, judge_claim
 from experiments.results.table import columns
 from experiments.workloads.bake import BAKE, STAGES, Against, BakeSettings
-from experiments.workloads.bake.adaptive import adaptive_bias
 from experiments.workloads.bake.claims import CLAIMS
 from experiments.workloads.bake.figures import FIGURES
+from experiments.workloads.bake.means import adaptive_bias
 from experiments.workloads.bake.measure import lamps
 from experiments.workloads.bake.results import CLAIMS_FILE, write
 from experiments.workloads.bake_rays.claims import CLAIMS as PREDICTIONS

@@ -78,6 +78,12 @@ def over_own(read: Series) -> Series:
     return over(read, series(OWN))
 
 
+BESIDE_BASELINES: dict[str, Any] = {
+    "optional": frozenset(PACKETS.values()), "judged": OWN, "canary": single_over_packets,
+}  # fmt: skip
+"""Fields of a workload whose own method is timed beside single rays and packets."""
+
+
 def _first_frame(record: Record) -> Any:
     return [*record.warmup_samples.get(OWN, []), *record.samples.get(OWN, [])][0] if OWN in record.samples else None
 

@@ -9,12 +9,10 @@ from statistics import median
 from atra.errors import InputError
 from atra.tracing.options import option
 from experiments.harness.column import REAL, WHOLE, Column
-from experiments.harness.point import Point as Point
 from experiments.harness.point import Workload
 from experiments.harness.records import Record
 from experiments.results.statistics import statistics_columns
 from experiments.workloads.baselines import OWN, over_own, series
-from experiments.workloads.baselines import over as over
 
 ONE_BY_ONE, TOGETHER = "single_rays", "coherent_packets"
 """Names in the samples, beside the aligned rays: the same rays one by one, and in the widest packets."""

@@ -15,7 +15,7 @@ from experiments.methods import METHODS
 from experiments.methods.aligned_forms import aligned_rows
 from experiments.results.table import workload_rows
 from experiments.workloads.frame import FRAME
-from experiments.workloads.frame.break_even_figure import draw_break_even_figure
+from experiments.workloads.frame.break_even import draw_break_even_figure
 from experiments.workloads.frame.grid_figure import draw_grid_ratios, draw_grid_times
 from experiments.workloads.frame.growth import growing_rows
 from experiments.workloads.frame.growth_figure import draw_growth_figure

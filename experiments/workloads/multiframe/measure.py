@@ -24,7 +24,7 @@ from experiments.methods.visible_first import VISIBLE_FIRST
 from experiments.workloads.baselines import OWN, PACKETS, SINGLE
 from experiments.workloads.images import counts, depth_errors
 from experiments.workloads.multiframe import SEPARATE, SEPARATE_RASTER, SEPARATE_VISIBLE
-from experiments.workloads.multiframe.together import make_together
+from experiments.workloads.multiframe.motion import make_together
 from experiments.workloads.rounds import (
     Frames,
     build_own,

@@ -6,7 +6,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum
 from statistics import median
-from typing import Any
 
 from atra.errors import InputError
 from atra.tracing.options import option
@@ -14,9 +13,8 @@ from experiments.harness.column import REAL, Column
 from experiments.harness.point import Point, Workload
 from experiments.harness.records import Record
 from experiments.methods import METHODS
-from experiments.methods import find_method as find_method
-from experiments.results.statistics import Series, statistics_columns
-from experiments.workloads.baselines import OWN, series
+from experiments.results.statistics import statistics_columns
+from experiments.workloads.baselines import OWN, over, series
 
 LIBRARY = "library"
 """Name in the samples of `atra.render_views` or `atra.RayScene.intersect`."""
@@ -44,9 +42,8 @@ class ViewsOptions:
             raise InputError(f"workload.views is {self.views}, expected a whole number of at least 1")
 
 
-def _gain(record: Record) -> Any:
-    own, library = series(OWN)(record), series(LIBRARY)(record)
-    return None if own is None or library is None else own / library
+_own, _library = series(OWN), series(LIBRARY)
+_gain = over(_own, _library)
 
 
 def _headline(record: Record) -> str:
@@ -63,9 +60,6 @@ def _problem(point: Point) -> str | None:
         f"method={point.method.name} with workload.job={job.value}, expected a tracer of others beside ours: {others}"
     )
 
-
-_own: Series = series(OWN)
-_library: Series = series(LIBRARY)
 
 VIEWS = Workload(
     name="views",
