@@ -121,11 +121,17 @@ def own_and_baselines(point: Point) -> list[MakeTracer]:
 def build_with_baselines(point: Point, stack: ExitStack) -> tuple[dict[str, Any], dict[str, Any]]:
     """`build_own`, then the baselines. Returns the tracers by the names of their samples, and the results."""
     own, results = build_own(point, stack)
-    tracers = {OWN: own, SINGLE: stack.enter_context(make_single(point, own.mesh, own.camera))}
-    for width in expert_packet_widths():
-        tracers[PACKETS[width]] = stack.enter_context(make_single(point, own.mesh, own.camera, width))
+    tracers = {OWN: own} | build_baselines(point, own, stack)
     results["baseline_build_time_s"] = float(tracers[SINGLE].build_time_s)
     return tracers, results
+
+
+def build_baselines(point: Point, own: Any, stack: ExitStack) -> dict[str, Any]:
+    """Single rays and packets for the mesh and camera of the point's own method, by the names of their samples."""
+    widths = {SINGLE: 1} | {PACKETS[width]: width for width in expert_packet_widths()}
+    return {
+        name: stack.enter_context(make_single(point, own.mesh, own.camera, width)) for name, width in widths.items()
+    }
 
 
 def shrunk(point: Point) -> Point:

@@ -48,18 +48,17 @@ Drawn = Callable[[pd.DataFrame], tuple[NDArray[np.float64], ...]]
 
 def draw_split_times(table: pd.DataFrame, columns: int = 2, axis_name: str = "split_x") -> Figure:
     """One panel a scene (and a value of any other setting that varies); milliseconds a frame over splits, both
-    logarithmic, so that equal ratios are equally far apart.
+    logarithmic.
 
-    axis_name: the column on the abscissa, `split_x` (horizontal splits, the paper's figure 5) or `split_y` (vertical).
-    The lines of rtcIntersect1 and of the fastest packets are medians of what was measured beside every point.
+    axis_name: `split_x` (horizontal splits, the paper's figure 5) or `split_y` (vertical). The baselines, measured
+    beside every point, are lines at their medians.
     """
     return _draw(table, columns, axis_name, draw_times, "both axes are logarithmic")
 
 
 def draw_split_ratios(table: pd.DataFrame, columns: int = 2, axis_name: str = "split_x") -> Figure:
-    """The same in speed-ups: ratios within rounds, single rays over rtcIntersect1 and packets over packets, with bars
-    over their intervals. A line at another height is another baseline, which makes the distance to it the gain over
-    that one."""
+    """The same in speed-ups: ratios within rounds of single rays over rtcIntersect1 and of packets over packets, with
+    intervals. Horizontal lines are other baselines."""
     return _draw(table, columns, axis_name, draw_ratios)
 
 
@@ -105,7 +104,7 @@ def _say_best_time(best: pd.Series, axis_name: str) -> str:
 
 
 def all_hits(rows: pd.DataFrame) -> NDArray[np.float64]:
-    """The ratio of one panel's aligned row that splits nothing and culls nothing; empty where it was not measured."""
+    """The ratio of a panel's aligned row that splits and culls nothing; empty where it was not measured."""
     gathering = rows[rows["split_x"].eq(1) & rows["split_y"].eq(1) & ~rows["culling"].fillna(True)]
     points = aligned_forms(gathering).get(COPIED_OFF, rows[:0])
     ratios = only_measured(points, numbers(points, own_ratio(rows)))

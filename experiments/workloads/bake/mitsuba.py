@@ -19,22 +19,22 @@ from experiments.methods.peers.mitsuba_light import load_mitsuba, parts_of, suns
 from experiments.workloads.bake.means import mean_and_error, ratio_and_error
 
 _VARIANT = "llvm_ad_rgb"
-"""Compiled for vectors: of those that take rays from anywhere, the one for CPUs and three colours."""
+"""The variant for CPUs and three colours that takes rays from anywhere, compiled for vectors."""
 
 _PATHS_AT_ONCE = 1 << 20
-"""In a wavefront. From 2^16 to 2^22 none was faster beyond noise; below, starting each costs more."""
+"""Paths of a wavefront; starting smaller ones costs more."""
 
 _OTHER_SEED = 2
-"""Of points: another one than the baker's."""
+"""Seed of the points, other than the baker's."""
 
 _ROUNDS = 8
-"""After so many the same points come again."""
+"""Rounds after which the same points come again."""
 
 _NEVER = 1 << 30
 
 
 def with_plain_light(room: RenderScene) -> RenderScene:
-    """The scene in light that both have: a sky of one colour, that at the horizon, and suns that appear as points."""
+    """The scene in light that both have: a sky of one colour, that at the horizon, and suns without an angle."""
     sky = room.sky
     assert isinstance(sky, GradientSky)
     colour = tuple((0.5 * (np.array(sky.below) + np.array(sky.above))).tolist())

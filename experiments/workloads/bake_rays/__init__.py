@@ -18,12 +18,12 @@ ONE_BY_ONE, TOGETHER = "single_rays", "coherent_packets"
 """Names in the samples, beside the aligned rays: the same rays one by one, and in the widest packets."""
 
 CELLS = 128
-"""Of a bundle's image, side by side, where its rays are aligned."""
+"""Largest number of cells side by side in a bundle's image."""
 
 
 class Use(Enum):
-    """sun: rays of one direction from texels. sky: of several directions, each planned and built anew. bundle: rays of
-    directions across the whole scene, all of whose hits are wanted."""
+    """sun: rays of one direction from texels. sky: rays of several directions, each planned and built anew. bundle: all
+    hits of parallel rays across the whole scene."""
 
     sun = "sun"
     sky = "sky"

@@ -30,7 +30,7 @@ _SERIES: dict[str, tuple[str, bool, dict[str, Any]]] = {
     "peak of RSS over the mesh": ("peak_rss_bytes", True, {"color": ORANGE, "marker": "v"}),
 }
 PAGE_NOISE_MIB = 1.0
-"""Growth of RSS below which it says nothing: builds of 0.1 MiB made it grow by 0.01 to 0.57 MiB."""
+"""Growth of RSS below which it is noise."""
 _BASELINE = "one ray per pixel (same colours)"
 
 

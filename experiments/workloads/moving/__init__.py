@@ -1,5 +1,4 @@
-"""Workload `moving`: frames of a camera that moves, each seen from another eye; whatever a method has to do for that is
-part of its frame, and so it is of single rays and packets beside it."""
+"""Workload `moving`: frames of a moving camera, which include whatever a method or a baseline does for a new eye."""
 
 from __future__ import annotations
 
@@ -15,8 +14,8 @@ from experiments.workloads.images import IMAGE_COLUMNS, PIXELS
 from experiments.workloads.resources import PREPARATION, PREPARATION_COLUMNS, RESOURCE_COLUMNS, RESOURCES, say_ms
 
 STILL, KEPT = "own_still", "packets_kept"
-"""Names in the samples: the point's own method once more from the same eye; the widest packets over a BVH of the world,
-built once, for whoever can do with images that are not quite as exact."""
+"""Names in the samples: the point's own method again from the same eye; the widest packets over a BVH of the world that
+is built once, with less exact images."""
 
 
 def _headline(record: Record) -> str:

@@ -42,16 +42,13 @@ Make = Callable[[Mesh, View], Tracer[Hits]]
 
 @dataclass(frozen=True)
 class SeparateImages:
-    """What tracers of one frame each return, in order."""
+    """Images of all frames, in order."""
 
     images: tuple[Hits, ...]
 
 
 class SeparateFrames(Lifetime):
-    """One tracer a frame, one frame after the other: what all frames together are measured against.
-
-    All its times and numbers are sums over the frames.
-    """
+    """One tracer a frame, one after the other; all times and numbers are sums over the frames."""
 
     def __init__(self, tracers: Sequence[Tracer[Hits]]) -> None:
         super().__init__()
@@ -103,8 +100,10 @@ def make(point: Point, mesh: Mesh) -> FramesTracer:
 
 
 def separate_makers(point: Point) -> dict[str, Make]:
-    """How one frame is traced alone, with the point's split where there are cells, by name in the samples. Each frame
-    alone has the whole of the point's memory budget."""
+    """Makers of tracers of one frame, by name in the samples, with the point's split where there are cells.
+
+    Each frame may use the whole memory budget.
+    """
     own = point.options
     names = "split_x", "split_y", "packet_width", "packet_rows", "robust"
     visible = AlignedCellOptions(**{name: getattr(own, name) for name in names})

@@ -17,14 +17,13 @@ from experiments.harness.point import Point
 from experiments.workloads.multiframe import Motion
 
 EYE_DISTANCE = 1 / 200
-"""Between two eyes, as a share of the scene's diagonal: 6.5 cm in a room of 13 m. At 1,024 pixels it sets the four
-scenes' pictures 5 to 100 pixels apart."""
+"""Distance of two eyes as a share of the scene's diagonal: 6.5 cm in a room of 13 m."""
 
 STEP, STEP_TURN_DEGREES, STEP_ZOOM = 1 / 400, 0.5, 1.005
-"""What a frame of a walk adds: a step as a share of the scene's diagonal, a turn, and a factor of the field of view."""
+"""A frame of a walk adds a step, as a share of the scene's diagonal, a turn, and a factor of the field of view."""
 
 MESH_TURN_DEGREES = -0.5
-"""What a frame adds to the turn of the mesh; clockwise seen from above."""
+"""Turn that a frame adds to the mesh; clockwise seen from above."""
 
 
 def frames_of(camera: Camera, mesh: Mesh, frames: int, motion: Motion) -> tuple[tuple[Camera, ...], tuple[Mesh, ...]]:
@@ -88,10 +87,7 @@ def _vector(values: NDArray) -> Vector:
 
 
 def make_together(point: Point, mesh: Mesh, camera: Camera) -> FramesTracer:
-    """All frames, which the point's motion makes of mesh and camera, in one pass.
-
-    Raises InputError and MemoryBudgetError as the tracer does.
-    """
+    """All frames of the point's motion in one pass. Raises InputError and MemoryBudgetError as the tracer does."""
     asked = point.workload_options
     cameras, meshes = frames_of(camera, mesh, asked.frames, asked.motion)
     split_x, split_y = point.options.split

@@ -17,8 +17,8 @@ from experiments.workloads.baselines import OWN, PACKETS, SINGLE, fastest, over_
 from experiments.workloads.resources import RESOURCE_COLUMNS, RESOURCES, say_ms
 
 PLAIN, SORTED = "plain", "packets_sorted"
-"""Names in the samples: the same rays in the same order and packets, from the root; and the widest packets of Embree in
-that order, where it is not that of the batch."""
+"""Names in the samples: the same rays in the same order and packets, from the root; and Embree's widest packets in that
+order, if it differs from the batch's."""
 
 _OWN_COUNTS = {
     "traversal_steps": "nodes popped, or descended into",

@@ -21,8 +21,10 @@ from experiments.workloads.surface import OWN_SURFACE, PACKETS_SURFACE, PLAIN_PA
 
 
 class SurfacePackets(PixelTracer):
-    """surface: of the last frame; what stands where nothing is hit has no meaning. Ties are settled in `prim_id` alone:
-    where triangles tie, it may be that of another than is stored."""
+    """Packets per pixel that also store u, v and normals in `surface`, which is undefined where nothing is hit.
+
+    Ties are resolved in `prim_id` only: where triangles tie, u, v and normals may belong to another one.
+    """
 
     def _set_camera(self, camera: View) -> None:
         super()._set_camera(camera)

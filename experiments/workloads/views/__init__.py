@@ -1,5 +1,5 @@
-"""Workload `views`: what a mesh and many cameras cost from the first call to the last result, or a million rays that
-come from no camera; by the point's method, and in the same rounds by the library as its page says to call it."""
+"""Workload `views`: a mesh seen by many cameras, or a batch of rays, from the first call to the last result; by the
+point's method and, in the same rounds, by the library with default options."""
 
 from __future__ import annotations
 
@@ -21,9 +21,8 @@ LIBRARY = "library"
 
 
 class Job(Enum):
-    """views: all images of cameras around the point's, and whatever has to be built and made for them.
-    camera_rays, random_rays: one call with as many rays as the image has pixels, of its camera or from anywhere in the
-    mesh to anywhere, where the BVH is built."""
+    """views: all images of cameras around the point's, with all that is built for them. camera_rays, random_rays: one
+    call with as many rays as the image has pixels, of the camera or random in the mesh; building is not counted."""
 
     views = "views"
     camera_rays = "camera_rays"
