@@ -18,7 +18,7 @@ OWN, SINGLE = "own", "rtcIntersect1"
 """Names in the samples of a time: the point's own method, the paper's baseline."""
 
 PACKETS = {width: f"packets_{width}" for width in LANES}
-"""Names there of packets per pixel by their width; the fastest of those measured are the expert's baseline."""
+"""Width of packets per pixel -> their name in the samples; the fastest ones are the expert's baseline."""
 
 TIME_BASELINES: dict[str, tuple[str, dict[str, Any]]] = {
     "rtcIntersect1 per pixel": ("baseline_render_time_s", {"color": BLACK, "linestyle": DASHED}),
@@ -39,8 +39,8 @@ def packets_width(record: Record) -> int | None:
 
 
 def single_over_packets(record: Record) -> float | None:
-    """How much faster the widest packets are than single rays; None where they were not timed together, or took less
-    than a millisecond, which clocks and caches decide."""
+    """Single rays over the widest packets; None where they were not timed together, or took less than a millisecond,
+    where clocks and caches dominate."""
     widest = [record.samples[name] for name in PACKETS.values() if name in record.samples][-1:]
     if SINGLE not in record.samples or not widest or median(widest[0]) < 1e-3:
         return None
@@ -76,6 +76,12 @@ def over(upper: Series, lower: Series) -> Series:
 def over_own(read: Series) -> Series:
     """The ratios of a series and the point's own."""
     return over(read, series(OWN))
+
+
+BESIDE_BASELINES: dict[str, Any] = {
+    "optional": frozenset(PACKETS.values()), "judged": OWN, "canary": single_over_packets,
+}  # fmt: skip
+"""Fields of a workload whose own method is timed beside single rays and packets."""
 
 
 def _first_frame(record: Record) -> Any:

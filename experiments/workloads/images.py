@@ -35,17 +35,18 @@ def counts(agreements: Sequence[Agreement]) -> dict[str, int]:
 
 
 def say_holes(row: Mapping[str, Any]) -> str:
-    """ ", of them 2 holes and 1 of rtcIntersect1" of a row, or sums, with these counts; "" without any."""
+    """ ", of them 2 holes and 1 of rtcIntersect1" of a row, or sums; "" without any."""
     known = [int(count) if isinstance(count := row.get(name), Integral) else 0 for name in HOLES]
     own, single = known
-    words = [f"{own:,} {'hole' if own == 1 else 'holes'}"] if own else []
-    words += [f"{single:,} of rtcIntersect1"] if single and own else []
-    words += [f"{single:,} {'hole' if single == 1 else 'holes'} of rtcIntersect1"] if single and not own else []
+    holes = "hole" if (own or single) == 1 else "holes"
+    words = [f"{own:,} {holes}"] if own else []
+    if single:
+        words.append(f"{single:,} of rtcIntersect1" if own else f"{single:,} {holes} of rtcIntersect1")
     return f", of them {' and '.join(words)}" if words else ""
 
 
 def depth_errors(agreements: Sequence[Agreement]) -> dict[str, float]:
-    """The worst of all images, the method's and beside them those of rtcIntersect1."""
+    """Depth errors of the worst image, the method's and those of rtcIntersect1."""
     own, single = zip(*((one.depth_errors, one.reference_depth_errors) for one in agreements), strict=True)
     return {
         "depth_error_max": max(one.largest for one in own),

@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import nan
 
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from experiments.drawing.bars import Bar, draw_bars, finish_bar_axes, panel_height
-from experiments.drawing.pages import add_legend, write_foot, write_notes
+from experiments.drawing.bars import Bar, draw_bars, finish_bar_axes
+from experiments.drawing.pages import write_notes
 from experiments.drawing.values import MILLISECONDS, column, numbers, say_number
 from experiments.methods import METHODS
-from experiments.methods.naming import best_of, say_series, say_split
+from experiments.methods.naming import best_of
 from experiments.methods.pixel import PIXEL
 from experiments.workloads.baselines import TIME_BASELINES
-from experiments.workloads.panels import draw_panels, make_panels
-from experiments.workloads.ratios import OVER_PACKETS, best_rows, draw_ratio_baselines, say_baseline
-from experiments.workloads.series import say_ratio, say_unmeasured, say_wrong, series_of, style_of
+from experiments.workloads.panels import bars_height, make_panels, panels_figure
+from experiments.workloads.ratios import OVER_PACKETS, draw_ratio_baselines, say_baseline
+from experiments.workloads.series import BestPoint, best_points, count_series, say_ratio, say_unmeasured
 
 
 def draw_methods_figure(table: pd.DataFrame, columns: int = 2) -> Figure:
@@ -28,35 +29,40 @@ def draw_methods_figure(table: pd.DataFrame, columns: int = 2) -> Figure:
     """
     rows = table[table["method"].isin([method.name for method in METHODS if method.is_ours])]
     panels = make_panels(rows, (*best_of(), "packet_width"))
-    tallest = max((len(list(series_of(panel.rows))) for panel in panels), default=0)
-    figure, axes = draw_panels(panels, _draw_panel, columns, panel_height(tallest))
-    add_legend(figure, axes, list(TIME_BASELINES))
-    write_foot(figure, rows, "right of a label: time of a frame, packets / method and its interval")
-    return figure
+    return panels_figure(
+        panels, _draw_panel, columns, rows, "right of a label: time of a frame, packets / method and its interval",
+        legend=list(TIME_BASELINES), height=bars_height(panels, count_series),
+    )  # fmt: skip
 
 
 def _draw_panel(axis: Axes, rows: pd.DataFrame) -> None:
     bars, notes = [], []
     lines = {1, None, *column(rows, "packets_width").dropna()}
-    for method, width, points in series_of(rows):
-        name = say_series(method, width)
-        notes += say_unmeasured(points, name)
-        if method != PIXEL.name or width not in lines:
-            best = best_rows(points)
-            notes += say_wrong(best, name)
-            bars.append(_make_bar(points, best, name, style_of(method, width)["color"], faint=width == 1))
+    for one in best_points(rows):
+        if one.method == PIXEL.name and one.packet_width in lines:
+            notes += say_unmeasured(one.points, one.name)
+        else:
+            notes += one.notes()
+            bars.append(ratio_bar(one, faint=one.packet_width == 1) if len(one.best) else _without_value(one))
+    draw_ratio_bars(axis, rows, bars, notes)
+
+
+def _without_value(one: BestPoint) -> Bar:
+    status = [str(status) for status in one.points["status"].dropna().unique() if status != "ok"]
+    return Bar(one.name, nan, nan, nan, one.color, " and ".join(status) or "not measured")
+
+
+def ratio_bar(one: BestPoint, faint: bool = False) -> Bar:
+    """The ratio over packets of a series that has a best point."""
+    row = one.best.iloc[0]
+    text = f"{say_number(row['render_time_s'] * MILLISECONDS)} ms, {say_ratio(row)}"
+    value, low, high = (float(numbers(one.best, f"{OVER_PACKETS}{end}")[0]) for end in ("", "_low", "_high"))
+    return Bar(one.label, value, low, high, one.color, text, faint)
+
+
+def draw_ratio_bars(axis: Axes, rows: pd.DataFrame, bars: Sequence[Bar], notes: Sequence[str]) -> None:
+    """A panel of ratios over packets, with lines where both baselines of its rows lie, and notes below."""
     draw_bars(axis, bars)
     furthest = draw_ratio_baselines(axis, rows, OVER_PACKETS, upright=True)
     finish_bar_axes(axis, bars, f"speed-up over {say_baseline(OVER_PACKETS)}", furthest)
     write_notes(axis, notes)
-
-
-def _make_bar(points: pd.DataFrame, best: pd.DataFrame, name: str, color: str, faint: bool) -> Bar:
-    if len(best) == 0:
-        status = [str(status) for status in points["status"].dropna().unique() if status != "ok"]
-        return Bar(name, nan, nan, nan, color, " and ".join(status) or "not measured")
-    row = best.iloc[0]
-    label = ", ".join(filter(None, [name, say_split(row)]))
-    text = f"{say_number(row['render_time_s'] * MILLISECONDS)} ms, {say_ratio(row)}"
-    value, low, high = (float(numbers(best, f"{OVER_PACKETS}{end}")[0]) for end in ("", "_low", "_high"))
-    return Bar(label, value, low, high, color, text, faint)

@@ -1,4 +1,4 @@
-"""Panels: the rows of a table that belong into one picture."""
+"""Panels: the rows of a table that belong into one picture, and figures made of them."""
 
 from __future__ import annotations
 
@@ -9,14 +9,20 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from experiments.drawing.pages import make_figure, set_panel_title
+from experiments.drawing.bars import panel_height
+from experiments.drawing.figure import FigureKind, of_table
+from experiments.drawing.pages import add_legend, make_figure, set_panel_title, write_foot
 from experiments.drawing.values import column
+from experiments.harness.point import Workload
 from experiments.results.settings import say_setting, settings_that_vary
+from experiments.results.table import workload_rows
+
+DrawPanel = Callable[[Axes, pd.DataFrame], object]
 
 
 @dataclass(frozen=True)
 class Panel:
-    """The rows of one panel; `details` says in words what tells it from other panels of its scene."""
+    """The rows of one panel. details: what tells it from other panels of its scene, in words."""
 
     scene: str
     details: str
@@ -37,9 +43,9 @@ class Panel:
 
 
 def make_panels(table: pd.DataFrame, shown: Collection[str]) -> list[Panel]:
-    """One panel a scene, in the order of the table, and a value of every setting that varies, ascending.
+    """One panel for each scene, in the table's order, and for each value of a setting that varies, ascending.
 
-    shown: the settings that the figure itself tells apart, or takes the best of: they make no panels.
+    shown: settings that make no panels, because the figure tells them apart or shows the best of them.
     """
     varying = settings_that_vary(table, shown)
     panels = []
@@ -54,12 +60,36 @@ def make_panels(table: pd.DataFrame, shown: Collection[str]) -> list[Panel]:
     return panels
 
 
+def bars_height(panels: Sequence[Panel], count: Callable[[pd.DataFrame], int]) -> float:
+    """Inches that suit the panel with the most bars. count: rows -> bars."""
+    return panel_height(max((count(panel.rows) for panel in panels), default=0))
+
+
 def draw_panels(
-    panels: Sequence[Panel], draw: Callable[[Axes, pd.DataFrame], object], columns: int, height: float = 4.1
+    panels: Sequence[Panel], draw: DrawPanel, columns: int, height: float = 4.1
 ) -> tuple[Figure, list[Axes]]:  # fmt: skip
-    """A figure of titled panels and their axes; `draw` is given each panel's axis and rows."""
+    """A figure of titled panels, and their axes. draw: is given each panel's axis and rows."""
     figure, axes = make_figure(len(panels), columns, height)
     for axis, panel in zip(axes, panels, strict=True):
         set_panel_title(axis, panel.title, panel.stands_for)
         draw(axis, panel.rows)
     return figure, axes
+
+
+def panels_figure(
+    panels: Sequence[Panel], draw: DrawPanel, columns: int, rows: pd.DataFrame, *foot: str,
+    legend: Sequence[str] | None = None, height: float = 4.1, mark: str = "",
+) -> Figure:  # fmt: skip
+    """`draw_panels` with a legend of these labels, and a foot that describes how `rows` were measured."""
+    figure, axes = draw_panels(panels, draw, columns, height)
+    if legend is not None:
+        add_legend(figure, axes, legend)
+    write_foot(figure, rows, *foot, mark=mark)
+    return figure
+
+
+def workload_figure(
+    name: str, caption: str, workload: Workload, draw: Callable[[pd.DataFrame, int], Figure]
+) -> FigureKind:
+    """A figure of all rows of a workload."""
+    return FigureKind(name, caption, lambda table: workload_rows(table, workload.name), of_table(draw))

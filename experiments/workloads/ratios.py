@@ -1,4 +1,4 @@
-"""Ratios of frame times: over which baseline, which split is best by them, and where the baselines themselves lie."""
+"""Ratios of frame times: their baselines, and the best splits by them."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ def say_baseline(ratio: str) -> str:
 
 
 def choosing(rows: pd.DataFrame, ratio: str) -> NDArray[np.float64]:
-    """(N,) float64, what the best of rows is chosen by, for every figure, the terminal and the page: the ratio in the
-    processes that choose in the claims, too (`experiments.results.estimates.best_of`); in older tables, in all."""
+    """(N,) float64, the ratio that the best row is chosen by: over the half of the processes that choose in the claims
+    (`experiments.results.estimates.best_of`), in older tables over all."""
     half, whole = numbers(rows, f"{ratio}_half"), numbers(rows, ratio)
     return np.where(np.isfinite(half), half, whole)
 
@@ -41,8 +41,8 @@ def choosing(rows: pd.DataFrame, ratio: str) -> NDArray[np.float64]:
 def best_rows(rows: pd.DataFrame) -> pd.DataFrame:
     """The best split of every scene, method, packet width and thread count (and image size and build quality).
 
-    Best is the largest ratio over its own kind of rays: the shortest time may be a quiet moment's. Points without a
-    ratio are left out. Rows keep their order; among equals the first is taken.
+    Best is the largest ratio over its own kind of rays, which drift of the machine does not change. Points without a
+    ratio are left out. Rows keep their order; the first of equals is taken.
     """
     single = column(rows, "packet_width").eq(1).fillna(False).to_numpy(bool)
     ratios = np.where(single, choosing(rows, OVER_SINGLE), choosing(rows, OVER_PACKETS))
@@ -54,7 +54,7 @@ def best_rows(rows: pd.DataFrame) -> pd.DataFrame:
 
 
 def draw_ratio_baselines(axis: Axes, rows: pd.DataFrame, ratio: str, upright: bool = False) -> float:
-    """Lines where both baselines lie among ratios: at 1 what they are over. Returns how far the farther one reaches."""
+    """Lines at the ratios of both baselines, of which one is 1. Returns the end of the farther one's band."""
     own_s = numbers(rows, TIME_BASELINES[_BASELINES[ratio]][0])
     return max(
         draw_baseline(axis, own_s / numbers(rows, name), style, label, upright)

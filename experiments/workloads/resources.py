@@ -1,8 +1,8 @@
-"""Memory of a point's own method, read while nothing else is in the process."""
+"""Memory of a point's own method, read while nothing else is in the process, and its preparation."""
 
 from __future__ import annotations
 
-from experiments.harness.column import WHOLE, Column
+from experiments.harness.column import REAL, WHOLE, Column
 from experiments.harness.records import Record
 
 RESOURCES = ("triangles_traced", "packet_width", "threads", "rss_bytes", "peak_rss_bytes")
@@ -16,6 +16,16 @@ RESOURCE_COLUMNS = (
     Column("rss_bytes", WHOLE, "resident memory after the build"),
     Column("peak_rss_bytes", WHOLE, "the most since the mesh (on Linux)"),
     Column("embree_bytes", WHOLE, "what Embree holds by its own account"),
+)
+
+
+PREPARATION = ("plan_time_s", "build_time_s", "baseline_build_time_s")
+"""Results of a workload whose preparation is timed."""
+
+PREPARATION_COLUMNS = (
+    Column("plan_time_s", REAL, "plan: culling and shear"),
+    Column("build_time_s", REAL, "BVH build"),
+    Column("baseline_build_time_s", REAL, "BVH build of the plain mesh"),
 )
 
 

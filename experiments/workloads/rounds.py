@@ -26,8 +26,7 @@ from experiments.workloads.baselines import OWN, PACKETS, SINGLE
 from scenes.loading import SceneSource, load_scene
 
 BUILDS, BUILDS_BUDGET_S = 5, 2.0
-"""How often a timed point plans and builds, unless that takes longer than the budget: the price of a method hangs on
-these times, and one sample is easily an accident."""
+"""How often a timed point plans and builds, within a budget of seconds; a single sample is too noisy."""
 
 MakeTracer = Callable[[Mesh, Camera], Any]
 
@@ -35,7 +34,7 @@ _FEW = ((0, 1, 2), (0, 2, 3), (2, 1, 0), (4, 5, 6))
 
 
 def load_mesh(point: Point) -> Mesh:
-    """The mesh of the point's scene. Raises InputError if it is not the one that the run began with."""
+    """The mesh of the point's scene. Raises InputError if it changed since the run began."""
     scene = load_scene(SceneSource(point.scene_source), point.scene, point.scene_path, point.subdivided, point.copies)
     if scene.mesh_sha256 != point.mesh_sha256:
         raise InputError(f"scene {point.scene} changed since this run began; start it again")
@@ -43,25 +42,28 @@ def load_mesh(point: Point) -> Mesh:
 
 
 def make_single(point: Point, mesh: Mesh, view: View, packet_width: int | None = 1) -> PixelTracer:
-    """One ray per pixel with the point's threads, build quality and ties; packets of 1 are the paper's baseline,
-    None = the widest native ones."""
+    """Rays per pixel with the point's threads, build quality and ties.
+
+    packet_width: 1 is the paper's baseline, None the widest native packets.
+    """
     return make_pixel(mesh, view, PixelOptions(packet_width), point.tracing)
 
 
 def expert_packet_widths() -> tuple[int, ...]:
-    """Packets an expert would try: of every native width from 8 on, or where there is none the widest."""
+    """Widths an expert would try: every native one from 8 on, or the widest if all are below."""
     native = load_library().native_packet_widths
     return tuple(width for width in native if width >= 8) or native[-1:]
 
 
 def build_own(point: Point, stack: ExitStack, make: MakeTracer | None = None) -> tuple[Any, dict[str, Any]]:
-    """Load the scene and build the point's own method while nothing else is in the process, reading the memory on the
-    way. What the method counts joins the results when the stack closes. make: mesh and camera -> tracer, in place of
-    `make_own`."""
+    """Load the scene and build the point's own method while nothing else is in the process, reading its memory.
+
+    The method's counters join the results when the stack closes. make: in place of `make_own`.
+    """
     results: dict[str, Any] = {"rss_start_bytes": rss_bytes()}
     mesh = load_mesh(point)
     if point.ties == "lowest":
-        coplanar_overlaps(mesh)  # kept with the mesh; like reading it, no part of the method's memory
+        coplanar_overlaps(mesh)  # cached with the mesh, so not part of the method's memory
     reset_peak_rss()  # reading a file may take more than tracing it
     results["rss_mesh_bytes"] = rss_bytes()
     own = make_own(point, mesh, point.camera) if make is None else make(mesh, point.camera)
@@ -91,11 +93,10 @@ def warm_up(
     use: Callable[[Any], object] = trace_once,
     triangles: Sequence[tuple[int, int, int]] = _FEW,
 ) -> None:
-    """Trace a few triangles, two of which tie and one of which no copy can show, with every kernel the point uses:
-    compiles them and starts Embree's threads, so that neither falls into a build time, a memory reading or a sample.
+    """Compile every kernel of the point and start Embree's threads, before memory is read or a clock runs.
 
     makers: mesh and camera -> tracer; their cells must be those of `shrunk(point)`. use: what is done with each.
-    triangles: of the seven vertices here.
+    triangles: indices into the seven vertices here; by default two tie, and one cannot be shown by a copy.
     """
     vertices = np.array(
         [(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0), (0.3, 0.3, 2), (0, 0, 2), (0, 0, 1)], np.float32
@@ -109,7 +110,7 @@ def warm_up(
 
 
 def own_and_baselines(point: Point) -> list[MakeTracer]:
-    """What makes the point's own method, single rays, and packets of every width an expert would try."""
+    """Makers of the point's own method, single rays, and packets of every width an expert would try."""
     widths = 1, *expert_packet_widths()
     return [
         lambda mesh, view: make_own(point, mesh, view),
@@ -118,18 +119,23 @@ def own_and_baselines(point: Point) -> list[MakeTracer]:
 
 
 def build_with_baselines(point: Point, stack: ExitStack) -> tuple[dict[str, Any], dict[str, Any]]:
-    """As `build_own`, and then the baselines: the tracers by the names of their samples, and the results."""
+    """`build_own`, then the baselines. Returns the tracers by the names of their samples, and the results."""
     own, results = build_own(point, stack)
-    tracers = {OWN: own, SINGLE: stack.enter_context(make_single(point, own.mesh, own.camera))}
-    for width in expert_packet_widths():
-        tracers[PACKETS[width]] = stack.enter_context(make_single(point, own.mesh, own.camera, width))
+    tracers = {OWN: own} | build_baselines(point, own, stack)
     results["baseline_build_time_s"] = float(tracers[SINGLE].build_time_s)
     return tracers, results
 
 
+def build_baselines(point: Point, own: Any, stack: ExitStack) -> dict[str, Any]:
+    """Single rays and packets for the mesh and camera of the point's own method, by the names of their samples."""
+    widths = {SINGLE: 1} | {PACKETS[width]: width for width in expert_packet_widths()}
+    return {
+        name: stack.enter_context(make_single(point, own.mesh, own.camera, width)) for name, width in widths.items()
+    }
+
+
 def shrunk(point: Point) -> Point:
-    """The point with at most two cells of its own size along each axis: how packets fit into a cell decides which
-    kernel is compiled."""
+    """The point with at most two cells along each axis; they keep their size, which decides the kernel."""
     if not point.method.has_cells:
         return point
     split_x, split_y = point.options.split
@@ -142,7 +148,7 @@ def shrunk(point: Point) -> Point:
 
 
 class Frames:
-    """Traces frame after frame into one image, as a renderer would: no sample pays for fresh pages."""
+    """Traces frame after frame into one image, so that no sample pays for fresh pages."""
 
     def __init__(self, tracer: Any) -> None:
         self._tracer = tracer
@@ -164,7 +170,7 @@ def timed_rounds(point: Point, methods: Mapping[str, Callable[[], object]]) -> R
 
 
 def plan_and_build_again(own: Any) -> dict[str, Any]:
-    """Medians and samples of plan and build, the first sample of each the one that has been."""
+    """Medians and samples of plan and build; the first samples are those of the first build."""
     plans, builds = [own.plan_time_s], [own.build_time_s]
     while len(builds) < BUILDS and sum(plans) + sum(builds) + plans[0] + builds[0] <= BUILDS_BUDGET_S:
         own.build()
@@ -179,7 +185,7 @@ def plan_and_build_again(own: Any) -> dict[str, Any]:
 
 
 def measured(results: dict[str, Any], timed: RoundSamples | None = None) -> Measured:
-    """Results and the samples of the rounds, if there were any, as a record holds them."""
+    """Results and the samples of the rounds, if there were any, in the form of a record."""
     if timed is None:
         return Measured(results)
     occupancy = {} if timed.occupancy is None else asdict(timed.occupancy)

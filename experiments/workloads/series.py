@@ -1,8 +1,9 @@
-"""Series of methods in figures: their rows, styles and ratios, and what was not measured."""
+"""Series of methods in figures: rows, styles, best points, ratios, and reasons of missing points."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Any
 
 import pandas as pd
@@ -11,15 +12,16 @@ from experiments.drawing.missing import missing_points
 from experiments.drawing.style import BLACK, DASHED, GREY, TIMES
 from experiments.drawing.values import column
 from experiments.methods import METHODS, find_method
-from experiments.methods.naming import say_split
+from experiments.methods.naming import say_series, say_split
 from experiments.methods.pixel import PIXEL
 from experiments.workloads.images import say_holes
+from experiments.workloads.ratios import best_rows
 
 
 def series_of(rows: pd.DataFrame) -> Iterator[tuple[str, int | None, pd.DataFrame]]:
-    """Method, packet width (None where no row tells) and rows of every series, in the order of `METHODS`.
+    """Method, packet width (None if unknown) and rows of every series, in the order of `METHODS`.
 
-    A point that was not measured may lack its packet width: it belongs to the method's first series.
+    A point without a packet width was not measured; it belongs to the method's first series.
     """
     present = set(rows["method"].dropna())
     for method in METHODS:
@@ -36,11 +38,46 @@ def series_of(rows: pd.DataFrame) -> Iterator[tuple[str, int | None, pd.DataFram
 
 
 def style_of(name: str, packet_width: int | None) -> dict[str, Any]:
-    """Colour, marker and line of a series: single rays have their method's colour, dashed and hollow."""
+    """Colour, marker and line of a series; that of single rays is dashed and hollow."""
     if name == PIXEL.name and packet_width == 1:
         return {"color": BLACK, "marker": "^", "linestyle": DASHED}
     style = vars(find_method(name).style)
     return style | ({"linestyle": DASHED, "markerfacecolor": "white"} if packet_width == 1 else {})
+
+
+@dataclass(frozen=True, eq=False)
+class BestPoint:
+    """A series at its best split. name: in words. points: its rows. best: the best of them, or none."""
+
+    method: str
+    packet_width: int | None
+    name: str
+    points: pd.DataFrame
+    best: pd.DataFrame
+
+    @property
+    def label(self) -> str:
+        """The name, and the split of the best row."""
+        return ", ".join(filter(None, [self.name, say_split(self.best.iloc[0])]))
+
+    @property
+    def color(self) -> str:
+        return str(style_of(self.method, self.packet_width)["color"])
+
+    def notes(self) -> list[str]:
+        """Lines on what was not measured, and on wrong pixels of the best row."""
+        return [*say_unmeasured(self.points, self.name), *say_wrong(self.best, self.name)]
+
+
+def best_points(rows: pd.DataFrame) -> Iterator[BestPoint]:
+    """One for each series."""
+    for method, width, points in series_of(rows):
+        yield BestPoint(method, width, say_series(method, width), points, best_rows(points))
+
+
+def count_series(rows: pd.DataFrame) -> int:
+    """How many series the rows hold."""
+    return len(list(series_of(rows)))
 
 
 def say_ratio(row: pd.Series) -> str:
@@ -64,9 +101,9 @@ def say_wrong(rows: pd.DataFrame, name: str) -> list[str]:
 
 
 def say_unmeasured(rows: pd.DataFrame, name: str, whole: bool = False) -> list[str]:
-    """A line for each status other than "ok": which points of a series, and the first one's reason.
+    """A line for each status other than "ok": the points of a series, and the first reason.
 
-    whole: the reason in full, and a line for each reason, for a figure that has the room.
+    whole: one line for each reason, in full.
     """
     lines = []
     told = rows[["status", "error"]].assign(split_x=rows["split_x"].fillna(0))

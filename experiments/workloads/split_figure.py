@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from experiments.drawing.axes import draw_baseline, draw_series, finish_split_axes
 from experiments.drawing.missing import Missing, absent_points, mark_missing, without_value
-from experiments.drawing.pages import add_legend, write_foot, write_lines
+from experiments.drawing.pages import write_lines
 from experiments.drawing.style import DASH_DOTTED, GREY, TIMES
 from experiments.drawing.values import MILLISECONDS, drawable, interval_ms, numbers, only_measured, say_number
 from experiments.methods.aligned_forms import (
@@ -26,7 +26,7 @@ from experiments.methods.aligned_forms import (
     expected_forms,
 )
 from experiments.workloads.baselines import TIME_BASELINES
-from experiments.workloads.panels import draw_panels, make_panels
+from experiments.workloads.panels import make_panels, panels_figure
 from experiments.workloads.ratios import best_rows, draw_ratio_baselines, own_ratio, say_baseline
 
 ALL_HITS = f"1 {TIMES} 1, culling off: all hits"
@@ -35,16 +35,12 @@ ALL_HITS = f"1 {TIMES} 1, culling off: all hits"
 RATIO_LABELS = (*FORM_STYLES, *TIME_BASELINES, ALL_HITS)
 """In the order of the legends."""
 
-RINGED = "ringed, and in words below: the best split, by the ratio in the same rounds"
+_RINGED = "ringed, and in words below: the best split, by the ratio in the same rounds"
 
 _RING: dict[str, Any] = {
-    "markersize": 13,
-    "markerfacecolor": "none",
-    "markeredgewidth": 1.8,
-    "zorder": 4,
-    "label": "_best",
-}
-"""Around the best split: a number there would lie over the lines, and stands below."""
+    "markersize": 13, "markerfacecolor": "none", "markeredgewidth": 1.8, "zorder": 4, "label": "_best",
+}  # fmt: skip
+"""Marks the best split; its numbers stand below the panel, where they hide no line."""
 
 Drawn = Callable[[pd.DataFrame], tuple[NDArray[np.float64], ...]]
 """Rows -> the values that are drawn and both ends of their intervals, (N,) float64 each, NaN where missing."""
@@ -52,27 +48,24 @@ Drawn = Callable[[pd.DataFrame], tuple[NDArray[np.float64], ...]]
 
 def draw_split_times(table: pd.DataFrame, columns: int = 2, axis_name: str = "split_x") -> Figure:
     """One panel a scene (and a value of any other setting that varies); milliseconds a frame over splits, both
-    logarithmic, so that equal ratios are equally far apart.
+    logarithmic.
 
-    axis_name: the column on the abscissa, `split_x` (horizontal splits, the paper's figure 5) or `split_y` (vertical).
-    The lines of rtcIntersect1 and of the fastest packets are medians of what was measured beside every point.
+    axis_name: `split_x` (horizontal splits, the paper's figure 5) or `split_y` (vertical). The baselines, measured
+    beside every point, are lines at their medians.
     """
     return _draw(table, columns, axis_name, draw_times, "both axes are logarithmic")
 
 
 def draw_split_ratios(table: pd.DataFrame, columns: int = 2, axis_name: str = "split_x") -> Figure:
-    """The same in speed-ups: ratios within rounds, single rays over rtcIntersect1 and packets over packets, with bars
-    over their intervals. A line at another height is another baseline, which makes the distance to it the gain over
-    that one."""
+    """The same in speed-ups: ratios within rounds of single rays over rtcIntersect1 and of packets over packets, with
+    intervals. Horizontal lines are other baselines."""
     return _draw(table, columns, axis_name, draw_ratios)
 
 
 def _draw(table: pd.DataFrame, columns: int, axis_name: str, draw_panel: Callable[..., None], *foot: str) -> Figure:
     panels = make_panels(aligned_rows(table), (axis_name, *FORM_OPTIONS))
-    figure, axes = draw_panels(panels, partial(draw_panel, axis_name=axis_name), columns)
-    add_legend(figure, axes, RATIO_LABELS)
-    write_foot(figure, table, *foot, RINGED)
-    return figure
+    draw = partial(draw_panel, axis_name=axis_name)
+    return panels_figure(panels, draw, columns, table, *foot, _RINGED, legend=RATIO_LABELS)
 
 
 def draw_times(axis: Axes, rows: pd.DataFrame, axis_name: str) -> None:
@@ -111,7 +104,7 @@ def _say_best_time(best: pd.Series, axis_name: str) -> str:
 
 
 def all_hits(rows: pd.DataFrame) -> NDArray[np.float64]:
-    """The ratio of one panel's aligned row that splits nothing and culls nothing; empty where it was not measured."""
+    """The ratio of a panel's aligned row that splits and culls nothing; empty where it was not measured."""
     gathering = rows[rows["split_x"].eq(1) & rows["split_y"].eq(1) & ~rows["culling"].fillna(True)]
     points = aligned_forms(gathering).get(COPIED_OFF, rows[:0])
     ratios = only_measured(points, numbers(points, own_ratio(rows)))
@@ -120,21 +113,14 @@ def all_hits(rows: pd.DataFrame) -> NDArray[np.float64]:
 
 def _unmeasured_baselines(rows: pd.DataFrame) -> list[str]:
     """In words."""
-    return [
-        f"{label}: not measured"
-        for label, (name, _) in TIME_BASELINES.items()
-        if not drawable(numbers(rows, name)).any()
-    ]
+    columns = {label: name for label, (name, _) in TIME_BASELINES.items()}
+    return [f"{label}: not measured" for label, name in columns.items() if not drawable(numbers(rows, name)).any()]
 
 
 def _draw_forms(
-    axis: Axes,
-    rows: pd.DataFrame,
-    axis_name: str,
-    read: Drawn,
-    say_best: Callable[[pd.Series], str],
+    axis: Axes, rows: pd.DataFrame, axis_name: str, read: Drawn, say_best: Callable[[pd.Series], str],
     notes: Sequence[str],
-) -> None:
+) -> None:  # fmt: skip
     """A line for each form, a ring around its best split, and below the panel what is best and what is missing."""
     missing: list[Missing] = []
     lines = []
@@ -150,7 +136,5 @@ def _draw_forms(
             height = value[(points[axis_name] == best[axis_name]).to_numpy(bool)]
             axis.plot([best[axis_name]] * len(height), height, "o", **_RING, markeredgecolor=style["color"])
             lines.append((style["color"], [f"{short}: {say_best(best)}"]))
-    absent = [
-        f"{form.removeprefix('aligned, ')}: not in the table" for form in expected_forms(rows) if form not in forms
-    ]
+    absent = [f"{one.removeprefix('aligned, ')}: not in the table" for one in expected_forms(rows) if one not in forms]
     mark_missing(axis, missing, write_lines(axis, lines), [*absent, *notes])

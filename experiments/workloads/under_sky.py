@@ -16,8 +16,8 @@ from experiments.harness.options import Settings, settings, taken
 class UnderSky(Settings):
     """Options of a workload whose scene a file may light.
 
-    sky_sha256 is found, not given: a changed file makes another point. Raises InputError for a file that cannot be
-    read, and for one that is not what it was when the run began.
+    sky_sha256 is computed: a changed file makes another point. Raises InputError for a file that cannot be read or that
+    changed since the run began.
     """
 
     sky: str | None = option(None, "an EXR or Radiance HDR all around, in place of the scene's own sky", null="own")

@@ -11,7 +11,7 @@ import atra
 from atra import light
 from atra.light import Baker, BakeScene, ProgressiveBake, Surface
 from tests.baked import cube, sheet
-from tests.tracing.stress import Expected, any_of, rebuild, stress
+from tests.tracing.stress import Expected, any_of, stress
 from tests.tracing.test_threads import CAMERAS, LARGE, MESH
 
 MOST = 3
@@ -130,7 +130,6 @@ def test_maps_of_a_baker_that_threads_update_and_close_are_those_of_one_thread()
         "probes": probes,
         "share": lambda one, random: one.share_done(5),
         "build": lambda one, random: one.build(),
-        "plan": rebuild,
     }
     stress(make_baker, calls)
 

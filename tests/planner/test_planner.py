@@ -91,10 +91,8 @@ class FakeTracer:
         self.first_s, self.frame_time_s = first_s, frame_time_s
         self.closed = False
 
-    def plan(self):
-        self.log.append(self.choice)
-
     def build(self):
+        self.log.append(self.choice)
         self.clock.now_s += self.first_s
 
     def trace(self, out=None):

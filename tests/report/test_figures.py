@@ -16,7 +16,7 @@ from experiments.paper.figures import draw_instancing_figure
 from experiments.report.figures import draw_figures
 from experiments.sweep import GridPoint, run_sweep
 from experiments.workloads.build.figures import draw_build_figure
-from experiments.workloads.frame.break_even_figure import draw_break_even_figure
+from experiments.workloads.frame.break_even import draw_break_even_figure
 from experiments.workloads.frame.grid_figure import draw_grid_ratios, draw_grid_times
 from experiments.workloads.frame.growth_figure import draw_growth_figure
 from experiments.workloads.frame.peers_figure import draw_peers_figure
@@ -24,8 +24,7 @@ from experiments.workloads.frame.threads_figure import draw_threads_figure
 from experiments.workloads.memory.figures import draw_memory_figure
 from experiments.workloads.methods_figure import draw_methods_figure
 from experiments.workloads.moving.figures import draw_moving_figure
-from experiments.workloads.multiframe.multiframe_figure import draw_multiframe_figure
-from experiments.workloads.multiframe.stereo_figure import draw_stereo_figure
+from experiments.workloads.multiframe.figures import draw_multiframe_figure, draw_stereo_figure
 from experiments.workloads.split_figure import draw_split_ratios, draw_split_times
 from tests.drawn import (
     MIB,

@@ -4,9 +4,15 @@ import numpy as np
 import pytest
 
 from experiments.drawing.style import TIMES
-from experiments.workloads.multiframe.frame_parts import PACKETS, SEPARATE_FRAMES, TOGETHER, VISIBLE_FRAMES, best_place
-from experiments.workloads.multiframe.multiframe_figure import draw_multiframe_figure
-from experiments.workloads.multiframe.stereo_figure import draw_stereo_figure
+from experiments.workloads.multiframe.figures import (
+    PACKETS,
+    SEPARATE_FRAMES,
+    TOGETHER,
+    VISIBLE_FRAMES,
+    best_place,
+    draw_multiframe_figure,
+    draw_stereo_figure,
+)
 from tests.drawn import bars, line, make_rows, method_row, save, skipped, whiskers, words
 
 NAMES = ("separate", "visible_first", "rasteriser")

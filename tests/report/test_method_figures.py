@@ -4,7 +4,7 @@ import numpy as np
 
 from experiments.drawing.style import TIMES
 from experiments.drawing.values import say_number
-from experiments.workloads.frame.break_even_figure import draw_break_even_figure
+from experiments.workloads.frame.break_even import draw_break_even_figure
 from experiments.workloads.frame.peers_figure import draw_peers_figure
 from experiments.workloads.frame.threads_figure import draw_threads_figure
 from experiments.workloads.methods_figure import draw_methods_figure

@@ -79,3 +79,7 @@ def any_of(values: tuple[Any, ...], random: np.random.Generator) -> Any:
 
 def rebuild(one: Any, random: np.random.Generator) -> None:
     one.build()
+
+
+def pose(one: Any, random: np.random.Generator) -> None:
+    one.update(one.mesh)

@@ -11,7 +11,7 @@ import atra
 from atra.bvh.scene import BvhScene
 from atra.shafts.scene import ShaftScene
 from tests.images import assert_same_bits
-from tests.tracing.stress import Expected, any_of, rebuild, stress
+from tests.tracing.stress import Expected, any_of, pose, rebuild, stress
 from tests.tracing.test_threads import CAMERA, CAMERAS, GATHERING, MAKE, MESH, SHAFTS, SMALL
 from tests.tracing.watertight_scenes import ball
 
@@ -44,6 +44,7 @@ def test_images_of_a_tracer_that_threads_turn_trace_and_close_are_those_of_one_t
         "trace": trace,
         "look": lambda one, random: one.look(any_of(CAMERAS, random)),
         "build": rebuild,
+        "update": pose,
         "counters": counters,
     }
     refusals = "closed", "out has an image"  # of another camera's size
@@ -71,7 +72,13 @@ def test_frames_of_a_tracer_that_threads_trace_and_close_are_those_of_one_thread
         with pytest.raises((atra.InputError, atra.ClosedError), match=r"cannot look through|closed"):
             one.look(SMALL)
 
-    calls = {"trace": trace, "look": look, "build": rebuild, "counters": lambda one, random: one.counters}
+    calls = {
+        "trace": trace,
+        "look": look,
+        "build": rebuild,
+        "update": pose,
+        "counters": lambda one, random: one.counters,
+    }
     stress(lambda: atra.FramesTracer(MESH, alignment, threads=2), calls)
 
 
@@ -108,7 +115,7 @@ def test_hits_of_a_ray_scene_that_threads_ask_and_close_are_those_of_one_thread(
     def held(one, random):
         assert one.embree_bytes >= 0
 
-    calls = {"closest": closest, "occluded": occluded, "build": rebuild, "bytes": held}
+    calls = {"closest": closest, "occluded": occluded, "build": rebuild, "update": pose, "bytes": held}
     stress(lambda: atra.RayScene(mesh, threads=2), calls, ("closed", "out.t is"))
 
 
@@ -133,5 +140,11 @@ def test_hits_of_a_scene_of_our_own_that_threads_ask_and_close_are_those_of_one_
         number = int(random.integers(3))
         np.testing.assert_array_equal(one.occluded(one.prepare(BATCHES[number])), expected(number).hit)
 
-    calls = {"closest": closest, "occluded": occluded, "build": rebuild, "counters": lambda one, random: one.counters}
+    calls = {
+        "closest": closest,
+        "occluded": occluded,
+        "build": rebuild,
+        "update": pose,
+        "counters": lambda one, random: one.counters,
+    }
     stress(lambda: make(mesh, threads=2), calls, ("closed", "after close"))

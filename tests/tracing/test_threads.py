@@ -108,13 +108,14 @@ def test_counters_are_those_of_one_camera(kind):
 
 FRAMES = atra.Alignment.of_frames([CAMERA, CAMERA], atra.Split(16, 1, 64, 48))
 RAYS = (atra.Rays(np.zeros((1, 3)), np.ones((1, 3))),)
+ALL = {"trace": (), "build": (), "look": (SMALL,), "update": (MESH,)}
 CALLS = {
-    **{kind: (partial(MAKE[kind], CAMERA), {"trace": (), "plan": (), "build": (), "look": (SMALL,)}) for kind in MAKE},
+    **{kind: (partial(MAKE[kind], CAMERA), ALL) for kind in MAKE},
     **{f"all hits of {kind}": (partial(MAKE[kind], CAMERA), {"gather": (atra.Count(),)}) for kind in GATHERING},
-    "frames": (lambda: atra.FramesTracer(MESH, FRAMES, threads=1), {"trace": (), "plan": (), "build": ()}),
+    "frames": (lambda: atra.FramesTracer(MESH, FRAMES, threads=1), ALL | {"look": (FRAMES,)}),
     "rays": (
         lambda: atra.RayScene(MESH, threads=1),
-        {"intersect": RAYS, "occluded": RAYS, "build": (), "run": (lambda query: None,)},
+        {"intersect": RAYS, "occluded": RAYS, "build": (), "update": (MESH,), "run": (lambda query: None,)},
     ),
 }
 
@@ -127,15 +128,6 @@ def test_a_call_that_another_thread_closes_before_ends_in_a_clear_error(kind, ca
         with pytest.raises(atra.ClosedError, match="closed"):
             getattr(one, call)(*calls[call])
         assert one.embree_bytes == 0
-
-
-@every_kind
-def test_tracers_closed_between_planning_and_building_of_another_thread_hold_nothing(kind):
-    one = MAKE[kind](CAMERA)
-    Interrupted(one, lambda: None, one.close)  # after `plan`
-    with pytest.raises(atra.ClosedError, match="closed"), one:
-        pass
-    assert one.embree_bytes == 0
 
 
 def test_arrays_of_another_size_are_not_written_to_when_steps_are_counted():

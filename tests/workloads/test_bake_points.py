@@ -18,9 +18,9 @@ from experiments.methods.peers.mitsuba_light import load_mitsuba
 from experiments.results.claims import DOES_NOT_HOLD, HOLDS, NOT_MEASURED, UNDECIDED, judge_claim
 from experiments.results.table import frame_of
 from experiments.workloads.bake import BAKE, STAGES, Against, BakeSettings
-from experiments.workloads.bake.adaptive import adaptive_bias
 from experiments.workloads.bake.claims import CLAIMS
 from experiments.workloads.bake.figures import FIGURES
+from experiments.workloads.bake.means import adaptive_bias
 from experiments.workloads.bake.measure import lamps
 from experiments.workloads.bake.results import CLAIMS_FILE, write
 from experiments.workloads.bake_rays.claims import CLAIMS as PREDICTIONS

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
-from contextlib import nullcontext
 from time import perf_counter
 from typing import Unpack
 
@@ -136,10 +135,11 @@ class Baker(Lifetime):
             self.visible = None if camera is None else self._seen_by(camera, tracer)
 
     def _seen_by(self, camera: View, tracer: Tracer[Hits] | None) -> NDArray[np.bool_]:
-        own = RasterTracer(self.scene.mesh, camera, threads=self.rays_scene.threads) if tracer is None else None
-        with own or nullcontext(tracer) as one:
-            one.look(camera)
-            return visible_texels(self.texels, one.trace(), self.rays_scene)
+        if tracer is None:
+            with RasterTracer(self.scene.mesh, camera, threads=self.rays_scene.threads) as own:
+                return visible_texels(self.texels, own.trace(), self.rays_scene)
+        tracer.look(camera)
+        return visible_texels(self.texels, tracer.trace(), self.rays_scene)
 
     def add(self, samples: int = 1, stop: Callable[[], bool] | None = None) -> bool:
         """Add this many samples to every texel; returns whether it finished. stop: asked before every batch; finished

@@ -18,8 +18,7 @@ Offset = tuple[float, float]
 
 @dataclass(frozen=True)
 class AgreementOptions:
-    """offsets: sub-pixel positions (x, y) of the images that are compared. sample_rays: rays of each that all triangles
-    are tested with, whether the images differ there or not. Raises InputError for values no image could use."""
+    """Raises InputError for values no image could use."""
 
     offsets: list[list[float]] = option(((0.5, 0.5),), "sub-pixel positions of the images that are compared")  # type: ignore[assignment]
     sample_rays: int = option(1000, "rays of each image that are tested with every triangle")

@@ -9,17 +9,15 @@ from matplotlib.ticker import FuncFormatter, NullLocator
 
 from atra.judge.compare import Verdict
 from experiments.drawing.axes import tidy_axis
-from experiments.drawing.figure import FigureKind, of_table
-from experiments.drawing.pages import add_legend, write_foot, write_notes
+from experiments.drawing.pages import write_notes
 from experiments.drawing.style import BLACK, BLUE, GREY, SMALL, TIMES
 from experiments.drawing.values import column, numbers
 from experiments.methods.naming import say_kind
 from experiments.results.settings import settings
-from experiments.results.table import workload_rows
 from experiments.workloads.agreement import AGREEMENT
 from experiments.workloads.agreement.results import TARGET, errs_too_often
 from experiments.workloads.images import HOLES, say_holes
-from experiments.workloads.panels import draw_panels, make_panels
+from experiments.workloads.panels import make_panels, panels_figure, workload_figure
 from experiments.workloads.series import say_unmeasured
 
 _SERIES = {"method": ("method_wrong", BLUE), "rtcIntersect1": ("baseline_wrong", BLACK)}
@@ -31,16 +29,14 @@ _BAR = 0.2
 def draw_agreement_figure(table: pd.DataFrame, columns: int = 2) -> Figure:
     """One panel a scene, one pair of bars a method: pixels at which it and rtcIntersect1 are wrong by the oracle.
 
-    Only pixels where the two differ are counted, over all splits, offsets and image sizes. Linear from 0 to 1,
-    logarithmic from there on. Above each pair: the counts, of how many pixels, and their verdicts.
+    Counts pixels where the two differ, over all splits, offsets and image sizes. The axis is linear from 0 to 1 and
+    logarithmic beyond.
     """
     panels = make_panels(table, settings())
     tallest = max((panel.rows.apply(say_kind, axis=1).nunique() for panel in panels), default=1)
-    figure, axes = draw_panels(panels, _draw_panel, columns, height=1.6 + 0.65 * tallest)
-    add_legend(figure, axes, list(_SERIES))
     images = int(numbers(table, "images")[column(table, "images").notna().to_numpy(bool)].sum())
-    write_foot(figure, table, f"{images:,} images, every pixel compared; wrong by float64 where the images differ")
-    return figure
+    foot = f"{images:,} images, every pixel compared; wrong by float64 where the images differ"
+    return panels_figure(panels, _draw_panel, columns, table, foot, legend=list(_SERIES), height=1.6 + 0.65 * tallest)
 
 
 def _draw_panel(axis: Axes, rows: pd.DataFrame) -> None:
@@ -100,8 +96,8 @@ def _finish(axis: Axes, highest: int) -> None:
 
 
 FIGURES = (
-    FigureKind(
-        "agreement", "Who is wrong, by float64, where a method and single rays per pixel differ",
-        lambda table: workload_rows(table, AGREEMENT.name), of_table(draw_agreement_figure),
+    workload_figure(
+        "agreement", "Who is wrong, by float64, where a method and single rays per pixel differ", AGREEMENT,
+        draw_agreement_figure,
     ),
 )  # fmt: skip

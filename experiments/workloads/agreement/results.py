@@ -1,4 +1,4 @@
-"""What became of the oracle's results: the list of every disagreement, a picture of them a scene, a line a scene."""
+"""Files of the oracle's results: a list of all disagreements, and a picture of them for each scene."""
 
 from __future__ import annotations
 
@@ -43,13 +43,12 @@ def errs_too_often(rows: pd.DataFrame) -> bool:
 
 
 def read_disagreements(table: pd.DataFrame, records: Path) -> pd.DataFrame:
-    """One row a pixel at which a method and rtcIntersect1 differ or the oracle found one of them wrong; none left out.
+    """One row for every pixel where a method and rtcIntersect1 differ or the oracle found one of them wrong.
 
-    The point's own columns come first. offset_x, offset_y, x, y: the ray. verdict: of `atra.judge.compare`. sampled:
-    part of the point's sample. wrong: method, baseline, both or neither. truth_*, method_*, baseline_*: triangle, depth
-    along the ray in float64 and barycentric distance from the triangle's edge (negative: beside it); of method and
-    baseline also the depth that was stored, the correctness and by how much they are off (`atra.judge.oracle.Answer`).
-    An empty field is a miss, or infinite. records: the folder of the records.
+    After the point's columns: offset_x, offset_y, x, y: the ray. verdict: of `atra.judge.compare`. sampled: part of the
+    point's sample. wrong: method, baseline, both or neither. truth_*, method_*, baseline_*: triangle, depth in float64
+    and barycentric distance from the edge (negative: outside); for method and baseline also the fields of
+    `atra.judge.oracle.Answer`. An empty field is a miss, or infinite. records: the folder of the records.
     """
     parts = []
     for _, row in agreement_rows(table).iterrows():

@@ -21,24 +21,23 @@ from experiments.workloads.resources import say_mib
 from experiments.workloads.under_sky import UnderSky
 
 OTHER, WHOLE_MAP, WITHOUT_VIEW = "other", "whole_map", "without_view"
-"""Names in the samples, beside the point's own: what it is held against; the whole map, seen texels first; the whole
-map, texels near each other side by side."""
+"""Names in the samples, beside the point's own: the bake it is compared with; the whole map, visible texels first; the
+whole map, neighbouring texels side by side."""
 
 STAGES = ("order", "generate", "aim", "shadow", "scatter", "trace", "shade", "compact", "gather", "other")
 TRACING, SHADING, RARE = ("shadow", "trace"), ("aim", "scatter", "shade"), ("order", "generate", "gather")
-"""Stages in Embree, those that compute light, and those that a sample goes through once."""
+"""Stages in Embree, stages that compute light, and stages run once a sample."""
 
 THRESHOLDS = (10, 5, 2)
-"""Percent, of the relative error of a map."""
+"""Relative errors of a map in percent whose times are told."""
 
 FULLEST = 0.7
-"""Of a map: occupancies are held against it."""
+"""Share of texels that are lit in the map that emptier ones are compared with."""
 
 
 class Against(Enum):
-    """What a round is held against in the same rounds: nothing; one kind of compaction less; a map that is as full as
-    can be; rays of texels that do not lie side by side; paths that never end by roulette; a sky that is found by chance
-    alone; code for faces that let light on; lights of which each is as likely as any; as many paths by Mitsuba 3."""
+    """What a round is compared with: nothing; less compaction; the fullest map; no expansion; no roulette; no sampling
+    of the sky; code for translucent faces; uniform choice of lights; as many paths by Mitsuba 3."""
 
     nothing = "nothing"
     compaction = "compaction"
@@ -114,7 +113,7 @@ class BakeSettings(UnderSky):
 
     @property
     def other(self) -> dict[str, Any] | None:
-        """Options of the library that are other in what it is held against; None where that is no bake of ours."""
+        """Options that differ in the bake it is compared with; None if that is no bake of ours."""
         less = {"texels": "none", "bounces": "texels"}
         nothing = self.against is Against.compaction and self.compaction not in less
         if nothing or self.against in (Against.nothing, Against.mitsuba):
@@ -164,7 +163,7 @@ def _result(name: str) -> Series:
 
 
 def _quality(record: Record) -> Any:
-    """Variance times time: what an error takes."""
+    """Ratio of variance times time, the time to reach an error."""
     ratios, variances = over_own(series(OTHER))(record), _result("variance_ratio")(record)
     return None if ratios is None or variances is None else ratios * variances
 

@@ -11,14 +11,14 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, NullFormatter
 
 from experiments.drawing.axes import say_nothing_measured, tidy_axis
-from experiments.drawing.bars import Bar, Stack, draw_bars, draw_stacks, finish_bar_axes, panel_height
+from experiments.drawing.bars import Bar, Stack, draw_bars, draw_stacks, finish_bar_axes
 from experiments.drawing.figure import FigureKind, of_table
 from experiments.drawing.pages import add_legend, write_foot
 from experiments.drawing.style import BLUE, DASHED, GREY, ORANGE, SKY, VERMILLION
 from experiments.drawing.values import MILLISECONDS, column, numbers, say_number
 from experiments.results.table import workload_rows
 from experiments.workloads.bake import BAKE, STAGES, THRESHOLDS, Against
-from experiments.workloads.panels import draw_panels, make_panels
+from experiments.workloads.panels import DrawPanel, bars_height, draw_panels, make_panels
 
 _MEGA = 1e-6
 
@@ -30,9 +30,7 @@ _LINES: dict[str, tuple[str, str | None, dict[str, Any]]] = {
     "whole map, the view first": ("", "whole_map_cost", {"color": VERMILLION, "marker": "o"}),
     "whole map, by place": ("", None, {"color": ORANGE, "marker": "s", "linestyle": DASHED}),
 }
-"""Of errors over time: which column, times which, and how it looks. Each is drawn over the wider ones before it."""
-
-_AS_FULL_AS_CAN_BE = "a map is no fuller than its charts can be packed"
+"""Lines of errors over time: kind of column, the column it is multiplied by, and style, the widest first."""
 
 
 def _measured(table: pd.DataFrame, *against: Against) -> pd.DataFrame:
@@ -52,7 +50,7 @@ def _by_compaction(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def _write_foot(figure: Figure, rows: pd.DataFrame, *lines: str) -> None:
-    """With the size of the maps in place of that of the image that the view is."""
+    """A foot with the size of the maps in place of that of the view's image."""
     sizes = " or ".join(f"{size:,}" for size in sorted(column(rows, "size").dropna().unique()))
     about = [f"maps of {sizes} texels a side, before room is added"] if sizes else []
     write_foot(figure, rows.assign(width=pd.NA, height=pd.NA), *about, *lines)
@@ -89,12 +87,16 @@ def _draw_errors(axis: Axes, rows: pd.DataFrame) -> None:
 
 def draw_stages(rows: pd.DataFrame, columns: int) -> Figure:
     """A panel a scene: milliseconds of a round, a bar for each occupancy and compaction, its parts the stages."""
-    panels = make_panels(rows, ("compaction", "occupancy", "against"))
-    tallest = max((len(panel.rows) for panel in panels), default=0)
-    figure, axes = draw_panels(panels, _draw_stages, columns, panel_height(tallest))
+    figure, axes = _bars(rows, columns, _draw_stages, "right of a label: time of a round")
     add_legend(figure, axes, STAGES)
-    _write_foot(figure, rows, "right of a label: time of a round", _AS_FULL_AS_CAN_BE)
     return figure
+
+
+def _bars(rows: pd.DataFrame, columns: int, draw: DrawPanel, foot: str) -> tuple[Figure, list[Axes]]:
+    panels = make_panels(rows, ("compaction", "occupancy", "against"))
+    figure, axes = draw_panels(panels, draw, columns, bars_height(panels, len))
+    _write_foot(figure, rows, foot, "a map is no fuller than its charts can be packed")
+    return figure, axes
 
 
 def _label(row: pd.Series) -> str:
@@ -119,12 +121,8 @@ def _draw_stages(axis: Axes, rows: pd.DataFrame) -> None:
 
 def draw_rays(rows: pd.DataFrame, columns: int) -> Figure:
     """A panel a scene: millions of rays in a second, with intervals, a bar for each occupancy and compaction."""
-    panels = make_panels(rows, ("compaction", "occupancy", "against"))
-    tallest = max((len(panel.rows) for panel in panels), default=0)
-    figure, _ = draw_panels(panels, _draw_rays, columns, panel_height(tallest))
-    told = "right of a label: rays/s, and of the lanes of all stages that trace, those with a ray"
-    _write_foot(figure, rows, told, _AS_FULL_AS_CAN_BE)
-    return figure
+    foot = "right of a label: rays/s, and of the lanes of all stages that trace, those with a ray"
+    return _bars(rows, columns, _draw_rays, foot)[0]
 
 
 def _draw_rays(axis: Axes, rows: pd.DataFrame) -> None:

@@ -27,7 +27,7 @@ from experiments.workloads.bake import (
     WITHOUT_VIEW,
     Against,
 )
-from experiments.workloads.bake.adaptive import adaptive_bias
+from experiments.workloads.bake.means import adaptive_bias
 from experiments.workloads.bake.mitsuba import MitsubaPaths, with_plain_light
 from experiments.workloads.baselines import OWN
 from experiments.workloads.rounds import load_mesh, measured, timed_rounds
@@ -35,17 +35,17 @@ from scenes.directory import default_cache
 from scenes.lit.rooms import lit_room
 
 _NEARLY = 0.999
-"""Opacity of one face of a scene that is to be baked as if it let light on."""
+"""Opacity of the one face that makes a scene translucent."""
 
 _REFERENCE = 4
-"""Times the samples of a map that is denoised: of the raw one that it is held against."""
+"""Samples of the raw map that a denoised one is compared with, as a multiple of its own."""
 
 _SUN = 400.0
-"""Radiance of the sun of the panorama, whose sky is 1."""
+"""Radiance of the panorama's sun; its sky has 1."""
 
 
 def bake_scene(point: Point, mesh: Mesh) -> BakeScene:
-    """The mesh with light, and with the albedo, the lamps and the sky that are asked for."""
+    """The mesh with the configured light, albedo, lamps and sky."""
     settings = point.workload_options
     scene = BakeScene.of(room_of(point, mesh))
     surface, own_light = scene.surface, not (settings.panorama or settings.lamps)
@@ -60,14 +60,14 @@ def bake_scene(point: Point, mesh: Mesh) -> BakeScene:
 
 
 def room_of(point: Point, mesh: Mesh) -> light.RenderScene:
-    """The mesh with light; with light that Mitsuba has, too, if that is asked for."""
+    """The mesh with light, restricted to what Mitsuba has where that is compared."""
     settings = point.workload_options
     room = settings.under_sky(lit_room(mesh))
     return with_plain_light(room) if settings.against is Against.mitsuba else room
 
 
 def lamps(mesh: Mesh, count: int) -> tuple[light.PointLight, ...]:
-    """So many point lights all over the box of the mesh, together as bright however many they are."""
+    """`count` point lights all over the box of the mesh; their total power does not depend on the count."""
     low, size = mesh.bounds[0].astype(np.float64), np.ptp(mesh.bounds, axis=0).astype(np.float64)
     places = low + size * (0.1 + 0.8 * np.random.default_rng(1).random((count, 3)))
     power = float((size**2).sum()) / 4.0 / max(count, 1)
@@ -83,14 +83,14 @@ def panorama() -> light.PanoramaSky:
 
 
 def atlas_of(point: Point, mesh: Mesh) -> Atlas:
-    """Charts of the mesh, kept among fetched scenes, and as many empty rows below as the occupancy asks for."""
+    """Charts of the mesh, cached beside fetched scenes, with as many empty rows below as the occupancy needs."""
     size, occupancy = point.workload_options.size, point.workload_options.occupancy
     atlas = Atlas.unwrap(mesh, size, kept_in=default_cache() / "atlases", time_limit_s=point.time_limit_s)
     return atlas if occupancy is None else emptier(mesh, atlas, occupancy)
 
 
 def emptier(mesh: Mesh, atlas: Atlas, occupancy: float) -> Atlas:
-    """The same texels on a map of which they are that share, or less where charts leave more room between them."""
+    """The same texels on a map of which they are at most that share."""
     used = int(np.ceil(np.nanmax(atlas.uv[..., 1])))
     height = max(used, round(len(Texels.of(mesh, atlas)) / occupancy / atlas.width))
     return Atlas(np.nan_to_num(atlas.uv), atlas.chart, atlas.width, height)

@@ -19,22 +19,22 @@ from experiments.methods.peers.mitsuba_light import load_mitsuba, parts_of, suns
 from experiments.workloads.bake.means import mean_and_error, ratio_and_error
 
 _VARIANT = "llvm_ad_rgb"
-"""Compiled for vectors: of those that take rays from anywhere, the one for CPUs and three colours."""
+"""The variant for CPUs and three colours that takes rays from anywhere, compiled for vectors."""
 
 _PATHS_AT_ONCE = 1 << 20
-"""In a wavefront. From 2^16 to 2^22 none was faster beyond noise; below, starting each costs more."""
+"""Paths of a wavefront; starting smaller ones costs more."""
 
 _OTHER_SEED = 2
-"""Of points: another one than the baker's."""
+"""Seed of the points, other than the baker's."""
 
 _ROUNDS = 8
-"""After so many the same points come again."""
+"""Rounds after which the same points come again."""
 
 _NEVER = 1 << 30
 
 
 def with_plain_light(room: RenderScene) -> RenderScene:
-    """The scene in light that both have: a sky of one colour, that at the horizon, and suns that appear as points."""
+    """The scene in light that both have: a sky of one colour, that at the horizon, and suns without an angle."""
     sky = room.sky
     assert isinstance(sky, GradientSky)
     colour = tuple((0.5 * (np.array(sky.below) + np.array(sky.above))).tolist())
@@ -45,14 +45,12 @@ def with_plain_light(room: RenderScene) -> RenderScene:
 class MitsubaPaths:
     """Samples of all texels of a baker's map by Mitsuba's `path` integrator, in its threads.
 
-    A path starts at a point of its texel, in a direction that is chosen as often as its cosine says, has the baker's
-    bounces and its roulette, and aims a ray at one light or the sky at each surface that it meets but the last. From
-    the texel itself a ray goes to each sun, which no path finds; ours aim at lamps from there, too. Points are chosen
-    as the baker's are, by other random numbers, before any clock runs; luminance alone is summed, where ours keep
-    colours by kind.
+    A path starts at a point of its texel in a cosine-distributed direction, with the baker's bounces and roulette. At
+    every surface but the last it samples one light or the sky; from the texel, a ray goes to each sun, which no path
+    finds. (Our paths sample lamps from the texel, too.) Points are the baker's with another seed, made before any clock
+    runs. Only luminance is summed, where ours keep colours by kind.
 
-    room: what the baker's scene is made of. Raises InputError where Mitsuba cannot be used, and for light that it has
-    not.
+    room: the scene with its light. Raises InputError where Mitsuba cannot be used, and for light that it lacks.
     """
 
     def __init__(self, room: RenderScene, baker: Baker, samples: int) -> None:
@@ -115,8 +113,8 @@ class MitsubaPaths:
         return which, normal, mi.Ray3f(start, mi.Frame3f(normal).to_world(sphere))
 
     def coherent_cost_s(self) -> float:
-        """Seconds of a round that Mitsuba loses as its integrator takes the first rays of paths, which head all ways,
-        for coherent, as those of a camera are: such rays traced alone so, less the same traced as what they are."""
+        """Seconds of a round that Mitsuba loses because its integrator treats the first rays of paths as coherent:
+        the time of such rays traced as coherent, less that of the same rays traced as incoherent."""
         count = min(_PATHS_AT_ONCE, self._texels * self._samples)
         taken: dict[bool, list[float]] = {True: [], False: []}
         for _ in range(_ROUNDS):

@@ -1,4 +1,4 @@
-"""What the terminal says of lightmaps."""
+"""Terminal output of lightmaps."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from collections.abc import Iterator
 import pandas as pd
 from rich.table import Table
 
-from experiments.results.claims import NOT_MEASURED, judge_claim
+from experiments.results.claims import NOT_MEASURED
 from experiments.workloads.bake.claims import CLAIMS
-from experiments.workloads.points_table import points_table
+from experiments.workloads.tables import claim_lines, points_table
 
 _COLUMNS = {
     "rays/s": ("rays_per_s", "{:.3g}"),
@@ -22,11 +22,6 @@ _COLUMNS = {
 
 
 def sweep_lines(rows: pd.DataFrame) -> Iterator[Table | str]:
-    """A line a point, then what became of each claim that was measured. rows: those of this workload that were
-    measured."""
+    """A line a point, then the verdict on each claim that was measured. rows: measured, of this workload."""
     yield points_table("lightmaps", rows, _COLUMNS)
-    for claim in CLAIMS:
-        for judged in judge_claim(claim, rows):
-            if judged.verdict != NOT_MEASURED:
-                told = ", ".join(filter(None, [judged.value, judged.why]))
-                yield f"{claim.text} {judged.verdict}{f' ({told})' if told else ''}"
+    yield from claim_lines(CLAIMS, rows, but=[NOT_MEASURED])

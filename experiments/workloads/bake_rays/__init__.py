@@ -9,23 +9,21 @@ from statistics import median
 from atra.errors import InputError
 from atra.tracing.options import option
 from experiments.harness.column import REAL, WHOLE, Column
-from experiments.harness.point import Point as Point
 from experiments.harness.point import Workload
 from experiments.harness.records import Record
 from experiments.results.statistics import statistics_columns
 from experiments.workloads.baselines import OWN, over_own, series
-from experiments.workloads.baselines import over as over
 
 ONE_BY_ONE, TOGETHER = "single_rays", "coherent_packets"
 """Names in the samples, beside the aligned rays: the same rays one by one, and in the widest packets."""
 
 CELLS = 128
-"""Of a bundle's image, side by side, where its rays are aligned."""
+"""Largest number of cells side by side in a bundle's image."""
 
 
 class Use(Enum):
-    """sun: rays of one direction from texels. sky: of several directions, each planned and built anew. bundle: rays of
-    directions across the whole scene, all of whose hits are wanted."""
+    """sun: rays of one direction from texels. sky: rays of several directions, each planned and built anew. bundle: all
+    hits of parallel rays across the whole scene."""
 
     sun = "sun"
     sky = "sky"

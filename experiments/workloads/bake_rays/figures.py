@@ -6,14 +6,13 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from experiments.drawing.bars import Bar, draw_bars, finish_bar_axes, panel_height
+from experiments.drawing.bars import Bar, draw_bars, finish_bar_axes
 from experiments.drawing.figure import FigureKind, of_table
-from experiments.drawing.pages import write_foot
 from experiments.drawing.style import BLACK, BLUE, GREEN, ORANGE, TIMES
 from experiments.drawing.values import say_number
 from experiments.results.table import workload_rows
 from experiments.workloads.bake_rays import BAKE_RAYS, Use
-from experiments.workloads.panels import draw_panels, make_panels
+from experiments.workloads.panels import bars_height, make_panels, panels_figure
 
 _COLOURS = {Use.sun.value: ORANGE, Use.sky.value: BLUE, Use.bundle.value: GREEN}
 _SETTINGS = ("use", "map_size", "directions", "positions")
@@ -27,11 +26,9 @@ def _rows(table: pd.DataFrame) -> pd.DataFrame:
 def draw_alignment(rows: pd.DataFrame, columns: int) -> Figure:
     """A panel a scene: packets over aligned rays, with intervals, a bar for each use and number of positions."""
     panels = make_panels(rows, _SETTINGS)
-    tallest = max((len(panel.rows) for panel in panels), default=0)
-    figure, _ = draw_panels(panels, _draw_ratios, columns, panel_height(tallest))
-    rows = rows.assign(width=pd.NA, height=pd.NA)  # of an image that nobody sees
-    write_foot(figure, rows, "right of a label: aligned rays' time, plan and build included, and packets / aligned")
-    return figure
+    rows = rows.assign(width=pd.NA, height=pd.NA)  # no image is shown
+    foot = "right of a label: aligned rays' time, plan and build included, and packets / aligned"
+    return panels_figure(panels, _draw_ratios, columns, rows, foot, height=bars_height(panels, len))
 
 
 def _draw_ratios(axis: Axes, rows: pd.DataFrame) -> None:

@@ -25,13 +25,13 @@ from experiments.workloads.rounds import load_mesh, measured, timed_rounds
 from scenes.directory import default_cache
 
 _SUN = np.array((0.35, 1.0, -0.25))
-"""To it; that of `scenes.lit.rooms`."""
+"""Direction to the sun of `scenes.lit.rooms`."""
 
 _RIM = 1e-6
-"""Of the size of the scene: nearer to an edge, or to a triangle that it starts on, a ray is undecided."""
+"""Distance to an edge or a start triangle, as a share of the scene's size, below which a ray is undecided."""
 
 _MOST_DOUBTS = 100
-"""Rays that are looked at in float64; if more see something else, rounding is not why."""
+"""Most differing rays that are checked in float64; more than these do not differ by rounding."""
 
 
 def measure(point: Point) -> Measured:
@@ -56,7 +56,7 @@ class AlignedTiles:
 
     def __init__(self, point: Point, tiles: Tiles) -> None:
         self._tiles = tiles
-        # A tree of copies serves one direction: it is built more often than it is worth to build it well.
+        # A BVH of copies serves only one direction, which does not repay a better build.
         self._options: dict[str, Any] = {"threads": point.threads, "build_quality": "low"}
         self._rooms: dict[int, NDArray[np.bool_]] = {}
         self.prepare_s = 0.0
@@ -64,7 +64,7 @@ class AlignedTiles:
     def trace(
         self, directions: NDArray[np.float64], offsets: NDArray[np.float64], keep: bool = False
     ) -> list[NDArray[np.bool_]]:
-        """What rays meet, if it is to be kept: of each direction (R,) bool, the positions of a texel side by side."""
+        """With `keep`, whether rays hit something: (R,) bool for each direction, positions of a texel side by side."""
         kept, self.prepare_s = [], 0.0
         for number, direction in enumerate(directions):
             start = perf_counter()
@@ -78,8 +78,10 @@ class AlignedTiles:
 
 
 def undecided(mesh: Mesh, rays: Rays, numbers: NDArray[np.int64]) -> int:
-    """How many of these rays, whose directions are unit vectors, float32 cannot decide: they pass the rim of a
-    triangle, or start on one, and meet no other surely."""
+    """Number of rays that float32 cannot decide: they pass a triangle's rim, or start on one, and hit no other surely.
+
+    Directions are unit vectors.
+    """
     count, near = 0, _RIM * float((mesh.bounds[1] - mesh.bounds[0]).max())
     every = np.arange(mesh.triangle_count)
     corners = mesh.triangles(every)
@@ -99,7 +101,7 @@ def undecided(mesh: Mesh, rays: Rays, numbers: NDArray[np.int64]) -> int:
 
 
 def tile_rays(tiles: Tiles, direction: NDArray[np.float64], offsets: NDArray[np.float64]) -> Rays:
-    """Those of the tiles that face a direction, the positions of a texel side by side, as is fastest for packets."""
+    """Rays of the tiles that face a direction; positions of a texel lie side by side, which suits packets."""
     facing = tiles.facing(direction)
     origins, directions = zip(*(tiles.rays(facing, direction, tuple(offset)) for offset in offsets), strict=True)
     return Rays(np.stack(origins, axis=1).reshape(-1, 3), np.stack(directions, axis=1).reshape(-1, 3))

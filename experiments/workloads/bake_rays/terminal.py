@@ -1,4 +1,4 @@
-"""What the terminal says of aligned rays of a bake."""
+"""Terminal output of aligned rays of a bake."""
 
 from __future__ import annotations
 
@@ -7,9 +7,8 @@ from collections.abc import Iterator
 import pandas as pd
 from rich.table import Table
 
-from experiments.results.claims import judge_claim
 from experiments.workloads.bake_rays.claims import CLAIMS
-from experiments.workloads.points_table import points_table
+from experiments.workloads.tables import claim_lines, points_table
 
 _COLUMNS = {
     "aligned\nms": ("aligned_time_ms", "{:,.1f}"),
@@ -20,10 +19,7 @@ _COLUMNS = {
 
 
 def sweep_lines(rows: pd.DataFrame) -> Iterator[Table | str]:
-    """A line a point, then what became of each prediction. rows: those of this workload that were measured."""
-    times = rows.assign(aligned_time_ms=rows["aligned_time_s"] * 1e3)
-    yield points_table("aligned rays of a bake, plan and build included", times, _COLUMNS)
-    for claim in CLAIMS:
-        for judged in judge_claim(claim, rows):
-            told = ", ".join(filter(None, [judged.value, judged.why]))
-            yield f"{claim.text} {judged.verdict}{f' ({told})' if told else ''}"
+    """A line a point, then the verdict on each prediction. rows: measured, of this workload."""
+    milliseconds = rows.assign(aligned_time_ms=rows["aligned_time_s"] * 1e3)
+    yield points_table("aligned rays of a bake, plan and build included", milliseconds, _COLUMNS)
+    yield from claim_lines(CLAIMS, rows)

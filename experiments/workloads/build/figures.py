@@ -9,9 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from experiments.drawing.axes import draw_baseline, draw_series, finish_split_axes
-from experiments.drawing.figure import FigureKind, of_table
 from experiments.drawing.missing import Missing, mark_missing, missing_points, undrawable_points
-from experiments.drawing.pages import add_legend, write_foot
 from experiments.drawing.style import BLACK, BLUE, DASHED, GREEN, PURPLE, VERMILLION
 from experiments.drawing.values import MILLISECONDS, interval_ms, numbers
 from experiments.methods.aligned_forms import (
@@ -22,9 +20,8 @@ from experiments.methods.aligned_forms import (
     aligned_forms,
     aligned_rows,
 )
-from experiments.results.table import workload_rows
 from experiments.workloads.build import BUILD
-from experiments.workloads.panels import draw_panels, make_panels
+from experiments.workloads.panels import make_panels, panels_figure, workload_figure
 
 # Label -> form of the geometry, stem of the columns, line. The paper's own form, culling on, comes first.
 _SERIES: dict[str, tuple[str, str, dict[str, Any]]] = {
@@ -40,13 +37,11 @@ def draw_build_figure(table: pd.DataFrame, columns: int = 2) -> Figure:
     """One panel a scene (and a value of any other setting that varies); milliseconds over splits, both logarithmic.
 
     Points have bars over their intervals. The baseline is the build of the plain mesh, measured again with every point:
-    its line is the median of the points, its band reaches from quartile to quartile. Series that were not measured are
-    left out.
+    a line at the median, a band between the quartiles. Series that were not measured are left out.
     """
-    figure, axes = draw_panels(make_panels(aligned_rows(table), ("split_x", *FORM_OPTIONS)), _draw_panel, columns)
-    add_legend(figure, axes, [*_SERIES, _BASELINE])
-    write_foot(figure, table, mark="paid once a view")
-    return figure
+    panels = make_panels(aligned_rows(table), ("split_x", *FORM_OPTIONS))
+    legend = [*_SERIES, _BASELINE]
+    return panels_figure(panels, _draw_panel, columns, table, legend=legend, mark="paid once a view")
 
 
 def _draw_panel(axis: Axes, rows: pd.DataFrame) -> None:
@@ -71,8 +66,7 @@ def _draw_panel(axis: Axes, rows: pd.DataFrame) -> None:
 
 
 FIGURES = (
-    FigureKind(
-        "figure6", "Figure 6: plan and BVH build over horizontal splits, culling on",
-        lambda table: workload_rows(table, BUILD.name), of_table(draw_build_figure),
+    workload_figure(
+        "figure6", "Figure 6: plan and BVH build over horizontal splits, culling on", BUILD, draw_build_figure
     ),
-)  # fmt: skip
+)

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from experiments.harness.column import REAL, Column
 from experiments.harness.options import NoOptions
 from experiments.harness.point import Workload
 from experiments.harness.records import Record
-from experiments.workloads.baselines import OWN, PACKETS, SINGLE, TIME_COLUMNS, single_over_packets
+from experiments.workloads.baselines import BESIDE_BASELINES, OWN, SINGLE, TIME_COLUMNS
 from experiments.workloads.images import IMAGE_COLUMNS, PIXELS
-from experiments.workloads.resources import RESOURCE_COLUMNS, RESOURCES
+from experiments.workloads.resources import PREPARATION, PREPARATION_COLUMNS, RESOURCE_COLUMNS, RESOURCES
 
 
 def _headline(record: Record) -> str:
@@ -21,19 +20,10 @@ def _headline(record: Record) -> str:
 FRAME = Workload(
     name="frame",
     options=NoOptions,
-    columns=(
-        *RESOURCE_COLUMNS,
-        *IMAGE_COLUMNS,
-        Column("plan_time_s", REAL, "plan: culling and shear"),
-        Column("build_time_s", REAL, "BVH build"),
-        Column("baseline_build_time_s", REAL, "BVH build of the plain mesh"),
-        *TIME_COLUMNS,
-    ),
+    columns=(*RESOURCE_COLUMNS, *IMAGE_COLUMNS, *PREPARATION_COLUMNS, *TIME_COLUMNS),
     headline=_headline,
     room=__name__,
     samples=lambda point: frozenset((OWN, SINGLE)),
-    optional=frozenset(PACKETS.values()),
-    judged=OWN,
-    canary=single_over_packets,
-    needs=(*RESOURCES, *PIXELS, "plan_time_s", "build_time_s", "baseline_build_time_s"),
+    needs=(*RESOURCES, *PIXELS, *PREPARATION),
+    **BESIDE_BASELINES,
 )

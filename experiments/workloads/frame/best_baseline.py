@@ -1,5 +1,4 @@
-"""Best packets per pixel: which of those tried is the fastest, and by how much faster than the ones that all else is
-measured against."""
+"""The fastest packets per pixel of those tried, and their margin over the usual ones."""
 
 from __future__ import annotations
 
@@ -18,9 +17,8 @@ from experiments.results.settings import say_setting, settings_that_vary
 
 @dataclass(frozen=True)
 class BestBaseline:
-    """scene: with what else its points have in common, in words. name: of the fastest packets in half of the processes;
-    margin: how many times as fast as the usual ones they are in the others, None where those are too few to say. tried:
-    how many there were."""
+    """scene: with the settings its points share, in words. name: of the fastest packets in one half of the processes.
+    margin: usual packets / these in the other half, None with too few processes. tried: number of candidates."""
 
     scene: str
     name: str
@@ -34,8 +32,10 @@ class BestBaseline:
 
 
 def best_baselines(processes: pd.DataFrame) -> Iterator[BestBaseline]:
-    """One a scene, and a value of every other setting that varies. processes: rows of processes that timed frames;
-    where only the usual packets were measured there is nothing to choose from."""
+    """One for each scene and value of a setting that varies, if several packets were tried.
+
+    processes: rows of processes that timed frames.
+    """
     of_pixels = processes["method"].eq(PIXEL.name) & processes["packet_width"].gt(1)
     measured = processes["status"].eq("ok") & processes["speedup_vs_packets"].notna()
     rows = processes[(of_pixels & measured).fillna(False).astype(bool)]
@@ -61,7 +61,7 @@ def _best(values: dict[int, np.ndarray]) -> tuple[int, Estimate | None]:
 
 
 def baseline_lines(processes: pd.DataFrame) -> Iterator[str]:
-    """What they come to, in lines for people."""
+    """The best baselines, a line each."""
     best = list(best_baselines(processes))
     for one in best:
         margin = "" if one.margin is None else f", {one.margin} times as fast as the usual packets"

@@ -1,28 +1,38 @@
-"""What a method costs over many frames of one view: plan and build once, a first frame, then frame after frame."""
+"""Cost of a method over many frames of one view, and from which frame on it is ahead of packets per pixel."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
 from math import floor
+from typing import Any
 
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter
 from numpy.typing import NDArray
 
-from experiments.drawing.values import column
+from experiments.drawing.axes import say_nothing_measured, tidy_axis
+from experiments.drawing.pages import write_notes, write_table
+from experiments.drawing.style import DOTTED, GREEN, SMALL, TIMES
+from experiments.drawing.values import MILLISECONDS, column, say_number
+from experiments.methods import METHODS
+from experiments.methods.naming import best_of, say_series, say_split
 from experiments.methods.pixel import PIXEL, SAME
 from experiments.workloads.frame import FRAME
-from experiments.workloads.ratios import best_rows
+from experiments.workloads.panels import make_panels, panels_figure
+from experiments.workloads.ratios import OVER_PACKETS, best_rows, choosing
+from experiments.workloads.series import say_unmeasured, series_of, style_of
 
 
 @dataclass(frozen=True)
 class Cost:
-    """Seconds a method takes on one scene, and the bytes of its Embree scenes.
+    """Seconds a method takes on one scene, and the bytes of its Embree scenes; None where unknown.
 
-    first_frame_time_s: the very first frame after the build; it finds caches cold.
-    frame_time_s: every further frame. embree_bytes: Embree's own account, None where it was not taken.
-    packets_frame_time_s: a frame of packets per pixel in the same rounds, None where it was not taken.
+    first_frame_time_s: the first frame after the build, with cold caches. frame_time_s: every further frame.
+    embree_bytes: Embree's own account. packets_frame_time_s: a frame of packets per pixel in the same rounds.
     """
 
     method: str
@@ -35,7 +45,7 @@ class Cost:
 
     @property
     def once_s(self) -> float:
-        """What is paid before the first frame: plan and build."""
+        """Plan and build."""
         return self.plan_time_s + self.build_time_s
 
 
@@ -47,10 +57,7 @@ def time_rows(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def cost_of(row: pd.Series) -> Cost | None:
-    """The cost of one row of the table, or None where one of its times was not measured.
-
-    One ray per pixel has no plan: a missing plan time of method=pixel is 0.
-    """
+    """The cost of one row of the table, or None where a time is missing. Rays per pixel need no plan: it takes 0."""
     names = ("plan_time_s", "build_time_s", "first_frame_time_s", "render_time_s")
     times = {name: row.get(name) for name in names}
     if row["method"] == PIXEL.name and pd.isna(times["plan_time_s"]):
@@ -66,8 +73,10 @@ def cost_of(row: pd.Series) -> Cost | None:
 
 
 def baseline_costs(rows: pd.DataFrame) -> dict[str, Cost]:
-    """What packets per pixel cost on one scene: of each quality of their build the fastest, the usual quality ("same")
-    first. Whoever traces few frames builds cheaply, and whoever traces many does not."""
+    """The fastest packets per pixel on one scene for each build quality, the usual one ("same") first.
+
+    A cheap build suits few frames, a good one many.
+    """
     chosen = rows["method"].eq(PIXEL.name) & rows["packet_width"].gt(1)
     packets = rows[chosen.fillna(False).astype(bool)]
     qualities = column(packets, "own_build_quality").fillna(SAME).astype(str)
@@ -89,8 +98,7 @@ def cumulative_time_s(cost: Cost, frames: NDArray[np.integer]) -> NDArray[np.flo
 
 
 def break_even_frames(cost: Cost, baselines: Iterable[Cost]) -> int | None:
-    """The smallest number of frames from which on `cost` has taken less time in all than each of the baselines, of
-    which there is at least one.
+    """The smallest number of frames after which `cost` stays below every baseline (at least one) in total time.
 
     1 = ahead from the first frame on; None = never, which includes a lead that further frames use up.
     """
@@ -100,8 +108,7 @@ def break_even_frames(cost: Cost, baselines: Iterable[Cost]) -> int | None:
 
 def _ahead_of(cost: Cost, baseline: Cost) -> int | None:
     """As `break_even_frames`, of one baseline."""
-    # The two were measured in processes of their own, perhaps an hour apart; each was timed in rounds with the same
-    # packets, which carry the baseline's frame over.
+    # The two were timed in different processes, each in rounds with the same packets: their ratio removes drift.
     baseline_frame_s = baseline.frame_time_s
     if cost.packets_frame_time_s and baseline.packets_frame_time_s:
         baseline_frame_s *= cost.packets_frame_time_s / baseline.packets_frame_time_s
@@ -113,3 +120,133 @@ def _ahead_of(cost: Cost, baseline: Cost) -> int | None:
     if behind_s < 0:
         return 1
     return floor(behind_s / gain_s) + 2
+
+
+LAST_FRAME = 1000
+
+_BASELINE = "fastest packets per pixel"
+_HEADINGS = ("plan", "build", "first", "further", "bytes", "ahead from")
+
+
+def draw_break_even_figure(table: pd.DataFrame, columns: int = 2) -> Figure:
+    """One panel a scene (and a value of any other setting that varies); seconds over frames.
+
+    Both axes are logarithmic. A line is a method at its best split and packet width: plan, build and first frame, then
+    further frames. A ring marks the frame from which on it is ahead of packets per pixel of any build quality; their
+    line shows the cheapest. Below each panel stand the parts of the cost.
+    """
+    rows = time_rows(table)
+    rows = rows[rows["method"].isin([*_prepared(), PIXEL.name])]
+    panels = make_panels(rows, (*best_of(), "packet_width"))
+    return panels_figure(
+        panels, _draw_panel, columns, rows, f"ring: ahead of {_BASELINE} from this frame on, whatever their build",
+        "below a panel: ms once for plan and build, of the first frame and of every further one; Embree's bytes over "
+        "those of packets",
+        legend=[*(say_series(method, None) for method in _prepared()), _BASELINE], height=5.4,
+    )  # fmt: skip
+
+
+def _prepared() -> list[str]:
+    """Methods of ours but the baseline."""
+    return [method.name for method in METHODS if method.is_ours and method.name != PIXEL.name]
+
+
+def _draw_panel(axis: Axes, rows: pd.DataFrame) -> None:
+    notes: list[str] = []
+    baselines = baseline_costs(rows)
+    entries: list[tuple[str, str, dict[str, Any], Cost]] = []
+    for method in _prepared():
+        points = rows[rows["method"].eq(method).fillna(False).astype(bool)]
+        for _, width, of_width in series_of(points):
+            notes += say_unmeasured(of_width, say_series(method, width))
+        row = _best_of_all(points)
+        cost = cost_of(row) if row is not None else None
+        if row is None or cost is None:
+            if points["status"].eq("ok").any():
+                notes.append(f"{TIMES} {say_series(method, None)}: plan, build or first frame not measured")
+            continue
+        width = None if pd.isna(row["packet_width"]) else int(row["packet_width"])
+        name = ", ".join(filter(None, [say_series(method, width), say_split(row)]))
+        entries.append((say_series(method, None), name, style_of(method, None), cost))
+    if not baselines:
+        notes.append(f"{TIMES} {_BASELINE}: not measured in full, so no break-even")
+    for quality, baseline in baselines.items():
+        name = _BASELINE if baseline is next(iter(baselines.values())) else f"the same, {quality} build quality"
+        entries.append((_BASELINE, name, {"color": GREEN}, baseline))
+    _draw_lines(axis, entries, list(baselines.values()))
+    write_notes(axis, notes, _write_parts(axis, entries, list(baselines.values())))
+
+
+def _best_of_all(points: pd.DataFrame) -> pd.Series | None:
+    """The best split at the best packet width."""
+    best = best_rows(points)
+    if len(best) == 0:
+        return None
+    return best.iloc[int(np.argmax(choosing(best, OVER_PACKETS)))]
+
+
+def _draw_lines(axis: Axes, entries: list[tuple[str, str, dict[str, Any], Cost]], baselines: list[Cost]) -> None:
+    frames = np.unique(np.geomspace(1, LAST_FRAME, 200).round().astype(np.int64))
+    axis.set_xscale("log")
+    axis.set_yscale("log")
+    rings = []
+    for label, _, style, cost in entries:
+        if cost in baselines[1:]:
+            continue
+        times_s = [cumulative_time_s(one, frames) for one in (baselines if cost in baselines else [cost])]
+        line = {"color": style["color"], "linestyle": DOTTED if cost in baselines else "-"}
+        axis.plot(frames, np.min(times_s, axis=0), linewidth=1.6, label=label, zorder=3, **line)
+        even = None if not baselines or cost in baselines else break_even_frames(cost, baselines)
+        if even is not None and even <= LAST_FRAME:
+            rings.append((even, float(cumulative_time_s(cost, np.array([even]))[0]), style["color"]))
+    if entries:
+        low, high = axis.get_ylim()
+        axis.set_ylim(low / 4, high)
+    for place, (even, time_s, color) in enumerate(sorted(rings)):
+        axis.plot([even, even], [axis.get_ylim()[0], time_s], color=color, linewidth=1, linestyle=(0, (1, 2)), zorder=2)
+        axis.plot(
+            [even], [time_s], "o", color=color, markerfacecolor="white", markersize=8, markeredgewidth=1.8, zorder=5,
+            label="_ring",
+        )  # fmt: skip
+        late = even**2 > LAST_FRAME
+        # Break-evens lie close together: each number has its own height.
+        axis.annotate(
+            f"frame {even:,}", (even, 0.03 + 0.055 * place), xycoords=("data", "axes fraction"),
+            xytext=(-3 if late else 3, 0), textcoords="offset points", ha="right" if late else "left", fontsize=SMALL,
+            fontweight="bold", color=color, zorder=6,
+        )  # fmt: skip
+    axis.set_xlim(0.9, LAST_FRAME * 1.05)
+    for one in (axis.xaxis, axis.yaxis):
+        one.set_major_formatter(FuncFormatter(lambda value, _: f"{value:,.10g}"))
+    axis.set_xlabel("frames of one view")
+    axis.set_ylabel("time in s, plan and build included")
+    tidy_axis(axis)
+    if not entries:
+        axis.set_yticks([])
+        say_nothing_measured(axis)
+
+
+def _write_parts(axis: Axes, entries: list[tuple[str, str, dict[str, Any], Cost]], baselines: list[Cost]) -> int:
+    """The parts of every cost below the panel: times in ms, bytes over those of the usual packets, the break-even."""
+    lines = []
+    for _, name, style, cost in entries:
+        times = (cost.plan_time_s, cost.build_time_s, cost.first_frame_time_s, cost.frame_time_s)
+        cells = [*(_ms(time_s) for time_s in times), _say_bytes(cost, baselines), _say_even(cost, baselines)]
+        lines.append((style["color"], name, cells))
+    return write_table(axis, _HEADINGS, lines)
+
+
+def _say_bytes(cost: Cost, baselines: list[Cost]) -> str:
+    stored = baselines[0].embree_bytes if baselines else None
+    return f"{cost.embree_bytes / stored:.2f}{TIMES}" if cost.embree_bytes and stored else "-"
+
+
+def _say_even(cost: Cost, baselines: list[Cost]) -> str:
+    if not baselines or cost in baselines:
+        return "-"
+    even = break_even_frames(cost, baselines)
+    return "never" if even is None else f"frame {even:,}"
+
+
+def _ms(time_s: float) -> str:
+    return say_number(time_s * MILLISECONDS)

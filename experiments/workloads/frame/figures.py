@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import partial
-from typing import Any
 
 import pandas as pd
-from matplotlib.figure import Figure
 
 from experiments.drawing.figure import FigureKind, of_table
 from experiments.drawing.values import varies
@@ -15,7 +12,7 @@ from experiments.methods import METHODS
 from experiments.methods.aligned_forms import aligned_rows
 from experiments.results.table import workload_rows
 from experiments.workloads.frame import FRAME
-from experiments.workloads.frame.break_even_figure import draw_break_even_figure
+from experiments.workloads.frame.break_even import draw_break_even_figure
 from experiments.workloads.frame.grid_figure import draw_grid_ratios, draw_grid_times
 from experiments.workloads.frame.growth import growing_rows
 from experiments.workloads.frame.growth_figure import draw_growth_figure
@@ -31,7 +28,7 @@ def _rows(table: pd.DataFrame) -> pd.DataFrame:
     return workload_rows(table, FRAME.name)
 
 
-def _over(table: pd.DataFrame, *axes: str) -> pd.DataFrame:
+def _over(axes: tuple[str, ...], table: pd.DataFrame) -> pd.DataFrame:
     """Aligned rows, if exactly these of the splits' axes vary."""
     rows = aligned_rows(_rows(table))
     return rows if {axis for axis in _AXES if varies(rows, axis)} == set(axes) else rows[:0]
@@ -49,42 +46,29 @@ def _peers(table: pd.DataFrame) -> pd.DataFrame:
     return rows if rows["method"].isin(others).any() else rows[:0]
 
 
-def _along(axis: str, draw: Callable[..., Figure]) -> dict[str, Any]:
-    """A figure over the splits of one axis: what it can draw, and how."""
-    return {
-        "rows": lambda table: _over(table, axis),
-        "draw": of_table(partial(draw, axis_name=axis)),
-        "per_packet_width": True,
-    }
-
-
-def _on_both(draw: Callable[..., Figure]) -> dict[str, Any]:
-    """The same over the splits of both axes."""
-    return {"rows": lambda table: _over(table, *_AXES), "draw": of_table(draw), "per_packet_width": True}
-
+_OVER_SPLITS = (
+    ("figure4", "Figure 4: render time over the splits of both axes, culling off and on", _AXES, draw_grid_times),
+    ("figure4_speedup", "Figure 4 as speed-up, over the nearest hit and over all hits", _AXES, draw_grid_ratios),
+    ("figure5", "Figure 5: render time over horizontal splits, culling off and on", ("split_x",), draw_split_times),
+    (
+        "figure5_speedup", "Figure 5 as speed-up: over horizontal splits, culling off and on", ("split_x",),
+        draw_split_ratios,
+    ),
+    (
+        "figure5_vertical", "As figure 5, over vertical splits: render time, culling off and on", ("split_y",),
+        partial(draw_split_times, axis_name="split_y"),
+    ),
+    (
+        "figure5_vertical_speedup", "As figure 5, over vertical splits: speed-up, culling off and on", ("split_y",),
+        partial(draw_split_ratios, axis_name="split_y"),
+    ),
+)  # fmt: skip
+"""Name, caption, the splits' axes that vary, and what draws it."""
 
 _TELLING = (
-    FigureKind(
-        "figure4", "Figure 4: render time over the splits of both axes, culling off and on", **_on_both(draw_grid_times)
-    ),
-    FigureKind(
-        "figure4_speedup", "Figure 4 as speed-up, over the nearest hit and over all hits", **_on_both(draw_grid_ratios)
-    ),
-    FigureKind(
-        "figure5", "Figure 5: render time over horizontal splits, culling off and on",
-        **_along("split_x", draw_split_times),
-    ),
-    FigureKind(
-        "figure5_speedup", "Figure 5 as speed-up: over horizontal splits, culling off and on",
-        **_along("split_x", draw_split_ratios),
-    ),
-    FigureKind(
-        "figure5_vertical", "As figure 5, over vertical splits: render time, culling off and on",
-        **_along("split_y", draw_split_times),
-    ),
-    FigureKind(
-        "figure5_vertical_speedup", "As figure 5, over vertical splits: speed-up, culling off and on",
-        **_along("split_y", draw_split_ratios),
+    *(
+        FigureKind(name, caption, partial(_over, axes), of_table(draw), per_packet_width=True)
+        for name, caption, axes, draw in _OVER_SPLITS
     ),
     FigureKind(
         "methods", "Speed-up over packets of every method at its best split", partial(_over_all, name="method"),
@@ -95,7 +79,7 @@ _TELLING = (
         of_table(draw_break_even_figure),
     ),
     FigureKind(
-        "threads", "Speed-up over one thread", partial(_over_all, name="threads"), of_table(draw_threads_figure),
+        "threads", "Speed-up over one thread", partial(_over_all, name="threads"), of_table(draw_threads_figure)
     ),
     FigureKind(
         "growth", "Time, preparation and bytes over triangles and pixels",

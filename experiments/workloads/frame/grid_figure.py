@@ -1,5 +1,4 @@
-"""Figure 4 of the paper: time of a frame over both axes' splits, a map for culling off and one for culling on; and the
-speed-up beside it."""
+"""Figure 4 of the paper: maps of time, and of speed-up, over both axes' splits, with culling off and on."""
 
 from __future__ import annotations
 
@@ -33,11 +32,10 @@ _AXES = ("split_x", "split_y")
 
 @dataclass(frozen=True)
 class _Map:
-    """One form of the geometry in one panel.
+    """The map of one form of the geometry in one panel.
 
-    values: (N,) float64 of `points`, by which cells are coloured; NaN where missing. say: a value -> the text of its
-    cell. quantity: what the colours are, with its unit. low, high: ends of the colours, which maps of one panel share.
-    notes: lines below it.
+    values: (N,) float64 of `points`, NaN where missing; they set the colours. say: a value -> text of its cell.
+    quantity: in words, with its unit. low, high: ends of the colours, shared within a panel. notes: lines below.
     """
 
     form: str
@@ -57,22 +55,22 @@ class _Map:
 
 
 def draw_grid_times(table: pd.DataFrame, columns: int = 2) -> Figure:
-    """Two maps a scene (and a value of any other setting that varies), culling off and on: in each cell the
-    milliseconds of a frame. Framed: the best split, and the one that splits and culls nothing.
+    """Two maps a scene (and a value of any other setting that varies), culling off and on, of milliseconds a frame.
 
-    A cell without a time says why. Both maps of a scene have the same colours: compare within a scene.
+    Framed are the best split, and the one that splits and culls nothing. A cell without a time says why. Both maps of a
+    scene share their colours.
     """
-    maps = []
-    for panel in _panels(table):
-        maps += _maps(
-            panel, lambda rows: numbers(rows, "render_time_s") * MILLISECONDS, say_number, "time of a frame in ms"
-        )
+
+    def read(rows: pd.DataFrame) -> NDArray[np.float64]:
+        return numbers(rows, "render_time_s") * MILLISECONDS
+
+    maps = [one for panel in _panels(table) for one in _maps(panel, read, say_number, "time of a frame in ms")]
     return _draw(table, columns, maps, "in each cell: milliseconds of a frame; colours are logarithmic")
 
 
 def draw_grid_ratios(table: pd.DataFrame, columns: int = 2) -> Figure:
-    """The same in speed-ups under both readings of the paper's 1 x 1: ratios within rounds, single rays over
-    rtcIntersect1 and packets over packets; and below them over all hits, which is 1 x 1 without culling."""
+    """The same in speed-ups under both readings of the paper's 1 x 1: over rays of the same kind (single rays or
+    packets), and below over all hits, which is 1 x 1 without culling."""
     maps = []
     for panel in _panels(table):
         ratio, start = own_ratio(panel.rows), next(iter(all_hits(panel.rows)), np.nan)
@@ -94,13 +92,10 @@ def _panels(table: pd.DataFrame) -> list[Panel]:
 
 
 def _maps(
-    panel: Panel,
-    read: Callable[[pd.DataFrame], NDArray[np.float64]],
-    say: Callable[[float], str],
-    quantity: str,
+    panel: Panel, read: Callable[[pd.DataFrame], NDArray[np.float64]], say: Callable[[float], str], quantity: str,
     notes: Sequence[str] = (),
-) -> list[_Map]:
-    """One for each form of the geometry. read: rows -> their values; say: a value -> the text of its cell."""
+) -> list[_Map]:  # fmt: skip
+    """A map for each form of the geometry. read: rows -> their values."""
     values = only_measured(panel.rows, read(panel.rows))
     shown = values[drawable(values)]
     low, high = (float(shown.min()), float(shown.max())) if len(shown) else (1.0, 1.0)

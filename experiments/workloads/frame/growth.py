@@ -11,32 +11,33 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from experiments.drawing.style import TIMES
-from experiments.drawing.values import column, drawable, numbers, varies
+from experiments.drawing.values import drawable, numbers, varies
 from experiments.methods import find_method
 from experiments.methods.naming import best_of, say_series
 from experiments.results.settings import say_setting, settings_that_vary
+from experiments.workloads import panels
 from experiments.workloads.frame.break_even import time_rows
 from experiments.workloads.ratios import OVER_PACKETS, best_rows
 from experiments.workloads.series import series_of
 
 _PIXELS = ("width", "height")
 AXES = {"subdivided": ("subdivided",), "copies": ("copies",), "pixels": _PIXELS}
-"""What grows -> the settings by which it does."""
+"""What grows -> the settings that change it."""
 
 UNITS = {"subdivided": "triangles", "copies": "triangles", "pixels": "pixels"}
 
 _TITLES = {"subdivided": "subdivided", "copies": "copies of it as one mesh", "pixels": "larger images"}
 
 TOO_CLOSE = 0.02
-"""Methods whose times differ by no more are as fast: neither has overtaken the other."""
+"""Largest difference of logarithms at which two methods count as equally fast."""
 
 
 @dataclass(frozen=True, eq=False)
 class Growth:
     """A method and packet width at its best split; all arrays (N,), sizes ascending.
 
-    over_packets: how many times as fast as packets in the same rounds. preparation_s: plan and build. bytes: what the
-    method holds by its own account, NaN where it does not tell.
+    over_packets: speed-up over packets in the same rounds. preparation_s: plan and build. bytes: what the method holds
+    by its own account, NaN if unknown.
     """
 
     method: str
@@ -55,13 +56,10 @@ class Growth:
 
 
 @dataclass(frozen=True, eq=False)
-class Panel:
-    """Rows of one scene that differ in one of `AXES`; `details` are the settings that hold for all of them."""
+class Panel(panels.Panel):
+    """Rows of one scene that differ in one of `AXES`. details: the settings that all of them share."""
 
-    scene: str
     axis: str
-    details: str
-    rows: pd.DataFrame
 
     @property
     def title(self) -> str:
@@ -75,19 +73,19 @@ class Panel:
 def growth_panels(table: pd.DataFrame) -> list[Panel]:
     """One a scene, an axis, and a value of every other setting that varies, where at least two sizes are."""
     rows = time_rows(table)
-    panels = []
+    found = []
     for scene in rows["scene"].unique():
         of_scene = rows[rows["scene"] == scene]
         for axis, names in AXES.items():
-            # The mesh is another one because it was enlarged, which is said.
+            # An enlarged mesh has another hash.
             besides = (*best_of(), "packet_width", *names, *(() if names == _PIXELS else ("mesh_sha256",)))
             others = settings_that_vary(of_scene, besides)
             groups = of_scene.groupby(others, sort=True, dropna=False) if others else [((), of_scene)]
             for key, some in groups:
                 if any(varies(some, name) for name in names):
                     words = [say_setting(name, value) for name, value in zip(others, key, strict=True)]
-                    panels.append(Panel(str(scene), axis, ", ".join(words), some))
-    return panels
+                    found.append(Panel(str(scene), ", ".join(words), some, axis))
+    return found
 
 
 def growths(panel: Panel) -> Iterator[Growth]:
@@ -130,9 +128,9 @@ class Crossing:
 
 
 def crossings(one: Growth, other: Growth) -> list[Crossing]:
-    """Where one overtakes the other: between two sizes that both were measured at, on straight lines of logarithms.
+    """Where one overtakes the other, interpolated linearly in logarithms between sizes that both were measured at.
 
-    Both are held against packets in their own rounds, so that a slow hour of the machine is no crossing.
+    Compares speed-ups over packets in the same rounds, which drift of the machine does not change.
     """
     sizes, ratio = advantage(one, other)
     sizes, ratio = sizes[(decided := np.abs(np.log(ratio)) > TOO_CLOSE)], ratio[decided]
@@ -152,7 +150,7 @@ def advantage(one: Growth, other: Growth) -> tuple[NDArray[np.float64], NDArray[
 
 
 def say_crossings(panel: Panel) -> Iterator[str]:
-    """Of every two methods: where one overtakes the other, or by how much it leads everywhere."""
+    """For every two methods: where one overtakes the other, or by how much it leads everywhere."""
     for one, other in combinations(growths(panel), 2):
         sizes, ratio = advantage(one, other)
         if len(sizes) == 0:
@@ -197,8 +195,3 @@ def growing_rows(table: pd.DataFrame) -> pd.DataFrame:
     rows = time_rows(table)
     shown = {place for panel in growth_panels(rows) for place in panel.rows.index}
     return rows[[place in shown for place in rows.index]]
-
-
-def stands_for(panel: Panel) -> str | None:
-    names = column(panel.rows, "stands_for").dropna()
-    return str(names.iloc[0]) if len(names) else None

@@ -25,7 +25,6 @@ from experiments.workloads.frame.growth import (
     growths,
     say_count,
     say_crossings,
-    stands_for,
 )
 from experiments.workloads.series import say_unmeasured, say_wrong, series_of, style_of
 
@@ -45,7 +44,7 @@ def draw_growth_figure(table: pd.DataFrame, columns: int = 2) -> Figure:
     panels = growth_panels(table)
     figure, axes = make_figure(len(panels), columns, 5.6)
     for axis, panel in zip(axes, panels, strict=True):
-        set_panel_title(axis, panel.title, stands_for(panel))
+        set_panel_title(axis, panel.title, panel.stands_for)
         _draw_panel(axis, panel)
     widths = [None, 1, 4, 8, 16]
     names = dict.fromkeys(say_series(method.name, width) for method in METHODS for width in widths)
@@ -78,7 +77,8 @@ def _draw_panel(axis: Axes, panel: Panel) -> None:
     _finish(axis, panel, drawn)
     notes = list(say_crossings(panel))
     for method, width, points in series_of(panel.rows):
-        notes += [*say_unmeasured(points, say_series(method, width)), *say_wrong(points, say_series(method, width))]
+        name = say_series(method, width)
+        notes += [*say_unmeasured(points, name), *say_wrong(points, name)]
     write_notes(axis, notes, write_table(axis, _HEADINGS, entries))
 
 

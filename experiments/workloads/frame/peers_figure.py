@@ -10,14 +10,14 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from experiments.drawing.bars import Bar, draw_bars, finish_bar_axes, panel_height
-from experiments.drawing.pages import write_foot, write_notes
+from experiments.drawing.bars import Bar, draw_bars, finish_bar_axes
+from experiments.drawing.pages import write_notes
 from experiments.drawing.values import numbers, say_number
-from experiments.methods.naming import best_of, say_series, say_split
+from experiments.methods.naming import best_of
 from experiments.workloads.frame.break_even import time_rows
-from experiments.workloads.panels import draw_panels, make_panels
+from experiments.workloads.panels import bars_height, make_panels, panels_figure
 from experiments.workloads.ratios import best_rows
-from experiments.workloads.series import say_ratio, say_unmeasured, say_wrong, series_of, style_of
+from experiments.workloads.series import BestPoint, best_points, say_ratio, say_unmeasured, say_wrong
 
 
 def draw_peers_figure(table: pd.DataFrame, columns: int = 2) -> Figure:
@@ -28,10 +28,9 @@ def draw_peers_figure(table: pd.DataFrame, columns: int = 2) -> Figure:
     """
     rows = time_rows(table)
     panels = [panel for panel in make_panels(rows, (*best_of(), "packet_width")) if len(best_rows(panel.rows))]
-    tallest = max((len(_make_bars(panel.rows)) for panel in panels), default=0)
-    figure, _ = draw_panels(panels, _draw_panel, columns, panel_height(tallest))
-    write_foot(figure, rows, "right of a label: the rate, packets / this and its interval", *_say_missing(rows))
-    return figure
+    foot = "right of a label: the rate, packets / this and its interval", *_say_missing(rows)
+    height = bars_height(panels, lambda rows: len(_make_bars(rows)))
+    return panels_figure(panels, _draw_panel, columns, rows, *foot, height=height)
 
 
 def rays_per_s(rows: pd.DataFrame, name: str = "render_time_s") -> NDArray[np.float64]:
@@ -45,33 +44,27 @@ def _draw_panel(axis: Axes, rows: pd.DataFrame) -> None:
     bars = _make_bars(rows)
     draw_bars(axis, bars)
     finish_bar_axes(axis, bars, "million rays a second")
-    write_notes(axis, [line for method, width, points in series_of(rows)
-                       for line in say_wrong(best_rows(points), say_series(method, width))])  # fmt: skip
+    write_notes(axis, [line for one in best_points(rows) for line in say_wrong(one.best, one.name)])
 
 
 def _make_bars(rows: pd.DataFrame) -> list[Bar]:
-    bars = []
-    for method, width, points in series_of(rows):
-        best = best_rows(points)
-        if len(best) == 0:
-            continue
-        row = best.iloc[0]
-        # The longer time is the lower rate.
-        value, low, high = (
-            float(rays_per_s(best, name)[0]) for name in ("render_time_s", "render_time_high_s", "render_time_low_s")
-        )
-        label = ", ".join(filter(None, [say_series(method, width), say_split(row)]))
-        text = f"{say_number(value)}, {say_ratio(row)}"
-        bars.append(Bar(label, value, low, high, style_of(method, width)["color"], text, faint=width == 1))
+    bars = [_bar(one) for one in best_points(rows) if len(one.best)]
     return sorted(bars, key=lambda bar: bar.value if isfinite(bar.value) else 0.0, reverse=True)
+
+
+def _bar(one: BestPoint) -> Bar:
+    ends = ("", "_high", "_low")  # the longer time is the lower rate
+    value, low, high = (float(rays_per_s(one.best, f"render_time{end}_s")[0]) for end in ends)
+    text = f"{say_number(value)}, {say_ratio(one.best.iloc[0])}"
+    return Bar(one.label, value, low, high, one.color, text, faint=one.packet_width == 1)
 
 
 def _say_missing(rows: pd.DataFrame) -> list[str]:
     """Lines on what was not measured; a reason that holds for every scene is said once, without their names."""
     scenes: dict[str, list[str]] = {}
     for scene in rows["scene"].unique():
-        for method, packet_width, points in series_of(rows[rows["scene"] == scene]):
-            for line in say_unmeasured(points, say_series(method, packet_width), whole=True):
+        for one in best_points(rows[rows["scene"] == scene]):
+            for line in say_unmeasured(one.points, one.name, whole=True):
                 scenes.setdefault(line, []).append(str(scene))
     every = rows["scene"].nunique()
     return [line if len(names) == every else f"{line} ({', '.join(names)})" for line, names in scenes.items()]

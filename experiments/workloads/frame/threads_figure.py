@@ -43,8 +43,8 @@ class Scaling:
 def draw_threads_figure(table: pd.DataFrame, columns: int = 2) -> Figure:
     """One panel a scene (and a value of any other setting that varies); both axes logarithmic.
 
-    Every series follows the split that was best on one thread. A bar reaches from the lower end of the time's
-    interval on one thread over the upper end on n, to the upper over the lower: no round has both.
+    Every series follows the split that was best on one thread. A bar spans the ratios that the intervals of both times
+    allow, since no round has both.
     """
     rows = time_rows(table)
     panels = make_panels(rows, (*best_of(), "packet_width", "threads"))
@@ -90,7 +90,7 @@ def _draw_panel(axis: Axes, rows: pd.DataFrame) -> dict[str, None]:
     for place, (name, style, scaling) in enumerate(drawn):
         line = {"color": style["color"], "linestyle": style.get("linestyle", "-")}
         axis.plot(scaling.threads, scaling.speedup, linewidth=1.2, zorder=2, label="_line", **line)
-        # Series lie close together: marks stand a little beside their place. Lines do not, or they would seem steeper.
+        # Series lie close together, so marks are shifted a little; lines are not, which would change their slope.
         shift_points = 4.0 * (place - (len(drawn) - 1) / 2)
         beside = offset_copy(axis.transData, axis.get_figure(root=True), x=shift_points, units="points")
         axis.vlines(scaling.threads, scaling.low, scaling.high, color=style["color"], linewidth=1.1, transform=beside)

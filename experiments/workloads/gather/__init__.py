@@ -11,12 +11,11 @@ import numpy as np
 from atra import Count, Layers, Thickness, Transmittance
 from atra.all_hits.reductions import Reduction
 from atra.tracing.options import option
-from experiments.harness.column import REAL, WHOLE, Column
+from experiments.harness.column import WHOLE, Column
 from experiments.harness.point import Point, Workload
 from experiments.harness.records import Record
-from experiments.methods import find_method as find_method
-from experiments.workloads.baselines import OWN, PACKETS, SINGLE, TIME_COLUMNS, single_over_packets
-from experiments.workloads.resources import RESOURCE_COLUMNS, RESOURCES
+from experiments.workloads.baselines import BESIDE_BASELINES, OWN, SINGLE, TIME_COLUMNS
+from experiments.workloads.resources import PREPARATION, PREPARATION_COLUMNS, RESOURCE_COLUMNS, RESOURCES
 
 DIFFERENCES = ("hits_in_all", "hits_missing", "hits_too_many", "pixels_different")
 
@@ -32,8 +31,7 @@ class What(Enum):
 
 @dataclass(frozen=True)
 class GatherOptions:
-    """what: is gathered. layers: kept, where layers are. factor: of every triangle, where transmittance is. Raises
-    InputError for values that no ray could use."""
+    """Raises InputError for values that no ray could use."""
 
     what: What = option(What.count, "what is gathered: count, thickness, transmittance or layers")
     layers: int = option(8, "the nearest hits that are kept, where layers are gathered")
@@ -49,9 +47,7 @@ class GatherOptions:
             return Count()
         if self.what is What.thickness:
             return Thickness()
-        if self.what is What.transmittance:
-            return Transmittance(self.factor)
-        return Layers(self.layers)
+        return Transmittance(self.factor) if self.what is What.transmittance else Layers(self.layers)
 
 
 def _headline(record: Record) -> str:
@@ -76,17 +72,13 @@ GATHER = Workload(
         Column("hits_missing", WHOLE, "of these, those not found, where hits are counted", over=max),
         Column("hits_too_many", WHOLE, "hits found beside these, where hits are counted", over=max),
         Column("pixels_different", WHOLE, "pixels of which something else was gathered than by single rays", over=max),
-        Column("plan_time_s", REAL, "plan: culling and shear"),
-        Column("build_time_s", REAL, "BVH build"),
-        Column("baseline_build_time_s", REAL, "BVH build of the plain mesh"),
+        *PREPARATION_COLUMNS,
         *TIME_COLUMNS,
     ),
     headline=_headline,
     room=__name__,
     samples=lambda point: frozenset((OWN, SINGLE)),
-    optional=frozenset(PACKETS.values()),
-    judged=OWN,
-    canary=single_over_packets,
-    needs=(*RESOURCES, *DIFFERENCES, "plan_time_s", "build_time_s", "baseline_build_time_s"),
+    needs=(*RESOURCES, *DIFFERENCES, *PREPARATION),
+    **BESIDE_BASELINES,
     problem=_problem,
 )

@@ -23,15 +23,15 @@ from experiments.workloads.rounds import (
 )
 
 _EXACT_TO = 1e-5
-"""Of the largest number of an image: thicknesses are differences of depths that float32 holds."""
+"""Tolerance as a share of the image's largest value: thicknesses are differences of float32 depths."""
 
 CLOSED = ((0, 1, 6), (1, 2, 6), (2, 0, 6), (2, 1, 0))
-"""A tetrahedron, for thicknesses are those of closed meshes. One face lies in a plane through the eye, so that no copy
-can show it; a corner in the eye itself would put every sample in doubt, and seconds into deciding about them."""
+"""A tetrahedron, since thickness needs a closed mesh. The plane of one face contains the eye, so no copy can show it; a
+corner in the eye would put every sample in doubt, which takes seconds to decide."""
 
 
 class Gatherings:
-    """Gathers again and again into the same arrays, as a renderer would."""
+    """Gathers again and again into the same arrays."""
 
     def __init__(self, tracer: Any, what: Reduction[Any]) -> None:
         self._tracer, self._what = tracer, what
@@ -56,7 +56,7 @@ def measure(point: Point) -> Measured:
 
 
 def differences(own: Any, single: Any, what: Reduction[Any]) -> dict[str, int]:
-    """How what was gathered differs, by the names of DIFFERENCES; hits are 0 where they are not counted."""
+    """Differences of what was gathered, by the names of DIFFERENCES; hits are 0 where they are not counted."""
     differs: NDArray[np.bool_] = np.zeros((single.camera.height, single.camera.width), bool)
     hits = missing = too_many = 0
     for name in what.planes():

@@ -12,7 +12,6 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from experiments.drawing.axes import draw_baseline, draw_series, finish_split_axes
-from experiments.drawing.figure import FigureKind, of_table
 from experiments.drawing.missing import Missing, mark_missing, missing_points, undrawable_points
 from experiments.drawing.pages import add_legend, write_foot
 from experiments.drawing.style import BLACK, BLUE, DASHED, GREEN, ORANGE
@@ -21,9 +20,8 @@ from experiments.methods.aligned_forms import COPIED_ON, FORM_OPTIONS, aligned_f
 from experiments.methods.naming import best_of
 from experiments.methods.pixel import PIXEL
 from experiments.results.settings import settings
-from experiments.results.table import workload_rows
 from experiments.workloads.memory import MEMORY
-from experiments.workloads.panels import draw_panels, make_panels
+from experiments.workloads.panels import draw_panels, make_panels, workload_figure
 
 # Label -> the column, and whether the process's size with only the mesh loaded is taken off it.
 _SERIES: dict[str, tuple[str, bool, dict[str, Any]]] = {
@@ -32,16 +30,16 @@ _SERIES: dict[str, tuple[str, bool, dict[str, Any]]] = {
     "peak of RSS over the mesh": ("peak_rss_bytes", True, {"color": ORANGE, "marker": "v"}),
 }
 PAGE_NOISE_MIB = 1.0
-"""Growth of RSS below which it says nothing: builds of 0.1 MiB made it grow by 0.01 to 0.57 MiB."""
+"""Growth of RSS below which it is noise."""
 _BASELINE = "one ray per pixel (same colours)"
 
 
 def draw_memory_figure(table: pd.DataFrame, columns: int = 2) -> Figure:
     """One panel a scene (and a value of any other setting that varies); MiB over splits, both logarithmic.
 
-    Every point is a process of its own. Embree counts its own bytes; beside them, where it is more than the noise of
-    pages, how much the process has grown since the mesh was loaded (the peak may have been reached while it was read).
-    Dashed lines are the same three quantities of the rows of one ray per pixel. Only copies with culling are drawn.
+    Every point is one process. Beside Embree's own account stands how much the process has grown since the mesh was
+    loaded, where that exceeds the noise of pages. Dashed lines are the same quantities of one ray per pixel. Only
+    copies with culling are drawn.
     """
     panels = make_panels(aligned_rows(table), ("split_x", *FORM_OPTIONS))
     panels = [panel for panel in panels if COPIED_ON in aligned_forms(panel.rows)]
@@ -89,8 +87,5 @@ def _draw_panel(table: pd.DataFrame, axis: Axes, rows: pd.DataFrame) -> None:
 
 
 FIGURES = (
-    FigureKind(
-        "figure7", "Figure 7: memory over horizontal splits, culling on",
-        lambda table: workload_rows(table, MEMORY.name), of_table(draw_memory_figure),
-    ),
-)  # fmt: skip
+    workload_figure("figure7", "Figure 7: memory over horizontal splits, culling on", MEMORY, draw_memory_figure),
+)

@@ -1,18 +1,15 @@
-"""Frames of a moving camera, as a table for people."""
+"""Terminal output of a moving camera."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 
 import pandas as pd
-from rich.markup import escape
 from rich.table import Table
 
-from atra.errors import printable
 from experiments.methods.naming import say_split
-from experiments.workloads.best_splits import rows_by_kind
-from experiments.workloads.ratios import best_rows
 from experiments.workloads.resources import say_ms
+from experiments.workloads.tables import best_by_kind, plain, times
 
 _LEFT = ("scene", "method")
 _RATIOS = {
@@ -23,17 +20,11 @@ _RATIOS = {
 
 
 def sweep_lines(rows: pd.DataFrame) -> Iterator[Table]:
-    """The best split of each scene and kind of method. rows: those of this workload that were measured."""
+    """The best split of each scene and kind of method. rows: measured, of this workload."""
     best = Table(title="a camera that moves: best split of each scene", title_justify="left")
     for name in (*_LEFT, "frame", *_RATIOS, "pixels wrong"):
         best.add_column(name, justify="left" if name in _LEFT else "right")
-    for kind, some in rows_by_kind(rows):
-        row = best_rows(some).iloc[0]
-        best.add_row(
-            escape(printable(str(row["scene"]))),
-            escape(printable(", ".join(filter(None, [kind, say_split(row)])))),
-            say_ms(row["render_time_s"]),
-            *(f"{row[name]:.2f}x" for name in _RATIOS.values()),
-            str(some["pixels_wrong"].sum()),
-        )
+    for kind, row, some in best_by_kind(rows):
+        wrong, method = str(some["pixels_wrong"].sum()), plain(*filter(None, [kind, say_split(row)]))
+        best.add_row(plain(row["scene"]), method, say_ms(row["render_time_s"]), *times(row, *_RATIOS.values()), wrong)
     yield best

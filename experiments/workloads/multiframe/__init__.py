@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
 
@@ -13,18 +14,17 @@ from experiments.harness.column import REAL, WHOLE, Column
 from experiments.harness.point import Point, Workload
 from experiments.harness.records import Record
 from experiments.methods.aligned import ALIGNED
-from experiments.results.statistics import statistics_columns
-from experiments.workloads.baselines import OWN, PACKETS, SINGLE, TIME_COLUMNS, over_own, series, single_over_packets
+from experiments.results.statistics import Series, statistics_columns
+from experiments.workloads.baselines import BESIDE_BASELINES, OWN, SINGLE, TIME_COLUMNS, over_own, series
 from experiments.workloads.images import IMAGE_COLUMNS, PIXELS
-from experiments.workloads.resources import RESOURCE_COLUMNS, RESOURCES
+from experiments.workloads.resources import PREPARATION, RESOURCE_COLUMNS, RESOURCES
 
 SEPARATE, SEPARATE_VISIBLE, SEPARATE_RASTER = "separate", "visible_first", "rasteriser"
 """Names in the samples: one aligned tracer a frame, one visible-first tracer a frame, and one rasteriser a frame."""
 
 
 class Motion(Enum):
-    """How the frames of a point differ: eyes = two eyes side by side; walk = the camera moves, turns and zooms a
-    little every frame; turn = the camera stands still and the mesh turns (`motion.frames_of`)."""
+    """How the frames of a point differ (`motion.frames_of`)."""
 
     eyes = "eyes"
     walk = "walk"
@@ -33,8 +33,7 @@ class Motion(Enum):
 
 @dataclass(frozen=True)
 class MultiframeOptions:
-    """frames: traced together in one pass. motion: what makes them of one view. Raises InputError for fewer than two
-    frames, and for two eyes of any other number."""
+    """Raises InputError for fewer than two frames, and for two eyes of any other number."""
 
     frames: int = option(2, "images traced together; times, bytes and pixels are of all of them")
     motion: Motion = option(Motion.eyes, "how they differ: eyes, walk (the camera moves) or turn (the mesh turns)")
@@ -63,6 +62,19 @@ def _problem(point: Point) -> str | None:
     )
 
 
+def _separate_columns(name: str, over: str, ratios: Callable[[Series], Series]) -> tuple[Column, ...]:
+    """Statistics of every way with a tracer a frame. name: with {} where the way's stands."""
+    return tuple(
+        column
+        for way, sample, tracer in (
+            ("separate", SEPARATE, "aligned tracer"),
+            ("visible_first", SEPARATE_VISIBLE, "visible-first tracer"),
+            ("rasteriser", SEPARATE_RASTER, "rasteriser"),
+        )
+        for column in statistics_columns(name.format(way), f"one {tracer} a frame{over}", ratios(series(sample)))
+    )
+
+
 MULTIFRAME = Workload(
     name="multiframe",
     options=MultiframeOptions,
@@ -73,26 +85,14 @@ MULTIFRAME = Workload(
         Column("build_time_s", REAL, "BVH build of all frames together"),
         Column("baseline_build_time_s", REAL, "BVH builds of the plain meshes, frame by frame"),
         *TIME_COLUMNS,
-        *statistics_columns("separate_render_time{}_s", "one aligned tracer a frame", series(SEPARATE)),
-        *statistics_columns(
-            "visible_first_render_time{}_s", "one visible-first tracer a frame", series(SEPARATE_VISIBLE)
-        ),
-        *statistics_columns("rasteriser_render_time{}_s", "one rasteriser a frame", series(SEPARATE_RASTER)),
-        *statistics_columns("speedup_vs_separate{}", "one aligned tracer a frame / this", over_own(series(SEPARATE))),
-        *statistics_columns(
-            "speedup_vs_visible_first{}", "one visible-first tracer a frame / this", over_own(series(SEPARATE_VISIBLE))
-        ),
-        *statistics_columns(
-            "speedup_vs_rasteriser{}", "one rasteriser a frame / this", over_own(series(SEPARATE_RASTER))
-        ),
+        *_separate_columns("{}_render_time{{}}_s", "", lambda read: read),
+        *_separate_columns("speedup_vs_{}{{}}", " / this", over_own),
         Column("separate_embree_bytes", WHOLE, "what Embree holds for one aligned tracer a frame"),
     ),
     headline=_headline,
     room=__name__,
     samples=lambda point: frozenset((OWN, SINGLE, SEPARATE, SEPARATE_VISIBLE, SEPARATE_RASTER)),
-    optional=frozenset(PACKETS.values()),
-    judged=OWN,
-    canary=single_over_packets,
-    needs=(*RESOURCES, *PIXELS, "plan_time_s", "build_time_s", "baseline_build_time_s"),
+    needs=(*RESOURCES, *PIXELS, *PREPARATION),
     problem=_problem,
+    **BESIDE_BASELINES,
 )

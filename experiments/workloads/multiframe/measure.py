@@ -24,7 +24,7 @@ from experiments.methods.visible_first import VISIBLE_FIRST
 from experiments.workloads.baselines import OWN, PACKETS, SINGLE
 from experiments.workloads.images import counts, depth_errors
 from experiments.workloads.multiframe import SEPARATE, SEPARATE_RASTER, SEPARATE_VISIBLE
-from experiments.workloads.multiframe.together import make_together
+from experiments.workloads.multiframe.motion import make_together
 from experiments.workloads.rounds import (
     Frames,
     build_own,
@@ -42,16 +42,13 @@ Make = Callable[[Mesh, View], Tracer[Hits]]
 
 @dataclass(frozen=True)
 class SeparateImages:
-    """What tracers of one frame each return, in order."""
+    """Images of all frames, in order."""
 
     images: tuple[Hits, ...]
 
 
 class SeparateFrames(Lifetime):
-    """One tracer a frame, one frame after the other: what all frames together are measured against.
-
-    All its times and numbers are sums over the frames.
-    """
+    """One tracer a frame, one after the other; all times and numbers are sums over the frames."""
 
     def __init__(self, tracers: Sequence[Tracer[Hits]]) -> None:
         super().__init__()
@@ -101,8 +98,10 @@ def make(point: Point, mesh: Mesh) -> FramesTracer:
 
 
 def separate_makers(point: Point) -> dict[str, Make]:
-    """How one frame is traced alone, with the point's split where there are cells, by name in the samples. Each frame
-    alone has the whole of the point's memory budget."""
+    """Makers of tracers of one frame, by name in the samples, with the point's split where there are cells.
+
+    Each frame may use the whole memory budget.
+    """
     own = point.options
     names = "split_x", "split_y", "packet_width", "packet_rows", "robust"
     visible = AlignedCellOptions(**{name: getattr(own, name) for name in names})

@@ -1,4 +1,4 @@
-"""Several frames from one view: what each frame's camera and mesh are."""
+"""Several frames from one view: the camera and mesh of each, and the tracer of all of them together."""
 
 from __future__ import annotations
 
@@ -7,32 +7,33 @@ from math import cos, radians, sin
 import numpy as np
 from numpy.typing import NDArray
 
+from atra.alignment.aligned import FramesTracer
+from atra.alignment.alignment import Alignment, Split
+from atra.alignment.options import FramesOptions
 from atra.errors import InputError
 from atra.geometry.camera import Camera, Vector
 from atra.geometry.mesh import Mesh
+from experiments.harness.point import Point
 from experiments.workloads.multiframe import Motion
 
 EYE_DISTANCE = 1 / 200
-"""Between two eyes, as a share of the scene's diagonal: 6.5 cm in a room of 13 m. At 1,024 pixels it sets the four
-scenes' pictures 5 to 100 pixels apart."""
+"""Distance of two eyes as a share of the scene's diagonal: 6.5 cm in a room of 13 m."""
 
 STEP, STEP_TURN_DEGREES, STEP_ZOOM = 1 / 400, 0.5, 1.005
-"""What a frame of a walk adds: a step as a share of the scene's diagonal, a turn, and a factor of the field of view."""
+"""A frame of a walk adds a step, as a share of the scene's diagonal, a turn, and a factor of the field of view."""
 
 MESH_TURN_DEGREES = -0.5
-"""What a frame adds to the turn of the mesh; clockwise seen from above."""
+"""Turn that a frame adds to the mesh; clockwise seen from above."""
 
 
 def frames_of(camera: Camera, mesh: Mesh, frames: int, motion: Motion) -> tuple[tuple[Camera, ...], tuple[Mesh, ...]]:
     """The camera and the mesh of every frame; the same arguments give the same frames.
 
-    eyes: two cameras side by side that look the same way, half of EYE_DISTANCE to the left and to the right of
-    `camera`. walk: the camera steps forward, turns to its left about its up direction and widens its field of view.
-    turn: the camera stands still and every frame has vertices of its own, turned about the line through
-    `camera.target` along `camera.up`: about the middle of the scene it would carry walls through an eye in a corner.
-    Frame 0 of a walk and of a turn is the view as given. Where the mesh stands
-    still, all frames share one.
-    Raises InputError for fewer than one frame, another number of eyes than two, and a field of view that grows to 180
+    eyes: two parallel cameras, half of EYE_DISTANCE to the left and to the right of `camera`. walk: the camera steps
+    forward, turns left and widens its field of view. turn: the mesh turns about the line through `camera.target` along
+    `camera.up` (about the scene's middle, walls would pass through an eye in a corner). Frame 0 of a walk and a turn is
+    the view as given. Frames share a mesh that stands still.
+    Raises InputError for fewer than one frame, any number of eyes but two, and a field of view that grows to 180
     degrees.
     """
     if frames < 1:
@@ -83,3 +84,17 @@ def _with_view(camera: Camera, eye: NDArray, target: NDArray, fov_y_degrees: flo
 def _vector(values: NDArray) -> Vector:
     x, y, z = values.tolist()
     return x, y, z
+
+
+def make_together(point: Point, mesh: Mesh, camera: Camera) -> FramesTracer:
+    """All frames of the point's motion in one pass. Raises InputError and MemoryBudgetError as the tracer does."""
+    asked = point.workload_options
+    cameras, meshes = frames_of(camera, mesh, asked.frames, asked.motion)
+    split_x, split_y = point.options.split
+    of_frame = Split(split_x, split_y, width=camera.width, height=camera.height)
+    reference = point.options.reference
+    if asked.motion is Motion.eyes:
+        alignment = Alignment.of_eyes(cameras[0], cameras[1], of_frame, reference)
+    else:
+        alignment = Alignment.of_frames(cameras, of_frame, reference)
+    return FramesTracer(meshes, alignment, **point.options.keywords(point.tracing, FramesOptions))

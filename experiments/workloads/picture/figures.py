@@ -40,8 +40,7 @@ _MEANINGS = {
 def draw_scenes_figure(rows: pd.DataFrame, pictures: Sequence[ScenePictures], columns: int = 2) -> Figure:
     """One panel a scene: its picture, shaded from the aligned hits, its name and its number of triangles.
 
-    A scene whose picture must not be passed on has the reason in its place, so that the figure may be; and so has one
-    that was not measured, or whose picture is not in the records.
+    A picture that is missing, or must not be passed on, is replaced by the reason.
     """
     panels = make_panels(rows, best_of())
     figure, _ = draw_panels(panels, partial(_draw_scene, pictures), columns, height=4.6)
@@ -70,10 +69,7 @@ def _say_why(axis: Axes, reason: str) -> None:
 
 
 def draw_differences_figure(pictures: Sequence[ScenePictures]) -> Figure:
-    """One row a scene: the picture from the aligned hits, the one from one ray per pixel, and where they differ.
-
-    An SVG holds pictures as pixels, at the `dpi` it is saved with: 72 keeps four scenes well below 1 MB.
-    """
+    """One row a scene: the picture from the aligned hits, the one from one ray per pixel, and where they differ."""
     row_inches = [_PANEL_INCHES * one.height / one.width for one in pictures] or [1.0]
     figure = Figure(figsize=(3 * _PANEL_INCHES + 0.4, sum(row_inches) + 0.6 * len(row_inches) + 0.8))
     figure.set_layout_engine("constrained", h_pad=0.09)

@@ -18,8 +18,7 @@ from experiments.workloads.picture import PICTURE
 class ScenePictures:
     """One scene, shaded from the hits of the aligned method and of rtcIntersect1, and where they differ.
 
-    stands_for: the scene of the paper that a stand-in replaces, None for the scene itself.
-    pixels_*: verdicts over the width x height pixels. aligned, pixel, difference: PNG files.
+    stands_for: the paper's scene that this replaces. pixels_*: counts of verdicts. aligned, pixel, difference: PNGs.
     """
 
     scene: str

@@ -12,19 +12,29 @@ from experiments.harness.column import REAL, WHOLE, Column
 from experiments.harness.point import Point, Workload
 from experiments.harness.records import Record
 from experiments.methods import METHODS
-from experiments.methods import find_method as find_method
 from experiments.results.statistics import statistics_columns
 from experiments.workloads.baselines import OWN, PACKETS, SINGLE, fastest, over_own, series, single_over_packets
 from experiments.workloads.resources import RESOURCE_COLUMNS, RESOURCES, say_ms
 
 PLAIN, SORTED = "plain", "packets_sorted"
-"""Names in the samples: the same rays in the same order and packets, from the root; and the widest packets of Embree in
-that order, where it is not that of the batch."""
+"""Names in the samples: the same rays in the same order and packets, from the root; and Embree's widest packets in that
+order, if it differs from the batch's."""
 
-COUNTED = ("traversal_steps", "box_tests", "block_tests", "list_entries", "rays_from_root", "rays_proven_miss")
-"""Results by the order of `atra.bvh.single`."""
+_OWN_COUNTS = {
+    "traversal_steps": "nodes popped, or descended into",
+    "box_tests": "boxes tested",
+    "block_tests": "blocks of up to four triangles tested",
+    "list_entries": "nodes of lists put on the stack",
+    "rays_from_root": "rays, or packets, without a list",
+    "rays_proven_miss": "rays, or packets, that meet no node",
+}
+
+COUNTED = tuple(_OWN_COUNTS)
+"""Results in the order of `atra.bvh.single`."""
 
 PLAIN_COUNTED = tuple(f"plain_{name}" for name in COUNTED[:3])
+
+_COUNTS = _OWN_COUNTS | {plain: f"{name} from the root" for plain, name in zip(PLAIN_COUNTED, COUNTED, strict=False)}
 
 
 class Kind(Enum):
@@ -37,7 +47,7 @@ class Kind(Enum):
 
 @dataclass(frozen=True)
 class RayOptions:
-    """ray_kind: of the pixels; of ambient occlusion; of one diffuse bounce."""
+    """Which rays are traced."""
 
     ray_kind: Kind = option(Kind.primary, "primary, occlusion or diffuse")
 
@@ -78,15 +88,7 @@ RAYS = Workload(
             "rays_different", WHOLE, "rays that hit another triangle, or at another t, than from the root", over=max
         ),
         Column("rays_wrong", WHOLE, "rays with another triangle than rtcIntersect1, without an excuse", over=max),
-        Column("traversal_steps", WHOLE, "nodes popped, or descended into"),
-        Column("box_tests", WHOLE, "boxes tested"),
-        Column("block_tests", WHOLE, "blocks of up to four triangles tested"),
-        Column("list_entries", WHOLE, "nodes of lists put on the stack"),
-        Column("rays_from_root", WHOLE, "rays, or packets, without a list"),
-        Column("rays_proven_miss", WHOLE, "rays, or packets, that meet no node"),
-        Column("plain_traversal_steps", WHOLE, "traversal_steps from the root"),
-        Column("plain_box_tests", WHOLE, "box_tests from the root"),
-        Column("plain_block_tests", WHOLE, "block_tests from the root"),
+        *(Column(name, WHOLE, help) for name, help in _COUNTS.items()),
         Column("steps_ratio", REAL, "traversal_steps / those from the root"),
         Column("bytes_touched", WHOLE, "nodes, blocks and lists read, each as often as it is"),
         Column("plain_bytes_touched", WHOLE, "bytes_touched from the root"),

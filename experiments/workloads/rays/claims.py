@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from functools import partial
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -18,8 +19,6 @@ KINDS = ("primary", "occlusion", "diffuse")
 _OTHER_SCENES = "The paper's average is over scenes that are not here."
 _POP = "Nodes tested when popped, complete shafts within the memory of the BVH, single rays"
 _SECTIONS = {"abstract": "abstract", "lists": "§3", "memory": "§4"}
-
-Row = Mapping[str, object]
 
 
 def usual_value(name: str) -> object:
@@ -69,24 +68,29 @@ def same_hits(table: pd.DataFrame) -> Judgement | None:
     return _judged(wrong == 0 and different <= 1e-6 * rays, value, "hits differ")
 
 
+def _mean_of_all(table: pd.DataFrame, name: str) -> tuple[pd.DataFrame, float, str] | None:
+    """Usual rows, the geometric mean of a column and it in words; None unless all kinds of rays are there."""
+    rows = usual(table)
+    if rows["ray_kind"].nunique() < len(KINDS):
+        return None
+    mean = _mean(numbers(rows, name))
+    return rows, mean, f"{mean:.2f} ({_each(rows, name)})"
+
+
 def fewer_steps(table: pd.DataFrame) -> Judgement | None:
     """Geometric mean of steps_ratio."""
-    rows = usual(table)
-    if rows["ray_kind"].nunique() < len(KINDS):  # the average is over all
+    if (found := _mean_of_all(table, "steps_ratio")) is None:
         return None
-    mean = _mean(numbers(rows, "steps_ratio"))
-    value = f"{mean:.2f} ({_each(rows, 'steps_ratio')})"
+    _, mean, value = found
     return _judged(mean <= 0.58, value, f"{mean:.2f} of the steps. {_OTHER_SCENES}")
 
 
 def less_time(table: pd.DataFrame) -> Judgement | None:
     """Geometric mean of speedup_vs_bvh, and its interval."""
-    rows = usual(table)
-    if rows["ray_kind"].nunique() < len(KINDS):  # the average is over all
+    if (found := _mean_of_all(table, "speedup_vs_bvh")) is None:
         return None
-    mean = _mean(numbers(rows, "speedup_vs_bvh"))
+    rows, _, value = found
     ends = [numbers(rows, f"speedup_vs_bvh_{end}") for end in ("low", "high")]
-    value = f"{mean:.2f} ({_each(rows, 'speedup_vs_bvh')})"
     if not np.isfinite(ends).all():
         return Judgement(UNDECIDED, value, None, "too few processes for an interval")
     low, high = (_mean(end) for end in ends)
@@ -94,13 +98,18 @@ def less_time(table: pd.DataFrame) -> Judgement | None:
     return _judged(high >= 1.18, value, why, f"[{low:.2f}, {high:.2f}]")
 
 
+def _on_every(rows: pd.DataFrame, values: Any, holds: Any, why: str) -> Judgement | None:
+    """Whether a condition holds on every row, told with the values of all; None without rows."""
+    if not len(rows):
+        return None
+    return _judged(bool(np.all(holds)), _each(rows.assign(value=values), "value"), why)
+
+
 def less_traffic(table: pd.DataFrame) -> Judgement | None:
     """bytes_touched below those from the root."""
     rows = usual(table)
-    if not len(rows):
-        return None
-    rows = rows.assign(ratio=numbers(rows, "bytes_touched") / numbers(rows, "plain_bytes_touched"))
-    return _judged(bool((rows["ratio"] < 1).all()), _each(rows, "ratio"), "some rays read more")
+    ratio = numbers(rows, "bytes_touched") / numbers(rows, "plain_bytes_touched")
+    return _on_every(rows, ratio, ratio < 1, "some rays read more")
 
 
 def half_is_best(table: pd.DataFrame) -> Judgement | None:
@@ -132,52 +141,40 @@ def high_nears_root(table: pd.DataFrame) -> Judgement | None:
 def dedup_saves(table: pd.DataFrame) -> Judgement | None:
     """Bytes of lists saved by storing equal ones once, between 10 and 80 %."""
     rows = usual(table)
-    if not len(rows):
-        return None
     whole = 4 * numbers(rows, "shafts_built") * (1 + numbers(rows, "list_length_mean"))
-    rows = rows.assign(saved=1 - numbers(rows, "list_bytes") / whole)
-    inside = bool(rows["saved"].between(0.1, 0.8).all())
-    return _judged(inside, _each(rows, "saved"), "outside on some scene")
+    saved = 1 - numbers(rows, "list_bytes") / whole
+    return _on_every(rows, saved, (saved >= 0.1) & (saved <= 0.8), "outside on some scene")
 
 
 def occupied_serves(table: pd.DataFrame) -> Judgement | None:
     """No secondary ray starts from the root with lists for occupied voxels alone."""
     rows = usual(table, shaft_subset="occupied")
     rows = rows[rows["ray_kind"].ne(KINDS[0])]
-    if not len(rows):
-        return None
-    return _judged(bool(rows["rays_from_root"].eq(0).all()), _each(rows, "rays_from_root"), "some start from the root")
+    count = rows["rays_from_root"]
+    return _on_every(rows, count, count.eq(0).all(), "some start from the root")
 
 
 def occlusion_helps(table: pd.DataFrame) -> Judgement | None:
     """Fewer entries and steps than with probabilities that no hit ends."""
     pairs = _pairs(usual(table), usual(table, shaft_occlusion=False))
-    if not len(pairs):
-        return None
-    fewer = (pairs["list_length_mean"] <= pairs["list_length_mean_other"]) & (
-        pairs["steps_ratio"] <= pairs["steps_ratio_other"]
-    )
-    pairs["gain"] = numbers(pairs, "steps_ratio_other") / numbers(pairs, "steps_ratio")
-    return _judged(bool(fewer.all()), _each(pairs, "gain"), "not on every scene")
+    fewer = [pairs[name] <= pairs[f"{name}_other"] for name in ("list_length_mean", "steps_ratio")]
+    gain = numbers(pairs, "steps_ratio_other") / numbers(pairs, "steps_ratio")
+    return _on_every(pairs, gain, (fewer[0] & fewer[1]).all(), "not on every scene")
 
 
 def subset_is_efficient(table: pd.DataFrame) -> Judgement | None:
     """Lists for the most used shafts: half the bytes, and at most 1.05 times the steps."""
     pairs = _pairs(usual(table, shaft_subset="sampled", shaft_cells=any), usual(table, shaft_cells=any))
-    if not len(pairs):
-        return None
-    pairs["bytes"] = numbers(pairs, "list_bytes") / numbers(pairs, "list_bytes_other")
-    good = (pairs["bytes"] <= 0.5) & (pairs["steps_ratio"] <= 1.05 * pairs["steps_ratio_other"])
-    return _judged(bool(good.all()), _each(pairs, "bytes"), "not on every scene")
+    share = numbers(pairs, "list_bytes") / numbers(pairs, "list_bytes_other")
+    steps = pairs["steps_ratio"] <= 1.05 * pairs["steps_ratio_other"]
+    return _on_every(pairs, share, (steps & (share <= 0.5)).all(), "not on every scene")
 
 
 def much_lower(table: pd.DataFrame) -> Judgement | None:
     """Height of the entries, at most half that of the root."""
     rows = usual(table)
-    if not len(rows):
-        return None
-    rows = rows.assign(height=numbers(rows, "entry_height_mean") / numbers(rows, "root_height"))
-    return _judged(bool((rows["height"] <= 0.5).all()), _each(rows, "height"), "higher on some scene")
+    height = numbers(rows, "entry_height_mean") / numbers(rows, "root_height")
+    return _on_every(rows, height, height <= 0.5, "higher on some scene")
 
 
 def _bytes_of_lists(rows: pd.DataFrame) -> NDArray[np.float64]:
@@ -209,10 +206,8 @@ def occupied_as_fast(table: pd.DataFrame) -> Judgement | None:
     """Time with lists for occupied voxels alone, within 1.05 of all, secondary rays."""
     pairs = _pairs(usual(table, shaft_subset="occupied"), usual(table))
     pairs = pairs[pairs["ray_kind"].ne(KINDS[0])]
-    if not len(pairs):
-        return None
-    pairs["time"] = numbers(pairs, "speedup_vs_bvh_other") / numbers(pairs, "speedup_vs_bvh")
-    return _judged(bool((pairs["time"] <= 1.05).all()), _each(pairs, "time"), "slower on some scene")
+    time = numbers(pairs, "speedup_vs_bvh_other") / numbers(pairs, "speedup_vs_bvh")
+    return _on_every(pairs, time, time <= 1.05, "slower on some scene")
 
 
 def _pairs(rows: pd.DataFrame, others: pd.DataFrame) -> pd.DataFrame:

@@ -10,11 +10,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from experiments.drawing.figure import FigureKind, of_table
-from experiments.drawing.pages import add_legend, write_foot
 from experiments.drawing.style import BLUE, DASHED, DOTTED, GREY, ORANGE, VERMILLION
 from experiments.drawing.values import numbers
 from experiments.results.table import workload_rows
-from experiments.workloads.panels import draw_panels, make_panels
+from experiments.workloads.panels import make_panels, panels_figure
 from experiments.workloads.rays import RAYS, Kind
 from experiments.workloads.rays.claims import usual
 
@@ -25,31 +24,23 @@ _STYLES = {
 }
 """Colour, marker and dash of each kind of rays."""
 
-_SETTINGS = {
-    "shaft_probability": "probability from which a node is opened",
-    "shafts": "shafts",
-}
-
+_SETTINGS = {"shaft_probability": "probability from which a node is opened", "shafts": "shafts"}
 _OPTIONS = {"shaft_probability": ("shaft_probability",), "shafts": ("shaft_cells", "shaft_directions")}
 
 
 def _over(setting: str, table: pd.DataFrame) -> pd.DataFrame:
-    """The rows in which only what the setting is made of is not as it is by default, of the scenes that vary in it."""
+    """The rows with default options but for those that make the setting, if it has three values or more."""
     changes = dict.fromkeys(_OPTIONS[setting], any)
     rows = usual(workload_rows(table, RAYS.name), **changes)
-    if rows.empty or rows[setting].nunique() < 3:
-        return rows[:0]
-    return rows
+    return rows[:0] if rows.empty or rows[setting].nunique() < 3 else rows
 
 
 def draw(rows: pd.DataFrame, columns: int, setting: str) -> Figure:
     """A panel a scene: steps over those from the root, a line for each kind of rays, and of each number of
     directions."""
     panels = make_panels(rows, ("ray_kind", *_OPTIONS[setting]))
-    figure, axes = draw_panels(panels, partial(_draw_panel, setting=setting), columns)
-    add_legend(figure, axes, list(_STYLES))
-    write_foot(figure, rows, "1: as many steps as from the root")
-    return figure
+    draw_panel = partial(_draw_panel, setting=setting)
+    return panels_figure(panels, draw_panel, columns, rows, "1: as many steps as from the root", legend=list(_STYLES))
 
 
 def _draw_panel(axis: Axes, rows: pd.DataFrame, setting: str) -> None:

@@ -20,6 +20,7 @@ from experiments.harness.point import Point, Workload
 from experiments.harness.records import Record
 from experiments.results.statistics import statistics_columns
 from experiments.workloads.baselines import (
+    BESIDE_BASELINES,
     OWN,
     PACKETS,
     SINGLE,
@@ -27,10 +28,9 @@ from experiments.workloads.baselines import (
     over_own,
     packets_width,
     series,
-    single_over_packets,
 )
 from experiments.workloads.images import IMAGE_COLUMNS, PIXELS
-from experiments.workloads.resources import RESOURCE_COLUMNS, RESOURCES, say_ms
+from experiments.workloads.resources import PREPARATION, PREPARATION_COLUMNS, RESOURCE_COLUMNS, RESOURCES, say_ms
 from experiments.workloads.under_sky import UnderSky
 
 STAGES = {
@@ -189,9 +189,7 @@ RENDER = Workload(
         *RESOURCE_COLUMNS,
         *IMAGE_COLUMNS,
         Column("pixels_unlike", WHOLE, "pixels of another colour where rtcIntersect1 sees the same triangle", over=max),
-        Column("plan_time_s", REAL, "plan: culling and shear"),
-        Column("build_time_s", REAL, "BVH build"),
-        Column("baseline_build_time_s", REAL, "BVH build of the plain mesh"),
+        *PREPARATION_COLUMNS,
         *TIME_COLUMNS,
         *statistics_columns("primary_time{}_s", "primary visibility of a picture", series(primary(OWN))),
         *statistics_columns("speedup_forecast{}", "the gain over packets that Amdahl's law forecasts", _forecast),
@@ -210,11 +208,6 @@ RENDER = Workload(
     headline=_headline,
     room=__name__,
     samples=_samples,
-    optional=frozenset(PACKETS.values()),
-    judged=OWN,
-    canary=single_over_packets,
-    needs=(
-        *RESOURCES, *PIXELS, "plan_time_s", "build_time_s", "baseline_build_time_s", "rays", "stages",
-        "stages_over_frame",
-    ),
+    needs=(*RESOURCES, *PIXELS, *PREPARATION, "rays", "stages", "stages_over_frame"),
+    **BESIDE_BASELINES,
 )  # fmt: skip

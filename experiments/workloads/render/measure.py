@@ -34,10 +34,9 @@ from scenes.lit.lighting import length_of, lit
 
 
 class Primaries:
-    """Tracers of one view behind one, so that all that comes after is the same memory and code whichever is `chosen`.
+    """Several tracers of one view as one, so that a renderer runs the same code on the same memory with any of them.
 
-    Each traces again and again into an image of its own, as a renderer would. They are planned, built and closed by
-    their owner.
+    The `chosen` one traces, each into its own image. Their owner plans, builds and closes them.
     """
 
     plan_time_s = build_time_s = 0.0
@@ -65,7 +64,7 @@ class Primaries:
 
 
 class Pictures:
-    """Makes pictures with one or another primary visibility; keeps the seconds of their stages."""
+    """Makes pictures with a choice of primary visibility, and keeps the seconds of their stages."""
 
     def __init__(self, renderer: HybridRenderer | PathRenderer, primaries: Primaries, samples: int) -> None:
         self.renderer, self._primaries, self._samples = renderer, primaries, samples
@@ -87,7 +86,7 @@ class Pictures:
 
 
 def make_renderer(point: Point, scene: RenderScene, view: View, tracer: Any) -> HybridRenderer | PathRenderer:
-    """What the point's options say, with this primary visibility."""
+    """The configured renderer, with this tracer for primary visibility."""
     options = point.workload_options
     kind = PathRenderer if options.frame is Kind.path else HybridRenderer
     given = options.of_library(length_of(scene.mesh, 1.0)) | {
@@ -135,15 +134,12 @@ def measure(point: Point) -> Measured:
         agreements = [compare(own.mesh, own.camera, hits, single)]
         unlike = (image != single_image).any(axis=-1) & (hits.prim_id == single.prim_id)
         images = 1 if options.jitter == "off" else options.samples
+        shares = [sum(one.values()) / whole for one, whole in zip(stages[OWN], timed.samples[OWN], strict=True)]
         results |= counts(agreements) | depth_errors(agreements) | plan_and_build_again(own)
         results |= {
             "pixels_unlike": int(np.count_nonzero(unlike)),
             "rays": rays + images * point.width * point.height,
-            "stages_over_frame": float(
-                np.median(
-                    [sum(one.values()) / whole for one, whole in zip(stages[OWN], timed.samples[OWN], strict=True)]
-                )
-            ),
+            "stages_over_frame": float(np.median(shares)),
             "stages": {name: float(np.median([one[name] for one in stages[OWN]])) for name in stages[OWN][0]},
         }
     made = measured(results, timed)

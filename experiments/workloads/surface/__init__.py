@@ -1,5 +1,5 @@
-"""Workload `surface`: frames for those who need barycentric weights and normals, too: Embree hands them over with every
-packet, and aligned tracers leave them to be computed on demand."""
+"""Workload `surface`: frames with barycentric weights and normals, which Embree returns with every packet and aligned
+tracers compute on demand."""
 
 from __future__ import annotations
 
@@ -23,27 +23,21 @@ def _headline(record: Record) -> str:
     return f"{say_ms(own)}, with u, v and normals {say_ms(surface)}; packets {say_ms(packets)} and {say_ms(stored)}"
 
 
+_own, _surface, _packets, _stored = map(series, (OWN, OWN_SURFACE, PLAIN_PACKETS, PACKETS_SURFACE))
+
 SURFACE = Workload(
     name="surface",
     options=NoOptions,
     columns=(
         *RESOURCE_COLUMNS,
-        *statistics_columns("render_time{}_s", "one frame", series(OWN)),
-        *statistics_columns("surface_time{}_s", "one frame, and u, v and normals on demand", series(OWN_SURFACE)),
-        *statistics_columns("packets_time{}_s", "the widest packets per pixel", series(PLAIN_PACKETS)),
+        *statistics_columns("render_time{}_s", "one frame", _own),
+        *statistics_columns("surface_time{}_s", "one frame, and u, v and normals on demand", _surface),
+        *statistics_columns("packets_time{}_s", "the widest packets per pixel", _packets),
+        *statistics_columns("packets_surface_time{}_s", "the widest packets, storing u, v and normals", _stored),
+        *statistics_columns("surface_over_frame{}", "with u, v and normals / without", over(_surface, _own)),
+        *statistics_columns("packets_surface_over_frame{}", "the same of packets per pixel", over(_stored, _packets)),
         *statistics_columns(
-            "packets_surface_time{}_s", "the widest packets, storing u, v and normals", series(PACKETS_SURFACE)
-        ),
-        *statistics_columns(
-            "surface_over_frame{}", "with u, v and normals / without", over(series(OWN_SURFACE), series(OWN))
-        ),
-        *statistics_columns(
-            "packets_surface_over_frame{}", "the same of packets per pixel",
-            over(series(PACKETS_SURFACE), series(PLAIN_PACKETS)),
-        ),
-        *statistics_columns(
-            "speedup_vs_packets_with_surface{}", "packets / this, both with u, v and normals",
-            over(series(PACKETS_SURFACE), series(OWN_SURFACE)),
+            "speedup_vs_packets_with_surface{}", "packets / this, both with u, v and normals", over(_stored, _surface)
         ),
     ),
     headline=_headline,

@@ -7,14 +7,39 @@ from contextlib import ExitStack
 import numpy as np
 from numpy.typing import NDArray
 
+from atra.embree.packets_kernels import Image, RayGrid
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.hits import Hits
+from atra.packets.pixel import PixelTracer
+from atra.packets.pixel_kernels import Surface, surface_kernel
+from atra.tracing.rays import image_ray_grid
 from experiments.harness.point import Measured, Point, make_own
 from experiments.workloads.baselines import OWN
 from experiments.workloads.rounds import Frames, build_own, make_single, measured, shrunk, timed_rounds, warm_up
 from experiments.workloads.surface import OWN_SURFACE, PACKETS_SURFACE, PLAIN_PACKETS
-from experiments.workloads.surface.packets import SurfacePackets
+
+
+class SurfacePackets(PixelTracer):
+    """Packets per pixel that also store u, v and normals in `surface`, which is undefined where nothing is hit.
+
+    Ties are resolved in `prim_id` only: where triangles tie, u, v and normals may belong to another one.
+    """
+
+    def _show(self, mesh: Mesh, camera: View) -> None:
+        super()._show(mesh, camera)
+        size = camera.height, camera.width
+        self.surface = Surface(np.empty(size, np.float32), np.empty(size, np.float32), np.empty((*size, 3), np.float32))
+
+    def _run(self, offset: tuple[float, float], depth: NDArray, prim_id: NDArray) -> None:
+        tiles, scene, surface = self._tiles, self._scene_address, self.surface
+        rays, image = RayGrid(*image_ray_grid(self.camera, offset, self.packet_shape)), Image(depth, prim_id)
+        kernel = surface_kernel(*self.packet_shape)
+
+        def work(worker: int, counter: int) -> None:
+            kernel(counter, scene, self._workspaces[worker].packet, rays, tiles, image, surface)
+
+        self._pool.run(work)
 
 
 def measure(point: Point) -> Measured:

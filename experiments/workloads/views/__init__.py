@@ -1,12 +1,11 @@
-"""Workload `views`: what a mesh and many cameras cost from the first call to the last result, or a million rays that
-come from no camera; by the point's method, and in the same rounds by the library as its page says to call it."""
+"""Workload `views`: a mesh seen by many cameras, or a batch of rays, from the first call to the last result; by the
+point's method and, in the same rounds, by the library with default options."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum
 from statistics import median
-from typing import Any
 
 from atra.errors import InputError
 from atra.tracing.options import option
@@ -14,18 +13,16 @@ from experiments.harness.column import REAL, Column
 from experiments.harness.point import Point, Workload
 from experiments.harness.records import Record
 from experiments.methods import METHODS
-from experiments.methods import find_method as find_method
-from experiments.results.statistics import Series, statistics_columns
-from experiments.workloads.baselines import OWN, series
+from experiments.results.statistics import statistics_columns
+from experiments.workloads.baselines import OWN, over, series
 
 LIBRARY = "library"
 """Name in the samples of `atra.render_views` or `atra.RayScene.intersect`."""
 
 
 class Job(Enum):
-    """views: all images of cameras around the point's, and whatever has to be built and made for them.
-    camera_rays, random_rays: one call with as many rays as the image has pixels, of its camera or from anywhere in the
-    mesh to anywhere, where the BVH is built."""
+    """views: all images of cameras around the point's, with all that is built for them. camera_rays, random_rays: one
+    call with as many rays as the image has pixels, of the camera or random in the mesh; building is not counted."""
 
     views = "views"
     camera_rays = "camera_rays"
@@ -44,9 +41,8 @@ class ViewsOptions:
             raise InputError(f"workload.views is {self.views}, expected a whole number of at least 1")
 
 
-def _gain(record: Record) -> Any:
-    own, library = series(OWN)(record), series(LIBRARY)(record)
-    return None if own is None or library is None else own / library
+_own, _library = series(OWN), series(LIBRARY)
+_gain = over(_own, _library)
 
 
 def _headline(record: Record) -> str:
@@ -63,9 +59,6 @@ def _problem(point: Point) -> str | None:
         f"method={point.method.name} with workload.job={job.value}, expected a tracer of others beside ours: {others}"
     )
 
-
-_own: Series = series(OWN)
-_library: Series = series(LIBRARY)
 
 VIEWS = Workload(
     name="views",

@@ -13,7 +13,7 @@ from experiments.results.terminal import results_console
 from experiments.workloads.baselines import OWN
 from experiments.workloads.views import LIBRARY, VIEWS, Job, ViewsOptions
 from experiments.workloads.views import measure as measuring
-from experiments.workloads.views.cameras import camera_rays, cameras_around, random_rays
+from experiments.workloads.views.measure import camera_rays, cameras_around, random_rays
 from experiments.workloads.views.terminal import sweep_lines
 from tests import points
 from tests.images import assert_same_bits

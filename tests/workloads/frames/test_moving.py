@@ -11,9 +11,7 @@ from experiments.results.terminal import results_console
 from experiments.workloads.baselines import OWN, SINGLE
 from experiments.workloads.moving import KEPT, STILL
 from experiments.workloads.moving.figures import draw_moving_figure
-from experiments.workloads.moving.kept import KeptPackets
-from experiments.workloads.moving.measure import MovingFrames
-from experiments.workloads.moving.path import EYES, RADIUS, eyes_around
+from experiments.workloads.moving.measure import EYES, RADIUS, KeptPackets, MovingFrames, eyes_around
 from experiments.workloads.moving.terminal import sweep_lines
 from experiments.workloads.rounds import expert_packet_widths
 from tests.drawn import bars, line, make_rows, method_row, whiskers, words

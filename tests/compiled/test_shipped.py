@@ -16,11 +16,10 @@ import atra
 from atra.command.compiling import JOBS, said_of_kernels
 from atra.compiled import progress, store
 from atra.compiled.instruction_sets import instruction_sets_here
+from tests.compiled.test_kernel_cache import TWO_KINDS, imported, with_another_bit
+from tests.folders import ROOT
 from tests.images import assert_same_bits
 from tests.meshes import cornell_box, cornell_camera
-from tests.test_kernel_cache import TWO_KINDS, imported, with_another_bit
-
-ROOT = Path(__file__).parents[1]
 
 
 @pytest.fixture

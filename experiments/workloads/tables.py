@@ -1,0 +1,101 @@
+"""Tables of results for a terminal of 80 columns."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+
+import pandas as pd
+from rich import box
+from rich.markup import escape
+from rich.table import Table
+
+from atra.errors import printable
+from experiments.methods.naming import TIMES, best_of, say_kind, say_split
+from experiments.results.claims import Claim, judge_claim
+from experiments.results.settings import say_setting, settings_that_vary
+from experiments.workloads.ratios import best_rows
+from experiments.workloads.resources import say_ms
+
+
+def narrow_table(title: str, first: str, headings: Sequence[str]) -> Table:
+    """An empty table. first: heading of the first column, which wraps. headings: of the right-aligned others."""
+    table = Table(title=title, title_justify="left", box=box.SIMPLE, padding=(0, 1, 0, 0), pad_edge=False)
+    table.add_column(first, overflow="fold")
+    for name in headings:
+        table.add_column(name, justify="right")
+    return table
+
+
+def plain(*words: object) -> str:
+    """Words with commas between them, safe to print: names of scenes may hold markup and control characters."""
+    return escape(printable(", ".join(map(str, words))))
+
+
+def varying_words(row: pd.Series, varying: Sequence[str]) -> list[str]:
+    """The varying settings of a row, in words."""
+    return [say_setting(name, row[name]) for name in varying]
+
+
+def grid_of(row: pd.Series) -> str:
+    """The split of a row in ASCII, "128 x 1"."""
+    return say_split(row).partition(",")[0].replace(TIMES, "x")
+
+
+def times(row: pd.Series, *names: str) -> list[str]:
+    """Ratios of a row, "1.25x" each."""
+    return [f"{row[name]:.2f}x" for name in names]
+
+
+def best_rows_by(
+    rows: pd.DataFrame, words: Sequence[Sequence[str]], column: str
+) -> Iterator[tuple[str, pd.Series, pd.DataFrame]]:
+    """The words, the best row and all rows of each scene, words (of each row) and value of the column."""
+    told = pd.Series([", ".join(one) for one in words], index=rows.index, dtype="object")
+    for (_, said, _), some in rows.groupby(["scene", told, column], sort=False):
+        yield said, best_rows(some).iloc[0], some
+
+
+def best_by_kind(rows: pd.DataFrame) -> Iterator[tuple[str, pd.Series, pd.DataFrame]]:
+    """`best_rows_by` kind of method, settings that vary, and packet width."""
+    varying = settings_that_vary(rows, (*best_of(), "packet_width"))
+    words = [[say_kind(row), *varying_words(row, varying)] for _, row in rows.iterrows()]
+    return best_rows_by(rows, words, "packet_width")
+
+
+def best_split_table(rows: pd.DataFrame, unlike: str) -> Table:
+    """The best split of each scene, kind of method and packet width, with all that is wrong over the splits.
+
+    rows: measured, of one workload. unlike: the column that counts deviating pixels.
+    """
+    headings = ("packets\nof", "split", "frame", "single\nrays", "packets", unlike.replace("_", "\n"))
+    table = narrow_table(
+        "best split of each scene, and speed-up over single rays and packets", "scene, method", headings
+    )
+    for kind, row, some in best_by_kind(rows):
+        table.add_row(
+            plain(row["scene"], kind), str(row["packet_width"]), grid_of(row), say_ms(row["render_time_s"]),
+            *times(row, "speedup", "speedup_vs_packets"), str(some[unlike].sum()),
+        )  # fmt: skip
+    return table
+
+
+def points_table(title: str, rows: pd.DataFrame, columns: Mapping[str, tuple[str, str]]) -> Table:
+    """A line for every point: what tells it apart, and some of its numbers.
+
+    columns: heading -> the column of `rows` and the format of its numbers; a missing one stays blank.
+    """
+    table = narrow_table(title, "point", list(columns))
+    varying = settings_that_vary(rows)
+    for _, row in rows.iterrows():
+        numbers = [form.format(row[name]) if pd.notna(row[name]) else "" for name, form in columns.values()]
+        table.add_row(plain(row["scene"], *varying_words(row, varying)), *numbers)
+    return table
+
+
+def claim_lines(claims: Sequence[Claim], rows: pd.DataFrame, but: Sequence[str] = ()) -> Iterator[str]:
+    """A line for every claim: its verdict, unless that is one of `but`, its value and the reason."""
+    for claim in claims:
+        for judged in judge_claim(claim, rows):
+            if judged.verdict not in but:
+                told = ", ".join(filter(None, [judged.value, judged.why]))
+                yield f"{claim.text} {judged.verdict}{f' ({told})' if told else ''}"
