@@ -8,14 +8,15 @@ import numpy as np
 import pytest
 
 import atra
+import atra.rays.order
 import atra.rays.scene
 from atra.compiled.instruction_sets import chosen_instruction_set, cpu_features
 from atra.embree.layout import FLAG_COHERENT
 from atra.embree.library import load_library
 from atra.exact.brute_force_kernels import nearest_triangles
 from atra.exact.intersection import intersect_rays
+from atra.rays.order import FEWEST_RAYS, box_of
 from atra.rays.rays_kernels import CELLS, CHUNK, SORTED_CHUNK
-from atra.rays.scene import FEWEST_RAYS, box_of
 from tests.images import assert_no_pixel_wrong, assert_same_bits, trace
 from tests.meshes import EYE_AT_ORIGIN, boards, cornell_box, cornell_camera, quads, random_triangles
 from tests.packets.test_axis_near_views import closed_box
@@ -463,7 +464,7 @@ def assert_same_bits_of_rays(found, expected):
 
 @each_width
 def test_the_order_that_a_large_batch_is_traced_in_changes_no_bit(width, monkeypatch):
-    monkeypatch.setattr(atra.rays.scene, "FEWEST_TRIANGLES", 1)
+    monkeypatch.setattr(atra.rays.order, "FEWEST_TRIANGLES", 1)
     monkeypatch.setattr(atra.rays.scene, "ORDERED", FEWEST_RAYS - 700)  # in two parts, the second of 777
     mesh, ordered = MESHES["many small"], []
     order = atra.RayScene._ordered
