@@ -15,7 +15,8 @@ from pathlib import Path
 import numpy as np
 
 import atra
-from atra.compiled.instruction_sets import native_lanes, processor_compiled_for
+from atra.command.doctor import say_kernels
+from atra.compiled.instruction_sets import native_lanes
 from atra.compiled.progress import QUIET_VARIABLE
 from atra.compiled.store import INTO_VARIABLE, cache_folder
 from atra.compiled.threads import resolve_threads
@@ -47,28 +48,8 @@ def run_compile(arguments: Namespace) -> int:
         for count, done in enumerate(as_completed(running), 1):
             done.result()
             print(f"{count} of {len(names)}: {running[done]}", file=sys.stderr)
-    print(said_of_kernels(folder))
+    print(say_kernels(folder))
     return 0
-
-
-def said_of_kernels(folder: Path | None = None) -> str:
-    """Where kernels are kept, how large they are, and which processors they serve."""
-    kept = [folder] if folder is not None else _folders()
-    size = sum(file.stat().st_size for place in kept for file in place.rglob("*.nb[ic]"))
-    where = str(folder) if folder is not None else _said_of_places(kept)
-    return f"kernels of {size / 1e6:.1f} MB in {where}, for processors of {processor_compiled_for()}"
-
-
-def _folders() -> list[Path]:
-    """The folders in which Numba keeps the kernels of each room."""
-    package = Path(atra.__file__ or "").parent
-    if (given := os.environ.get("NUMBA_CACHE_DIR")) is not None:
-        return [Path(given)]
-    return [package] if any(package.rglob("*.nbi")) else [Path(cache_folder() or package).parent]
-
-
-def _said_of_places(kept: list[Path]) -> str:
-    return ", ".join(map(str, kept))
 
 
 def _run(name: str) -> None:

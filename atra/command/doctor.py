@@ -8,10 +8,11 @@ import textwrap
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
+from pathlib import Path
 
 import atra
-from atra.compiled.instruction_sets import VARIABLE, instruction_sets_here
-from atra.compiled.store import cache_folder
+from atra.compiled.instruction_sets import VARIABLE, instruction_sets_here, processor_compiled_for
+from atra.compiled.store import SHIPPED, cache_folder
 from atra.compiled.threads import resolve_threads
 from atra.embree.library import OVERRIDE_VARIABLE, Library, embree_version, load_library
 from atra.errors import AtraError, printable
@@ -94,9 +95,29 @@ def say_instructions(extensions: Sequence[str] = ()) -> str:
     return f"{here}; {used}"
 
 
-def say_kernels() -> str:
-    """The folder of compiled kernels."""
-    return f"kept in {cache_folder()}" if cache_folder() else "not kept"
+def say_kernels(folder: Path | None = None) -> str:
+    """Where compiled kernels are, how large they are, and the processors they serve. folder: where they were put."""
+    if folder is not None:
+        places = {"in": folder}
+    else:
+        kept = kept_in()
+        places = ({"shipped in": SHIPPED} if SHIPPED.is_dir() else {}) | ({} if kept is None else {"kept in": kept})
+    said = [f"{_size_mb(place):.1f} MB {how} {place}" for how, place in places.items()]
+    return f"{' and '.join(said) or 'not kept'}, compiled for {processor_compiled_for()}"
+
+
+def kept_in() -> Path | None:
+    """The folder that holds the kernels of all rooms; None where nothing can be written."""
+    folder = cache_folder()
+    if folder is None:
+        return None
+    is_beside_the_source = Path(folder).name == "__pycache__"
+    return Path(folder).parents[1] if is_beside_the_source else Path(folder).parent
+
+
+def _size_mb(folder: Path) -> float:
+    own = (file for file in folder.rglob("*.nb[ic]") if folder == SHIPPED or SHIPPED not in file.parents)
+    return sum(file.stat().st_size for file in own) / 1e6
 
 
 def kernel_doubts() -> Iterator[str]:

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import atra
-from atra.command.compiling import JOBS, said_of_kernels
+from atra.command.compiling import JOBS
 from atra.compiled import progress, store
 from atra.compiled.instruction_sets import instruction_sets_here
 from tests.compiled.test_kernel_cache import TWO_KINDS, imported, with_another_bit
@@ -176,7 +176,6 @@ def test_what_is_compiled_at_once_or_quietly_is_not_told(
 
 def test_compiling_in_advance_names_what_there_is() -> None:
     assert {"raster, pinhole", "packets, orthographic, layers", "rays"} <= JOBS.keys()
-    assert "for processors of " in said_of_kernels()
 
 
 SHIPPED_IMAGE = """
