@@ -40,7 +40,7 @@ class PeerTracer(TracerLifetime[Hits]):
     plan: makes what it needs to know of the rays through the pixel centres. build: hands over the triangles and
     has the BVH built, also where the peer would put that off until the first query.
     trace: the peer's own query of all rays at once and the conversion of its answer to `Hits`, nothing else. Rays of
-    the last offset are kept; another offset makes them anew, inside the call. Measure a standing camera with one offset.
+    the last offset are kept; another offset makes them anew, inside the call. Measure a standing camera with one.
 
     packet_width: rays per query of Embree, 0 where the peer decides and does not tell. embree_bytes: 0, no peer tells.
     threads: None takes every core; how many build the BVH is up to the peer.
