@@ -1,8 +1,6 @@
-"""Command line: `python run.py` measures one point, `python run.py sweep=horizontal` sweeps, `python run.py fetch
-scene=sponza` downloads a scene, `python run.py report sweep=paper` writes a sweep's figures and page anew,
-`python run.py render scene=sponza samples=64 output=picture.exr` makes one picture, `python run.py bake scene=sponza`
-a lightmap, `python run.py view` shows a scene in the browser, `python run.py doctor` says what this machine has and
-lacks. With `atra` in place of `python run.py` the first is `atra measure`.
+"""Command line of the harness, `python run.py [VERB] key=value ...`; `--help` lists the verbs (conf/config.yaml).
+
+Without a verb it measures. With `atra` in place of `python run.py`, measuring needs a verb, too: `atra measure`.
 
 Exit codes: 0 done, 1 something failed, 2 the input cannot be used, 130 interrupted.
 """
@@ -24,8 +22,6 @@ from experiments.commands.program import PROGRAM
 if TYPE_CHECKING:
     from omegaconf import DictConfig
 
-    from experiments.harness.configuration import Configuration
-
 _CONFIGURATION = str(Path(__file__).resolve().parents[1] / "conf")
 _ACTIONS = {
     "measure": "experiments.commands.single:run_single_point",
@@ -36,7 +32,7 @@ _ACTIONS = {
     "bake": "experiments.commands.baking:run_bake",
     "view": "experiments.viewer.command:run_view",
 }
-"""What is asked for, and what does it, which is imported only then. conf/verb/ holds what some of them begin with."""
+"""Verb -> the function that does it, imported only when asked for. conf/verb/ holds the defaults of some verbs."""
 
 
 def main() -> int:
@@ -110,15 +106,11 @@ def _run(composed: DictConfig) -> None:
         return
     # SystemExit passes through Hydra silently; any other exception is announced by Hydra first.
     try:
-        _act(read_configuration(composed, known_kinds()))
+        configuration = read_configuration(composed, known_kinds())
+        module, _, function = _ACTIONS[configuration.action.value].partition(":")
+        getattr(import_module(module), function)(configuration)
     except (AtraError, OmegaConfBaseException) as error:
         raise SystemExit(_refuse(error)) from error
-
-
-def _act(configuration: Configuration) -> None:
-    """What a run does; the rooms are imported here, so that a refusal does not wait for them."""
-    module, _, function = _ACTIONS[configuration.action.value].partition(":")
-    getattr(import_module(module), function)(configuration)
 
 
 def _refuse(error: Exception) -> int:

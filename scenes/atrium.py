@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from atra.geometry.mesh import Mesh
+from scenes.scene import upright_camera
 from scenes.shapes import (
     Floats,
     Part,
@@ -27,13 +26,8 @@ from scenes.shapes import (
     tube,
 )
 
-ATRIUM_CAMERA: dict[str, Any] = {
-    "eye": (-14.2, 3.3, -0.5),
-    "target": (0.0, 3.5, -0.5),
-    "up": (0.0, 1.0, 0.0),
-    "fov_y_degrees": 60.0,
-}
-"""Along the length, a little beside the middle; fields of `atra.geometry.camera.Camera`."""
+ATRIUM_CAMERA = upright_camera((-14.2, 3.3, -0.5), (0.0, 3.5, -0.5), 60.0)
+"""Along the length, a little beside the middle."""
 
 _TRIANGLES = 262_267
 _BAY = 4.0  # metres between the columns of a row

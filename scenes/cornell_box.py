@@ -6,21 +6,16 @@ turned box and one sphere.
 
 from __future__ import annotations
 
-from math import cos, pi, radians, sin
-from typing import Any
+from math import pi
 
 import numpy as np
-from numpy.typing import NDArray
 
 from atra.geometry.mesh import Mesh
+from scenes.scene import upright_camera
+from scenes.shapes import Part, box, join, quad
 
-CORNELL_BOX_CAMERA: dict[str, Any] = {
-    "eye": (0.0, 0.8, 2.3),
-    "target": (0.0, 0.8, -1.0),
-    "up": (0.0, 1.0, 0.0),
-    "fov_y_degrees": 45.0,
-}
-"""Looks through the open side along -z; fields of `atra.geometry.camera.Camera`."""
+CORNELL_BOX_CAMERA = upright_camera((0.0, 0.8, 2.3), (0.0, 0.8, -1.0), 45.0)
+"""Looks through the open side along -z."""
 
 _HALF_WIDTH = 1.0
 _HEIGHT = 1.59
@@ -34,52 +29,32 @@ _SPHERE_RADIUS = 0.4
 _SPHERE_SEGMENTS = 32
 _SPHERE_RINGS = 18
 
-_Part = tuple[NDArray[np.float64], NDArray[np.int64]]
-
 
 def cornell_box() -> Mesh:
     """The room: 12 triangles of walls and light, 12 of a box, 1,088 of a sphere. y is up, the +z side is open.
 
     Triangles wind so that their normals point into the room (walls, light) or outwards (box, sphere).
     """
-    sphere_centre = (_SPHERE_CENTRE_XZ[0], _SPHERE_RADIUS, _SPHERE_CENTRE_XZ[1])
-    parts = [*_room(), _box(), _sphere(sphere_centre, _SPHERE_RADIUS, _SPHERE_SEGMENTS, _SPHERE_RINGS)]
-    first_vertex = np.cumsum([0] + [len(vertices) for vertices, _ in parts[:-1]])
-    vertices = np.concatenate([vertices for vertices, _ in parts])
-    faces = np.concatenate([faces + start for (_, faces), start in zip(parts, first_vertex, strict=True)])
-    return Mesh(vertices, faces, name="cornell_box")
+    turned_box = box(*_BOX_SIZE).turned(_BOX_TURN_DEGREES).moved(_BOX_CENTRE[0], 0.0, _BOX_CENTRE[1])
+    sphere = _sphere(_SPHERE_RADIUS, _SPHERE_SEGMENTS, _SPHERE_RINGS)
+    resting = sphere.moved(_SPHERE_CENTRE_XZ[0], _SPHERE_RADIUS, _SPHERE_CENTRE_XZ[1])
+    return join([*_room(), turned_box, resting]).to_mesh("cornell_box")
 
 
-def _room() -> list[_Part]:
+def _room() -> list[Part]:
     w, h = _HALF_WIDTH, _HEIGHT
     light, light_y = _LIGHT_HALF_WIDTH, _HEIGHT - _LIGHT_GAP
     return [
-        _quad((-w, 0, w), (w, 0, w), (w, 0, -w), (-w, 0, -w)),  # floor
-        _quad((-w, h, -w), (w, h, -w), (w, h, w), (-w, h, w)),  # ceiling
-        _quad((-w, 0, -w), (w, 0, -w), (w, h, -w), (-w, h, -w)),  # back
-        _quad((-w, 0, w), (-w, 0, -w), (-w, h, -w), (-w, h, w)),  # left
-        _quad((w, 0, -w), (w, 0, w), (w, h, w), (w, h, -w)),  # right
-        _quad((-light, light_y, -light), (light, light_y, -light), (light, light_y, light), (-light, light_y, light)),
+        quad((-w, 0, w), (w, 0, w), (w, 0, -w), (-w, 0, -w)),  # floor
+        quad((-w, h, -w), (w, h, -w), (w, h, w), (-w, h, w)),  # ceiling
+        quad((-w, 0, -w), (w, 0, -w), (w, h, -w), (-w, h, -w)),  # back
+        quad((-w, 0, w), (-w, 0, -w), (-w, h, -w), (-w, h, w)),  # left
+        quad((w, 0, -w), (w, 0, w), (w, h, w), (w, h, -w)),  # right
+        quad((-light, light_y, -light), (light, light_y, -light), (light, light_y, light), (-light, light_y, light)),
     ]
 
 
-def _quad(*corners: tuple[float, float, float]) -> _Part:
-    return np.array(corners, np.float64), np.array([[0, 1, 2], [0, 2, 3]])
-
-
-def _box() -> _Part:
-    sx, sy, sz = _BOX_SIZE
-    # Corner number is 4 z + 2 y + x in bits.
-    bits = np.array([(i & 1, i >> 1 & 1, i >> 2) for i in range(8)], np.float64)
-    local = (bits - (0.5, 0.0, 0.5)) * (sx, sy, sz)
-    c, s = cos(radians(_BOX_TURN_DEGREES)), sin(radians(_BOX_TURN_DEGREES))
-    turned = local @ np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]]).T
-    quads = [(4, 5, 7, 6), (1, 0, 2, 3), (5, 1, 3, 7), (0, 4, 6, 2), (6, 7, 3, 2), (0, 1, 5, 4)]
-    faces = [face for a, b, c, d in quads for face in ((a, b, c), (a, c, d))]
-    return np.add(turned, (_BOX_CENTRE[0], 0.0, _BOX_CENTRE[1])), np.array(faces)
-
-
-def _sphere(centre: tuple[float, float, float], radius: float, segments: int, rings: int) -> _Part:
+def _sphere(radius: float, segments: int, rings: int) -> Part:
     """A sphere of latitude and longitude: segments * (2 * rings - 2) triangles, one vertex at each pole."""
     polar = np.arange(1, rings) * (pi / rings)
     turn = np.arange(segments) * (2.0 * pi / segments)
@@ -89,7 +64,7 @@ def _sphere(centre: tuple[float, float, float], radius: float, segments: int, ri
         ),
         axis=-1,
     ).reshape(-1, 3)
-    vertices = np.concatenate([[(0.0, 1.0, 0.0)], circles, [(0.0, -1.0, 0.0)]]) * radius + centre
+    vertices = np.concatenate([[(0.0, 1.0, 0.0)], circles, [(0.0, -1.0, 0.0)]]) * radius
     faces = []
     south = len(vertices) - 1
     for i in range(segments):
@@ -101,4 +76,4 @@ def _sphere(centre: tuple[float, float, float], radius: float, segments: int, ri
             faces.append((upper + i, lower + j, upper + j))
         last = 1 + (rings - 2) * segments
         faces.append((last + i, south, last + j))
-    return vertices, np.array(faces)
+    return Part(vertices, np.array(faces))

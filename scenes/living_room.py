@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from atra.geometry.mesh import Mesh
+from scenes.scene import upright_camera
 from scenes.shapes import (
     Part,
     ball,
@@ -26,13 +25,8 @@ from scenes.shapes import (
     tube,
 )
 
-LIVING_ROOM_CAMERA: dict[str, Any] = {
-    "eye": (2.55, 1.35, 2.0),
-    "target": (-0.7, 0.75, -0.75),
-    "up": (0.0, 1.0, 0.0),
-    "fov_y_degrees": 58.0,
-}
-"""From the corner by the door across the room; fields of `atra.geometry.camera.Camera`."""
+LIVING_ROOM_CAMERA = upright_camera((2.55, 1.35, 2.0), (-0.7, 0.75, -0.75), 58.0)
+"""From the corner by the door across the room."""
 
 _TRIANGLES = 143_173
 _X, _Y, _Z = 2.8, 2.7, 2.2  # half width, height, half length of the room

@@ -34,7 +34,7 @@ class NamedScene(Protocol):
 
 
 MOST_TRIANGLES = 1 << 28
-"""Of an enlarged scene: 5 GB of mesh, and what is likely to be a mistake beyond."""
+"""Limit of an enlarged scene, 5 GB of mesh; more is likely a mistake."""
 
 
 def load_scene(

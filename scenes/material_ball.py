@@ -2,20 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from atra.geometry.mesh import Mesh
+from scenes.scene import upright_camera
 from scenes.shapes import Floats, Part, ball, join, lathe, ring, smooth_profile, surface
 
-MATERIAL_BALL_CAMERA: dict[str, Any] = {
-    "eye": (0.0, 3.0, 6.0),
-    "target": (0.0, 1.06, 0.0),
-    "up": (0.0, 1.0, 0.0),
-    "fov_y_degrees": 26.0,
-}
-"""From the front and above; fields of `atra.geometry.camera.Camera`."""
+MATERIAL_BALL_CAMERA = upright_camera((0.0, 3.0, 6.0), (0.0, 1.06, 0.0), 26.0)
+"""From the front and above."""
 
 _BALL_HEIGHT = 1.28
 _SHELL_RADIUS = 0.9

@@ -17,6 +17,14 @@ from atra.geometry.mesh import Mesh
 CAMERA_FIELDS = ("eye", "target", "up", "fov_y_degrees")
 
 
+Place = tuple[float, float, float]
+
+
+def upright_camera(eye: Place, target: Place, fov_y_degrees: float) -> dict[str, Any]:
+    """Camera fields of a view with y up, in scene units."""
+    return {"eye": eye, "target": target, "up": (0.0, 1.0, 0.0), "fov_y_degrees": fov_y_degrees}
+
+
 @dataclass(frozen=True, eq=False)
 class Scene:
     """What loading a scene returns.

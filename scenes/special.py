@@ -3,32 +3,21 @@ and three holes, a closed solid of genus 3, for what only meshes with an inside 
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from atra.geometry.mesh import Mesh
+from scenes.scene import upright_camera
 
 PLANKS, BEAMS = 80, 400
 PLANK_LENGTH, PLANK_WIDTH, FLOOR = 100.0, 0.05, -0.3
 
-NEEDLES_CAMERA: dict[str, Any] = {
-    "eye": [0.0, 0.0, 0.0],
-    "target": [0.0, -0.2, -1.0],
-    "up": [0.0, 1.0, 0.0],
-    "fov_y_degrees": 60.0,
-}
+NEEDLES_CAMERA = upright_camera((0.0, 0.0, 0.0), (0.0, -0.2, -1.0), 60.0)
 """Among the beams, looking along the planks and a little down."""
 
 ACROSS = 27
 """Squares along the side of a block."""
 
-THREE_HOLES_CAMERA: dict[str, Any] = {
-    "eye": [4.0, 3.5, 6.5],
-    "target": [0.0, 0.0, 0.0],
-    "up": [0.0, 1.0, 0.0],
-    "fov_y_degrees": 40.0,
-}
+THREE_HOLES_CAMERA = upright_camera((4.0, 3.5, 6.5), (0.0, 0.0, 0.0), 40.0)
 """From above and aside, so that some rays pass through the holes and others through several walls."""
 
 

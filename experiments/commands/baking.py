@@ -31,7 +31,7 @@ from atra.light.lightmaps.finish.export import exposure_of, finished
 from atra.light.pictures.files import png_of
 from experiments.harness.configuration import Configuration, check_writable
 from experiments.harness.point import Point, make_own
-from experiments.harness.points import plan_points
+from experiments.harness.points import plan_point
 from experiments.harness.progress import say
 from experiments.workloads.rounds import load_mesh
 from scenes.manifest import picture_restriction
@@ -69,10 +69,7 @@ def run_bake(configuration: Configuration) -> Path:
     Interrupted, it writes what there is. Raises InputError for a workload that is no bake and as `Baker`, `denoised`
     and `LightmapPage` do.
     """
-    (planned,) = plan_points([configuration])
-    if planned.problem is not None:
-        raise planned.problem
-    point = planned.point
+    point = plan_point(configuration).point
     room: Any = point.workload.part("measure")
     folder = Path(configuration.output or Path(configuration.results_dir) / point.workload.name / point.scene)
     check_writable(folder)

@@ -14,7 +14,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from atra.light.pictures.files import check_picture_path
 from experiments.harness.configuration import Configuration, check_writable
 from experiments.harness.point import make_own
-from experiments.harness.points import plan_points
+from experiments.harness.points import plan_point
 from experiments.harness.progress import say, say_duration
 from experiments.workloads.render import RENDER
 from experiments.workloads.render.measure import make_renderer
@@ -39,10 +39,7 @@ def run_picture(configuration: Configuration) -> Path:
     path = Path(configuration.output or "picture.png")
     check_picture_path(path)
     check_writable(path.absolute().parent)
-    (planned,) = plan_points([configuration])
-    if planned.problem is not None:
-        raise planned.problem
-    point, console = planned.point, Console(stderr=True)
+    point, console = plan_point(configuration).point, Console(stderr=True)
     mesh = load_mesh(point)
     options = point.workload_options
     scene, samples = options.under_sky(lit(point.scene, mesh, point.camera)), options.samples

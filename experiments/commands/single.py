@@ -12,7 +12,7 @@ from experiments.commands.program import PROGRAM
 from experiments.harness.configuration import Configuration, check_writable, records_folder
 from experiments.harness.identity import measure
 from experiments.harness.lock import exclusive
-from experiments.harness.points import plan_points
+from experiments.harness.points import plan_point
 from experiments.harness.progress import SweepProgress
 from experiments.harness.records import Record, write_record
 from experiments.results.table import make_table
@@ -25,9 +25,7 @@ def run_single_point(configuration: Configuration) -> Record:
     Raises InputError, MemoryBudgetError or EmbreeError for what cannot be measured, and SystemExit(1), with what the
     worker printed on stderr, when measuring itself went wrong.
     """
-    (planned,) = plan_points([configuration])
-    if planned.problem is not None:
-        raise planned.problem
+    planned = plan_point(configuration)
     folder = records_folder(configuration)
     check_writable(folder)
     with exclusive(folder.parent, folder), SweepProgress(1, Console(stderr=True)) as progress:

@@ -17,7 +17,7 @@ Draw = Callable[[pd.DataFrame, Path, int], mpl.Figure]
 """Rows of the table, the folder of the records, and how many panels stand side by side -> figure."""
 
 _WIDE, _NARROW = 2, 1
-"""So many on a page, and on a narrow one."""
+"""Panels side by side on a wide page and on a narrow one."""
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ def stand_in_note(stands_for: str | None) -> str:
 
 
 _CHARACTERS_PER_INCH = 13.5
-"""Of small text."""
+"""Characters of small text that fit an inch."""
 
 _BELOW, _LINE = 36.0, 11.5
 """Points from the lower edge of a panel to what is written below its axis, and from line to line there."""

@@ -9,8 +9,8 @@ PARTS = tuple((color, hatch) for hatch in ("", "///") for color in (BLACK, BLUE,
 """Colour and hatching of the parts of a stacked bar."""
 
 PANEL_INCHES = 4.9
-"""Width of a panel and what belongs to it: one fills a page of 400 px, whose margins leave 358."""
+"""Width of a panel with its margins: one fills a page of 400 px, whose margins leave 358."""
 SMALL = 9.0
-"""Points of the smallest text, which are as many pixels there."""
+"""Size of the smallest text in points."""
 
 TIMES = "\N{MULTIPLICATION SIGN}"

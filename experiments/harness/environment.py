@@ -94,11 +94,11 @@ def read_environment(embree_version: str | None = None, instruction_set: str | N
         machine=platform.machine(),
         system=platform.system(),
         python_version=platform.python_version(),
-        numpy_version=_version("numpy"),
-        numba_version=_version("numba"),
+        numpy_version=package_version("numpy"),
+        numba_version=package_version("numba"),
         embree_version=embree_version,
-        embreex_version=_version("embreex"),
-        atra_version=_version("atra"),
+        embreex_version=package_version("embreex"),
+        atra_version=package_version("atra"),
         system_release=platform.release(),
         governor=_read(Path("/sys/devices/system/cpu/cpu0/cpufreq/scaling_governor")),
         load_average=_load_average(),
@@ -146,7 +146,8 @@ def _git_state() -> tuple[str | None, bool | None]:
     return commit or None, None if changes is None else bool(changes)
 
 
-def _version(package: str) -> str | None:
+def package_version(package: str) -> str | None:
+    """The version of an installed package, None where it is missing; nothing is imported."""
     try:
         return metadata.version(package)
     except metadata.PackageNotFoundError:
@@ -169,8 +170,7 @@ def _output(command: list[str]) -> str | None:
 
 
 MEMORY_SHARE = 0.75
-"""Of the memory that is free, what a point may take where nobody says how much. Not all of it: what a plan needs is an
-estimate, and the machine has other uses."""
+"""Default memory budget of a point, as a share of free memory; below 1, since a plan's need is an estimate."""
 
 
 def memory_budget_bytes(budget_gib: float | None) -> int:
@@ -211,8 +211,8 @@ def reset_peak_rss() -> bool:
 
 
 BUSY_SHARE = 0.05
-"""Of its cores, what others may take before times are doubted: more than an idle system takes by itself, and far less
-than one busy neighbour does, which is half of two cores."""
+"""Share of the cores that other processes may take before times are doubted: above an idle system's own share and far
+below that of one busy process."""
 
 _SHORTEST_S = 0.1
 """Systems count busy cores in hundredths of a second."""

@@ -54,6 +54,14 @@ def plan_points(configurations: Sequence[Configuration]) -> list[PlannedPoint]:
     return [planned[place] for place in range(len(configurations))]
 
 
+def plan_point(configuration: Configuration) -> PlannedPoint:
+    """`plan_points` for one configuration that must be measurable. Raises its problem otherwise."""
+    (planned,) = plan_points([configuration])
+    if planned.problem is not None:
+        raise planned.problem
+    return planned
+
+
 def _scene_of(configuration: Configuration) -> tuple[SceneSource, str | None, str | None, int, int]:
     scene = configuration.scene
     return scene.source, scene.name, scene.path, scene.subdivided, scene.copies

@@ -13,7 +13,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn
 from atra.errors import printable
 
 _ENOUGH = 3
-"""Points whose mean says how long the others will take."""
+"""Fewest points whose mean time predicts the rest."""
 
 
 class SweepProgress:

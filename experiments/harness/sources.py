@@ -1,10 +1,8 @@
 """Which code a module runs: its own and all that it imports, read from the sources. A hash tells whether it changed.
 
-The unit is the module: one that is imported counts whole, wherever the import stands. The `__init__` of a package is
-another matter. Such a face often imports all that lies below it, so that users find every name in one place. Of a face
-only those names count that somebody takes from it: a name that it imports leads to the module that defines the name; a
-name that it defines counts with its statement and with what that statement uses. A face that Python runs only on the
-way to a module below it does not count.
+An imported module counts whole, wherever the import stands. The `__init__` of a package, its face, often imports all
+that lies below it, so only the names taken from it count: an imported name leads to the module that defines it; a name
+defined there counts with its statement and what that uses. A face run only on the way to a module does not count.
 """
 
 from __future__ import annotations
@@ -19,7 +17,7 @@ from typing import NamedTuple
 from atra.errors import InputError
 
 _BY_NAME = {repr("__getattr__"), repr("import_module")}
-"""A module whose statements say one of these loads modules by their names, which it holds as texts."""
+"""A module that uses one of these imports modules whose names are string constants in it."""
 
 
 class Part(NamedTuple):

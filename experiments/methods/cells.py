@@ -51,14 +51,11 @@ class AlignedCellOptions(CellOptions):
     """Options of aligned rays."""
 
 
-def default_split_x(width: int) -> int:
-    """The largest power of two, at most 128, that divides `width`."""
-    return min(_LARGEST_DEFAULT_SPLIT, width & -width)
-
-
 def resolve_split(options: Cells, width: int) -> Cells:
-    """The options with a split."""
-    return options if options.split_x is not None else replace(options, split_x=default_split_x(width))
+    """The options with split_x set; width & -width is the largest power of two that divides the width."""
+    if options.split_x is not None:
+        return options
+    return replace(options, split_x=min(_LARGEST_DEFAULT_SPLIT, width & -width))
 
 
 def two_cells(options: Any) -> Any:

@@ -11,11 +11,11 @@ from experiments.harness.method import Tracing
 from experiments.harness.options import Settings, Type, taking_all
 
 WATERTIGHT = {"robust": True}
-"""What is shown to people, unlike what is measured, is traced with."""
+"""Options for pictures that are shown and not measured."""
 
 MEASURED = {"robust": False}
-"""Defaults that are others than the library's. `robust` is off unless a sweep asks for it: what the paper measured, and
-what all tables without the column were measured with, is Embree's fast setting."""
+"""Defaults that differ from the library's. The paper, and all tables without the column `robust`, measured Embree's
+fast setting."""
 
 
 class MethodOptions(Settings):

@@ -25,7 +25,7 @@ from experiments.workloads.memory import MEMORY
 _PLAN_AND_BUILD = "plan_and_build_over_plain"
 
 LITTLE_EFFECT = 2.0
-"""Build time and memory are little affected up to this multiple of theirs at one split. Our reading: the paper gives
+"""Largest multiple of build time or memory at one split that counts as a little effect. Our reading: the paper gives
 no number; without culling, 16 splits would cost 16 times as much."""
 
 

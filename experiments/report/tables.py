@@ -17,7 +17,7 @@ from experiments.results.table import columns, workload_rows
 from experiments.workloads import WORKLOADS
 
 _ENDS = ("_low", "_high", "_low_s", "_high_s", "_half")
-"""What columns end with that stand in another's cell, as its interval, or in the files alone."""
+"""Endings of columns without a cell of their own: they are shown as another's interval, or only in the files."""
 
 _SHOWN_IN = {"s": ("ms", 1e3), "bytes": ("MiB", 2.0**-20)}
 

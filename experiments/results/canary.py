@@ -16,7 +16,7 @@ strays. About three standard errors: on a quiet machine the rounds of one proces
 three, as `sweep=paper` has, by two thirds of that. Within the band, noise is left to intervals."""
 
 FEWEST = 5
-"""Records of one scene and view below which their median says nothing about any of them."""
+"""Fewest records of one scene and view whose median is used."""
 
 _ALIKE = (
     "mesh_sha256",

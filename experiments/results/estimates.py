@@ -98,9 +98,8 @@ def geometric_mean(estimates: Sequence[Estimate]) -> Estimate:
 def best_of(candidates: Mapping[int, Sequence[float]]) -> tuple[int, Estimate]:
     """The candidate that is largest in the first half of the processes, and its estimate from the others.
 
-    Whoever is reported by the values he was chosen by is too good by the noise that chose him: of eleven equal ones
-    the largest of five processes' means seems 1.4 % better where processes differ by 2 %. candidates: by name, one
-    value a process. Raises ValueError as `Estimate.of` does.
+    Choosing and reporting by the same values would overstate the best by the noise that chose it. candidates: by name,
+    one value a process. Raises ValueError as `Estimate.of` does.
     """
     chosen = max(candidates, key=lambda name: np.log(first_half(candidates[name])).mean())
     values = candidates[chosen]
@@ -108,7 +107,7 @@ def best_of(candidates: Mapping[int, Sequence[float]]) -> tuple[int, Estimate]:
 
 
 def first_half(values: Sequence[float]) -> Sequence[float]:
-    """Those of them that choose the best."""
+    """The values that choose the best; the others report it."""
     return values[: max(1, len(values) // 2)]
 
 

@@ -42,10 +42,6 @@ def _vector(name: str, help: str) -> Column:
     return Column(name, TEXT, help, lambda record: _say_vector(record.configuration.get(name)))
 
 
-def _of_environment(name: str, field: str, dtype: str, help: str) -> Column:
-    return Column(name, dtype, help, lambda record: record.environment.get(field))
-
-
 _POINT_COLUMNS = (
     _field("scene", TEXT, "name of the scene"),
     Column("stands_for", TEXT, "scene of the paper that a procedural stand-in replaces", lambda one: _stands_for(one)),
@@ -78,7 +74,7 @@ _OUTCOME_COLUMNS = (
     Column("others_share", REAL, "of the cores it may use, what other processes took during the rounds", over=max),
     Column("stolen_share", REAL, "of these cores, what other machines on the same hardware took", over=max),
     Column("load_average", REAL, "load of the machine before the point", lambda record: _load(record), max),
-    _of_environment("cpu", "cpu", TEXT, "processor"),
+    Column("cpu", TEXT, "processor", lambda record: record.environment.get("cpu")),
     Column("measured_at", TEXT, "when", lambda record: record.environment.get("taken_at"), min),
     Column("point_id", TEXT, "identity of the point; name of its first record", lambda record: record.point_id, _first),
     Column("grids", TEXT, "grids of the sweep that it is part of", lambda record: None),
@@ -115,7 +111,7 @@ _UNSTEADY = {
 }
 
 _OUT_OF_PROPORTION = 10.0
-"""A sample so many times longer or shorter than the median of its method is doubted."""
+"""Samples this many times longer or shorter than their method's median make a point doubtful."""
 
 
 @dataclass(frozen=True)

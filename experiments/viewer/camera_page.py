@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 HOST = "127.0.0.1"
 
 LEAVE_S = 10.0
-"""How long the last page may be gone, as when it is loaded anew, before the viewer ends."""
+"""Seconds without any page before the viewer ends; reloading a page takes less."""
 
 _JPEG_QUALITY = 85
 

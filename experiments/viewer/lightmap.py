@@ -20,7 +20,7 @@ from experiments.viewer.request import Pose, Request, Settings
 from experiments.viewer.session import REST_S
 
 GAP_S = 0.25
-"""From one picture of a camera at rest to the next."""
+"""Seconds between two pictures while the camera rests."""
 
 
 class LightmapPage(CameraPage):

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from viser import GuiEvent
 
 _TOLD_S = 0.2
-"""From one line of numbers to the next while the camera moves: nobody reads faster."""
+"""Seconds between two updates of the numbers while the camera moves."""
 
 
 class Page(CameraPage):

@@ -16,15 +16,15 @@ from experiments.methods.raster import RASTER
 FRAMES = ("hybrid", "path")
 SHADES = ("material", "normal", "depth", "prim_id", "occlusion", "wrong")
 OF_HITS = ("normal", "depth", "prim_id", "wrong")
-"""Shades that one sample answers."""
+"""Shades that show primary hits, for which one sample is enough."""
 
 COLUMNS = 64
-"""Widths of pictures are multiples of it, so that each can be cut into up to so many cells."""
+"""Picture widths are multiples of this, so each can be cut into up to as many columns of cells."""
 
 SPLITS = (2, 4, 8, 16, 32, 64)
 
 _WIDEST = 5.0
-"""Width over height, of pages that a browser may have for a moment while it opens."""
+"""Largest ratio of the sides of a picture; a browser that opens may briefly report any page size."""
 
 _WHOLE = {
     "samples": (1, 1 << 20), "side": (1, 4096), "split_x": (2, 64), "shadow_rays": (0, 64), "occlusion_rays": (0, 64),

@@ -15,13 +15,13 @@ from atra.errors import AtraError
 from experiments.viewer.request import Pose, Request
 
 REST_S = 0.3
-"""How long nothing may have changed before samples accumulate."""
+"""Seconds without a change after which samples accumulate."""
 
 LEAST_GAP_S, GROWTH = 0.1, 0.25
-"""Between two pictures of one accumulation: at least so long, and so large a share of the time it had taken so far."""
+"""Shortest time between two pictures of one accumulation, in seconds and as a share of its time so far."""
 
 WAKE_S = 0.5
-"""Ctrl-C cannot wake a thread of Windows from an endless one."""
+"""Longest wait, in seconds; on Windows Ctrl-C cannot interrupt an endless one."""
 
 
 class Picture(NamedTuple):
@@ -116,10 +116,9 @@ class Session:
         while not self._is_closed:
             pause_s = self.step()
             with self._changed:
-                self._changed.wait_for(self._has_more_to_do, WAKE_S if pause_s is None else pause_s)
-
-    def _has_more_to_do(self) -> bool:
-        return self._is_closed or self._shown is not self.wanted
+                self._changed.wait_for(
+                    lambda: self._is_closed or self._shown is not self.wanted, WAKE_S if pause_s is None else pause_s
+                )
 
     def step(self) -> float | None:
         """Draw one frame or add one sample; returns the seconds until there is more to do, None: until it is wanted."""

@@ -14,7 +14,7 @@ from scenes.cornell_box import cornell_box
 
 _WHITE, _RED, _GREEN = (0.725, 0.71, 0.68), (0.63, 0.065, 0.05), (0.14, 0.45, 0.091)
 _LAMP = (17.0, 12.0, 4.0)
-"""Of the original box, as most renderers give it in linear RGB."""
+"""Radiance of the original box's lamp in linear RGB, as most renderers give it."""
 
 _GREY = 0.7
 _SUN = Sun((-0.35, -1.0, 0.25), 0.5, (1.0, 0.95, 0.85), 3.0)

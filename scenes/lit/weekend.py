@@ -2,21 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
 from atra.light import Checker, Dielectric, GradientSky, Lambertian, Metal, RenderScene, Sun
+from scenes.scene import upright_camera
 from scenes.shapes import Part, ball, copies, join, lathe
 
-WEEKEND_CAMERA: dict[str, Any] = {
-    "eye": (13.0, 2.0, 3.0),
-    "target": (0.0, 0.0, 0.0),
-    "up": (0.0, 1.0, 0.0),
-    "fov_y_degrees": 20.0,
-}
-"""The book's; fields of `atra.geometry.camera.Camera`. Its picture has 1,200 x 800 pixels."""
+WEEKEND_CAMERA = upright_camera((13.0, 2.0, 3.0), (0.0, 0.0, 0.0), 20.0)
+"""The book's. Its picture has 1,200 x 800 pixels."""
 
 _GROUND_RADIUS = 1000.0
 _GROUND_ANGLE = 0.1  # of the cap that is built: past the horizon of all that is there

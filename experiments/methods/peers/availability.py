@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from importlib import metadata
 
 _LIBRARY = re.compile(r"(lib[\w.+-]+?\.so(?:\.\d+)*): cannot open shared object file")
 
@@ -42,14 +41,6 @@ def package_problem(package: str, check: Callable[[], str | None], no_wheel: Cal
 def reinstall(what: str) -> str:
     """A problem with a package that is there, and what to do about it."""
     return f"{what}; {_REINSTALL}"
-
-
-def package_version(package: str) -> str | None:
-    """The version of a package, None where it is not installed; nothing is imported."""
-    try:
-        return metadata.version(package)
-    except metadata.PackageNotFoundError:
-        return None
 
 
 def _broken(package: str, error: Exception) -> str:

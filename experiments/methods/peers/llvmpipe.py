@@ -18,7 +18,7 @@ _EGL = "libEGL.so.1"
 _DEBIAN = "Debian's libegl1 libgl1-mesa-dri libgles2"
 
 _NEAREST = 1e-6
-"""Distance of the near plane, of that of the mesh's farthest corner: no frustum of OpenGL begins at the eye."""
+"""Near plane, as a fraction of the distance to the mesh's farthest corner; OpenGL needs one in front of the eye."""
 
 # Numbers of the OpenGL registry, for three calls that moderngl has not.
 _LOWER_LEFT, _ZERO_TO_ONE, _RENDERBUFFER, _DEPTH_32F = 0x8CA1, 0x935F, 0x8D41, 0x8CAC

@@ -15,7 +15,7 @@ from experiments.methods.peers.availability import reinstall
 from experiments.methods.peers.peer import RayPeerTracer, peer_method
 
 MITSUBA_VARIANT = "llvm_ad_mono"
-"""Vectorised, on the CPU, one colour channel; queries of rays do not depend on colour. Nothing is differentiated."""
+"""Vectorised on the CPU, with one colour channel, since ray queries need no colour."""
 
 OLDEST_LLVM = 16
 """For paths; rays alone take older ones. 15 "cannot select" an instruction that Dr.Jit 1.5 asks for, and aborts; 19 was

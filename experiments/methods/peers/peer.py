@@ -26,9 +26,10 @@ from atra.tracing.budgets import check_image_memory
 from atra.tracing.lifetime import TracerLifetime
 from atra.tracing.rays import image_ray_grid
 from experiments.drawing.style import PURPLE
+from experiments.harness.environment import package_version
 from experiments.harness.method import Method, Style, Tracing, always_available
 from experiments.harness.options import NoOptions
-from experiments.methods.peers.availability import package_problem, package_version
+from experiments.methods.peers.availability import package_problem
 
 _PIXEL_CENTRE = (0.5, 0.5)
 
@@ -36,11 +37,10 @@ _PIXEL_CENTRE = (0.5, 0.5)
 class PeerTracer(TracerLifetime[Hits]):
     """A foreign tracer that offers what `atra.Tracer` asks for.
 
-    `build` makes what it needs to know of the rays through the pixel centres, hands over the triangles and has the BVH
-    built, also where the peer would put that off until the first query.
-    trace: the peer's own query of all rays at once and what it takes to have its answer as `Hits`, nothing else. What
-    was made for the last offset is kept, so only a frame at another offset than the one before
-    makes it anew, inside the call. Measure a standing camera with one offset.
+    `build` makes the rays through the pixel centres, hands over the triangles and has the BVH built, also where the
+    peer would put that off until the first query.
+    trace: the peer's own query of all rays at once and the conversion of its answer to `Hits`, nothing else. Rays of
+    the last offset are kept; another offset makes them anew, inside the call. Measure a standing camera with one.
 
     packet_width: rays per query of Embree, 0 where the peer decides and does not tell. embree_bytes: 0, no peer tells.
     threads: None takes every core; how many build the BVH is up to the peer.
@@ -88,7 +88,7 @@ class PeerTracer(TracerLifetime[Hits]):
 
     @property
     def counters(self) -> Mapping[str, float]:
-        """What `atra.Tracer` says of counters."""
+        """Triangles traced; see `atra.Tracer`."""
         return {"triangles_traced": self.triangle_count}
 
     @property
