@@ -22,6 +22,8 @@ from experiments.commands.program import PROGRAM
 if TYPE_CHECKING:
     from omegaconf import DictConfig
 
+    from experiments.harness.configuration import Configuration
+
 _CONFIGURATION = str(Path(__file__).resolve().parents[1] / "conf")
 _ACTIONS = {
     "measure": "experiments.commands.single:run_single_point",
@@ -106,11 +108,14 @@ def _run(composed: DictConfig) -> None:
         return
     # SystemExit passes through Hydra silently; any other exception is announced by Hydra first.
     try:
-        configuration = read_configuration(composed, known_kinds())
-        module, _, function = _ACTIONS[configuration.action.value].partition(":")
-        getattr(import_module(module), function)(configuration)
+        _act(read_configuration(composed, known_kinds()))
     except (AtraError, OmegaConfBaseException) as error:
         raise SystemExit(_refuse(error)) from error
+
+
+def _act(configuration: Configuration) -> None:
+    module, _, function = _ACTIONS[configuration.action.value].partition(":")
+    getattr(import_module(module), function)(configuration)
 
 
 def _refuse(error: Exception) -> int:

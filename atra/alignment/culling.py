@@ -38,7 +38,7 @@ def plan_aligned_geometry(
     ]
     left_out = []
     for mesh, camera, points in zip(meshes, alignment.cameras, projected, strict=True):
-        roundings = image_roundings(mesh, camera, alignment, pool, points)
+        roundings = image_roundings(mesh, camera, alignment, pool, points, in_every_cell=not options.culling)
         left_out.append(LeftOut.of(roundings.left_out, roundings.depth_error, points[0]))
     counts = [
         count_kept(pool, points_pixels, mesh, options.culling, cell)

@@ -41,7 +41,7 @@ def plan_instanced_geometry(
         for camera, linear in zip(alignment.cameras, alignment.linear, strict=True)
     ]
     roundings = [
-        image_roundings(mesh, camera, alignment, pool, points, is_instanced=True)
+        image_roundings(mesh, camera, alignment, pool, points, is_instanced=True, in_every_cell=True)
         for camera, points in zip(alignment.cameras, projected, strict=True)
     ]
     is_left_out = np.any([of_image.left_out for of_image in roundings], axis=0)

@@ -36,6 +36,7 @@ def roundings_of_copies(
     points_own: NDArray[np.float64],
     points_ray: NDArray[np.float64],
     admitted_multiple: float = COPY_MULTIPLE,
+    in_every_cell: bool = False,
 ) -> Roundings:
     """The rounding errors of a mesh seen through the cells of an alignment of pinhole cameras.
 
@@ -45,7 +46,7 @@ def roundings_of_copies(
     depth_error, left_out = np.empty(mesh.triangle_count), np.empty(mesh.triangle_count, np.uint8)
     points = points_pixels, points_own, points_ray
     cell = alignment.split.cell_width, alignment.split.cell_height
-    rest = mesh.traced_faces, *alignment.shears, *cell, admitted_multiple, depth_error, left_out
+    rest = mesh.traced_faces, *alignment.shears, *cell, admitted_multiple, in_every_cell, depth_error, left_out
     pool.run(lambda _, counter: judge_copies(counter, *points, *rest))
     return Roundings(depth_error, left_out.view(np.bool_))
 
@@ -58,9 +59,11 @@ def image_roundings(
     points: tuple[NDArray[np.float64], NDArray[np.float64]],
     *,
     is_instanced: bool = False,
+    in_every_cell: bool = False,
 ) -> Roundings:
     """The rounding errors of one image's mesh; for an orthographic camera `depth_error` is 0, as there is no relative
-    error near the image plane. points: from `project_vertices`, with the image's linear map."""
+    error near the image plane. points: from `project_vertices`, with the image's linear map. in_every_cell: there are
+    copies even in cells that do not see a triangle."""
     own = points[1] if camera is alignment.cameras[0] else project_vertices(mesh, camera, pool)[1]
     multiple = INSTANCE_MULTIPLE if is_instanced else COPY_MULTIPLE
     if camera.is_parallel:
@@ -71,7 +74,7 @@ def image_roundings(
         pool.run(lambda _, counter: judge_translations(counter, points[0], own, points[1], faces, *rays, *rest))
         roundings = Roundings(np.zeros(mesh.triangle_count), left_out.view(np.bool_))
     else:
-        roundings = roundings_of_copies(mesh, alignment, pool, points[0], own, points[1], multiple)
+        roundings = roundings_of_copies(mesh, alignment, pool, points[0], own, points[1], multiple, in_every_cell)
     roundings.left_out[mesh.without_area] = False  # no ray hits them anyway
     return roundings
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from atra.embree import layout
 from atra.embree.device import EmbreeDevice
 from atra.embree.library import load_library
-from atra.errors import EmbreeError, InputError
+from atra.errors import ClosedError, InputError
 from atra.whole_numbers import is_whole_number
 
 BUILD_QUALITIES = tuple(layout.BUILD_QUALITY)
@@ -58,9 +58,9 @@ class EmbreeScene(EmbreeDevice):
 
     @property
     def address(self) -> int:
-        """The RTCScene handle for compiled code. Raises EmbreeError after `close`."""
+        """The RTCScene handle for compiled code. Raises ClosedError after `close`."""
         if self.closed:
-            raise EmbreeError("this Embree scene is closed and cannot be traced any more")
+            raise ClosedError("this Embree scene is closed and cannot be traced any more")
         return self._scene
 
 
@@ -89,9 +89,9 @@ class EmbreeScenes(EmbreeDevice):
 
     @property
     def handles(self) -> NDArray[np.int64]:
-        """(scenes,) int64, RTCScene handles for compiled code, 0 = no triangle. Raises EmbreeError after `close`."""
+        """(scenes,) int64, RTCScene handles for compiled code, 0 = no triangle. Raises ClosedError after `close`."""
         if self.closed:
-            raise EmbreeError("these Embree scenes are closed and cannot be traced any more")
+            raise ClosedError("these Embree scenes are closed and cannot be traced any more")
         return self._handles
 
 

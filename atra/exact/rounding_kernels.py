@@ -44,6 +44,9 @@ An instance gets less: its rays are transformed by a matrix that is rounded itse
 MOST_ROUNDINGS = 1024.0
 """Roundings of the mesh itself above which there are no copies: the plane then passes close to the eye."""
 
+SIGN_ROUNDINGS = 2.0**21
+"""Roundings of a copy above which a hit behind the eye may come out before it: an eighth of all digits of float32."""
+
 CHUNK = 1024
 """Triangles that a thread takes at a time."""
 
@@ -116,7 +119,7 @@ def _is_too_far_off(largest, volume, most_at_corner, most):  # type: ignore[no-u
 @kernel
 def judge_copies(  # type: ignore[no-untyped-def]
     counter_address, points_pixels, points_own, points_ray, faces, shears_x, shears_y, cell_width, cell_height,
-    admitted_multiple, depth_error, left_out,
+    admitted_multiple, in_every_cell, depth_error, left_out,
 ):  # fmt: skip
     """Bound the depth error of each triangle of the mesh, and find triangles whose copies would have too large errors.
 
@@ -124,7 +127,9 @@ def judge_copies(  # type: ignore[no-untyped-def]
     camera. points_ray: (V, 3) float64, to be sheared. shears_x: (nx, 3), shears_y: (ny, 3) float64, per unit depth.
     depth_error: (F,) float64, relative error, ALLOWED_MULTIPLE times the mesh's own roundings; inf if the plane passes
     through the eye. left_out: (F,) uint8, 1 if the mesh itself has more than MOST_ROUNDINGS, or a copy in some cell has
-    more than COPY_RATIO times the mesh's roundings and, with those of n . d, more than admitted_multiple times.
+    more than COPY_RATIO times the mesh's roundings and, with those of n . d, more than admitted_multiple times. That is
+    asked of cells that see the triangle. in_every_cell: copies are in the others, too, where they must not be hit, so a
+    copy with more than SIGN_ROUNDINGS in any cell is left out.
 
     With first corner v0, edges a and b there, normal n = a x b, and direction d, a depth is n . v0 / n . d.
     Rounding of the corners, and of products with n, changes n . v0 by sum_k |n_k| max_i |v_ik|. Rounding of n changes
@@ -157,6 +162,9 @@ def judge_copies(  # type: ignore[no-untyped-def]
                     volume = _enlarge(points_ray, faces, triangle, shears_x[i], shears_y[j], points_pixels, largest)
             left_out[triangle] = 0
             if not _is_too_far_off(largest, volume, most_at_corner, most):
+                continue
+            if in_every_cell and _roundings(largest, volume)[1] > SIGN_ROUNDINGS:
+                left_out[triangle] = 1
                 continue
             nearest, farthest, size = load_triangle(points_pixels, faces, triangle, polygon)
             tiny = 1e-12 * size

@@ -96,8 +96,8 @@ NOWHERE = (0.0, 0.0, 0.0)
 @pytest.mark.parametrize(("sensor", "message"), [
     (
         ("OPENCV", 64, 48, (70.0, 70.0, 32.0, 24.0, 0.1, 0.0, 0.0, 0.0)),
-        "its model is OPENCV, but rays are straight here: images must be undistorted first, by "
-        "`colmap image_undistorter`",
+        r"its model is OPENCV, but atra has no lens distortion: undistort the images first "
+        r"\(`colmap image_undistorter`\)",
     ),
     (("PINHOLE", 64, 48, (0.0, 65.0, 31.0, 25.0)), r"the focal length fx is 0\.0"),
     (("PINHOLE", 64, 48, (60.0, 65.0, np.nan, 25.0)), "cx is nan, expected a finite number"),

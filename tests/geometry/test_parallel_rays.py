@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import atra
-from atra.alignment import culling
+from atra.alignment import rounding
 from tests.images import make_tracer
 from tests.meshes import quads, random_triangles
 
@@ -60,7 +60,7 @@ def test_what_a_translation_would_make_inexact_is_traced_where_it_is(method, mon
     seeds = (17, 43)
     assert [pixels_wrong(method, seed) for seed in seeds] == [0, 0]
     for multiple in ("COPY_MULTIPLE", "INSTANCE_MULTIPLE"):
-        monkeypatch.setattr(culling, multiple, np.inf)
+        monkeypatch.setattr(rounding, multiple, np.inf)
     assert sum(pixels_wrong(method, seed) for seed in seeds) > 0  # the views are such that it matters
 
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from atra.alignment import culling
+from atra.alignment import rounding
 from atra.alignment.aligned import AlignedTracer
 from atra.errors import InputError
 from atra.geometry.camera import Camera
@@ -252,7 +252,7 @@ def test_a_plain_float32_tracer_is_never_wrong_and_a_coarser_one_is(mesh, camera
 
 def test_the_judge_knows_of_depths_that_sheared_copies_of_needles_would_get_wrong(monkeypatch):
     # As they were traced before: with copies of everything.
-    monkeypatch.setattr(culling, "COPY_MULTIPLE", np.inf)
+    monkeypatch.setattr(rounding, "COPY_MULTIPLE", np.inf)
     mesh, camera = boards(), Camera((0, 0, 0), (0, -0.2, -1), fov_y_degrees=60.0, width=64, height=64)
     with AlignedTracer(mesh, camera, (16, 16), threads=1) as tracer:
         hits = tracer.trace()

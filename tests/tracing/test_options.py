@@ -55,6 +55,8 @@ def methods_with_keywords():
     """Every constructor and public method of the library's classes that takes `**keywords`, by its name."""
     found = {}
     for info in walk_packages(atra.__path__, "atra."):
+        if info.name.startswith("atra.embree."):  # hands on what a device takes, to no user
+            continue
         classes = [one for one in vars(import_module(info.name)).values() if inspect.isclass(one)]
         methods = [one for kind in classes if kind.__module__ == info.name for one in vars(kind).values()]
         for method in filter(inspect.isfunction, methods):

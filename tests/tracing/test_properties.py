@@ -60,6 +60,17 @@ def test_every_method_gives_the_float64_image_and_that_of_single_rays(widths, da
             assert_agree(view, hits, unculled)
 
 
+def test_a_triangle_beside_the_eye_is_no_hit_in_a_cell_that_does_not_see_it():
+    """Found by the test above: sheared copies put such a triangle before the eye, by rounding."""
+    mesh = atra.Mesh(np.float32([[1.25, 0, 0], [0, 0.25, 0], [0, 0, -0.25]]), np.uint32([[0, 1, 2]]))
+    plane = atra.ImagePlane(114.58865012931011, 38.196216709770034, -16.0, 3.0, 0, 0)
+    target = (0.8333333333333334, 0.0, 0.08333333333333333)
+    camera = atra.CalibratedCamera((0.625, 0.0, 0.0), target, (0.0, 1.0, 0.0), 8, 6, plane=plane)
+    assert not brute_force(mesh, camera).hit.any()
+    for method in images.METHODS:
+        assert not images.trace(method, mesh, camera, (2, 2), packet_width=1).hit.any(), method
+
+
 @EXAMPLES
 @given(views() | parallel_views())
 def test_triangles_drawn_give_the_float64_image(view):
