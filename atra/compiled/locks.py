@@ -2,14 +2,29 @@
 
 from __future__ import annotations
 
+import sys
 import time
 from contextlib import suppress
 from pathlib import Path
+from typing import IO
 
-try:
+if sys.platform == "win32":
+
+    def _take(file: IO[bytes]) -> bool:
+        """Locks nothing."""
+        return True
+
+else:
     import fcntl
-except ImportError:  # Windows
-    fcntl = None  # type: ignore[assignment]
+
+    def _take(file: IO[bytes]) -> bool:
+        """Lock the file if no other process does; returns whether it is this one's now."""
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return False
+        return True
+
 
 MOST_WAIT_S = 120.0
 """Longest wait for another process, which may have been stopped; after it, one compiles without the lock."""
@@ -26,24 +41,14 @@ class FileLock:
 
     def __init__(self, path: Path) -> None:
         self.waited = False
-        self._file = None
-        if fcntl is None:
-            return
+        self._file: IO[bytes] | None = None
         with suppress(OSError):
             path.parent.mkdir(parents=True, exist_ok=True)
             self._file = path.open("ab")
             end = time.monotonic() + MOST_WAIT_S
-            while not self._is_taken() and time.monotonic() < end:
+            while not _take(self._file) and time.monotonic() < end:
                 self.waited = True
                 time.sleep(_STEP_S)
-
-    def _is_taken(self) -> bool:
-        assert self._file is not None
-        try:
-            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            return False
-        return True
 
     def release(self) -> None:
         """Let others go on."""

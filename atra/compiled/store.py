@@ -239,6 +239,8 @@ class _Cache(FunctionCache):
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """What is shipped or kept; else None, after which Numba compiles and saves. Of two processes that need the
         same, one compiles while the other waits for it here."""
+        if not self._enabled:
+            return None
         found = self._found(sig, target_context)
         if found is None and self._cache_path:
             self._lock = FileLock(Path(self._cache_path) / f"{self._impl.filename_base}.lock")
