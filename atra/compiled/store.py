@@ -28,7 +28,7 @@ from numba.core.sigutils import normalize_signature
 
 from atra.compiled import progress
 from atra.compiled.instruction_sets import limit_numba
-from atra.compiled.locks import FileLock
+from atra.compiled.locks import lock_between_processes
 
 limit_numba()
 
@@ -234,7 +234,7 @@ class _Cache(FunctionCache):
             self._cache_path = str(Path(into) / room)
         self._shipped = None if into or not SHIPPED.is_dir() else _Index(str(SHIPPED / room), base, stamp)
         self._cache_file = _Index(self._cache_path, base, stamp)
-        self._lock: FileLock | None = None
+        self._lock: Any = None
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """What is shipped or kept; else None, after which Numba compiles and saves. Of two processes that need the
@@ -243,8 +243,8 @@ class _Cache(FunctionCache):
             return None
         found = self._found(sig, target_context)
         if found is None and self._cache_path:
-            self._lock = FileLock(Path(self._cache_path) / f"{self._impl.filename_base}.lock")
-            if self._lock.waited:
+            self._lock, has_waited = lock_between_processes(Path(self._cache_path) / f"{self._impl.filename_base}.lock")
+            if has_waited:
                 found = self._found(sig, target_context)
         if found is None:
             progress.begin()
@@ -270,8 +270,6 @@ class _Cache(FunctionCache):
             if not self._cache_path:
                 _warn("no folder for it can be written to")
             else:
-                if os.environ.get(INTO_VARIABLE):
-                    Path(self._cache_path).mkdir(parents=True, exist_ok=True)
                 super().save_overload(sig, data)
         except OSError as error:
             _warn(f"{self.cache_path}: {error.strerror or error}")
