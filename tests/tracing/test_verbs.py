@@ -129,11 +129,15 @@ def test_a_renderer_takes_another_pose_and_another_camera(kind):
         one.update(RenderScene(OTHER, lights=[LAMP]))
 
 
-def test_a_bake_takes_another_pose_on_the_charts_it_has():
+def test_a_bake_takes_another_pose_on_the_charts_it_has(monkeypatch):
     one = Baker(BakeScene(MESH, lights=[LAMP]), size=64, threads=1)
+    assert (one.share_done(4), one.buffer_bytes) == (0.0, 0)  # asked before anything is built
     one.add(1)
     atlas = one.texels.atlas
+    built, build = [], atra.RayScene._build
+    monkeypatch.setattr(atra.RayScene, "_build", lambda scene: built.append(scene.mesh) or build(scene))
     one.update(BakeScene(POSED, lights=[LAMP]))
+    assert built == [POSED]  # one BVH
     one.add(2)
     assert one.texels.atlas is atlas
     with Baker(BakeScene(POSED, lights=[LAMP]), atlas, threads=1) as new:

@@ -23,13 +23,13 @@ from atra.light.lightmaps.gather.tables import tables_of
 from atra.light.lightmaps.gather.tables_kernels import SUMS, Batch
 from atra.light.lightmaps.maps import Lightmap
 from atra.light.lightmaps.options import BakeKeywords, BakeOptions
-from atra.light.lightmaps.priority import visible_texels
+from atra.light.lightmaps.priority import on_least_converged_map, visible_texels
 from atra.light.lightmaps.shadows import ShadowScenes
 from atra.light.lightmaps.surface import BakeScene
 from atra.raster.tracer import RasterTracer
 from atra.rays.scene import Query, RayScene
 from atra.tracing.budgets import check_needed_bytes
-from atra.tracing.lifetime import Lifetime
+from atra.tracing.lifetime import Lifetime, check_same_faces
 from atra.tracing.options import RayOptions, lists_options
 from atra.tracing.tracer import Tracer
 
@@ -58,13 +58,16 @@ class Baker(Lifetime):
         super().__init__()
         self.options = BakeOptions.of(type(self).__name__, options)
         self._ray_options = RayOptions.part_of(self.options)
-        self.rays_scene = RayScene(scene.mesh, **self._ray_options.keywords())
-        self.shadow_scenes = ShadowScenes(scene, self._ray_options)
-        self.scene = scene
+        self._take(scene)
         self._given, self._size = atlas, size
         self.visible: NDArray[np.bool_] | None = None
         self._texels: Texels | None = None
-        self.samples = np.zeros(0, np.int32)
+        self._restart()
+
+    def _take(self, scene: BakeScene) -> None:
+        rays_scene = RayScene(scene.mesh, **self._ray_options.keywords())
+        self.shadow_scenes = ShadowScenes(scene, self._ray_options)
+        self.rays_scene, self.scene = rays_scene, scene
 
     def _plan(self) -> float:
         start = perf_counter()
@@ -82,8 +85,7 @@ class Baker(Lifetime):
         return self.rays_scene.build_time_s + self.shadow_scenes.build()
 
     def _restart(self) -> None:
-        assert self._texels is not None
-        count = len(self._texels)
+        count = 0 if self._texels is None else len(self._texels)
         self.samples = np.zeros(count, np.int32)
         self._sums = np.zeros((count, SUMS))
         self._enough = np.zeros(count, np.bool_)
@@ -110,21 +112,23 @@ class Baker(Lifetime):
         The charts stay on the map. Raises InputError for a mesh of other faces, ClosedError after `close`."""
         with self._lock:
             self._check_open()
-            moves = scene.mesh is not self.scene.mesh
-            tables = tables_of(scene, self.texels, self.options) if self._is_built and not moves else None
-            scenes = None if self.shadow_scenes.serve(scene) and not moves else ShadowScenes(scene, self._ray_options)
-            if moves:
-                self.rays_scene.update(scene.mesh)
+            if scene.mesh is not self.scene.mesh:
+                check_same_faces(self.scene.mesh, scene.mesh)
+                before = self.rays_scene, self.shadow_scenes
+                self._take(scene)
+                for one in before:
+                    one.close()
                 self.visible = None
-            if scenes is not None:
+                if self._is_built:
+                    self.build()
+                return
+            tables = tables_of(scene, self.texels, self.options)
+            if not self.shadow_scenes.serve(scene):
+                shadow_scenes = ShadowScenes(scene, self._ray_options)
                 self.shadow_scenes.close()
-                self.shadow_scenes = scenes
-            self.scene = scene
-            if tables is not None:
-                self._tables = tables
-                self._restart()
-            elif self._is_built:
-                self.build()
+                self.shadow_scenes = shadow_scenes
+            self.scene, self._tables = scene, tables
+            self._restart()
 
     def look(self, camera: View | None, tracer: Tracer[Hits] | None = None) -> None:
         """Light first what the camera sees; None: nothing comes first. No sample is lost.
@@ -169,7 +173,7 @@ class Baker(Lifetime):
             wanted = (self.samples < target) & ~self._enough
             if self.visible is not None and (wanted & self.visible).any():
                 wanted &= self.visible
-                wanted &= self._on_the_least_converged(wanted)
+                wanted &= on_least_converged_map(self.texels, self.samples, wanted)
             if not wanted.any():
                 return False
             count = min(target - int(self.samples[wanted].max()), self.options.expansion)
@@ -182,20 +186,11 @@ class Baker(Lifetime):
                 self._enough |= looked_at & is_enough(self.maps)
             return True
 
-    def _on_the_least_converged(self, wanted: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """(N,) bool: texels of the first map whose wanted texels have the fewest samples on average."""
-        if self.texels.atlas.maps == 1:
-            return wanted
-        on_map = self.texels.map_of
-        count, total = (np.bincount(on_map[wanted], of_each) for of_each in (None, self.samples[wanted]))
-        means = np.divide(total, count, out=np.full(len(count), np.inf), where=count > 0)
-        return np.asarray(on_map == np.argmin(means))
-
     def share_done(self, target: int) -> float:
         """The fraction done of the work until every texel has `target` samples or, with `adaptive`, enough."""
         enough, samples = self._enough, self.samples  # no lock: asking must not wait for the bake
         left = np.where(enough, 0, np.maximum(target - samples, 0))
-        return 1.0 - float(left.mean()) / target
+        return 1.0 - float(left.mean()) / target if len(left) else 0.0
 
     def _pass(self, wanted: NDArray[np.bool_], count: int, stop: Callable[[], bool] | None) -> bool:
         """Add `count` samples to the wanted texels; returns whether it finished."""

@@ -1,4 +1,4 @@
-"""Visibility of texels: which of them a camera sees."""
+"""Which texels come first: those that a camera sees, on the map that has the fewest samples."""
 
 from __future__ import annotations
 
@@ -57,3 +57,13 @@ def _reach_the_eye(texels: Texels, numbers: NDArray[np.int64], camera: View, sce
     end = np.maximum(1.0 - off / np.linalg.norm(ways, axis=1), 0.0)
     start = off / (texels.normals[numbers] * ways).sum(axis=1)  # positive, as these texels face the eye
     return ~scene.occluded(points + camera.eye, ways, tnear=np.minimum(start, end), tfar=end)
+
+
+def on_least_converged_map(texels: Texels, samples: NDArray[np.int32], wanted: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """(N,) bool: texels of the first map whose wanted texels have the fewest samples on average."""
+    if texels.atlas.maps == 1:
+        return wanted
+    on_map = texels.map_of
+    count, total = (np.bincount(on_map[wanted], of_each) for of_each in (None, samples[wanted]))
+    means = np.divide(total, count, out=np.full(len(count), np.inf), where=count > 0)
+    return np.asarray(on_map == np.argmin(means))
