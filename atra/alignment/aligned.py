@@ -47,9 +47,7 @@ class _AlignedImages(ReferenceRayTracer[Result]):
 
     def __init__(self, meshes: Mesh | Sequence[Mesh], alignment: Alignment, options: Mapping[str, Any]) -> None:
         count = alignment.image_count
-        self.meshes = (meshes,) * count if isinstance(meshes, Mesh) else tuple(meshes)
-        if len(self.meshes) != count:
-            raise InputError(f"{len(self.meshes)} meshes for {count} frames; expected one for each, or one for all")
+        self.meshes = _one_for_each(meshes, count)
         super().__init__(options)
         self._check_meshes(self.meshes)
         self._align(self.meshes, alignment)
@@ -229,10 +227,7 @@ class FramesTracer(_AlignedImages[Frames]):
         """
         with self._lock:
             self._check_open()
-            count = len(self.meshes)
-            others = (meshes,) * count if isinstance(meshes, Mesh) else tuple(meshes)
-            if len(others) != count:
-                raise InputError(f"{len(others)} meshes for {count} frames; expected one for each, or one for all")
+            others = _one_for_each(meshes, len(self.meshes))
             for before, mesh in zip(self.meshes, others, strict=True):
                 check_same_faces(before, mesh)
             self._check_meshes(others)
@@ -249,6 +244,14 @@ class FramesTracer(_AlignedImages[Frames]):
         shape = (len(cameras), height, width)
         depth, prim_id = _unstacked(depth, shape), _unstacked(prim_id, shape)
         return Frames(depth, prim_id, offset, self.meshes, cameras, self.threads)
+
+
+def _one_for_each(meshes: Mesh | Sequence[Mesh], count: int) -> tuple[Mesh, ...]:
+    """A mesh for each of `count` frames. Raises InputError unless one is given, or one per frame."""
+    given = (meshes,) * count if isinstance(meshes, Mesh) else tuple(meshes)
+    if len(given) != count:
+        raise InputError(f"{len(given)} meshes for {count} frames; expected one for each, or one for all")
+    return given
 
 
 def _unstacked(images: NDArray, shape: tuple[int, int, int]) -> NDArray:

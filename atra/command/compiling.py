@@ -20,7 +20,7 @@ from atra.compiled.instruction_sets import native_lanes
 from atra.compiled.progress import QUIET_VARIABLE
 from atra.compiled.store import INTO_VARIABLE, cache_folder
 from atra.compiled.threads import resolve_threads
-from atra.errors import InputError, printable
+from atra.errors import InputError
 from atra.geometry.view import View
 
 
@@ -32,28 +32,23 @@ def add_compile(parser: ArgumentParser) -> None:
 
 def run_compile(arguments: Namespace) -> int:
     """Compile in as many processes as there are cores, and say where the kernels are."""
-    into = arguments.into
-    if into is not None:
-        if into.exists() and not into.is_dir():
-            raise InputError(f"--into is {printable(str(into))!r}, which is no folder")
-        os.environ[INTO_VARIABLE] = str(into.resolve())
-    folder = Path(os.environ[INTO_VARIABLE]) if into is not None else None
-    if folder is None and cache_folder() is None:
+    folder = None if arguments.into is None else arguments.into.resolve()
+    if folder is not None:
+        if folder.exists() and not folder.is_dir():
+            raise InputError(f"--into is {str(arguments.into)!r}, which is no folder")
+        os.environ[INTO_VARIABLE] = str(folder)
+    elif cache_folder() is None:
         raise InputError("compiled kernels can be kept nowhere here; name a folder with NUMBA_CACHE_DIR")
     os.environ[QUIET_VARIABLE] = "1"
-    names = [name for name in JOBS if arguments.all or name.startswith("raster")]
+    jobs = {name: job for name, job in JOBS.items() if arguments.all or name.startswith("raster")}
     # Processes that are spawned, not forked: a fork would have this process's threads and no kernel of its own.
-    with ProcessPoolExecutor(min(resolve_threads(None), len(names)), get_context("spawn")) as pool:
-        running = {pool.submit(_run, name): name for name in names}
+    with ProcessPoolExecutor(min(resolve_threads(None), len(jobs)), get_context("spawn")) as pool:
+        running = {pool.submit(job): name for name, job in jobs.items()}
         for count, done in enumerate(as_completed(running), 1):
             done.result()
-            print(f"{count} of {len(names)}: {running[done]}", file=sys.stderr)
+            print(f"{count} of {len(jobs)}: {running[done]}", file=sys.stderr)
     print(say_kernels(folder))
     return 0
-
-
-def _run(name: str) -> None:
-    JOBS[name]()
 
 
 def _cameras() -> dict[str, View]:

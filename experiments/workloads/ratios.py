@@ -54,7 +54,7 @@ def best_rows(rows: pd.DataFrame) -> pd.DataFrame:
 
 
 def draw_ratio_baselines(axis: Axes, rows: pd.DataFrame, ratio: str, upright: bool = False) -> float:
-    """Lines at the ratios of both baselines, of which one is 1. Returns the end of the farther one's band."""
+    """Draw a line at each baseline's ratio; one of the two is 1. Returns the end of the farther line's band."""
     own_s = numbers(rows, TIME_BASELINES[_BASELINES[ratio]][0])
     return max(
         draw_baseline(axis, own_s / numbers(rows, name), style, label, upright)

@@ -16,6 +16,8 @@ from tests.tracing.test_threads import CAMERA, CAMERAS, GATHERING, MAKE, MESH, S
 from tests.tracing.watertight_scenes import ball
 
 OFFSETS = ((0.5, 0.5), (0.25, 0.75))
+COMMON = {"build": rebuild, "update": pose, "counters": lambda one, random: one.counters}
+"""Calls of tracers and scenes alike."""
 
 
 @pytest.mark.slow
@@ -72,13 +74,7 @@ def test_frames_of_a_tracer_that_threads_trace_and_close_are_those_of_one_thread
         with pytest.raises((atra.InputError, atra.ClosedError), match=r"cannot look through|closed"):
             one.look(SMALL)
 
-    calls = {
-        "trace": trace,
-        "look": look,
-        "build": rebuild,
-        "update": pose,
-        "counters": lambda one, random: one.counters,
-    }
+    calls = {"trace": trace, "look": look, **COMMON}
     stress(lambda: atra.FramesTracer(MESH, alignment, threads=2), calls)
 
 
@@ -140,11 +136,5 @@ def test_hits_of_a_scene_of_our_own_that_threads_ask_and_close_are_those_of_one_
         number = int(random.integers(3))
         np.testing.assert_array_equal(one.occluded(one.prepare(BATCHES[number])), expected(number).hit)
 
-    calls = {
-        "closest": closest,
-        "occluded": occluded,
-        "build": rebuild,
-        "update": pose,
-        "counters": lambda one, random: one.counters,
-    }
+    calls = {"closest": closest, "occluded": occluded, **COMMON}
     stress(lambda: make(mesh, threads=2), calls, ("closed", "after close"))

@@ -34,7 +34,7 @@ _JITTER = np.uint32(0xFFFFFFFE)
 
 
 class Paths(NamedTuple):
-    """A wave of N = blocks x BLOCK paths, of which the first `counts` of each block continue.
+    """A wave of N paths, in blocks of BLOCK. The first `counts` paths of each block continue.
 
     floats: (PATH_ROWS, N) float32: origin, unit direction, weight (r, g, b), three rows each. prim_id: (N,) uint32,
     hits. pixel: (N,) int32. counts: (blocks,) int64.
