@@ -118,6 +118,11 @@ def keep_on_disk(compiled: Any) -> Any:
     return compiled
 
 
+def is_kept(kernel: Any) -> bool:
+    """Whether code of the kernel is shipped or kept on disk, for arguments of any types."""
+    return bool(kernel._cache.has_any())
+
+
 @cache
 def _warn(reason: str) -> None:
     warnings.warn(
@@ -214,6 +219,10 @@ class _Cache(FunctionCache):
         elif self._lock is not None:
             self._lock.release()
         return found
+
+    def has_any(self) -> bool:
+        """Whether there is code for arguments of any types."""
+        return any(index is not None and index._load_index() for index in (self._shipped, self._cache_file))
 
     def _found(self, sig: Any, target_context: Any) -> Any:
         key = self._index_key(sig, target_context.codegen())
