@@ -46,9 +46,7 @@ def unkept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> object:
     return imported(path).half
 
 
-def test_a_kernel_that_is_kept_nowhere_is_compiled_in_another_process(
-    started: list[list[str]], unkept: object
-) -> None:
+def test_a_kernel_that_is_kept_nowhere_is_compiled_in_another_process(started: list[list[str]], unkept: object) -> None:
     beside.compile_beside(unkept, compile_drawing, 8, False)
     assert [command[0] for command in started] == [sys.executable]
     assert started[0][2] == "from atra.raster.frames import compile_drawing as f; f(*(8, False))"
