@@ -71,6 +71,18 @@ from .hits import VisibleTriangles as VisibleTriangles
 from .judge.compare import Agreement as Agreement
 from .judge.compare import Verdict as Verdict
 from .judge.compare import compare as compare
+from .judge.foreign import (
+    Convention as Convention,
+)
+from .judge.foreign import (
+    ForeignImage as ForeignImage,
+)
+from .judge.foreign import (
+    ForeignJudgement as ForeignJudgement,
+)
+from .judge.foreign import (
+    judge_image as judge_image,
+)
 from .packets.pixel import PixelTracer as PixelTracer
 from .packets.tiles import TiledTracer as TiledTracer
 from .planner.plan import Plan as Plan

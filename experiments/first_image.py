@@ -1,6 +1,6 @@
 """Seconds from an empty process to the first answer of each kind, cold and warm; writes a table.
 
-    python -m experiments.first_image TABLE.csv --source clone --state cold --runs 5 [--library FOLDER] [--python PYTHON]
+    python -m experiments.first_image TABLE.csv --source clone --state cold --runs 5 --library .
 
 Cold: no kernel is compiled. Warm: an earlier process has kept them. Every run is a process of its own, with a home and
 a folder of kernels of its own; rows are added to the table. Wall time is from before `import atra`; CPU time is that of

@@ -13,6 +13,7 @@ from pathlib import Path
 import atra
 from atra.command.compiling import add_compile, run_compile
 from atra.command.doctor import run_doctor
+from atra.command.judging import EXAMPLES, SUMMARY, add_judge, run_judge
 from atra.command.render import add_render, run_render
 from atra.errors import AtraError
 
@@ -82,4 +83,9 @@ def _parser() -> ArgumentParser:
     render = verbs.add_parser("render", help="write what every view of a mesh sees: depth, triangles, normals, points")
     add_render(render)
     render.set_defaults(run=run_render)
+    judge = verbs.add_parser(
+        "judge", help=SUMMARY, description=SUMMARY, epilog=EXAMPLES, formatter_class=RawDescriptionHelpFormatter
+    )
+    add_judge(judge)
+    judge.set_defaults(run=run_judge)
     return parser

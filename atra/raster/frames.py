@@ -134,6 +134,6 @@ def compile_drawing(lanes: int, parallel: bool) -> None:
     """Have the kernel compiled that draws, which takes longer than all others together."""
     arrays = np.empty((0, 4), np.int32), np.empty(0, np.float32), np.empty(0, np.int64)
     eye, addresses, image = Eye(0, 0, 0, 0.0), ClusterAddresses(0, 0, 0, 0, 0), Image(0, 0, 0, 0)
-    workspace = Workspace(*(0 for _ in Workspace._fields))
+    workspace = Workspace(0, 0, 0, 0, 0, 0, 0, 0, 0, 0)
     drawing: Any = drawing_kernel(lanes, parallel)
     drawing.compile(tuple(map(typeof, (0, eye, addresses, *arrays, 0, image, workspace))))
