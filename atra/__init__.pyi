@@ -77,6 +77,8 @@ from .planner.plan import Plan as Plan
 from .planner.planning import plan as plan
 from .prim_ids import MISS as MISS
 from .raster.tracer import RasterTracer as RasterTracer
+from .rays.all_hits.gathered import RayLayers as RayLayers
+from .rays.all_hits.lists import RayHitLists as RayHitLists
 from .rays.rays import RayHits as RayHits
 from .rays.rays import Rays as Rays
 from .rays.scene import RayScene as RayScene
