@@ -98,6 +98,9 @@ from .tracing.options import (
     RayOptions as RayOptions,
 )
 from .tracing.tracer import Tracer as Tracer
+from .views.face_counts import FaceCounts as FaceCounts
+from .views.face_counts import face_counts as face_counts
 from .views.render_views import render_views as render_views
+from .views.visible_points import visible_points as visible_points
 
 __version__: str

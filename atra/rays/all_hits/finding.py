@@ -96,8 +96,8 @@ class Crossings:
         t, prim_id, u, v = hits
         return HitArrays(splits, t, prim_id, u, v, truncated)
 
-    def count(self, rays: Rays, progress: Progress | None = None) -> NDArray[np.int32]:
-        """(N,) int32, the number of hits of each ray."""
+    def count(self, rays: Rays, progress: Progress | None = None, most: int = MOST) -> NDArray[np.int32]:
+        """(N,) int32, the number of hits of each ray, up to `most`."""
         counts, kernel = np.empty(len(rays), np.int32), all_hits_kernel(True)
         for start in range(0, len(rays), BATCH):
             some = slice(start, min(start + BATCH, len(rays)))
@@ -105,7 +105,7 @@ class Crossings:
             batch = _batch(rays, some)
 
             def work(worker: int, counter: int, batch: Batch = batch, lists: Lists = lists) -> None:
-                kernel(counter, self.tree, batch, lists, self._found[worker], worker, MOST)
+                kernel(counter, self.tree, batch, lists, self._found[worker], worker, most)
 
             self._pool.run(work)
             if progress is not None:

@@ -142,7 +142,8 @@ def all_hits_kernel(counting: bool) -> Callable[..., None]:
     def find_all(counter_address, tree, batch, lists, found, worker, most):  # type: ignore[no-untyped-def]
         """Find the hits of all rays that are not done, until a chunk has no room for its hits.
 
-        most: hits to keep of each ray, the nearest. found: this thread's memory, number `worker`.
+        most: hits to keep of each ray, the nearest, or after which to stop counting. found: this thread's memory,
+        number `worker`.
         """
         exact, areas = found.exact.ctypes.data, found.areas.ctypes.data
         while True:
@@ -180,6 +181,8 @@ def all_hits_kernel(counting: bool) -> Callable[..., None]:
                                     return
                                 _take(found, start, count, most, t * scale, prim_id_of(node - LEAF, k), u, v)
                             count += 1
+                            if counting and count >= most:
+                                maybe = top = 0
                         continue
                     bits = entered(node, ray)
                     while bits:

@@ -114,6 +114,11 @@ class AllHitsScene(MeshLifetime, ABC):
         with self._lock:
             return self.crossings.count(rays, progress).reshape(shape)
 
+    def is_crossed(self, rays: Rays) -> NDArray[np.bool_]:
+        """(N,) bool: whether a ray hits anything, decided as by `all_hits`; `occluded` is faster."""
+        with self._lock:
+            return self.crossings.count(rays, most=1) > 0
+
     def gather(
         self,
         what: Reduction,
@@ -150,19 +155,29 @@ class AllHitsScene(MeshLifetime, ABC):
             raise InputError(f"method is {method!r}, expected one of {', '.join(METHODS)}")
         found = check_points(points)
         with self._lock:
-            faces = self.mesh.faces if self._faces is None else self.mesh.faces[self._faces]
-            if self._edges is None:
-                self._edges = edge_surplus(self.mesh, faces)
-            edges, surplus, odd = self._edges
             if method == "winding":
+                edges, surplus, _ = self._open
                 ends = self.mesh.vertices[edges].astype(np.float64)
                 return winding_numbers(found, ends, surplus, self.crossings) > 0.5
-            if odd:
+            if self.open_edges:
                 raise InputError(
-                    f"{self.mesh.name!r} is not closed: it has {odd:,} open edges, so parity says nothing; close its "
-                    'holes, or pass method="winding"'
+                    f"{self.mesh.name!r} is not closed: it has {self.open_edges:,} open edges, so parity says nothing; "
+                    'close its holes, or pass method="winding"'
                 )
             return self.parity(found)
+
+    @property
+    def open_edges(self) -> int:
+        """The number of edges with an odd number of triangles; 0 where the mesh is closed."""
+        return self._open[2]
+
+    @property
+    def _open(self) -> tuple[NDArray[np.int64], NDArray[np.int64], int]:
+        with self._lock:
+            if self._edges is None:
+                faces = self.mesh.faces if self._faces is None else self.mesh.faces[self._faces]
+                self._edges = edge_surplus(self.mesh, faces)
+            return self._edges
 
     def parity(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
         """(P,) bool: whether a ray from each point crosses an odd number of triangles, of closed and open meshes."""
