@@ -5,6 +5,7 @@ import pytest
 import trimesh
 
 import atra
+from atra.rays.all_hits.cells import FEWEST_POINTS
 from atra.rays.all_hits.contains import edge_surplus, winding_numbers
 from tests.closed_meshes import box, cornell_boxes, sphere
 from tests.meshes import random_triangles
@@ -55,6 +56,20 @@ def test_points_are_taken_as_float64_without_rounding():
                 scene.contains(wrong)
         with pytest.raises(atra.InputError, match="method is 'sign'"):
             scene.contains(points, method="sign")
+
+
+def test_many_points_are_decided_as_few_are():
+    for mesh, is_closed in whole_meshes().values():
+        points = np.random.default_rng(0).uniform(-1.1 * SIZE, 1.1 * SIZE, (FEWEST_POINTS, 3))
+        points[:3000] = np.rint(points[:3000])
+        with atra.RayScene(mesh, threads=1) as scene:
+            many = scene.parity(points)
+            assert (scene._cells is not None) == is_closed
+        with atra.RayScene(mesh, threads=1) as scene:
+            few = np.concatenate([scene.parity(part) for part in np.array_split(points, 2)])
+        on_surface = is_on_surface(mesh, points[:3000].astype(np.int64))
+        assert (many == few)[3000:].all()
+        assert (many == few)[:3000][~on_surface].all()
 
 
 def solid_angles(mesh, points):

@@ -13,6 +13,7 @@ from atra.compiled.threads import WorkerPool
 from atra.errors import InputError
 from atra.geometry.mesh import Mesh
 from atra.geometry.ray_space import check_world_range
+from atra.rays.all_hits.cells import FEWEST_POINTS, Cells, cells_of
 from atra.rays.all_hits.contains import METHODS, check_points, edge_surplus, winding_numbers
 from atra.rays.all_hits.finding import MOST, Crossings, Progress
 from atra.rays.all_hits.gathered import RayLayers, gathered
@@ -35,6 +36,7 @@ class AllHitsScene(MeshLifetime, ABC):
     ) -> None:
         super().__init__()
         self._crossings: Crossings | None = None
+        self._cells: Cells | None = None
         self._edges: tuple[NDArray[np.int64], NDArray[np.int64], int] | None = None
         self.geometries = joined(meshes, transforms)
         self._take(self.geometries.mesh)
@@ -47,7 +49,7 @@ class AllHitsScene(MeshLifetime, ABC):
 
     def _take(self, mesh: Mesh) -> None:
         check_world_range(mesh)
-        self.mesh, self._crossings, self._edges = mesh, None, None
+        self.mesh, self._crossings, self._edges, self._cells = mesh, None, None, None
 
     def update(self, mesh: Mesh | Sequence[Mesh], transforms: ArrayLike | None = None) -> None:
         """Go on with other vertices of the same faces, or other transforms.
@@ -182,8 +184,12 @@ class AllHitsScene(MeshLifetime, ABC):
     def parity(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
         """(P,) bool: whether a ray from each point crosses an odd number of triangles, of closed and open meshes."""
         with self._lock:
+            if self._cells is None and len(points) >= FEWEST_POINTS and self.open_edges == 0:
+                self._cells = cells_of(self.mesh, self._faces, self.crossings)
+            if self._cells is not None:
+                return self._cells.parity(points, self.crossings, self._pool)
             return (self.crossings.columns(points).counts & 1).astype(np.bool_)
 
     def _release(self) -> None:
         self._pool.close()
-        self._crossings = None
+        self._crossings = self._cells = None
