@@ -75,32 +75,39 @@ def judge_whole(corners, origins, directions, splits, prim_ids):
 
 
 @numba.njit(nogil=True)
+def volume(ax, ay, az, bx, by, bz, cx, cy, cz):
+    """a . (b x c), and whether rounding may have its sign."""
+    x, y, z = by * cz - bz * cy, bz * cx - bx * cz, bx * cy - by * cx
+    size = abs(ax) * (abs(by * cz) + abs(bz * cy)) + abs(ay) * (abs(bz * cx) + abs(bx * cz))
+    size += abs(az) * (abs(bx * cy) + abs(by * cx))
+    found = ax * x + ay * y + az * z
+    return found, abs(found) <= 2e-15 * size
+
+
+@numba.njit(nogil=True)
 def judge_any(corners, origins, directions, splits, prim_ids, doubts):
     """As `judge_whole`, of any float64 numbers that are float32; doubts: (N, 3) int64, written: ray, face, times found.
     Returns the number of doubts, too."""
     crossings = lost = doubled = matched = doubtful = 0
     for ray in range(len(origins)):
-        o, d = origins[ray], directions[ray]
+        x, y, z = origins[ray]
+        u, v, w = directions[ray]
         for face in range(len(corners)):
-            signs, unsure = 0, False
-            for edge in range(3):
-                p, q = corners[face, edge] - o, corners[face, (edge + 1) % 3] - o
-                side = size = 0.0
-                for k in range(3):
-                    m, n = (k + 1) % 3, (k + 2) % 3
-                    side += d[k] * (p[m] * q[n] - p[n] * q[m])
-                    size += abs(d[k]) * (abs(p[m] * q[n]) + abs(p[n] * q[m]))
-                unsure = unsure or abs(side) <= 1e-14 * size
-                signs += 1 if side > 0 else -1
-            if abs(signs) != 3 and not unsure:
+            ax, ay, az = corners[face, 0, 0] - x, corners[face, 0, 1] - y, corners[face, 0, 2] - z
+            bx, by, bz = corners[face, 1, 0] - x, corners[face, 1, 1] - y, corners[face, 1, 2] - z
+            cx, cy, cz = corners[face, 2, 0] - x, corners[face, 2, 1] - y, corners[face, 2, 2] - z
+            one, unsure_one = volume(u, v, w, ax, ay, az, bx, by, bz)
+            two, unsure_two = volume(u, v, w, bx, by, bz, cx, cy, cz)
+            unsure = unsure_one or unsure_two
+            if not unsure and (one > 0) != (two > 0):
                 continue
-            a, b, c = corners[face, 0] - o, corners[face, 1] - o, corners[face, 2] - o
-            ahead = size = 0.0
-            for k in range(3):
-                m, n = (k + 1) % 3, (k + 2) % 3
-                ahead += a[k] * (b[m] * c[n] - b[n] * c[m])
-                size += abs(a[k]) * (abs(b[m] * c[n]) + abs(b[n] * c[m]))
-            unsure = unsure or abs(ahead) <= 1e-14 * size
+            three, unsure_three = volume(u, v, w, cx, cy, cz, ax, ay, az)
+            unsure = unsure or unsure_three
+            if not unsure and (one > 0) != (three > 0):
+                continue
+            ahead, unsure_ahead = volume(ax, ay, az, bx, by, bz, cx, cy, cz)
+            unsure = unsure or unsure_ahead
+            signs = 1 if one > 0 else -1
             times = 0
             for place in range(splits[ray], splits[ray + 1]):
                 times += prim_ids[place] == face
@@ -139,7 +146,7 @@ def judged(mesh, origins, directions, whole):
     """(crossings, lost, doubled, too many, in doubt) of all rays at a mesh."""
     total = np.zeros(5, np.int64)
     corners = mesh.triangles(np.arange(mesh.triangle_count))
-    doubts = np.empty((STEP, 3), np.int64)
+    doubts = np.empty((20 * STEP, 3), np.int64)
     with atra.RayScene(mesh) as scene:
         for start in range(0, len(origins), STEP):
             some = slice(start, start + STEP)
