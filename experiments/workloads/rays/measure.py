@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.bvh.layout import BLOCK_BYTES, NODE_BYTES
 from atra.bvh.scene import BvhScene, PreparedRays
 from atra.bvh.single import BLOCKS, BOXES, LISTED, STEPS
 from atra.exact.intersection import intersect_rays
@@ -19,6 +18,7 @@ from atra.raster.tracer import RasterTracer
 from atra.rays.ray_sets import ray_set
 from atra.rays.rays import RayHits, Rays
 from atra.rays.scene import RayScene
+from atra.trees.layout import BLOCK_BYTES, NODE_BYTES
 from experiments.harness.environment import peak_rss_bytes, reset_peak_rss, rss_bytes
 from experiments.harness.point import Measured, Point
 from experiments.workloads.baselines import OWN, PACKETS, SINGLE

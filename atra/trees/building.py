@@ -11,9 +11,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.bvh.layout import BIAS, BLOCK, DEEPEST
 from atra.compiled.intrinsics import fetch_add
 from atra.compiled.store import kernel, njit
+from atra.trees.layout import BIAS, BLOCK, DEEPEST
 
 BINS = 32
 
@@ -242,7 +242,7 @@ def build_subtrees(counter_address, draft, tasks):  # type: ignore[no-untyped-de
 def lay_out(draft, nodes, leaves):  # type: ignore[no-untyped-def]
     """Copy the nodes in traversal order; returns the numbers of nodes, leaves and blocks.
 
-    nodes: (>= 2 T, 8) uint32, laid out as in `atra.bvh.layout`. leaves: (T, 3) int64: first position, triangles and
+    nodes: (>= 2 T, 8) uint32, laid out as in `atra.trees.layout`. leaves: (T, 3) int64: first position, triangles and
     first block.
     """
     floats = nodes.view(np.float32)

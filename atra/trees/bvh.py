@@ -8,10 +8,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.bvh.building import Draft, bound_triangles, build_subtrees, fill_blocks, lay_out, split_top
-from atra.bvh.layout import BIAS, BLOCK, Tree
 from atra.compiled.threads import WorkerPool
 from atra.geometry.mesh import Mesh
+from atra.trees.building import Draft, bound_triangles, build_subtrees, fill_blocks, lay_out, split_top
+from atra.trees.layout import BIAS, BLOCK, Tree
 
 _CACHE_LINE = 64
 _TASKS = 64
@@ -22,7 +22,7 @@ _TASKS = 64
 class Bvh:
     """A binary BVH of triangles.
 
-    nodes: (N, 8) uint32 and blocks: (B, 10, 4) uint32, laid out as in `atra.bvh.layout` and aligned to cache lines.
+    nodes: (N, 8) uint32 and blocks: (B, 10, 4) uint32, laid out as in `atra.trees.layout` and aligned to cache lines.
     triangle_count: triangles in the BVH.
     """
 
