@@ -17,7 +17,7 @@ from experiments.results.settings import say_setting
 from experiments.results.table import workload_rows
 from experiments.workloads.frame import FRAME
 from experiments.workloads.memory import MEMORY
-from experiments.workloads.memory.figures import baseline_rows, memory_mib
+from experiments.workloads.memory.shown import baseline_rows, memory_mib
 from experiments.workloads.panels import Panel, make_panels
 from experiments.workloads.split_figure import RATIO_LABELS, draw_ratios
 

@@ -45,7 +45,7 @@ from experiments.results.claims import (
     by_claim,
     verdict_on,
 )
-from experiments.workloads.picture.pictures import ScenePictures
+from experiments.workloads.picture.files import ScenePictures
 from scenes.manifest import picture_restriction
 
 _TEMPLATES = Path(__file__).resolve().parents[2] / "reports"

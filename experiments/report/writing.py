@@ -23,7 +23,7 @@ from experiments.harness.records import Record, load_record
 from experiments.paper.claims import judge_claims
 from experiments.report import ReportContents, write_report
 from experiments.report.figures import check_figures, draw_figures
-from experiments.results.claims import write_claims
+from experiments.results.claims import judge_all, write_claims
 from experiments.results.table import (
     Tables,
     check_one_environment,
@@ -33,7 +33,7 @@ from experiments.results.table import (
     write_tables,
 )
 from experiments.workloads import WORKLOADS
-from experiments.workloads.picture.pictures import read_pictures
+from experiments.workloads.picture.files import read_pictures
 
 _COMMAND_FILE = "command.txt"
 """Keeps what the user ran, for a report written later."""
@@ -115,9 +115,12 @@ def _write_what_follows(
     for figure in figures:
         write_figure(folder, figure)
     for workload in WORKLOADS:
-        results = workload.part("results")
-        if results is not None and len(rows := workload_rows(table, workload.name)):
-            results.write(folder, records, rows)
+        shown, rows = workload.part("shown"), workload_rows(table, workload.name)
+        if len(rows):
+            if hasattr(shown, "CLAIMS"):
+                write_claims(folder, judge_all(shown.CLAIMS, rows), shown.CLAIMS_FILE)
+            if hasattr(shown, "write"):
+                shown.write(folder, records, rows)
     page = folder / "report.html"
     if report:
         claims = judge_claims(tables.processes)

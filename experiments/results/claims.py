@@ -88,6 +88,11 @@ def judge_claim(claim: Claim, evidence: Any) -> tuple[JudgedClaim, ...]:
     return tuple(judged)
 
 
+def judge_all(claims: Sequence[Claim], evidence: Any) -> list[JudgedClaim]:
+    """What the evidence says of every claim, under each of its readings."""
+    return [judged for claim in claims for judged in judge_claim(claim, evidence)]
+
+
 def by_claim(judged: Sequence[JudgedClaim]) -> list[tuple[JudgedClaim, ...]]:
     """What became of each claim under all its readings."""
     return [tuple(readings) for _, readings in groupby(judged, key=lambda one: one.id)]

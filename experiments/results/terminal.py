@@ -98,9 +98,9 @@ def print_sweep(tables: Tables, folder: Path, console: Console) -> None:
     """What every workload says of its rows and of those of its processes, and every row that is missing."""
     table = tables.points
     for workload in WORKLOADS:
-        terminal = workload.part("terminal")
+        shown = workload.part("shown")
         for part, rows in (("sweep_lines", table), ("process_lines", tables.processes)):
-            lines = getattr(terminal, part, None)
+            lines = getattr(shown, part, None)
             if lines is None or not rows["workload"].eq(workload.name).any():
                 continue
             measured = workload_rows(rows, workload.name)

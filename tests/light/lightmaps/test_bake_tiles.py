@@ -13,10 +13,8 @@ from atra.light.lightmaps.charts.atlas import UNMAPPED
 from atra.light.lightmaps.sun.tiles import Tiles
 from experiments.drawing.figure import draw_figure
 from experiments.results.claims import DOES_NOT_HOLD, HOLDS, NOT_MEASURED, UNDECIDED
-from experiments.workloads.bake_rays import Use
-from experiments.workloads.bake_rays.claims import judge_ratio
-from experiments.workloads.bake_rays.figures import FIGURES
-from experiments.workloads.bake_rays.measure import undecided
+from experiments.workloads.bake_rays import Use, undecided
+from experiments.workloads.bake_rays.shown import FIGURES, judge_ratio
 from tests.baked import cube, sheet
 from tests.meshes import joined
 

@@ -25,7 +25,7 @@ from experiments.methods.naming import best_of
 from experiments.results.table import workload_rows
 from experiments.workloads.panels import draw_panels, make_panels
 from experiments.workloads.picture import PICTURE
-from experiments.workloads.picture.pictures import ScenePictures, read_pictures
+from experiments.workloads.picture.files import ScenePictures, read_pictures
 from scenes.manifest import picture_restriction
 
 _PANEL_INCHES = 3.6

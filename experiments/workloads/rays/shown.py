@@ -1,21 +1,49 @@
-"""Figures of ray classification: steps over those from the root, against one setting at a time."""
+"""What is shown of batches of rays: lines, and steps over those from the root, against one setting at a time."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from functools import partial
 
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from rich.table import Table
 
 from experiments.drawing.figure import FigureKind, of_table
 from experiments.drawing.style import BLUE, DASHED, DOTTED, GREY, ORANGE, VERMILLION
-from experiments.drawing.values import numbers
+from experiments.drawing.values import numbers, say_number
+from experiments.methods.naming import best_of, say_kind
+from experiments.results.settings import settings_that_vary
 from experiments.results.table import workload_rows
 from experiments.workloads.panels import make_panels, panels_figure
 from experiments.workloads.rays import RAYS, Kind
 from experiments.workloads.rays.claims import usual
+from experiments.workloads.resources import say_ms
+from experiments.workloads.tables import narrow_table, plain, varying_words
+
+CLAIMS_FILE = "classification_claims"
+
+_NUMBERS = {
+    "steps_ratio": "steps /\nfrom root",
+    "speedup_vs_bvh": "from\nroot",
+    "speedup": "single\nrays",
+    "speedup_vs_packets": "packets",
+}
+
+
+def sweep_lines(rows: pd.DataFrame) -> Iterator[Table]:
+    """A line a point. rows: measured, of this workload."""
+    title = "steps, and speed-up over the same rays from the root, and over single rays and packets of Embree"
+    table = narrow_table(title, "scene, rays, method", ("batch", *_NUMBERS.values()))
+    varying = settings_that_vary(rows, (*best_of(), "packet_width", "ray_kind"))
+    for _, row in rows.iterrows():
+        name = plain(row["scene"], row["ray_kind"], say_kind(row), *varying_words(row, varying))
+        numbers = ("" if pd.isna(row[column]) else say_number(row[column]) for column in _NUMBERS)
+        table.add_row(name, say_ms(row["render_time_s"]), *numbers)
+    yield table
+
 
 _STYLES = {
     Kind.primary.value: (BLUE, "o", "solid"),

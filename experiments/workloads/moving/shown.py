@@ -1,24 +1,46 @@
-"""Figure of a moving camera: every method at its best split, beside packets that build anew or keep their BVH."""
+"""What is shown of a moving camera: methods at their best splits, and packets that build anew or keep their BVH."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from math import nan
 
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from rich.table import Table
 
 from experiments.drawing.bars import Bar
 from experiments.drawing.style import GREEN
 from experiments.drawing.values import MILLISECONDS, numbers, say_number
-from experiments.methods.naming import best_of
+from experiments.methods.naming import best_of, say_split
 from experiments.workloads.baselines import TIME_BASELINES
 from experiments.workloads.methods_figure import draw_ratio_bars, ratio_bar
 from experiments.workloads.moving import MOVING
 from experiments.workloads.panels import bars_height, make_panels, panels_figure, workload_figure
 from experiments.workloads.ratios import best_rows
+from experiments.workloads.resources import say_ms
 from experiments.workloads.series import best_points, count_series
+from experiments.workloads.tables import best_by_kind, plain, times
+
+_LEFT = ("scene", "method")
+_RATIOS = {
+    "over the same eye": "moving_over_still",
+    "vs packets": "speedup_vs_packets",
+    "vs packets, kept": "speedup_vs_kept_packets",
+}
+
+
+def sweep_lines(rows: pd.DataFrame) -> Iterator[Table]:
+    """The best split of each scene and kind of method. rows: measured, of this workload."""
+    best = Table(title="a camera that moves: best split of each scene", title_justify="left")
+    for name in (*_LEFT, "frame", *_RATIOS, "pixels wrong"):
+        best.add_column(name, justify="left" if name in _LEFT else "right")
+    for kind, row, some in best_by_kind(rows):
+        wrong, method = str(some["pixels_wrong"].sum()), plain(*filter(None, [kind, say_split(row)]))
+        best.add_row(plain(row["scene"]), method, say_ms(row["render_time_s"]), *times(row, *_RATIOS.values()), wrong)
+    yield best
 
 
 def draw_moving_figure(table: pd.DataFrame, columns: int = 2) -> Figure:

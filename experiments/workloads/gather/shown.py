@@ -1,8 +1,9 @@
-"""Figures of gathering all hits."""
+"""What is shown of gathering all hits."""
 
 from __future__ import annotations
 
 import pandas as pd
+from rich.table import Table
 
 from experiments.drawing.figure import FigureKind, of_table
 from experiments.drawing.values import varies
@@ -11,6 +12,12 @@ from experiments.results.table import workload_rows
 from experiments.workloads.gather import GATHER
 from experiments.workloads.methods_figure import draw_methods_figure
 from experiments.workloads.split_figure import draw_split_ratios
+from experiments.workloads.tables import best_split_table
+
+
+def sweep_lines(rows: pd.DataFrame) -> list[Table]:
+    """The best splits. rows: measured, of this workload."""
+    return [best_split_table(rows, "pixels_different")]
 
 
 def _rows(table: pd.DataFrame) -> pd.DataFrame:

@@ -1,7 +1,8 @@
-"""Figures of several frames: two eyes, and time and memory over the number of frames."""
+"""What is shown of several frames: best splits, two eyes, and time and memory over the number of frames."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from math import nan
 from typing import Any
@@ -11,6 +12,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
+from rich.table import Table
 
 from experiments.drawing.axes import draw_baseline, draw_series, place_counts, say_nothing_measured, tidy_axis
 from experiments.drawing.bars import Bar, draw_bars, finish_bar_axes, panel_height
@@ -19,12 +21,36 @@ from experiments.drawing.pages import add_legend, make_figure, set_panel_title, 
 from experiments.drawing.style import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, TIMES, VERMILLION
 from experiments.drawing.values import MEBIBYTES, MILLISECONDS, column, drawable, interval_ms, numbers, say_number
 from experiments.methods.naming import best_of, say_split
+from experiments.results.settings import settings_that_vary
 from experiments.results.table import workload_rows
 from experiments.workloads.baselines import TIME_BASELINES
 from experiments.workloads.multiframe import MULTIFRAME, Motion
 from experiments.workloads.panels import make_panels, panels_figure
 from experiments.workloads.ratios import OVER_PACKETS, choosing
+from experiments.workloads.resources import say_ms
 from experiments.workloads.series import say_ratio, say_unmeasured, say_wrong
+from experiments.workloads.tables import best_rows_by, grid_of, narrow_table, plain, times, varying_words
+
+_RATIOS = {
+    "frame\nby frame": "speedup_vs_separate",
+    "visible-\nfirst": "speedup_vs_visible_first",
+    "raster-\niser": "speedup_vs_rasteriser",
+    "packets": "speedup_vs_packets",
+}
+
+
+def sweep_lines(rows: pd.DataFrame) -> Iterator[Table]:
+    """The split with the largest gain over packets, and all gains there. rows: measured, of this workload."""
+    headings = ("split", "all\nframes", *_RATIOS, "pixels\nwrong")
+    best = narrow_table("best split of all frames together, and speed-up over", "scene, frames", headings)
+    varying = settings_that_vary(rows, (*best_of(), "motion", "frames"))
+    words = [[row["motion"], *varying_words(row, varying)] for _, row in rows.iterrows()]
+    for motion, row, some in best_rows_by(rows, words, "frames"):
+        best.add_row(
+            plain(row["scene"], f"{row['frames']} frames", motion), grid_of(row), say_ms(row["render_time_s"]),
+            *times(row, *_RATIOS.values()), str(some["pixels_wrong"].sum()),
+        )  # fmt: skip
+    yield best
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,7 +1,8 @@
-"""Figures of lightmaps: errors over time, stages of a round, and rays traced in a second."""
+"""What is shown of lightmaps: lines, and figures of errors over time, stages of a round, and rays a second."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -9,6 +10,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, NullFormatter
+from rich.table import Table
 
 from experiments.drawing.axes import say_nothing_measured, tidy_axis
 from experiments.drawing.bars import Bar, Stack, draw_bars, draw_stacks, finish_bar_axes
@@ -16,9 +18,30 @@ from experiments.drawing.figure import FigureKind, of_table
 from experiments.drawing.pages import add_legend, write_foot
 from experiments.drawing.style import BLUE, DASHED, GREY, ORANGE, SKY, VERMILLION
 from experiments.drawing.values import MILLISECONDS, column, numbers, say_number
+from experiments.results.claims import NOT_MEASURED
 from experiments.results.table import workload_rows
 from experiments.workloads.bake import BAKE, STAGES, THRESHOLDS, Against
+from experiments.workloads.bake.claims import CLAIMS
 from experiments.workloads.panels import DrawPanel, bars_height, draw_panels, make_panels
+from experiments.workloads.tables import claim_lines, points_table
+
+CLAIMS_FILE = "bake_claims"
+
+_COLUMNS = {
+    "rays/s": ("rays_per_s", "{:.3g}"),
+    "lanes\nused": ("lane_utilisation", "{:.0%}"),
+    "vs\nother": ("speedup_vs_other", "{:.2f}x"),
+    "time to\nerror": ("quality_vs_other", "{:.2f}x"),
+    "seen\nsooner": ("view_speedup", "{:.2f}x"),
+    "whole\nmap": ("whole_map_cost", "{:.2f}x"),
+}
+
+
+def sweep_lines(rows: pd.DataFrame) -> Iterator[Table | str]:
+    """A line a point, then the verdict on each claim that was measured. rows: measured, of this workload."""
+    yield points_table("lightmaps", rows, _COLUMNS)
+    yield from claim_lines(CLAIMS, rows, but=[NOT_MEASURED])
+
 
 _MEGA = 1e-6
 
