@@ -29,12 +29,11 @@ from atra.light import (
 )
 from atra.light.lightmaps.finish.export import exposure_of, finished
 from atra.light.pictures.files import png_of
+from experiments.commands.messages import tell_restriction
 from experiments.harness.configuration import Configuration, check_writable
 from experiments.harness.point import Point, make_own
 from experiments.harness.points import plan_point
-from experiments.harness.progress import say
 from experiments.workloads.rounds import load_mesh
-from scenes.manifest import picture_restriction
 
 SHOWN = (1, 16, 256)
 """Samples after which the view is kept to be looked at, beside that of the finished map."""
@@ -104,9 +103,7 @@ def run_bake(configuration: Configuration) -> Path:
     written = save_maps(lightmap, folder, visible=visible) + views.save(folder, exposure_of(lightmap))
     for path in [*written, save_model(lightmap, scene, folder / "scene.glb")]:
         print(f"written: {path}")
-    restriction = picture_restriction(point.scene)
-    if restriction is not None:
-        say(Console(stderr=True), f"not to be published: {restriction}")
+    tell_restriction(point.scene, Console(stderr=True))
     return folder
 
 

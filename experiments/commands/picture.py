@@ -12,6 +12,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from atra.light.pictures.files import check_picture_path
+from experiments.commands.messages import tell_restriction
 from experiments.harness.configuration import Configuration, check_writable
 from experiments.harness.point import make_own
 from experiments.harness.points import plan_point
@@ -20,7 +21,6 @@ from experiments.workloads.render import RENDER
 from experiments.workloads.render.measure import make_renderer
 from experiments.workloads.rounds import load_mesh
 from scenes.lit.lighting import lit
-from scenes.manifest import picture_restriction
 
 
 def picture_arguments(given: Sequence[str]) -> list[str]:
@@ -52,9 +52,7 @@ def run_picture(configuration: Configuration) -> Path:
     taken = say_duration(time.monotonic() - start)
     say(console, f"{point.scene}: {samples} samples of {point.width} x {point.height} pixels in {taken}")
     print(f"written: {path}")
-    restriction = picture_restriction(point.scene)
-    if restriction is not None:
-        say(console, f"not to be published: {restriction}")
+    tell_restriction(point.scene, console)
     return path
 
 

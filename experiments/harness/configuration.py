@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, fields, is_dataclass
 from difflib import get_close_matches
 from enum import Enum
 from math import isfinite
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
@@ -229,22 +230,24 @@ def _fields_of(kind: type, groups: Mapping[str, Sequence[Named]], path: str = ""
     return list(dict.fromkeys(found))
 
 
+_LEAST = {
+    "width": 1, "height": 1, "scene.subdivided": 0, "scene.copies": 1, "measure.processes": 1, "measure.process": 0,
+    "measure.rounds": 1, "measure.warmup": 0,
+}  # fmt: skip
+"""The least values of whole numbers."""
+
+
 def check_configuration(configuration: Configuration) -> None:
     """Raise InputError naming the first field whose value lies outside its range."""
-    measure, scene, sweep = configuration.measure, configuration.scene, configuration.sweep
-    _at_least("width", configuration.width, 1)
-    _at_least("height", configuration.height, 1)
+    scene, sweep, measure = configuration.scene, configuration.sweep, configuration.measure
+    for path, least in _LEAST.items():
+        if (count := attrgetter(path)(configuration)) < least:
+            raise InputError(f"{path} is {count}, expected a whole number of at least {least}")
     resolve_threads(configuration.threads)
     for name in ("build_quality", "ties"):
         check_choice(Options.__dataclass_fields__[name], str, getattr(configuration, name), name)
-    _at_least("scene.subdivided", scene.subdivided, 0)
-    _at_least("scene.copies", scene.copies, 1)
     if not 0 <= configuration.view.port < 1 << 16:
         raise InputError(f"view.port is {configuration.view.port}, expected a whole number from 0 to 65535")
-    _at_least("measure.processes", measure.processes, 1)
-    _at_least("measure.process", measure.process, 0)
-    _at_least("measure.rounds", measure.rounds, 1)
-    _at_least("measure.warmup", measure.warmup, 0)
     for name in ("frame_budget_s", "time_limit_s", "memory_budget_gib"):
         value = getattr(measure, name)
         if value is not None and not (isfinite(value) and value > 0):
@@ -283,8 +286,3 @@ def check_writable(folder: Path) -> None:
         raise InputError(
             f"results cannot be written to {folder}: {error.strerror}; choose another results_dir"
         ) from None
-
-
-def _at_least(name: str, value: Any, least: int) -> None:
-    if value is not None and value < least:
-        raise InputError(f"{name} is {value}, expected a whole number of at least {least}")

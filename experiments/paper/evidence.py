@@ -11,7 +11,7 @@ from typing import Any
 import pandas as pd
 
 from experiments.methods.aligned import ALIGNED
-from experiments.results.estimates import Estimate, best_of
+from experiments.results.statistics import Estimate, best_of
 from experiments.workloads.build import BUILD
 from experiments.workloads.frame import FRAME
 from experiments.workloads.gather import GATHER, What

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from experiments.paper.evidence import PAPER_SCENES, PAPER_SIZE, TIMED, Evidence, NotMeasuredError, SceneRows
 from experiments.results.claims import DOES_NOT_HOLD, HOLDS, NOT_MEASURED, UNDECIDED, Judge, Judgement
-from experiments.results.estimates import Estimate, Interval
+from experiments.results.statistics import Estimate, Interval
 
 
 @dataclass(frozen=True)

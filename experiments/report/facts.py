@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,8 +9,8 @@ import pandas as pd
 
 from experiments.harness.environment import BUSY_SHARE
 from experiments.methods.naming import say_point
+from experiments.results.settings import NUMBER, without_numbers
 
-_NUMBER = re.compile(r"\d+(?:[.,]\d+)*")
 _TO = "\N{EN DASH}"
 
 
@@ -101,7 +100,7 @@ def count_doubts(rows: pd.DataFrame) -> Doubts:
     texts = [text for doubts in rows["doubts"].dropna() for text in str(doubts).split("; ")]
     numbers: dict[str, list[list[str]]] = {}
     for text in texts:
-        numbers.setdefault(_NUMBER.sub("#", text), []).append(_NUMBER.findall(text))
+        numbers.setdefault(without_numbers(text), []).append(NUMBER.findall(text))
     kinds = [Doubt(_with_ranges(kind, found), len(found)) for kind, found in numbers.items()]
     return Doubts(
         points=len(rows),
@@ -121,7 +120,7 @@ def _with_ranges(kind: str, found: list[list[str]]) -> str:
 def missing_points(table: pd.DataFrame) -> tuple[MissingPoints, ...]:
     """Points that were skipped or failed, those of a scene together whose reasons differ only in their numbers."""
     missing = table[table["status"] != "ok"]
-    kind = missing["error"].fillna("no reason was recorded").map(lambda text: _NUMBER.sub("#", text))
+    kind = missing["error"].fillna("no reason was recorded").map(without_numbers)
     groups = missing.groupby(["status", "scene", kind], sort=False)
     return tuple(
         MissingPoints(

@@ -16,9 +16,8 @@ from markupsafe import Markup
 from atra.errors import printable
 from atra.files.paths import write_atomically
 from experiments.drawing.figure import DrawnFigure
-from experiments.paper.conclusion import conclude
+from experiments.paper.conclusion import SceneGains, conclude, scene_gains
 from experiments.paper.evidence import NotMeasuredError
-from experiments.paper.gains import SceneGains, scene_gains
 from experiments.paper.readings import readings_of
 from experiments.report.facts import (
     Doubts,

@@ -19,8 +19,6 @@ from experiments.workloads import WORKLOADS
 _ENDS = ("_low", "_high", "_low_s", "_high_s", "_half")
 """Endings of columns without a cell of their own: they are shown as another's interval, or only in the files."""
 
-_SHOWN_IN = {"s": ("ms", 1e3), "bytes": ("MiB", 2.0**-20)}
-
 
 @dataclass(frozen=True)
 class Heading:
@@ -78,7 +76,8 @@ def _columns(rows: pd.DataFrame, measured: pd.DataFrame, workload: Workload) -> 
 
 
 def _heading(column: Column) -> Heading:
-    unit, _ = _SHOWN_IN.get(column.unit, ("", 1.0))
+    unit, factor = column.shown
+    unit = unit if factor != 1.0 else ""
     text = column.name.removesuffix(f"_{column.unit}") if unit else column.name
     return Heading(column.name, text.replace("_", " "), unit, column.help, column.dtype not in (TEXT, TRUTH))
 
@@ -87,7 +86,7 @@ def _cell(row: pd.Series, column: Column) -> tuple[str, str]:
     """The value, and its 95 % confidence interval over processes."""
     end = "_s" if column.unit == "s" else ""
     stem = column.name.removesuffix(end)
-    _, factor = _SHOWN_IN.get(column.unit, ("", 1.0))
+    _, factor = column.shown
     low, high = (_say_value(row.get(f"{stem}_{side}{end}"), factor) for side in ("low", "high"))
     return _say_value(row[column.name], factor), f"[{low}, {high}]" if low and high else ""
 

@@ -17,8 +17,16 @@ from experiments.methods.naming import best_of
 from experiments.methods.pixel import PIXEL
 from experiments.workloads.baselines import TIME_BASELINES
 from experiments.workloads.panels import bars_height, make_panels, panels_figure
-from experiments.workloads.ratios import OVER_PACKETS, draw_ratio_baselines, say_baseline
-from experiments.workloads.series import BestPoint, best_points, count_series, say_ratio, say_unmeasured
+from experiments.workloads.series import (
+    OVER_PACKETS,
+    BestPoint,
+    best_points,
+    count_series,
+    draw_ratio_baselines,
+    say_baseline,
+    say_ratio,
+    say_unmeasured,
+)
 
 
 def draw_methods_figure(table: pd.DataFrame, columns: int = 2) -> Figure:

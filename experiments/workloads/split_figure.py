@@ -27,7 +27,7 @@ from experiments.methods.aligned_forms import (
 )
 from experiments.workloads.baselines import TIME_BASELINES
 from experiments.workloads.panels import make_panels, panels_figure
-from experiments.workloads.ratios import best_rows, draw_ratio_baselines, own_ratio, say_baseline
+from experiments.workloads.series import best_rows, draw_ratio_baselines, own_ratio, say_baseline
 
 ALL_HITS = f"1 {TIMES} 1, culling off: all hits"
 """The paper's other possible baseline: the method with nothing to align."""

@@ -13,8 +13,8 @@ from atra.errors import printable
 from experiments.methods.naming import TIMES, best_of, say_kind, say_split
 from experiments.results.claims import Claim, judge_all
 from experiments.results.settings import say_setting, settings_that_vary
-from experiments.workloads.ratios import best_rows
 from experiments.workloads.resources import say_ms
+from experiments.workloads.series import best_rows
 
 
 def narrow_table(title: str, first: str, headings: Sequence[str]) -> Table:

@@ -23,8 +23,7 @@ from experiments.methods.naming import best_of, say_series, say_split
 from experiments.methods.pixel import PIXEL, SAME
 from experiments.workloads.frame import FRAME
 from experiments.workloads.panels import make_panels, panels_figure
-from experiments.workloads.ratios import OVER_PACKETS, best_rows, choosing
-from experiments.workloads.series import say_unmeasured, series_of, style_of
+from experiments.workloads.series import OVER_PACKETS, best_rows, choosing, say_unmeasured, series_of, style_of
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ from experiments.drawing.style import DASHED, GREY, PURPLE, SMALL, TIMES, VERMIL
 from experiments.drawing.values import MILLISECONDS, drawable, numbers, only_measured, say_number
 from experiments.methods.aligned_forms import COPIED_OFF, FORM_OPTIONS, aligned_forms, aligned_rows, expected_forms
 from experiments.workloads.panels import Panel, make_panels
-from experiments.workloads.ratios import best_rows, own_ratio, say_baseline
+from experiments.workloads.series import best_rows, own_ratio, say_baseline
 from experiments.workloads.split_figure import ALL_HITS, all_hits
 
 _BEST = "best split, by the ratio in the same rounds"

@@ -17,8 +17,7 @@ from experiments.methods.naming import best_of, say_series
 from experiments.results.settings import say_setting, settings_that_vary
 from experiments.workloads import panels
 from experiments.workloads.frame.break_even import time_rows
-from experiments.workloads.ratios import OVER_PACKETS, best_rows
-from experiments.workloads.series import series_of
+from experiments.workloads.series import OVER_PACKETS, best_rows, series_of
 
 _PIXELS = ("width", "height")
 AXES = {"subdivided": ("subdivided",), "copies": ("copies",), "pixels": _PIXELS}

@@ -19,9 +19,8 @@ from experiments.workloads.baselines import TIME_BASELINES
 from experiments.workloads.methods_figure import draw_ratio_bars, ratio_bar
 from experiments.workloads.moving import MOVING
 from experiments.workloads.panels import bars_height, make_panels, panels_figure, workload_figure
-from experiments.workloads.ratios import best_rows
 from experiments.workloads.resources import say_ms
-from experiments.workloads.series import best_points, count_series
+from experiments.workloads.series import best_points, best_rows, count_series
 from experiments.workloads.tables import best_by_kind, plain, times
 
 _LEFT = ("scene", "method")
