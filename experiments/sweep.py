@@ -16,15 +16,13 @@ from atra.errors import MemoryBudgetError, RecordError
 from experiments.commands.program import PROGRAM
 from experiments.harness.configuration import Configuration, check_writable, records_folder
 from experiments.harness.identity import Runner, code_sha256, current_environment, identity, identity_of, measure
-from experiments.harness.lock import exclusive
 from experiments.harness.options import plain_options
 from experiments.harness.point import Point
 from experiments.harness.points import PlannedPoint, plan_points
 from experiments.harness.processes.launching import run_worker
 from experiments.harness.progress import SweepProgress, say
-from experiments.harness.records import Record, load_record, read_record, record_path, write_record
-from experiments.report.figures import check_figures
-from experiments.report.writing import choose_folder, tell_whose_tables_are_replaced, write_results
+from experiments.harness.records import Record, exclusive, load_record, read_record, record_path, write_record
+from experiments.report.writing import check_figures, choose_folder, tell_whose_tables_are_replaced, write_results
 from experiments.results.canary import BAND, strays
 from experiments.results.table import make_tables
 from experiments.results.terminal import print_sweep, results_console, say_label, say_outcome

@@ -15,8 +15,17 @@ from experiments.harness.configuration import Action, Configuration
 from experiments.harness.method import Method
 from experiments.harness.point import Workload
 from experiments.methods import METHODS
-from experiments.reference.names import public_names
-from experiments.reference.writing import choices_of, code, help_of, paragraphs, say_default, say_type, say_value, table
+from experiments.reference.names import (
+    choices_of,
+    code,
+    help_of,
+    paragraphs,
+    public_names,
+    say_default,
+    say_type,
+    say_value,
+    table,
+)
 from experiments.results.table import columns
 from experiments.workloads import WORKLOADS
 

@@ -31,8 +31,8 @@ from experiments.report.facts import (
     missing_points,
     software_in_short,
     stand_ins,
+    workload_tables,
 )
-from experiments.report.tables import workload_tables
 from experiments.results.canary import BAND
 from experiments.results.claims import (
     DOES_NOT_HOLD,

@@ -95,7 +95,7 @@ HARNESS = (
     ),
     Mutation(
         "results_lock",
-        "experiments/harness/lock.py",
+        "experiments/harness/records.py",
         "lock.acquire(timeout=0)",
         "pass",
         "two runs may write into one results folder",

@@ -27,8 +27,8 @@ from experiments.results.claims import (
 from experiments.results.table import frame_of
 from experiments.workloads.bake import BAKE, STAGES, Against, BakeSettings
 from experiments.workloads.bake.claims import CLAIMS
-from experiments.workloads.bake.means import adaptive_bias
 from experiments.workloads.bake.measure import lamps
+from experiments.workloads.bake.mitsuba import adaptive_bias
 from experiments.workloads.bake.shown import CLAIMS_FILE, FIGURES
 from experiments.workloads.bake_rays.shown import CLAIMS as PREDICTIONS
 from scenes.built_in import make_scene

@@ -12,7 +12,7 @@ from experiments.drawing.axes import draw_baseline, draw_series, finish_split_ax
 from experiments.drawing.missing import Missing, mark_missing, missing_points, undrawable_points
 from experiments.drawing.style import BLACK, BLUE, DASHED, GREEN, PURPLE, VERMILLION
 from experiments.drawing.values import MILLISECONDS, interval_ms, numbers
-from experiments.methods.aligned_forms import (
+from experiments.methods.naming import (
     COPIED_OFF,
     COPIED_ON,
     FORM_OPTIONS,

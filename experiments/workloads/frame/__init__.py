@@ -14,8 +14,16 @@ from experiments.harness.options import NoOptions
 from experiments.harness.point import Measured, Point, Workload, make_own
 from experiments.harness.records import Record
 from experiments.workloads.baselines import BESIDE_BASELINES, OWN, SINGLE, TIME_COLUMNS
-from experiments.workloads.images import IMAGE_COLUMNS, PIXELS, counts, depth_errors
-from experiments.workloads.resources import PREPARATION, PREPARATION_COLUMNS, RESOURCE_COLUMNS, RESOURCES
+from experiments.workloads.columns import (
+    IMAGE_COLUMNS,
+    PIXELS,
+    PREPARATION,
+    PREPARATION_COLUMNS,
+    RESOURCE_COLUMNS,
+    RESOURCES,
+    counts,
+    depth_errors,
+)
 from experiments.workloads.rounds import (
     Frames,
     build_with_baselines,

@@ -13,8 +13,7 @@ from rich.table import Table
 from experiments.drawing.figure import FigureKind, of_table
 from experiments.drawing.values import column, varies
 from experiments.methods import METHODS
-from experiments.methods.aligned_forms import aligned_rows
-from experiments.methods.naming import best_of, say_point
+from experiments.methods.naming import aligned_rows, best_of, say_point
 from experiments.methods.pixel import PIXEL
 from experiments.results.settings import say_setting, settings, settings_that_vary
 from experiments.results.statistics import Estimate, decide_greater
@@ -23,12 +22,10 @@ from experiments.results.table import workload_rows
 from experiments.workloads.frame import FRAME
 from experiments.workloads.frame.break_even import draw_break_even_figure
 from experiments.workloads.frame.grid_figure import draw_grid_ratios, draw_grid_times
-from experiments.workloads.frame.growth import growing_rows, growth_lines
-from experiments.workloads.frame.growth_figure import draw_growth_figure
+from experiments.workloads.frame.growth import draw_growth_figure, growing_rows, growth_lines
 from experiments.workloads.frame.peers_figure import draw_peers_figure
 from experiments.workloads.frame.threads_figure import draw_threads_figure
-from experiments.workloads.methods_figure import draw_methods_figure
-from experiments.workloads.split_figure import draw_split_ratios, draw_split_times
+from experiments.workloads.frame_figures import draw_methods_figure, draw_split_ratios, draw_split_times
 from experiments.workloads.tables import best_split_table
 
 

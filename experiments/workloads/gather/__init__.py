@@ -17,7 +17,7 @@ from experiments.harness.column import WHOLE, Column
 from experiments.harness.point import Measured, Point, Workload
 from experiments.harness.records import Record
 from experiments.workloads.baselines import BESIDE_BASELINES, OWN, SINGLE, TIME_COLUMNS
-from experiments.workloads.resources import PREPARATION, PREPARATION_COLUMNS, RESOURCE_COLUMNS, RESOURCES
+from experiments.workloads.columns import PREPARATION, PREPARATION_COLUMNS, RESOURCE_COLUMNS, RESOURCES
 from experiments.workloads.rounds import (
     build_with_baselines,
     measured,

@@ -7,11 +7,10 @@ from rich.table import Table
 
 from experiments.drawing.figure import FigureKind, of_table
 from experiments.drawing.values import varies
-from experiments.methods.aligned_forms import aligned_rows
+from experiments.methods.naming import aligned_rows
 from experiments.results.table import workload_rows
+from experiments.workloads.frame_figures import draw_methods_figure, draw_split_ratios
 from experiments.workloads.gather import GATHER
-from experiments.workloads.methods_figure import draw_methods_figure
-from experiments.workloads.split_figure import draw_split_ratios
 from experiments.workloads.tables import best_split_table
 
 

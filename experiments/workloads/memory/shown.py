@@ -16,8 +16,7 @@ from experiments.drawing.missing import Missing, mark_missing, missing_points, u
 from experiments.drawing.pages import add_legend, write_foot
 from experiments.drawing.style import BLACK, BLUE, DASHED, GREEN, ORANGE
 from experiments.drawing.values import MEBIBYTES, column, numbers
-from experiments.methods.aligned_forms import COPIED_ON, FORM_OPTIONS, aligned_forms, aligned_rows
-from experiments.methods.naming import best_of
+from experiments.methods.naming import COPIED_ON, FORM_OPTIONS, aligned_forms, aligned_rows, best_of
 from experiments.methods.pixel import PIXEL
 from experiments.results.settings import settings
 from experiments.workloads.memory import MEMORY

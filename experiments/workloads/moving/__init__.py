@@ -24,8 +24,17 @@ from experiments.harness.point import Measured, Point, Workload
 from experiments.harness.records import Record
 from experiments.results.statistics import statistics_columns
 from experiments.workloads.baselines import BESIDE_BASELINES, OWN, SINGLE, TIME_COLUMNS, over, over_own, series
-from experiments.workloads.images import IMAGE_COLUMNS, PIXELS, counts, depth_errors
-from experiments.workloads.resources import PREPARATION, PREPARATION_COLUMNS, RESOURCE_COLUMNS, RESOURCES, say_ms
+from experiments.workloads.columns import (
+    IMAGE_COLUMNS,
+    PIXELS,
+    PREPARATION,
+    PREPARATION_COLUMNS,
+    RESOURCE_COLUMNS,
+    RESOURCES,
+    counts,
+    depth_errors,
+    say_ms,
+)
 from experiments.workloads.rounds import (
     Frames,
     build_baselines,

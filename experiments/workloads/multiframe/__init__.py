@@ -25,14 +25,21 @@ from experiments.harness.options import NoOptions
 from experiments.harness.point import Measured, Point, Workload, make_own
 from experiments.harness.records import Record
 from experiments.methods.aligned import ALIGNED
-from experiments.methods.cells import AlignedCellOptions
+from experiments.methods.options import AlignedCellOptions
 from experiments.methods.raster import RASTER
 from experiments.methods.visible_first import VISIBLE_FIRST
 from experiments.results.statistics import Series, statistics_columns
 from experiments.workloads.baselines import BESIDE_BASELINES, OWN, PACKETS, SINGLE, TIME_COLUMNS, over_own, series
-from experiments.workloads.images import IMAGE_COLUMNS, PIXELS, counts, depth_errors
+from experiments.workloads.columns import (
+    IMAGE_COLUMNS,
+    PIXELS,
+    PREPARATION,
+    RESOURCE_COLUMNS,
+    RESOURCES,
+    counts,
+    depth_errors,
+)
 from experiments.workloads.multiframe.motion import Motion, make_together
-from experiments.workloads.resources import PREPARATION, RESOURCE_COLUMNS, RESOURCES
 from experiments.workloads.rounds import (
     Frames,
     build_own,
