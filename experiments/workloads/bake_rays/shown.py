@@ -17,10 +17,10 @@ from experiments.drawing.values import say_number
 from experiments.results.claims import (
     DOES_NOT_HOLD,
     HOLDS,
-    NOT_MEASURED,
     UNDECIDED,
     Claim,
     Judgement,
+    NotMeasuredError,
 )
 from experiments.results.table import workload_rows
 from experiments.workloads.bake_rays import BAKE_RAYS, Use
@@ -40,12 +40,11 @@ Which = Callable[[pd.DataFrame], pd.Series]
 def judge_ratio(table: pd.DataFrame | None, use: Use, which: Which, gains: bool) -> Judgement:
     """Whether aligned rays gain (or lose) at every point of a use: by its whole interval at each to hold, and at one
     the other way round to fail."""
-    rows = None if table is None else workload_rows(table, BAKE_RAYS.name)
-    if rows is None or "use" not in rows:
-        return Judgement(NOT_MEASURED, why="no point of it is in the table")
+    if table is None or "use" not in (rows := workload_rows(table, BAKE_RAYS.name)):
+        raise NotMeasuredError("no point of it is in the table")
     rows = rows[rows["use"].eq(use.value) & which(rows) & rows["packets_over_aligned_low"].notna()]
     if not len(rows):
-        return Judgement(NOT_MEASURED, why="no point of it was measured by three processes")
+        raise NotMeasuredError("no point of it was measured by three processes")
     low, high = rows["packets_over_aligned_low"].min(), rows["packets_over_aligned_high"].max()
     told = f"{rows['packets_over_aligned'].min():.2g} to {rows['packets_over_aligned'].max():.2g}"
     above, below = rows["packets_over_aligned_low"] > 1, rows["packets_over_aligned_high"] < 1
