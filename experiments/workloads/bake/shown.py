@@ -14,15 +14,13 @@ from rich.table import Table
 
 from experiments.drawing.axes import say_nothing_measured, tidy_axis
 from experiments.drawing.bars import Bar, Stack, draw_bars, draw_stacks, finish_bar_axes
-from experiments.drawing.figure import FigureKind, of_table
 from experiments.drawing.pages import add_legend, write_foot
 from experiments.drawing.style import BLUE, DASHED, GREY, ORANGE, SKY, VERMILLION
 from experiments.drawing.values import MILLISECONDS, column, numbers, say_number
 from experiments.results.claims import NOT_MEASURED
-from experiments.results.table import workload_rows
 from experiments.workloads.bake import BAKE, STAGES, THRESHOLDS, Against
 from experiments.workloads.bake.claims import CLAIMS
-from experiments.workloads.panels import DrawPanel, bars_height, draw_panels, make_panels
+from experiments.workloads.panels import DrawPanel, bars_height, draw_panels, make_panels, workload_figure
 from experiments.workloads.tables import claim_lines, points_table
 
 CLAIMS_FILE = "bake_claims"
@@ -56,19 +54,18 @@ _LINES: dict[str, tuple[str, str | None, dict[str, Any]]] = {
 """Lines of errors over time: kind of column, the column it is multiplied by, and style, the widest first."""
 
 
-def _measured(table: pd.DataFrame, *against: Against) -> pd.DataFrame:
-    rows = workload_rows(table, BAKE.name)
+def _measured(rows: pd.DataFrame, *against: Against) -> pd.DataFrame:
     wanted = column(rows, "against").isin([one.value for one in against]) & column(rows, "albedo").eq("own")
     return rows[wanted.fillna(False).astype(bool)]
 
 
-def _with_a_view(table: pd.DataFrame) -> pd.DataFrame:
-    rows = _measured(table, Against.nothing)
+def _with_a_view(rows: pd.DataFrame) -> pd.DataFrame:
+    rows = _measured(rows, Against.nothing)
     return rows[column(rows, "compaction").eq("bounces") & column(rows, "priority").eq(True)]
 
 
-def _by_compaction(table: pd.DataFrame) -> pd.DataFrame:
-    rows = _measured(table, Against.compaction)
+def _by_compaction(rows: pd.DataFrame) -> pd.DataFrame:
+    rows = _measured(rows, Against.compaction)
     return rows if rows["compaction"].nunique() > 1 else rows[:0]
 
 
@@ -161,16 +158,16 @@ def _draw_rays(axis: Axes, rows: pd.DataFrame) -> None:
 
 
 FIGURES = (
-    FigureKind(
-        "bake_convergence", "Error of a lightmap over time, what the view shows first or by place",
-        _with_a_view, of_table(draw_convergence),
+    workload_figure(
+        "bake_convergence", "Error of a lightmap over time, what the view shows first or by place", BAKE,
+        draw_convergence, _with_a_view,
     ),
-    FigureKind(
-        "bake_stages", "Stages of a round of samples, by how full the map is and which lanes move together",
-        _by_compaction, of_table(draw_stages),
+    workload_figure(
+        "bake_stages", "Stages of a round of samples, by how full the map is and which lanes move together", BAKE,
+        draw_stages, _by_compaction,
     ),
-    FigureKind(
-        "bake_rays", "Rays that are traced in a second, by how full the map is and which lanes move together",
-        _by_compaction, of_table(draw_rays),
+    workload_figure(
+        "bake_rays", "Rays that are traced in a second, by how full the map is and which lanes move together", BAKE,
+        draw_rays, _by_compaction,
     ),
 )  # fmt: skip

@@ -11,7 +11,6 @@ from matplotlib.figure import Figure
 from rich.table import Table
 
 from experiments.drawing.bars import Bar, draw_bars, finish_bar_axes
-from experiments.drawing.figure import FigureKind, of_table
 from experiments.drawing.style import BLACK, BLUE, GREEN, ORANGE, TIMES
 from experiments.drawing.values import say_number
 from experiments.results.claims import (
@@ -24,7 +23,7 @@ from experiments.results.claims import (
 )
 from experiments.results.table import workload_rows
 from experiments.workloads.bake_rays import BAKE_RAYS, Use
-from experiments.workloads.panels import bars_height, make_panels, panels_figure
+from experiments.workloads.panels import bars_height, make_panels, panels_figure, workload_figure
 from experiments.workloads.tables import claim_lines, points_table
 
 _BOX = "cornell_box"
@@ -104,8 +103,7 @@ _COLOURS = {Use.sun.value: ORANGE, Use.sky.value: BLUE, Use.bundle.value: GREEN}
 _SETTINGS = ("use", "map_size", "directions", "positions")
 
 
-def _rows(table: pd.DataFrame) -> pd.DataFrame:
-    rows = workload_rows(table, BAKE_RAYS.name)
+def _with_a_use(rows: pd.DataFrame) -> pd.DataFrame:
     return rows[rows["use"].isin(_COLOURS)] if "use" in rows else rows
 
 
@@ -143,8 +141,8 @@ def _counted(count: int, thing: str) -> str:
 
 
 FIGURES = (
-    FigureKind(
+    workload_figure(
         "bake_alignment", "Rays of a bake of shared directions: packets over aligned rays, plan and build included",
-        _rows, of_table(draw_alignment),
+        BAKE_RAYS, draw_alignment, _with_a_use,
     ),
 )  # fmt: skip

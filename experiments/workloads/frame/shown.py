@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
 
@@ -10,7 +10,6 @@ import numpy as np
 import pandas as pd
 from rich.table import Table
 
-from experiments.drawing.figure import FigureKind, of_table
 from experiments.drawing.values import column, varies
 from experiments.methods import METHODS
 from experiments.methods.naming import aligned_rows, best_of, say_point
@@ -18,7 +17,6 @@ from experiments.methods.pixel import PIXEL
 from experiments.results.settings import say_setting, settings, settings_that_vary
 from experiments.results.statistics import Estimate, decide_greater
 from experiments.results.statistics import best_of as best_candidate
-from experiments.results.table import workload_rows
 from experiments.workloads.frame import FRAME
 from experiments.workloads.frame.break_even import draw_break_even_figure
 from experiments.workloads.frame.grid_figure import draw_grid_ratios, draw_grid_times
@@ -26,6 +24,7 @@ from experiments.workloads.frame.growth import draw_growth_figure, growing_rows,
 from experiments.workloads.frame.peers_figure import draw_peers_figure
 from experiments.workloads.frame.threads_figure import draw_threads_figure
 from experiments.workloads.frame_figures import draw_methods_figure, draw_split_ratios, draw_split_times
+from experiments.workloads.panels import where_varies, workload_figure
 from experiments.workloads.tables import best_split_table
 
 
@@ -68,78 +67,70 @@ def price_lines(rows: pd.DataFrame) -> Iterator[str]:
 _AXES = ("split_x", "split_y")
 
 
-def _rows(table: pd.DataFrame) -> pd.DataFrame:
-    return workload_rows(table, FRAME.name)
-
-
-def _over(axes: tuple[str, ...], table: pd.DataFrame) -> pd.DataFrame:
+def _over(*axes: str) -> Callable[[pd.DataFrame], pd.DataFrame]:
     """Aligned rows, if exactly these of the splits' axes vary."""
-    rows = aligned_rows(_rows(table))
-    return rows if {axis for axis in _AXES if varies(rows, axis)} == set(axes) else rows[:0]
+
+    def chosen(rows: pd.DataFrame) -> pd.DataFrame:
+        rows = aligned_rows(rows)
+        return rows if {axis for axis in _AXES if varies(rows, axis)} == set(axes) else rows[:0]
+
+    return chosen
 
 
-def _over_all(table: pd.DataFrame, name: str) -> pd.DataFrame:
-    """All rows, if this column varies."""
-    rows = _rows(table)
-    return rows if varies(rows, name) else rows[:0]
-
-
-def _peers(table: pd.DataFrame) -> pd.DataFrame:
-    rows = _rows(table)
+def _with_peers(rows: pd.DataFrame) -> pd.DataFrame:
     others = [method.name for method in METHODS if not method.is_ours]
     return rows if rows["method"].isin(others).any() else rows[:0]
 
 
 _OVER_SPLITS = (
-    ("figure4", "Figure 4: render time over the splits of both axes, culling off and on", _AXES, draw_grid_times),
-    ("figure4_speedup", "Figure 4 as speed-up, over the nearest hit and over all hits", _AXES, draw_grid_ratios),
-    ("figure5", "Figure 5: render time over horizontal splits, culling off and on", ("split_x",), draw_split_times),
+    ("figure4", "Figure 4: render time over the splits of both axes, culling off and on", draw_grid_times, _AXES),
+    ("figure4_speedup", "Figure 4 as speed-up, over the nearest hit and over all hits", draw_grid_ratios, _AXES),
+    ("figure5", "Figure 5: render time over horizontal splits, culling off and on", draw_split_times, _AXES[:1]),
     (
-        "figure5_speedup", "Figure 5 as speed-up: over horizontal splits, culling off and on", ("split_x",),
-        draw_split_ratios,
+        "figure5_speedup", "Figure 5 as speed-up: over horizontal splits, culling off and on", draw_split_ratios,
+        _AXES[:1],
     ),
     (
-        "figure5_vertical", "As figure 5, over vertical splits: render time, culling off and on", ("split_y",),
-        partial(draw_split_times, axis_name="split_y"),
+        "figure5_vertical", "As figure 5, over vertical splits: render time, culling off and on",
+        partial(draw_split_times, axis_name="split_y"), _AXES[1:],
     ),
     (
-        "figure5_vertical_speedup", "As figure 5, over vertical splits: speed-up, culling off and on", ("split_y",),
-        partial(draw_split_ratios, axis_name="split_y"),
+        "figure5_vertical_speedup", "As figure 5, over vertical splits: speed-up, culling off and on",
+        partial(draw_split_ratios, axis_name="split_y"), _AXES[1:],
     ),
 )  # fmt: skip
-"""Name, caption, the splits' axes that vary, and what draws it."""
+"""Name, caption, what draws it, and the splits' axes that vary."""
 
 _TELLING = (
     *(
-        FigureKind(name, caption, partial(_over, axes), of_table(draw), per_packet_width=True)
-        for name, caption, axes, draw in _OVER_SPLITS
+        workload_figure(name, caption, FRAME, draw, _over(*axes), per_packet_width=True)
+        for name, caption, draw, axes in _OVER_SPLITS
     ),
-    FigureKind(
-        "methods", "Speed-up over packets of every method at its best split", partial(_over_all, name="method"),
-        of_table(draw_methods_figure),
+    *(
+        workload_figure(name, caption, FRAME, draw, where)
+        for name, caption, draw, where in (
+            (
+                "methods", "Speed-up over packets of every method at its best split", draw_methods_figure,
+                where_varies("method"),
+            ),
+            (
+                "break_even", "What a view costs in all, from frame 1 to frame 1,000", draw_break_even_figure,
+                where_varies("method"),
+            ),
+            ("threads", "Speed-up over one thread", draw_threads_figure, where_varies("threads")),
+            ("growth", "Time, preparation and bytes over triangles and pixels", draw_growth_figure, growing_rows),
+            ("peers", "Rays per second beside other ray tracers", draw_peers_figure, _with_peers),
+        )
     ),
-    FigureKind(
-        "break_even", "What a view costs in all, from frame 1 to frame 1,000", partial(_over_all, name="method"),
-        of_table(draw_break_even_figure),
-    ),
-    FigureKind(
-        "threads", "Speed-up over one thread", partial(_over_all, name="threads"), of_table(draw_threads_figure)
-    ),
-    FigureKind(
-        "growth", "Time, preparation and bytes over triangles and pixels",
-        lambda table: growing_rows(_rows(table)), of_table(draw_growth_figure),
-    ),
-    FigureKind("peers", "Rays per second beside other ray tracers", _peers, of_table(draw_peers_figure)),
 )  # fmt: skip
 
 
-def _untold(table: pd.DataFrame) -> pd.DataFrame:
+def _untold(rows: pd.DataFrame) -> pd.DataFrame:
     """All rows, where no other figure has anything to show: a sweep over scenes, views, packets or pixels alone."""
-    rows = _rows(table)
-    return rows[:0] if len(rows) < 2 or any(len(kind.rows(table)) for kind in _TELLING) else rows
+    return rows[:0] if len(rows) < 2 or any(len(kind.rows(rows)) for kind in _TELLING) else rows
 
 
-FIGURES = (*_TELLING, FigureKind("rates", "Rays per second", _untold, of_table(draw_peers_figure)))
+FIGURES = (*_TELLING, workload_figure("rates", "Rays per second", FRAME, draw_peers_figure, _untold))
 
 
 @dataclass(frozen=True)

@@ -16,17 +16,15 @@ from rich.table import Table
 
 from experiments.drawing.axes import draw_baseline, draw_series, place_counts, say_nothing_measured, tidy_axis
 from experiments.drawing.bars import Bar, draw_bars, finish_bar_axes, panel_height
-from experiments.drawing.figure import FigureKind, of_table
 from experiments.drawing.pages import add_legend, make_figure, set_panel_title, write_foot, write_notes, write_table
 from experiments.drawing.style import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, TIMES, VERMILLION
 from experiments.drawing.values import MEBIBYTES, MILLISECONDS, column, drawable, interval_ms, numbers, say_number
 from experiments.methods.naming import best_of, say_split
 from experiments.results.settings import settings_that_vary
-from experiments.results.table import workload_rows
 from experiments.workloads.baselines import TIME_BASELINES
 from experiments.workloads.columns import say_ms
 from experiments.workloads.multiframe import MULTIFRAME, Motion
-from experiments.workloads.panels import make_panels, panels_figure
+from experiments.workloads.panels import make_panels, panels_figure, workload_figure
 from experiments.workloads.series import OVER_PACKETS, choosing, say_ratio, say_unmeasured, say_wrong
 from experiments.workloads.tables import best_rows_by, grid_of, narrow_table, plain, times, varying_words
 
@@ -240,18 +238,16 @@ def _finish(axis: Axes, rows: pd.DataFrame, quantity: str) -> None:
     tidy_axis(axis)
 
 
-def _rows(table: pd.DataFrame, eyes: bool) -> pd.DataFrame:
-    rows = workload_rows(table, MULTIFRAME.name)
-    return rows[rows["motion"].eq(Motion.eyes.value).fillna(False).astype(bool) == eyes]
+def _of_eyes(rows: pd.DataFrame) -> pd.DataFrame:
+    return _of_motion(rows, Motion.eyes.value)
 
 
 FIGURES = (
-    FigureKind(
-        "stereo", "Time of the images of both eyes, together and eye by eye", lambda table: _rows(table, eyes=True),
-        of_table(draw_stereo_figure),
+    workload_figure(
+        "stereo", "Time of the images of both eyes, together and eye by eye", MULTIFRAME, draw_stereo_figure, _of_eyes
     ),
-    FigureKind(
-        "multiframe", "Time per frame and memory over the number of frames, together and frame by frame",
-        lambda table: _rows(table, eyes=False), of_table(draw_multiframe_figure),
+    workload_figure(
+        "multiframe", "Time per frame and memory over the number of frames, together and frame by frame", MULTIFRAME,
+        draw_multiframe_figure, lambda rows: rows.drop(_of_eyes(rows).index),
     ),
 )  # fmt: skip

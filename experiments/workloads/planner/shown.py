@@ -12,13 +12,11 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, NullFormatter
 
 from experiments.drawing.axes import tidy_axis
-from experiments.drawing.figure import FigureKind, of_table
 from experiments.drawing.pages import add_legend, write_foot
 from experiments.drawing.style import BLACK, BLUE, DOTTED, GREEN, GREY, SMALL
 from experiments.drawing.values import numbers
 from experiments.results.settings import settings
-from experiments.results.table import workload_rows
-from experiments.workloads.panels import draw_panels, make_panels
+from experiments.workloads.panels import draw_panels, make_panels, workload_figure
 from experiments.workloads.planner import PLANNER
 
 
@@ -86,8 +84,5 @@ def _draw_panel(largest: float, axis: Axes, rows: pd.DataFrame) -> None:
 
 
 FIGURES = (
-    FigureKind(
-        "planner", "Regret of plans against the best of all candidates",
-        lambda table: workload_rows(table, PLANNER.name), of_table(draw_planner_figure),
-    ),
-)  # fmt: skip
+    workload_figure("planner", "Regret of plans against the best of all candidates", PLANNER, draw_planner_figure),
+)

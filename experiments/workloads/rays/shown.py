@@ -11,14 +11,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from rich.table import Table
 
-from experiments.drawing.figure import FigureKind, of_table
 from experiments.drawing.style import BLUE, DASHED, DOTTED, GREY, ORANGE, VERMILLION
 from experiments.drawing.values import numbers, say_number
 from experiments.methods.naming import best_of, say_kind
 from experiments.results.settings import settings_that_vary
-from experiments.results.table import workload_rows
 from experiments.workloads.columns import say_ms
-from experiments.workloads.panels import make_panels, panels_figure
+from experiments.workloads.panels import make_panels, panels_figure, workload_figure
 from experiments.workloads.rays import RAYS, Kind
 from experiments.workloads.rays.claims import usual
 from experiments.workloads.tables import narrow_table, plain, varying_words
@@ -56,10 +54,10 @@ _SETTINGS = {"shaft_probability": "probability from which a node is opened", "sh
 _OPTIONS = {"shaft_probability": ("shaft_probability",), "shafts": ("shaft_cells", "shaft_directions")}
 
 
-def _over(setting: str, table: pd.DataFrame) -> pd.DataFrame:
+def _over(rows: pd.DataFrame, setting: str) -> pd.DataFrame:
     """The rows with default options but for those that make the setting, if it has three values or more."""
     changes = dict.fromkeys(_OPTIONS[setting], any)
-    rows = usual(workload_rows(table, RAYS.name), **changes)
+    rows = usual(rows, **changes)
     return rows[:0] if rows.empty or rows[setting].nunique() < 3 else rows
 
 
@@ -90,13 +88,13 @@ def _draw_panel(axis: Axes, rows: pd.DataFrame, setting: str) -> None:
         axis.set_xscale("log")
 
 
-FIGURES = (
-    FigureKind(
-        "classification_probability", "Steps of classified rays over the probability from which nodes are opened",
-        partial(_over, "shaft_probability"), of_table(partial(draw, setting="shaft_probability")),
-    ),
-    FigureKind(
-        "classification_shafts", "Steps of classified rays over the number of shafts; a line for each number of "
-        "directions", partial(_over, "shafts"), of_table(partial(draw, setting="shafts")),
-    ),
+FIGURES = tuple(
+    workload_figure(
+        f"classification_{name}", f"Steps of classified rays over {caption}", RAYS, partial(draw, setting=setting),
+        partial(_over, setting=setting),
+    )
+    for name, caption, setting in (
+        ("probability", "the probability from which nodes are opened", "shaft_probability"),
+        ("shafts", "the number of shafts; a line for each number of directions", "shafts"),
+    )
 )  # fmt: skip
