@@ -8,7 +8,6 @@ from dataclasses import dataclass, field, fields, is_dataclass
 from difflib import get_close_matches
 from enum import Enum
 from math import isfinite
-from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +17,15 @@ from omegaconf import MISSING, DictConfig, OmegaConf
 from atra.compiled.threads import resolve_threads
 from atra.errors import InputError
 from atra.tracing.options import Options, check_choice, option_of
-from experiments.harness.options import Named, find_named, say_options, say_unknown_field, schema, typed_options
+from experiments.harness.options import (
+    Named,
+    check_whole_numbers,
+    find_named,
+    say_options,
+    say_unknown_field,
+    schema,
+    typed_options,
+)
 from experiments.harness.point import Kinds
 from scenes.loading import SceneSource
 
@@ -230,24 +237,19 @@ def _fields_of(kind: type, groups: Mapping[str, Sequence[Named]], path: str = ""
     return list(dict.fromkeys(found))
 
 
-_LEAST = {
-    "width": 1, "height": 1, "scene.subdivided": 0, "scene.copies": 1, "measure.processes": 1, "measure.process": 0,
-    "measure.rounds": 1, "measure.warmup": 0,
-}  # fmt: skip
-"""The least values of whole numbers."""
-
-
 def check_configuration(configuration: Configuration) -> None:
     """Raise InputError naming the first field whose value lies outside its range."""
     scene, sweep, measure = configuration.scene, configuration.sweep, configuration.measure
-    for path, least in _LEAST.items():
-        if (count := attrgetter(path)(configuration)) < least:
-            raise InputError(f"{path} is {count}, expected a whole number of at least {least}")
+    for section, path, ranges in (
+        (configuration, "", {"width": (1, None), "height": (1, None)}),
+        (scene, "scene.", {"subdivided": (0, None), "copies": (1, None)}),
+        (measure, "measure.", {"processes": (1, None), "process": (0, None), "rounds": (1, None), "warmup": (0, None)}),
+        (configuration.view, "view.", {"port": (0, 65535)}),
+    ):
+        check_whole_numbers(section, path, ranges)
     resolve_threads(configuration.threads)
     for name in ("build_quality", "ties"):
         check_choice(Options.__dataclass_fields__[name], str, getattr(configuration, name), name)
-    if not 0 <= configuration.view.port < 1 << 16:
-        raise InputError(f"view.port is {configuration.view.port}, expected a whole number from 0 to 65535")
     for name in ("frame_budget_s", "time_limit_s", "memory_budget_gib"):
         value = getattr(measure, name)
         if value is not None and not (isfinite(value) and value > 0):

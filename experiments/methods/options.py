@@ -7,12 +7,11 @@ from dataclasses import dataclass, fields, replace
 from typing import Any, ClassVar, TypeVar
 
 from atra.alignment import options as of_alignment
-from atra.errors import InputError
 from atra.tracing import options as library
 from atra.tracing.options import Choices, option
 from experiments.harness.column import WHOLE, Column
 from experiments.harness.method import Tracing
-from experiments.harness.options import Settings, Type, taking_all
+from experiments.harness.options import Settings, Type, check_whole_numbers, taking_all
 
 WATERTIGHT = {"robust": True}
 """Options for pictures that are shown and not measured."""
@@ -73,10 +72,8 @@ class SplitOptions(MethodOptions):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for name in ("split_x", "split_y"):
-            value = getattr(self, name)
-            if value is not None and value < 1:
-                raise InputError(f"method.{name} is {value}, expected a whole number of at least 1")
+        given = {name: (1, None) for name in ("split_x", "split_y") if getattr(self, name) is not None}
+        check_whole_numbers(self, "method.", given)
 
     @property
     def split(self) -> tuple[int, int]:

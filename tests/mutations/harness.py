@@ -104,8 +104,8 @@ HARNESS = (
     Mutation(
         "no_processes",
         "experiments/harness/configuration.py",
-        '"measure.processes": 1',
-        '"measure.processes": 0',
+        '"processes": (1, None)',
+        '"processes": (0, None)',
         "a sweep of no process is accepted",
         ("tests/results/test_processes.py::test_impossible_numbers_of_processes_are_refused",),
     ),

@@ -20,6 +20,7 @@ from atra.judge.oracle import Correctness, Examination, examine, sample_pixels
 from atra.prim_ids import MISS
 from atra.tracing.options import option
 from experiments.harness.column import WHOLE, Column
+from experiments.harness.options import check_whole_numbers
 from experiments.harness.point import Measured, Point, Workload
 from experiments.harness.records import Record
 from experiments.workloads.columns import (
@@ -48,8 +49,7 @@ class AgreementOptions:
             raise InputError("workload.offsets is empty, expected at least one sub-pixel position such as [0.5,0.5]")
         for offset in self.offsets:
             check_offset(tuple(offset), "workload.offsets")  # type: ignore[arg-type]
-        if self.sample_rays < 0:
-            raise InputError(f"workload.sample_rays is {self.sample_rays}, expected a whole number of at least 0")
+        check_whole_numbers(self, "workload.", {"sample_rays": (0, None)})
 
 
 def _headline(record: Record) -> str:

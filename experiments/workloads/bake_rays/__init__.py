@@ -22,6 +22,7 @@ from atra.light.lightmaps.sun.tiles import Tiles
 from atra.rays.rays import Rays
 from atra.tracing.options import option
 from experiments.harness.column import REAL, WHOLE, Column
+from experiments.harness.options import check_whole_numbers
 from experiments.harness.point import Measured, Point, Workload
 from experiments.harness.records import Record
 from experiments.results.statistics import statistics_columns
@@ -57,16 +58,8 @@ class BakeRaysSettings:
     least_texels: int = option(16, "of a tile; rays of smaller ones are not asked for")
 
     def __post_init__(self) -> None:
-        for name, most in (
-            ("positions", 1 << 12),
-            ("directions", 1 << 12),
-            ("map_size", 1 << 13),
-            ("tile_size", 1 << 10),
-            ("least_texels", 1 << 20),
-        ):
-            value = getattr(self, name)
-            if not 1 <= value <= most:
-                raise InputError(f"workload.{name} is {value}, expected a whole number from 1 to {most}")
+        most = {"positions": 12, "directions": 12, "map_size": 13, "tile_size": 10, "least_texels": 20}
+        check_whole_numbers(self, "workload.", {name: (1, 1 << bits) for name, bits in most.items()})
 
 
 def _headline(record: Record) -> str:

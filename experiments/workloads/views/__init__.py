@@ -21,6 +21,7 @@ from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.tracing.options import option
 from experiments.harness.column import REAL, Column
+from experiments.harness.options import check_whole_numbers
 from experiments.harness.point import Measured, Point, Workload, make_own
 from experiments.harness.records import Record
 from experiments.methods import METHODS
@@ -50,8 +51,7 @@ class ViewsOptions:
     views: int = option(20, "cameras, where views are asked for")
 
     def __post_init__(self) -> None:
-        if self.views < 1:
-            raise InputError(f"workload.views is {self.views}, expected a whole number of at least 1")
+        check_whole_numbers(self, "workload.", {"views": (1, None)})
 
 
 _own, _library = series(OWN), series(LIBRARY)
