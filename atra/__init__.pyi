@@ -60,7 +60,20 @@ from .files.meshes.face_sources import load_face_sources as load_face_sources
 from .files.meshes.loading import load_mesh as load_mesh
 from .geometry.camera import CalibratedCamera as CalibratedCamera
 from .geometry.camera import Camera as Camera
+from .geometry.camera import LensCamera as LensCamera
 from .geometry.image_plane import ImagePlane as ImagePlane
+from .geometry.lenses.models import (
+    EquirectangularLens as EquirectangularLens,
+)
+from .geometry.lenses.models import (
+    FisheyeLens as FisheyeLens,
+)
+from .geometry.lenses.models import (
+    FovLens as FovLens,
+)
+from .geometry.lenses.models import (
+    OpenCVLens as OpenCVLens,
+)
 from .geometry.mesh import Mesh as Mesh
 from .geometry.orthographic import OrthographicCamera as OrthographicCamera
 from .geometry.sampling import sub_pixel_offsets as sub_pixel_offsets
