@@ -52,6 +52,8 @@ from .errors import (
 from .errors import (
     MemoryBudgetError as MemoryBudgetError,
 )
+from .files.cameras.bop import read_bop as read_bop
+from .files.cameras.calibration_files import read_calibration as read_calibration
 from .files.cameras.colmap import read_colmap as read_colmap
 from .files.cameras.nerf import read_transforms as read_transforms
 from .files.cameras.trimesh_scene import read_trimesh as read_trimesh

@@ -133,19 +133,17 @@ def test_fifty_random_lenses_on_each_scene_show_nothing_wrong(name):
 
     scene = load_scene("directory", name, None)
     placed, random = atra.Camera(**scene.camera), np.random.default_rng(0)
-    bvhs = dict.fromkeys(TRACERS)
+    tracers = {}
     for _ in range(50):
-        camera = lens_camera(random_lens(random), placed, 160, 120, random.uniform(0.3, 1.5))
-        images = {}
+        camera = lens_camera(random_lens(random), placed, 64, 48, random.uniform(0.3, 1.5))
+        y, x = np.divmod(np.arange(64 * 48), 64)
+        truth = nearest_hits(scene.mesh, camera, x, y, threads=None)
+        depth, prim_id = truth.depth.astype(np.float32).reshape(48, 64), truth.prim_id.reshape(48, 64)
+        reference = atra.Hits(depth, prim_id, (0.5, 0.5), scene.mesh, camera)
         for kind, (tracer, own) in TRACERS.items():
-            if bvhs[kind] is None:
-                bvhs[kind] = tracer(scene.mesh, camera, **own)
-            bvhs[kind].look(camera)
-            images[kind] = bvhs[kind].trace()
-        first = images["packets of 1"]
-        for kind, hits in images.items():
-            agreement = assert_no_pixel_wrong(scene.mesh, camera, hits, first)
-            sample = random.choice(agreement.pixels, 200, replace=False)
-            assert not examine(scene.mesh, camera, hits, first, agreement, sample, None).hits.wrong.any(), kind
-    for tracer in bvhs.values():
+            if kind not in tracers:
+                tracers[kind] = tracer(scene.mesh, camera, **own)
+            tracers[kind].look(camera)
+            print(name, kind, assert_no_pixel_wrong(scene.mesh, camera, tracers[kind].trace(), reference))
+    for tracer in tracers.values():
         tracer.close()
