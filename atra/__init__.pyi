@@ -111,6 +111,7 @@ from .tracing.options import (
     RayOptions as RayOptions,
 )
 from .tracing.tracer import Tracer as Tracer
+from .views.orbit import orbit as orbit
 from .views.render_views import render_views as render_views
 
 __version__: str

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ from atra.compiled.threads import WorkerPool, resolve_threads
 from atra.errors import InputError
 from atra.exact.intersection import intersect_pixels
 from atra.exact.surface_kernels import ROWS, PixelGrid, Triangles, orient_hits, place_hits, weigh_corners
+from atra.files.planes import write_planes
 from atra.files.saving import save_layers
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
@@ -109,6 +111,35 @@ class Hits:
         file cannot be written.
         """
         save_layers(path, partial(getattr, self))
+
+    def save_planes(
+        self,
+        stem: str | os.PathLike[str],
+        planes: Sequence[str],
+        format: str = "npz",
+        *,
+        depth_along: str | None = None,
+        depth_scale: float = 1000.0,
+        saturate: bool = False,
+    ) -> list[Path]:
+        """Write planes of the image, each file whole or not at all; returns the files.
+
+        Only planes asked for are computed. stem: path of the files without suffix. planes: of depth, prim_id, normals,
+        points, u, v, mask (what is hit) and preview (depth as grey values). format: "npz" or "exr", one file of all, or
+        "npy", "png" or "tiff", a file each. PNGs are of 16 bits, masks and previews of 8: depth times `depth_scale`,
+        which makes millimetres of metres, 0 = miss; prim_id + 1, 0 = miss; normals from -1 to 1 as 0 to 65,535.
+        depth_along: "axis" or "ray", as for `depth_along`; None: what `depth` is. saturate: depths that do not fit
+        become 0 or 65,535.
+        Raises InputError for unknown names, a missing package, and values that do not fit, which it counts;
+        StorageError if a file cannot be written.
+        """
+
+        def plane(name: str) -> NDArray[Any]:
+            if name == "depth" and depth_along is not None:
+                return self.depth_along(depth_along)
+            return np.asarray(self.hit if name == "mask" else getattr(self, name))
+
+        return write_planes(Path(stem), planes, format, plane, depth_scale, saturate)
 
     def __repr__(self) -> str:
         height, width = self.depth.shape

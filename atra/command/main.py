@@ -13,7 +13,7 @@ from pathlib import Path
 import atra
 from atra.command.compiling import add_compile, run_compile
 from atra.command.doctor import run_doctor
-from atra.command.render import add_render, run_render
+from atra.command.render import EXAMPLES, add_render, run_render
 from atra.errors import AtraError
 
 _CLONE = Path(__file__).resolve().parents[2]
@@ -79,7 +79,9 @@ def _parser() -> ArgumentParser:
     compiling = verbs.add_parser("compile", help="compile kernels now, such as for a container image")
     add_compile(compiling)
     compiling.set_defaults(run=run_compile)
-    render = verbs.add_parser("render", help="write what every view of a mesh sees: depth, triangles, normals, points")
+    render = verbs.add_parser(
+        "render", usage=EXAMPLES, help="write what every view of a mesh sees: depth, triangles, normals, points"
+    )
     add_render(render)
     render.set_defaults(run=run_render)
     return parser

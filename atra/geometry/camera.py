@@ -12,10 +12,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from atra.errors import InputError
 from atra.geometry.calibration import image_plane_of, pose_of, pose_of_matrix, target_of
+from atra.geometry.framing import framing_distance
 from atra.geometry.image_plane import ImagePlane
 from atra.geometry.lenses.lens_view import LensView
 from atra.geometry.lenses.models import EquirectangularLens, FisheyeLens, Lens, OpenCVLens
-from atra.geometry.numbers import Vector, as_number, as_vector
+from atra.geometry.mesh import Mesh
+from atra.geometry.numbers import Vector, as_number, as_vector, checked_vector, unit_vector
 from atra.geometry.view import View, check_offset
 
 __all__ = ["CalibratedCamera", "Camera", "Vector", "check_offset"]
@@ -128,6 +130,28 @@ class Camera(View):
         if K is not None:
             return CalibratedCamera.at(eye, rotation, image_plane_of(K), width, height)
         return Camera(*_placed(eye, rotation), as_number(fov_y_degrees), width, height)
+
+    @staticmethod
+    def framing(
+        mesh: Mesh,
+        direction: Vector = (-0.5, -0.4, -1.0),
+        *,
+        up: Vector = (0.0, 1.0, 0.0),
+        fov_y_degrees: float = 45.0,
+        width: int = 1024,
+        height: int = 1024,
+    ) -> Camera:
+        """The camera that looks along `direction` at the whole of a mesh, its box in the middle of the image.
+
+        direction: three finite floats of any length but 0. up, fov_y_degrees, width, height: as for `Camera`.
+        Raises InputError as `Camera`, and for a direction of length 0.
+        """
+        forward = unit_vector("direction", checked_vector("direction", direction))
+        centre = np.asarray(mesh.bounds, np.float64).mean(axis=0)
+        size = float(np.abs(mesh.bounds - centre).max()) or 1.0
+        turned = Camera(as_vector(centre - size * forward), as_vector(centre), up, fov_y_degrees, width, height)
+        away = framing_distance(mesh.bounds, turned.axes, fov_y_degrees, width, height)
+        return Camera(as_vector(centre - away * forward), turned.target, up, fov_y_degrees, width, height)
 
     @cached_property
     def plane(self) -> ImagePlane:

@@ -300,7 +300,7 @@ def test_broken_frames_of_a_transforms_json_are_left_out_by_name_if_asked(tmp_pa
     with pytest.raises(
         atra.InputError, match=r"has no frame that can be used, expected at least one; .*frame 0.*k1 is"
     ):
-        atra.read_transforms(written(tmp_path, transforms(k1=0.1)), broken={})
+        atra.read_transforms(written(tmp_path, transforms(k1="x")), broken={})
 
 
 def test_a_file_that_is_not_there_or_no_transforms_json_is_refused(tmp_path):
