@@ -11,6 +11,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 import atra
+from atra.command.bop import bop_parser
 from atra.command.compiling import add_compile, run_compile
 from atra.command.doctor import run_doctor
 from atra.command.render import EXAMPLES, add_render, run_render
@@ -42,7 +43,10 @@ def main() -> int:
         from experiments.cli import main as run_harness
 
         return run_harness()
-    arguments = _parser().parse_args(sys.argv[1:] or [verb])
+    if sys.argv[1:3] == ["render", "bop"]:
+        arguments = bop_parser().parse_args(sys.argv[3:])
+    else:
+        arguments = _parser().parse_args(sys.argv[1:] or [verb])
     try:
         return int(arguments.run(arguments))
     except AtraError as error:

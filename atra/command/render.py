@@ -34,7 +34,9 @@ atra render model.ply
        atra render room.glb --camera transforms.json --out labels --planes prim_id,mask --format npy
            triangle numbers and masks of nerfstudio's cameras
        atra render part.stl --camera scene_camera.json --planes depth --format png --depth-scale 10
-           tenths of millimetres, for a mesh in millimetres, from the cameras of a BOP scene"""
+           tenths of millimetres, for a mesh in millimetres, from the cameras of a BOP scene
+       atra render bop DATASET --split test
+           the labels of a BOP dataset; more by: atra render bop --help"""
 """What the help of `atra render` starts with."""
 
 
