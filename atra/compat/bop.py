@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Hashable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import product
 from os import PathLike
 from typing import Any, NamedTuple
 
@@ -12,8 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from atra.errors import InputError
 from atra.files.meshes.loading import load_mesh
-from atra.geometry.camera import CalibratedCamera, Camera
-from atra.geometry.image_plane import ImagePlane
+from atra.geometry.calibration import image_plane_of, pose_of
+from atra.geometry.camera import CalibratedCamera
 from atra.geometry.mesh import Mesh
 from atra.geometry.numbers import as_number
 from atra.raster.tracer import RasterTracer
@@ -124,24 +125,23 @@ class Renderer:
             nearer = part < nearest[rows, columns]
             nearest[rows, columns][nearer] = part[nearer]
             owner[rows, columns][nearer] = number
-        masks, info = [], []
+        masks, visible, info = list[NDArray[np.bool_]](), list[NDArray[np.bool_]](), list[dict[str, Any]]()
         for number, window in enumerate(windows):
             rows, columns, part = self._inside(window)
-            mask = np.zeros((self.height, self.width), np.bool_)
-            mask[rows, columns] = np.isfinite(part)
-            masks.append(mask)
-            whole, seen = np.isfinite(window.depth), owner == number
-            pixels, visible = int(whole.sum()), int(seen.sum())
+            whole, seen = np.isfinite(window.depth), owner[rows, columns] == number
+            for drawn, images in ((np.isfinite(part), masks), (seen, visible)):
+                images.append(np.zeros((self.height, self.width), np.bool_))
+                images[-1][rows, columns] = drawn
+            pixels, seen_pixels = int(whole.sum()), int(seen.sum())
             info.append({
                 "bbox_obj": _box(whole, window.left, window.top),
-                "bbox_visib": _box(seen, 0, 0),
+                "bbox_visib": _box(seen, columns.start, rows.start),
                 "px_count_all": pixels,
-                "px_count_valid": int(mask.sum()),
-                "px_count_visib": visible,
-                "visib_fract": visible / pixels if pixels else 0.0,
+                "px_count_valid": int(np.isfinite(part).sum()),
+                "px_count_visib": seen_pixels,
+                "visib_fract": seen_pixels / pixels if pixels else 0.0,
             })  # fmt: skip
-        depth = np.where(np.isfinite(nearest), nearest, np.float32(0.0))
-        return FrameLabels(depth, masks, [owner == number for number in range(len(windows))], info)
+        return FrameLabels(np.where(np.isfinite(nearest), nearest, np.float32(0.0)), masks, visible, info)
 
     def close(self) -> None:
         """Forget all models."""
@@ -154,10 +154,8 @@ class Renderer:
         top, left = max(window.top, 0), max(window.left, 0)
         bottom, right = min(window.top + height, self.height), min(window.left + width, self.width)
         rows, columns = slice(top, max(bottom, top)), slice(left, max(right, left))
-        own = (
-            slice(one.start - start, one.stop - start) for one, start in ((rows, window.top), (columns, window.left))
-        )
-        return rows, columns, window.depth[tuple(own)]
+        part = window.depth[rows.start - window.top :, columns.start - window.left :]
+        return rows, columns, part[: rows.stop - rows.start, : columns.stop - columns.start]
 
     def _window(self, pose: Pose, intrinsics: tuple[float, float, float, float], beyond: int) -> _Window:
         """Draw an object in the part of the canvas where it may be seen. beyond: sizes of the image that the canvas
@@ -166,22 +164,23 @@ class Renderer:
             raise InputError(f"object {pose.obj_id!r} is unknown, expected one of {sorted(map(str, self._meshes))}")
         mesh = self._meshes[pose.obj_id]
         fx, fy, cx, cy = intrinsics
-        K = [[fx, 0, cx - self.pixel_centre], [0, fy, cy - self.pixel_centre], [0, 0, 1]]
-        t = np.asarray(pose.t, np.float64).ravel()
-        whole = Camera.from_opencv(K, pose.R, t, self.width, self.height)
-        low = np.array([-beyond * self.width, -beyond * self.height])
-        high = np.array([(1 + beyond) * self.width, (1 + beyond) * self.height])
-        corners = np.stack(np.meshgrid(*mesh.bounds.T, indexing="ij"), axis=-1).reshape(-1, 3)
-        seen = whole.project(corners)
-        if np.isfinite(seen).all():  # otherwise it reaches behind the eye and may be anywhere
-            low = np.clip(np.floor(seen.min(axis=0)) - 1, low, high).astype(int)
-            high = np.clip(np.ceil(seen.max(axis=0)) + 1, low, high).astype(int)
-        width, height = (int(size) for size in high - low)
-        left, top = (int(place) for place in low)
-        if width < 1 or height < 1 or not (whole.to_camera_space(corners)[:, 2] > 0.0).any():
+        plane = image_plane_of([(fx, 0.0, cx - self.pixel_centre), (0.0, fy, cy - self.pixel_centre), (0.0, 0.0, 1.0)])
+        eye, axes = pose_of(pose.R, np.asarray(pose.t, np.float64).ravel())
+        sizes = np.array([self.width, self.height])
+        low, high = -beyond * sizes, (1 + beyond) * sizes
+        corners = (np.array(list(product(*mesh.bounds.T.astype(np.float64)))) - eye) @ axes.T
+        if not (corners[:, 2] > 0.0).any():
             return _Window(0, 0, np.full((1, 1), np.inf, np.float32))
-        plane = ImagePlane(whole.plane.pitch_x, whole.plane.pitch_y, whole.plane.axis_x, whole.plane.axis_y, left, top)
-        camera = CalibratedCamera(whole.eye, whole.target, whole.up, width, height, plane=plane)
+        if (corners[:, 2] > 0.0).all():  # otherwise it reaches behind the eye and may be anywhere
+            seen = corners[:, :2] / corners[:, 2:] / (plane.pitch_x, plane.pitch_y) + plane.axis_in_image
+            low, high = (
+                np.clip(ends, low, high).astype(int)
+                for ends in (np.floor(seen.min(axis=0)) - 1, np.ceil(seen.max(axis=0)) + 1)
+            )
+        if (high <= low).any():
+            return _Window(0, 0, np.full((1, 1), np.inf, np.float32))
+        (width, height), (left, top) = (high - low).tolist(), low.tolist()
+        camera = CalibratedCamera.at(eye, axes, replace(plane, left=left, top=top), width, height)
         tracer = self._tracers.get(pose.obj_id)
         if tracer is None:
             tracer = self._tracers[pose.obj_id] = RasterTracer(mesh, camera, threads=1, ties="any")
