@@ -197,10 +197,11 @@ class EmbreeTracer(TracerLifetime[Result]):
         self._forget()
 
 
-def check_views(views: Views) -> None:
-    """Raise InputError for what float32 cannot trace, MemoryBudgetError for images larger than the free memory."""
+def check_views(views: Views, takes_lenses: bool = False) -> None:
+    """Raise InputError for what float32 cannot trace, and for a lens unless the method takes it; MemoryBudgetError for
+    images larger than the free memory."""
     for mesh, camera in views:
-        check_range(mesh, camera)
+        check_range(mesh, camera, takes_lenses)
     check_image_memory(sum(camera.height for _, camera in views), views[0][1].width)
 
 
