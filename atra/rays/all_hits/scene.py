@@ -84,7 +84,7 @@ class AllHitsScene(MeshLifetime, ABC):
         max_hits: int | None = None,
         progress: Progress | None = None,
     ) -> RayHitLists:
-        """All hits of every ray with tnear < t <= tfar, each triangle that a ray crosses exactly once.
+        """All hits of every ray with tnear <= t < tfar, each triangle that a ray crosses exactly once.
 
         Decided without rounding for the float32 rays and vertices. A ray through an edge or corner counts as moved by
         an infinitely small way, so it crosses exactly the triangles that some nearby ray crosses: a closed mesh is left
