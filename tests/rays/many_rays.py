@@ -1,5 +1,7 @@
 """`python -m tests.rays.many_rays [FILE]`: ten million rays against oracles that round nothing; prints a table.
 
+The table that is kept is `reports/reference/every_hit/many_rays.csv`.
+
 Rays and meshes of whole numbers are judged in int64; those of any float32 numbers in float64, and in fractions where
 float64 leaves a doubt. Every ray is tested with every triangle.
 """
